@@ -1,0 +1,69 @@
+"""Hybrid DAE simulation of a vibrating platform with self-synchronizing exciters and material.
+
+The public names are loaded when first used, so that ``import vibroplat`` and ``vibroplat --help``
+stay quick.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+__version__ = "0.1.0"
+
+if TYPE_CHECKING:
+    from vibroplat.config import load_config
+    from vibroplat.scene import Contact, Drive, Initial, Machine, Material, Motor, Output, Run, Scene, Solver, State
+    from vibroplat.solver.run import simulate
+    from vibroplat.solver.trajectory import Trajectory
+
+_HOMES = {
+    "load_config": "vibroplat.config",
+    "simulate": "vibroplat.solver.run",
+    "Trajectory": "vibroplat.solver.trajectory",
+    **dict.fromkeys(
+        (
+            "Contact",
+            "Drive",
+            "Initial",
+            "Machine",
+            "Material",
+            "Motor",
+            "Output",
+            "Run",
+            "Scene",
+            "Solver",
+            "State",
+        ),
+        "vibroplat.scene",
+    ),
+}
+
+__all__ = [
+    "Contact",
+    "Drive",
+    "Initial",
+    "Machine",
+    "Material",
+    "Motor",
+    "Output",
+    "Run",
+    "Scene",
+    "Solver",
+    "State",
+    "Trajectory",
+    "__version__",
+    "load_config",
+    "simulate",
+]
+
+
+def __getattr__(name: str) -> Any:
+    import importlib
+
+    if name not in _HOMES:
+        raise AttributeError(f"module 'vibroplat' has no attribute {name!r}")
+    return getattr(importlib.import_module(_HOMES[name]), name)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -1,0 +1,49 @@
+"""Nested plain values laid over one another: files that extend files, ``--set``, ``Scene.replace``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from vibroplat.errors import ConfigError
+
+#: Keys of which a scene takes one: where an upper layer gives one, the lower layer's other is dropped.
+ALTERNATIVES: tuple[tuple[str, frozenset[str]], ...] = (
+    ("", frozenset({"motor", "motors"})),
+    ("material", frozenset({"natural_frequency_hz", "stiffness_n_per_m"})),
+    ("material", frozenset({"damping_ratio", "damping_n_s_per_m"})),
+    ("run.initial", frozenset({"state", "phase_sum_rad"})),
+    ("run.initial", frozenset({"state", "phi1_rad"})),
+    ("run.initial", frozenset({"state", "speed_ratio"})),
+)
+
+
+def merge(lower: Mapping[str, Any], upper: Mapping[str, Any], section: str = "") -> dict[str, Any]:
+    """Lay ``upper`` over ``lower``: sections are merged key by key, everything else is replaced."""
+    merged = dict(lower)
+    for place, group in ALTERNATIVES:
+        given = group & upper.keys() if place == section else frozenset()
+        for key in (group - given) if given else ():
+            merged.pop(key, None)
+    for key, value in upper.items():
+        below = merged.get(key)
+        if isinstance(value, Mapping):
+            inner = f"{section}.{key}".strip(".")
+            merged[key] = merge(below if isinstance(below, Mapping) else {}, value, inner)
+        else:
+            merged[key] = value
+    return merged
+
+
+def nest(dotted: Mapping[str, Any]) -> dict[str, Any]:
+    """Turn dotted keys into nested sections: ``{"a.b": 1}`` becomes ``{"a": {"b": 1}}``."""
+    tree: dict[str, Any] = {}
+    for path, value in dotted.items():
+        *sections, key = path.split(".")
+        node = tree
+        for name in sections:
+            node = node.setdefault(name, {})
+            if not isinstance(node, dict):
+                raise ConfigError(f"{path} lies inside {name}, which is already given a value")
+        node[key] = value
+    return tree

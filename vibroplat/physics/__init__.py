@@ -1,0 +1,1 @@
+"""The equations of motion, compiled; no integrator in here."""

@@ -1,0 +1,151 @@
+"""The impact of the lower layer on the platform, and the closing of impacts that accumulate.
+
+Both act on the full state (14 numbers) and are pure compiled functions. Three laws share them:
+
+* ``conservative`` — impulse P on the lower layer, −P on platform and exciters, the upper layer keeps
+  its velocity; momentum is kept and R = 1 keeps the energy.
+* ``central`` — the same with the platform's rotation left out (its rate does not change), which is
+  the paper's (7) for ẋ, ẏ, φ̇₁, φ̇₂.
+* ``printed`` — ``central`` with the printed ẏ_w2⁺ = ẏ_w2⁻ + (1+R)ẏ_w1⁻, which does not keep the upper
+  layer's momentum.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vibroplat.physics.compiled import compiled
+from vibroplat.physics.parameters import (
+    CONSERVATIVE,
+    IMPACT_LAW,
+    LOWER_MASS,
+    PRINTED,
+    RESTITUTION,
+    UPPER_MASS,
+    FloatArray,
+)
+from vibroplat.physics.platform import add_mass_matrix
+from vibroplat.physics.systems import GAP, GAP_RATE
+
+
+@compiled
+def impulse_response(state: FloatArray, response: FloatArray, p: FloatArray) -> float:
+    """Fill the change of the seven rates by a unit impulse between lower layer and platform.
+
+    Parameters
+    ----------
+    state
+        Full state, shape (14,); its coordinates are read.
+    response
+        Shape (7,), filled: (−e, 1/m_red, …) with e = 𝓜⁻¹ ê_y.
+
+    Returns
+    -------
+    float
+        The reduced mass m_red = k_eff m_w1 / (k_eff + m_w1), k_eff = 1/e_y (kg).
+    """
+    matrix = np.zeros((5, 5))
+    add_mass_matrix(matrix, 0, 1.0, state, p)
+    if p[IMPACT_LAW] != CONSERVATIVE:
+        matrix[2, :] = 0.0
+        matrix[:, 2] = 0.0
+        matrix[2, 2] = 1.0
+    unit = np.zeros(5)
+    unit[1] = 1.0
+    e = np.linalg.solve(matrix, unit)
+    response[:5] = -e
+    response[5] = 1.0 / p[LOWER_MASS] + e[1]
+    response[6] = -response[5] if p[IMPACT_LAW] == PRINTED else -1.0 / p[LOWER_MASS]
+    return 1.0 / response[5]
+
+
+@compiled
+def kinetic_change(before: FloatArray, after: FloatArray, p: FloatArray) -> float:
+    """Change of the kinetic energy between two states of equal coordinates (J).
+
+    Formed as ½ Δp·(v⁺ + v⁻), so that a small change is not the difference of two large energies.
+    """
+    matrix = np.zeros((5, 5))
+    add_mass_matrix(matrix, 0, 1.0, before, p)
+    jump = after[7:12] - before[7:12]
+    change = 0.5 * np.dot(matrix @ jump, after[7:12] + before[7:12])
+    lower_before = before[8] + before[12]
+    lower_after = after[8] + after[12]
+    upper_before = lower_before + before[13]
+    upper_after = lower_after + after[13]
+    change += 0.5 * p[LOWER_MASS] * (lower_after - lower_before) * (lower_after + lower_before)
+    return change + 0.5 * p[UPPER_MASS] * (upper_after - upper_before) * (upper_after + upper_before)
+
+
+@compiled
+def impact(state: FloatArray, after: FloatArray, p: FloatArray) -> tuple[float, float]:
+    """Let the lower layer strike the platform: ẏ_w1⁺ = −R ẏ_w1⁻.
+
+    Parameters
+    ----------
+    state, after
+        Full states before (read) and after (filled), shape (14,). The gap is pinned to 0.
+
+    Returns
+    -------
+    impulse, loss
+        P ≥ 0 on the lower layer (N·s) and the kinetic energy lost (J); with law ``conservative`` the
+        loss is ½ m_red (1 − R²) (ẏ_w1⁻)².
+    """
+    response = np.empty(7)
+    reduced = impulse_response(state, response, p)
+    approach = state[GAP_RATE]
+    impulse = -(1.0 + p[RESTITUTION]) * approach * reduced
+    after[:] = state
+    after[7:] += impulse * response
+    after[GAP_RATE] = -p[RESTITUTION] * approach
+    after[GAP] = 0.0
+    return impulse, -kinetic_change(state, after, p)
+
+
+@compiled
+def closing_time(rebound: float, gap_acceleration: float, restitution: float) -> float:
+    """Duration 2v/((1−R)|a|) of all impacts to come after a rebound v under a constant a < 0 (s).
+
+    The flights last 2 v Rⁿ/|a|; the sum over n is geometric. Infinite for R = 1.
+    """
+    return 2.0 * rebound / ((1.0 - restitution) * -gap_acceleration)
+
+
+@compiled
+def latch(
+    state: FloatArray, accelerations: FloatArray, after: FloatArray, p: FloatArray
+) -> tuple[float, float, float]:
+    """Close impacts that accumulate: carry the state to t∞ under constant accelerations.
+
+    With the flight's accelerations constant, the impulses left sum to Σ Pₖ = m_red v (1+R)/(1−R) and
+    their moment about t∞ to Σ Pₖ (t∞ − tₖ) = m_red v τ R/(1−R); both follow from gap = gap rate = 0 at t∞.
+
+    Parameters
+    ----------
+    state
+        Full state right after an impact: gap 0, gap rate v > 0.
+    accelerations
+        The seven accelerations in flight at that state, shape (7,); the gap's is negative.
+    after
+        Filled with the full state at t∞, gap and gap rate exactly 0.
+
+    Returns
+    -------
+    duration, impulse, loss
+        τ = t∞ − t (s), the sum of the impulses (N·s), and the energy ½ m_red v² that they take (J).
+    """
+    restitution = p[RESTITUTION]
+    response = np.empty(7)
+    reduced = impulse_response(state, response, p)
+    rebound = state[GAP_RATE]
+    duration = closing_time(rebound, accelerations[GAP], restitution)
+    impulse = reduced * rebound * (1.0 + restitution) / (1.0 - restitution)
+    moment = reduced * rebound * duration * restitution / (1.0 - restitution)
+    after[:7] = (
+        state[:7] + duration * state[7:] + 0.5 * duration * duration * accelerations + moment * response
+    )
+    after[7:] = state[7:] + duration * accelerations + impulse * response
+    after[GAP] = 0.0
+    after[GAP_RATE] = 0.0
+    return duration, impulse, 0.5 * reduced * rebound * rebound

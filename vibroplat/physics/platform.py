@@ -1,0 +1,183 @@
+"""Platform and exciters: forces and mass matrix, shared by every mode.
+
+A mode's unknowns are ``n`` coordinates, the first five always x, y, φ, φ₁, φ₂, then their ``n``
+rates; an attached mode ends with F_c. The functions here fill the rows of platform and exciters and
+leave the material's rows to the mode.
+"""
+
+from __future__ import annotations
+
+import math
+
+from vibroplat.physics.compiled import compiled
+from vibroplat.physics.motor import kloss_slope, kloss_torque, resistance, resistance_slope
+from vibroplat.physics.parameters import (
+    AXIS_X,
+    AXIS_Y,
+    DAMPING_PHI,
+    DAMPING_X,
+    DAMPING_Y,
+    EXCITER_INERTIA,
+    FRICTION_1,
+    FRICTION_2,
+    GRAVITY,
+    INERTIA,
+    MASS,
+    SLIP_1,
+    SLIP_2,
+    SPEED_1,
+    SPEED_2,
+    STIFFNESS_PHI,
+    STIFFNESS_X,
+    STIFFNESS_Y,
+    TORQUE_1,
+    TORQUE_2,
+    UNBALANCE,
+    FloatArray,
+)
+
+
+@compiled
+def lever_arms(axis_x: float, axis_y: float, sine: float, cosine: float) -> tuple[float, float]:
+    """Projections (B, D) of an exciter axis (X, Y): B = X cos φᵢ + Y sin φᵢ, D = X sin φᵢ − Y cos φᵢ.
+
+    ∂B/∂φᵢ = −D and ∂D/∂φᵢ = B. With the axis turned to first order, (X, Y) = (X₀ − φY₀, Y₀ + φX₀),
+    ∂B/∂φ = D₀ and ∂D/∂φ = −B₀, the projections of the axis that is not turned.
+    """
+    return axis_x * cosine + axis_y * sine, axis_x * sine - axis_y * cosine
+
+
+@compiled
+def turned_arms(phi: float, side: float, sine: float, cosine: float, p: FloatArray) -> tuple[float, float]:
+    """Projections (B, D) of the axis of exciter 1 (side +1) or 2 (side −1), turned with the platform."""
+    x0 = side * p[AXIS_X]
+    return lever_arms(x0 - phi * p[AXIS_Y], p[AXIS_Y] + phi * x0, sine, cosine)
+
+
+@compiled
+def motor_torques(speed_1: float, speed_2: float, p: FloatArray) -> tuple[float, float]:
+    """Motor torques L_1, L_2 (N·m); exciter 1 is driven counter-clockwise, exciter 2 clockwise."""
+    return (
+        kloss_torque(speed_1, 1.0, p[TORQUE_1], p[SLIP_1], p[SPEED_1]),
+        kloss_torque(speed_2, -1.0, p[TORQUE_2], p[SLIP_2], p[SPEED_2]),
+    )
+
+
+@compiled
+def platform_residual(
+    y: FloatArray, yp: FloatArray, res: FloatArray, p: FloatArray, n: int, load: float
+) -> None:
+    """Fill the kinematic rows of all n coordinates and the dynamic rows of platform and exciters.
+
+    The rows are those of the paper's (2), (3) with Lagrange's signs: mass matrix times accelerations
+    minus forces. ``load`` is the vertical force with which the material presses down on the platform (N).
+    """
+    for i in range(n):
+        res[i] = yp[i] - y[n + i]
+    k = p[UNBALANCE]
+    g = p[GRAVITY]
+    phi = y[2]
+    vx, vy, vphi, w1, w2 = y[n], y[n + 1], y[n + 2], y[n + 3], y[n + 4]
+    ax, ay, aphi, a1, a2 = yp[n], yp[n + 1], yp[n + 2], yp[n + 3], yp[n + 4]
+    s1, c1 = math.sin(y[3]), math.cos(y[3])
+    s2, c2 = math.sin(y[4]), math.cos(y[4])
+    b1, d1 = turned_arms(phi, 1.0, s1, c1, p)
+    b2, d2 = turned_arms(phi, -1.0, s2, c2, p)
+    torque_1, torque_2 = motor_torques(w1, w2, p)
+    q1, q2 = w1 * w1, w2 * w2
+    res[n] = (
+        p[MASS] * ax - k * (s1 * a1 + s2 * a2) + p[DAMPING_X] * vx + p[STIFFNESS_X] * y[0] - k * (c1 * q1 + c2 * q2)
+    )
+    res[n + 1] = (
+        p[MASS] * (ay + g)
+        + k * (c1 * a1 + c2 * a2)
+        + p[DAMPING_Y] * vy
+        + p[STIFFNESS_Y] * y[1]
+        + load
+        - k * (s1 * q1 + s2 * q2)
+    )
+    res[n + 2] = (
+        p[INERTIA] * aphi
+        + k * (b1 * a1 + b2 * a2)
+        + p[DAMPING_PHI] * vphi
+        + p[STIFFNESS_PHI] * phi
+        - k * (d1 * q1 + d2 * q2)
+    )
+    res[n + 3] = (
+        p[EXCITER_INERTIA] * a1
+        + k * (-s1 * ax + c1 * (ay + g) + b1 * aphi + d1 * vphi * vphi)
+        - torque_1
+        + resistance(w1, p[FRICTION_1])
+    )
+    res[n + 4] = (
+        p[EXCITER_INERTIA] * a2
+        + k * (-s2 * ax + c2 * (ay + g) + b2 * aphi + d2 * vphi * vphi)
+        - torque_2
+        + resistance(w2, p[FRICTION_2])
+    )
+
+
+@compiled
+def add_mass_matrix(target: FloatArray, corner: int, factor: float, y: FloatArray, p: FloatArray) -> None:
+    """Add ``factor`` times the 5×5 platform–exciter mass matrix to ``target`` at (corner, corner)."""
+    k = p[UNBALANCE]
+    target[corner, corner] += factor * p[MASS]
+    target[corner + 1, corner + 1] += factor * p[MASS]
+    target[corner + 2, corner + 2] += factor * p[INERTIA]
+    for exciter in range(2):
+        row = corner + 3 + exciter
+        sine, cosine = math.sin(y[3 + exciter]), math.cos(y[3 + exciter])
+        arm, _ = turned_arms(y[2], 1.0 - 2.0 * exciter, sine, cosine, p)
+        target[row, row] += factor * p[EXCITER_INERTIA]
+        for column, coupling in ((corner, -k * sine), (corner + 1, k * cosine), (corner + 2, k * arm)):
+            target[row, column] += factor * coupling
+            target[column, row] += factor * coupling
+
+
+@compiled
+def platform_jacobian(
+    y: FloatArray, yp: FloatArray, cj: float, jac: FloatArray, p: FloatArray, n: int
+) -> None:
+    """Fill ∂F/∂y + c_j ∂F/∂y′ of the rows of :func:`platform_residual`, without the load's columns.
+
+    ``jac`` is cleared first, so a mode adds its own rows afterwards.
+    """
+    jac[:, :] = 0.0
+    for i in range(n):
+        jac[i, i] = cj
+        jac[i, n + i] = -1.0
+    add_mass_matrix(jac, n, cj, y, p)
+    k = p[UNBALANCE]
+    g = p[GRAVITY]
+    phi, vphi = y[2], y[n + 2]
+    ax, ay, aphi = yp[n], yp[n + 1], yp[n + 2]
+    jac[n, 0] += p[STIFFNESS_X]
+    jac[n, n] += p[DAMPING_X]
+    jac[n + 1, 1] += p[STIFFNESS_Y]
+    jac[n + 1, n + 1] += p[DAMPING_Y]
+    jac[n + 2, 2] += p[STIFFNESS_PHI]
+    jac[n + 2, n + 2] += p[DAMPING_PHI]
+    for exciter in range(2):
+        angle = 3 + exciter
+        side = 1.0 - 2.0 * exciter
+        row = n + angle
+        w, a = y[row], yp[row]
+        sine, cosine = math.sin(y[angle]), math.cos(y[angle])
+        b, d = turned_arms(phi, side, sine, cosine, p)
+        b0, d0 = lever_arms(side * p[AXIS_X], p[AXIS_Y], sine, cosine)
+        jac[n, angle] += k * (-cosine * a + sine * w * w)
+        jac[n, row] += -2.0 * k * cosine * w
+        jac[n + 1, angle] += k * (-sine * a - cosine * w * w)
+        jac[n + 1, row] += -2.0 * k * sine * w
+        jac[n + 2, 2] += k * (d0 * a + b0 * w * w)
+        jac[n + 2, angle] += k * (-d * a - b * w * w)
+        jac[n + 2, row] += -2.0 * k * d * w
+        jac[row, 2] += k * (d0 * aphi - b0 * vphi * vphi)
+        jac[row, angle] += k * (-cosine * ax - sine * (ay + g) - d * aphi + b * vphi * vphi)
+        jac[row, n + 2] += 2.0 * k * d * vphi
+    jac[n + 3, n + 3] += resistance_slope(y[n + 3], p[FRICTION_1]) - kloss_slope(
+        y[n + 3], 1.0, p[TORQUE_1], p[SLIP_1], p[SPEED_1]
+    )
+    jac[n + 4, n + 4] += resistance_slope(y[n + 4], p[FRICTION_2]) - kloss_slope(
+        y[n + 4], -1.0, p[TORQUE_2], p[SLIP_2], p[SPEED_2]
+    )

@@ -1,0 +1,397 @@
+"""What is simulated: one scene, frozen, in SI units, checked when it is built.
+
+The field names are the keys of a YAML configuration and carry their unit; the models below are the
+one place where a key, its type, its default and its range are written down. Derived quantities
+(masses, inertias, scales) are properties with the symbols of the equations in their docstrings.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from enum import IntEnum
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from vibroplat.errors import ConfigError
+from vibroplat.messages import explain
+from vibroplat.overrides import merge, nest
+
+Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+NonNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+Real = Annotated[float, Field(allow_inf_nan=False)]
+Share = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
+
+class Mode(IntEnum):
+    """The smooth regimes of motion; the numbers are what compiled code sees."""
+
+    ATTACHED = 0
+    FLIGHT = 1
+    BARE = 2
+
+    @property
+    def label(self) -> str:
+        """The mode's name in tables."""
+        return self.name.lower()
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
+
+
+class Machine(_Section):
+    """Platform, springs and exciters; the defaults are the paper's test rig (section 3)."""
+
+    platform_mass_kg: Positive = Field(12.42, description="m_0")
+    platform_inertia_kg_m2: Positive = Field(0.11, description="J_0")
+    unbalance_mass_kg: Positive = Field(0.045, description="m_r, each exciter")
+    unbalance_radius_m: Positive = Field(0.09, description="r")
+    rotor_inertia_kg_m2: Positive = Field(0.8e-3, description="J_d")
+    exciter_distance_m: NonNegative = Field(0.128, description="rho, exciter axis to the centre of mass")
+    exciter_angle_deg: Real = Field(22.5, description="gamma_1, direction of exciter 1's axis")
+    stiffness_x_n_per_m: NonNegative = Field(580e3, description="c_x")
+    stiffness_y_n_per_m: Positive = Field(470e3, description="c_y")
+    stiffness_phi_n_m_per_rad: NonNegative = Field(1.8e3, description="c_phi")
+    damping_x_n_s_per_m: NonNegative = Field(300.0, description="b_x")
+    damping_y_n_s_per_m: NonNegative = Field(40.0, description="b_y")
+    damping_phi_n_m_s_per_rad: NonNegative = Field(0.77, description="b_phi")
+    gravity_m_per_s2: NonNegative = Field(9.81, description="g")
+
+    @property
+    def total_mass(self) -> float:
+        """M = m_0 + 2 m_r (kg)."""
+        return self.platform_mass_kg + 2.0 * self.unbalance_mass_kg
+
+    @property
+    def unbalance(self) -> float:
+        """The static moment k = m_r r of one exciter (kg·m)."""
+        return self.unbalance_mass_kg * self.unbalance_radius_m
+
+    @property
+    def inertia(self) -> float:
+        """Moment J about the common centre of mass (kg·m²); cos²γ₁ by the parallel-axis theorem."""
+        gamma = math.radians(self.exciter_angle_deg)
+        lever = self.platform_mass_kg + 2.0 * self.unbalance_mass_kg * math.cos(gamma) ** 2
+        exciters = 2.0 * self.unbalance_mass_kg * self.exciter_distance_m**2
+        return self.platform_inertia_kg_m2 + exciters * lever / self.total_mass
+
+    @property
+    def exciter_inertia(self) -> float:
+        """J_e = J_d + m_r r² (kg·m²)."""
+        return self.rotor_inertia_kg_m2 + self.unbalance_mass_kg * self.unbalance_radius_m**2
+
+    @property
+    def exciter_axis(self) -> tuple[float, float]:
+        """Axis (X_0, Y_0) of exciter 1 from the common centre of mass (m); exciter 2 is at (−X_0, Y_0)."""
+        gamma = math.radians(self.exciter_angle_deg)
+        share = self.platform_mass_kg / self.total_mass
+        return (
+            self.exciter_distance_m * math.cos(gamma),
+            share * self.exciter_distance_m * math.sin(gamma),
+        )
+
+
+class Motor(_Section):
+    """An induction motor by the Kloss formula and the resistance to its rotation."""
+
+    critical_torque_n_m: NonNegative = Field(1.2, description="M_c; 0 = supply switched off")
+    critical_slip: Positive = Field(0.15, description="s_c")
+    pole_pairs: Annotated[int, Field(ge=1)] = Field(2, description="P")
+    friction_radius_m: NonNegative = Field(5.0e-5, description="k_R, bearing friction times shaft radius")
+
+
+class Material(_Section):
+    """The material on the platform; a mass ratio of 0 is a bare platform."""
+
+    mass_ratio: NonNegative = Field(0.0, description="mu_w = m_w / M")
+    layers: Literal[1, 2] = Field(2, description="2, or 1 for a thin layer")
+    lower_share: Annotated[float, Field(gt=0.0, le=1.0, allow_inf_nan=False)] = Field(
+        0.75, description="m_w1 / m_w; read with two layers"
+    )
+    natural_frequency_hz: Positive | None = Field(None, description="sqrt(c_w/m_w2)/2pi")
+    stiffness_n_per_m: Positive | None = Field(None, description="c_w")
+    damping_ratio: NonNegative | None = Field(None, description="b_w / (2 sqrt(c_w m_w2))")
+    damping_n_s_per_m: NonNegative | None = Field(None, description="b_w")
+
+    @model_validator(mode="after")
+    def _one_of_each_pair(self) -> Self:
+        if self.natural_frequency_hz is not None and self.stiffness_n_per_m is not None:
+            raise ValueError(
+                "natural_frequency_hz and stiffness_n_per_m are both given; allowed: one of the two"
+            )
+        if self.damping_ratio is not None and self.damping_n_s_per_m is not None:
+            raise ValueError("damping_ratio and damping_n_s_per_m are both given; allowed: one of the two")
+        if self.mass_ratio > 0.0 and self.layers == 2:
+            if self.lower_share == 1.0:
+                raise ValueError(
+                    "lower_share = 1 leaves no upper layer; allowed with layers = 2: more than 0, less than 1"
+                )
+            if self.natural_frequency_hz is None and self.stiffness_n_per_m is None:
+                raise ValueError(
+                    "two layers need the spring between them; give natural_frequency_hz or stiffness_n_per_m"
+                )
+        return self
+
+
+class Contact(_Section):
+    """How material and platform meet."""
+
+    model: Literal["impact", "non-impact"] = Field(
+        "impact", description="non-impact: material as added viscous friction"
+    )
+    restitution: Share = Field(0.0, description="R")
+    impact_law: Literal["conservative", "central", "printed"] = "conservative"
+    viscous_per_mass_per_s: NonNegative = Field(0.0, description="beta: b_y + beta m_w, non-impact")
+    added_mass_share: Share = Field(0.0, description="share of m_w that moves with the platform, non-impact")
+
+
+class Drive(_Section):
+    """The common supply of both motors."""
+
+    supply_frequency_hz: Positive = Field(50.0, description="f_e")
+
+
+class State(_Section):
+    """A full state; a coordinate left out is at the static rest, a rate left out is 0.
+
+    ``t_s``, ``mode`` and ``contact_force_n`` are taken so that the last row of a trajectory can be
+    given as it is; they are not used (time starts at 0, mode and force follow from the state).
+    """
+
+    x_m: Real | None = None
+    y_m: Real | None = None
+    phi_rad: Real | None = None
+    phi1_rad: Real | None = None
+    phi2_rad: Real | None = None
+    gap_m: NonNegative | None = None
+    upper_m: Real | None = None
+    x_rate_m_per_s: Real = 0.0
+    y_rate_m_per_s: Real = 0.0
+    phi_rate_rad_per_s: Real = 0.0
+    phi1_rate_rad_per_s: Real = 0.0
+    phi2_rate_rad_per_s: Real = 0.0
+    gap_rate_m_per_s: Real = 0.0
+    upper_rate_m_per_s: Real = 0.0
+    t_s: float | None = None
+    mode: str | None = None
+    contact_force_n: float | None = None
+
+
+class Initial(_Section):
+    """Platform and material at static rest with turning exciters, or a full state."""
+
+    phase_sum_rad: Real = Field(math.pi, description="phi_1 + phi_2")
+    phi1_rad: Real = 0.0
+    speed_ratio: Real = Field(0.98, description="speed of both exciters over the synchronous speed")
+    state: State | None = None
+
+    @model_validator(mode="after")
+    def _rest_or_state(self) -> Self:
+        extra = sorted(self.model_fields_set - {"state"})
+        if self.state is not None and extra:
+            raise ValueError(f"state and {extra[0]} are both given; allowed: one of the two")
+        return self
+
+
+class Run(_Section):
+    """How long, and from where."""
+
+    duration_s: Positive = 4.0
+    initial: Initial = Initial()
+
+
+class Solver(_Section):
+    """How accurately, and with what."""
+
+    tolerance: Annotated[float, Field(ge=1e-12, le=1e-2, allow_inf_nan=False)] = Field(
+        1.0e-6, description="local error, relative to the scales of the scene"
+    )
+    engine: Literal["auto", "sundae"] = Field("auto", description="sundae: SUNDIALS IDA through scikit-sundae")
+    max_events_per_period: Annotated[int, Field(ge=1)] = Field(
+        10_000, description="events within one turn of the supply's synchronous speed that end a run"
+    )
+
+
+class Output(_Section):
+    """What is written."""
+
+    sample_rate_hz: Positive = 2000.0
+
+
+#: Index pairs of :class:`State` in the order of the state vector: coordinates, then their rates.
+COORDINATES = ("x_m", "y_m", "phi_rad", "phi1_rad", "phi2_rad", "gap_m", "upper_m")
+RATES = (
+    "x_rate_m_per_s",
+    "y_rate_m_per_s",
+    "phi_rate_rad_per_s",
+    "phi1_rate_rad_per_s",
+    "phi2_rate_rad_per_s",
+    "gap_rate_m_per_s",
+    "upper_rate_m_per_s",
+)
+
+
+class Scene(_Section):
+    """The full physical setup of one run.
+
+    Examples
+    --------
+    >>> scene = Scene(material=Material(mass_ratio=0.1, natural_frequency_hz=18.5, damping_ratio=0.05))
+    >>> scene.modes
+    (<Mode.ATTACHED: 0>, <Mode.FLIGHT: 1>)
+    >>> scene.replace({"material.mass_ratio": 0.0}).modes
+    (<Mode.BARE: 2>,)
+    """
+
+    name: Annotated[str, Field(min_length=1, max_length=100, pattern=r"^[A-Za-z0-9][A-Za-z0-9._+-]*$")] = (
+        "scene"
+    )
+    machine: Machine = Machine()
+    motor: Motor | None = None
+    motors: Annotated[list[Motor], Field(min_length=2, max_length=2)] | None = None
+    material: Material = Material()
+    contact: Contact = Contact()
+    drive: Drive = Drive()
+    run: Run = Run()
+    solver: Solver = Solver()
+    output: Output = Output()
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if self.motor is not None and self.motors is not None:
+            raise ValueError("motor and motors are both given; allowed: one of the two")
+        state = self.run.initial.state
+        if state is not None:
+            given = state.model_dump(exclude_none=True)
+            for index in sorted(set(range(7)) - set(self.coordinates)):
+                for key in (COORDINATES[index], RATES[index]):
+                    if given.get(key, 0.0) != 0.0:
+                        raise ValueError(
+                            f"run.initial.state.{key} = {given[key]} but this scene has no such coordinate; "
+                            "allowed: leave it out"
+                        )
+            if not state.gap_m and state.gap_rate_m_per_s < 0.0:
+                raise ValueError(
+                    f"run.initial.state.gap_rate_m_per_s = {state.gap_rate_m_per_s} closes a gap that is 0; "
+                    "allowed: at least 0 while gap_m is 0"
+                )
+        return self
+
+    # -- what the scene has -------------------------------------------------------------------------
+
+    @property
+    def has_contact(self) -> bool:
+        """Whether material may press on the platform and leave it."""
+        return self.material.mass_ratio > 0.0 and self.contact.model == "impact"
+
+    @property
+    def layers(self) -> int:
+        """Number of moving layers: 0 (bare, non-impact), 1 or 2."""
+        return self.material.layers if self.has_contact else 0
+
+    @property
+    def modes(self) -> tuple[Mode, ...]:
+        """The modes this scene can be in."""
+        return (Mode.ATTACHED, Mode.FLIGHT) if self.has_contact else (Mode.BARE,)
+
+    @property
+    def coordinates(self) -> tuple[int, ...]:
+        """Indices into :data:`COORDINATES` of what moves in this scene."""
+        return (0, 1, 2, 3, 4, 5, 6)[: 5 + self.layers]
+
+    # -- derived quantities -------------------------------------------------------------------------
+
+    @property
+    def motor_pair(self) -> tuple[Motor, Motor]:
+        """The motors of exciters 1 and 2."""
+        if self.motors is not None:
+            return self.motors[0], self.motors[1]
+        motor = self.motor if self.motor is not None else Motor()
+        return motor, motor
+
+    @property
+    def synchronous_speeds(self) -> tuple[float, float]:
+        """ω_0 = 2π f_e / P of both motors (rad/s)."""
+        first, second = (2.0 * math.pi * self.drive.supply_frequency_hz / m.pole_pairs for m in self.motor_pair)
+        return first, second
+
+    @property
+    def material_mass(self) -> float:
+        """m_w = μ_w M (kg)."""
+        return self.material.mass_ratio * self.machine.total_mass
+
+    @property
+    def layer_masses(self) -> tuple[float, float]:
+        """(m_w1, m_w2) (kg); (0, 0) without contact."""
+        if self.layers == 0:
+            return 0.0, 0.0
+        lower = self.material_mass * (self.material.lower_share if self.layers == 2 else 1.0)
+        return lower, self.material_mass - lower if self.layers == 2 else 0.0
+
+    @property
+    def layer_spring(self) -> tuple[float, float]:
+        """(c_w / m_w2, b_w / m_w2) in 1/s² and 1/s; (0, 0) with fewer than two layers."""
+        if self.layers < 2:
+            return 0.0, 0.0
+        mass = self.layer_masses[1]
+        material = self.material
+        if material.natural_frequency_hz is not None:
+            stiffness = (2.0 * math.pi * material.natural_frequency_hz) ** 2
+        else:
+            assert material.stiffness_n_per_m is not None  # the validator saw to it
+            stiffness = material.stiffness_n_per_m / mass
+        if material.damping_ratio is not None:
+            return stiffness, 2.0 * material.damping_ratio * math.sqrt(stiffness)
+        return stiffness, (material.damping_n_s_per_m or 0.0) / mass
+
+    @property
+    def platform_mass(self) -> float:
+        """Mass that moves as the platform: M, with the non-impact model's share of m_w (kg)."""
+        if self.contact.model == "non-impact":
+            return self.machine.total_mass + self.contact.added_mass_share * self.material_mass
+        return self.machine.total_mass
+
+    @property
+    def damping_y(self) -> float:
+        """b_y, with β m_w of the non-impact model (N·s/m)."""
+        if self.contact.model == "non-impact":
+            return self.machine.damping_y_n_s_per_m + self.contact.viscous_per_mass_per_s * self.material_mass
+        return self.machine.damping_y_n_s_per_m
+
+    def replace(self, changes: Mapping[str, Any] | None = None, /, **sections: Any) -> Scene:
+        """Return a new scene with some keys changed; the change is checked like a configuration.
+
+        Parameters
+        ----------
+        changes
+            Dotted keys and their values, e.g. ``{"drive.supply_frequency_hz": 46.0}``.
+        **sections
+            Nested values by section, e.g. ``drive={"supply_frequency_hz": 46.0}``. Of alternative
+            keys (a stiffness or a natural frequency) the one given replaces the other.
+
+        Raises
+        ------
+        vibroplat.errors.ConfigError
+            A key is unknown or a value is not allowed.
+        """
+        tree = self.model_dump(exclude_unset=True)
+        given = {
+            key: value.model_dump(exclude_unset=True) if isinstance(value, BaseModel) else value
+            for key, value in sections.items()
+        }
+        return Scene.from_tree(merge(merge(tree, given), nest(changes or {})))
+
+    @classmethod
+    def from_tree(cls, tree: Mapping[str, Any]) -> Scene:
+        """Build a scene from nested plain values, as a configuration file holds them.
+
+        Raises
+        ------
+        vibroplat.errors.ConfigError
+            One line that names the key, the value and what is allowed.
+        """
+        try:
+            return cls.model_validate(tree)
+        except ValidationError as error:
+            raise ConfigError(explain(error, cls)) from None

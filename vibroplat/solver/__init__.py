@@ -1,0 +1,1 @@
+"""The hybrid solver: modes joined by transitions, advanced by an engine."""

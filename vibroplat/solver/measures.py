@@ -1,0 +1,165 @@
+"""What is summed over a run while it goes: energies for the audit, statistics of the measured part.
+
+All integrals use three-point Gauss quadrature of the dense output, step by step, so nothing of the
+trajectory need be stored.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from vibroplat.physics.compiled import compiled
+from vibroplat.physics.energy import POWERS, powers
+from vibroplat.physics.parameters import FloatArray
+from vibroplat.solver.interpolation import hermite, interpolate
+
+N_POWERS = len(POWERS)
+
+# Places in the sums of the measured part.
+TIME, X, XX, Y, YY, PHI, PHI_PHI, COS, SIN, FLIGHT = range(10)
+SUMS = 10
+
+# Places in the marks: what must be remembered from step to step.
+WINDOW, STARTED, FIRST_TIME, FIRST_1, FIRST_2, LAST_TIME, LAST_1, LAST_2, FORCE_MIN, FORCE_MAX, EXCHANGED = range(11)
+MARKS = 11
+
+_GAUSS = np.array([0.5 - math.sqrt(0.15), 0.5, 0.5 + math.sqrt(0.15)])
+_WEIGHTS = np.array([5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0])
+_TURN = 2.0 * math.pi
+
+
+@compiled
+def crossing(step: float, a0: float, a1: float, rate_0: float, rate_1: float, level: float) -> float:
+    """Fraction of a step at which an angle passes a level between its ends, by bisection."""
+    low, high = 0.0, 1.0
+    for _ in range(54):
+        middle = 0.5 * (low + high)
+        if (hermite(middle, step, a0, a1, rate_0, rate_1) < level) == (a0 < level):
+            low = middle
+        else:
+            high = middle
+    return high
+
+
+@compiled
+def extremes(step: float, f0: float, f1: float, rate_0: float, rate_1: float) -> tuple[float, float]:
+    """Least and largest value of the interpolant within a step."""
+    least, largest = min(f0, f1), max(f0, f1)
+    # roots of the slope, a quadratic in s
+    a = 3.0 * (step * (rate_0 + rate_1) - 2.0 * (f1 - f0))
+    b = 2.0 * (3.0 * (f1 - f0) - step * (2.0 * rate_0 + rate_1))
+    c = step * rate_0
+    root = b * b - 4.0 * a * c
+    if root >= 0.0:
+        q = -0.5 * (b + math.copysign(math.sqrt(root), b))
+        for numerator, denominator in ((q, a), (c, q)):
+            if denominator != 0.0:
+                s = numerator / denominator
+                if 0.0 < s < 1.0:
+                    value = hermite(s, step, f0, f1, rate_0, rate_1)
+                    least, largest = min(least, value), max(largest, value)
+    return least, largest
+
+
+@compiled
+def accumulate(
+    t: FloatArray,
+    y: FloatArray,
+    yp: FloatArray,
+    places: npt.NDArray[np.int64],
+    start: float,
+    turns: FloatArray,
+    p: FloatArray,
+    flying: float,
+    work: FloatArray,
+    plain: FloatArray,
+    open_turn: FloatArray,
+    whole: FloatArray,
+    marks: FloatArray,
+) -> None:
+    """Add one stretch of steps to the sums.
+
+    Parameters
+    ----------
+    t, y, yp
+        Ends of the steps: times since the segment's start, unknowns, derivatives.
+    places, start, turns
+        Places of the unknowns in the full state; start of the segment; whole turns (rad) taken off
+        both exciter angles before it.
+    flying
+        1 in flight, else 0.
+    work
+        Integrals of the powers, shape (N_POWERS,).
+    plain, open_turn, whole
+        Sums of the measured part: all of it, since the last whole turn of exciter 1, and over whole turns.
+    marks
+        What is remembered from step to step.
+    """
+    n = places.size
+    size = y.shape[1]
+    full = np.zeros(14)
+    unknowns, slopes, power = np.empty(size), np.empty(size), np.empty(N_POWERS)
+    cuts = np.empty(3)
+    sums = np.empty(SUMS)
+    for k in range(t.size - 1):
+        step = t[k + 1] - t[k]
+        if step <= 0.0:
+            continue
+        if size > n:
+            least, largest = extremes(step, y[k, n], y[k + 1, n], yp[k, n], yp[k + 1, n])
+            marks[FORCE_MIN] = min(marks[FORCE_MIN], least)
+            marks[FORCE_MAX] = max(marks[FORCE_MAX], largest)
+        first, last = y[k, 3] + turns[0], y[k + 1, 3] + turns[0]
+        before, after = math.floor(first / _TURN), math.floor(last / _TURN)
+        cuts[0] = 0.0
+        cuts[1] = 1.0
+        if before != after:
+            level = _TURN * max(before, after) - turns[0]
+            cuts[1] = crossing(step, y[k, 3], y[k + 1, 3], yp[k, 3], yp[k + 1, 3], level)
+        cuts[2] = 1.0
+        for part in range(2):
+            width = (cuts[part + 1] - cuts[part]) * step
+            now = start + t[k] + cuts[part] * step
+            measured = now >= marks[WINDOW]
+            sums[:] = 0.0
+            if width > 0.0:
+                for i in range(3):
+                    s = cuts[part] + (cuts[part + 1] - cuts[part]) * _GAUSS[i]
+                    interpolate(s, step, y[k], y[k + 1], yp[k], yp[k + 1], unknowns, slopes)
+                    for j in range(n):
+                        full[places[j]] = unknowns[j]
+                    powers(full, power, p)
+                    weight = width * _WEIGHTS[i]
+                    work += weight * power
+                    marks[EXCHANGED] += weight * (abs(power[0]) + power[3:].sum())
+                    if measured:
+                        difference = full[3] + full[4] + turns[0] + turns[1]
+                        sums[X] += weight * full[0]
+                        sums[XX] += weight * full[0] * full[0]
+                        sums[Y] += weight * full[1]
+                        sums[YY] += weight * full[1] * full[1]
+                        sums[PHI] += weight * full[2]
+                        sums[PHI_PHI] += weight * full[2] * full[2]
+                        sums[COS] += weight * math.cos(difference)
+                        sums[SIN] += weight * math.sin(difference)
+                        sums[FLIGHT] += weight * flying
+                        sums[TIME] += weight
+            plain += sums
+            if marks[STARTED] > 0.0:
+                open_turn += sums
+            if part == 0 and before != after:
+                now += width
+                interpolate(cuts[1], step, y[k], y[k + 1], yp[k], yp[k + 1], unknowns, slopes)
+                if now >= marks[WINDOW]:
+                    if marks[STARTED] == 0.0:
+                        marks[STARTED] = 1.0
+                        marks[FIRST_TIME] = now
+                        marks[FIRST_1], marks[FIRST_2] = unknowns[3] + turns[0], unknowns[4] + turns[1]
+                    else:
+                        whole += open_turn
+                    open_turn[:] = 0.0
+                    marks[LAST_TIME] = now
+                    marks[LAST_1], marks[LAST_2] = unknowns[3] + turns[0], unknowns[4] + turns[1]

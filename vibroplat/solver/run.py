@@ -1,0 +1,299 @@
+"""The hybrid loop: advance a mode, apply the transition at its guard, restart consistently."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from vibroplat.physics.impact import impact, latch
+from vibroplat.physics.parameters import FloatArray, parameters
+from vibroplat.physics.systems import FULL_SIZE, GAP, GAP_RATE, System, consistent, systems
+from vibroplat.scene import Mode, Scene
+from vibroplat.solver.engine import Control, Engine, Stop, Stretch
+from vibroplat.solver.initial import begins_in_flight, initial_state, take_off_turns
+from vibroplat.solver.scales import absolute_tolerances, short_flight, state_scales
+from vibroplat.solver.summary import Recorder, summarize
+from vibroplat.solver.trajectory import Event, Segment, Trajectory
+from vibroplat.solver.transitions import (
+    ATTACH,
+    FLY,
+    LATCH,
+    RETURN_SHARE,
+    after_force_root,
+    after_impact,
+    curvature_step,
+    excursion,
+    presses,
+)
+
+#: Largest residual of a restart, relative to the largest force term; a direct solve leaves about 1e-15.
+CONSISTENT = 1e-9
+#: Turns of the synchronous speed after which a stretch without events is restarted: angles are wrapped,
+#: memory stays bounded and progress is told, for some thirty steps in thousands.
+PERIODS_PER_STRETCH = 100
+
+
+@dataclass
+class Start:
+    """A consistent state of one system, ready for an engine."""
+
+    system: System
+    y: FloatArray
+    yp: FloatArray
+    ypp: FloatArray
+    residual: float
+
+    @property
+    def force(self) -> float:
+        """F_c (N)."""
+        return float(self.y[-1])
+
+    @property
+    def force_rate(self) -> float:
+        """F_c′ (N/s)."""
+        return float(self.yp[-1])
+
+
+class _Ended(Exception):  # noqa: N818  (an outcome, not an error)
+    """The run ends early, with a named outcome."""
+
+    def __init__(self, outcome: str, detail: str) -> None:
+        super().__init__(detail)
+        self.outcome = outcome
+        self.detail = detail
+
+
+def simulate(
+    scene: Scene, *, keep: bool = True, progress: Callable[[float, int], None] | None = None
+) -> Trajectory:
+    """Integrate a scene in time.
+
+    Parameters
+    ----------
+    scene
+        What to simulate, how long and how accurately.
+    keep
+        Whether to keep the segments for tables and dense output. Events and summary are there
+        either way; without segments memory does not grow with the number of steps.
+    progress
+        Called now and then with the time reached (s) and the number of events so far.
+
+    Returns
+    -------
+    Trajectory
+        With ``summary["outcome"]`` ``ok``, or the reason why the run ended early: ``solver-failure``
+        (the integrator gave up), ``non-finite`` (a state or residual is not finite), ``event-storm``
+        (more events within a turn of the synchronous speed than ``solver.max_events_per_period``).
+        What was computed until then is kept; ``summary["detail"]`` has mode, time and state.
+    """
+    return _Run(scene, keep, progress).trajectory()
+
+
+class _Run:
+    """One run: where it is, and what it has recorded."""
+
+    def __init__(self, scene: Scene, keep: bool, progress: Callable[[float, int], None] | None) -> None:
+        self.scene = scene
+        self.keep = keep
+        self.progress = progress
+        self.p = parameters(scene)
+        self.systems = systems(scene)
+        self.engine = _engine(self.p)
+        self.tolerances = {s.mode: absolute_tolerances(scene, s) for s in self.systems.values()}
+        self.gap_scale = float(state_scales(scene)[GAP])
+        self.t = 0.0
+        self.state = initial_state(scene)
+        self.turns = np.zeros(2)
+        self.mode = Mode.BARE
+        self.joined = False
+        self.segments: list[Segment] = []
+        self.events: list[Event] = []
+        self.period = 2.0 * math.pi / max(scene.synchronous_speeds)
+        self.recent: deque[float] = deque(maxlen=scene.solver.max_events_per_period)
+        self.recorder = Recorder(scene, self.p)
+
+    def trajectory(self) -> Trajectory:
+        """Integrate to the end of the run or to a named outcome."""
+        began = time.perf_counter()
+        outcome, detail = "ok", ""
+        try:
+            self.mode = self._first_mode()
+            self.recorder.begin(self.state)
+            while self._segment():
+                pass
+        except _Ended as ended:
+            outcome, detail = ended.outcome, ended.detail
+        self.recorder.finish(self.state)
+        self.state[3:5] += self.turns
+        run = Trajectory(self.scene, self.segments, self.events, self.state)
+        run.summary = summarize(
+            run, self.recorder, self.engine, outcome, detail, self.t, time.perf_counter() - began
+        )
+        return run
+
+    # -- one segment --------------------------------------------------------------------------------
+
+    def _segment(self) -> bool:
+        """Integrate one smooth stretch and the transition at its end; False when the run is over."""
+        self._count_restart()
+        take_off_turns(self.state, self.turns)
+        start = self._start(self.mode)
+        duration = self.scene.run.duration_s
+        left = duration - self.t
+        until = min(left, PERIODS_PER_STRETCH * self.period)
+        stretch = self.engine.advance(start.system, start.y, start.yp, self._control(start), until)
+        ends = stretch.stop is Stop.TIME and until == left
+        self._add(start.system, stretch, duration if ends else self.t + float(stretch.t[-1]))
+        if stretch.stop is Stop.TIME:
+            self.joined = True
+        elif stretch.stop is not Stop.GUARD:
+            outcome = "non-finite" if stretch.stop is Stop.NON_FINITE else "solver-failure"
+            raise self._ended(outcome, stretch.detail)
+        elif self.mode is Mode.ATTACHED:
+            self._force_root()
+        else:
+            self._gap_root()
+        return not ends
+
+    def _add(self, system: System, stretch: Stretch, end: float) -> None:
+        """Record a stretch and move to its end."""
+        self.recorder.add(system, stretch, self.t, self.turns)
+        if self.keep:
+            t, y, yp = stretch.t, stretch.y, stretch.yp
+            self.segments.append(Segment(system, self.t, end, t, y, yp, self.turns.copy(), self.joined))
+        self.joined = False
+        self.t = end
+        self.state = system.full(stretch.y[-1])
+        if self.progress is not None:
+            self.progress(end, len(self.events))
+
+    def _start(self, mode: Mode, state: FloatArray | None = None) -> Start:
+        """Make a state consistent for a mode; raises the outcome ``non-finite`` if that fails."""
+        system = self.systems[mode]
+        y = system.unknowns(self.state if state is None else state)
+        yp, ypp = np.empty(system.size), np.empty(system.size)
+        residual = consistent(system.index, system.differential, y, yp, ypp, self.p)
+        if not residual <= CONSISTENT:
+            raise self._ended("non-finite", f"no consistent state (relative residual {residual:.3g})")
+        return Start(system, y, yp, ypp, residual)
+
+    def _control(self, start: Start) -> Control:
+        """Tolerances and first step of a segment.
+
+        The step follows from the curvature, and ends well before the gap can have closed again.
+        """
+        atol = self.tolerances[start.system.mode]
+        step = 0.1 * self.period
+        if start.system.mode is Mode.FLIGHT and self.state[GAP] == 0.0:
+            place = start.system.differential // 2 + GAP
+            rate, acceleration, jerk = start.y[place], start.yp[place], start.ypp[place]
+            duration, height = excursion(rate, acceleration, jerk, self._snap(start, jerk))
+            atol = short_flight(atol, start.system, self.scene.solver.tolerance, height, self.gap_scale)
+            step = min(step, RETURN_SHARE * duration)
+        return Control(atol, float(min(step, curvature_step(start.ypp, atol))))
+
+    def _snap(self, start: Start, jerk: float) -> float:
+        """Fourth derivative of the gap, as the difference of jerks a small step along the motion."""
+        small = 1e-4 * self.period
+        ahead = start.y + small * start.yp + 0.5 * small * small * start.ypp
+        y, yp, ypp = ahead, np.empty_like(ahead), np.empty_like(ahead)
+        consistent(start.system.index, start.system.differential, y, yp, ypp, self.p)
+        return float((ypp[start.system.differential // 2 + GAP] - jerk) / small)
+
+    # -- transitions --------------------------------------------------------------------------------
+
+    def _first_mode(self) -> Mode:
+        if not self.scene.has_contact:
+            return Mode.BARE
+        if begins_in_flight(self.state):
+            return Mode.FLIGHT
+        trial = self._start(Mode.ATTACHED)
+        return Mode.ATTACHED if presses(trial.force, trial.force_rate) else Mode.FLIGHT
+
+    def _force_root(self) -> None:
+        """F_c has fallen through zero: lift off, or go on if it only touched."""
+        trial = self._start(Mode.ATTACHED)
+        if after_force_root(trial.force_rate) == ATTACH:
+            self.joined = True
+            return
+        self.mode = Mode.FLIGHT
+        self._event("liftoff", 0.0, 0.0, 0.0, 0.0, 0.0, 0)
+
+    def _gap_root(self) -> None:
+        """The gap has fallen through zero: impact, and what follows it."""
+        before, after = self.state, np.empty(FULL_SIZE)
+        before[GAP] = 0.0
+        before[GAP_RATE] = min(before[GAP_RATE], 0.0)
+        impulse, loss = impact(before, after, self.p)
+        self.state = after
+        attached, flight = self._start(Mode.ATTACHED), self._start(Mode.FLIGHT)
+        place = flight.system.differential // 2 + GAP
+        rebound, acceleration, jerk = after[GAP_RATE], flight.yp[place], flight.ypp[place]
+        following = after_impact(
+            rebound, attached.force, attached.force_rate, acceleration, jerk, self.p
+        )
+        self.mode = Mode.ATTACHED if following == ATTACH else Mode.FLIGHT
+        force = attached.force if following == ATTACH else 0.0
+        self._event("impact", before[GAP_RATE], rebound, impulse, loss, force, 1)
+        if following == LATCH:
+            self._latch(flight)
+
+    def _latch(self, flight: Start) -> None:
+        """Close the impacts that accumulate, and carry the run to where they do."""
+        after = np.empty(FULL_SIZE)
+        rates = np.zeros(FULL_SIZE)
+        rates[flight.system.places] = flight.yp
+        rebound = self.state[GAP_RATE]
+        duration, impulse, loss = latch(self.state, rates[7:], after, self.p)
+        if self.t + duration >= self.scene.run.duration_s:
+            return  # the run ends before they have closed: follow them
+        end = flight.system.unknowns(after)
+        times, rates_there = np.array([0.0, duration]), np.array([flight.yp, flight.yp])
+        stretch = Stretch(times, np.array([flight.y, end]), rates_there, Stop.GUARD)
+        self._add(flight.system, stretch, self.t + duration)
+        self.state = after
+        attached = self._start(Mode.ATTACHED)
+        pressing = presses(attached.force, attached.force_rate)
+        self.mode = Mode.ATTACHED if pressing else Mode.FLIGHT
+        restitution = self.scene.contact.restitution
+        skipped = math.ceil(math.log(np.finfo(float).eps) / math.log(restitution))
+        self._event(
+            "latch", -rebound, 0.0, impulse, loss, attached.force if pressing else 0.0, skipped
+        )
+
+    def _event(
+        self, kind: str, before: float, after: float, impulse: float, loss: float, force: float, impacts: int
+    ) -> None:
+        values = (float(v) for v in (before, after, impulse, loss, force))
+        event = Event(self.t, kind, *values, self.mode.label, impacts)
+        self.events.append(event)
+        self.recorder.event(event)
+
+    # -- ends ---------------------------------------------------------------------------------------
+
+    def _count_restart(self) -> None:
+        """End the run when restarts pile up; all of them count, so that nothing can go on for ever."""
+        recent = self.recent
+        if len(recent) == recent.maxlen and self.t - recent[0] < self.period:
+            raise self._ended(
+                "event-storm",
+                f"{recent.maxlen} events within {self.t - recent[0]:.3g} s, less than one period; "
+                "raise solver.max_events_per_period to follow them",
+            )
+        recent.append(self.t)
+
+    def _ended(self, outcome: str, detail: str) -> _Ended:
+        state = ", ".join(f"{v:.6g}" for v in self.state)
+        return _Ended(outcome, f"{detail}; mode {self.mode.label}, t = {self.t:.9g} s, state [{state}]")
+
+
+def _engine(p: FloatArray) -> Engine:
+    """Build the engine; there is one so far, whatever ``solver.engine`` says."""
+    from vibroplat.solver.sundae import SundaeEngine  # noqa: PLC0415  (loads SUNDIALS)
+
+    return SundaeEngine(p)

@@ -1,0 +1,95 @@
+"""Transition rules: what follows a guard, and how a segment begins.
+
+Pure functions of numbers and arrays, compiled, without Python objects, so that every engine calls the
+same ones. They know nothing of integrators; they read states, derivatives and the parameter vector.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from vibroplat.physics.compiled import compiled
+from vibroplat.physics.impact import closing_time
+from vibroplat.physics.parameters import RESTITUTION, SPEED_1, SPEED_2, TOLERANCE, FloatArray
+
+ATTACH, FLY, LATCH = 0, 1, 2
+
+#: First step over the time until the gap closes again, by its Taylor polynomial.
+RETURN_SHARE = 0.05
+
+
+@compiled
+def presses(force: float, force_rate: float) -> bool:
+    """Whether contact holds: F_c > 0, or F_c = 0 about to rise."""
+    return force > 0.0 or (force == 0.0 and force_rate >= 0.0)
+
+
+@compiled
+def after_force_root(force_rate: float) -> int:
+    """What follows F_c = 0: flight if F_c goes on falling; if it only touches zero, contact goes on."""
+    return FLY if force_rate < 0.0 else ATTACH
+
+
+@compiled
+def accumulates(rebound: float, acceleration: float, jerk: float, p: FloatArray) -> bool:
+    """Whether the impacts to come may be closed by the geometric sum.
+
+    The sum takes the gap's acceleration a as constant over the closing time τ = 2v/((1−R)|a|); the
+    jerk j changes it by jτ, which shifts t∞ by at most |j|τ²/|a|. Impacts are closed once this shift
+    and τ² ω₀ itself are below the tolerance in units of 1/ω₀: ω₀τ ≤ √tol and ω₀ |j| τ² ≤ tol |a|.
+    The error in time is then below tol/ω₀ and that of rates and coordinates, by the same neglected
+    jerk, below tol in the scales of the scene. R = 1 does not accumulate.
+    """
+    if rebound < 0.0 or acceleration >= 0.0 or p[RESTITUTION] >= 1.0:
+        return False
+    duration = closing_time(rebound, acceleration, p[RESTITUTION])
+    speed = max(p[SPEED_1], p[SPEED_2])
+    tolerance = p[TOLERANCE]
+    return (
+        speed * duration <= math.sqrt(tolerance)
+        and speed * abs(jerk) * duration * duration <= tolerance * -acceleration
+    )
+
+
+@compiled
+def after_impact(
+    rebound: float, force: float, force_rate: float, acceleration: float, jerk: float, p: FloatArray
+) -> int:
+    """What follows an impact.
+
+    Parameters
+    ----------
+    rebound
+        Gap rate after the impact, ≥ 0 (m/s).
+    force, force_rate
+        F_c and F_c′ if the layer were attached (N, N/s).
+    acceleration, jerk
+        Second and third derivative of the gap in flight.
+    """
+    if rebound == 0.0:
+        return ATTACH if presses(force, force_rate) else FLY
+    return LATCH if accumulates(rebound, acceleration, jerk, p) else FLY
+
+
+@compiled
+def curvature_step(ypp: FloatArray, atol: FloatArray) -> float:
+    """First step 2/√‖y″‖ of an order-1 start, ‖·‖ the root mean square weighted by 1/atol (inf if y″ = 0)."""
+    norm = math.sqrt(np.mean((ypp / atol) ** 2))
+    return 2.0 / math.sqrt(norm) if norm > 0.0 else np.inf
+
+
+@compiled
+def excursion(rate: float, acceleration: float, jerk: float, snap: float) -> tuple[float, float]:
+    """Duration and height of a flight that begins now, by the gap's leading Taylor terms.
+
+    After a rebound gap ≈ vt + at²/2; at release v = a = 0 and gap ≈ jt³/6 + st⁴/24. Both are inf where
+    these terms do not bring the gap back.
+    """
+    if rate > 0.0 and acceleration < 0.0:
+        return 2.0 * rate / -acceleration, 0.5 * rate * rate / -acceleration
+    if rate == 0.0 and jerk > 0.0 and snap < 0.0:
+        ratio = jerk / -snap
+        return 4.0 * ratio, 1.125 * jerk * ratio * ratio * ratio
+    return np.inf, np.inf
