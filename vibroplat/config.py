@@ -1,5 +1,145 @@
-"""YAML in: files that extend files, command-line overrides, one scene out."""
+"""YAML in: files that extend files, overrides from the command line, one scene out."""
 
 from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from ruamel.yaml import YAML
+from ruamel.yaml.constructor import DuplicateKeyError
+from ruamel.yaml.error import MarkedYAMLError, YAMLError
+
+from vibroplat.errors import ConfigError
+from vibroplat.overrides import merge, nest
 from vibroplat.scene import Scene
-def load_config(path): ...
+
+#: A configuration has some sixty keys; what is much larger is not one.
+MAX_BYTES = 1_000_000
+MAX_VALUES = 10_000
+
+
+def load_config(
+    path: str | os.PathLike[str], overrides: Mapping[str, Any] | None = None
+) -> Scene:
+    """Read a scene from a YAML 1.2 file.
+
+    Parameters
+    ----------
+    path
+        The file; its ``extends`` names another, relative to it, over which it is laid.
+    overrides
+        Dotted keys and values laid over the file, as ``--set`` gives them.
+
+    Raises
+    ------
+    vibroplat.errors.ConfigError
+        One line that names file, key, value and what is allowed.
+    """
+    file = Path(path)
+    tree = merge(_read_chain(file, ()), nest(overrides or {}))
+    tree.setdefault("name", file.stem)
+    try:
+        return Scene.from_tree(tree)
+    except ConfigError as error:
+        raise ConfigError(f"{file}: {error}") from None
+
+
+def parse_overrides(settings: Iterable[str]) -> dict[str, Any]:
+    """Turn ``key.sub=value`` texts into dotted keys and values, typed as in YAML.
+
+    Raises
+    ------
+    vibroplat.errors.ConfigError
+        A text has no ``=`` or its value is not YAML.
+    """
+    overrides: dict[str, Any] = {}
+    for setting in settings:
+        key, equals, text = setting.partition("=")
+        if not equals or not all(key.strip().split(".")):
+            raise ConfigError(f"--set {setting!r}; allowed: key.sub=value")
+        overrides[key.strip()] = _parse(text, f"--set {key.strip()}")
+    return overrides
+
+
+def configuration_schema() -> dict[str, Any]:
+    """JSON schema of a configuration file."""
+    schema = Scene.model_json_schema()
+    schema["title"] = "vibroplat configuration"
+    schema["properties"]["extends"] = {"type": "string", "description": "file to lay this one over"}
+    return schema
+
+
+def _read_chain(file: Path, above: tuple[Path, ...]) -> dict[str, Any]:
+    """Read a file laid over those it extends."""
+    place = file.resolve()
+    if place in above:
+        raise ConfigError(f"{file}: extends itself by way of {above[-1].name}")
+    tree = _parse(_text(file), str(file))
+    if tree is None:
+        tree = {}
+    if not isinstance(tree, dict):
+        raise ConfigError(f"{file}: holds a {type(tree).__name__}; allowed: keys and values")
+    base = tree.pop("extends", None)
+    if base is None:
+        return tree
+    if not isinstance(base, str):
+        raise ConfigError(f"{file}: extends = {base!r}; allowed: the name of a file")
+    return merge(_read_chain(file.parent / base, (*above, place)), tree)
+
+
+def _text(file: Path) -> str:
+    try:
+        if file.stat().st_size > MAX_BYTES:
+            raise ConfigError(f"{file}: larger than {MAX_BYTES} bytes; not a configuration")
+        return file.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise ConfigError(f"{file}: no such file") from None
+    except UnicodeDecodeError:
+        raise ConfigError(f"{file}: not a text in UTF-8") from None
+    except (OSError, ValueError) as error:
+        raise ConfigError(f"{file}: cannot be read ({_reason(error)})") from None
+
+
+def _parse(text: str, source: str) -> Any:
+    """Load YAML without building objects; every complaint becomes one line."""
+    try:
+        tree = YAML(typ="safe", pure=True).load(text)
+        _count(tree, MAX_VALUES)
+    except DuplicateKeyError as error:
+        line = error.problem_mark.line + 1 if error.problem_mark else "?"
+        problem = str(error.problem).split("with value")[0].removeprefix("found ").strip()
+        raise ConfigError(f"{source}: {problem} a second time in line {line}; allowed: each key once") from None
+    except MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        where = f" in line {mark.line + 1}, column {mark.column + 1}" if mark else ""
+        raise ConfigError(f"{source}: not readable as YAML{where}: {_one_line(error.problem)}") from None
+    except RecursionError:
+        raise ConfigError(f"{source}: nested too deeply") from None
+    except (YAMLError, ValueError, TypeError, OverflowError, KeyError, AttributeError) as error:
+        raise ConfigError(f"{source}: not readable as YAML: {_one_line(error)}") from None
+    return tree
+
+
+def _count(node: Any, left: int) -> int:
+    """Count values as if every alias were written out; too many are refused."""
+    if left <= 0:
+        raise ValueError(f"more than {MAX_VALUES} values")
+    if isinstance(node, dict):
+        for key, value in node.items():
+            if not isinstance(key, str):
+                raise ValueError(f"key {key!r} is not a text")
+            left = _count(value, left - 1)
+    elif isinstance(node, list):
+        for value in node:
+            left = _count(value, left - 1)
+    return left
+
+
+def _one_line(text: object) -> str:
+    return " ".join(str(text).split())[:200]
+
+
+def _reason(error: OSError | ValueError) -> str:
+    return error.strerror if isinstance(error, OSError) and error.strerror else _one_line(error)

@@ -147,6 +147,8 @@ class _Run:
         left = duration - self.t
         until = min(left, PERIODS_PER_STRETCH * self.period)
         stretch = self.engine.advance(start.system, start.y, start.yp, self._control(start), until)
+        if stretch.stop is Stop.GUARD and self.mode is Mode.ATTACHED:
+            stretch = self._refine(start.system, stretch, until)
         ends = stretch.stop is Stop.TIME and until == left
         self._add(start.system, stretch, duration if ends else self.t + float(stretch.t[-1]))
         if stretch.stop is Stop.TIME:
@@ -159,6 +161,23 @@ class _Run:
         else:
             self._gap_root()
         return not ends
+
+    def _refine(self, system: System, stretch: Stretch, until: float) -> Stretch:
+        """Move the end of contact to where F_c by the algebra is 0.
+
+        The integrator finds the root of its interpolated F_c, which satisfies the equations only to its
+        tolerance; flight must begin without a force, or the gap begins with an acceleration.
+        """
+        here = self._start(Mode.ATTACHED, system.full(stretch.y[-1]))
+        shift = -here.force / here.force_rate if here.force_rate < 0.0 else 0.0
+        end = float(stretch.t[-1]) + shift
+        if not stretch.t[-2] < end <= until:
+            return stretch
+        there = here.y + shift * here.yp + 0.5 * shift * shift * here.ypp
+        moved = self._start(Mode.ATTACHED, system.full(there))
+        t, y, yp = stretch.t.copy(), stretch.y.copy(), stretch.yp.copy()
+        t[-1], y[-1], yp[-1] = end, moved.y, moved.yp
+        return Stretch(t, y, yp, stretch.stop)
 
     def _add(self, system: System, stretch: Stretch, end: float) -> None:
         """Record a stretch and move to its end."""

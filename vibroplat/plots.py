@@ -1,0 +1,187 @@
+"""Figures from result tables alone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import matplotlib as mpl
+import numpy as np
+import pandas as pd
+
+from vibroplat.errors import TableError
+from vibroplat.provenance import SCHEMA
+from vibroplat.tables import read_json, read_table
+
+mpl.use("Agg")
+
+import matplotlib.pyplot as plt  # noqa: E402  (after the backend is chosen)
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+#: Turns of the exciters that motion and force show when no interval is asked for.
+SHOWN_TURNS = 10
+
+_STYLE: dict[str, Any] = {
+    "figure.constrained_layout.use": True,
+    "figure.dpi": 130,
+    "axes.grid": True,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "grid.alpha": 0.25,
+    "lines.linewidth": 1.3,
+    "font.size": 9.5,
+    "legend.frameon": False,
+}
+_PLATFORM, _MATERIAL, _FORCE, _CONTACT = "#1f4e79", "#c05a1c", "#2a7f4f", "#dfe8f1"
+
+
+@dataclass(frozen=True)
+class _Result:
+    """Tables of a run, cut to the interval shown."""
+
+    name: str
+    whole: pd.DataFrame
+    shown: pd.DataFrame
+    events: pd.DataFrame
+
+
+def plot_run(
+    directory: Path, kinds: Sequence[str], start: float | None = None, stop: float | None = None
+) -> list[Path]:
+    """Draw figures of a run into its directory.
+
+    Parameters
+    ----------
+    directory
+        What ``vibroplat run`` has written.
+    kinds
+        ``motion`` (y and gap), ``force`` (contact force), ``exciters`` (speeds and phase difference).
+    start, stop
+        Interval of motion and force (s); the last ten turns of the exciters if neither is given.
+
+    Returns
+    -------
+    list of Path
+        The PNG files. ``force`` is left out where the scene has no contact.
+
+    Raises
+    ------
+    TableError
+        Tables are missing or of a version this one does not read, or the interval is empty.
+    """
+    result = _read(directory, start, stop)
+    written = []
+    for kind in kinds:
+        if kind == "force" and "contact_force_n" not in result.shown:
+            continue
+        with mpl.rc_context(_STYLE):
+            figure = FIGURES[kind](result)
+            path = directory / f"{kind}.png"
+            try:
+                figure.savefig(path)
+            except OSError as error:
+                raise TableError(f"{path} cannot be written: {error.strerror or error}") from None
+            finally:
+                plt.close(figure)
+        written.append(path)
+    return written
+
+
+def _read(directory: Path, start: float | None, stop: float | None) -> _Result:
+    if not directory.is_dir():
+        raise TableError(f"{directory} is no directory; allowed: one that `vibroplat run` has written")
+    found = read_json(directory, "provenance").get("schema")
+    if found != SCHEMA:
+        raise TableError(f"{directory} holds results of schema {found}; this version reads schema {SCHEMA}")
+    summary = read_json(directory, "summary")
+    whole, events = read_table(directory, "trajectory"), read_table(directory, "events")
+    first, last = float(whole["t_s"].min()), float(whole["t_s"].max())
+    end = last if stop is None else stop
+    frequency = summary["excitation_frequency_hz"]
+    begin = start if start is not None else max(first, end - SHOWN_TURNS / frequency) if frequency else first
+    shown = whole[whole["t_s"].between(begin, end)]
+    if shown["t_s"].nunique() < 2:
+        raise TableError(f"nothing between {begin} and {end} s; allowed: an interval within {first} … {last} s")
+    return _Result(summary["name"], whole, shown, events[events["t_s"].between(begin, end)])
+
+
+def _motion(result: _Result) -> Figure:
+    """y of the platform; below it the gap, with contact shaded and impacts marked."""
+    table = result.shown
+    has_gap = "gap_m" in table
+    figure, axes = plt.subplots(1 + has_gap, 1, figsize=(8, 2.6 + 2.2 * has_gap), sharex=True, squeeze=False)
+    top: Axes = axes[0, 0]
+    top.plot(table["t_s"], 1e3 * table["y_m"], color=_PLATFORM)
+    top.set_ylabel("platform y (mm)")
+    top.set_title(result.name, loc="left")
+    if has_gap:
+        bottom: Axes = axes[1, 0]
+        bottom.plot(table["t_s"], 1e3 * table["gap_m"], color=_MATERIAL)
+        bottom.set_ylabel("gap (mm)")
+        impacts = result.events[result.events["kind"] == "impact"]
+        bottom.plot(impacts["t_s"], np.zeros(len(impacts)), "v", color="black", ms=5, label="impact", clip_on=False)
+        for axis in (top, bottom):
+            _shade_contact(axis, table)
+        bottom.legend(loc="upper right", ncols=2)
+    axes[-1, 0].set_xlabel("t (s)")
+    return figure
+
+
+def _force(result: _Result) -> Figure:
+    """Contact force, with the impulses of the impacts as stems on an axis of their own."""
+    table, events = result.shown, result.events
+    figure, axis = plt.subplots(figsize=(8, 3.0))
+    _shade_contact(axis, table)
+    axis.plot(table["t_s"], table["contact_force_n"], color=_FORCE)
+    axis.set_xlabel("t (s)")
+    axis.set_ylabel("contact force (N)", color=_FORCE)
+    axis.set_title(result.name, loc="left")
+    strikes = events[events["impulse_n_s"] > 0.0]
+    if len(strikes):
+        other = axis.twinx()
+        other.grid(visible=False)
+        other.spines["right"].set_visible(True)
+        other.vlines(strikes["t_s"], 0.0, strikes["impulse_n_s"], color="black", lw=1.0)
+        other.plot(strikes["t_s"], strikes["impulse_n_s"], "v", color="black", ms=4)
+        other.set_ylim(bottom=0.0)
+        other.set_ylabel("impulse (N s)")
+    axis.set_ylim(bottom=0.0)
+    return figure
+
+
+def _exciters(result: _Result) -> Figure:
+    """Speeds of both exciters and their phase difference over the whole run."""
+    table = result.whole
+    figure, (top, bottom) = plt.subplots(2, 1, figsize=(8, 4.8), sharex=True)
+    for number, style in ((1, "-"), (2, "--")):
+        speed = table[f"phi{number}_rate_rad_per_s"].abs() / (2.0 * np.pi)
+        top.plot(table["t_s"], speed, style, lw=0.9, label=f"exciter {number}")
+    top.set_ylabel("speed (Hz)")
+    top.set_title(result.name, loc="left")
+    top.legend(loc="best", ncols=2)
+    phase = np.mod(table["phi1_rad"] + table["phi2_rad"], 2.0 * np.pi)
+    bottom.plot(table["t_s"], phase, ".", ms=1.5, color=_PLATFORM)
+    bottom.set_ylim(-0.2, 2.0 * np.pi + 0.2)
+    bottom.set_yticks([0.0, np.pi, 2.0 * np.pi], ["0 in-phase", "π antiphase", "2π"])
+    bottom.set_ylabel("φ₁ + φ₂")
+    bottom.set_xlabel("t (s)")
+    return figure
+
+
+def _shade_contact(axis: Axes, table: pd.DataFrame) -> None:
+    """Shade the stretches of time in mode ``attached``."""
+    attached = (table["mode"] == "attached").to_numpy()
+    t = table["t_s"].to_numpy()
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], attached.astype(int), [0]))))
+    for number, (first, after) in enumerate(zip(edges[::2], edges[1::2], strict=True)):
+        axis.axvspan(
+            t[first], t[after - 1], color=_CONTACT, lw=0, zorder=0, label="attached" if number == 0 else None
+        )
+
+
+FIGURES: dict[str, Callable[[_Result], Figure]] = {"motion": _motion, "force": _force, "exciters": _exciters}

@@ -1,0 +1,67 @@
+"""Where a result came from."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import platform
+import subprocess
+from datetime import UTC, datetime
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import vibroplat
+from vibroplat.scene import Scene
+
+#: Version of what result directories hold; raised when a reader of older ones would misread it.
+SCHEMA = 1
+
+_LIBRARIES = ("scikit-sundae", "numpy", "scipy", "numba", "pandas", "pydantic", "pyarrow", "ruamel.yaml")
+
+
+def provenance(scene: Scene, engine: str) -> dict[str, Any]:
+    """Gather versions, machine, and the full configuration of a result."""
+    configuration = scene.model_dump(mode="json")
+    return {
+        "schema": SCHEMA,
+        "vibroplat": vibroplat.__version__,
+        "git_commit": _commit(),
+        "created": datetime.now(UTC).isoformat(timespec="seconds"),
+        "configuration_sha256": configuration_hash(scene),
+        "engine": engine,
+        "tolerance": scene.solver.tolerance,
+        "python": platform.python_version(),
+        "platform": platform.platform(),
+        "libraries": {name: _version(name) for name in _LIBRARIES},
+        "configuration": configuration,
+    }
+
+
+def configuration_hash(scene: Scene) -> str:
+    """SHA-256 of the resolved configuration, the same for every way to write it."""
+    text = json.dumps(scene.model_dump(mode="json"), sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _version(name: str) -> str | None:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return None
+
+
+def _commit() -> str | None:
+    """Commit of the checkout this package runs from, with ``+`` if it was changed; None elsewhere."""
+    here = Path(__file__).parent
+
+    def git(*arguments: str) -> str:
+        command = ["git", "-C", str(here), *arguments]
+        return subprocess.run(command, capture_output=True, text=True, check=True, timeout=5).stdout.strip()
+
+    try:
+        git("ls-files", "--error-unmatch", Path(__file__).name)
+        changed = git("status", "--porcelain", "--untracked-files=no", "--", ".")
+        return git("rev-parse", "HEAD") + ("+" if changed else "")
+    except (OSError, subprocess.SubprocessError):
+        return None
