@@ -12,7 +12,19 @@ __version__ = "0.1.0"
 
 if TYPE_CHECKING:
     from vibroplat.config import load_config
-    from vibroplat.scene import Contact, Drive, Initial, Machine, Material, Motor, Output, Run, Scene, Solver, State
+    from vibroplat.scene import (
+        Contact,
+        Drive,
+        Initial,
+        Machine,
+        Material,
+        Motor,
+        Output,
+        Run,
+        Scene,
+        Solver,
+        State,
+    )
     from vibroplat.solver.run import simulate
     from vibroplat.solver.trajectory import Trajectory
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from enum import Enum
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -26,14 +26,14 @@ app = typer.Typer(
 )
 
 
-class TableFormat(str, Enum):
+class TableFormat(StrEnum):
     """Formats of result tables."""
 
     parquet = "parquet"
     csv = "csv"
 
 
-class PlotKind(str, Enum):
+class PlotKind(StrEnum):
     """Figures of a run."""
 
     motion = "motion"
@@ -72,7 +72,8 @@ def _options(
 def run(
     config: Annotated[Path, typer.Argument(help="YAML configuration of a scene.")],
     set_: Annotated[
-        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a key, e.g. run.duration_s=2.")
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", help="Override a key, e.g. run.duration_s=2."),
     ] = None,
     out: Annotated[Path, typer.Option(help="Directory of the results.")] = Path("results"),
     format_: Annotated[TableFormat, typer.Option("--format", help="Format of the tables.")] = TableFormat.parquet,

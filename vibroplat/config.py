@@ -20,9 +20,7 @@ MAX_BYTES = 1_000_000
 MAX_VALUES = 10_000
 
 
-def load_config(
-    path: str | os.PathLike[str], overrides: Mapping[str, Any] | None = None
-) -> Scene:
+def load_config(path: str | os.PathLike[str], overrides: Mapping[str, Any] | None = None) -> Scene:
     """Read a scene from a YAML 1.2 file.
 
     Parameters

@@ -17,7 +17,7 @@ from vibroplat.tables import read_json, read_table
 
 mpl.use("Agg")
 
-import matplotlib.pyplot as plt  # noqa: E402  (after the backend is chosen)
+import matplotlib.pyplot as plt
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -111,7 +111,7 @@ def _read(directory: Path, start: float | None, stop: float | None) -> _Result:
 
 
 def _motion(result: _Result) -> Figure:
-    """y of the platform; below it the gap, with contact shaded and impacts marked."""
+    """Y of the platform; below it the gap, with contact shaded and impacts marked."""
     table = result.shown
     has_gap = "gap_m" in table
     figure, axes = plt.subplots(1 + has_gap, 1, figsize=(8, 2.6 + 2.2 * has_gap), sharex=True, squeeze=False)
@@ -127,7 +127,7 @@ def _motion(result: _Result) -> Figure:
         bottom.plot(impacts["t_s"], np.zeros(len(impacts)), "v", color="black", ms=5, label="impact", clip_on=False)
         for axis in (top, bottom):
             _shade_contact(axis, table)
-        bottom.legend(loc="upper right", ncols=2)
+        bottom.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2)
     axes[-1, 0].set_xlabel("t (s)")
     return figure
 
@@ -179,9 +179,7 @@ def _shade_contact(axis: Axes, table: pd.DataFrame) -> None:
     t = table["t_s"].to_numpy()
     edges = np.flatnonzero(np.diff(np.concatenate(([0], attached.astype(int), [0]))))
     for number, (first, after) in enumerate(zip(edges[::2], edges[1::2], strict=True)):
-        axis.axvspan(
-            t[first], t[after - 1], color=_CONTACT, lw=0, zorder=0, label="attached" if number == 0 else None
-        )
+        axis.axvspan(t[first], t[after - 1], color=_CONTACT, lw=0, zorder=0, label="attached" if number == 0 else None)
 
 
 FIGURES: dict[str, Callable[[_Result], Figure]] = {"motion": _motion, "force": _force, "exciters": _exciters}

@@ -23,6 +23,7 @@ NonNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 Real = Annotated[float, Field(allow_inf_nan=False)]
 Share = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
 
+
 class Mode(IntEnum):
     """The smooth regimes of motion; the numbers are what compiled code sees."""
 
@@ -117,9 +118,7 @@ class Material(_Section):
     @model_validator(mode="after")
     def _one_of_each_pair(self) -> Self:
         if self.natural_frequency_hz is not None and self.stiffness_n_per_m is not None:
-            raise ValueError(
-                "natural_frequency_hz and stiffness_n_per_m are both given; allowed: one of the two"
-            )
+            raise ValueError("natural_frequency_hz and stiffness_n_per_m are both given; allowed: one of the two")
         if self.damping_ratio is not None and self.damping_n_s_per_m is not None:
             raise ValueError("damping_ratio and damping_n_s_per_m are both given; allowed: one of the two")
         if self.mass_ratio > 0.0 and self.layers == 2:
@@ -244,9 +243,7 @@ class Scene(_Section):
     (<Mode.BARE: 2>,)
     """
 
-    name: Annotated[str, Field(min_length=1, max_length=100, pattern=r"^[A-Za-z0-9][A-Za-z0-9._+-]*$")] = (
-        "scene"
-    )
+    name: Annotated[str, Field(min_length=1, max_length=100, pattern=r"^[A-Za-z0-9][A-Za-z0-9._+-]*$")] = "scene"
     machine: Machine = Machine()
     motor: Motor | None = None
     motors: Annotated[list[Motor], Field(min_length=2, max_length=2)] | None = None

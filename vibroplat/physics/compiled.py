@@ -13,6 +13,4 @@ T = TypeVar("T")
 
 def compiled(function: Callable[P, T]) -> Callable[P, T]:
     """Compile a kernel; division by zero gives inf or nan, as in C, instead of an exception."""
-    return cast(
-        "Callable[P, T]", numba.njit(function, nogil=True, cache=True, error_model="numpy", fastmath=False)
-    )
+    return cast("Callable[P, T]", numba.njit(function, nogil=True, cache=True, error_model="numpy", fastmath=False))

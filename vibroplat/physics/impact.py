@@ -113,9 +113,7 @@ def closing_time(rebound: float, gap_acceleration: float, restitution: float) ->
 
 
 @compiled
-def latch(
-    state: FloatArray, accelerations: FloatArray, after: FloatArray, p: FloatArray
-) -> tuple[float, float, float]:
+def latch(state: FloatArray, accelerations: FloatArray, after: FloatArray, p: FloatArray) -> tuple[float, float, float]:
     """Close impacts that accumulate: carry the state to t∞ under constant accelerations.
 
     With the flight's accelerations constant, the impulses left sum to Σ Pₖ = m_red v (1+R)/(1−R) and
@@ -142,9 +140,7 @@ def latch(
     duration = closing_time(rebound, accelerations[GAP], restitution)
     impulse = reduced * rebound * (1.0 + restitution) / (1.0 - restitution)
     moment = reduced * rebound * duration * restitution / (1.0 - restitution)
-    after[:7] = (
-        state[:7] + duration * state[7:] + 0.5 * duration * duration * accelerations + moment * response
-    )
+    after[:7] = state[:7] + duration * state[7:] + 0.5 * duration * duration * accelerations + moment * response
     after[7:] = state[7:] + duration * accelerations + impulse * response
     after[GAP] = 0.0
     after[GAP_RATE] = 0.0

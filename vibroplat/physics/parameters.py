@@ -63,9 +63,7 @@ def parameters(scene: Scene) -> FloatArray:
     p[DAMPING_Y] = scene.damping_y
     p[DAMPING_PHI] = machine.damping_phi_n_m_s_per_rad
     p[GRAVITY] = machine.gravity_m_per_s2
-    for first, motor, speed in zip(
-        (TORQUE_1, TORQUE_2), scene.motor_pair, scene.synchronous_speeds, strict=True
-    ):
+    for first, motor, speed in zip((TORQUE_1, TORQUE_2), scene.motor_pair, scene.synchronous_speeds, strict=True):
         p[first] = motor.critical_torque_n_m
         p[first + 1] = motor.critical_slip
         p[first + 2] = speed

@@ -64,9 +64,7 @@ def motor_torques(speed_1: float, speed_2: float, p: FloatArray) -> tuple[float,
 
 
 @compiled
-def platform_residual(
-    y: FloatArray, yp: FloatArray, res: FloatArray, p: FloatArray, n: int, load: float
-) -> None:
+def platform_residual(y: FloatArray, yp: FloatArray, res: FloatArray, p: FloatArray, n: int, load: float) -> None:
     """Fill the kinematic rows of all n coordinates and the dynamic rows of platform and exciters.
 
     The rows are those of the paper's (2), (3) with Lagrange's signs: mass matrix times accelerations
@@ -135,9 +133,7 @@ def add_mass_matrix(target: FloatArray, corner: int, factor: float, y: FloatArra
 
 
 @compiled
-def platform_jacobian(
-    y: FloatArray, yp: FloatArray, cj: float, jac: FloatArray, p: FloatArray, n: int
-) -> None:
+def platform_jacobian(y: FloatArray, yp: FloatArray, cj: float, jac: FloatArray, p: FloatArray, n: int) -> None:
     """Fill ∂F/∂y + c_j ∂F/∂y′ of the rows of :func:`platform_residual`, without the load's columns.
 
     ``jac`` is cleared first, so a mode adds its own rows afterwards.

@@ -80,8 +80,6 @@ class Engine(Protocol):
     name: str
     counters: Counters
 
-    def advance(
-        self, system: System, y: FloatArray, yp: FloatArray, control: Control, until: float
-    ) -> Stretch:
+    def advance(self, system: System, y: FloatArray, yp: FloatArray, control: Control, until: float) -> Stretch:
         """Integrate from a consistent state at t = 0 to the guard's fall through zero, at most to ``until``."""
         ...

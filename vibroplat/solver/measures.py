@@ -65,6 +65,75 @@ def extremes(step: float, f0: float, f1: float, rate_0: float, rate_1: float) ->
 
 
 @compiled
+def integrate(
+    start: float,
+    end: float,
+    step: float,
+    y0: FloatArray,
+    y1: FloatArray,
+    yp0: FloatArray,
+    yp1: FloatArray,
+    places: npt.NDArray[np.int64],
+    phase: float,
+    p: FloatArray,
+    work: FloatArray,
+    sums: FloatArray,
+) -> float:
+    """Add the powers over the part [start, end] of a step to ``work`` and set ``sums`` to its statistics.
+
+    ``start`` and ``end`` are fractions of the step, ``phase`` the whole turns taken off φ₁ + φ₂. Returns
+    the energy that motors and dampers exchanged, all of it counted positive.
+    """
+    full, power = np.zeros(14), np.empty(N_POWERS)
+    unknowns, slopes = np.empty(y0.size), np.empty(y0.size)
+    exchanged = 0.0
+    sums[:] = 0.0
+    for i in range(3):
+        share = start + (end - start) * _GAUSS[i]
+        weight = (end - start) * step * _WEIGHTS[i]
+        interpolate(share, step, y0, y1, yp0, yp1, unknowns, slopes)
+        for j in range(places.size):
+            full[places[j]] = unknowns[j]
+        powers(full, power, p)
+        work += weight * power
+        exchanged += weight * (abs(power[0]) + power[3:].sum())
+        difference = full[3] + full[4] + phase
+        sums[TIME] += weight
+        sums[X] += weight * full[0]
+        sums[XX] += weight * full[0] * full[0]
+        sums[Y] += weight * full[1]
+        sums[YY] += weight * full[1] * full[1]
+        sums[PHI] += weight * full[2]
+        sums[PHI_PHI] += weight * full[2] * full[2]
+        sums[COS] += weight * math.cos(difference)
+        sums[SIN] += weight * math.sin(difference)
+    return exchanged
+
+
+@compiled
+def turn_share(step: float, a0: float, a1: float, rate_0: float, rate_1: float, offset: float) -> float:
+    """Fraction of a step at which exciter 1 completes a turn, or 1 if it does not."""
+    before, after = math.floor((a0 + offset) / _TURN), math.floor((a1 + offset) / _TURN)
+    if before == after:
+        return 1.0
+    return crossing(step, a0, a1, rate_0, rate_1, _TURN * max(before, after) - offset)
+
+
+@compiled
+def close_turn(
+    now: float, angle_1: float, angle_2: float, open_turn: FloatArray, whole: FloatArray, marks: FloatArray
+) -> None:
+    """Exciter 1 has completed a turn in the measured part: what was open since the last one is whole."""
+    if marks[STARTED] == 0.0:
+        marks[STARTED] = 1.0
+        marks[FIRST_TIME], marks[FIRST_1], marks[FIRST_2] = now, angle_1, angle_2
+    else:
+        whole += open_turn
+    open_turn[:] = 0.0
+    marks[LAST_TIME], marks[LAST_1], marks[LAST_2] = now, angle_1, angle_2
+
+
+@compiled
 def accumulate(
     t: FloatArray,
     y: FloatArray,
@@ -85,9 +154,9 @@ def accumulate(
     Parameters
     ----------
     t, y, yp
-        Ends of the steps: times since the segment's start, unknowns, derivatives.
+        Ends of the steps: times since the stretch's start, unknowns, derivatives.
     places, start, turns
-        Places of the unknowns in the full state; start of the segment; whole turns (rad) taken off
+        Places of the unknowns in the full state; start of the stretch (s); whole turns (rad) taken off
         both exciter angles before it.
     flying
         1 in flight, else 0.
@@ -98,68 +167,28 @@ def accumulate(
     marks
         What is remembered from step to step.
     """
-    n = places.size
-    size = y.shape[1]
-    full = np.zeros(14)
-    unknowns, slopes, power = np.empty(size), np.empty(size), np.empty(N_POWERS)
-    cuts = np.empty(3)
     sums = np.empty(SUMS)
+    force = places.size
+    angles, slopes = np.empty(y.shape[1]), np.empty(y.shape[1])
     for k in range(t.size - 1):
         step = t[k + 1] - t[k]
         if step <= 0.0:
             continue
-        if size > n:
-            least, largest = extremes(step, y[k, n], y[k + 1, n], yp[k, n], yp[k + 1, n])
+        if y.shape[1] > force:
+            least, largest = extremes(step, y[k, force], y[k + 1, force], yp[k, force], yp[k + 1, force])
             marks[FORCE_MIN] = min(marks[FORCE_MIN], least)
             marks[FORCE_MAX] = max(marks[FORCE_MAX], largest)
-        first, last = y[k, 3] + turns[0], y[k + 1, 3] + turns[0]
-        before, after = math.floor(first / _TURN), math.floor(last / _TURN)
-        cuts[0] = 0.0
-        cuts[1] = 1.0
-        if before != after:
-            level = _TURN * max(before, after) - turns[0]
-            cuts[1] = crossing(step, y[k, 3], y[k + 1, 3], yp[k, 3], yp[k + 1, 3], level)
-        cuts[2] = 1.0
-        for part in range(2):
-            width = (cuts[part + 1] - cuts[part]) * step
-            now = start + t[k] + cuts[part] * step
-            measured = now >= marks[WINDOW]
-            sums[:] = 0.0
-            if width > 0.0:
-                for i in range(3):
-                    s = cuts[part] + (cuts[part + 1] - cuts[part]) * _GAUSS[i]
-                    interpolate(s, step, y[k], y[k + 1], yp[k], yp[k + 1], unknowns, slopes)
-                    for j in range(n):
-                        full[places[j]] = unknowns[j]
-                    powers(full, power, p)
-                    weight = width * _WEIGHTS[i]
-                    work += weight * power
-                    marks[EXCHANGED] += weight * (abs(power[0]) + power[3:].sum())
-                    if measured:
-                        difference = full[3] + full[4] + turns[0] + turns[1]
-                        sums[X] += weight * full[0]
-                        sums[XX] += weight * full[0] * full[0]
-                        sums[Y] += weight * full[1]
-                        sums[YY] += weight * full[1] * full[1]
-                        sums[PHI] += weight * full[2]
-                        sums[PHI_PHI] += weight * full[2] * full[2]
-                        sums[COS] += weight * math.cos(difference)
-                        sums[SIN] += weight * math.sin(difference)
-                        sums[FLIGHT] += weight * flying
-                        sums[TIME] += weight
-            plain += sums
-            if marks[STARTED] > 0.0:
+        cut = turn_share(step, y[k, 3], y[k + 1, 3], yp[k, 3], yp[k + 1, 3], turns[0])
+        for a, b in ((0.0, cut), (cut, 1.0)):
+            if b <= a:
+                continue
+            ends = (y[k], y[k + 1], yp[k], yp[k + 1])
+            marks[EXCHANGED] += integrate(a, b, step, *ends, places, turns[0] + turns[1], p, work, sums)
+            sums[FLIGHT] = flying * sums[TIME]
+            if start + t[k] + a * step >= marks[WINDOW]:
+                plain += sums
                 open_turn += sums
-            if part == 0 and before != after:
-                now += width
-                interpolate(cuts[1], step, y[k], y[k + 1], yp[k], yp[k + 1], unknowns, slopes)
-                if now >= marks[WINDOW]:
-                    if marks[STARTED] == 0.0:
-                        marks[STARTED] = 1.0
-                        marks[FIRST_TIME] = now
-                        marks[FIRST_1], marks[FIRST_2] = unknowns[3] + turns[0], unknowns[4] + turns[1]
-                    else:
-                        whole += open_turn
-                    open_turn[:] = 0.0
-                    marks[LAST_TIME] = now
-                    marks[LAST_1], marks[LAST_2] = unknowns[3] + turns[0], unknowns[4] + turns[1]
+            now = start + t[k] + b * step
+            if b < 1.0 and now >= marks[WINDOW]:
+                interpolate(b, step, *ends, angles, slopes)
+                close_turn(now, angles[3] + turns[0], angles[4] + turns[1], open_turn, whole, marks)

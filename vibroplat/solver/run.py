@@ -7,6 +7,7 @@ import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -21,7 +22,6 @@ from vibroplat.solver.summary import Recorder, summarize
 from vibroplat.solver.trajectory import Event, Segment, Trajectory
 from vibroplat.solver.transitions import (
     ATTACH,
-    FLY,
     LATCH,
     RETURN_SHARE,
     after_force_root,
@@ -31,8 +31,11 @@ from vibroplat.solver.transitions import (
     presses,
 )
 
-#: Largest residual of a restart, relative to the largest force term; a direct solve leaves about 1e-15.
-CONSISTENT = 1e-9
+#: What a run keeps besides its summary.
+Keep = Literal["segments", "events", "summary"]
+
+#: Largest backward error of a restart; a direct solve leaves about 1e-16.
+CONSISTENT = 1e-11
 #: Turns of the synchronous speed after which a stretch without events is restarted: angles are wrapped,
 #: memory stays bounded and progress is told, for some thirty steps in thousands.
 PERIODS_PER_STRETCH = 100
@@ -69,7 +72,7 @@ class _Ended(Exception):  # noqa: N818  (an outcome, not an error)
 
 
 def simulate(
-    scene: Scene, *, keep: bool = True, progress: Callable[[float, int], None] | None = None
+    scene: Scene, *, keep: Keep = "segments", progress: Callable[[float, int], None] | None = None
 ) -> Trajectory:
     """Integrate a scene in time.
 
@@ -78,8 +81,8 @@ def simulate(
     scene
         What to simulate, how long and how accurately.
     keep
-        Whether to keep the segments for tables and dense output. Events and summary are there
-        either way; without segments memory does not grow with the number of steps.
+        ``segments``: all that tables and dense output need; ``events``: the event table and the summary;
+        ``summary``: the summary alone, in memory that does not grow with the length of the run.
     progress
         Called now and then with the time reached (s) and the number of events so far.
 
@@ -97,7 +100,7 @@ def simulate(
 class _Run:
     """One run: where it is, and what it has recorded."""
 
-    def __init__(self, scene: Scene, keep: bool, progress: Callable[[float, int], None] | None) -> None:
+    def __init__(self, scene: Scene, keep: Keep, progress: Callable[[float, int], None] | None) -> None:
         self.scene = scene
         self.keep = keep
         self.progress = progress
@@ -131,9 +134,7 @@ class _Run:
         self.recorder.finish(self.state)
         self.state[3:5] += self.turns
         run = Trajectory(self.scene, self.segments, self.events, self.state)
-        run.summary = summarize(
-            run, self.recorder, self.engine, outcome, detail, self.t, time.perf_counter() - began
-        )
+        run.summary = summarize(run, self.recorder, self.engine, outcome, detail, self.t, time.perf_counter() - began)
         return run
 
     # -- one segment --------------------------------------------------------------------------------
@@ -182,14 +183,14 @@ class _Run:
     def _add(self, system: System, stretch: Stretch, end: float) -> None:
         """Record a stretch and move to its end."""
         self.recorder.add(system, stretch, self.t, self.turns)
-        if self.keep:
+        if self.keep == "segments":
             t, y, yp = stretch.t, stretch.y, stretch.yp
             self.segments.append(Segment(system, self.t, end, t, y, yp, self.turns.copy(), self.joined))
         self.joined = False
         self.t = end
         self.state = system.full(stretch.y[-1])
         if self.progress is not None:
-            self.progress(end, len(self.events))
+            self.progress(end, sum(self.recorder.counts.values()))
 
     def _start(self, mode: Mode, state: FloatArray | None = None) -> Start:
         """Make a state consistent for a mode; raises the outcome ``non-finite`` if that fails."""
@@ -235,7 +236,7 @@ class _Run:
         return Mode.ATTACHED if presses(trial.force, trial.force_rate) else Mode.FLIGHT
 
     def _force_root(self) -> None:
-        """F_c has fallen through zero: lift off, or go on if it only touched."""
+        """Lift off where F_c has fallen through zero, or go on if it only touched."""
         trial = self._start(Mode.ATTACHED)
         if after_force_root(trial.force_rate) == ATTACH:
             self.joined = True
@@ -244,7 +245,7 @@ class _Run:
         self._event("liftoff", 0.0, 0.0, 0.0, 0.0, 0.0, 0)
 
     def _gap_root(self) -> None:
-        """The gap has fallen through zero: impact, and what follows it."""
+        """Let the lower layer strike where the gap has fallen through zero, and see what follows."""
         before, after = self.state, np.empty(FULL_SIZE)
         before[GAP] = 0.0
         before[GAP_RATE] = min(before[GAP_RATE], 0.0)
@@ -253,9 +254,7 @@ class _Run:
         attached, flight = self._start(Mode.ATTACHED), self._start(Mode.FLIGHT)
         place = flight.system.differential // 2 + GAP
         rebound, acceleration, jerk = after[GAP_RATE], flight.yp[place], flight.ypp[place]
-        following = after_impact(
-            rebound, attached.force, attached.force_rate, acceleration, jerk, self.p
-        )
+        following = after_impact(rebound, attached.force, attached.force_rate, acceleration, jerk, self.p)
         self.mode = Mode.ATTACHED if following == ATTACH else Mode.FLIGHT
         force = attached.force if following == ATTACH else 0.0
         self._event("impact", before[GAP_RATE], rebound, impulse, loss, force, 1)
@@ -281,16 +280,15 @@ class _Run:
         self.mode = Mode.ATTACHED if pressing else Mode.FLIGHT
         restitution = self.scene.contact.restitution
         skipped = math.ceil(math.log(np.finfo(float).eps) / math.log(restitution))
-        self._event(
-            "latch", -rebound, 0.0, impulse, loss, attached.force if pressing else 0.0, skipped
-        )
+        self._event("latch", -rebound, 0.0, impulse, loss, attached.force if pressing else 0.0, skipped)
 
     def _event(
         self, kind: str, before: float, after: float, impulse: float, loss: float, force: float, impacts: int
     ) -> None:
         values = (float(v) for v in (before, after, impulse, loss, force))
         event = Event(self.t, kind, *values, self.mode.label, impacts)
-        self.events.append(event)
+        if self.keep != "summary":
+            self.events.append(event)
         self.recorder.event(event)
 
     # -- ends ---------------------------------------------------------------------------------------

@@ -89,14 +89,14 @@ class Recorder:
         terms = {f"{name}_work_j": float(w) for name, w in zip(POWERS, self.work, strict=True)}
         kinetic = self.kinetic[1] - self.kinetic[0]
         elastic = self.elastic[1] - self.elastic[0]
-        left = self.work[:3].sum() - self.work[3:].sum() - self.impact_loss - kinetic - elastic
-        scale = max(self.marks[m.EXCHANGED] + self.impact_loss, self.largest_kinetic)
+        left = float(self.work[:3].sum() - self.work[3:].sum()) - self.impact_loss - kinetic - elastic
+        scale = max(float(self.marks[m.EXCHANGED]) + self.impact_loss, self.largest_kinetic)
         return terms | {
             "impact_loss_j": self.impact_loss,
             "kinetic_change_j": kinetic,
             "elastic_change_j": elastic,
-            "energy_residual_j": float(left),
-            "energy_residual": float(abs(left) / scale) if scale > 0.0 else 0.0,
+            "energy_residual_j": left,
+            "energy_residual": abs(left) / scale if scale > 0.0 else 0.0,
         }
 
     @property
@@ -121,11 +121,16 @@ class Recorder:
             second = abs(marks[m.LAST_2] - marks[m.FIRST_2]) / seconds
             result["excitation_frequency_hz"] = 0.5 * (first + second)
             result["frequency_split_hz"] = first - second
-        result["phase_difference_rad"] = math.atan2(mean[m.SIN], mean[m.COS])
+        result["phase_difference_rad"] = _half_open(math.atan2(mean[m.SIN], mean[m.COS]))
         result["phase_coherence"] = math.hypot(mean[m.SIN], mean[m.COS])
         result["flight_fraction"] = mean[m.FLIGHT]
         result["measured_s"] = float(sums[m.TIME])
         return {k: None if v is None else float(v) for k, v in result.items()}
+
+
+def _half_open(angle: float) -> float:
+    """Put an angle into (−π, π], with what round-off leaves of −π at π."""
+    return angle + 2.0 * math.pi if angle <= -math.pi + 1e-12 else angle
 
 
 def summarize(
@@ -140,26 +145,26 @@ def summarize(
     """Gather the summary of a run.
 
     Statistics are of the measured part: the last half of the run, cut to whole turns of exciter 1
-    when there is one. Extremes, impulses and energies are of the whole run.
+    when there is one. Extremes, impulses and energies are of the whole run. What a failed run has left
+    without a finite value is None.
     """
     force_min, force_max = (float(recorder.marks[i]) for i in (m.FORCE_MIN, m.FORCE_MAX))
-    has_force = math.isfinite(force_max)
     work = engine.counters
-    return {
+    summary = {
         "name": run.scene.name,
         "outcome": outcome,
         "detail": detail,
         "simulated_s": reached,
         **recorder.statistics,
-        "contact_force_min_n": force_min if has_force else None,
-        "contact_force_max_n": force_max if has_force else None,
+        "contact_force_min_n": force_min,
+        "contact_force_max_n": force_max,
         "gap_max_m": recorder.gap_max,
         "impulse_max_n_s": recorder.impulse_max,
         "impulse_sum_n_s": recorder.impulse_sum,
         "liftoffs": recorder.counts["liftoff"],
         "impacts": recorder.counts["impact"],
         "latches": recorder.counts["latch"],
-        "events": len(run.event_rows),
+        "events": sum(recorder.counts.values()),
         **recorder.audit,
         "engine": engine.name,
         "tolerance": run.scene.solver.tolerance,
@@ -169,3 +174,4 @@ def summarize(
         "restarts": work.restarts,
         "wall_s": wall,
     }
+    return {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in summary.items()}

@@ -60,9 +60,7 @@ class SundaeEngine:
         self._p = p
         self._integrators: dict[tuple[int, bytes, float], _Integrator] = {}
 
-    def advance(
-        self, system: System, y: FloatArray, yp: FloatArray, control: Control, until: float
-    ) -> Stretch:
+    def advance(self, system: System, y: FloatArray, yp: FloatArray, control: Control, until: float) -> Stretch:
         """Integrate to the guard or to ``until``; see :class:`vibroplat.solver.engine.Engine`."""
         integrator = self._integrator(system, control)
         self.counters.restarts += 1
@@ -92,9 +90,7 @@ class SundaeEngine:
             if not residual_kernel(y, yp, res, p):
                 raise _NonFiniteError
 
-        def jacobian(
-            t: float, y: FloatArray, yp: FloatArray, res: FloatArray, cj: float, jac: FloatArray
-        ) -> None:
+        def jacobian(t: float, y: FloatArray, yp: FloatArray, res: FloatArray, cj: float, jac: FloatArray) -> None:
             jacobian_kernel(y, yp, cj, jac, p)
 
         options: dict[str, Any] = {

@@ -143,7 +143,7 @@ class Trajectory:
         """
         wanted = np.atleast_1d(np.asarray(times, dtype=float))
         if not self.segments:
-            raise ValueError("this run kept no segments; simulate with keep=True for dense output")
+            raise ValueError("this run kept no segments; simulate with keep='segments' for dense output")
         first, last = self.segments[0].start, self.segments[-1].end
         if wanted.size and (wanted.min() < first or wanted.max() > last):
             raise ValueError(f"times must lie in [{first}, {last}] s, got {wanted.min()} … {wanted.max()}")
@@ -159,8 +159,12 @@ class Trajectory:
     def _sampled(self) -> Iterable[tuple[Segment, FloatArray, tuple[FloatArray, FloatArray]]]:
         """Rows of each segment: its first end, the output grid strictly inside, its last end."""
         rate = self.scene.output.sample_rate_hz
-        joined = [segment.joined for segment in self.segments[1:]] + [False]
-        for segment, goes_on in zip(self.segments, joined, strict=True):
+        goes_on = False
+        pieces = []
+        for segment in reversed(self.segments):
+            pieces.append((segment, goes_on))
+            goes_on = segment.joined
+        for segment, goes_on in reversed(pieces):
             grid = np.arange(np.floor(segment.start * rate), np.ceil(segment.end * rate) + 1.0) / rate
             inside = grid[(grid > segment.start) & (grid < segment.end)]
             first = [] if segment.joined else [segment.start]
@@ -192,4 +196,3 @@ class Trajectory:
         if self.scene.has_contact:
             table["contact_force_n"] = force
         return table
-

@@ -28,7 +28,7 @@ def presses(force: float, force_rate: float) -> bool:
 
 @compiled
 def after_force_root(force_rate: float) -> int:
-    """What follows F_c = 0: flight if F_c goes on falling; if it only touches zero, contact goes on."""
+    """Choose what follows F_c = 0: flight if F_c goes on falling; if it only touches, contact goes on."""
     return FLY if force_rate < 0.0 else ATTACH
 
 
@@ -57,7 +57,7 @@ def accumulates(rebound: float, acceleration: float, jerk: float, p: FloatArray)
 def after_impact(
     rebound: float, force: float, force_rate: float, acceleration: float, jerk: float, p: FloatArray
 ) -> int:
-    """What follows an impact.
+    """Choose what follows an impact.
 
     Parameters
     ----------

@@ -1,0 +1,85 @@
+"""Scenes whose motion follows from a formula."""
+
+from __future__ import annotations
+
+import math
+
+from vibroplat import Contact, Drive, Initial, Machine, Material, Motor, Run, Scene, Solver, State
+
+GRAVITY = 9.81
+TURN = 2.0 * math.pi
+OMEGA = TURN * 25.0
+IDLE = Motor(critical_torque_n_m=0.0, friction_radius_m=0.0, pole_pairs=1)
+
+
+def ball_on_table(gamma, restitution=0.0, periods=40, tolerance=1e-10, phase=0.0, gap_rate=0.0):
+    """One thin layer of 1e-12 of the mass on a table s = A sin(ωt + phase), A ω²/g = gamma.
+
+    The table is a platform of 1e6 kg on a soft spring without dampers, in its steady antiphase motion;
+    rotors of huge inertia keep the exciters' speed.
+    """
+    mass, unbalance_mass = 1e6, 1e3
+    stiffness = mass * (0.1 * OMEGA) ** 2
+    amplitude = gamma * GRAVITY / OMEGA**2
+    unbalance = amplitude * (mass * OMEGA**2 - stiffness) / (2.0 * OMEGA**2)
+    angle = phase + math.pi  # above resonance the platform moves against the unbalances
+    state = State(
+        y_m=-mass * GRAVITY / stiffness + amplitude * math.sin(phase),
+        y_rate_m_per_s=amplitude * OMEGA * math.cos(phase),
+        phi1_rad=angle,
+        phi2_rad=math.pi - angle,
+        phi1_rate_rad_per_s=OMEGA,
+        phi2_rate_rad_per_s=-OMEGA,
+        gap_rate_m_per_s=gap_rate,
+    )
+    return Scene(
+        name="ball-on-table",
+        machine=Machine(
+            platform_mass_kg=mass - 2.0 * unbalance_mass,
+            platform_inertia_kg_m2=1e6,
+            unbalance_mass_kg=unbalance_mass,
+            unbalance_radius_m=unbalance / unbalance_mass,
+            rotor_inertia_kg_m2=1e12,
+            stiffness_y_n_per_m=stiffness,
+            damping_x_n_s_per_m=0.0,
+            damping_y_n_s_per_m=0.0,
+            damping_phi_n_m_s_per_rad=0.0,
+        ),
+        motor=IDLE,
+        material=Material(mass_ratio=1e-12, layers=1),
+        contact=Contact(restitution=restitution),
+        drive=Drive(supply_frequency_hz=OMEGA / TURN),
+        run=Run(duration_s=periods * TURN / OMEGA, initial=Initial(state=state)),
+        solver=Solver(tolerance=tolerance),
+    )
+
+
+def dropped_ball(restitution, height=1.0, tolerance=1e-10):
+    """One layer dropped from rest on a platform of 1e6 kg that stands still, exciters hanging."""
+    machine = Machine(
+        platform_mass_kg=1e6,
+        platform_inertia_kg_m2=1e6,
+        rotor_inertia_kg_m2=1.0,
+        stiffness_y_n_per_m=1e12,
+        damping_y_n_s_per_m=0.0,
+    )
+    state = State(
+        y_m=-machine.total_mass * GRAVITY / machine.stiffness_y_n_per_m,
+        phi1_rad=-0.5 * math.pi,
+        phi2_rad=-0.5 * math.pi,
+        gap_m=height,
+    )
+    return Scene(
+        name="dropped-ball",
+        machine=machine,
+        motor=IDLE,
+        material=Material(mass_ratio=1e-12, layers=1),
+        contact=Contact(restitution=restitution),
+        run=Run(duration_s=1.1 * closing_of_dropped_ball(restitution, height), initial=Initial(state=state)),
+        solver=Solver(tolerance=tolerance),
+    )
+
+
+def closing_of_dropped_ball(restitution, height=1.0):
+    """t∞ = √(2h/g) (1 + R)/(1 − R)."""
+    return math.sqrt(2.0 * height / GRAVITY) * (1.0 + restitution) / (1.0 - restitution)

@@ -1,0 +1,223 @@
+"""Motions with a known answer; the numbers are formulas evaluated independently (cases with sources in the text)."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from known_scenes import GRAVITY, OMEGA, TURN, ball_on_table, closing_of_dropped_ball, dropped_ball
+from scipy.optimize import brentq
+
+from vibroplat import simulate
+
+# -- ball on a table (Holmes 1982; Mehta & Luck 1990; Luck & Mehta 1993) ---------------------------------
+
+
+@pytest.mark.parametrize(("gamma", "fraction"), [(1.5, 0.567581021819), (2.0, 0.741479241490), (3.0, 0.949774312877)])
+def test_flight_fraction_of_the_inelastic_ball(gamma, fraction):
+    summary = simulate(ball_on_table(gamma)).summary
+    assert summary["outcome"] == "ok"
+    assert summary["flight_fraction"] == pytest.approx(fraction, abs=1e-6)
+    assert summary["liftoffs"] == 40
+    assert summary["impacts"] in (39, 40)
+
+
+def test_landing_speed_of_the_inelastic_ball():
+    impacts = simulate(ball_on_table(2.0)).events.query("kind == 'impact'")
+    assert impacts["gap_rate_before_m_per_s"].iloc[-1] * OMEGA / GRAVITY == pytest.approx(-3.8326824916, abs=1e-8)
+
+
+def test_no_flight_below_one_g():
+    assert simulate(ball_on_table(1.0 - 1e-6, tolerance=1e-8)).summary["events"] == 0
+
+
+def short_flight_fraction(gamma):
+    """Release at sin φ₀ = 1/Γ, landing by bisection of the ball's parabola against the sine."""
+    release = math.asin(1.0 / gamma)
+
+    def gap(angle):
+        s = angle - release
+        return gamma * math.sin(release) + gamma * math.cos(release) * s - 0.5 * s * s - gamma * math.sin(angle)
+
+    first = 3.0 * math.sqrt(2.0 * (gamma - 1.0))  # leading order of the flight's length in angle
+    return (brentq(gap, release + 0.5 * first, release + 2.0 * first, xtol=1e-15) - release) / TURN
+
+
+@pytest.mark.parametrize("excess", [1e-4, 1e-3, 1e-2, 1e-1])
+def test_short_flights_are_neither_missed_nor_doubled(excess):
+    """Just above lift-off the gap opens on a triple root; each period has one liftoff and one impact."""
+    run = simulate(ball_on_table(1.0 + excess, tolerance=1e-9))
+    assert run.summary["liftoffs"] == run.summary["impacts"] == 40
+    # the fraction goes with √(Γ − 1), which amplifies the error of F_c (3e-9 at this tolerance) by 1/excess
+    expected = short_flight_fraction(1.0 + excess)
+    assert run.summary["flight_fraction"] == pytest.approx(expected, rel=1e-8 / excess + 1e-7)
+
+
+@pytest.mark.parametrize("excess", [1e-7, 1e-6, 1e-5])
+def test_shortest_flights_cause_no_storm(excess):
+    run = simulate(ball_on_table(1.0 + excess, tolerance=1e-8))
+    assert run.outcome == "ok"
+    assert run.summary["liftoffs"] == run.summary["impacts"] == 40
+
+
+def period_one(gamma, restitution, nudge, **options):
+    """Start right after the impact of the period-1 orbit, with a nudged rebound."""
+    cosine = math.pi * (1.0 - restitution) / ((1.0 + restitution) * gamma)
+    phase = math.acos(cosine)
+    rebound = (math.pi - gamma * cosine) * GRAVITY / OMEGA
+    scene = ball_on_table(gamma, restitution, phase=phase, gap_rate=rebound * (1.0 + nudge), **options)
+    return scene, phase
+
+
+def impact_phases(scene, phase):
+    impacts = simulate(scene).events.query("kind == 'impact'")["t_s"].to_numpy()
+    return np.mod(OMEGA * impacts + phase + 1.0, TURN) - 1.0
+
+
+def test_period_one_orbit_attracts():
+    scene, phase = period_one(1.3, 0.5, 1e-3, periods=60)
+    phases = impact_phases(scene, phase)
+    assert len(phases) == 60
+    assert phases[-1] == pytest.approx(phase, abs=1e-7)
+
+
+def test_period_one_orbit_contracts_by_restitution_squared():
+    """The Jacobian's determinant is R²: two nudges span an area that shrinks by R² each period."""
+    restitution, gamma = 0.5, 1.3
+    scene, phase = period_one(gamma, restitution, 0.0, periods=3)
+    base = state_after_impacts(scene)
+    first = state_after_impacts(period_one(gamma, restitution, 1e-4, periods=3)[0])
+    second_scene, _ = period_one(gamma, restitution, -1e-4, periods=3)
+    second = state_after_impacts(shifted(second_scene, phase, gamma, 1e-4))
+    area = [np.linalg.det([a - o, b - o]) for o, a, b in zip(base, first, second, strict=True)]
+    assert area[1] / area[0] == pytest.approx(restitution**2, rel=2e-3)
+
+
+def shifted(scene, phase, gamma, shift):
+    """The same scene begun a little later in the table's phase, the ball's velocity unchanged."""
+    later = ball_on_table(gamma, scene.contact.restitution, phase=phase + shift, periods=3)
+    state = scene.run.initial.state
+    ball = state.y_rate_m_per_s + state.gap_rate_m_per_s
+    rate = ball - later.run.initial.state.y_rate_m_per_s
+    return later.replace({"run.initial.state.gap_rate_m_per_s": rate})
+
+
+def state_after_impacts(scene):
+    """Impact phase and the ball's velocity after impact, for the first two impacts, shape (2, 2)."""
+    run = simulate(scene)
+    start = math.atan2(-math.sin(scene.run.initial.state.phi1_rad), -math.cos(scene.run.initial.state.phi1_rad))
+    impacts = run.events.query("kind == 'impact'").iloc[:2]
+    rows = []
+    for t in impacts["t_s"]:
+        after = run.trajectory[run.trajectory["t_s"] == t].iloc[-1]
+        rows.append([OMEGA * t + start, (after["y_rate_m_per_s"] + after["gap_rate_m_per_s"]) * OMEGA / GRAVITY])
+    return np.array(rows)
+
+
+# -- Zeno --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("restitution", [0.05, 0.3, 0.5, 0.8])
+def test_accumulation_time_of_a_dropped_ball(restitution):
+    events = simulate(dropped_ball(restitution)).events
+    latch = events[events["kind"] == "latch"].iloc[0]
+    assert latch["t_s"] == pytest.approx(closing_of_dropped_ball(restitution), rel=1e-8)
+    assert latch["mode_after"] == "attached"
+
+
+def test_accumulation_time_printed_to_twelve_digits():
+    assert closing_of_dropped_ball(0.5) == pytest.approx(1.354570922957, abs=1e-12)
+
+
+@pytest.mark.parametrize("restitution", [0.3, 0.8])
+def test_impulses_and_losses_of_an_accumulation_add_up(restitution):
+    """All impulses give the ball the momentum m√(2gh) + m g t; all losses are the height's energy."""
+    scene = dropped_ball(restitution)
+    run = simulate(scene)
+    mass = scene.layer_masses[0]
+    landed = run.events.iloc[: run.events["kind"].eq("latch").idxmax() + 1]
+    contact_began = landed["t_s"].iloc[-1]
+    assert landed["impulse_n_s"].sum() == pytest.approx(mass * GRAVITY * contact_began, rel=1e-7)
+    assert landed["energy_loss_j"].sum() == pytest.approx(mass * GRAVITY * 1.0, rel=1e-7)
+
+
+def test_threshold_of_accumulation_follows_the_tolerance():
+    """A looser run closes earlier, and its closing time is off by no more than it claims."""
+    loose, tight = (simulate(dropped_ball(0.5, tolerance=t)).events for t in (1e-4, 1e-10))
+    assert len(loose) < len(tight)
+    claimed = 1e-4 / (TURN * 25.0)  # tolerance over the synchronous speed, plus integration at 1e-4
+    assert abs(loose["t_s"].iloc[-1] - tight["t_s"].iloc[-1]) < 100.0 * claimed
+
+
+# -- self-synchronization (Blekhman) and the Sommerfeld effect --------------------------------------------
+
+
+@pytest.mark.parametrize("skew", [0.5, 2.5])
+@pytest.mark.parametrize(("supply", "expected"), [(44.0, math.pi), (50.0, math.pi), (58.0, math.pi), (38.0, 0.0)])
+def test_phase_difference_from_skew_starts(printed, supply, expected, skew):
+    scene = printed.replace(
+        {
+            "drive.supply_frequency_hz": supply,
+            "run.duration_s": 20.0,
+            "run.initial": {"phase_sum_rad": math.pi - skew, "phi1_rad": 0.3, "speed_ratio": 0.98},
+        }
+    )
+    summary = simulate(scene, keep="summary").summary
+    distance = abs(math.remainder(summary["phase_difference_rad"] - expected, TURN))
+    assert distance < 1e-4
+    assert summary["phase_coherence"] > 0.999
+
+
+def test_sommerfeld_capture(printed):
+    """L_M(ω) = b_y ω A²/4 has its first root at 30.4929 Hz for f_e = 66 Hz, k_R = 0."""
+    scene = printed.replace(
+        {
+            "drive.supply_frequency_hz": 66.0,
+            "motor.friction_radius_m": 0.0,
+            "run.duration_s": 12.0,
+            "run.initial": {"speed_ratio": 0.85},
+        }
+    )
+    assert simulate(scene, keep="summary").summary["excitation_frequency_hz"] == pytest.approx(30.4929, abs=0.02)
+
+
+# -- attached, linear -----------------------------------------------------------------------------------------
+
+
+def test_contact_force_of_the_linear_attached_motion(calibrated):
+    """At steady antiphase the attached motion is a linear two-mass response to 2 k ω² sin ωt."""
+    scene = calibrated.replace(
+        {
+            "material.mass_ratio": 0.1,
+            "drive.supply_frequency_hz": 44.0,
+            "machine.rotor_inertia_kg_m2": 1e3,  # a speed that does not swing within a turn
+            "motor": {"critical_torque_n_m": 0.0, "friction_radius_m": 0.0},
+            "run.duration_s": 12.0,
+            "run.initial": {"phase_sum_rad": math.pi, "phi1_rad": 0.0, "speed_ratio": 1.0},
+            "solver.tolerance": 1e-8,
+        }
+    )
+    summary = simulate(scene, keep="summary").summary
+    late = simulate(scene)(np.linspace(11.0, 12.0, 4000))
+    omega = TURN * summary["excitation_frequency_hz"]
+    m1, m2 = scene.layer_masses
+    spring, damper = (m2 * value for value in scene.layer_spring)
+    machine = scene.machine
+    coupling = spring + 1j * omega * damper
+    matrix = np.array(
+        [
+            [
+                machine.stiffness_y_n_per_m
+                + 1j * omega * machine.damping_y_n_s_per_m
+                - omega**2 * (machine.total_mass + m1),
+                -coupling,
+            ],
+            [-(omega**2) * m2, coupling - omega**2 * m2],
+        ]
+    )
+    y, upper = np.linalg.solve(matrix, [2.0 * machine.unbalance * omega**2, 0.0])
+    amplitude = abs(-(omega**2) * m1 * y - coupling * upper)
+    mean = (m1 + m2) * GRAVITY
+    assert late["contact_force_n"].max() == pytest.approx(mean + amplitude, rel=1e-4)
+    assert late["contact_force_n"].min() == pytest.approx(mean - amplitude, rel=1e-4)

@@ -1,0 +1,145 @@
+"""Runs against the reference trajectories, from YAML through the Python API.
+
+The bounds are those of the specification at tolerance 1e-8. A work–precision run (the convergence
+test) puts the measured errors a factor of 10 to 100 below them where the motion does not amplify errors.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+from oracle import CLOSED_CASES, REFERENCE
+
+from vibroplat import load_config, simulate
+
+PLAIN_CASES = ("attached-mu01-fe46", "bare-printed-fe60", "inelastic-mu02-fe51.5")
+#: Until the first accumulation is closed, where the reference with R > 0 loses momentum (see oracle.py).
+SOUND_UNTIL = {"onelayer-R03-mu01-fe48": 0.041, "restitution05-mu02-fe51.5": 0.043}
+
+COORDINATE_BOUNDS = {
+    "x_m": 5e-8,
+    "y_m": 5e-8,
+    "gap_m": 5e-8,
+    "upper_m": 5e-8,
+    "phi_rad": 5e-7,
+    "phi1_rad": 2e-5,
+    "phi2_rad": 2e-5,
+}
+TIME_BOUND = 2e-7
+SPEED_BOUND = 1e-5
+FORCE_BOUND = 3e-5
+
+
+@pytest.fixture(scope="module")
+def runs():
+    return {name: simulate(load_config(REFERENCE / f"{name}.yaml")) for name in PLAIN_CASES + CLOSED_CASES}
+
+
+def read(name, kind):
+    return pd.read_csv(REFERENCE / f"{name}.{kind}.csv")
+
+
+def fast(events):
+    """Liftoffs, and impacts faster than 1e-3 m/s: slower ones are closed at thresholds of their own."""
+    return events[
+        (events["kind"] == "liftoff") | ((events["kind"] == "impact") & (events["gap_rate_before_m_per_s"] < -1e-3))
+    ].reset_index(drop=True)
+
+
+def coordinate_errors(run, name, until=np.inf):
+    reference = read(name, "trajectory")
+    reference = reference[reference["t_s"] <= min(until, run.scene.run.duration_s)]
+    rows = run(reference["t_s"])
+    errors = {c: np.abs(rows[c].to_numpy() - reference[c].to_numpy()).max() for c in COORDINATE_BOUNDS if c in rows}
+    if "contact_force_n" in rows:
+        both = ((rows["mode"] == "attached").to_numpy()) & (reference["mode"] == "attached").to_numpy()
+        force = reference["contact_force_n"].to_numpy()[both]
+        errors["contact_force"] = np.abs(rows["contact_force_n"].to_numpy()[both] - force).max() / force.max()
+    return errors
+
+
+@pytest.mark.parametrize("name", PLAIN_CASES)
+def test_coordinates_and_contact_force(runs, name):
+    for quantity, error in coordinate_errors(runs[name], name).items():
+        assert error <= COORDINATE_BOUNDS.get(quantity, FORCE_BOUND), quantity
+
+
+@pytest.mark.parametrize("name", CLOSED_CASES)
+def test_coordinates_and_contact_force_up_to_the_first_closing(runs, name):
+    for quantity, error in coordinate_errors(runs[name], name, SOUND_UNTIL[name]).items():
+        assert error <= COORDINATE_BOUNDS.get(quantity, FORCE_BOUND), quantity
+
+
+@pytest.mark.parametrize("name", PLAIN_CASES)
+def test_events(runs, name):
+    mine, theirs = fast(runs[name].events), fast(read(name, "events"))
+    assert list(mine["kind"]) == list(theirs["kind"])
+    assert np.abs(mine["t_s"] - theirs["t_s"]).max() <= TIME_BOUND or mine.empty
+    assert_speeds(mine, theirs)
+
+
+def assert_speeds(mine, theirs):
+    impacts = (mine["kind"] == "impact").to_numpy()
+    ratio = mine["gap_rate_before_m_per_s"][impacts] / theirs["gap_rate_before_m_per_s"][impacts]
+    assert (np.abs(ratio - 1.0) <= SPEED_BOUND).all()
+
+
+@pytest.mark.parametrize("name", PLAIN_CASES[::2])
+def test_impulse_and_contact_force_after_impact(runs, name):
+    mine, theirs = fast(runs[name].events), fast(read(name, "events"))
+    landed = (theirs["contact_force_after_n"] > 0.0).to_numpy()
+    assert landed.any()
+    assert np.allclose(mine["impulse_n_s"], theirs["impulse_n_s"], rtol=SPEED_BOUND, atol=0.0)
+    largest = theirs["contact_force_after_n"].max()
+    error = (mine["contact_force_after_n"] - theirs["contact_force_after_n"])[landed].abs().max()
+    assert error <= FORCE_BOUND * largest
+
+
+@pytest.mark.parametrize("name", CLOSED_CASES)
+def test_events_with_restitution(runs, name):
+    """The sequence is that of the oracle, and the times are as near as the motion's sensitivity allows.
+
+    The reference differs from the oracle by one known perturbation, 1.5e-9 s at the first liftoff after
+    the first closing; how that difference has grown at an event measures how much the motion amplifies.
+    An amplified error of 2e-9 s is allowed there next to the plain bound.
+    """
+    mine, theirs, perturbed = (
+        fast(runs[name].events),
+        fast(read(name, "closed.events")),
+        fast(read(name, "events")),
+    )
+    assert list(mine["kind"]) == list(theirs["kind"])
+    growth = np.abs(perturbed["t_s"] - theirs["t_s"]).cummax() / 1.5e-9
+    assert (np.abs(mine["t_s"] - theirs["t_s"]) <= TIME_BOUND + 2e-9 * growth).all()
+    early = growth < 20.0
+    assert early.sum() >= 12
+    assert (np.abs(mine["t_s"] - theirs["t_s"])[early] <= TIME_BOUND).all()
+    assert_speeds(mine[early], theirs[early])
+
+
+@pytest.mark.parametrize("name", CLOSED_CASES)
+def test_latches_carry_the_momentum_on(runs, name):
+    """The liftoff after the first latch is the oracle's to 3e-10 s; the reference's own is 1.5e-9 s off."""
+    mine, theirs = (e[e["kind"] == "liftoff"]["t_s"].iloc[1] for e in (runs[name].events, read(name, "closed.events")))
+    assert abs(mine - theirs) <= 3e-10
+
+
+def slope(tolerances, errors):
+    return np.polyfit(np.log(tolerances), np.log(errors), 1)[0]
+
+
+@pytest.mark.parametrize("name", PLAIN_CASES[::2])
+def test_errors_fall_with_the_tolerance(name):
+    scene = load_config(REFERENCE / f"{name}.yaml")
+    theirs = fast(read(name, "events"))
+    tolerances = [1e-5, 1e-6, 1e-7, 1e-8, 1e-9]
+    force, times, y = [], [], []
+    for tolerance in tolerances:
+        run = simulate(scene.replace({"solver.tolerance": tolerance}))
+        errors = coordinate_errors(run, name)
+        force.append(errors["contact_force"])
+        y.append(errors["y_m"])
+        times.append(np.abs(fast(run.events)["t_s"] - theirs["t_s"]).max())
+    for errors in (force, times, y):
+        assert slope(tolerances, errors) >= 0.7

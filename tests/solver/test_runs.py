@@ -1,0 +1,181 @@
+"""Whole runs: repeatability, scenes that need less, outcomes, memory, continuation."""
+
+from __future__ import annotations
+
+import resource
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+from known_scenes import ball_on_table
+
+from vibroplat import Initial, State, simulate
+from vibroplat.physics.systems import systems
+from vibroplat.scene import Mode
+from vibroplat.solver.engine import Stop
+from vibroplat.solver.sundae import _stretch
+
+
+def test_two_runs_of_one_scene_are_bit_identical(quickstart):
+    scene = quickstart.replace({"contact.restitution": 0.5, "run.duration_s": 0.6})
+    first, second = simulate(scene), simulate(scene)
+    pd.testing.assert_frame_equal(first.trajectory, second.trajectory, check_exact=True)
+    pd.testing.assert_frame_equal(first.events, second.events, check_exact=True)
+    same = [k for k in first.summary if k != "wall_s"]
+    assert [first.summary[k] for k in same] == [second.summary[k] for k in same]
+
+
+@pytest.mark.parametrize(
+    ("changes", "sizes"),
+    [
+        ({"material.mass_ratio": 0.0}, {Mode.BARE: 10}),
+        ({"contact.model": "non-impact"}, {Mode.BARE: 10}),
+        ({"material.layers": 1}, {Mode.ATTACHED: 11, Mode.FLIGHT: 12}),
+        ({}, {Mode.ATTACHED: 13, Mode.FLIGHT: 14}),
+    ],
+)
+def test_a_scene_has_only_the_unknowns_it_needs(quickstart, changes, sizes):
+    assert {mode: system.size for mode, system in systems(quickstart.replace(changes)).items()} == sizes
+
+
+def test_scenes_without_contact_have_no_guard_and_no_events(quickstart):
+    scene = quickstart.replace({"contact.model": "non-impact", "run.duration_s": 0.3})
+    assert [system.guard for system in systems(scene).values()] == [None]
+    run = simulate(scene)
+    assert run.summary["events"] == 0
+    assert "contact_force_n" not in run.trajectory
+
+
+def test_non_impact_damping_equals_a_damper(quickstart):
+    scene = quickstart.replace({"run.duration_s": 0.3})
+    beta = scene.replace({"contact": {"model": "non-impact", "viscous_per_mass_per_s": 20.0}})
+    damper = scene.replace(
+        {
+            "material.mass_ratio": 0.0,
+            "machine.damping_y_n_s_per_m": 400.0 + 20.0 * scene.material_mass,
+        }
+    )
+    pd.testing.assert_frame_equal(simulate(beta).trajectory, simulate(damper).trajectory)
+
+
+def test_unequal_motors_differ_from_equal_ones(quickstart):
+    motor = quickstart.motor_pair[0].model_dump()
+    scene = quickstart.replace(
+        {
+            "motors": [motor, motor | {"critical_torque_n_m": 0.9}],
+            "run.duration_s": 3.0,
+            "material.mass_ratio": 0.0,
+        }
+    )
+    summary = simulate(scene, keep="summary").summary
+    assert summary["outcome"] == "ok"
+    assert abs(abs(summary["phase_difference_rad"]) - np.pi) > 1e-3
+    assert summary["phase_coherence"] > 0.99
+
+
+def test_summary_needs_no_segments(quickstart):
+    scene = quickstart.replace({"run.duration_s": 0.5})
+    full, lean = simulate(scene), simulate(scene, keep="summary")
+    assert not lean.segments
+    assert lean.events.empty
+    assert full.summary | {"wall_s": 0.0} == lean.summary | {"wall_s": 0.0}
+
+
+def test_statistics_agree_with_the_tables(quickstart):
+    run = simulate(quickstart.replace({"run.duration_s": 2.0, "output.sample_rate_hz": 20_000.0}))
+    summary, table = run.summary, run.trajectory
+    turns = np.floor(table["phi1_rad"] / (2.0 * np.pi))
+    crossings = table["t_s"][1:][np.diff(turns) > 0]
+    window = crossings[crossings >= 1.0]
+    part = table[table["t_s"].between(window.iloc[0], window.iloc[-1])]
+    assert summary["rms_y_m"] == pytest.approx(part["y_m"].std(ddof=0), rel=1e-3)
+    assert summary["excitation_frequency_hz"] == pytest.approx(
+        (len(window) - 1) / (window.iloc[-1] - window.iloc[0]), rel=1e-4
+    )
+    assert summary["contact_force_max_n"] == pytest.approx(table["contact_force_n"].max(), rel=1e-4)
+    assert summary["gap_max_m"] == pytest.approx(table["gap_m"].max(), rel=1e-3)
+    assert summary["flight_fraction"] == pytest.approx((part["mode"] == "flight").mean(), abs=2e-3)
+
+
+def test_a_run_can_be_continued_from_its_last_row(quickstart):
+    scene = quickstart.replace({"run.duration_s": 1.0, "solver.tolerance": 1e-9})
+    half = simulate(scene.replace({"run.duration_s": 0.5}))
+    last = half.trajectory.iloc[-1].to_dict()
+    rest = simulate(scene.replace({"run.duration_s": 0.5, "run.initial": {"state": last}}))
+    whole = simulate(scene).trajectory.iloc[-1]
+    end = rest.trajectory.iloc[-1]
+    for name in ("y_m", "gap_m", "upper_m", "phi1_rad"):
+        assert end[name] == pytest.approx(whole[name], abs=1e-6)
+
+
+def test_angles_in_tables_do_not_wrap(quickstart):
+    phi1 = simulate(quickstart.replace({"run.duration_s": 1.0})).trajectory["phi1_rad"]
+    assert (phi1.diff().dropna() >= 0.0).all()
+    assert phi1.iloc[-1] > 2.0 * np.pi * 24
+
+
+# -- outcomes -------------------------------------------------------------------------------------------
+
+
+def test_event_storm_is_named(quickstart):
+    scene = quickstart.replace({"contact.restitution": 0.9, "solver.max_events_per_period": 5})
+    run = simulate(scene)
+    assert run.outcome == "event-storm"
+    assert 0.0 < run.summary["simulated_s"] < scene.run.duration_s
+    assert "mode flight, t = " in run.summary["detail"]
+    assert run.trajectory["t_s"].iloc[-1] == run.summary["simulated_s"]
+
+
+def test_state_that_overflows_is_named(quickstart):
+    state = State(phi1_rate_rad_per_s=1e200)
+    run = simulate(quickstart.replace(run={"initial": Initial(state=state)}))
+    assert run.outcome == "non-finite"
+    assert run.trajectory.empty
+    assert "t = 0 s" in run.summary["detail"]
+
+
+@pytest.mark.parametrize(
+    ("status", "last", "stop"),
+    [
+        (0, 1.0, Stop.TIME),
+        (1, 1.0, Stop.TIME),
+        (2, 1.0, Stop.GUARD),
+        (-4, 1.0, Stop.FAILURE),
+        (1, np.nan, Stop.NON_FINITE),
+    ],
+)
+def test_every_status_of_the_integrator_has_a_meaning(status, last, stop):
+    result = SimpleNamespace(
+        status=status, message="why", t=np.array([0.0, 1.0]), y=np.array([[1.0], [last]]), yp=np.zeros((2, 1))
+    )
+    stretch = _stretch(result, None)
+    assert stretch.stop is stop
+    assert (stretch.detail != "") == (stop in (Stop.FAILURE, Stop.NON_FINITE))
+
+
+# -- memory ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.long
+def test_memory_stays_flat_over_1e5_restarts(calibrated):
+    scene = calibrated.replace(
+        {"material.mass_ratio": 0.1, "drive.supply_frequency_hz": 50.0, "solver.tolerance": 1e-5}
+    )
+    simulate(scene.replace({"run.duration_s": 50.0}), keep="summary")
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    summary = simulate(scene.replace({"run.duration_s": 1010.0}), keep="summary").summary
+    grown = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
+    assert summary["outcome"] == "ok"
+    assert summary["restarts"] >= 1e5
+    assert grown < 2048  # KiB
+
+
+def test_a_long_bare_run_is_restarted_seldom(printed):
+    summary = simulate(printed.replace({"run.duration_s": 20.0}), keep="summary").summary
+    assert summary["restarts"] == 5
+
+
+def test_period_of_the_storm_bound_is_the_synchronous_turn():
+    run = simulate(ball_on_table(1.5, periods=3).replace({"solver.max_events_per_period": 1}))
+    assert run.outcome == "event-storm"
