@@ -41,6 +41,13 @@ class PlotKind(StrEnum):
     exciters = "exciters"
 
 
+class BenchName(StrEnum):
+    """What can be measured."""
+
+    runtime = "runtime"
+    precision = "precision"
+
+
 def main() -> None:
     """Run the command line and turn errors into one line and an exit code."""
     try:
@@ -112,6 +119,36 @@ def plot(
     wanted = [k.value for k in (kind or PlotKind)]
     for path in plot_run(directory, wanted, start, stop):
         print(path)
+
+
+@app.command()
+def bench(
+    names: Annotated[
+        list[BenchName] | None, typer.Argument(metavar="[NAME]...", help="runtime, precision; both if none.")
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Directory of the results.")] = Path("results"),
+    reference: Annotated[Path, typer.Option(help="Directory of reference tables, for precision.")] = Path(
+        "tests/reference"
+    ),
+    repeats: Annotated[int, typer.Option(min=1, help="Runs of which the median is taken.")] = 5,
+) -> None:
+    """Measure run time, and run time against error; tables and a plot in OUT/bench."""
+    from vibroplat.bench.timing import machine, precision, runtime
+    from vibroplat.plots import plot_precision
+    from vibroplat.tables import result_directory, write_table
+
+    wanted = names or list(BenchName)
+    directory = result_directory(out, "bench")
+    print(machine())
+    if BenchName.runtime in wanted:
+        table = runtime(repeats=repeats)
+        write_table(table, directory, "runtime", "csv")
+        print(table.to_string(index=False, float_format="%.3g"))
+    if BenchName.precision in wanted:
+        table = precision(reference, repeats=repeats)
+        write_table(table, directory, "precision", "csv")
+        print(table.to_string(index=False, float_format="%.2e"))
+        print(plot_precision(table, directory))
 
 
 @app.command()

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 #: Turns of the exciters that motion and force show when no interval is asked for.
 SHOWN_TURNS = 10
 
-_STYLE: dict[str, Any] = {
+_STYLE: Any = {
     "figure.constrained_layout.use": True,
     "figure.dpi": 130,
     "axes.grid": True,
@@ -90,6 +90,26 @@ def plot_run(
                 plt.close(figure)
         written.append(path)
     return written
+
+
+def plot_precision(table: pd.DataFrame, directory: Path) -> Path:
+    """Draw errors against run time for each reference case; returns the PNG file."""
+    errors = {"y_m": "y (m)", "event_time_s": "event time (s)", "contact_force": "contact force (relative)"}
+    with mpl.rc_context(_STYLE):
+        figure, axes = plt.subplots(1, len(errors), figsize=(11, 3.6))
+        for axis, (column, label) in zip(axes, errors.items(), strict=True):
+            for case, rows in table.groupby("case"):
+                shown = rows[rows[column] > 0.0]
+                if len(shown):
+                    axis.loglog(shown[column], shown["ms_per_s_median"], "o-", ms=3, label=case)
+            axis.set_xlabel(f"largest error of {label}")
+            axis.invert_xaxis()
+        axes[0].set_ylabel("ms per simulated second")
+        axes[-1].legend(fontsize=7)
+        path = directory / "precision.png"
+        figure.savefig(path)
+        plt.close(figure)
+    return path
 
 
 def _read(directory: Path, start: float | None, stop: float | None) -> _Result:

@@ -12,6 +12,9 @@ import pytest
 from oracle import CLOSED_CASES, REFERENCE
 
 from vibroplat import load_config, simulate
+from vibroplat.bench.reference import compared_events as fast
+from vibroplat.bench.reference import coordinate_errors
+from vibroplat.bench.timing import precision
 
 PLAIN_CASES = ("attached-mu01-fe46", "bare-printed-fe60", "inelastic-mu02-fe51.5")
 #: Until the first accumulation is closed, where the reference with R > 0 loses momentum (see oracle.py).
@@ -40,34 +43,15 @@ def read(name, kind):
     return pd.read_csv(REFERENCE / f"{name}.{kind}.csv")
 
 
-def fast(events):
-    """Liftoffs, and impacts faster than 1e-3 m/s: slower ones are closed at thresholds of their own."""
-    return events[
-        (events["kind"] == "liftoff") | ((events["kind"] == "impact") & (events["gap_rate_before_m_per_s"] < -1e-3))
-    ].reset_index(drop=True)
-
-
-def coordinate_errors(run, name, until=np.inf):
-    reference = read(name, "trajectory")
-    reference = reference[reference["t_s"] <= min(until, run.scene.run.duration_s)]
-    rows = run(reference["t_s"])
-    errors = {c: np.abs(rows[c].to_numpy() - reference[c].to_numpy()).max() for c in COORDINATE_BOUNDS if c in rows}
-    if "contact_force_n" in rows:
-        both = ((rows["mode"] == "attached").to_numpy()) & (reference["mode"] == "attached").to_numpy()
-        force = reference["contact_force_n"].to_numpy()[both]
-        errors["contact_force"] = np.abs(rows["contact_force_n"].to_numpy()[both] - force).max() / force.max()
-    return errors
-
-
 @pytest.mark.parametrize("name", PLAIN_CASES)
 def test_coordinates_and_contact_force(runs, name):
-    for quantity, error in coordinate_errors(runs[name], name).items():
+    for quantity, error in coordinate_errors(runs[name], read(name, "trajectory")).items():
         assert error <= COORDINATE_BOUNDS.get(quantity, FORCE_BOUND), quantity
 
 
 @pytest.mark.parametrize("name", CLOSED_CASES)
 def test_coordinates_and_contact_force_up_to_the_first_closing(runs, name):
-    for quantity, error in coordinate_errors(runs[name], name, SOUND_UNTIL[name]).items():
+    for quantity, error in coordinate_errors(runs[name], read(name, "trajectory"), SOUND_UNTIL[name]).items():
         assert error <= COORDINATE_BOUNDS.get(quantity, FORCE_BOUND), quantity
 
 
@@ -125,21 +109,9 @@ def test_latches_carry_the_momentum_on(runs, name):
     assert abs(mine - theirs) <= 3e-10
 
 
-def slope(tolerances, errors):
-    return np.polyfit(np.log(tolerances), np.log(errors), 1)[0]
-
-
 @pytest.mark.parametrize("name", PLAIN_CASES[::2])
 def test_errors_fall_with_the_tolerance(name):
-    scene = load_config(REFERENCE / f"{name}.yaml")
-    theirs = fast(read(name, "events"))
-    tolerances = [1e-5, 1e-6, 1e-7, 1e-8, 1e-9]
-    force, times, y = [], [], []
-    for tolerance in tolerances:
-        run = simulate(scene.replace({"solver.tolerance": tolerance}))
-        errors = coordinate_errors(run, name)
-        force.append(errors["contact_force"])
-        y.append(errors["y_m"])
-        times.append(np.abs(fast(run.events)["t_s"] - theirs["t_s"]).max())
-    for errors in (force, times, y):
-        assert slope(tolerances, errors) >= 0.7
+    table = precision(REFERENCE, (1e-5, 1e-6, 1e-7, 1e-8, 1e-9), repeats=1, only=lambda case: case == name)
+    for column in ("contact_force", "event_time_s", "y_m"):
+        slope = np.polyfit(np.log(table["tolerance"]), np.log(table[column]), 1)[0]
+        assert slope >= 0.7, column

@@ -195,7 +195,7 @@ def consistent(system: int, differential: int, y: FloatArray, yp: FloatArray, yp
     yp[differential:] = z[differential:]
     ypp[:] = z
     ypp[differential:] = 0.0
-    if not evaluate_residual(system, y, yp, res, p) or not r.finite(z):
+    if not evaluate_residual(system, y, yp, res, p) or not np.isfinite(np.sum(z)):
         return np.nan
     left = 0.0
     for i in range(size):

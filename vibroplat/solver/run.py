@@ -285,8 +285,17 @@ class _Run:
     def _event(
         self, kind: str, before: float, after: float, impulse: float, loss: float, force: float, impacts: int
     ) -> None:
-        values = (float(v) for v in (before, after, impulse, loss, force))
-        event = Event(self.t, kind, *values, self.mode.label, impacts)
+        event = Event(
+            t_s=self.t,
+            kind=kind,
+            gap_rate_before_m_per_s=float(before),
+            gap_rate_after_m_per_s=float(after),
+            impulse_n_s=float(impulse),
+            energy_loss_j=float(loss),
+            contact_force_after_n=float(force),
+            mode_after=self.mode.label,
+            impacts=impacts,
+        )
         if self.keep != "summary":
             self.events.append(event)
         self.recorder.event(event)

@@ -184,11 +184,13 @@ class Trajectory:
         else:
             times, states, force = np.empty(0), np.empty((0, FULL_SIZE)), np.empty(0)
         labels = [mode.label for mode in Mode]
-        codes = np.concatenate([np.full(len(p[1]), int(p[0].system.mode)) for p in parts]) if parts else []
+        codes = [np.full(len(part[1]), int(part[0].system.mode)) for part in parts]
         table = pd.DataFrame(
             {
                 "t_s": times,
-                "mode": pd.Categorical.from_codes(np.asarray(codes, dtype=int), categories=labels),
+                "mode": pd.Categorical.from_codes(
+                    np.concatenate(codes) if codes else np.empty(0, dtype=int), categories=pd.Index(labels)
+                ),
             }
         )
         for place, name in zip(places, names, strict=True):
