@@ -1,0 +1,105 @@
+"""Scenes, random states and small numerics that the tests of the physics share."""
+
+import numpy as np
+import pytest
+
+from vibroplat.physics.motor import kloss_torque, resistance
+from vibroplat.physics.parameters import parameters
+from vibroplat.physics.systems import FULL_SIZE, SYSTEMS, consistent
+from vibroplat.scene import Contact, Drive, Machine, Material, Motor, Scene
+
+#: The rig of the paper, and one on which no mass, lever or angle is small or round.
+MACHINES = {
+    "paper": Machine(),
+    "lopsided": Machine(
+        platform_mass_kg=9.3,
+        unbalance_mass_kg=0.8,
+        rotor_inertia_kg_m2=2.0e-3,
+        exciter_distance_m=0.31,
+        exciter_angle_deg=-52.0,
+        damping_y_n_s_per_m=430.0,
+        gravity_m_per_s2=7.3,
+    ),
+}
+
+UNEQUAL_MOTORS = [
+    Motor(),
+    Motor(critical_torque_n_m=0.9, critical_slip=0.21, pole_pairs=3, friction_radius_m=8.0e-5),
+]
+
+MATERIALS = {
+    0: Material(),
+    1: Material(mass_ratio=0.13, layers=1),
+    2: Material(mass_ratio=0.2, lower_share=0.7, natural_frequency_hz=18.5, damping_ratio=0.05),
+}
+
+EACH_SYSTEM = pytest.mark.parametrize(
+    "system", SYSTEMS, ids=lambda system: f"{system.mode.label}-{system.layers}"
+)
+EACH_MACHINE = pytest.mark.parametrize("machine", MACHINES)
+
+#: Realistic sizes of the full state: m and rad, then m/s and rad/s; the angles go round several times.
+SIZES = np.array([1e-3, 2e-3, 1e-2, 20.0, 20.0, 1e-3, 1e-3, 0.2, 0.4, 1.0, 150.0, 150.0, 0.4, 0.3])
+
+
+def scene_of(layers, machine="paper", **contact):
+    """Return a scene with this many layers and unequal motors."""
+    return Scene(
+        machine=MACHINES[machine],
+        motors=UNEQUAL_MOTORS,
+        material=MATERIALS[layers],
+        contact=Contact(**contact),
+        drive=Drive(supply_frequency_hz=51.5),
+    )
+
+
+def random_states(seed, count):
+    """Return full states of realistic size, shape (count, 14), with gaps that are not negative."""
+    states = np.random.default_rng(seed).uniform(-1.0, 1.0, (count, FULL_SIZE)) * SIZES
+    states[:, 5] = np.abs(states[:, 5])
+    return states
+
+
+def settled(system, differential, p):
+    """Return (y, y′, y″, residual left) of `consistent`; `differential` holds the differential unknowns."""
+    y, yp, ypp = np.zeros(system.size), np.empty(system.size), np.empty(system.size)
+    y[: system.differential] = differential[: system.differential]
+    left = consistent(system.index, system.differential, y, yp, ypp, p)
+    return y, yp, ypp, left
+
+
+def central_difference(function, step):
+    """Differentiate at 0; the error is of sixth order in the step."""
+    weights = ((1, 45.0 / 60.0), (2, -9.0 / 60.0), (3, 1.0 / 60.0))
+    return sum(weight * (function(n * step) - function(-n * step)) for n, weight in weights) / step
+
+
+def net_torques(state, p):
+    """Return motor torque less resistance of both exciters (checked in test_motor.py)."""
+    return [
+        kloss_torque(state[10 + i], (1.0, -1.0)[i], *p[first : first + 3]) - resistance(state[10 + i], p[first + 3])
+        for i, first in enumerate((13, 17))
+    ]
+
+
+def mass_matrix(state, machine):
+    """Return the 5×5 mass matrix of model.md, in the order (x, y, φ, φ₁, φ₂)."""
+    k = machine.unbalance
+    matrix = np.diag(
+        [machine.total_mass, machine.total_mass, machine.inertia, machine.exciter_inertia, machine.exciter_inertia]
+    )
+    x0, y0 = machine.exciter_axis
+    for i, side in enumerate((1.0, -1.0)):
+        sine, cosine = np.sin(state[3 + i]), np.cos(state[3 + i])
+        axis_x, axis_y = side * x0 - state[2] * y0, y0 + state[2] * side * x0
+        coupling = k * np.array([-sine, cosine, axis_x * cosine + axis_y * sine])
+        matrix[3 + i, :3] = matrix[:3, 3 + i] = coupling
+    return matrix
+
+
+def packed(scene, **entries):
+    """Return the parameter vector of a scene."""
+    p = parameters(scene)
+    for place, value in entries.items():
+        p[int(place)] = value
+    return p
