@@ -22,7 +22,6 @@ _LIBRARIES = ("scikit-sundae", "numpy", "scipy", "numba", "pandas", "pydantic", 
 
 def provenance(scene: Scene, engine: str) -> dict[str, Any]:
     """Gather versions, machine, and the full configuration of a result."""
-    configuration = scene.model_dump(mode="json")
     return {
         "schema": SCHEMA,
         "vibroplat": vibroplat.__version__,
@@ -34,13 +33,13 @@ def provenance(scene: Scene, engine: str) -> dict[str, Any]:
         "python": platform.python_version(),
         "platform": platform.platform(),
         "libraries": {name: _version(name) for name in _LIBRARIES},
-        "configuration": configuration,
+        "configuration": scene.to_tree(),
     }
 
 
 def configuration_hash(scene: Scene) -> str:
     """SHA-256 of the resolved configuration, the same for every way to write it."""
-    text = json.dumps(scene.model_dump(mode="json"), sort_keys=True, separators=(",", ":"))
+    text = json.dumps(scene.to_tree(), sort_keys=True, separators=(",", ":"))
     return hashlib.sha256(text.encode()).hexdigest()
 
 

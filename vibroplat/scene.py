@@ -379,6 +379,14 @@ class Scene(_Section):
         }
         return Scene.from_tree(merge(merge(tree, given), nest(changes or {})))
 
+    def to_tree(self) -> dict[str, Any]:
+        """Return all keys as nested plain values, defaults included; :meth:`from_tree` takes them back."""
+        tree = self.model_dump(mode="json", exclude_none=True)
+        initial = tree["run"]["initial"]
+        if "state" in initial:
+            tree["run"]["initial"] = {"state": initial["state"]}
+        return tree
+
     @classmethod
     def from_tree(cls, tree: Mapping[str, Any]) -> Scene:
         """Build a scene from nested plain values, as a configuration file holds them.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import resource
 from types import SimpleNamespace
 
@@ -11,10 +12,13 @@ import pytest
 from known_scenes import ball_on_table
 
 from vibroplat import Initial, State, simulate
+from vibroplat.physics.parameters import parameters
 from vibroplat.physics.systems import systems
 from vibroplat.scene import Mode
-from vibroplat.solver.engine import Stop
-from vibroplat.solver.sundae import _stretch
+from vibroplat.solver.engine import Control, Stop
+from vibroplat.solver.initial import initial_state
+from vibroplat.solver.scales import absolute_tolerances
+from vibroplat.solver.sundae import SundaeEngine, _stretch
 
 
 def test_two_runs_of_one_scene_are_bit_identical(quickstart):
@@ -152,6 +156,29 @@ def test_every_status_of_the_integrator_has_a_meaning(status, last, stop):
     stretch = _stretch(result, None)
     assert stretch.stop is stop
     assert (stretch.detail != "") == (stop in (Stop.FAILURE, Stop.NON_FINITE))
+
+
+def advance_with(quickstart, monkeypatch, residual):
+    """Advance the flight of two layers with another residual in place of the compiled one."""
+    scene = quickstart.replace({"contact.restitution": 0.5})
+    flight = systems(scene)[Mode.FLIGHT]
+    y = flight.unknowns(initial_state(scene))
+    engine = SundaeEngine(parameters(scene))
+    control = Control(absolute_tolerances(scene, flight), 1e-5)
+    broken = dataclasses.replace(flight, residual=residual(flight))
+    return engine.advance(broken, y, np.zeros(flight.size), control, 0.1)
+
+
+def test_residual_that_is_not_finite_stops_the_engine(quickstart, monkeypatch):
+    stretch = advance_with(quickstart, monkeypatch, lambda flight: lambda y, yp, res, p: False)
+    assert (stretch.stop, stretch.detail) == (Stop.NON_FINITE, "the residual is not finite")
+    assert stretch.t.tolist() == [0.0]
+
+
+def test_integrator_that_gets_stuck_is_stopped(quickstart, monkeypatch):
+    monkeypatch.setattr("vibroplat.solver.sundae.MAX_CALLS", 10)
+    stretch = advance_with(quickstart, monkeypatch, lambda flight: flight.residual)
+    assert (stretch.stop, stretch.detail) == (Stop.FAILURE, "IDA: no end of the stretch within 10 residual calls")
 
 
 # -- memory ---------------------------------------------------------------------------------------------

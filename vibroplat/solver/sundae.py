@@ -19,8 +19,16 @@ from vibroplat.solver.scales import ROUND_OFF
 _ROOT = 2
 
 
+#: Residual calls in one stretch after which the integrator is taken to be stuck; usual are some 10⁴.
+MAX_CALLS = 2_000_000
+
+
 class _NonFiniteError(ArithmeticError):
     """A residual that is not finite, raised through the callback."""
+
+
+class _StuckError(RuntimeError):
+    """More residual calls than any stretch needs, raised through the callback."""
 
 
 @dataclass(frozen=True)
@@ -58,17 +66,21 @@ class SundaeEngine:
     def __init__(self, p: FloatArray) -> None:
         self.counters = Counters()
         self._p = p
+        self._calls = 0
         self._integrators: dict[tuple[int, bytes, float], _Integrator] = {}
 
     def advance(self, system: System, y: FloatArray, yp: FloatArray, control: Control, until: float) -> Stretch:
         """Integrate to the guard or to ``until``; see :class:`vibroplat.solver.engine.Engine`."""
         integrator = self._integrator(system, control)
         self.counters.restarts += 1
+        self._calls = 0
+        here = np.zeros(1), y[np.newaxis], yp[np.newaxis]
         try:
             result = integrator.ida.solve([0.0, until], y, yp)
         except _NonFiniteError:
-            here = np.zeros(1), y[np.newaxis], yp[np.newaxis]
             return Stretch(*here, Stop.NON_FINITE, "the residual is not finite")
+        except _StuckError:
+            return Stretch(*here, Stop.FAILURE, f"IDA: no end of the stretch within {MAX_CALLS} residual calls")
         finally:
             integrator.forget_events()
         self.counters.steps += len(result.t) - 1
@@ -89,6 +101,9 @@ class SundaeEngine:
         def residual(t: float, y: FloatArray, yp: FloatArray, res: FloatArray) -> None:
             if not residual_kernel(y, yp, res, p):
                 raise _NonFiniteError
+            self._calls += 1
+            if self._calls > MAX_CALLS:
+                raise _StuckError
 
         def jacobian(t: float, y: FloatArray, yp: FloatArray, res: FloatArray, cj: float, jac: FloatArray) -> None:
             jacobian_kernel(y, yp, cj, jac, p)
