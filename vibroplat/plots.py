@@ -98,14 +98,13 @@ def plot_precision(table: pd.DataFrame, directory: Path) -> Path:
     with mpl.rc_context(_STYLE):
         figure, axes = plt.subplots(1, len(errors), figsize=(11, 3.6))
         for axis, (column, label) in zip(axes, errors.items(), strict=True):
-            for case, rows in table.groupby("case"):
+            for color, (case, rows) in enumerate(table.groupby("case")):
                 shown = rows[rows[column] > 0.0]
-                if len(shown):
-                    axis.loglog(shown[column], shown["ms_per_s_median"], "o-", ms=3, label=case)
+                axis.loglog(shown[column], shown["ms_per_s_median"], "o-", ms=3, color=f"C{color}", label=case)
             axis.set_xlabel(f"largest error of {label}")
             axis.invert_xaxis()
         axes[0].set_ylabel("ms per simulated second")
-        axes[-1].legend(fontsize=7)
+        axes[0].legend(fontsize=7)
         path = directory / "precision.png"
         figure.savefig(path)
         plt.close(figure)

@@ -187,11 +187,11 @@ def test_integrator_that_gets_stuck_is_stopped(quickstart, monkeypatch):
 @pytest.mark.long
 def test_memory_stays_flat_over_1e5_restarts(calibrated):
     scene = calibrated.replace(
-        {"material.mass_ratio": 0.1, "drive.supply_frequency_hz": 50.0, "solver.tolerance": 1e-5}
+        {"material.mass_ratio": 0.1, "drive.supply_frequency_hz": 50.0, "solver.tolerance": 1e-4}
     )
     simulate(scene.replace({"run.duration_s": 50.0}), keep="summary")
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    summary = simulate(scene.replace({"run.duration_s": 1010.0}), keep="summary").summary
+    summary = simulate(scene.replace({"run.duration_s": 2020.0}), keep="summary").summary
     grown = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
     assert summary["outcome"] == "ok"
     assert summary["restarts"] >= 1e5

@@ -31,6 +31,13 @@ class _StuckError(RuntimeError):
     """More residual calls than any stretch needs, raised through the callback."""
 
 
+@dataclass
+class _Budget:
+    """Residual calls left in a stretch; apart from the engine, so that callbacks make no reference cycle."""
+
+    left: int = MAX_CALLS
+
+
 @dataclass(frozen=True)
 class _Integrator:
     """One IDA object and the event function whose buffers it fills."""
@@ -66,14 +73,14 @@ class SundaeEngine:
     def __init__(self, p: FloatArray) -> None:
         self.counters = Counters()
         self._p = p
-        self._calls = 0
+        self._budget = _Budget()
         self._integrators: dict[tuple[int, bytes, float], _Integrator] = {}
 
     def advance(self, system: System, y: FloatArray, yp: FloatArray, control: Control, until: float) -> Stretch:
         """Integrate to the guard or to ``until``; see :class:`vibroplat.solver.engine.Engine`."""
         integrator = self._integrator(system, control)
         self.counters.restarts += 1
-        self._calls = 0
+        self._budget.left = MAX_CALLS
         here = np.zeros(1), y[np.newaxis], yp[np.newaxis]
         try:
             result = integrator.ida.solve([0.0, until], y, yp)
@@ -96,13 +103,14 @@ class SundaeEngine:
         return self._integrators[key]
 
     def _make(self, system: System, atol: FloatArray, first_step: float) -> _Integrator:
-        p, residual_kernel, jacobian_kernel = self._p, system.residual, system.jacobian
+        p, budget = self._p, self._budget
+        residual_kernel, jacobian_kernel = system.residual, system.jacobian
 
         def residual(t: float, y: FloatArray, yp: FloatArray, res: FloatArray) -> None:
             if not residual_kernel(y, yp, res, p):
                 raise _NonFiniteError
-            self._calls += 1
-            if self._calls > MAX_CALLS:
+            budget.left -= 1
+            if budget.left < 0:
                 raise _StuckError
 
         def jacobian(t: float, y: FloatArray, yp: FloatArray, res: FloatArray, cj: float, jac: FloatArray) -> None:
