@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 app = typer.Typer(
     help="Simulate a vibrating platform with self-synchronizing exciters and material that may leave it.",
-    no_args_is_help=True,
+    invoke_without_command=True,
     add_completion=False,
     pretty_exceptions_enable=False,
 )
@@ -51,13 +51,22 @@ class BenchName(StrEnum):
 def main() -> None:
     """Run the command line and turn errors into one line and an exit code."""
     try:
-        app()
+        code = app(standalone_mode=False)
     except VibroplatError as error:
-        print(f"vibroplat: {error}", file=sys.stderr)
-        sys.exit(2)
-    except KeyboardInterrupt:
-        print("vibroplat: interrupted; tables under their final names are whole", file=sys.stderr)
-        sys.exit(130)
+        sys.exit(_complain(str(error), 2))
+    except (KeyboardInterrupt, typer.Abort):
+        sys.exit(_complain("interrupted; tables under their final names are whole", 130))
+    except Exception as error:
+        # the base of typer's usage errors is not public; this method is what marks them
+        if not hasattr(error, "format_message"):
+            raise
+        sys.exit(_complain(f"{error.format_message()} Try 'vibroplat --help'.", 2))
+    sys.exit(code if isinstance(code, int) else 0)
+
+
+def _complain(text: str, code: int) -> int:
+    print(f"vibroplat: {' '.join(text.split())}", file=sys.stderr)
+    return code
 
 
 def _show_version(wanted: bool) -> None:
@@ -68,11 +77,13 @@ def _show_version(wanted: bool) -> None:
 
 @app.callback()
 def _options(
+    context: typer.Context,
     version: Annotated[
         bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version.")
     ] = False,
 ) -> None:
-    pass
+    if context.invoked_subcommand is None:
+        print(context.get_help())
 
 
 @app.command()

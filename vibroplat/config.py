@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 from ruamel.yaml import YAML
 from ruamel.yaml.constructor import DuplicateKeyError
-from ruamel.yaml.error import MarkedYAMLError, YAMLError
+from ruamel.yaml.error import MarkedYAMLError, ReusedAnchorWarning
 
 from vibroplat.errors import ConfigError
 from vibroplat.overrides import merge, nest
 from vibroplat.scene import Scene
 
 #: A configuration has some sixty keys; what is much larger is not one.
-MAX_BYTES = 1_000_000
-MAX_VALUES = 10_000
+MAX_BYTES = 25_000
+MAX_VALUES = 5_000
+MAX_BRACKETS = 200
 
 
 def load_config(path: str | os.PathLike[str], overrides: Mapping[str, Any] | None = None) -> Scene:
@@ -71,10 +73,11 @@ def configuration_schema() -> dict[str, Any]:
 
 def _read_chain(file: Path, above: tuple[Path, ...]) -> dict[str, Any]:
     """Read a file laid over those it extends."""
+    text = _text(file)
     place = file.resolve()
     if place in above:
         raise ConfigError(f"{file}: extends itself by way of {above[-1].name}")
-    tree = _parse(_text(file), str(file))
+    tree = _parse(text, str(file))
     if tree is None:
         tree = {}
     if not isinstance(tree, dict):
@@ -103,8 +106,16 @@ def _text(file: Path) -> str:
 def _parse(text: str, source: str) -> Any:
     """Load YAML without building objects; every complaint becomes one line."""
     try:
-        tree = YAML(typ="safe", pure=True).load(text)
-        _count(tree, MAX_VALUES)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", ReusedAnchorWarning)
+            if text.count("[") + text.count("{") > MAX_BRACKETS:  # the parser's time grows with their square
+                raise ConfigError(f"{source}: more than {MAX_BRACKETS} brackets; not a configuration")
+            if _values(YAML(typ="safe", pure=True).compose(text), {}) > MAX_VALUES:
+                raise ConfigError(f"{source}: more than {MAX_VALUES} values; not a configuration")
+            tree = YAML(typ="safe", pure=True).load(text)
+            _require_text_keys(tree)
+    except ConfigError:
+        raise
     except DuplicateKeyError as error:
         line = error.problem_mark.line + 1 if error.problem_mark else "?"
         problem = str(error.problem).split("with value")[0].removeprefix("found ").strip()
@@ -115,24 +126,32 @@ def _parse(text: str, source: str) -> Any:
         raise ConfigError(f"{source}: not readable as YAML{where}: {_one_line(error.problem)}") from None
     except RecursionError:
         raise ConfigError(f"{source}: nested too deeply") from None
-    except (YAMLError, ValueError, TypeError, OverflowError, KeyError, AttributeError) as error:
-        raise ConfigError(f"{source}: not readable as YAML: {_one_line(error)}") from None
+    except Exception as error:  # the parser raises whatever on what is not YAML: IndexError, AssertionError …
+        raise ConfigError(f"{source}: not readable as YAML: {_one_line(error) or type(error).__name__}") from None
     return tree
 
 
-def _count(node: Any, left: int) -> int:
-    """Count values as if every alias were written out; too many are refused."""
-    if left <= 0:
-        raise ValueError(f"more than {MAX_VALUES} values")
-    if isinstance(node, dict):
-        for key, value in node.items():
+def _values(node: Any, known: dict[int, int]) -> int:
+    """Count the values of a composed document as if every alias and merge were written out."""
+    if node is None:
+        return 0
+    if id(node) not in known:
+        known[id(node)] = MAX_VALUES + 1  # what contains itself is endless
+        inside = [n for entry in node.value for n in (entry if isinstance(entry, tuple) else (entry,))]
+        known[id(node)] = 1 + sum(_values(n, known) for n in inside if not isinstance(n, str))
+    return known[id(node)]
+
+
+def _require_text_keys(tree: Any) -> None:
+    """Refuse keys that are not texts, which the sections could not even name."""
+    if isinstance(tree, dict):
+        for key, value in tree.items():
             if not isinstance(key, str):
                 raise ValueError(f"key {key!r} is not a text")
-            left = _count(value, left - 1)
-    elif isinstance(node, list):
-        for value in node:
-            left = _count(value, left - 1)
-    return left
+            _require_text_keys(value)
+    elif isinstance(tree, list):
+        for value in tree:
+            _require_text_keys(value)
 
 
 def _one_line(text: object) -> str:

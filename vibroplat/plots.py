@@ -114,11 +114,17 @@ def plot_precision(table: pd.DataFrame, directory: Path) -> Path:
 def _read(directory: Path, start: float | None, stop: float | None) -> _Result:
     if not directory.is_dir():
         raise TableError(f"{directory} is no directory; allowed: one that `vibroplat run` has written")
-    found = read_json(directory, "provenance").get("schema")
+    origin = read_json(directory, "provenance")
+    found = origin.get("schema") if isinstance(origin, dict) else None
     if found != SCHEMA:
         raise TableError(f"{directory} holds results of schema {found}; this version reads schema {SCHEMA}")
     summary = read_json(directory, "summary")
-    whole, events = read_table(directory, "trajectory"), read_table(directory, "events")
+    if not isinstance(summary, dict) or not {"name", "excitation_frequency_hz"} <= summary.keys():
+        raise TableError(f"{directory / 'summary.json'} is no summary of a run")
+    whole = _read_columns(directory, "trajectory", ("t_s", "y_m", "phi1_rad", "phi2_rad"))
+    events = _read_columns(directory, "events", ("t_s", "impulse_n_s"))
+    if whole.empty:
+        raise TableError(f"{directory} holds an empty trajectory; there is nothing to draw")
     first, last = float(whole["t_s"].min()), float(whole["t_s"].max())
     end = last if stop is None else stop
     frequency = summary["excitation_frequency_hz"]
@@ -127,6 +133,15 @@ def _read(directory: Path, start: float | None, stop: float | None) -> _Result:
     if shown["t_s"].nunique() < 2:
         raise TableError(f"nothing between {begin} and {end} s; allowed: an interval within {first} … {last} s")
     return _Result(summary["name"], whole, shown, events[events["t_s"].between(begin, end)])
+
+
+def _read_columns(directory: Path, name: str, numbers: Sequence[str]) -> pd.DataFrame:
+    """Read a table that must have these columns of numbers, and one that names mode or kind."""
+    table = read_table(directory, name)
+    for column in numbers:
+        if column not in table or not (pd.api.types.is_numeric_dtype(table[column]) or table.empty):
+            raise TableError(f"the {name} table in {directory} has no numbers in column {column}")
+    return table
 
 
 def _motion(result: _Result) -> Figure:

@@ -12,15 +12,42 @@ from collections.abc import Mapping
 from enum import IntEnum
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationError,
+    model_validator,
+)
+from pydantic_core import PydanticCustomError
 
 from vibroplat.errors import ConfigError
 from vibroplat.messages import explain
 from vibroplat.overrides import merge, nest
 
-Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
-NonNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
-Real = Annotated[float, Field(allow_inf_nan=False)]
+#: Numbers outside of these are no physical quantity in SI units; products of those inside stay finite.
+LEAST, LARGEST = 1e-30, 1e30
+#: Rows of a trajectory table that a scene may ask for.
+MAX_ROWS = 100_000_000
+
+
+def _not_minute(value: float) -> float:
+    if value < LEAST:
+        raise PydanticCustomError("greater_than_equal", "too small", {"ge": LEAST})
+    return value
+
+
+def _not_bool(value: Any) -> Any:
+    if isinstance(value, bool):
+        raise PydanticCustomError("literal_error", "no number", {"expected": "1 or 2"})
+    return value
+
+
+Positive = Annotated[float, Field(gt=0.0, le=LARGEST, allow_inf_nan=False), AfterValidator(_not_minute)]
+NonNegative = Annotated[float, Field(ge=0.0, le=LARGEST, allow_inf_nan=False)]
+Real = Annotated[float, Field(ge=-LARGEST, le=LARGEST, allow_inf_nan=False)]
 Share = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
 
 
@@ -98,7 +125,7 @@ class Motor(_Section):
 
     critical_torque_n_m: NonNegative = Field(1.2, description="M_c; 0 = supply switched off")
     critical_slip: Positive = Field(0.15, description="s_c")
-    pole_pairs: Annotated[int, Field(ge=1)] = Field(2, description="P")
+    pole_pairs: Annotated[int, Field(ge=1, le=1000)] = Field(2, description="P")
     friction_radius_m: NonNegative = Field(5.0e-5, description="k_R, bearing friction times shaft radius")
 
 
@@ -106,7 +133,7 @@ class Material(_Section):
     """The material on the platform; a mass ratio of 0 is a bare platform."""
 
     mass_ratio: NonNegative = Field(0.0, description="mu_w = m_w / M")
-    layers: Literal[1, 2] = Field(2, description="2, or 1 for a thin layer")
+    layers: Annotated[Literal[1, 2], BeforeValidator(_not_bool)] = Field(2, description="2, or 1 for a thin layer")
     lower_share: Annotated[float, Field(gt=0.0, le=1.0, allow_inf_nan=False)] = Field(
         0.75, description="m_w1 / m_w; read with two layers"
     )
@@ -172,9 +199,9 @@ class State(_Section):
     phi2_rate_rad_per_s: Real = 0.0
     gap_rate_m_per_s: Real = 0.0
     upper_rate_m_per_s: Real = 0.0
-    t_s: float | None = None
+    t_s: Real | None = None
     mode: str | None = None
-    contact_force_n: float | None = None
+    contact_force_n: Real | None = None
 
 
 class Initial(_Section):
@@ -207,7 +234,7 @@ class Solver(_Section):
         1.0e-6, description="local error, relative to the scales of the scene"
     )
     engine: Literal["auto", "sundae"] = Field("auto", description="sundae: SUNDIALS IDA through scikit-sundae")
-    max_events_per_period: Annotated[int, Field(ge=1)] = Field(
+    max_events_per_period: Annotated[int, Field(ge=1, le=1_000_000_000)] = Field(
         10_000, description="events within one turn of the supply's synchronous speed that end a run"
     )
 
@@ -254,10 +281,23 @@ class Scene(_Section):
     solver: Solver = Solver()
     output: Output = Output()
 
+    @model_validator(mode="before")
+    @classmethod
+    def _default_motor(cls, given: Any) -> Any:
+        if isinstance(given, dict) and given.get("motor") is None and given.get("motors") is None:
+            return given | {"motor": Motor()}
+        return given
+
     @model_validator(mode="after")
     def _consistent(self) -> Self:
         if self.motor is not None and self.motors is not None:
             raise ValueError("motor and motors are both given; allowed: one of the two")
+        rows = self.run.duration_s * self.output.sample_rate_hz
+        if rows > MAX_ROWS:
+            raise ValueError(
+                f"output.sample_rate_hz = {self.output.sample_rate_hz} asks for {rows:.3g} rows in "
+                f"{self.run.duration_s} s; allowed: at most {MAX_ROWS} rows"
+            )
         state = self.run.initial.state
         if state is not None:
             given = state.model_dump(exclude_none=True)
@@ -304,8 +344,8 @@ class Scene(_Section):
         """The motors of exciters 1 and 2."""
         if self.motors is not None:
             return self.motors[0], self.motors[1]
-        motor = self.motor if self.motor is not None else Motor()
-        return motor, motor
+        assert self.motor is not None  # the validator saw to it
+        return self.motor, self.motor
 
     @property
     def synchronous_speeds(self) -> tuple[float, float]:

@@ -47,7 +47,7 @@ def write_table(table: pd.DataFrame, directory: Path, name: str, form: Format) -
         _replace(path, lambda temporary: table.to_csv(temporary, index=False))
     for other in FORMATS:
         if other != form:
-            (directory / f"{name}.{other}").unlink(missing_ok=True)
+            _remove(directory / f"{name}.{other}")
     return path
 
 
@@ -86,6 +86,13 @@ def read_json(directory: Path, name: str) -> Any:
         raise TableError(f"{directory} holds no {name}.json") from None
     except (OSError, ValueError) as error:
         raise TableError(f"{path} cannot be read: {' '.join(str(error).split())}") from None
+
+
+def _remove(path: Path) -> None:
+    try:
+        path.unlink(missing_ok=True)
+    except OSError as error:
+        raise TableError(f"{path} cannot be removed: {error.strerror or error}") from None
 
 
 def _replace(path: Path, write: Callable[[Path], object]) -> None:

@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 from known_scenes import ball_on_table
 
-from vibroplat import Initial, State, simulate
+from vibroplat import simulate
 from vibroplat.physics.parameters import parameters
 from vibroplat.physics.systems import systems
 from vibroplat.scene import Mode
@@ -131,12 +131,25 @@ def test_event_storm_is_named(quickstart):
     assert run.trajectory["t_s"].iloc[-1] == run.summary["simulated_s"]
 
 
-def test_state_that_overflows_is_named(quickstart):
-    state = State(phi1_rate_rad_per_s=1e200)
-    run = simulate(quickstart.replace(run={"initial": Initial(state=state)}))
+def singular(*_):
+    raise np.linalg.LinAlgError("Matrix is singular to machine precision.")
+
+
+@pytest.mark.parametrize("broken", [lambda *_: np.nan, singular])
+def test_state_without_finite_accelerations_is_named(quickstart, monkeypatch, broken):
+    monkeypatch.setattr("vibroplat.solver.run.consistent", broken)
+    run = simulate(quickstart)
     assert run.outcome == "non-finite"
     assert run.trajectory.empty
-    assert "t = 0 s" in run.summary["detail"]
+    assert run.summary["detail"].startswith("no consistent state (")
+    assert "t = 0 s, state [0, " in run.summary["detail"]
+
+
+@pytest.mark.parametrize(("key", "value"), [("phi1_rate_rad_per_s", 1e30), ("y_m", 1e25), ("gap_m", 1e30)])
+def test_absurd_states_end_with_an_outcome(quickstart, key, value):
+    run = simulate(quickstart.replace({"run.initial": {"state": {key: value}}, "run.duration_s": 0.01}))
+    assert run.outcome in ("ok", "solver-failure", "non-finite", "event-storm")
+    assert all(np.isfinite(v) for v in run.summary.values() if isinstance(v, float))
 
 
 @pytest.mark.parametrize(

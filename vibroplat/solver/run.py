@@ -131,6 +131,9 @@ class _Run:
                 pass
         except _Ended as ended:
             outcome, detail = ended.outcome, ended.detail
+        except np.linalg.LinAlgError as error:
+            singular = self._ended("non-finite", f"no consistent state ({error})")
+            outcome, detail = singular.outcome, singular.detail
         self.recorder.finish(self.state)
         self.state[3:5] += self.turns
         run = Trajectory(self.scene, self.segments, self.events, self.state)

@@ -139,9 +139,11 @@ class Trajectory:
         Raises
         ------
         ValueError
-            A time lies outside the run, or the segments were not kept.
+            Times lie outside the run or are not a list of numbers, or the segments were not kept.
         """
         wanted = np.atleast_1d(np.asarray(times, dtype=float))
+        if wanted.ndim != 1 or not np.isfinite(wanted).all():
+            raise ValueError("times must be a number or a one-dimensional list of finite numbers")
         if not self.segments:
             raise ValueError("this run kept no segments; simulate with keep='segments' for dense output")
         first, last = self.segments[0].start, self.segments[-1].end
