@@ -3,8 +3,6 @@
 import numpy as np
 import pytest
 
-from vibroplat.physics.motor import kloss_torque, resistance
-from vibroplat.physics.parameters import parameters
 from vibroplat.physics.systems import FULL_SIZE, SYSTEMS, consistent
 from vibroplat.scene import Contact, Drive, Machine, Material, Motor, Scene
 
@@ -33,9 +31,7 @@ MATERIALS = {
     2: Material(mass_ratio=0.2, lower_share=0.7, natural_frequency_hz=18.5, damping_ratio=0.05),
 }
 
-EACH_SYSTEM = pytest.mark.parametrize(
-    "system", SYSTEMS, ids=lambda system: f"{system.mode.label}-{system.layers}"
-)
+EACH_SYSTEM = pytest.mark.parametrize("system", SYSTEMS, ids=lambda system: f"{system.mode.label}-{system.layers}")
 EACH_MACHINE = pytest.mark.parametrize("machine", MACHINES)
 
 #: Realistic sizes of the full state: m and rad, then m/s and rad/s; the angles go round several times.
@@ -74,14 +70,6 @@ def central_difference(function, step):
     return sum(weight * (function(n * step) - function(-n * step)) for n, weight in weights) / step
 
 
-def net_torques(state, p):
-    """Return motor torque less resistance of both exciters (checked in test_motor.py)."""
-    return [
-        kloss_torque(state[10 + i], (1.0, -1.0)[i], *p[first : first + 3]) - resistance(state[10 + i], p[first + 3])
-        for i, first in enumerate((13, 17))
-    ]
-
-
 def mass_matrix(state, machine):
     """Return the 5×5 mass matrix of model.md, in the order (x, y, φ, φ₁, φ₂)."""
     k = machine.unbalance
@@ -95,11 +83,3 @@ def mass_matrix(state, machine):
         coupling = k * np.array([-sine, cosine, axis_x * cosine + axis_y * sine])
         matrix[3 + i, :3] = matrix[:3, 3 + i] = coupling
     return matrix
-
-
-def packed(scene, **entries):
-    """Return the parameter vector of a scene."""
-    p = parameters(scene)
-    for place, value in entries.items():
-        p[int(place)] = value
-    return p

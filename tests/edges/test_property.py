@@ -1,0 +1,141 @@
+"""Whatever a configuration holds, it becomes a scene or one line for the user."""
+
+from __future__ import annotations
+
+import json
+import typing
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from pydantic import BaseModel
+
+from vibroplat import Scene, load_config
+from vibroplat.config import parse_overrides
+from vibroplat.errors import ConfigError
+
+quick = settings(
+    max_examples=100,
+    derandomize=True,
+    deadline=None,
+    database=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)
+
+VALID = {
+    "material": {"mass_ratio": 0.2, "natural_frequency_hz": 18.5, "damping_ratio": 0.05},
+    "motors": [{"pole_pairs": 2}, {"pole_pairs": 3}],
+    "run": {"duration_s": 1.0},
+}
+
+
+def dotted_keys(model, path=()):
+    """All keys of a configuration, sections too."""
+    for name, field in model.model_fields.items():
+        yield ".".join((*path, name))
+        for kind in (field.annotation, *typing.get_args(field.annotation)):
+            if isinstance(kind, type) and issubclass(kind, BaseModel):
+                yield from dotted_keys(kind, (*path, name))
+
+
+KEYS = sorted(dotted_keys(Scene))
+NUMBERS = st.one_of(
+    st.floats(),
+    st.integers(),
+    st.sampled_from([0, 1, 2, -1, 0.0, 0.5, 1.0, 1e-320, 1e300, 10**400, float("nan"), float("inf")]),
+)
+PLAIN = st.one_of(
+    st.none(), st.booleans(), NUMBERS, st.text(max_size=20), st.sampled_from(["impact", "central", "auto"])
+)
+VALUES = st.recursive(
+    PLAIN,
+    lambda inner: st.one_of(
+        st.lists(inner, max_size=3),
+        st.dictionaries(st.sampled_from([key.rpartition(".")[2] for key in KEYS]), inner, max_size=3),
+    ),
+    max_leaves=5,
+)
+
+
+def accepted(load, kind=Scene):
+    """Whether a scene comes of it; if not, the complaint is one short line that can be printed."""
+    try:
+        assert isinstance(load(), kind)
+    except ConfigError as error:
+        line = str(error)
+    else:
+        return True
+    assert line.isprintable(), line
+    assert 10 < len(line) < 500, line
+    return False
+
+
+def test_all_sections_are_drawn_from():
+    assert {"name", "motor.pole_pairs", "run.initial.state.gap_m", "output.sample_rate_hz"} <= set(KEYS)
+
+
+@quick
+@given(changes=st.dictionaries(st.sampled_from(KEYS), VALUES, min_size=1, max_size=3))
+def test_any_value_is_accepted_or_told_in_a_line(changes, here):
+    (here / "c.yaml").write_text(json.dumps(VALID))
+    accepted(lambda: load_config("c.yaml", changes))
+
+
+@quick
+@given(key=st.sampled_from([key for key in KEYS if "." in key]), value=NUMBERS)
+def test_any_number_is_accepted_or_told_in_a_line(key, value, here):
+    (here / "c.yaml").write_text("material: {mass_ratio: 0.2, natural_frequency_hz: 18.5}\n")
+    accepted(lambda: load_config("c.yaml", {key: value}))
+
+
+@quick
+@given(tree=st.dictionaries(st.sampled_from(list(Scene.model_fields)), VALUES, max_size=4))
+def test_any_file_is_accepted_or_told_in_a_line(tree, here):
+    (here / "c.yaml").write_text(json.dumps(tree, ensure_ascii=False), encoding="utf-8", errors="replace")
+    accepted(lambda: load_config("c.yaml"))
+
+
+@quick
+@given(key=st.text(min_size=1, max_size=300))
+def test_any_key_is_told_in_a_line(key, here):
+    (here / "c.yaml").write_text("")
+    assert not accepted(lambda: load_config("c.yaml", {"machine." + key.replace(".", ""): 1.0}))
+
+
+@quick
+@given(text=st.one_of(st.text(max_size=60), st.text("[]{}:,-&*!|>%#? \n\t'\"aé1.~<", max_size=30)))
+def test_any_text_is_a_setting_or_told_in_a_line(text):
+    accepted(lambda: parse_overrides([f"key.sub={text}"]), dict)
+
+
+@quick
+@given(content=st.binary(max_size=80))
+def test_any_bytes_are_told_in_a_line(content, here):
+    (here / "c.yaml").write_bytes(content)
+    accepted(lambda: load_config("c.yaml"))
+
+
+def unusable(key, value):
+    """Whether a scene with this value is accepted, but has no derived quantities or cannot be written as JSON."""
+    try:
+        scene = Scene().replace({key: value})
+    except ConfigError:
+        return False
+    try:
+        assert scene.synchronous_speeds[0] > 0.0
+        json.dumps(scene.model_dump(mode="json"), allow_nan=False)
+    except (ArithmeticError, ValueError):
+        return True
+    return False
+
+
+@pytest.mark.parametrize(
+    "value",
+    [
+        pytest.param(float("nan"), id="nan"),
+        pytest.param(float("inf"), id="inf"),
+        pytest.param(10**400, id="huge"),
+    ],
+)
+def test_what_is_accepted_can_be_used(value):
+    assert [key for key in KEYS if unusable(key, value)] == []
