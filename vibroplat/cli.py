@@ -18,6 +18,9 @@ if TYPE_CHECKING:
     from vibroplat.scene import Scene
     from vibroplat.solver.trajectory import Trajectory
 
+#: Exit code that typer makes of Ctrl-C.
+INTERRUPTED = 130
+
 app = typer.Typer(
     help="Simulate a vibrating platform with self-synchronizing exciters and material that may leave it.",
     invoke_without_command=True,
@@ -54,13 +57,13 @@ def main() -> None:
         code = app(standalone_mode=False)
     except VibroplatError as error:
         sys.exit(_complain(str(error), 2))
-    except (KeyboardInterrupt, typer.Abort):
-        sys.exit(_complain("interrupted; tables under their final names are whole", 130))
     except Exception as error:
         # the base of typer's usage errors is not public; this method is what marks them
         if not hasattr(error, "format_message"):
             raise
         sys.exit(_complain(f"{error.format_message()} Try 'vibroplat --help'.", 2))
+    if code == INTERRUPTED:
+        _complain("interrupted; tables under their final names are whole", code)
     sys.exit(code if isinstance(code, int) else 0)
 
 

@@ -9,13 +9,14 @@ MAX_TEXT = 400
 class VibroplatError(Exception):
     """Base of all errors that vibroplat raises on purpose.
 
-    The text is one line for the user: characters that do not print are escaped, and it is cut at
-    :data:`MAX_TEXT`.
+    The text is one line for the user: characters that do not print are escaped, and of one longer than
+    :data:`MAX_TEXT` beginning and end are told.
     """
 
     def __init__(self, text: str) -> None:
         line = "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
-        super().__init__(line if len(line) <= MAX_TEXT else line[: MAX_TEXT - 1] + "…")
+        half = MAX_TEXT // 2
+        super().__init__(line if len(line) <= MAX_TEXT else f"{line[:half]} … {line[-half:]}")
 
 
 class ConfigError(VibroplatError):

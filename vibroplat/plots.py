@@ -121,8 +121,9 @@ def _read(directory: Path, start: float | None, stop: float | None) -> _Result:
     summary = read_json(directory, "summary")
     if not isinstance(summary, dict) or not {"name", "excitation_frequency_hz"} <= summary.keys():
         raise TableError(f"{directory / 'summary.json'} is no summary of a run")
-    whole = _read_columns(directory, "trajectory", ("t_s", "y_m", "phi1_rad", "phi2_rad"))
-    events = _read_columns(directory, "events", ("t_s", "impulse_n_s"))
+    angles = ("phi1_rad", "phi2_rad", "phi1_rate_rad_per_s", "phi2_rate_rad_per_s")
+    whole = _read_columns(directory, "trajectory", "mode", ("t_s", "y_m", *angles))
+    events = _read_columns(directory, "events", "kind", ("t_s", "impulse_n_s"))
     if whole.empty:
         raise TableError(f"{directory} holds an empty trajectory; there is nothing to draw")
     first, last = float(whole["t_s"].min()), float(whole["t_s"].max())
@@ -135,12 +136,14 @@ def _read(directory: Path, start: float | None, stop: float | None) -> _Result:
     return _Result(summary["name"], whole, shown, events[events["t_s"].between(begin, end)])
 
 
-def _read_columns(directory: Path, name: str, numbers: Sequence[str]) -> pd.DataFrame:
-    """Read a table that must have these columns of numbers, and one that names mode or kind."""
+def _read_columns(directory: Path, name: str, label: str, numbers: Sequence[str]) -> pd.DataFrame:
+    """Read a table that must have a column of labels and these of numbers."""
     table = read_table(directory, name)
     for column in numbers:
         if column not in table or not (pd.api.types.is_numeric_dtype(table[column]) or table.empty):
             raise TableError(f"the {name} table in {directory} has no numbers in column {column}")
+    if label not in table:
+        raise TableError(f"the {name} table in {directory} has no column {label}")
     return table
 
 

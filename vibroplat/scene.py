@@ -354,6 +354,22 @@ class Scene(_Section):
         return first, second
 
     @property
+    def speed_scale(self) -> float:
+        """The larger of both ω_0 (rad/s)."""
+        return max(self.synchronous_speeds)
+
+    @property
+    def length_scale(self) -> float:
+        """2k/M, by which both unbalances move the platform far above resonance (m)."""
+        return 2.0 * self.machine.unbalance / self.machine.total_mass
+
+    @property
+    def force_scale(self) -> float:
+        """Weight of the material and its inertia force on the scales of length and speed (N)."""
+        inertia = self.length_scale * self.speed_scale**2
+        return sum(self.layer_masses) * (self.machine.gravity_m_per_s2 + inertia)
+
+    @property
     def material_mass(self) -> float:
         """m_w = μ_w M (kg)."""
         return self.material.mass_ratio * self.machine.total_mass

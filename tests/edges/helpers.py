@@ -12,11 +12,6 @@ ROOT = Path(__file__).parents[2]
 QUICKSTART = ROOT / "configs/quickstart.yaml"
 
 
-def bug(reason, *, strict=True):
-    """Mark what fails today; delete the mark when the bug is fixed (a strict one then says so)."""
-    return pytest.mark.xfail(strict=strict, reason=reason)
-
-
 class _TooLong(BaseException):
     """Raised in whatever runs when its time is over; nothing catches it on the way."""
 

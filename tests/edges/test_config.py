@@ -9,7 +9,7 @@ from vibroplat import Contact, Drive, Initial, Material, Motor, Scene, load_conf
 from vibroplat.config import configuration_schema, parse_overrides
 from vibroplat.errors import ConfigError
 
-from .helpers import ROOT, bug, cpu_seconds
+from .helpers import ROOT, cpu_seconds
 
 SECTIONS = "name, machine, motor, motors, material, contact, drive, run, solver, output"
 MACHINE = (
@@ -305,7 +305,6 @@ def test_message_about_an_extended_file(files, line, here):
     assert str(caught.value) == line
 
 
-@bug("the line is cut after 400 characters of the path")
 def test_long_path_does_not_hide_what_is_wrong(here):
     place = here / ("d" * 200) / ("e" * 200)
     place.mkdir(parents=True)

@@ -7,7 +7,7 @@ import pytest
 from vibroplat import load_config, simulate
 from vibroplat.tables import write_json, write_table
 
-from .helpers import QUICKSTART, bug, cpu_seconds
+from .helpers import QUICKSTART, cpu_seconds
 
 OUTCOMES = {"ok", "solver-failure", "non-finite", "event-storm"}
 
@@ -70,7 +70,7 @@ OUTCOMES = {"ok", "solver-failure", "non-finite", "event-storm"}
 )
 def test_extreme_value_ends_without_a_traceback(key, value, tmp_path):
     scene = load_config(QUICKSTART, {"run.duration_s": 0.02, key: value})
-    with cpu_seconds(5.0):
+    with cpu_seconds(10.0):
         run = simulate(scene)
     assert run.outcome in OUTCOMES
     assert (run.outcome == "ok") == (run.summary["simulated_s"] == scene.run.duration_s)
@@ -80,7 +80,6 @@ def test_extreme_value_ends_without_a_traceback(key, value, tmp_path):
     write_table(run.events, tmp_path, "events", "parquet")
 
 
-@bug("scikit-sundae writes [IDAHandleFailure, Error: -3] … on stdout")
 def test_solver_failure_prints_nothing_of_its_own(capfd):
     run = simulate(load_config(QUICKSTART, {"run.duration_s": 0.1, "run.initial.state.upper_m": 1e9}))
     assert run.outcome == "solver-failure"
@@ -88,14 +87,11 @@ def test_solver_failure_prints_nothing_of_its_own(capfd):
 
 
 @pytest.mark.parametrize("ratio", [0.0, 1e-9, 1e-6, 1e-3])
-def test_exciters_may_start_from_next_to_nothing(ratio, request):
-    if 0.0 < ratio < 1e-4:
-        request.applymarker(bug("residuals are taken relative to rows that are nothing but round-off"))
+def test_exciters_may_start_from_next_to_nothing(ratio):
     run = simulate(load_config(QUICKSTART, {"run.duration_s": 0.02, "run.initial.speed_ratio": ratio}))
     assert run.outcome == "ok", run.summary["detail"]
 
 
-@bug("impacts at speed 0 repeat at t = 0 without end")
 @pytest.mark.parametrize("layers", [1, 2])
 def test_everything_may_be_released_from_unstressed_springs(layers):
     zeros = {"y_m": 0.0} | ({"upper_m": 0.0} if layers == 2 else {})

@@ -21,10 +21,17 @@ def p(quickstart):
 
 @pytest.mark.parametrize(
     ("force", "rate", "expected"),
-    [(1.0, -5.0, True), (0.0, 5.0, True), (0.0, 0.0, True), (0.0, -1.0, False), (-1e-9, 5.0, False)],
+    [
+        (1.0, -5.0, True),
+        (0.0, 5.0, True),
+        (-1e-14, 0.0, True),
+        (1e-14, -1.0, False),
+        (0.0, -1.0, False),
+        (-1e-6, 5.0, False),
+    ],
 )
-def test_contact_presses(force, rate, expected):
-    assert rules.presses(force, rate) is expected
+def test_contact_presses(p, force, rate, expected):
+    assert rules.presses(force, rate, p) is expected
 
 
 @pytest.mark.parametrize(("rate", "expected"), [(-1.0, rules.FLY), (0.0, rules.ATTACH), (2.0, rules.ATTACH)])

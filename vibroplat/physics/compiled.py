@@ -3,12 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
 from typing import ParamSpec, TypeVar, cast
 
 import numba
 
 P = ParamSpec("P")
 T = TypeVar("T")
+
+
+def _drop_stale_caches() -> None:
+    """Delete cached machine code that is older than any kernel's source.
+
+    Numba compares a cached function with its own file only, not with those of the functions it calls: a
+    changed motor would go on being compiled into the old platform.
+    """
+    rooms = [Path(__file__).parent, Path(__file__).parents[1] / "solver"]
+    newest = max(source.stat().st_mtime for room in rooms for source in room.glob("*.py"))
+    for room in rooms:
+        for cached in (room / "__pycache__").glob("*.nb[ci]"):
+            if cached.stat().st_mtime < newest:
+                cached.unlink(missing_ok=True)
+
+
+with suppress(OSError):  # an installation that cannot be written keeps its caches elsewhere, and does not change
+    _drop_stale_caches()
 
 
 def compiled(function: Callable[P, T]) -> Callable[P, T]:

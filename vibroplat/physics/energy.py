@@ -72,14 +72,19 @@ def powers(state: FloatArray, out: FloatArray, p: FloatArray) -> None:
 
 
 @compiled
-def kinetic_energy(state: FloatArray, p: FloatArray) -> float:
-    """Kinetic energy of platform, exciters and layers (J)."""
+def inertia_product(state: FloatArray, u: FloatArray, v: FloatArray, p: FloatArray) -> float:
+    """Product u·𝓜 v of two sets of the seven rates with the mass matrix of the whole scene (J)."""
     matrix = np.zeros((5, 5))
     add_mass_matrix(matrix, 0, 1.0, state, p)
-    lower = state[8] + state[12]
-    upper = lower + state[13]
-    rates = state[7:12].copy()
-    return 0.5 * (np.dot(matrix @ rates, rates) + p[LOWER_MASS] * lower**2 + p[UPPER_MASS] * upper**2)
+    lower_u, lower_v = u[1] + u[5], v[1] + v[5]
+    product = np.dot(matrix @ u[:5].copy(), v[:5].copy()) + p[LOWER_MASS] * lower_u * lower_v
+    return product + p[UPPER_MASS] * (lower_u + u[6]) * (lower_v + v[6])
+
+
+@compiled
+def kinetic_energy(state: FloatArray, p: FloatArray) -> float:
+    """Kinetic energy of platform, exciters and layers (J)."""
+    return 0.5 * inertia_product(state, state[7:], state[7:], p)
 
 
 @compiled

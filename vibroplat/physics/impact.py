@@ -15,6 +15,7 @@ from __future__ import annotations
 import numpy as np
 
 from vibroplat.physics.compiled import compiled
+from vibroplat.physics.energy import inertia_product
 from vibroplat.physics.parameters import (
     CONSERVATIVE,
     IMPACT_LAW,
@@ -56,6 +57,8 @@ def impulse_response(state: FloatArray, response: FloatArray, p: FloatArray) -> 
     response[:5] = -e
     response[5] = 1.0 / p[LOWER_MASS] + e[1]
     response[6] = -response[5] if p[IMPACT_LAW] == PRINTED else -1.0 / p[LOWER_MASS]
+    if p[UPPER_MASS] == 0.0:  # one layer: what does not exist stays 0 in the full state
+        response[6] = 0.0
     return 1.0 / response[5]
 
 
@@ -63,18 +66,9 @@ def impulse_response(state: FloatArray, response: FloatArray, p: FloatArray) -> 
 def kinetic_change(before: FloatArray, after: FloatArray, p: FloatArray) -> float:
     """Change of the kinetic energy between two states of equal coordinates (J).
 
-    Formed as ½ Δp·(v⁺ + v⁻), so that a small change is not the difference of two large energies.
+    Formed as ½ (v⁺ − v⁻)·𝓜 (v⁺ + v⁻), so that a small change is not the difference of two large energies.
     """
-    matrix = np.zeros((5, 5))
-    add_mass_matrix(matrix, 0, 1.0, before, p)
-    jump = after[7:12] - before[7:12]
-    change = 0.5 * np.dot(matrix @ jump, after[7:12] + before[7:12])
-    lower_before = before[8] + before[12]
-    lower_after = after[8] + after[12]
-    upper_before = lower_before + before[13]
-    upper_after = lower_after + after[13]
-    change += 0.5 * p[LOWER_MASS] * (lower_after - lower_before) * (lower_after + lower_before)
-    return change + 0.5 * p[UPPER_MASS] * (upper_after - upper_before) * (upper_after + upper_before)
+    return 0.5 * inertia_product(before, after[7:] - before[7:], after[7:] + before[7:], p)
 
 
 @compiled
@@ -116,8 +110,10 @@ def closing_time(rebound: float, gap_acceleration: float, restitution: float) ->
 def latch(state: FloatArray, accelerations: FloatArray, after: FloatArray, p: FloatArray) -> tuple[float, float, float]:
     """Close impacts that accumulate: carry the state to t∞ under constant accelerations.
 
-    With the flight's accelerations constant, the impulses left sum to Σ Pₖ = m_red v (1+R)/(1−R) and
+    With the flight's accelerations constant, the impulses left sum to P = m_red v (1+R)/(1−R) and
     their moment about t∞ to Σ Pₖ (t∞ − tₖ) = m_red v τ R/(1−R); both follow from gap = gap rate = 0 at t∞.
+    With the response r of the rates to a unit impulse, the impacts change the kinetic energy by
+    P r·𝓜v + ½P² r·𝓜r + Σ Pₖ (tₖ − t) r·𝓜a; law ``conservative`` makes this −½ m_red v².
 
     Parameters
     ----------
@@ -131,7 +127,7 @@ def latch(state: FloatArray, accelerations: FloatArray, after: FloatArray, p: Fl
     Returns
     -------
     duration, impulse, loss
-        τ = t∞ − t (s), the sum of the impulses (N·s), and the energy ½ m_red v² that they take (J).
+        τ = t∞ − t (s), the sum of the impulses (N·s), and the energy that they take (J).
     """
     restitution = p[RESTITUTION]
     response = np.empty(7)
@@ -144,4 +140,9 @@ def latch(state: FloatArray, accelerations: FloatArray, after: FloatArray, p: Fl
     after[7:] = state[7:] + duration * accelerations + impulse * response
     after[GAP] = 0.0
     after[GAP_RATE] = 0.0
-    return duration, impulse, 0.5 * reduced * rebound * rebound
+    work = (
+        impulse * inertia_product(state, response, state[7:], p)
+        + 0.5 * impulse * impulse * inertia_product(state, response, response, p)
+        + (impulse * duration - moment) * inertia_product(state, response, accelerations, p)
+    )
+    return duration, impulse, -work

@@ -41,7 +41,8 @@ LAYER_DAMPING = 24  # b_w / m_w2
 RESTITUTION = 25
 IMPACT_LAW = 26  # index into IMPACT_LAWS
 TOLERANCE = 27
-SIZE = 28
+FORCE_NOISE = 28  # contact forces below this are round-off of larger ones
+SIZE = 29
 
 IMPACT_LAWS = ("conservative", "central", "printed")
 CONSERVATIVE, CENTRAL, PRINTED = 0, 1, 2
@@ -73,4 +74,5 @@ def parameters(scene: Scene) -> FloatArray:
     p[RESTITUTION] = scene.contact.restitution
     p[IMPACT_LAW] = IMPACT_LAWS.index(scene.contact.impact_law)
     p[TOLERANCE] = scene.solver.tolerance
+    p[FORCE_NOISE] = 1e-12 * scene.force_scale
     return p

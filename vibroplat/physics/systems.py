@@ -171,14 +171,14 @@ def consistent(system: int, differential: int, y: FloatArray, yp: FloatArray, yp
     Returns
     -------
     float
-        Largest residual that is left, each row relative to the sizes of its terms: the backward error of
-        the solve, some 1e-16; nan if anything is not finite.
+        Largest residual that is left, relative to the largest sum of the sizes of a row's terms: the
+        backward error of the solve, some 1e-16; nan if anything is not finite.
     """
     size = y.size
     res, jac_0, jac_1 = np.empty(size), np.empty((size, size)), np.empty((size, size))
     y[differential:] = 0.0
     yp[:] = 0.0
-    if not evaluate_residual(system, y, yp, res, p):
+    if not (r.finite(y) and evaluate_residual(system, y, yp, res, p)):
         return np.nan
     evaluate_jacobian(system, y, yp, 0.0, jac_0, p)
     sizes = np.abs(jac_0) @ np.abs(y)
@@ -197,8 +197,5 @@ def consistent(system: int, differential: int, y: FloatArray, yp: FloatArray, yp
     ypp[differential:] = 0.0
     if not evaluate_residual(system, y, yp, res, p) or not np.isfinite(np.sum(z)):
         return np.nan
-    left = 0.0
-    for i in range(size):
-        if sizes[i] > 0.0:
-            left = max(left, abs(res[i]) / sizes[i])
-    return left
+    largest = np.max(sizes)
+    return np.max(np.abs(res)) / largest if largest > 0.0 else 0.0

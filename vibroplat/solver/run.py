@@ -116,7 +116,7 @@ class _Run:
         self.joined = False
         self.segments: list[Segment] = []
         self.events: list[Event] = []
-        self.period = 2.0 * math.pi / max(scene.synchronous_speeds)
+        self.period = 2.0 * math.pi / scene.speed_scale
         self.recent: deque[float] = deque(maxlen=scene.solver.max_events_per_period)
         self.recorder = Recorder(scene, self.p)
 
@@ -236,7 +236,7 @@ class _Run:
         if begins_in_flight(self.state):
             return Mode.FLIGHT
         trial = self._start(Mode.ATTACHED)
-        return Mode.ATTACHED if presses(trial.force, trial.force_rate) else Mode.FLIGHT
+        return Mode.ATTACHED if presses(trial.force, trial.force_rate, self.p) else Mode.FLIGHT
 
     def _force_root(self) -> None:
         """Lift off where F_c has fallen through zero, or go on if it only touched."""
@@ -279,7 +279,7 @@ class _Run:
         self._add(flight.system, stretch, self.t + duration)
         self.state = after
         attached = self._start(Mode.ATTACHED)
-        pressing = presses(attached.force, attached.force_rate)
+        pressing = presses(attached.force, attached.force_rate, self.p)
         self.mode = Mode.ATTACHED if pressing else Mode.FLIGHT
         restitution = self.scene.contact.restitution
         skipped = math.ceil(math.log(np.finfo(float).eps) / math.log(restitution))

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from vibroplat.physics.parameters import FloatArray
-from vibroplat.physics.systems import FULL_SIZE, GAP, System
+from vibroplat.physics.systems import GAP, System
 from vibroplat.scene import Scene
 
 #: Local tolerance of F_c in units of its scale, over the tolerance of the run. Ten costs no accuracy of
@@ -27,30 +27,19 @@ def state_scales(scene: Scene) -> FloatArray:
     resonance), and g/ω₀² where larger for gap and upper layer; rotation 2kρ/J; exciters 1 rad; rates ω₀
     times these.
     """
-    machine = scene.machine
-    speed = max(scene.synchronous_speeds)
-    length = 2.0 * machine.unbalance / machine.total_mass
+    machine, speed, length = scene.machine, scene.speed_scale, scene.length_scale
     flight = max(length, machine.gravity_m_per_s2 / speed**2)
-    rotation = 2.0 * machine.unbalance * max(machine.exciter_distance_m, machine.unbalance_radius_m) / machine.inertia
+    arm = max(machine.exciter_distance_m, machine.unbalance_radius_m)
+    rotation = 2.0 * machine.unbalance * arm / machine.inertia
     coordinates = np.array([length, length, rotation, 1.0, 1.0, flight, flight])
-    scales = np.empty(FULL_SIZE)
-    scales[:7] = coordinates
-    scales[7:] = speed * coordinates
-    return scales
-
-
-def force_scale(scene: Scene) -> float:
-    """Scale of F_c: weight and inertia force of the material (N)."""
-    scales = state_scales(scene)
-    speed = max(scene.synchronous_speeds)
-    return scene.material_mass * (scene.machine.gravity_m_per_s2 + speed**2 * float(scales[1]))
+    return np.concatenate([coordinates, speed * coordinates])
 
 
 def absolute_tolerances(scene: Scene, system: System) -> FloatArray:
     """Absolute tolerances of a system's unknowns, shape (size,)."""
     atol = np.empty(system.size)
     atol[: system.differential] = state_scales(scene)[system.places]
-    atol[system.differential :] = FORCE_SHARE * force_scale(scene)
+    atol[system.differential :] = FORCE_SHARE * scene.force_scale
     return scene.solver.tolerance * atol
 
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import io
 import math
 from collections.abc import Callable
+from contextlib import redirect_stdout
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,7 +22,7 @@ _ROOT = 2
 
 
 #: Residual calls in one stretch after which the integrator is taken to be stuck; usual are some 10⁴.
-MAX_CALLS = 2_000_000
+MAX_CALLS = 500_000
 
 
 class _NonFiniteError(ArithmeticError):
@@ -83,7 +85,8 @@ class SundaeEngine:
         self._budget.left = MAX_CALLS
         here = np.zeros(1), y[np.newaxis], yp[np.newaxis]
         try:
-            result = integrator.ida.solve([0.0, until], y, yp)
+            with redirect_stdout(io.StringIO()):  # where scikit-sundae prints what the status says as well
+                result = integrator.ida.solve([0.0, until], y, yp)
         except _NonFiniteError:
             return Stretch(*here, Stop.NON_FINITE, "the residual is not finite")
         except _StuckError:

@@ -12,7 +12,7 @@ import numpy as np
 
 from vibroplat.physics.compiled import compiled
 from vibroplat.physics.impact import closing_time
-from vibroplat.physics.parameters import RESTITUTION, SPEED_1, SPEED_2, TOLERANCE, FloatArray
+from vibroplat.physics.parameters import FORCE_NOISE, RESTITUTION, SPEED_1, SPEED_2, TOLERANCE, FloatArray
 
 ATTACH, FLY, LATCH = 0, 1, 2
 
@@ -21,9 +21,11 @@ RETURN_SHARE = 0.05
 
 
 @compiled
-def presses(force: float, force_rate: float) -> bool:
-    """Whether contact holds: F_c > 0, or F_c = 0 about to rise."""
-    return force > 0.0 or (force == 0.0 and force_rate >= 0.0)
+def presses(force: float, force_rate: float, p: FloatArray) -> bool:
+    """Whether contact holds: F_c > 0, or F_c = 0 up to round-off and not about to fall."""
+    if abs(force) > p[FORCE_NOISE]:
+        return force > 0.0
+    return force_rate >= -p[FORCE_NOISE] * max(p[SPEED_1], p[SPEED_2])
 
 
 @compiled
@@ -69,7 +71,7 @@ def after_impact(
         Second and third derivative of the gap in flight.
     """
     if rebound == 0.0:
-        return ATTACH if presses(force, force_rate) else FLY
+        return ATTACH if presses(force, force_rate, p) else FLY
     return LATCH if accumulates(rebound, acceleration, jerk, p) else FLY
 
 
