@@ -49,7 +49,6 @@ class Start:
     y: FloatArray
     yp: FloatArray
     ypp: FloatArray
-    residual: float
 
     @property
     def force(self) -> float:
@@ -203,7 +202,7 @@ class _Run:
         residual = consistent(system.index, system.differential, y, yp, ypp, self.p)
         if not residual <= CONSISTENT:
             raise self._ended("non-finite", f"no consistent state (relative residual {residual:.3g})")
-        return Start(system, y, yp, ypp, residual)
+        return Start(system, y, yp, ypp)
 
     def _control(self, start: Start) -> Control:
         """Tolerances and first step of a segment.
