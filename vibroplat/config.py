@@ -85,9 +85,11 @@ def _read_chain(file: Path, above: tuple[Path, ...]) -> dict[str, Any]:
     base = tree.pop("extends", None)
     if base is None:
         return tree
-    if not isinstance(base, str):
+    if not isinstance(base, str) or not base:
         raise ConfigError(f"{file}: extends = {base!r}; allowed: the name of a file")
-    return merge(_read_chain(file.parent / base, (*above, place)), tree)
+    below = _read_chain(file.parent / base, (*above, place))
+    below.pop("name", None)  # a file that extends another is another scene
+    return merge(below, tree)
 
 
 def _text(file: Path) -> str:

@@ -22,7 +22,7 @@ def merge(lower: Mapping[str, Any], upper: Mapping[str, Any], section: str = "")
     """Lay ``upper`` over ``lower``: sections are merged key by key, everything else is replaced."""
     merged = dict(lower)
     for place, group in ALTERNATIVES:
-        given = group & upper.keys() if place == section else frozenset()
+        given = {key for key in group & upper.keys() if upper[key] is not None} if place == section else set()
         for key in (group - given) if given else ():
             merged.pop(key, None)
     for key, value in upper.items():
@@ -39,6 +39,8 @@ def nest(dotted: Mapping[str, Any]) -> dict[str, Any]:
     """Turn dotted keys into nested sections: ``{"a.b": 1}`` becomes ``{"a": {"b": 1}}``."""
     tree: dict[str, Any] = {}
     for path, value in dotted.items():
+        if not isinstance(path, str):
+            raise ConfigError(f"key {path!r} is not a text; allowed: key.sub")
         *sections, key = path.split(".")
         node = tree
         for name in sections:

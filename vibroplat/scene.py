@@ -235,7 +235,7 @@ class Solver(_Section):
     )
     engine: Literal["auto", "sundae"] = Field("auto", description="sundae: SUNDIALS IDA through scikit-sundae")
     max_events_per_period: Annotated[int, Field(ge=1, le=1_000_000_000)] = Field(
-        10_000, description="events within one turn of the supply's synchronous speed that end a run"
+        5_000, description="events within one turn of the supply's synchronous speed that end a run"
     )
 
 

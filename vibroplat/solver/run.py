@@ -111,7 +111,7 @@ class _Run:
         self.t = 0.0
         self.state = initial_state(scene)
         self.turns = np.zeros(2)
-        self.mode = Mode.BARE
+        self.mode = scene.modes[0]
         self.joined = False
         self.segments: list[Segment] = []
         self.events: list[Event] = []
@@ -152,6 +152,8 @@ class _Run:
         stretch = self.engine.advance(start.system, start.y, start.yp, self._control(start), until)
         if stretch.stop is Stop.GUARD and self.mode is Mode.ATTACHED:
             stretch = self._refine(start.system, stretch, until)
+        elif stretch.stop is Stop.GUARD:
+            stretch.y[-1, GAP] = 0.0  # the root is found to round-off
         ends = stretch.stop is Stop.TIME and until == left
         self._add(start.system, stretch, duration if ends else self.t + float(stretch.t[-1]))
         if stretch.stop is Stop.TIME:

@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import io
 import math
+import os
 from collections.abc import Callable
 from contextlib import redirect_stdout
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+
+# A guard that is zero throughout (no weight, no motion) makes SUNDIALS warn on the C standard error.
+os.environ.setdefault("SUNLOGGER_WARNING_FILENAME", os.devnull)
+
 from sksundae.ida import IDA
 
 from vibroplat.physics.parameters import FloatArray
@@ -22,7 +27,7 @@ _ROOT = 2
 
 
 #: Residual calls in one stretch after which the integrator is taken to be stuck; usual are some 10⁴.
-MAX_CALLS = 500_000
+MAX_CALLS = 300_000
 
 
 class _NonFiniteError(ArithmeticError):
