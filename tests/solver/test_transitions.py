@@ -81,6 +81,8 @@ def test_excursion_after_rebound_and_release():
         (0.0, 1.0, 0.0, 3.0, -1.0),  # opens as s³
         (-1e-9, 1.0, 1.0, 1.0, -1.0),  # rises out of a negative start
         (0.0, -1.0, 0.0, -3.0, 0.0),  # never opened: falls from the beginning
+        (-1e-9, -1.0, -1.0, -1.0, 0.0),  # begins at round-off below zero and falls
+        (-1.0, -2.0, 2.0, -4.0, 11.0 / 32.0),  # −1 + 2s − 3s²: falls from its highest, sampled
     ],
 )
 def test_dip_inside_a_step(g0, g1, rate_0, rate_1, expected):
@@ -93,6 +95,13 @@ def test_missed_fall_names_the_step():
     step, share = missed_fall(t, g, np.array([-1.0, -1.0, 1.0, 1.0]))
     assert step == 1
     assert 0.0 < share < 0.5
+
+
+def test_contact_that_touches_zero_rises_out_of_it(quickstart):
+    """A jerky drive: F_c touches −5e-4 N and rises, while the integrator's first rates are noise."""
+    run = simulate(quickstart.replace({"motor.critical_torque_n_m": 1e5, "run.duration_s": 0.1}))
+    assert run.outcome == "ok"
+    assert run.summary["restarts"] < 20
 
 
 def test_contact_that_touches_zero_goes_on():

@@ -76,12 +76,16 @@ def dip_below_zero(step: float, g0: float, g1: float, rate_0: float, rate_1: flo
         return -1.0
     if g1 < 0.0 and rate_1 >= 0.0:
         return -1.0
-    previous, share = g0, 0.0
-    for i in range(1, 33):
-        s = i / 32.0
-        value = hermite(s, step, g0, g1, rate_0, rate_1)
-        if value < 0.0 <= previous:
-            low, high = share, s
+    values = np.empty(33)
+    for i in range(33):
+        values[i] = hermite(i / 32.0, step, g0, g1, rate_0, rate_1)
+    # one that begins below zero, by round-off or where it touched, can fall only from where it is highest
+    first = 0 if g0 >= 0.0 else int(np.argmax(values))
+    if values[first] < 0.0:
+        return first / 32.0 if first < 32 else -1.0
+    for i in range(first + 1, 33):
+        if values[i] < 0.0:
+            low, high = (i - 1) / 32.0, i / 32.0
             for _ in range(60):
                 middle = 0.5 * (low + high)
                 if hermite(middle, step, g0, g1, rate_0, rate_1) < 0.0:
@@ -89,8 +93,7 @@ def dip_below_zero(step: float, g0: float, g1: float, rate_0: float, rate_1: flo
                 else:
                     low = middle
             return low
-        previous, share = value, s
-    return 0.0 if g1 < 0.0 else -1.0
+    return -1.0
 
 
 @compiled
