@@ -3,10 +3,11 @@
 It shares with the package only the right-hand side and the impact map, both checked on their own. Run
 as a program it writes the events of the reference cases with R > 0 (``NAME.closed.events.csv``).
 
-Why they are needed: the reference trajectories close accumulating impacts by an impact whose impulse
-is (1 + R) m_red v while the rebound is dropped, which loses momentum; the last impulse of each
-accumulation in ``NAME.events.csv`` shows it. Here the last impact is inelastic (impulse m_red v). Up to
-the first closing both agree to 1e-13 s; after it they part by 1.5e-9 s, and the motion amplifies that.
+Why they are needed: the reference trajectories do not keep momentum where they close accumulating
+impacts. Their motion afterwards is that of an impulse (1 + 2R) m_red v with the gap rate then set to 0;
+a last impact that is inelastic, as here, has the impulse m_red v. The outcome here is the same for
+closing speeds of 2e-7 and 1e-5 m/s. Up to the first closing both agree to 1e-13 s; after it they part by
+1.5e-9 s (R = 0.5), and the motion amplifies that.
 """
 
 from __future__ import annotations

@@ -48,7 +48,10 @@ def load_reference(directory: Path, name: str) -> Reference:
 
 def names(directory: Path) -> list[str]:
     """Names of the reference cases in a directory."""
-    return sorted(path.stem for path in directory.glob("*.yaml"))
+    found = sorted(path.stem for path in directory.glob("*.yaml"))
+    if not found:
+        raise TableError(f"{directory} holds no reference cases; give their directory with --reference")
+    return found
 
 
 def compared_events(events: pd.DataFrame) -> pd.DataFrame:

@@ -14,6 +14,7 @@ import numpy.typing as npt
 from vibroplat.physics.compiled import compiled
 from vibroplat.physics.energy import POWERS, powers
 from vibroplat.physics.parameters import FloatArray
+from vibroplat.physics.systems import GAP
 from vibroplat.solver.interpolation import hermite, interpolate
 
 N_POWERS = len(POWERS)
@@ -23,8 +24,10 @@ TIME, X, XX, Y, YY, PHI, PHI_PHI, COS, SIN, FLIGHT = range(10)
 SUMS = 10
 
 # Places in the marks: what must be remembered from step to step.
-WINDOW, STARTED, FIRST_TIME, FIRST_1, FIRST_2, LAST_TIME, LAST_1, LAST_2, FORCE_MIN, FORCE_MAX, EXCHANGED = range(11)
-MARKS = 11
+WINDOW, STARTED, FIRST_TIME, FIRST_1, FIRST_2, LAST_TIME, LAST_1, LAST_2, FORCE_MIN, FORCE_MAX, EXCHANGED, GAP_MAX = (
+    range(12)
+)
+MARKS = 12
 
 _GAUSS = np.array([0.5 - math.sqrt(0.15), 0.5, 0.5 + math.sqrt(0.15)])
 _WEIGHTS = np.array([5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0])
@@ -178,6 +181,9 @@ def accumulate(
             least, largest = extremes(step, y[k, force], y[k + 1, force], yp[k, force], yp[k + 1, force])
             marks[FORCE_MIN] = min(marks[FORCE_MIN], least)
             marks[FORCE_MAX] = max(marks[FORCE_MAX], largest)
+        if flying > 0.0:
+            _, highest = extremes(step, y[k, GAP], y[k + 1, GAP], yp[k, GAP], yp[k + 1, GAP])
+            marks[GAP_MAX] = max(marks[GAP_MAX], highest)
         cut = turn_share(step, y[k, 3], y[k + 1, 3], yp[k, 3], yp[k + 1, 3], turns[0])
         for a, b in ((0.0, cut), (cut, 1.0)):
             if b <= a:

@@ -12,19 +12,18 @@ from typing import Literal
 import numpy as np
 
 from vibroplat.physics.impact import impact, latch
-from vibroplat.physics.parameters import FloatArray, parameters
+from vibroplat.physics.parameters import RESTITUTION, FloatArray, parameters
 from vibroplat.physics.systems import FULL_SIZE, GAP, GAP_RATE, System, consistent, systems
 from vibroplat.scene import Mode, Scene
 from vibroplat.solver.engine import Control, Engine, Stop, Stretch
 from vibroplat.solver.initial import begins_in_flight, initial_state, take_off_turns
-from vibroplat.solver.scales import absolute_tolerances, short_flight, state_scales
+from vibroplat.solver.scales import ROUND_OFF, absolute_tolerances, short_flight, state_scales
 from vibroplat.solver.summary import Recorder, summarize
 from vibroplat.solver.trajectory import Event, Segment, Trajectory
 from vibroplat.solver.transitions import (
     ATTACH,
     LATCH,
     RETURN_SHARE,
-    after_force_root,
     after_impact,
     curvature_step,
     excursion,
@@ -104,10 +103,13 @@ class _Run:
         self.keep = keep
         self.progress = progress
         self.p = parameters(scene)
+        self.p_dead = self.p.copy()
+        self.p_dead[RESTITUTION] = 0.0
         self.systems = systems(scene)
         self.engine = _engine(self.p)
         self.tolerances = {s.mode: absolute_tolerances(scene, s) for s in self.systems.values()}
         self.gap_scale = float(state_scales(scene)[GAP])
+        self.slowest = math.sqrt(ROUND_OFF) * self.gap_scale * scene.speed_scale
         self.t = 0.0
         self.state = initial_state(scene)
         self.turns = np.zeros(2)
@@ -213,10 +215,15 @@ class _Run:
         """
         atol = self.tolerances[start.system.mode]
         step = 0.1 * self.period
-        if start.system.mode is Mode.FLIGHT and self.state[GAP] == 0.0:
+        if start.system.mode is Mode.FLIGHT:
             place = start.system.differential // 2 + GAP
-            rate, acceleration, jerk = start.y[place], start.yp[place], start.ypp[place]
+            gap, rate = start.y[GAP], start.y[place]
+            acceleration, jerk = start.yp[place], start.ypp[place]
             duration, height = excursion(rate, acceleration, jerk, self._snap(start, jerk))
+            if gap > 0.0:  # begun in the air, not at a contact
+                falls = acceleration < 0.0
+                duration = math.sqrt(2.0 * gap / -acceleration) if falls else np.inf
+                height = gap + 0.5 * rate * rate / -acceleration if falls else np.inf
             atol = short_flight(atol, start.system, self.scene.solver.tolerance, height, self.gap_scale)
             step = min(step, RETURN_SHARE * duration)
         return Control(atol, float(min(step, curvature_step(start.ypp, atol))))
@@ -242,7 +249,7 @@ class _Run:
     def _force_root(self) -> None:
         """Lift off where F_c has fallen through zero, or go on if it only touched."""
         trial = self._start(Mode.ATTACHED)
-        if after_force_root(trial.force_rate) == ATTACH:
+        if presses(trial.force, trial.force_rate, self.p):
             self.joined = True
             return
         self.mode = Mode.FLIGHT
@@ -253,7 +260,9 @@ class _Run:
         before, after = self.state, np.empty(FULL_SIZE)
         before[GAP] = 0.0
         before[GAP_RATE] = min(before[GAP_RATE], 0.0)
-        impulse, loss = impact(before, after, self.p)
+        # a rebound that round-off of the platform's motion could not resolve is none
+        dead = -before[GAP_RATE] < self.slowest
+        impulse, loss = impact(before, after, self.p_dead if dead else self.p)
         self.state = after
         attached, flight = self._start(Mode.ATTACHED), self._start(Mode.FLIGHT)
         place = flight.system.differential // 2 + GAP
@@ -275,8 +284,11 @@ class _Run:
         if self.t + duration >= self.scene.run.duration_s:
             return  # the run ends before they have closed: follow them
         end = flight.system.unknowns(after)
-        times, rates_there = np.array([0.0, duration]), np.array([flight.yp, flight.yp])
-        stretch = Stretch(times, np.array([flight.y, end]), rates_there, Stop.GUARD)
+        rates_there = flight.yp.copy()
+        coordinates = flight.system.differential // 2
+        rates_there[:coordinates] = end[coordinates:]
+        times = np.array([0.0, duration])
+        stretch = Stretch(times, np.array([flight.y, end]), np.array([flight.yp, rates_there]), Stop.GUARD)
         self._add(flight.system, stretch, self.t + duration)
         self.state = after
         attached = self._start(Mode.ATTACHED)
@@ -312,7 +324,7 @@ class _Run:
         if len(recent) == recent.maxlen and self.t - recent[0] < self.period:
             raise self._ended(
                 "event-storm",
-                f"{recent.maxlen} events within {self.t - recent[0]:.3g} s, less than one period; "
+                f"{recent.maxlen} restarts within {self.t - recent[0]:.3g} s, less than one period; "
                 "raise solver.max_events_per_period to follow them",
             )
         recent.append(self.t)

@@ -35,7 +35,6 @@ class Recorder:
         self.impact_loss = 0.0
         self.impulse_sum = 0.0
         self.impulse_max = 0.0
-        self.gap_max = 0.0
         self.largest_kinetic = 0.0
         self.kinetic = [0.0, 0.0]
         self.elastic = [0.0, 0.0]
@@ -63,8 +62,6 @@ class Recorder:
             self.whole,
             self.marks,
         )
-        if flying:
-            self.gap_max = max(self.gap_max, float(stretch.y[:, 5].max()))
 
     def event(self, event: Event) -> None:
         """Add an event."""
@@ -158,7 +155,7 @@ def summarize(
         **recorder.statistics,
         "contact_force_min_n": force_min,
         "contact_force_max_n": force_max,
-        "gap_max_m": recorder.gap_max,
+        "gap_max_m": float(recorder.marks[m.GAP_MAX]),
         "impulse_max_n_s": recorder.impulse_max,
         "impulse_sum_n_s": recorder.impulse_sum,
         "liftoffs": recorder.counts["liftoff"],

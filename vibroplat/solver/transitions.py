@@ -22,16 +22,13 @@ RETURN_SHARE = 0.05
 
 @compiled
 def presses(force: float, force_rate: float, p: FloatArray) -> bool:
-    """Whether contact holds: F_c > 0, or F_c = 0 up to round-off and not about to fall."""
+    """Whether contact holds: F_c > 0, or F_c = 0 up to round-off and not about to fall.
+
+    At a root of F_c this is what tells a touch, after which contact goes on, from a liftoff.
+    """
     if abs(force) > p[FORCE_NOISE]:
         return force > 0.0
     return force_rate >= -p[FORCE_NOISE] * max(p[SPEED_1], p[SPEED_2])
-
-
-@compiled
-def after_force_root(force_rate: float) -> int:
-    """Choose what follows F_c = 0: flight if F_c goes on falling; if it only touches, contact goes on."""
-    return FLY if force_rate < 0.0 else ATTACH
 
 
 @compiled
@@ -86,11 +83,15 @@ def curvature_step(ypp: FloatArray, atol: FloatArray) -> float:
 def excursion(rate: float, acceleration: float, jerk: float, snap: float) -> tuple[float, float]:
     """Duration and height of a flight that begins now, by the gap's leading Taylor terms.
 
-    After a rebound gap ≈ vt + at²/2; at release v = a = 0 and gap ≈ jt³/6 + st⁴/24. Both are inf where
-    these terms do not bring the gap back.
+    After a rebound gap ≈ vt + at²/2; where a > 0 drives the layer off but falls, gap ≈ vt + at²/2 + jt³/6;
+    at release v = a = 0 and gap ≈ jt³/6 + st⁴/24. Both are inf where these terms do not bring the gap back.
     """
     if rate > 0.0 and acceleration < 0.0:
         return 2.0 * rate / -acceleration, 0.5 * rate * rate / -acceleration
+    if rate >= 0.0 and acceleration > 0.0 and jerk < 0.0:
+        duration = (1.5 * acceleration + math.sqrt(2.25 * acceleration * acceleration - 6.0 * rate * jerk)) / -jerk
+        top = 2.0 / 3.0 * duration
+        return duration, top * (rate + top * (0.5 * acceleration + top * jerk / 6.0))
     if rate == 0.0 and jerk > 0.0 and snap < 0.0:
         ratio = jerk / -snap
         return 4.0 * ratio, 1.125 * jerk * ratio * ratio * ratio
