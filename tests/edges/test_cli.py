@@ -100,7 +100,7 @@ def test_run_that_ends_early_exits_1_and_keeps_what_it_has(vibroplat, tmp_path):
     done = vibroplat("run", QUICKSTART, *settings(*STORM, "name=storm"), "--out", tmp_path)
     assert done.returncode == 1
     assert len(done.stderr.splitlines()) == 1
-    assert done.stderr.startswith("vibroplat: event-storm: 3 events within ")
+    assert done.stderr.startswith("vibroplat: event-storm: 3 restarts within ")
     assert "raise solver.max_events_per_period to follow them; mode flight, t = " in done.stderr
     directory = tmp_path / "storm"
     assert {name.partition(".")[0] for name in names(directory)} == RUN_FILES

@@ -24,9 +24,8 @@ TIME, X, XX, Y, YY, PHI, PHI_PHI, COS, SIN, FLIGHT = range(10)
 SUMS = 10
 
 # Places in the marks: what must be remembered from step to step.
-WINDOW, STARTED, FIRST_TIME, FIRST_1, FIRST_2, LAST_TIME, LAST_1, LAST_2, FORCE_MIN, FORCE_MAX, EXCHANGED, GAP_MAX = (
-    range(12)
-)
+WINDOW, STARTED, FIRST_TIME, FIRST_1, FIRST_2, LAST_TIME, LAST_1, LAST_2 = range(8)
+FORCE_MIN, FORCE_MAX, EXCHANGED, GAP_MAX = range(8, 12)
 MARKS = 12
 
 _GAUSS = np.array([0.5 - math.sqrt(0.15), 0.5, 0.5 + math.sqrt(0.15)])

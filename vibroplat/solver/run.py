@@ -226,7 +226,8 @@ class _Run:
                 height = gap + 0.5 * rate * rate / -acceleration if falls else np.inf
             atol = short_flight(atol, start.system, self.scene.solver.tolerance, height, self.gap_scale)
             step = min(step, RETURN_SHARE * duration)
-        return Control(atol, float(min(step, curvature_step(start.ypp, atol))))
+        step = min(step, curvature_step(start.ypp, atol))
+        return Control(atol, float(max(step, ROUND_OFF * self.period)))
 
     def _snap(self, start: Start, jerk: float) -> float:
         """Fourth derivative of the gap, as the difference of jerks a small step along the motion."""
@@ -249,7 +250,7 @@ class _Run:
     def _force_root(self) -> None:
         """Lift off where F_c has fallen through zero, or go on if it only touched."""
         trial = self._start(Mode.ATTACHED)
-        if presses(trial.force, trial.force_rate, self.p):
+        if trial.force_rate >= 0.0 and presses(trial.force, trial.force_rate, self.p):
             self.joined = True
             return
         self.mode = Mode.FLIGHT

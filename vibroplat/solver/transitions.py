@@ -24,7 +24,7 @@ RETURN_SHARE = 0.05
 def presses(force: float, force_rate: float, p: FloatArray) -> bool:
     """Whether contact holds: F_c > 0, or F_c = 0 up to round-off and not about to fall.
 
-    At a root of F_c this is what tells a touch, after which contact goes on, from a liftoff.
+    At a root of F_c that does not fall, this tells a touch, after which contact goes on, from a liftoff.
     """
     if abs(force) > p[FORCE_NOISE]:
         return force > 0.0
