@@ -219,7 +219,8 @@ class _Run:
             place = start.system.differential // 2 + GAP
             gap, rate = start.y[GAP], start.y[place]
             acceleration, jerk = start.yp[place], start.ypp[place]
-            duration, height = excursion(rate, acceleration, jerk, self._snap(start, jerk))
+            snap = self._snap(start, jerk) if rate == 0.0 else 0.0  # a rebound does not need it
+            duration, height = excursion(rate, acceleration, jerk, snap)
             if gap > 0.0:  # begun in the air, not at a contact
                 falls = acceleration < 0.0
                 duration = math.sqrt(2.0 * gap / -acceleration) if falls else np.inf
