@@ -77,7 +77,7 @@ def events(scene: Scene) -> list[tuple[float, str, float]]:
 def _derivative(system, unknowns, p):
     y, yp, ypp = np.zeros(system.size), np.empty(system.size), np.empty(system.size)
     y[: system.differential] = unknowns
-    consistent(system.index, system.differential, y, yp, ypp, p)
+    consistent(system.index, y, yp, ypp, p)
     return yp[: system.differential], y
 
 

@@ -60,7 +60,7 @@ def settled(system, differential, p):
     """Return (y, y′, y″, residual left) of `consistent`; `differential` holds the differential unknowns."""
     y, yp, ypp = np.zeros(system.size), np.empty(system.size), np.empty(system.size)
     y[: system.differential] = differential[: system.differential]
-    left = consistent(system.index, system.differential, y, yp, ypp, p)
+    left = consistent(system.index, y, yp, ypp, p)
     return y, yp, ypp, left
 
 

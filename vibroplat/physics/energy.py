@@ -76,8 +76,12 @@ def inertia_product(state: FloatArray, u: FloatArray, v: FloatArray, p: FloatArr
     """Product u·𝓜 v of two sets of the seven rates with the mass matrix of the whole scene (J)."""
     matrix = np.zeros((5, 5))
     add_mass_matrix(matrix, 0, 1.0, state, p)
+    product = 0.0
+    for i in range(5):
+        for j in range(5):
+            product += matrix[i, j] * u[i] * v[j]
     lower_u, lower_v = u[1] + u[5], v[1] + v[5]
-    product = np.dot(matrix @ u[:5].copy(), v[:5].copy()) + p[LOWER_MASS] * lower_u * lower_v
+    product += p[LOWER_MASS] * lower_u * lower_v
     return product + p[UPPER_MASS] * (lower_u + u[6]) * (lower_v + v[6])
 
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from vibroplat.physics.compiled import compiled
 from vibroplat.physics.energy import inertia_product
+from vibroplat.physics.linear import factorize, substitute
 from vibroplat.physics.parameters import (
     CONSERVATIVE,
     IMPACT_LAW,
@@ -48,14 +49,15 @@ def impulse_response(state: FloatArray, response: FloatArray, p: FloatArray) -> 
     matrix = np.zeros((5, 5))
     add_mass_matrix(matrix, 0, 1.0, state, p)
     if p[IMPACT_LAW] != CONSERVATIVE:
-        matrix[2, :] = 0.0
-        matrix[:, 2] = 0.0
-        matrix[2, 2] = 1.0
-    unit = np.zeros(5)
-    unit[1] = 1.0
-    e = np.linalg.solve(matrix, unit)
-    response[:5] = -e
-    response[5] = 1.0 / p[LOWER_MASS] + e[1]
+        for i in range(3, 5):
+            matrix[2, i] = matrix[i, 2] = 0.0
+    rows = np.empty(5, dtype=np.int64)
+    for i in range(5):
+        response[i] = 0.0
+    # a singular matrix leaves what is not finite, and the restart after the impact says so
+    response[1] = -1.0 if factorize(matrix, rows) else np.nan
+    substitute(matrix, rows, response[:5])
+    response[5] = 1.0 / p[LOWER_MASS] - response[1]
     response[6] = -response[5] if p[IMPACT_LAW] == PRINTED else -1.0 / p[LOWER_MASS]
     if p[UPPER_MASS] == 0.0:  # one layer: what does not exist stays 0 in the full state
         response[6] = 0.0
@@ -68,7 +70,10 @@ def kinetic_change(before: FloatArray, after: FloatArray, p: FloatArray) -> floa
 
     Formed as ½ (v⁺ − v⁻)·𝓜 (v⁺ + v⁻), so that a small change is not the difference of two large energies.
     """
-    return 0.5 * inertia_product(before, after[7:] - before[7:], after[7:] + before[7:], p)
+    difference, total = np.empty(7), np.empty(7)
+    for i in range(7):
+        difference[i], total[i] = after[7 + i] - before[7 + i], after[7 + i] + before[7 + i]
+    return 0.5 * inertia_product(before, difference, total, p)
 
 
 @compiled
@@ -90,8 +95,8 @@ def impact(state: FloatArray, after: FloatArray, p: FloatArray) -> tuple[float, 
     reduced = impulse_response(state, response, p)
     approach = state[GAP_RATE]
     impulse = -(1.0 + p[RESTITUTION]) * approach * reduced
-    after[:] = state
-    after[7:] += impulse * response
+    for i in range(7):
+        after[i], after[7 + i] = state[i], state[7 + i] + impulse * response[i]
     after[GAP_RATE] = -p[RESTITUTION] * approach
     after[GAP] = 0.0
     return impulse, -kinetic_change(state, after, p)
@@ -136,8 +141,10 @@ def latch(state: FloatArray, accelerations: FloatArray, after: FloatArray, p: Fl
     duration = closing_time(rebound, accelerations[GAP], restitution)
     impulse = reduced * rebound * (1.0 + restitution) / (1.0 - restitution)
     moment = reduced * rebound * duration * restitution / (1.0 - restitution)
-    after[:7] = state[:7] + duration * state[7:] + 0.5 * duration * duration * accelerations + moment * response
-    after[7:] = state[7:] + duration * accelerations + impulse * response
+    for i in range(7):
+        mean_rate = state[7 + i] + 0.5 * duration * accelerations[i]
+        after[i] = state[i] + duration * mean_rate + moment * response[i]
+        after[7 + i] = state[7 + i] + duration * accelerations[i] + impulse * response[i]
     after[GAP] = 0.0
     after[GAP_RATE] = 0.0
     work = (

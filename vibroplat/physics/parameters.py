@@ -7,11 +7,11 @@ from C. The integers below are the places in that array.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from vibroplat.physics.compiled import FloatArray
 from vibroplat.scene import Scene
 
-FloatArray = npt.NDArray[np.float64]
+__all__ = ["FloatArray", "parameters"]
 
 MASS = 0  # M
 INERTIA = 1  # J

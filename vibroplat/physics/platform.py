@@ -133,12 +133,42 @@ def add_mass_matrix(target: FloatArray, corner: int, factor: float, y: FloatArra
 
 
 @compiled
+def solve_mass_matrix(b: FloatArray, y: FloatArray, p: FloatArray) -> None:
+    """Replace five generalized forces by the accelerations of platform and exciters.
+
+    The mass matrix of :func:`add_mass_matrix` couples the platform's x, y, φ, which are diagonal among
+    themselves, with the exciters alone; eliminating them leaves two equations for the exciters.
+    """
+    k = p[UNBALANCE]
+    s1, c1, s2, c2 = math.sin(y[3]), math.cos(y[3]), math.sin(y[4]), math.cos(y[4])
+    arm_1, _ = turned_arms(y[2], 1.0, s1, c1, p)
+    arm_2, _ = turned_arms(y[2], -1.0, s2, c2, p)
+    x1, y1, f1 = -k * s1, k * c1, k * arm_1
+    x2, y2, f2 = -k * s2, k * c2, k * arm_2
+    mass, inertia = 1.0 / p[MASS], 1.0 / p[INERTIA]
+    m11 = p[EXCITER_INERTIA] - mass * (x1 * x1 + y1 * y1) - inertia * f1 * f1
+    m22 = p[EXCITER_INERTIA] - mass * (x2 * x2 + y2 * y2) - inertia * f2 * f2
+    m12 = -mass * (x1 * x2 + y1 * y2) - inertia * f1 * f2
+    b1 = b[3] - mass * (x1 * b[0] + y1 * b[1]) - inertia * f1 * b[2]
+    b2 = b[4] - mass * (x2 * b[0] + y2 * b[1]) - inertia * f2 * b[2]
+    determinant = m11 * m22 - m12 * m12
+    a1 = (m22 * b1 - m12 * b2) / determinant
+    a2 = (m11 * b2 - m12 * b1) / determinant
+    b[0] = mass * (b[0] - x1 * a1 - x2 * a2)
+    b[1] = mass * (b[1] - y1 * a1 - y2 * a2)
+    b[2] = inertia * (b[2] - f1 * a1 - f2 * a2)
+    b[3], b[4] = a1, a2
+
+
+@compiled
 def platform_jacobian(y: FloatArray, yp: FloatArray, cj: float, jac: FloatArray, p: FloatArray, n: int) -> None:
     """Fill ∂F/∂y + c_j ∂F/∂y′ of the rows of :func:`platform_residual`, without the load's columns.
 
     ``jac`` is cleared first, so a mode adds its own rows afterwards.
     """
-    jac[:, :] = 0.0
+    for i in range(jac.shape[0]):
+        for j in range(jac.shape[1]):
+            jac[i, j] = 0.0
     for i in range(n):
         jac[i, i] = cj
         jac[i, n + i] = -1.0

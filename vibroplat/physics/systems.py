@@ -9,13 +9,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from numba import carray
 
 from vibroplat.physics import residuals as r
-from vibroplat.physics.compiled import compiled
+from vibroplat.physics.compiled import callback, compiled
+from vibroplat.physics.linear import factorize, substitute
+from vibroplat.physics.parameters import SIZE as PARAMETERS
 from vibroplat.physics.parameters import FloatArray
+from vibroplat.physics.platform import solve_mass_matrix
 from vibroplat.scene import Mode, Scene
 
 FULL_SIZE = 14
@@ -153,17 +158,41 @@ def evaluate_jacobian(system: int, y: FloatArray, yp: FloatArray, cj: float, jac
         r.flight_two_jacobian(y, yp, cj, jac, p)
 
 
+#: The same facts by number, for compiled code: places in the full state, then −1.
+SIZES = np.array([s.size for s in SYSTEMS])
+DIFFERENTIAL = np.array([s.differential for s in SYSTEMS])
+GUARDS = np.array([-1 if s.guard is None else s.guard for s in SYSTEMS])
+MODES = np.array([int(s.mode) for s in SYSTEMS])
+PLACES = np.array([[*s.places, *[-1] * (FULL_SIZE - s.differential)] for s in SYSTEMS])
+
+
 @compiled
-def consistent(system: int, differential: int, y: FloatArray, yp: FloatArray, ypp: FloatArray, p: FloatArray) -> float:
+def gather(system: int, state: FloatArray, y: FloatArray) -> None:
+    """Fill the differential unknowns of a system from a full state."""
+    for i in range(DIFFERENTIAL[system]):
+        y[i] = state[PLACES[system, i]]
+
+
+@compiled
+def spread(system: int, y: FloatArray, state: FloatArray) -> None:
+    """Fill a full state from a system's unknowns; what the system does not have is 0."""
+    for i in range(FULL_SIZE):
+        state[i] = 0.0
+    for i in range(DIFFERENTIAL[system]):
+        state[PLACES[system, i]] = y[i]
+
+
+@compiled
+def consistent(system: int, y: FloatArray, yp: FloatArray, ypp: FloatArray, p: FloatArray) -> float:
     """Make (y, y′) consistent by a direct linear solve and find the next derivative.
 
-    F(y, y′) is linear in z = (y′ of the differential unknowns, F_c), so one solve with A = ∂F/∂z gives
-    z exactly; differentiating F = 0 along the motion, A z′ + (∂F/∂y) y′ = 0 gives y″ and F_c′.
+    F(y, y′) is linear in z = (accelerations, F_c), so one solve with A = ∂F/∂z gives z exactly;
+    differentiating F = 0 along the motion, A z′ + (∂F/∂y) y′ = 0 gives y″ and F_c′.
 
     Parameters
     ----------
-    system, differential
-        Number of the system and of its differential unknowns, 2n.
+    system
+        Number of the system.
     y, yp, ypp
         Shape (size,). The differential part of ``y`` is read; F_c in ``y`` and all of ``yp`` and
         ``ypp`` are filled. F_c″ is not needed and set to 0.
@@ -172,30 +201,97 @@ def consistent(system: int, differential: int, y: FloatArray, yp: FloatArray, yp
     -------
     float
         Largest residual that is left, relative to the largest sum of the sizes of a row's terms: the
-        backward error of the solve, some 1e-16; nan if anything is not finite.
+        backward error of the solve, some 1e-16; nan if anything is not finite or A is singular.
     """
-    size = y.size
-    res, jac_0, jac_1 = np.empty(size), np.empty((size, size)), np.empty((size, size))
-    y[differential:] = 0.0
-    yp[:] = 0.0
+    size, differential = y.size, DIFFERENTIAL[system]
+    n = differential // 2
+    m = size - n
+    res, z, rows = np.empty(size), np.empty(m), np.empty(m, dtype=np.int64)
+    partial, lead, factors = np.empty((size, size)), np.empty((size, size)), np.empty((m, m))
+    for i in range(n):
+        yp[i], yp[n + i] = y[n + i], 0.0
+    for i in range(differential, size):
+        y[i], yp[i] = 0.0, 0.0
     if not (r.finite(y) and evaluate_residual(system, y, yp, res, p)):
         return np.nan
-    evaluate_jacobian(system, y, yp, 0.0, jac_0, p)
-    sizes = np.abs(jac_0) @ np.abs(y)
-    evaluate_jacobian(system, y, yp, 1.0, jac_1, p)
-    lead = jac_1 - jac_0
-    lead[:, differential:] = jac_0[:, differential:]
-    z = np.linalg.solve(lead, -res)
-    y[differential:] = z[differential:]
-    yp[:differential] = z[:differential]
-    sizes += np.abs(lead) @ np.abs(z)
-    evaluate_jacobian(system, y, yp, 0.0, jac_0, p)
-    yp[differential:] = 0.0
-    z = np.linalg.solve(lead, -(jac_0 @ yp))
-    yp[differential:] = z[differential:]
-    ypp[:] = z
-    ypp[differential:] = 0.0
-    if not evaluate_residual(system, y, yp, res, p) or not np.isfinite(np.sum(z)):
+    evaluate_jacobian(system, y, yp, 0.0, partial, p)
+    evaluate_jacobian(system, y, yp, 1.0, lead, p)
+    largest = 0.0
+    for i in range(m):
+        row = n + i
+        z[i] = -res[row]
+        for j in range(m):
+            column = n + j
+            factors[i, j] = lead[row, column] - partial[row, column] if column < differential else partial[row, column]
+    for i in range(m):
+        for j in range(m):
+            lead[i, j] = factors[i, j]
+    if not factorize(factors, rows):
         return np.nan
-    largest = np.max(sizes)
-    return np.max(np.abs(res)) / largest if largest > 0.0 else 0.0
+    substitute(factors, rows, z)
+    for i in range(m):
+        terms = 0.0
+        for j in range(differential):
+            terms += abs(partial[n + i, j] * y[j])
+        for j in range(m):
+            terms += abs(lead[i, j] * z[j])
+        largest = max(largest, terms)
+    for i in range(n):
+        yp[n + i] = z[i]
+    for i in range(n, m):
+        y[n + i] = z[i]
+    if not evaluate_residual(system, y, yp, res, p):
+        return np.nan
+    evaluate_jacobian(system, y, yp, 0.0, partial, p)
+    for i in range(m):
+        z[i] = 0.0
+        for j in range(differential):
+            z[i] -= partial[n + i, j] * yp[j]
+    substitute(factors, rows, z)
+    if not r.finite(z):
+        return np.nan
+    for i in range(n):
+        ypp[i], ypp[n + i] = yp[n + i], z[i]
+    for i in range(n, m):
+        yp[n + i], ypp[n + i] = z[i], 0.0
+    worst = 0.0
+    for value in res:
+        worst = max(worst, abs(value))
+    return worst / largest if largest > 0.0 else 0.0
+
+
+@callback(
+    "float64(int64, CPointer(float64), CPointer(float64), CPointer(float64), CPointer(float64))"
+)
+def consistent_callback(system: int, y: Any, yp: Any, ypp: Any, p: Any) -> float:
+    """:func:`consistent` on pointers, with the full length of y, y′ and y″ behind them."""
+    size = SIZES[system]
+    arrays = (carray(y, (size,)), carray(yp, (size,)), carray(ypp, (size,)))
+    return consistent(system, *arrays, carray(p, (PARAMETERS,)))
+
+
+@compiled
+def explicit(system: int, y: FloatArray, yp: FloatArray, res: FloatArray, p: FloatArray) -> bool:
+    """Fill y′ = f(y) of a system without algebraic unknown; False if it is not finite.
+
+    The residual at zero accelerations is −(forces); platform and exciters are solved by their mass
+    matrix, and each layer's row is the sum of the accelerations it is carried by.
+
+    Parameters
+    ----------
+    y, yp, res
+        Shape (size,): read, filled, and overwritten.
+    """
+    n = y.size // 2
+    for i in range(n):
+        yp[i], yp[n + i] = y[n + i], 0.0
+    if not evaluate_residual(system, y, yp, res, p):
+        return False
+    for i in range(n):
+        yp[n + i] = -res[n + i]
+    solve_mass_matrix(yp[n:], y, p)
+    carried = yp[n + 1]
+    for i in range(5, n):
+        yp[n + i] -= carried
+        carried += yp[n + i]
+    return r.finite(yp)

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from vibroplat.physics.parameters import FloatArray
-from vibroplat.physics.systems import FULL_SIZE, GAP, GAP_RATE
+from vibroplat.physics.systems import FULL_SIZE
 from vibroplat.scene import COORDINATES, RATES, Scene
 
 
@@ -42,16 +40,3 @@ def initial_state(scene: Scene) -> FloatArray:
             if value is not None:
                 state[place] = value
     return state
-
-
-def begins_in_flight(state: FloatArray) -> bool:
-    """Whether the state itself says flight: the gap is open or opening."""
-    return bool(state[GAP] > 0.0 or state[GAP_RATE] > 0.0)
-
-
-def take_off_turns(state: FloatArray, turns: FloatArray) -> None:
-    """Move whole turns of both exciter angles from the state into ``turns`` (rad), in place."""
-    for exciter in range(2):
-        whole = 2.0 * math.pi * math.floor(state[3 + exciter] / (2.0 * math.pi))
-        state[3 + exciter] -= whole
-        turns[exciter] += whole

@@ -94,25 +94,3 @@ def dip_below_zero(step: float, g0: float, g1: float, rate_0: float, rate_1: flo
                     low = middle
             return low
     return -1.0
-
-
-@compiled
-def missed_fall(t: FloatArray, g: FloatArray, rate: FloatArray) -> tuple[int, float]:
-    """First step inside which a guard falls through zero unseen by signs at its ends.
-
-    Parameters
-    ----------
-    t, g, rate
-        Ends of the steps, the guard and its time derivative there, shape (m,).
-
-    Returns
-    -------
-    step, share
-        Index of the step's beginning and the fraction of it; (−1, 0) when there is none.
-    """
-    for k in range(t.size - 1):
-        if g[k + 1] < 0.0 or rate[k] < 0.0 < rate[k + 1]:
-            share = dip_below_zero(t[k + 1] - t[k], g[k], g[k + 1], rate[k], rate[k + 1])
-            if share >= 0.0:
-                return k, share
-    return -1, 0.0

@@ -1,36 +1,82 @@
 """What is summed over a run while it goes: energies for the audit, statistics of the measured part.
 
-All integrals use three-point Gauss quadrature of the dense output, step by step, so nothing of the
-trajectory need be stored.
+All integrals use Gauss quadrature of the dense output, step by step, so nothing of the trajectory need
+be stored. The measured part is cut to whole turns of exciter 1 where there is one.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from vibroplat.physics.compiled import compiled
+from vibroplat.physics.compiled import compiled, copy
 from vibroplat.physics.energy import POWERS, powers
 from vibroplat.physics.parameters import FloatArray
-from vibroplat.physics.systems import GAP
-from vibroplat.solver.interpolation import hermite, interpolate
+from vibroplat.physics.systems import DIFFERENTIAL, FULL_SIZE, GAP, PLACES, SIZES
+from vibroplat.solver.interpolation import hermite
+from vibroplat.solver.tape import FIRST, ROWS, Tape
 
 N_POWERS = len(POWERS)
 
 # Places in the sums of the measured part.
-TIME, X, XX, Y, YY, PHI, PHI_PHI, COS, SIN, FLIGHT = range(10)
-SUMS = 10
+TIME, X, XX, Y, YY, PHI, PHI_PHI, COS, SIN, FLYING, MOTOR = range(11)
+SUMS = 11
 
 # Places in the marks: what must be remembered from step to step.
-WINDOW, STARTED, FIRST_TIME, FIRST_1, FIRST_2, LAST_TIME, LAST_1, LAST_2 = range(8)
-FORCE_MIN, FORCE_MAX, EXCHANGED, GAP_MAX = range(8, 12)
-MARKS = 12
+WINDOW, TURNS, FIRST_TIME, FIRST_1, FIRST_2, LAST_TIME, LAST_1, LAST_2 = range(8)
+FORCE_MIN, FORCE_MAX, EXCHANGED, GAP_MIN, GAP_MAX, Y_MIN, Y_MAX = range(8, 15)
+MARKS = 15
+
+# Places in the totals of events; the first three are counts by kind.
+LIFTOFFS, IMPACTS, LATCHES, IMPACT_LOSS, IMPULSE_SUM, IMPULSE_MAX, MEASURED_IMPACTS = range(7)
+TOTALS = 7
+
+#: Points of the Poincaré section that are kept, the last ones.
+SECTION_ROWS = 1024
+# Columns of the section: time, full state, contact force.
+SECTION_TIME, SECTION_STATE, SECTION_FORCE = 0, 1, 1 + FULL_SIZE
 
 _GAUSS = np.array([0.5 - math.sqrt(0.15), 0.5, 0.5 + math.sqrt(0.15)])
 _WEIGHTS = np.array([5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0])
 _TURN = 2.0 * math.pi
+
+
+class Measures(NamedTuple):
+    """Sums over a run.
+
+    Attributes
+    ----------
+    work
+        Integrals of the powers (J), shape (N_POWERS,).
+    plain, open_turn, whole
+        Sums of the measured part: all of it, since the last whole turn of exciter 1, over whole turns.
+    marks, totals
+        Extremes and what is remembered from step to step; counts and sums of events.
+    section
+        Poincaré section: motion at the whole turns of exciter 1 in the measured part, the last
+        SECTION_ROWS of them, turn n in row n modulo that.
+    """
+
+    work: FloatArray
+    plain: FloatArray
+    open_turn: FloatArray
+    whole: FloatArray
+    marks: FloatArray
+    totals: FloatArray
+    section: FloatArray
+
+
+def no_measures(window: float) -> Measures:
+    """Make empty sums whose measured part begins at a time (s)."""
+    marks = np.zeros(MARKS)
+    marks[WINDOW] = window
+    for least, largest in ((FORCE_MIN, FORCE_MAX), (Y_MIN, Y_MAX)):
+        marks[least], marks[largest] = math.inf, -math.inf
+    section = np.zeros((SECTION_ROWS, SECTION_FORCE + 1))
+    return Measures(np.zeros(N_POWERS), *np.zeros((3, SUMS)), marks, np.zeros(TOTALS), section)
 
 
 @compiled
@@ -67,49 +113,55 @@ def extremes(step: float, f0: float, f1: float, rate_0: float, rate_1: float) ->
 
 
 @compiled
+def spread_between(s: float, step: float, tape: Tape, k: int, system: int, full: FloatArray) -> None:
+    """Fill a full state at fraction s of the step that begins in row k."""
+    r = 1.0 - s
+    w0, w1 = r * r * (1.0 + 2.0 * s), s * s * (1.0 + 2.0 * r)
+    v0, v1 = r * r * s * step, -s * s * r * step
+    for j in range(DIFFERENTIAL[system]):
+        full[PLACES[system, j]] = w0 * tape.y[k, j] + w1 * tape.y[k + 1, j] + v0 * tape.yp[k, j] + v1 * tape.yp[k + 1, j]
+
+
+@compiled
 def integrate(
     start: float,
     end: float,
     step: float,
-    y0: FloatArray,
-    y1: FloatArray,
-    yp0: FloatArray,
-    yp1: FloatArray,
-    places: npt.NDArray[np.int64],
-    phase: float,
+    tape: Tape,
+    k: int,
+    system: int,
+    measured: bool,
+    full: FloatArray,
+    power: FloatArray,
     p: FloatArray,
-    work: FloatArray,
+    ms: Measures,
     sums: FloatArray,
-) -> float:
-    """Add the powers over the part [start, end] of a step to ``work`` and set ``sums`` to its statistics.
+) -> None:
+    """Add the work over the part [start, end] of a step and, if measured, set ``sums`` to its statistics.
 
-    ``start`` and ``end`` are fractions of the step, ``phase`` the whole turns taken off φ₁ + φ₂. Returns
-    the energy that motors and dampers exchanged, all of it counted positive.
+    ``start`` and ``end`` are fractions of the step that begins in row k; ``full`` and ``power`` are
+    overwritten. What motors and dampers exchange, all of it counted positive, goes to the marks.
     """
-    full, power = np.zeros(14), np.empty(N_POWERS)
-    unknowns, slopes = np.empty(y0.size), np.empty(y0.size)
-    exchanged = 0.0
-    sums[:] = 0.0
-    for i in range(3):
-        share = start + (end - start) * _GAUSS[i]
+    for j in range(SUMS):
+        sums[j] = 0.0
+    for i in range(_GAUSS.size):
+        spread_between(start + (end - start) * _GAUSS[i], step, tape, k, system, full)
         weight = (end - start) * step * _WEIGHTS[i]
-        interpolate(share, step, y0, y1, yp0, yp1, unknowns, slopes)
-        for j in range(places.size):
-            full[places[j]] = unknowns[j]
         powers(full, power, p)
-        work += weight * power
-        exchanged += weight * (abs(power[0]) + power[3:].sum())
-        difference = full[3] + full[4] + phase
-        sums[TIME] += weight
-        sums[X] += weight * full[0]
-        sums[XX] += weight * full[0] * full[0]
-        sums[Y] += weight * full[1]
-        sums[YY] += weight * full[1] * full[1]
-        sums[PHI] += weight * full[2]
-        sums[PHI_PHI] += weight * full[2] * full[2]
-        sums[COS] += weight * math.cos(difference)
-        sums[SIN] += weight * math.sin(difference)
-    return exchanged
+        exchanged = abs(power[0])
+        for j in range(N_POWERS):
+            ms.work[j] += weight * power[j]
+            if j >= 3:
+                exchanged += power[j]
+        ms.marks[EXCHANGED] += weight * exchanged
+        if measured:
+            sums[TIME] += weight
+            for j in range(3):
+                sums[X + 2 * j] += weight * full[j]
+                sums[XX + 2 * j] += weight * full[j] * full[j]
+            sums[COS] += weight * math.cos(full[3] + full[4])
+            sums[SIN] += weight * math.sin(full[3] + full[4])
+            sums[MOTOR] += weight * power[0]
 
 
 @compiled
@@ -122,78 +174,96 @@ def turn_share(step: float, a0: float, a1: float, rate_0: float, rate_1: float, 
 
 
 @compiled
-def close_turn(
-    now: float, angle_1: float, angle_2: float, open_turn: FloatArray, whole: FloatArray, marks: FloatArray
-) -> None:
+def add(terms: FloatArray, sums: FloatArray) -> None:
+    """Add terms to sums."""
+    for j in range(sums.size):
+        sums[j] += terms[j]
+
+
+@compiled
+def close_turn(now: float, turns: FloatArray, full: FloatArray, force: float, ms: Measures) -> None:
     """Exciter 1 has completed a turn in the measured part: what was open since the last one is whole."""
-    if marks[STARTED] == 0.0:
-        marks[STARTED] = 1.0
-        marks[FIRST_TIME], marks[FIRST_1], marks[FIRST_2] = now, angle_1, angle_2
+    marks = ms.marks
+    row = ms.section[int(marks[TURNS]) % SECTION_ROWS]
+    row[SECTION_TIME], row[SECTION_FORCE] = now, force
+    copy(full, row[SECTION_STATE:])
+    row[SECTION_STATE + 3] += turns[0]
+    row[SECTION_STATE + 4] += turns[1]
+    if marks[TURNS] == 0.0:
+        marks[FIRST_TIME], marks[FIRST_1], marks[FIRST_2] = now, full[3] + turns[0], full[4] + turns[1]
     else:
-        whole += open_turn
-    open_turn[:] = 0.0
-    marks[LAST_TIME], marks[LAST_1], marks[LAST_2] = now, angle_1, angle_2
+        add(ms.open_turn, ms.whole)
+    for j in range(SUMS):
+        ms.open_turn[j] = 0.0
+    marks[TURNS] += 1.0
+    marks[LAST_TIME], marks[LAST_1], marks[LAST_2] = now, full[3] + turns[0], full[4] + turns[1]
 
 
 @compiled
 def accumulate(
-    t: FloatArray,
-    y: FloatArray,
-    yp: FloatArray,
-    places: npt.NDArray[np.int64],
-    start: float,
-    turns: FloatArray,
-    p: FloatArray,
-    flying: float,
-    work: FloatArray,
-    plain: FloatArray,
-    open_turn: FloatArray,
-    whole: FloatArray,
-    marks: FloatArray,
+    ms: Measures, tape: Tape, system: int, flying: bool, origin: float, turns: FloatArray, p: FloatArray
 ) -> None:
-    """Add one stretch of steps to the sums.
+    """Add the open piece of the tape to the sums.
 
     Parameters
     ----------
-    t, y, yp
-        Ends of the steps: times since the stretch's start, unknowns, derivatives.
-    places, start, turns
-        Places of the unknowns in the full state; start of the stretch (s); whole turns (rad) taken off
-        both exciter angles before it.
-    flying
-        1 in flight, else 0.
-    work
-        Integrals of the powers, shape (N_POWERS,).
-    plain, open_turn, whole
-        Sums of the measured part: all of it, since the last whole turn of exciter 1, and over whole turns.
-    marks
-        What is remembered from step to step.
+    ms, tape
+        Sums, changed; tape, read.
+    system, flying
+        Number of the piece's system, and whether it is in flight.
+    origin, turns
+        Origin of the tape's times (s) and whole turns (rad) taken off both exciter angles.
     """
-    sums = np.empty(SUMS)
-    force = places.size
-    angles, slopes = np.empty(y.shape[1]), np.empty(y.shape[1])
-    for k in range(t.size - 1):
-        step = t[k + 1] - t[k]
+    marks = ms.marks
+    sums, full, power = np.empty(SUMS), np.zeros(FULL_SIZE), np.empty(N_POWERS)
+    force = DIFFERENTIAL[system]
+    for k in range(tape.used[FIRST], tape.used[ROWS] - 1):
+        step = tape.t[k + 1] - tape.t[k]
         if step <= 0.0:
             continue
-        if y.shape[1] > force:
-            least, largest = extremes(step, y[k, force], y[k + 1, force], yp[k, force], yp[k + 1, force])
+        if SIZES[system] > force:
+            least, largest = extremes_in(tape, k, step, force)
             marks[FORCE_MIN] = min(marks[FORCE_MIN], least)
             marks[FORCE_MAX] = max(marks[FORCE_MAX], largest)
-        if flying > 0.0:
-            _, highest = extremes(step, y[k, GAP], y[k + 1, GAP], yp[k, GAP], yp[k + 1, GAP])
-            marks[GAP_MAX] = max(marks[GAP_MAX], highest)
-        cut = turn_share(step, y[k, 3], y[k + 1, 3], yp[k, 3], yp[k + 1, 3], turns[0])
-        for a, b in ((0.0, cut), (cut, 1.0)):
+        if flying:
+            least, largest = extremes_in(tape, k, step, GAP)
+            marks[GAP_MIN] = min(marks[GAP_MIN], least)
+            marks[GAP_MAX] = max(marks[GAP_MAX], largest)
+        cut = turn_share(step, tape.y[k, 3], tape.y[k + 1, 3], tape.yp[k, 3], tape.yp[k + 1, 3], turns[0])
+        for part in range(2):
+            a, b = (0.0, cut) if part == 0 else (cut, 1.0)
             if b <= a:
                 continue
-            ends = (y[k], y[k + 1], yp[k], yp[k + 1])
-            marks[EXCHANGED] += integrate(a, b, step, *ends, places, turns[0] + turns[1], p, work, sums)
-            sums[FLIGHT] = flying * sums[TIME]
-            if start + t[k] + a * step >= marks[WINDOW]:
-                plain += sums
-                open_turn += sums
-            now = start + t[k] + b * step
+            measured = origin + tape.t[k] + a * step >= marks[WINDOW]
+            integrate(a, b, step, tape, k, system, measured, full, power, p, ms, sums)
+            if measured:
+                sums[FLYING] = sums[TIME] if flying else 0.0
+                add(sums, ms.plain)
+                add(sums, ms.open_turn)
+                least, largest = extremes_in(tape, k, step, 1)
+                marks[Y_MIN], marks[Y_MAX] = min(marks[Y_MIN], least), max(marks[Y_MAX], largest)
+            now = origin + tape.t[k] + b * step
             if b < 1.0 and now >= marks[WINDOW]:
-                interpolate(b, step, *ends, angles, slopes)
-                close_turn(now, angles[3] + turns[0], angles[4] + turns[1], open_turn, whole, marks)
+                spread_between(b, step, tape, k, system, full)
+                pressure = 0.0
+                if SIZES[system] > force:
+                    ends = tape.y[k, force], tape.y[k + 1, force], tape.yp[k, force], tape.yp[k + 1, force]
+                    pressure = hermite(b, step, *ends)
+                close_turn(now, turns, full, pressure, ms)
+
+
+@compiled
+def extremes_in(tape: Tape, k: int, step: float, j: int) -> tuple[float, float]:
+    """Least and largest value of unknown j within the step that begins in row k."""
+    return extremes(step, tape.y[k, j], tape.y[k + 1, j], tape.yp[k, j], tape.yp[k + 1, j])
+
+
+@compiled
+def count_event(ms: Measures, kind: int, now: float, impulse: float, loss: float) -> None:
+    """Add an event to the totals; ``kind`` is its place among them."""
+    ms.totals[kind] += 1.0
+    ms.totals[IMPACT_LOSS] += loss
+    ms.totals[IMPULSE_SUM] += impulse
+    ms.totals[IMPULSE_MAX] = max(ms.totals[IMPULSE_MAX], impulse)
+    if kind == IMPACTS and now >= ms.marks[WINDOW]:
+        ms.totals[MEASURED_IMPACTS] += 1.0

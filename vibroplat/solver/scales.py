@@ -6,10 +6,13 @@ alike wherever they start, and a change of units changes nothing.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
+from vibroplat.physics.compiled import compiled
 from vibroplat.physics.parameters import FloatArray
-from vibroplat.physics.systems import GAP, System
+from vibroplat.physics.systems import System
 from vibroplat.scene import Scene
 
 #: Local tolerance of F_c in units of its scale, over the tolerance of the run. Ten costs no accuracy of
@@ -17,7 +20,7 @@ from vibroplat.scene import Scene
 FORCE_SHARE = 10.0
 
 #: Least tolerance of a short flight over the scale: what round-off of the platform's motion leaves.
-ROUND_OFF = 100.0 * np.finfo(float).eps
+ROUND_OFF = 100.0 * float(np.finfo(float).eps)
 
 
 def state_scales(scene: Scene) -> FloatArray:
@@ -43,25 +46,20 @@ def absolute_tolerances(scene: Scene, system: System) -> FloatArray:
     return scene.solver.tolerance * atol
 
 
-def short_flight(atol: FloatArray, system: System, tolerance: float, height: float, scale: float) -> FloatArray:
-    """Tighten the gap's tolerances for a flight much lower than the scale of lengths.
+@compiled
+def halvings(tolerance: float, height: float, scale: float) -> int:
+    """How often the gap rate's tolerance is halved in a flight much lower than the scale of lengths.
 
     An absolute error of the gap moves a landing at speed v by its ratio to v, so the many low flights
-    of accumulating impacts need a gap as accurate against their own height. Heights are rounded to
-    powers of 4, the gap rate follows with powers of 2.
+    of accumulating impacts need a gap as accurate against their own height: its tolerance is divided by
+    4ⁿ, that of its rate by 2ⁿ.
 
     Parameters
     ----------
-    atol
-        The system's tolerances, shape (size,); not changed.
+    tolerance
+        That of the run.
     height, scale
         Expected height of the flight and scale of the gap (m).
     """
     floor = max(height / scale, ROUND_OFF / tolerance)
-    if floor >= 1.0:
-        return atol
-    halvings = min(int(-0.5 * np.log2(floor)), 30)
-    tight = atol.copy()
-    tight[GAP] *= 4.0**-halvings
-    tight[system.differential // 2 + GAP] *= 2.0**-halvings
-    return tight
+    return min(int(-0.5 * math.log2(floor)), 30) if floor < 1.0 else 0

@@ -3,126 +3,109 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
-from vibroplat.physics.energy import POWERS, elastic_energy, kinetic_energy
-from vibroplat.physics.parameters import FloatArray
-from vibroplat.physics.systems import System
-from vibroplat.scene import Mode, Scene
+from vibroplat.physics.energy import POWERS
+from vibroplat.scene import COORDINATES, RATES, Scene
+from vibroplat.solver import hybrid as hy
 from vibroplat.solver import measures as m
-from vibroplat.solver.engine import Engine, Stretch
-
-if TYPE_CHECKING:
-    from vibroplat.solver.trajectory import Event, Trajectory
+from vibroplat.solver.engine import Engine
+from vibroplat.solver.hybrid import Hybrid
+from vibroplat.solver.measures import Measures
 
 #: The measured part is what follows this share of the duration, cut to whole turns of exciter 1.
 SETTLE_SHARE = 0.5
 
 
-class Recorder:
-    """Sums over a run, fed while it goes."""
+@dataclass
+class Ends:
+    """Energies at the start of a run and, once it is finished, at its end (J)."""
 
-    def __init__(self, scene: Scene, p: FloatArray) -> None:
-        self.p = p
-        self.work = np.zeros(m.N_POWERS)
-        self.plain, self.open_turn, self.whole = np.zeros(m.SUMS), np.zeros(m.SUMS), np.zeros(m.SUMS)
-        self.marks = np.zeros(m.MARKS)
-        self.marks[m.WINDOW] = SETTLE_SHARE * scene.run.duration_s
-        self.marks[m.FORCE_MIN], self.marks[m.FORCE_MAX] = math.inf, -math.inf
-        self.counts = {"liftoff": 0, "impact": 0, "latch": 0}
-        self.impact_loss = 0.0
-        self.impulse_sum = 0.0
-        self.impulse_max = 0.0
-        self.largest_kinetic = 0.0
-        self.kinetic = [0.0, 0.0]
-        self.elastic = [0.0, 0.0]
+    kinetic: float
+    elastic: float
+    kinetic_change: float = 0.0
+    elastic_change: float = 0.0
 
-    def begin(self, state: FloatArray) -> None:
-        """Note the energies at the start."""
-        self.kinetic[0], self.elastic[0] = kinetic_energy(state, self.p), elastic_energy(state, self.p)
-        self.largest_kinetic = self.kinetic[0]
-
-    def add(self, system: System, stretch: Stretch, start: float, turns: FloatArray) -> None:
-        """Add the steps of one stretch."""
-        flying = system.mode is Mode.FLIGHT
-        m.accumulate(
-            stretch.t,
-            stretch.y,
-            stretch.yp,
-            system.places,
-            start,
-            turns,
-            self.p,
-            float(flying),
-            self.work,
-            self.plain,
-            self.open_turn,
-            self.whole,
-            self.marks,
-        )
-
-    def event(self, event: Event) -> None:
-        """Add an event."""
-        self.counts[event.kind] += 1
-        self.impact_loss += event.energy_loss_j
-        self.impulse_sum += event.impulse_n_s
-        self.impulse_max = max(self.impulse_max, event.impulse_n_s)
-
-    def finish(self, state: FloatArray) -> None:
+    def finish(self, kinetic: float, elastic: float) -> None:
         """Note the energies at the end."""
-        self.kinetic[1], self.elastic[1] = kinetic_energy(state, self.p), elastic_energy(state, self.p)
-        self.largest_kinetic = max(self.largest_kinetic, self.kinetic[1])
+        self.kinetic_change, self.elastic_change = kinetic - self.kinetic, elastic - self.elastic
 
     @property
-    def audit(self) -> dict[str, float]:
-        """Energies of the run (J) and what is left of their balance.
+    def largest_kinetic(self) -> float:
+        """The larger kinetic energy of both ends."""
+        return max(self.kinetic, self.kinetic + self.kinetic_change)
 
-        Motor work + gravity's work + truncation = Δ(kinetic + elastic) + dissipation + impact losses;
-        the residual is relative to the larger of the energy that motors and dampers exchanged and the
-        kinetic energy.
-        """
-        terms = {f"{name}_work_j": float(w) for name, w in zip(POWERS, self.work, strict=True)}
-        kinetic = self.kinetic[1] - self.kinetic[0]
-        elastic = self.elastic[1] - self.elastic[0]
-        left = float(self.work[:3].sum() - self.work[3:].sum()) - self.impact_loss - kinetic - elastic
-        scale = max(float(self.marks[m.EXCHANGED]) + self.impact_loss, self.largest_kinetic)
-        return terms | {
-            "impact_loss_j": self.impact_loss,
-            "kinetic_change_j": kinetic,
-            "elastic_change_j": elastic,
-            "energy_residual_j": left,
-            "energy_residual": abs(left) / scale if scale > 0.0 else 0.0,
-        }
 
-    @property
-    def statistics(self) -> dict[str, float | None]:
-        """RMS about the mean, frequencies and phase of the measured part; None where it is too short."""
-        marks = self.marks
-        turned = self.whole[m.TIME] > 0.0
-        sums = self.whole if turned else self.plain
-        names = ("rms_x_m", "rms_y_m", "rms_phi_rad")
-        if sums[m.TIME] <= 0.0:
-            empty = (*names, "excitation_frequency_hz", "frequency_split_hz", "phase_difference_rad")
-            return dict.fromkeys((*empty, "phase_coherence", "flight_fraction", "measured_s"))
-        mean = sums / sums[m.TIME]
-        result: dict[str, float | None] = {
-            name: math.sqrt(max(mean[square] - mean[first] ** 2, 0.0))
-            for name, first, square in zip(names, (m.X, m.Y, m.PHI), (m.XX, m.YY, m.PHI_PHI), strict=True)
-        }
-        result["excitation_frequency_hz"] = result["frequency_split_hz"] = None
-        if turned:
-            seconds = 2.0 * math.pi * (marks[m.LAST_TIME] - marks[m.FIRST_TIME])
-            first = abs(marks[m.LAST_1] - marks[m.FIRST_1]) / seconds
-            second = abs(marks[m.LAST_2] - marks[m.FIRST_2]) / seconds
-            result["excitation_frequency_hz"] = 0.5 * (first + second)
-            result["frequency_split_hz"] = first - second
-        result["phase_difference_rad"] = _half_open(math.atan2(mean[m.SIN], mean[m.COS]))
-        result["phase_coherence"] = math.hypot(mean[m.SIN], mean[m.COS])
-        result["flight_fraction"] = mean[m.FLIGHT]
-        result["measured_s"] = float(sums[m.TIME])
-        return {k: None if v is None else float(v) for k, v in result.items()}
+def audit(ms: Measures, ends: Ends) -> dict[str, float]:
+    """Energies of a run (J) and what is left of their balance.
+
+    Motor work + gravity's work + truncation = Δ(kinetic + elastic) + dissipation + impact losses;
+    the residual is relative to the larger of the energy that motors and dampers exchanged and the
+    kinetic energy.
+    """
+    loss = float(ms.totals[m.IMPACT_LOSS])
+    left = float(ms.work[:3].sum() - ms.work[3:].sum()) - loss - ends.kinetic_change - ends.elastic_change
+    scale = max(float(ms.marks[m.EXCHANGED]) + loss, ends.largest_kinetic)
+    return {f"{name}_work_j": float(w) for name, w in zip(POWERS, ms.work, strict=True)} | {
+        "impact_loss_j": loss,
+        "kinetic_change_j": ends.kinetic_change,
+        "elastic_change_j": ends.elastic_change,
+        "energy_residual_j": left,
+        "energy_residual": abs(left) / scale if scale > 0.0 else 0.0,
+    }
+
+
+def statistics(ms: Measures) -> dict[str, float | None]:
+    """RMS about the mean, amplitude, frequencies, phase of the measured part; None where it is too short."""
+    marks = ms.marks
+    turned = ms.whole[m.TIME] > 0.0
+    sums = ms.whole if turned else ms.plain
+    names = ("rms_x_m", "rms_y_m", "rms_phi_rad")
+    if sums[m.TIME] <= 0.0:
+        others = ("amplitude_y_m", "excitation_frequency_hz", "frequency_split_hz", "phase_difference_rad")
+        return dict.fromkeys(
+            (*names, *others, "phase_coherence", "flight_fraction", "motor_power_w", "impacts_per_period", "measured_s")
+        )
+    mean = sums / sums[m.TIME]
+    result: dict[str, float | None] = {
+        name: math.sqrt(max(mean[square] - mean[first] ** 2, 0.0))
+        for name, first, square in zip(names, (m.X, m.Y, m.PHI), (m.XX, m.YY, m.PHI_PHI), strict=True)
+    }
+    result["amplitude_y_m"] = 0.5 * (marks[m.Y_MAX] - marks[m.Y_MIN])
+    result["excitation_frequency_hz"] = result["frequency_split_hz"] = result["impacts_per_period"] = None
+    if turned:
+        seconds = 2.0 * math.pi * (marks[m.LAST_TIME] - marks[m.FIRST_TIME])
+        first = abs(marks[m.LAST_1] - marks[m.FIRST_1]) / seconds
+        second = abs(marks[m.LAST_2] - marks[m.FIRST_2]) / seconds
+        result["excitation_frequency_hz"] = 0.5 * (first + second)
+        result["frequency_split_hz"] = first - second
+        result["impacts_per_period"] = ms.totals[m.MEASURED_IMPACTS] / (0.5 * (first + second) * ms.plain[m.TIME])
+    result["phase_difference_rad"] = _half_open(math.atan2(mean[m.SIN], mean[m.COS]))
+    result["phase_coherence"] = math.hypot(mean[m.SIN], mean[m.COS])
+    result["flight_fraction"] = mean[m.FLYING]
+    result["motor_power_w"] = mean[m.MOTOR]
+    result["measured_s"] = sums[m.TIME]
+    return {k: None if v is None else float(v) for k, v in result.items()}
+
+
+def poincare_section(ms: Measures, scene: Scene) -> pd.DataFrame:
+    """Motion at whole turns of exciter 1 in the measured part, in the trajectory table's columns.
+
+    The last :data:`~vibroplat.solver.measures.SECTION_ROWS` turns are kept.
+    """
+    turns = int(ms.marks[m.TURNS])
+    rows = np.arange(max(turns - m.SECTION_ROWS, 0), turns) % m.SECTION_ROWS
+    points = ms.section[rows]
+    places = [m.SECTION_STATE + i + half for half in (0, 7) for i in scene.coordinates]
+    names = [names[i] for names in (COORDINATES, RATES) for i in scene.coordinates]
+    columns = {"t_s": points[:, m.SECTION_TIME]} | {n: points[:, i] for n, i in zip(names, places, strict=True)}
+    if scene.has_contact:
+        columns["contact_force_n"] = points[:, m.SECTION_FORCE]
+    return pd.DataFrame(columns)
 
 
 def _half_open(angle: float) -> float:
@@ -131,44 +114,37 @@ def _half_open(angle: float) -> float:
 
 
 def summarize(
-    run: Trajectory,
-    recorder: Recorder,
-    engine: Engine,
-    outcome: str,
-    detail: str,
-    reached: float,
-    wall: float,
+    scene: Scene, h: Hybrid, ends: Ends, engine: Engine, outcome: str, detail: str, wall: float
 ) -> dict[str, Any]:
     """Gather the summary of a run.
 
     Statistics are of the measured part: the last half of the run, cut to whole turns of exciter 1
-    when there is one. Extremes, impulses and energies are of the whole run. What a failed run has left
-    without a finite value is None.
+    when there is one. Extremes of force and gap, impulses and energies are of the whole run. What a
+    failed run has left without a finite value is None.
     """
-    force_min, force_max = (float(recorder.marks[i]) for i in (m.FORCE_MIN, m.FORCE_MAX))
-    work = engine.counters
+    ms = h.measures
+    marks, totals = ms.marks.tolist(), ms.totals.tolist()
     summary = {
-        "name": run.scene.name,
+        "name": scene.name,
         "outcome": outcome,
         "detail": detail,
-        "simulated_s": reached,
-        **recorder.statistics,
-        "contact_force_min_n": force_min,
-        "contact_force_max_n": force_max,
-        "gap_max_m": float(recorder.marks[m.GAP_MAX]),
-        "impulse_max_n_s": recorder.impulse_max,
-        "impulse_sum_n_s": recorder.impulse_sum,
-        "liftoffs": recorder.counts["liftoff"],
-        "impacts": recorder.counts["impact"],
-        "latches": recorder.counts["latch"],
-        "events": sum(recorder.counts.values()),
-        **recorder.audit,
+        "simulated_s": float(h.clock[hy.NOW]),
+        **statistics(ms),
+        "contact_force_min_n": marks[m.FORCE_MIN],
+        "contact_force_max_n": marks[m.FORCE_MAX],
+        "gap_min_m": marks[m.GAP_MIN],
+        "gap_max_m": marks[m.GAP_MAX],
+        "impulse_max_n_s": totals[m.IMPULSE_MAX],
+        "impulse_sum_n_s": totals[m.IMPULSE_SUM],
+        "liftoffs": int(totals[m.LIFTOFFS]),
+        "impacts": int(totals[m.IMPACTS]),
+        "latches": int(totals[m.LATCHES]),
+        "events": int(sum(totals[:3])),
+        **audit(ms, ends),
         "engine": engine.name,
-        "tolerance": run.scene.solver.tolerance,
-        "steps": work.steps,
-        "residual_calls": work.residual_calls,
-        "jacobian_calls": work.jacobian_calls,
-        "restarts": work.restarts,
+        "tolerance": scene.solver.tolerance,
+        **engine.work,
+        "restarts": int(h.flags[hy.RESTARTS]),
         "wall_s": wall,
     }
     return {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in summary.items()}

@@ -18,15 +18,27 @@ os.environ.setdefault("SUNLOGGER_WARNING_FILENAME", os.devnull)
 from sksundae.ida import IDA
 
 from vibroplat.physics.parameters import FloatArray
-from vibroplat.physics.systems import System
-from vibroplat.solver.engine import Control, Counters, Stop, Stretch
-from vibroplat.solver.interpolation import interpolate, missed_fall
+from vibroplat.physics.systems import SYSTEMS, System
+from vibroplat.solver.engine import WORK
+from vibroplat.solver.hybrid import (
+    AT_GUARD,
+    AT_TIME,
+    FAILED,
+    FIRST_STEP,
+    MODE,
+    NOT_FINITE,
+    UNTIL,
+    Hybrid,
+    begin,
+    conclude,
+)
 from vibroplat.solver.scales import ROUND_OFF
+from vibroplat.solver.tape import MARGIN, Tape, blank_tape, transcribe
 
 _ROOT = 2
 
 
-#: Residual calls in one stretch after which the integrator is taken to be stuck; usual are some 10⁴.
+#: Residual calls in one segment after which the integrator is taken to be stuck; usual are some 10⁴.
 MAX_CALLS = 300_000
 
 
@@ -35,12 +47,12 @@ class _NonFiniteError(ArithmeticError):
 
 
 class _StuckError(RuntimeError):
-    """More residual calls than any stretch needs, raised through the callback."""
+    """More residual calls than any segment needs, raised through the callback."""
 
 
 @dataclass
 class _Budget:
-    """Residual calls left in a stretch; apart from the engine, so that callbacks make no reference cycle."""
+    """Residual calls left in a segment; apart from the engine, so that callbacks make no reference cycle."""
 
     left: int = MAX_CALLS
 
@@ -76,38 +88,62 @@ class SundaeEngine:
     """
 
     name = "sundae"
+    #: A segment's steps are all held in memory, and its progress is told at its end.
+    turns_per_segment = 100
 
     def __init__(self, p: FloatArray) -> None:
-        self.counters = Counters()
+        self.work = dict.fromkeys(WORK, 0) | {"error_test_failures": None, "newton_failures": None}
+        self.detail = ""
         self._p = p
         self._budget = _Budget()
         self._integrators: dict[tuple[int, bytes, float], _Integrator] = {}
 
-    def advance(self, system: System, y: FloatArray, yp: FloatArray, control: Control, until: float) -> Stretch:
-        """Integrate to the guard or to ``until``; see :class:`vibroplat.solver.engine.Engine`."""
-        integrator = self._integrator(system, control)
-        self.counters.restarts += 1
+    def advance(self, h: Hybrid) -> Tape:
+        """Go on with a run for one segment; see :class:`vibroplat.solver.engine.Engine`."""
+        if not begin(h):
+            return blank_tape(0)
+        mode = h.flags[MODE]
+        system = SYSTEMS[h.systems[mode]]
+        start, slope = h.y[mode, : system.size].copy(), h.yp[mode, : system.size].copy()
+        integrator = self._integrator(system, h.atol[: system.size], float(h.clock[FIRST_STEP]))
+        t, y, yp, stop = np.zeros(1), start[np.newaxis], slope[np.newaxis], FAILED
         self._budget.left = MAX_CALLS
-        here = np.zeros(1), y[np.newaxis], yp[np.newaxis]
         try:
             with redirect_stdout(io.StringIO()):  # where scikit-sundae prints what the status says as well
-                result = integrator.ida.solve([0.0, until], y, yp)
+                result = integrator.ida.solve([0.0, float(h.clock[UNTIL])], start, slope)
         except _NonFiniteError:
-            return Stretch(*here, Stop.NON_FINITE, "the residual is not finite")
+            stop, self.detail = NOT_FINITE, "the residual is not finite"
         except _StuckError:
-            return Stretch(*here, Stop.FAILURE, f"IDA: no end of the stretch within {MAX_CALLS} residual calls")
+            self.detail = f"IDA: no end of the segment within {MAX_CALLS} residual calls"
+        else:
+            t, y, yp = result.t, result.y, result.yp
+            stop, self.detail = _stop(result)
+            self._count(result)
         finally:
             integrator.forget_events()
-        self.counters.steps += len(result.t) - 1
-        self.counters.residual_calls += result.nfev
-        self.counters.jacobian_calls += result.njev
-        return _stretch(result, system.guard)
+        whole = np.isfinite(y.sum(axis=1)) & np.isfinite(yp.sum(axis=1))
+        rows = len(t) if whole.all() else int(np.argmin(whole))
+        tape = blank_tape(rows + MARGIN)
+        guard = -1 if system.guard is None else system.guard
+        if transcribe(tape, t[:rows], y[:rows], yp[:rows], guard, stop == AT_GUARD):
+            stop = AT_GUARD
+        conclude(h, tape, stop)
+        return tape
 
-    def _integrator(self, system: System, control: Control) -> _Integrator:
-        first_step = 4.0 ** round(math.log(control.first_step, 4.0))
-        key = (system.index, control.atol.tobytes(), first_step)
+    def close(self) -> None:
+        """Free the IDA objects."""
+        self._integrators.clear()
+
+    def _count(self, result: Any) -> None:
+        self.work["steps"] += len(result.t) - 1
+        self.work["residual_calls"] += result.nfev
+        self.work["jacobian_calls"] += result.njev
+
+    def _integrator(self, system: System, atol: FloatArray, first_step: float) -> _Integrator:
+        first_step = 4.0 ** round(math.log(first_step, 4.0))
+        key = (system.index, atol.tobytes(), first_step)
         if key not in self._integrators:
-            self._integrators[key] = self._make(system, control.atol, first_step)
+            self._integrators[key] = self._make(system, atol, first_step)
         return self._integrators[key]
 
     def _make(self, system: System, atol: FloatArray, first_step: float) -> _Integrator:
@@ -150,25 +186,10 @@ def _guard(index: int) -> Callable[..., None]:
     return guard
 
 
-def _stretch(result: Any, guard: int | None) -> Stretch:
-    """Read IDA's steps and why they ended, and look inside them for what its signs do not show."""
-    t, y, yp = result.t, result.y, result.yp
-    stop, detail = (Stop.GUARD if result.status == _ROOT else Stop.TIME), ""
+def _stop(result: Any) -> tuple[int, str]:
+    """Read why IDA stopped."""
     if result.status < 0:
-        stop, detail = Stop.FAILURE, f"IDA: {result.message}"
-    if not math.isfinite(y[-1].sum()):
-        stop, detail = Stop.NON_FINITE, "the state is not finite"
-    if guard is not None:
-        step, share = missed_fall(t, y[:, guard], yp[:, guard])
-        if step >= 0 and not (stop is Stop.GUARD and step == len(t) - 2):
-            length = t[step + 1] - t[step]
-            inside, slope = np.empty_like(y[0]), np.empty_like(y[0])
-            interpolate(share, length, y[step], y[step + 1], yp[step], yp[step + 1], inside, slope)
-            last = step + 1
-            t, y, yp = (
-                np.append(t[:last], t[step] + share * length),
-                np.vstack([y[:last], inside]),
-                np.vstack([yp[:last], slope]),
-            )
-            stop, detail = Stop.GUARD, ""
-    return Stretch(t, y, yp, stop, detail)
+        return FAILED, f"IDA: {result.message}"
+    if not math.isfinite(result.y[-1].sum()):
+        return NOT_FINITE, "the state is not finite"
+    return (AT_GUARD if result.status == _ROOT else AT_TIME), ""

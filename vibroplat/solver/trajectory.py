@@ -102,6 +102,11 @@ class Trajectory:
         Smooth stretches in order of time; empty if the run was asked not to keep them.
     event_rows
         One for each transition.
+    final_state
+        Full state at the end, shape (14,).
+    section
+        Poincaré section at whole turns of exciter 1 in the measured part; see
+        :func:`vibroplat.solver.summary.poincare_section`.
     summary
         Outcome and measures; see :func:`vibroplat.solver.summary.summarize`.
     """
@@ -110,6 +115,7 @@ class Trajectory:
     segments: list[Segment]
     event_rows: list[Event]
     final_state: FloatArray
+    section: pd.DataFrame
     summary: dict[str, Any] = field(default_factory=dict)
 
     @property

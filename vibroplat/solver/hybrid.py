@@ -1,0 +1,431 @@
+"""The hybrid automaton: how a segment begins and what follows its end, for every engine.
+
+All of a run is in arrays that compiled code reads and changes, so that an engine may go through many
+segments without the interpreter. An engine calls :func:`begin`, integrates from the consistent state
+that it prepares, writes the ends of its steps on the tape, and calls :func:`conclude`.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from vibroplat.physics.compiled import compiled, copy
+from vibroplat.physics.foreign import call_double
+from vibroplat.physics.impact import impact, latch
+from vibroplat.physics.parameters import RESTITUTION, TOLERANCE, FloatArray
+from vibroplat.physics.systems import (
+    DIFFERENTIAL,
+    FULL_SIZE,
+    GAP,
+    GAP_RATE,
+    PLACES,
+    SIZES,
+    gather,
+    spread,
+)
+from vibroplat.solver import measures as m
+from vibroplat.solver import tape as tp
+from vibroplat.solver.scales import ROUND_OFF, halvings
+from vibroplat.solver.tape import Tape
+from vibroplat.solver.transitions import (
+    ATTACH,
+    LATCH,
+    RETURN_SHARE,
+    after_impact,
+    curvature_step,
+    excursion,
+    presses,
+)
+
+# Modes, as :class:`vibroplat.scene.Mode` numbers them.
+ATTACHED, FLIGHT, BARE = 0, 1, 2
+
+# Why a segment ended.
+AT_GUARD, AT_TIME, FAILED, NOT_FINITE = range(4)
+
+# Outcomes of a run.
+RUNNING, OK, SOLVER_FAILURE, NON_FINITE, INCONSISTENT, EVENT_STORM = range(6)
+
+# Kinds of events.
+LIFTOFF, IMPACT, CLOSING = range(3)
+
+# Places in ``Hybrid.clock`` (s, but for GAP_SCALE in m, SLOWEST in m/s, BACKWARD_ERROR without unit).
+(
+    NOW,  # where the run is
+    ORIGIN,  # when the segment began
+    DURATION,  # of the run
+    UNTIL,  # longest the segment may take
+    LONGEST,  # segment without an event
+    PERIOD,  # turn of the larger synchronous speed
+    FIRST_STEP,
+    GAP_SCALE,
+    SLOWEST,  # impact with a rebound
+    COUNTED_FROM,
+    BACKWARD_ERROR,
+) = range(11)
+CLOCKS = 11
+
+# Places in ``Hybrid.flags``.
+(
+    MODE,
+    OUTCOME,
+    ENDS,  # whether reaching UNTIL ends the run
+    JOINED_ON,  # whether the segment goes on from the one before without an event
+    PREPARED,  # mode whose start belongs to the present state, or −1
+    HALVINGS,  # by which the gap's tolerance is tightened
+    COUNTED,  # restarts since COUNTED_FROM
+    MOST,  # restarts in a period
+    EVENTS,  # rows in the event list
+    RESTARTS,
+) = range(10)
+FLAGS = 10
+
+# Columns of ``Hybrid.events``.
+T, KIND, RATE_BEFORE, RATE_AFTER, IMPULSE, LOSS, FORCE_AFTER, MODE_AFTER, IMPACTS = range(9)
+
+#: Largest backward error of a restart; a direct solve leaves about 1e-16.
+CONSISTENT = 1e-11
+
+_TURN = 2.0 * math.pi
+_EPS = float(np.finfo(float).eps)
+
+
+class Hybrid(NamedTuple):
+    """Where a run is.
+
+    Attributes
+    ----------
+    p, p_dead
+        Parameter vector, and the same without restitution.
+    systems
+        Number of the system of each mode, shape (3,); −1 for a mode that the scene does not have.
+    tolerances
+        Absolute tolerances of each mode's unknowns, shape (3, 14).
+    state, turns
+        Full state, shape (14,), and the whole turns taken off its exciter angles (rad), shape (2,).
+    clock, flags
+        Numbers and integers by the names above.
+    y, yp, ypp
+        Consistent start of each mode, shape (3, 14).
+    atol
+        Absolute tolerances of the segment, shape (14,).
+    events
+        Events since the list was read, a row each.
+    consistent
+        Address of :func:`vibroplat.physics.systems.consistent_callback`.
+    measures
+        What is summed while the run goes.
+    """
+
+    p: FloatArray
+    p_dead: FloatArray
+    systems: npt.NDArray[np.int64]
+    tolerances: FloatArray
+    state: FloatArray
+    turns: FloatArray
+    clock: FloatArray
+    flags: npt.NDArray[np.int64]
+    y: FloatArray
+    yp: FloatArray
+    ypp: FloatArray
+    atol: FloatArray
+    events: FloatArray
+    consistent: int
+    measures: m.Measures
+
+
+# -- the beginning of a segment ---------------------------------------------------------------------------
+
+
+@compiled
+def begin(h: Hybrid) -> bool:
+    """Prepare a segment: consistent start, tolerances, first step, longest duration.
+
+    Returns False, with the outcome set, where the run ends instead.
+    """
+    if not count_restart(h):
+        return False
+    mode = h.flags[MODE]
+    take_off_turns(h.state, h.turns)
+    if h.flags[PREPARED] == mode:
+        gather(h.systems[mode], h.state, h.y[mode])  # the turns
+    elif not prepare(h, mode):
+        return False
+    h.flags[PREPARED] = -1  # soon the state will be another
+    left = h.clock[DURATION] - h.clock[NOW]
+    h.clock[ORIGIN] = h.clock[NOW]
+    h.clock[UNTIL] = min(left, h.clock[LONGEST])
+    h.flags[ENDS] = left <= h.clock[LONGEST]
+    h.flags[RESTARTS] += 1
+    control(h)
+    return True
+
+
+@compiled
+def count_restart(h: Hybrid) -> bool:
+    """End the run when restarts pile up; all of them count, so that nothing can go on for ever."""
+    if h.clock[NOW] - h.clock[COUNTED_FROM] >= h.clock[PERIOD]:
+        h.clock[COUNTED_FROM] = h.clock[NOW]
+        h.flags[COUNTED] = 0
+    h.flags[COUNTED] += 1
+    if h.flags[COUNTED] > h.flags[MOST]:
+        h.flags[OUTCOME] = EVENT_STORM
+        return False
+    return True
+
+
+@compiled
+def take_off_turns(state: FloatArray, turns: FloatArray) -> None:
+    """Move whole turns of both exciter angles from the state into ``turns`` (rad), in place."""
+    for exciter in range(2):
+        whole = _TURN * math.floor(state[3 + exciter] / _TURN)
+        state[3 + exciter] -= whole
+        turns[exciter] += whole
+
+
+@compiled
+def prepare(h: Hybrid, mode: int) -> bool:
+    """Make the present state a consistent start of a mode; False, with the outcome set, if there is none."""
+    mode = int(mode)
+    system = h.systems[mode]
+    gather(system, h.state, h.y[mode])
+    left = consistent(h, system, h.y[mode], h.yp[mode], h.ypp[mode])
+    h.flags[PREPARED] = mode
+    if not left <= CONSISTENT:
+        h.clock[BACKWARD_ERROR] = left
+        h.flags[OUTCOME] = INCONSISTENT
+        return False
+    return True
+
+
+@compiled
+def consistent(h: Hybrid, system: int, y: FloatArray, yp: FloatArray, ypp: FloatArray) -> float:
+    """Call :func:`vibroplat.physics.systems.consistent` by address: its kernels are compiled once, not into all here."""
+    return call_double(h.consistent, (system, y.ctypes.data, yp.ctypes.data, ypp.ctypes.data, h.p.ctypes.data))
+
+
+@compiled
+def control(h: Hybrid) -> None:
+    """Choose tolerances and first step of a segment.
+
+    The step follows from the curvature, and ends well before the gap can have closed again.
+    """
+    mode = h.flags[MODE]
+    size = SIZES[h.systems[mode]]
+    copy(h.tolerances[mode], h.atol)
+    h.flags[HALVINGS] = 0
+    step = 0.1 * h.clock[PERIOD]
+    if mode == FLIGHT:
+        duration, height = expected_flight(h)
+        step = min(step, RETURN_SHARE * duration)
+        h.flags[HALVINGS] = halvings(h.p[TOLERANCE], height, h.clock[GAP_SCALE])
+        h.atol[GAP] *= 4.0 ** -h.flags[HALVINGS]
+        h.atol[size // 2 + GAP] *= 2.0 ** -h.flags[HALVINGS]
+    step = min(step, curvature_step(h.ypp[mode, :size], h.atol[:size]))
+    h.clock[FIRST_STEP] = max(step, ROUND_OFF * h.clock[PERIOD])
+
+
+@compiled
+def expected_flight(h: Hybrid) -> tuple[float, float]:
+    """Duration (s) and height (m) of the flight that begins, inf where its first terms do not end it."""
+    rates = SIZES[h.systems[FLIGHT]] // 2
+    gap, rate = h.y[FLIGHT, GAP], h.y[FLIGHT, rates + GAP]
+    acceleration, jerk = h.yp[FLIGHT, rates + GAP], h.ypp[FLIGHT, rates + GAP]
+    if gap > 0.0:  # begun in the air, not at a contact
+        if acceleration >= 0.0:
+            return np.inf, np.inf
+        return math.sqrt(2.0 * gap / -acceleration), gap + 0.5 * rate * rate / -acceleration
+    return excursion(rate, acceleration, jerk, snap(h) if rate == 0.0 else 0.0)  # a rebound does not need it
+
+
+@compiled
+def snap(h: Hybrid) -> float:
+    """Fourth derivative of the gap, as the difference of jerks a small step along the motion."""
+    system = h.systems[FLIGHT]
+    size = SIZES[system]
+    small = 1e-4 * h.clock[PERIOD]
+    ahead, yp, ypp = np.empty(size), np.empty(size), np.empty(size)
+    for i in range(size):
+        ahead[i] = h.y[FLIGHT, i] + small * h.yp[FLIGHT, i] + 0.5 * small * small * h.ypp[FLIGHT, i]
+    consistent(h, system, ahead, yp, ypp)
+    return (ypp[size // 2 + GAP] - h.ypp[FLIGHT, size // 2 + GAP]) / small
+
+
+@compiled
+def first_mode(h: Hybrid) -> None:
+    """Choose the mode of a state, which may say itself that it flies: its gap is open or opening."""
+    if h.systems[BARE] >= 0:
+        h.flags[MODE] = BARE
+    elif h.state[GAP] > 0.0 or h.state[GAP_RATE] > 0.0:
+        h.flags[MODE] = FLIGHT
+    elif prepare(h, ATTACHED):
+        h.flags[MODE] = ATTACHED if pressing(h) else FLIGHT
+
+
+@compiled
+def pressing(h: Hybrid) -> bool:
+    """Whether contact holds at the start prepared for it."""
+    force = SIZES[h.systems[ATTACHED]] - 1
+    return presses(h.y[ATTACHED, force], h.yp[ATTACHED, force], h.p)
+
+
+# -- the end of a segment ---------------------------------------------------------------------------------
+
+
+@compiled
+def conclude(h: Hybrid, tape: Tape, stop: int) -> None:
+    """Record the open piece of the tape and make the transition at its end."""
+    mode, last = h.flags[MODE], tape.used[tp.ROWS] - 1
+    if stop == AT_GUARD and mode == ATTACHED:
+        if not refine(h, tape):
+            return
+    elif stop == AT_GUARD:
+        tape.y[last, GAP] = 0.0  # the root is found to round-off
+    ends = stop == AT_TIME and h.flags[ENDS] == 1
+    close_piece(h, tape, h.clock[DURATION] if ends else h.clock[ORIGIN] + tape.t[last])
+    if ends:
+        h.flags[OUTCOME] = OK
+    elif stop == AT_TIME:
+        h.flags[JOINED_ON] = 1
+    elif stop == FAILED:
+        h.flags[OUTCOME] = SOLVER_FAILURE
+    elif stop == NOT_FINITE:
+        h.flags[OUTCOME] = NON_FINITE
+    elif mode == ATTACHED:
+        force_root(h)
+    else:
+        gap_root(h, tape)
+
+
+@compiled
+def refine(h: Hybrid, tape: Tape) -> bool:
+    """Move the end of contact to where F_c by the algebra is 0.
+
+    The integrator finds the root of its interpolated F_c, which satisfies the equations only to its
+    tolerance; flight must begin without a force, or the gap begins with an acceleration. Leaves the
+    start of contact prepared there.
+    """
+    system, last = h.systems[ATTACHED], tape.used[tp.ROWS] - 1
+    size = SIZES[system]
+    spread(system, tape.y[last], h.state)
+    if not prepare(h, ATTACHED):
+        return False
+    force, rate = h.y[ATTACHED, size - 1], h.yp[ATTACHED, size - 1]
+    shift = -force / rate if rate < 0.0 else 0.0
+    end = tape.t[last] + shift
+    if not tape.t[last - 1] < end <= h.clock[UNTIL]:
+        return True
+    for i in range(DIFFERENTIAL[system]):
+        h.state[PLACES[system, i]] += shift * (h.yp[ATTACHED, i] + 0.5 * shift * h.ypp[ATTACHED, i])
+    if not prepare(h, ATTACHED):
+        return False
+    tape.t[last] = end
+    copy(h.y[ATTACHED, :size], tape.y[last])
+    copy(h.yp[ATTACHED, :size], tape.yp[last])
+    return True
+
+
+@compiled
+def close_piece(h: Hybrid, tape: Tape, end: float) -> None:
+    """Add the open piece to the sums and to the list of pieces, and move to its end."""
+    mode = h.flags[MODE]
+    system = h.systems[mode]
+    first, last = tape.used[tp.FIRST], tape.used[tp.ROWS] - 1
+    m.accumulate(h.measures, tape, system, mode == FLIGHT, h.clock[ORIGIN], h.turns, h.p)
+    piece = tape.pieces[tape.used[tp.PIECES]]
+    piece[tp.FIRST_ROW], piece[tp.LAST_ROW], piece[tp.SYSTEM] = first, last, system
+    piece[tp.ORIGIN], piece[tp.END] = h.clock[ORIGIN], end
+    piece[tp.TURNS_1], piece[tp.TURNS_2] = h.turns[0], h.turns[1]
+    piece[tp.JOINED] = h.flags[JOINED_ON]
+    tape.used[tp.PIECES] += 1
+    tape.used[tp.FIRST] = tape.used[tp.ROWS]
+    h.flags[JOINED_ON] = 0
+    h.clock[NOW] = end
+    spread(system, tape.y[last], h.state)
+
+
+@compiled
+def split_piece(h: Hybrid, tape: Tape) -> None:
+    """Close the open piece of a tape that is full; the next goes on from its last row."""
+    last = tape.used[tp.ROWS] - 1
+    close_piece(h, tape, h.clock[ORIGIN] + tape.t[last])
+    h.flags[JOINED_ON] = 1
+    tape.used[tp.FIRST] = last
+
+
+@compiled
+def force_root(h: Hybrid) -> None:
+    """Lift off where F_c has fallen through zero, or go on if it only touched."""
+    if h.yp[ATTACHED, SIZES[h.systems[ATTACHED]] - 1] >= 0.0 and pressing(h):
+        h.flags[JOINED_ON] = 1
+        return
+    h.flags[MODE] = FLIGHT
+    add_event(h, LIFTOFF, 0.0, 0.0, 0.0, 0.0, 0.0, 0)
+
+
+@compiled
+def gap_root(h: Hybrid, tape: Tape) -> None:
+    """Let the lower layer strike where the gap has fallen through zero, and see what follows."""
+    h.state[GAP] = 0.0
+    before = min(h.state[GAP_RATE], 0.0)
+    h.state[GAP_RATE] = before
+    after = np.empty(FULL_SIZE)
+    # a rebound that round-off of the platform's motion could not resolve is none
+    impulse, loss = impact(h.state, after, h.p_dead if -before < h.clock[SLOWEST] else h.p)
+    copy(after, h.state)
+    if not (prepare(h, ATTACHED) and prepare(h, FLIGHT)):
+        return
+    force, place = SIZES[h.systems[ATTACHED]] - 1, SIZES[h.systems[FLIGHT]] // 2 + GAP
+    pressure, rebound = h.y[ATTACHED, force], after[GAP_RATE]
+    acceleration, jerk = h.yp[FLIGHT, place], h.ypp[FLIGHT, place]
+    following = after_impact(rebound, pressure, h.yp[ATTACHED, force], acceleration, jerk, h.p)
+    h.flags[MODE] = h.flags[PREPARED] = ATTACHED if following == ATTACH else FLIGHT
+    add_event(h, IMPACT, before, rebound, impulse, loss, pressure if following == ATTACH else 0.0, 1)
+    if following == LATCH:
+        close_impacts(h, tape)
+
+
+@compiled
+def close_impacts(h: Hybrid, tape: Tape) -> None:
+    """Close the impacts that accumulate, and carry the run to where they do."""
+    system = h.systems[FLIGHT]
+    size = SIZES[system]
+    after, rates = np.empty(FULL_SIZE), np.empty(FULL_SIZE)
+    start, slope = np.empty(size), np.empty(size)
+    copy(h.y[FLIGHT, :size], start)
+    copy(h.yp[FLIGHT, :size], slope)
+    spread(system, slope, rates)
+    duration, impulse, loss = latch(h.state, rates[7:], after, h.p)
+    if h.clock[NOW] + duration >= h.clock[DURATION]:
+        return  # the run ends before they have closed: follow them
+    rebound = h.state[GAP_RATE]
+    h.clock[ORIGIN] = h.clock[NOW]
+    tp.write(tape, 0.0, start, slope)
+    gather(system, after, start)
+    copy(start[size // 2 :], slope)
+    tp.write(tape, duration, start, slope)
+    close_piece(h, tape, h.clock[NOW] + duration)
+    copy(after, h.state)
+    if not prepare(h, ATTACHED):
+        return
+    h.flags[MODE] = ATTACHED if pressing(h) else FLIGHT
+    force = h.y[ATTACHED, SIZES[h.systems[ATTACHED]] - 1] if h.flags[MODE] == ATTACHED else 0.0
+    skipped = int(math.ceil(math.log(_EPS) / math.log(h.p[RESTITUTION])))
+    add_event(h, CLOSING, -rebound, 0.0, impulse, loss, force, skipped)
+
+
+@compiled
+def add_event(
+    h: Hybrid, kind: int, before: float, after: float, impulse: float, loss: float, force: float, impacts: int
+) -> None:
+    """Write an event and add it to the totals; the mode is already the one after it."""
+    row = h.events[h.flags[EVENTS]]
+    row[T], row[KIND], row[RATE_BEFORE], row[RATE_AFTER] = h.clock[NOW], kind, before, after
+    row[IMPULSE], row[LOSS], row[FORCE_AFTER] = impulse, loss, force
+    row[MODE_AFTER], row[IMPACTS] = h.flags[MODE], impacts
+    h.flags[EVENTS] += 1
+    m.count_event(h.measures, kind, h.clock[NOW], impulse, loss)

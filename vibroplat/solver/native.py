@@ -1,0 +1,405 @@
+"""Engine ``native``: SUNDIALS IDA and CVODE without the interpreter in the loop.
+
+The library of :mod:`vibroplat.solver.sundials` is driven from compiled code through the addresses of its
+functions; it calls back the C functions of :mod:`vibroplat.solver.callbacks`. Between two readings of the
+tape — some thousand steps, with all events in them — no Python runs and the interpreter's lock is free.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import weakref
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from vibroplat.physics.compiled import compiled
+from vibroplat.physics.foreign import call_int
+from vibroplat.physics.parameters import FloatArray
+from vibroplat.physics.residuals import finite
+from vibroplat.physics.systems import FULL_SIZE, GUARDS, SIZES, SYSTEMS, System
+from vibroplat.scene import Mode
+from vibroplat.solver import callbacks as cb
+from vibroplat.solver import hybrid as hy
+from vibroplat.solver import tape as tp
+from vibroplat.solver.hybrid import AT_GUARD, AT_TIME, FAILED, NOT_FINITE, Hybrid
+from vibroplat.solver.scales import ROUND_OFF
+from vibroplat.solver.sundials import Library
+from vibroplat.solver.tape import Tape
+
+IntArray = npt.NDArray[np.int64]
+
+#: Rows of the tape: large against what a return to Python costs, small against the processor's cache.
+TAPE_ROWS = 2048
+#: Steps within a turn of the synchronous speed after which the integrator is taken to be stuck.
+MAX_STEPS = 300_000
+
+#: Bounds between which a step is kept rather than changed. IDA only doubles steps by itself (1, 2).
+ETA_FIXED = (1.0, 1.5)
+
+# Methods.
+IDA, ADAMS = 0, 1
+
+# Rows of ``Native.functions``, columns the method.
+SOLVE, REINIT, SET_FIRST_STEP, SET_TOLERANCES, DERIVATIVE, ERROR_FAILURES, NEWTON_FAILURES = range(7)
+_NAMES = (
+    ("IDASolve", "CVode"),
+    ("IDAReInit", "CVodeReInit"),
+    ("IDASetInitStep", "CVodeSetInitStep"),
+    ("IDASVtolerances", "CVodeSVtolerances"),
+    ("IDAGetDky", "CVodeGetDky"),
+    ("IDAGetNumErrTestFails", "CVodeGetNumErrTestFails"),
+    ("IDAGetNumNonlinSolvConvFails", "CVodeGetNumNonlinSolvConvFails"),
+)
+
+# Columns of ``Native.handles``.
+METHOD, MEMORY, Y, YP, ATOL, RHS = range(6)
+
+# Places in ``Native.status``.
+OPEN, FLAG, STEPS, ERRORS, NEWTONS, STEPS_MARK, HALVED = range(7)
+
+# Of ida.h and cvode.h.
+_ONE_STEP = 2
+_ROOT_RETURN = 2
+_ADAMS_METHOD = 1
+#: IDA_RES_FAIL and CV_RHSFUNC_FAIL: a callback said that something is not finite.
+_CALLBACK_FAILURES = (-8, -9)
+
+# States of ``advance`` besides those of the automaton: the tape is full.
+_FULL = 9
+
+_MEANINGS = {
+    -2: "too much accuracy asked for",
+    -3: "error test failed too often",
+    -4: "Newton iteration failed too often",
+    -5: "linear solver could not be set up",
+    -6: "Jacobian could not be evaluated or factorized",
+    -7: "linear system could not be solved",
+}
+
+
+class Native(NamedTuple):
+    """What compiled code needs of the engine.
+
+    Attributes
+    ----------
+    functions
+        Addresses of the library's functions, shape (7, 2).
+    handles
+        Method, solver memory, vectors and right-hand side of each mode, shape (3, 6).
+    links
+        User data of each mode's callbacks, shape (3, LINKS).
+    y, yp, atol
+        What is behind the vectors, shape (3, 14).
+    status
+        Whether a segment is open; the last flag; counters.
+    time
+        Where the integrator stands in the segment (s), and the mark from which steps are counted.
+    count
+        What counters are read into.
+    """
+
+    functions: IntArray
+    handles: IntArray
+    links: IntArray
+    y: FloatArray
+    yp: FloatArray
+    atol: FloatArray
+    status: IntArray
+    time: FloatArray
+    count: IntArray
+
+
+@compiled
+def drive(h: Hybrid, tape: Tape, n: Native) -> None:
+    """Go through segments and transitions until the tape is full or the run has ended."""
+    tp.rewind(tape)
+    while h.flags[hy.OUTCOME] == hy.RUNNING:
+        mode = h.flags[hy.MODE]
+        if n.status[OPEN] == 0:
+            if tape.used[tp.ROWS] + 2 + tp.MARGIN > tape.t.size or not hy.begin(h):
+                return
+            start(h, tape, n)
+        stop = advance(h, tape, n)
+        if stop == _FULL:
+            hy.split_piece(h, tape)
+            return
+        n.status[OPEN] = 0
+        count(mode, n)
+        hy.conclude(h, tape, stop)
+
+
+@compiled
+def start(h: Hybrid, tape: Tape, n: Native) -> None:
+    """Restart the integrator of a mode at the consistent state that the automaton has prepared."""
+    mode = h.flags[hy.MODE]
+    size = SIZES[h.systems[mode]]
+    method, memory = n.handles[mode, METHOD], n.handles[mode, MEMORY]
+    for i in range(size):
+        n.y[mode, i], n.yp[mode, i] = h.y[mode, i], h.yp[mode, i]
+    if method == IDA:
+        n.status[FLAG] = call_int(n.functions[REINIT, IDA], (memory, 0.0, n.handles[mode, Y], n.handles[mode, YP]))
+    else:
+        n.status[FLAG] = call_int(n.functions[REINIT, ADAMS], (memory, 0.0, n.handles[mode, Y]))
+    if n.status[HALVED + mode] != h.flags[hy.HALVINGS]:
+        n.status[HALVED + mode] = h.flags[hy.HALVINGS]
+        for i in range(size):
+            n.atol[mode, i] = h.atol[i]
+        call_int(n.functions[SET_TOLERANCES, method], (memory, ROUND_OFF, n.handles[mode, ATOL]))
+    call_int(n.functions[SET_FIRST_STEP, method], (memory, h.clock[hy.FIRST_STEP]))
+    n.status[OPEN] = 1
+    n.status[STEPS_MARK] = 0
+    n.time[0] = n.time[1] = 0.0
+    tp.write(tape, 0.0, n.y[mode, :size], n.yp[mode, :size])
+
+
+@compiled
+def advance(h: Hybrid, tape: Tape, n: Native) -> int:
+    """Take steps to the guard, the segment's time, a failure, or the end of the tape."""
+    mode, until = h.flags[hy.MODE], h.clock[hy.UNTIL]
+    system = h.systems[mode]
+    guard = GUARDS[system]
+    y, yp = n.y[mode, : SIZES[system]], n.yp[mode, : SIZES[system]]
+    if n.status[FLAG] < 0:
+        return FAILED
+    while tape.used[tp.ROWS] + tp.MARGIN < tape.t.size:
+        flag = step(mode, until, n)
+        n.status[FLAG] = flag
+        n.status[STEPS] += 1
+        if flag in _CALLBACK_FAILURES or (flag >= 0 and not (finite(y) and finite(yp))):
+            return NOT_FINITE
+        if flag < 0 or stuck(h, n):
+            return FAILED
+        ended = n.time[0] >= until
+        if ended:
+            interpolate_at(mode, until, n)
+        tp.write(tape, n.time[0], y, yp)
+        if flag == _ROOT_RETURN and not ended:
+            return AT_GUARD
+        if guard >= 0 and tp.cut_at_fall(tape, guard):
+            return AT_GUARD
+        if ended:
+            return AT_TIME
+    return _FULL
+
+
+@compiled
+def step(mode: int, until: float, n: Native) -> int:
+    """Take one step; leaves time, unknowns and derivatives at its end, or at the guard's root in it."""
+    memory, y, yp = n.handles[mode, MEMORY], n.handles[mode, Y], n.handles[mode, YP]
+    if n.handles[mode, METHOD] == IDA:
+        return call_int(n.functions[SOLVE, IDA], (memory, until, n.time.ctypes.data, y, yp, np.int32(_ONE_STEP)))
+    flag = call_int(n.functions[SOLVE, ADAMS], (memory, until, y, n.time.ctypes.data, np.int32(_ONE_STEP)))
+    if flag >= 0:
+        slopes = call_int(n.handles[mode, RHS], (n.time[0], y, yp, n.links[mode].ctypes.data))
+        return flag if slopes == 0 else _CALLBACK_FAILURES[0]
+    return flag
+
+
+@compiled
+def interpolate_at(mode: int, t: float, n: Native) -> None:
+    """Put unknowns and derivatives at a time inside the last step, so that ends never shorten steps."""
+    method, memory = n.handles[mode, METHOD], n.handles[mode, MEMORY]
+    call_int(n.functions[DERIVATIVE, method], (memory, t, np.int32(0), n.handles[mode, Y]))
+    call_int(n.functions[DERIVATIVE, method], (memory, t, np.int32(1), n.handles[mode, YP]))
+    n.time[0] = t
+
+
+@compiled
+def stuck(h: Hybrid, n: Native) -> bool:
+    """Whether steps have become so short that the run would not end."""
+    n.status[STEPS_MARK] += 1
+    if n.time[0] - n.time[1] >= h.clock[hy.PERIOD]:
+        n.time[1] = n.time[0]
+        n.status[STEPS_MARK] = 0
+    return n.status[STEPS_MARK] > MAX_STEPS
+
+
+@compiled
+def count(mode: int, n: Native) -> None:
+    """Add what the integrator has counted since its restart."""
+    method, memory = n.handles[mode, METHOD], n.handles[mode, MEMORY]
+    for function, place in ((ERROR_FAILURES, ERRORS), (NEWTON_FAILURES, NEWTONS)):
+        call_int(n.functions[function, method], (memory, n.count.ctypes.data))
+        n.status[place] += n.count[0]
+
+
+class NativeEngine:
+    """IDA and CVODE driven from compiled code.
+
+    One context and one solver for each mode belong to a run; :meth:`close` frees them.
+
+    Parameters
+    ----------
+    p
+        Parameter vector of the scene.
+    systems
+        Systems by mode.
+    adams
+        Modes that CVODE's Adams method integrates instead of IDA; never one with an algebraic unknown.
+    tolerances
+        Absolute tolerances of each mode's unknowns, shape (3, 14).
+    library
+        The SUNDIALS library.
+
+    Raises
+    ------
+    MemoryError
+        SUNDIALS could not make one of its objects.
+    """
+
+    name = "native"
+    #: Long, for a restart costs some thirty steps; not for ever, for angles lose digits as they grow.
+    turns_per_segment = 1000
+
+    def __init__(self, p: FloatArray, systems: dict[Mode, System], adams: frozenset[Mode], library: Library) -> None:
+        self._lib = library
+        self._free: list[Callable[[], object]] = []
+        self._finalizer = weakref.finalize(self, _free_all, self._free)
+        self._keep = p
+        self._tape = tp.blank_tape(TAPE_ROWS)
+        names = [[library.address(name) for name in row] for row in _NAMES]
+        shape = (3, FULL_SIZE)
+        self._n = Native(
+            functions=np.array(names),
+            handles=np.zeros((3, RHS + 1), dtype=np.int64),
+            links=np.zeros((3, cb.LINKS), dtype=np.int64),
+            y=np.zeros(shape),
+            yp=np.zeros(shape),
+            atol=np.ones(shape),
+            status=np.zeros(HALVED + 3, dtype=np.int64),
+            time=np.zeros(2),
+            count=np.zeros(1, dtype=np.int64),
+        )
+        self._n.status[HALVED:] = -1
+        self._room = np.zeros((3, FULL_SIZE, FULL_SIZE))
+        self._direction = np.array([-1], dtype=np.int32)
+        self._context = self._make_context()
+        for mode, system in systems.items():
+            method = ADAMS if mode in adams else IDA
+            (self._make_adams if method == ADAMS else self._make_ida)(mode, system)
+
+    @property
+    def work(self) -> dict[str, int | None]:
+        """How much was done so far."""
+        links, status = self._n.links, self._n.status
+        return {
+            "steps": int(status[STEPS]),
+            "residual_calls": int(links[:, cb.RESIDUALS].sum()),
+            "jacobian_calls": int(links[:, cb.JACOBIANS].sum()),
+            "error_test_failures": int(status[ERRORS]),
+            "newton_failures": int(status[NEWTONS]),
+        }
+
+    @property
+    def detail(self) -> str:
+        """Why the integrator failed."""
+        flag = int(self._n.status[FLAG])
+        if flag >= 0:
+            stuck = self._n.status[STEPS_MARK] > MAX_STEPS
+            return f"more than {MAX_STEPS} steps within a period" if stuck else "the state is not finite"
+        if flag in _CALLBACK_FAILURES:
+            return "the residual is not finite"
+        return f"SUNDIALS: {_MEANINGS.get(flag, 'failure')} (flag {flag})"
+
+    def advance(self, h: Hybrid) -> Tape:
+        """Go on with a run until the tape is full; see :class:`vibroplat.solver.engine.Engine`."""
+        drive(h, self._tape, self._n)
+        return self._tape
+
+    def close(self) -> None:
+        """Free solvers, vectors, matrices and the context."""
+        self._finalizer()
+
+    # -- the library's objects ----------------------------------------------------------------------
+
+    def _made(self, handle: int | None, free: Callable[..., object], *, by_reference: bool = False) -> int:
+        if not handle:
+            raise MemoryError("SUNDIALS could not make an object")
+        cell = ctypes.c_void_p(handle)
+        self._free.append(lambda: free(ctypes.byref(cell) if by_reference else cell))
+        return handle
+
+    def _make_context(self) -> int:
+        lib, cell, logger = self._lib, ctypes.c_void_p(), ctypes.c_void_p()
+        _check(lib.SUNContext_Create(0, ctypes.byref(cell)))
+        context = self._made(cell.value, lib.SUNContext_Free, by_reference=True)
+        # a failure is an outcome with a name, not a line on the terminal
+        _check(lib.SUNContext_ClearErrHandlers(context))
+        _check(lib.SUNContext_GetLogger(context, ctypes.byref(logger)))
+        for silence in (lib.SUNLogger_SetErrorFilename, lib.SUNLogger_SetWarningFilename):
+            _check(silence(logger, None))
+        return context
+
+    def _vector(self, values: FloatArray) -> int:
+        return self._made(self._lib.N_VMake_Serial(values.size, values.ctypes.data, self._context), self._lib.N_VDestroy)
+
+    def _vectors(self, mode: Mode, system: System) -> tuple[int, int, int]:
+        """Make the vectors of a mode and fill its callbacks' user data."""
+        n, lib = self._n, self._lib
+        n.links[mode] = (
+            lib.address("N_VGetArrayPointer"),
+            lib.address("SUNDenseMatrix_Data"),
+            self._keep.ctypes.data,
+            self._room[mode].ctypes.data,
+            system.index,
+            system.size,
+            -1 if system.guard is None else system.guard,
+            0,
+            0,
+        )
+        y, yp, atol = (self._vector(array[mode, : system.size]) for array in (n.y, n.yp, n.atol))
+        return y, yp, atol
+
+    def _make_ida(self, mode: Mode, system: System) -> None:
+        lib, n = self._lib, self._n
+        y, yp, atol = self._vectors(mode, system)
+        matrix = self._made(lib.SUNDenseMatrix(system.size, system.size, self._context), lib.SUNMatDestroy)
+        linear = self._made(lib.SUNLinSol_Dense(y, matrix, self._context), lib.SUNLinSolFree)
+        memory = self._made(lib.IDACreate(self._context), lib.IDAFree, by_reference=True)
+        _check(lib.IDAInit(memory, cb.residual.address, 0.0, y, yp))
+        _check(lib.IDASVtolerances(memory, ROUND_OFF, atol))
+        _check(lib.IDASetUserData(memory, n.links[mode].ctypes.data))
+        _check(lib.IDASetLinearSolver(memory, linear, matrix))
+        _check(lib.IDASetJacFn(memory, cb.jacobian.address))
+        _check(lib.IDASetEtaFixedStepBounds(memory, *ETA_FIXED))
+        if system.algebraic:
+            differential = np.ones(system.size)
+            differential[system.differential :] = 0.0
+            self._free.append(lambda kept=differential: kept)
+            _check(lib.IDASetId(memory, self._vector(differential)))
+            # F_c stays in the Newton norm and leaves the error test: its error is that of the state
+            _check(lib.IDASetSuppressAlg(memory, 1))
+        if system.guard is not None:
+            _check(lib.IDARootInit(memory, 1, cb.ida_guard.address))
+            _check(lib.IDASetRootDirection(memory, self._direction.ctypes.data))
+            _check(lib.IDASetNoInactiveRootWarn(memory))
+        n.handles[mode] = (IDA, memory, y, yp, atol, 0)
+
+    def _make_adams(self, mode: Mode, system: System) -> None:
+        lib, n = self._lib, self._n
+        y, yp, atol = self._vectors(mode, system)
+        memory = self._made(lib.CVodeCreate(_ADAMS_METHOD, self._context), lib.CVodeFree, by_reference=True)
+        _check(lib.CVodeInit(memory, cb.right_hand_side.address, 0.0, y))
+        _check(lib.CVodeSVtolerances(memory, ROUND_OFF, atol))
+        _check(lib.CVodeSetUserData(memory, n.links[mode].ctypes.data))
+        nonlinear = self._made(lib.SUNNonlinSol_FixedPoint(y, 0, self._context), lib.SUNNonlinSolFree)
+        _check(lib.CVodeSetNonlinearSolver(memory, nonlinear))
+        if system.guard is not None:
+            _check(lib.CVodeRootInit(memory, 1, cb.cvode_guard.address))
+            _check(lib.CVodeSetRootDirection(memory, self._direction.ctypes.data))
+            _check(lib.CVodeSetNoInactiveRootWarn(memory))
+        n.handles[mode] = (ADAMS, memory, y, yp, atol, cb.right_hand_side.address)
+
+
+def _free_all(stack: list[Callable[[], object]]) -> None:
+    """Free in the reverse order of making."""
+    while stack:
+        stack.pop()()
+
+
+def _check(flag: Any) -> None:
+    if flag != 0:
+        raise MemoryError(f"SUNDIALS refused its setup (flag {flag})")

@@ -1,0 +1,145 @@
+"""The SUNDIALS library inside the scikit-sundae wheel, opened directly.
+
+scikit-sundae's extension modules are linked with the shared libraries of IDA and CVODE, and the
+loader resolves their public functions through them. Only public functions are declared here, with the
+types of SUNDIALS 7 and of the configuration that scikit-sundae reports.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from functools import cache
+from typing import Any
+
+_MAJOR = "7."
+_TYPES = {"SUNDIALS_FLOAT_TYPE": "double", "SUNDIALS_INT_TYPE": "int"}
+
+_POINTER, _INT, _LONG, _REAL, _INDEX = ctypes.c_void_p, ctypes.c_int, ctypes.c_long, ctypes.c_double, ctypes.c_int32
+
+# Result and arguments of every function that is used: p pointer, i int, l long, r real, n index, v nothing.
+_KINDS = {"p": _POINTER, "i": _INT, "l": _LONG, "r": _REAL, "n": _INDEX, "v": None}
+_SHARED = {
+    "SUNContext_Create": "iip",
+    "SUNContext_Free": "ip",
+    "SUNContext_ClearErrHandlers": "ip",
+    "SUNContext_GetLogger": "ipp",
+    "SUNLogger_SetErrorFilename": "ipp",
+    "SUNLogger_SetWarningFilename": "ipp",
+    "SUNDIALSGetVersion": "ipi",
+    "N_VMake_Serial": "pnpp",
+    "N_VDestroy": "vp",
+    "N_VGetArrayPointer": "pp",
+    "SUNDenseMatrix": "pnnp",
+    "SUNDenseMatrix_Data": "pp",
+    "SUNMatDestroy": "vp",
+    "SUNLinSol_Dense": "pppp",
+    "SUNLinSolFree": "ip",
+}
+_IDA = {
+    "IDACreate": "pp",
+    "IDAFree": "vp",
+    "IDAInit": "ipprpp",
+    "IDAReInit": "iprpp",
+    "IDARootInit": "ipip",
+    "IDASVtolerances": "iprp",
+    "IDASetEtaFixedStepBounds": "iprr",
+    "IDASetId": "ipp",
+    "IDASetInitStep": "ipr",
+    "IDASetJacFn": "ipp",
+    "IDASetLinearSolver": "ippp",
+    "IDASetNoInactiveRootWarn": "ip",
+    "IDASetRootDirection": "ipp",
+    "IDASetSuppressAlg": "ipi",
+    "IDASetUserData": "ipp",
+    "IDASolve": "iprpppi",
+    "IDAGetDky": "iprip",
+    "IDAGetNumErrTestFails": "ipp",
+    "IDAGetNumNonlinSolvConvFails": "ipp",
+}
+_CVODE = {
+    "CVodeCreate": "pip",
+    "CVodeFree": "vp",
+    "CVodeInit": "ipprp",
+    "CVodeReInit": "iprp",
+    "CVodeRootInit": "ipip",
+    "CVodeSVtolerances": "iprp",
+    "CVodeSetInitStep": "ipr",
+    "CVodeSetNoInactiveRootWarn": "ip",
+    "CVodeSetNonlinearSolver": "ipp",
+    "CVodeSetRootDirection": "ipp",
+    "CVodeSetUserData": "ipp",
+    "CVode": "iprppi",
+    "CVodeGetDky": "iprip",
+    "CVodeGetNumErrTestFails": "ipp",
+    "CVodeGetNumNonlinSolvConvFails": "ipp",
+    "SUNNonlinSol_FixedPoint": "ppip",
+    "SUNNonlinSolFree": "ip",
+}
+
+
+class UnavailableError(RuntimeError):
+    """The library is not the one that is known here; says in which respect."""
+
+
+class Library:
+    """Functions of IDA and CVODE by name, with their addresses.
+
+    Attributes
+    ----------
+    version
+        Of SUNDIALS.
+
+    Raises
+    ------
+    UnavailableError
+        A module, a symbol or a type is not as expected.
+    """
+
+    def __init__(self) -> None:
+        try:
+            import sksundae  # noqa: PLC0415
+            from sksundae import _cy_common, _cy_cvode, _cy_ida  # noqa: PLC0415
+
+            found = {name: getattr(_cy_common, name) for name in _TYPES}
+            ida, cvode = ctypes.CDLL(_cy_ida.__file__), ctypes.CDLL(_cy_cvode.__file__)
+        except (ImportError, AttributeError, OSError) as error:
+            raise UnavailableError(f"scikit-sundae is not as expected ({error})") from None
+        if found != _TYPES:
+            raise UnavailableError(f"its number types are {', '.join(found.values())}; known: double, int")
+        self._functions: dict[str, Any] = {}
+        for library, table in ((ida, _SHARED | _IDA), (cvode, _CVODE)):
+            self._declare(library, table)
+        self.version = self._version()
+        if not self.version.startswith(_MAJOR):
+            raise UnavailableError(f"SUNDIALS {self.version} is not known; known: {_MAJOR}x")
+        self.package = str(sksundae.__version__)
+
+    def __getattr__(self, name: str) -> Any:
+        try:
+            return self._functions[name]
+        except KeyError:
+            raise AttributeError(name) from None
+
+    def address(self, name: str) -> int:
+        """Address of a function, for calls from compiled code."""
+        return ctypes.cast(self._functions[name], _POINTER).value or 0
+
+    def _declare(self, library: ctypes.CDLL, table: dict[str, str]) -> None:
+        for name, kinds in table.items():
+            try:
+                function = getattr(library, name)
+            except AttributeError:
+                raise UnavailableError(f"SUNDIALS function {name} is missing") from None
+            function.restype, *function.argtypes = (_KINDS[kind] for kind in kinds)
+            self._functions[name] = function
+
+    def _version(self) -> str:
+        text = ctypes.create_string_buffer(64)
+        self.SUNDIALSGetVersion(ctypes.cast(text, _POINTER), len(text))
+        return text.value.decode()
+
+
+@cache
+def library() -> Library:
+    """Open the library once; raises :class:`UnavailableError` as :class:`Library` does."""
+    return Library()
