@@ -35,11 +35,10 @@ from vibroplat.physics.parameters import (
 )
 from vibroplat.physics.platform import add_mass_matrix, lever_arms, motor_torques
 
-#: Powers in the order of :func:`powers`; positive motor and gravity powers feed the system, positive
-#: dissipations take from it.
+#: Powers in the order of :func:`powers`; those of motor and truncation feed the system, the dissipations
+#: after them take from it.
 POWERS = (
     "motor",
-    "gravity",
     "truncation",
     "damping_x",
     "damping_y",
@@ -52,23 +51,28 @@ POWERS = (
 @compiled
 def powers(state: FloatArray, out: FloatArray, p: FloatArray) -> None:
     """Fill the powers named in :data:`POWERS` at a full state (W)."""
-    phi, vphi, w1, w2 = state[2], state[9], state[10], state[11]
-    k, g = p[UNBALANCE], p[GRAVITY]
-    s1, c1, s2, c2 = math.sin(state[3]), math.cos(state[3]), math.sin(state[4]), math.cos(state[4])
+    w1, w2 = state[10], state[11]
     torque_1, torque_2 = motor_torques(w1, w2, p)
-    b1, _ = lever_arms(p[AXIS_X], p[AXIS_Y], s1, c1)
-    b2, _ = lever_arms(-p[AXIS_X], p[AXIS_Y], s2, c2)
-    lower = state[8] + state[12]
     out[0] = torque_1 * w1 + torque_2 * w2
-    out[1] = -g * (
-        p[MASS] * state[8] + k * (c1 * w1 + c2 * w2) + p[LOWER_MASS] * lower + p[UPPER_MASS] * (lower + state[13])
-    )
-    out[2] = k * phi * vphi * vphi * (w1 * b1 + w2 * b2)
-    out[3] = p[DAMPING_X] * state[7] ** 2
-    out[4] = p[DAMPING_Y] * state[8] ** 2
-    out[5] = p[DAMPING_PHI] * vphi**2
-    out[6] = p[UPPER_MASS] * p[LAYER_DAMPING] * state[13] ** 2
-    out[7] = w1 * resistance(w1, p[FRICTION_1]) + w2 * resistance(w2, p[FRICTION_2])
+    out[1] = truncation(state, abs(out[0]), p)
+    out[2] = p[DAMPING_X] * state[7] ** 2
+    out[3] = p[DAMPING_Y] * state[8] ** 2
+    out[4] = p[DAMPING_PHI] * state[9] ** 2
+    out[5] = p[UPPER_MASS] * p[LAYER_DAMPING] * state[13] ** 2
+    out[6] = w1 * resistance(w1, p[FRICTION_1]) + w2 * resistance(w2, p[FRICTION_2])
+
+
+@compiled
+def truncation(state: FloatArray, beside: float, p: FloatArray) -> float:
+    """Power of the axes' turning to first order (W); 0 where it is round-off beside another power."""
+    w1, w2 = state[10], state[11]
+    weight = p[UNBALANCE] * state[2] * state[9] * state[9]
+    arm = abs(p[AXIS_X]) + abs(p[AXIS_Y])
+    if abs(weight) * arm * (abs(w1) + abs(w2)) <= 1e-16 * beside:
+        return 0.0  # a platform that does not rock pays for no sines
+    b1, _ = lever_arms(p[AXIS_X], p[AXIS_Y], math.sin(state[3]), math.cos(state[3]))
+    b2, _ = lever_arms(-p[AXIS_X], p[AXIS_Y], math.sin(state[4]), math.cos(state[4]))
+    return weight * (w1 * b1 + w2 * b2)
 
 
 @compiled

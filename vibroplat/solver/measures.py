@@ -20,6 +20,7 @@ from vibroplat.solver.interpolation import hermite
 from vibroplat.solver.tape import FIRST, ROWS, Tape
 
 N_POWERS = len(POWERS)
+DISSIPATIONS = 2  # first of the powers that take energy
 
 # Places in the sums of the measured part.
 TIME, X, XX, Y, YY, PHI, PHI_PHI, COS, SIN, FLYING, MOTOR = range(11)
@@ -27,7 +28,7 @@ SUMS = 11
 
 # Places in the marks: what must be remembered from step to step.
 WINDOW, TURNS, FIRST_TIME, FIRST_1, FIRST_2, LAST_TIME, LAST_1, LAST_2 = range(8)
-FORCE_MIN, FORCE_MAX, EXCHANGED, GAP_MIN, GAP_MAX, Y_MIN, Y_MAX = range(8, 15)
+FORCE_MIN, FORCE_MAX, GAP_MIN, GAP_MAX, Y_MIN, Y_MAX, EXCHANGED = range(8, 15)
 MARKS = 15
 
 # Places in the totals of events; the first three are counts by kind.
@@ -39,8 +40,8 @@ SECTION_ROWS = 1024
 # Columns of the section: time, full state, contact force.
 SECTION_TIME, SECTION_STATE, SECTION_FORCE = 0, 1, 1 + FULL_SIZE
 
-_GAUSS = np.array([0.5 - math.sqrt(0.15), 0.5, 0.5 + math.sqrt(0.15)])
-_WEIGHTS = np.array([5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0])
+_GAUSS = np.array([0.5 - math.sqrt(1.0 / 12.0), 0.5 + math.sqrt(1.0 / 12.0)])
+_WEIGHTS = np.array([0.5, 0.5])
 _TURN = 2.0 * math.pi
 
 
@@ -113,13 +114,22 @@ def extremes(step: float, f0: float, f1: float, rate_0: float, rate_1: float) ->
 
 
 @compiled
-def spread_between(s: float, step: float, tape: Tape, k: int, system: int, full: FloatArray) -> None:
-    """Fill a full state at fraction s of the step that begins in row k."""
+def spread_between(
+    s: float,
+    step: float,
+    y0: FloatArray,
+    y1: FloatArray,
+    yp0: FloatArray,
+    yp1: FloatArray,
+    system: int,
+    full: FloatArray,
+) -> None:
+    """Fill a full state at fraction s of a step between two rows of a tape."""
     r = 1.0 - s
     w0, w1 = r * r * (1.0 + 2.0 * s), s * s * (1.0 + 2.0 * r)
     v0, v1 = r * r * s * step, -s * s * r * step
     for j in range(DIFFERENTIAL[system]):
-        full[PLACES[system, j]] = w0 * tape.y[k, j] + w1 * tape.y[k + 1, j] + v0 * tape.yp[k, j] + v1 * tape.yp[k + 1, j]
+        full[PLACES[system, j]] = w0 * y0[j] + w1 * y1[j] + v0 * yp0[j] + v1 * yp1[j]
 
 
 @compiled
@@ -127,33 +137,36 @@ def integrate(
     start: float,
     end: float,
     step: float,
-    tape: Tape,
-    k: int,
+    y0: FloatArray,
+    y1: FloatArray,
+    yp0: FloatArray,
+    yp1: FloatArray,
     system: int,
     measured: bool,
     full: FloatArray,
     power: FloatArray,
     p: FloatArray,
-    ms: Measures,
+    work: FloatArray,
     sums: FloatArray,
-) -> None:
+) -> float:
     """Add the work over the part [start, end] of a step and, if measured, set ``sums`` to its statistics.
 
-    ``start`` and ``end`` are fractions of the step that begins in row k; ``full`` and ``power`` are
-    overwritten. What motors and dampers exchange, all of it counted positive, goes to the marks.
+    ``start`` and ``end`` are fractions of the step; ``full`` and ``power`` are overwritten. Returns the
+    energy that motors and dampers exchanged, all of it counted positive.
     """
     for j in range(SUMS):
         sums[j] = 0.0
+    total = 0.0
     for i in range(_GAUSS.size):
-        spread_between(start + (end - start) * _GAUSS[i], step, tape, k, system, full)
+        spread_between(start + (end - start) * _GAUSS[i], step, y0, y1, yp0, yp1, system, full)
         weight = (end - start) * step * _WEIGHTS[i]
         powers(full, power, p)
         exchanged = abs(power[0])
         for j in range(N_POWERS):
-            ms.work[j] += weight * power[j]
-            if j >= 3:
+            work[j] += weight * power[j]
+            if j >= DISSIPATIONS:
                 exchanged += power[j]
-        ms.marks[EXCHANGED] += weight * exchanged
+        total += weight * exchanged
         if measured:
             sums[TIME] += weight
             for j in range(3):
@@ -162,6 +175,7 @@ def integrate(
             sums[COS] += weight * math.cos(full[3] + full[4])
             sums[SIN] += weight * math.sin(full[3] + full[4])
             sums[MOTOR] += weight * power[0]
+    return total
 
 
 @compiled
@@ -181,10 +195,18 @@ def add(terms: FloatArray, sums: FloatArray) -> None:
 
 
 @compiled
-def close_turn(now: float, turns: FloatArray, full: FloatArray, force: float, ms: Measures) -> None:
+def close_turn(
+    now: float,
+    turns: FloatArray,
+    full: FloatArray,
+    force: float,
+    open_turn: FloatArray,
+    whole: FloatArray,
+    marks: FloatArray,
+    section: FloatArray,
+) -> None:
     """Exciter 1 has completed a turn in the measured part: what was open since the last one is whole."""
-    marks = ms.marks
-    row = ms.section[int(marks[TURNS]) % SECTION_ROWS]
+    row = section[int(marks[TURNS]) % SECTION_ROWS]
     row[SECTION_TIME], row[SECTION_FORCE] = now, force
     copy(full, row[SECTION_STATE:])
     row[SECTION_STATE + 3] += turns[0]
@@ -192,11 +214,25 @@ def close_turn(now: float, turns: FloatArray, full: FloatArray, force: float, ms
     if marks[TURNS] == 0.0:
         marks[FIRST_TIME], marks[FIRST_1], marks[FIRST_2] = now, full[3] + turns[0], full[4] + turns[1]
     else:
-        add(ms.open_turn, ms.whole)
+        add(open_turn, whole)
     for j in range(SUMS):
-        ms.open_turn[j] = 0.0
+        open_turn[j] = 0.0
     marks[TURNS] += 1.0
     marks[LAST_TIME], marks[LAST_1], marks[LAST_2] = now, full[3] + turns[0], full[4] + turns[1]
+
+
+@compiled
+def widen(
+    marks: FloatArray, low: int, step: float, y0: FloatArray, y1: FloatArray, yp0: FloatArray, yp1: FloatArray, j: int
+) -> None:
+    """Let an extreme's two marks, from ``low`` on, cover unknown j within a step."""
+    # the slopes' share in the interpolant is at most 4/27 of theirs: most steps cannot hold an extreme
+    reach = 4.0 / 27.0 * step * (abs(yp0[j]) + abs(yp1[j]))
+    if marks[low] < min(y0[j], y1[j]) - reach and max(y0[j], y1[j]) + reach < marks[low + 1]:
+        return
+    least, largest = extremes(step, y0[j], y1[j], yp0[j], yp1[j])
+    marks[low] = min(marks[low], least)
+    marks[low + 1] = max(marks[low + 1], largest)
 
 
 @compiled
@@ -214,48 +250,37 @@ def accumulate(
     origin, turns
         Origin of the tape's times (s) and whole turns (rad) taken off both exciter angles.
     """
-    marks = ms.marks
+    t, y, yp, marks, work, plain, open_turn = tape.t, tape.y, tape.yp, ms.marks, ms.work, ms.plain, ms.open_turn
     sums, full, power = np.empty(SUMS), np.zeros(FULL_SIZE), np.empty(N_POWERS)
     force = DIFFERENTIAL[system]
     for k in range(tape.used[FIRST], tape.used[ROWS] - 1):
-        step = tape.t[k + 1] - tape.t[k]
+        step = t[k + 1] - t[k]
         if step <= 0.0:
             continue
+        y0, y1, yp0, yp1 = y[k], y[k + 1], yp[k], yp[k + 1]
         if SIZES[system] > force:
-            least, largest = extremes_in(tape, k, step, force)
-            marks[FORCE_MIN] = min(marks[FORCE_MIN], least)
-            marks[FORCE_MAX] = max(marks[FORCE_MAX], largest)
+            widen(marks, FORCE_MIN, step, y0, y1, yp0, yp1, force)
         if flying:
-            least, largest = extremes_in(tape, k, step, GAP)
-            marks[GAP_MIN] = min(marks[GAP_MIN], least)
-            marks[GAP_MAX] = max(marks[GAP_MAX], largest)
-        cut = turn_share(step, tape.y[k, 3], tape.y[k + 1, 3], tape.yp[k, 3], tape.yp[k + 1, 3], turns[0])
+            widen(marks, GAP_MIN, step, y0, y1, yp0, yp1, GAP)
+        cut = turn_share(step, y0[3], y1[3], yp0[3], yp1[3], turns[0])
         for part in range(2):
             a, b = (0.0, cut) if part == 0 else (cut, 1.0)
             if b <= a:
                 continue
-            measured = origin + tape.t[k] + a * step >= marks[WINDOW]
-            integrate(a, b, step, tape, k, system, measured, full, power, p, ms, sums)
+            measured = origin + t[k] + a * step >= marks[WINDOW]
+            marks[EXCHANGED] += integrate(
+                a, b, step, y0, y1, yp0, yp1, system, measured, full, power, p, work, sums
+            )
             if measured:
                 sums[FLYING] = sums[TIME] if flying else 0.0
-                add(sums, ms.plain)
-                add(sums, ms.open_turn)
-                least, largest = extremes_in(tape, k, step, 1)
-                marks[Y_MIN], marks[Y_MAX] = min(marks[Y_MIN], least), max(marks[Y_MAX], largest)
-            now = origin + tape.t[k] + b * step
+                add(sums, plain)
+                add(sums, open_turn)
+                widen(marks, Y_MIN, step, y0, y1, yp0, yp1, 1)
+            now = origin + t[k] + b * step
             if b < 1.0 and now >= marks[WINDOW]:
-                spread_between(b, step, tape, k, system, full)
-                pressure = 0.0
-                if SIZES[system] > force:
-                    ends = tape.y[k, force], tape.y[k + 1, force], tape.yp[k, force], tape.yp[k + 1, force]
-                    pressure = hermite(b, step, *ends)
-                close_turn(now, turns, full, pressure, ms)
-
-
-@compiled
-def extremes_in(tape: Tape, k: int, step: float, j: int) -> tuple[float, float]:
-    """Least and largest value of unknown j within the step that begins in row k."""
-    return extremes(step, tape.y[k, j], tape.y[k + 1, j], tape.yp[k, j], tape.yp[k + 1, j])
+                spread_between(b, step, y0, y1, yp0, yp1, system, full)
+                pressure = hermite(b, step, y0[force], y1[force], yp0[force], yp1[force]) if SIZES[system] > force else 0.0
+                close_turn(now, turns, full, pressure, open_turn, ms.whole, marks, ms.section)
 
 
 @compiled

@@ -8,7 +8,6 @@ from contextlib import closing
 from typing import Literal
 
 
-from vibroplat.physics.energy import elastic_energy, kinetic_energy
 from vibroplat.physics.parameters import parameters
 from vibroplat.physics.systems import SYSTEMS
 from vibroplat.scene import Mode, Scene
@@ -17,7 +16,7 @@ from vibroplat.solver import tape as tp
 from vibroplat.solver.automaton import automaton
 from vibroplat.solver.engine import Engine
 from vibroplat.solver.engines import make_engine
-from vibroplat.solver.summary import Ends, poincare_section, summarize
+from vibroplat.solver.summary import Energies, poincare_section, summarize
 from vibroplat.solver.trajectory import Event, Segment, Trajectory
 
 #: What a run keeps besides its summary.
@@ -64,7 +63,7 @@ def simulate(
     events: list[Event] = []
     with closing(make_engine(scene, p)) as engine:
         h = automaton(scene, p, engine.turns_per_segment)
-        ends = Ends(kinetic_energy(h.state, p), elastic_energy(h.state, p))
+        before = Energies.of(h.state, p)
         hy.first_mode(h)
         while h.flags[hy.OUTCOME] == hy.RUNNING:
             tape = engine.advance(h)
@@ -76,7 +75,7 @@ def simulate(
             if progress is not None:
                 progress(float(h.clock[hy.NOW]), int(h.measures.totals[:3].sum()))
         outcome, detail = OUTCOMES[h.flags[hy.OUTCOME]], _detail(h, engine)
-        ends.finish(kinetic_energy(h.state, p), elastic_energy(h.state, p))
+        ends = before, Energies.of(h.state, p)
         h.state[3:5] += h.turns
         run = Trajectory(scene, segments, events, h.state, poincare_section(h.measures, scene))
         run.summary = summarize(scene, h, ends, engine, outcome, detail, time.perf_counter() - began)

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from vibroplat.physics.energy import POWERS
+from vibroplat.physics.energy import POWERS, elastic_energy, gravity_energy, kinetic_energy
+from vibroplat.physics.parameters import FloatArray
 from vibroplat.scene import COORDINATES, RATES, Scene
 from vibroplat.solver import hybrid as hy
 from vibroplat.solver import measures as m
@@ -21,39 +22,38 @@ from vibroplat.solver.measures import Measures
 SETTLE_SHARE = 0.5
 
 
-@dataclass
-class Ends:
-    """Energies at the start of a run and, once it is finished, at its end (J)."""
+@dataclass(frozen=True)
+class Energies:
+    """Energies of a state (J)."""
 
     kinetic: float
     elastic: float
-    kinetic_change: float = 0.0
-    elastic_change: float = 0.0
+    gravity: float
 
-    def finish(self, kinetic: float, elastic: float) -> None:
-        """Note the energies at the end."""
-        self.kinetic_change, self.elastic_change = kinetic - self.kinetic, elastic - self.elastic
-
-    @property
-    def largest_kinetic(self) -> float:
-        """The larger kinetic energy of both ends."""
-        return max(self.kinetic, self.kinetic + self.kinetic_change)
+    @classmethod
+    def of(cls, state: FloatArray, p: FloatArray) -> Energies:
+        """Evaluate them at a full state."""
+        return cls(kinetic_energy(state, p), elastic_energy(state, p), gravity_energy(state, p))
 
 
-def audit(ms: Measures, ends: Ends) -> dict[str, float]:
+def audit(ms: Measures, before: Energies, after: Energies) -> dict[str, float]:
     """Energies of a run (J) and what is left of their balance.
 
     Motor work + gravity's work + truncation = Δ(kinetic + elastic) + dissipation + impact losses;
     the residual is relative to the larger of the energy that motors and dampers exchanged and the
     kinetic energy.
     """
+    fed, taken = float(ms.work[: m.DISSIPATIONS].sum()), float(ms.work[m.DISSIPATIONS :].sum())
     loss = float(ms.totals[m.IMPACT_LOSS])
-    left = float(ms.work[:3].sum() - ms.work[3:].sum()) - loss - ends.kinetic_change - ends.elastic_change
-    scale = max(float(ms.marks[m.EXCHANGED]) + loss, ends.largest_kinetic)
+    gravity = before.gravity - after.gravity
+    kinetic, elastic = after.kinetic - before.kinetic, after.elastic - before.elastic
+    left = fed + gravity - taken - loss - kinetic - elastic
+    scale = max(float(ms.marks[m.EXCHANGED]) + loss, before.kinetic, after.kinetic)
     return {f"{name}_work_j": float(w) for name, w in zip(POWERS, ms.work, strict=True)} | {
+        "gravity_work_j": gravity,
         "impact_loss_j": loss,
-        "kinetic_change_j": ends.kinetic_change,
-        "elastic_change_j": ends.elastic_change,
+        "kinetic_change_j": kinetic,
+        "elastic_change_j": elastic,
         "energy_residual_j": left,
         "energy_residual": abs(left) / scale if scale > 0.0 else 0.0,
     }
@@ -114,7 +114,13 @@ def _half_open(angle: float) -> float:
 
 
 def summarize(
-    scene: Scene, h: Hybrid, ends: Ends, engine: Engine, outcome: str, detail: str, wall: float
+    scene: Scene,
+    h: Hybrid,
+    ends: tuple[Energies, Energies],
+    engine: Engine,
+    outcome: str,
+    detail: str,
+    wall: float,
 ) -> dict[str, Any]:
     """Gather the summary of a run.
 
@@ -140,7 +146,7 @@ def summarize(
         "impacts": int(totals[m.IMPACTS]),
         "latches": int(totals[m.LATCHES]),
         "events": int(sum(totals[:3])),
-        **audit(ms, ends),
+        **audit(ms, *ends),
         "engine": engine.name,
         "tolerance": scene.solver.tolerance,
         **engine.work,
