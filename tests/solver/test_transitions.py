@@ -11,7 +11,8 @@ from known_scenes import ball_on_table
 from vibroplat import simulate
 from vibroplat.physics.parameters import parameters
 from vibroplat.solver import transitions as rules
-from vibroplat.solver.interpolation import dip_below_zero, missed_fall
+from vibroplat.solver.interpolation import dip_below_zero
+from vibroplat.solver.tape import blank_tape, transcribe
 
 
 @pytest.fixture
@@ -85,12 +86,33 @@ def test_dip_inside_a_step(g0, g1, rate_0, rate_1, expected):
     assert dip_below_zero(1.0, g0, g1, rate_0, rate_1) == pytest.approx(expected, abs=1e-9)
 
 
-def test_missed_fall_names_the_step():
-    t = np.array([0.0, 1.0, 2.0, 3.0])
-    g = np.array([1.0, 0.1, 0.1, 1.0])
-    step, share = missed_fall(t, g, np.array([-1.0, -1.0, 1.0, 1.0]))
-    assert step == 1
-    assert 0.0 < share < 0.5
+def recorded(g, rates, at_guard=False):
+    """Write steps of one unknown, its own guard, to a tape."""
+    tape = blank_tape(len(g) + 3)
+    t = np.arange(len(g), dtype=float)
+    ended = transcribe(tape, t, np.array(g)[:, np.newaxis], np.array(rates)[:, np.newaxis], 0, at_guard)
+    rows = tape.used[0]
+    return ended, tape.t[:rows], tape.y[:rows, 0]
+
+
+def test_tape_ends_at_a_fall_between_two_steps():
+    ended, t, g = recorded([1.0, 0.1, 0.1, 1.0], [-1.0, -1.0, 1.0, 1.0])
+    assert ended
+    assert len(t) == 3
+    assert 1.0 < t[-1] < 1.5
+    assert abs(g[-1]) < 1e-12
+
+
+def test_tape_keeps_steps_without_a_fall():
+    ended, t, _ = recorded([1.0, 0.6, 0.6, 1.0], [-1.0, -0.1, 0.1, 1.0])
+    assert not ended
+    assert t.tolist() == [0.0, 1.0, 2.0, 3.0]
+
+
+def test_fall_that_the_integrator_found_stays_where_it_is():
+    ended, t, _ = recorded([1.0, 0.5, -1e-18], [-0.5, -0.5, -0.5], at_guard=True)
+    assert ended
+    assert t.tolist() == [0.0, 1.0, 2.0]
 
 
 @pytest.mark.parametrize("torque", [2e4, 1e5, 2e5])

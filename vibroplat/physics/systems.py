@@ -260,9 +260,7 @@ def consistent(system: int, y: FloatArray, yp: FloatArray, ypp: FloatArray, p: F
     return worst / largest if largest > 0.0 else 0.0
 
 
-@callback(
-    "float64(int64, CPointer(float64), CPointer(float64), CPointer(float64), CPointer(float64))"
-)
+@callback("float64(int64, CPointer(float64), CPointer(float64), CPointer(float64), CPointer(float64))")
 def consistent_callback(system: int, y: Any, yp: Any, ypp: Any, p: Any) -> float:
     """:func:`consistent` on pointers, with the full length of y, y′ and y″ behind them."""
     size = SIZES[system]

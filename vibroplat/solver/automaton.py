@@ -35,7 +35,6 @@ def automaton(scene: Scene, p: FloatArray, turns_per_segment: int) -> hy.Hybrid:
     clock[hy.GAP_SCALE] = state_scales(scene)[GAP]
     clock[hy.SLOWEST] = math.sqrt(ROUND_OFF) * clock[hy.GAP_SCALE] * scene.speed_scale
     flags[hy.PREPARED] = -1
-    flags[hy.MOST] = scene.solver.max_events_per_period
     return hy.Hybrid(
         p=p,
         p_dead=dead,
@@ -49,6 +48,7 @@ def automaton(scene: Scene, p: FloatArray, turns_per_segment: int) -> hy.Hybrid:
         yp=np.zeros((3, FULL_SIZE)),
         ypp=np.zeros((3, FULL_SIZE)),
         atol=np.ones(FULL_SIZE),
+        recent=np.empty(scene.solver.max_events_per_period),
         consistent=consistent_callback.address,
         events=np.empty((_EVENT_ROWS, hy.IMPACTS + 1)),
         measures=no_measures(SETTLE_SHARE * scene.run.duration_s),

@@ -2,21 +2,41 @@
 
 from __future__ import annotations
 
-import os
+import logging
+from functools import cache
+from pathlib import Path
 
 from vibroplat.physics.parameters import FloatArray
-from vibroplat.physics.systems import systems
-from vibroplat.scene import Mode, Scene
+from vibroplat.scene import Scene
 from vibroplat.solver.engine import Engine
+from vibroplat.solver.native import NativeEngine, drive, self_check
+from vibroplat.solver.sundials import Library, UnavailableError, library
+
+_LOG = logging.getLogger("vibroplat")
 
 
 def make_engine(scene: Scene, p: FloatArray) -> Engine:
-    """Make the engine that ``solver.engine`` asks for."""
-    if os.environ.get("ENG") == "native":
-        from vibroplat.solver.native import NativeEngine
-        from vibroplat.solver.sundials import library
-        adams = frozenset(Mode(int(c)) for c in os.environ.get("ADAMS", ""))
-        return NativeEngine(p, systems(scene), adams & set(scene.modes), library())
-    from vibroplat.solver.sundae import SundaeEngine  # noqa: PLC0415  (loads SUNDIALS)
+    """Make the engine that ``solver.engine`` asks for, or ``sundae`` where ``native`` cannot be had."""
+    found = None if scene.solver.engine == "sundae" else native_library()
+    if found is not None:
+        return NativeEngine(scene, p, found)
+    from vibroplat.solver.sundae import SundaeEngine  # noqa: PLC0415  (not needed elsewhere)
 
-    return SundaeEngine(p)
+    return SundaeEngine(scene, p)
+
+
+@cache
+def native_library() -> Library | None:
+    """Open and check the library of engine ``native``, once; None, with a notice, where it is not as expected."""
+    try:
+        found = library()
+        self_check(found)
+    except (UnavailableError, MemoryError) as reason:
+        _LOG.warning("engine native is not available: %s; engine sundae takes over, some ten times slower", reason)
+        return None
+    return found
+
+
+def is_compiled() -> bool:
+    """Whether compiled kernels are kept on disk, so that a run need not wait for them."""
+    return any(Path(drive.stats.cache_path).glob("native.drive-*.nbi"))  # type: ignore[attr-defined]

@@ -64,10 +64,9 @@ LIFTOFF, IMPACT, CLOSING = range(3)
     FIRST_STEP,
     GAP_SCALE,
     SLOWEST,  # impact with a rebound
-    COUNTED_FROM,
     BACKWARD_ERROR,
-) = range(11)
-CLOCKS = 11
+) = range(10)
+CLOCKS = 10
 
 # Places in ``Hybrid.flags``.
 (
@@ -77,12 +76,10 @@ CLOCKS = 11
     JOINED_ON,  # whether the segment goes on from the one before without an event
     PREPARED,  # mode whose start belongs to the present state, or −1
     HALVINGS,  # by which the gap's tolerance is tightened
-    COUNTED,  # restarts since COUNTED_FROM
-    MOST,  # restarts in a period
     EVENTS,  # rows in the event list
     RESTARTS,
-) = range(10)
-FLAGS = 10
+) = range(8)
+FLAGS = 8
 
 # Columns of ``Hybrid.events``.
 T, KIND, RATE_BEFORE, RATE_AFTER, IMPULSE, LOSS, FORCE_AFTER, MODE_AFTER, IMPACTS = range(9)
@@ -113,6 +110,8 @@ class Hybrid(NamedTuple):
         Consistent start of each mode, shape (3, 14).
     atol
         Absolute tolerances of the segment, shape (14,).
+    recent
+        Times of the last restarts (s), as many as may lie within a period.
     events
         Events since the list was read, a row each.
     consistent
@@ -133,6 +132,7 @@ class Hybrid(NamedTuple):
     yp: FloatArray
     ypp: FloatArray
     atol: FloatArray
+    recent: FloatArray
     events: FloatArray
     consistent: int
     measures: m.Measures
@@ -160,7 +160,6 @@ def begin(h: Hybrid) -> bool:
     h.clock[ORIGIN] = h.clock[NOW]
     h.clock[UNTIL] = min(left, h.clock[LONGEST])
     h.flags[ENDS] = left <= h.clock[LONGEST]
-    h.flags[RESTARTS] += 1
     control(h)
     return True
 
@@ -168,13 +167,13 @@ def begin(h: Hybrid) -> bool:
 @compiled
 def count_restart(h: Hybrid) -> bool:
     """End the run when restarts pile up; all of them count, so that nothing can go on for ever."""
-    if h.clock[NOW] - h.clock[COUNTED_FROM] >= h.clock[PERIOD]:
-        h.clock[COUNTED_FROM] = h.clock[NOW]
-        h.flags[COUNTED] = 0
-    h.flags[COUNTED] += 1
-    if h.flags[COUNTED] > h.flags[MOST]:
+    most = h.recent.size
+    oldest = h.flags[RESTARTS] % most
+    if h.flags[RESTARTS] >= most and h.clock[NOW] - h.recent[oldest] < h.clock[PERIOD]:
         h.flags[OUTCOME] = EVENT_STORM
         return False
+    h.recent[oldest] = h.clock[NOW]
+    h.flags[RESTARTS] += 1
     return True
 
 

@@ -117,19 +117,18 @@ def extremes(step: float, f0: float, f1: float, rate_0: float, rate_1: float) ->
 def spread_between(
     s: float,
     step: float,
-    y0: FloatArray,
-    y1: FloatArray,
-    yp0: FloatArray,
-    yp1: FloatArray,
+    y: FloatArray,
+    yp: FloatArray,
+    k: int,
     system: int,
     full: FloatArray,
 ) -> None:
-    """Fill a full state at fraction s of a step between two rows of a tape."""
+    """Fill a full state at fraction s of the step that begins in row k of a tape."""
     r = 1.0 - s
     w0, w1 = r * r * (1.0 + 2.0 * s), s * s * (1.0 + 2.0 * r)
     v0, v1 = r * r * s * step, -s * s * r * step
     for j in range(DIFFERENTIAL[system]):
-        full[PLACES[system, j]] = w0 * y0[j] + w1 * y1[j] + v0 * yp0[j] + v1 * yp1[j]
+        full[PLACES[system, j]] = w0 * y[k, j] + w1 * y[k + 1, j] + v0 * yp[k, j] + v1 * yp[k + 1, j]
 
 
 @compiled
@@ -137,10 +136,9 @@ def integrate(
     start: float,
     end: float,
     step: float,
-    y0: FloatArray,
-    y1: FloatArray,
-    yp0: FloatArray,
-    yp1: FloatArray,
+    y: FloatArray,
+    yp: FloatArray,
+    k: int,
     system: int,
     measured: bool,
     full: FloatArray,
@@ -151,14 +149,14 @@ def integrate(
 ) -> float:
     """Add the work over the part [start, end] of a step and, if measured, set ``sums`` to its statistics.
 
-    ``start`` and ``end`` are fractions of the step; ``full`` and ``power`` are overwritten. Returns the
-    energy that motors and dampers exchanged, all of it counted positive.
+    ``start`` and ``end`` are fractions of the step that begins in row k; ``full`` and ``power`` are
+    overwritten. Returns the energy that motors and dampers exchanged, all of it counted positive.
     """
     for j in range(SUMS):
         sums[j] = 0.0
     total = 0.0
     for i in range(_GAUSS.size):
-        spread_between(start + (end - start) * _GAUSS[i], step, y0, y1, yp0, yp1, system, full)
+        spread_between(start + (end - start) * _GAUSS[i], step, y, yp, k, system, full)
         weight = (end - start) * step * _WEIGHTS[i]
         powers(full, power, p)
         exchanged = abs(power[0])
@@ -222,15 +220,14 @@ def close_turn(
 
 
 @compiled
-def widen(
-    marks: FloatArray, low: int, step: float, y0: FloatArray, y1: FloatArray, yp0: FloatArray, yp1: FloatArray, j: int
-) -> None:
-    """Let an extreme's two marks, from ``low`` on, cover unknown j within a step."""
+def widen(marks: FloatArray, low: int, step: float, y: FloatArray, yp: FloatArray, k: int, j: int) -> None:
+    """Let an extreme's two marks, from ``low`` on, cover unknown j within the step that begins in row k."""
+    f0, f1, rate_0, rate_1 = y[k, j], y[k + 1, j], yp[k, j], yp[k + 1, j]
     # the slopes' share in the interpolant is at most 4/27 of theirs: most steps cannot hold an extreme
-    reach = 4.0 / 27.0 * step * (abs(yp0[j]) + abs(yp1[j]))
-    if marks[low] < min(y0[j], y1[j]) - reach and max(y0[j], y1[j]) + reach < marks[low + 1]:
+    reach = 4.0 / 27.0 * step * (abs(rate_0) + abs(rate_1))
+    if marks[low] < min(f0, f1) - reach and max(f0, f1) + reach < marks[low + 1]:
         return
-    least, largest = extremes(step, y0[j], y1[j], yp0[j], yp1[j])
+    least, largest = extremes(step, f0, f1, rate_0, rate_1)
     marks[low] = min(marks[low], least)
     marks[low + 1] = max(marks[low + 1], largest)
 
@@ -257,29 +254,28 @@ def accumulate(
         step = t[k + 1] - t[k]
         if step <= 0.0:
             continue
-        y0, y1, yp0, yp1 = y[k], y[k + 1], yp[k], yp[k + 1]
         if SIZES[system] > force:
-            widen(marks, FORCE_MIN, step, y0, y1, yp0, yp1, force)
+            widen(marks, FORCE_MIN, step, y, yp, k, force)
         if flying:
-            widen(marks, GAP_MIN, step, y0, y1, yp0, yp1, GAP)
-        cut = turn_share(step, y0[3], y1[3], yp0[3], yp1[3], turns[0])
+            widen(marks, GAP_MIN, step, y, yp, k, GAP)
+        cut = turn_share(step, y[k, 3], y[k + 1, 3], yp[k, 3], yp[k + 1, 3], turns[0])
         for part in range(2):
             a, b = (0.0, cut) if part == 0 else (cut, 1.0)
             if b <= a:
                 continue
             measured = origin + t[k] + a * step >= marks[WINDOW]
-            marks[EXCHANGED] += integrate(
-                a, b, step, y0, y1, yp0, yp1, system, measured, full, power, p, work, sums
-            )
+            marks[EXCHANGED] += integrate(a, b, step, y, yp, k, system, measured, full, power, p, work, sums)
             if measured:
                 sums[FLYING] = sums[TIME] if flying else 0.0
                 add(sums, plain)
                 add(sums, open_turn)
-                widen(marks, Y_MIN, step, y0, y1, yp0, yp1, 1)
+                widen(marks, Y_MIN, step, y, yp, k, 1)
             now = origin + t[k] + b * step
             if b < 1.0 and now >= marks[WINDOW]:
-                spread_between(b, step, y0, y1, yp0, yp1, system, full)
-                pressure = hermite(b, step, y0[force], y1[force], yp0[force], yp1[force]) if SIZES[system] > force else 0.0
+                spread_between(b, step, y, yp, k, system, full)
+                pressure = 0.0
+                if SIZES[system] > force:
+                    pressure = hermite(b, step, y[k, force], y[k + 1, force], yp[k, force], yp[k + 1, force])
                 close_turn(now, turns, full, pressure, open_turn, ms.whole, marks, ms.section)
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import ctypes
 import weakref
 from collections.abc import Callable
+from contextlib import closing
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,16 +18,17 @@ import numpy.typing as npt
 
 from vibroplat.physics.compiled import compiled
 from vibroplat.physics.foreign import borrow, call_int
-from vibroplat.physics.parameters import FloatArray
+from vibroplat.physics.parameters import FloatArray, parameters
 from vibroplat.physics.residuals import finite
-from vibroplat.physics.systems import FULL_SIZE, GUARDS, SIZES, SYSTEMS, System
-from vibroplat.scene import Mode
+from vibroplat.physics.systems import BARE, FULL_SIZE, GUARDS, PLACES, SIZES, System, systems
+from vibroplat.scene import Mode, Scene
 from vibroplat.solver import callbacks as cb
 from vibroplat.solver import hybrid as hy
 from vibroplat.solver import tape as tp
+from vibroplat.solver.automaton import automaton
 from vibroplat.solver.hybrid import AT_GUARD, AT_TIME, FAILED, NOT_FINITE, Hybrid
 from vibroplat.solver.scales import ROUND_OFF
-from vibroplat.solver.sundials import Library
+from vibroplat.solver.sundials import Library, UnavailableError
 from vibroplat.solver.tape import Tape
 
 IntArray = npt.NDArray[np.int64]
@@ -65,7 +67,7 @@ _NAMES = (
 METHOD, MEMORY, Y, YP, ATOL = range(5)
 
 # Places in ``Native.status``.
-OPEN, FLAG, STEPS, ERRORS, NEWTONS, STEPS_MARK, HALVED = range(7)
+OPEN, FLAG, STEPS, ERRORS, NEWTONS, STEPS_MARK, MOST_STEPS, HALVED = range(8)
 
 # Of ida.h and cvode.h.
 _ONE_STEP = 2
@@ -101,7 +103,7 @@ class Native(NamedTuple):
     y, yp, atol
         What is behind the vectors, shape (3, 14).
     status
-        Whether a segment is open; the last flag; counters.
+        Whether a segment is open; the last flag; counters; by how much tolerances of each mode are tightened.
     time
         Where the integrator stands in the segment (s), and the mark from which steps are counted.
     count
@@ -166,62 +168,72 @@ def start(h: Hybrid, tape: Tape, n: Native) -> None:
 @compiled
 def advance(h: Hybrid, tape: Tape, n: Native) -> int:
     """Take steps to the guard, the segment's time, a failure, or the end of the tape."""
-    mode, until = h.flags[hy.MODE], h.clock[hy.UNTIL]
+    # the loop's arrays by name: taking them from their tuples in each step costs more than the step's tests
+    t, rows, slopes, used, status, time = tape.t, tape.y, tape.yp, tape.used, n.status, n.time
+    mode, until, period = h.flags[hy.MODE], h.clock[hy.UNTIL], h.clock[hy.PERIOD]
     system = h.systems[mode]
-    guard = GUARDS[system]
-    y, yp = n.y[mode, : SIZES[system]], n.yp[mode, : SIZES[system]]
-    if n.status[FLAG] < 0:
-        return FAILED
-    while tape.used[tp.ROWS] + tp.MARGIN < tape.t.size:
-        flag = step(mode, until, n)
-        n.status[FLAG] = flag
-        n.status[STEPS] += 1
-        if flag in _CALLBACK_FAILURES or (flag >= 0 and not (finite(y) and finite(yp))):
+    guard, size = GUARDS[system], SIZES[system]
+    y, yp = n.y[mode, :size], n.yp[mode, :size]
+    handles = (n.handles[mode, MEMORY], n.handles[mode, Y], n.handles[mode, YP])
+    method, clock = n.handles[mode, METHOD], time.ctypes.data
+    solve, derivative = n.functions[SOLVE, method], n.functions[DERIVATIVE, method]
+    flag = status[FLAG]
+    while flag >= 0 and used[tp.ROWS] + tp.MARGIN < t.size:
+        flag = step(method, solve, derivative, handles, until, clock, time)
+        status[FLAG] = flag
+        status[STEPS] += 1
+        status[STEPS_MARK] += 1
+        if flag < 0:
+            break
+        ended = time[0] >= until
+        if ended:  # ends never shorten steps: the last one goes beyond
+            interpolate_at(until, derivative, handles)
+            time[0] = until
+        if not (finite(y) and finite(yp)):
             return NOT_FINITE
-        if flag < 0 or stuck(h, n):
-            return FAILED
-        ended = n.time[0] >= until
-        if ended:
-            interpolate_at(mode, until, n)
-        tp.write(tape, n.time[0], y, yp)
+        tp.append(t, rows, slopes, used, time[0], y, yp)
         if flag == _ROOT_RETURN and not ended:
             return AT_GUARD
-        if guard >= 0 and tp.cut_at_fall(tape, guard):
+        if guard >= 0 and (y[guard] < 0.0 or yp[guard] > 0.0) and tp.cut_at_fall(tape, guard):
             return AT_GUARD
         if ended:
             return AT_TIME
-    return _FULL
+        if time[0] - time[1] >= period:
+            time[1] = time[0]
+            status[STEPS_MARK] = 0
+        elif status[STEPS_MARK] > status[MOST_STEPS]:
+            return FAILED
+    if flag >= 0:
+        return _FULL
+    return NOT_FINITE if flag in _CALLBACK_FAILURES else FAILED
 
 
 @compiled
-def step(mode: int, until: float, n: Native) -> int:
+def step(
+    method: int,
+    solve: int,
+    derivative: int,
+    handles: tuple[int, int, int],
+    until: float,
+    clock: int,
+    time: FloatArray,
+) -> int:
     """Take one step; leaves time, unknowns and derivatives at its end, or at the guard's root in it."""
-    memory, y, yp = n.handles[mode, MEMORY], n.handles[mode, Y], n.handles[mode, YP]
-    if n.handles[mode, METHOD] == IDA:
-        return call_int(n.functions[SOLVE, IDA], (memory, until, n.time.ctypes.data, y, yp, np.int32(_ONE_STEP)))
-    flag = call_int(n.functions[SOLVE, ADAMS], (memory, until, y, n.time.ctypes.data, np.int32(_ONE_STEP)))
+    memory, y, yp = handles
+    if method == IDA:
+        return call_int(solve, (memory, until, clock, y, yp, np.int32(_ONE_STEP)))
+    flag = call_int(solve, (memory, until, y, clock, np.int32(_ONE_STEP)))
     if flag >= 0:
-        call_int(n.functions[DERIVATIVE, ADAMS], (memory, n.time[0], np.int32(1), yp))
+        call_int(derivative, (memory, time[0], np.int32(1), yp))
     return flag
 
 
 @compiled
-def interpolate_at(mode: int, t: float, n: Native) -> None:
-    """Put unknowns and derivatives at a time inside the last step, so that ends never shorten steps."""
-    derivative, memory = n.functions[DERIVATIVE, n.handles[mode, METHOD]], n.handles[mode, MEMORY]
-    call_int(derivative, (memory, t, np.int32(0), n.handles[mode, Y]))
-    call_int(derivative, (memory, t, np.int32(1), n.handles[mode, YP]))
-    n.time[0] = t
-
-
-@compiled
-def stuck(h: Hybrid, n: Native) -> bool:
-    """Whether steps have become so short that the run would not end."""
-    n.status[STEPS_MARK] += 1
-    if n.time[0] - n.time[1] >= h.clock[hy.PERIOD]:
-        n.time[1] = n.time[0]
-        n.status[STEPS_MARK] = 0
-    return n.status[STEPS_MARK] > MAX_STEPS
+def interpolate_at(t: float, derivative: int, handles: tuple[int, int, int]) -> None:
+    """Put unknowns and derivatives at a time inside the last step."""
+    memory, y, yp = handles
+    call_int(derivative, (memory, t, np.int32(0), y))
+    call_int(derivative, (memory, t, np.int32(1), yp))
 
 
 @compiled
@@ -236,18 +248,15 @@ def count(mode: int, n: Native) -> None:
 class NativeEngine:
     """IDA and CVODE driven from compiled code.
 
-    One context and one solver for each mode belong to a run; :meth:`close` frees them.
+    One context and one solver for each mode belong to a run, and with them to its thread; :meth:`close`
+    frees them.
 
     Parameters
     ----------
+    scene
+        Its modes, and which of them Adams' method integrates.
     p
         Parameter vector of the scene.
-    systems
-        Systems by mode.
-    adams
-        Modes that CVODE's Adams method integrates instead of IDA; never one with an algebraic unknown.
-    tolerances
-        Absolute tolerances of each mode's unknowns, shape (3, 14).
     library
         The SUNDIALS library.
 
@@ -261,7 +270,7 @@ class NativeEngine:
     #: Long, for a restart costs some thirty steps; not for ever, for angles lose digits as they grow.
     turns_per_segment = 1000
 
-    def __init__(self, p: FloatArray, systems: dict[Mode, System], adams: frozenset[Mode], library: Library) -> None:
+    def __init__(self, scene: Scene, p: FloatArray, library: Library) -> None:
         self._lib = library
         self._free: list[Callable[[], object]] = []
         self._finalizer = weakref.finalize(self, _free_all, self._free)
@@ -280,13 +289,13 @@ class NativeEngine:
             time=np.zeros(2),
             count=np.zeros(1, dtype=np.int64),
         )
+        self._n.status[MOST_STEPS] = MAX_STEPS
         self._n.status[HALVED:] = -1
         self._room = np.zeros((3, FULL_SIZE, FULL_SIZE))
         self._direction = np.array([-1], dtype=np.int32)
         self._context = self._make_context()
-        for mode, system in systems.items():
-            method = ADAMS if mode in adams else IDA
-            (self._make_adams if method == ADAMS else self._make_ida)(mode, system)
+        for mode, system in systems(scene).items():
+            (self._make_adams if mode in scene.adams_modes else self._make_ida)(mode, system)
 
     @property
     def work(self) -> dict[str, int | None]:
@@ -305,8 +314,8 @@ class NativeEngine:
         """Why the integrator failed."""
         flag = int(self._n.status[FLAG])
         if flag >= 0:
-            stuck = self._n.status[STEPS_MARK] > MAX_STEPS
-            return f"more than {MAX_STEPS} steps within a period" if stuck else "the state is not finite"
+            stuck = self._n.status[STEPS_MARK] > self._n.status[MOST_STEPS]
+            return f"SUNDIALS: more than {MAX_STEPS} steps within a period" if stuck else "the state is not finite"
         if flag in _CALLBACK_FAILURES:
             return "the residual is not finite"
         return f"SUNDIALS: {_MEANINGS.get(flag, 'failure')} (flag {flag})"
@@ -363,16 +372,19 @@ class NativeEngine:
         y, yp, atol = (self._vector(array[mode, : system.size]) for array in (n.y, n.yp, n.atol))
         return y, yp, atol
 
+    def _linear_solver(self, system: System, y: int) -> tuple[int, int]:
+        lib = self._lib
+        matrix = self._made(lib.SUNDenseMatrix(system.size, system.size, self._context), lib.SUNMatDestroy)
+        return self._made(lib.SUNLinSol_Dense(y, matrix, self._context), lib.SUNLinSolFree), matrix
+
     def _make_ida(self, mode: Mode, system: System) -> None:
         lib, n = self._lib, self._n
         y, yp, atol = self._vectors(mode, system)
-        matrix = self._made(lib.SUNDenseMatrix(system.size, system.size, self._context), lib.SUNMatDestroy)
-        linear = self._made(lib.SUNLinSol_Dense(y, matrix, self._context), lib.SUNLinSolFree)
         memory = self._made(lib.IDACreate(self._context), lib.IDAFree, by_reference=True)
         _check(lib.IDAInit(memory, cb.residual.address, 0.0, y, yp))
         _check(lib.IDASVtolerances(memory, ROUND_OFF, atol))
         _check(lib.IDASetUserData(memory, n.links[mode].ctypes.data))
-        _check(lib.IDASetLinearSolver(memory, linear, matrix))
+        _check(lib.IDASetLinearSolver(memory, *self._linear_solver(system, y)))
         _check(lib.IDASetJacFn(memory, cb.jacobian.address))
         _check(lib.IDASetEtaFixedStepBounds(memory, *ETA_FIXED))
         _check(lib.IDASetEtaMax(memory, ETA_MAX))
@@ -397,13 +409,40 @@ class NativeEngine:
         _check(lib.CVodeInit(memory, cb.right_hand_side.address, 0.0, y))
         _check(lib.CVodeSVtolerances(memory, ROUND_OFF, atol))
         _check(lib.CVodeSetUserData(memory, n.links[mode].ctypes.data))
-        nonlinear = self._made(lib.SUNNonlinSol_FixedPoint(y, 0, self._context), lib.SUNNonlinSolFree)
-        _check(lib.CVodeSetNonlinearSolver(memory, nonlinear))
+        # Newton's iteration, its Jacobian by differences: fixed-point iteration, which needs none, takes half
+        # as many steps again and more than twice the right-hand sides
+        _check(lib.CVodeSetLinearSolver(memory, *self._linear_solver(system, y)))
         if system.guard is not None:
             _check(lib.CVodeRootInit(memory, 1, cb.cvode_guard.address))
             _check(lib.CVodeSetRootDirection(memory, self._direction.ctypes.data))
             _check(lib.CVodeSetNoInactiveRootWarn(memory))
         n.handles[mode] = (ADAMS, memory, y, yp, atol)
+
+
+def self_check(library: Library) -> None:
+    """Take a few steps with both methods and compare them with the motion's Taylor polynomial.
+
+    Raises
+    ------
+    UnavailableError
+        The library does not integrate as it should.
+    """
+    duration = 1e-5
+    for method in ("ida", "adams"):
+        scene = Scene().replace({"run.duration_s": duration, "solver": {"tolerance": 1e-11, "smooth_modes": method}})
+        p = parameters(scene)
+        with closing(NativeEngine(scene, p, library)) as engine:
+            h = automaton(scene, p, engine.turns_per_segment)
+            hy.first_mode(h)
+            while h.flags[hy.OUTCOME] == hy.RUNNING:
+                engine.advance(h)
+        y, yp, ypp = (array[Mode.BARE, :10] for array in (h.y, h.yp, h.ypp))
+        expected = y + duration * yp + 0.5 * duration**2 * ypp
+        error = np.abs(h.state[PLACES[BARE, :10]] - expected).max()
+        if h.flags[hy.OUTCOME] != hy.OK or not error < 1e-7:
+            raise UnavailableError(
+                f"its {method} fails the self-check (outcome {h.flags[hy.OUTCOME]}, error {error:.3g})"
+            )
 
 
 def _free_all(stack: list[Callable[[], object]]) -> None:

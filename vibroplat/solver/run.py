@@ -127,11 +127,11 @@ def _detail(h: hy.Hybrid, engine: Engine) -> str:
     outcome = h.flags[hy.OUTCOME]
     if outcome == hy.OK:
         return ""
-    most = int(h.flags[hy.MOST])
+    oldest = h.recent[h.flags[hy.RESTARTS] % h.recent.size]
     why = {
         hy.INCONSISTENT: f"no consistent state (relative residual {h.clock[hy.BACKWARD_ERROR]:.3g})",
-        hy.EVENT_STORM: f"{most} restarts within {h.clock[hy.NOW] - h.clock[hy.COUNTED_FROM]:.3g} s, less than one "
-        "period; raise solver.max_events_per_period to follow them",
+        hy.EVENT_STORM: f"{h.recent.size} restarts within {h.clock[hy.NOW] - oldest:.3g} s, less than one period; "
+        "raise solver.max_events_per_period to follow them",
     }.get(int(outcome), engine.detail)
     state = ", ".join(f"{v:.6g}" for v in h.state)
     return f"{why}; mode {Mode(int(h.flags[hy.MODE])).label}, t = {h.clock[hy.NOW]:.9g} s, state [{state}]"

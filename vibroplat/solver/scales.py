@@ -13,15 +13,19 @@ import numpy as np
 from vibroplat.physics.compiled import compiled
 from vibroplat.physics.parameters import FloatArray
 from vibroplat.physics.systems import System
-from vibroplat.scene import Scene
+from vibroplat.scene import Mode, Scene
 
-#: Tolerance of F_c in units of its scale, over the tolerance of the run. It decides how far Newton's
-#: iteration converges in F_c: 10 leaves F_c twice the error, 1 takes a tenth more residuals.
-FORCE_SHARE = 3.0
+#: Local tolerance of F_c in units of its scale, over the tolerance of the run. Ten costs no accuracy of
+#: F_c, whose error is that of the state it follows from; less takes more steps where it is in the error test.
+FORCE_SHARE = 10.0
 
 #: Local tolerance of rates in units of their scales, over the tolerance of the run. At equal errors of
-#: coordinates, F_c and event times this takes a tenth fewer steps than 1; 10 gains nothing more.
-RATE_SHARE = 4.0
+#: coordinates, F_c and event times 2 takes a tenth fewer steps than 1; 4 gains nothing more.
+RATE_SHARE = 2.0
+
+#: Local tolerances in flight, over those of the other modes. A landing turns an error of the gap into one of
+#: time by its speed, which may be small: at equal errors of event times this takes a tenth fewer steps than 1.
+FLIGHT_SHARE = 0.1
 
 #: Least tolerance of a short flight over the scale: what round-off of the platform's motion leaves.
 ROUND_OFF = 100.0 * float(np.finfo(float).eps)
@@ -48,6 +52,8 @@ def absolute_tolerances(scene: Scene, system: System) -> FloatArray:
     atol[: system.differential] = state_scales(scene)[system.places]
     atol[system.differential // 2 : system.differential] *= RATE_SHARE
     atol[system.differential :] = FORCE_SHARE * scene.force_scale
+    if system.mode is Mode.FLIGHT:
+        atol *= FLIGHT_SHARE
     return scene.solver.tolerance * atol
 
 

@@ -1,4 +1,4 @@
-"""Engine ``sundae``: SUNDIALS IDA through scikit-sundae. The one module that imports its IDA."""
+"""Engine ``sundae``: SUNDIALS through scikit-sundae. The one module that imports its IDA and CVODE."""
 
 from __future__ import annotations
 
@@ -15,10 +15,12 @@ import numpy as np
 # A guard that is zero throughout (no weight, no motion) makes SUNDIALS warn on the C standard error.
 os.environ.setdefault("SUNLOGGER_WARNING_FILENAME", os.devnull)
 
+from sksundae.cvode import CVODE
 from sksundae.ida import IDA
 
 from vibroplat.physics.parameters import FloatArray
-from vibroplat.physics.systems import SYSTEMS, System
+from vibroplat.physics.systems import SYSTEMS, System, explicit
+from vibroplat.scene import Scene
 from vibroplat.solver.engine import WORK
 from vibroplat.solver.hybrid import (
     AT_GUARD,
@@ -42,11 +44,6 @@ _ROOT = 2
 MAX_CALLS = 300_000
 
 
-#: Here F_c is in the error test too: with its tolerance for Newton's iteration alone it would take a fifth
-#: more steps.
-FORCE_IN_ERROR_TEST = 10.0 / 3.0
-
-
 class _NonFiniteError(ArithmeticError):
     """A residual that is not finite, raised through the callback."""
 
@@ -64,10 +61,25 @@ class _Budget:
 
 @dataclass(frozen=True)
 class _Integrator:
-    """One IDA object and the event function whose buffers it fills."""
+    """One IDA or CVODE object, the event function whose buffers it fills, and a right-hand side."""
 
-    ida: IDA
+    solver: IDA | CVODE
     guard: Callable[..., None] | None
+    right_hand_side: Callable[..., None] | None = None
+
+    def solve(self, until: float, y: FloatArray, yp: FloatArray) -> Any:
+        """Integrate from 0 until a time, or the guard."""
+        start = (y,) if self.right_hand_side is not None else (y, yp)
+        return self.solver.solve([0.0, until], *start)
+
+    def slopes(self, result: Any) -> FloatArray:
+        """Derivatives at the ends of the steps."""
+        if self.right_hand_side is None:
+            return np.asarray(result.yp)
+        slopes = np.empty_like(result.y)
+        for y, yp in zip(result.y, slopes, strict=True):
+            self.right_hand_side(0.0, y, yp)
+        return slopes
 
     def forget_events(self) -> None:
         # scikit-sundae 1.2 keeps every event on the function object and never clears it: the next
@@ -75,12 +87,12 @@ class _Integrator:
         if self.guard is not None:
             buffers: Any = self.guard
             for name in ("_i", "_t", "_y", "_yp"):
-                getattr(buffers, name).clear()
+                getattr(buffers, name, []).clear()  # CVODE keeps no derivatives
             buffers._i_cnt[:] = 0
 
 
 class SundaeEngine:
-    """IDA through scikit-sundae with compiled residual and Jacobian.
+    """IDA and CVODE through scikit-sundae with compiled residual, Jacobian and right-hand side.
 
     scikit-sundae fixes tolerances and first step when an IDA object is made, so there is one for each
     combination of system, tolerances and first step that occurs (the latter two in powers of 4, so
@@ -88,6 +100,8 @@ class SundaeEngine:
 
     Parameters
     ----------
+    scene
+        Which of its modes Adams' method integrates.
     p
         Parameter vector of the scene.
     """
@@ -96,10 +110,11 @@ class SundaeEngine:
     #: A segment's steps are all held in memory, and its progress is told at its end.
     turns_per_segment = 100
 
-    def __init__(self, p: FloatArray) -> None:
+    def __init__(self, scene: Scene, p: FloatArray) -> None:
         self.work = dict.fromkeys(WORK, 0) | {"error_test_failures": None, "newton_failures": None}
         self.detail = ""
         self._p = p
+        self._adams = scene.adams_modes
         self._budget = _Budget()
         self._integrators: dict[tuple[int, bytes, float], _Integrator] = {}
 
@@ -110,20 +125,18 @@ class SundaeEngine:
         mode = h.flags[MODE]
         system = SYSTEMS[h.systems[mode]]
         start, slope = h.y[mode, : system.size].copy(), h.yp[mode, : system.size].copy()
-        atol = h.atol[: system.size].copy()
-        atol[system.differential :] *= FORCE_IN_ERROR_TEST
-        integrator = self._integrator(system, atol, float(h.clock[FIRST_STEP]))
+        integrator = self._integrator(system, h.atol[: system.size].copy(), float(h.clock[FIRST_STEP]))
         t, y, yp, stop = np.zeros(1), start[np.newaxis], slope[np.newaxis], FAILED
         self._budget.left = MAX_CALLS
         try:
             with redirect_stdout(io.StringIO()):  # where scikit-sundae prints what the status says as well
-                result = integrator.ida.solve([0.0, float(h.clock[UNTIL])], start, slope)
+                result = integrator.solve(float(h.clock[UNTIL]), start, slope)
         except _NonFiniteError:
             stop, self.detail = NOT_FINITE, "the residual is not finite"
         except _StuckError:
             self.detail = f"IDA: no end of the segment within {MAX_CALLS} residual calls"
         else:
-            t, y, yp = result.t, result.y, result.yp
+            t, y, yp = result.t, result.y, integrator.slopes(result)
             stop, self.detail = _stop(result)
             self._count(result)
         finally:
@@ -150,10 +163,11 @@ class SundaeEngine:
         first_step = 4.0 ** round(math.log(first_step, 4.0))
         key = (system.index, atol.tobytes(), first_step)
         if key not in self._integrators:
-            self._integrators[key] = self._make(system, atol, first_step)
+            make = self._make_adams if system.mode in self._adams else self._make_ida
+            self._integrators[key] = make(system, atol, first_step)
         return self._integrators[key]
 
-    def _make(self, system: System, atol: FloatArray, first_step: float) -> _Integrator:
+    def _make_ida(self, system: System, atol: FloatArray, first_step: float) -> _Integrator:
         p, budget = self._p, self._budget
         residual_kernel, jacobian_kernel = system.residual, system.jacobian
 
@@ -176,21 +190,57 @@ class SundaeEngine:
         }
         if system.algebraic:
             options["algebraic_idx"] = [system.differential]
-        guard = _guard(system.guard) if system.guard is not None else None
+        guard = None if system.guard is None else _ida_guard(system.guard)
         if guard is not None:
-            options |= {"eventsfn": guard, "num_events": 1}
+            _watch(guard, options)
         return _Integrator(IDA(residual, **options), guard)
 
+    def _make_adams(self, system: System, atol: FloatArray, first_step: float) -> _Integrator:
+        p, budget, number, room = self._p, self._budget, system.index, np.empty(system.size)
 
-def _guard(index: int) -> Callable[..., None]:
-    """Make the event function of one IDA object: an unknown that falls through zero."""
+        def right_hand_side(t: float, y: FloatArray, yp: FloatArray) -> None:
+            if not explicit(number, y, yp, room, p):
+                raise _NonFiniteError
+            budget.left -= 1
+            if budget.left < 0:
+                raise _StuckError
+
+        options: dict[str, Any] = {
+            "method": "Adams",
+            "rtol": ROUND_OFF,
+            "atol": atol,
+            "first_step": first_step,
+            "max_num_steps": MAX_CALLS,
+        }
+        guard = None if system.guard is None else _cvode_guard(system.guard)
+        if guard is not None:
+            _watch(guard, options)
+        return _Integrator(CVODE(right_hand_side, **options), guard, right_hand_side)
+
+
+def _ida_guard(index: int) -> Callable[..., None]:
+    """Make an event function of IDA: an unknown that falls through zero."""
 
     def guard(t: float, y: FloatArray, yp: FloatArray, events: FloatArray) -> None:
         events[0] = y[index]
 
+    return guard
+
+
+def _cvode_guard(index: int) -> Callable[..., None]:
+    """Make an event function of CVODE, as :func:`_ida_guard`."""
+
+    def guard(t: float, y: FloatArray, events: FloatArray) -> None:
+        events[0] = y[index]
+
+    return guard
+
+
+def _watch(guard: Callable[..., None], options: dict[str, Any]) -> None:
+    """Let one solver object end at an event function's fall through zero."""
     guard.terminal = [True]  # type: ignore[attr-defined]
     guard.direction = [-1]  # type: ignore[attr-defined]
-    return guard
+    options |= {"eventsfn": guard, "num_events": 1}
 
 
 def _stop(result: Any) -> tuple[int, str]:

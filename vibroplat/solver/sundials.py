@@ -68,15 +68,13 @@ _CVODE = {
     "CVodeSVtolerances": "iprp",
     "CVodeSetInitStep": "ipr",
     "CVodeSetNoInactiveRootWarn": "ip",
-    "CVodeSetNonlinearSolver": "ipp",
+    "CVodeSetLinearSolver": "ippp",
     "CVodeSetRootDirection": "ipp",
     "CVodeSetUserData": "ipp",
     "CVode": "iprppi",
     "CVodeGetDky": "iprip",
     "CVodeGetNumErrTestFails": "ipp",
     "CVodeGetNumNonlinSolvConvFails": "ipp",
-    "SUNNonlinSol_FixedPoint": "ppip",
-    "SUNNonlinSolFree": "ip",
 }
 
 

@@ -52,17 +52,34 @@ class Tape(NamedTuple):
 def blank_tape(rows: int) -> Tape:
     """Make an empty tape."""
     size = (rows, FULL_SIZE)
-    return Tape(np.empty(rows), np.zeros(size), np.zeros(size), np.empty((rows, JOINED + 1)), np.zeros(3, dtype=np.int64))
+    return Tape(
+        np.empty(rows), np.zeros(size), np.zeros(size), np.empty((rows, JOINED + 1)), np.zeros(3, dtype=np.int64)
+    )
 
 
 @compiled
-def write(tape: Tape, t: float, y: FloatArray, yp: FloatArray) -> None:
+def write(tape: Tape, now: float, y: FloatArray, yp: FloatArray) -> None:
     """Append the end of a step."""
-    row = tape.used[ROWS]
-    tape.t[row] = t
-    copy(y, tape.y[row])
-    copy(yp, tape.yp[row])
-    tape.used[ROWS] = row + 1
+    append(tape.t, tape.y, tape.yp, tape.used, now, y, yp)
+
+
+@compiled
+def append(
+    t: FloatArray,
+    rows: FloatArray,
+    slopes: FloatArray,
+    used: npt.NDArray[np.int64],
+    now: float,
+    y: FloatArray,
+    yp: FloatArray,
+) -> None:
+    """Append the end of a step to the arrays of a tape."""
+    row = used[ROWS]
+    t[row] = now
+    for i in range(y.size):
+        rows[row, i] = y[i]
+        slopes[row, i] = yp[i]
+    used[ROWS] = row + 1
 
 
 @compiled
