@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -53,6 +54,7 @@ class BenchName(StrEnum):
 
 def main() -> None:
     """Run the command line and turn errors into one line and an exit code."""
+    logging.basicConfig(format="vibroplat: %(message)s")
     try:
         code = app(standalone_mode=False)
     except VibroplatError as error:
@@ -106,6 +108,7 @@ def run(
 
     scene = load_config(config, parse_overrides(set_ or []))
     directory = result_directory(out, scene.name)
+    _tell_of_compilation()
     with _progress(scene) as report:
         from vibroplat.solver.run import simulate
 
@@ -175,6 +178,14 @@ def schema() -> None:
     print(json.dumps(configuration_schema(), indent=2))
 
 
+def _tell_of_compilation() -> None:
+    """Say why the first run on a machine takes long."""
+    from vibroplat.solver.engines import is_compiled
+
+    if not is_compiled():
+        print("vibroplat: compiling the numerical kernels, once, in about half a minute", file=sys.stderr)
+
+
 @contextmanager
 def _progress(scene: Scene) -> Iterator[Callable[[float, int], None] | None]:
     """Show a progress bar on a terminal, nothing elsewhere."""
@@ -191,8 +202,7 @@ def _progress(scene: Scene) -> Iterator[Callable[[float, int], None] | None]:
         TimeRemainingColumn(),
     )
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        first = "loading kernels (compiled at the first run)"
-        task = bar.add_task(first, total=scene.run.duration_s, events=0)
+        task = bar.add_task("loading kernels", total=scene.run.duration_s, events=0)
 
         def report(reached: float, events: int) -> None:
             bar.update(task, completed=reached, events=events, description=scene.name)

@@ -11,13 +11,15 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+import sksundae
+
 import vibroplat
 from vibroplat.scene import Scene
 
 #: Version of what result directories hold; raised when a reader of older ones would misread it.
 SCHEMA = 1
 
-_LIBRARIES = ("scikit-sundae", "numpy", "scipy", "numba", "pandas", "pydantic", "pyarrow", "ruamel.yaml")
+_LIBRARIES = ("scikit-sundae", "numpy", "numba", "llvmlite", "pandas", "pydantic", "pyarrow", "ruamel.yaml")
 
 
 def provenance(scene: Scene, engine: str) -> dict[str, Any]:
@@ -29,6 +31,8 @@ def provenance(scene: Scene, engine: str) -> dict[str, Any]:
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
         "configuration_sha256": configuration_hash(scene),
         "engine": engine,
+        "sundials": sksundae.SUNDIALS_VERSION,
+        "integrators": {mode.label: "adams" if mode in scene.adams_modes else "ida" for mode in scene.modes},
         "tolerance": scene.solver.tolerance,
         "python": platform.python_version(),
         "platform": platform.platform(),

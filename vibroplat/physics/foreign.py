@@ -30,7 +30,7 @@ def _caller(returned: Any) -> Any:
     return intrinsic(call)
 
 
-@intrinsic  # type: ignore[misc]
+@intrinsic
 def _as_pointer(typing_context: Any, address: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         return builder.inttoptr(values[0], context.get_value_type(signature.return_type))
@@ -41,7 +41,8 @@ def _as_pointer(typing_context: Any, address: Any) -> Any:
 def _disown(context: Any, builder: Any, kind: Any, value: Any) -> Any:
     """Take the owner off an array, or off each array of a tuple."""
     if isinstance(kind, types.BaseTuple):
-        for i, part in enumerate(kind):
+        parts: Any = kind
+        for i, part in enumerate(parts):
             inside = _disown(context, builder, part, builder.extract_value(value, i))
             value = builder.insert_value(value, inside, i)
         return value
@@ -53,7 +54,7 @@ def _disown(context: Any, builder: Any, kind: Any, value: Any) -> Any:
     return view._getvalue()
 
 
-@intrinsic  # type: ignore[misc]
+@intrinsic
 def _borrow(typing_context: Any, owned: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         return _disown(context, builder, owned, values[0])

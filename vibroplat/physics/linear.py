@@ -1,13 +1,13 @@
 """Small dense linear systems in compiled code.
 
-Ten equations take LAPACK less time than the checks, copies and exceptions that ``numpy.linalg.solve``
-wraps around it (2.6 against 0.5 µs), and a restart solves four of them.
+A singular matrix is an outcome here, not an exception; the factors serve a second right-hand side; and ten
+equations take half the time of ``numpy.linalg.solve`` in compiled code (0.41 against 0.86 µs).
 """
 
 from __future__ import annotations
 
-import numpy.typing as npt
 import numpy as np
+import numpy.typing as npt
 
 from vibroplat.physics.compiled import compiled
 from vibroplat.physics.parameters import FloatArray

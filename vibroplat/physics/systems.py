@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from numba import carray
+from numba import carray  # type: ignore[attr-defined]
 
 from vibroplat.physics import residuals as r
 from vibroplat.physics.compiled import callback, compiled
@@ -208,38 +208,15 @@ def consistent(system: int, y: FloatArray, yp: FloatArray, ypp: FloatArray, p: F
     m = size - n
     res, z, rows = np.empty(size), np.empty(m), np.empty(m, dtype=np.int64)
     partial, lead, factors = np.empty((size, size)), np.empty((size, size)), np.empty((m, m))
-    for i in range(n):
-        yp[i], yp[n + i] = y[n + i], 0.0
-    for i in range(differential, size):
-        y[i], yp[i] = 0.0, 0.0
-    if not (r.finite(y) and evaluate_residual(system, y, yp, res, p)):
-        return np.nan
-    evaluate_jacobian(system, y, yp, 0.0, partial, p)
-    evaluate_jacobian(system, y, yp, 1.0, lead, p)
-    largest = 0.0
-    for i in range(m):
-        row = n + i
-        z[i] = -res[row]
-        for j in range(m):
-            column = n + j
-            factors[i, j] = lead[row, column] - partial[row, column] if column < differential else partial[row, column]
-    for i in range(m):
-        for j in range(m):
-            lead[i, j] = factors[i, j]
-    if not factorize(factors, rows):
+    if not (dynamics(system, y, yp, res, partial, lead, factors, z, p) and factorize(factors, rows)):
         return np.nan
     substitute(factors, rows, z)
+    largest = largest_row(partial, y, differential, lead, z)
     for i in range(m):
-        terms = 0.0
-        for j in range(differential):
-            terms += abs(partial[n + i, j] * y[j])
-        for j in range(m):
-            terms += abs(lead[i, j] * z[j])
-        largest = max(largest, terms)
-    for i in range(n):
-        yp[n + i] = z[i]
-    for i in range(n, m):
-        y[n + i] = z[i]
+        if i < n:
+            yp[n + i] = z[i]
+        else:
+            y[n + i] = z[i]
     if not evaluate_residual(system, y, yp, res, p):
         return np.nan
     evaluate_jacobian(system, y, yp, 0.0, partial, p)
@@ -248,16 +225,62 @@ def consistent(system: int, y: FloatArray, yp: FloatArray, ypp: FloatArray, p: F
         for j in range(differential):
             z[i] -= partial[n + i, j] * yp[j]
     substitute(factors, rows, z)
-    if not r.finite(z):
-        return np.nan
     for i in range(n):
         ypp[i], ypp[n + i] = yp[n + i], z[i]
     for i in range(n, m):
         yp[n + i], ypp[n + i] = z[i], 0.0
-    worst = 0.0
-    for value in res:
-        worst = max(worst, abs(value))
+    if not r.finite(z):
+        return np.nan
+    worst = np.max(np.abs(res))
     return worst / largest if largest > 0.0 else 0.0
+
+
+@compiled
+def dynamics(
+    system: int,
+    y: FloatArray,
+    yp: FloatArray,
+    res: FloatArray,
+    partial: FloatArray,
+    lead: FloatArray,
+    factors: FloatArray,
+    z: FloatArray,
+    p: FloatArray,
+) -> bool:
+    """Fill ∂F/∂y, and of the dynamic rows A = ∂F/∂z, twice, and −F at z = 0 in ``z``.
+
+    F_c, accelerations and derivatives of F_c are set to 0. Returns False if anything is not finite.
+    """
+    differential, m = DIFFERENTIAL[system], z.size
+    n = differential // 2
+    for i in range(n):
+        yp[i], yp[n + i] = y[n + i], 0.0
+    for i in range(differential, y.size):
+        y[i], yp[i] = 0.0, 0.0
+    if not (r.finite(y) and evaluate_residual(system, y, yp, res, p)):
+        return False
+    evaluate_jacobian(system, y, yp, 0.0, partial, p)
+    evaluate_jacobian(system, y, yp, 1.0, lead, p)
+    for i in range(m):
+        z[i] = -res[n + i]
+        for j in range(m):
+            lead[i, j] = partial[n + i, n + j] if n + j >= differential else lead[n + i, n + j] - partial[n + i, n + j]
+            factors[i, j] = lead[i, j]
+    return True
+
+
+@compiled
+def largest_row(partial: FloatArray, y: FloatArray, differential: int, lead: FloatArray, z: FloatArray) -> float:
+    """Largest sum of the sizes of a dynamic row's terms."""
+    largest, n = 0.0, differential // 2
+    for i in range(z.size):
+        terms = 0.0
+        for j in range(differential):
+            terms += abs(partial[n + i, j] * y[j])
+        for j in range(z.size):
+            terms += abs(lead[i, j] * z[j])
+        largest = max(largest, terms)
+    return largest
 
 
 @callback("float64(int64, CPointer(float64), CPointer(float64), CPointer(float64), CPointer(float64))")

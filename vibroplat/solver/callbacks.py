@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from numba import carray
+from numba import carray  # type: ignore[attr-defined]
 
 from vibroplat.physics.compiled import FloatArray, callback, compiled
 from vibroplat.physics.foreign import call_address, pointer

@@ -35,7 +35,9 @@ class Engine(Protocol):
 
     name: str
     turns_per_segment: int
-    detail: str
+
+    @property
+    def detail(self) -> str: ...  # noqa: D102
 
     @property
     def work(self) -> Mapping[str, int | None]: ...  # noqa: D102

@@ -203,7 +203,7 @@ def prepare(h: Hybrid, mode: int) -> bool:
 
 @compiled
 def consistent(h: Hybrid, system: int, y: FloatArray, yp: FloatArray, ypp: FloatArray) -> float:
-    """Call :func:`vibroplat.physics.systems.consistent` by address: its kernels are compiled once, not into all here."""
+    """Call :func:`vibroplat.physics.systems.consistent` by address, so that its kernels are compiled only once."""
     return call_double(h.consistent, (system, y.ctypes.data, yp.ctypes.data, ypp.ctypes.data, h.p.ctypes.data))
 
 
@@ -413,7 +413,7 @@ def close_impacts(h: Hybrid, tape: Tape) -> None:
         return
     h.flags[MODE] = ATTACHED if pressing(h) else FLIGHT
     force = h.y[ATTACHED, SIZES[h.systems[ATTACHED]] - 1] if h.flags[MODE] == ATTACHED else 0.0
-    skipped = int(math.ceil(math.log(_EPS) / math.log(h.p[RESTITUTION])))
+    skipped = math.ceil(math.log(_EPS) / math.log(h.p[RESTITUTION]))
     add_event(h, CLOSING, -rebound, 0.0, impulse, loss, force, skipped)
 
 

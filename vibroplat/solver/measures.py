@@ -10,7 +10,6 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from vibroplat.physics.compiled import compiled, copy
 from vibroplat.physics.energy import POWERS, powers
@@ -77,7 +76,8 @@ def no_measures(window: float) -> Measures:
     for least, largest in ((FORCE_MIN, FORCE_MAX), (Y_MIN, Y_MAX)):
         marks[least], marks[largest] = math.inf, -math.inf
     section = np.zeros((SECTION_ROWS, SECTION_FORCE + 1))
-    return Measures(np.zeros(N_POWERS), *np.zeros((3, SUMS)), marks, np.zeros(TOTALS), section)
+    plain, open_turn, whole = np.zeros((3, SUMS))
+    return Measures(np.zeros(N_POWERS), plain, open_turn, whole, marks, np.zeros(TOTALS), section)
 
 
 @compiled

@@ -106,7 +106,7 @@ class Native(NamedTuple):
         Whether a segment is open; the last flag; counters; by how much tolerances of each mode are tightened.
     time
         Where the integrator stands in the segment (s), and the mark from which steps are counted.
-    count
+    number
         What counters are read into.
     """
 
@@ -118,7 +118,7 @@ class Native(NamedTuple):
     atol: FloatArray
     status: IntArray
     time: FloatArray
-    count: IntArray
+    number: IntArray
 
 
 @compiled
@@ -166,7 +166,7 @@ def start(h: Hybrid, tape: Tape, n: Native) -> None:
 
 
 @compiled
-def advance(h: Hybrid, tape: Tape, n: Native) -> int:
+def advance(h: Hybrid, tape: Tape, n: Native) -> int:  # noqa: PLR0911  (each stop has its reason)
     """Take steps to the guard, the segment's time, a failure, or the end of the tape."""
     # the loop's arrays by name: taking them from their tuples in each step costs more than the step's tests
     t, rows, slopes, used, status, time = tape.t, tape.y, tape.yp, tape.used, n.status, n.time
@@ -241,8 +241,8 @@ def count(mode: int, n: Native) -> None:
     """Add what the integrator has counted since its restart."""
     method, memory = n.handles[mode, METHOD], n.handles[mode, MEMORY]
     for function, place in ((ERROR_FAILURES, ERRORS), (NEWTON_FAILURES, NEWTONS)):
-        call_int(n.functions[function, method], (memory, n.count.ctypes.data))
-        n.status[place] += n.count[0]
+        call_int(n.functions[function, method], (memory, n.number.ctypes.data))
+        n.status[place] += n.number[0]
 
 
 class NativeEngine:
@@ -274,7 +274,7 @@ class NativeEngine:
         self._lib = library
         self._free: list[Callable[[], object]] = []
         self._finalizer = weakref.finalize(self, _free_all, self._free)
-        self._keep = p
+        self._alive = [p]  # what the library holds addresses of
         self._tape = tp.blank_tape(TAPE_ROWS)
         names = [[library.address(name) for name in row] for row in _NAMES]
         shape = (3, FULL_SIZE)
@@ -287,7 +287,7 @@ class NativeEngine:
             atol=np.ones(shape),
             status=np.zeros(HALVED + 3, dtype=np.int64),
             time=np.zeros(2),
-            count=np.zeros(1, dtype=np.int64),
+            number=np.zeros(1, dtype=np.int64),
         )
         self._n.status[MOST_STEPS] = MAX_STEPS
         self._n.status[HALVED:] = -1
@@ -361,7 +361,7 @@ class NativeEngine:
         n.links[mode] = (
             lib.address("N_VGetArrayPointer"),
             lib.address("SUNDenseMatrix_Data"),
-            self._keep.ctypes.data,
+            self._alive[0].ctypes.data,
             self._room[mode].ctypes.data,
             system.index,
             system.size,
@@ -392,7 +392,7 @@ class NativeEngine:
         if system.algebraic:
             differential = np.ones(system.size)
             differential[system.differential :] = 0.0
-            self._free.append(lambda kept=differential: kept)
+            self._alive.append(differential)
             _check(lib.IDASetId(memory, self._vector(differential)))
             # F_c stays in the Newton norm and leaves the error test: its error is that of the state
             _check(lib.IDASetSuppressAlg(memory, 1))

@@ -7,7 +7,6 @@ from collections.abc import Callable
 from contextlib import closing
 from typing import Literal
 
-
 from vibroplat.physics.parameters import parameters
 from vibroplat.physics.systems import SYSTEMS
 from vibroplat.scene import Mode, Scene

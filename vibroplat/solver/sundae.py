@@ -40,6 +40,9 @@ from vibroplat.solver.tape import MARGIN, Tape, blank_tape, transcribe
 _ROOT = 2
 
 
+#: What scikit-sundae counts.
+COUNTED = WORK[:3]
+
 #: Residual calls in one segment after which the integrator is taken to be stuck; usual are some 10⁴.
 MAX_CALLS = 300_000
 
@@ -73,9 +76,10 @@ class _Integrator:
         return self.solver.solve([0.0, until], *start)
 
     def slopes(self, result: Any) -> FloatArray:
-        """Derivatives at the ends of the steps."""
+        """Return the derivatives at the ends of the steps."""
         if self.right_hand_side is None:
-            return np.asarray(result.yp)
+            slopes: FloatArray = result.yp
+            return slopes
         slopes = np.empty_like(result.y)
         for y, yp in zip(result.y, slopes, strict=True):
             self.right_hand_side(0.0, y, yp)
@@ -111,7 +115,7 @@ class SundaeEngine:
     turns_per_segment = 100
 
     def __init__(self, scene: Scene, p: FloatArray) -> None:
-        self.work = dict.fromkeys(WORK, 0) | {"error_test_failures": None, "newton_failures": None}
+        self._counts = dict.fromkeys(COUNTED, 0)
         self.detail = ""
         self._p = p
         self._adams = scene.adams_modes
@@ -150,14 +154,19 @@ class SundaeEngine:
         conclude(h, tape, stop)
         return tape
 
+    @property
+    def work(self) -> dict[str, int | None]:
+        """How much was done so far; scikit-sundae does not tell of failed steps."""
+        return dict.fromkeys(WORK) | self._counts
+
     def close(self) -> None:
         """Free the IDA objects."""
         self._integrators.clear()
 
     def _count(self, result: Any) -> None:
-        self.work["steps"] += len(result.t) - 1
-        self.work["residual_calls"] += result.nfev
-        self.work["jacobian_calls"] += result.njev
+        self._counts["steps"] += len(result.t) - 1
+        self._counts["residual_calls"] += result.nfev
+        self._counts["jacobian_calls"] += result.njev
 
     def _integrator(self, system: System, atol: FloatArray, first_step: float) -> _Integrator:
         first_step = 4.0 ** round(math.log(first_step, 4.0))

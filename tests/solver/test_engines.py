@@ -1,0 +1,276 @@
+"""Both engines and both integrators: agreement, fallback, threads, counters, what is freed."""
+
+from __future__ import annotations
+
+import gc
+import logging
+import resource
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pandas as pd
+import pytest
+from oracle import REFERENCE
+
+from vibroplat import load_config, simulate
+from vibroplat.bench.reference import compared_events, coordinate_errors, event_errors
+from vibroplat.physics.parameters import GRAVITY, parameters
+from vibroplat.scene import Mode
+from vibroplat.solver import engines
+from vibroplat.solver import hybrid as hy
+from vibroplat.solver.automaton import automaton
+from vibroplat.solver.native import NativeEngine, self_check
+from vibroplat.solver.sundials import Library, UnavailableError, library
+
+CASES = ("attached-mu01-fe46", "bare-printed-fe60", "inelastic-mu02-fe51.5")
+COUNTERS = ("steps", "residual_calls", "jacobian_calls", "error_test_failures", "newton_failures", "restarts")
+
+
+def with_engine(scene, engine, smooth="auto"):
+    return scene.replace({"solver.engine": engine, "solver.smooth_modes": smooth})
+
+
+# -- agreement ------------------------------------------------------------------------------------------
+
+#: Errors over tolerance, for lengths in units of the scale 2k/M, angles in rad, event times over 1/ω₀: the
+#: largest that `vibroplat bench engines` shows over 1e-5 … 1e-9 for either engine and integrator, doubled.
+AMPLIFICATION = {"attached-mu01-fe46": 300.0, "bare-printed-fe60": 5e4, "inelastic-mu02-fe51.5": 2e3}
+
+
+def scaled_errors(run, name):
+    """Errors against the reference tables over the tolerance."""
+    scene = run.scene
+    trajectory, events = (pd.read_csv(REFERENCE / f"{name}.{kind}.csv") for kind in ("trajectory", "events"))
+    errors = coordinate_errors(run, trajectory)
+    scales = dict.fromkeys(("x_m", "y_m", "gap_m", "upper_m"), scene.length_scale)
+    scaled = {quantity: error / scales.get(quantity, 1.0) for quantity, error in errors.items()}
+    scaled |= {"event_time_s": event_errors(run.events, events)["event_time_s"] * scene.speed_scale}
+    return {quantity: error / scene.solver.tolerance for quantity, error in scaled.items()}
+
+
+@pytest.mark.parametrize("smooth", ["ida", "adams"])
+@pytest.mark.parametrize("engine", ["native", "sundae"])
+@pytest.mark.parametrize("tolerance", [1e-6, 1e-8])
+@pytest.mark.parametrize("name", CASES)
+def test_errors_follow_the_tolerance(name, tolerance, engine, smooth):
+    scene = with_engine(load_config(REFERENCE / f"{name}.yaml"), engine, smooth)
+    run = simulate(scene.replace({"solver.tolerance": tolerance}))
+    assert (run.outcome, run.summary["engine"]) == ("ok", engine)
+    for quantity, error in scaled_errors(run, name).items():
+        assert error <= AMPLIFICATION[name], quantity
+
+
+@pytest.mark.parametrize("name", [*CASES, "onelayer-R03-mu01-fe48", "restitution05-mu02-fe51.5"])
+def test_engines_agree_event_by_event(name):
+    scene = load_config(REFERENCE / f"{name}.yaml").replace({"solver.tolerance": 1e-9})
+    mine, theirs = (compared_events(simulate(with_engine(scene, e)).events) for e in ("native", "sundae"))
+    assert list(mine["kind"]) == list(theirs["kind"])
+    early = theirs["t_s"] < 0.4  # later the case with R = 0.5 amplifies errors 1e4-fold
+    difference = (mine["t_s"] - theirs["t_s"]).abs()[early]
+    assert mine.empty or difference.max() <= 2e-7
+    impacts = early & (mine["kind"] == "impact")
+    for column in ("gap_rate_before_m_per_s", "impulse_n_s"):
+        values, expected = mine[column][impacts], theirs[column][impacts]
+        assert (np.abs(values - expected) <= 1e-5 * np.abs(expected).max()).all() or not impacts.any()
+
+
+@pytest.mark.parametrize("engine", ["native", "sundae"])
+def test_integrators_agree_in_flight(quickstart, engine):
+    scene = quickstart.replace({"contact.restitution": 0.3, "run.duration_s": 0.3, "solver.tolerance": 1e-8})
+    ida, adams = (simulate(with_engine(scene, engine, smooth)) for smooth in ("ida", "adams"))
+    assert list(ida.events["kind"]) == list(adams.events["kind"])
+    assert np.abs(ida.events["t_s"] - adams.events["t_s"]).max() <= 1e-7
+    assert adams.summary["steps"] < ida.summary["steps"]
+
+
+def test_smooth_modes_default_to_the_better_integrator(quickstart):
+    assert quickstart.adams_modes == frozenset()
+    assert with_engine(quickstart, "native", "adams").adams_modes == {Mode.FLIGHT}
+    bare = quickstart.replace({"material.mass_ratio": 0.0})
+    assert bare.adams_modes == {Mode.BARE}
+    assert with_engine(bare, "native", "ida").adams_modes == frozenset()
+
+
+def test_a_scene_without_a_guard_is_integrated_in_one_piece(quickstart):
+    scene = quickstart.replace({"contact.model": "non-impact", "run.duration_s": 10.0})
+    for smooth in ("ida", "adams"):
+        run = simulate(with_engine(scene, "native", smooth))
+        assert run.summary["restarts"] == 1
+        assert (run.trajectory["t_s"].diff().dropna() > 0.0).all()
+
+
+# -- counters, work, memory -----------------------------------------------------------------------------
+
+
+def test_work_is_counted(quickstart):
+    summary = simulate(with_engine(quickstart, "native"), keep="summary").summary
+    assert all(isinstance(summary[name], int) for name in COUNTERS)
+    assert summary["steps"] + summary["error_test_failures"] < summary["residual_calls"]
+    assert 0 < summary["jacobian_calls"] < summary["steps"]
+    through_python = simulate(with_engine(quickstart, "sundae"), keep="summary").summary
+    assert through_python["steps"] > 0
+    assert through_python["error_test_failures"] is None
+
+
+def test_every_handle_is_freed(quickstart, monkeypatch):
+    """Each object that SUNDIALS makes goes back to its own function, vectors and solvers before the context."""
+    found, freed = library(), []
+    made = {"N_VMake_Serial": 0, "SUNDenseMatrix": 0, "SUNLinSol_Dense": 0, "IDACreate": 0, "CVodeCreate": 0}
+    frees = {"N_VDestroy", "SUNMatDestroy", "SUNLinSolFree", "IDAFree", "CVodeFree", "SUNContext_Free"}
+
+    def watched(name):
+        function = found._functions[name]
+
+        def call(*arguments):
+            if name in made:
+                made[name] += 1
+            if name in frees:
+                freed.append(name)
+            return function(*arguments)
+
+        return call
+
+    class Watched:
+        def __getattr__(self, name):
+            return watched(name)
+
+        def address(self, name):
+            return found.address(name)
+
+    scene = with_engine(quickstart, "native", "adams")
+    NativeEngine(scene, parameters(scene), Watched()).close()
+    assert made == {"N_VMake_Serial": 7, "SUNDenseMatrix": 2, "SUNLinSol_Dense": 2, "IDACreate": 1, "CVodeCreate": 1}
+    assert len(freed) == sum(made.values()) + 1
+    assert freed[-1] == "SUNContext_Free"
+    # an engine that nobody closes is freed with its object
+    engine = NativeEngine(scene, parameters(scene), Watched())
+    freed.clear()
+    del engine
+    gc.collect()
+    assert len(freed) == 14
+
+
+def test_engines_leave_no_memory_behind(quickstart):
+    scene = quickstart.replace({"run.duration_s": 1e-3})
+    for _ in range(200):
+        simulate(scene, keep="summary")
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    for _ in range(2000):
+        simulate(scene, keep="summary")
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 1024  # KiB
+
+
+def test_two_threads_give_the_tables_of_one(quickstart):
+    scenes = [
+        quickstart.replace({"drive.supply_frequency_hz": f, "contact.restitution": r, "run.duration_s": 1.0})
+        for f in (46.0, 51.5, 58.0)
+        for r in (0.0, 0.4)
+    ]
+    alone = [simulate(scene) for scene in scenes]
+    with ThreadPoolExecutor(2) as pool:
+        together = list(pool.map(simulate, scenes))
+    for one, other in zip(alone, together, strict=True):
+        pd.testing.assert_frame_equal(one.trajectory, other.trajectory, check_exact=True)
+        pd.testing.assert_frame_equal(one.events, other.events, check_exact=True)
+        assert one.summary | {"wall_s": 0.0} == other.summary | {"wall_s": 0.0}
+
+
+def test_poincare_section_is_the_motion_at_whole_turns(quickstart):
+    run = simulate(quickstart.replace({"run.duration_s": 2.0}))
+    section = run.section
+    assert len(section) == pytest.approx(1.0 * run.summary["excitation_frequency_hz"], abs=1.5)
+    turns = section["phi1_rad"] / (2.0 * np.pi)
+    assert np.allclose(turns, np.round(turns), atol=1e-12)
+    dense = run(section["t_s"])
+    for column in ("y_m", "gap_rate_m_per_s", "contact_force_n"):
+        assert np.allclose(section[column], dense[column], rtol=0.0, atol=1e-9 * dense[column].abs().max())
+
+
+# -- failures -------------------------------------------------------------------------------------------
+
+
+def ready(scene):
+    """Return an engine and the automaton of a scene, about to take its first step."""
+    p = parameters(scene)
+    engine = NativeEngine(scene, p, library())
+    h = automaton(scene, p, engine.turns_per_segment)
+    hy.first_mode(h)
+    return engine, h
+
+
+@pytest.mark.parametrize("smooth", ["ida", "adams"])
+def test_residual_that_is_not_finite_ends_the_run(quickstart, smooth):
+    scene = with_engine(quickstart.replace({"material.mass_ratio": 0.0, "run.duration_s": 1000.0}), "native", smooth)
+    engine, h = ready(scene)
+    engine.advance(h)
+    assert h.flags[hy.OUTCOME] == hy.RUNNING
+    h.p[GRAVITY] = np.nan
+    tape = engine.advance(h)
+    assert h.flags[hy.OUTCOME] == hy.NON_FINITE
+    assert engine.detail == "the residual is not finite"
+    assert np.isfinite(tape.y[: tape.used[0]]).all()
+    engine.close()
+
+
+def test_integrator_that_gets_stuck_is_stopped(quickstart, monkeypatch):
+    monkeypatch.setattr("vibroplat.solver.native.MAX_STEPS", 10)
+    run = simulate(with_engine(quickstart, "native"))
+    assert run.outcome == "solver-failure"
+    assert run.summary["detail"].startswith("SUNDIALS: more than 10 steps within a period; mode attached, t = ")
+    assert len(run.trajectory) > 1
+
+
+@pytest.fixture
+def fresh_choice():
+    """Let engine ``native`` be looked for anew, and again after the test."""
+    engines.native_library.cache_clear()
+    library.cache_clear()
+    yield
+    engines.native_library.cache_clear()
+    library.cache_clear()
+
+
+BREAKAGES = {
+    "symbol": (
+        "vibroplat.solver.sundials._IDA",
+        {"IDANoSuchFunction": "ip"},
+        "SUNDIALS function IDANoSuchFunction is missing",
+    ),
+    "version": ("vibroplat.solver.sundials._MAJOR", "6.", "is not known; known: 6.x"),
+    "types": (
+        "vibroplat.solver.sundials._TYPES",
+        {"SUNDIALS_INT_TYPE": "long"},
+        "its number types are int; known: double, int",
+    ),
+    "module": ("vibroplat.solver.sundials._TYPES", {"NO_SUCH_NAME": ""}, "scikit-sundae is not as expected"),
+}
+
+
+@pytest.mark.parametrize(("target", "value", "reason"), BREAKAGES.values(), ids=BREAKAGES)
+@pytest.mark.parametrize("asked", ["auto", "native"])
+def test_sundae_takes_over_with_one_notice(quickstart, monkeypatch, caplog, fresh_choice, asked, target, value, reason):
+    monkeypatch.setattr(target, value)
+    scene = with_engine(quickstart.replace({"run.duration_s": 0.05}), asked)
+    with caplog.at_level(logging.WARNING, logger="vibroplat"):
+        runs = [simulate(scene, keep="summary") for _ in range(2)]
+    assert [run.summary["engine"] for run in runs] == ["sundae", "sundae"]
+    assert len(caplog.records) == 1
+    notice = caplog.records[0].getMessage()
+    assert notice.startswith("engine native is not available: ")
+    assert reason in notice
+    assert notice.endswith("; engine sundae takes over, some ten times slower")
+
+
+class Spoiled(Library):
+    """A library that does not integrate: what is taken for its solver returns at once without an error."""
+
+    def address(self, name):
+        return super().address(
+            {"IDASolve": "IDAGetNumErrTestFails", "CVode": "CVodeGetNumErrTestFails"}.get(name, name)
+        )
+
+
+def test_self_check_notices_a_library_that_does_not_integrate():
+    self_check(library())
+    with pytest.raises(UnavailableError, match=r"its ida fails the self-check \(outcome 2, "):
+        self_check(Spoiled())
