@@ -50,6 +50,7 @@ class BenchName(StrEnum):
 
     runtime = "runtime"
     precision = "precision"
+    engines = "engines"
 
 
 def main() -> None:
@@ -141,31 +142,21 @@ def plot(
 @app.command()
 def bench(
     names: Annotated[
-        list[BenchName] | None, typer.Argument(metavar="[NAME]...", help="runtime, precision; both if none.")
+        list[BenchName] | None, typer.Argument(metavar="[NAME]...", help="runtime, precision, engines; all if none.")
     ] = None,
     out: Annotated[Path, typer.Option(help="Directory of the results.")] = Path("results"),
-    reference: Annotated[Path, typer.Option(help="Directory of reference tables, for precision.")] = Path(
-        "tests/reference"
-    ),
+    reference: Annotated[Path, typer.Option(help="Directory of reference tables.")] = Path("tests/reference"),
     repeats: Annotated[int, typer.Option(min=1, help="Runs of which the median is taken.")] = 5,
 ) -> None:
-    """Measure run time, and run time against error; tables and a plot in OUT/bench."""
-    from vibroplat.bench.timing import machine, precision, runtime
-    from vibroplat.plots import plot_precision
-    from vibroplat.tables import result_directory, write_table
+    """Measure run time, run time against error, engines against each other; tables and plots in OUT/bench."""
+    from vibroplat.bench import report
+    from vibroplat.bench.timing import machine
+    from vibroplat.tables import result_directory
 
-    wanted = names or list(BenchName)
     directory = result_directory(out, "bench")
     print(machine())
-    if BenchName.runtime in wanted:
-        table = runtime(repeats=repeats)
-        write_table(table, directory, "runtime", "csv")
-        print(table.to_string(index=False, float_format="%.3g"))
-    if BenchName.precision in wanted:
-        table = precision(reference, repeats=repeats)
-        write_table(table, directory, "precision", "csv")
-        print(table.to_string(index=False, float_format="%.2e"))
-        print(plot_precision(table, directory))
+    for name in names or list(BenchName):
+        report.REPORTS[name.value](directory, reference, repeats)
 
 
 @app.command()

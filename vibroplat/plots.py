@@ -37,6 +37,7 @@ _STYLE: Any = {
     "font.size": 9.5,
     "legend.frameon": False,
 }
+_ENGINES = {"native": "#1f4e79", "sundae": "#c05a1c"}
 _PLATFORM, _MATERIAL, _FORCE, _CONTACT = "#1f4e79", "#c05a1c", "#2a7f4f", "#dfe8f1"
 
 
@@ -92,23 +93,43 @@ def plot_run(
     return written
 
 
-def plot_precision(table: pd.DataFrame, directory: Path) -> Path:
-    """Draw errors against run time for each reference case; returns the PNG file."""
+def plot_precision(table: pd.DataFrame, directory: Path, name: str = "precision") -> Path:
+    """Draw run time against error, a row of panels for each case with a line for each engine and integrator.
+
+    Returns the PNG file, ``name``.png in the directory.
+    """
     errors = {"y_m": "y (m)", "event_time_s": "event time (s)", "contact_force": "contact force (relative)"}
+    cases = list(dict.fromkeys(table["case"]))
     with mpl.rc_context(_STYLE):
-        figure, axes = plt.subplots(1, len(errors), figsize=(11, 3.6))
-        for axis, (column, label) in zip(axes, errors.items(), strict=True):
-            for color, (case, rows) in enumerate(table.groupby("case")):
-                shown = rows[rows[column] > 0.0]
-                axis.loglog(shown[column], shown["ms_per_s_median"], "o-", ms=3, color=f"C{color}", label=case)
-            axis.set_xlabel(f"largest error of {label}")
-            axis.invert_xaxis()
-        axes[0].set_ylabel("ms per simulated second")
-        axes[0].legend(fontsize=7)
-        path = directory / "precision.png"
+        figure, axes = plt.subplots(len(cases), len(errors), figsize=(11, 2.7 * len(cases)), squeeze=False)
+        for row, case in zip(axes, cases, strict=True):
+            for axis, (column, label) in zip(row, errors.items(), strict=True):
+                _precision_lines(axis, table[table["case"] == case], column)
+                axis.set_xlabel(f"largest error of {label}")
+            row[0].set_ylabel("ms per simulated second")
+            row[0].set_title(case, loc="left")
+            row[0].legend(fontsize=7)
+        path = directory / f"{name}.png"
         figure.savefig(path)
         plt.close(figure)
     return path
+
+
+def _precision_lines(axis: Axes, table: pd.DataFrame, column: str) -> None:
+    """Draw one panel; a case without this quantity leaves it empty."""
+    drawn = False
+    for (engine, smooth), rows in table.groupby(["engine", "smooth_modes"]):
+        shown = rows[rows[column] > 0.0] if column in rows else rows.iloc[:0]
+        style: Any = {"color": _ENGINES.get(str(engine), "black"), "ls": "--" if smooth == "adams" else "-"}
+        errors: Any = shown.get(column, [])
+        axis.plot(errors, shown["ms_per_s_median"], "o", ms=3, label=f"{engine}, {smooth}", **style)
+        drawn |= len(shown) > 0
+    if not drawn:
+        axis.set_axis_off()
+        return
+    axis.set_xscale("log")
+    axis.set_yscale("log")
+    axis.invert_xaxis()
 
 
 def _read(directory: Path, start: float | None, stop: float | None) -> _Result:

@@ -11,10 +11,9 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-import sksundae
-
 import vibroplat
 from vibroplat.scene import Scene
+from vibroplat.solver.sundials import configuration
 
 #: Version of what result directories hold; raised when a reader of older ones would misread it.
 SCHEMA = 1
@@ -31,7 +30,7 @@ def provenance(scene: Scene, engine: str) -> dict[str, Any]:
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
         "configuration_sha256": configuration_hash(scene),
         "engine": engine,
-        "sundials": sksundae.SUNDIALS_VERSION,
+        "sundials": configuration().get("SUNDIALS_VERSION"),
         "integrators": {mode.label: "adams" if mode in scene.adams_modes else "ida" for mode in scene.modes},
         "tolerance": scene.solver.tolerance,
         "python": platform.python_version(),

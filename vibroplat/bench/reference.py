@@ -54,6 +54,11 @@ def names(directory: Path) -> list[str]:
     return found
 
 
+def load_references(directory: Path) -> list[Reference]:
+    """Read all reference cases of a directory; raises as :func:`load_reference` does."""
+    return [load_reference(directory, name) for name in names(directory)]
+
+
 def compared_events(events: pd.DataFrame) -> pd.DataFrame:
     """Liftoffs, and impacts faster than :data:`SLOWEST`."""
     impacts = (events["kind"] == "impact") & (events["gap_rate_before_m_per_s"] < -SLOWEST)

@@ -6,73 +6,112 @@ import os
 import platform
 import statistics
 import time
-from collections.abc import Callable, Sequence
-from pathlib import Path
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import pandas as pd
 
-from vibroplat.bench.reference import coordinate_errors, event_errors, load_reference, names
-from vibroplat.physics.systems import systems
-from vibroplat.scene import Material, Scene, Solver
+from vibroplat.bench.reference import Reference, coordinate_errors, event_errors
+from vibroplat.bench.scenes import kinds, unknowns
+from vibroplat.scene import Scene
 from vibroplat.solver.run import simulate
 
 TOLERANCES = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10)
 
+#: Engine and what integrates modes without contact force, as the configuration names them.
+Variant = tuple[str, str]
+DEFAULT: tuple[Variant, ...] = (("auto", "auto"),)
+VARIANTS: tuple[Variant, ...] = (("native", "ida"), ("native", "adams"), ("sundae", "ida"), ("sundae", "adams"))
 
-def runtime(tolerance: float = 1e-6, seconds: float = 2.0, repeats: int = 5) -> pd.DataFrame:
+
+def with_variant(scene: Scene, variant: Variant) -> Scene:
+    """Return a scene for another engine and integrator."""
+    return scene.replace({"solver.engine": variant[0], "solver.smooth_modes": variant[1]})
+
+
+def side_by_side(scenes: Mapping[Any, Scene], repeats: int) -> dict[Any, tuple[list[float], dict[str, Any]]]:
+    """Time scenes one after the other in each repeat, so that a machine's drift meets all alike.
+
+    Returns
+    -------
+    dict
+        By the scenes' keys: wall times (s) of each repeat and the summary of a run.
+    """
+    summaries = {key: simulate(scene, keep="summary").summary for key, scene in scenes.items()}  # loads the kernels
+    times: dict[Any, list[float]] = {key: [] for key in scenes}
+    for _ in range(repeats):
+        for key, scene in scenes.items():
+            began = time.perf_counter()
+            simulate(scene, keep="summary")
+            times[key].append(time.perf_counter() - began)
+    return {key: (times[key], summaries[key]) for key in scenes}
+
+
+def runtime(
+    tolerance: float = 1e-6, seconds: float = 2.0, repeats: int = 5, variants: Sequence[Variant] = DEFAULT
+) -> pd.DataFrame:
     """Time each kind of scene and say what it needs: unknowns, steps, residual calls, events.
 
-    All run one after the other in each repeat, so that a machine's drift meets all alike.
+    Where engine ``native`` is among the variants, the others' ``ratio`` is the median over repeats of their
+    time over that of ``native`` with the same integrator.
     """
-    scenes = _scenes(tolerance, seconds)
-    for scene in scenes.values():
-        simulate(scene, keep="summary")  # kernels and first-touch costs are not what is measured
-    runs: dict[str, list[float]] = {name: [] for name in scenes}
+    scenes = {
+        (name, variant): with_variant(scene, variant)
+        for name, scene in kinds(tolerance, seconds).items()
+        for variant in variants
+    }
+    measured = side_by_side(scenes, repeats)
     rows = []
-    for _ in range(repeats):
-        for name, scene in scenes.items():
-            runs[name].append(_seconds(scene)[0])
-    for name, scene in scenes.items():
-        summary = _seconds(scene)[1]
-        times = [1e3 * t / seconds for t in runs[name]]
-        rows.append(
-            {
-                "scene": name,
-                "tolerance": tolerance,
-                "ms_per_s_median": statistics.median(times),
-                "ms_per_s_min": min(times),
-                "ms_per_s_max": max(times),
-                "unknowns": _unknowns(scene),
-                **{f"{k}_per_s": summary[k] / seconds for k in ("steps", "residual_calls", "restarts", "events")},
-                "us_per_step": 1e3 * statistics.median(times) * seconds / summary["steps"],
-                "energy_residual": summary["energy_residual"],
-            }
-        )
+    for (name, variant), (times, summary) in measured.items():
+        per_second = [1e3 * t / seconds for t in times]
+        native = measured.get((name, ("native", variant[1])))
+        row = {
+            "scene": name,
+            "engine": summary["engine"],
+            "smooth_modes": variant[1],
+            "tolerance": tolerance,
+            "unknowns": unknowns(scenes[name, variant]),
+            "ms_per_s_median": statistics.median(per_second),
+            "ms_per_s_min": min(per_second),
+            "ms_per_s_max": max(per_second),
+            **{f"{k}_per_s": summary[k] / seconds for k in ("steps", "residual_calls", "restarts", "events")},
+            "us_per_step": 1e6 * statistics.median(times) / summary["steps"],
+            "energy_residual": summary["energy_residual"],
+        }
+        if native is not None:
+            row["ratio"] = statistics.median(mine / its for mine, its in zip(times, native[0], strict=True))
+        rows.append(row)
     return pd.DataFrame(rows)
 
 
 def precision(
-    reference: Path, tolerances: Sequence[float] = TOLERANCES, repeats: int = 3, only: Callable[[str], bool] = bool
+    cases: Iterable[Reference],
+    tolerances: Sequence[float] = TOLERANCES,
+    repeats: int = 3,
+    variants: Sequence[Variant] = DEFAULT,
 ) -> pd.DataFrame:
-    """Errors against reference tables beside run time and work, for a range of tolerances."""
+    """Errors against references beside run time and work, for a range of tolerances."""
     rows = []
-    for name in filter(only, names(reference)):
-        case = load_reference(reference, name)
-        for tolerance in tolerances:
-            scene = case.scene.replace({"solver.tolerance": tolerance})
-            run = simulate(scene)
-            times = [_seconds(scene)[0] for _ in range(repeats)]
+    for case in cases:
+        scenes = {
+            (tolerance, variant): with_variant(case.scene.replace({"solver.tolerance": tolerance}), variant)
+            for tolerance in tolerances
+            for variant in variants
+        }
+        for (tolerance, variant), (times, summary) in side_by_side(scenes, repeats).items():
+            run = simulate(scenes[tolerance, variant])
             rows.append(
                 {
-                    "case": name,
+                    "case": case.name,
+                    "engine": summary["engine"],
+                    "smooth_modes": variant[1],
                     "tolerance": tolerance,
-                    "ms_per_s_median": 1e3 * statistics.median(times) / scene.run.duration_s,
-                    "steps": run.summary["steps"],
-                    "residual_calls": run.summary["residual_calls"],
+                    "ms_per_s_median": 1e3 * statistics.median(times) / case.scene.run.duration_s,
+                    "steps": summary["steps"],
+                    "residual_calls": summary["residual_calls"],
                     **coordinate_errors(run, case.trajectory),
                     **event_errors(run.events, case.events),
-                    "energy_residual": run.summary["energy_residual"],
+                    "energy_residual": summary["energy_residual"],
                 }
             )
     return pd.DataFrame(rows)
@@ -81,35 +120,3 @@ def precision(
 def machine() -> str:
     """Say what the figures were measured on."""
     return f"{platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}, {platform.system()}"
-
-
-def _scenes(tolerance: float, seconds: float) -> dict[str, Scene]:
-    base = Scene(solver=Solver(tolerance=tolerance)).replace(
-        {
-            "machine.damping_y_n_s_per_m": 400.0,
-            "material": {"mass_ratio": 0.1, "natural_frequency_hz": 18.5, "damping_ratio": 0.05},
-            "run.duration_s": seconds,
-        }
-    )
-    changes: dict[str, dict[str, Any]] = {
-        "attached, f_e 46": {"drive.supply_frequency_hz": 46.0},
-        "impacts, f_e 50": {"drive.supply_frequency_hz": 50.0},
-        "impacts, R 0.5, f_e 52": {"drive.supply_frequency_hz": 52.0, "contact.restitution": 0.5},
-        "one layer, f_e 50": {
-            "drive.supply_frequency_hz": 50.0,
-            "material": Material(mass_ratio=0.1, layers=1).model_dump(exclude_unset=True),
-        },
-        "non-impact, f_e 50": {"drive.supply_frequency_hz": 50.0, "contact.model": "non-impact"},
-        "bare, f_e 50": {"drive.supply_frequency_hz": 50.0, "material.mass_ratio": 0.0},
-    }
-    return {name: base.replace(change) for name, change in changes.items()}
-
-
-def _unknowns(scene: Scene) -> str:
-    return ", ".join(f"{system.size} {mode.label}" for mode, system in systems(scene).items())
-
-
-def _seconds(scene: Scene) -> tuple[float, dict[str, Any]]:
-    began = time.perf_counter()
-    summary = simulate(scene, keep="summary").summary
-    return time.perf_counter() - began, summary

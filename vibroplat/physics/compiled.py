@@ -40,6 +40,11 @@ def compiled(function: Callable[P, T]) -> Callable[P, T]:
     return cast("Callable[P, T]", numba.njit(function, nogil=True, cache=True, error_model="numpy", fastmath=False))
 
 
+def inlined(function: Callable[P, T]) -> Callable[P, T]:
+    """Compile a kernel into its callers instead of on its own, which for one of few callers is quicker."""
+    return cast("Callable[P, T]", numba.njit(function, nogil=True, error_model="numpy", inline="always"))
+
+
 def callback(signature: str) -> Callable[[Callable[P, T]], Any]:
     """Compile a kernel to a C function of a fixed signature, kept on disk; its ``address`` is callable from C."""
     return cast("Callable[[Callable[P, T]], Any]", numba.cfunc(signature, cache=True, error_model="numpy"))

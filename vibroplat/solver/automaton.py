@@ -10,6 +10,7 @@ from vibroplat.physics.parameters import RESTITUTION, FloatArray
 from vibroplat.physics.systems import FULL_SIZE, GAP, consistent_callback, systems
 from vibroplat.scene import Scene
 from vibroplat.solver import hybrid as hy
+from vibroplat.solver.engine import Engine
 from vibroplat.solver.initial import initial_state
 from vibroplat.solver.measures import no_measures
 from vibroplat.solver.scales import ROUND_OFF, absolute_tolerances, state_scales
@@ -19,7 +20,15 @@ from vibroplat.solver.summary import SETTLE_SHARE
 _EVENT_ROWS = 4096
 
 
-def automaton(scene: Scene, p: FloatArray, turns_per_segment: int) -> hy.Hybrid:
+def finish(h: hy.Hybrid, engine: Engine) -> None:
+    """Let an engine drive an automaton to the end of its run, keeping nothing."""
+    hy.first_mode(h)
+    while h.flags[hy.OUTCOME] == hy.RUNNING:
+        engine.advance(h)
+        h.flags[hy.EVENTS] = 0
+
+
+def automaton(scene: Scene, p: FloatArray, turns_per_segment: float) -> hy.Hybrid:
     """Build the hybrid automaton of a scene at its initial state."""
     numbers = np.full(3, -1)
     tolerances = np.ones((3, FULL_SIZE))

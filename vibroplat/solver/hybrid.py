@@ -8,12 +8,12 @@ that it prepares, writes the ends of its steps on the tape, and calls :func:`con
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from vibroplat.physics.compiled import compiled, copy
+from vibroplat.physics.compiled import compiled, copy, inlined
 from vibroplat.physics.foreign import call_double
 from vibroplat.physics.impact import impact, latch
 from vibroplat.physics.parameters import RESTITUTION, TOLERANCE, FloatArray
@@ -41,8 +41,10 @@ from vibroplat.solver.transitions import (
     presses,
 )
 
-# Modes, as :class:`vibroplat.scene.Mode` numbers them.
-ATTACHED, FLIGHT, BARE = 0, 1, 2
+# Modes, as :class:`vibroplat.scene.Mode` numbers them. Integers of numpy: a function that is called with them is
+# compiled once, not once for each.
+_NUMBERS: Any = np.arange(3)
+ATTACHED, FLIGHT, BARE = _NUMBERS
 
 # Why a segment ended.
 AT_GUARD, AT_TIME, FAILED, NOT_FINITE = range(4)
@@ -51,7 +53,7 @@ AT_GUARD, AT_TIME, FAILED, NOT_FINITE = range(4)
 RUNNING, OK, SOLVER_FAILURE, NON_FINITE, INCONSISTENT, EVENT_STORM = range(6)
 
 # Kinds of events.
-LIFTOFF, IMPACT, CLOSING = range(3)
+LIFTOFF, IMPACT, CLOSING = _NUMBERS
 
 # Places in ``Hybrid.clock`` (s, but for GAP_SCALE in m, SLOWEST in m/s, BACKWARD_ERROR without unit).
 (
@@ -164,7 +166,7 @@ def begin(h: Hybrid) -> bool:
     return True
 
 
-@compiled
+@inlined
 def count_restart(h: Hybrid) -> bool:
     """End the run when restarts pile up; all of them count, so that nothing can go on for ever."""
     most = h.recent.size
@@ -207,7 +209,7 @@ def consistent(h: Hybrid, system: int, y: FloatArray, yp: FloatArray, ypp: Float
     return call_double(h.consistent, (system, y.ctypes.data, yp.ctypes.data, ypp.ctypes.data, h.p.ctypes.data))
 
 
-@compiled
+@inlined
 def control(h: Hybrid) -> None:
     """Choose tolerances and first step of a segment.
 
@@ -228,7 +230,7 @@ def control(h: Hybrid) -> None:
     h.clock[FIRST_STEP] = max(step, ROUND_OFF * h.clock[PERIOD])
 
 
-@compiled
+@inlined
 def expected_flight(h: Hybrid) -> tuple[float, float]:
     """Duration (s) and height (m) of the flight that begins, inf where its first terms do not end it."""
     rates = SIZES[h.systems[FLIGHT]] // 2
@@ -241,7 +243,7 @@ def expected_flight(h: Hybrid) -> tuple[float, float]:
     return excursion(rate, acceleration, jerk, snap(h) if rate == 0.0 else 0.0)  # a rebound does not need it
 
 
-@compiled
+@inlined
 def snap(h: Hybrid) -> float:
     """Fourth derivative of the gap, as the difference of jerks a small step along the motion."""
     system = h.systems[FLIGHT]
@@ -265,7 +267,7 @@ def first_mode(h: Hybrid) -> None:
         h.flags[MODE] = ATTACHED if pressing(h) else FLIGHT
 
 
-@compiled
+@inlined
 def pressing(h: Hybrid) -> bool:
     """Whether contact holds at the start prepared for it."""
     force = SIZES[h.systems[ATTACHED]] - 1
@@ -296,11 +298,11 @@ def conclude(h: Hybrid, tape: Tape, stop: int) -> None:
         h.flags[OUTCOME] = NON_FINITE
     elif mode == ATTACHED:
         force_root(h)
-    else:
-        gap_root(h, tape)
+    elif gap_root(h):
+        close_impacts(h, tape)
 
 
-@compiled
+@inlined
 def refine(h: Hybrid, tape: Tape) -> bool:
     """Move the end of contact to where F_c by the algebra is 0.
 
@@ -356,19 +358,19 @@ def split_piece(h: Hybrid, tape: Tape) -> None:
     tape.used[tp.FIRST] = last
 
 
-@compiled
+@inlined
 def force_root(h: Hybrid) -> None:
     """Lift off where F_c has fallen through zero, or go on if it only touched."""
     if h.yp[ATTACHED, SIZES[h.systems[ATTACHED]] - 1] >= 0.0 and pressing(h):
         h.flags[JOINED_ON] = 1
         return
     h.flags[MODE] = FLIGHT
-    add_event(h, LIFTOFF, 0.0, 0.0, 0.0, 0.0, 0.0, 0)
+    add_event(h, LIFTOFF, 0.0, 0.0, 0.0, 0.0, 0.0, _NUMBERS[0])
 
 
-@compiled
-def gap_root(h: Hybrid, tape: Tape) -> None:
-    """Let the lower layer strike where the gap has fallen through zero, and see what follows."""
+@inlined
+def gap_root(h: Hybrid) -> bool:
+    """Let the lower layer strike where the gap has fallen through zero; True if the impacts to come may be closed."""
     h.state[GAP] = 0.0
     before = min(h.state[GAP_RATE], 0.0)
     h.state[GAP_RATE] = before
@@ -377,18 +379,17 @@ def gap_root(h: Hybrid, tape: Tape) -> None:
     impulse, loss = impact(h.state, after, h.p_dead if -before < h.clock[SLOWEST] else h.p)
     copy(after, h.state)
     if not (prepare(h, ATTACHED) and prepare(h, FLIGHT)):
-        return
+        return False
     force, place = SIZES[h.systems[ATTACHED]] - 1, SIZES[h.systems[FLIGHT]] // 2 + GAP
     pressure, rebound = h.y[ATTACHED, force], after[GAP_RATE]
     acceleration, jerk = h.yp[FLIGHT, place], h.ypp[FLIGHT, place]
     following = after_impact(rebound, pressure, h.yp[ATTACHED, force], acceleration, jerk, h.p)
     h.flags[MODE] = h.flags[PREPARED] = ATTACHED if following == ATTACH else FLIGHT
-    add_event(h, IMPACT, before, rebound, impulse, loss, pressure if following == ATTACH else 0.0, 1)
-    if following == LATCH:
-        close_impacts(h, tape)
+    add_event(h, IMPACT, before, rebound, impulse, loss, pressure if following == ATTACH else 0.0, _NUMBERS[1])
+    return following == LATCH
 
 
-@compiled
+@inlined
 def close_impacts(h: Hybrid, tape: Tape) -> None:
     """Close the impacts that accumulate, and carry the run to where they do."""
     system = h.systems[FLIGHT]

@@ -25,7 +25,7 @@ from vibroplat.scene import Mode, Scene
 from vibroplat.solver import callbacks as cb
 from vibroplat.solver import hybrid as hy
 from vibroplat.solver import tape as tp
-from vibroplat.solver.automaton import automaton
+from vibroplat.solver.automaton import automaton, finish
 from vibroplat.solver.hybrid import AT_GUARD, AT_TIME, FAILED, NOT_FINITE, Hybrid
 from vibroplat.solver.scales import ROUND_OFF
 from vibroplat.solver.sundials import Library, UnavailableError
@@ -433,9 +433,7 @@ def self_check(library: Library) -> None:
         p = parameters(scene)
         with closing(NativeEngine(scene, p, library)) as engine:
             h = automaton(scene, p, engine.turns_per_segment)
-            hy.first_mode(h)
-            while h.flags[hy.OUTCOME] == hy.RUNNING:
-                engine.advance(h)
+            finish(h, engine)
         y, yp, ypp = (array[Mode.BARE, :10] for array in (h.y, h.yp, h.ypp))
         expected = y + duration * yp + 0.5 * duration**2 * ypp
         error = np.abs(h.state[PLACES[BARE, :10]] - expected).max()

@@ -8,7 +8,11 @@ types of SUNDIALS 7 and of the configuration that scikit-sundae reports.
 from __future__ import annotations
 
 import ctypes
+import importlib.util
+import re
 from functools import cache
+from importlib.machinery import EXTENSION_SUFFIXES
+from pathlib import Path
 from typing import Any
 
 _MAJOR = "7."
@@ -82,6 +86,46 @@ class UnavailableError(RuntimeError):
     """The library is not the one that is known here; says in which respect."""
 
 
+def package() -> Path:
+    """Return the directory of scikit-sundae, found without importing it and what it imports.
+
+    Raises
+    ------
+    UnavailableError
+        It is not installed.
+    """
+    spec = importlib.util.find_spec("sksundae")
+    if spec is None or spec.origin is None:
+        raise UnavailableError("scikit-sundae is not installed")
+    return Path(spec.origin).parent
+
+
+def configuration() -> dict[str, str]:
+    """Read what scikit-sundae says of the library it was built with: version and number types.
+
+    Raises
+    ------
+    UnavailableError
+        It does not say so.
+    """
+    try:
+        text = (package() / "py_config.pxi").read_text(encoding="utf-8")
+    except OSError as error:
+        raise UnavailableError(f"scikit-sundae does not tell its configuration ({error})") from None
+    return dict(re.findall(r'^(\w+) = "(.*)"$', text, flags=re.MULTILINE))
+
+
+def _open(module: str) -> ctypes.CDLL:
+    """Open an extension module as a library; its dependencies' functions are found through it."""
+    paths = [path for suffix in EXTENSION_SUFFIXES if (path := package() / f"{module}{suffix}").exists()]
+    if not paths:
+        raise UnavailableError(f"scikit-sundae has no {module}")
+    try:
+        return ctypes.CDLL(str(paths[0]))
+    except OSError as error:
+        raise UnavailableError(f"{paths[0].name} cannot be opened ({error})") from None
+
+
 class Library:
     """Functions of IDA and CVODE by name, with their addresses.
 
@@ -97,23 +141,17 @@ class Library:
     """
 
     def __init__(self) -> None:
-        try:
-            import sksundae  # noqa: PLC0415
-            from sksundae import _cy_common, _cy_cvode, _cy_ida  # noqa: PLC0415
-
-            found = {name: getattr(_cy_common, name) for name in _TYPES}
-            ida, cvode = ctypes.CDLL(_cy_ida.__file__), ctypes.CDLL(_cy_cvode.__file__)
-        except (ImportError, AttributeError, OSError) as error:
-            raise UnavailableError(f"scikit-sundae is not as expected ({error})") from None
-        if found != _TYPES:
-            raise UnavailableError(f"its number types are {', '.join(found.values())}; known: double, int")
+        found = configuration()
+        types = {name: found.get(name) for name in _TYPES}
+        if types != _TYPES:
+            raise UnavailableError(f"its number types are {', '.join(map(str, types.values()))}; known: double, int")
+        ida, cvode = (_open(name) for name in ("_cy_ida", "_cy_cvode"))
         self._functions: dict[str, Any] = {}
         for library, table in ((ida, _SHARED | _IDA), (cvode, _CVODE)):
             self._declare(library, table)
         self.version = self._version()
         if not self.version.startswith(_MAJOR):
             raise UnavailableError(f"SUNDIALS {self.version} is not known; known: {_MAJOR}x")
-        self.package = str(sksundae.__version__)
 
     def __getattr__(self, name: str) -> Any:
         try:

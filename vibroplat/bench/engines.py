@@ -1,0 +1,165 @@
+"""The engines side by side: speed, what a restart costs, work against error, endurance, start."""
+
+from __future__ import annotations
+
+import os
+import resource
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from vibroplat.bench.reference import Reference
+from vibroplat.bench.scenes import base, kinds, regimes
+from vibroplat.bench.timing import TOLERANCES, with_variant
+from vibroplat.physics.parameters import parameters
+from vibroplat.physics.systems import GAP, systems
+from vibroplat.scene import Mode, Scene
+from vibroplat.solver.automaton import automaton, finish
+from vibroplat.solver.engines import make_engine
+from vibroplat.solver.hybrid import RESTARTS
+from vibroplat.solver.run import simulate
+from vibroplat.solver.scales import absolute_tolerances
+
+#: Turns between artificial restarts; no simple fractions, so that all phases of a turn are met.
+_TURNS = (1.0, 1.51, 2.37)
+
+
+def restart_costs(tolerances: Sequence[float] = TOLERANCES, seconds: float = 4.0) -> pd.DataFrame:
+    """Measure steps and residual calls that a restart adds to an uninterrupted run, by tolerance.
+
+    Runs of engine ``native`` are interrupted each ``turns_between`` turns and restarted from a
+    consistent state, as after an event.
+    """
+    rows = []
+    for name in ("attached, f_e 46", "bare, f_e 50"):
+        for tolerance in tolerances:
+            scene = with_variant(kinds(tolerance, seconds)[name], ("native", "ida"))
+            steps, calls, restarts = _work(scene, 1e9)
+            for turns in _TURNS:
+                more_steps, more_calls, more_restarts = _work(scene, turns)
+                added = more_restarts - restarts
+                rows.append(
+                    {
+                        "scene": name,
+                        "tolerance": tolerance,
+                        "turns_between": turns,
+                        "restarts": added,
+                        "steps_per_restart": (more_steps - steps) / added,
+                        "residual_calls_per_restart": (more_calls - calls) / added,
+                    }
+                )
+    return pd.DataFrame(rows)
+
+
+def _work(scene: Scene, turns: float) -> tuple[int, int, int]:
+    """Return steps, residual calls and restarts of a run whose segments last at most so many turns."""
+    p = parameters(scene)
+    engine = make_engine(scene, p)
+    h = automaton(scene, p, turns)
+    finish(h, engine)
+    work = engine.work
+    engine.close()
+    return int(work["steps"] or 0), int(work["residual_calls"] or 0), int(h.flags[RESTARTS])
+
+
+def regime_references(seconds: float = 1.0) -> list[Reference]:
+    """Make references for the paper's regimes: runs at tolerance 1e-12, in flight and without contact by Adams.
+
+    How far IDA at the same tolerance is from them tells how far they can be trusted;
+    ``vibroplat bench engines`` includes that tolerance.
+    """
+    times = np.linspace(0.0, seconds, 401)
+    found = []
+    for name, scene in regimes(seconds).items():
+        run = simulate(with_variant(scene.replace({"solver.tolerance": 1e-12}), ("native", "adams")))
+        found.append(Reference(name, scene, run(times), run.events))
+    return found
+
+
+def endurance(restarts: float = 1e6, tolerance: float = 1e-6) -> pd.DataFrame:
+    """Run an impacting scene for very many restarts without a trajectory: time, memory, gap, energy."""
+    scene = with_variant(base(tolerance, 1.0).replace({"drive.supply_frequency_hz": 50.0}), ("native", "ida"))
+    flight = systems(scene)[Mode.FLIGHT]
+    rate = simulate(scene.replace({"run.duration_s": 100.0}), keep="summary").summary["restarts"] / 100.0
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    began = time.perf_counter()
+    summary = simulate(scene.replace({"run.duration_s": 1.002 * restarts / rate}), keep="summary").summary
+    seconds = time.perf_counter() - began
+    names = ("outcome", "simulated_s", "restarts", "liftoffs", "impacts", "impacts_per_period", "energy_residual")
+    return pd.DataFrame(
+        [
+            {
+                **{name: summary[name] for name in names},
+                "tolerance": tolerance,
+                "seconds": seconds,
+                "ms_per_s": 1e3 * seconds / summary["simulated_s"],
+                "memory_growth_kib": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before,
+                "gap_min_m": summary["gap_min_m"],
+                "gap_tolerance_m": absolute_tolerances(scene, flight)[GAP],
+            }
+        ]
+    )
+
+
+def start_times(repeats: int = 3) -> pd.DataFrame:
+    """Time ``vibroplat run`` of a scene of 1 s as a whole process: the first ever, and later ones."""
+    command = [sys.executable, "-c", "from vibroplat.cli import main; main()", "run"]
+    with tempfile.TemporaryDirectory() as room:
+        scene = Path(room) / "start.yaml"
+        scene.write_text(
+            "material: {mass_ratio: 0.1, natural_frequency_hz: 18.5, damping_ratio: 0.05}\nrun: {duration_s: 1.0}\n",
+            encoding="utf-8",
+        )
+        environment = os.environ | {"NUMBA_CACHE_DIR": str(Path(room) / "kernels")}
+        times = []
+        for _ in range(1 + repeats):
+            began = time.perf_counter()
+            done = subprocess.run(
+                [*command, str(scene), "--out", room], env=environment, capture_output=True, text=True, check=True
+            )
+            times.append((time.perf_counter() - began, done.stderr.strip()))
+    warm = [seconds for seconds, _ in times[1:]]
+    return pd.DataFrame(
+        [
+            {"start": "cold", "seconds": times[0][0], "message": times[0][1]},
+            {"start": "warm", "seconds": statistics.median(warm), "message": times[1][1]},
+        ]
+    )
+
+
+def targets(speed: pd.DataFrame, restarts: pd.DataFrame, long_run: pd.DataFrame, starts: pd.DataFrame) -> pd.DataFrame:
+    """Compare what was measured with what engine ``native`` was built for."""
+
+    def of(scene: str, engine: str, column: str) -> float:
+        rows = speed[(speed["scene"] == scene) & (speed["engine"] == engine) & (speed["smooth_modes"] == "ida")]
+        return float(rows[column].iloc[0])
+
+    impacts, attached = "impacts, f_e 50", "attached, f_e 46"
+    at_1e6 = restarts[restarts["tolerance"] == 1e-6].groupby("scene")["steps_per_restart"].mean()
+    run, start = long_run.iloc[0], starts.set_index("start")["seconds"]
+    rows = [
+        ("sundae over native, 50 impacts a second", of(impacts, "sundae", "ratio"), ">=", 8.0),
+        ("sundae over native, attached", of(attached, "sundae", "ratio"), ">=", 6.0),
+        ("ms per s, attached", of(attached, "native", "ms_per_s_median"), "<=", 1.2),
+        ("ms per s, 50 impacts a second", of(impacts, "native", "ms_per_s_median"), "<=", 4.0),
+        ("steps per restart at 1e-6, attached", float(at_1e6["attached, f_e 46"]), "<=", 25.0),
+        ("steps per restart at 1e-6, bare", float(at_1e6["bare, f_e 50"]), "<=", 25.0),
+        ("restarts of the long run", float(run["restarts"]), ">=", 1e6),
+        ("memory growth in it (KiB)", float(run["memory_growth_kib"]), "<=", 1024.0),
+        ("liftoffs without impact", float(abs(run["liftoffs"] - run["impacts"])), "<=", 1.0),
+        ("least gap over its tolerance", float(run["gap_min_m"] / run["gap_tolerance_m"]), ">=", -10.0),
+        ("cold start (s)", float(start["cold"]), "<=", 30.0),
+        ("warm start (s)", float(start["warm"]), "<=", 1.5),
+    ]
+    table = pd.DataFrame(rows, columns=["figure", "measured", "relation", "target"])
+    met = np.where(
+        table["relation"] == ">=", table["measured"] >= table["target"], table["measured"] <= table["target"]
+    )
+    return table.assign(met=met)

@@ -1,0 +1,61 @@
+"""What ``vibroplat bench`` writes and prints for each of its names."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pandas as pd
+
+from vibroplat.bench import engines
+from vibroplat.bench.reference import load_references
+from vibroplat.bench.timing import TOLERANCES, VARIANTS, precision, runtime
+from vibroplat.plots import plot_precision
+from vibroplat.tables import write_table
+
+
+def report_runtime(directory: Path, reference: Path, repeats: int) -> None:
+    """Each kind of scene with the engine that runs by default."""
+    _show(runtime(repeats=repeats), directory, "runtime")
+
+
+def report_precision(directory: Path, reference: Path, repeats: int) -> None:
+    """Run time against error over the reference cases, with the engine that runs by default."""
+    table = precision(load_references(reference), repeats=repeats)
+    _show(table, directory, "precision")
+    print(plot_precision(table, directory))
+
+
+def report_engines(directory: Path, reference: Path, repeats: int) -> None:
+    """Both engines and both integrators: speed, restarts, work against error, endurance, start, targets."""
+    cases = load_references(reference)
+    speed = runtime(repeats=repeats, variants=VARIANTS)
+    _show(speed, directory, "engines-speed")
+    restarts = engines.restart_costs()
+    _show(restarts, directory, "engines-restarts")
+    work = precision(cases, repeats=min(repeats, 3), variants=VARIANTS)
+    _show(work, directory, "engines-precision")
+    print(plot_precision(work, directory, "engines-precision"))
+    regimes = precision(engines.regime_references(), (*TOLERANCES, 1e-12), min(repeats, 3), VARIANTS[:2])
+    _show(regimes, directory, "engines-regimes")
+    print(plot_precision(regimes, directory, "engines-regimes"))
+    long_run = engines.endurance()
+    _show(long_run, directory, "engines-endurance")
+    starts = engines.start_times()
+    _show(starts, directory, "engines-start")
+    _show(engines.targets(speed, restarts, long_run, starts), directory, "engines-targets")
+
+
+#: By the name on the command line.
+REPORTS: dict[str, Callable[[Path, Path, int], None]] = {
+    "runtime": report_runtime,
+    "precision": report_precision,
+    "engines": report_engines,
+}
+
+
+def _show(table: pd.DataFrame, directory: Path, name: str) -> None:
+    """Write a table and print it."""
+    write_table(table, directory, name, "csv")
+    print(f"\n{name}")
+    print(table.to_string(index=False, float_format="%.3g"), flush=True)
