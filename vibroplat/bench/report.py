@@ -29,7 +29,7 @@ def report_precision(directory: Path, reference: Path, repeats: int) -> None:
 def report_engines(directory: Path, reference: Path, repeats: int) -> None:
     """Both engines and both integrators: speed, restarts, work against error, endurance, start, targets."""
     cases = load_references(reference)
-    speed = runtime(repeats=repeats, variants=VARIANTS)
+    speed = runtime(seconds=4.0, repeats=repeats, variants=VARIANTS)
     _show(speed, directory, "engines-speed")
     restarts = engines.restart_costs()
     _show(restarts, directory, "engines-restarts")

@@ -15,7 +15,7 @@ from vibroplat.solver import tape as tp
 from vibroplat.solver.automaton import automaton
 from vibroplat.solver.engine import Engine
 from vibroplat.solver.engines import make_engine
-from vibroplat.solver.summary import Energies, poincare_section, summarize
+from vibroplat.solver.summary import Energies, summarize
 from vibroplat.solver.trajectory import Event, Segment, Trajectory
 
 #: What a run keeps besides its summary.
@@ -76,7 +76,7 @@ def simulate(
         outcome, detail = OUTCOMES[h.flags[hy.OUTCOME]], _detail(h, engine)
         ends = before, Energies.of(h.state, p)
         h.state[3:5] += h.turns
-        run = Trajectory(scene, segments, events, h.state, poincare_section(h.measures, scene))
+        run = Trajectory(scene, segments, events, h.state, h.measures)
         run.summary = summarize(scene, h, ends, engine, outcome, detail, time.perf_counter() - began)
     return run
 

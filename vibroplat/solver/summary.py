@@ -6,12 +6,9 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-import pandas as pd
-
 from vibroplat.physics.energy import POWERS, elastic_energy, gravity_energy, kinetic_energy
 from vibroplat.physics.parameters import FloatArray
-from vibroplat.scene import COORDINATES, RATES, Scene
+from vibroplat.scene import Scene
 from vibroplat.solver import hybrid as hy
 from vibroplat.solver import measures as m
 from vibroplat.solver.engine import Engine
@@ -90,22 +87,6 @@ def statistics(ms: Measures) -> dict[str, float | None]:
     result["motor_power_w"] = mean[m.MOTOR]
     result["measured_s"] = sums[m.TIME]
     return {k: None if v is None else float(v) for k, v in result.items()}
-
-
-def poincare_section(ms: Measures, scene: Scene) -> pd.DataFrame:
-    """Motion at whole turns of exciter 1 in the measured part, in the trajectory table's columns.
-
-    The last :data:`~vibroplat.solver.measures.SECTION_ROWS` turns are kept.
-    """
-    turns = int(ms.marks[m.TURNS])
-    rows = np.arange(max(turns - m.SECTION_ROWS, 0), turns) % m.SECTION_ROWS
-    points = ms.section[rows]
-    places = [m.SECTION_STATE + i + half for half in (0, 7) for i in scene.coordinates]
-    names = [names[i] for names in (COORDINATES, RATES) for i in scene.coordinates]
-    columns = {"t_s": points[:, m.SECTION_TIME]} | {n: points[:, i] for n, i in zip(names, places, strict=True)}
-    if scene.has_contact:
-        columns["contact_force_n"] = points[:, m.SECTION_FORCE]
-    return pd.DataFrame(columns)
 
 
 def _half_open(angle: float) -> float:

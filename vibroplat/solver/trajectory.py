@@ -14,7 +14,9 @@ import pandas as pd
 from vibroplat.physics.parameters import FloatArray
 from vibroplat.physics.systems import FULL_SIZE, System
 from vibroplat.scene import COORDINATES, RATES, Mode, Scene
+from vibroplat.solver import measures as m
 from vibroplat.solver.interpolation import sample
+from vibroplat.solver.measures import Measures
 
 EVENT_COLUMNS = (
     "t_s",
@@ -104,9 +106,8 @@ class Trajectory:
         One for each transition.
     final_state
         Full state at the end, shape (14,).
-    section
-        Poincaré section at whole turns of exciter 1 in the measured part; see
-        :func:`vibroplat.solver.summary.poincare_section`.
+    measures
+        Sums over the run, of which the summary is made.
     summary
         Outcome and measures; see :func:`vibroplat.solver.summary.summarize`.
     """
@@ -115,7 +116,7 @@ class Trajectory:
     segments: list[Segment]
     event_rows: list[Event]
     final_state: FloatArray
-    section: pd.DataFrame
+    measures: Measures
     summary: dict[str, Any] = field(default_factory=dict)
 
     @property
@@ -130,6 +131,21 @@ class Trajectory:
         table = pd.DataFrame(rows, columns=list(EVENT_COLUMNS))
         numbers = [c for c in EVENT_COLUMNS if c not in ("kind", "mode_after", "impacts")]
         return table.astype(dict.fromkeys(numbers, "float64") | {"impacts": "int64"})
+
+    @cached_property
+    def section(self) -> pd.DataFrame:
+        """Poincaré section: motion at whole turns of exciter 1 in the measured part, the last 1024 of them.
+
+        The columns are those of the trajectory table without the mode.
+        """
+        turns = int(self.measures.marks[m.TURNS])
+        points = self.measures.section[np.arange(max(turns - m.SECTION_ROWS, 0), turns) % m.SECTION_ROWS]
+        places = [m.SECTION_STATE + i + half for half in (0, 7) for i in self.scene.coordinates]
+        names = [names[i] for names in (COORDINATES, RATES) for i in self.scene.coordinates]
+        columns = {"t_s": points[:, m.SECTION_TIME]} | {n: points[:, i] for n, i in zip(names, places, strict=True)}
+        if self.scene.has_contact:
+            columns["contact_force_n"] = points[:, m.SECTION_FORCE]
+        return pd.DataFrame(columns)
 
     @cached_property
     def trajectory(self) -> pd.DataFrame:
