@@ -64,12 +64,13 @@ def motor_torques(speed_1: float, speed_2: float, p: FloatArray) -> tuple[float,
 
 
 @compiled
-def platform_residual(y: FloatArray, yp: FloatArray, res: FloatArray, p: FloatArray, n: int, load: float) -> None:
+def platform_residual(y: FloatArray, yp: FloatArray, res: FloatArray, p: FloatArray, load: float) -> None:
     """Fill the kinematic rows of all n coordinates and the dynamic rows of platform and exciters.
 
     The rows are those of the paper's (2), (3) with Lagrange's signs: mass matrix times accelerations
     minus forces. ``load`` is the vertical force with which the material presses down on the platform (N).
     """
+    n = y.size // 2
     for i in range(n):
         res[i] = yp[i] - y[n + i]
     k = p[UNBALANCE]
@@ -161,11 +162,12 @@ def solve_mass_matrix(b: FloatArray, y: FloatArray, p: FloatArray) -> None:
 
 
 @compiled
-def platform_jacobian(y: FloatArray, yp: FloatArray, cj: float, jac: FloatArray, p: FloatArray, n: int) -> None:
+def platform_jacobian(y: FloatArray, yp: FloatArray, cj: float, jac: FloatArray, p: FloatArray) -> None:
     """Fill ∂F/∂y + c_j ∂F/∂y′ of the rows of :func:`platform_residual`, without the load's columns.
 
     ``jac`` is cleared first, so a mode adds its own rows afterwards.
     """
+    n = y.size // 2
     for i in range(jac.shape[0]):
         for j in range(jac.shape[1]):
             jac[i, j] = 0.0

@@ -42,21 +42,21 @@ def finite(values: FloatArray) -> bool:
 @compiled
 def bare_residual(y: FloatArray, yp: FloatArray, res: FloatArray, p: FloatArray) -> bool:
     """Fill the 10 rows of a platform without material."""
-    platform_residual(y, yp, res, p, 5, 0.0)
+    platform_residual(y, yp, res, p, 0.0)
     return finite(res)
 
 
 @compiled
 def bare_jacobian(y: FloatArray, yp: FloatArray, cj: float, jac: FloatArray, p: FloatArray) -> None:
     """Fill the 10×10 Jacobian of :func:`bare_residual`."""
-    platform_jacobian(y, yp, cj, jac, p, 5)
+    platform_jacobian(y, yp, cj, jac, p)
 
 
 @compiled
 def attached_one_residual(y: FloatArray, yp: FloatArray, res: FloatArray, p: FloatArray) -> bool:
     """Fill the 11 rows of one layer in contact; the last is F_c = m_w1(ÿ + g)."""
     force = y[10]
-    platform_residual(y, yp, res, p, 5, force)
+    platform_residual(y, yp, res, p, force)
     res[10] = force - p[LOWER_MASS] * (yp[6] + p[GRAVITY])
     return finite(res)
 
@@ -64,7 +64,7 @@ def attached_one_residual(y: FloatArray, yp: FloatArray, res: FloatArray, p: Flo
 @compiled
 def attached_one_jacobian(y: FloatArray, yp: FloatArray, cj: float, jac: FloatArray, p: FloatArray) -> None:
     """Fill the 11×11 Jacobian of :func:`attached_one_residual`."""
-    platform_jacobian(y, yp, cj, jac, p, 5)
+    platform_jacobian(y, yp, cj, jac, p)
     jac[6, 10] = 1.0
     jac[10, 10] = 1.0
     jac[10, 6] = -cj * p[LOWER_MASS]
@@ -75,7 +75,7 @@ def attached_two_residual(y: FloatArray, yp: FloatArray, res: FloatArray, p: Flo
     """Fill the 13 rows of two layers in contact; the last is F_c = m_w1(ÿ + g) − S."""
     force = y[12]
     spring = p[LAYER_STIFFNESS] * y[5] + p[LAYER_DAMPING] * y[11]
-    platform_residual(y, yp, res, p, 6, force)
+    platform_residual(y, yp, res, p, force)
     res[11] = yp[7] + yp[11] + p[GRAVITY] + spring
     res[12] = force - p[LOWER_MASS] * (yp[7] + p[GRAVITY]) + p[UPPER_MASS] * spring
     return finite(res)
@@ -84,7 +84,7 @@ def attached_two_residual(y: FloatArray, yp: FloatArray, res: FloatArray, p: Flo
 @compiled
 def attached_two_jacobian(y: FloatArray, yp: FloatArray, cj: float, jac: FloatArray, p: FloatArray) -> None:
     """Fill the 13×13 Jacobian of :func:`attached_two_residual`."""
-    platform_jacobian(y, yp, cj, jac, p, 6)
+    platform_jacobian(y, yp, cj, jac, p)
     jac[7, 12] = 1.0
     jac[11, 7] = cj
     jac[11, 11] = cj + p[LAYER_DAMPING]
@@ -98,7 +98,7 @@ def attached_two_jacobian(y: FloatArray, yp: FloatArray, cj: float, jac: FloatAr
 @compiled
 def flight_one_residual(y: FloatArray, yp: FloatArray, res: FloatArray, p: FloatArray) -> bool:
     """Fill the 12 rows of one layer in flight."""
-    platform_residual(y, yp, res, p, 6, 0.0)
+    platform_residual(y, yp, res, p, 0.0)
     res[11] = yp[7] + yp[11] + p[GRAVITY]
     return finite(res)
 
@@ -106,7 +106,7 @@ def flight_one_residual(y: FloatArray, yp: FloatArray, res: FloatArray, p: Float
 @compiled
 def flight_one_jacobian(y: FloatArray, yp: FloatArray, cj: float, jac: FloatArray, p: FloatArray) -> None:
     """Fill the 12×12 Jacobian of :func:`flight_one_residual`."""
-    platform_jacobian(y, yp, cj, jac, p, 6)
+    platform_jacobian(y, yp, cj, jac, p)
     jac[11, 7] = cj
     jac[11, 11] = cj
 
@@ -115,7 +115,7 @@ def flight_one_jacobian(y: FloatArray, yp: FloatArray, cj: float, jac: FloatArra
 def flight_two_residual(y: FloatArray, yp: FloatArray, res: FloatArray, p: FloatArray) -> bool:
     """Fill the 14 rows of two layers in flight."""
     spring = p[LAYER_STIFFNESS] * y[6] + p[LAYER_DAMPING] * y[13]
-    platform_residual(y, yp, res, p, 7, 0.0)
+    platform_residual(y, yp, res, p, 0.0)
     lower = yp[8] + yp[12] + p[GRAVITY]
     res[12] = lower - p[UPPER_MASS] / p[LOWER_MASS] * spring
     res[13] = lower + yp[13] + spring
@@ -125,7 +125,7 @@ def flight_two_residual(y: FloatArray, yp: FloatArray, res: FloatArray, p: Float
 @compiled
 def flight_two_jacobian(y: FloatArray, yp: FloatArray, cj: float, jac: FloatArray, p: FloatArray) -> None:
     """Fill the 14×14 Jacobian of :func:`flight_two_residual`."""
-    platform_jacobian(y, yp, cj, jac, p, 7)
+    platform_jacobian(y, yp, cj, jac, p)
     ratio = p[UPPER_MASS] / p[LOWER_MASS]
     jac[12, 8] = cj
     jac[12, 12] = cj

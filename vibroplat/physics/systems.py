@@ -231,7 +231,9 @@ def consistent(system: int, y: FloatArray, yp: FloatArray, ypp: FloatArray, p: F
         yp[n + i], ypp[n + i] = z[i], 0.0
     if not r.finite(z):
         return np.nan
-    worst = np.max(np.abs(res))
+    worst = 0.0
+    for i in range(size):
+        worst = max(worst, abs(res[i]))
     return worst / largest if largest > 0.0 else 0.0
 
 

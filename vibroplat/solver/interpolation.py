@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from vibroplat.physics.compiled import compiled
+from vibroplat.physics.compiled import compiled, copy
 from vibroplat.physics.parameters import FloatArray
 
 
@@ -50,11 +50,11 @@ def sample(t: FloatArray, y: FloatArray, yp: FloatArray, times: FloatArray) -> n
         while k < t.size - 2 and times[i] > t[k + 1]:
             k += 1
         if t.size == 1 or times[i] == t[k]:
-            out[i] = y[k]
+            copy(y[k], out[i])
             continue
         step = t[k + 1] - t[k]
         if times[i] == t[k + 1]:
-            out[i] = y[k + 1]
+            copy(y[k + 1], out[i])
         else:
             interpolate((times[i] - t[k]) / step, step, y[k], y[k + 1], yp[k], yp[k + 1], out[i], slope)
     return out
@@ -77,10 +77,13 @@ def dip_below_zero(step: float, g0: float, g1: float, rate_0: float, rate_1: flo
     if g1 < 0.0 and rate_1 >= 0.0:
         return -1.0
     values = np.empty(33)
+    highest = 0
     for i in range(33):
         values[i] = hermite(i / 32.0, step, g0, g1, rate_0, rate_1)
+        if values[i] > values[highest]:
+            highest = i
     # one that begins below zero, by round-off or where it touched, can fall only from where it is highest
-    first = 0 if g0 >= 0.0 else int(np.argmax(values))
+    first = 0 if g0 >= 0.0 else highest
     if values[first] < 0.0:
         return first / 32.0 if first < 32 else -1.0
     for i in range(first + 1, 33):

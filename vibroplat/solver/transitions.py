@@ -75,8 +75,10 @@ def after_impact(
 @compiled
 def curvature_step(ypp: FloatArray, atol: FloatArray) -> float:
     """First step 2/√‖y″‖ of an order-1 start, ‖·‖ the root mean square weighted by 1/atol (inf if y″ = 0)."""
-    norm = math.sqrt(np.mean((ypp / atol) ** 2))
-    return 2.0 / math.sqrt(norm) if norm > 0.0 else np.inf
+    total = 0.0
+    for i in range(ypp.size):
+        total += (ypp[i] / atol[i]) ** 2
+    return 2.0 / math.sqrt(math.sqrt(total / ypp.size)) if total > 0.0 else np.inf
 
 
 @compiled
