@@ -13,7 +13,7 @@ from typing import Any
 
 import vibroplat
 from vibroplat.scene import Scene
-from vibroplat.solver.sundials import configuration
+from vibroplat.solver.sundials import UnavailableError, configuration
 
 #: Version of what result directories hold; raised when a reader of older ones would misread it.
 SCHEMA = 1
@@ -30,7 +30,7 @@ def provenance(scene: Scene, engine: str) -> dict[str, Any]:
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
         "configuration_sha256": configuration_hash(scene),
         "engine": engine,
-        "sundials": configuration().get("SUNDIALS_VERSION"),
+        "sundials": _sundials(),
         "integrators": {mode.label: "adams" if mode in scene.adams_modes else "ida" for mode in scene.modes},
         "tolerance": scene.solver.tolerance,
         "python": platform.python_version(),
@@ -50,6 +50,14 @@ def _version(name: str) -> str | None:
     try:
         return version(name)
     except PackageNotFoundError:
+        return None
+
+
+def _sundials() -> str | None:
+    """Version of the library inside scikit-sundae."""
+    try:
+        return configuration().get("SUNDIALS_VERSION")
+    except UnavailableError:
         return None
 
 

@@ -65,7 +65,13 @@ def finished(request, runs):
 
 
 @pytest.fixture(scope="session")
-def vibroplat():
+def kernels():
+    """Compile what a run needs, so that the command line need not tell that it does."""
+    simulate(load_config(QUICKSTART, {"run.duration_s": 0.01}))
+
+
+@pytest.fixture(scope="session")
+def vibroplat(kernels):
     """Run the command line as a user does."""
 
     def run(*arguments, **options):

@@ -22,6 +22,7 @@ from vibroplat.errors import TableError
 from vibroplat.plots import plot_run
 from vibroplat.provenance import configuration_hash, provenance
 from vibroplat.scene import Scene
+from vibroplat.solver.engines import is_compiled
 from vibroplat.tables import read_json, read_table, write_table
 
 from .helpers import QUICKSTART
@@ -135,6 +136,19 @@ def test_interrupted_run_says_so_and_leaves_no_half_tables(monkeypatch, capsys, 
     assert (ended.value.code, told.out) == (130, "")
     assert told.err == "vibroplat: interrupted; tables under their final names are whole\n"
     assert names(here / "results/quickstart") == []
+
+
+def test_the_first_run_says_why_it_takes_long(here, monkeypatch, capsys, kernels):
+    monkeypatch.setattr("vibroplat.solver.engines.is_compiled", lambda: False)
+    monkeypatch.setattr("sys.argv", ["vibroplat", "run", str(QUICKSTART), "--set", "run.duration_s=0.01"])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 0
+    assert capsys.readouterr().err == "vibroplat: compiling the numerical kernels, once, in about half a minute\n"
+
+
+def test_compiled_kernels_are_found_on_disk(kernels):
+    assert is_compiled()
 
 
 # -- provenance -----------------------------------------------------------------------------------------

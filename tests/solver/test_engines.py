@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import logging
 import resource
+import sys
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -99,6 +100,28 @@ def test_a_scene_without_a_guard_is_integrated_in_one_piece(quickstart):
         assert (run.trajectory["t_s"].diff().dropna() > 0.0).all()
 
 
+@pytest.mark.parametrize("engine", ["native", "sundae"])
+def test_a_run_may_end_at_an_event(quickstart, engine):
+    scene = with_engine(quickstart.replace({"contact.restitution": 0.4, "run.duration_s": 0.2}), engine)
+    for t in simulate(scene).events["t_s"]:
+        for end in (np.nextafter(t, 0.0), t, np.nextafter(t, 1.0)):
+            run = simulate(scene.replace({"run.duration_s": float(end)}))
+            assert (run.outcome, run.summary["simulated_s"]) == ("ok", end)
+
+
+@pytest.mark.parametrize("rows", [8, 20])
+def test_pieces_of_the_tape_do_not_show(quickstart, monkeypatch, rows):
+    """A tape of a few rows cuts a run into many pieces; nothing but round-off of interpolation tells."""
+    scene = with_engine(quickstart.replace({"contact.restitution": 0.5, "run.duration_s": 0.5}), "native")
+    whole = simulate(scene)
+    monkeypatch.setattr("vibroplat.solver.native.TAPE_ROWS", rows)
+    cut = simulate(scene)
+    assert len(cut.segments) > 2 * len(whole.segments)
+    pd.testing.assert_frame_equal(cut.events, whole.events, check_exact=True)
+    pd.testing.assert_frame_equal(cut.trajectory, whole.trajectory, check_exact=False, rtol=1e-12, atol=1e-12)
+    assert cut.summary | {"wall_s": 0.0} == whole.summary | {"wall_s": 0.0}
+
+
 # -- counters, work, memory -----------------------------------------------------------------------------
 
 
@@ -173,6 +196,16 @@ def test_two_threads_give_the_tables_of_one(quickstart):
         pd.testing.assert_frame_equal(one.trajectory, other.trajectory, check_exact=True)
         pd.testing.assert_frame_equal(one.events, other.events, check_exact=True)
         assert one.summary | {"wall_s": 0.0} == other.summary | {"wall_s": 0.0}
+
+
+def test_threads_of_sundae_leave_standard_output_alone(quickstart):
+    scene = with_engine(quickstart.replace({"run.duration_s": 0.05}), "sundae")
+    before = sys.stdout
+    with ThreadPoolExecutor(2) as pool:
+        tables = [run.trajectory for run in pool.map(simulate, [scene] * 6)]
+    assert sys.stdout is before
+    for table in tables[1:]:
+        pd.testing.assert_frame_equal(table, tables[0], check_exact=True)
 
 
 def test_poincare_section_is_the_motion_at_whole_turns(quickstart):
@@ -272,6 +305,14 @@ class Spoiled(Library):
         return super().address(
             {"IDASolve": "IDAGetNumErrTestFails", "CVode": "CVodeGetNumErrTestFails"}.get(name, name)
         )
+
+
+def test_threads_share_one_notice(quickstart, monkeypatch, caplog, fresh_choice):
+    monkeypatch.setattr("vibroplat.solver.sundials._MAJOR", "6.")
+    scene = quickstart.replace({"run.duration_s": 0.01})
+    with caplog.at_level(logging.WARNING, logger="vibroplat"), ThreadPoolExecutor(4) as pool:
+        list(pool.map(simulate, [scene] * 4))
+    assert len(caplog.records) == 1
 
 
 def test_self_check_notices_a_library_that_does_not_integrate():

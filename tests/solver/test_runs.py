@@ -115,6 +115,16 @@ def test_angles_in_tables_do_not_wrap(quickstart):
     assert phi1.iloc[-1] > 2.0 * np.pi * 24
 
 
+def test_an_exciter_that_swings_completes_no_turn(printed):
+    idle = {"critical_torque_n_m": 0.0, "friction_radius_m": 0.0}
+    state = {"phi1_rad": 0.5, "phi2_rad": 0.2}
+    scene = printed.replace({"motor": idle, "run.duration_s": 4.0, "run.initial": {"state": state}})
+    run = simulate(scene)
+    assert run.summary["excitation_frequency_hz"] is None
+    assert run.summary["measured_s"] == pytest.approx(2.0, abs=0.01)
+    assert len(run.section) <= 1
+
+
 # -- outcomes -------------------------------------------------------------------------------------------
 
 

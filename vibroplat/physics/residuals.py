@@ -18,7 +18,7 @@ engine must not pass over; Jacobians fill ``jac``.
 
 from __future__ import annotations
 
-from vibroplat.physics.compiled import compiled
+from vibroplat.physics.compiled import compiled, inlined
 from vibroplat.physics.parameters import (
     GRAVITY,
     LAYER_DAMPING,
@@ -39,20 +39,20 @@ def finite(values: FloatArray) -> bool:
     return total == 0.0
 
 
-@compiled
+@inlined
 def bare_residual(y: FloatArray, yp: FloatArray, res: FloatArray, p: FloatArray) -> bool:
     """Fill the 10 rows of a platform without material."""
     platform_residual(y, yp, res, p, 0.0)
     return finite(res)
 
 
-@compiled
+@inlined
 def bare_jacobian(y: FloatArray, yp: FloatArray, cj: float, jac: FloatArray, p: FloatArray) -> None:
     """Fill the 10×10 Jacobian of :func:`bare_residual`."""
     platform_jacobian(y, yp, cj, jac, p)
 
 
-@compiled
+@inlined
 def attached_one_residual(y: FloatArray, yp: FloatArray, res: FloatArray, p: FloatArray) -> bool:
     """Fill the 11 rows of one layer in contact; the last is F_c = m_w1(ÿ + g)."""
     force = y[10]
@@ -61,7 +61,7 @@ def attached_one_residual(y: FloatArray, yp: FloatArray, res: FloatArray, p: Flo
     return finite(res)
 
 
-@compiled
+@inlined
 def attached_one_jacobian(y: FloatArray, yp: FloatArray, cj: float, jac: FloatArray, p: FloatArray) -> None:
     """Fill the 11×11 Jacobian of :func:`attached_one_residual`."""
     platform_jacobian(y, yp, cj, jac, p)
@@ -70,7 +70,7 @@ def attached_one_jacobian(y: FloatArray, yp: FloatArray, cj: float, jac: FloatAr
     jac[10, 6] = -cj * p[LOWER_MASS]
 
 
-@compiled
+@inlined
 def attached_two_residual(y: FloatArray, yp: FloatArray, res: FloatArray, p: FloatArray) -> bool:
     """Fill the 13 rows of two layers in contact; the last is F_c = m_w1(ÿ + g) − S."""
     force = y[12]
@@ -81,7 +81,7 @@ def attached_two_residual(y: FloatArray, yp: FloatArray, res: FloatArray, p: Flo
     return finite(res)
 
 
-@compiled
+@inlined
 def attached_two_jacobian(y: FloatArray, yp: FloatArray, cj: float, jac: FloatArray, p: FloatArray) -> None:
     """Fill the 13×13 Jacobian of :func:`attached_two_residual`."""
     platform_jacobian(y, yp, cj, jac, p)
@@ -95,7 +95,7 @@ def attached_two_jacobian(y: FloatArray, yp: FloatArray, cj: float, jac: FloatAr
     jac[12, 11] = p[UPPER_MASS] * p[LAYER_DAMPING]
 
 
-@compiled
+@inlined
 def flight_one_residual(y: FloatArray, yp: FloatArray, res: FloatArray, p: FloatArray) -> bool:
     """Fill the 12 rows of one layer in flight."""
     platform_residual(y, yp, res, p, 0.0)
@@ -103,7 +103,7 @@ def flight_one_residual(y: FloatArray, yp: FloatArray, res: FloatArray, p: Float
     return finite(res)
 
 
-@compiled
+@inlined
 def flight_one_jacobian(y: FloatArray, yp: FloatArray, cj: float, jac: FloatArray, p: FloatArray) -> None:
     """Fill the 12×12 Jacobian of :func:`flight_one_residual`."""
     platform_jacobian(y, yp, cj, jac, p)
@@ -111,7 +111,7 @@ def flight_one_jacobian(y: FloatArray, yp: FloatArray, cj: float, jac: FloatArra
     jac[11, 11] = cj
 
 
-@compiled
+@inlined
 def flight_two_residual(y: FloatArray, yp: FloatArray, res: FloatArray, p: FloatArray) -> bool:
     """Fill the 14 rows of two layers in flight."""
     spring = p[LAYER_STIFFNESS] * y[6] + p[LAYER_DAMPING] * y[13]
@@ -122,7 +122,7 @@ def flight_two_residual(y: FloatArray, yp: FloatArray, res: FloatArray, p: Float
     return finite(res)
 
 
-@compiled
+@inlined
 def flight_two_jacobian(y: FloatArray, yp: FloatArray, cj: float, jac: FloatArray, p: FloatArray) -> None:
     """Fill the 14×14 Jacobian of :func:`flight_two_residual`."""
     platform_jacobian(y, yp, cj, jac, p)

@@ -162,7 +162,6 @@ def evaluate_jacobian(system: int, y: FloatArray, yp: FloatArray, cj: float, jac
 SIZES = np.array([s.size for s in SYSTEMS])
 DIFFERENTIAL = np.array([s.differential for s in SYSTEMS])
 GUARDS = np.array([-1 if s.guard is None else s.guard for s in SYSTEMS])
-MODES = np.array([int(s.mode) for s in SYSTEMS])
 PLACES = np.array([[*s.places, *[-1] * (FULL_SIZE - s.differential)] for s in SYSTEMS])
 
 

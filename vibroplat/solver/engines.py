@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import threading
 from functools import cache
 from pathlib import Path
 
@@ -12,12 +13,16 @@ from vibroplat.solver.engine import Engine
 from vibroplat.solver.native import NativeEngine, drive, self_check
 from vibroplat.solver.sundials import Library, UnavailableError, library
 
+_FINDING = threading.Lock()
 _LOG = logging.getLogger("vibroplat")
 
 
 def make_engine(scene: Scene, p: FloatArray) -> Engine:
     """Make the engine that ``solver.engine`` asks for, or ``sundae`` where ``native`` cannot be had."""
-    found = None if scene.solver.engine == "sundae" else native_library()
+    found = None
+    if scene.solver.engine != "sundae":
+        with _FINDING:
+            found = native_library()
     if found is not None:
         return NativeEngine(scene, p, found)
     from vibroplat.solver.sundae import SundaeEngine  # noqa: PLC0415  (not needed elsewhere)

@@ -149,6 +149,9 @@ def begin(h: Hybrid) -> bool:
 
     Returns False, with the outcome set, where the run ends instead.
     """
+    if h.clock[NOW] >= h.clock[DURATION]:  # the last event was at the very end
+        h.flags[OUTCOME] = OK
+        return False
     if not count_restart(h):
         return False
     mode = h.flags[MODE]
@@ -282,12 +285,13 @@ def conclude(h: Hybrid, tape: Tape, stop: int) -> None:
     """Record the open piece of the tape and make the transition at its end."""
     mode, last = h.flags[MODE], tape.used[tp.ROWS] - 1
     if stop == AT_GUARD and mode == ATTACHED:
-        if not refine(h, tape):
-            return
+        refine(h, tape)
     elif stop == AT_GUARD:
         tape.y[last, GAP] = 0.0  # the root is found to round-off
     ends = stop == AT_TIME and h.flags[ENDS] == 1
     close_piece(h, tape, h.clock[DURATION] if ends else h.clock[ORIGIN] + tape.t[last])
+    if h.flags[OUTCOME] != RUNNING:
+        return
     if ends:
         h.flags[OUTCOME] = OK
     elif stop == AT_TIME:
@@ -303,7 +307,7 @@ def conclude(h: Hybrid, tape: Tape, stop: int) -> None:
 
 
 @inlined
-def refine(h: Hybrid, tape: Tape) -> bool:
+def refine(h: Hybrid, tape: Tape) -> None:
     """Move the end of contact to where F_c by the algebra is 0.
 
     The integrator finds the root of its interpolated F_c, which satisfies the equations only to its
@@ -314,20 +318,19 @@ def refine(h: Hybrid, tape: Tape) -> bool:
     size = SIZES[system]
     spread(system, tape.y[last], h.state)
     if not prepare(h, ATTACHED):
-        return False
+        return
     force, rate = h.y[ATTACHED, size - 1], h.yp[ATTACHED, size - 1]
     shift = -force / rate if rate < 0.0 else 0.0
     end = tape.t[last] + shift
     if not tape.t[last - 1] < end <= h.clock[UNTIL]:
-        return True
+        return
     for i in range(DIFFERENTIAL[system]):
         h.state[PLACES[system, i]] += shift * (h.yp[ATTACHED, i] + 0.5 * shift * h.ypp[ATTACHED, i])
     if not prepare(h, ATTACHED):
-        return False
+        return
     tape.t[last] = end
     copy(h.y[ATTACHED, :size], tape.y[last])
     copy(h.yp[ATTACHED, :size], tape.yp[last])
-    return True
 
 
 @compiled

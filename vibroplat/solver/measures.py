@@ -27,8 +27,8 @@ SUMS = 11
 
 # Places in the marks: what must be remembered from step to step.
 WINDOW, TURNS, FIRST_TIME, FIRST_1, FIRST_2, LAST_TIME, LAST_1, LAST_2 = range(8)
-FORCE_MIN, FORCE_MAX, GAP_MIN, GAP_MAX, Y_MIN, Y_MAX, EXCHANGED = range(8, 15)
-MARKS = 15
+FORCE_MIN, FORCE_MAX, GAP_MIN, GAP_MAX, Y_MIN, Y_MAX, EXCHANGED, WAY = range(8, 16)
+MARKS = 16
 
 # Places in the totals of events; the first three are counts by kind.
 LIFTOFFS, IMPACTS, LATCHES, IMPACT_LOSS, IMPULSE_SUM, IMPULSE_MAX, MEASURED_IMPACTS = range(7)
@@ -186,6 +186,15 @@ def turn_share(step: float, a0: float, a1: float, rate_0: float, rate_1: float, 
 
 
 @compiled
+def goes_on(marks: FloatArray, rate: float) -> bool:
+    """Whether exciter 1 passes angle 0 the same way as the last time: one that swings completes no turn."""
+    way = math.copysign(1.0, rate)
+    same = bool(marks[WAY] != -way)
+    marks[WAY] = way
+    return same
+
+
+@compiled
 def add(terms: FloatArray, sums: FloatArray) -> None:
     """Add terms to sums."""
     for j in range(sums.size):
@@ -271,7 +280,7 @@ def accumulate(
                 add(sums, open_turn)
                 widen(marks, Y_MIN, step, y, yp, k, 1)
             now = origin + t[k] + b * step
-            if b < 1.0 and now >= marks[WINDOW]:
+            if b < 1.0 and goes_on(marks, yp[k, 3]) and now >= marks[WINDOW]:
                 spread_between(b, step, y, yp, k, system, full)
                 pressure = 0.0
                 if SIZES[system] > force:

@@ -73,7 +73,7 @@ OPEN, FLAG, STEPS, ERRORS, NEWTONS, STEPS_MARK, MOST_STEPS, HALVED = range(8)
 _ONE_STEP = 2
 _ROOT_RETURN = 2
 _ADAMS_METHOD = 1
-#: IDA_RES_FAIL and CV_RHSFUNC_FAIL: a callback said that something is not finite.
+#: IDA_RES_FAIL or CV_RHSFUNC_FAIL, and CV_FIRST_RHSFUNC_ERR: a callback said that something is not finite.
 _CALLBACK_FAILURES = (-8, -9)
 
 # States of ``advance`` besides those of the automaton: the tape is full.
@@ -86,6 +86,7 @@ _MEANINGS = {
     -5: "linear solver could not be set up",
     -6: "Jacobian could not be evaluated or factorized",
     -7: "linear system could not be solved",
+    -60: "no step possible towards the end",
 }
 
 
@@ -129,7 +130,8 @@ def drive(owned_h: Hybrid, owned_tape: Tape, owned_n: Native) -> None:
     while h.flags[hy.OUTCOME] == hy.RUNNING:
         mode = h.flags[hy.MODE]
         if n.status[OPEN] == 0:
-            if tape.used[tp.ROWS] + 2 + tp.MARGIN > tape.t.size or not hy.begin(h):
+            full = tape.used[tp.ROWS] + 2 + tp.MARGIN > tape.t.size or h.flags[hy.EVENTS] + 2 > h.events.shape[0]
+            if full or not hy.begin(h):
                 return
             start(h, tape, n)
         stop = advance(h, tape, n)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import math
 import os
+import threading
 from collections.abc import Callable
 from contextlib import redirect_stdout
 from dataclasses import dataclass
@@ -45,6 +46,9 @@ COUNTED = WORK[:3]
 
 #: Residual calls in one segment after which the integrator is taken to be stuck; usual are some 10⁴.
 MAX_CALLS = 300_000
+
+
+_SOLVING = threading.Lock()
 
 
 class _NonFiniteError(ArithmeticError):
@@ -133,7 +137,9 @@ class SundaeEngine:
         t, y, yp, stop = np.zeros(1), start[np.newaxis], slope[np.newaxis], FAILED
         self._budget.left = MAX_CALLS
         try:
-            with redirect_stdout(io.StringIO()):  # where scikit-sundae prints what the status says as well
+            # scikit-sundae prints what the status says as well; standard output is that of all threads, and
+            # callbacks hold the interpreter's lock, so that waiting for each other costs them nothing
+            with _SOLVING, redirect_stdout(io.StringIO()):
                 result = integrator.solve(float(h.clock[UNTIL]), start, slope)
         except _NonFiniteError:
             stop, self.detail = NOT_FINITE, "the residual is not finite"
