@@ -29,7 +29,9 @@ def report_precision(directory: Path, reference: Path, repeats: int) -> None:
 def report_engines(directory: Path, reference: Path, repeats: int) -> None:
     """Both engines and both integrators: speed, restarts, work against error, endurance, start, targets."""
     cases = load_references(reference)
-    speed = runtime(seconds=4.0, repeats=repeats, variants=VARIANTS)
+    starts = engines.start_times()
+    _show(starts, directory, "engines-start")
+    speed = runtime(seconds=10.0, repeats=repeats, variants=VARIANTS)
     _show(speed, directory, "engines-speed")
     restarts = engines.restart_costs()
     _show(restarts, directory, "engines-restarts")
@@ -41,8 +43,6 @@ def report_engines(directory: Path, reference: Path, repeats: int) -> None:
     print(plot_precision(regimes, directory, "engines-regimes"))
     long_run = engines.endurance()
     _show(long_run, directory, "engines-endurance")
-    starts = engines.start_times()
-    _show(starts, directory, "engines-start")
     _show(engines.targets(speed, restarts, long_run, starts), directory, "engines-targets")
 
 
