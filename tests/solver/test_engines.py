@@ -295,7 +295,7 @@ def test_sundae_takes_over_with_one_notice(quickstart, monkeypatch, caplog, fres
     notice = caplog.records[0].getMessage()
     assert notice.startswith("engine native is not available: ")
     assert reason in notice
-    assert notice.endswith("; engine sundae takes over, some ten times slower")
+    assert notice.endswith("; engine sundae takes over, ten to twenty times slower")
 
 
 class Spoiled(Library):

@@ -37,7 +37,7 @@ def native_library() -> Library | None:
         found = library()
         self_check(found)
     except (UnavailableError, MemoryError) as reason:
-        _LOG.warning("engine native is not available: %s; engine sundae takes over, some ten times slower", reason)
+        _LOG.warning("engine native is not available: %s; engine sundae takes over, ten to twenty times slower", reason)
         return None
     return found
 
