@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import logging
 import sys
 from collections.abc import Callable, Iterator
@@ -56,6 +57,8 @@ class BenchName(StrEnum):
 def main() -> None:
     """Run the command line and turn errors into one line and an exit code."""
     logging.basicConfig(format="vibroplat: %(message)s")
+    # imports make very many objects that stay: looking for garbage among them takes a sixth of a short command
+    gc.set_threshold(200_000)
     try:
         code = app(standalone_mode=False)
     except VibroplatError as error:
