@@ -54,6 +54,7 @@ RUNNING, OK, SOLVER_FAILURE, NON_FINITE, INCONSISTENT, EVENT_STORM = range(6)
 
 # Kinds of events.
 LIFTOFF, IMPACT, CLOSING = _NUMBERS
+_NO_IMPACT, _ONE_IMPACT = _NUMBERS[:2]
 
 # Places in ``Hybrid.clock`` (s, but for GAP_SCALE in m, SLOWEST in m/s, BACKWARD_ERROR without unit).
 (
@@ -194,7 +195,6 @@ def take_off_turns(state: FloatArray, turns: FloatArray) -> None:
 @compiled
 def prepare(h: Hybrid, mode: int) -> bool:
     """Make the present state a consistent start of a mode; False, with the outcome set, if there is none."""
-    mode = int(mode)
     system = h.systems[mode]
     gather(system, h.state, h.y[mode])
     left = consistent(h, system, h.y[mode], h.yp[mode], h.ypp[mode])
@@ -368,7 +368,7 @@ def force_root(h: Hybrid) -> None:
         h.flags[JOINED_ON] = 1
         return
     h.flags[MODE] = FLIGHT
-    add_event(h, LIFTOFF, 0.0, 0.0, 0.0, 0.0, 0.0, _NUMBERS[0])
+    add_event(h, LIFTOFF, 0.0, 0.0, 0.0, 0.0, 0.0, _NO_IMPACT)
 
 
 @inlined
@@ -388,7 +388,7 @@ def gap_root(h: Hybrid) -> bool:
     acceleration, jerk = h.yp[FLIGHT, place], h.ypp[FLIGHT, place]
     following = after_impact(rebound, pressure, h.yp[ATTACHED, force], acceleration, jerk, h.p)
     h.flags[MODE] = h.flags[PREPARED] = ATTACHED if following == ATTACH else FLIGHT
-    add_event(h, IMPACT, before, rebound, impulse, loss, pressure if following == ATTACH else 0.0, _NUMBERS[1])
+    add_event(h, IMPACT, before, rebound, impulse, loss, pressure if following == ATTACH else 0.0, _ONE_IMPACT)
     return following == LATCH
 
 

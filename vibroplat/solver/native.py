@@ -86,7 +86,6 @@ _MEANINGS = {
     -5: "linear solver could not be set up",
     -6: "Jacobian could not be evaluated or factorized",
     -7: "linear system could not be solved",
-    -60: "no step possible towards the end",
 }
 
 

@@ -40,13 +40,11 @@ from vibroplat.solver.tape import MARGIN, Tape, blank_tape, transcribe
 
 _ROOT = 2
 
-
 #: What scikit-sundae counts.
 COUNTED = WORK[:3]
 
 #: Residual calls in one segment after which the integrator is taken to be stuck; usual are some 10⁴.
 MAX_CALLS = 300_000
-
 
 _SOLVING = threading.Lock()
 
@@ -144,7 +142,7 @@ class SundaeEngine:
         except _NonFiniteError:
             stop, self.detail = NOT_FINITE, "the residual is not finite"
         except _StuckError:
-            self.detail = f"IDA: no end of the segment within {MAX_CALLS} residual calls"
+            self.detail = f"SUNDIALS: no end of the segment within {MAX_CALLS} residual calls"
         else:
             t, y, yp = result.t, result.y, integrator.slopes(result)
             stop, self.detail = _stop(result)
@@ -166,7 +164,7 @@ class SundaeEngine:
         return dict.fromkeys(WORK) | self._counts
 
     def close(self) -> None:
-        """Free the IDA objects."""
+        """Free the solver objects."""
         self._integrators.clear()
 
     def _count(self, result: Any) -> None:
@@ -259,9 +257,9 @@ def _watch(guard: Callable[..., None], options: dict[str, Any]) -> None:
 
 
 def _stop(result: Any) -> tuple[int, str]:
-    """Read why IDA stopped."""
+    """Read why the integrator stopped."""
     if result.status < 0:
-        return FAILED, f"IDA: {result.message}"
+        return FAILED, f"SUNDIALS: {result.message}"
     if not math.isfinite(result.y[-1].sum()):
         return NOT_FINITE, "the state is not finite"
     return (AT_GUARD if result.status == _ROOT else AT_TIME), ""

@@ -18,10 +18,10 @@ from typing import Any
 _MAJOR = "7."
 _TYPES = {"SUNDIALS_FLOAT_TYPE": "double", "SUNDIALS_INT_TYPE": "int"}
 
-_POINTER, _INT, _LONG, _REAL, _INDEX = ctypes.c_void_p, ctypes.c_int, ctypes.c_long, ctypes.c_double, ctypes.c_int32
+_POINTER, _INT, _REAL, _INDEX = ctypes.c_void_p, ctypes.c_int, ctypes.c_double, ctypes.c_int32
 
-# Result and arguments of every function that is used: p pointer, i int, l long, r real, n index, v nothing.
-_KINDS = {"p": _POINTER, "i": _INT, "l": _LONG, "r": _REAL, "n": _INDEX, "v": None}
+# Result and arguments of every function that is used: p pointer, i int, r real, n index, v nothing.
+_KINDS = {"p": _POINTER, "i": _INT, "r": _REAL, "n": _INDEX, "v": None}
 _SHARED = {
     "SUNContext_Create": "iip",
     "SUNContext_Free": "ip",
