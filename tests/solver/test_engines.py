@@ -317,5 +317,5 @@ def test_threads_share_one_notice(quickstart, monkeypatch, caplog, fresh_choice)
 
 def test_self_check_notices_a_library_that_does_not_integrate():
     self_check(library())
-    with pytest.raises(UnavailableError, match=r"its ida fails the self-check \(outcome 2, "):
+    with pytest.raises(UnavailableError, match=r"its ida fails the self-check \(outcome solver-failure, "):
         self_check(Spoiled())

@@ -10,6 +10,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Sequence
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -21,9 +22,8 @@ from vibroplat.bench.timing import TOLERANCES, with_variant
 from vibroplat.physics.parameters import parameters
 from vibroplat.physics.systems import GAP, systems
 from vibroplat.scene import Mode, Scene
-from vibroplat.solver.automaton import automaton, finish
 from vibroplat.solver.engines import make_engine
-from vibroplat.solver.hybrid import RESTARTS
+from vibroplat.solver.motion import Motion
 from vibroplat.solver.run import simulate
 from vibroplat.solver.scales import absolute_tolerances
 
@@ -61,12 +61,12 @@ def restart_costs(tolerances: Sequence[float] = TOLERANCES, seconds: float = 4.0
 def _work(scene: Scene, turns: float) -> tuple[int, int, int]:
     """Return steps, residual calls and restarts of a run whose segments last at most so many turns."""
     p = parameters(scene)
-    engine = make_engine(scene, p)
-    h = automaton(scene, p, turns)
-    finish(h, engine)
-    work = engine.work
-    engine.close()
-    return int(work["steps"] or 0), int(work["residual_calls"] or 0), int(h.flags[RESTARTS])
+    with closing(make_engine(scene, p)) as engine:
+        engine.turns_per_segment = turns
+        motion = Motion(scene, p, engine)
+        motion.go_on(scene.run.duration_s)
+        work = engine.work
+    return int(work["steps"] or 0), int(work["residual_calls"] or 0), motion.restarts
 
 
 def regime_references(seconds: float = 1.0) -> list[Reference]:

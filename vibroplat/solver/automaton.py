@@ -10,26 +10,16 @@ from vibroplat.physics.parameters import RESTITUTION, FloatArray
 from vibroplat.physics.systems import FULL_SIZE, GAP, consistent_callback, systems
 from vibroplat.scene import Scene
 from vibroplat.solver import hybrid as hy
-from vibroplat.solver.engine import Engine
 from vibroplat.solver.initial import initial_state
 from vibroplat.solver.measures import no_measures
 from vibroplat.solver.scales import ROUND_OFF, absolute_tolerances, state_scales
-from vibroplat.solver.summary import SETTLE_SHARE
 
 #: Events between two readings of their list: an engine returns when its tape is full, well before that.
 _EVENT_ROWS = 4096
 
 
-def finish(h: hy.Hybrid, engine: Engine) -> None:
-    """Let an engine drive an automaton to the end of its run, keeping nothing."""
-    hy.first_mode(h)
-    while h.flags[hy.OUTCOME] == hy.RUNNING:
-        engine.advance(h)
-        h.flags[hy.EVENTS] = 0
-
-
-def automaton(scene: Scene, p: FloatArray, turns_per_segment: float) -> hy.Hybrid:
-    """Build the hybrid automaton of a scene at its initial state."""
+def automaton(scene: Scene, p: FloatArray, turns_per_segment: float, state: FloatArray | None = None) -> hy.Hybrid:
+    """Build the hybrid automaton of a scene at a full state, or at its own initial state."""
     numbers = np.full(3, -1)
     tolerances = np.ones((3, FULL_SIZE))
     for mode, system in systems(scene).items():
@@ -49,7 +39,7 @@ def automaton(scene: Scene, p: FloatArray, turns_per_segment: float) -> hy.Hybri
         p_dead=dead,
         systems=numbers,
         tolerances=tolerances,
-        state=initial_state(scene),
+        state=initial_state(scene) if state is None else state.copy(),
         turns=np.zeros(2),
         clock=clock,
         flags=flags,
@@ -60,5 +50,5 @@ def automaton(scene: Scene, p: FloatArray, turns_per_segment: float) -> hy.Hybri
         recent=np.empty(scene.solver.max_events_per_period),
         consistent=consistent_callback.address,
         events=np.empty((_EVENT_ROWS, hy.IMPACTS + 1)),
-        measures=no_measures(SETTLE_SHARE * scene.run.duration_s),
+        measures=no_measures(0.0),
     )

@@ -34,7 +34,7 @@ class Engine(Protocol):
     """
 
     name: str
-    turns_per_segment: int
+    turns_per_segment: float
 
     @property
     def detail(self) -> str: ...  # noqa: D102

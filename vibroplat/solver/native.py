@@ -25,8 +25,8 @@ from vibroplat.scene import Mode, Scene
 from vibroplat.solver import callbacks as cb
 from vibroplat.solver import hybrid as hy
 from vibroplat.solver import tape as tp
-from vibroplat.solver.automaton import automaton, finish
 from vibroplat.solver.hybrid import AT_GUARD, AT_TIME, FAILED, NOT_FINITE, Hybrid
+from vibroplat.solver.motion import Motion
 from vibroplat.solver.scales import ROUND_OFF
 from vibroplat.solver.sundials import Library, UnavailableError
 from vibroplat.solver.tape import Tape
@@ -269,7 +269,7 @@ class NativeEngine:
 
     name = "native"
     #: Long, for a restart costs some thirty steps; not for ever, for angles lose digits as they grow.
-    turns_per_segment = 1000
+    turns_per_segment: float = 1000
 
     def __init__(self, scene: Scene, p: FloatArray, library: Library) -> None:
         self._lib = library
@@ -430,18 +430,17 @@ def self_check(library: Library) -> None:
     """
     duration = 1e-5
     for method in ("ida", "adams"):
-        scene = Scene().replace({"run.duration_s": duration, "solver": {"tolerance": 1e-11, "smooth_modes": method}})
+        scene = Scene().replace({"solver": {"tolerance": 1e-11, "smooth_modes": method}})
         p = parameters(scene)
         with closing(NativeEngine(scene, p, library)) as engine:
-            h = automaton(scene, p, engine.turns_per_segment)
-            finish(h, engine)
+            motion = Motion(scene, p, engine)
+            motion.go_on(duration)
+        h = motion.automaton
         y, yp, ypp = (array[Mode.BARE, :10] for array in (h.y, h.yp, h.ypp))
         expected = y + duration * yp + 0.5 * duration**2 * ypp
         error = np.abs(h.state[PLACES[BARE, :10]] - expected).max()
-        if h.flags[hy.OUTCOME] != hy.OK or not error < 1e-7:
-            raise UnavailableError(
-                f"its {method} fails the self-check (outcome {h.flags[hy.OUTCOME]}, error {error:.3g})"
-            )
+        if motion.outcome != "ok" or not error < 1e-7:
+            raise UnavailableError(f"its {method} fails the self-check (outcome {motion.outcome}, error {error:.3g})")
 
 
 def _free_all(stack: list[Callable[[], object]]) -> None:

@@ -12,23 +12,16 @@ from vibroplat.physics.systems import SYSTEMS
 from vibroplat.scene import Mode, Scene
 from vibroplat.solver import hybrid as hy
 from vibroplat.solver import tape as tp
-from vibroplat.solver.automaton import automaton
-from vibroplat.solver.engine import Engine
 from vibroplat.solver.engines import make_engine
-from vibroplat.solver.summary import Energies, summarize
+from vibroplat.solver.motion import Motion
+from vibroplat.solver.summary import measured
 from vibroplat.solver.trajectory import Event, Segment, Trajectory
 
 #: What a run keeps besides its summary.
 Keep = Literal["segments", "events", "summary"]
 
-#: Names of outcomes in summaries, by the automaton's number.
-OUTCOMES = {
-    hy.OK: "ok",
-    hy.SOLVER_FAILURE: "solver-failure",
-    hy.NON_FINITE: "non-finite",
-    hy.INCONSISTENT: "non-finite",
-    hy.EVENT_STORM: "event-storm",
-}
+#: The measured part is what follows this share of the duration, cut to whole turns of exciter 1.
+SETTLE_SHARE = 0.5
 
 _KINDS = ("liftoff", "impact", "latch")
 
@@ -60,24 +53,32 @@ def simulate(
     p = parameters(scene)
     segments: list[Segment] = []
     events: list[Event] = []
+
+    def read(tape: tp.Tape, h: hy.Hybrid) -> None:
+        if keep == "segments":
+            segments.extend(_segments(tape))
+        if keep != "summary":
+            events.extend(_events(h))
+        if progress is not None:
+            progress(float(h.clock[hy.NOW]), int(h.measures.totals[:3].sum()))
+
     with closing(make_engine(scene, p)) as engine:
-        h = automaton(scene, p, engine.turns_per_segment)
-        before = Energies.of(h.state, p)
-        hy.first_mode(h)
-        while h.flags[hy.OUTCOME] == hy.RUNNING:
-            tape = engine.advance(h)
-            if keep == "segments":
-                segments += _segments(tape)
-            if keep != "summary":
-                events += _events(h)
-            h.flags[hy.EVENTS] = 0
-            if progress is not None:
-                progress(float(h.clock[hy.NOW]), int(h.measures.totals[:3].sum()))
-        outcome, detail = OUTCOMES[h.flags[hy.OUTCOME]], _detail(h, engine)
-        ends = before, Energies.of(h.state, p)
-        h.state[3:5] += h.turns
-        run = Trajectory(scene, segments, events, h.state, h.measures)
-        run.summary = summarize(scene, h, ends, engine, outcome, detail, time.perf_counter() - began)
+        motion = Motion(scene, p, engine)
+        duration = scene.run.duration_s
+        part = motion.go_on(duration, settle=SETTLE_SHARE * duration, read=read)
+        run = Trajectory(scene, segments, events, motion.state, part.measures)
+        run.summary = {
+            "name": scene.name,
+            "outcome": motion.outcome,
+            "detail": motion.detail,
+            "simulated_s": motion.now,
+            **measured(part),
+            "engine": engine.name,
+            "tolerance": scene.solver.tolerance,
+            **engine.work,
+            "restarts": motion.restarts,
+            "wall_s": time.perf_counter() - began,
+        }
     return run
 
 
@@ -119,18 +120,3 @@ def _events(h: hy.Hybrid) -> list[Event]:
         )
         for row in h.events[: h.flags[hy.EVENTS]]
     ]
-
-
-def _detail(h: hy.Hybrid, engine: Engine) -> str:
-    """Say why a run ended early, in which mode, when and where; empty if it did not."""
-    outcome = h.flags[hy.OUTCOME]
-    if outcome == hy.OK:
-        return ""
-    oldest = h.recent[h.flags[hy.RESTARTS] % h.recent.size]
-    why = {
-        hy.INCONSISTENT: f"no consistent state (relative residual {h.clock[hy.BACKWARD_ERROR]:.3g})",
-        hy.EVENT_STORM: f"{h.recent.size} restarts within {h.clock[hy.NOW] - oldest:.3g} s, less than one period; "
-        "raise solver.max_events_per_period to follow them",
-    }.get(int(outcome), engine.detail)
-    state = ", ".join(f"{v:.6g}" for v in h.state)
-    return f"{why}; mode {Mode(int(h.flags[hy.MODE])).label}, t = {h.clock[hy.NOW]:.9g} s, state [{state}]"

@@ -1,22 +1,15 @@
-"""The summary of a run: outcome, statistics of its measured part, energy audit, work done."""
+"""What a part of a motion is summed up to: statistics, extremes, events, energy audit."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from vibroplat.physics.energy import POWERS, elastic_energy, gravity_energy, kinetic_energy
 from vibroplat.physics.parameters import FloatArray
-from vibroplat.scene import Scene
-from vibroplat.solver import hybrid as hy
 from vibroplat.solver import measures as m
-from vibroplat.solver.engine import Engine
-from vibroplat.solver.hybrid import Hybrid
 from vibroplat.solver.measures import Measures
-
-#: The measured part is what follows this share of the duration, cut to whole turns of exciter 1.
-SETTLE_SHARE = 0.5
 
 
 @dataclass(frozen=True)
@@ -31,6 +24,14 @@ class Energies:
     def of(cls, state: FloatArray, p: FloatArray) -> Energies:
         """Evaluate them at a full state."""
         return cls(kinetic_energy(state, p), elastic_energy(state, p), gravity_energy(state, p))
+
+
+class Part(NamedTuple):
+    """A part of a motion: what was summed over it, and the energies at its ends."""
+
+    measures: Measures
+    before: Energies
+    after: Energies
 
 
 def audit(ms: Measures, before: Energies, after: Energies) -> dict[str, float]:
@@ -94,29 +95,15 @@ def _half_open(angle: float) -> float:
     return angle + 2.0 * math.pi if angle <= -math.pi + 1e-12 else angle
 
 
-def summarize(
-    scene: Scene,
-    h: Hybrid,
-    ends: tuple[Energies, Energies],
-    engine: Engine,
-    outcome: str,
-    detail: str,
-    wall: float,
-) -> dict[str, Any]:
-    """Gather the summary of a run.
+def measured(part: Part) -> dict[str, Any]:
+    """Gather what was measured over a part of a motion.
 
-    Statistics are of the measured part: the last half of the run, cut to whole turns of exciter 1
-    when there is one. Extremes of force and gap, impulses and energies are of the whole run. What a
-    failed run has left without a finite value is None.
+    Statistics are of its measured part, cut to whole turns of exciter 1 when there is one; extremes of
+    force and gap, impulses and energies of the whole. What has no finite value is None.
     """
-    ms = h.measures
-    marks, totals = ms.marks.tolist(), ms.totals.tolist()
-    summary = {
-        "name": scene.name,
-        "outcome": outcome,
-        "detail": detail,
-        "simulated_s": float(h.clock[hy.NOW]),
-        **statistics(ms),
+    marks, totals = part.measures.marks.tolist(), part.measures.totals.tolist()
+    found = {
+        **statistics(part.measures),
         "contact_force_min_n": marks[m.FORCE_MIN],
         "contact_force_max_n": marks[m.FORCE_MAX],
         "gap_min_m": marks[m.GAP_MIN],
@@ -127,11 +114,6 @@ def summarize(
         "impacts": int(totals[m.IMPACTS]),
         "latches": int(totals[m.LATCHES]),
         "events": int(sum(totals[:3])),
-        **audit(ms, *ends),
-        "engine": engine.name,
-        "tolerance": scene.solver.tolerance,
-        **engine.work,
-        "restarts": int(h.flags[hy.RESTARTS]),
-        "wall_s": wall,
+        **audit(part.measures, part.before, part.after),
     }
-    return {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in summary.items()}
+    return {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in found.items()}

@@ -114,7 +114,7 @@ class SundaeEngine:
 
     name = "sundae"
     #: A segment's steps are all held in memory, and its progress is told at its end.
-    turns_per_segment = 100
+    turns_per_segment: float = 100
 
     def __init__(self, scene: Scene, p: FloatArray) -> None:
         self._counts = dict.fromkeys(COUNTED, 0)
