@@ -12,43 +12,16 @@ from collections.abc import Mapping
 from enum import IntEnum
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
-    Field,
-    ValidationError,
-    model_validator,
-)
-from pydantic_core import PydanticCustomError
+from pydantic import BaseModel, BeforeValidator, Field, ValidationError, model_validator
 
 from vibroplat.errors import ConfigError
+from vibroplat.fields import NonNegative, Positive, Real, Section, Share, not_bool
 from vibroplat.messages import explain
 from vibroplat.overrides import merge, nest
+from vibroplat.plan import Sweep
 
-#: Numbers outside of these are no physical quantity in SI units; products of those inside stay finite.
-LEAST, LARGEST = 1e-30, 1e30
 #: Rows of a trajectory table that a scene may ask for.
 MAX_ROWS = 100_000_000
-
-
-def _not_minute(value: float) -> float:
-    if value < LEAST:
-        raise PydanticCustomError("greater_than_equal", "too small", {"ge": LEAST})
-    return value
-
-
-def _not_bool(value: Any) -> Any:
-    if isinstance(value, bool):
-        raise PydanticCustomError("literal_error", "no number", {"expected": "1 or 2"})
-    return value
-
-
-Positive = Annotated[float, Field(gt=0.0, le=LARGEST, allow_inf_nan=False), AfterValidator(_not_minute)]
-NonNegative = Annotated[float, Field(ge=0.0, le=LARGEST, allow_inf_nan=False)]
-Real = Annotated[float, Field(ge=-LARGEST, le=LARGEST, allow_inf_nan=False)]
-Share = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
 
 
 class Mode(IntEnum):
@@ -64,11 +37,7 @@ class Mode(IntEnum):
         return self.name.lower()
 
 
-class _Section(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
-
-
-class Machine(_Section):
+class Machine(Section):
     """Platform, springs and exciters; the defaults are the paper's test rig (section 3)."""
 
     platform_mass_kg: Positive = Field(12.42, description="m_0")
@@ -120,7 +89,7 @@ class Machine(_Section):
         )
 
 
-class Motor(_Section):
+class Motor(Section):
     """An induction motor by the Kloss formula and the resistance to its rotation."""
 
     critical_torque_n_m: NonNegative = Field(1.2, description="M_c; 0 = supply switched off")
@@ -129,11 +98,11 @@ class Motor(_Section):
     friction_radius_m: NonNegative = Field(5.0e-5, description="k_R, bearing friction times shaft radius")
 
 
-class Material(_Section):
+class Material(Section):
     """The material on the platform; a mass ratio of 0 is a bare platform."""
 
     mass_ratio: NonNegative = Field(0.0, description="mu_w = m_w / M")
-    layers: Annotated[Literal[1, 2], BeforeValidator(_not_bool)] = Field(2, description="2, or 1 for a thin layer")
+    layers: Annotated[Literal[1, 2], BeforeValidator(not_bool)] = Field(2, description="2, or 1 for a thin layer")
     lower_share: Annotated[float, Field(gt=0.0, le=1.0, allow_inf_nan=False)] = Field(
         0.75, description="m_w1 / m_w; read with two layers"
     )
@@ -160,7 +129,7 @@ class Material(_Section):
         return self
 
 
-class Contact(_Section):
+class Contact(Section):
     """How material and platform meet."""
 
     model: Literal["impact", "non-impact"] = Field(
@@ -172,13 +141,13 @@ class Contact(_Section):
     added_mass_share: Share = Field(0.0, description="share of m_w that moves with the platform, non-impact")
 
 
-class Drive(_Section):
+class Drive(Section):
     """The common supply of both motors."""
 
     supply_frequency_hz: Positive = Field(50.0, description="f_e")
 
 
-class State(_Section):
+class State(Section):
     """A full state; a coordinate left out is at the static rest, a rate left out is 0.
 
     ``t_s``, ``mode`` and ``contact_force_n`` are taken so that the last row of a trajectory can be
@@ -204,7 +173,7 @@ class State(_Section):
     contact_force_n: Real | None = None
 
 
-class Initial(_Section):
+class Initial(Section):
     """Platform and material at static rest with turning exciters, or a full state."""
 
     phase_sum_rad: Real = Field(math.pi, description="phi_1 + phi_2")
@@ -220,14 +189,14 @@ class Initial(_Section):
         return self
 
 
-class Run(_Section):
+class Run(Section):
     """How long, and from where."""
 
     duration_s: Positive = 4.0
     initial: Initial = Initial()
 
 
-class Solver(_Section):
+class Solver(Section):
     """How accurately, and with what."""
 
     tolerance: Annotated[float, Field(ge=1e-12, le=1e-2, allow_inf_nan=False)] = Field(
@@ -248,7 +217,7 @@ class Solver(_Section):
     )
 
 
-class Output(_Section):
+class Output(Section):
     """What is written."""
 
     sample_rate_hz: Positive = 2000.0
@@ -267,7 +236,7 @@ RATES = (
 )
 
 
-class Scene(_Section):
+class Scene(Section):
     """The full physical setup of one run.
 
     Examples
@@ -289,6 +258,7 @@ class Scene(_Section):
     run: Run = Run()
     solver: Solver = Solver()
     output: Output = Output()
+    sweep: Sweep | None = None
 
     @model_validator(mode="before")
     @classmethod

@@ -36,12 +36,20 @@ class Motion:
         An engine made for both, driven by this motion alone; whoever made it closes it.
     state
         Full state to begin with, shape (14,); that of ``run.initial`` without it.
+
+    Attributes
+    ----------
+    automaton
+        Where the motion is, in the arrays that the engine changes.
+    events
+        Liftoffs, impacts and latches so far.
     """
 
     def __init__(self, scene: Scene, p: FloatArray, engine: Engine, state: FloatArray | None = None) -> None:
         self.scene = scene
         self.engine = engine
         self._p = p
+        self.events = 0
         self.automaton = automaton(scene, p, engine.turns_per_segment, state)
         hy.first_mode(self.automaton)
 
@@ -70,6 +78,7 @@ class Motion:
             if read is not None:
                 read(tape, h)
             h.flags[hy.EVENTS] = 0
+        self.events += int(h.measures.totals[:3].sum())
         return Part(h.measures, before, Energies.of(h.state, self._p))
 
     @property

@@ -1,0 +1,36 @@
+"""The types of a configuration's values, and what its sections have in common."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic_core import PydanticCustomError
+
+#: Numbers outside of these are no physical quantity in SI units; products of those inside stay finite.
+LEAST, LARGEST = 1e-30, 1e30
+
+
+def _not_minute(value: float) -> float:
+    if value < LEAST:
+        raise PydanticCustomError("greater_than_equal", "too small", {"ge": LEAST})
+    return value
+
+
+def not_bool(value: Any) -> Any:
+    """Refuse true and false, which Python takes for 1 and 0."""
+    if isinstance(value, bool):
+        raise PydanticCustomError("literal_error", "no number", {"expected": "1 or 2"})
+    return value
+
+
+Positive = Annotated[float, Field(gt=0.0, le=LARGEST, allow_inf_nan=False), AfterValidator(_not_minute)]
+NonNegative = Annotated[float, Field(ge=0.0, le=LARGEST, allow_inf_nan=False)]
+Real = Annotated[float, Field(ge=-LARGEST, le=LARGEST, allow_inf_nan=False)]
+Share = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
+
+
+class Section(BaseModel):
+    """A section of a configuration: frozen, strict about types, without unknown keys."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)

@@ -1,0 +1,86 @@
+"""What a sweep goes through and how each of its points is measured: the keys of section ``sweep``."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import BeforeValidator, Field, model_validator
+
+from vibroplat.fields import Positive, Section, Share, not_bool
+
+Direction = Literal["up", "down"]
+
+#: Points of a branch.
+MAX_FREQUENCIES = 100_000
+
+
+def _as_list(value: Any) -> Any:
+    return [value] if isinstance(value, str) else value
+
+
+class Frequencies(Section):
+    """The supply frequencies of a branch, and which ways it goes through them."""
+
+    start: Positive = Field(description="smallest (Hz)")
+    stop: Positive = Field(description="largest (Hz); taken if whole steps reach it")
+    step: Positive = 0.5
+    direction: Annotated[list[Direction], BeforeValidator(_as_list), Field(min_length=1, max_length=2)] = Field(
+        ["up"], description="up, down or both: a branch for each"
+    )
+
+    @model_validator(mode="after")
+    def _finite(self) -> Self:
+        if self.stop < self.start:
+            raise ValueError(f"stop = {self.stop} is below start = {self.start}; allowed: direction says which way")
+        if (self.stop - self.start) / self.step >= MAX_FREQUENCIES:
+            raise ValueError(f"step = {self.step} makes too many points; allowed: at most {MAX_FREQUENCIES} a branch")
+        if len(set(self.direction)) < len(self.direction):
+            raise ValueError(f"direction = {self.direction}; allowed: each of up and down once")
+        return self
+
+    @property
+    def upward(self) -> list[float]:
+        """The frequencies (Hz), ascending, as a user would write them."""
+        count = int((self.stop - self.start) / self.step * (1.0 + 1e-12) + 1e-9) + 1
+        return [float(f"{self.start + i * self.step:.12g}") for i in range(count)]
+
+
+class Sweep(Section):
+    """Branches side by side: every combination of the grid's values, in each direction."""
+
+    supply_frequency_hz: Frequencies
+    grid: dict[str, Annotated[list[Any], Field(min_length=1)]] = Field(
+        {}, description="dotted keys and the values that branches take"
+    )
+    kind: Literal["response", "bifurcation", "map"] = Field(
+        "response",
+        description="response: curves over frequency; bifurcation: also points of the Poincaré section and impact "
+        "speeds; map: regimes over frequency and one key of the grid",
+    )
+    settle_s: Annotated[Literal["auto"] | Positive, BeforeValidator(not_bool)] = Field(
+        "auto", description="before a point is measured; auto: until the Poincaré section has settled"
+    )
+    max_settle_s: Positive = Field(30.0, description="longest settling with auto")
+    settle_tolerance: Annotated[float, Field(gt=0.0, le=1.0, allow_inf_nan=False)] = Field(
+        1e-3, description="what auto leaves of the way to the steady motion, in the scales of the scene"
+    )
+    measure_s: Positive = Field(2.0, description="measured part of each point")
+    period_tolerance: Annotated[float, Field(gt=0.0, le=1.0, allow_inf_nan=False)] = Field(
+        1e-2, description="within which the Poincaré section repeats, in the scales of the scene"
+    )
+    perturbation: Share = Field(
+        0.01, description="random change of platform's and exciters' rates at each point, in the scales of the scene"
+    )
+    seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = Field(0, description="of the perturbations")
+    lyapunov: bool = Field(True, description="estimate the largest Lyapunov exponent where no period is found")
+
+    @model_validator(mode="after")
+    def _scene_keys(self) -> Self:
+        for key, values in self.grid.items():
+            if key.split(".")[0] in ("sweep", "name", "output", "run") or key == "drive.supply_frequency_hz":
+                raise ValueError(f"grid.{key} cannot be a key of the grid; allowed: keys of machine, material, …")
+            if len({repr(v) for v in values}) < len(values):
+                raise ValueError(f"grid.{key} = {values}; allowed: each value once")
+        if self.kind == "map" and sum(len(values) > 1 for values in self.grid.values()) != 1:
+            raise ValueError("kind = map needs one key of the grid with several values; allowed: one such key")
+        return self

@@ -1,0 +1,1 @@
+"""Studies made of many motions: sweeps, regimes, the paper's claims, calibration."""

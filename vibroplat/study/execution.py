@@ -1,0 +1,212 @@
+"""Chains of tasks side by side: in this process, in worker processes, on many machines.
+
+A chain's next task is known when the one before it has finished, as a sweep's next point begins with the
+state of the last. What a task returns depends on its arguments alone, so results are the same however
+chains are spread over workers.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, wait
+from contextlib import contextmanager
+from typing import Any, Protocol
+
+from vibroplat.errors import ConfigError
+
+#: Numerical libraries would start a pool of threads in each worker process.
+PINNED = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA")}
+#: Times that a task alone may lose its worker before it is given up.
+LIVES = 2
+
+
+class WorkerLostError(Exception):
+    """A task's worker died, more than once."""
+
+
+class Chain(Protocol):
+    """Tasks of which each follows from the result of the one before."""
+
+    def task(self) -> tuple[Callable[..., Any], tuple[Any, ...]] | None:
+        """Return the next task as function and arguments, or None where the chain ends."""
+        ...
+
+    def take(self, result: Any) -> None:
+        """Take the result of the task, or a :class:`WorkerLostError` in its place."""
+        ...
+
+
+class Pool(Protocol):
+    """Where tasks run."""
+
+    #: Tasks given to it at a time.
+    slots: int
+    #: What it raises for a task that it has given up because workers died of it.
+    given_up: tuple[type[Exception], ...]
+
+    def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
+        """Start a task."""
+        ...
+
+    def renew(self) -> None:
+        """Replace workers that have died."""
+        ...
+
+    def close(self) -> None:
+        """Stop the workers, also in the middle of a task."""
+        ...
+
+
+def run_chains(chains: Iterable[Chain], workers: Pool) -> Iterator[Chain]:
+    """Run all chains to their ends; yields the chain of each task that has finished and been taken."""
+    waiting: deque[Chain] = deque(chains)
+    suspects: deque[Chain] = deque()  # one of them has taken its worker along: each runs alone
+    losses: dict[int, int] = {}
+    running: dict[Future[Any], Chain] = {}
+    while waiting or suspects or running:
+        while (waiting or suspects) and len(running) < (1 if suspects else workers.slots):
+            chain = (suspects or waiting).popleft()
+            work = chain.task()
+            if work is not None:
+                running[workers.submit(work[0], *work[1])] = chain
+        if not running:
+            continue
+        lost: list[Chain] = []
+        for future in wait(running, return_when=FIRST_COMPLETED).done:
+            chain = running.pop(future)
+            try:
+                chain.take(future.result())
+            except (BrokenExecutor, CancelledError):
+                lost.append(chain)
+                continue
+            except workers.given_up as error:
+                chain.take(WorkerLostError(" ".join(str(error).split())))
+            losses.pop(id(chain), None)
+            waiting.append(chain)
+            yield chain
+        if lost:
+            yield from _deal_with(lost, running, suspects, losses, waiting, workers)
+
+
+def _deal_with(
+    lost: list[Chain],
+    running: dict[Future[Any], Chain],
+    suspects: deque[Chain],
+    losses: dict[int, int],
+    waiting: deque[Chain],
+    workers: Pool,
+) -> Iterator[Chain]:
+    """Renew the pool after a worker has died; a task that was alone and has no life left is given up."""
+    alone = len(lost) == 1 and not running
+    lost += running.values()
+    running.clear()
+    workers.renew()
+    for chain in lost:
+        losses[id(chain)] = losses.get(id(chain), 0) + alone
+        if losses[id(chain)] < LIVES:
+            suspects.append(chain)
+        else:
+            del losses[id(chain)]
+            chain.take(WorkerLostError(f"its worker died {LIVES} times"))
+            waiting.append(chain)
+            yield chain
+
+
+class Inline:
+    """This process."""
+
+    slots = 1
+    given_up = ()
+
+    def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
+        """Run a task."""
+        future: Future[Any] = Future()
+        try:
+            future.set_result(function(*arguments))
+        except Exception as error:
+            future.set_exception(error)
+        return future
+
+    def renew(self) -> None:
+        """Nothing to replace."""
+
+    def close(self) -> None:
+        """Nothing to stop."""
+
+
+class Processes:
+    """Worker processes of this machine, by loky; numerical libraries use one thread in each."""
+
+    given_up = ()
+
+    def __init__(self, jobs: int) -> None:
+        self._jobs = jobs
+        self.slots = jobs + 1  # one waits while results are taken
+        self.renew()
+
+    def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
+        """Start a task; on workers that have just died it fails like those that they had."""
+        try:
+            future: Future[Any] = self._executor.submit(function, *arguments)
+        except BrokenExecutor as error:
+            future = Future()
+            future.set_exception(error)
+        return future
+
+    def renew(self) -> None:
+        """Start workers anew where the old ones are broken."""
+        from loky import get_reusable_executor  # noqa: PLC0415  (not needed for one job)
+
+        self._executor: Executor = get_reusable_executor(self._jobs, timeout=60, env=PINNED)
+
+    def close(self) -> None:
+        """Stop the workers."""
+        self._executor.shutdown(wait=True, kill_workers=True)  # type: ignore[call-arg]
+
+
+class Cluster:
+    """Workers of a dask scheduler, on many machines; vibroplat must be installed on them.
+
+    Raises
+    ------
+    ConfigError
+        dask.distributed is not installed, or the scheduler does not answer.
+    """
+
+    def __init__(self, address: str) -> None:
+        try:
+            from distributed import Client, KilledWorker  # noqa: PLC0415  (optional)
+        except ImportError:
+            raise ConfigError("--scheduler needs dask.distributed; install vibroplat[cluster]") from None
+        try:
+            self._client = Client(address, timeout=10, set_as_default=False)
+        except (OSError, ValueError, TypeError) as error:
+            reason = " ".join(str(error).split()) or type(error).__name__
+            raise ConfigError(f"--scheduler {address}: no scheduler answers there ({reason})") from None
+        self._executor: Executor = self._client.get_executor(pure=False)
+        self.given_up = (KilledWorker,)
+        self.slots = 2 * max(1, sum(self._client.nthreads().values()))
+
+    def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
+        """Start a task; dask repeats it where its worker dies, and gives it up after some times."""
+        future: Future[Any] = self._executor.submit(function, *arguments)
+        return future
+
+    def renew(self) -> None:
+        """Nothing to replace: the scheduler sees to its workers."""
+
+    def close(self) -> None:
+        """Leave the cluster."""
+        self._executor.shutdown(wait=False)
+        self._client.close()
+
+
+@contextmanager
+def pool(jobs: int = 1, scheduler: str | None = None) -> Iterator[Pool]:
+    """Open the pool that a user asks for: this process, so many of them, or a dask scheduler's workers."""
+    opened: Pool = Cluster(scheduler) if scheduler else Processes(jobs) if jobs > 1 else Inline()
+    try:
+        yield opened
+    finally:
+        opened.close()

@@ -1,0 +1,57 @@
+"""What a Poincaré section tells: whether the motion repeats, after how many turns, and how fast it settles."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from vibroplat.physics.parameters import FloatArray
+from vibroplat.scene import Scene
+from vibroplat.solver import measures as m
+from vibroplat.solver.measures import Measures
+from vibroplat.solver.scales import state_scales
+
+#: Longest period that is looked for, in turns of exciter 1.
+MAX_PERIOD = 16
+
+
+def section_points(measures: Measures, scene: Scene) -> FloatArray:
+    """Points of the Poincaré section in the scales of the scene, in the order of time.
+
+    Returns
+    -------
+    array, shape (turns, 14)
+        Coordinates and rates over their scales; in the places of the exciters' angles are cosine and sine
+        of the phase difference, so that differences of points know no whole turns.
+    """
+    turns = int(measures.marks[m.TURNS])
+    rows = measures.section[np.arange(max(turns - m.SECTION_ROWS, 0), turns) % m.SECTION_ROWS]
+    states = rows[:, m.SECTION_STATE : m.SECTION_FORCE]
+    points = states / state_scales(scene)
+    phase = states[:, 3] + states[:, 4]
+    points[:, 3], points[:, 4] = np.cos(phase), np.sin(phase)
+    return points
+
+
+def spread(points: FloatArray, n: int) -> float:
+    """Largest distance, in any coordinate, of points from the last one before which they lie whole n turns.
+
+    inf where fewer than two points belong to each of the n.
+    """
+    if len(points) < 2 * n:
+        return math.inf
+    backwards = points[::-1]
+    last = backwards[:n][np.arange(len(points)) % n]
+    return float(np.abs(backwards - last).max())
+
+
+def spreads(points: FloatArray) -> FloatArray:
+    """Spread for 1 … MAX_PERIOD turns, shape (MAX_PERIOD,)."""
+    return np.array([spread(points, n) for n in range(1, MAX_PERIOD + 1)])
+
+
+def period(points: FloatArray, tolerance: float) -> int:
+    """Smallest number of turns after which the section repeats within a tolerance; 0 if none is found."""
+    repeats = np.flatnonzero(spreads(points) <= tolerance)
+    return int(repeats[0]) + 1 if repeats.size else 0

@@ -1,0 +1,94 @@
+"""How long a motion settles before it is measured.
+
+Every 32 turns of exciter 1 the Poincaré section of the last 32 is compared with that of the 32 before. Where
+for some n ≤ 16 the points, taken n turns apart, draw together, what is left of the way follows as a geometric
+series of the ratio q of both spreads D: D q/(1−q). A motion that will not repeat is known by spreads that no
+longer fall and statistics without a trend.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from vibroplat.physics.parameters import FloatArray
+from vibroplat.plan import Sweep
+from vibroplat.solver.motion import Motion
+from vibroplat.solver.summary import measured
+from vibroplat.study.section import section_points, spreads
+
+#: Turns of exciter 1 between two looks.
+TURNS = 32
+#: Largest spread, over the settling tolerance, from which the rest of the way is extrapolated.
+NEAR = 30.0
+#: Spread, over the solver's tolerance, that is its noise.
+NOISE = 30.0
+#: Looks of which the first and the second half are compared where no period shows.
+WINDOW = 6
+#: Spreads of the second half over those of the first, from which on they do not fall.
+LEVEL = 0.7
+#: Difference of the halves' means that is no trend, in its standard errors, and as a share of the mean.
+STANDARD_ERRORS, TREND = 3.0, 3e-3
+
+_WATCHED = ("rms_y_m", "excitation_frequency_hz", "flight_fraction", "phase_coherence")
+
+
+class Settling(NamedTuple):
+    """How a motion settled: ``periodic``, ``non-periodic``, ``maximum`` (neither until then), ``fixed``."""
+
+    how: str
+    seconds: float
+
+
+def settle(motion: Motion, plan: Sweep) -> Settling:
+    """Carry a motion on until it has settled as the plan says, or has ended early."""
+    began = motion.now
+    if plan.settle_s != "auto":
+        motion.go_on(plan.settle_s)
+        return Settling("fixed", motion.now - began)
+    block = TURNS * 2.0 * math.pi / motion.scene.speed_scale
+    points = np.empty((0, 14))
+    falls: list[float] = []
+    statistics: list[list[float]] = []
+    how = "maximum"
+    while (left := plan.max_settle_s - (motion.now - began)) > 1e-9 * plan.max_settle_s:
+        part = motion.go_on(min(block, left))
+        if motion.outcome != "ok":
+            break
+        points = np.concatenate([points, section_points(part.measures, motion.scene)])[-2 * TURNS :]
+        if len(points) < 2 * TURNS:
+            continue
+        now, before = spreads(points[TURNS:]), spreads(points[:TURNS])
+        if _draws_together(now, before, plan.settle_tolerance, NOISE * motion.scene.solver.tolerance):
+            how = "periodic"
+            break
+        falls.append(float(now.min()))
+        summary = measured(part)
+        statistics.append([float(summary[name] or 0.0) for name in _WATCHED])
+        if falls[-1] > plan.period_tolerance and _goes_on(falls, np.array(statistics)):
+            how = "non-periodic"
+            break
+    return Settling(how, motion.now - began)
+
+
+def _draws_together(now: FloatArray, before: FloatArray, tolerance: float, noise: float) -> bool:
+    """Whether for some period all that is left of the way to it is within the tolerance."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = now / before
+        left = np.where(ratio < 1.0, now * ratio / (1.0 - ratio), np.inf)
+    return bool(((now <= noise) | ((now <= NEAR * tolerance) & (left <= tolerance))).any())
+
+
+def _goes_on(falls: list[float], statistics: FloatArray) -> bool:
+    """Whether spreads have stopped falling and statistics show no trend over the last looks."""
+    if len(falls) < WINDOW:
+        return False
+    half = WINDOW // 2
+    if np.median(falls[-half:]) < LEVEL * np.median(falls[-WINDOW:-half]):
+        return False
+    early, late = statistics[-WINDOW:-half], statistics[-half:]
+    trend = np.abs(late.mean(axis=0) - early.mean(axis=0))
+    error = np.sqrt((early.var(axis=0, ddof=1) + late.var(axis=0, ddof=1)) / half)
+    return bool((trend <= STANDARD_ERRORS * error + TREND * np.abs(late.mean(axis=0))).all())

@@ -1,0 +1,138 @@
+"""Finished records on disk, as they finish: what is there outlives the process that is killed."""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from vibroplat.errors import ConfigError, TableError
+
+#: The file beside the tables that are made of it.
+FILE = "points.sqlite"
+
+
+class Store:
+    """Records in an SQLite file, each under two numbers: of branch and point in a sweep.
+
+    Parameters
+    ----------
+    directory
+        Where the file is, or is made; without it the records are in memory.
+    conditions
+        What the records rest on, nested plain values: records made under others are not gone on with.
+    resume
+        Whether the records found are kept.
+    overwrite
+        Whether those of unfinished work may be dropped.
+
+    Raises
+    ------
+    ConfigError
+        The conditions have changed, or unfinished work would be lost.
+    TableError
+        The file cannot be written, or is none.
+    """
+
+    def __init__(
+        self, directory: Path | None, conditions: Mapping[str, Any], *, resume: bool = False, overwrite: bool = False
+    ) -> None:
+        self._path = ":memory:" if directory is None else str(directory / FILE)
+        wanted = json.loads(json.dumps(conditions))
+        with self._complaints():
+            self._base = sqlite3.connect(self._path)
+            # a log beside the file: a record is whole or absent whenever the process dies, and none waits for the disk
+            self._base.execute("PRAGMA journal_mode = WAL")
+            self._base.execute("PRAGMA synchronous = NORMAL")
+            self._base.execute("CREATE TABLE IF NOT EXISTS about (key TEXT PRIMARY KEY, value TEXT)")
+            self._base.execute(
+                "CREATE TABLE IF NOT EXISTS records (first INTEGER, second INTEGER, record TEXT, "
+                "PRIMARY KEY (first, second)) WITHOUT ROWID"
+            )
+            found, finished = self._about("conditions"), self._about("finished")
+        if found is not None:
+            if resume:
+                _require_same(flat(found), flat(wanted))
+            elif not (finished or overwrite) and len(self):
+                raise ConfigError(
+                    f"{directory} holds {len(self)} points of unfinished work; "
+                    "allowed: --resume to go on with it, --overwrite to begin anew"
+                )
+        with self._complaints(), self._base:
+            if not resume:
+                self._base.execute("DELETE FROM records")
+            self._tell("conditions", wanted)
+            self._tell("finished", finished if resume else False)
+
+    def __len__(self) -> int:
+        with self._complaints():
+            return int(self._base.execute("SELECT COUNT(*) FROM records").fetchone()[0])
+
+    def write(self, first: int, second: int, record: Mapping[str, Any]) -> None:
+        """Keep a record."""
+        text = json.dumps(record, allow_nan=False)
+        with self._complaints(), self._base:
+            self._base.execute("INSERT OR REPLACE INTO records VALUES (?, ?, ?)", (first, second, text))
+
+    def read(self, first: int) -> Iterator[tuple[int, dict[str, Any]]]:
+        """Go through the records of one first number in the order of the second."""
+        with self._complaints():
+            rows = self._base.execute("SELECT second, record FROM records WHERE first = ? ORDER BY second", (first,))
+            for second, text in rows:
+                yield second, json.loads(text)
+
+    def finish(self) -> None:
+        """Note that nothing is missing."""
+        with self._complaints(), self._base:
+            self._tell("finished", True)
+
+    def close(self) -> None:
+        """Close the file."""
+        self._base.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self.close()
+
+    def _about(self, key: str) -> Any:
+        row = self._base.execute("SELECT value FROM about WHERE key = ?", (key,)).fetchone()
+        return None if row is None else json.loads(row[0])
+
+    def _tell(self, key: str, value: Any) -> None:
+        self._base.execute("INSERT OR REPLACE INTO about VALUES (?, ?)", (key, json.dumps(value)))
+
+    @contextmanager
+    def _complaints(self) -> Iterator[None]:
+        try:
+            yield
+        except sqlite3.Error as error:
+            raise TableError(f"{self._path} cannot be used: {error}") from None
+
+
+def flat(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Turn nested sections into dotted keys."""
+    found: dict[str, Any] = {}
+    for key, value in tree.items():
+        if isinstance(value, Mapping) and value:
+            found |= flat(value, f"{prefix}{key}.")
+        else:
+            found[f"{prefix}{key}"] = value
+    return found
+
+
+def _require_same(found: Mapping[str, Any], wanted: Mapping[str, Any]) -> None:
+    """Refuse to go on under other conditions, and name the first key that differs."""
+    differing = [key for key in {**found, **wanted} if found.get(key) != wanted.get(key)]
+    if differing:
+        key = differing[0]
+        more = f" (and {len(differing) - 1} more)" if len(differing) > 1 else ""
+        raise ConfigError(
+            f"cannot resume: {key} = {wanted.get(key)}; allowed: {found.get(key)}, with which the points "
+            f"were made{more}"
+        )

@@ -1,0 +1,206 @@
+"""Sweeps: branches of continued points, side by side, into one table."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+import vibroplat
+from vibroplat.scene import Scene
+from vibroplat.study.branches import Branch, branches, sweep_plan
+from vibroplat.study.execution import WorkerLostError, pool, run_chains
+from vibroplat.study.point import MEASURED, Point, measure_point
+from vibroplat.study.store import Store
+
+#: What a row has besides the swept keys, in the order of the table: columns of numbers, of text, of whole numbers.
+NUMBERS = (*MEASURED, "lyapunov_per_s", "settle_s", "simulated_s", "wall_s")
+TEXTS = ("direction", "sync", "settled", "outcome", "detail")
+COUNTS = ("branch", "period", "steps", "residual_calls", "events")
+COLUMNS = (
+    "direction",
+    "branch",
+    *MEASURED[:8],
+    "sync",
+    "period",
+    *MEASURED[8:],
+    "lyapunov_per_s",
+    "settled",
+    "settle_s",
+    "outcome",
+    "detail",
+    "steps",
+    "residual_calls",
+    "events",
+    "simulated_s",
+    "wall_s",
+)
+
+#: Rows of the table that are in memory at a time.
+CHUNK = 2000
+
+#: Told after each point: branches and points that are done, events so far.
+Progress = Callable[[int, int, int], None]
+
+
+def sweep(
+    scene: Scene,
+    *,
+    jobs: int = 1,
+    scheduler: str | None = None,
+    progress: Progress | None = None,
+) -> pd.DataFrame:
+    """Sweep a scene over the supply frequencies and the grid of its ``sweep`` section.
+
+    Parameters
+    ----------
+    scene
+        What moves, with a section ``sweep``.
+    jobs
+        Worker processes; 1 is this process.
+    scheduler
+        Address of a dask scheduler, whose workers are used instead.
+    progress
+        Called after each point with the numbers of finished branches, points and events.
+
+    Returns
+    -------
+    DataFrame
+        A row for each point in the order of branches and of points within them; see ``COLUMNS``.
+
+    Raises
+    ------
+    ConfigError
+        The scene has no sweep, a value of its grid is not allowed, or the scheduler does not answer.
+
+    Examples
+    --------
+    >>> from vibroplat import Scene, sweep
+    >>> scene = Scene().replace({"sweep.supply_frequency_hz": {"start": 45.0, "stop": 46.0}})
+    >>> sweep(scene)["outcome"].tolist()
+    ['ok', 'ok', 'ok']
+    """
+    with Store(None, {}) as store:
+        run_sweep(scene, store, jobs=jobs, scheduler=scheduler, progress=progress)
+        return pd.concat(tables(scene, store), ignore_index=True)
+
+
+def conditions(scene: Scene) -> dict[str, Any]:
+    """Return what the points of a sweep rest on."""
+    return {"vibroplat": vibroplat.__version__, "configuration": scene.to_tree()}
+
+
+def run_sweep(
+    scene: Scene,
+    store: Store,
+    *,
+    jobs: int = 1,
+    scheduler: str | None = None,
+    progress: Progress | None = None,
+) -> None:
+    """Run the points of a sweep that a store does not have yet, and keep them there; see :func:`sweep`."""
+    chains = [_Chain(branch, scene, store) for branch in branches(scene)]
+
+    def report() -> None:
+        if progress is not None:
+            progress(sum(c.done for c in chains), sum(c.point for c in chains), sum(c.events for c in chains))
+
+    report()
+    if not all(chain.done for chain in chains):
+        with pool(jobs, scheduler) as workers:
+            for _ in run_chains(chains, workers):
+                report()
+    store.finish()
+
+
+class _Chain:
+    """A branch's points, each begun with the state in which the last good one ended."""
+
+    def __init__(self, branch: Branch, scene: Scene, store: Store) -> None:
+        self._branch = branch
+        self._plan = sweep_plan(scene)
+        self._store = store
+        self._state: list[float] | None = None
+        self.point = 0
+        self.events = 0
+        for point, record in store.read(branch.number):
+            self.point = point + 1
+            self._passed(record)
+
+    @property
+    def done(self) -> bool:
+        """Whether no point is left."""
+        return self.point >= len(self._branch.frequencies)
+
+    def task(self) -> tuple[Callable[..., Any], tuple[Any, ...]] | None:
+        """Return the next point as a task."""
+        if self.done:
+            return None
+        scene = self._branch.at(self.point)
+        return measure_point, (scene, self._plan, self._state, (self._branch.number, self.point))
+
+    def take(self, result: Point | WorkerLostError) -> None:
+        """Keep a finished point."""
+        if isinstance(result, WorkerLostError):
+            result = Point({"outcome": "worker-lost", "detail": str(result)}, None)
+        record = vars(result)
+        self._store.write(self._branch.number, self.point, record)
+        self.point += 1
+        self._passed(record)
+
+    def _passed(self, record: Mapping[str, Any]) -> None:
+        self._state = record["state"] or self._state
+        self.events += record["row"].get("events", 0)
+
+
+def tables(scene: Scene, store: Store) -> Iterator[pd.DataFrame]:
+    """Yield the sweep table in parts, in the order of branches and points."""
+    yield from _parts(scene, store, lambda record: [record["row"]])
+
+
+def section_tables(scene: Scene, store: Store) -> Iterator[pd.DataFrame]:
+    """Yield the table of Poincaré points of a bifurcation diagram in parts: y at whole turns of exciter 1."""
+    yield from _parts(scene, store, lambda record: [{"y_m": y} for y in record["section_y"]])
+
+
+def impact_tables(scene: Scene, store: Store) -> Iterator[pd.DataFrame]:
+    """Yield the table of impact speeds of a bifurcation diagram in parts."""
+    yield from _parts(scene, store, lambda record: [{"impact_speed_m_per_s": v} for v in record["impact_speeds"]])
+
+
+def _parts(
+    scene: Scene, store: Store, rows_of: Callable[[dict[str, Any]], list[dict[str, Any]]]
+) -> Iterator[pd.DataFrame]:
+    rows: list[dict[str, Any]] = []
+    told = False
+    for branch in branches(scene):
+        for point, record in store.read(branch.number):
+            swept = {"supply_frequency_hz": branch.frequencies[point], **branch.values}
+            place = {"direction": branch.direction, "branch": branch.number}
+            rows += [swept | place | row for row in rows_of(record)]
+            if len(rows) >= CHUNK:
+                yield _frame(rows, scene)
+                rows, told = [], True
+    if rows or not told:
+        yield _frame(rows, scene)
+
+
+def _frame(rows: list[dict[str, Any]], scene: Scene) -> pd.DataFrame:
+    """Make a part of a table whose columns have the same types in all parts."""
+    grid = sweep_plan(scene).grid
+    found = {key for row in rows[:1] for key in row}
+    ordinary = [c for c in COLUMNS if c in found or "outcome" in found]
+    others = [key for key in found if key not in grid and key not in COLUMNS and key != "supply_frequency_hz"]
+    table = pd.DataFrame(rows, columns=["supply_frequency_hz", *grid, *ordinary, *others])
+    for key, values in grid.items():
+        table[key] = table[key].astype(pd.Series(values).dtype)
+    for column in ordinary:
+        if column in NUMBERS:
+            table[column] = table[column].astype("float64")
+        elif column in TEXTS:
+            table[column] = table[column].astype("str")
+        else:
+            table[column] = table[column].astype("Int64")
+    return table
