@@ -27,11 +27,13 @@ if TYPE_CHECKING:
     )
     from vibroplat.solver.run import simulate
     from vibroplat.solver.trajectory import Trajectory
+    from vibroplat.study.sweep import sweep
 
 _HOMES = {
     "load_config": "vibroplat.config",
     "simulate": "vibroplat.solver.run",
     "Trajectory": "vibroplat.solver.trajectory",
+    "sweep": "vibroplat.study.sweep",
     **dict.fromkeys(
         (
             "Contact",
@@ -66,6 +68,7 @@ __all__ = [
     "__version__",
     "load_config",
     "simulate",
+    "sweep",
 ]
 
 

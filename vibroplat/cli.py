@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import logging
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from enum import StrEnum
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
     from vibroplat.scene import Scene
     from vibroplat.solver.trajectory import Trajectory
 
+#: Failed points of a sweep that are told one by one.
+TOLD = 5
 #: Exit code that typer makes of Ctrl-C.
 INTERRUPTED = 130
 
@@ -39,11 +42,17 @@ class TableFormat(StrEnum):
 
 
 class PlotKind(StrEnum):
-    """Figures of a run."""
+    """Figures, the first three of a run, the others of a sweep."""
 
     motion = "motion"
     force = "force"
     exciters = "exciters"
+    response = "response"
+    bifurcation = "bifurcation"
+    map = "map"
+
+
+RUN_FIGURES = (PlotKind.motion, PlotKind.force, PlotKind.exciters)
 
 
 class BenchName(StrEnum):
@@ -128,17 +137,81 @@ def run(
 
 
 @app.command()
+def sweep(
+    config: Annotated[Path, typer.Argument(help="YAML configuration with a section sweep.")],
+    set_: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", help="Override a key, e.g. sweep.measure_s=4."),
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Directory of the results.")] = Path("results"),
+    jobs: Annotated[int, typer.Option(min=1, help="Worker processes.")] = 1,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with points that are already finished.")] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Drop the points of an unfinished sweep.")] = False,
+    scheduler: Annotated[str | None, typer.Option(help="Address of a dask scheduler, e.g. tcp://host:8786.")] = None,
+    format_: Annotated[TableFormat, typer.Option("--format", help="Format of the tables.")] = TableFormat.parquet,
+) -> None:
+    """Sweep over supply frequencies and a grid of values; write a row for each point."""
+    from vibroplat.config import load_config, parse_overrides
+    from vibroplat.study.branches import branches
+    from vibroplat.study.store import Store
+    from vibroplat.tables import read_table, result_directory
+
+    scene = load_config(config, parse_overrides(set_ or []))
+    planned = branches(scene)
+    directory = result_directory(out, scene.name)
+    from vibroplat.study import report
+    from vibroplat.study.sweep import conditions, run_sweep
+
+    points = sum(len(branch.frequencies) for branch in planned)
+    began = time.perf_counter()
+    with Store(directory, conditions(scene), resume=resume, overwrite=overwrite) as store:
+        known = len(store)
+        _load_kernels()
+        with _sweep_progress(scene.name, len(planned), points) as progress:
+            run_sweep(scene, store, jobs=jobs, scheduler=scheduler, progress=progress)
+        report.write_sweep(scene, store, directory, format_.value)
+    seconds = time.perf_counter() - began
+    table = read_table(directory, "sweep")
+    resumed = f", {known} points of them from before" if known else ""
+    for label, text in report.overview(table).items():
+        print(f"{label:<28}{text}")
+    print(f"{'wall time':<28}{seconds:.3g} s, {(points - known) / seconds:.3g} points per s{resumed}")
+    print(f"{'tables':<28}{directory}")
+    failed = report.failures(table)
+    for line in failed[:TOLD]:
+        print(f"vibroplat: {line}", file=sys.stderr)
+    if failed:
+        print(f"vibroplat: {len(failed)} of {points} points did not end ok", file=sys.stderr)
+        raise typer.Exit(1)
+
+
+@app.command()
 def plot(
-    directory: Annotated[Path, typer.Argument(metavar="DIR", help="Result directory of a run.")],
+    directory: Annotated[Path, typer.Argument(metavar="DIR", help="Result directory of a run or a sweep.")],
     kind: Annotated[list[PlotKind] | None, typer.Option(help="Which figures; all without it.")] = None,
     start: Annotated[float | None, typer.Option(help="Begin of motion and force (s).")] = None,
     stop: Annotated[float | None, typer.Option(help="End of motion and force (s).")] = None,
 ) -> None:
-    """Draw the figures of a run from its tables alone."""
-    from vibroplat.plots import plot_run
+    """Draw the figures of a run or a sweep from its tables alone."""
+    wanted = [k.value for k in kind or []]
+    of_run = [k for k in kind or [] if k in RUN_FIGURES]
+    is_sweep = any(directory.glob("sweep.*"))
+    if is_sweep and of_run:
+        raise VibroplatError(
+            f"--kind {of_run[0].value}: {directory} holds a sweep; allowed: response, bifurcation, map"
+        )
+    if not is_sweep and len(of_run) < len(wanted):
+        other = next(k for k in kind or [] if k not in RUN_FIGURES)
+        raise VibroplatError(f"--kind {other.value}: {directory} holds no sweep; allowed: motion, force, exciters")
+    if is_sweep:
+        from vibroplat.plots.sweep import plot_sweep
 
-    wanted = [k.value for k in (kind or PlotKind)]
-    for path in plot_run(directory, wanted, start, stop):
+        written = plot_sweep(directory, wanted)
+    else:
+        from vibroplat.plots.run import plot_run
+
+        written = plot_run(directory, wanted or [k.value for k in RUN_FIGURES], start, stop)
+    for path in written:
         print(path)
 
 
@@ -200,6 +273,40 @@ def _progress(scene: Scene) -> Iterator[Callable[[float, int], None] | None]:
 
         def report(reached: float, events: int) -> None:
             bar.update(task, completed=reached, events=events, description=scene.name)
+
+        yield report
+
+
+def _load_kernels() -> None:
+    """Compile or load what workers need, once instead of in each of them."""
+    _tell_of_compilation()
+    from vibroplat.solver.engines import load_kernels
+
+    load_kernels()
+
+
+@contextmanager
+def _sweep_progress(name: str, branches: int, points: int) -> Iterator[Callable[[int, int, int], None] | None]:
+    """Show branches, points, events and time left on a terminal, nothing elsewhere."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+    columns = (
+        TextColumn(name),
+        BarColumn(),
+        TextColumn("{task.completed}/{task.total} points"),
+        TextColumn("{task.fields[done]}/{task.fields[branches]} branches, {task.fields[events]} events"),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("points", total=points, branches=branches, done=0, events=0)
+
+        def report(done: int, finished: int, events: int) -> None:
+            bar.update(task, completed=finished, done=done, events=events)
 
         yield report
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, Literal
 
@@ -45,10 +45,25 @@ def write_table(table: pd.DataFrame, directory: Path, name: str, form: Format) -
         _replace(path, lambda temporary: table.to_parquet(temporary, index=False))
     else:
         _replace(path, lambda temporary: table.to_csv(temporary, index=False))
-    for other in FORMATS:
-        if other != form:
-            _remove(directory / f"{name}.{other}")
+    _drop_other_formats(directory, name, form)
     return path
+
+
+def write_tables(parts: Iterable[pd.DataFrame], directory: Path, name: str, form: Format) -> Path:
+    """Write a table that comes in parts, one in memory at a time, like :func:`write_table`.
+
+    The parts have the same columns and types; each becomes a row group of a Parquet file.
+    """
+    path = directory / f"{name}.{form}"
+    _replace(path, lambda temporary: (_write_row_groups if form == "parquet" else _write_lines)(parts, temporary))
+    _drop_other_formats(directory, name, form)
+    return path
+
+
+def remove_table(directory: Path, name: str) -> None:
+    """Remove a table of whichever format, where there is one."""
+    for form in FORMATS:
+        _remove(directory / f"{name}.{form}")
 
 
 def write_json(value: Any, directory: Path, name: str) -> Path:
@@ -86,6 +101,33 @@ def read_json(directory: Path, name: str) -> Any:
         raise TableError(f"{directory} holds no {name}.json") from None
     except (OSError, ValueError) as error:
         raise TableError(f"{path} cannot be read: {' '.join(str(error).split())}") from None
+
+
+def _write_row_groups(parts: Iterable[pd.DataFrame], path: Path) -> None:
+    import pyarrow as pa  # noqa: PLC0415  (a run of one scene does not need it)
+    import pyarrow.parquet as pq  # noqa: PLC0415
+
+    writer: pq.ParquetWriter | None = None
+    try:
+        for part in parts:
+            rows = pa.Table.from_pandas(part, preserve_index=False)
+            writer = writer or pq.ParquetWriter(path, rows.schema)
+            writer.write_table(rows)
+    finally:
+        if writer is not None:
+            writer.close()
+
+
+def _write_lines(parts: Iterable[pd.DataFrame], path: Path) -> None:
+    with path.open("w", encoding="utf-8", newline="") as file:
+        for number, part in enumerate(parts):
+            part.to_csv(file, index=False, header=number == 0)
+
+
+def _drop_other_formats(directory: Path, name: str, form: Format) -> None:
+    for other in FORMATS:
+        if other != form:
+            _remove(directory / f"{name}.{other}")
 
 
 def _remove(path: Path) -> None:

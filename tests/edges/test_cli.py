@@ -19,7 +19,7 @@ from vibroplat import __version__, load_config
 from vibroplat.cli import main
 from vibroplat.config import configuration_schema
 from vibroplat.errors import TableError
-from vibroplat.plots import plot_run
+from vibroplat.plots.run import plot_run
 from vibroplat.provenance import configuration_hash, provenance
 from vibroplat.scene import Scene
 from vibroplat.solver.engines import is_compiled

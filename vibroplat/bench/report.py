@@ -10,7 +10,7 @@ import pandas as pd
 from vibroplat.bench import engines
 from vibroplat.bench.reference import load_references
 from vibroplat.bench.timing import TOLERANCES, VARIANTS, precision, runtime
-from vibroplat.plots import plot_precision
+from vibroplat.plots.bench import plot_precision
 from vibroplat.tables import write_table
 
 

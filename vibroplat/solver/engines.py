@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import logging
 import threading
+from contextlib import closing
 from functools import cache
 from pathlib import Path
 
-from vibroplat.physics.parameters import FloatArray
+from vibroplat.physics.parameters import FloatArray, parameters
 from vibroplat.scene import Scene
 from vibroplat.solver.engine import Engine
+from vibroplat.solver.motion import Motion
 from vibroplat.solver.native import NativeEngine, drive, self_check
 from vibroplat.solver.sundials import Library, UnavailableError, library
 
@@ -40,6 +42,21 @@ def native_library() -> Library | None:
         _LOG.warning("engine native is not available: %s; engine sundae takes over, ten to twenty times slower", reason)
         return None
     return found
+
+
+def engine_name(scene: Scene) -> str:
+    """Name the engine that runs a scene."""
+    p = parameters(scene)
+    with closing(make_engine(scene, p)) as engine:
+        return engine.name
+
+
+def load_kernels() -> None:
+    """Compile or load all that a motion needs."""
+    scene = Scene().replace({"material": {"mass_ratio": 0.1, "layers": 1}})
+    p = parameters(scene)
+    with closing(make_engine(scene, p)) as engine:
+        Motion(scene, p, engine).go_on(1e-3)
 
 
 def is_compiled() -> bool:

@@ -23,8 +23,8 @@ class Branch:
         Its place in the sweep.
     direction
         ``up`` or ``down``.
-    values
-        Dotted keys of the grid and their values.
+    grid
+        Dotted keys of the grid and their values here.
     scene
         What moves, at the first frequency.
     frequencies
@@ -33,7 +33,7 @@ class Branch:
 
     number: int
     direction: str
-    values: dict[str, Any]
+    grid: dict[str, Any]
     scene: Scene
     frequencies: tuple[float, ...]
 

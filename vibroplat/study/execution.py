@@ -114,10 +114,10 @@ def _deal_with(
 
 
 class Inline:
-    """This process."""
+    """Tasks run in this process."""
 
     slots = 1
-    given_up = ()
+    given_up: tuple[type[Exception], ...] = ()
 
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
         """Run a task."""
@@ -138,7 +138,7 @@ class Inline:
 class Processes:
     """Worker processes of this machine, by loky; numerical libraries use one thread in each."""
 
-    given_up = ()
+    given_up: tuple[type[Exception], ...] = ()
 
     def __init__(self, jobs: int) -> None:
         self._jobs = jobs
@@ -205,7 +205,11 @@ class Cluster:
 @contextmanager
 def pool(jobs: int = 1, scheduler: str | None = None) -> Iterator[Pool]:
     """Open the pool that a user asks for: this process, so many of them, or a dask scheduler's workers."""
-    opened: Pool = Cluster(scheduler) if scheduler else Processes(jobs) if jobs > 1 else Inline()
+    opened: Pool = Inline()
+    if scheduler:
+        opened = Cluster(scheduler)
+    elif jobs > 1:
+        opened = Processes(jobs)
     try:
         yield opened
     finally:

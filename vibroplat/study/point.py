@@ -14,7 +14,6 @@ from vibroplat.physics.parameters import FloatArray, parameters
 from vibroplat.plan import Sweep
 from vibroplat.scene import Scene
 from vibroplat.solver import hybrid as hy
-from vibroplat.solver import measures as m
 from vibroplat.solver.engines import make_engine
 from vibroplat.solver.initial import initial_state
 from vibroplat.solver.motion import Motion

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from pathlib import Path
 from typing import Any
 
 import pandas as pd
@@ -15,10 +14,11 @@ from vibroplat.study.execution import WorkerLostError, pool, run_chains
 from vibroplat.study.point import MEASURED, Point, measure_point
 from vibroplat.study.store import Store
 
-#: What a row has besides the swept keys, in the order of the table: columns of numbers, of text, of whole numbers.
-NUMBERS = (*MEASURED, "lyapunov_per_s", "settle_s", "simulated_s", "wall_s")
+EXCITATION = "excitation_frequency_hz"
+#: Columns of text, and of whole numbers; the others are of numbers.
 TEXTS = ("direction", "sync", "settled", "outcome", "detail")
 COUNTS = ("branch", "period", "steps", "residual_calls", "events")
+#: What a row has after the swept keys.
 COLUMNS = (
     "direction",
     "branch",
@@ -157,50 +157,55 @@ class _Chain:
 
 def tables(scene: Scene, store: Store) -> Iterator[pd.DataFrame]:
     """Yield the sweep table in parts, in the order of branches and points."""
-    yield from _parts(scene, store, lambda record: [record["row"]])
+    yield from _parts(scene, store, lambda record: [record["row"]], COLUMNS)
 
 
 def section_tables(scene: Scene, store: Store) -> Iterator[pd.DataFrame]:
     """Yield the table of Poincaré points of a bifurcation diagram in parts: y at whole turns of exciter 1."""
-    yield from _parts(scene, store, lambda record: [{"y_m": y} for y in record["section_y"]])
+    yield from _parts(
+        scene,
+        store,
+        lambda record: _each(record, "y_m", record["section_y"]),
+        ("direction", "branch", EXCITATION, "y_m"),
+    )
 
 
 def impact_tables(scene: Scene, store: Store) -> Iterator[pd.DataFrame]:
     """Yield the table of impact speeds of a bifurcation diagram in parts."""
-    yield from _parts(scene, store, lambda record: [{"impact_speed_m_per_s": v} for v in record["impact_speeds"]])
+    columns = ("direction", "branch", EXCITATION, "impact_speed_m_per_s")
+    yield from _parts(
+        scene, store, lambda record: _each(record, "impact_speed_m_per_s", record["impact_speeds"]), columns
+    )
+
+
+def _each(record: dict[str, Any], column: str, values: list[float]) -> list[dict[str, Any]]:
+    """Make a row of each value, with the frequency that its point has."""
+    frequency = record["row"].get(EXCITATION)
+    return [{EXCITATION: frequency, column: value} for value in values]
 
 
 def _parts(
-    scene: Scene, store: Store, rows_of: Callable[[dict[str, Any]], list[dict[str, Any]]]
+    scene: Scene, store: Store, rows_of: Callable[[dict[str, Any]], list[dict[str, Any]]], columns: Sequence[str]
 ) -> Iterator[pd.DataFrame]:
+    """Yield what records hold as tables of these columns after the swept keys, direction and branch."""
     rows: list[dict[str, Any]] = []
     told = False
     for branch in branches(scene):
         for point, record in store.read(branch.number):
-            swept = {"supply_frequency_hz": branch.frequencies[point], **branch.values}
-            place = {"direction": branch.direction, "branch": branch.number}
-            rows += [swept | place | row for row in rows_of(record)]
+            place = {"supply_frequency_hz": branch.frequencies[point], **branch.grid}
+            place |= {"direction": branch.direction, "branch": branch.number}
+            rows += [place | row for row in rows_of(record)]
             if len(rows) >= CHUNK:
-                yield _frame(rows, scene)
+                yield _frame(rows, scene, columns)
                 rows, told = [], True
     if rows or not told:
-        yield _frame(rows, scene)
+        yield _frame(rows, scene, columns)
 
 
-def _frame(rows: list[dict[str, Any]], scene: Scene) -> pd.DataFrame:
+def _frame(rows: list[dict[str, Any]], scene: Scene, columns: Sequence[str]) -> pd.DataFrame:
     """Make a part of a table whose columns have the same types in all parts."""
     grid = sweep_plan(scene).grid
-    found = {key for row in rows[:1] for key in row}
-    ordinary = [c for c in COLUMNS if c in found or "outcome" in found]
-    others = [key for key in found if key not in grid and key not in COLUMNS and key != "supply_frequency_hz"]
-    table = pd.DataFrame(rows, columns=["supply_frequency_hz", *grid, *ordinary, *others])
-    for key, values in grid.items():
-        table[key] = table[key].astype(pd.Series(values).dtype)
-    for column in ordinary:
-        if column in NUMBERS:
-            table[column] = table[column].astype("float64")
-        elif column in TEXTS:
-            table[column] = table[column].astype("str")
-        else:
-            table[column] = table[column].astype("Int64")
-    return table
+    table = pd.DataFrame(rows, columns=["supply_frequency_hz", *grid, *columns])
+    types: dict[Any, Any] = {key: pd.Series(values).dtype for key, values in grid.items()}
+    types |= {column: "str" if column in TEXTS else "Int64" if column in COUNTS else "float64" for column in columns}
+    return table.astype(types)

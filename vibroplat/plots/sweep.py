@@ -1,0 +1,225 @@
+"""Figures of a sweep, from its tables alone: response curves, bifurcation diagram, regime map."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.colors import BoundaryNorm, ListedColormap
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from vibroplat.errors import TableError
+from vibroplat.plots.reading import read_columns, require_schema
+from vibroplat.plots.style import CURVES, plt, save, styled
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+FREQUENCY = "supply_frequency_hz"
+EXCITATION = "excitation_frequency_hz"
+#: Least range of an axis, over the largest RMS of y in the same units.
+LEAST_RANGE = 0.02
+#: How the exciters turn, and its colour in a map.
+SYNC = {"antiphase": "#1f4e79", "in-phase": "#c05a1c", "intermediate": "#8a6d1d", "none": "#c8c8c8"}
+#: Periods that a map tells apart: upper ends of classes, and their labels.
+_PERIODS = ((0, "none"), (1, "1"), (2, "2"), (4, "3, 4"), (8, "5 … 8"), (16, "9 … 16"))
+_PERIOD_COLOURS = ("#c8c8c8", "#1f4e79", "#5b8db8", "#2a7f4f", "#8a6d1d", "#c05a1c")
+
+#: Columns that figures need, besides the swept keys.
+_NUMBERS = (EXCITATION, "rms_x_m", "rms_y_m", "rms_phi_rad", "phase_difference_rad", "period")
+
+
+@dataclass(frozen=True)
+class Response:
+    """Table of a sweep, and the keys of its grid that take several values."""
+
+    directory: Path
+    name: str
+    table: pd.DataFrame
+    keys: list[str]
+
+    def curves(self) -> Iterator[tuple[str, int, str, pd.DataFrame]]:
+        """Yield label, number of the combination of values, direction and rows of each branch."""
+        numbers: dict[str, int] = {}
+        for _, rows in self.table.groupby("branch", sort=True):
+            label = ", ".join(
+                f"{key.split('.')[-1]} {rows[key].iloc[0]:g}" for key in self.keys if _is_number(rows[key])
+            )
+            others = ", ".join(str(rows[key].iloc[0]) for key in self.keys if not _is_number(rows[key]))
+            label = ", ".join(part for part in (label, others) if part)
+            yield label, numbers.setdefault(label, len(numbers)), str(rows["direction"].iloc[0]), rows
+
+
+def plot_sweep(directory: Path, kinds: Sequence[str]) -> list[Path]:
+    """Draw figures of a sweep into its directory.
+
+    Parameters
+    ----------
+    directory
+        What ``vibroplat sweep`` has written.
+    kinds
+        ``response`` (RMS, phase difference and flight over excitation frequency), ``bifurcation`` (points of
+        the Poincaré section and impact speeds), ``map`` (synchronization and period over frequency and a key of
+        the grid). All that the tables hold if none is named.
+
+    Raises
+    ------
+    TableError
+        Tables are missing, of a version this one does not read, or do not hold what a figure shows.
+    """
+    require_schema(directory)
+    response = read_response(directory)
+    if not kinds:
+        has_section = any(directory.glob("section.*"))
+        kinds = ["response", *(["bifurcation"] if has_section else []), *(["map"] if _map_key(response) else [])]
+    with styled():
+        return [save(FIGURES[kind](response), directory / f"{kind}.png") for kind in kinds]
+
+
+def read_response(directory: Path) -> Response:
+    """Read the table of a sweep."""
+    table = read_columns(directory, "sweep", "direction", (FREQUENCY, "branch", *_NUMBERS))
+    if table.empty:
+        raise TableError(f"{directory} holds an empty sweep table; there is nothing to draw")
+    grid = list(table.columns[1 : list(table.columns).index("direction")])
+    return Response(directory, directory.resolve().name, table, [key for key in grid if len(table[key].unique()) > 1])
+
+
+def _is_number(column: pd.Series[Any]) -> bool:
+    return pd.api.types.is_numeric_dtype(column) and not pd.api.types.is_bool_dtype(column)
+
+
+def draw_curves(axis: Axes, response: Response, column: str, factor: float = 1.0, *, wrap: bool = False) -> None:
+    """Draw one quantity over excitation frequency: a colour a combination, up full and down dashed with dots."""
+    for label, number, direction, rows in response.curves():
+        values = factor * rows[column].to_numpy(dtype=float)
+        if wrap:
+            values = np.mod(values + 0.5, 2.0 * np.pi) - 0.5
+        up = direction == "up"
+        axis.plot(
+            rows[EXCITATION],
+            values,
+            "-" if up else "--",
+            marker="o" if up else "s",
+            ms=2.2,
+            lw=1.0,
+            alpha=1.0 if up else 0.6,
+            color=CURVES[number % len(CURVES)],
+            mfc=None if up else "white",
+            label=f"{label} {'↑' if up else '↓'}".strip(),
+        )
+
+
+def phase_axis(axis: Axes) -> None:
+    """Label an axis of phase differences."""
+    axis.set_ylim(-0.6, 2.0 * np.pi - 0.4)
+    axis.set_yticks([0.0, 0.5 * np.pi, np.pi, 1.5 * np.pi], ["0", "π/2", "π", "3π/2"])
+    axis.set_ylabel("Δφ")
+
+
+def _response(response: Response) -> Figure:
+    """RMS of y, x and rotation, phase difference, and the share of flight where there is material."""
+    flies = bool((response.table.get("flight_fraction", pd.Series(dtype=float)) > 0.0).any())
+    figure, axes = plt.subplots(4 + flies, 1, figsize=(8.5, 8.5 + 1.8 * flies), sharex=True)
+    shown = [("rms_y_m", 1e3, "RMS y (mm)"), ("rms_x_m", 1e3, "RMS x (mm)"), ("rms_phi_rad", 1e3, "RMS φ (mrad)")]
+    for axis, (column, factor, label) in zip(axes, shown, strict=False):
+        draw_curves(axis, response, column, factor)
+        axis.set_ylabel(label)
+        # what is small against the rest is drawn small, not blown up to noise
+        axis.set_ylim(0.0, max(axis.get_ylim()[1], LEAST_RANGE * 1e3 * response.table["rms_y_m"].max()))
+    draw_curves(axes[3], response, "phase_difference_rad", wrap=True)
+    phase_axis(axes[3])
+    if flies:
+        draw_curves(axes[4], response, "flight_fraction")
+        axes[4].set_ylabel("share of flight")
+        axes[4].set_ylim(-0.05, 1.05)
+    axes[-1].set_xlabel("excitation frequency f (Hz)")
+    axes[0].set_title(response.name, loc="left")
+    handles, labels = axes[0].get_legend_handles_labels()
+    if len(handles) > 1:
+        figure.legend(handles, labels, loc="outside lower center", ncols=min(len(handles), 4), fontsize=8)
+    return figure
+
+
+def _bifurcation(response: Response) -> Figure:
+    """Draw points of the Poincaré section and impact speeds over frequency, a column a combination of values."""
+    section = read_columns(response.directory, "section", "direction", (EXCITATION, "branch", "y_m"))
+    impacts = read_columns(response.directory, "impacts", "direction", (EXCITATION, "branch", "impact_speed_m_per_s"))
+    curves = list(response.curves())
+    columns = 1 + max(number for _, number, _, _ in curves)
+    figure, axes = plt.subplots(
+        2, columns, figsize=(max(8.5, 5.0 * columns), 6.5), sharex=True, sharey="row", squeeze=False
+    )
+    for label, number, direction, rows in curves:
+        branch = rows["branch"].iloc[0]
+        style: Any = {"ms": 3.4 if direction == "up" else 2.2, "mew": 0, "alpha": 0.7}
+        style["color"] = CURVES[0] if direction == "up" else CURVES[1]
+        for axis, table, column, factor in (
+            (axes[0, number], section, "y_m", 1e3),
+            (axes[1, number], impacts, "impact_speed_m_per_s", 1.0),
+        ):
+            points = table[table["branch"] == branch]
+            axis.plot(points[EXCITATION], factor * points[column], ".", **style)
+        axes[0, number].set_title(label or response.name, loc="left")
+        axes[1, number].set_xlabel("excitation frequency f (Hz)")
+    axes[0, 0].set_ylabel("y at whole turns of exciter 1 (mm)")
+    axes[1, 0].set_ylabel("impact speed (m/s)")
+    directions = list(dict.fromkeys(direction for _, _, direction, _ in curves))
+    handles = [
+        Line2D([], [], ls="", marker="o", ms=4, color=CURVES[0] if d == "up" else CURVES[1], label=d)
+        for d in directions
+    ]
+    figure.legend(handles=handles, loc="outside lower center", ncols=2)
+    return figure
+
+
+def _map_key(response: Response) -> str | None:
+    """Return the one key of the grid that takes several numbers, or None."""
+    keys = [key for key in response.keys if _is_number(response.table[key])]
+    return keys[0] if len(keys) == len(response.keys) == 1 else None
+
+
+def _map(response: Response) -> Figure:
+    """Colour a map of synchronization and one of period over supply frequency and a key of the grid."""
+    key = _map_key(response)
+    if key is None:
+        raise TableError(f"{response.directory} varies {response.keys}; a map needs one key of the grid with numbers")
+    directions = list(dict.fromkeys(response.table["direction"]))
+    figure, axes = plt.subplots(
+        len(directions), 2, figsize=(11, 0.8 + 3.2 * len(directions)), sharex=True, sharey=True, squeeze=False
+    )
+    sync = ListedColormap(list(SYNC.values()))
+    periods = ListedColormap(list(_PERIOD_COLOURS))
+    for row, direction in zip(axes, directions, strict=True):
+        table = response.table[response.table["direction"] == direction]
+        classes = table["sync"].map({name: i for i, name in enumerate(SYNC)})
+        repeats = np.searchsorted([end for end, _ in _PERIODS], table["period"].fillna(0).astype(int))
+        _tiles(row[0], table.assign(value=classes), key, sync)
+        _tiles(row[1], table.assign(value=repeats), key, periods)
+        row[0].set_title(f"synchronization, {direction}", loc="left")
+        row[1].set_title(f"period, {direction}", loc="left")
+        row[0].set_ylabel(key)
+        row[0].set_yticks(sorted(table[key].unique())[:: max(1, len(table[key].unique()) // 8)])
+    for axis in axes[-1]:
+        axis.set_xlabel("supply frequency (Hz)")
+    patches = [Patch(color=colour, label=name) for name, colour in SYNC.items()]
+    patches += [Patch(color=c, label=f"period {n}") for c, (_, n) in zip(_PERIOD_COLOURS, _PERIODS, strict=True)]
+    figure.legend(handles=patches, loc="outside lower center", ncols=5, fontsize=8)
+    return figure
+
+
+def _tiles(axis: Axes, table: pd.DataFrame, key: str, colours: ListedColormap) -> None:
+    """Colour a tile for each point."""
+    grid = table.pivot_table(index=key, columns=FREQUENCY, values="value", aggfunc="first")
+    norm = BoundaryNorm(np.arange(colours.N + 1) - 0.5, colours.N)
+    axis.pcolormesh(grid.columns, grid.index, grid.to_numpy(dtype=float), cmap=colours, norm=norm, shading="nearest")
+    axis.grid(visible=False)
+
+
+FIGURES: dict[str, Callable[[Response], Figure]] = {"response": _response, "bifurcation": _bifurcation, "map": _map}

@@ -1,0 +1,58 @@
+"""What a finished sweep writes, and what is told of it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pandas as pd
+
+from vibroplat.provenance import provenance
+from vibroplat.scene import Scene
+from vibroplat.solver.engines import engine_name
+from vibroplat.study.branches import sweep_plan
+from vibroplat.study.store import Store
+from vibroplat.study.sweep import impact_tables, section_tables, tables
+from vibroplat.tables import Format, remove_table, write_json, write_tables
+
+
+def write_sweep(scene: Scene, store: Store, directory: Path, form: Format) -> None:
+    """Write the tables of a finished sweep into its directory."""
+    write_json(provenance(scene, engine_name(scene)), directory, "provenance")
+    if sweep_plan(scene).kind == "bifurcation":
+        write_tables(section_tables(scene, store), directory, "section", form)
+        write_tables(impact_tables(scene, store), directory, "impacts", form)
+    else:
+        for name in ("section", "impacts"):
+            remove_table(directory, name)
+    write_tables(tables(scene, store), directory, "sweep", form)
+
+
+def overview(table: pd.DataFrame) -> dict[str, str]:
+    """Say in a few lines what a sweep has found and what it took."""
+    frequency, height = table["excitation_frequency_hz"], 1e3 * table["rms_y_m"]
+    return {
+        "points": f"{len(table)} in {table['branch'].nunique()} branches",
+        "outcomes": _counts(table["outcome"]),
+        "settled": _counts(table["settled"]),
+        "synchronization": _counts(table["sync"]),
+        "periods": _counts(table["period"].map({0: "none"}).fillna(table["period"].astype("str"))),
+        "excitation frequency": f"{frequency.min():.2f} … {frequency.max():.2f} Hz",
+        "RMS y": f"{height.min():.3g} … {height.max():.3g} mm",
+        "energy residual": f"at most {table['energy_residual'].max():.2g}",
+        "simulated": f"{table['simulated_s'].sum():.6g} s, {table['events'].sum()} events, "
+        f"{table['steps'].sum()} steps",
+    }
+
+
+def failures(table: pd.DataFrame) -> list[str]:
+    """Say of each point that did not end ``ok`` where it is and why."""
+    failed = table[table["outcome"] != "ok"]
+    swept = list(table.columns[: list(table.columns).index("direction") + 1])
+    return [
+        f"{row['outcome']} at {', '.join(f'{key} {row[key]}' for key in swept)}: {row['detail']}"
+        for _, row in failed.iterrows()
+    ]
+
+
+def _counts(column: pd.Series) -> str:
+    return ", ".join(f"{name} {count}" for name, count in column.dropna().value_counts().items())
