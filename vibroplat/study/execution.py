@@ -185,7 +185,7 @@ class Cluster:
             reason = " ".join(str(error).split()) or type(error).__name__
             raise ConfigError(f"--scheduler {address}: no scheduler answers there ({reason})") from None
         self._executor: Executor = self._client.get_executor(pure=False)
-        self.given_up = (KilledWorker,)
+        self.given_up: tuple[type[Exception], ...] = (KilledWorker,)
         self.slots = 2 * max(1, sum(self._client.nthreads().values()))
 
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
