@@ -20,6 +20,7 @@ from vibroplat.errors import VibroplatError
 if TYPE_CHECKING:
     from vibroplat.scene import Scene
     from vibroplat.solver.trajectory import Trajectory
+    from vibroplat.study.execution import Pool
 
 #: Failed points of a sweep that are told one by one.
 TOLD = 5
@@ -160,15 +161,16 @@ def sweep(
     planned = branches(scene)
     directory = result_directory(out, scene.name)
     from vibroplat.study import report
-    from vibroplat.study.sweep import conditions, run_sweep
+    from vibroplat.study.execution import pool
+    from vibroplat.study.sweep import conditions, run_sweeps
 
     points = sum(len(branch.frequencies) for branch in planned)
     began = time.perf_counter()
     with Store(directory, conditions(scene), resume=resume, overwrite=overwrite) as store:
         known = len(store)
         _load_kernels()
-        with _sweep_progress(scene.name, len(planned), points) as progress:
-            run_sweep(scene, store, jobs=jobs, scheduler=scheduler, progress=progress)
+        with pool(jobs, scheduler) as workers, _sweep_progress(scene.name, len(planned), points) as progress:
+            run_sweeps([(scene, store)], workers, progress)
         report.write_sweep(scene, store, directory, format_.value)
     seconds = time.perf_counter() - began
     table = read_table(directory, "sweep")
@@ -183,6 +185,91 @@ def sweep(
     if failed:
         print(f"vibroplat: {len(failed)} of {points} points did not end ok", file=sys.stderr)
         raise typer.Exit(1)
+
+
+@app.command()
+def paper(
+    machine: Annotated[
+        list[str] | None, typer.Option(help="A machine of configs/machines; printed and calibrated without it.")
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Directory of the results.")] = Path("results"),
+    jobs: Annotated[int, typer.Option(min=1, help="Worker processes.")] = 2,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with points that are finished.")] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Drop the points of an unfinished run.")] = False,
+    scheduler: Annotated[str | None, typer.Option(help="Address of a dask scheduler.")] = None,
+) -> None:
+    """Reproduce the paper: tables and figures 2-7, and its claims with what was measured and a verdict."""
+    from vibroplat.study.trial import machine_numbers
+
+    chosen = {name: machine_numbers(name) for name in machine or ("printed", "calibrated")}
+    from vibroplat.study.execution import pool
+
+    _load_kernels()
+    with pool(jobs, scheduler) as workers:
+        for name, numbers in chosen.items():
+            _reproduce(name, numbers, out, workers, resume=resume, overwrite=overwrite)
+
+
+def _reproduce(name: str, numbers: dict[str, Any], out: Path, workers: Pool, *, resume: bool, overwrite: bool) -> None:
+    """Reproduce the paper with one machine; write and tell what came of it."""
+    from vibroplat.plots.paper import plot_paper
+    from vibroplat.provenance import provenance
+    from vibroplat.solver.engines import engine_name
+    from vibroplat.study import paper as study
+    from vibroplat.study.trial import paper_scene
+    from vibroplat.tables import result_directory, write_json, write_table
+
+    directory = result_directory(out / "paper", name)
+    began = time.perf_counter()
+    branches, points = study.planned(numbers)
+    with _sweep_progress(name, branches, points) as progress:
+        found = study.reproduce(
+            numbers, directory / "points", workers, resume=resume, overwrite=overwrite, progress=progress
+        )
+    for table_name, table in found.tables.items():
+        write_table(table, directory, table_name, "csv")
+    scene = paper_scene(study.SWEEPS[0], numbers)
+    write_json(provenance(scene, engine_name(scene)) | {"beta_per_s": found.beta}, directory, "provenance")
+    figures = plot_paper(directory)
+    seconds = time.perf_counter() - began
+    for _, row in found.tables["claims"].iterrows():
+        print(f"{row['id']:<24}{row['verdict']:<32}{row['measured']}")
+    print(f"{'machine':<24}{name}; {study.matched(found.beta)}")
+    print(f"{'computed':<24}{found.points} points, {found.simulated:.6g} s of motion, {found.events} events")
+    print(f"{'wall time':<24}{seconds:.3g} s, {found.points / seconds:.3g} points per s")
+    print(f"{'tables and figures':<24}{directory}, {len(figures)} figures")
+
+
+@app.command()
+def calibrate(
+    config: Annotated[Path | None, typer.Argument(help="YAML of a machine with a section calibration.")] = None,
+    out: Annotated[Path, typer.Option(help="Directory of the results.")] = Path("results"),
+    jobs: Annotated[int, typer.Option(min=1, help="Worker processes.")] = 1,
+    generations: Annotated[int | None, typer.Option(min=0, help="Generations of the search.")] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with evaluations that are finished.")] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Drop those of an unfinished search.")] = False,
+    scheduler: Annotated[str | None, typer.Option(help="Address of a dask scheduler.")] = None,
+) -> None:
+    """Fit the numbers that the paper does not print to its claims; the table has a row for each evaluation."""
+    from vibroplat.config import configurations
+    from vibroplat.study import calibration
+    from vibroplat.study.execution import pool
+    from vibroplat.study.store import Store
+    from vibroplat.tables import result_directory, write_table
+
+    overrides = {} if generations is None else {"generations": generations}
+    fixed, plan = calibration.load_plan(config or configurations() / "paper" / "calibration.yaml", overrides)
+    directory = result_directory(out, "calibration")
+    with Store(directory, calibration.conditions(fixed, plan), resume=resume, overwrite=overwrite) as store:
+        _load_kernels()
+        with pool(jobs, scheduler) as workers, _calibration_progress(plan.evaluations) as progress:
+            table = calibration.calibrate(fixed, plan, store, workers, progress)
+    write_table(table, directory, "evaluations", "csv")
+    best = table.iloc[0]
+    for key in plan.parameters:
+        print(f"{key:<40}{best[key]:.5g}")
+    print(f"{'score':<40}{best['score']:.3f}, {best['held']} of {len(table.columns) - len(plan.parameters) - 2} claims")
+    print(f"{'evaluations':<40}{directory / 'evaluations.csv'}")
 
 
 @app.command()
@@ -288,27 +375,42 @@ def _load_kernels() -> None:
 @contextmanager
 def _sweep_progress(name: str, branches: int, points: int) -> Iterator[Callable[[int, int, int], None] | None]:
     """Show branches, points, events and time left on a terminal, nothing elsewhere."""
+    counts = "{task.fields[done]}/{task.fields[branches]} branches, {task.fields[events]} events"
+    with _bar(name, points, "points", counts, done=0, branches=branches, events=0) as update:
+        if update is None:
+            yield None
+        else:
+            yield lambda done, finished, events: update(finished, done=done, events=events)
+
+
+@contextmanager
+def _bar(name: str, total: int, unit: str, counts: str, **fields: Any) -> Iterator[Callable[..., None] | None]:
+    """Show a progress bar with counts beside it on a terminal, nothing elsewhere."""
     if not sys.stderr.isatty():
         yield None
         return
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-    columns = (
-        TextColumn(name),
-        BarColumn(),
-        TextColumn("{task.completed}/{task.total} points"),
-        TextColumn("{task.fields[done]}/{task.fields[branches]} branches, {task.fields[events]} events"),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-    )
+    done = TextColumn("{task.completed}/{task.total} " + unit)
+    columns = (TextColumn(name), BarColumn(), done, TextColumn(counts), TimeElapsedColumn(), TimeRemainingColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("points", total=points, branches=branches, done=0, events=0)
+        task = bar.add_task(name, total=total, **fields)
 
-        def report(done: int, finished: int, events: int) -> None:
-            bar.update(task, completed=finished, done=done, events=events)
+        def update(completed: int, **changed: Any) -> None:
+            bar.update(task, completed=completed, **changed)
 
-        yield report
+        yield update
+
+
+@contextmanager
+def _calibration_progress(total: int) -> Iterator[Callable[[int, float], None] | None]:
+    """Show evaluations, the best score and the time left on a terminal, nothing elsewhere."""
+    with _bar("calibration", total, "evaluations", "best score {task.fields[best]:.3f}", best=0.0) as update:
+        if update is None:
+            yield None
+        else:
+            yield lambda done, best: update(done, best=best)
 
 
 def _print_summary(result: Trajectory, directory: Path) -> None:

@@ -46,6 +46,37 @@ def load_config(path: str | os.PathLike[str], overrides: Mapping[str, Any] | Non
         raise ConfigError(f"{file}: {error}") from None
 
 
+def load_tree(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """Read the keys and values of a YAML file laid over those it extends, without building a scene of them.
+
+    Raises
+    ------
+    vibroplat.errors.ConfigError
+        The file, or one that it extends, cannot be read.
+    """
+    return _read_chain(Path(path), ())
+
+
+def load_list(path: str | os.PathLike[str]) -> list[Any]:
+    """Read a YAML file that holds a list.
+
+    Raises
+    ------
+    vibroplat.errors.ConfigError
+        It cannot be read, or holds something else.
+    """
+    found = _parse(_text(Path(path)), str(path))
+    if not isinstance(found, list):
+        raise ConfigError(f"{path}: holds a {type(found).__name__}; allowed: a list")
+    return found
+
+
+def configurations() -> Path:
+    """Return the directory of the configurations that come with vibroplat."""
+    inside = Path(__file__).parent / "configs"
+    return inside if inside.is_dir() else Path(__file__).parents[1] / "configs"
+
+
 def parse_overrides(settings: Iterable[str]) -> dict[str, Any]:
     """Turn ``key.sub=value`` texts into dotted keys and values, typed as in YAML.
 

@@ -49,3 +49,14 @@ def nest(dotted: Mapping[str, Any]) -> dict[str, Any]:
                 raise ConfigError(f"{path} lies inside {name}, which is already given a value")
         node[key] = value
     return tree
+
+
+def flat(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Turn nested sections into dotted keys: what :func:`nest` takes back."""
+    found: dict[str, Any] = {}
+    for key, value in tree.items():
+        if isinstance(value, Mapping) and value:
+            found |= flat(value, f"{prefix}{key}.")
+        else:
+            found[f"{prefix}{key}"] = value
+    return found

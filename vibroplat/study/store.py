@@ -11,6 +11,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from vibroplat.errors import ConfigError, TableError
+from vibroplat.overrides import flat
 
 #: The file beside the tables that are made of it.
 FILE = "points.sqlite"
@@ -113,17 +114,6 @@ class Store:
             yield
         except sqlite3.Error as error:
             raise TableError(f"{self._path} cannot be used: {error}") from None
-
-
-def flat(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Turn nested sections into dotted keys."""
-    found: dict[str, Any] = {}
-    for key, value in tree.items():
-        if isinstance(value, Mapping) and value:
-            found |= flat(value, f"{prefix}{key}.")
-        else:
-            found[f"{prefix}{key}"] = value
-    return found
 
 
 def _require_same(found: Mapping[str, Any], wanted: Mapping[str, Any]) -> None:

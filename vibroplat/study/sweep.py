@@ -8,9 +8,10 @@ from typing import Any
 import pandas as pd
 
 import vibroplat
+from vibroplat.plan import Sweep
 from vibroplat.scene import Scene
 from vibroplat.study.branches import Branch, branches, sweep_plan
-from vibroplat.study.execution import WorkerLostError, pool, run_chains
+from vibroplat.study.execution import Pool, WorkerLostError, pool, run_chains
 from vibroplat.study.point import MEASURED, Point, measure_point
 from vibroplat.study.store import Store
 
@@ -82,8 +83,8 @@ def sweep(
     >>> sweep(scene)["outcome"].tolist()
     ['ok', 'ok', 'ok']
     """
-    with Store(None, {}) as store:
-        run_sweep(scene, store, jobs=jobs, scheduler=scheduler, progress=progress)
+    with Store(None, {}) as store, pool(jobs, scheduler) as workers:
+        run_sweeps([(scene, store)], workers, progress)
         return pd.concat(tables(scene, store), ignore_index=True)
 
 
@@ -92,35 +93,28 @@ def conditions(scene: Scene) -> dict[str, Any]:
     return {"vibroplat": vibroplat.__version__, "configuration": scene.to_tree()}
 
 
-def run_sweep(
-    scene: Scene,
-    store: Store,
-    *,
-    jobs: int = 1,
-    scheduler: str | None = None,
-    progress: Progress | None = None,
-) -> None:
-    """Run the points of a sweep that a store does not have yet, and keep them there; see :func:`sweep`."""
-    chains = [_Chain(branch, scene, store) for branch in branches(scene)]
+def run_sweeps(sweeps: Sequence[tuple[Scene, Store]], workers: Pool, progress: Progress | None = None) -> None:
+    """Run the points that stores do not have yet of sweeps side by side, and keep them there; see :func:`sweep`."""
+    stores = [store for _, store in sweeps]
+    chains = [_Chain(branch, sweep_plan(scene), store) for scene, store in sweeps for branch in branches(scene)]
 
     def report() -> None:
         if progress is not None:
             progress(sum(c.done for c in chains), sum(c.point for c in chains), sum(c.events for c in chains))
 
     report()
-    if not all(chain.done for chain in chains):
-        with pool(jobs, scheduler) as workers:
-            for _ in run_chains(chains, workers):
-                report()
-    store.finish()
+    for _ in run_chains(chains, workers):
+        report()
+    for store in stores:
+        store.finish()
 
 
 class _Chain:
     """A branch's points, each begun with the state in which the last good one ended."""
 
-    def __init__(self, branch: Branch, scene: Scene, store: Store) -> None:
+    def __init__(self, branch: Branch, plan: Sweep, store: Store) -> None:
         self._branch = branch
-        self._plan = sweep_plan(scene)
+        self._plan = plan
         self._store = store
         self._state: list[float] | None = None
         self.point = 0

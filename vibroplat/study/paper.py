@@ -1,0 +1,284 @@
+"""The paper by Panovko and Shokhin, reproduced: its curves, its time histories, its claims judged."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from vibroplat.config import configurations, load_list
+from vibroplat.scene import Scene
+from vibroplat.solver.initial import static_rest
+from vibroplat.solver.run import simulate
+from vibroplat.study.branches import branches
+from vibroplat.study.claims import EDGE, Claim, Finding, judge
+from vibroplat.study.evidence import Evidence, Key
+from vibroplat.study.execution import Pool
+from vibroplat.study.nonimpact import MATCHED, find_beta
+from vibroplat.study.store import Store
+from vibroplat.study.sweep import Progress, conditions, run_sweeps, tables
+from vibroplat.study.trial import BETA, IMPACT, MASS_RATIO, QUICK, claims, paper_scene
+
+#: Sweeps whose tables are written, in this order, besides that of the non-impact model.
+SWEEPS = ("fig2", *IMPACT, "laws")
+NON_IMPACT = "fig6-nonimpact"
+
+#: Frequencies of the time histories' panels and, by figure, files of their curves in the paper's numbering.
+PANELS: dict[str, tuple[str, ...]] = {
+    "fig4": ("25.75", "30.7", "38.75"),
+    "fig5": ("25.75", "30.7", "38.75"),
+    "fig7": ("25.75", "28.75", "30.7", "38.75"),
+}
+CURVES: dict[str, tuple[str, ...]] = {
+    "fig4": ("mu0.1", "mu0.2", "mu0"),
+    "fig5": ("mu0.1", "mu0.2"),
+    "fig7": ("mu0.2", "mu0.2-R0.3", "mu0.2-R0.5", "mu0.2-nonimpact"),
+}
+#: Turns of exciter 1 that a time history shows, and its points a second.
+SHOWN, RATE = 8, 2000.0
+
+
+@dataclass(frozen=True)
+class Reproduction:
+    """What came of one machine.
+
+    Attributes
+    ----------
+    tables
+        By name: curves, time histories, impact laws, claims.
+    beta
+        β of the non-impact model (1/s), or None where it could not be found.
+    points, simulated, events
+        How many points were computed, over how many seconds of motion, with how many events.
+    """
+
+    tables: dict[str, pd.DataFrame]
+    beta: float | None
+    points: int
+    simulated: float
+    events: int
+
+
+def reproduce(
+    numbers: Mapping[str, Any],
+    directory: Path,
+    workers: Pool,
+    *,
+    resume: bool = False,
+    overwrite: bool = False,
+    progress: Progress | None = None,
+) -> Reproduction:
+    """Run all of the paper with a machine's numbers.
+
+    Parameters
+    ----------
+    numbers
+        Dotted keys and values that are laid over the paper's scenes.
+    directory
+        Where finished points are kept.
+    workers
+        Where points are computed.
+    resume, overwrite
+        Whether to go on with points that are there, or to drop those of an unfinished reproduction.
+    progress
+        Called with finished branches, points and events; branches of the non-impact model come last.
+    """
+    alternatives: list[dict[str, Any]] = load_list(configurations() / "paper" / "alternatives.yaml")
+    with ExitStack() as stack:
+
+        def opened(name: str, scene: Scene) -> tuple[Scene, Store]:
+            place = directory / name
+            place.mkdir(parents=True, exist_ok=True)
+            return scene, stack.enter_context(Store(place, conditions(scene), resume=resume, overwrite=overwrite))
+
+        main = {name: opened(name, paper_scene(name, numbers)) for name in SWEEPS}
+        others = [
+            {
+                name: opened(f"alternative{i}-{name}", paper_scene(name, {**numbers, **changes}, QUICK))
+                for name in IMPACT
+            }
+            for i, changes in enumerate(alternatives)
+        ]
+        everything = [*main.values(), *(sweep for other in others for sweep in other.values())]
+        run_sweeps(everything, workers, progress)
+
+        evidences = [_evidence(main, narrowed=True), *(_evidence(other, narrowed=False) for other in others)]
+        viscous: dict[int, tuple[Scene, Store]] = {}
+        for i, evidence in enumerate(evidences):
+            evidence.beta = find_beta(evidence, MASS_RATIO)
+            if evidence.beta is not None:
+                changes = {**numbers, **(alternatives[i - 1] if i else {})}
+                scene = paper_scene(NON_IMPACT, changes, {**(QUICK if i else {}), BETA: evidence.beta})
+                viscous[i] = opened(f"alternative{i - 1}-{NON_IMPACT}" if i else NON_IMPACT, scene)
+        run_sweeps(list(viscous.values()), workers)
+        for i, (scene, store) in viscous.items():
+            evidences[i].add(scene, store)
+        if 0 in viscous:
+            main[NON_IMPACT] = viscous[0]
+
+        found = {name: pd.concat(tables(*sweep), ignore_index=True) for name, sweep in main.items()}
+        found |= {figure: histories(figure, numbers, evidences[0].beta) for figure in PANELS}
+        found["impact-laws"] = impact_laws(evidences[0])
+        found["claims"] = scoreboard(evidences[0], list(zip(alternatives, evidences[1:], strict=True)))
+        every = [pd.concat(tables(*sweep)) for sweep in (*everything, *viscous.values())]
+    return Reproduction(
+        found,
+        evidences[0].beta,
+        sum(len(table) for table in every),
+        float(sum(table["simulated_s"].sum() for table in every)),
+        int(sum(table["events"].sum() for table in every)),
+    )
+
+
+def planned(numbers: Mapping[str, Any]) -> tuple[int, int]:
+    """Return how many branches and points there are before those of the non-impact model."""
+    alternatives = load_list(configurations() / "paper" / "alternatives.yaml")
+    scenes = [paper_scene(name, numbers) for name in SWEEPS]
+    scenes += [paper_scene(name, {**numbers, **changes}, QUICK) for changes in alternatives for name in IMPACT]
+    found = [branch for scene in scenes for branch in branches(scene)]
+    return len(found), sum(len(branch.frequencies) for branch in found)
+
+
+def _evidence(sweeps: Mapping[str, tuple[Scene, Store]], *, narrowed: bool) -> Evidence:
+    evidence = Evidence(narrowed=narrowed)
+    for scene, store in sweeps.values():
+        evidence.add(scene, store)
+    return evidence
+
+
+# -- time histories ---------------------------------------------------------------------------------------
+
+
+def histories(figure: str, numbers: Mapping[str, Any], beta: float | None) -> pd.DataFrame:
+    """Return the time histories of a figure: the last turns of exciter 1, time counted from a whole one.
+
+    The columns are panel (the paper's frequency), curve (its number), scene, excitation_frequency_hz, t_s,
+    y_m (from the static rest) and gap_m. Curves of the non-impact model are left out where there is no β.
+    """
+    parts = []
+    for panel in PANELS[figure]:
+        for number, curve in enumerate(CURVES[figure], 1):
+            if curve.endswith("nonimpact") and beta is None:
+                continue
+            scene = paper_scene(f"f{panel}-{curve}", numbers, {BETA: beta} if curve.endswith("nonimpact") else None)
+            parts.append(history(scene).assign(panel=float(panel), curve=number))
+    table = pd.concat(parts, ignore_index=True)
+    return table[["panel", "curve", "scene", "excitation_frequency_hz", "t_s", "y_m", "gap_m"]]
+
+
+def history(scene: Scene) -> pd.DataFrame:
+    """Simulate a scene and return its last turns of exciter 1."""
+    run = simulate(scene)
+    turns = run.section["t_s"].to_numpy()
+    begin = turns[max(len(turns) - 1 - SHOWN, 0)] if len(turns) else 0.0
+    times = np.arange(begin, run.segments[-1].end, 1.0 / RATE)
+    rows = run(times)
+    return pd.DataFrame(
+        {
+            "scene": scene.name,
+            "excitation_frequency_hz": run.summary["excitation_frequency_hz"],
+            "t_s": np.round(times - begin, 9),
+            "y_m": np.round(rows["y_m"] - static_rest(scene)[1], 9),
+            "gap_m": np.round(rows["gap_m"], 9) if "gap_m" in rows else np.nan,
+        }
+    )
+
+
+# -- impact laws ------------------------------------------------------------------------------------------
+
+
+def impact_laws(evidence: Evidence) -> pd.DataFrame:
+    """Compare the curves of laws `central` and `printed` with that of `conservative`, below and above resonance.
+
+    The differences are those of RMS y over that of `conservative` at equal excitation frequencies, largest and
+    mean; jump_hz is where antiphase ends below the second resonance.
+    """
+    rows = []
+    laws = sorted({key.law for key in evidence.courses} - {"conservative"})
+    restitutions = sorted({key.restitution for key in evidence.courses if key.law != "conservative"})
+    for law in laws:
+        for restitution in restitutions:
+            key = Key(MASS_RATIO, restitution)
+            row: dict[str, Any] = {"impact_law": law, "restitution": restitution}
+            for name, low, high in (("below", 21.0, 31.0), ("above", 35.5, 40.0)):
+                at = np.arange(low, high + 1e-9, EDGE)
+                base = evidence.curve(key, "rms_y_m", at)
+                change = np.abs(evidence.curve(key._replace(law=law), "rms_y_m", at) / base - 1.0)
+                known = change[np.isfinite(change)]
+                row[f"{name}_largest"] = known.max() if known.size else np.nan
+                row[f"{name}_mean"] = known.mean() if known.size else np.nan
+            for label, which in (("jump_hz", key._replace(law=law)), ("jump_conservative_hz", key)):
+                jump = evidence.end_of(which, "antiphase", 20.0)
+                row[label] = jump.before["excitation_frequency_hz"] if jump else np.nan
+            rows.append(row)
+    return pd.DataFrame(rows)
+
+
+# -- scoreboard -------------------------------------------------------------------------------------------
+
+
+def scoreboard(evidence: Evidence, others: Sequence[tuple[Mapping[str, Any], Evidence]]) -> pd.DataFrame:
+    """Judge every claim: id, figure, what is expected, what was measured, verdict, and why where it fails.
+
+    A claim that fails but holds with other values of what the paper does not print depends on an unprinted
+    number; the line says with which.
+    """
+    rows = []
+    for claim in claims():
+        finding = judge(claim, evidence)
+        verdict, why = "reproduced", ""
+        if not finding.holds:
+            verdict, why = _explain(claim, [(changes, judge(claim, other)) for changes, other in others])
+        rows.append(
+            {
+                "id": claim["id"],
+                "figure": claim["fig"],
+                "expected": expected(claim),
+                "measured": finding.measured,
+                "verdict": verdict,
+                "why": why,
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def _explain(claim: Claim, findings: Sequence[tuple[Mapping[str, Any], Finding]]) -> tuple[str, str]:
+    """Give the verdict of a claim that fails, and a line why."""
+    holding = [(changes, finding) for changes, finding in findings if finding.holds]
+    if holding:
+        changes, finding = holding[0]
+        more = f" (and with {len(holding) - 1} of the other sets)" if len(holding) > 1 else ""
+        return "depends on an unprinted number", f"holds with {_told(changes)}{more}: {finding.measured}"
+    changes, nearest = max(findings, key=lambda pair: pair[1].score)
+    others = f"nor with any of {len(findings)} other sets of unprinted numbers"
+    return "not reproduced", f"{others}; nearest {_told(changes)}: {nearest.measured}"
+
+
+def _told(changes: Mapping[str, Any]) -> str:
+    return ", ".join(f"{key.split('.')[-1]} {value:g}" for key, value in changes.items())
+
+
+def expected(claim: Claim) -> str:
+    """Say a claim in words."""
+    parts = [f"{symbol} {_range(claim[key])}" for symbol, key in (("μ", "mu"), ("R", "R")) if key in claim]
+    if "f" in claim:
+        parts.append(f"f {_range(claim['f'])} Hz" + (f" ± {claim['tol']:g}" if "tol" in claim else ""))
+    return f"{', '.join(parts)}: {claim.get('regime') or claim['text']}"
+
+
+def _range(value: Any) -> str:
+    if not isinstance(value, Sequence):
+        return f"{value:g}"
+    return f"{value[0]:g}" if value[0] == value[-1] else " … ".join(f"{v:g}" for v in (value[0], value[-1]))
+
+
+def matched(beta: float | None) -> str:
+    """Say what came of matching the non-impact model."""
+    if beta is None:
+        return f"no β: f = {MATCHED} Hz is not reached in antiphase by both models"
+    return f"β = {beta:.2f} 1/s makes RMS y equal at f = {MATCHED} Hz"

@@ -1,0 +1,82 @@
+"""A trial of the paper: its sweeps with one set of numbers, for calibration and for what depends on a number."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from vibroplat.config import configurations, load_config, load_list, load_tree
+from vibroplat.errors import ConfigError
+from vibroplat.overrides import flat
+from vibroplat.scene import Scene
+from vibroplat.study.claims import Finding, judge
+from vibroplat.study.evidence import Evidence
+from vibroplat.study.execution import Inline
+from vibroplat.study.nonimpact import find_beta
+from vibroplat.study.store import Store
+from vibroplat.study.sweep import run_sweeps
+
+#: Sweeps of the impact model from which claims are judged.
+IMPACT = ("fig3", "fig6")
+#: Mass ratio at which models and restitutions are compared.
+MASS_RATIO = 0.2
+BETA = "contact.viscous_per_mass_per_s"
+
+#: Coarser sweeps of a trial: steps of 1 Hz of supply frequency, upward, measured for a shorter time.
+QUICK: dict[str, Any] = {
+    "sweep.supply_frequency_hz.step": 1.0,
+    "sweep.supply_frequency_hz.direction": ["up"],
+    "sweep.measure_s": 1.0,
+    "sweep.max_settle_s": 10.0,
+    "sweep.lyapunov": False,
+    "solver.tolerance": 1e-5,
+    "solver.max_events_per_period": 500,
+}
+
+
+def machine_numbers(name: str) -> dict[str, Any]:
+    """Return the dotted keys and values of a machine by its name.
+
+    Raises
+    ------
+    ConfigError
+        There is no such machine; the text lists those that there are.
+    """
+    directory = configurations() / "machines"
+    known = sorted(path.stem for path in directory.glob("*.yaml"))
+    if name not in known:
+        raise ConfigError(f"--machine {name}; allowed: {', '.join(known)}")
+    return flat(load_tree(directory / f"{name}.yaml"))
+
+
+def paper_scene(name: str, numbers: Mapping[str, Any], changes: Mapping[str, Any] | None = None) -> Scene:
+    """Return a scene of the paper, by the name of its file, with a machine's numbers laid over it."""
+    return load_config(configurations() / "paper" / f"{name}.yaml", {**numbers, **(changes or {})})
+
+
+def claims() -> list[dict[str, Any]]:
+    """Return the paper's claims."""
+    return load_list(configurations() / "paper" / "claims.yaml")
+
+
+def quick_evidence(numbers: Mapping[str, Any]) -> Evidence:
+    """Run the coarse sweeps of a trial, one after the other."""
+    evidence = Evidence(narrowed=False)
+    for name in IMPACT:
+        _take(evidence, paper_scene(name, numbers, QUICK))
+    evidence.beta = find_beta(evidence, MASS_RATIO)
+    if evidence.beta is not None:
+        _take(evidence, paper_scene("fig6-nonimpact", numbers, {**QUICK, BETA: evidence.beta}))
+    return evidence
+
+
+def quick_findings(numbers: Mapping[str, Any]) -> dict[str, Finding]:
+    """Judge all claims by the coarse sweeps of a trial."""
+    evidence = quick_evidence(numbers)
+    return {claim["id"]: judge(claim, evidence) for claim in claims()}
+
+
+def _take(evidence: Evidence, scene: Scene) -> None:
+    with Store(None, {}) as store:
+        run_sweeps([(scene, store)], Inline())
+        evidence.add(scene, store)
