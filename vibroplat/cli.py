@@ -258,7 +258,7 @@ def calibrate(
     from vibroplat.tables import result_directory, write_table
 
     overrides = {} if generations is None else {"generations": generations}
-    fixed, plan = calibration.load_plan(config or configurations() / "paper" / "calibration.yaml", overrides)
+    fixed, plan = calibration.load_plan(config or configurations() / "claims" / "calibration.yaml", overrides)
     directory = result_directory(out, "calibration")
     with Store(directory, calibration.conditions(fixed, plan), resume=resume, overwrite=overwrite) as store:
         _load_kernels()

@@ -220,7 +220,7 @@ def test_configuration_of_a_result_with_a_state_can_be_run_again():
         (["run", "bad.yaml"], "bad.yaml: contact.restitution = 1.2; allowed: at most 1.0"),
         (["run", "good.yaml", "--set", "drive"], "--set 'drive'; allowed: key.sub=value"),
         (["run", "good.yaml", "--out", "bad.yaml"], "output bad.yaml/good is not writable: Not a directory"),
-        (["plot", "nope"], "nope is no directory; allowed: one that `vibroplat run` has written"),
+        (["plot", "nope"], "nope is no directory; allowed: one that vibroplat has written"),
         (["run"], "Missing argument 'config'. Try 'vibroplat --help'."),
         (["frobnicate"], "No such command 'frobnicate'. Try 'vibroplat --help'."),
     ],

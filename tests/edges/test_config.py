@@ -11,7 +11,7 @@ from vibroplat.errors import ConfigError
 
 from .helpers import ROOT, cpu_seconds
 
-SECTIONS = "name, machine, motor, motors, material, contact, drive, run, solver, output"
+SECTIONS = "name, machine, motor, motors, material, contact, drive, run, solver, output, sweep"
 MACHINE = (
     "platform_mass_kg, platform_inertia_kg_m2, unbalance_mass_kg, unbalance_radius_m, rotor_inertia_kg_m2, "
     "exciter_distance_m, exciter_angle_deg, stiffness_x_n_per_m, stiffness_y_n_per_m, "
@@ -508,7 +508,10 @@ def test_stem_that_cannot_be_a_name_is_refused(here):
     assert str(caught.value) == f"my scene.yaml: name = 'my scene'; allowed: {NAME}"
 
 
-@pytest.mark.parametrize("path", sorted((ROOT / "configs").rglob("*.yaml")), ids=lambda p: p.stem)
+SCENES = [path for room in ("", "machines", "paper") for path in sorted((ROOT / "configs" / room).glob("*.yaml"))]
+
+
+@pytest.mark.parametrize("path", SCENES, ids=lambda p: p.stem)
 def test_configuration_of_the_repository_loads(path):
     assert isinstance(load_config(path), Scene)
 

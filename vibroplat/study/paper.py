@@ -88,7 +88,7 @@ def reproduce(
     progress
         Called with finished branches, points and events; branches of the non-impact model come last.
     """
-    alternatives: list[dict[str, Any]] = load_list(configurations() / "paper" / "alternatives.yaml")
+    alternatives: list[dict[str, Any]] = load_list(configurations() / "claims" / "alternatives.yaml")
     with ExitStack() as stack:
 
         def opened(name: str, scene: Scene) -> tuple[Scene, Store]:
@@ -137,7 +137,7 @@ def reproduce(
 
 def planned(numbers: Mapping[str, Any]) -> tuple[int, int]:
     """Return how many branches and points there are before those of the non-impact model."""
-    alternatives = load_list(configurations() / "paper" / "alternatives.yaml")
+    alternatives = load_list(configurations() / "claims" / "alternatives.yaml")
     scenes = [paper_scene(name, numbers) for name in SWEEPS]
     scenes += [paper_scene(name, {**numbers, **changes}, QUICK) for changes in alternatives for name in IMPACT]
     found = [branch for scene in scenes for branch in branches(scene)]

@@ -56,7 +56,7 @@ def paper_scene(name: str, numbers: Mapping[str, Any], changes: Mapping[str, Any
 
 def claims() -> list[dict[str, Any]]:
     """Return the paper's claims."""
-    return load_list(configurations() / "paper" / "claims.yaml")
+    return load_list(configurations() / "claims" / "claims.yaml")
 
 
 def quick_evidence(numbers: Mapping[str, Any]) -> Evidence:
