@@ -62,6 +62,7 @@ class BenchName(StrEnum):
     runtime = "runtime"
     precision = "precision"
     engines = "engines"
+    sweeps = "sweeps"
 
 
 def main() -> None:
@@ -305,7 +306,8 @@ def plot(
 @app.command()
 def bench(
     names: Annotated[
-        list[BenchName] | None, typer.Argument(metavar="[NAME]...", help="runtime, precision, engines; all if none.")
+        list[BenchName] | None,
+        typer.Argument(metavar="[NAME]...", help="runtime, precision, engines, sweeps; all if none."),
     ] = None,
     out: Annotated[Path, typer.Option(help="Directory of the results.")] = Path("results"),
     reference: Annotated[Path, typer.Option(help="Directory of reference tables.")] = Path("tests/reference"),

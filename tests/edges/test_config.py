@@ -68,6 +68,11 @@ solver:
   engine: auto                      # auto | native | sundae
 output:
   sample_rate_hz: 2000
+sweep:
+  supply_frequency_hz: {start: 42.0, stop: 80.0, step: 0.5, direction: [up, down]}
+  grid: {material.mass_ratio: [0.0, 0.1, 0.2], contact.restitution: [0.0]}
+  settle_s: 6.0
+  measure_s: 2.0
 """
 
 # -- one file, one line ---------------------------------------------------------------------------------
@@ -519,8 +524,9 @@ def test_configuration_of_the_repository_loads(path):
 def test_example_of_the_interface_loads(scene_of, here):
     (here / "machines").symlink_to(ROOT / "configs/machines")
     scene = scene_of(EXAMPLE)
-    assert scene.replace(name="x") == load_config(ROOT / "configs/quickstart.yaml").replace(
-        {"name": "x", "contact": {"model": "impact", "impact_law": "conservative", "viscous_per_mass_per_s": 0.0}}
+    assert scene.sweep.settle_s == 6.0
+    assert scene.replace(name="x", sweep=None) == load_config(ROOT / "configs/quickstart.yaml").replace(
+        {"name": "x", "sweep": None, "contact": {"model": "impact", "impact_law": "conservative", "viscous_per_mass_per_s": 0.0}}
     )
     assert scene.machine.rotor_inertia_kg_m2 == 0.8e-3
 

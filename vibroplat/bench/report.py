@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from vibroplat.bench import engines
+from vibroplat.bench import engines, sweeps
 from vibroplat.bench.reference import load_references
 from vibroplat.bench.timing import TOLERANCES, VARIANTS, precision, runtime
 from vibroplat.plots.bench import plot_precision
@@ -46,11 +46,18 @@ def report_engines(directory: Path, reference: Path, repeats: int) -> None:
     _show(engines.targets(speed, restarts, long_run, starts), directory, "engines-targets")
 
 
+def report_sweeps(directory: Path, reference: Path, repeats: int) -> None:
+    """Settling and workers of sweeps."""
+    _show(sweeps.settling(), directory, "sweeps-settling")
+    _show(sweeps.workers(min(repeats, 3)), directory, "sweeps-workers")
+
+
 #: By the name on the command line.
 REPORTS: dict[str, Callable[[Path, Path, int], None]] = {
     "runtime": report_runtime,
     "precision": report_precision,
     "engines": report_engines,
+    "sweeps": report_sweeps,
 }
 
 

@@ -22,7 +22,7 @@ from vibroplat.solver.summary import measured
 from vibroplat.solver.tape import Tape
 from vibroplat.study.lyapunov import largest_exponent
 from vibroplat.study.section import period, section_points
-from vibroplat.study.settling import settle
+from vibroplat.study.settling import Settling, settle
 
 #: Distance of the phase difference from 0 or π (rad) up to which exciters turn in phase or antiphase.
 SYNCHRONOUS = math.pi / 3.0
@@ -100,7 +100,8 @@ def measure_point(scene: Scene, plan: Sweep, state: list[float] | None, key: tup
         motion = Motion(scene, p, engine, perturbed(start, scene, plan, key))
         settling = settle(motion, plan)
         wants_events = plan.kind == "bifurcation"
-        part = motion.go_on(plan.measure_s, read=read if wants_events else None)
+        seconds = measuring_time(motion.state, plan.measure_s, settling)
+        part = motion.go_on(seconds, read=read if wants_events else None)
         row: dict[str, Any] = {"settled": settling.how, "settle_s": settling.seconds}
         final, points = None, None
         if motion.outcome == "ok":
@@ -142,6 +143,15 @@ def perturbed(state: FloatArray, scene: Scene, plan: Sweep, key: tuple[int, ...]
     changed = state.copy()
     changed[7:12] += plan.perturbation * state_scales(scene)[7:12] * random.standard_normal(5)
     return changed
+
+
+def measuring_time(state: FloatArray, least: float, settling: Settling) -> float:
+    """Return how long to measure (s): where the motion repeats, so that the whole turns in it are whole periods."""
+    if settling.turn == 0.0:
+        return least
+    periods = math.ceil(least / (settling.period * settling.turn))
+    begun = math.copysign(1.0, state[10]) * state[3] / (2.0 * math.pi) % 1.0  # of the turn in which it begins
+    return float((1.0 - begun + periods * settling.period + 0.25) * settling.turn)
 
 
 def synchronization(found: dict[str, Any]) -> str:

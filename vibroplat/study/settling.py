@@ -1,9 +1,10 @@
 """How long a motion settles before it is measured.
 
-Every 32 turns of exciter 1 the Poincaré section of the last 32 is compared with that of the 32 before. Where
+Every 16 turns of exciter 1 the Poincaré section of the last 32 is compared with that of the 32 before. Where
 for some n ≤ 16 the points, taken n turns apart, draw together, what is left of the way follows as a geometric
-series of the ratio q of both spreads D: D q/(1−q). A motion that will not repeat is known by spreads that no
-longer fall and statistics without a trend.
+series of the ratio q of both spreads D: D q/(1−q). It must be little at two looks one after the other, for at the
+first a quick transient may hide a slow one. A motion that will not repeat is known by spreads that no longer fall
+and statistics without a trend.
 """
 
 from __future__ import annotations
@@ -19,14 +20,14 @@ from vibroplat.solver.motion import Motion
 from vibroplat.solver.summary import measured
 from vibroplat.study.section import section_points, spreads
 
-#: Turns of exciter 1 between two looks.
-TURNS = 32
+#: Turns of exciter 1 that are compared with as many before, and those between two looks.
+TURNS, BLOCK = 32, 16
 #: Largest spread, over the settling tolerance, from which the rest of the way is extrapolated.
 NEAR = 30.0
 #: Spread, over the solver's tolerance, that is its noise.
 NOISE = 30.0
 #: Looks of which the first and the second half are compared where no period shows.
-WINDOW = 6
+WINDOW = 12
 #: Spreads of the second half over those of the first, from which on they do not fall.
 LEVEL = 0.7
 #: Difference of the halves' means that is no trend, in its standard errors, and as a share of the mean.
@@ -36,10 +37,24 @@ _WATCHED = ("rms_y_m", "excitation_frequency_hz", "flight_fraction", "phase_cohe
 
 
 class Settling(NamedTuple):
-    """How a motion settled: ``periodic``, ``non-periodic``, ``maximum`` (neither until then), ``fixed``."""
+    """How a motion settled.
+
+    Attributes
+    ----------
+    how
+        ``periodic``, ``non-periodic``, ``maximum`` (neither until then), ``fixed``.
+    seconds
+        How long.
+    period
+        After how many turns of exciter 1 it repeats, where it is periodic; otherwise 1.
+    turn
+        Duration of a turn at the end (s); 0 where it is not known.
+    """
 
     how: str
     seconds: float
+    period: int = 1
+    turn: float = 0.0
 
 
 def settle(motion: Motion, plan: Sweep) -> Settling:
@@ -48,11 +63,11 @@ def settle(motion: Motion, plan: Sweep) -> Settling:
     if plan.settle_s != "auto":
         motion.go_on(plan.settle_s)
         return Settling("fixed", motion.now - began)
-    block = TURNS * 2.0 * math.pi / motion.scene.speed_scale
+    block = BLOCK * 2.0 * math.pi / motion.scene.speed_scale
     points = np.empty((0, 14))
     falls: list[float] = []
     statistics: list[list[float]] = []
-    how = "maximum"
+    close = 0
     while (left := plan.max_settle_s - (motion.now - began)) > 1e-9 * plan.max_settle_s:
         part = motion.go_on(min(block, left))
         if motion.outcome != "ok":
@@ -61,24 +76,26 @@ def settle(motion: Motion, plan: Sweep) -> Settling:
         if len(points) < 2 * TURNS:
             continue
         now, before = spreads(points[TURNS:]), spreads(points[:TURNS])
-        if _draws_together(now, before, plan.settle_tolerance, NOISE * motion.scene.solver.tolerance):
-            how = "periodic"
-            break
+        was_close = close
+        close = _draws_together(now, before, plan.settle_tolerance, NOISE * motion.scene.solver.tolerance)
+        if close and was_close:
+            frequency = measured(part)["excitation_frequency_hz"]
+            return Settling("periodic", motion.now - began, close, 1.0 / frequency)
         falls.append(float(now.min()))
         summary = measured(part)
         statistics.append([float(summary[name] or 0.0) for name in _WATCHED])
         if falls[-1] > plan.period_tolerance and _goes_on(falls, np.array(statistics)):
-            how = "non-periodic"
-            break
-    return Settling(how, motion.now - began)
+            return Settling("non-periodic", motion.now - began)
+    return Settling("maximum", motion.now - began)
 
 
-def _draws_together(now: FloatArray, before: FloatArray, tolerance: float, noise: float) -> bool:
-    """Whether for some period all that is left of the way to it is within the tolerance."""
+def _draws_together(now: FloatArray, before: FloatArray, tolerance: float, noise: float) -> int:
+    """Return the shortest period to which all that is left of the way is within the tolerance, or 0."""
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = now / before
         left = np.where(ratio < 1.0, now * ratio / (1.0 - ratio), np.inf)
-    return bool(((now <= noise) | ((now <= NEAR * tolerance) & (left <= tolerance))).any())
+    near = np.flatnonzero((now <= noise) | ((now <= NEAR * tolerance) & (left <= tolerance)))
+    return int(near[0]) + 1 if near.size else 0
 
 
 def _goes_on(falls: list[float], statistics: FloatArray) -> bool:
