@@ -658,6 +658,8 @@ def resolved(schema, node):
 
 def missing(schema, node, tree, path=""):
     """Dotted keys of a tree that a JSON schema does not know."""
+    if "properties" not in node:  # its keys are free
+        return
     for key, value in tree.items():
         if key not in node["properties"]:
             yield f"{path}{key}"

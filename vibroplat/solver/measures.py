@@ -80,6 +80,12 @@ def no_measures(window: float) -> Measures:
     return Measures(np.zeros(N_POWERS), plain, open_turn, whole, marks, np.zeros(TOTALS), section)
 
 
+def section_rows(ms: Measures) -> FloatArray:
+    """Time, full state and contact force at whole turns of exciter 1, in the order of time."""
+    turns = int(ms.marks[TURNS])
+    return ms.section[np.arange(max(turns - SECTION_ROWS, 0), turns) % SECTION_ROWS]
+
+
 @compiled
 def crossing(step: float, a0: float, a1: float, rate_0: float, rate_1: float, level: float) -> float:
     """Fraction of a step at which an angle passes a level between its ends, by bisection."""

@@ -16,7 +16,7 @@ from vibroplat.physics.systems import FULL_SIZE, System
 from vibroplat.scene import COORDINATES, RATES, Mode, Scene
 from vibroplat.solver import measures as m
 from vibroplat.solver.interpolation import sample
-from vibroplat.solver.measures import Measures
+from vibroplat.solver.measures import Measures, section_rows
 
 EVENT_COLUMNS = (
     "t_s",
@@ -138,8 +138,7 @@ class Trajectory:
 
         The columns are those of the trajectory table without the mode.
         """
-        turns = int(self.measures.marks[m.TURNS])
-        points = self.measures.section[np.arange(max(turns - m.SECTION_ROWS, 0), turns) % m.SECTION_ROWS]
+        points = section_rows(self.measures)
         places = [m.SECTION_STATE + i + half for half in (0, 7) for i in self.scene.coordinates]
         names = [names[i] for names in (COORDINATES, RATES) for i in self.scene.coordinates]
         columns = {"t_s": points[:, m.SECTION_TIME]} | {n: points[:, i] for n, i in zip(names, places, strict=True)}

@@ -9,7 +9,7 @@ import numpy as np
 from vibroplat.physics.parameters import FloatArray
 from vibroplat.scene import Scene
 from vibroplat.solver import measures as m
-from vibroplat.solver.measures import Measures
+from vibroplat.solver.measures import Measures, section_rows
 from vibroplat.solver.scales import state_scales
 
 #: Longest period that is looked for, in turns of exciter 1.
@@ -25,9 +25,7 @@ def section_points(measures: Measures, scene: Scene) -> FloatArray:
         Coordinates and rates over their scales; in the places of the exciters' angles are cosine and sine
         of the phase difference, so that differences of points know no whole turns.
     """
-    turns = int(measures.marks[m.TURNS])
-    rows = measures.section[np.arange(max(turns - m.SECTION_ROWS, 0), turns) % m.SECTION_ROWS]
-    states = rows[:, m.SECTION_STATE : m.SECTION_FORCE]
+    states = section_rows(measures)[:, m.SECTION_STATE : m.SECTION_FORCE]
     points = states / state_scales(scene)
     phase = states[:, 3] + states[:, 4]
     points[:, 3], points[:, 4] = np.cos(phase), np.sin(phase)

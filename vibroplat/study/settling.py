@@ -16,6 +16,8 @@ import numpy as np
 
 from vibroplat.physics.parameters import FloatArray
 from vibroplat.plan import Sweep
+from vibroplat.solver import measures as m
+from vibroplat.solver.measures import section_rows
 from vibroplat.solver.motion import Motion
 from vibroplat.solver.summary import measured
 from vibroplat.study.section import section_points, spreads
@@ -64,7 +66,7 @@ def settle(motion: Motion, plan: Sweep) -> Settling:
         motion.go_on(plan.settle_s)
         return Settling("fixed", motion.now - began)
     block = BLOCK * 2.0 * math.pi / motion.scene.speed_scale
-    points = np.empty((0, 14))
+    points, times = np.empty((0, 14)), np.empty(0)
     falls: list[float] = []
     statistics: list[list[float]] = []
     close = 0
@@ -73,14 +75,14 @@ def settle(motion: Motion, plan: Sweep) -> Settling:
         if motion.outcome != "ok":
             break
         points = np.concatenate([points, section_points(part.measures, motion.scene)])[-2 * TURNS :]
+        times = np.concatenate([times, section_rows(part.measures)[:, m.SECTION_TIME]])[-2 * TURNS :]
         if len(points) < 2 * TURNS:
             continue
         now, before = spreads(points[TURNS:]), spreads(points[:TURNS])
         was_close = close
         close = _draws_together(now, before, plan.settle_tolerance, NOISE * motion.scene.solver.tolerance)
         if close and was_close:
-            frequency = measured(part)["excitation_frequency_hz"]
-            return Settling("periodic", motion.now - began, close, 1.0 / frequency)
+            return Settling("periodic", motion.now - began, close, float(times[-1] - times[TURNS]) / (TURNS - 1))
         falls.append(float(now.min()))
         summary = measured(part)
         statistics.append([float(summary[name] or 0.0) for name in _WATCHED])

@@ -1,0 +1,433 @@
+"""The table of a sweep: its columns, what is in them, points that fail, seeds."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from vibroplat import load_config, simulate, sweep
+from vibroplat.errors import ConfigError
+from vibroplat.scene import Scene
+from vibroplat.solver.initial import initial_state
+from vibroplat.solver.scales import state_scales
+from vibroplat.study.branches import branches
+from vibroplat.study.execution import Inline
+from vibroplat.study.point import Point, measure_point, perturbed, synchronization
+from vibroplat.study.store import Store
+from vibroplat.study.sweep import impact_tables, run_sweeps, section_tables, tables
+from vibroplat.tables import read_table
+
+from .helpers import CALIBRATED, CHAOTIC, FLYING, QUICKSTART, bits, planned, swept
+
+#: shared/interface.md, in its order.
+INTERFACE = (
+    "direction branch excitation_frequency_hz frequency_split_hz rms_x_m rms_y_m rms_phi_rad amplitude_y_m "
+    "phase_difference_rad phase_coherence sync period flight_fraction impacts_per_period gap_max_m "
+    "contact_force_max_n impulse_max_n_s motor_power_w energy_residual outcome steps residual_calls events "
+    "simulated_s wall_s"
+).split()
+TEXTS = {"direction", "sync", "settled", "outcome", "detail"}
+COUNTS = {"branch", "period", "steps", "residual_calls", "events"}
+#: What every row has, also of a point that failed.
+OF_THE_OUTCOME = ("direction", "branch", "outcome", "detail", "steps", "residual_calls", "events", "simulated_s", "wall_s")
+GRID = {"contact.restitution": [0.0, 0.3], "material.layers": [2, 1]}
+STORM = {"solver.max_events_per_period": 1}
+
+
+@pytest.fixture(scope="module")
+def table():
+    """Two directions of four combinations of values."""
+    return swept(QUICKSTART, 50.0, 51.0, direction=["up", "down"], grid=GRID)
+
+
+# -- rows and columns -----------------------------------------------------------------------------------
+
+
+def test_columns_are_those_of_the_interface(table):
+    found = list(table.columns)
+    assert found[:3] == ["supply_frequency_hz", *GRID]
+    assert [column for column in found[3:] if column in INTERFACE] == INTERFACE
+    assert len(set(found)) == len(found)
+
+
+def test_types_of_columns(table):
+    assert table["supply_frequency_hz"].dtype == float
+    assert [table[key].dtype.kind for key in GRID] == ["f", "i"]
+    for column in table.columns[3:]:
+        expected = "str" if column in TEXTS else "Int64" if column in COUNTS else "float64"
+        assert str(table[column].dtype) == expected, column
+
+
+def test_types_do_not_depend_on_what_was_found():
+    """A table without a period, an exponent or a good point has the types of any other."""
+    failed = swept(QUICKSTART, 51.0, changes=STORM, grid=GRID)
+    chaotic = swept(CALIBRATED, 62.5, changes=CHAOTIC, grid=GRID)
+    assert set(failed["outcome"]) == {"event-storm"}
+    assert failed.dtypes.equals(chaotic.dtypes)
+
+
+def test_rows_are_in_the_order_of_branches_and_of_points(table):
+    assert table["branch"].tolist() == [branch for branch in range(8) for _ in range(3)]
+    assert table["direction"].tolist() == (["up"] * 3 + ["down"] * 3) * 4
+    assert table["supply_frequency_hz"].tolist() == [50.0, 50.5, 51.0, 51.0, 50.5, 50.0] * 4
+    assert table["contact.restitution"].tolist() == [0.0] * 12 + [0.3] * 12
+    assert table["material.layers"].tolist() == ([2] * 6 + [1] * 6) * 2
+
+
+def test_good_points_have_all_measures(table):
+    assert set(table["outcome"]) == {"ok"}
+    assert not table[INTERFACE].drop(columns="contact_force_max_n").isna().any(axis=None)
+    assert (table["contact_force_max_n"].isna() == (table["flight_fraction"] == 1.0)).all()
+    assert (table["detail"] == "").all()
+    assert set(table["sync"]) <= {"antiphase", "in-phase", "intermediate", "none"}
+    assert table["period"].between(0, 16).all()
+    assert table["energy_residual"].between(0.0, 1e-3).all()
+
+
+def test_phase_differences_lie_in_the_half_open_interval(table):
+    assert (-math.pi < table["phase_difference_rad"]).all()
+    assert (table["phase_difference_rad"] <= math.pi).all()
+
+
+def test_measures_are_those_of_a_run():
+    """Without a perturbation a fixed point is the second half of a run."""
+    seconds = 3.0
+    changes = {"contact.restitution": 0.3, "run.duration_s": 2.0 * seconds}
+    scene = planned(QUICKSTART, 51.0, changes=changes, settle_s=seconds, measure_s=seconds, perturbation=0.0)
+    row = sweep(scene).iloc[0]
+    run = simulate(scene.replace({"drive.supply_frequency_hz": 51.0}))
+    for column in (
+        "excitation_frequency_hz rms_y_m amplitude_y_m phase_coherence flight_fraction impacts_per_period "
+        "motor_power_w"
+    ).split():
+        assert row[column] == pytest.approx(run.summary[column], rel=1e-3), column
+    assert abs(row["phase_difference_rad"]) == pytest.approx(math.pi, abs=1e-6)
+    late = run.trajectory[run.trajectory["t_s"] >= seconds]
+    assert row["gap_max_m"] == pytest.approx(late["gap_m"].max(), rel=1e-3)
+    assert row["contact_force_max_n"] == pytest.approx(late["contact_force_n"].max(), rel=1e-2)
+    impacts = run.events.query("kind == 'impact' and t_s >= @seconds")
+    assert row["impulse_max_n_s"] == pytest.approx(impacts["impulse_n_s"].max(), rel=1e-3)
+    assert row["simulated_s"] == pytest.approx(2.0 * seconds, abs=1e-12)
+    assert row["events"] == pytest.approx(len(run.events), abs=2)
+
+
+def test_branch_goes_on_from_point_to_point():
+    """Both ways of turning are stable from 69 Hz on: a branch keeps the one that it comes with."""
+    begun = {"run.initial.phase_sum_rad": 0.3}
+    up = swept(CALIBRATED, 67.0, 71.0, step=1.0, changes=begun)
+    down = swept(CALIBRATED, 67.0, 71.0, step=1.0, direction="down")
+    assert up["sync"].tolist() == ["in-phase"] * 5
+    assert down["sync"].iloc[[0, 1, -1]].tolist() == ["antiphase", "antiphase", "in-phase"]
+
+
+# -- points that fail -----------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def storming():
+    """Changes with which quickstart begins attached; below 47 Hz it stays so, above one event ends it."""
+    attached = simulate(load_config(QUICKSTART, {"drive.supply_frequency_hz": 44.0})).trajectory.iloc[-1]
+    return {**STORM, "run.initial": {"state": attached.to_dict()}}
+
+
+def test_failed_points_are_rows_and_the_branch_goes_on(storming):
+    table = swept(QUICKSTART, 44.0, 52.0, step=2.0, direction=["up", "down"], changes=storming)
+    good = table["supply_frequency_hz"] < 47.0
+    assert table["outcome"].tolist() == ["ok" if g else "event-storm" for g in good]
+    assert not table[list(OF_THE_OUTCOME)].isna().any(axis=None)
+    failed = table[~good]
+    assert failed["detail"].str.contains("raise solver.max_events_per_period", regex=False).all()
+    assert (failed["simulated_s"] > 0.0).all()
+    assert (failed["steps"] > 0).all()
+    assert failed[["rms_y_m", "sync", "period", "excitation_frequency_hz", "lyapunov_per_s"]].isna().all(axis=None)
+    assert not table.loc[good, ["rms_y_m", "sync", "period"]].isna().any(axis=None)
+
+
+def test_failed_points_have_not_settled():
+    failed = swept(QUICKSTART, 50.0, changes=STORM)
+    assert not failed["settled"].isin(["periodic", "non-periodic", "maximum"]).any()
+
+
+def test_good_points_of_an_elastic_layer_that_presses_storm():
+    table = swept(QUICKSTART, 44.0, 45.0, changes={"contact.restitution": 1.0, "solver.max_events_per_period": 3})
+    assert table["outcome"].tolist() == ["event-storm"] * 3
+
+
+class Recorder:
+    """In the place of ``measure_point``: what it was asked for, and points that fail on demand."""
+
+    def __init__(self, failing):
+        self.failing = failing
+        self.asked = []
+
+    def __call__(self, scene, plan, state, key):
+        frequency = scene.drive.supply_frequency_hz
+        self.asked.append((frequency, state, key))
+        if frequency in self.failing:
+            return Point({"outcome": "event-storm", "events": 3}, None)
+        return Point({"outcome": "ok", "events": 2}, [frequency] * 14)
+
+
+def test_points_begin_with_the_state_of_the_last_good_one(monkeypatch):
+    recorder = Recorder(failing=(50.0, 51.5, 52.0))
+    monkeypatch.setattr("vibroplat.study.sweep.measure_point", recorder)
+    sweep(planned(QUICKSTART, 50.0, 52.5, direction=["up", "down"]))
+    begun = [(frequency, None if state is None else state[0], key) for frequency, state, key in recorder.asked]
+    assert [call for call in begun if call[2][0] == 0] == [
+        (50.0, None, (0, 0)),
+        (50.5, None, (0, 1)),
+        (51.0, 50.5, (0, 2)),
+        (51.5, 51.0, (0, 3)),
+        (52.0, 51.0, (0, 4)),
+        (52.5, 51.0, (0, 5)),
+    ]
+    assert [call for call in begun if call[2][0] == 1] == [
+        (52.5, None, (1, 0)),
+        (52.0, 52.5, (1, 1)),
+        (51.5, 52.5, (1, 2)),
+        (51.0, 52.5, (1, 3)),
+        (50.5, 51.0, (1, 4)),
+        (50.0, 50.5, (1, 5)),
+    ]
+
+
+def test_progress_counts_branches_points_and_events(monkeypatch):
+    monkeypatch.setattr("vibroplat.study.sweep.measure_point", Recorder(failing=()))
+    told = []
+    sweep(planned(QUICKSTART, 50.0, 51.0, direction=["up", "down"]), progress=lambda *counts: told.append(counts))
+    assert [points for _, points, _ in told] == list(range(7))
+    assert [events for _, _, events in told] == [2 * points for points in range(7)]
+    assert (told[0][0], told[-1][0]) == (0, 2)
+    assert [branches for branches, _, _ in told] == sorted(branches for branches, _, _ in told)
+
+
+def test_sweep_without_a_plan_is_refused():
+    with pytest.raises(ConfigError, match="this configuration has no section sweep"):
+        sweep(Scene())
+
+
+# -- synchronization ------------------------------------------------------------------------------------
+
+
+def found(phase, *, split=0.0, coherence=1.0, seconds=2.0):
+    return {
+        "phase_difference_rad": phase,
+        "frequency_split_hz": split,
+        "phase_coherence": coherence,
+        "measured_s": seconds,
+    }
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize(
+    ("degrees", "name"),
+    [(0, "in-phase"), (59, "in-phase"), (61, "intermediate"), (119, "intermediate"), (121, "antiphase"), (180, "antiphase")],
+)
+def test_synchronization_by_the_phase_difference(degrees, name, sign):
+    assert synchronization(found(sign * math.radians(degrees))) == name
+
+
+@pytest.mark.parametrize(
+    ("changes", "name"),
+    [
+        ({"split": 0.1}, "antiphase"),
+        ({"split": -0.1}, "antiphase"),
+        ({"split": 0.15}, "none"),
+        ({"split": -0.15}, "none"),
+        ({"split": 0.1, "seconds": 4.0}, "none"),
+        ({"split": None}, "none"),
+        ({"coherence": 0.79}, "none"),
+        ({"coherence": 0.81}, "antiphase"),
+    ],
+)
+def test_exciters_that_drift_apart_are_not_synchronous(changes, name):
+    """Drift by more than a quarter turn over the measured part, or incoherence."""
+    assert synchronization(found(math.pi, **changes)) == name
+
+
+def test_unequal_motors_without_coupling_are_not_synchronous():
+    changes = {
+        "motors": [{"friction_radius_m": 5e-5}, {"critical_slip": 0.3, "friction_radius_m": 5e-3}],
+        "machine.platform_mass_kg": 1e5,
+        "machine.platform_inertia_kg_m2": 1e5,
+    }
+    row = swept(CALIBRATED, 50.0, changes=changes).iloc[0]
+    assert abs(row["frequency_split_hz"]) > 0.2
+    assert (row["sync"], row["period"]) == ("none", 0)
+
+
+# -- perturbation ---------------------------------------------------------------------------------------
+
+
+def test_same_seed_gives_the_same_table(table):
+    again = swept(QUICKSTART, 50.0, 51.0, direction=["up", "down"], grid=GRID)
+    assert bits(again) == bits(table)
+
+
+def test_other_seed_gives_other_states_near_the_same_motion(table):
+    other = swept(QUICKSTART, 50.0, 51.0, direction=["up", "down"], grid=GRID, seed=1)
+    assert (other["rms_phi_rad"] != table["rms_phi_rad"]).all()
+    periodic = (table["period"] == 1) & (other["period"] == 1)
+    assert periodic.sum() >= 12
+    assert other["rms_y_m"][periodic].to_numpy() == pytest.approx(table["rms_y_m"][periodic].to_numpy(), rel=1e-2)
+
+
+def test_branches_at_the_same_place_are_perturbed_otherwise():
+    """Up and down at one frequency are two draws."""
+    table = swept(QUICKSTART, 50.0, direction=["up", "down"])
+    assert table["rms_phi_rad"][0] != table["rms_phi_rad"][1]
+
+
+def test_perturbation_changes_rates_of_platform_and_exciters_by_its_size():
+    scene = planned(QUICKSTART, 50.0, perturbation=0.02, seed=5)
+    state, scales = initial_state(scene), state_scales(scene)
+    changes = np.array([perturbed(state, scene, scene.sweep, (0, k)) - state for k in range(400)]) / scales
+    assert not changes[:, [0, 1, 2, 3, 4, 5, 6, 12, 13]].any()
+    assert changes[:, 7:12].std(axis=0) == pytest.approx([0.02] * 5, rel=0.15)
+    assert changes[:, 7:12].mean(axis=0) == pytest.approx([0.0] * 5, abs=0.005)
+    assert len(np.unique(changes[:, 7])) == 400
+    assert np.abs(np.corrcoef(changes[:, 7:12].T) - np.eye(5)).max() < 0.25
+
+
+def test_perturbations_follow_from_seed_branch_and_point():
+    scene = planned(QUICKSTART, 50.0)
+    state = initial_state(scene)
+    draws = {
+        (seed, *key): perturbed(state, scene, scene.sweep.model_copy(update={"seed": seed}), key)[7]
+        for seed in (0, 1)
+        for key in ((0, 0), (0, 1), (1, 0), (1, 1))
+    }
+    assert len(set(draws.values())) == len(draws)
+    assert perturbed(state, scene, scene.sweep, (1, 0))[7] == draws[0, 1, 0]
+
+
+def test_no_perturbation_is_the_same_state():
+    scene = planned(QUICKSTART, 50.0, perturbation=0.0)
+    assert (perturbed(initial_state(scene), scene, scene.sweep, (0, 0)) == initial_state(scene)).all()
+
+
+# -- bifurcation ----------------------------------------------------------------------------------------
+
+
+def both_tables(scene):
+    with Store(None, {}) as store:
+        run_sweeps([(scene, store)], Inline())
+        return [pd.concat(parts(scene, store)) for parts in (tables, section_tables, impact_tables)]
+
+
+def test_bifurcation_tables_show_the_last_turns_and_impacts_of_each_point():
+    scene = planned(QUICKSTART, 50.0, 51.0, direction=["up", "down"], kind="bifurcation", grid={"contact.restitution": [0.0]})
+    rows, section, impacts = both_tables(scene)
+    keys = ["supply_frequency_hz", "contact.restitution", "direction", "branch", "excitation_frequency_hz"]
+    assert list(section.columns) == [*keys, "y_m"]
+    assert list(impacts.columns) == [*keys, "impact_speed_m_per_s"]
+    turns = section.groupby(["branch", "supply_frequency_hz"])["y_m"]
+    assert turns.size().between(48, 64).all()
+    assert len(turns) == len(rows) == 6
+    # period 1: one height, one speed
+    assert (turns.max() - turns.min()).max() < 1e-2 * scene.length_scale
+    speeds = impacts.groupby(["branch", "supply_frequency_hz"])["impact_speed_m_per_s"]
+    assert len(speeds) == 6
+    assert speeds.min().min() > 0.0
+    assert ((speeds.max() - speeds.min()) < 0.02 * speeds.min()).all()
+
+
+def test_bifurcation_shows_the_heights_and_speeds_of_a_run():
+    seconds = 1.0
+    changes = {"contact.restitution": 0.3, "run.duration_s": 2.0 * seconds}
+    plan = {"settle_s": seconds, "measure_s": seconds, "perturbation": 0.0, "kind": "bifurcation"}
+    scene = planned(QUICKSTART, 53.0, changes=changes, **plan)
+    _, section, impacts = both_tables(scene)
+    run = simulate(scene.replace({"drive.supply_frequency_hz": 53.0}))
+    late = run.section[run.section["t_s"] > seconds]
+    assert section["y_m"].to_numpy() == pytest.approx(late["y_m"].to_numpy(), abs=1e-3 * scene.length_scale)
+    struck = run.events.query("kind == 'impact' and t_s > @seconds")["gap_rate_before_m_per_s"]
+    assert impacts["impact_speed_m_per_s"].to_numpy() == pytest.approx(-struck.to_numpy(), abs=1e-3)
+
+
+def test_points_have_no_section_unless_it_is_wanted():
+    scene = planned(QUICKSTART, 50.0)
+    (branch,) = branches(scene)
+    point = measure_point(branch.at(0), scene.sweep, None, (0, 0))
+    assert (point.section_y, point.impact_speeds) == ([], [])
+
+
+def test_table_of_no_impacts_has_its_columns():
+    _, section, impacts = both_tables(planned(CALIBRATED, 50.0, kind="bifurcation"))
+    assert (len(section) > 0, len(impacts)) == (True, 0)
+    assert str(impacts["impact_speed_m_per_s"].dtype) == "float64"
+
+
+# -- the command ----------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def done(vibroplat, tmp_path_factory):
+    """A finished sweep of the command line, and its directory."""
+    place = tmp_path_factory.mktemp("place")
+    (place / "c.yaml").write_text(
+        f"{FLYING}"
+        "sweep:\n"
+        "  supply_frequency_hz: {start: 50.0, stop: 51.0, direction: [up, down]}\n"
+        "  grid: {contact.restitution: [0.0, 0.3], material.layers: [2, 1]}\n"
+    )
+    return vibroplat("sweep", "c.yaml", cwd=place), place / "results/c"
+
+
+def test_command_writes_what_python_gives(done, table):
+    assert (done[0].returncode, done[0].stderr) == (0, "")
+    found = read_table(done[1], "sweep")
+    assert bits(found) == bits(table)
+    assert found.dtypes.equals(table.dtypes)
+
+
+def test_command_writes_a_table_and_where_it_came_from(done):
+    written = {path.name for path in done[1].iterdir()}
+    assert {"sweep.parquet", "provenance.json"} <= written
+    assert not {name for name in written if name.startswith((".", "section", "impacts"))}
+
+
+def test_command_says_what_it_found(done):
+    lines = {line[:28].rstrip(): line[28:] for line in done[0].stdout.splitlines()}
+    assert (lines["points"], lines["outcomes"]) == ("24 in 8 branches", "ok 24")
+    assert lines["synchronization"] == "antiphase 24"
+    assert lines["tables"] == "results/c"
+
+
+def test_command_with_failed_points_exits_1_and_names_them(command, here, storming):
+    (here / "c.yaml").write_text(
+        f"{FLYING}solver: {{max_events_per_period: 1}}\nrun: {json.dumps({'initial': storming['run.initial']})}\n"
+        "sweep: {supply_frequency_hz: {start: 44.0, stop: 52.0, step: 4.0}, grid: {material.layers: [2]}}\n"
+    )
+    done = command("sweep", "c.yaml", "--format", "csv")
+    assert done.code == 1
+    first, second, last = done.err.splitlines()
+    place = "event-storm at supply_frequency_hz {}, material.layers 2, direction up: 1 restarts within "
+    assert first.startswith(f"vibroplat: {place.format(48.0)}")
+    assert second.startswith(f"vibroplat: {place.format(52.0)}")
+    assert last == "vibroplat: 2 of 3 points did not end ok"
+    assert read_table(here / "results/c", "sweep")["outcome"].tolist() == ["ok", "event-storm", "event-storm"]
+
+
+def test_command_with_nothing_but_failed_points_prints_no_nan(command, here):
+    (here / "c.yaml").write_text(
+        f"{FLYING}solver: {{max_events_per_period: 1}}\n"
+        "sweep: {supply_frequency_hz: {start: 52.0, stop: 52.0}}\n"
+    )
+    done = command("sweep", "c.yaml")
+    assert (done.code, len(done.err.splitlines())) == (1, 2)
+    assert "outcomes                    event-storm 1" in done.out
+    assert "nan" not in done.out
+
+
+def test_another_kind_removes_what_the_one_before_wrote(command, here):
+    (here / "c.yaml").write_text(f"{FLYING}sweep: {{supply_frequency_hz: {{start: 50.0, stop: 50.0}}}}\n")
+    directory = here / "results/c"
+    kinds = ("--set", "sweep.kind=bifurcation", "--format", "csv"), ("--set", "sweep.kind=response")
+    for kind, written in zip(kinds, ({"section.csv", "impacts.csv", "sweep.csv"}, {"sweep.parquet"}), strict=True):
+        assert command("sweep", "c.yaml", *kind).code == 0
+        assert {path.name for path in directory.glob("*.[pc]*")} == written
