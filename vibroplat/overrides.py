@@ -18,8 +18,12 @@ ALTERNATIVES: tuple[tuple[str, frozenset[str]], ...] = (
 )
 
 
+#: Sections whose keys are free: what lies above replaces them, or keys could never be taken away.
+REPLACED = frozenset({"sweep.grid"})
+
+
 def merge(lower: Mapping[str, Any], upper: Mapping[str, Any], section: str = "") -> dict[str, Any]:
-    """Lay ``upper`` over ``lower``: sections are merged key by key, everything else is replaced."""
+    """Lay ``upper`` over ``lower``: sections are merged key by key, all else and :data:`REPLACED` is replaced."""
     merged = dict(lower)
     for place, group in ALTERNATIVES:
         given = {key for key in group & upper.keys() if upper[key] is not None} if place == section else set()
@@ -27,8 +31,8 @@ def merge(lower: Mapping[str, Any], upper: Mapping[str, Any], section: str = "")
             merged.pop(key, None)
     for key, value in upper.items():
         below = merged.get(key)
-        if isinstance(value, Mapping):
-            inner = f"{section}.{key}".strip(".")
+        inner = f"{section}.{key}".strip(".")
+        if isinstance(value, Mapping) and inner not in REPLACED:
             merged[key] = merge(below if isinstance(below, Mapping) else {}, value, inner)
         else:
             merged[key] = value

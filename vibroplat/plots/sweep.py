@@ -25,6 +25,8 @@ FREQUENCY = "supply_frequency_hz"
 EXCITATION = "excitation_frequency_hz"
 #: Least range of an axis, over the largest RMS of y in the same units.
 LEAST_RANGE = 0.02
+#: Values of a key from which on a map is drawn without being asked for.
+LEAST_MAP = 4
 #: How the exciters turn, and its colour in a map.
 SYNC = {"antiphase": "#1f4e79", "in-phase": "#c05a1c", "intermediate": "#8a6d1d", "none": "#c8c8c8"}
 #: Periods that a map tells apart: upper ends of classes, and their labels.
@@ -77,7 +79,9 @@ def plot_sweep(directory: Path, kinds: Sequence[str]) -> list[Path]:
     response = read_response(directory)
     if not kinds:
         has_section = any(directory.glob("section.*"))
-        kinds = ["response", *(["bifurcation"] if has_section else []), *(["map"] if _map_key(response) else [])]
+        key = _map_key(response)
+        has_map = key is not None and len(response.table[key].unique()) >= LEAST_MAP
+        kinds = ["response", *(["bifurcation"] if has_section else []), *(["map"] if has_map else [])]
     with styled():
         return [save(FIGURES[kind](response), directory / f"{kind}.png") for kind in kinds]
 
