@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import logging
+import os
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -194,7 +195,7 @@ def paper(
         list[str] | None, typer.Option(help="A machine of configs/machines; printed and calibrated without it.")
     ] = None,
     out: Annotated[Path, typer.Option(help="Directory of the results.")] = Path("results"),
-    jobs: Annotated[int, typer.Option(min=1, help="Worker processes.")] = 2,
+    jobs: Annotated[int, typer.Option(min=1, help="Worker processes.")] = os.cpu_count() or 1,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with points that are finished.")] = False,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Drop the points of an unfinished run.")] = False,
     scheduler: Annotated[str | None, typer.Option(help="Address of a dask scheduler.")] = None,
@@ -275,12 +276,12 @@ def calibrate(
 
 @app.command()
 def plot(
-    directory: Annotated[Path, typer.Argument(metavar="DIR", help="Result directory of a run or a sweep.")],
+    directory: Annotated[Path, typer.Argument(metavar="DIR", help="Result directory of a run, a sweep or the paper.")],
     kind: Annotated[list[PlotKind] | None, typer.Option(help="Which figures; all without it.")] = None,
     start: Annotated[float | None, typer.Option(help="Begin of motion and force (s).")] = None,
     stop: Annotated[float | None, typer.Option(help="End of motion and force (s).")] = None,
 ) -> None:
-    """Draw the figures of a run or a sweep from its tables alone."""
+    """Draw the figures of a run, a sweep or the paper from tables alone."""
     wanted = [k.value for k in kind or []]
     of_run = [k for k in kind or [] if k in RUN_FIGURES]
     is_sweep = any(directory.glob("sweep.*"))
@@ -291,7 +292,11 @@ def plot(
     if not is_sweep and len(of_run) < len(wanted):
         other = next(k for k in kind or [] if k not in RUN_FIGURES)
         raise VibroplatError(f"--kind {other.value}: {directory} holds no sweep; allowed: motion, force, exciters")
-    if is_sweep:
+    if any(directory.glob("claims.*")) and not wanted:
+        from vibroplat.plots.paper import plot_paper
+
+        written = plot_paper(directory)
+    elif is_sweep:
         from vibroplat.plots.sweep import plot_sweep
 
         written = plot_sweep(directory, wanted)

@@ -98,8 +98,18 @@ def test_paper_is_reproduced_and_resumed(tmp_path, monkeypatch):
     found = paper.reproduce(numbers, tmp_path / "points", Inline(), progress=lambda *counts: told.append(counts))
     assert told[-1][:2] == paper.planned(numbers)
     assert found.points > told[-1][1]
-    assert {*paper.SWEEPS, *paper.PANELS, "fig6-nonimpact", "impact-laws", "claims"} == found.tables.keys()
+    assert {
+        *paper.SWEEPS,
+        *paper.PANELS,
+        "fig6-nonimpact",
+        "sync-bands",
+        "impact-laws",
+        "claims",
+    } == found.tables.keys()
     assert set(found.tables["claims"]["verdict"]) <= {"reproduced", "not reproduced", "depends on an unprinted number"}
+    bands = found.tables["sync-bands"]
+    assert set(bands["direction"]) == {"up", "down"}
+    assert bands.groupby(["mass_ratio", "restitution", "model", "law", "direction"])["points"].sum().eq(7).all()
     histories = found.tables["fig7"].groupby(["panel", "curve"]).size()
     assert len(histories) == 16
     assert np.isfinite(found.tables["fig4"]["y_m"]).all()

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from vibroplat.solver.initial import static_rest
 from vibroplat.solver.run import simulate
 from vibroplat.study.branches import branches
 from vibroplat.study.claims import EDGE, Claim, Finding, judge
-from vibroplat.study.evidence import Evidence, Key
+from vibroplat.study.evidence import Evidence, F, Key
 from vibroplat.study.execution import Pool
 from vibroplat.study.nonimpact import MATCHED, find_beta
 from vibroplat.study.store import Store
@@ -123,6 +124,7 @@ def reproduce(
 
         found = {name: pd.concat(tables(*sweep), ignore_index=True) for name, sweep in main.items()}
         found |= {figure: histories(figure, numbers, evidences[0].beta) for figure in PANELS}
+        found["sync-bands"] = sync_bands(evidences[0])
         found["impact-laws"] = impact_laws(evidences[0])
         found["claims"] = scoreboard(evidences[0], list(zip(alternatives, evidences[1:], strict=True)))
         every = [pd.concat(tables(*sweep)) for sweep in (*everything, *viscous.values())]
@@ -189,7 +191,32 @@ def history(scene: Scene) -> pd.DataFrame:
     )
 
 
-# -- impact laws ------------------------------------------------------------------------------------------
+# -- bands and impact laws ------------------------------------------------------------------------------------------
+
+
+def sync_bands(evidence: Evidence) -> pd.DataFrame:
+    """List how the exciters turn along each branch: a row for each stretch, with its first and last point.
+
+    Branches upward and downward stand one after the other, so their difference is the hysteresis.
+    """
+    rows = []
+    for key, course in sorted(evidence.courses.items()):
+        for sync, stretch in groupby(course.rows, key=lambda row: str(row["sync"])):
+            points = list(stretch)
+            first, last = points[0], points[-1]
+            rows.append(
+                key._asdict()
+                | {
+                    "sync": sync,
+                    "points": len(points),
+                    "first_hz": first[F],
+                    "last_hz": last[F],
+                    "first_supply_hz": first["supply_frequency_hz"],
+                    "last_supply_hz": last["supply_frequency_hz"],
+                    "rms_y_largest_m": max(row["rms_y_m"] for row in points),
+                }
+            )
+    return pd.DataFrame(rows)
 
 
 def impact_laws(evidence: Evidence) -> pd.DataFrame:
@@ -214,7 +241,7 @@ def impact_laws(evidence: Evidence) -> pd.DataFrame:
                 row[f"{name}_mean"] = known.mean() if known.size else np.nan
             for label, which in (("jump_hz", key._replace(law=law)), ("jump_conservative_hz", key)):
                 jump = evidence.end_of(which, "antiphase", 20.0)
-                row[label] = jump.before["excitation_frequency_hz"] if jump else np.nan
+                row[label] = jump.before[F] if jump else np.nan
             rows.append(row)
     return pd.DataFrame(rows)
 

@@ -1,0 +1,344 @@
+"""Chains of tasks over workers: the same results however they are spread, and when workers die."""
+
+from __future__ import annotations
+
+import math
+import os
+import signal
+import sys
+import time
+
+import pytest
+
+from vibroplat import sweep
+from vibroplat.errors import ConfigError
+from vibroplat.study.execution import LIVES, PINNED, Cluster, Inline, Processes, WorkerLostError, pool, run_chains
+from vibroplat.study.sweep import run_sweeps, tables
+from vibroplat.study.store import Store
+
+from .helpers import CALIBRATED, bits, loky_workers, planned
+
+
+class Tasks:
+    """A chain of calls that are known beforehand."""
+
+    def __init__(self, *calls):
+        self.calls = calls
+        self.results = []
+
+    def task(self):
+        return self.calls[len(self.results)] if len(self.results) < len(self.calls) else None
+
+    def take(self, result):
+        self.results.append(result)
+
+
+class Counting:
+    """A chain whose next task follows from the result of the one before."""
+
+    def __init__(self, start, tasks):
+        self.results = [start]
+        self.left = tasks
+
+    def task(self):
+        return (math.ldexp, (self.results[-1], 1)) if self.left else None
+
+    def take(self, result):
+        self.left -= 1
+        self.results.append(result)
+
+
+KILLER = (os._exit, (1,))
+NAP = (time.sleep, (0.02,))
+
+
+def die(path):
+    """Leave a mark and take the worker along."""
+    with open(path, "a", encoding="utf-8") as file:
+        file.write("x")
+    os._exit(1)
+
+
+def finish(chains, workers):
+    """Run all chains; return their results, those of lost tasks by their type's name."""
+    yielded = list(run_chains(chains, workers))
+    assert sorted(map(id, yielded)) == sorted(id(c) for c in chains for _ in c.results)
+    return [["lost" if isinstance(r, WorkerLostError) else r for r in chain.results] for chain in chains]
+
+
+@pytest.fixture(autouse=True)
+def _guard():
+    """End a test whose chains never end."""
+
+    def stop(_signal, _frame):
+        pytest.fail("did not end")
+
+    before = signal.signal(signal.SIGALRM, stop)
+    signal.alarm(120)
+    yield
+    signal.alarm(0)
+    signal.signal(signal.SIGALRM, before)
+
+
+@pytest.fixture(scope="module")
+def processes():
+    """Two worker processes."""
+    with pool(jobs=2) as workers:
+        yield workers
+
+
+@pytest.fixture(scope="module")
+def scheduler():
+    """Address of a dask scheduler with two workers on this machine."""
+    from distributed import LocalCluster
+
+    options = {"n_workers": 2, "threads_per_worker": 1, "processes": True, "dashboard_address": None}
+    with LocalCluster(silence_logs=50, **options) as cluster:
+        yield cluster.scheduler_address
+
+
+@pytest.fixture
+def cluster(scheduler):
+    with pool(scheduler=scheduler) as workers:
+        yield workers
+
+
+# -- chains ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["inline", "processes", "cluster"])
+def test_tasks_of_a_chain_follow_one_another(name, request):
+    workers = Inline() if name == "inline" else request.getfixturevalue(name)
+    chains = [Counting(float(k), k) for k in range(6)]
+    finish_ = list(run_chains(chains, workers))
+    assert [chain.results for chain in chains] == [[float(k * 2**n) for n in range(k + 1)] for k in range(6)]
+    assert len(finish_) == sum(range(6))
+
+
+def test_no_chains_are_no_work():
+    assert list(run_chains([], Inline())) == []
+    assert list(run_chains([Tasks(), Tasks()], Inline())) == []
+
+
+@pytest.mark.parametrize("name", ["processes", "cluster"])
+def test_workers_work_side_by_side(name, request):
+    chains = [Tasks(*[(time.sleep, (0.1,)), (os.getpid, ())] * 4) for _ in range(4)]
+    found = finish(chains, request.getfixturevalue(name))
+    pids = {result for results in found for result in results[1::2]}
+    assert len(pids) == 2
+    assert os.getpid() not in pids
+
+
+def test_one_job_is_this_process():
+    with pool() as workers:
+        assert finish([Tasks((os.getpid, ()))], workers) == [[os.getpid()]]
+
+
+def test_numerical_libraries_have_one_thread_in_each_worker(processes):
+    assert {"OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"} <= set(PINNED)
+    (found,) = finish([Tasks(*[(os.getenv, (name,)) for name in PINNED])], processes)
+    assert found == ["1"] * len(PINNED)
+
+
+@pytest.mark.parametrize("name", ["inline", "processes", "cluster"])
+def test_error_of_a_task_is_raised(name, request):
+    workers = Inline() if name == "inline" else request.getfixturevalue(name)
+    with pytest.raises(ValueError, match="math domain error"):
+        finish([Tasks((math.sqrt, (-1.0,)))], workers)
+
+
+# -- workers that die -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("killers", [(0,), (3,), (0, 2)], ids=str)
+def test_task_that_kills_its_worker_costs_its_own_point_alone(killers, processes):
+    chains = [Tasks(NAP, KILLER if k in killers else NAP, NAP, (abs, (-k,))) for k in range(4)]
+    found = finish(chains, processes)
+    assert found == [[None, "lost" if k in killers else None, None, k] for k in range(4)]
+
+
+def test_only_task_that_kills_its_worker_is_given_up(processes):
+    assert finish([Tasks(KILLER, (abs, (-1,)))], processes) == [["lost", 1]]
+
+
+@pytest.mark.parametrize("place", range(5))
+def test_task_that_kills_its_worker_is_tried_in_company_once_and_then_alone(place, processes, tmp_path):
+    """Each death costs what other workers were at, so that there must not be more of them."""
+    marks = tmp_path / "deaths"
+    chains = [Tasks(NAP, (die, (str(marks),)) if k == place else NAP, NAP) for k in range(5)]
+    finish(chains, processes)
+    assert len(marks.read_text()) <= 1 + LIVES
+
+
+@pytest.mark.long
+def test_dask_task_that_kills_its_worker_costs_its_own_point_alone(cluster):
+    chains = [Tasks(NAP, KILLER if k == 1 else NAP, NAP, (abs, (-k,))) for k in range(4)]
+    assert finish(chains, cluster) == [[None, "lost" if k == 1 else None, None, k] for k in range(4)]
+
+
+# -- sweeps ---------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def scene():
+    """Attached, periodic and non-periodic points in six branches."""
+    changes = {"material.damping_ratio": 0.005}
+    grid = {"material.mass_ratio": [0.0, 0.2], "contact.restitution": [0.0, 0.3]}
+    return planned(CALIBRATED, 46.0, 62.0, step=4.0, direction=["up", "down"], changes=changes, grid=grid)
+
+
+@pytest.fixture(scope="module")
+def table(scene):
+    """Its table, made in this process."""
+    found = sweep(scene)
+    assert len(found) == 40
+    assert {0, 1} <= set(found["period"])
+    return found
+
+
+def interrupted(scene, workers, disturb, after):
+    """Sweep, and disturb it once when so many points are finished."""
+    disturbed = []
+
+    def progress(_branches, points, _events):
+        if points >= after and not disturbed:
+            disturbed.append(points)
+            disturb()
+
+    with Store(None, {}) as store:
+        run_sweeps([(scene, store)], workers, progress)
+        assert disturbed
+        (table,) = tables(scene, store)
+        return table
+
+
+def test_two_jobs_give_the_same_table(scene, table, processes):
+    with Store(None, {}) as store:
+        run_sweeps([(scene, store)], processes)
+        (found,) = tables(scene, store)
+    assert bits(found) == bits(table)
+    assert found.dtypes.equals(table.dtypes)
+
+
+def test_dask_gives_the_same_table(scene, table, scheduler):
+    found = sweep(scene, scheduler=scheduler)
+    assert bits(found) == bits(table)
+    assert found.dtypes.equals(table.dtypes)
+
+
+@pytest.mark.parametrize("after", [1, 20, 38])
+def test_killed_worker_changes_nothing(after, scene, table, processes):
+    def kill_one():
+        os.kill(loky_workers()[0].pid, signal.SIGKILL)
+
+    assert bits(interrupted(scene, processes, kill_one, after)) == bits(table)
+
+
+def test_all_workers_killed_changes_nothing(scene, table, processes):
+    def kill_all():
+        for worker in loky_workers():
+            os.kill(worker.pid, signal.SIGKILL)
+
+    assert bits(interrupted(scene, processes, kill_all, 10)) == bits(table)
+
+
+def test_killed_worker_of_dask_changes_nothing(scene, table, scheduler, cluster):
+    from distributed import Client
+
+    def kill_one():
+        with Client(scheduler, set_as_default=False) as client:
+            pids = client.run(os.getpid)
+        os.kill(next(iter(pids.values())), signal.SIGKILL)
+
+    assert bits(interrupted(scene, cluster, kill_one, 5)) == bits(table)
+
+
+class KillsAt:
+    """In the place of ``measure_point``: the point of these numbers takes its worker along."""
+
+    def __init__(self, key):
+        self.key = key
+
+    def __call__(self, scene, plan, state, key):
+        if tuple(key) == self.key:
+            os._exit(1)
+        from vibroplat.study.point import Point
+
+        return Point({"outcome": "ok"}, [scene.drive.supply_frequency_hz if state is None else state[0]] * 14)
+
+
+def test_point_that_kills_its_workers_is_a_row(scene, processes, monkeypatch):
+    monkeypatch.setattr("vibroplat.study.sweep.measure_point", KillsAt((2, 1)))
+    with Store(None, {}) as store:
+        run_sweeps([(scene, store)], processes)
+        (found,) = tables(scene, store)
+    lost = found[found["outcome"] != "ok"]
+    assert lost[["branch", "supply_frequency_hz", "outcome"]].to_numpy().tolist() == [[2, 50.0, "worker-lost"]]
+    assert lost["detail"].item() == f"its worker died {LIVES} times"
+    assert len(found) == 40
+
+
+def test_row_of_a_lost_point_has_no_gaps_in_its_outcome(scene, processes, monkeypatch):
+    monkeypatch.setattr("vibroplat.study.sweep.measure_point", KillsAt((2, 1)))
+    with Store(None, {}) as store:
+        run_sweeps([(scene, store)], processes)
+        (found,) = tables(scene, store)
+    work = ["steps", "residual_calls", "events", "simulated_s", "wall_s"]
+    assert not found.loc[found["outcome"] == "worker-lost", work].isna().any(axis=None)
+
+
+# -- schedulers that are none ---------------------------------------------------------------------------
+
+
+def test_scheduler_without_dask_is_refused(monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(ConfigError) as caught:
+        Cluster("tcp://127.0.0.1:8786")
+    assert str(caught.value) == "--scheduler needs dask.distributed; install vibroplat[cluster]"
+
+
+SMALL = "sweep: {supply_frequency_hz: {start: 50.0, stop: 50.0}}\n"
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nonsense", "foo://127.0.0.1:8786", "127.0.0.1"])
+def test_scheduler_that_does_not_answer_is_told_in_a_line(address, vibroplat, here):
+    (here / "c.yaml").write_text(SMALL)
+    done = vibroplat("sweep", "c.yaml", "--scheduler", address)
+    assert (done.returncode, done.stdout, len(done.stderr.splitlines())) == (2, "", 1)
+    assert done.stderr.startswith(f"vibroplat: --scheduler {address}: ")
+
+
+def test_sweep_on_a_scheduler_by_the_command_line(vibroplat, here, scheduler):
+    (here / "c.yaml").write_text(SMALL)
+    done = vibroplat("sweep", "c.yaml", "--scheduler", scheduler)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.mark.parametrize("jobs", ["0", "-1", "two"])
+def test_number_of_jobs_is_checked(jobs, command, here):
+    (here / "c.yaml").write_text(SMALL)
+    done = command("sweep", "c.yaml", "--jobs", jobs)
+    assert (done.code, done.out, len(done.err.splitlines())) == (2, "", 1)
+    assert "'--jobs'" in done.err
+
+
+# -- pools of their own: loky has one in a process, so that the one of the tests above ends here -----------
+
+
+def test_workers_are_gone_when_the_pool_is_closed():
+    with pool(jobs=2) as workers:
+        finish([Tasks(NAP), Tasks(NAP)], workers)
+        assert len(loky_workers()) == 2
+    assert loky_workers() == []
+
+
+def test_jobs_of_the_python_function_give_the_same_table(scene, table):
+    assert bits(sweep(scene, jobs=2)) == bits(table)
+
+
+def test_pool_may_be_opened_after_another_was_closed():
+    for _ in range(2):
+        with pool(jobs=2) as workers:
+            assert isinstance(workers, Processes)
+            assert finish([Tasks((abs, (-3,)))], workers) == [[3]]
