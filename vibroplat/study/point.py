@@ -91,7 +91,7 @@ def measure_point(scene: Scene, plan: Sweep, state: list[float] | None, key: tup
     p = parameters(scene)
     speeds: list[float] = []
 
-    def read(tape: Tape, h: hy.Hybrid) -> None:
+    def read_impacts(_: Tape, h: hy.Hybrid) -> None:
         rows = h.events[: h.flags[hy.EVENTS]]
         speeds.extend((-rows[rows[:, hy.KIND] == hy.IMPACT, hy.RATE_BEFORE]).tolist())
 
@@ -99,37 +99,50 @@ def measure_point(scene: Scene, plan: Sweep, state: list[float] | None, key: tup
         start = initial_state(scene) if state is None else np.array(state)
         motion = Motion(scene, p, engine, perturbed(start, scene, plan, key))
         settling = settle(motion, plan)
-        wants_events = plan.kind == "bifurcation"
+        is_diagram = plan.kind == "bifurcation"
         seconds = measuring_time(motion.state, plan.measure_s, settling)
-        part = motion.go_on(seconds, read=read if wants_events else None)
-        row: dict[str, Any] = {"settled": settling.how, "settle_s": settling.seconds}
-        final, points = None, None
-        if motion.outcome == "ok":
-            found = measured(part)
-            points = section_points(part.measures, scene)
-            final = motion.state
-            final[3:5] %= 2.0 * math.pi
-            if scene.has_contact and found["gap_max_m"] is None:
-                found["gap_max_m"] = 0.0  # it never flew
-            row |= {name: found[name] for name in MEASURED}
-            row["sync"] = synchronization(found)
-            row["period"] = 0 if row["sync"] == "none" else period(points, plan.period_tolerance)
-            if row["period"] == 0 and plan.lyapunov:
-                row["lyapunov_per_s"] = _finite(largest_exponent(scene, final))
+        part = motion.go_on(seconds, read=read_impacts if is_diagram else None)
         work = engine.work
-        row |= {
-            "outcome": motion.outcome,
-            "detail": motion.detail,
-            "steps": work["steps"],
-            "residual_calls": work["residual_calls"],
-            "events": motion.events,
-            "simulated_s": motion.now,
-        }
+    row: dict[str, Any] = {
+        "settled": settling.how,
+        "settle_s": settling.seconds,
+        "outcome": motion.outcome,
+        "detail": motion.detail,
+        "steps": work["steps"],
+        "residual_calls": work["residual_calls"],
+        "events": motion.events,
+        "simulated_s": motion.now,
+    }
+    final: list[float] | None = None
     heights: list[float] = []
-    if wants_events and points is not None:
-        heights = (points[-SHOWN:, 1] * state_scales(scene)[1]).tolist()
+    if motion.outcome == "ok":
+        final = folded(motion.state).tolist()
+        points = section_points(part.measures, scene)
+        row |= classified(measured(part), points, scene, plan)
+        if row["period"] == 0 and plan.lyapunov:
+            exponent = largest_exponent(scene, np.array(final))
+            row["lyapunov_per_s"] = exponent if math.isfinite(exponent) else None
+        if is_diagram:
+            heights = (points[-SHOWN:, 1] * state_scales(scene)[1]).tolist()
     row["wall_s"] = time.perf_counter() - began
-    return Point(row, None if final is None else final.tolist(), heights, speeds[-SHOWN:] if final is not None else [])
+    return Point(row, final, heights, speeds[-SHOWN:] if final else [])
+
+
+def classified(found: dict[str, Any], points: FloatArray, scene: Scene, plan: Sweep) -> dict[str, Any]:
+    """Return what a row tells of a measured part: its measures, synchronization and period."""
+    row = {name: found[name] for name in MEASURED}
+    if scene.has_contact and row["gap_max_m"] is None:
+        row["gap_max_m"] = 0.0  # it never flew
+    row["sync"] = synchronization(found)
+    row["period"] = 0 if row["sync"] == "none" else period(points, plan.period_tolerance)
+    return row
+
+
+def folded(state: FloatArray) -> FloatArray:
+    """Return a state with its exciter angles in [0, 2π)."""
+    found = state.copy()
+    found[3:5] %= 2.0 * math.pi
+    return found
 
 
 def perturbed(state: FloatArray, scene: Scene, plan: Sweep, key: tuple[int, ...]) -> FloatArray:
@@ -165,7 +178,3 @@ def synchronization(found: dict[str, Any]) -> str:
     if abs(phase) <= SYNCHRONOUS:
         return "in-phase"
     return "antiphase" if math.pi - abs(phase) <= SYNCHRONOUS else "intermediate"
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None

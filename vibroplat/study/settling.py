@@ -44,7 +44,7 @@ class Settling(NamedTuple):
     Attributes
     ----------
     how
-        ``periodic``, ``non-periodic``, ``maximum`` (neither until then), ``fixed``.
+        ``periodic``, ``non-periodic``, ``maximum`` (neither until then), ``fixed``, ``unfinished`` (ended early).
     seconds
         How long.
     period
@@ -64,7 +64,7 @@ def settle(motion: Motion, plan: Sweep) -> Settling:
     began = motion.now
     if plan.settle_s != "auto":
         motion.go_on(plan.settle_s)
-        return Settling("fixed", motion.now - began)
+        return Settling("fixed" if motion.outcome == "ok" else "unfinished", motion.now - began)
     block = BLOCK * 2.0 * math.pi / motion.scene.speed_scale
     points, times = np.empty((0, 14)), np.empty(0)
     falls: list[float] = []
@@ -73,7 +73,7 @@ def settle(motion: Motion, plan: Sweep) -> Settling:
     while (left := plan.max_settle_s - (motion.now - began)) > 1e-9 * plan.max_settle_s:
         part = motion.go_on(min(block, left))
         if motion.outcome != "ok":
-            break
+            return Settling("unfinished", motion.now - began)
         points = np.concatenate([points, section_points(part.measures, motion.scene)])[-2 * TURNS :]
         times = np.concatenate([times, section_rows(part.measures)[:, m.SECTION_TIME]])[-2 * TURNS :]
         if len(points) < 2 * TURNS:
