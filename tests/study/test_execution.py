@@ -13,8 +13,8 @@ import pytest
 from vibroplat import sweep
 from vibroplat.errors import ConfigError
 from vibroplat.study.execution import LIVES, PINNED, Cluster, Inline, Processes, WorkerLostError, pool, run_chains
-from vibroplat.study.sweep import run_sweeps, tables
 from vibroplat.study.store import Store
+from vibroplat.study.sweep import run_sweeps, tables
 
 from .helpers import CALIBRATED, bits, loky_workers, planned
 
@@ -161,7 +161,7 @@ def test_only_task_that_kills_its_worker_is_given_up(processes):
     assert finish([Tasks(KILLER, (abs, (-1,)))], processes) == [["lost", 1]]
 
 
-@pytest.mark.parametrize("place", range(5))
+@pytest.mark.parametrize("place", [2, *(pytest.param(n, marks=pytest.mark.long) for n in (0, 1, 3, 4))])
 def test_task_that_kills_its_worker_is_tried_in_company_once_and_then_alone(place, processes, tmp_path):
     """Each death costs what other workers were at, so that there must not be more of them."""
     marks = tmp_path / "deaths"
@@ -181,17 +181,17 @@ def test_dask_task_that_kills_its_worker_costs_its_own_point_alone(cluster):
 
 @pytest.fixture(scope="module")
 def scene():
-    """Attached, periodic and non-periodic points in six branches."""
+    """Attached, periodic and non-periodic points in eight branches."""
     changes = {"material.damping_ratio": 0.005}
     grid = {"material.mass_ratio": [0.0, 0.2], "contact.restitution": [0.0, 0.3]}
-    return planned(CALIBRATED, 46.0, 62.0, step=4.0, direction=["up", "down"], changes=changes, grid=grid)
+    return planned(CALIBRATED, 46.0, 62.0, step=8.0, direction=["up", "down"], changes=changes, grid=grid)
 
 
 @pytest.fixture(scope="module")
 def table(scene):
     """Its table, made in this process."""
     found = sweep(scene)
-    assert len(found) == 40
+    assert len(found) == 24
     assert {0, 1} <= set(found["period"])
     return found
 
@@ -212,21 +212,13 @@ def interrupted(scene, workers, disturb, after):
         return table
 
 
-def test_two_jobs_give_the_same_table(scene, table, processes):
-    with Store(None, {}) as store:
-        run_sweeps([(scene, store)], processes)
-        (found,) = tables(scene, store)
-    assert bits(found) == bits(table)
-    assert found.dtypes.equals(table.dtypes)
-
-
 def test_dask_gives_the_same_table(scene, table, scheduler):
     found = sweep(scene, scheduler=scheduler)
     assert bits(found) == bits(table)
     assert found.dtypes.equals(table.dtypes)
 
 
-@pytest.mark.parametrize("after", [1, 20, 38])
+@pytest.mark.parametrize("after", [12, *(pytest.param(n, marks=pytest.mark.long) for n in (1, 23))])
 def test_killed_worker_changes_nothing(after, scene, table, processes):
     def kill_one():
         os.kill(loky_workers()[0].pid, signal.SIGKILL)
@@ -234,6 +226,7 @@ def test_killed_worker_changes_nothing(after, scene, table, processes):
     assert bits(interrupted(scene, processes, kill_one, after)) == bits(table)
 
 
+@pytest.mark.long
 def test_all_workers_killed_changes_nothing(scene, table, processes):
     def kill_all():
         for worker in loky_workers():
@@ -267,24 +260,26 @@ class KillsAt:
         return Point({"outcome": "ok"}, [scene.drive.supply_frequency_hz if state is None else state[0]] * 14)
 
 
-def test_point_that_kills_its_workers_is_a_row(scene, processes, monkeypatch):
-    monkeypatch.setattr("vibroplat.study.sweep.measure_point", KillsAt((2, 1)))
-    with Store(None, {}) as store:
+@pytest.fixture(scope="module")
+def with_a_lost_point(scene, processes):
+    """A table of which one point is lost, and the others are quick."""
+    with pytest.MonkeyPatch.context() as patch, Store(None, {}) as store:
+        patch.setattr("vibroplat.study.sweep.measure_point", KillsAt((2, 1)))
         run_sweeps([(scene, store)], processes)
         (found,) = tables(scene, store)
-    lost = found[found["outcome"] != "ok"]
-    assert lost[["branch", "supply_frequency_hz", "outcome"]].to_numpy().tolist() == [[2, 50.0, "worker-lost"]]
+    return found
+
+
+def test_point_that_kills_its_workers_is_a_row(with_a_lost_point):
+    lost = with_a_lost_point[with_a_lost_point["outcome"] != "ok"]
+    assert lost[["branch", "supply_frequency_hz", "outcome"]].to_numpy().tolist() == [[2, 54.0, "worker-lost"]]
     assert lost["detail"].item() == f"its worker died {LIVES} times"
-    assert len(found) == 40
+    assert len(with_a_lost_point) == 24
 
 
-def test_row_of_a_lost_point_has_no_gaps_in_its_outcome(scene, processes, monkeypatch):
-    monkeypatch.setattr("vibroplat.study.sweep.measure_point", KillsAt((2, 1)))
-    with Store(None, {}) as store:
-        run_sweeps([(scene, store)], processes)
-        (found,) = tables(scene, store)
-    work = ["steps", "residual_calls", "events", "simulated_s", "wall_s"]
-    assert not found.loc[found["outcome"] == "worker-lost", work].isna().any(axis=None)
+def test_row_of_a_lost_point_has_no_gaps_in_its_outcome(with_a_lost_point):
+    lost = with_a_lost_point[with_a_lost_point["outcome"] == "worker-lost"]
+    assert not lost[["steps", "residual_calls", "events", "simulated_s", "wall_s"]].isna().any(axis=None)
 
 
 # -- schedulers that are none ---------------------------------------------------------------------------

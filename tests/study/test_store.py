@@ -22,11 +22,11 @@ from vibroplat.tables import read_table, write_table
 from .conftest import PROGRAM
 from .helpers import FLYING, bits, finished_points, loky_workers
 
-POINTS = 84
+POINTS = 60
 CONFIGURATION = (
     f"{FLYING}"
     "sweep:\n"
-    "  supply_frequency_hz: {start: 45.0, stop: 55.0, step: 0.5, direction: [up, down]}\n"
+    "  supply_frequency_hz: {start: 45.0, stop: 52.0, step: 0.5, direction: [up, down]}\n"
     "  grid: {contact.restitution: [0.0, 0.3]}\n"
 )
 SMALL = f"{FLYING}sweep: {{supply_frequency_hz: {{start: 50.0, stop: 50.5}}}}\n"
@@ -122,7 +122,7 @@ def test_sweep_killed_at_random_moments_ends_in_the_same_table(jobs, form, seed,
     before = 0
     for _ in range(3):
         begun = started("--resume", "--jobs", jobs, "--format", form)
-        begun.wait_for(before + random.integers(1, 20))
+        begun.wait_for(before + random.integers(1, 12))
         time.sleep(0.03 * random.random())
         assert begun.end(signal.SIGKILL)[0] == -signal.SIGKILL
         begun.close()
@@ -228,13 +228,14 @@ def test_terminated_sweep_can_be_resumed(started, resumed, uninterrupted):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("signal_", [signal.SIGTERM, signal.SIGKILL])
-def test_no_workers_outlive_a_sweep_that_was_ended(signal_, started):
+@pytest.mark.parametrize(("signal_", "seconds"), [(signal.SIGTERM, 20.0), (signal.SIGKILL, 150.0)])
+def test_no_workers_outlive_a_sweep_that_was_ended(signal_, seconds, started):
+    """Whoever is killed cannot see to it at once; its workers end when nothing comes any more."""
     begun = started("--jobs", "2")
     begun.wait_for(10)
     assert len(begun.workers) == 2
     begun.end(signal_)
-    _, alive = psutil.wait_procs(begun.workers, timeout=20.0)
+    _, alive = psutil.wait_procs(begun.workers, timeout=seconds)
     assert alive == []
 
 
@@ -293,9 +294,7 @@ def test_finished_sweep_may_be_begun_anew(command, here):
     ],
 )
 @pytest.mark.parametrize("state", ["unfinished", "finished"])
-def test_changed_configuration_is_not_resumed_and_the_key_is_named(
-    state, setting, found, wanted, unfinished, command
-):
+def test_changed_configuration_is_not_resumed_and_the_key_is_named(state, setting, found, wanted, unfinished, command):
     if state == "finished":
         assert command("sweep", "c.yaml", "--resume").code == 0
     points = finished_points(unfinished)

@@ -24,16 +24,47 @@ from vibroplat.tables import read_table
 from .helpers import CALIBRATED, CHAOTIC, FLYING, QUICKSTART, bits, planned, swept
 
 #: shared/interface.md, in its order.
-INTERFACE = (
-    "direction branch excitation_frequency_hz frequency_split_hz rms_x_m rms_y_m rms_phi_rad amplitude_y_m "
-    "phase_difference_rad phase_coherence sync period flight_fraction impacts_per_period gap_max_m "
-    "contact_force_max_n impulse_max_n_s motor_power_w energy_residual outcome steps residual_calls events "
-    "simulated_s wall_s"
-).split()
+INTERFACE = [
+    "direction",
+    "branch",
+    "excitation_frequency_hz",
+    "frequency_split_hz",
+    "rms_x_m",
+    "rms_y_m",
+    "rms_phi_rad",
+    "amplitude_y_m",
+    "phase_difference_rad",
+    "phase_coherence",
+    "sync",
+    "period",
+    "flight_fraction",
+    "impacts_per_period",
+    "gap_max_m",
+    "contact_force_max_n",
+    "impulse_max_n_s",
+    "motor_power_w",
+    "energy_residual",
+    "outcome",
+    "steps",
+    "residual_calls",
+    "events",
+    "simulated_s",
+    "wall_s",
+]
 TEXTS = {"direction", "sync", "settled", "outcome", "detail"}
 COUNTS = {"branch", "period", "steps", "residual_calls", "events"}
 #: What every row has, also of a point that failed.
-OF_THE_OUTCOME = ("direction", "branch", "outcome", "detail", "steps", "residual_calls", "events", "simulated_s", "wall_s")
+OF_THE_OUTCOME = (
+    "direction",
+    "branch",
+    "outcome",
+    "detail",
+    "steps",
+    "residual_calls",
+    "events",
+    "simulated_s",
+    "wall_s",
+)
 GRID = {"contact.restitution": [0.0, 0.3], "material.layers": [2, 1]}
 STORM = {"solver.max_events_per_period": 1}
 
@@ -100,10 +131,15 @@ def test_measures_are_those_of_a_run():
     scene = planned(QUICKSTART, 51.0, changes=changes, settle_s=seconds, measure_s=seconds, perturbation=0.0)
     row = sweep(scene).iloc[0]
     run = simulate(scene.replace({"drive.supply_frequency_hz": 51.0}))
-    for column in (
-        "excitation_frequency_hz rms_y_m amplitude_y_m phase_coherence flight_fraction impacts_per_period "
-        "motor_power_w"
-    ).split():
+    for column in [
+        "excitation_frequency_hz",
+        "rms_y_m",
+        "amplitude_y_m",
+        "phase_coherence",
+        "flight_fraction",
+        "impacts_per_period",
+        "motor_power_w",
+    ]:
         assert row[column] == pytest.approx(run.summary[column], rel=1e-3), column
     assert abs(row["phase_difference_rad"]) == pytest.approx(math.pi, abs=1e-6)
     late = run.trajectory[run.trajectory["t_s"] >= seconds]
@@ -225,7 +261,14 @@ def found(phase, *, split=0.0, coherence=1.0, seconds=2.0):
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize(
     ("degrees", "name"),
-    [(0, "in-phase"), (59, "in-phase"), (61, "intermediate"), (119, "intermediate"), (121, "antiphase"), (180, "antiphase")],
+    [
+        (0, "in-phase"),
+        (59, "in-phase"),
+        (61, "intermediate"),
+        (119, "intermediate"),
+        (121, "antiphase"),
+        (180, "antiphase"),
+    ],
 )
 def test_synchronization_by_the_phase_difference(degrees, name, sign):
     assert synchronization(found(sign * math.radians(degrees))) == name
@@ -320,7 +363,9 @@ def both_tables(scene):
 
 
 def test_bifurcation_tables_show_the_last_turns_and_impacts_of_each_point():
-    scene = planned(QUICKSTART, 50.0, 51.0, direction=["up", "down"], kind="bifurcation", grid={"contact.restitution": [0.0]})
+    scene = planned(
+        QUICKSTART, 50.0, 51.0, direction=["up", "down"], kind="bifurcation", grid={"contact.restitution": [0.0]}
+    )
     rows, section, impacts = both_tables(scene)
     keys = ["supply_frequency_hz", "contact.restitution", "direction", "branch", "excitation_frequency_hz"]
     assert list(section.columns) == [*keys, "y_m"]
@@ -415,8 +460,7 @@ def test_command_with_failed_points_exits_1_and_names_them(command, here, stormi
 
 def test_command_with_nothing_but_failed_points_prints_no_nan(command, here):
     (here / "c.yaml").write_text(
-        f"{FLYING}solver: {{max_events_per_period: 1}}\n"
-        "sweep: {supply_frequency_hz: {start: 52.0, stop: 52.0}}\n"
+        f"{FLYING}solver: {{max_events_per_period: 1}}\nsweep: {{supply_frequency_hz: {{start: 52.0, stop: 52.0}}}}\n"
     )
     done = command("sweep", "c.yaml")
     assert (done.code, len(done.err.splitlines())) == (1, 2)

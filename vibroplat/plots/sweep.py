@@ -101,7 +101,9 @@ def _is_number(column: pd.Series[Any]) -> bool:
 
 def draw_curves(axis: Axes, response: Response, column: str, factor: float = 1.0, *, wrap: bool = False) -> None:
     """Draw one quantity over excitation frequency: a colour a combination, up full and down dashed with dots."""
-    for label, number, direction, rows in response.curves():
+    curves = list(response.curves())
+    colours = curve_colours(1 + max(number for _, number, _, _ in curves))
+    for label, number, direction, rows in curves:
         values = factor * rows[column].to_numpy(dtype=float)
         if wrap:
             values = np.mod(values + 0.5, 2.0 * np.pi) - 0.5
@@ -114,10 +116,15 @@ def draw_curves(axis: Axes, response: Response, column: str, factor: float = 1.0
             ms=2.2,
             lw=1.0,
             alpha=1.0 if up else 0.6,
-            color=CURVES[number % len(CURVES)],
+            color=colours[number],
             mfc=None if up else "white",
             label=f"{label} {'↑' if up else '↓'}".strip(),
         )
+
+
+def curve_colours(count: int) -> Sequence[Any]:
+    """Return a colour for each of so many curves: distinct ones, or a scale where they are too many."""
+    return CURVES if count <= len(CURVES) else list(plt.get_cmap("viridis")(np.linspace(0.0, 0.95, count)))
 
 
 def phase_axis(axis: Axes) -> None:
