@@ -526,7 +526,11 @@ def test_example_of_the_interface_loads(scene_of, here):
     scene = scene_of(EXAMPLE)
     assert scene.sweep.settle_s == 6.0
     assert scene.replace(name="x", sweep=None) == load_config(ROOT / "configs/quickstart.yaml").replace(
-        {"name": "x", "sweep": None, "contact": {"model": "impact", "impact_law": "conservative", "viscous_per_mass_per_s": 0.0}}
+        {
+            "name": "x",
+            "sweep": None,
+            "contact": {"model": "impact", "impact_law": "conservative", "viscous_per_mass_per_s": 0.0},
+        }
     )
     assert scene.machine.rotor_inertia_kg_m2 == 0.8e-3
 
@@ -683,3 +687,16 @@ def test_schema_refuses_other_keys_and_says_what_is_allowed():
     restitution = schema["$defs"]["Contact"]["properties"]["restitution"]
     assert restitution | {"default": 0.0, "minimum": 0.0, "maximum": 1.0, "type": "number"} == restitution
     assert schema["$defs"]["Contact"]["properties"]["model"]["enum"] == ["impact", "non-impact"]
+
+
+def test_grid_of_a_sweep_is_replaced_as_a_whole(here):
+    frequencies = "supply_frequency_hz: {start: 40.0, stop: 50.0}"
+    (here / "base.yaml").write_text(f"sweep: {{{frequencies}, grid: {{material.layers: [1, 2]}}}}\n")
+    (here / "c.yaml").write_text(
+        "extends: base.yaml\nsweep: {grid: {contact.restitution: [0.0, 0.5]}, measure_s: 1.0}\n"
+    )
+    scene = load_config("c.yaml")
+    assert scene.sweep.grid == {"contact.restitution": [0.0, 0.5]}
+    assert scene.sweep.supply_frequency_hz.stop == 50.0
+    assert scene.replace({"sweep.grid": {}}).sweep.grid == {}
+    assert scene.replace({"sweep.grid": {}}).sweep.measure_s == 1.0
