@@ -9,13 +9,12 @@ import psutil
 
 from vibroplat import load_config, sweep
 
-ROOT = Path(__file__).parents[2]
-QUICKSTART = ROOT / "configs/quickstart.yaml"
-CALIBRATED = ROOT / "configs/machines/calibrated.yaml"
+#: A bare machine, and one with two layers of material on it.
+MACHINE, LOADED = (Path(__file__).with_name(f"{name}.yaml") for name in ("machine", "loaded"))
+#: Head of a configuration.
+FLYING = f"extends: {LOADED}\n"
 
-#: Head of a configuration: two layers of material, in flight once a turn from 47 Hz on.
-FLYING = f"extends: {CALIBRATED}\nmaterial: {{mass_ratio: 0.2}}\n"
-#: Non-periodic on the calibrated machine.
+#: Non-periodic motion of the machine.
 CHAOTIC = {"material.mass_ratio": 0.2, "material.damping_ratio": 0.005, "drive.supply_frequency_hz": 62.5}
 
 

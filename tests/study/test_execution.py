@@ -6,17 +6,20 @@ import math
 import os
 import signal
 import sys
+import threading
 import time
+from concurrent.futures import BrokenExecutor, Future
 
 import pytest
 
 from vibroplat import sweep
 from vibroplat.errors import ConfigError
 from vibroplat.study.execution import LIVES, PINNED, Cluster, Inline, Processes, WorkerLostError, pool, run_chains
+from vibroplat.study.point import Point
 from vibroplat.study.store import Store
 from vibroplat.study.sweep import run_sweeps, tables
 
-from .helpers import CALIBRATED, bits, loky_workers, planned
+from .helpers import MACHINE, bits, loky_workers, planned
 
 
 class Tasks:
@@ -50,13 +53,6 @@ class Counting:
 
 KILLER = (os._exit, (1,))
 NAP = (time.sleep, (0.02,))
-
-
-def die(path):
-    """Leave a mark and take the worker along."""
-    with open(path, "a", encoding="utf-8") as file:
-        file.write("x")
-    os._exit(1)
 
 
 def finish(chains, workers):
@@ -161,13 +157,56 @@ def test_only_task_that_kills_its_worker_is_given_up(processes):
     assert finish([Tasks(KILLER, (abs, (-1,)))], processes) == [["lost", 1]]
 
 
-@pytest.mark.parametrize("place", [2, *(pytest.param(n, marks=pytest.mark.long) for n in (0, 1, 3, 4))])
-def test_task_that_kills_its_worker_is_tried_in_company_once_and_then_alone(place, processes, tmp_path):
-    """Each death costs what other workers were at, so that there must not be more of them."""
-    marks = tmp_path / "deaths"
-    chains = [Tasks(NAP, (die, (str(marks),)) if k == place else NAP, NAP) for k in range(5)]
-    finish(chains, processes)
-    assert len(marks.read_text()) <= 1 + LIVES
+class Fragile:
+    """Workers that all break together, a little after a killer was given to them."""
+
+    slots = 3
+    given_up = ()
+
+    def __init__(self):
+        self.deaths = []  # how many tasks each has cost
+        self._open = []
+        self._broken = False
+        self._lock = threading.Lock()
+
+    def submit(self, function, *arguments):
+        future = Future()
+        if self._broken:
+            future.set_exception(BrokenExecutor())
+        else:
+            self._open.append(future)
+            threading.Timer(0.01, self._finish, (future, function, arguments)).start()
+        return future
+
+    def _finish(self, future, function, arguments):
+        with self._lock:
+            if future.done():
+                return
+            if (function, arguments) != KILLER:
+                future.set_result(function(*arguments))
+                return
+            hit = [other for other in self._open if not other.done()]
+            self.deaths.append(len(hit))
+            self._broken = True
+            for other in hit:
+                other.set_exception(BrokenExecutor())
+
+    def renew(self):
+        self._open, self._broken = [], False
+
+    def close(self):
+        """Nothing to stop."""
+
+
+@pytest.mark.parametrize("killers", [(0,), (1,), (4,), (0, 4), (1, 2, 3)], ids=str)
+def test_suspects_run_alone(killers):
+    """Each death costs what the other workers are at: once at first, then a killer's own work alone."""
+    workers = Fragile()
+    chains = [Tasks((abs, (-1,)), KILLER if k in killers else (abs, (-2,)), (abs, (-3,))) for k in range(5)]
+    assert finish(chains, workers) == [[1, "lost" if k in killers else 2, 3] for k in range(5)]
+    in_company = [cost for cost in workers.deaths if cost > 1]
+    assert len(in_company) <= len(killers)
+    assert len(workers.deaths) <= len(killers) * (1 + LIVES)
 
 
 @pytest.mark.long
@@ -184,7 +223,7 @@ def scene():
     """Attached, periodic and non-periodic points in eight branches."""
     changes = {"material.damping_ratio": 0.005}
     grid = {"material.mass_ratio": [0.0, 0.2], "contact.restitution": [0.0, 0.3]}
-    return planned(CALIBRATED, 46.0, 62.0, step=8.0, direction=["up", "down"], changes=changes, grid=grid)
+    return planned(MACHINE, 46.0, 62.0, step=8.0, direction=["up", "down"], changes=changes, grid=grid)
 
 
 @pytest.fixture(scope="module")
@@ -249,37 +288,64 @@ def test_killed_worker_of_dask_changes_nothing(scene, table, scheduler, cluster)
 class KillsAt:
     """In the place of ``measure_point``: the point of these numbers takes its worker along."""
 
-    def __init__(self, key):
+    def __init__(self, *key):
         self.key = key
 
     def __call__(self, scene, plan, state, key):
-        if tuple(key) == self.key:
+        if key == self.key:
             os._exit(1)
-        from vibroplat.study.point import Point
-
         return Point({"outcome": "ok"}, [scene.drive.supply_frequency_hz if state is None else state[0]] * 14)
 
 
-@pytest.fixture(scope="module")
-def with_a_lost_point(scene, processes):
-    """A table of which one point is lost, and the others are quick."""
-    with pytest.MonkeyPatch.context() as patch, Store(None, {}) as store:
-        patch.setattr("vibroplat.study.sweep.measure_point", KillsAt((2, 1)))
-        run_sweeps([(scene, store)], processes)
+class Mortal(Inline):
+    """This process, which pretends to have died of the point of these numbers."""
+
+    def __init__(self, *key):
+        self.key = key
+
+    def submit(self, function, *arguments):
+        if arguments[3] != self.key:
+            return super().submit(function, *arguments)
+        future = Future()
+        future.set_exception(BrokenExecutor())
+        return future
+
+
+def with_a_lost_point(scene, workers, monkeypatch):
+    """The table of a sweep whose point 1 of branch 2 is lost, and the state that each point began with."""
+    begun = {}
+
+    def measure(scene, plan, state, key):
+        begun[key] = None if state is None else state[0]
+        return KillsAt(2, 1)(scene, plan, state, key)
+
+    monkeypatch.setattr("vibroplat.study.sweep.measure_point", measure if workers.slots == 1 else KillsAt(2, 1))
+    with Store(None, {}) as store:
+        run_sweeps([(scene, store)], workers)
         (found,) = tables(scene, store)
-    return found
+    return found, begun
 
 
-def test_point_that_kills_its_workers_is_a_row(with_a_lost_point):
-    lost = with_a_lost_point[with_a_lost_point["outcome"] != "ok"]
+def test_point_that_kills_its_workers_is_a_row_and_the_branch_goes_on(scene, monkeypatch):
+    found, begun = with_a_lost_point(scene, Mortal(2, 1), monkeypatch)
+    lost = found[found["outcome"] != "ok"]
     assert lost[["branch", "supply_frequency_hz", "outcome"]].to_numpy().tolist() == [[2, 54.0, "worker-lost"]]
     assert lost["detail"].item() == f"its worker died {LIVES} times"
-    assert len(with_a_lost_point) == 24
+    assert len(found) == 24
+    assert (2, 1) not in begun
+    assert begun[2, 2] == 46.0
 
 
-def test_row_of_a_lost_point_has_no_gaps_in_its_outcome(with_a_lost_point):
-    lost = with_a_lost_point[with_a_lost_point["outcome"] == "worker-lost"]
-    assert not lost[["steps", "residual_calls", "events", "simulated_s", "wall_s"]].isna().any(axis=None)
+def test_row_of_a_lost_point_has_no_gaps_in_its_outcome(scene, monkeypatch):
+    found, _ = with_a_lost_point(scene, Mortal(2, 1), monkeypatch)
+    lost = found[found["outcome"] == "worker-lost"]
+    assert not lost[["steps", "residual_calls", "events", "simulated_s"]].isna().any(axis=None)
+
+
+@pytest.mark.long
+def test_point_that_really_kills_its_workers_is_a_row(scene, processes, monkeypatch):
+    found, _ = with_a_lost_point(scene, processes, monkeypatch)
+    assert found["outcome"].tolist() == ["worker-lost" if k == 7 else "ok" for k in range(24)]
 
 
 # -- schedulers that are none ---------------------------------------------------------------------------
@@ -304,6 +370,7 @@ def test_scheduler_that_does_not_answer_is_told_in_a_line(address, vibroplat, he
     assert done.stderr.startswith(f"vibroplat: --scheduler {address}: ")
 
 
+@pytest.mark.long
 def test_sweep_on_a_scheduler_by_the_command_line(vibroplat, here, scheduler):
     (here / "c.yaml").write_text(SMALL)
     done = vibroplat("sweep", "c.yaml", "--scheduler", scheduler)

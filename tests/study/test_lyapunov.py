@@ -12,7 +12,7 @@ from vibroplat import load_config
 from vibroplat.solver.initial import initial_state
 from vibroplat.study.lyapunov import SKIPPED, largest_exponent, turns_later
 
-from .helpers import CALIBRATED, CHAOTIC, swept
+from .helpers import CHAOTIC, MACHINE, swept
 
 #: Only gap and gap rate are changed: the table's own motion is undamped, its exponent 0.
 OF_THE_BALL = np.zeros(14)
@@ -80,7 +80,7 @@ def test_exponent_of_real_multipliers_is_that_of_the_larger(gamma_sine, restitut
 
 def test_exponent_in_antiphase_knows_no_whole_turns_of_exciter_2():
     """Its angle is ±π where exciter 1 completes a turn; two neighbours may lie on either side of the cut."""
-    scene, state = settled(CALIBRATED, 51.0, {"material.mass_ratio": 0.2})
+    scene, state = settled(MACHINE, 51.0, {"material.mass_ratio": 0.2})
     assert abs(math.remainder(state[4], TURN)) == pytest.approx(math.pi, abs=1e-6)
     states = [state + shift * np.eye(14)[4] for shift in (-1e-3, 0.0, 1e-3, TURN)]
     found = [largest_exponent(scene, s) for s in states]
@@ -102,21 +102,21 @@ def settled(config, frequency, changes=None):
 
 
 def test_exponent_of_the_chaotic_scene_is_positive():
-    scene, state = settled(CALIBRATED, 62.5, CHAOTIC)
+    scene, state = settled(MACHINE, 62.5, CHAOTIC)
     found = largest_exponent(scene, state)
     assert 1.0 < found < 30.0
 
 
 @pytest.mark.parametrize(("frequency", "restitution"), [(51.0, 0.0), (53.0, 0.0), (51.0, 0.3)])
 def test_exponent_of_a_periodic_scene_with_impacts_is_negative(frequency, restitution):
-    scene, state = settled(CALIBRATED, frequency, {"material.mass_ratio": 0.2, "contact.restitution": restitution})
+    scene, state = settled(MACHINE, frequency, {"material.mass_ratio": 0.2, "contact.restitution": restitution})
     assert -30.0 < largest_exponent(scene, state) < -0.1
 
 
 @pytest.mark.parametrize("frequency", [63.0, 66.0])
 def test_exponent_is_that_of_the_slowest_settling(frequency):
     """Bare and in phase, the phase difference settles last: its rate is read off the section."""
-    scene, state = settled(CALIBRATED, frequency, {"run.initial.phase_sum_rad": 0.3})
+    scene, state = settled(MACHINE, frequency, {"run.initial.phase_sum_rad": 0.3})
     state[11] += 1.0
     accurate = scene.replace({"solver.tolerance": 1e-10})
     phases = []
@@ -128,12 +128,12 @@ def test_exponent_is_that_of_the_slowest_settling(frequency):
 
 
 def test_no_exponent_where_the_exciter_stands_still():
-    scene = load_config(CALIBRATED, {"run.initial.speed_ratio": 0.0, "motor.critical_torque_n_m": 0.0})
+    scene = load_config(MACHINE, {"run.initial.speed_ratio": 0.0, "motor.critical_torque_n_m": 0.0})
     assert math.isnan(largest_exponent(scene, initial_state(scene)))
 
 
 def test_no_exponent_where_the_motion_ends_early():
-    scene, state = settled(CALIBRATED, 62.5, CHAOTIC)
+    scene, state = settled(MACHINE, 62.5, CHAOTIC)
     assert math.isnan(largest_exponent(scene.replace({"solver.max_events_per_period": 1}), state))
 
 
@@ -141,12 +141,12 @@ def test_no_exponent_where_the_motion_ends_early():
 
 
 def test_exponent_is_estimated_where_no_period_is_found():
-    chaotic = swept(CALIBRATED, 62.5, changes=CHAOTIC).iloc[0]
-    periodic = swept(CALIBRATED, 51.0, changes={"material.mass_ratio": 0.2}).iloc[0]
+    chaotic = swept(MACHINE, 62.5, changes=CHAOTIC).iloc[0]
+    periodic = swept(MACHINE, 51.0, changes={"material.mass_ratio": 0.2}).iloc[0]
     assert chaotic["lyapunov_per_s"] > 1.0
     assert math.isnan(periodic["lyapunov_per_s"])
 
 
 def test_exponent_is_left_out_on_demand():
-    row = swept(CALIBRATED, 62.5, changes=CHAOTIC, lyapunov=False).iloc[0]
+    row = swept(MACHINE, 62.5, changes=CHAOTIC, lyapunov=False).iloc[0]
     assert (row["period"], math.isnan(row["lyapunov_per_s"])) == (0, True)

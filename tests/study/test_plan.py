@@ -9,7 +9,7 @@ from vibroplat.errors import ConfigError
 from vibroplat.plan import Frequencies
 from vibroplat.study.branches import branches
 
-from .helpers import FLYING, QUICKSTART, planned
+from .helpers import FLYING, LOADED, planned
 
 SECTIONS = "name, machine, motor, motors, material, contact, drive, run, solver, output, sweep"
 PLAN = (
@@ -68,7 +68,7 @@ def test_step_is_half_a_hertz_and_direction_up_unless_given():
 
 def test_branches_are_combinations_times_directions_the_first_key_slowest():
     grid = {"material.mass_ratio": [0.2, 0.1], "contact.restitution": [0.5, 0.0]}
-    found = branches(planned(QUICKSTART, 50.0, 51.0, step=0.5, direction=["down", "up"], grid=grid))
+    found = branches(planned(LOADED, 50.0, 51.0, step=0.5, direction=["down", "up"], grid=grid))
     places = [(0.2, 0.5), (0.2, 0.0), (0.1, 0.5), (0.1, 0.0)]
     assert [b.number for b in found] == list(range(8))
     assert [b.direction for b in found] == ["down", "up"] * 4
@@ -80,23 +80,23 @@ def test_branches_are_combinations_times_directions_the_first_key_slowest():
 
 def test_scenes_of_a_branch_have_its_values_and_frequencies():
     grid = {"material.mass_ratio": [0.1, 0.3], "solver.tolerance": [1e-5]}
-    branch = branches(planned(QUICKSTART, 50.0, 51.0, direction="down", grid=grid))[1]
+    branch = branches(planned(LOADED, 50.0, 51.0, direction="down", grid=grid))[1]
     for point, frequency in enumerate((51.0, 50.5, 50.0)):
         scene = branch.at(point)
         assert scene.drive.supply_frequency_hz == frequency
         assert (scene.material.mass_ratio, scene.solver.tolerance) == (0.3, 1e-5)
-        assert scene.machine == load_config(QUICKSTART).machine
+        assert scene.machine == load_config(LOADED).machine
 
 
 def test_value_of_the_grid_replaces_its_alternative():
-    (branch,) = branches(planned(QUICKSTART, 50.0, grid={"material.stiffness_n_per_m": [8000.0]}))
+    (branch,) = branches(planned(LOADED, 50.0, grid={"material.stiffness_n_per_m": [8000.0]}))
     material = branch.at(0).material
     assert (material.stiffness_n_per_m, material.natural_frequency_hz) == (8000.0, None)
 
 
 @pytest.mark.parametrize("direction", ["up", ["up"]])
 def test_direction_may_be_one_word(direction):
-    assert [b.direction for b in branches(planned(QUICKSTART, 50.0, direction=direction))] == ["up"]
+    assert [b.direction for b in branches(planned(LOADED, 50.0, direction=direction))] == ["up"]
 
 
 # -- one mistake, one line ------------------------------------------------------------------------------
@@ -220,6 +220,12 @@ def test_mistakes_in_settle_s_name_the_key_and_both_that_is_allowed(value, compl
     assert "number" in allowed or "more than 0" in allowed
 
 
+@pytest.mark.parametrize("values", ["material: [{mass_ratio: 0.1}]", "motor: [{pole_pairs: 1}, {pole_pairs: 2}]"])
+def test_sections_are_no_values_of_a_grid(values, complaint):
+    """A table has no place for them."""
+    assert f"grid.{values.partition(':')[0]}" in complaint(with_plan(f"grid: {{{values}}}"))
+
+
 def test_empty_list_of_a_grid_is_told(complaint):
     line = complaint(with_plan("grid: {contact.restitution: []}"))
     assert line.startswith("c.yaml: sweep.grid.contact.restitution = []; allowed: ")
@@ -302,7 +308,7 @@ def test_mistake_in_a_sweep_exits_2_with_one_line_and_writes_nothing(text, comma
 
 
 def test_settings_reach_the_plan():
-    scene = load_config(QUICKSTART, {"sweep.supply_frequency_hz.start": 42.0, "sweep.supply_frequency_hz.stop": 43.0})
+    scene = load_config(LOADED, {"sweep.supply_frequency_hz.start": 42.0, "sweep.supply_frequency_hz.stop": 43.0})
     assert scene.sweep is not None
     assert scene.replace({"sweep.seed": 7}).sweep.seed == 7
     with pytest.raises(ConfigError, match=r"sweep\.seed = -7"):

@@ -21,7 +21,7 @@ from vibroplat.study.store import Store
 from vibroplat.study.sweep import impact_tables, run_sweeps, section_tables, tables
 from vibroplat.tables import read_table
 
-from .helpers import CALIBRATED, CHAOTIC, FLYING, QUICKSTART, bits, planned, swept
+from .helpers import CHAOTIC, FLYING, LOADED, MACHINE, bits, planned, swept
 
 #: shared/interface.md, in its order.
 INTERFACE = [
@@ -72,7 +72,7 @@ STORM = {"solver.max_events_per_period": 1}
 @pytest.fixture(scope="module")
 def table():
     """Two directions of four combinations of values."""
-    return swept(QUICKSTART, 50.0, 51.0, direction=["up", "down"], grid=GRID)
+    return swept(LOADED, 50.0, 51.0, direction=["up", "down"], grid=GRID)
 
 
 # -- rows and columns -----------------------------------------------------------------------------------
@@ -95,8 +95,8 @@ def test_types_of_columns(table):
 
 def test_types_do_not_depend_on_what_was_found():
     """A table without a period, an exponent or a good point has the types of any other."""
-    failed = swept(QUICKSTART, 51.0, changes=STORM, grid=GRID)
-    chaotic = swept(CALIBRATED, 62.5, changes=CHAOTIC, grid=GRID)
+    failed = swept(LOADED, 51.0, changes=STORM, grid=GRID)
+    chaotic = swept(MACHINE, 62.5, changes=CHAOTIC, grid=GRID)
     assert set(failed["outcome"]) == {"event-storm"}
     assert failed.dtypes.equals(chaotic.dtypes)
 
@@ -128,7 +128,7 @@ def test_measures_are_those_of_a_run():
     """Without a perturbation a fixed point is the second half of a run."""
     seconds = 3.0
     changes = {"contact.restitution": 0.3, "run.duration_s": 2.0 * seconds}
-    scene = planned(QUICKSTART, 51.0, changes=changes, settle_s=seconds, measure_s=seconds, perturbation=0.0)
+    scene = planned(LOADED, 51.0, changes=changes, settle_s=seconds, measure_s=seconds, perturbation=0.0)
     row = sweep(scene).iloc[0]
     run = simulate(scene.replace({"drive.supply_frequency_hz": 51.0}))
     for column in [
@@ -154,8 +154,8 @@ def test_measures_are_those_of_a_run():
 def test_branch_goes_on_from_point_to_point():
     """Both ways of turning are stable from 69 Hz on: a branch keeps the one that it comes with."""
     begun = {"run.initial.phase_sum_rad": 0.3}
-    up = swept(CALIBRATED, 67.0, 71.0, step=1.0, changes=begun)
-    down = swept(CALIBRATED, 67.0, 71.0, step=1.0, direction="down")
+    up = swept(MACHINE, 67.0, 71.0, step=1.0, changes=begun)
+    down = swept(MACHINE, 67.0, 71.0, step=1.0, direction="down")
     assert up["sync"].tolist() == ["in-phase"] * 5
     assert down["sync"].iloc[[0, 1, -1]].tolist() == ["antiphase", "antiphase", "in-phase"]
 
@@ -165,13 +165,13 @@ def test_branch_goes_on_from_point_to_point():
 
 @pytest.fixture(scope="module")
 def storming():
-    """Changes with which quickstart begins attached; below 47 Hz it stays so, above one event ends it."""
-    attached = simulate(load_config(QUICKSTART, {"drive.supply_frequency_hz": 44.0})).trajectory.iloc[-1]
+    """Changes with which the loaded machine begins attached; below 47 Hz it stays so, above one event ends it."""
+    attached = simulate(load_config(LOADED, {"drive.supply_frequency_hz": 44.0})).trajectory.iloc[-1]
     return {**STORM, "run.initial": {"state": attached.to_dict()}}
 
 
 def test_failed_points_are_rows_and_the_branch_goes_on(storming):
-    table = swept(QUICKSTART, 44.0, 52.0, step=2.0, direction=["up", "down"], changes=storming)
+    table = swept(LOADED, 44.0, 52.0, step=2.0, direction=["up", "down"], changes=storming)
     good = table["supply_frequency_hz"] < 47.0
     assert table["outcome"].tolist() == ["ok" if g else "event-storm" for g in good]
     assert not table[list(OF_THE_OUTCOME)].isna().any(axis=None)
@@ -184,12 +184,12 @@ def test_failed_points_are_rows_and_the_branch_goes_on(storming):
 
 
 def test_failed_points_have_not_settled():
-    failed = swept(QUICKSTART, 50.0, changes=STORM)
+    failed = swept(LOADED, 50.0, changes=STORM)
     assert not failed["settled"].isin(["periodic", "non-periodic", "maximum"]).any()
 
 
 def test_good_points_of_an_elastic_layer_that_presses_storm():
-    table = swept(QUICKSTART, 44.0, 45.0, changes={"contact.restitution": 1.0, "solver.max_events_per_period": 3})
+    table = swept(LOADED, 44.0, 45.0, changes={"contact.restitution": 1.0, "solver.max_events_per_period": 3})
     assert table["outcome"].tolist() == ["event-storm"] * 3
 
 
@@ -211,7 +211,7 @@ class Recorder:
 def test_points_begin_with_the_state_of_the_last_good_one(monkeypatch):
     recorder = Recorder(failing=(50.0, 51.5, 52.0))
     monkeypatch.setattr("vibroplat.study.sweep.measure_point", recorder)
-    sweep(planned(QUICKSTART, 50.0, 52.5, direction=["up", "down"]))
+    sweep(planned(LOADED, 50.0, 52.5, direction=["up", "down"]))
     begun = [(frequency, None if state is None else state[0], key) for frequency, state, key in recorder.asked]
     assert [call for call in begun if call[2][0] == 0] == [
         (50.0, None, (0, 0)),
@@ -234,7 +234,7 @@ def test_points_begin_with_the_state_of_the_last_good_one(monkeypatch):
 def test_progress_counts_branches_points_and_events(monkeypatch):
     monkeypatch.setattr("vibroplat.study.sweep.measure_point", Recorder(failing=()))
     told = []
-    sweep(planned(QUICKSTART, 50.0, 51.0, direction=["up", "down"]), progress=lambda *counts: told.append(counts))
+    sweep(planned(LOADED, 50.0, 51.0, direction=["up", "down"]), progress=lambda *counts: told.append(counts))
     assert [points for _, points, _ in told] == list(range(7))
     assert [events for _, _, events in told] == [2 * points for points in range(7)]
     assert (told[0][0], told[-1][0]) == (0, 2)
@@ -298,7 +298,7 @@ def test_unequal_motors_without_coupling_are_not_synchronous():
         "machine.platform_mass_kg": 1e5,
         "machine.platform_inertia_kg_m2": 1e5,
     }
-    row = swept(CALIBRATED, 50.0, changes=changes).iloc[0]
+    row = swept(MACHINE, 50.0, changes=changes).iloc[0]
     assert abs(row["frequency_split_hz"]) > 0.2
     assert (row["sync"], row["period"]) == ("none", 0)
 
@@ -307,12 +307,12 @@ def test_unequal_motors_without_coupling_are_not_synchronous():
 
 
 def test_same_seed_gives_the_same_table(table):
-    again = swept(QUICKSTART, 50.0, 51.0, direction=["up", "down"], grid=GRID)
+    again = swept(LOADED, 50.0, 51.0, direction=["up", "down"], grid=GRID)
     assert bits(again) == bits(table)
 
 
 def test_other_seed_gives_other_states_near_the_same_motion(table):
-    other = swept(QUICKSTART, 50.0, 51.0, direction=["up", "down"], grid=GRID, seed=1)
+    other = swept(LOADED, 50.0, 51.0, direction=["up", "down"], grid=GRID, seed=1)
     assert (other["rms_phi_rad"] != table["rms_phi_rad"]).all()
     periodic = (table["period"] == 1) & (other["period"] == 1)
     assert periodic.sum() >= 12
@@ -321,12 +321,12 @@ def test_other_seed_gives_other_states_near_the_same_motion(table):
 
 def test_branches_at_the_same_place_are_perturbed_otherwise():
     """Up and down at one frequency are two draws."""
-    table = swept(QUICKSTART, 50.0, direction=["up", "down"])
+    table = swept(LOADED, 50.0, direction=["up", "down"])
     assert table["rms_phi_rad"][0] != table["rms_phi_rad"][1]
 
 
 def test_perturbation_changes_rates_of_platform_and_exciters_by_its_size():
-    scene = planned(QUICKSTART, 50.0, perturbation=0.02, seed=5)
+    scene = planned(LOADED, 50.0, perturbation=0.02, seed=5)
     state, scales = initial_state(scene), state_scales(scene)
     changes = np.array([perturbed(state, scene, scene.sweep, (0, k)) - state for k in range(400)]) / scales
     assert not changes[:, [0, 1, 2, 3, 4, 5, 6, 12, 13]].any()
@@ -337,7 +337,7 @@ def test_perturbation_changes_rates_of_platform_and_exciters_by_its_size():
 
 
 def test_perturbations_follow_from_seed_branch_and_point():
-    scene = planned(QUICKSTART, 50.0)
+    scene = planned(LOADED, 50.0)
     state = initial_state(scene)
     draws = {
         (seed, *key): perturbed(state, scene, scene.sweep.model_copy(update={"seed": seed}), key)[7]
@@ -349,7 +349,7 @@ def test_perturbations_follow_from_seed_branch_and_point():
 
 
 def test_no_perturbation_is_the_same_state():
-    scene = planned(QUICKSTART, 50.0, perturbation=0.0)
+    scene = planned(LOADED, 50.0, perturbation=0.0)
     assert (perturbed(initial_state(scene), scene, scene.sweep, (0, 0)) == initial_state(scene)).all()
 
 
@@ -364,7 +364,7 @@ def both_tables(scene):
 
 def test_bifurcation_tables_show_the_last_turns_and_impacts_of_each_point():
     scene = planned(
-        QUICKSTART, 50.0, 51.0, direction=["up", "down"], kind="bifurcation", grid={"contact.restitution": [0.0]}
+        LOADED, 50.0, 51.0, direction=["up", "down"], kind="bifurcation", grid={"contact.restitution": [0.0]}
     )
     rows, section, impacts = both_tables(scene)
     keys = ["supply_frequency_hz", "contact.restitution", "direction", "branch", "excitation_frequency_hz"]
@@ -385,7 +385,7 @@ def test_bifurcation_shows_the_heights_and_speeds_of_a_run():
     seconds = 1.0
     changes = {"contact.restitution": 0.3, "run.duration_s": 2.0 * seconds}
     plan = {"settle_s": seconds, "measure_s": seconds, "perturbation": 0.0, "kind": "bifurcation"}
-    scene = planned(QUICKSTART, 53.0, changes=changes, **plan)
+    scene = planned(LOADED, 53.0, changes=changes, **plan)
     _, section, impacts = both_tables(scene)
     run = simulate(scene.replace({"drive.supply_frequency_hz": 53.0}))
     late = run.section[run.section["t_s"] > seconds]
@@ -395,14 +395,14 @@ def test_bifurcation_shows_the_heights_and_speeds_of_a_run():
 
 
 def test_points_have_no_section_unless_it_is_wanted():
-    scene = planned(QUICKSTART, 50.0)
+    scene = planned(LOADED, 50.0)
     (branch,) = branches(scene)
     point = measure_point(branch.at(0), scene.sweep, None, (0, 0))
     assert (point.section_y, point.impact_speeds) == ([], [])
 
 
 def test_table_of_no_impacts_has_its_columns():
-    _, section, impacts = both_tables(planned(CALIBRATED, 50.0, kind="bifurcation"))
+    _, section, impacts = both_tables(planned(MACHINE, 50.0, kind="bifurcation"))
     assert (len(section) > 0, len(impacts)) == (True, 0)
     assert str(impacts["impact_speed_m_per_s"].dtype) == "float64"
 

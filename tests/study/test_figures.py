@@ -1,0 +1,295 @@
+"""Figures of a sweep, from its tables alone."""
+
+from __future__ import annotations
+
+import json
+import shutil
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+
+from vibroplat.errors import TableError
+from vibroplat.plots.style import plt
+from vibroplat.plots.sweep import FIGURES, plot_sweep, read_response
+from vibroplat.tables import read_table, write_table
+
+from .helpers import CHAOTIC, MACHINE
+
+MATERIAL = f"material: {{mass_ratio: 0.2, damping_ratio: {CHAOTIC['material.damping_ratio']}}}"
+#: Sections ``sweep``: response of two masses, bifurcation of one, map over the mass.
+SWEEPS = {
+    "response": "supply_frequency_hz: {start: 44, stop: 52, step: 2, direction: [up, down]}\n"
+    "  grid: {material.mass_ratio: [0.0, 0.2], contact.impact_law: [conservative]}",
+    "bifurcation": "supply_frequency_hz: {start: 44, stop: 62, step: 6, direction: [up, down]}\n  kind: bifurcation",
+    "map": "supply_frequency_hz: {start: 50, stop: 66, step: 4, direction: [up, down]}\n"
+    "  grid: {material.mass_ratio: [0.0, 0.1, 0.2]}\n  kind: map",
+}
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    """Result directories of a sweep of each kind, and of a run."""
+    from vibroplat import cli
+
+    place = tmp_path_factory.mktemp("place")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(place)
+        for name, text in SWEEPS.items():
+            (place / f"{name}.yaml").write_text(f"extends: {MACHINE}\n{MATERIAL}\nsweep:\n  {text}\n")
+            patch.setattr("sys.argv", ["vibroplat", "sweep", f"{name}.yaml"])
+            with pytest.raises(SystemExit) as ended:
+                cli.main()
+            assert ended.value.code == 0
+        patch.setattr("sys.argv", ["vibroplat", "run", "map.yaml", "--set", "name=run", "--set", "run.duration_s=0.1"])
+        with pytest.raises(SystemExit) as ended:
+            cli.main()
+        assert ended.value.code == 0
+    return place / "results"
+
+
+@pytest.fixture
+def tables_of(written, tmp_path):
+    """A copy of what a figure may use of a result: its tables and where they came from."""
+
+    def copy(name):
+        files = [f for f in (written / name).iterdir() if f.suffix in (".parquet", ".csv", ".json")]
+        directory = tmp_path / name
+        directory.mkdir()
+        for file in files:
+            shutil.copy(file, directory)
+        return directory
+
+    return copy
+
+
+@pytest.fixture
+def drawn(tables_of):
+    """Draw a figure of a sweep, to be looked at."""
+    figures = []
+
+    def draw(name, kind=None):
+        directory = tables_of(name)
+        figures.append(FIGURES[kind or name](read_response(directory)))
+        return figures[-1], {t: read_table(directory, t) for t in ("sweep", "section", "impacts") if _has(directory, t)}
+
+    yield draw
+    for figure in figures:
+        plt.close(figure)
+
+
+def _has(directory, name):
+    return any(directory.glob(f"{name}.*"))
+
+
+def is_png(path):
+    return path.read_bytes().startswith(b"\x89PNG\r\n\x1a\n")
+
+
+# -- files ----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "figures"),
+    [("response", ["response"]), ("bifurcation", ["response", "bifurcation"]), ("map", ["response", "map"])],
+)
+def test_plot_draws_all_that_the_tables_hold(name, figures, tables_of, command):
+    directory = tables_of(name)
+    done = command("plot", directory)
+    assert (done.code, done.err) == (0, "")
+    paths = [directory / f"{figure}.png" for figure in figures]
+    assert done.out.splitlines() == list(map(str, paths))
+    assert all(map(is_png, paths))
+    assert plt.get_fignums() == []
+
+
+@pytest.mark.parametrize("kind", ["response", "bifurcation", "map"])
+def test_plot_of_one_kind(kind, tables_of, command):
+    directory = tables_of(kind)
+    done = command("plot", directory, "--kind", kind)
+    assert (done.code, done.out, done.err) == (0, f"{directory / kind}.png\n", "")
+    assert [path.name for path in directory.glob("*.png")] == [f"{kind}.png"]
+
+
+def test_plot_reads_tables_of_either_format(tables_of):
+    directory = tables_of("bifurcation")
+    for name in ("sweep", "section", "impacts"):
+        write_table(read_table(directory, name), directory, name, "csv")
+    assert all(map(is_png, plot_sweep(directory, [])))
+
+
+# -- what they show -------------------------------------------------------------------------------------
+
+
+def test_response_has_a_curve_for_each_branch(drawn):
+    figure, tables = drawn("response")
+    table = tables["sweep"]
+    quantities = [("rms_y_m", 1e3), ("rms_x_m", 1e3), ("rms_phi_rad", 1e3), (None, 1.0), ("flight_fraction", 1.0)]
+    assert len(figure.axes) == len(quantities)
+    for axis, (column, factor) in zip(figure.axes, quantities, strict=True):
+        assert len(axis.lines) == table["branch"].nunique() == 4
+        for line, (_, rows) in zip(axis.lines, table.groupby("branch"), strict=True):
+            assert np.asarray(line.get_xdata()).tolist() == rows["excitation_frequency_hz"].tolist()
+            if column is not None:
+                assert line.get_ydata() == pytest.approx(factor * rows[column].to_numpy())
+
+
+def test_response_wraps_the_phase_so_that_antiphase_is_one_line(drawn):
+    figure, tables = drawn("response")
+    phases = np.concatenate([line.get_ydata() for line in figure.axes[3].lines])
+    assert set(tables["sweep"]["sync"]) == {"antiphase"}
+    assert (tables["sweep"]["phase_difference_rad"] < 0.0).any()
+    assert phases == pytest.approx(np.full(len(phases), np.pi), abs=1e-2)
+    assert figure.axes[3].get_ylim()[0] < 0.0 < np.pi < figure.axes[3].get_ylim()[1]
+
+
+def test_response_tells_directions_and_values_apart(drawn):
+    figure, _ = drawn("response")
+    lines = figure.axes[0].lines
+    assert [line.get_label() for line in lines] == [f"mass_ratio {m} {d}" for m in ("0", "0.2") for d in ("↑", "↓")]
+    colours = [line.get_color() for line in lines]
+    assert colours[0] == colours[1] != colours[2] == colours[3]
+    assert [line.get_linestyle() for line in lines] == ["-", "--", "-", "--"]
+
+
+def test_response_leaves_out_flight_where_nothing_flies(tables_of):
+    directory = tables_of("response")
+    table = read_table(directory, "sweep")
+    write_table(table[table["material.mass_ratio"] == 0.0], directory, "sweep", "parquet")
+    figure = FIGURES["response"](read_response(directory))
+    assert [axis.get_ylabel() for axis in figure.axes][-1] == "Δφ"
+    plt.close(figure)
+
+
+def test_bifurcation_shows_section_and_impacts_of_both_directions(drawn):
+    figure, tables = drawn("bifurcation")
+    for axis, (table, column, factor) in zip(
+        figure.axes, (("section", "y_m", 1e3), ("impacts", "impact_speed_m_per_s", 1.0)), strict=True
+    ):
+        assert len(axis.lines) == 2
+        for branch, line in enumerate(axis.lines):
+            rows = tables[table][tables[table]["branch"] == branch]
+            assert len(rows) > 100
+            assert line.get_ydata() == pytest.approx(factor * rows[column].to_numpy())
+            assert line.get_xdata() == pytest.approx(rows["excitation_frequency_hz"].to_numpy())
+        assert axis.lines[0].get_color() != axis.lines[1].get_color()
+
+
+def test_map_colours_a_tile_for_each_point(drawn):
+    figure, tables = drawn("map")
+    table = tables["sweep"]
+    names = ["antiphase", "in-phase", "intermediate", "none"]
+    ends = [0, 1, 2, 4, 8, 16]
+    assert len(figure.axes) == 4
+    for row, direction in enumerate(("up", "down")):
+        rows = table[table["direction"] == direction].sort_values(["material.mass_ratio", "supply_frequency_hz"])
+        sync, periods = (figure.axes[2 * row + k].collections[0].get_array().ravel() for k in range(2))
+        assert sync.tolist() == [names.index(name) for name in rows["sync"]]
+        assert periods.tolist() == [next(i for i, end in enumerate(ends) if n <= end) for n in rows["period"]]
+        assert figure.axes[2 * row].get_title(loc="left") == f"synchronization, {direction}"
+    assert len(set(table["sync"])) >= 2
+    assert {0, 1} <= set(table["period"])
+
+
+def test_map_leaves_failed_points_without_a_colour(tables_of):
+    directory = tables_of("map")
+    table = read_table(directory, "sweep")
+    table.loc[0, ["sync", "period", "outcome"]] = [None, None, "event-storm"]
+    write_table(table, directory, "sweep", "parquet")
+    figure = FIGURES["map"](read_response(directory))
+    for axis in figure.axes[:2]:
+        tiles = np.ma.filled(axis.collections[0].get_array().astype(float), np.nan)
+        assert np.isnan(tiles).sum() == 1
+    plt.close(figure)
+
+
+def test_figures_bear_points_that_failed(tables_of):
+    directory = tables_of("response")
+    table = read_table(directory, "sweep")
+    measures = table.columns[list(table.columns).index("branch") + 1 : list(table.columns).index("settled")]
+    table[measures] = table[measures].mask(table["supply_frequency_hz"] > 45.0)
+    write_table(table, directory, "sweep", "parquet")
+    assert all(map(is_png, plot_sweep(directory, ["response"])))
+    table[measures] = table[measures].mask(table["supply_frequency_hz"] > 0.0)
+    write_table(table, directory, "sweep", "parquet")
+    assert all(map(is_png, plot_sweep(directory, ["response"])))
+
+
+def test_figures_leave_the_settings_of_others_alone(tables_of):
+    before = dict(mpl.rcParams)
+    plot_sweep(tables_of("map"), [])
+    assert dict(mpl.rcParams) == before
+
+
+# -- refused --------------------------------------------------------------------------------------------
+
+
+def refusal(directory, command, *options):
+    """The line that answers ``plot``, without the directory's name."""
+    done = command("plot", directory, *options)
+    assert (done.code, done.out, len(done.err.splitlines())) == (2, "", 1)
+    assert list(directory.glob("*.png")) == []
+    return done.err.strip().replace(str(directory), "DIR").removeprefix("vibroplat: ")
+
+
+@pytest.mark.parametrize("kind", ["motion", "force", "exciters"])
+def test_figure_of_a_run_is_refused_to_a_sweep(kind, tables_of, command):
+    line = f"--kind {kind}: DIR holds a sweep; allowed: response, bifurcation, map"
+    assert refusal(tables_of("response"), command, "--kind", kind) == line
+
+
+@pytest.mark.parametrize("kind", ["response", "bifurcation", "map"])
+def test_figure_of_a_sweep_is_refused_to_a_run(kind, tables_of, command):
+    line = f"--kind {kind}: DIR holds no sweep; allowed: motion, force, exciters"
+    assert refusal(tables_of("run"), command, "--kind", "motion", "--kind", kind) == line
+
+
+def test_bifurcation_without_its_tables_is_told_in_a_line(tables_of, command):
+    line = refusal(tables_of("response"), command, "--kind", "bifurcation")
+    assert line.startswith("DIR holds no section table; allowed: ")
+    assert "vibroplat run" not in line
+
+
+def test_map_without_a_key_is_told_in_a_line(tables_of, command):
+    line = refusal(tables_of("bifurcation"), command, "--kind", "map")
+    assert line.endswith("a map needs one key of the grid with numbers")
+
+
+@pytest.mark.parametrize(
+    ("file", "line"),
+    [
+        ("sweep.parquet", "--kind response: DIR holds no sweep; allowed: motion, force, exciters"),
+        ("provenance.json", "DIR holds no provenance.json"),
+    ],
+)
+def test_plot_names_what_it_misses(file, line, tables_of, command):
+    directory = tables_of("response")
+    (directory / file).unlink()
+    assert refusal(directory, command, "--kind", "response") == line
+
+
+@pytest.mark.parametrize("column", ["supply_frequency_hz", "excitation_frequency_hz", "rms_y_m", "period", "direction"])
+def test_plot_names_the_column_it_misses(column, tables_of):
+    directory = tables_of("map")
+    write_table(read_table(directory, "sweep").drop(columns=column), directory, "sweep", "parquet")
+    with pytest.raises(TableError, match=column):
+        plot_sweep(directory, ["response"])
+
+
+def test_map_names_the_column_of_texts_it_misses(tables_of):
+    directory = tables_of("map")
+    write_table(read_table(directory, "sweep").drop(columns="sync"), directory, "sweep", "parquet")
+    with pytest.raises(TableError, match="sync"):
+        plot_sweep(directory, ["map"])
+
+
+def test_plot_refuses_another_schema(tables_of, command):
+    directory = tables_of("response")
+    (directory / "provenance.json").write_text(json.dumps({"schema": 99}))
+    assert refusal(directory, command) == "DIR holds results of schema 99; this version reads schema 1"
+
+
+def test_plot_of_an_empty_table_is_refused(tables_of, command):
+    directory = tables_of("response")
+    write_table(read_table(directory, "sweep").iloc[:0], directory, "sweep", "parquet")
+    assert refusal(directory, command) == "DIR holds an empty sweep table; there is nothing to draw"
