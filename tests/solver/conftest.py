@@ -3,6 +3,7 @@ from pathlib import Path
 import pytest
 
 from vibroplat import load_config
+from vibroplat.config import load_tree
 
 ROOT = Path(__file__).parents[2]
 
@@ -13,10 +14,10 @@ def printed():
 
 
 @pytest.fixture(scope="session")
-def calibrated():
-    return load_config(ROOT / "configs/machines/calibrated.yaml")
+def damped():
+    return load_config(ROOT / "tests/machines/damped.yaml")
 
 
 @pytest.fixture(scope="session")
 def quickstart():
-    return load_config(ROOT / "configs/quickstart.yaml")
+    return load_config(ROOT / "configs/quickstart.yaml", load_tree(ROOT / "tests/machines/damped.yaml"))

@@ -62,8 +62,8 @@ def test_elastic_impacts_without_dampers_keep_the_energy(quickstart):
 
 @pytest.mark.parametrize("layers", [1, 2])
 @pytest.mark.parametrize("tolerance", [1e-6, 1e-8])
-def test_residual_falls_with_the_tolerance(calibrated, layers, tolerance):
-    scene = calibrated.replace(
+def test_residual_falls_with_the_tolerance(damped, layers, tolerance):
+    scene = damped.replace(
         {
             "material": {"mass_ratio": 0.1, "layers": layers},
             "contact.restitution": 0.3,

@@ -186,9 +186,9 @@ def test_sommerfeld_capture(printed):
 # -- attached, linear -----------------------------------------------------------------------------------------
 
 
-def test_contact_force_of_the_linear_attached_motion(calibrated):
+def test_contact_force_of_the_linear_attached_motion(damped):
     """At steady antiphase the attached motion is a linear two-mass response to 2 k ω² sin ωt."""
-    scene = calibrated.replace(
+    scene = damped.replace(
         {
             "material.mass_ratio": 0.1,
             "drive.supply_frequency_hz": 44.0,

@@ -133,8 +133,8 @@ def test_contact_that_touches_zero_goes_on():
 
 @pytest.mark.parametrize("restitution", [0.0, 0.3, 0.7])
 @pytest.mark.parametrize("layers", [1, 2])
-def test_gap_and_force_keep_their_sign(calibrated, restitution, layers):
-    scene = calibrated.replace(
+def test_gap_and_force_keep_their_sign(damped, restitution, layers):
+    scene = damped.replace(
         {
             "material": {"mass_ratio": 0.2, "layers": layers},
             "contact.restitution": restitution,
@@ -166,7 +166,7 @@ def test_positions_are_continuous_and_only_impacts_jump(quickstart):
             assert after["gap_rate_m_per_s"] == pytest.approx(-0.4 * before["gap_rate_m_per_s"], rel=1e-12)
 
 
-def test_flight_that_the_platform_drives_off_and_meets_again_at_once(calibrated):
+def test_flight_that_the_platform_drives_off_and_meets_again_at_once(damped):
     """A dead impact where F_c < 0 but rises: the gap opens as at²/2 and closes after half a millisecond."""
     state = {
         "y_m": 0.002,
@@ -177,7 +177,7 @@ def test_flight_that_the_platform_drives_off_and_meets_again_at_once(calibrated)
         "gap_rate_m_per_s": 1e-6,
         "phi_rad": 0.01,
     }
-    scene = calibrated.replace(
+    scene = damped.replace(
         {
             "material": {"mass_ratio": 0.00942538258574175, "layers": 1},
             "drive.supply_frequency_hz": 26.369930004083688,

@@ -10,7 +10,8 @@ import psutil
 from vibroplat import load_config, sweep
 
 #: A bare machine, and one with two layers of material on it.
-MACHINE, LOADED = (Path(__file__).with_name(f"{name}.yaml") for name in ("machine", "loaded"))
+LOADED = Path(__file__).with_name("loaded.yaml")
+MACHINE = Path(__file__).parents[1] / "machines" / "damped.yaml"
 #: Head of a configuration.
 FLYING = f"extends: {LOADED}\n"
 

@@ -27,8 +27,8 @@ SUMS = 11
 
 # Places in the marks: what must be remembered from step to step.
 WINDOW, TURNS, FIRST_TIME, FIRST_1, FIRST_2, LAST_TIME, LAST_1, LAST_2 = range(8)
-FORCE_MIN, FORCE_MAX, GAP_MIN, GAP_MAX, Y_MIN, Y_MAX, EXCHANGED, WAY = range(8, 16)
-MARKS = 16
+FORCE_MIN, FORCE_MAX, GAP_MIN, GAP_MAX, Y_MIN, Y_MAX, EXCHANGED, WAY, FIRST_IMPACTS, LAST_IMPACTS = range(8, 18)
+MARKS = 18
 
 # Places in the totals of events; the first three are counts by kind.
 LIFTOFFS, IMPACTS, LATCHES, IMPACT_LOSS, IMPULSE_SUM, IMPULSE_MAX, MEASURED_IMPACTS = range(7)
@@ -217,6 +217,7 @@ def close_turn(
     whole: FloatArray,
     marks: FloatArray,
     section: FloatArray,
+    impacts: float,
 ) -> None:
     """Exciter 1 has completed a turn in the measured part: what was open since the last one is whole."""
     row = section[int(marks[TURNS]) % SECTION_ROWS]
@@ -226,12 +227,14 @@ def close_turn(
     row[SECTION_STATE + 4] += turns[1]
     if marks[TURNS] == 0.0:
         marks[FIRST_TIME], marks[FIRST_1], marks[FIRST_2] = now, full[3] + turns[0], full[4] + turns[1]
+        marks[FIRST_IMPACTS] = impacts
     else:
         add(open_turn, whole)
     for j in range(SUMS):
         open_turn[j] = 0.0
     marks[TURNS] += 1.0
     marks[LAST_TIME], marks[LAST_1], marks[LAST_2] = now, full[3] + turns[0], full[4] + turns[1]
+    marks[LAST_IMPACTS] = impacts
 
 
 @compiled
@@ -291,7 +294,8 @@ def accumulate(
                 pressure = 0.0
                 if SIZES[system] > force:
                     pressure = hermite(b, step, y[k, force], y[k + 1, force], yp[k, force], yp[k + 1, force])
-                close_turn(now, turns, full, pressure, open_turn, ms.whole, marks, ms.section)
+                impacts = ms.totals[MEASURED_IMPACTS]
+                close_turn(now, turns, full, pressure, open_turn, ms.whole, marks, ms.section, impacts)
 
 
 @compiled

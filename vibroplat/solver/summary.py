@@ -81,7 +81,7 @@ def statistics(ms: Measures) -> dict[str, float | None]:
         second = abs(marks[m.LAST_2] - marks[m.FIRST_2]) / seconds
         result["excitation_frequency_hz"] = 0.5 * (first + second)
         result["frequency_split_hz"] = first - second
-        result["impacts_per_period"] = ms.totals[m.MEASURED_IMPACTS] / (0.5 * (first + second) * ms.plain[m.TIME])
+        result["impacts_per_period"] = (marks[m.LAST_IMPACTS] - marks[m.FIRST_IMPACTS]) / (marks[m.TURNS] - 1.0)
     result["phase_difference_rad"] = _half_open(math.atan2(mean[m.SIN], mean[m.COS]))
     result["phase_coherence"] = math.hypot(mean[m.SIN], mean[m.COS])
     result["flight_fraction"] = mean[m.FLYING]
@@ -92,7 +92,7 @@ def statistics(ms: Measures) -> dict[str, float | None]:
 
 def _half_open(angle: float) -> float:
     """Put an angle into (−π, π], with what round-off leaves of −π at π."""
-    return angle + 2.0 * math.pi if angle <= -math.pi + 1e-12 else angle
+    return min(angle + 2.0 * math.pi, math.pi) if angle <= -math.pi + 1e-12 else angle
 
 
 def measured(part: Part) -> dict[str, Any]:

@@ -22,6 +22,7 @@ TOLERANCE = 1e-10
 #: Turns of exciter 1 between comparisons, and comparisons of which the first are not counted.
 TURNS, COMPARISONS, SKIPPED = 3, 40, 8
 
+_TURN = 2.0 * math.pi
 _ANGLE = 3  # of exciter 1, the same for all points of the section
 
 
@@ -66,10 +67,13 @@ def largest_exponent(
     for k in range(comparisons):
         difference = _admissible(difference, lead[1])
         follower = lead[1] + DISTANCE * difference * scales
+        follower[GAP] = max(follower[GAP], 0.0)
         ahead, behind = turns_later(scene, lead[1], turns), turns_later(scene, follower, turns)
         if ahead is None or behind is None:
             return math.nan
-        difference = (behind[1] - ahead[1]) / scales
+        difference = behind[1] - ahead[1]
+        difference[3:5] -= _TURN * np.round(difference[3:5] / _TURN)  # angles may be folded on either side
+        difference /= scales
         difference[_ANGLE] = 0.0
         distance = float(np.linalg.norm(difference))
         if distance == 0.0:
@@ -99,7 +103,7 @@ def turns_later(scene: Scene, state: FloatArray, turns: int) -> tuple[float, Flo
             if passed >= left:
                 row = part.measures.section[left - 1]
                 found = row[m.SECTION_STATE : m.SECTION_FORCE].copy()
-                found[3:5] -= 2.0 * math.pi * np.floor(found[3:5] / (2.0 * math.pi) + 0.5)
+                found[3:5] -= _TURN * np.round(found[3:5] / _TURN)
                 return float(row[m.SECTION_TIME]), found
             left, length = left - passed, 0.25 * turn
     return None

@@ -118,7 +118,7 @@ def measure_point(scene: Scene, plan: Sweep, state: list[float] | None, key: tup
     if motion.outcome == "ok":
         final = folded(motion.state).tolist()
         points = section_points(part.measures, scene)
-        row |= classified(measured(part), points, scene, plan)
+        row |= classified(measured(part), points, scene, plan, settling.slip)
         if row["period"] == 0 and plan.lyapunov:
             exponent = largest_exponent(scene, np.array(final))
             row["lyapunov_per_s"] = exponent if math.isfinite(exponent) else None
@@ -128,13 +128,21 @@ def measure_point(scene: Scene, plan: Sweep, state: list[float] | None, key: tup
     return Point(row, final, heights, speeds[-SHOWN:] if final else [])
 
 
-def classified(found: dict[str, Any], points: FloatArray, scene: Scene, plan: Sweep) -> dict[str, Any]:
-    """Return what a row tells of a measured part: its measures, synchronization and period."""
+def classified(
+    found: dict[str, Any], points: FloatArray, scene: Scene, plan: Sweep, slip: float = 0.0
+) -> dict[str, Any]:
+    """Return what a row tells of a measured part: its measures, synchronization and period.
+
+    The period is None where there are no two turns to compare. ``slip`` is the change of the phase difference while
+    the motion settled (rad), where that has found no trend in it.
+    """
     row = {name: found[name] for name in MEASURED}
     if scene.has_contact and row["gap_max_m"] is None:
         row["gap_max_m"] = 0.0  # it never flew
-    row["sync"] = synchronization(found)
+    row["sync"] = "none" if abs(slip) > WANDER else synchronization(found)
     row["period"] = 0 if row["sync"] == "none" else period(points, plan.period_tolerance)
+    if len(points) < 2:
+        row["period"] = None
     return row
 
 
@@ -162,7 +170,7 @@ def measuring_time(state: FloatArray, least: float, settling: Settling) -> float
     """Return how long to measure (s): where the motion repeats, so that the whole turns in it are whole periods."""
     if settling.turn == 0.0:
         return least
-    periods = math.ceil(least / (settling.period * settling.turn))
+    periods = max(math.ceil(least / (settling.period * settling.turn)), 2)  # fewer would not show that it repeats
     begun = math.copysign(1.0, state[10]) * state[3] / (2.0 * math.pi) % 1.0  # of the turn in which it begins
     return float((1.0 - begun + periods * settling.period + 0.25) * settling.turn)
 
