@@ -161,9 +161,7 @@ def test_absurd_states_end_with_an_outcome(quickstart, key, value):
 
 @pytest.mark.long
 def test_memory_stays_flat_over_1e5_restarts(damped):
-    scene = damped.replace(
-        {"material.mass_ratio": 0.1, "drive.supply_frequency_hz": 50.0, "solver.tolerance": 1e-4}
-    )
+    scene = damped.replace({"material.mass_ratio": 0.1, "drive.supply_frequency_hz": 50.0, "solver.tolerance": 1e-4})
     simulate(scene.replace({"run.duration_s": 50.0}), keep="summary")
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     summary = simulate(scene.replace({"run.duration_s": 2020.0}), keep="summary").summary

@@ -119,6 +119,7 @@ def test_paper_is_reproduced_and_resumed(tmp_path, monkeypatch):
     assert [path.stem for path in plot_paper(tmp_path)] == list(FIGURES)
     again = paper.reproduce(numbers, tmp_path / "points", Inline(), resume=True)
     assert again.beta == found.beta
+    assert set(found.tables["impact-laws"]["impact_law"]) == {"conservative", "central", "printed"}
     for name, table in found.tables.items():
         pd.testing.assert_frame_equal(table, again.tables[name], check_exact=True)
 

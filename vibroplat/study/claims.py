@@ -21,6 +21,8 @@ Claim = Mapping[str, Any]
 EDGE = 0.25
 #: Spacing of frequencies (Hz) at which curves are compared.
 SPACING = 0.25
+#: Share of an interval in which there must be antiphase motion to compare.
+COVERED = 0.9
 #: Relative difference of amplitudes that is none.
 SAME = 0.01
 #: Least change of frequency (Hz) and share by which RMS y falls that make a jump.
@@ -38,8 +40,13 @@ class Finding(NamedTuple):
 
 
 def judge(claim: Claim, evidence: Evidence) -> Finding:
-    """Judge a claim; one whose branches are missing does not hold."""
-    return _JUDGES[claim["id"]](claim, evidence)
+    """Judge a claim; one whose branches are missing does not hold. Points that failed are told, not judged."""
+    finding = _JUDGES[claim["id"]](claim, evidence)
+    involved = [key for key in evidence.courses if key in _keys(claim) and evidence.courses[key].failed]
+    if not involved:
+        return finding
+    failed = ", ".join(f"{evidence.courses[key].failed} at {_name(key)}" for key in involved)
+    return finding._replace(measured=f"{finding.measured} (points that failed: {failed})")
 
 
 def _listed(value: Any) -> list[float]:
@@ -47,7 +54,7 @@ def _listed(value: Any) -> list[float]:
 
 
 def _keys(claim: Claim) -> list[Key]:
-    return [Key(mu, r) for mu in _listed(claim["mu"]) for r in _listed(claim.get("R", 0.0))]
+    return [Key(mu, r) for mu in _listed(claim.get("mu", 0.0)) for r in _listed(claim.get("R", 0.0))]
 
 
 def _all(findings: Mapping[str, Finding]) -> Finding:
@@ -187,13 +194,8 @@ def _periodic_from_over(claim: Claim, evidence: Evidence) -> Finding:
     """Judge whether the frequency from which over-resonant motion is period-1 rises with R."""
     starts: dict[float, float] = {}
     for key in _restitutions(evidence, claim["mu"]):
-        rows = evidence.rows(key, 35.0)
-        start = np.inf
-        for row in reversed(rows):
-            if row["period"] != 1:
-                break
-            start = row[F]
-        starts[key.restitution] = start
+        start = evidence.start_of_last(key, "period-1")
+        starts[key.restitution] = float(start.after[F]) if start else np.inf
     text = "; ".join(
         f"R {r:g}: " + ("nowhere up to 40 Hz" if np.isinf(f) else f"{f:.2f} Hz") for r, f in starts.items()
     )
@@ -226,9 +228,9 @@ def _ordered(claim: Claim, at: FloatArray, lower: FloatArray, upper: FloatArray,
     told = f"{text} at {share:.0%} of {known.sum()} frequencies, ratio {ratio.min():.3f} … {ratio.max():.3f}"
     if not below.all():
         told += f", not at {_interval(at[known][~below].min(), at[known][~below].max())}"
-    if covered < 0.9:
+    if covered < COVERED:
         told += f"; antiphase motion in {covered:.0%} of the interval only"
-    return Finding(told, bool(below.all()) and covered >= 0.9, share * covered)
+    return Finding(told, bool(below.all()) and covered >= COVERED, share * covered)
 
 
 def _over_mass(sign: int) -> Callable[[Claim, Evidence], Finding]:
@@ -281,17 +283,24 @@ def _ratio_to_inelastic(low: float, high: float, text: str, share: float = 0.9) 
         findings = {}
         for key in _restitutions(evidence, claim["mu"]):
             if 0.0 < key.restitution <= max(claim["R"]):
-                ratio = _amplitude(evidence, key, at) / base
-                ratio = ratio[np.isfinite(ratio)]
-                if not ratio.size:
-                    return Finding("no steady antiphase motion in the interval", False, 0.0)
-                inside = (low <= ratio) & (ratio <= high)
-                trend = low <= ratio.mean() <= high
-                told = f"{text} {ratio.min() - 1.0:+.1%} … {ratio.max() - 1.0:+.1%}, mean {ratio.mean() - 1.0:+.1%}"
-                findings[_name(key)] = Finding(told, bool(inside.mean() >= share and trend), float(inside.mean()))
+                findings[_name(key)] = _ratio(_amplitude(evidence, key, at) / base, (low, high), text, share)
         return _all(findings) if findings else Finding("no branches with R > 0", False, 0.0)
 
     return judged
+
+
+def _ratio(ratio: FloatArray, band: tuple[float, float], text: str, share: float) -> Finding:
+    """Judge whether a ratio over frequency lies in a band: its mean, and a share of its points."""
+    known = ratio[np.isfinite(ratio)]
+    covered = known.size / ratio.size
+    if not known.size:
+        return Finding("no steady antiphase motion in the interval", False, 0.0)
+    inside = float(((band[0] <= known) & (known <= band[1])).mean())
+    told = f"{text} {known.min() - 1.0:+.1%} … {known.max() - 1.0:+.1%}, mean {known.mean() - 1.0:+.1%}"
+    if covered < COVERED:
+        told += f"; antiphase motion in {covered:.0%} of the interval only"
+    holds = inside >= share and band[0] <= known.mean() <= band[1] and covered >= COVERED
+    return Finding(told, bool(holds), inside * covered)
 
 
 def _restitution_without_effect(claim: Claim, evidence: Evidence) -> Finding:

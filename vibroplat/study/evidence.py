@@ -55,11 +55,12 @@ class Boundary(NamedTuple):
 
 @dataclass
 class Course:
-    """Rows of one branch in its order, each with its supply frequency and final state."""
+    """Rows of one branch in its order, each with its supply frequency and final state; how many points failed."""
 
     branch: Branch
     plan: Sweep
     rows: list[Row]
+    failed: int = 0
 
 
 @dataclass
@@ -89,7 +90,9 @@ class Evidence:
                 for point, record in store.read(branch.number)
             ]
             key = key_of(branch)
-            self.courses[key] = Course(branch, sweep_plan(scene), [r for r in rows if r["outcome"] == "ok"])
+            if key not in self.courses:  # figures share branches; each is read off the first that has it
+                ended = [row for row in rows if row["outcome"] == "ok"]
+                self.courses[key] = Course(branch, sweep_plan(scene), ended, len(rows) - len(ended))
 
     def rows(self, key: Key, low: float = 0.0, high: float = np.inf) -> list[Row]:
         """Return the rows of a branch between two excitation frequencies (Hz); empty if there is no such branch."""
@@ -130,6 +133,17 @@ class Evidence:
                 assert course is not None
                 return self._narrow(course, course.rows[i - 1], row, holds)
         return None
+
+    def start_of_last(self, key: Key, regime: str) -> Boundary | None:
+        """Find where the regime begins in which a branch ends; None where it does not end in it, or always is in it."""
+        holds = REGIMES[regime]
+        course = self.courses.get(key)
+        rows = course.rows if course else []
+        outside = [i for i, row in enumerate(rows) if not holds(row)]
+        if course is None or not outside or outside[-1] == len(rows) - 1:
+            return None
+        i = outside[-1]
+        return self._narrow(course, rows[i], rows[i + 1], lambda row: not holds(row))
 
     def _narrow(self, course: Course, before: Row, after: Row, holds: Callable[[Row], bool]) -> Boundary:
         """Halve the step in which a regime ends, each new point begun with the state before the change."""

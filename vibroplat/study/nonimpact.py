@@ -17,6 +17,8 @@ from vibroplat.study.point import measure_point
 MATCHED = 30.9
 #: Largest β that is tried (1/s).
 LARGEST_BETA = 500.0
+#: Excess of amplitude (m) that stands for a frequency that is not reached, and share of it that is none.
+CAPTURED, SAME = 1.0, 0.01
 #: Error of the excitation frequency at which it counts as matched (Hz).
 WIDTH = 1e-3
 
@@ -40,11 +42,13 @@ def find_beta(evidence: Evidence, mass_ratio: float) -> float | None:
 
     def excess(beta: float) -> float:
         found = _at_matched(viscous.replace({"contact.viscous_per_mass_per_s": beta}), plan, begin)
-        return math.nan if found is None else found - impact
+        # with too little friction the motors are captured below: as if the amplitude were too large
+        return CAPTURED if found is None else found - impact
 
     if not excess(0.0) > 0.0 > excess(LARGEST_BETA):
         return None
-    return float(brentq(excess, 0.0, LARGEST_BETA, xtol=1e-3))
+    beta = float(brentq(excess, 0.0, LARGEST_BETA, xtol=1e-3))
+    return beta if abs(excess(beta)) < SAME * impact else None
 
 
 def _at_matched(scene: Scene, plan: Sweep, supply: float) -> float | None:
