@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import logging
 import os
+import signal
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -71,6 +72,7 @@ def main() -> None:
     logging.basicConfig(format="vibroplat: %(message)s")
     # imports make very many objects that stay: looking for garbage among them takes a sixth of a short command
     gc.set_threshold(200_000)
+    signal.signal(signal.SIGTERM, _end)  # workers are stopped on the way out
     try:
         code = app(standalone_mode=False)
     except VibroplatError as error:
@@ -83,6 +85,10 @@ def main() -> None:
     if code == INTERRUPTED:
         _complain("interrupted; tables under their final names are whole", code)
     sys.exit(code if isinstance(code, int) else 0)
+
+
+def _end(number: int, _: object) -> None:
+    sys.exit(_complain("terminated; tables under their final names are whole", 128 + number))
 
 
 def _complain(text: str, code: int) -> int:
@@ -283,27 +289,27 @@ def plot(
 ) -> None:
     """Draw the figures of a run, a sweep or the paper from tables alone."""
     wanted = [k.value for k in kind or []]
-    of_run = [k for k in kind or [] if k in RUN_FIGURES]
-    is_sweep = any(directory.glob("sweep.*"))
-    if is_sweep and of_run:
-        raise VibroplatError(
-            f"--kind {of_run[0].value}: {directory} holds a sweep; allowed: response, bifurcation, map"
-        )
-    if not is_sweep and len(of_run) < len(wanted):
-        other = next(k for k in kind or [] if k not in RUN_FIGURES)
-        raise VibroplatError(f"--kind {other.value}: {directory} holds no sweep; allowed: motion, force, exciters")
-    if any(directory.glob("claims.*")) and not wanted:
+    of_run = [k.value for k in kind or [] if k in RUN_FIGURES]
+    of_sweep = [k for k in wanted if k not in of_run]
+    has_paper, has_sweep = (any(directory.glob(f"{name}.*")) for name in ("claims", "sweep"))
+    has_run = any(directory.glob("trajectory.*"))
+    if of_run and has_sweep and not has_run:
+        raise VibroplatError(f"--kind {of_run[0]}: {directory} holds a sweep; allowed: response, bifurcation, map")
+    if of_sweep and not has_sweep:
+        raise VibroplatError(f"--kind {of_sweep[0]}: {directory} holds no sweep; allowed: motion, force, exciters")
+    written: list[Path] = []
+    if has_paper and not wanted:
         from vibroplat.plots.paper import plot_paper
 
-        written = plot_paper(directory)
-    elif is_sweep:
+        written += plot_paper(directory)
+    if of_sweep or (has_sweep and not wanted):
         from vibroplat.plots.sweep import plot_sweep
 
-        written = plot_sweep(directory, wanted)
-    else:
+        written += plot_sweep(directory, of_sweep)
+    if of_run or not (wanted or written) or (has_run and not wanted):
         from vibroplat.plots.run import plot_run
 
-        written = plot_run(directory, wanted or [k.value for k in RUN_FIGURES], start, stop)
+        written += plot_run(directory, of_run or [k.value for k in RUN_FIGURES], start, stop)
     for path in written:
         print(path)
 

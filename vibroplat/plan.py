@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import BeforeValidator, Field, model_validator
+from pydantic_core import PydanticCustomError
 
-from vibroplat.fields import Positive, Section, Share, not_bool
+from vibroplat.fields import LARGEST, LEAST, Positive, Section, Share
 
 Direction = Literal["up", "down"]
 
@@ -16,6 +17,13 @@ MAX_FREQUENCIES = 100_000
 
 def _as_list(value: Any) -> Any:
     return [value] if isinstance(value, str) else value
+
+
+def _settling(value: Any) -> Any:
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    if value != "auto" and not (is_number and LEAST <= value <= LARGEST):
+        raise PydanticCustomError("literal_error", "no time", {"expected": "auto, or a number above 0"})
+    return value
 
 
 class Frequencies(Section):
@@ -49,7 +57,7 @@ class Sweep(Section):
     """Branches side by side: every combination of the grid's values, in each direction."""
 
     supply_frequency_hz: Frequencies
-    grid: dict[str, Annotated[list[Any], Field(min_length=1)]] = Field(
+    grid: dict[str, Annotated[list[float | int | bool | str], Field(min_length=1)]] = Field(
         {}, description="dotted keys and the values that branches take"
     )
     kind: Literal["response", "bifurcation", "map"] = Field(
@@ -57,7 +65,7 @@ class Sweep(Section):
         description="response: curves over frequency; bifurcation: also points of the Poincaré section and impact "
         "speeds; map: regimes over frequency and one key of the grid",
     )
-    settle_s: Annotated[Literal["auto"] | Positive, BeforeValidator(not_bool)] = Field(
+    settle_s: Annotated[Literal["auto"] | float, BeforeValidator(_settling)] = Field(
         "auto", description="before a point is measured; auto: until the Poincaré section has settled"
     )
     max_settle_s: Positive = Field(30.0, description="longest settling with auto")
@@ -79,7 +87,7 @@ class Sweep(Section):
         for key, values in self.grid.items():
             if key.split(".")[0] in ("sweep", "name", "output", "run") or key == "drive.supply_frequency_hz":
                 raise ValueError(f"grid.{key} cannot be a key of the grid; allowed: keys of machine, material, …")
-            if len({repr(v) for v in values}) < len(values):
+            if len(set(values)) < len(values):  # 0 and 0.0 are the same
                 raise ValueError(f"grid.{key} = {values}; allowed: each value once")
         if self.kind == "map" and sum(len(values) > 1 for values in self.grid.values()) != 1:
             raise ValueError("kind = map needs one key of the grid with several values; allowed: one such key")

@@ -89,7 +89,7 @@ def read_table(directory: Path, name: str) -> pd.DataFrame:
                 return pd.read_parquet(path) if form == "parquet" else pd.read_csv(path)
             except (OSError, ValueError) as error:
                 raise TableError(f"{path} cannot be read: {' '.join(str(error).split())}") from None
-    raise TableError(f"{directory} holds no {name} table; allowed: a directory that `vibroplat run` has written")
+    raise TableError(f"{directory} holds no {name} table; allowed: a directory that vibroplat has written")
 
 
 def read_json(directory: Path, name: str) -> Any:

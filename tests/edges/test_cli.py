@@ -317,8 +317,8 @@ def test_plot_of_an_empty_interval_is_refused(interval, between, result):
     [
         ("provenance.json", "DIR holds no provenance.json"),
         ("summary.json", "DIR holds no summary.json"),
-        ("trajectory.parquet", "DIR holds no trajectory table; allowed: a directory that `vibroplat run` has written"),
-        ("events.parquet", "DIR holds no events table; allowed: a directory that `vibroplat run` has written"),
+        ("trajectory.parquet", "DIR holds no trajectory table; allowed: a directory that vibroplat has written"),
+        ("events.parquet", "DIR holds no events table; allowed: a directory that vibroplat has written"),
     ],
 )
 def test_plot_names_the_file_it_misses(missing, line, result):

@@ -140,7 +140,7 @@ def test_missing_tables_are_told_in_a_line(tmp_path):
     with pytest.raises(TableError) as caught:
         read_table(tmp_path, "trajectory")
     assert str(caught.value) == (
-        f"{tmp_path} holds no trajectory table; allowed: a directory that `vibroplat run` has written"
+        f"{tmp_path} holds no trajectory table; allowed: a directory that vibroplat has written"
     )
     with pytest.raises(TableError) as caught:
         read_json(tmp_path, "summary")

@@ -15,7 +15,7 @@ import psutil
 import pytest
 
 from vibroplat import load_config, sweep
-from vibroplat.errors import ConfigError, TableError
+from vibroplat.errors import ConfigError
 from vibroplat.study.store import FILE, Store
 from vibroplat.tables import read_table, write_table
 
@@ -436,8 +436,3 @@ def test_store_in_memory_writes_no_file(here):
         store.write(0, 0, {})
         assert len(store) == 1
     assert list(here.iterdir()) == []
-
-
-def test_store_where_there_is_no_directory_is_refused(tmp_path):
-    with pytest.raises(TableError, match="unable to open database file"):
-        Store(tmp_path / "nowhere", {})

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 F = "excitation_frequency_hz"
-#: Distance of neighbouring points (Hz) that is a jump.
+#: Distance of neighbouring points (Hz) that is a jump; a change of synchronization is one as well.
 JUMP = 0.6
 #: Names of the curves in the paper's numbering.
 _MASSES = ("1 – μ = 0.1", "2 – μ = 0.2", "3 – μ = 0")
@@ -39,7 +39,8 @@ def _curves(axis: Axes, table: pd.DataFrame, column: str, factor: float, colour:
         if column == "phase_difference_rad":
             values = np.mod(values + 0.5, 2.0 * np.pi) - 0.5
         up = direction == "up"
-        jumps = np.flatnonzero(np.abs(np.diff(f)) > JUMP)
+        sync = rows["sync"].to_numpy()
+        jumps = np.flatnonzero((sync[1:] != sync[:-1]) | (np.abs(np.diff(f)) > JUMP))
         axis.plot(
             np.insert(f, jumps + 1, np.nan),
             np.insert(values, jumps + 1, np.nan),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
@@ -12,22 +13,26 @@ from vibroplat.provenance import SCHEMA
 from vibroplat.tables import read_json, read_table
 
 
-def require_schema(directory: Path) -> None:
-    """Refuse results of a version that this one does not read."""
+def require_schema(directory: Path) -> dict[str, Any]:
+    """Return where results come from; refuse those of a version that this one does not read."""
     if not directory.is_dir():
         raise TableError(f"{directory} is no directory; allowed: one that vibroplat has written")
+    if (directory / "points.sqlite").exists() and not any(directory.glob("sweep.*")):
+        raise TableError(f"{directory} holds an unfinished sweep; `vibroplat sweep --resume` goes on with it")
     origin = read_json(directory, "provenance")
     found = origin.get("schema") if isinstance(origin, dict) else None
     if found != SCHEMA:
         raise TableError(f"{directory} holds results of schema {found}; this version reads schema {SCHEMA}")
+    return dict(origin)
 
 
-def read_columns(directory: Path, name: str, label: str, numbers: Sequence[str]) -> pd.DataFrame:
-    """Read a table that must have a column of labels and these of numbers."""
+def read_columns(directory: Path, name: str, label: str | Sequence[str], numbers: Sequence[str]) -> pd.DataFrame:
+    """Read a table that must have columns of labels and these of numbers."""
     table = read_table(directory, name)
     for column in numbers:
         if column not in table or not (pd.api.types.is_numeric_dtype(table[column]) or table.empty):
             raise TableError(f"the {name} table in {directory} has no numbers in column {column}")
-    if label not in table:
-        raise TableError(f"the {name} table in {directory} has no column {label}")
+    for column in (label,) if isinstance(label, str) else label:
+        if column not in table:
+            raise TableError(f"the {name} table in {directory} has no column {column}")
     return table

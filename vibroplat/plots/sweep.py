@@ -25,8 +25,6 @@ FREQUENCY = "supply_frequency_hz"
 EXCITATION = "excitation_frequency_hz"
 #: Least range of an axis, over the largest RMS of y in the same units.
 LEAST_RANGE = 0.02
-#: Values of a key from which on a map is drawn without being asked for.
-LEAST_MAP = 4
 #: How the exciters turn, and its colour in a map.
 SYNC = {"antiphase": "#1f4e79", "in-phase": "#c05a1c", "intermediate": "#8a6d1d", "none": "#c8c8c8"}
 #: Periods that a map tells apart: upper ends of classes, and their labels.
@@ -68,27 +66,24 @@ def plot_sweep(directory: Path, kinds: Sequence[str]) -> list[Path]:
     kinds
         ``response`` (RMS, phase difference and flight over excitation frequency), ``bifurcation`` (points of
         the Poincaré section and impact speeds), ``map`` (synchronization and period over frequency and a key of
-        the grid). All that the tables hold if none is named.
+        the grid). If none is named, response and the kind of the sweep.
 
     Raises
     ------
     TableError
         Tables are missing, of a version this one does not read, or do not hold what a figure shows.
     """
-    require_schema(directory)
+    origin = require_schema(directory)
     response = read_response(directory)
     if not kinds:
-        has_section = any(directory.glob("section.*"))
-        key = _map_key(response)
-        has_map = key is not None and len(response.table[key].unique()) >= LEAST_MAP
-        kinds = ["response", *(["bifurcation"] if has_section else []), *(["map"] if has_map else [])]
+        kinds = list(dict.fromkeys(["response", origin["configuration"]["sweep"]["kind"]]))
     with styled():
         return [save(FIGURES[kind](response), directory / f"{kind}.png") for kind in kinds]
 
 
 def read_response(directory: Path) -> Response:
     """Read the table of a sweep."""
-    table = read_columns(directory, "sweep", "direction", (FREQUENCY, "branch", *_NUMBERS))
+    table = read_columns(directory, "sweep", ("direction", "sync"), (FREQUENCY, "branch", *_NUMBERS))
     if table.empty:
         raise TableError(f"{directory} holds an empty sweep table; there is nothing to draw")
     grid = list(table.columns[1 : list(table.columns).index("direction")])
@@ -209,19 +204,20 @@ def _map(response: Response) -> Figure:
     periods = ListedColormap(list(_PERIOD_COLOURS))
     for row, direction in zip(axes, directions, strict=True):
         table = response.table[response.table["direction"] == direction]
-        classes = table["sync"].map({name: i for i, name in enumerate(SYNC)})
-        repeats = np.searchsorted([end for end, _ in _PERIODS], table["period"].fillna(0).astype(int))
-        _tiles(row[0], table.assign(value=classes), key, sync)
-        _tiles(row[1], table.assign(value=repeats), key, periods)
+        ended = table["period"].notna().to_numpy(dtype=bool)
+        classes = np.searchsorted([end for end, _ in _PERIODS], table["period"].fillna(0).astype(int))
+        # points that failed are left white
+        _tiles(row[0], table.assign(value=table["sync"].map({name: i for i, name in enumerate(SYNC)})), key, sync)
+        _tiles(row[1], table.assign(value=np.where(ended, classes, np.nan)), key, periods)
         row[0].set_title(f"synchronization, {direction}", loc="left")
         row[1].set_title(f"period, {direction}", loc="left")
         row[0].set_ylabel(key)
         row[0].set_yticks(sorted(table[key].unique())[:: max(1, len(table[key].unique()) // 8)])
-    for axis in axes[-1]:
+    labels = ([*SYNC.items()], [(name, c) for c, (_, name) in zip(_PERIOD_COLOURS, _PERIODS, strict=True)])
+    for axis, entries in zip(axes[-1], labels, strict=True):
         axis.set_xlabel("supply frequency (Hz)")
-    patches = [Patch(color=colour, label=name) for name, colour in SYNC.items()]
-    patches += [Patch(color=c, label=f"period {n}") for c, (_, n) in zip(_PERIOD_COLOURS, _PERIODS, strict=True)]
-    figure.legend(handles=patches, loc="outside lower center", ncols=5, fontsize=8)
+        patches = [Patch(color=colour, label=name) for name, colour in entries]
+        axis.legend(handles=patches, loc="upper center", bbox_to_anchor=(0.5, -0.22), ncols=6, fontsize=7.5)
     return figure
 
 
@@ -229,6 +225,7 @@ def _tiles(axis: Axes, table: pd.DataFrame, key: str, colours: ListedColormap) -
     """Colour a tile for each point."""
     grid = table.pivot_table(index=key, columns=FREQUENCY, values="value", aggfunc="first")
     norm = BoundaryNorm(np.arange(colours.N + 1) - 0.5, colours.N)
+    axis.set_facecolor("white")
     axis.pcolormesh(grid.columns, grid.index, grid.to_numpy(dtype=float), cmap=colours, norm=norm, shading="nearest")
     axis.grid(visible=False)
 

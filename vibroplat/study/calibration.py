@@ -84,6 +84,8 @@ def load_plan(path: Path, overrides: Mapping[str, Any]) -> tuple[dict[str, Any],
     section = tree.pop("calibration", None)
     if section is None:
         raise ConfigError(f"{path}: no section calibration; allowed: calibration: {{parameters: …}}")
+    if not isinstance(section, dict):
+        raise ConfigError(f"{path}: calibration = {section!r}; allowed: a section of keys and values")
     try:
         return flat(tree), Plan.model_validate({**section, **overrides})
     except ValidationError as error:
@@ -137,7 +139,10 @@ def calibrate(
         for x in candidates:
             searched = {key: r.value(v) for (key, r), v in zip(plan.parameters.items(), x, strict=True)}
             number = len(evaluations)
-            evaluations.append(_Evaluation(number, searched, fixed, store, known.get(number)))
+            record = known.get(number)
+            if record is not None and record["numbers"] != searched:
+                record = None  # the search has gone another way, as with another scipy
+            evaluations.append(_Evaluation(number, searched, fixed, store, record))
         for _done in run_chains(evaluations[first:], workers):
             if progress is not None:
                 finished = [e.record["score"] for e in evaluations if e.record is not None]
@@ -191,5 +196,5 @@ class _Evaluation:
         """Keep what was found."""
         if isinstance(result, WorkerLostError):
             raise result
-        self.record = result
-        self._store.write(0, self._number, result)
+        self.record = {"numbers": self.searched, **result}
+        self._store.write(0, self._number, self.record)

@@ -7,18 +7,30 @@ chains are spread over workers.
 
 from __future__ import annotations
 
+import re
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, wait
 from contextlib import contextmanager
 from typing import Any, Protocol
 
-from vibroplat.errors import ConfigError
+from vibroplat.errors import ConfigError, VibroplatError
 
 #: Numerical libraries would start a pool of threads in each worker process.
 PINNED = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA")}
+#: Seconds without a result after which workers are asked whether they are there.
+PATIENCE = 5.0
+#: Seconds without a task after which a worker process ends.
+IDLE = 20
 #: Times that a task alone may lose its worker before it is given up.
 LIVES = 2
+
+
+_ADDRESS = re.compile(r"^(tcp|tls|ws|wss|ucx|inproc)://.+:\d+")
+
+
+class LostError(VibroplatError):
+    """All workers are gone."""
 
 
 class WorkerLostError(Exception):
@@ -53,6 +65,10 @@ class Pool(Protocol):
         """Replace workers that have died."""
         ...
 
+    def check(self) -> None:
+        """Raise where no worker can ever answer."""
+        ...
+
     def close(self) -> None:
         """Stop the workers, also in the middle of a task."""
         ...
@@ -64,16 +80,24 @@ def run_chains(chains: Iterable[Chain], workers: Pool) -> Iterator[Chain]:
     suspects: deque[Chain] = deque()  # one of them has taken its worker along: each runs alone
     losses: dict[int, int] = {}
     running: dict[Future[Any], Chain] = {}
+    alone = False
     while waiting or suspects or running:
-        while (waiting or suspects) and len(running) < (1 if suspects else workers.slots):
+        alone = alone and bool(running)
+        while (waiting or suspects) and not alone and len(running) < (1 if suspects else workers.slots):
+            alone = bool(suspects)
             chain = (suspects or waiting).popleft()
             work = chain.task()
             if work is not None:
                 running[workers.submit(work[0], *work[1])] = chain
+            else:
+                alone = False
         if not running:
             continue
         lost: list[Chain] = []
-        for future in wait(running, return_when=FIRST_COMPLETED).done:
+        done = wait(running, timeout=PATIENCE, return_when=FIRST_COMPLETED).done
+        if not done:
+            workers.check()
+        for future in done:
             chain = running.pop(future)
             try:
                 chain.take(future.result())
@@ -131,6 +155,9 @@ class Inline:
     def renew(self) -> None:
         """Nothing to replace."""
 
+    def check(self) -> None:
+        """Do nothing: a task ends where it is submitted."""
+
     def close(self) -> None:
         """Nothing to stop."""
 
@@ -158,7 +185,10 @@ class Processes:
         """Start workers anew where the old ones are broken."""
         from loky import get_reusable_executor  # noqa: PLC0415  (not needed for one job)
 
-        self._executor: Executor = get_reusable_executor(self._jobs, timeout=60, env=PINNED)
+        self._executor: Executor = get_reusable_executor(self._jobs, timeout=IDLE, env=PINNED)
+
+    def check(self) -> None:
+        """Do nothing: futures of workers that die fail by themselves."""
 
     def close(self) -> None:
         """Stop the workers."""
@@ -179,6 +209,9 @@ class Cluster:
             from distributed import Client, KilledWorker  # noqa: PLC0415  (optional)
         except ImportError:
             raise ConfigError("--scheduler needs dask.distributed; install vibroplat[cluster]") from None
+        if not _ADDRESS.match(address):
+            raise ConfigError(f"--scheduler {address!r}; allowed: tcp://host:port")
+        self._address = address
         try:
             self._client = Client(address, timeout=10, set_as_default=False)
         except (OSError, ValueError, TypeError) as error:
@@ -196,6 +229,11 @@ class Cluster:
     def renew(self) -> None:
         """Nothing to replace: the scheduler sees to its workers."""
 
+    def check(self) -> None:
+        """Raise where the scheduler is gone."""
+        if self._client.status not in ("running", "connecting"):
+            raise LostError(f"the scheduler at {self._address} is gone; finished points are kept, --resume goes on")
+
     def close(self) -> None:
         """Leave the cluster."""
         self._executor.shutdown(wait=False)
@@ -206,7 +244,7 @@ class Cluster:
 def pool(jobs: int = 1, scheduler: str | None = None) -> Iterator[Pool]:
     """Open the pool that a user asks for: this process, so many of them, or a dask scheduler's workers."""
     opened: Pool = Inline()
-    if scheduler:
+    if scheduler is not None:
         opened = Cluster(scheduler)
     elif jobs > 1:
         opened = Processes(jobs)

@@ -30,18 +30,22 @@ def write_sweep(scene: Scene, store: Store, directory: Path, form: Format) -> No
 def overview(table: pd.DataFrame) -> dict[str, str]:
     """Say in a few lines what a sweep has found and what it took."""
     frequency, height = table["excitation_frequency_hz"], 1e3 * table["rms_y_m"]
-    return {
+    told = {
         "points": f"{len(table)} in {table['branch'].nunique()} branches",
         "outcomes": _counts(table["outcome"]),
         "settled": _counts(table["settled"]),
         "synchronization": _counts(table["sync"]),
         "periods": _counts(table["period"].map({0: "none"}).fillna(table["period"].astype("str"))),
-        "excitation frequency": f"{frequency.min():.2f} … {frequency.max():.2f} Hz",
-        "RMS y": f"{height.min():.3g} … {height.max():.3g} mm",
-        "energy residual": f"at most {table['energy_residual'].max():.2g}",
         "simulated": f"{table['simulated_s'].sum():.6g} s, {table['events'].sum()} events, "
         f"{table['steps'].sum()} steps",
     }
+    if height.notna().any():
+        told |= {
+            "excitation frequency": f"{frequency.min():.2f} … {frequency.max():.2f} Hz",
+            "RMS y": f"{height.min():.3g} … {height.max():.3g} mm",
+            "energy residual": f"at most {table['energy_residual'].max():.2g}",
+        }
+    return {label: text for label, text in told.items() if text}
 
 
 def failures(table: pd.DataFrame) -> list[str]:

@@ -10,6 +10,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
+from filelock import FileLock, Timeout
+
 from vibroplat.errors import ConfigError, TableError
 from vibroplat.overrides import flat
 
@@ -43,9 +45,24 @@ class Store:
         self, directory: Path | None, conditions: Mapping[str, Any], *, resume: bool = False, overwrite: bool = False
     ) -> None:
         self._path = ":memory:" if directory is None else str(directory / FILE)
-        wanted = json.loads(json.dumps(conditions))
+        self._lock = FileLock(Path(self._path).with_suffix(".lock"), timeout=0) if directory is not None else None
+        self._connection: sqlite3.Connection | None = None
+        try:
+            if self._lock is not None:
+                self._lock.acquire()
+            self._open(json.loads(json.dumps(conditions)), resume=resume, overwrite=overwrite)
+        except Timeout:
+            raise TableError(f"{directory} is in use: another process works there") from None
+        except OSError as error:
+            raise TableError(f"{self._path} cannot be used: {error.strerror or error}") from None
+        except BaseException:
+            self.close()
+            raise
+
+    def _open(self, wanted: dict[str, Any], *, resume: bool, overwrite: bool) -> None:
+        """Open the file, and see whether its records may be gone on with or dropped."""
         with self._complaints():
-            self._base = sqlite3.connect(self._path)
+            self._connection = sqlite3.connect(self._path)
             # a log beside the file: a record is whole or absent whenever the process dies, and none waits for the disk
             self._base.execute("PRAGMA journal_mode = WAL")
             self._base.execute("PRAGMA synchronous = NORMAL")
@@ -60,7 +77,7 @@ class Store:
                 _require_same(flat(found), flat(wanted))
             elif not (finished or overwrite) and len(self):
                 raise ConfigError(
-                    f"{directory} holds {len(self)} points of unfinished work; "
+                    f"{Path(self._path).parent} holds {len(self)} points of unfinished work; "
                     "allowed: --resume to go on with it, --overwrite to begin anew"
                 )
         with self._complaints(), self._base:
@@ -92,14 +109,22 @@ class Store:
             self._tell("finished", True)
 
     def close(self) -> None:
-        """Close the file."""
-        self._base.close()
+        """Close the file, for others to use."""
+        if self._connection is not None:
+            self._connection.close()
+        if self._lock is not None:
+            self._lock.release()
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         self.close()
+
+    @property
+    def _base(self) -> sqlite3.Connection:
+        assert self._connection is not None  # made with the store
+        return self._connection
 
     def _about(self, key: str) -> Any:
         row = self._base.execute("SELECT value FROM about WHERE key = ?", (key,)).fetchone()

@@ -10,6 +10,7 @@ import pandas as pd
 import vibroplat
 from vibroplat.plan import Sweep
 from vibroplat.scene import Scene
+from vibroplat.solver.engines import engine_name
 from vibroplat.study.branches import Branch, branches, sweep_plan
 from vibroplat.study.execution import Pool, WorkerLostError, pool, run_chains
 from vibroplat.study.point import MEASURED, Point, measure_point
@@ -90,7 +91,7 @@ def sweep(
 
 def conditions(scene: Scene) -> dict[str, Any]:
     """Return what the points of a sweep rest on."""
-    return {"vibroplat": vibroplat.__version__, "configuration": scene.to_tree()}
+    return {"vibroplat": vibroplat.__version__, "engine": engine_name(scene), "configuration": scene.to_tree()}
 
 
 def run_sweeps(sweeps: Sequence[tuple[Scene, Store]], workers: Pool, progress: Progress | None = None) -> None:
@@ -138,7 +139,8 @@ class _Chain:
     def take(self, result: Point | WorkerLostError) -> None:
         """Keep a finished point."""
         if isinstance(result, WorkerLostError):
-            result = Point({"outcome": "worker-lost", "detail": str(result)}, None)
+            done = {"steps": 0, "residual_calls": 0, "events": 0, "simulated_s": 0.0, "settle_s": 0.0, "wall_s": 0.0}
+            result = Point({"outcome": "worker-lost", "detail": str(result), "settled": "unfinished"} | done, None)
         record = vars(result)
         self._store.write(self._branch.number, self.point, record)
         self.point += 1
