@@ -244,6 +244,7 @@ def _reproduce(name: str, numbers: dict[str, Any], out: Path, workers: Pool, *, 
         print(f"{row['id']:<24}{row['verdict']:<32}{row['measured']}")
     print(f"{'machine':<24}{name}; {study.matched(found.beta)}")
     print(f"{'computed':<24}{found.points} points, {found.simulated:.6g} s of motion, {found.events} events")
+    print(f"{'not ok':<24}{found.failed} points, counted in the claims that they concern")
     print(f"{'wall time':<24}{seconds:.3g} s, {found.points / seconds:.3g} points per s")
     print(f"{'tables and figures':<24}{directory}, {len(figures)} figures")
 

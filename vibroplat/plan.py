@@ -89,6 +89,7 @@ class Sweep(Section):
                 raise ValueError(f"grid.{key} cannot be a key of the grid; allowed: keys of machine, material, …")
             if len(set(values)) < len(values):  # 0 and 0.0 are the same
                 raise ValueError(f"grid.{key} = {values}; allowed: each value once")
-        if self.kind == "map" and sum(len(values) > 1 for values in self.grid.values()) != 1:
-            raise ValueError("kind = map needs one key of the grid with several values; allowed: one such key")
+        several = [values for values in self.grid.values() if len(values) > 1]
+        if self.kind == "map" and (len(several) != 1 or any(isinstance(v, str | bool) for v in several[0])):
+            raise ValueError("kind = map needs one key of the grid with several numbers; allowed: one such key")
         return self

@@ -54,13 +54,14 @@ class Reproduction:
         By name: curves, time histories, impact laws, claims.
     beta
         β of the non-impact model (1/s), or None where it could not be found.
-    points, simulated, events
-        How many points were computed, over how many seconds of motion, with how many events.
+    points, failed, simulated, events
+        How many points there are, how many did not end ``ok``, over how many seconds of motion, with how many events.
     """
 
     tables: dict[str, pd.DataFrame]
     beta: float | None
     points: int
+    failed: int
     simulated: float
     events: int
 
@@ -134,6 +135,7 @@ def reproduce(
         found,
         evidences[0].beta,
         sum(len(table) for table in every),
+        int(sum((table["outcome"] != "ok").sum() for table in every)),
         float(sum(table["simulated_s"].sum() for table in every)),
         int(sum(table["events"].sum() for table in every)),
     )
