@@ -167,15 +167,15 @@ KEYS = {
     "kind": ("kind: maps", "sweep.kind = 'maps'; allowed: 'response', 'bifurcation' or 'map'"),
     "map without a key": (
         "kind: map",
-        "sweep: kind = map needs one key of the grid with several values; allowed: one such key",
+        "sweep: kind = map needs one key of the grid with several numbers; allowed: one such key",
     ),
     "map of one value": (
         "kind: map, grid: {material.mass_ratio: [0.1]}",
-        "sweep: kind = map needs one key of the grid with several values; allowed: one such key",
+        "sweep: kind = map needs one key of the grid with several numbers; allowed: one such key",
     ),
     "map of two keys": (
         "kind: map, grid: {material.mass_ratio: [0.1, 0.2], contact.restitution: [0.0, 0.1]}",
-        "sweep: kind = map needs one key of the grid with several values; allowed: one such key",
+        "sweep: kind = map needs one key of the grid with several numbers; allowed: one such key",
     ),
     "grid of no list": ("grid: {contact.restitution: 0.1}", "sweep.grid.contact.restitution = 0.1; allowed: a list"),
     "grid of sections": (
