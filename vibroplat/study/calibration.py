@@ -1,7 +1,8 @@
 """Calibration: the numbers that the paper does not print, fitted to its claims.
 
 The objective is the mean of the claims' scores (:mod:`vibroplat.study.claims`), each between 0 and 1 and all alike
-in weight, judged by the coarse sweeps of :mod:`vibroplat.study.trial`. The search is differential evolution
+in weight, judged by the coarse sweeps of :mod:`vibroplat.study.trial`. Of all evaluations the best is that with which
+most claims hold, and among these the one of the highest score. The search is differential evolution
 (Storn and Price 1997) as scipy has it, with the candidates of a generation evaluated side by side. It depends on
 nothing but its seed, so going on after an interruption repeats it with the evaluations that are already there.
 """
@@ -116,7 +117,7 @@ def evaluate(numbers: Mapping[str, Any]) -> dict[str, Any]:
 def calibrate(
     fixed: Mapping[str, Any], plan: Plan, store: Store, workers: Pool, progress: Progress | None = None
 ) -> pd.DataFrame:
-    """Search, and return a row for each evaluation, the best first.
+    """Search, and return a row for each evaluation, the best first: most claims held, then the highest score.
 
     Parameters
     ----------
@@ -162,7 +163,7 @@ def calibrate(
     )
     store.finish()
     rows = [e.searched | {k: e.result[k] for k in ("score", "held")} | e.result["scores"] for e in evaluations]
-    return pd.DataFrame(rows).sort_values("score", ascending=False, ignore_index=True, kind="stable")
+    return pd.DataFrame(rows).sort_values(["held", "score"], ascending=False, ignore_index=True, kind="stable")
 
 
 class _Evaluation:
