@@ -237,12 +237,13 @@ def _reproduce(name: str, numbers: dict[str, Any], out: Path, workers: Pool, *, 
     for table_name, table in found.tables.items():
         write_table(table, directory, table_name, "csv")
     scene = paper_scene(study.SWEEPS[0], numbers)
-    write_json(provenance(scene, engine_name(scene)) | {"beta_per_s": found.beta}, directory, "provenance")
+    beta = {"beta_per_s": found.beta, "beta_matched_hz": found.matched_hz}
+    write_json(provenance(scene, engine_name(scene)) | beta, directory, "provenance")
     figures = plot_paper(directory)
     seconds = time.perf_counter() - began
     for _, row in found.tables["claims"].iterrows():
         print(f"{row['id']:<24}{row['verdict']:<32}{row['measured']}")
-    print(f"{'machine':<24}{name}; {study.matched(found.beta)}")
+    print(f"{'machine':<24}{name}; {study.matched(found)}")
     print(f"{'computed':<24}{found.points} points, {found.simulated:.6g} s of motion, {found.events} events")
     print(f"{'not ok':<24}{found.failed} points, counted in the claims that they concern")
     print(f"{'wall time':<24}{seconds:.3g} s, {found.points / seconds:.3g} points per s")

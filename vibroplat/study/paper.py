@@ -20,7 +20,7 @@ from vibroplat.study.branches import branches
 from vibroplat.study.claims import EDGE, Claim, Finding, judge
 from vibroplat.study.evidence import Evidence, F
 from vibroplat.study.execution import Pool
-from vibroplat.study.nonimpact import MATCHED, find_beta
+from vibroplat.study.nonimpact import find_beta, matched_frequency
 from vibroplat.study.store import Store
 from vibroplat.study.sweep import Progress, conditions, run_sweeps, tables
 from vibroplat.study.trial import BETA, IMPACT, MASS_RATIO, QUICK, claims, paper_scene
@@ -52,14 +52,15 @@ class Reproduction:
     ----------
     tables
         By name: curves, time histories, impact laws, claims.
-    beta
-        β of the non-impact model (1/s), or None where it could not be found.
+    beta, matched_hz
+        β of the non-impact model (1/s) and the frequency at which it makes RMS y equal, or None where there is none.
     points, failed, simulated, events
         How many points there are, how many did not end ``ok``, over how many seconds of motion, with how many events.
     """
 
     tables: dict[str, pd.DataFrame]
     beta: float | None
+    matched_hz: float | None
     points: int
     failed: int
     simulated: float
@@ -134,6 +135,7 @@ def reproduce(
     return Reproduction(
         found,
         evidences[0].beta,
+        matched_frequency(evidences[0], MASS_RATIO),
         sum(len(table) for table in every),
         int(sum((table["outcome"] != "ok").sum() for table in every)),
         float(sum(table["simulated_s"].sum() for table in every)),
@@ -314,8 +316,8 @@ def _range(value: Any) -> str:
     return f"{value[0]:g}" if value[0] == value[-1] else " … ".join(f"{v:g}" for v in (value[0], value[-1]))
 
 
-def matched(beta: float | None) -> str:
+def matched(found: Reproduction) -> str:
     """Say what came of matching the non-impact model."""
-    if beta is None:
-        return f"no β: f = {MATCHED} Hz is not reached in antiphase by both models"
-    return f"β = {beta:.2f} 1/s makes RMS y equal at f = {MATCHED} Hz"
+    if found.beta is None or found.matched_hz is None:
+        return "no β: 30.9 Hz is not reached in antiphase"
+    return f"β = {found.beta:.2f} 1/s makes RMS y equal at f = {found.matched_hz:.2f} Hz"
