@@ -12,7 +12,7 @@ PAPER_SUPPLY = {"25.75": 51.5, "30.7": 62.5, "38.75": 78.0}
 
 
 def base(tolerance: float, seconds: float) -> Scene:
-    """Return the paper's machine as configs/machines/calibrated.yaml has it, with a tenth of its mass in two layers."""
+    """Return the paper's machine with ten times the printed b_y and a tenth of its mass in two layers."""
     return Scene().replace(
         {
             "machine.damping_y_n_s_per_m": 400.0,

@@ -22,7 +22,7 @@ F = "excitation_frequency_hz"
 JUMP = 0.6
 #: Names of the curves in the paper's numbering.
 _MASSES = ("1 – μ = 0.1", "2 – μ = 0.2", "3 – μ = 0")
-_MODELS = ("1 – impact, R = 0", "2 – impact, R = 0.3", "3 – impact, R = 0.5", "4 – non-impact")
+_MODELS = ("1 – R = 0", "2 – R = 0.3", "3 – R = 0.5", "4 – non-impact")
 
 
 def plot_paper(directory: Path) -> list[Path]:
@@ -124,16 +124,10 @@ def _history(name: str, column: str, label: str, curves: tuple[str, ...], title:
             rows = table[table["panel"] == panel]
             for number, curve in rows.groupby("curve"):
                 i = int(str(number)) - 1
-                measured = curve[F].iloc[0]
-                axis.plot(
-                    1e3 * curve["t_s"],
-                    1e3 * curve[column],
-                    lw=1.1,
-                    color=CURVES[i],
-                    label=f"{curves[i]}: f {measured:.2f}",
-                )
+                axis.plot(1e3 * curve["t_s"], 1e3 * curve[column], lw=1.1, color=CURVES[i], label=curves[i])
+            measured = f"{rows[F].min():.2f} … {rows[F].max():.2f} Hz"
             axis.set_ylabel(label)
-            axis.set_title(f"Fig. {name[3:]}({letter}). {title}, f ≈ {panel:g} Hz", loc="left")
+            axis.set_title(f"Fig. {name[3:]}({letter}). {title}, f = {measured}", loc="left", fontsize=9)
             axis.legend(fontsize=6.5, ncols=4, loc="lower right", bbox_to_anchor=(1.01, 0.97), columnspacing=1.0)
         axes[-1].set_xlabel("t (ms)")
         return figure
