@@ -8,8 +8,6 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -18,9 +16,9 @@ import typer
 
 from vibroplat import __version__
 from vibroplat.errors import VibroplatError
+from vibroplat.progress import calibration_progress, run_progress, sweep_progress
 
 if TYPE_CHECKING:
-    from vibroplat.scene import Scene
     from vibroplat.solver.trajectory import Trajectory
     from vibroplat.study.execution import Pool
 
@@ -131,7 +129,7 @@ def run(
     scene = load_config(config, parse_overrides(set_ or []))
     directory = result_directory(out, scene.name)
     _tell_of_compilation()
-    with _progress(scene) as report:
+    with run_progress(scene.name, scene.run.duration_s) as report:
         from vibroplat.solver.run import simulate
 
         result = simulate(scene, progress=report)
@@ -177,7 +175,7 @@ def sweep(
     with Store(directory, conditions(scene), resume=resume, overwrite=overwrite) as store:
         known = len(store)
         _load_kernels()
-        with pool(jobs, scheduler) as workers, _sweep_progress(scene.name, len(planned), points) as progress:
+        with pool(jobs, scheduler) as workers, sweep_progress(scene.name, len(planned), points) as progress:
             run_sweeps([(scene, store)], workers, progress)
         report.write_sweep(scene, store, directory, format_.value)
     seconds = time.perf_counter() - began
@@ -230,7 +228,7 @@ def _reproduce(name: str, numbers: dict[str, Any], out: Path, workers: Pool, *, 
     directory = result_directory(out / "paper", name)
     began = time.perf_counter()
     branches, points = study.planned(numbers)
-    with _sweep_progress(name, branches, points) as progress:
+    with sweep_progress(name, branches, points) as progress:
         found = study.reproduce(
             numbers, directory / "points", workers, resume=resume, overwrite=overwrite, progress=progress
         )
@@ -272,7 +270,7 @@ def calibrate(
     directory = result_directory(out, "calibration")
     with Store(directory, calibration.conditions(fixed, plan), resume=resume, overwrite=overwrite) as store:
         _load_kernels()
-        with pool(jobs, scheduler) as workers, _calibration_progress(plan.evaluations) as progress:
+        with pool(jobs, scheduler) as workers, calibration_progress(plan.evaluations) as progress:
             table = calibration.calibrate(fixed, plan, store, workers, progress)
     write_table(table, directory, "evaluations", "csv")
     best = table.iloc[0]
@@ -355,77 +353,12 @@ def _tell_of_compilation() -> None:
         print("vibroplat: compiling the numerical kernels, once, in about half a minute", file=sys.stderr)
 
 
-@contextmanager
-def _progress(scene: Scene) -> Iterator[Callable[[float, int], None] | None]:
-    """Show a progress bar on a terminal, nothing elsewhere."""
-    if not sys.stderr.isatty():
-        yield None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
-
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TextColumn("{task.completed:.2f}/{task.total:.6g} s, {task.fields[events]} events"),
-        TimeRemainingColumn(),
-    )
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("loading kernels", total=scene.run.duration_s, events=0)
-
-        def report(reached: float, events: int) -> None:
-            bar.update(task, completed=reached, events=events, description=scene.name)
-
-        yield report
-
-
 def _load_kernels() -> None:
     """Compile or load what workers need, once instead of in each of them."""
     _tell_of_compilation()
     from vibroplat.solver.engines import load_kernels
 
     load_kernels()
-
-
-@contextmanager
-def _sweep_progress(name: str, branches: int, points: int) -> Iterator[Callable[[int, int, int], None] | None]:
-    """Show branches, points, events and time left on a terminal, nothing elsewhere."""
-    counts = "{task.fields[done]}/{task.fields[branches]} branches, {task.fields[events]} events"
-    with _bar(name, points, "points", counts, done=0, branches=branches, events=0) as update:
-        if update is None:
-            yield None
-        else:
-            yield lambda done, finished, events: update(finished, done=done, events=events)
-
-
-@contextmanager
-def _bar(name: str, total: int, unit: str, counts: str, **fields: Any) -> Iterator[Callable[..., None] | None]:
-    """Show a progress bar with counts beside it on a terminal, nothing elsewhere."""
-    if not sys.stderr.isatty():
-        yield None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-
-    done = TextColumn("{task.completed}/{task.total} " + unit)
-    columns = (TextColumn(name), BarColumn(), done, TextColumn(counts), TimeElapsedColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(name, total=total, **fields)
-
-        def update(completed: int, **changed: Any) -> None:
-            bar.update(task, completed=completed, **changed)
-
-        yield update
-
-
-@contextmanager
-def _calibration_progress(total: int) -> Iterator[Callable[[int, float], None] | None]:
-    """Show evaluations, the best score and the time left on a terminal, nothing elsewhere."""
-    with _bar("calibration", total, "evaluations", "best score {task.fields[best]:.3f}", best=0.0) as update:
-        if update is None:
-            yield None
-        else:
-            yield lambda done, best: update(done, best=best)
 
 
 def _print_summary(result: Trajectory, directory: Path) -> None:

@@ -125,10 +125,10 @@ def test_run_without_a_first_step_exits_1_and_writes_empty_tables(vibroplat, tmp
 
 def test_interrupted_run_says_so_and_leaves_no_half_tables(monkeypatch, capsys, here):
     @contextmanager
-    def pressing_ctrl_c(_scene):
+    def pressing_ctrl_c(_name, _seconds):
         yield lambda _reached, _events: signal.raise_signal(signal.SIGINT)
 
-    monkeypatch.setattr("vibroplat.cli._progress", pressing_ctrl_c)
+    monkeypatch.setattr("vibroplat.cli.run_progress", pressing_ctrl_c)
     monkeypatch.setattr(sys, "argv", ["vibroplat", "run", str(QUICKSTART)])
     with pytest.raises(SystemExit) as ended:
         main()

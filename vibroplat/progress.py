@@ -1,0 +1,69 @@
+"""Progress bars on a terminal; nothing elsewhere."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+
+@contextmanager
+def run_progress(name: str, seconds: float) -> Iterator[Callable[[float, int], None] | None]:
+    """Show the time that a run has reached (s) and its events."""
+    counts = "{task.fields[events]} events"
+    with _bar(f"{name}: loading kernels", seconds, "s", counts, number=":.2f", events=0) as update:
+        if update is None:
+            yield None
+        else:
+            yield lambda reached, events: update(reached, events=events, description=name)
+
+
+@contextmanager
+def sweep_progress(name: str, branches: int, points: int) -> Iterator[Callable[[int, int, int], None] | None]:
+    """Show branches, points, events and time left on a terminal, nothing elsewhere."""
+    counts = "{task.fields[done]}/{task.fields[branches]} branches, {task.fields[events]} events"
+    with _bar(name, points, "points", counts, done=0, branches=branches, events=0) as update:
+        if update is None:
+            yield None
+        else:
+            yield lambda done, finished, events: update(finished, done=done, events=events)
+
+
+@contextmanager
+def _bar(
+    name: str, total: float, unit: str, counts: str, number: str = "", **fields: Any
+) -> Iterator[Callable[..., None] | None]:
+    """Show a progress bar with counts beside it on a terminal, nothing elsewhere."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+    done = TextColumn(f"{{task.completed{number}}}/{{task.total}} {unit}")
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        done,
+        TextColumn(counts),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(name, total=total, **fields)
+
+        def update(completed: float, **changed: Any) -> None:
+            bar.update(task, completed=completed, **changed)
+
+        yield update
+
+
+@contextmanager
+def calibration_progress(total: int) -> Iterator[Callable[[int, float], None] | None]:
+    """Show evaluations, the best score and the time left on a terminal, nothing elsewhere."""
+    with _bar("calibration", total, "evaluations", "best score {task.fields[best]:.3f}", best=0.0) as update:
+        if update is None:
+            yield None
+        else:
+            yield lambda done, best: update(done, best=best)
