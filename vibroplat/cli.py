@@ -74,7 +74,7 @@ def main() -> None:
     try:
         code = app(standalone_mode=False)
     except VibroplatError as error:
-        sys.exit(_complain(str(error), 2))
+        sys.exit(_complain(str(error), error.exit_code))
     except Exception as error:
         # the base of typer's usage errors is not public; this method is what marks them
         if not hasattr(error, "format_message"):

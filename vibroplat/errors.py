@@ -13,6 +13,9 @@ class VibroplatError(Exception):
     :data:`MAX_TEXT` beginning and end are told.
     """
 
+    #: Of the command line; 1 where the input was good and the work failed.
+    exit_code = 2
+
     def __init__(self, text: str) -> None:
         line = "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
         half = MAX_TEXT // 2

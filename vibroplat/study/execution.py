@@ -32,6 +32,8 @@ _ADDRESS = re.compile(r"^(tcp|tls|ws|wss|ucx|inproc)://.+:\d+")
 class LostError(VibroplatError):
     """All workers are gone."""
 
+    exit_code = 1
+
 
 class WorkerLostError(Exception):
     """A task's worker died, more than once."""
@@ -236,7 +238,8 @@ class Cluster:
 
     def close(self) -> None:
         """Leave the cluster."""
-        self._executor.shutdown(wait=False)
+        if self._client.status == "running":  # of a scheduler that is gone there is nothing to cancel
+            self._executor.shutdown(wait=False)
         self._client.close()
 
 
