@@ -88,7 +88,7 @@ def scheduler():
     """Address of a dask scheduler with two workers on this machine."""
     from distributed import LocalCluster
 
-    options = {"n_workers": 2, "threads_per_worker": 1, "processes": True, "dashboard_address": None}
+    options = {"n_workers": 2, "threads_per_worker": 1, "processes": True, "dashboard_address": ":0"}
     with LocalCluster(silence_logs=50, **options) as cluster:
         yield cluster.scheduler_address
 

@@ -212,7 +212,7 @@ class Cluster:
         except ImportError:
             raise ConfigError("--scheduler needs dask.distributed; install vibroplat[cluster]") from None
         if not _ADDRESS.match(address):
-            raise ConfigError(f"--scheduler {address!r}; allowed: tcp://host:port")
+            raise ConfigError(f"--scheduler {address}: not an address; allowed: tcp://host:port")
         self._address = address
         try:
             self._client = Client(address, timeout=10, set_as_default=False)
