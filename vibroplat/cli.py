@@ -65,6 +65,20 @@ class BenchName(StrEnum):
     sweeps = "sweeps"
 
 
+CORES = os.cpu_count() or 1
+
+# Options that several commands have.
+Settings = Annotated[
+    list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a key, e.g. run.duration_s=2.")
+]
+Out = Annotated[Path, typer.Option(help="Directory of the results.")]
+Format = Annotated[TableFormat, typer.Option("--format", help="Format of the tables.")]
+Jobs = Annotated[int, typer.Option(min=1, help="Worker processes.")]
+Resume = Annotated[bool, typer.Option("--resume", help="Go on with what is already finished.")]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Drop what an unfinished command has left.")]
+Scheduler = Annotated[str | None, typer.Option(help="Address of a dask scheduler, e.g. tcp://host:8786.")]
+
+
 def main() -> None:
     """Run the command line and turn errors into one line and an exit code."""
     logging.basicConfig(format="vibroplat: %(message)s")
@@ -114,12 +128,9 @@ def _options(
 @app.command()
 def run(
     config: Annotated[Path, typer.Argument(help="YAML configuration of a scene.")],
-    set_: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="Override a key, e.g. run.duration_s=2."),
-    ] = None,
-    out: Annotated[Path, typer.Option(help="Directory of the results.")] = Path("results"),
-    format_: Annotated[TableFormat, typer.Option("--format", help="Format of the tables.")] = TableFormat.parquet,
+    set_: Settings = None,
+    out: Out = Path("results"),
+    format_: Format = TableFormat.parquet,
 ) -> None:
     """Integrate one scene in time; write trajectory, events, summary and provenance."""
     from vibroplat.config import load_config, parse_overrides
@@ -146,16 +157,13 @@ def run(
 @app.command()
 def sweep(
     config: Annotated[Path, typer.Argument(help="YAML configuration with a section sweep.")],
-    set_: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="Override a key, e.g. sweep.measure_s=4."),
-    ] = None,
-    out: Annotated[Path, typer.Option(help="Directory of the results.")] = Path("results"),
-    jobs: Annotated[int, typer.Option(min=1, help="Worker processes.")] = 1,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on with points that are already finished.")] = False,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Drop the points of an unfinished sweep.")] = False,
-    scheduler: Annotated[str | None, typer.Option(help="Address of a dask scheduler, e.g. tcp://host:8786.")] = None,
-    format_: Annotated[TableFormat, typer.Option("--format", help="Format of the tables.")] = TableFormat.parquet,
+    set_: Settings = None,
+    out: Out = Path("results"),
+    jobs: Jobs = 1,
+    resume: Resume = False,
+    overwrite: Overwrite = False,
+    scheduler: Scheduler = None,
+    format_: Format = TableFormat.parquet,
 ) -> None:
     """Sweep over supply frequencies and a grid of values; write a row for each point."""
     from vibroplat.config import load_config, parse_overrides
@@ -198,11 +206,11 @@ def paper(
     machine: Annotated[
         list[str] | None, typer.Option(help="A machine of configs/machines; printed and calibrated without it.")
     ] = None,
-    out: Annotated[Path, typer.Option(help="Directory of the results.")] = Path("results"),
-    jobs: Annotated[int, typer.Option(min=1, help="Worker processes.")] = os.cpu_count() or 1,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on with points that are finished.")] = False,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Drop the points of an unfinished run.")] = False,
-    scheduler: Annotated[str | None, typer.Option(help="Address of a dask scheduler.")] = None,
+    out: Out = Path("results"),
+    jobs: Jobs = CORES,
+    resume: Resume = False,
+    overwrite: Overwrite = False,
+    scheduler: Scheduler = None,
 ) -> None:
     """Reproduce the paper: tables and figures 2-7, and its claims with what was measured and a verdict."""
     from vibroplat.study.trial import machine_numbers
@@ -251,12 +259,12 @@ def _reproduce(name: str, numbers: dict[str, Any], out: Path, workers: Pool, *, 
 @app.command()
 def calibrate(
     config: Annotated[Path | None, typer.Argument(help="YAML of a machine with a section calibration.")] = None,
-    out: Annotated[Path, typer.Option(help="Directory of the results.")] = Path("results"),
-    jobs: Annotated[int, typer.Option(min=1, help="Worker processes.")] = 1,
+    out: Out = Path("results"),
+    jobs: Jobs = 1,
     generations: Annotated[int | None, typer.Option(min=0, help="Generations of the search.")] = None,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on with evaluations that are finished.")] = False,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Drop those of an unfinished search.")] = False,
-    scheduler: Annotated[str | None, typer.Option(help="Address of a dask scheduler.")] = None,
+    resume: Resume = False,
+    overwrite: Overwrite = False,
+    scheduler: Scheduler = None,
 ) -> None:
     """Fit the numbers that the paper does not print to its claims; the table has a row for each evaluation."""
     from vibroplat.config import configurations
@@ -320,11 +328,11 @@ def bench(
         list[BenchName] | None,
         typer.Argument(metavar="[NAME]...", help="runtime, precision, engines, sweeps; all if none."),
     ] = None,
-    out: Annotated[Path, typer.Option(help="Directory of the results.")] = Path("results"),
+    out: Out = Path("results"),
     reference: Annotated[Path, typer.Option(help="Directory of reference tables.")] = Path("tests/reference"),
     repeats: Annotated[int, typer.Option(min=1, help="Runs of which the median is taken.")] = 5,
 ) -> None:
-    """Measure run time, run time against error, engines against each other; tables and plots in OUT/bench."""
+    """Measure run time, run time against error, engines against each other, sweeps; tables and plots in OUT/bench."""
     from vibroplat.bench import report
     from vibroplat.bench.timing import machine
     from vibroplat.tables import result_directory

@@ -10,7 +10,9 @@ from vibroplat.errors import ConfigError
 from vibroplat.plan import Sweep
 from vibroplat.scene import Scene
 
+#: Key of a scene that a sweep goes through, its column in tables, and the column of what the exciters make of it.
 FREQUENCY = "drive.supply_frequency_hz"
+SUPPLY, EXCITATION = "supply_frequency_hz", "excitation_frequency_hz"
 
 
 @dataclass(frozen=True)

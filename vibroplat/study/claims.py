@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from vibroplat.physics.parameters import FloatArray
+from vibroplat.study.branches import SUPPLY
 from vibroplat.study.evidence import REGIMES, Boundary, Evidence, F, Key, Row, runs
 
 Claim = Mapping[str, Any]
@@ -129,7 +130,7 @@ def _second_resonance(claim: Claim, evidence: Evidence) -> Finding:
     off = abs(found.before[F] - claim["f"])
     ratio = found.after["rms_y_m"] / found.before["rms_y_m"]
     jumps = found.after[F] - found.before[F] > LEAST_JUMP and ratio < 1.0 - LEAST_FALL
-    supply = found.after["supply_frequency_hz"]
+    supply = found.after[SUPPLY]
     text = f"{_across(found)} at supply {supply:.2f} Hz, RMS y × {ratio:.2g}, Δφ {_phases(found)}"
     return Finding(text, off <= claim["tol"] and jumps, _closeness(off, claim["tol"]) * (1.0 if jumps else 0.5))
 
@@ -149,7 +150,7 @@ def _jump_over_mass(claim: Claim, evidence: Evidence) -> Finding:
     found = {mu: _jump(evidence, Key(mu)) for mu in claim["mu"]}
     if bare is None or any(b is None for b in found.values()):
         return Finding("antiphase is not left for every μ", False, 0.0)
-    supply = {mu: b.before["supply_frequency_hz"] - bare.before["supply_frequency_hz"] for mu, b in found.items() if b}
+    supply = {mu: b.before[SUPPLY] - bare.before[SUPPLY] for mu, b in found.items() if b}
     shifts = {mu: b.before[F] - bare.before[F] for mu, b in found.items() if b}
     text = f"μ 0: {bare.before[F]:.2f} Hz; " + "; ".join(
         f"μ {mu:g}: {shift:+.2f} Hz (supply {supply[mu]:+.2f} Hz)" for mu, shift in shifts.items()
@@ -310,7 +311,7 @@ def _restitution_without_effect(claim: Claim, evidence: Evidence) -> Finding:
     characters = {}
     for key in _restitutions(evidence, claim["mu"]):
         rows = evidence.rows(key, low + EDGE, high - EDGE)
-        characters[key.restitution] = [(row["supply_frequency_hz"], row["period"]) for row in rows]
+        characters[key.restitution] = [(row[SUPPLY], row["period"]) for row in rows]
     reference = dict(characters.get(0.0, []))
     same = {
         r: np.mean([reference.get(s) == n for s, n in rows]) if rows else 0.0 for r, rows in characters.items() if r

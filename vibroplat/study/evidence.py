@@ -11,7 +11,7 @@ import numpy as np
 from vibroplat.physics.parameters import FloatArray
 from vibroplat.plan import Sweep
 from vibroplat.scene import Scene
-from vibroplat.study.branches import FREQUENCY, Branch, branches, sweep_plan
+from vibroplat.study.branches import EXCITATION, FREQUENCY, SUPPLY, Branch, branches, sweep_plan
 from vibroplat.study.point import measure_point
 from vibroplat.study.store import Store
 
@@ -22,7 +22,7 @@ WIDTH = 0.1
 #: Distance of neighbouring rows (Hz) that a curve is not drawn across.
 JUMP = 1.0
 #: Frequency of rows.
-F = "excitation_frequency_hz"
+F = EXCITATION
 
 #: The regimes that claims name, as properties of a row.
 REGIMES: dict[str, Callable[[Mapping[str, Any]], bool]] = {
@@ -86,7 +86,7 @@ class Evidence:
         """Take in the branches of a finished sweep."""
         for branch in branches(scene):
             rows = [
-                record["row"] | {"supply_frequency_hz": branch.frequencies[point], "state": record["state"]}
+                record["row"] | {SUPPLY: branch.frequencies[point], "state": record["state"]}
                 for point, record in store.read(branch.number)
             ]
             key = key_of(branch)
@@ -149,19 +149,16 @@ class Evidence:
         """Halve the step in which a regime ends, each new point begun with the state before the change."""
         plan = course.plan.model_copy(update={"lyapunov": False})
         number = 0
-        while self.narrowed and abs(after[FREQUENCY_COLUMN] - before[FREQUENCY_COLUMN]) > WIDTH:
-            middle = 0.5 * (before[FREQUENCY_COLUMN] + after[FREQUENCY_COLUMN])
+        while self.narrowed and abs(after[SUPPLY] - before[SUPPLY]) > WIDTH:
+            middle = 0.5 * (before[SUPPLY] + after[SUPPLY])
             scene = course.branch.scene.replace({FREQUENCY: middle})
             point = measure_point(scene, plan, before["state"], (course.branch.number, 1_000_000 + number))
             number += 1
-            row = point.row | {FREQUENCY_COLUMN: middle, "state": point.state}
+            row = point.row | {SUPPLY: middle, "state": point.state}
             if point.state is None:
                 break
             before, after = (row, after) if holds(row) else (before, row)
         return Boundary(before, after)
-
-
-FREQUENCY_COLUMN = "supply_frequency_hz"
 
 
 def key_of(branch: Branch) -> Key:

@@ -12,7 +12,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, wait
 from contextlib import contextmanager
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 from vibroplat.errors import ConfigError, VibroplatError
 
@@ -24,7 +24,6 @@ PATIENCE = 5.0
 IDLE = 20
 #: Times that a task alone may lose its worker before it is given up.
 LIVES = 2
-
 
 _ADDRESS = re.compile(r"^(tcp|tls|ws|wss|ucx|inproc)://.+:\d+")
 
@@ -49,6 +48,9 @@ class Chain(Protocol):
     def take(self, result: Any) -> None:
         """Take the result of the task, or a :class:`WorkerLostError` in its place."""
         ...
+
+
+C = TypeVar("C", bound=Chain)
 
 
 class Pool(Protocol):
@@ -76,12 +78,12 @@ class Pool(Protocol):
         ...
 
 
-def run_chains(chains: Iterable[Chain], workers: Pool) -> Iterator[Chain]:
+def run_chains(chains: Iterable[C], workers: Pool) -> Iterator[C]:
     """Run all chains to their ends; yields the chain of each task that has finished and been taken."""
-    waiting: deque[Chain] = deque(chains)
-    suspects: deque[Chain] = deque()  # one of them has taken its worker along: each runs alone
+    waiting: deque[C] = deque(chains)
+    suspects: deque[C] = deque()  # one of them has taken its worker along: each runs alone
     losses: dict[int, int] = {}
-    running: dict[Future[Any], Chain] = {}
+    running: dict[Future[Any], C] = {}
     alone = False
     while waiting or suspects or running:
         alone = alone and bool(running)
@@ -95,7 +97,7 @@ def run_chains(chains: Iterable[Chain], workers: Pool) -> Iterator[Chain]:
                 alone = False
         if not running:
             continue
-        lost: list[Chain] = []
+        lost: list[C] = []
         done = wait(running, timeout=PATIENCE, return_when=FIRST_COMPLETED).done
         if not done:
             workers.check()
@@ -116,13 +118,13 @@ def run_chains(chains: Iterable[Chain], workers: Pool) -> Iterator[Chain]:
 
 
 def _deal_with(
-    lost: list[Chain],
-    running: dict[Future[Any], Chain],
-    suspects: deque[Chain],
+    lost: list[C],
+    running: dict[Future[Any], C],
+    suspects: deque[C],
     losses: dict[int, int],
-    waiting: deque[Chain],
+    waiting: deque[C],
     workers: Pool,
-) -> Iterator[Chain]:
+) -> Iterator[C]:
     """Renew the pool after a worker has died; a task that was alone and has no life left is given up."""
     alone = len(lost) == 1 and not running
     lost += running.values()

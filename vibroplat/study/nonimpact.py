@@ -7,7 +7,7 @@ from scipy.optimize import brentq
 
 from vibroplat.plan import Sweep
 from vibroplat.scene import Scene
-from vibroplat.study.branches import FREQUENCY
+from vibroplat.study.branches import FREQUENCY, SUPPLY
 from vibroplat.study.evidence import Evidence, F, Key
 from vibroplat.study.point import measure_point
 
@@ -38,7 +38,7 @@ def find_beta(evidence: Evidence, mass_ratio: float) -> float | None:
     impact = float(evidence.curve(key, "rms_y_m", np.array([wanted]))[0])
     course = evidence.courses[key]
     plan = course.plan.model_copy(update={"measure_s": 1.0, "lyapunov": False, "perturbation": 0.0})
-    begin = min(evidence.rows(key), key=lambda row: abs(row[F] - wanted + 1.0))["supply_frequency_hz"]
+    begin = min(evidence.rows(key), key=lambda row: abs(row[F] - wanted + 1.0))[SUPPLY]
     viscous = course.branch.scene.replace({"contact.model": "non-impact"})
 
     def excess(beta: float) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -16,18 +16,18 @@ from vibroplat.config import configurations, load_list
 from vibroplat.scene import Scene
 from vibroplat.solver.initial import static_rest
 from vibroplat.solver.run import simulate
-from vibroplat.study.branches import branches
+from vibroplat.study.branches import SUPPLY, branches
 from vibroplat.study.claims import EDGE, Claim, Finding, judge
 from vibroplat.study.evidence import Evidence, F
 from vibroplat.study.execution import Pool
 from vibroplat.study.nonimpact import find_beta, matched_frequency
 from vibroplat.study.store import Store
 from vibroplat.study.sweep import Progress, conditions, run_sweeps, tables
-from vibroplat.study.trial import BETA, IMPACT, MASS_RATIO, QUICK, claims, paper_scene
+from vibroplat.study.trial import BETA, IMPACT, MASS_RATIO, NON_IMPACT, QUICK, claims, paper_scene
 
-#: Sweeps whose tables are written, in this order, besides that of the non-impact model.
-SWEEPS = ("fig2", *IMPACT, "laws")
-NON_IMPACT = "fig6-nonimpact"
+#: Sweep of the impact laws, and all whose tables are written, besides that of the non-impact model.
+LAWS = "laws"
+SWEEPS = ("fig2", *IMPACT, LAWS)
 
 #: Frequencies of the time histories' panels and, by figure, files of their curves in the paper's numbering.
 PANELS: dict[str, tuple[str, ...]] = {
@@ -91,51 +91,41 @@ def reproduce(
     progress
         Called with finished branches, points and events; branches of the non-impact model come last.
     """
-    alternatives = _alternatives()
+    trials = _trials(numbers)
+    main = trials[0]
     with ExitStack() as stack:
 
-        def opened(name: str, scene: Scene) -> tuple[Scene, Store]:
-            place = directory / name
+        def open_sweep(trial: _Trial, name: str, changes: Mapping[str, Any] | None = None) -> tuple[Scene, Store]:
+            scene = trial.scene(name, changes)
+            place = directory / f"{trial.prefix}{name}"
             place.mkdir(parents=True, exist_ok=True)
-            return scene, stack.enter_context(Store(place, conditions(scene), resume=resume, overwrite=overwrite))
+            store = stack.enter_context(Store(place, conditions(scene), resume=resume, overwrite=overwrite))
+            trial.sweeps[name] = scene, store
+            return scene, store
 
-        main = {name: opened(name, paper_scene(name, numbers)) for name in SWEEPS}
-        others = [
-            {
-                name: opened(f"alternative{i}-{name}", paper_scene(name, {**numbers, **changes}, QUICK))
-                for name in IMPACT
-            }
-            for i, changes in enumerate(alternatives)
-        ]
-        everything = [*main.values(), *(sweep for other in others for sweep in other.values())]
-        run_sweeps(everything, workers, progress)
+        run_sweeps([open_sweep(trial, name) for trial in trials for name in trial.names], workers, progress)
+        for trial in trials:
+            for name in trial.names:
+                if name != LAWS:
+                    trial.evidence.add(*trial.sweeps[name])
+            trial.evidence.beta = find_beta(trial.evidence, MASS_RATIO)
+        matchable = [trial for trial in trials if trial.evidence.beta is not None]
+        run_sweeps([open_sweep(trial, NON_IMPACT, {BETA: trial.evidence.beta}) for trial in matchable], workers)
+        for trial in matchable:
+            trial.evidence.add(*trial.sweeps[NON_IMPACT])
+        laws = Evidence()
+        laws.add(*main.sweeps[LAWS])
 
-        laws = _evidence({"laws": main["laws"]}, narrowed=True)
-        curves = {name: sweep for name, sweep in main.items() if name != "laws"}
-        evidences = [_evidence(curves, narrowed=True), *(_evidence(other, narrowed=False) for other in others)]
-        viscous: dict[int, tuple[Scene, Store]] = {}
-        for i, evidence in enumerate(evidences):
-            evidence.beta = find_beta(evidence, MASS_RATIO)
-            if evidence.beta is not None:
-                changes = {**numbers, **(alternatives[i - 1] if i else {})}
-                scene = paper_scene(NON_IMPACT, changes, {**(QUICK if i else {}), BETA: evidence.beta})
-                viscous[i] = opened(f"alternative{i - 1}-{NON_IMPACT}" if i else NON_IMPACT, scene)
-        run_sweeps(list(viscous.values()), workers)
-        for i, (scene, store) in viscous.items():
-            evidences[i].add(scene, store)
-        if 0 in viscous:
-            main[NON_IMPACT] = viscous[0]
-
-        found = {name: pd.concat(tables(*sweep), ignore_index=True) for name, sweep in main.items()}
-        found |= {figure: histories(figure, numbers, evidences[0].beta) for figure in PANELS}
-        found["sync-bands"] = sync_bands(evidences[0])
-        found["impact-laws"] = impact_laws(evidences[0], laws)
-        found["claims"] = scoreboard(evidences[0], list(zip(alternatives, evidences[1:], strict=True)))
-        every = [pd.concat(tables(*sweep)) for sweep in (*everything, *viscous.values())]
+        found = {name: pd.concat(tables(*sweep), ignore_index=True) for name, sweep in main.sweeps.items()}
+        found |= {figure: histories(figure, numbers, main.evidence.beta) for figure in PANELS}
+        found["sync-bands"] = sync_bands(main.evidence)
+        found["impact-laws"] = impact_laws(main.evidence, laws)
+        found["claims"] = scoreboard(main.evidence, [(trial.changes, trial.evidence) for trial in trials[1:]])
+        every = [pd.concat(tables(*sweep)) for trial in trials for sweep in trial.sweeps.values()]
     return Reproduction(
         found,
-        evidences[0].beta,
-        matched_frequency(evidences[0], MASS_RATIO),
+        main.evidence.beta,
+        matched_frequency(main.evidence, MASS_RATIO),
         sum(len(table) for table in every),
         int(sum((table["outcome"] != "ok").sum() for table in every)),
         float(sum(table["simulated_s"].sum() for table in every)),
@@ -145,23 +135,34 @@ def reproduce(
 
 def planned(numbers: Mapping[str, Any]) -> tuple[int, int]:
     """Return how many branches and points there are before those of the non-impact model."""
-    alternatives = _alternatives()
-    scenes = [paper_scene(name, numbers) for name in SWEEPS]
-    scenes += [paper_scene(name, {**numbers, **changes}, QUICK) for changes in alternatives for name in IMPACT]
-    found = [branch for scene in scenes for branch in branches(scene)]
+    found = [branch for trial in _trials(numbers) for name in trial.names for branch in branches(trial.scene(name))]
     return len(found), sum(len(branch.frequencies) for branch in found)
 
 
-def _alternatives() -> list[dict[str, Any]]:
-    """Return changes of what the paper does not print; the first is none, so that the coarse sweeps have a control."""
-    return [{}, *load_list(configurations() / "claims" / "alternatives.yaml")]
+@dataclass
+class _Trial:
+    """The paper's sweeps with one set of numbers, its changes laid over the machine's; coarse but for the first."""
+
+    prefix: str
+    numbers: Mapping[str, Any]
+    changes: Mapping[str, Any]
+    names: tuple[str, ...]
+    coarse: Mapping[str, Any]
+    evidence: Evidence
+    sweeps: dict[str, tuple[Scene, Store]] = field(default_factory=dict)
+
+    def scene(self, name: str, changes: Mapping[str, Any] | None = None) -> Scene:
+        """Return the scene of one of its sweeps."""
+        return paper_scene(name, {**self.numbers, **self.changes}, {**self.coarse, **(changes or {})})
 
 
-def _evidence(sweeps: Mapping[str, tuple[Scene, Store]], *, narrowed: bool) -> Evidence:
-    evidence = Evidence(narrowed=narrowed)
-    for scene, store in sweeps.values():
-        evidence.add(scene, store)
-    return evidence
+def _trials(numbers: Mapping[str, Any]) -> list[_Trial]:
+    """List the machine itself, then, in coarse sweeps, itself as a control and with unprinted numbers changed."""
+    alternatives = [{}, *load_list(configurations() / "claims" / "alternatives.yaml")]
+    return [_Trial("", numbers, {}, SWEEPS, {}, Evidence())] + [
+        _Trial(f"alternative{i}-", numbers, changes, IMPACT, QUICK, Evidence(narrowed=False))
+        for i, changes in enumerate(alternatives)
+    ]
 
 
 # -- time histories ---------------------------------------------------------------------------------------
@@ -202,7 +203,7 @@ def history(scene: Scene) -> pd.DataFrame:
     )
 
 
-# -- bands and impact laws ------------------------------------------------------------------------------------------
+# -- bands and impact laws --------------------------------------------------------------------------------
 
 
 def sync_bands(evidence: Evidence) -> pd.DataFrame:
@@ -222,8 +223,8 @@ def sync_bands(evidence: Evidence) -> pd.DataFrame:
                     "points": len(points),
                     "first_hz": first[F],
                     "last_hz": last[F],
-                    "first_supply_hz": first["supply_frequency_hz"],
-                    "last_supply_hz": last["supply_frequency_hz"],
+                    "first_supply_hz": first[SUPPLY],
+                    "last_supply_hz": last[SUPPLY],
                     "rms_y_largest_m": max(row["rms_y_m"] for row in points),
                 }
             )

@@ -11,12 +11,11 @@ import vibroplat
 from vibroplat.plan import Sweep
 from vibroplat.scene import Scene
 from vibroplat.solver.engines import engine_name
-from vibroplat.study.branches import Branch, branches, sweep_plan
+from vibroplat.study.branches import EXCITATION, SUPPLY, Branch, branches, sweep_plan
 from vibroplat.study.execution import Pool, WorkerLostError, pool, run_chains
 from vibroplat.study.point import MEASURED, Point, measure_point
 from vibroplat.study.store import Store
 
-EXCITATION = "excitation_frequency_hz"
 #: Columns of text, and of whole numbers; the others are of numbers.
 TEXTS = ("direction", "sync", "settled", "outcome", "detail")
 COUNTS = ("branch", "period", "steps", "residual_calls", "events")
@@ -99,13 +98,13 @@ def run_sweeps(sweeps: Sequence[tuple[Scene, Store]], workers: Pool, progress: P
     stores = [store for _, store in sweeps]
     chains = [_Chain(branch, sweep_plan(scene), store) for scene, store in sweeps for branch in branches(scene)]
 
-    def report() -> None:
+    done, points, events = (sum(getattr(c, name) for c in chains) for name in ("done", "point", "events"))
+    if progress is not None:
+        progress(done, points, events)
+    for chain in run_chains(chains, workers):
+        done, points, events = done + chain.done, points + 1, events + chain.latest_events
         if progress is not None:
-            progress(sum(c.done for c in chains), sum(c.point for c in chains), sum(c.events for c in chains))
-
-    report()
-    for _ in run_chains(chains, workers):
-        report()
+            progress(done, points, events)
     for store in stores:
         store.finish()
 
@@ -119,7 +118,7 @@ class _Chain:
         self._store = store
         self._state: list[float] | None = None
         self.point = 0
-        self.events = 0
+        self.events = self.latest_events = 0
         for point, record in store.read(branch.number):
             self.point = point + 1
             self._passed(record)
@@ -148,7 +147,8 @@ class _Chain:
 
     def _passed(self, record: Mapping[str, Any]) -> None:
         self._state = record["state"] or self._state
-        self.events += record["row"].get("events", 0)
+        self.latest_events = record["row"].get("events", 0)
+        self.events += self.latest_events
 
 
 def tables(scene: Scene, store: Store) -> Iterator[pd.DataFrame]:
@@ -188,7 +188,7 @@ def _parts(
     told = False
     for branch in branches(scene):
         for point, record in store.read(branch.number):
-            place = {"supply_frequency_hz": branch.frequencies[point], **branch.grid}
+            place = {SUPPLY: branch.frequencies[point], **branch.grid}
             place |= {"direction": branch.direction, "branch": branch.number}
             rows += [place | row for row in rows_of(record)]
             if len(rows) >= CHUNK:
@@ -201,7 +201,7 @@ def _parts(
 def _frame(rows: list[dict[str, Any]], scene: Scene, columns: Sequence[str]) -> pd.DataFrame:
     """Make a part of a table whose columns have the same types in all parts."""
     grid = sweep_plan(scene).grid
-    table = pd.DataFrame(rows, columns=["supply_frequency_hz", *grid, *columns])
+    table = pd.DataFrame(rows, columns=[SUPPLY, *grid, *columns])
     types: dict[Any, Any] = {key: pd.Series(values).dtype for key, values in grid.items()}
     types |= {column: "str" if column in TEXTS else "Int64" if column in COUNTS else "float64" for column in columns}
     return table.astype(types)

@@ -20,7 +20,8 @@ from vibroplat.study.sweep import run_sweeps
 IMPACT = ("fig3", "fig6")
 #: Mass ratio at which models and restitutions are compared.
 MASS_RATIO = 0.2
-BETA = "contact.viscous_per_mass_per_s"
+#: Sweep of the non-impact model, and its key that each machine has a value of its own for.
+NON_IMPACT, BETA = "fig6-nonimpact", "contact.viscous_per_mass_per_s"
 
 #: Coarser sweeps of a trial: steps of 1 Hz of supply frequency, upward, measured for a shorter time.
 QUICK: dict[str, Any] = {
@@ -66,7 +67,7 @@ def quick_evidence(numbers: Mapping[str, Any]) -> Evidence:
         _take(evidence, paper_scene(name, numbers, QUICK))
     evidence.beta = find_beta(evidence, MASS_RATIO)
     if evidence.beta is not None:
-        _take(evidence, paper_scene("fig6-nonimpact", numbers, {**QUICK, BETA: evidence.beta}))
+        _take(evidence, paper_scene(NON_IMPACT, numbers, {**QUICK, BETA: evidence.beta}))
     return evidence
 
 
