@@ -9,6 +9,7 @@ import signal
 import sqlite3
 import subprocess
 import time
+from pathlib import Path
 
 import numpy as np
 import psutil
@@ -82,6 +83,13 @@ class Started:
             self.process.wait()
         for file in self._said:
             file.close()
+
+
+def ignores_interrupts(process):
+    """Whether Ctrl-C is blocked in a process."""
+    status = Path(f"/proc/{process.pid}/status").read_text()
+    blocked = next(line for line in status.splitlines() if line.startswith("SigBlk"))
+    return bool(int(blocked.split()[1], 16) >> (signal.SIGINT - 1) & 1)
 
 
 @pytest.fixture
@@ -201,6 +209,7 @@ def test_ctrl_c_ends_a_sweep_with_one_line_and_it_can_be_resumed(jobs, started, 
 def test_ctrl_c_again_and_again_is_still_one_line(started):
     begun = started("--jobs", "2")
     begun.wait_for(10)
+    assert all(ignores_interrupts(worker) for worker in begun.workers)
     os.killpg(begun.process.pid, signal.SIGINT)
     time.sleep(0.05)
     code, out, err = begun.end(signal.SIGINT, group=True)

@@ -8,10 +8,12 @@ chains are spread over workers.
 from __future__ import annotations
 
 import re
+import signal
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, wait
 from contextlib import contextmanager
+from multiprocessing import resource_tracker
 from typing import Any, Protocol, TypeVar
 
 from vibroplat.errors import ConfigError, VibroplatError
@@ -166,6 +168,23 @@ class Inline:
         """Nothing to stop."""
 
 
+@contextmanager
+def _interrupts_held() -> Iterator[None]:
+    """Hold Ctrl-C back until the end; what is started meanwhile never gets it, as signal masks are inherited.
+
+    A terminal sends Ctrl-C to workers too, which would each tell of it; it is their parent's to stop them.
+    """
+    if not hasattr(signal, "pthread_sigmask"):  # Windows
+        yield
+        return
+    resource_tracker.ensure_running()  # started in between, it would let Ctrl-C through (CPython < 3.14)
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 class Processes:
     """Worker processes of this machine, by loky; numerical libraries use one thread in each."""
 
@@ -179,7 +198,8 @@ class Processes:
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
         """Start a task; on workers that have just died it fails like those that they had."""
         try:
-            future: Future[Any] = self._executor.submit(function, *arguments)
+            with _interrupts_held():
+                future: Future[Any] = self._executor.submit(function, *arguments)
         except BrokenExecutor as error:
             future = Future()
             future.set_exception(error)
