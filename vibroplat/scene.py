@@ -23,6 +23,10 @@ from vibroplat.plan import Sweep
 #: Rows of a trajectory table that a scene may ask for.
 MAX_ROWS = 100_000_000
 
+#: Fastest decay over the synchronous speed from which Adams' method is held back by its stability: it takes more
+#: steps than IDA at 10, as many time at 4 to 6 (a bare platform whose damping is raised).
+STIFF = 5.0
+
 
 class Mode(IntEnum):
     """The smooth regimes of motion; the numbers are what compiled code sees."""
@@ -72,6 +76,16 @@ class Machine(Section):
         lever = self.platform_mass_kg + 2.0 * self.unbalance_mass_kg * math.cos(gamma) ** 2
         exciters = 2.0 * self.unbalance_mass_kg * self.exciter_distance_m**2
         return self.platform_inertia_kg_m2 + exciters * lever / self.total_mass
+
+    @property
+    def safe_rotation(self) -> float:
+        """Rotation φ up to which the mass matrix is positive definite wherever the exciters are (rad).
+
+        Axes that turn to first order move out by √(1 + φ²), while J stays: what J lacks then, φ²(J − J_0),
+        is at most J_0.
+        """
+        exciters = self.inertia - self.platform_inertia_kg_m2
+        return math.sqrt(self.platform_inertia_kg_m2 / exciters) if exciters > 0.0 else math.inf
 
     @property
     def exciter_inertia(self) -> float:
@@ -210,7 +224,7 @@ class Solver(Section):
     smooth_modes: Literal["auto", "ida", "adams"] = Field(
         "auto",
         description="what integrates modes without contact force: SUNDIALS IDA, or Adams' method of its CVODE; "
-        "auto: ida where a guard is watched, adams in scenes without contact",
+        "auto: ida where a guard is watched or a motion decays fast, else adams in scenes without contact",
     )
     max_events_per_period: Annotated[int, Field(ge=1, le=10_000_000)] = Field(
         5_000, description="events within one turn of the supply's synchronous speed that end a run"
@@ -221,6 +235,12 @@ class Output(Section):
     """What is written."""
 
     sample_rate_hz: Positive = 2000.0
+
+
+def _decay(damping: float, stiffness: float) -> float:
+    """Larger decay rate of u″ + damping u′ + stiffness u = 0 (1/s)."""
+    half = 0.5 * damping
+    return half + math.sqrt(max(half * half - stiffness, 0.0))
 
 
 #: Index pairs of :class:`State` in the order of the state vector: coordinates, then their rates.
@@ -316,7 +336,8 @@ class Scene(Section):
         """The modes that Adams' method integrates; contact is always IDA's."""
         choice = self.solver.smooth_modes
         if not self.has_contact:
-            return frozenset() if choice == "ida" else frozenset({Mode.BARE})
+            stiff = choice == "auto" and self.fastest_decay > STIFF * self.speed_scale
+            return frozenset() if choice == "ida" or stiff else frozenset({Mode.BARE})
         return frozenset({Mode.FLIGHT}) if choice == "adams" else frozenset()
 
     @property
@@ -355,6 +376,21 @@ class Scene(Section):
         """Weight of the material and its inertia force on the scales of length and speed (N)."""
         inertia = self.length_scale * self.speed_scale**2
         return sum(self.layer_masses) * (self.machine.gravity_m_per_s2 + inertia)
+
+    @property
+    def fastest_decay(self) -> float:
+        """Largest rate (1/s) at which x, y, φ or an exciter's speed goes back to what it was, each by itself."""
+        machine = self.machine
+        springs = (
+            (self.platform_mass, machine.damping_x_n_s_per_m, machine.stiffness_x_n_per_m),
+            (self.platform_mass, self.damping_y, machine.stiffness_y_n_per_m),
+            (machine.inertia, machine.damping_phi_n_m_s_per_rad, machine.stiffness_phi_n_m_per_rad),
+        )
+        rates = [_decay(damping / mass, stiffness / mass) for mass, damping, stiffness in springs]
+        for motor, speed in zip(self.motor_pair, self.synchronous_speeds, strict=True):
+            slope = 2.0 * motor.critical_torque_n_m / (motor.critical_slip * speed)
+            rates.append(slope / machine.exciter_inertia)
+        return max(rates)
 
     @property
     def material_mass(self) -> float:

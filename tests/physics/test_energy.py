@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from vibroplat.physics.energy import POWERS, elastic_energy, gravity_energy, kinetic_energy, powers
+from vibroplat.physics.energy import FORCE_SIZE, POWERS, elastic_energy, gravity_energy, kinetic_energy, powers
 from vibroplat.physics.impact import kinetic_change
 from vibroplat.physics.parameters import parameters
 
@@ -35,9 +35,9 @@ def rate_of(energy, state, rates, p):
 
 
 def powers_of(state, p):
-    out = np.empty(len(POWERS))
+    out = np.empty(FORCE_SIZE + 1)
     powers(state, out, p)
-    return dict(zip(POWERS, out, strict=True))
+    return dict(zip(POWERS, out, strict=False))
 
 
 def states_of(system, seed):

@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 import pytest
-from known_scenes import GRAVITY, OMEGA, TURN, ball_on_table, closing_of_dropped_ball, dropped_ball
 from scipy.optimize import brentq
 
 from vibroplat import simulate
+from vibroplat.bench.known import GRAVITY, OMEGA, TURN, ball_on_table, closing_of_dropped_ball, dropped_ball
 
 # -- ball on a table (Holmes 1982; Mehta & Luck 1990; Luck & Mehta 1993) ---------------------------------
 

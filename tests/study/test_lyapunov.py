@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 import pytest
-from known_scenes import GRAVITY, OMEGA, TURN, ball_on_table
 
 from vibroplat import load_config
+from vibroplat.bench.known import GRAVITY, OMEGA, TURN, ball_on_table
 from vibroplat.solver.initial import initial_state
 from vibroplat.study.lyapunov import SKIPPED, largest_exponent, turns_later
 

@@ -1,4 +1,4 @@
-"""Energies and powers, for the audit of a run.
+"""Energies and powers, momentum and the forces that change it, for the audit of a run.
 
 The paper's equations turn the exciter axes to first order in φ only. That truncation does not derive
 from a Lagrangian: it leaves the power k Σ φ̇ᵢ φ̇² φ (Y₀ sin φᵢ + X₀ᵢ cos φᵢ), third order in φ, without
@@ -47,10 +47,13 @@ POWERS = (
     "resistance",
 )
 
+#: Places after the powers in :func:`powers`: vertical force from outside, and the sum of its terms' sizes.
+FORCE, FORCE_SIZE = len(POWERS), len(POWERS) + 1
+
 
 @compiled
 def powers(state: FloatArray, out: FloatArray, p: FloatArray) -> None:
-    """Fill the powers named in :data:`POWERS` at a full state (W)."""
+    """Fill the powers named in :data:`POWERS` at a full state (W), then the vertical force from outside (N)."""
     w1, w2 = state[10], state[11]
     torque_1, torque_2 = motor_torques(w1, w2, p)
     out[0] = torque_1 * w1 + torque_2 * w2
@@ -60,6 +63,10 @@ def powers(state: FloatArray, out: FloatArray, p: FloatArray) -> None:
     out[4] = p[DAMPING_PHI] * state[9] ** 2
     out[5] = p[UPPER_MASS] * p[LAYER_DAMPING] * state[13] ** 2
     out[6] = w1 * resistance(w1, p[FRICTION_1]) + w2 * resistance(w2, p[FRICTION_2])
+    weight = p[GRAVITY] * (p[MASS] + p[LOWER_MASS] + p[UPPER_MASS])
+    spring, damper = p[STIFFNESS_Y] * state[1], p[DAMPING_Y] * state[8]
+    out[FORCE] = -spring - damper - weight
+    out[FORCE_SIZE] = abs(spring) + abs(damper) + weight
 
 
 @compiled
@@ -108,3 +115,11 @@ def gravity_energy(state: FloatArray, p: FloatArray) -> float:
     lower = state[1] + state[5]
     heights = p[MASS] * state[1] + p[LOWER_MASS] * lower + p[UPPER_MASS] * (lower + state[6])
     return p[GRAVITY] * (heights + p[UNBALANCE] * (math.sin(state[3]) + math.sin(state[4])))
+
+
+@compiled
+def vertical_momentum(state: FloatArray, p: FloatArray) -> float:
+    """Vertical momentum of platform, unbalances and layers (N·s); only forces from outside change it."""
+    upward = np.zeros(7)
+    upward[1] = 1.0
+    return inertia_product(state, upward, state[7:], p)

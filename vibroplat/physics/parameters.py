@@ -42,7 +42,8 @@ RESTITUTION = 25
 IMPACT_LAW = 26  # index into IMPACT_LAWS
 TOLERANCE = 27
 FORCE_NOISE = 28  # contact forces below this are round-off of larger ones
-SIZE = 29
+SAFE_ROTATION = 29  # up to here the mass matrix is positive definite
+SIZE = 30
 
 IMPACT_LAWS = ("conservative", "central", "printed")
 CONSERVATIVE, CENTRAL, PRINTED = 0, 1, 2
@@ -75,4 +76,5 @@ def parameters(scene: Scene) -> FloatArray:
     p[IMPACT_LAW] = IMPACT_LAWS.index(scene.contact.impact_law)
     p[TOLERANCE] = scene.solver.tolerance
     p[FORCE_NOISE] = 1e-12 * scene.force_scale
+    p[SAFE_ROTATION] = machine.safe_rotation
     return p

@@ -23,6 +23,7 @@ from vibroplat.physics.parameters import (
     GRAVITY,
     INERTIA,
     MASS,
+    SAFE_ROTATION,
     SLIP_1,
     SLIP_2,
     SPEED_1,
@@ -35,6 +36,9 @@ from vibroplat.physics.parameters import (
     UNBALANCE,
     FloatArray,
 )
+
+#: Least share of an exciter's own inertia that the platform's yielding may leave of it.
+DEFINITE = 1e-3
 
 
 @compiled
@@ -69,6 +73,7 @@ def platform_residual(y: FloatArray, yp: FloatArray, res: FloatArray, p: FloatAr
 
     The rows are those of the paper's (2), (3) with Lagrange's signs: mass matrix times accelerations
     minus forces. ``load`` is the vertical force with which the material presses down on the platform (N).
+    Where the platform has turned beyond the model (:func:`holds`) the row of its rotation is nan.
     """
     n = y.size // 2
     for i in range(n):
@@ -114,6 +119,33 @@ def platform_residual(y: FloatArray, yp: FloatArray, res: FloatArray, p: FloatAr
         - torque_2
         + resistance(w2, p[FRICTION_2])
     )
+    if abs(phi) > p[SAFE_ROTATION] and not holds(b1, b2, s1 * s2 + c1 * c2, p):
+        res[n + 2] = math.nan
+
+
+@compiled
+def holds(arm_1: float, arm_2: float, cosine: float, p: FloatArray) -> bool:
+    """Whether the mass matrix is positive definite, by some margin, as every real body's is.
+
+    With axes that turn to first order in φ it loses this where the platform has turned far; the motion would
+    run away there in finite time. ``arm_1`` and ``arm_2`` are B of :func:`turned_arms`, ``cosine`` is that of
+    the difference of both exciter angles.
+    """
+    m11, m12, m22 = exciter_masses(arm_1, arm_2, cosine, p)
+    least = DEFINITE * p[EXCITER_INERTIA]
+    return m11 > least and m22 > least and m11 * m22 - m12 * m12 > least * least
+
+
+@compiled
+def exciter_masses(arm_1: float, arm_2: float, cosine: float, p: FloatArray) -> tuple[float, float, float]:
+    """Entries (11, 12, 22) of the exciters' mass matrix after the platform's x, y, φ have been eliminated."""
+    k = p[UNBALANCE]
+    mass, inertia = k * k / p[MASS], k * k / p[INERTIA]
+    return (
+        p[EXCITER_INERTIA] - mass - inertia * arm_1 * arm_1,
+        -mass * cosine - inertia * arm_1 * arm_2,
+        p[EXCITER_INERTIA] - mass - inertia * arm_2 * arm_2,
+    )
 
 
 @compiled
@@ -147,9 +179,7 @@ def solve_mass_matrix(b: FloatArray, y: FloatArray, p: FloatArray) -> None:
     x1, y1, f1 = -k * s1, k * c1, k * arm_1
     x2, y2, f2 = -k * s2, k * c2, k * arm_2
     mass, inertia = 1.0 / p[MASS], 1.0 / p[INERTIA]
-    m11 = p[EXCITER_INERTIA] - mass * (x1 * x1 + y1 * y1) - inertia * f1 * f1
-    m22 = p[EXCITER_INERTIA] - mass * (x2 * x2 + y2 * y2) - inertia * f2 * f2
-    m12 = -mass * (x1 * x2 + y1 * y2) - inertia * f1 * f2
+    m11, m12, m22 = exciter_masses(arm_1, arm_2, s1 * s2 + c1 * c2, p)
     b1 = b[3] - mass * (x1 * b[0] + y1 * b[1]) - inertia * f1 * b[2]
     b2 = b[4] - mass * (x2 * b[0] + y2 * b[1]) - inertia * f2 * b[2]
     determinant = m11 * m22 - m12 * m12

@@ -129,6 +129,11 @@ def systems(scene: Scene) -> dict[Mode, System]:
     return {s.mode: s for s in SYSTEMS if s.layers == scene.layers and s.mode in scene.modes}
 
 
+#: c_j beside which ∂F/∂y vanishes, a power of two: with 1 the inertia of a small rotor would be lost in the slope of
+#: a strong motor's torque.
+DOMINANT = 2.0**100
+
+
 @compiled
 def evaluate_residual(system: int, y: FloatArray, yp: FloatArray, res: FloatArray, p: FloatArray) -> bool:
     """Fill the residual of the system with this number; for restarts, where the mode is data."""
@@ -261,11 +266,14 @@ def dynamics(
     if not (r.finite(y) and evaluate_residual(system, y, yp, res, p)):
         return False
     evaluate_jacobian(system, y, yp, 0.0, partial, p)
-    evaluate_jacobian(system, y, yp, 1.0, lead, p)
+    evaluate_jacobian(system, y, yp, DOMINANT, lead, p)
     for i in range(m):
         z[i] = -res[n + i]
         for j in range(m):
-            lead[i, j] = partial[n + i, n + j] if n + j >= differential else lead[n + i, n + j] - partial[n + i, n + j]
+            if n + j >= differential:
+                lead[i, j] = partial[n + i, n + j]
+            else:
+                lead[i, j] = (lead[n + i, n + j] - partial[n + i, n + j]) / DOMINANT
             factors[i, j] = lead[i, j]
     return True
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import numpy.typing as npt
 
@@ -61,6 +63,23 @@ def sample(t: FloatArray, y: FloatArray, yp: FloatArray, times: FloatArray) -> n
 
 
 @compiled
+def turning_points(step: float, f0: float, f1: float, rate_0: float, rate_1: float) -> tuple[float, float]:
+    """Fractions of a step, in (0, 1) and ascending, at which the interpolant's slope is 0; 1 for one that is not."""
+    a = 3.0 * (step * (rate_0 + rate_1) - 2.0 * (f1 - f0))
+    b = 2.0 * (3.0 * (f1 - f0) - step * (2.0 * rate_0 + rate_1))
+    c = step * rate_0
+    first, second = 1.0, 1.0
+    root = b * b - 4.0 * a * c
+    if root >= 0.0:
+        q = -0.5 * (b + math.copysign(math.sqrt(root), b))
+        if a != 0.0 and 0.0 < q / a < 1.0:
+            first = q / a
+        if q != 0.0 and 0.0 < c / q < 1.0:
+            second = c / q
+    return min(first, second), max(first, second)
+
+
+@compiled
 def dip_below_zero(step: float, g0: float, g1: float, rate_0: float, rate_1: float) -> float:
     """First fall through zero of a guard inside one step, on its interpolant.
 
@@ -76,19 +95,18 @@ def dip_below_zero(step: float, g0: float, g1: float, rate_0: float, rate_1: flo
         return -1.0
     if g1 < 0.0 and rate_1 >= 0.0:
         return -1.0
-    values = np.empty(33)
-    highest = 0
-    for i in range(33):
-        values[i] = hermite(i / 32.0, step, g0, g1, rate_0, rate_1)
-        if values[i] > values[highest]:
-            highest = i
-    # one that begins below zero, by round-off or where it touched, can fall only from where it is highest
-    first = 0 if g0 >= 0.0 else highest
-    if values[first] < 0.0:
-        return first / 32.0 if first < 32 else -1.0
-    for i in range(first + 1, 33):
-        if values[i] < 0.0:
-            low, high = (i - 1) / 32.0, i / 32.0
+    first, second = turning_points(step, g0, g1, rate_0, rate_1)
+    ends = (0.0, first, second, 1.0)  # between them it rises or falls all the way
+    begin = 0
+    if g0 < 0.0:  # by round-off or where it touched: it can fall only from where it is highest
+        for i in range(1, 4):
+            if hermite(ends[i], step, g0, g1, rate_0, rate_1) > hermite(ends[begin], step, g0, g1, rate_0, rate_1):
+                begin = i
+        if hermite(ends[begin], step, g0, g1, rate_0, rate_1) < 0.0:
+            return ends[begin] if ends[begin] < 1.0 else -1.0
+    for i in range(begin, 3):
+        low, high = ends[i], ends[i + 1]
+        if hermite(high, step, g0, g1, rate_0, rate_1) < 0.0:
             for _ in range(60):
                 middle = 0.5 * (low + high)
                 if hermite(middle, step, g0, g1, rate_0, rate_1) < 0.0:

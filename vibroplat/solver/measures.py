@@ -12,13 +12,14 @@ from typing import NamedTuple
 import numpy as np
 
 from vibroplat.physics.compiled import compiled, copy
-from vibroplat.physics.energy import POWERS, powers
+from vibroplat.physics.energy import FORCE_SIZE, POWERS, powers
 from vibroplat.physics.parameters import FloatArray
 from vibroplat.physics.systems import DIFFERENTIAL, FULL_SIZE, GAP, PLACES, SIZES
-from vibroplat.solver.interpolation import hermite
+from vibroplat.solver.interpolation import hermite, turning_points
 from vibroplat.solver.tape import FIRST, ROWS, Tape
 
 N_POWERS = len(POWERS)
+N_WORK = FORCE_SIZE + 1
 DISSIPATIONS = 2  # first of the powers that take energy
 
 # Places in the sums of the measured part.
@@ -50,7 +51,7 @@ class Measures(NamedTuple):
     Attributes
     ----------
     work
-        Integrals of the powers (J), shape (N_POWERS,).
+        Integrals of the powers (J) and of the vertical force from outside and its size (N·s), shape (N_WORK,).
     plain, open_turn, whole
         Sums of the measured part: all of it, since the last whole turn of exciter 1, over whole turns.
     marks, totals
@@ -77,7 +78,7 @@ def no_measures(window: float) -> Measures:
         marks[least], marks[largest] = math.inf, -math.inf
     section = np.zeros((SECTION_ROWS, SECTION_FORCE + 1))
     plain, open_turn, whole = np.zeros((3, SUMS))
-    return Measures(np.zeros(N_POWERS), plain, open_turn, whole, marks, np.zeros(TOTALS), section)
+    return Measures(np.zeros(N_WORK), plain, open_turn, whole, marks, np.zeros(TOTALS), section)
 
 
 def section_rows(ms: Measures) -> FloatArray:
@@ -103,19 +104,9 @@ def crossing(step: float, a0: float, a1: float, rate_0: float, rate_1: float, le
 def extremes(step: float, f0: float, f1: float, rate_0: float, rate_1: float) -> tuple[float, float]:
     """Least and largest value of the interpolant within a step."""
     least, largest = min(f0, f1), max(f0, f1)
-    # roots of the slope, a quadratic in s
-    a = 3.0 * (step * (rate_0 + rate_1) - 2.0 * (f1 - f0))
-    b = 2.0 * (3.0 * (f1 - f0) - step * (2.0 * rate_0 + rate_1))
-    c = step * rate_0
-    root = b * b - 4.0 * a * c
-    if root >= 0.0:
-        q = -0.5 * (b + math.copysign(math.sqrt(root), b))
-        for numerator, denominator in ((q, a), (c, q)):
-            if denominator != 0.0:
-                s = numerator / denominator
-                if 0.0 < s < 1.0:
-                    value = hermite(s, step, f0, f1, rate_0, rate_1)
-                    least, largest = min(least, value), max(largest, value)
+    for s in turning_points(step, f0, f1, rate_0, rate_1):
+        value = hermite(s, step, f0, f1, rate_0, rate_1)
+        least, largest = min(least, value), max(largest, value)
     return least, largest
 
 
@@ -166,9 +157,9 @@ def integrate(
         weight = (end - start) * step * _WEIGHTS[i]
         powers(full, power, p)
         exchanged = abs(power[0])
-        for j in range(N_POWERS):
+        for j in range(N_WORK):
             work[j] += weight * power[j]
-            if j >= DISSIPATIONS:
+            if DISSIPATIONS <= j < N_POWERS:
                 exchanged += power[j]
         total += weight * exchanged
         if measured:
@@ -266,7 +257,7 @@ def accumulate(
         Origin of the tape's times (s) and whole turns (rad) taken off both exciter angles.
     """
     t, y, yp, marks, work, plain, open_turn = tape.t, tape.y, tape.yp, ms.marks, ms.work, ms.plain, ms.open_turn
-    sums, full, power = np.empty(SUMS), np.zeros(FULL_SIZE), np.empty(N_POWERS)
+    sums, full, power = np.empty(SUMS), np.zeros(FULL_SIZE), np.empty(N_WORK)
     force = DIFFERENTIAL[system]
     for k in range(tape.used[FIRST], tape.used[ROWS] - 1):
         step = t[k + 1] - t[k]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from vibroplat.physics.parameters import FloatArray
+from vibroplat.physics.parameters import SAFE_ROTATION, FloatArray
 from vibroplat.scene import Mode, Scene
 from vibroplat.solver import hybrid as hy
 from vibroplat.solver.automaton import automaton
@@ -20,6 +20,7 @@ OUTCOMES = {
     hy.NON_FINITE: "non-finite",
     hy.INCONSISTENT: "non-finite",
     hy.EVENT_STORM: "event-storm",
+    hy.BEYOND_MODEL: "beyond-model",
 }
 
 
@@ -111,8 +112,11 @@ class Motion:
         if outcome == hy.OK:
             return ""
         oldest = h.recent[h.flags[hy.RESTARTS] % h.recent.size]
+        safe = self._p[SAFE_ROTATION]
         why = {
             hy.INCONSISTENT: f"no consistent state (relative residual {h.clock[hy.BACKWARD_ERROR]:.3g})",
+            hy.BEYOND_MODEL: f"the platform has turned by {h.state[2]:.3g} rad; beyond {safe:.3g} rad "
+            "the mass matrix of the model, of first order in phi, need not be positive definite",
             hy.EVENT_STORM: f"{h.recent.size} restarts within {h.clock[hy.NOW] - oldest:.3g} s, less than one period; "
             "raise solver.max_events_per_period to follow them",
         }.get(int(outcome), self.engine.detail)

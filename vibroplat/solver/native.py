@@ -75,6 +75,8 @@ _ROOT_RETURN = 2
 _ADAMS_METHOD = 1
 #: IDA_RES_FAIL or CV_RHSFUNC_FAIL, and CV_FIRST_RHSFUNC_ERR: a callback said that something is not finite.
 _CALLBACK_FAILURES = (-8, -9)
+#: CV_LSETUP_FAIL: the right-hand side did in the Jacobian's differences, which only CVODE takes.
+_SETUP_FAILURE = -6
 
 # States of ``advance`` besides those of the automaton: the tape is full.
 _FULL = 9
@@ -196,6 +198,7 @@ def advance(h: Hybrid, tape: Tape, n: Native) -> int:  # noqa: PLR0911  (each st
         if flag == _ROOT_RETURN and not ended:
             return AT_GUARD
         if guard >= 0 and (y[guard] < 0.0 or yp[guard] > 0.0) and tp.cut_at_fall(tape, guard):
+            cut_with(derivative, handles, tape, y, yp)
             return AT_GUARD
         if ended:
             return AT_TIME
@@ -206,7 +209,8 @@ def advance(h: Hybrid, tape: Tape, n: Native) -> int:  # noqa: PLR0911  (each st
             return FAILED
     if flag >= 0:
         return _FULL
-    return NOT_FINITE if flag in _CALLBACK_FAILURES else FAILED
+    told = flag in _CALLBACK_FAILURES or (method == ADAMS and flag == _SETUP_FAILURE)
+    return NOT_FINITE if told else FAILED
 
 
 @compiled
@@ -227,6 +231,18 @@ def step(
     if flag >= 0:
         call_int(derivative, (memory, time[0], np.int32(1), yp))
     return flag
+
+
+@compiled
+def cut_with(derivative: int, handles: tuple[int, int, int], tape: Tape, y: FloatArray, yp: FloatArray) -> None:
+    """Let the tape end, where it was cut, with what the integrator says of that time.
+
+    Its polynomial is smooth where slopes at the ends of a step carry the errors of a stiff layer.
+    """
+    last = tape.used[tp.ROWS] - 1
+    interpolate_at(tape.t[last], derivative, handles)
+    for i in range(y.size):
+        tape.y[last, i], tape.yp[last, i] = y[i], yp[i]
 
 
 @compiled

@@ -46,7 +46,8 @@ def simulate(
     Trajectory
         With ``summary["outcome"]`` ``ok``, or the reason why the run ended early: ``solver-failure``
         (the integrator gave up), ``non-finite`` (a state or residual is not finite), ``event-storm``
-        (more events within a turn of the synchronous speed than ``solver.max_events_per_period``).
+        (more events within a turn of the synchronous speed than ``solver.max_events_per_period``),
+        ``beyond-model`` (the platform has turned so far that the model, of first order in φ, breaks down).
         What was computed until then is kept; ``summary["detail"]`` has mode, time and state.
     """
     began = time.perf_counter()

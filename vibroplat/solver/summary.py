@@ -6,7 +6,15 @@ import math
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from vibroplat.physics.energy import POWERS, elastic_energy, gravity_energy, kinetic_energy
+from vibroplat.physics.energy import (
+    FORCE,
+    FORCE_SIZE,
+    POWERS,
+    elastic_energy,
+    gravity_energy,
+    kinetic_energy,
+    vertical_momentum,
+)
 from vibroplat.physics.parameters import FloatArray
 from vibroplat.solver import measures as m
 from vibroplat.solver.measures import Measures
@@ -14,16 +22,17 @@ from vibroplat.solver.measures import Measures
 
 @dataclass(frozen=True)
 class Energies:
-    """Energies of a state (J)."""
+    """Energies of a state (J), and its vertical momentum (N·s)."""
 
     kinetic: float
     elastic: float
     gravity: float
+    momentum: float
 
     @classmethod
     def of(cls, state: FloatArray, p: FloatArray) -> Energies:
         """Evaluate them at a full state."""
-        return cls(kinetic_energy(state, p), elastic_energy(state, p), gravity_energy(state, p))
+        return cls(*(of(state, p) for of in (kinetic_energy, elastic_energy, gravity_energy, vertical_momentum)))
 
 
 class Part(NamedTuple):
@@ -35,25 +44,31 @@ class Part(NamedTuple):
 
 
 def audit(ms: Measures, before: Energies, after: Energies) -> dict[str, float]:
-    """Energies of a run (J) and what is left of their balance.
+    """Energies of a run (J), and what is left of their balance and of that of vertical momentum.
 
     Motor work + gravity's work + truncation = Δ(kinetic + elastic) + dissipation + impact losses;
-    the residual is relative to the larger of the energy that motors and dampers exchanged and the
-    kinetic energy.
+    the residual is relative to the largest of the energy that motors and dampers exchanged and the
+    energies, kinetic and elastic, at both ends. Springs, dampers and weight change the vertical momentum,
+    and impacts must not; its residual is relative to the larger of the integral of those forces' sizes and the
+    momentum at both ends. Impact law ``printed`` does not keep the upper layer's momentum, and it shows here.
     """
-    fed, taken = float(ms.work[: m.DISSIPATIONS].sum()), float(ms.work[m.DISSIPATIONS :].sum())
+    fed, taken = float(ms.work[: m.DISSIPATIONS].sum()), float(ms.work[m.DISSIPATIONS : m.N_POWERS].sum())
     loss = float(ms.totals[m.IMPACT_LOSS])
     gravity = before.gravity - after.gravity
     kinetic, elastic = after.kinetic - before.kinetic, after.elastic - before.elastic
     left = fed + gravity - taken - loss - kinetic - elastic
-    scale = max(float(ms.marks[m.EXCHANGED]) + loss, before.kinetic, after.kinetic)
-    return {f"{name}_work_j": float(w) for name, w in zip(POWERS, ms.work, strict=True)} | {
+    scale = max(float(ms.marks[m.EXCHANGED]) + loss, *(e.kinetic + e.elastic for e in (before, after)))
+    lost = float(ms.work[FORCE]) - (after.momentum - before.momentum)
+    momentum = max(float(ms.work[FORCE_SIZE]), abs(before.momentum), abs(after.momentum))
+    return {f"{name}_work_j": float(w) for name, w in zip(POWERS, ms.work[: m.N_POWERS], strict=True)} | {
         "gravity_work_j": gravity,
         "impact_loss_j": loss,
         "kinetic_change_j": kinetic,
         "elastic_change_j": elastic,
         "energy_residual_j": left,
         "energy_residual": abs(left) / scale if scale > 0.0 else 0.0,
+        "momentum_residual_n_s": lost,
+        "momentum_residual": abs(lost) / momentum if momentum > 0.0 else 0.0,
     }
 
 

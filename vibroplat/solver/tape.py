@@ -115,6 +115,34 @@ def cut_at_fall(tape: Tape, guard: int) -> bool:
 
 
 @compiled
+def calm(tape: Tape, force: int) -> None:
+    """Limit the slopes of F_c in the open piece, so that its interpolant does not leave what its values say.
+
+    F_c is not integrated: a stiff layer or motor turns errors of rates, which the tolerance allows, into larger
+    ones of F_c and much larger ones of its slope. A slope that belongs to the values is at most about the
+    larger of the secants beside it. What is 0 or more at both ends of a step stays so within it where slopes
+    are at least −3 F_c/h at its beginning and at most 3 F_c/h at its end (Schmidt and Hess 1988).
+    """
+    t, y, yp = tape.t, tape.y, tape.yp
+    first, last = tape.used[FIRST], tape.used[ROWS] - 1
+    for k in range(first, last + 1):
+        before = t[k] - t[k - 1] if k > first else 0.0
+        after = t[k + 1] - t[k] if k < last else 0.0
+        steepest = 0.0
+        if before > 0.0:
+            steepest = abs(y[k, force] - y[k - 1, force]) / before
+        if after > 0.0:
+            steepest = max(steepest, abs(y[k + 1, force] - y[k, force]) / after)
+        slope = min(max(yp[k, force], -3.0 * steepest), 3.0 * steepest)
+        value = max(y[k, force], 0.0)
+        if after > 0.0:
+            slope = max(slope, -3.0 * value / after)
+        if before > 0.0:
+            slope = min(slope, 3.0 * value / before)
+        yp[k, force] = slope
+
+
+@compiled
 def transcribe(tape: Tape, t: FloatArray, y: FloatArray, yp: FloatArray, guard: int, at_guard: bool) -> bool:
     """Write steps up to where a guard first falls through zero.
 

@@ -32,19 +32,22 @@ def presses(force: float, force_rate: float, p: FloatArray) -> bool:
 
 
 @compiled
-def accumulates(rebound: float, acceleration: float, jerk: float, p: FloatArray) -> bool:
+def accumulates(rebound: float, acceleration: float, jerk: float, resolved: bool, p: FloatArray) -> bool:
     """Whether the impacts to come may be closed by the geometric sum.
 
     The sum takes the gap's acceleration a as constant over the closing time τ = 2v/((1−R)|a|); the
     jerk j changes it by jτ, which shifts t∞ by at most |j|τ²/|a|. Impacts are closed once this shift
     and τ² ω₀ itself are below the tolerance in units of 1/ω₀: ω₀τ ≤ √tol and ω₀ |j| τ² ≤ tol |a|.
     The error in time is then below tol/ω₀ and that of rates and coordinates, by the same neglected
-    jerk, below tol in the scales of the scene. R = 1 does not accumulate.
+    jerk, below tol in the scales of the scene. Impacts too slow to be ``resolved`` well are closed where a
+    changes by less than a hundredth until t∞. R = 1 does not accumulate.
     """
     if rebound < 0.0 or acceleration >= 0.0 or p[RESTITUTION] >= 1.0:
         return False
     duration = closing_time(rebound, acceleration, p[RESTITUTION])
     speed = max(p[SPEED_1], p[SPEED_2])
+    if not resolved:
+        return speed * duration <= 0.1 and abs(jerk) * duration <= 0.01 * -acceleration
     tolerance = p[TOLERANCE]
     return (
         speed * duration <= math.sqrt(tolerance)
@@ -54,7 +57,13 @@ def accumulates(rebound: float, acceleration: float, jerk: float, p: FloatArray)
 
 @compiled
 def after_impact(
-    rebound: float, force: float, force_rate: float, acceleration: float, jerk: float, p: FloatArray
+    rebound: float,
+    force: float,
+    force_rate: float,
+    acceleration: float,
+    jerk: float,
+    resolved: bool,
+    p: FloatArray,
 ) -> int:
     """Choose what follows an impact.
 
@@ -66,10 +75,12 @@ def after_impact(
         F_c and F_c′ if the layer were attached (N, N/s).
     acceleration, jerk
         Second and third derivative of the gap in flight.
+    resolved
+        Whether impacts as slow as this one stand out from round-off.
     """
     if rebound == 0.0:
         return ATTACH if presses(force, force_rate, p) else FLY
-    return LATCH if accumulates(rebound, acceleration, jerk, p) else FLY
+    return LATCH if accumulates(rebound, acceleration, jerk, resolved, p) else FLY
 
 
 @compiled

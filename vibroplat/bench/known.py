@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from vibroplat import Contact, Drive, Initial, Machine, Material, Motor, Run, Scene, Solver, State
+from vibroplat.scene import Contact, Drive, Initial, Machine, Material, Motor, Run, Scene, Solver, State
 
 GRAVITY = 9.81
 TURN = 2.0 * math.pi
@@ -12,24 +12,32 @@ OMEGA = TURN * 25.0
 IDLE = Motor(critical_torque_n_m=0.0, friction_radius_m=0.0, pole_pairs=1)
 
 
-def ball_on_table(gamma, restitution=0.0, periods=40, tolerance=1e-10, phase=0.0, gap_rate=0.0):
+def ball_on_table(
+    gamma: float,
+    restitution: float = 0.0,
+    periods: float = 40,
+    tolerance: float = 1e-10,
+    phase: float = 0.0,
+    gap_rate: float = 0.0,
+    omega: float = OMEGA,
+) -> Scene:
     """One thin layer of 1e-12 of the mass on a table s = A sin(ωt + phase), A ω²/g = gamma.
 
     The table is a platform of 1e6 kg on a soft spring without dampers, in its steady antiphase motion;
     rotors of huge inertia keep the exciters' speed.
     """
     mass, unbalance_mass = 1e6, 1e3
-    stiffness = mass * (0.1 * OMEGA) ** 2
-    amplitude = gamma * GRAVITY / OMEGA**2
-    unbalance = amplitude * (mass * OMEGA**2 - stiffness) / (2.0 * OMEGA**2)
+    stiffness = mass * (0.1 * omega) ** 2
+    amplitude = gamma * GRAVITY / omega**2
+    unbalance = amplitude * (mass * omega**2 - stiffness) / (2.0 * omega**2)
     angle = phase + math.pi  # above resonance the platform moves against the unbalances
     state = State(
         y_m=-mass * GRAVITY / stiffness + amplitude * math.sin(phase),
-        y_rate_m_per_s=amplitude * OMEGA * math.cos(phase),
+        y_rate_m_per_s=amplitude * omega * math.cos(phase),
         phi1_rad=angle,
         phi2_rad=math.pi - angle,
-        phi1_rate_rad_per_s=OMEGA,
-        phi2_rate_rad_per_s=-OMEGA,
+        phi1_rate_rad_per_s=omega,
+        phi2_rate_rad_per_s=-omega,
         gap_rate_m_per_s=gap_rate,
     )
     return Scene(
@@ -48,13 +56,13 @@ def ball_on_table(gamma, restitution=0.0, periods=40, tolerance=1e-10, phase=0.0
         motor=IDLE,
         material=Material(mass_ratio=1e-12, layers=1),
         contact=Contact(restitution=restitution),
-        drive=Drive(supply_frequency_hz=OMEGA / TURN),
-        run=Run(duration_s=periods * TURN / OMEGA, initial=Initial(state=state)),
+        drive=Drive(supply_frequency_hz=omega / TURN),
+        run=Run(duration_s=periods * TURN / omega, initial=Initial(state=state)),
         solver=Solver(tolerance=tolerance),
     )
 
 
-def dropped_ball(restitution, height=1.0, tolerance=1e-10):
+def dropped_ball(restitution: float, height: float = 1.0, tolerance: float = 1e-10) -> Scene:
     """One layer dropped from rest on a platform of 1e6 kg that stands still, exciters hanging."""
     machine = Machine(
         platform_mass_kg=1e6,
@@ -80,6 +88,6 @@ def dropped_ball(restitution, height=1.0, tolerance=1e-10):
     )
 
 
-def closing_of_dropped_ball(restitution, height=1.0):
+def closing_of_dropped_ball(restitution: float, height: float = 1.0) -> float:
     """t∞ = √(2h/g) (1 + R)/(1 − R)."""
     return math.sqrt(2.0 * height / GRAVITY) * (1.0 + restitution) / (1.0 - restitution)

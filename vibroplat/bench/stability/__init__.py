@@ -1,0 +1,1 @@
+"""Numerical stability under stress: one module for each kind of situation, each scene with its check."""

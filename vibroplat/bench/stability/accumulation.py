@@ -1,0 +1,136 @@
+"""Impacts that accumulate, and elastic ones that come near to it."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from vibroplat.bench.known import GRAVITY, OMEGA, TURN, closing_of_dropped_ball, dropped_ball
+from vibroplat.bench.scenes import base
+from vibroplat.bench.stability.checks import NAMED, Limit, row, sound
+from vibroplat.scene import Scene
+from vibroplat.solver.run import simulate
+
+TOLERANCE = 1e-10
+#: Relative error of the time of a latch.
+LATCH = 1e-6
+#: The same after ten thousands of impacts, each of which adds its own.
+LATCH_SLOW = 1e-5
+#: Impacts followed one by one until what is left is closed, over what the geometric series needs to become as short.
+COST = 1.2
+#: Height from which a ball is dropped so that it has closed within some turns (m).
+HEIGHT = 1e-3
+#: Elastic bounces of a ball, and relative energy that each may lose or gain at tolerance 1.
+BOUNCES, DRIFT = 1000, 10.0
+
+
+def accumulation(count: int) -> list[dict[str, Any]]:
+    """Drop a ball on a table at rest, and let layers fall on the resting platform, for R from 0.05 to 0.99."""
+    rows = []
+    for restitution in np.linspace(0.05, 0.99, count // 2):
+        rows.append(_ball(float(restitution)))
+        rows.append(_layers(float(restitution)))
+    return rows
+
+
+def _ball(restitution: float) -> dict[str, Any]:
+    """Compare the time of a latch with t∞, momentum and energy with those of the fall."""
+    scene = dropped_ball(restitution, HEIGHT, TOLERANCE)
+    run = simulate(scene)
+    events = run.events
+    latches = events[events["kind"] == "latch"]
+    mass = scene.layer_masses[0]
+    if latches.empty:
+        return row(f"ball, R {restitution:.3g}", run.outcome, {"latches_missed": (1.0, 0.0)})
+    closed = float(latches["t_s"].iloc[0])
+    landed = events[events["t_s"] <= closed]
+    expected = closing_of_dropped_ball(restitution, HEIGHT)
+    followed = int((landed["kind"] == "impact").sum())
+    limits: dict[str, Limit] = {
+        "latch_time": (abs(closed / expected - 1.0), LATCH),
+        "momentum": (abs(landed["impulse_n_s"].sum() / (mass * GRAVITY * closed) - 1.0), LATCH),
+        "loss": (abs(landed["energy_loss_j"].sum() / (mass * GRAVITY * HEIGHT) - 1.0), LATCH),
+        "latches_too_many": (len(latches) - 1, 0.0),
+        "impacts_followed": (followed, COST * _impacts_needed(restitution) + 2.0),
+        **sound(scene, run.summary),
+    }
+    return row(f"ball, R {restitution:.3g}", run.outcome, limits)
+
+
+def _impacts_needed(restitution: float) -> float:
+    """Impacts until ω₀τ ≤ √tol, the closing time τ falling with Rⁿ from 2 √(2h/g) R/(1−R)."""
+    first = 2.0 * math.sqrt(2.0 * HEIGHT / GRAVITY) * restitution / (1.0 - restitution)
+    return max(math.log(OMEGA * first / math.sqrt(TOLERANCE)) / -math.log(restitution), 0.0)
+
+
+def _layers(restitution: float) -> dict[str, Any]:
+    """Let two layers fall on the paper's platform, which yields: they come to rest, and all is accounted for."""
+    scene = base(1e-8, 2.0).replace(
+        {
+            "motor.critical_torque_n_m": 0.0,
+            "contact.restitution": restitution,
+            "run.initial": {"state": {"gap_m": HEIGHT, "phi1_rad": -0.5 * math.pi, "phi2_rad": -0.5 * math.pi}},
+            "solver.max_events_per_period": 20_000,
+        }
+    )
+    run = simulate(scene)
+    ended = run.trajectory["mode"].iloc[-1] == "attached"
+    limits = {"not_at_rest": (float(not ended), 0.0), **sound(scene, run.summary)}
+    return row(f"layers, R {restitution:.3g}", run.outcome, limits)
+
+
+def elastic(count: int) -> list[dict[str, Any]]:
+    """Let R be 1 or nearly: bounces keep their energy, layers that press end with a name, work is bounded."""
+    rows = [_bounces(tolerance) for tolerance in (1e-6, 1e-8, 1e-10)]
+    rows += [_slow_accumulation(restitution) for restitution in (0.995, 0.999, 0.9995)]
+    supply = np.linspace(42.0, 78.0, max(count - len(rows), 2) // 2)
+    for restitution in (0.999, 1.0):
+        rows += [_pressing(restitution, float(f)) for f in supply]
+    return rows
+
+
+def _bounces(tolerance: float) -> dict[str, Any]:
+    """Bounce a ball elastically: each flight lasts 2 √(2h/g), and the speed stays."""
+    flight = 2.0 * math.sqrt(2.0 * HEIGHT / GRAVITY)
+    changes = {"contact.restitution": 1.0, "run.duration_s": (BOUNCES + 0.25) * flight}
+    scene = dropped_ball(0.5, HEIGHT, tolerance).replace(changes)
+    run = simulate(scene, keep="events")
+    impacts = run.events[run.events["kind"] == "impact"]
+    speed = math.sqrt(2.0 * GRAVITY * HEIGHT)
+    error = np.abs(impacts["t_s"] - flight * (np.arange(len(impacts)) + 0.5)).max() / flight
+    drift = np.abs(impacts["gap_rate_after_m_per_s"] / speed - 1.0).max()
+    limits: dict[str, Limit] = {
+        "bounces": (abs(len(impacts) - BOUNCES), 0.0),
+        "speed_drift": (float(drift), DRIFT * BOUNCES * tolerance),
+        "phase_error": (float(error), DRIFT * BOUNCES**2 * tolerance),
+        **sound(scene, run.summary),
+    }
+    return row(f"bounces, tolerance {tolerance:g}", run.outcome, limits)
+
+
+def _slow_accumulation(restitution: float) -> dict[str, Any]:
+    """Follow the very many impacts that close a slow accumulation, where that is asked for."""
+    scene = dropped_ball(restitution, HEIGHT, TOLERANCE).replace({"solver.max_events_per_period": 1_000_000})
+    run = simulate(scene, keep="events")
+    latches = run.events[run.events["kind"] == "latch"]
+    time = float(latches["t_s"].iloc[0]) if len(latches) else math.nan
+    error = abs(time / closing_of_dropped_ball(restitution, HEIGHT) - 1.0)
+    return row(
+        f"ball, R {restitution:g}, followed",
+        run.outcome,
+        {"latch_time": (error, LATCH_SLOW), "impacts_followed": (len(run.events), 1e6), **sound(scene, run.summary)},
+    )
+
+
+def _pressing(restitution: float, supply: float) -> dict[str, Any]:
+    """Run the paper's machine with layers that press and hardly lose energy; R = 1 never accumulates."""
+    scene: Scene = base(1e-6, 2.0).replace({"drive.supply_frequency_hz": supply, "contact.restitution": restitution})
+    summary = simulate(scene, keep="summary").summary
+    limits = sound(scene, summary)
+    turns = scene.run.duration_s * scene.speed_scale / TURN
+    limits["restarts"] = (summary["restarts"], scene.solver.max_events_per_period * (turns + 1.0))
+    if restitution == 1.0:
+        limits["impact_loss_j"] = (abs(summary["impact_loss_j"]), 1e-12 * abs(summary["motor_work_j"]))
+    return row(f"layers, R {restitution:g}, f_e {supply:.3g}", summary["outcome"], limits, allowed=NAMED)

@@ -1,0 +1,116 @@
+"""What a scene of the stability suite is held to, and how that is told."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from contextlib import closing
+from typing import Any
+
+import pandas as pd
+
+from vibroplat.physics.parameters import parameters
+from vibroplat.physics.systems import GAP
+from vibroplat.scene import Scene
+from vibroplat.solver.engines import make_engine
+from vibroplat.solver.motion import OUTCOMES, Motion
+from vibroplat.solver.scales import RATE_SHARE, state_scales
+from vibroplat.solver.summary import measured
+
+#: A measured figure and the most that it may be.
+Limit = tuple[float, float]
+
+#: Energy residual over tolerance and steps that is allowed: each step may be off by about the tolerance, and the
+#: errors of all may add up. In a campaign of 10 000 random scenes the largest is 1.7, the median 6e-4.
+ENERGY = 5.0
+#: The same of the vertical momentum; its scale is the impulse of the springs, which every step's error changes.
+MOMENTUM = 5.0
+#: Gap below zero, and contact force below zero, over the tolerance in units of their scales.
+GAP_BELOW, PULL = 1.0, 10.0
+
+
+def sound(scene: Scene, summary: Mapping[str, Any]) -> dict[str, Limit]:
+    """Return what every run is held to, whatever its outcome: gap, contact force, energy and momentum."""
+    tolerance, steps = scene.solver.tolerance, max(summary["steps"], 1)
+    limits = {"energy_residual": (summary["energy_residual"], ENERGY * tolerance * steps)}
+    if scene.contact.impact_law != "printed":  # which does not keep the upper layer's momentum
+        limits["momentum_residual"] = (summary["momentum_residual"], MOMENTUM * tolerance * steps)
+    if scene.has_contact:
+        below = abs(min(summary["gap_min_m"], 0.0)) / state_scales(scene)[GAP]
+        limits["gap_below"] = (below, GAP_BELOW * tolerance)
+        limits["pull_n"] = (
+            abs(min(summary["contact_force_min_n"] or 0.0, 0.0)),
+            PULL * tolerance * force_spread(scene),
+        )
+    return limits
+
+
+def force_spread(scene: Scene) -> float:
+    """Change of F_c when the state changes by its scales (N): what an error of the state does to the force.
+
+    Layers and motors that are stiff beside the excitation make this much larger than the forces themselves.
+    """
+    machine, scales = scene.machine, state_scales(scene)
+    lower, upper = scene.layer_masses
+    stiffness, damping = scene.layer_spring
+    rates = RATE_SHARE * scales[7:]
+    layers = upper * (stiffness * scales[6] + damping * rates[6])
+    springs = machine.stiffness_y_n_per_m * scales[1] + scene.damping_y * rates[1]
+    motors = machine.unbalance * scene.fastest_decay * rates[3]
+    return float(scene.force_scale + layers + lower / machine.total_mass * (springs + motors))
+
+
+def steady(scene: Scene, settle: float, measure: float) -> dict[str, Any]:
+    """Let a scene settle (s) and measure (s) what follows, apart from all before; with outcome and steps."""
+    p = parameters(scene)
+    with closing(make_engine(scene, p)) as engine:
+        motion = Motion(scene, p, engine)
+        motion.go_on(settle)
+        part = motion.go_on(measure)
+        work = {"outcome": motion.outcome, "detail": motion.detail, "steps": engine.work["steps"] or 0}
+    return measured(part) | work
+
+
+def row(name: str, outcome: str, limits: Mapping[str, Limit], *, allowed: Iterable[str] = ("ok",)) -> dict[str, Any]:
+    """Make a scene's row: its figures, the one that comes nearest to its limit, and what is beyond.
+
+    A figure that is not a number is beyond its limit, and so is an outcome that is not allowed.
+    """
+    shares = {key: _share(*limit) for key, limit in limits.items()}
+    worst = max(shares, key=lambda key: shares[key], default="")
+    failed = [f"{key} {limits[key][0]:.3g}, allowed {limits[key][1]:.3g}" for key, share in shares.items() if share > 1]
+    if outcome not in allowed:
+        failed.insert(0, f"outcome {outcome}")
+    figures = {key: value for key, (value, _) in limits.items()}
+    return {"scene": name, "outcome": outcome, **figures, "worst": worst, "share": shares.get(worst, 0.0)} | {
+        "failed": "; ".join(failed)
+    }
+
+
+#: Outcomes that have a name.
+NAMED = frozenset(OUTCOMES.values())
+
+
+def overview(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
+    """Return a row for each situation: its scenes, outcomes, failures, and what came nearest to its limit."""
+    rows = []
+    for name, table in tables.items():
+        nearest = table.iloc[int(table["share"].to_numpy().argmax())]
+        counts = table["outcome"].value_counts()
+        rows.append(
+            {
+                "situation": name,
+                "scenes": len(table),
+                "failed": int((table["failed"] != "").sum()),
+                "outcomes": ", ".join(f"{outcome} {count}" for outcome, count in counts.items()),
+                "nearest": f"{nearest['worst']} {nearest[nearest['worst']]:.2g}, {nearest['share']:.2g} of its limit",
+                "in_scene": nearest["scene"],
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def _share(value: float, limit: float) -> float:
+    if not math.isfinite(value):
+        return math.inf
+    return value / limit if limit > 0.0 else (math.inf if value > 0.0 else 0.0)
