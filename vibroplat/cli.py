@@ -63,6 +63,7 @@ class BenchName(StrEnum):
     precision = "precision"
     engines = "engines"
     sweeps = "sweeps"
+    stability = "stability"
 
 
 CORES = os.cpu_count() or 1
@@ -326,13 +327,13 @@ def plot(
 def bench(
     names: Annotated[
         list[BenchName] | None,
-        typer.Argument(metavar="[NAME]...", help="runtime, precision, engines, sweeps; all if none."),
+        typer.Argument(metavar="[NAME]...", help="runtime, precision, engines, sweeps, stability; all if none."),
     ] = None,
     out: Out = Path("results"),
     reference: Annotated[Path, typer.Option(help="Directory of reference tables.")] = Path("tests/reference"),
     repeats: Annotated[int, typer.Option(min=1, help="Runs of which the median is taken.")] = 5,
 ) -> None:
-    """Measure run time, run time against error, engines against each other, sweeps; tables and plots in OUT/bench."""
+    """Measure run time, error, engines, sweeps, and stability under stress; tables and plots in OUT/bench."""
     from vibroplat.bench import report
     from vibroplat.bench.timing import machine
     from vibroplat.tables import result_directory

@@ -73,3 +73,28 @@ def test_residual_falls_with_the_tolerance(damped, layers, tolerance):
     )
     # measured 3e-6 … 2e-5 at 1e-6 and 1e-8 … 3e-7 at 1e-8 over such scenes
     assert simulate(scene, keep="summary").summary["energy_residual"] <= 100.0 * tolerance
+
+
+# -- momentum --------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("restitution", [0.0, 0.5, 1.0])
+def test_impacts_keep_the_vertical_momentum(quickstart, restitution):
+    changes = {"contact.restitution": restitution, "run.duration_s": 2.0, "solver.tolerance": 1e-8}
+    summary = simulate(quickstart.replace(changes), keep="summary").summary
+    assert summary["impacts"] > 30
+    assert summary["momentum_residual"] <= 1e-7
+
+
+def test_printed_law_loses_the_upper_layers_momentum(quickstart):
+    changes = {"contact.impact_law": "printed", "contact.restitution": 0.5}
+    summary = simulate(quickstart.replace(changes), keep="summary").summary
+    assert summary["momentum_residual"] > 1e-4
+
+
+def test_momentum_of_a_latch_is_that_of_its_impacts(quickstart):
+    """Impacts that are closed by a sum carry the momentum that they would have carried one by one."""
+    changes = {"contact.restitution": 0.6, "run.duration_s": 2.0, "solver.tolerance": 1e-9}
+    summary = simulate(quickstart.replace(changes), keep="summary").summary
+    assert summary["latches"] > 0
+    assert summary["momentum_residual"] <= 1e-7

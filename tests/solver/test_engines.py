@@ -92,6 +92,22 @@ def test_smooth_modes_default_to_the_better_integrator(quickstart):
     assert with_engine(bare, "native", "ida").adams_modes == frozenset()
 
 
+@pytest.mark.parametrize(
+    "stiff",
+    [
+        {"machine.damping_y_n_s_per_m": 2e4},
+        {"machine.damping_phi_n_m_s_per_rad": 200.0},
+        {"motor.critical_torque_n_m": 20.0, "motor.critical_slip": 0.02},
+    ],
+)
+def test_stiff_scenes_without_contact_are_left_to_ida(quickstart, stiff):
+    bare = quickstart.replace({"material.mass_ratio": 0.0, "run.duration_s": 1.0, **stiff})
+    assert bare.adams_modes == frozenset()
+    assert with_engine(bare, "native", "adams").adams_modes == {Mode.BARE}
+    steps = {m: simulate(with_engine(bare, "native", m), keep="summary").summary["steps"] for m in ("auto", "adams")}
+    assert steps["auto"] < steps["adams"]
+
+
 def test_a_scene_without_a_guard_is_integrated_in_one_piece(quickstart):
     scene = quickstart.replace({"contact.model": "non-impact", "run.duration_s": 10.0})
     for smooth in ("ida", "adams"):

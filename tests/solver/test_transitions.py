@@ -6,13 +6,16 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from vibroplat import simulate
 from vibroplat.bench.known import ball_on_table
 from vibroplat.physics.parameters import parameters
 from vibroplat.solver import transitions as rules
 from vibroplat.solver.interpolation import dip_below_zero
-from vibroplat.solver.tape import blank_tape, transcribe
+from vibroplat.solver.measures import extremes
+from vibroplat.solver.tape import blank_tape, calm, transcribe, write
 
 
 @pytest.fixture
@@ -79,11 +82,51 @@ def test_excursion_after_rebound_and_release():
         (-1e-9, 1.0, 1.0, 1.0, -1.0),  # rises out of a negative start
         (0.0, -1.0, 0.0, -3.0, 0.0),  # never opened: falls from the beginning
         (-1e-9, -1.0, -1.0, -1.0, 0.0),  # begins at round-off below zero and falls
+        (33.0**2 / 64.0**2 - 1e-5, 31.0**2 / 64.0**2 - 1e-5, -33.0 / 32.0, 31.0 / 32.0, 33.0 / 64.0 - math.sqrt(1e-5)),
         (-1.0, -2.0, 2.0, -4.0, 1.0 / 3.0),  # −1 + 2s − 3s²: falls from its highest
     ],
 )
 def test_dip_inside_a_step(g0, g1, rate_0, rate_1, expected):
     assert dip_below_zero(1.0, g0, g1, rate_0, rate_1) == pytest.approx(expected, abs=1e-9)
+
+
+def calmed(values, slopes):
+    """Slopes of F_c, one of two unknowns, after they have been limited; steps of 1."""
+    tape = blank_tape(len(values) + 3)
+    for k, (value, slope) in enumerate(zip(values, slopes, strict=True)):
+        write(tape, float(k), np.array([7.0, value]), np.array([50.0, slope]))
+    calm(tape, 1)
+    assert (tape.yp[: len(values), 0] == 50.0).all()
+    return tape.yp[: len(values), 1].tolist()
+
+
+def test_slopes_of_the_force_that_belong_to_its_values_stay():
+    times = np.arange(12.0)
+    slopes = 0.3 * np.cos(0.3 * times)
+    assert calmed(2.0 + np.sin(0.3 * times), slopes) == slopes.tolist()
+
+
+@pytest.mark.parametrize(
+    ("slopes", "expected"),
+    [
+        ([-9.0, 0.0, 0.0], [-3.0, 0.0, 0.0]),  # thrice the secant
+        ([0.0, 80.0, 0.0], [0.0, 3.0, 0.0]),  # the larger secant counts, and F_c = 1 before a step of 1
+        ([0.0, -80.0, 0.0], [0.0, -3.0, 0.0]),
+        ([0.0, 0.0, 9.0], [0.0, 0.0, 0.0]),  # nothing that ends at 0 has come from below
+    ],
+)
+def test_wild_slopes_of_the_force_are_limited(slopes, expected):
+    assert calmed([2.0, 1.0, 0.0], slopes) == expected
+
+
+@settings(derandomize=True, deadline=None, database=None)
+@given(st.lists(st.tuples(st.floats(0.0, 1e3), st.floats(-1e6, 1e6)), min_size=2, max_size=8))
+def test_a_force_that_presses_at_all_steps_presses_between_them(rows):
+    values, slopes = zip(*rows, strict=True)
+    slopes = calmed(values, slopes)
+    for k in range(len(values) - 1):
+        least, _ = extremes(1.0, values[k], values[k + 1], slopes[k], slopes[k + 1])
+        assert least >= -1e-9 * max(values)
 
 
 def recorded(g, rates, at_guard=False):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -12,6 +13,9 @@ from vibroplat.bench.reference import load_references
 from vibroplat.bench.timing import TOLERANCES, VARIANTS, precision, runtime
 from vibroplat.plots.bench import plot_precision
 from vibroplat.tables import write_table
+
+#: Failed scenes of a situation that are told one by one.
+TOLD = 5
 
 
 def report_runtime(directory: Path, reference: Path, repeats: int) -> None:
@@ -52,12 +56,32 @@ def report_sweeps(directory: Path, reference: Path, repeats: int) -> None:
     _show(sweeps.workers(min(repeats, 3)), directory, "sweeps-workers")
 
 
+def report_stability(directory: Path, reference: Path, repeats: int) -> None:
+    """Situations that a hybrid solver stumbles over, each scene with its check; all scenes in a table."""
+    from vibroplat.bench.stability import SITUATIONS  # noqa: PLC0415  (imports all that they need)
+    from vibroplat.bench.stability.checks import overview  # noqa: PLC0415
+
+    tables = {}
+    for name, situation in SITUATIONS.items():
+        began = time.perf_counter()
+        table = pd.DataFrame(situation.run(situation.all))
+        seconds = time.perf_counter() - began
+        write_table(table, directory, f"stability-{name}", "csv")
+        tables[name] = table
+        failed = table[table["failed"] != ""]
+        print(f"{name:<16}{len(table)} scenes, {len(failed)} failed, {seconds:.3g} s", flush=True)
+        for scene, what in zip(failed["scene"].head(TOLD), failed["failed"].head(TOLD), strict=True):
+            print(f"  {scene}: {what}")
+    _show(overview(tables), directory, "stability")
+
+
 #: By the name on the command line.
 REPORTS: dict[str, Callable[[Path, Path, int], None]] = {
     "runtime": report_runtime,
     "precision": report_precision,
     "engines": report_engines,
     "sweeps": report_sweeps,
+    "stability": report_stability,
 }
 
 

@@ -230,9 +230,9 @@ def control(h: Hybrid) -> None:
     size = SIZES[h.systems[mode]]
     copy(h.tolerances[mode], h.atol)
     h.flags[HALVINGS] = 0
-    step = 0.1 * h.clock[PERIOD]
+    step = min(0.1 * h.clock[PERIOD], curvature_step(h.ypp[mode, :size], h.atol[:size]))
     if mode == FLIGHT:
-        duration, height = expected_flight(h)
+        duration, height = expected_flight(h, 1e-3 * step)
         step = min(step, RETURN_SHARE * duration)
         h.flags[HALVINGS] = halvings(h.p[TOLERANCE], height, h.clock[GAP_SCALE])
         h.atol[GAP] *= 4.0 ** -h.flags[HALVINGS]
@@ -242,8 +242,11 @@ def control(h: Hybrid) -> None:
 
 
 @inlined
-def expected_flight(h: Hybrid) -> tuple[float, float]:
-    """Duration (s) and height (m) of the flight that begins, inf where its first terms do not end it."""
+def expected_flight(h: Hybrid, small: float) -> tuple[float, float]:
+    """Duration (s) and height (m) of the flight that begins, inf where its first terms do not end it.
+
+    ``small`` is a time (s) over which derivatives change little, also those of a stiff layer.
+    """
     rates = SIZES[h.systems[FLIGHT]] // 2
     gap, rate = h.y[FLIGHT, GAP], h.y[FLIGHT, rates + GAP]
     acceleration, jerk = h.yp[FLIGHT, rates + GAP], h.ypp[FLIGHT, rates + GAP]
@@ -251,15 +254,14 @@ def expected_flight(h: Hybrid) -> tuple[float, float]:
         if acceleration >= 0.0:
             return np.inf, np.inf
         return math.sqrt(2.0 * gap / -acceleration), gap + 0.5 * rate * rate / -acceleration
-    return excursion(rate, acceleration, jerk, snap(h) if rate == 0.0 else 0.0)  # a rebound does not need it
+    return excursion(rate, acceleration, jerk, snap(h, small) if rate == 0.0 else 0.0)  # a rebound does not need it
 
 
 @inlined
-def snap(h: Hybrid) -> float:
+def snap(h: Hybrid, small: float) -> float:
     """Fourth derivative of the gap, as the difference of jerks a small step along the motion."""
     system = h.systems[FLIGHT]
     size = SIZES[system]
-    small = 1e-4 * h.clock[PERIOD]
     ahead, yp, ypp = np.empty(size), np.empty(size), np.empty(size)
     for i in range(size):
         ahead[i] = h.y[FLIGHT, i] + small * h.yp[FLIGHT, i] + 0.5 * small * small * h.ypp[FLIGHT, i]

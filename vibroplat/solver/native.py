@@ -107,7 +107,7 @@ class Native(NamedTuple):
     status
         Whether a segment is open; the last flag; counters; by how much tolerances of each mode are tightened.
     time
-        Where the integrator stands in the segment (s), and the mark from which steps are counted.
+        Where the integrator stands in the segment (s), and when in the run steps began to be counted (s).
     number
         What counters are read into.
     """
@@ -163,8 +163,7 @@ def start(h: Hybrid, tape: Tape, n: Native) -> None:
         call_int(n.functions[SET_TOLERANCES, method], (memory, ROUND_OFF, n.handles[mode, ATOL]))
     call_int(n.functions[SET_FIRST_STEP, method], (memory, h.clock[hy.FIRST_STEP]))
     n.status[OPEN] = 1
-    n.status[STEPS_MARK] = 0
-    n.time[0] = n.time[1] = 0.0
+    n.time[0] = 0.0
     tp.write(tape, 0.0, n.y[mode, :size], n.yp[mode, :size])
 
 
@@ -173,7 +172,8 @@ def advance(h: Hybrid, tape: Tape, n: Native) -> int:  # noqa: PLR0911  (each st
     """Take steps to the guard, the segment's time, a failure, or the end of the tape."""
     # the loop's arrays by name: taking them from their tuples in each step costs more than the step's tests
     t, rows, slopes, used, status, time = tape.t, tape.y, tape.yp, tape.used, n.status, n.time
-    mode, until, period = h.flags[hy.MODE], h.clock[hy.UNTIL], h.clock[hy.PERIOD]
+    mode, origin = h.flags[hy.MODE], h.clock[hy.ORIGIN]
+    until, period = h.clock[hy.UNTIL], h.clock[hy.PERIOD]
     system = h.systems[mode]
     guard, size = GUARDS[system], SIZES[system]
     y, yp = n.y[mode, :size], n.yp[mode, :size]
@@ -202,8 +202,8 @@ def advance(h: Hybrid, tape: Tape, n: Native) -> int:  # noqa: PLR0911  (each st
             return AT_GUARD
         if ended:
             return AT_TIME
-        if time[0] - time[1] >= period:
-            time[1] = time[0]
+        if origin + time[0] - time[1] >= period:
+            time[1] = origin + time[0]
             status[STEPS_MARK] = 0
         elif status[STEPS_MARK] > status[MOST_STEPS]:
             return FAILED

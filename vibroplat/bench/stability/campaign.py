@@ -2,18 +2,44 @@
 
 from __future__ import annotations
 
+import math
+import time
 from typing import Any
 
 import numpy as np
 
+from vibroplat.bench.stability.checks import NAMED, Limit, row, sound
 from vibroplat.overrides import nest
 from vibroplat.scene import COORDINATES, RATES, Scene
+from vibroplat.solver.native import MAX_STEPS
+from vibroplat.solver.run import simulate
 from vibroplat.solver.scales import state_scales
 
 #: How long each scene runs, in turns of the larger synchronous speed.
 TURNS = 20.0
 #: Events within a turn that end a scene: enough for what accumulates, few enough for what does not.
 STORM = 500
+
+
+def campaign(count: int) -> list[dict[str, Any]]:
+    """Run so many random scenes, each within its budget of steps, to ``ok`` or to an outcome with a name."""
+    return [_judged(random_scene(number)) for number in range(count)]
+
+
+def _judged(scene: Scene) -> dict[str, Any]:
+    began = time.perf_counter()
+    summary = simulate(scene, keep="summary").summary
+    seconds = time.perf_counter() - began
+    limits: dict[str, Limit] = {
+        "steps": (summary["steps"], MAX_STEPS * (TURNS + 1.0)),
+        "restarts": (summary["restarts"], STORM * (TURNS + 1.0)),
+        "not_finite": (sum(isinstance(v, float) and not math.isfinite(v) for v in summary.values()), 0.0),
+        **sound(scene, summary),
+    }
+    if summary["outcome"] == "ok":
+        limits["left_out_s"] = (abs(summary["simulated_s"] - scene.run.duration_s), 0.0)
+    figures = {"events": summary["events"], "seconds": seconds, "detail": summary["detail"]}
+    return row(scene.name, summary["outcome"], limits, allowed=NAMED) | figures
 
 
 def random_scene(number: int, seed: int = 0) -> Scene:

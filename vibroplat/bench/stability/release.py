@@ -20,9 +20,9 @@ CLOSE, USUAL = 1e-11, 1e-6
 ATTACHED = (47.2, 48.2)
 #: Seconds until the start has died out, and those that are measured.
 SETTLE, MEASURE = 10.0, 0.5
-#: Relative error of a flight's share of a turn: what an error of 1e-9 of F_c's amplitude makes of the shortest ones,
+#: Relative error of a flight's share of a turn: what an error of 8e-9 of F_c's amplitude makes of the shortest ones,
 #: and what the parabola leaves of the longest.
-LEAST, SHORT, LONG = 2e-4, 0.5e-9 / (0.5 * (0.5 * math.pi) ** 2), 0.02
+LEAST, SHORT, LONG = 2e-4, 4e-9 / (0.5 * (0.5 * math.pi) ** 2), 0.02
 
 
 def release(count: int) -> list[dict[str, Any]]:

@@ -1,0 +1,87 @@
+"""What must not change a motion: tolerance, engine, beginning of time, whole turns, mirroring."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from vibroplat.bench.known import TURN
+from vibroplat.bench.scenes import kinds
+from vibroplat.bench.stability.checks import Limit, row, sound, steady
+from vibroplat.scene import COORDINATES, RATES, Scene
+from vibroplat.solver.run import simulate
+
+#: Statistics that are compared.
+STATISTICS = ("rms_y_m", "excitation_frequency_hz", "flight_fraction", "contact_force_max_n", "impulse_max_n_s")
+#: Relative difference of a statistic from that at 1e-11, over the tolerance. The largest force and impulse are single
+#: values; the motor's speed turns errors of the phase into slow swings that die out slowly.
+FACTOR = 500.0
+REFERENCE = 1e-11
+TOLERANCES = (1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10)
+#: Seconds to settle and to measure.
+SETTLE, MEASURE = 12.0, 2.0
+
+
+def invariance(count: int) -> list[dict[str, Any]]:
+    """Change what must not matter in scenes that are not chaotic, ``count`` of them at most."""
+    rows: list[dict[str, Any]] = []
+    for name, scene in _scenes().items():
+        expected = steady(scene.replace({"solver.tolerance": REFERENCE}), SETTLE, MEASURE)
+        for change, changed in _changes(scene).items():
+            if len(rows) < count:
+                found = steady(changed, SETTLE, MEASURE)
+                tolerance = changed.solver.tolerance
+                limits: dict[str, Limit] = {
+                    f"{key}_off": (abs(found[key] / expected[key] - 1.0), FACTOR * tolerance)
+                    for key in STATISTICS
+                    if expected[key]
+                }
+                rows.append(row(f"{name}: {change}", found["outcome"], limits | sound(changed, found)))
+    return rows
+
+
+def _scenes() -> dict[str, Scene]:
+    """Return one scene of each kind, with motors that are not alike."""
+    chosen = ("attached, f_e 46", "impacts, f_e 50", "one layer, f_e 50", "bare, f_e 50")
+    motors = {"motors": [{"critical_slip": 0.15}, {"critical_slip": 0.16}]}
+    return {name: kinds(1e-7, SETTLE + MEASURE)[name].replace(motors) for name in chosen}
+
+
+def _changes(scene: Scene) -> dict[str, Scene]:
+    """Return what must have the same statistics."""
+    changed = {f"tolerance {t:g}": scene.replace({"solver.tolerance": t}) for t in TOLERANCES}
+    changed |= {
+        f"{engine}, {method}": scene.replace({"solver.engine": engine, "solver.smooth_modes": method})
+        for engine in ("native", "sundae")
+        for method in ("ida", "adams")
+    }
+    changed["whole turns"] = scene.replace(
+        {"run.initial": {"phi1_rad": 14.0 * TURN, "phase_sum_rad": math.pi - 6.0 * TURN}}
+    )
+    changed["later"] = _later(scene, 3.21)
+    changed["mirrored"] = _mirrored(scene)
+    return changed
+
+
+def _later(scene: Scene, seconds: float) -> Scene:
+    """Begin with the state that a run has reached."""
+    state = simulate(scene.replace({"run.duration_s": seconds}), keep="summary").final_state
+    return scene.replace(run={"duration_s": scene.run.duration_s, "initial": {"state": _named(scene, state)}})
+
+
+def _mirrored(scene: Scene) -> Scene:
+    """Exchange the exciters with their motors and mirror the start: x → −x, φ → −φ, φ₁ → π − φ₂, φ₂ → π − φ₁."""
+    start = simulate(scene.replace({"run.duration_s": 0.5}), keep="summary").final_state
+    state = start.copy()
+    for place in (0, 2, 7, 9):
+        state[place] = -start[place]
+    state[3], state[4], state[10], state[11] = math.pi - start[4], math.pi - start[3], -start[11], -start[10]
+    motors = [motor.model_dump(exclude_unset=True) for motor in reversed(scene.motor_pair)]
+    changed = scene.replace({"motors": motors})
+    return changed.replace(run={"duration_s": scene.run.duration_s, "initial": {"state": _named(scene, state)}})
+
+
+def _named(scene: Scene, state: Any) -> dict[str, float]:
+    """Return a full state by the names of a configuration."""
+    names = (*COORDINATES, *RATES)
+    return {names[i]: float(state[i]) for index in scene.coordinates for i in (index, index + 7)}

@@ -1,0 +1,187 @@
+"""Layers from soft to rigid, from undamped to overdamped, from dust to many times the platform's mass."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from vibroplat.bench.known import GRAVITY, OMEGA, TURN
+from vibroplat.bench.scenes import base
+from vibroplat.bench.stability.checks import NAMED, force_spread, row, sound, steady
+from vibroplat.physics.compiled import FloatArray
+from vibroplat.scene import Scene
+from vibroplat.solver.run import simulate
+from vibroplat.solver.scales import state_scales
+
+FREQUENCIES = (1.0, 3.0, 10.0, 18.5, 25.0, 60.0, 200.0, 1e3, 5e3, 20e3)
+DAMPINGS = (0.0, 1e-3, 0.05, 0.5, 1.0, 5.0)
+SHARES = (1e-6, 1e-3, 0.25, 1.0, 1e3)  # m_w2 / m_w1
+MASS_RATIOS = (1e-6, 1e-3, 0.1, 1.0, 10.0)
+TOLERANCE = 1e-8
+#: Errors of coordinates over their scales, and of F_c over its amplitude, over the tolerance.
+ERROR = 1000.0
+#: The same of hardly damped layers near their own frequency, whose motion grows for as long as the run.
+NEAR = 10.0
+#: Amplitude of the exciters' force over what would let the material lift off.
+MODEST = 0.3
+#: Relative difference of an RMS from that of one layer, where layers are as stiff as one.
+RIGID = 3e-3
+
+
+def layers(count: int) -> list[dict[str, Any]]:
+    """Compare attached motion with the linear two-mass response, and stiff layers in flight with one layer.
+
+    The exciters' rotors are so heavy that speeds stay, and each run begins in the linear response itself, so
+    that an undamped layer has nothing to ring with.
+    """
+    cases = list(product(FREQUENCIES, DAMPINGS, SHARES, MASS_RATIOS))
+    chosen = np.linspace(0, len(cases) - 1, min(count, len(cases))).astype(int)
+    rows = [_linear(*cases[i]) for i in chosen]
+    return rows + [_rigid(f) for f in (500.0, 2e3, 20e3)] + [_ringing(zeta) for zeta in (0.0, 1e-3, 0.05)]
+
+
+def _linear(natural: float, damping: float, share: float, mass_ratio: float) -> dict[str, Any]:
+    """Follow an attached motion for ten turns from its linear response."""
+    scene = _smooth(natural, damping, share, mass_ratio)
+    response = Response.of(scene)
+    # the least F_c is to be well above 0; response and scales go with the unbalance
+    radius = scene.machine.unbalance_radius_m * MODEST * response.weight / abs(response.force)
+    scene = scene.replace({"machine.unbalance_radius_m": radius})
+    response = Response.of(scene)
+    scene = scene.replace({"run.initial": {"state": response.state()}})
+    run = simulate(scene)
+    limits = sound(scene, run.summary)
+    if run.outcome == "ok":
+        times = np.linspace(0.0, scene.run.duration_s, 1001)
+        motion = run(times)
+        scales = state_scales(scene)
+        force = abs(response.force)
+        near = damping < 0.1 and 0.5 < TURN * natural / OMEGA < 2.0
+        allowed = ERROR * TOLERANCE * (NEAR if near else 1.0)
+        for column, exact, scale in (
+            ("y_m", response.y(times), max(scales[1], abs(response.platform))),
+            ("upper_m", response.upper(times), max(scales[6], abs(response.layer))),
+            ("contact_force_n", response.contact_force(times), force + force_spread(scene)),
+        ):
+            limits[f"error_{column}"] = (float(np.abs(motion[column] - exact).max() / scale), allowed)
+        limits["events"] = (run.summary["events"], 0.0)
+    name = f"{natural:g} Hz, damping {damping:g}, m_w2/m_w1 {share:g}, mu {mass_ratio:g}"
+    return row(name, run.outcome, limits, allowed={"ok", "solver-failure"})
+
+
+def _smooth(natural: float, damping: float, share: float, mass_ratio: float) -> Scene:
+    """Return the paper's machine with rotors so heavy that they keep their speed, without motors."""
+    return base(TOLERANCE, 10.0 * TURN / OMEGA).replace(
+        {
+            "machine.rotor_inertia_kg_m2": 1e9,
+            "motor": {"critical_torque_n_m": 0.0, "friction_radius_m": 0.0, "pole_pairs": 1},
+            "drive.supply_frequency_hz": OMEGA / TURN,
+            "material": {
+                "mass_ratio": mass_ratio,
+                "lower_share": 1.0 / (1.0 + share),
+                "natural_frequency_hz": natural,
+                "damping_ratio": damping,
+            },
+        }
+    )
+
+
+@dataclass(frozen=True)
+class Response:
+    """Linear response of platform and layers in contact to the exciters in antiphase, and the static sag.
+
+    Attributes
+    ----------
+    platform, layer, force
+        Complex amplitudes of y, y_w2 (m) and F_c (N) of Im(… exp iωt).
+    sag, layer_sag, weight
+        Means of the three.
+    """
+
+    platform: complex
+    layer: complex
+    force: complex
+    sag: float
+    layer_sag: float
+    weight: float
+
+    @classmethod
+    def of(cls, scene: Scene) -> Response:
+        """Solve the two-mass system of a scene whose exciters turn with OMEGA."""
+        machine, (m1, m2) = scene.machine, scene.layer_masses
+        stiffness, damping = scene.layer_spring
+        coupling = m2 * (stiffness + 1j * OMEGA * damping)
+        support = machine.stiffness_y_n_per_m + 1j * OMEGA * scene.damping_y
+        matrix = [
+            [support - OMEGA**2 * (machine.total_mass + m1), -coupling],
+            [-(OMEGA**2) * m2, coupling - OMEGA**2 * m2],
+        ]
+        y, upper = np.linalg.solve(np.array(matrix), [2.0 * machine.unbalance * OMEGA**2, 0.0])
+        return cls(
+            platform=complex(y),
+            layer=complex(upper),
+            force=complex(-(OMEGA**2) * m1 * y - coupling * upper),
+            sag=-(machine.total_mass + m1 + m2) * GRAVITY / machine.stiffness_y_n_per_m,
+            layer_sag=-GRAVITY / stiffness,
+            weight=(m1 + m2) * GRAVITY,
+        )
+
+    def state(self) -> dict[str, float]:
+        """Return the state at time 0, for a configuration."""
+        return {
+            "y_m": self.sag + self.platform.imag,
+            "upper_m": self.layer_sag + self.layer.imag,
+            "phi1_rad": 0.0,
+            "phi2_rad": math.pi,
+            "y_rate_m_per_s": OMEGA * self.platform.real,
+            "upper_rate_m_per_s": OMEGA * self.layer.real,
+            "phi1_rate_rad_per_s": OMEGA,
+            "phi2_rate_rad_per_s": -OMEGA,
+        }
+
+    def y(self, times: FloatArray) -> FloatArray:
+        """Platform (m)."""
+        return _turning(self.sag, self.platform, times)
+
+    def upper(self, times: FloatArray) -> FloatArray:
+        """Upper layer (m)."""
+        return _turning(self.layer_sag, self.layer, times)
+
+    def contact_force(self, times: FloatArray) -> FloatArray:
+        """F_c (N)."""
+        return _turning(self.weight, self.force, times)
+
+
+def _turning(mean: float, amplitude: complex, times: FloatArray) -> FloatArray:
+    values: FloatArray = mean + (amplitude * np.exp(1j * OMEGA * times)).imag
+    return values
+
+
+def _rigid(natural: float) -> dict[str, Any]:
+    """Let stiff, well damped layers fly and land, and compare with a single layer of their mass."""
+    two = base(1e-6, 1.0).replace(
+        {"drive.supply_frequency_hz": 51.5, "material": {"natural_frequency_hz": natural, "damping_ratio": 5.0}}
+    )
+    single = {"mass_ratio": two.material.mass_ratio, "layers": 1}
+    one = two.replace(material=single)
+    found, expected = (steady(scene, 4.0, 2.0) for scene in (two, one))
+    limits = sound(two, found)
+    for key in ("rms_y_m", "flight_fraction", "gap_max_m"):
+        limits[f"{key}_off"] = (abs(found[key] / expected[key] - 1.0), RIGID)
+    return row(f"as one layer, {natural:g} Hz", found["outcome"], limits)
+
+
+def _ringing(damping: float) -> dict[str, Any]:
+    """Strike layers of 5 kHz that hardly lose their ringing: followed, or given up with a name."""
+    changes = {
+        "drive.supply_frequency_hz": 51.5,
+        "material": {"natural_frequency_hz": 5e3, "damping_ratio": damping},
+        "solver.max_events_per_period": 2000,
+    }
+    scene = base(1e-5, 1.0).replace(changes)
+    summary = simulate(scene, keep="summary").summary
+    return row(f"ringing at 5 kHz, damping {damping:g}", summary["outcome"], sound(scene, summary), allowed=NAMED)
