@@ -95,7 +95,7 @@ def test_smooth_modes_default_to_the_better_integrator(quickstart):
 @pytest.mark.parametrize(
     "stiff",
     [
-        {"machine.damping_y_n_s_per_m": 2e4},
+        {"machine.damping_y_n_s_per_m": 1e5},
         {"machine.damping_phi_n_m_s_per_rad": 200.0},
         {"motor.critical_torque_n_m": 20.0, "motor.critical_slip": 0.02},
     ],

@@ -34,7 +34,7 @@ def invariance(count: int) -> list[dict[str, Any]]:
                 limits: dict[str, Limit] = {
                     f"{key}_off": (abs(found[key] / expected[key] - 1.0), FACTOR * tolerance)
                     for key in STATISTICS
-                    if expected[key]
+                    if expected[key] and found["outcome"] == "ok"
                 }
                 rows.append(row(f"{name}: {change}", found["outcome"], limits | sound(changed, found)))
     return rows

@@ -1,0 +1,101 @@
+"""How far the platform may turn before a model of first order in φ breaks down."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from vibroplat import Machine
+from vibroplat.physics.parameters import parameters
+from vibroplat.physics.residuals import finite
+from vibroplat.physics.systems import BARE, SYSTEMS
+
+from .helpers import mass_matrix, scene_of, settled
+
+#: Machines whose exciters are heavy and far out beside the platform's own inertia: they break down soon.
+SEEDS = range(40)
+
+
+def drawn(seed):
+    """A machine with heavy exciters on long arms."""
+    rng = np.random.default_rng(seed)
+    return Machine(
+        platform_mass_kg=10.0 ** rng.uniform(0.0, 1.0),
+        platform_inertia_kg_m2=10.0 ** rng.uniform(-3.0, -1.0),
+        unbalance_mass_kg=10.0 ** rng.uniform(-1.0, 0.5),
+        exciter_distance_m=10.0 ** rng.uniform(-1.0, 0.0),
+        exciter_angle_deg=rng.uniform(-180.0, 180.0),
+        rotor_inertia_kg_m2=10.0 ** rng.uniform(-6.0, -3.0),
+    )
+
+
+def least_eigenvalue(machine, phi):
+    """Least eigenvalue of the mass matrix, its diagonal scaled to 1, over all exciter angles."""
+    least = math.inf
+    for first in np.linspace(0.0, 2.0 * math.pi, 41):
+        for second in np.linspace(0.0, 2.0 * math.pi, 41):
+            state = np.array([0.0, 0.0, phi, first, second])
+            matrix = mass_matrix(state, machine)
+            scale = np.sqrt(np.diag(matrix))
+            least = min(least, np.linalg.eigvalsh(matrix / np.outer(scale, scale))[0])
+    return least
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_mass_matrix_is_positive_definite_up_to_the_safe_rotation(seed, side):
+    machine = drawn(seed)
+    assert least_eigenvalue(machine, side * machine.safe_rotation) > 0.0
+
+
+def test_mass_matrix_loses_it_not_much_later():
+    """The bound is no exaggeration: with small rotors nothing else is left to make up for what J lacks."""
+    lost = [least_eigenvalue(machine, 1.5 * machine.safe_rotation) < 0.0 for machine in map(drawn, SEEDS)]
+    assert any(lost)
+
+
+def test_a_machine_without_arms_never_breaks_down():
+    assert Machine(exciter_distance_m=0.0).safe_rotation == math.inf
+
+
+def residual(machine, phi, first, second):
+    """Whether the residual is finite at a state of rest."""
+    p = parameters(scene_of(0).replace({"machine": machine.model_dump()}))
+    system = SYSTEMS[BARE]
+    y, yp, res = np.zeros(10), np.zeros(10), np.empty(10)
+    y[2:5] = phi, first, second
+    told = system.residual(y, yp, res, p)
+    assert told == finite(res)
+    return told
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_residual_is_finite_where_the_mass_matrix_is_well_definite_and_nowhere_else(seed):
+    machine = drawn(seed)
+    rng = np.random.default_rng(seed)
+    for _ in range(200):
+        phi = machine.safe_rotation * rng.uniform(-4.0, 4.0)
+        first, second = rng.uniform(0.0, 2.0 * math.pi, 2)
+        state = np.array([0.0, 0.0, phi, first, second])
+        definite = np.linalg.eigvalsh(mass_matrix(state, machine))[0] > 0.0
+        if not definite:
+            assert not residual(machine, phi, first, second)
+        elif abs(phi) <= machine.safe_rotation:
+            assert residual(machine, phi, first, second)
+
+
+def test_accelerations_of_a_small_rotor_keep_their_digits_beside_a_strong_motor():
+    """An inertia of 1e-8 kg m² is lost in the slope of the motor's torque where both stand in one number."""
+    scene = scene_of(0).replace(
+        {
+            "machine": {"unbalance_mass_kg": 1e-5, "unbalance_radius_m": 0.01, "rotor_inertia_kg_m2": 1e-8},
+            "motors": None,
+            "motor": {"critical_torque_n_m": 20.0, "critical_slip": 0.03},
+        }
+    )
+    state = np.zeros(10)
+    state[8:] = 60.0, -70.0
+    *_, left = settled(SYSTEMS[BARE], state, parameters(scene))
+    assert left <= 1e-15
