@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 #: Failed points of a sweep that are told one by one.
 TOLD = 5
+#: What is there after a command was stopped.
+KEPT = "tables under their final names are whole, and --resume goes on with finished points"
 #: Exit code that typer makes of Ctrl-C.
 INTERRUPTED = 130
 
@@ -96,12 +98,12 @@ def main() -> None:
             raise
         sys.exit(_complain(f"{error.format_message()} Try 'vibroplat --help'.", 2))
     if code == INTERRUPTED:
-        _complain("interrupted; tables under their final names are whole", code)
+        _complain(f"interrupted; {KEPT}", code)
     sys.exit(code if isinstance(code, int) else 0)
 
 
 def _end(number: int, _: object) -> None:
-    sys.exit(_complain("terminated; tables under their final names are whole", 128 + number))
+    sys.exit(_complain(f"terminated; {KEPT}", 128 + number))
 
 
 def _complain(text: str, code: int) -> int:

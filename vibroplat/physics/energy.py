@@ -123,3 +123,9 @@ def vertical_momentum(state: FloatArray, p: FloatArray) -> float:
     upward = np.zeros(7)
     upward[1] = 1.0
     return inertia_product(state, upward, state[7:], p)
+
+
+@compiled
+def unbalance_momentum(state: FloatArray, p: FloatArray) -> float:
+    """Sum of the sizes of both unbalances' momenta beside their axes (N·s)."""
+    return p[UNBALANCE] * (abs(state[10]) + abs(state[11]))

@@ -13,6 +13,7 @@ from vibroplat.physics.energy import (
     elastic_energy,
     gravity_energy,
     kinetic_energy,
+    unbalance_momentum,
     vertical_momentum,
 )
 from vibroplat.physics.parameters import FloatArray
@@ -22,17 +23,19 @@ from vibroplat.solver.measures import Measures
 
 @dataclass(frozen=True)
 class Energies:
-    """Energies of a state (J), and its vertical momentum (N·s)."""
+    """Energies of a state (J), its vertical momentum and the size of the unbalances' momenta (N·s)."""
 
     kinetic: float
     elastic: float
     gravity: float
     momentum: float
+    unbalances: float
 
     @classmethod
     def of(cls, state: FloatArray, p: FloatArray) -> Energies:
         """Evaluate them at a full state."""
-        return cls(*(of(state, p) for of in (kinetic_energy, elastic_energy, gravity_energy, vertical_momentum)))
+        terms = (kinetic_energy, elastic_energy, gravity_energy, vertical_momentum, unbalance_momentum)
+        return cls(*(of(state, p) for of in terms))
 
 
 class Part(NamedTuple):
@@ -49,8 +52,9 @@ def audit(ms: Measures, before: Energies, after: Energies) -> dict[str, float]:
     Motor work + gravity's work + truncation = Δ(kinetic + elastic) + dissipation + impact losses;
     the residual is relative to the largest of the energy that motors and dampers exchanged and the
     energies, kinetic and elastic, at both ends. Springs, dampers and weight change the vertical momentum,
-    and impacts must not; its residual is relative to the larger of the integral of those forces' sizes and the
-    momentum at both ends. Impact law ``printed`` does not keep the upper layer's momentum, and it shows here.
+    and impacts must not; its residual is relative to the largest of the integral of those forces' sizes, the
+    momentum and the sizes of the unbalances' momenta at both ends. Impact law ``printed`` does not keep the upper
+    layer's momentum, and it shows here.
     """
     fed, taken = float(ms.work[: m.DISSIPATIONS].sum()), float(ms.work[m.DISSIPATIONS : m.N_POWERS].sum())
     loss = float(ms.totals[m.IMPACT_LOSS])
@@ -59,7 +63,8 @@ def audit(ms: Measures, before: Energies, after: Energies) -> dict[str, float]:
     left = fed + gravity - taken - loss - kinetic - elastic
     scale = max(float(ms.marks[m.EXCHANGED]) + loss, *(e.kinetic + e.elastic for e in (before, after)))
     lost = float(ms.work[FORCE]) - (after.momentum - before.momentum)
-    momentum = max(float(ms.work[FORCE_SIZE]), abs(before.momentum), abs(after.momentum))
+    sizes = (size for e in (before, after) for size in (abs(e.momentum), e.unbalances))
+    momentum = max(float(ms.work[FORCE_SIZE]), *sizes)
     return {f"{name}_work_j": float(w) for name, w in zip(POWERS, ms.work[: m.N_POWERS], strict=True)} | {
         "gravity_work_j": gravity,
         "impact_loss_j": loss,

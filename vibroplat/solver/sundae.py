@@ -30,6 +30,8 @@ from vibroplat.solver.hybrid import (
     FIRST_STEP,
     MODE,
     NOT_FINITE,
+    ORIGIN,
+    PERIOD,
     UNTIL,
     Hybrid,
     begin,
@@ -43,7 +45,8 @@ _ROOT = 2
 #: What scikit-sundae counts.
 COUNTED = WORK[:3]
 
-#: Residual calls in one segment after which the integrator is taken to be stuck; usual are some 10⁴.
+#: Residual calls in one segment, or in all those of a period, after which the integrator is taken to be stuck; usual
+#: are some 10⁴.
 MAX_CALLS = 300_000
 
 _SOLVING = threading.Lock()
@@ -54,12 +57,12 @@ class _NonFiniteError(ArithmeticError):
 
 
 class _StuckError(RuntimeError):
-    """More residual calls than any segment needs, raised through the callback."""
+    """More residual calls than any segment or period needs, raised through the callback."""
 
 
 @dataclass
 class _Budget:
-    """Residual calls left in a segment; apart from the engine, so that callbacks make no reference cycle."""
+    """Residual calls left; apart from the engine, so that callbacks make no reference cycle."""
 
     left: int = MAX_CALLS
 
@@ -122,6 +125,7 @@ class SundaeEngine:
         self._p = p
         self._adams = scene.adams_modes
         self._budget = _Budget()
+        self._since: float | None = None  # when in the run the budget was last filled up
         self._integrators: dict[tuple[int, bytes, float], _Integrator] = {}
 
     def advance(self, h: Hybrid) -> Tape:
@@ -133,7 +137,8 @@ class SundaeEngine:
         start, slope = h.y[mode, : system.size].copy(), h.yp[mode, : system.size].copy()
         integrator = self._integrator(system, h.atol[: system.size].copy(), float(h.clock[FIRST_STEP]))
         t, y, yp, stop = np.zeros(1), start[np.newaxis], slope[np.newaxis], FAILED
-        self._budget.left = MAX_CALLS
+        if self._since is None or h.clock[ORIGIN] - self._since >= h.clock[PERIOD]:
+            self._since, self._budget.left = float(h.clock[ORIGIN]), MAX_CALLS
         try:
             # scikit-sundae prints what the status says as well; standard output is that of all threads, and
             # callbacks hold the interpreter's lock, so that waiting for each other costs them nothing

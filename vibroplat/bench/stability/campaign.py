@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -44,12 +44,24 @@ def _judged(scene: Scene) -> dict[str, Any]:
 
 def random_scene(number: int, seed: int = 0) -> Scene:
     """Draw one scene; the same for the same number and seed."""
-    draw = Draw(np.random.default_rng((seed, number)))
+    return drawn(Draw(np.random.default_rng((seed, number))), f"random-{number}")
+
+
+def drawn(draw: Draw, name: str) -> Scene:
+    """Make a scene of what is drawn."""
     tree = nest(draw.machine() | draw.material() | draw.contact() | draw.solver())
-    tree |= {"name": f"random-{number}"} | draw.motors()
-    scene = Scene.from_tree(tree)
+    scene = Scene.from_tree(tree | {"name": name} | draw.motors())
     duration = TURNS * 2.0 * np.pi / scene.speed_scale
     return scene.replace({"run": {"duration_s": duration, "initial": draw.initial(scene)}})
+
+
+class Numbers(Protocol):
+    """A source of random numbers, as numpy's generators are."""
+
+    def uniform(self, low: float = ..., high: float = ..., size: Any = ...) -> Any: ...  # noqa: D102
+    def random(self) -> float: ...  # noqa: D102
+    def integers(self, low: int, high: int | None = ...) -> Any: ...  # noqa: D102
+    def standard_normal(self, size: int) -> Any: ...  # noqa: D102
 
 
 class Draw:
@@ -58,7 +70,7 @@ class Draw:
     Sizes are log-uniform about those of the paper's rig, and what may be 0 is 0 in one scene of eight.
     """
 
-    def __init__(self, rng: np.random.Generator) -> None:
+    def __init__(self, rng: Numbers) -> None:
         self._rng = rng
 
     def size(self, middle: float, decades: float, *, zero: bool = False) -> float:
@@ -145,7 +157,7 @@ class Draw:
                 "speed_ratio": self._rng.uniform(-0.5, 1.5),
             }
         decades = self._rng.uniform(-2.0, 1.5)
-        state = self._rng.standard_normal(14) * state_scales(scene) * 10.0**decades
+        state = np.array(self._rng.standard_normal(14)) * state_scales(scene) * 10.0**decades
         state[3:5], state[5], state[10:12] = turn, abs(state[5]), state[10:12] / 10.0**decades
         if self._rng.random() < 0.5:
             state[5], state[12] = 0.0, abs(state[12])
