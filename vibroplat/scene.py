@@ -23,6 +23,9 @@ from vibroplat.plan import Sweep
 #: Rows of a trajectory table that a scene may ask for.
 MAX_ROWS = 100_000_000
 
+#: Turns of the synchronous speed that a run may take, half a day of computing.
+MAX_TURNS = 1e9
+
 #: Fastest decay over the synchronous speed from which Adams' method is held back by its stability: it takes more
 #: steps than IDA at 10, as many time at 4 to 6 (a bare platform whose damping is raised).
 STIFF = 5.0
@@ -297,6 +300,12 @@ class Scene(Section):
                 f"output.sample_rate_hz = {self.output.sample_rate_hz} asks for {rows:.3g} rows in "
                 f"{self.run.duration_s} s; allowed: at most {MAX_ROWS} rows"
             )
+        self._require_end("run.duration_s", self.run.duration_s, self.drive.supply_frequency_hz)
+        if self.sweep is not None:
+            for key in ("settle_s", "max_settle_s", "measure_s"):
+                seconds = getattr(self.sweep, key)
+                if seconds != "auto":
+                    self._require_end(f"sweep.{key}", seconds, self.sweep.supply_frequency_hz.stop)
         state = self.run.initial.state
         if state is not None:
             given = state.model_dump(exclude_none=True)
@@ -313,6 +322,14 @@ class Scene(Section):
                     "allowed: at least 0 while gap_m is 0"
                 )
         return self
+
+    def _require_end(self, key: str, seconds: float, supply: float) -> None:
+        """Refuse what no computer would come to the end of."""
+        turns = seconds * supply / min(motor.pole_pairs for motor in self.motor_pair)
+        if turns > MAX_TURNS:
+            raise ValueError(
+                f"{key} = {seconds} takes {turns:.3g} turns of the synchronous speed; allowed: at most {MAX_TURNS:.0e}"
+            )
 
     # -- what the scene has -------------------------------------------------------------------------
 

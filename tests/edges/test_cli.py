@@ -113,10 +113,10 @@ def test_run_that_ends_early_exits_1_and_keeps_what_it_has(vibroplat, tmp_path):
 
 
 def test_run_without_a_first_step_exits_1_and_writes_empty_tables(vibroplat, tmp_path):
-    done = vibroplat("run", QUICKSTART, *settings("motor.critical_torque_n_m=1e30"), *SHORT, "--out", tmp_path)
+    done = vibroplat("run", QUICKSTART, *settings("run.initial.state={phi_rad: 1.0e20}"), *SHORT, "--out", tmp_path)
     assert done.returncode == 1
     assert len(done.stderr.splitlines()) == 1
-    assert done.stderr.startswith("vibroplat: non-finite: ")
+    assert done.stderr.startswith("vibroplat: beyond-model: the platform has turned by 1e+20 rad; ")
     directory = tmp_path / "quickstart"
     assert read_table(directory, "trajectory").empty
     assert read_json(directory, "summary")["simulated_s"] == 0.0

@@ -163,6 +163,14 @@ MESSAGES = {
         "run: {duration_s: 1e6}",
         "output.sample_rate_hz = 2000.0 asks for 2e+09 rows in 1000000.0 s; allowed: at most 100000000 rows",
     ),
+    "too many turns": (
+        "drive: {supply_frequency_hz: 1e12}\nmotor: {pole_pairs: 4}",
+        "run.duration_s = 4.0 takes 1e+12 turns of the synchronous speed; allowed: at most 1e+09",
+    ),
+    "too many turns of a point": (
+        "sweep: {supply_frequency_hz: {start: 1.0, stop: 4.0e9, step: 1e9}, max_settle_s: 0.1}",
+        "sweep.measure_s = 2.0 takes 4e+09 turns of the synchronous speed; allowed: at most 1e+09",
+    ),
     "bool for a number of layers": ("material: {layers: true}", "material.layers = True; allowed: 1 or 2"),
     "no duration": ("run: {duration_s: 0}", "run.duration_s = 0; allowed: more than 0.0"),
     "three layers": ("material: {layers: 3}", "material.layers = 3; allowed: 1 or 2"),
