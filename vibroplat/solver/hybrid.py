@@ -16,7 +16,7 @@ import numpy.typing as npt
 from vibroplat.physics.compiled import compiled, copy, inlined
 from vibroplat.physics.foreign import call_double
 from vibroplat.physics.impact import impact, latch
-from vibroplat.physics.parameters import RESTITUTION, SAFE_ROTATION, TOLERANCE, FloatArray
+from vibroplat.physics.parameters import RESTITUTION, SAFE_ROTATION, FloatArray
 from vibroplat.physics.systems import (
     DIFFERENTIAL,
     FULL_SIZE,
@@ -87,10 +87,6 @@ FLAGS = 8
 
 # Columns of ``Hybrid.events``.
 T, KIND, RATE_BEFORE, RATE_AFTER, IMPULSE, LOSS, FORCE_AFTER, MODE_AFTER, IMPACTS = range(9)
-
-#: Impacts of less than so many times the slowest lose digits, and with R = 0.99 as many of them as had them all: at
-#: 1, 30 and 100 a latch then comes 4e-7, 9e-8 and 3e-8 of its time too early.
-CLEAR = 30.0
 
 #: Farthest that the end of contact is moved, over the last two steps.
 REFINED = 0.1
@@ -234,7 +230,7 @@ def control(h: Hybrid) -> None:
     if mode == FLIGHT:
         duration, height = expected_flight(h, 1e-3 * step)
         step = min(step, RETURN_SHARE * duration)
-        h.flags[HALVINGS] = halvings(h.p[TOLERANCE], height, h.clock[GAP_SCALE])
+        h.flags[HALVINGS] = halvings(height, h.clock[GAP_SCALE])
         h.atol[GAP] *= 4.0 ** -h.flags[HALVINGS]
         h.atol[size // 2 + GAP] *= 2.0 ** -h.flags[HALVINGS]
     step = min(step, curvature_step(h.ypp[mode, :size], h.atol[:size]))
@@ -403,9 +399,9 @@ def gap_root(h: Hybrid) -> bool:
     before = min(h.state[GAP_RATE], 0.0)
     h.state[GAP_RATE] = before
     struck = h.state.copy()
-    resolved = -before >= CLEAR * h.clock[SLOWEST]
+    resolved = -before >= h.clock[SLOWEST]
     impulse, loss, pressure, following = strike(h, struck, h.p, resolved)
-    if following == FLY and -before < h.clock[SLOWEST]:
+    if following == FLY and not resolved:
         # a rebound that round-off of the platform's motion could not resolve is none
         impulse, loss, pressure, following = strike(h, struck, h.p_dead, resolved)
     if following < 0:

@@ -35,8 +35,9 @@ IntArray = npt.NDArray[np.int64]
 
 #: Rows of the tape: large against what a return to Python costs, small against the processor's cache.
 TAPE_ROWS = 2048
-#: Steps within a turn of the synchronous speed after which the integrator is taken to be stuck.
-MAX_STEPS = 300_000
+#: Steps within a turn of the synchronous speed after which the integrator is taken to be stuck, and those for each
+#: event that a scene allows within a turn, where that is more.
+MAX_STEPS, STEPS_PER_EVENT = 300_000, 60
 
 # How IDA chooses its steps. Means over nine tolerances around 1e-6, in contact and with 50 impacts a second:
 #: Factors between which the step is kept rather than changed. IDA's own (1, 2) takes a sixth more steps.
@@ -306,7 +307,7 @@ class NativeEngine:
             time=np.zeros(2),
             number=np.zeros(1, dtype=np.int64),
         )
-        self._n.status[MOST_STEPS] = MAX_STEPS
+        self._n.status[MOST_STEPS] = max(MAX_STEPS, STEPS_PER_EVENT * scene.solver.max_events_per_period)
         self._n.status[HALVED:] = -1
         self._room = np.zeros((3, FULL_SIZE, FULL_SIZE))
         self._direction = np.array([-1], dtype=np.int32)
@@ -332,7 +333,11 @@ class NativeEngine:
         flag = int(self._n.status[FLAG])
         if flag >= 0:
             stuck = self._n.status[STEPS_MARK] > self._n.status[MOST_STEPS]
-            return f"SUNDIALS: more than {MAX_STEPS} steps within a period" if stuck else "the state is not finite"
+            return (
+                f"SUNDIALS: more than {self._n.status[MOST_STEPS]} steps within a period"
+                if stuck
+                else "the state is not finite"
+            )
         if flag in _CALLBACK_FAILURES:
             return "the residual is not finite"
         return f"SUNDIALS: {_MEANINGS.get(flag, 'failure')} (flag {flag})"

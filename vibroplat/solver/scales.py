@@ -27,8 +27,11 @@ RATE_SHARE = 2.0
 #: time by its speed, which may be small: at equal errors of event times this takes a tenth fewer steps than 1.
 FLIGHT_SHARE = 0.1
 
-#: Least tolerance of a short flight over the scale: what round-off of the platform's motion leaves.
+#: Relative error that round-off leaves of what is integrated: the least relative tolerance.
 ROUND_OFF = 100.0 * float(np.finfo(float).eps)
+
+#: Most halvings of a tolerance in low flights; those lower than 4⁻³⁰ of the scale are not followed.
+MOST_HALVINGS = 30
 
 
 def state_scales(scene: Scene) -> FloatArray:
@@ -58,19 +61,17 @@ def absolute_tolerances(scene: Scene, system: System) -> FloatArray:
 
 
 @compiled
-def halvings(tolerance: float, height: float, scale: float) -> int:
+def halvings(height: float, scale: float) -> int:
     """How often the gap rate's tolerance is halved in a flight much lower than the scale of lengths.
 
     An absolute error of the gap moves a landing at speed v by its ratio to v, so the many low flights
     of accumulating impacts need a gap as accurate against their own height: its tolerance is divided by
-    4ⁿ, that of its rate by 2ⁿ.
+    4ⁿ, that of its rate by 2ⁿ. Gap and rate are integrated from 0 and keep their digits however low a flight is.
 
     Parameters
     ----------
-    tolerance
-        That of the run.
     height, scale
         Expected height of the flight and scale of the gap (m).
     """
-    floor = max(height / scale, ROUND_OFF / tolerance)
-    return min(int(-0.5 * math.log2(floor)), 30) if floor < 1.0 else 0
+    share = max(height / scale, 4.0**-MOST_HALVINGS)
+    return int(-0.5 * math.log2(share)) if share < 1.0 else 0

@@ -39,8 +39,8 @@ def accumulates(rebound: float, acceleration: float, jerk: float, resolved: bool
     jerk j changes it by jτ, which shifts t∞ by at most |j|τ²/|a|. Impacts are closed once this shift
     and τ² ω₀ itself are below the tolerance in units of 1/ω₀: ω₀τ ≤ √tol and ω₀ |j| τ² ≤ tol |a|.
     The error in time is then below tol/ω₀ and that of rates and coordinates, by the same neglected
-    jerk, below tol in the scales of the scene. Impacts too slow to be ``resolved`` well are closed where a
-    changes by less than a hundredth until t∞. R = 1 does not accumulate.
+    jerk, below tol in the scales of the scene. Impacts too slow to be ``resolved`` are closed where a changes
+    by less than a hundredth until t∞. R = 1 does not accumulate.
     """
     if rebound < 0.0 or acceleration >= 0.0 or p[RESTITUTION] >= 1.0:
         return False
