@@ -263,6 +263,7 @@ def test_residual_that_is_not_finite_ends_the_run(quickstart, smooth):
 
 def test_integrator_that_gets_stuck_is_stopped(quickstart, monkeypatch):
     monkeypatch.setattr("vibroplat.solver.native.MAX_STEPS", 10)
+    monkeypatch.setattr("vibroplat.solver.native.STEPS_PER_EVENT", 0)
     run = simulate(with_engine(quickstart, "native"))
     assert run.outcome == "solver-failure"
     assert run.summary["detail"].startswith("SUNDIALS: more than 10 steps within a period; mode attached, t = ")

@@ -95,7 +95,7 @@ def calmed(values, slopes):
     tape = blank_tape(len(values) + 3)
     for k, (value, slope) in enumerate(zip(values, slopes, strict=True)):
         write(tape, float(k), np.array([7.0, value]), np.array([50.0, slope]))
-    calm(tape, 1)
+    calm(tape, 1, True, True)
     assert (tape.yp[: len(values), 0] == 50.0).all()
     return tape.yp[: len(values), 1].tolist()
 

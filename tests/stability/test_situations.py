@@ -9,9 +9,9 @@ import pytest
 
 from vibroplat import simulate
 from vibroplat.bench.scenes import base
-from vibroplat.bench.stability import SITUATIONS
 from vibroplat.bench.stability.campaign import TURNS, random_scene
 from vibroplat.bench.stability.checks import overview, row, sound
+from vibroplat.bench.stability.situations import SITUATIONS
 from vibroplat.solver.native import MAX_STEPS
 
 

@@ -58,8 +58,8 @@ def report_sweeps(directory: Path, reference: Path, repeats: int) -> None:
 
 def report_stability(directory: Path, reference: Path, repeats: int) -> None:
     """Situations that a hybrid solver stumbles over, each scene with its check; all scenes in a table."""
-    from vibroplat.bench.stability import SITUATIONS  # noqa: PLC0415  (imports all that they need)
     from vibroplat.bench.stability.checks import overview  # noqa: PLC0415
+    from vibroplat.bench.stability.situations import SITUATIONS  # noqa: PLC0415  (imports all that they need)
 
     tables = {}
     for name, situation in SITUATIONS.items():

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from vibroplat.physics.compiled import compiled, copy, inlined
 from vibroplat.physics.foreign import call_double
 from vibroplat.physics.impact import impact, latch
-from vibroplat.physics.parameters import RESTITUTION, SAFE_ROTATION, FloatArray
+from vibroplat.physics.parameters import RESTITUTION, SAFE_ROTATION, TOLERANCE, FloatArray
 from vibroplat.physics.systems import (
     DIFFERENTIAL,
     FULL_SIZE,
@@ -57,6 +57,9 @@ RUNNING, OK, SOLVER_FAILURE, NON_FINITE, INCONSISTENT, EVENT_STORM, BEYOND_MODEL
 LIFTOFF, IMPACT, CLOSING = _NUMBERS
 _NO_IMPACT, _ONE_IMPACT = _NUMBERS[:2]
 
+#: ``JOINED_ON`` where a full tape has cut a segment in two.
+_CUT = 2
+
 # Places in ``Hybrid.clock`` (s, but for GAP_SCALE in m, SLOWEST in m/s, BACKWARD_ERROR without unit).
 (
     NOW,  # where the run is
@@ -77,7 +80,7 @@ CLOCKS = 10
     MODE,
     OUTCOME,
     ENDS,  # whether reaching UNTIL ends the run
-    JOINED_ON,  # whether the segment goes on from the one before without an event
+    JOINED_ON,  # whether the segment goes on from the one before without an event, or is the same, cut
     PREPARED,  # mode whose start belongs to the present state, or −1
     HALVINGS,  # by which the gap's tolerance is tightened
     EVENTS,  # rows in the event list
@@ -87,6 +90,9 @@ FLAGS = 8
 
 # Columns of ``Hybrid.events``.
 T, KIND, RATE_BEFORE, RATE_AFTER, IMPULSE, LOSS, FORCE_AFTER, MODE_AFTER, IMPACTS = range(9)
+
+#: Largest relative change of the gap's acceleration in a flight that is known from its first terms.
+STEADY = 0.1
 
 #: Farthest that the end of contact is moved, over the last two steps.
 REFINED = 0.1
@@ -228,9 +234,9 @@ def control(h: Hybrid) -> None:
     h.flags[HALVINGS] = 0
     step = min(0.1 * h.clock[PERIOD], curvature_step(h.ypp[mode, :size], h.atol[:size]))
     if mode == FLIGHT:
-        duration, height = expected_flight(h, 1e-3 * step)
+        duration, height, sure = expected_flight(h, 1e-3 * step)
         step = min(step, RETURN_SHARE * duration)
-        h.flags[HALVINGS] = halvings(height, h.clock[GAP_SCALE])
+        h.flags[HALVINGS] = halvings(h.p[TOLERANCE], height, h.clock[GAP_SCALE], sure)
         h.atol[GAP] *= 4.0 ** -h.flags[HALVINGS]
         h.atol[size // 2 + GAP] *= 2.0 ** -h.flags[HALVINGS]
     step = min(step, curvature_step(h.ypp[mode, :size], h.atol[:size]))
@@ -238,19 +244,23 @@ def control(h: Hybrid) -> None:
 
 
 @inlined
-def expected_flight(h: Hybrid, small: float) -> tuple[float, float]:
+def expected_flight(h: Hybrid, small: float) -> tuple[float, float, bool]:
     """Duration (s) and height (m) of the flight that begins, inf where its first terms do not end it.
 
-    ``small`` is a time (s) over which derivatives change little, also those of a stiff layer.
+    The third value says whether that is sure: a rebound under an acceleration that hardly changes. ``small`` is
+    a time (s) over which derivatives change little, also those of a stiff layer.
     """
     rates = SIZES[h.systems[FLIGHT]] // 2
     gap, rate = h.y[FLIGHT, GAP], h.y[FLIGHT, rates + GAP]
     acceleration, jerk = h.yp[FLIGHT, rates + GAP], h.ypp[FLIGHT, rates + GAP]
     if gap > 0.0:  # begun in the air, not at a contact
         if acceleration >= 0.0:
-            return np.inf, np.inf
-        return math.sqrt(2.0 * gap / -acceleration), gap + 0.5 * rate * rate / -acceleration
-    return excursion(rate, acceleration, jerk, snap(h, small) if rate == 0.0 else 0.0)  # a rebound does not need it
+            return np.inf, np.inf, False
+        return math.sqrt(2.0 * gap / -acceleration), gap + 0.5 * rate * rate / -acceleration, False
+    duration, height = excursion(
+        rate, acceleration, jerk, snap(h, small) if rate == 0.0 else 0.0
+    )  # a rebound does not need it
+    return duration, height, rate > 0.0 and abs(jerk) * duration <= STEADY * -acceleration
 
 
 @inlined
@@ -295,7 +305,7 @@ def conclude(h: Hybrid, tape: Tape, stop: int) -> None:
     elif stop == AT_GUARD:
         tape.y[last, GAP] = 0.0  # the root is found to round-off
     ends = stop == AT_TIME and h.flags[ENDS] == 1
-    close_piece(h, tape, h.clock[DURATION] if ends else h.clock[ORIGIN] + tape.t[last])
+    close_piece(h, tape, h.clock[DURATION] if ends else h.clock[ORIGIN] + tape.t[last], False)
     if h.flags[OUTCOME] != RUNNING:
         return
     if ends:
@@ -353,13 +363,13 @@ def refine(h: Hybrid, tape: Tape) -> None:
 
 
 @compiled
-def close_piece(h: Hybrid, tape: Tape, end: float) -> None:
-    """Add the open piece to the sums and to the list of pieces, and move to its end."""
+def close_piece(h: Hybrid, tape: Tape, end: float, cut: bool) -> None:
+    """Add the open piece to the sums and to the list of pieces, and move to its end, where it may only be cut."""
     mode = h.flags[MODE]
     system = h.systems[mode]
     first, last = tape.used[tp.FIRST], tape.used[tp.ROWS] - 1
     if SIZES[system] > DIFFERENTIAL[system]:
-        tp.calm(tape, SIZES[system] - 1)
+        tp.calm(tape, SIZES[system] - 1, h.flags[JOINED_ON] != _CUT, not cut)
     m.accumulate(h.measures, tape, system, mode == FLIGHT, h.clock[ORIGIN], h.turns, h.p)
     piece = tape.pieces[tape.used[tp.PIECES]]
     piece[tp.FIRST_ROW], piece[tp.LAST_ROW], piece[tp.SYSTEM] = first, last, system
@@ -377,8 +387,8 @@ def close_piece(h: Hybrid, tape: Tape, end: float) -> None:
 def split_piece(h: Hybrid, tape: Tape) -> None:
     """Close the open piece of a tape that is full; the next goes on from its last row."""
     last = tape.used[tp.ROWS] - 1
-    close_piece(h, tape, h.clock[ORIGIN] + tape.t[last])
-    h.flags[JOINED_ON] = 1
+    close_piece(h, tape, h.clock[ORIGIN] + tape.t[last], True)
+    h.flags[JOINED_ON] = _CUT
     tape.used[tp.FIRST] = last
 
 
@@ -446,7 +456,7 @@ def close_impacts(h: Hybrid, tape: Tape) -> None:
     gather(system, after, start)
     copy(start[size // 2 :], slope)
     tp.write(tape, duration, start, slope)
-    close_piece(h, tape, h.clock[NOW] + duration)
+    close_piece(h, tape, h.clock[NOW] + duration, False)
     copy(after, h.state)
     if not prepare(h, ATTACHED):
         return

@@ -332,12 +332,9 @@ class NativeEngine:
         """Why the integrator failed."""
         flag = int(self._n.status[FLAG])
         if flag >= 0:
-            stuck = self._n.status[STEPS_MARK] > self._n.status[MOST_STEPS]
-            return (
-                f"SUNDIALS: more than {self._n.status[MOST_STEPS]} steps within a period"
-                if stuck
-                else "the state is not finite"
-            )
+            most = int(self._n.status[MOST_STEPS])
+            stuck = self._n.status[STEPS_MARK] > most
+            return f"SUNDIALS: more than {most} steps within a period" if stuck else "the state is not finite"
         if flag in _CALLBACK_FAILURES:
             return "the residual is not finite"
         return f"SUNDIALS: {_MEANINGS.get(flag, 'failure')} (flag {flag})"

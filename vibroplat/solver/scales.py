@@ -61,17 +61,22 @@ def absolute_tolerances(scene: Scene, system: System) -> FloatArray:
 
 
 @compiled
-def halvings(height: float, scale: float) -> int:
+def halvings(tolerance: float, height: float, scale: float, sure: bool) -> int:
     """How often the gap rate's tolerance is halved in a flight much lower than the scale of lengths.
 
     An absolute error of the gap moves a landing at speed v by its ratio to v, so the many low flights
     of accumulating impacts need a gap as accurate against their own height: its tolerance is divided by
-    4ⁿ, that of its rate by 2ⁿ. Gap and rate are integrated from 0 and keep their digits however low a flight is.
+    4ⁿ, that of its rate by 2ⁿ. Gap and rate are integrated from 0 and keep their digits however low a
+    flight is; one that may rise higher than expected must not be asked for more than round-off leaves of it.
 
     Parameters
     ----------
+    tolerance
+        That of the run.
     height, scale
         Expected height of the flight and scale of the gap (m).
+    sure
+        Whether the flight is known to be that low.
     """
-    share = max(height / scale, 4.0**-MOST_HALVINGS)
-    return int(-0.5 * math.log2(share)) if share < 1.0 else 0
+    share = max(height / scale, 4.0**-MOST_HALVINGS if sure else ROUND_OFF / tolerance)
+    return min(int(-0.5 * math.log2(share)), MOST_HALVINGS) if share < 1.0 else 0

@@ -7,7 +7,7 @@ import math
 import os
 import threading
 from collections.abc import Callable
-from contextlib import redirect_stdout
+from contextlib import redirect_stdout, suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -45,9 +45,11 @@ _ROOT = 2
 #: What scikit-sundae counts.
 COUNTED = WORK[:3]
 
-#: Residual calls in one segment, or in all those of a period, after which the integrator is taken to be stuck; usual
-#: are some 10⁴.
+#: Residual calls within a period after which the integrator is taken to be stuck; usual are some 10³.
 MAX_CALLS = 300_000
+
+#: Share of the way to a failure that is gone again, to have what was before it.
+ALMOST = 0.999
 
 _SOLVING = threading.Lock()
 
@@ -55,16 +57,33 @@ _SOLVING = threading.Lock()
 class _NonFiniteError(ArithmeticError):
     """A residual that is not finite, raised through the callback."""
 
+    stop, detail = NOT_FINITE, "the residual is not finite"
+
 
 class _StuckError(RuntimeError):
     """More residual calls than any segment or period needs, raised through the callback."""
 
+    stop, detail = FAILED, f"SUNDIALS: more than {MAX_CALLS} residual calls within a period"
+
 
 @dataclass
 class _Budget:
-    """Residual calls left; apart from the engine, so that callbacks make no reference cycle."""
+    """Residual calls left within a period; apart from the engine, so that callbacks make no reference cycle."""
 
+    period: float = math.inf
     left: int = MAX_CALLS
+    origin: float = 0.0
+    since: float = 0.0
+    reached: float = 0.0
+
+    def count(self, t: float) -> None:
+        """Count a call at a time of the segment; raises where there are too many."""
+        self.reached = max(self.reached, t)
+        self.left -= 1
+        if self.left < 0:
+            if self.origin + t - self.since < self.period:
+                raise _StuckError
+            self.left, self.since = MAX_CALLS, self.origin + t
 
 
 @dataclass(frozen=True)
@@ -125,7 +144,6 @@ class SundaeEngine:
         self._p = p
         self._adams = scene.adams_modes
         self._budget = _Budget()
-        self._since: float | None = None  # when in the run the budget was last filled up
         self._integrators: dict[tuple[int, bytes, float], _Integrator] = {}
 
     def advance(self, h: Hybrid) -> Tape:
@@ -136,24 +154,20 @@ class SundaeEngine:
         system = SYSTEMS[h.systems[mode]]
         start, slope = h.y[mode, : system.size].copy(), h.yp[mode, : system.size].copy()
         integrator = self._integrator(system, h.atol[: system.size].copy(), float(h.clock[FIRST_STEP]))
-        t, y, yp, stop = np.zeros(1), start[np.newaxis], slope[np.newaxis], FAILED
-        if self._since is None or h.clock[ORIGIN] - self._since >= h.clock[PERIOD]:
-            self._since, self._budget.left = float(h.clock[ORIGIN]), MAX_CALLS
+        t, y, yp = np.zeros(1), start[np.newaxis], slope[np.newaxis]
+        budget = self._budget
+        budget.period, budget.origin, budget.reached = float(h.clock[PERIOD]), float(h.clock[ORIGIN]), 0.0
+        result = None
         try:
-            # scikit-sundae prints what the status says as well; standard output is that of all threads, and
-            # callbacks hold the interpreter's lock, so that waiting for each other costs them nothing
-            with _SOLVING, redirect_stdout(io.StringIO()):
-                result = integrator.solve(float(h.clock[UNTIL]), start, slope)
-        except _NonFiniteError:
-            stop, self.detail = NOT_FINITE, "the residual is not finite"
-        except _StuckError:
-            self.detail = f"SUNDIALS: no end of the segment within {MAX_CALLS} residual calls"
+            result = self._solve(integrator, float(h.clock[UNTIL]), start, slope)
+        except (_NonFiniteError, _StuckError) as error:
+            stop, self.detail = error.stop, error.detail
+            result = self._until_then(integrator, start, slope)
         else:
-            t, y, yp = result.t, result.y, integrator.slopes(result)
             stop, self.detail = _stop(result)
+        if result is not None:
+            t, y, yp = result.t, result.y, integrator.slopes(result)
             self._count(result)
-        finally:
-            integrator.forget_events()
         whole = np.isfinite(y.sum(axis=1)) & np.isfinite(yp.sum(axis=1))
         rows = len(t) if whole.all() else int(np.argmin(whole))
         tape = blank_tape(rows + MARGIN)
@@ -162,6 +176,24 @@ class SundaeEngine:
             stop = AT_GUARD
         conclude(h, tape, stop)
         return tape
+
+    def _solve(self, integrator: _Integrator, until: float, start: FloatArray, slope: FloatArray) -> Any:
+        """Integrate from a segment's start until a time in it, or the guard."""
+        try:
+            # scikit-sundae prints what the status says as well; standard output is that of all threads, and
+            # callbacks hold the interpreter's lock, so that waiting for each other costs them nothing
+            with _SOLVING, redirect_stdout(io.StringIO()):
+                return integrator.solve(until, start.copy(), slope.copy())
+        finally:
+            integrator.forget_events()
+
+    def _until_then(self, integrator: _Integrator, start: FloatArray, slope: FloatArray) -> Any:
+        """Repeat a segment that has failed until shortly before, for what there was; None if there was nothing."""
+        until, self._budget.left = ALMOST * self._budget.reached, MAX_CALLS
+        if until > 0.0:
+            with suppress(_NonFiniteError, _StuckError):
+                return self._solve(integrator, until, start, slope)
+        return None
 
     @property
     def work(self) -> dict[str, int | None]:
@@ -192,9 +224,7 @@ class SundaeEngine:
         def residual(t: float, y: FloatArray, yp: FloatArray, res: FloatArray) -> None:
             if not residual_kernel(y, yp, res, p):
                 raise _NonFiniteError
-            budget.left -= 1
-            if budget.left < 0:
-                raise _StuckError
+            budget.count(t)
 
         def jacobian(t: float, y: FloatArray, yp: FloatArray, res: FloatArray, cj: float, jac: FloatArray) -> None:
             jacobian_kernel(y, yp, cj, jac, p)
@@ -219,9 +249,7 @@ class SundaeEngine:
         def right_hand_side(t: float, y: FloatArray, yp: FloatArray) -> None:
             if not explicit(number, y, yp, room, p):
                 raise _NonFiniteError
-            budget.left -= 1
-            if budget.left < 0:
-                raise _StuckError
+            budget.count(t)
 
         options: dict[str, Any] = {
             "method": "Adams",

@@ -115,13 +115,16 @@ def cut_at_fall(tape: Tape, guard: int) -> bool:
 
 
 @compiled
-def calm(tape: Tape, force: int) -> None:
+def calm(tape: Tape, force: int, begins: bool, ends: bool) -> None:
     """Limit the slopes of F_c in the open piece, so that its interpolant does not leave what its values say.
 
     F_c is not integrated: a stiff layer or motor turns errors of rates, which the tolerance allows, into larger
     ones of F_c and much larger ones of its slope. A slope that belongs to the values is at most about the
     larger of the secants beside it. What is 0 or more at both ends of a step stays so within it where slopes
     are at least −3 F_c/h at its beginning and at most 3 F_c/h at its end (Schmidt and Hess 1988).
+
+    ``begins`` and ``ends`` say whether contact does so with the piece; where a piece was only cut, the secant on
+    the other side is not known.
     """
     t, y, yp = tape.t, tape.y, tape.yp
     first, last = tape.used[FIRST], tape.used[ROWS] - 1
@@ -133,6 +136,8 @@ def calm(tape: Tape, force: int) -> None:
             steepest = abs(y[k, force] - y[k - 1, force]) / before
         if after > 0.0:
             steepest = max(steepest, abs(y[k + 1, force] - y[k, force]) / after)
+        if (k == first and not begins) or (k == last and not ends):
+            steepest = np.inf
         slope = min(max(yp[k, force], -3.0 * steepest), 3.0 * steepest)
         value = max(y[k, force], 0.0)
         if after > 0.0:

@@ -1,43 +1,6 @@
 """Numerical stability under stress: one module for each kind of situation, each scene with its check.
 
 A situation is a function of a number of scenes that returns a row for each: what was measured, what is
-allowed of it (:mod:`vibroplat.bench.stability.checks`), and what is beyond. Add one here and it is run by
-``vibroplat bench stability`` and, with few scenes, by the tests.
+allowed of it (:mod:`vibroplat.bench.stability.checks`), and what is beyond. What stands in
+:mod:`vibroplat.bench.stability.situations` is run by ``vibroplat bench stability`` and, with few scenes, by the tests.
 """
-
-from __future__ import annotations
-
-from collections.abc import Callable
-from typing import Any, NamedTuple
-
-from vibroplat.bench.stability.accumulation import accumulation, elastic
-from vibroplat.bench.stability.campaign import campaign
-from vibroplat.bench.stability.endurance import endurance
-from vibroplat.bench.stability.grazing import grazing
-from vibroplat.bench.stability.invariance import invariance
-from vibroplat.bench.stability.layers import layers
-from vibroplat.bench.stability.release import release
-from vibroplat.bench.stability.starting import starting
-from vibroplat.bench.stability.units import units
-
-
-class Situation(NamedTuple):
-    """What to run, and with how many scenes (turns, of ``endurance``): for the tests, and for the report."""
-
-    run: Callable[[int], list[dict[str, Any]]]
-    few: int
-    all: int
-
-
-SITUATIONS: dict[str, Situation] = {
-    "grazing": Situation(grazing, 40, 200),
-    "release": Situation(release, 25, 500),
-    "accumulation": Situation(accumulation, 20, 190),
-    "elastic": Situation(elastic, 12, 80),
-    "layers": Situation(layers, 60, 1500),
-    "starting": Situation(starting, 6, 18),
-    "endurance": Situation(endurance, 3_000, 3_000_000),
-    "invariance": Situation(invariance, 13, 52),
-    "units": Situation(units, 40, 198),
-    "campaign": Situation(campaign, 200, 10_000),
-}

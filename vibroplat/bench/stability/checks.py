@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import closing
-from typing import Any
+from typing import Any, TypeVar
 
+import numpy as np
 import pandas as pd
 
 from vibroplat.physics.parameters import parameters
@@ -17,8 +18,10 @@ from vibroplat.solver.motion import OUTCOMES, Motion
 from vibroplat.solver.scales import RATE_SHARE, state_scales
 from vibroplat.solver.summary import measured
 
-#: A measured figure and the most that it may be.
-Limit = tuple[float, float]
+T = TypeVar("T")
+
+#: A measured figure, None or nan where there is none, and the most that it may be.
+Limit = tuple[float | None, float]
 
 #: Energy residual over tolerance and steps that is allowed: each step may be off by about the tolerance, and the
 #: errors of all may add up. In a campaign of 10 000 random scenes the largest is 1.7, the median 6e-4.
@@ -27,6 +30,8 @@ ENERGY = 5.0
 MOMENTUM = 5.0
 #: Gap below zero, and contact force below zero, over the tolerance in units of their scales.
 GAP_BELOW, PULL = 1.0, 10.0
+#: Contact force below zero, over the force scale, that is allowed at most.
+PULL_MOST = 0.05
 
 
 def sound(scene: Scene, summary: Mapping[str, Any]) -> dict[str, Limit]:
@@ -83,7 +88,7 @@ def row(name: str, outcome: str, limits: Mapping[str, Limit], *, allowed: Iterab
     """
     shares = {key: _share(*limit) for key, limit in limits.items()}
     worst = max(shares, key=lambda key: shares[key], default="")
-    failed = [f"{key} {limits[key][0]:.3g}, allowed {limits[key][1]:.3g}" for key, share in shares.items() if share > 1]
+    failed = [f"{key} {_number(limits[key][0])}, allowed {limits[key][1]:.3g}" for key, s in shares.items() if s > 1]
     if outcome not in allowed:
         failed.insert(0, f"outcome {outcome}")
     figures = {key: value for key, (value, _) in limits.items()}
@@ -115,7 +120,23 @@ def overview(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def _share(value: float, limit: float) -> float:
-    if not math.isfinite(value):
+def off(found: float | None, expected: float | None) -> float:
+    """Relative difference of two figures; where nothing is expected, what is found instead."""
+    if found is None or expected is None:
+        return 0.0 if found == expected else math.nan
+    return abs(found / expected - 1.0) if expected else abs(found)
+
+
+def spread_over(items: Sequence[T], count: int) -> list[T]:
+    """Choose so many of a list, from its whole length."""
+    return [items[i] for i in np.unique(np.linspace(0, len(items) - 1, min(count, len(items))).astype(int))]
+
+
+def _share(value: float | None, limit: float) -> float:
+    if value is None or not math.isfinite(value):
         return math.inf
     return value / limit if limit > 0.0 else (math.inf if value > 0.0 else 0.0)
+
+
+def _number(value: float | None) -> str:
+    return "none" if value is None else f"{value:.3g}"

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import resource
 from contextlib import closing
-from typing import Any
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -13,9 +14,11 @@ from vibroplat.bench.scenes import kinds
 from vibroplat.bench.stability.checks import ENERGY, Limit, row
 from vibroplat.physics.parameters import parameters
 from vibroplat.scene import Scene
+from vibroplat.solver import hybrid as hy
 from vibroplat.solver.engines import make_engine
 from vibroplat.solver.motion import Motion
 from vibroplat.solver.summary import measured
+from vibroplat.solver.tape import Tape
 
 #: The scenes: one without events, one with an impact in each turn, one with impacts that close.
 SCENES = ("bare, f_e 50", "attached, f_e 46", "impacts, f_e 50")
@@ -27,6 +30,8 @@ SAME = 1e-4
 GROWTH = 2.0
 #: Growth of the memory that is allowed over a run (KiB).
 MEMORY = 1024.0
+#: Relative change of the time between impacts from part to part.
+INTERVAL = 2e-5
 TOLERANCE = 1e-6
 
 
@@ -44,13 +49,15 @@ def _long(name: str, scene: Scene, turns: float) -> dict[str, Any]:
     with closing(make_engine(scene, p)) as engine:
         motion = Motion(scene, p, engine)
         motion.go_on(max(10.0, 0.1 * seconds))  # settles
-        memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        memory = _resident()
         steps = engine.work["steps"] or 0
         for _ in range(PARTS):
-            found = measured(motion.go_on(seconds))
+            times = Impacts([])
+            found = measured(motion.go_on(seconds, read=times.read))
+            found["interval_spread"] = times.spread
             steps, before = engine.work["steps"] or 0, steps
             parts.append(found | {"steps": steps - before})
-        memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - memory
+        memory = _resident() - memory
         outcome, state = motion.outcome, motion.automaton.state
     limits: dict[str, Limit] = {
         "memory_growth_kib": (memory, MEMORY),
@@ -63,10 +70,39 @@ def _long(name: str, scene: Scene, turns: float) -> dict[str, Any]:
             limits[f"{key}_drift"] = (_spread(parts, key, parts[0][key]), SAME)
     if scene.has_contact:
         lost = max(abs(found["liftoffs"] - found["impacts"]) for found in parts)
+        if parts[0]["impacts"]:
+            # times of impacts lose digits as time goes on, and must not lose more
+            limits["interval_spread"] = (parts[-1]["interval_spread"], parts[0]["interval_spread"] + INTERVAL)
         limits["events_lost"] = (lost if parts[0]["liftoffs"] else 0.0, 1.0)
         limits["gap_below_m"] = (abs(min(found["gap_min_m"] for found in parts)), 0.0)
     total = PARTS * seconds
     return row(f"{name}, {turns:.0f} turns, {total:.0f} s", outcome, limits)
+
+
+class Impacts(NamedTuple):
+    """Times of impacts (s), as a motion tells of them."""
+
+    times: list[float]
+
+    def read(self, _: Tape, h: hy.Hybrid) -> None:
+        """Add those in the list of events."""
+        rows = h.events[: h.flags[hy.EVENTS]]
+        self.times.extend(rows[rows[:, hy.KIND] == hy.IMPACT, hy.T].tolist())
+
+    @property
+    def spread(self) -> float:
+        """Largest difference of the time between impacts from its median, relative."""
+        between = np.diff(self.times)
+        return float(np.abs(between / np.median(between) - 1.0).max()) if len(between) else 0.0
+
+
+def _resident() -> float:
+    """Memory in use (KiB), or the most so far where the system does not tell."""
+    try:
+        pages = int(Path("/proc/self/statm").read_text(encoding="utf-8").split()[1])
+    except OSError:
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return pages * resource.getpagesize() / 1024.0
 
 
 def _growth(parts: list[dict[str, Any]]) -> float:

@@ -20,6 +20,8 @@ CLOSE, USUAL = 1e-11, 1e-6
 ATTACHED = (47.2, 48.2)
 #: Seconds until the start has died out, and those that are measured.
 SETTLE, MEASURE = 10.0, 0.5
+#: Flights that are longer than this share of a turn are not missed at the usual tolerance either.
+SEEN = 0.01
 #: Relative error of a flight's share of a turn: what an error of 8e-9 of F_c's amplitude makes of the shortest ones,
 #: and what the parabola leaves of the longest.
 LEAST, SHORT, LONG = 2e-4, 4e-9 / (0.5 * (0.5 * math.pi) ** 2), 0.02
@@ -54,8 +56,9 @@ def judged(case: Scene, fraction: float) -> dict[str, Any]:
         "impacts_too_many": (found["impacts"] - turns, 1.0),
         **sound(case, found),
     }
-    if close:
+    if close or fraction > SEEN:
         limits["liftoffs_missed"] = (turns - found["liftoffs"], 1.0)
+    if close:
         # of the part: the share over whole turns weighs a single flight too much
         error = abs(found["flight_fraction"] / fraction - 1.0)
         limits["fraction_error"] = (error, LEAST + SHORT / fraction**2 + LONG * fraction)

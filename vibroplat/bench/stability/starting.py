@@ -96,6 +96,10 @@ SITUATIONS: dict[str, tuple[dict[str, Any], Check]] = {
         {"drive.supply_frequency_hz": 54.0, "motors": [{"critical_torque_n_m": 2.4}, {"critical_torque_n_m": 0.0}]},
         _maintained,
     ),
+    "a motor that cannot keep step": (
+        {"drive.supply_frequency_hz": 46.0, "motors": [{"critical_torque_n_m": 2.4}, {"critical_torque_n_m": 0.0}]},
+        _apart,
+    ),
     "motors of different poles": (
         {"drive.supply_frequency_hz": 46.0, "motors": [{"pole_pairs": 2}, {"pole_pairs": 3}]},
         _apart,

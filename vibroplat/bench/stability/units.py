@@ -6,7 +6,7 @@ from itertools import product
 from typing import Any, NamedTuple
 
 from vibroplat.bench.scenes import kinds
-from vibroplat.bench.stability.checks import Limit, row, sound
+from vibroplat.bench.stability.checks import Limit, off, row, sound, spread_over
 from vibroplat.scene import Scene
 from vibroplat.solver.run import simulate
 
@@ -66,9 +66,8 @@ def units(count: int) -> list[dict[str, Any]]:
     scenes = {name: scene.replace(changes) for name, scene in kinds(TOLERANCE, 1.0).items()}
     expected = {name: simulate(scene, keep="summary").summary for name, scene in scenes.items()}
     others = [other for other in CHOICES if other != Units(1.0, 1.0, 1.0)]
-    for other, (name, scene) in product(others, scenes.items()):
-        if len(rows) < count:
-            rows.append(_compared(name, converted(scene, other), other, expected[name]))
+    for other, (name, scene) in spread_over(list(product(others, scenes.items())), count):
+        rows.append(_compared(name, converted(scene, other), other, expected[name]))
     return rows
 
 
@@ -93,9 +92,9 @@ def _compared(name: str, scene: Scene, other: Units, expected: dict[str, Any]) -
     summary = simulate(scene, keep="summary").summary
     limits: dict[str, Limit] = {}
     for key, (mass, length, time) in DIMENSIONS.items():
-        if expected[key]:
-            value = summary[key] / (other.mass**mass * other.length**length * other.time**time)
-            limits[f"{key}_off"] = (abs(value / expected[key] - 1.0), ROUNDING)
+        unit = other.mass**mass * other.length**length * other.time**time
+        value = None if summary[key] is None else summary[key] / unit
+        limits[f"{key}_off"] = (off(value, expected[key]), ROUNDING)
     share = abs(summary["steps"] / expected["steps"] - 1.0)
     limits["steps_off"] = (share, STEPS)
     label = f"{name}: masses × {other.mass:g}, lengths × {other.length:g}, times × {other.time:g}"
