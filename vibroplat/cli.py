@@ -90,8 +90,12 @@ def main() -> None:
     signal.signal(signal.SIGTERM, _end)  # workers are stopped on the way out
     try:
         code = app(standalone_mode=False)
+        sys.stdout.flush()
     except VibroplatError as error:
         sys.exit(_complain(str(error), error.exit_code))
+    except OSError as error:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # what is left has nowhere to go
+        sys.exit(_complain(f"standard output cannot be written: {error.strerror or error}", 1))
     except Exception as error:
         # the base of typer's usage errors is not public; this method is what marks them
         if not hasattr(error, "format_message"):
@@ -138,7 +142,7 @@ def run(
     """Integrate one scene in time; write trajectory, events, summary and provenance."""
     from vibroplat.config import load_config, parse_overrides
     from vibroplat.provenance import provenance
-    from vibroplat.tables import result_directory, write_json, write_table
+    from vibroplat.tables import result_directory, write_result
 
     scene = load_config(config, parse_overrides(set_ or []))
     directory = result_directory(out, scene.name)
@@ -147,10 +151,9 @@ def run(
         from vibroplat.solver.run import simulate
 
         result = simulate(scene, progress=report)
-    write_table(result.trajectory, directory, "trajectory", format_.value)
-    write_table(result.events, directory, "events", format_.value)
-    write_json(provenance(scene, result.summary["engine"]), directory, "provenance")
-    write_json(result.summary, directory, "summary")
+    tables = {"trajectory": result.trajectory, "events": result.events}
+    documents = {"provenance": provenance(scene, result.summary["engine"]), "summary": result.summary}
+    write_result(directory, tables, documents, format_.value)
     _print_summary(result, directory)
     if result.outcome != "ok":
         print(f"vibroplat: {result.outcome}: {result.summary['detail']}", file=sys.stderr)
@@ -170,6 +173,7 @@ def sweep(
 ) -> None:
     """Sweep over supply frequencies and a grid of values; write a row for each point."""
     from vibroplat.config import load_config, parse_overrides
+    from vibroplat.provenance import read_provenance
     from vibroplat.study.branches import branches
     from vibroplat.study.store import Store
     from vibroplat.tables import read_table, result_directory
@@ -177,6 +181,8 @@ def sweep(
     scene = load_config(config, parse_overrides(set_ or []))
     planned = branches(scene)
     directory = result_directory(out, scene.name)
+    if resume and (directory / "provenance.json").exists():
+        read_provenance(directory)
     from vibroplat.study import report
     from vibroplat.study.execution import pool
     from vibroplat.study.sweep import conditions, run_sweeps

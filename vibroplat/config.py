@@ -13,6 +13,7 @@ from ruamel.yaml.constructor import DuplicateKeyError
 from ruamel.yaml.error import MarkedYAMLError, ReusedAnchorWarning
 
 from vibroplat.errors import ConfigError
+from vibroplat.messages import short
 from vibroplat.overrides import merge, nest
 from vibroplat.scene import Scene
 
@@ -117,7 +118,7 @@ def _read_chain(file: Path, above: tuple[Path, ...]) -> dict[str, Any]:
     if base is None:
         return tree
     if not isinstance(base, str) or not base:
-        raise ConfigError(f"{file}: extends = {base!r}; allowed: the name of a file")
+        raise ConfigError(f"{file}: extends = {short(base)}; allowed: the name of a file")
     below = _read_chain(file.parent / base, (*above, place))
     below.pop("name", None)  # a file that extends another is another scene
     return merge(below, tree)
@@ -125,9 +126,13 @@ def _read_chain(file: Path, above: tuple[Path, ...]) -> dict[str, Any]:
 
 def _text(file: Path) -> str:
     try:
-        if file.stat().st_size > MAX_BYTES:
+        if not (file.is_file() or file.is_dir()) and file.exists():  # a device or a pipe may have no end
+            raise ConfigError(f"{file}: not a file")
+        with file.open("rb") as opened:  # what a file of /proc says of its size is 0
+            content = opened.read(MAX_BYTES + 1)
+        if len(content) > MAX_BYTES:
             raise ConfigError(f"{file}: larger than {MAX_BYTES} bytes; not a configuration")
-        return file.read_text(encoding="utf-8")
+        return content.decode("utf-8").replace("\r\n", "\n").replace("\r", "\n")
     except FileNotFoundError:
         raise ConfigError(f"{file}: no such file") from None
     except UnicodeDecodeError:

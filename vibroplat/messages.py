@@ -54,7 +54,7 @@ def _complaint(entry: Any, model: type[BaseModel]) -> str:
         return f"{prefix}{entry['ctx']['error']}"
     template = _PLAIN.get(entry["type"])
     allowed = template.format(**entry.get("ctx", {})) if template else entry["msg"]
-    return f"{key} = {_short(entry['input'])}; allowed: {allowed}"
+    return f"{key} = {short(entry['input'])}; allowed: {allowed}"
 
 
 def unknown_key(path: list[str], known: list[str]) -> str:
@@ -85,6 +85,10 @@ def _section_type(annotation: Any) -> type[BaseModel] | None:
     return None
 
 
-def _short(value: Any) -> str:
-    text = " ".join(repr(value).split())
+def short(value: Any) -> str:
+    """Write a value for a line."""
+    try:
+        text = " ".join(repr(value).split())
+    except ValueError:  # Python writes no whole number of more than 4300 digits
+        text = "a number of thousands of digits"
     return text if len(text) <= 60 else text[:57] + "..."

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import BeforeValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from vibroplat.fields import LARGEST, LEAST, Positive, Section, Share
+from vibroplat.messages import short
 
 Direction = Literal["up", "down"]
 
 #: Points of a branch.
 MAX_FREQUENCIES = 100_000
+#: Combinations of the grid's values.
+MAX_COMBINATIONS = 10_000
 
 
 def _as_list(value: Any) -> Any:
@@ -84,11 +88,18 @@ class Sweep(Section):
 
     @model_validator(mode="after")
     def _scene_keys(self) -> Self:
+        found = math.prod(map(len, self.grid.values()))
+        if found > MAX_COMBINATIONS:
+            raise ValueError(f"grid makes {found} combinations; allowed: at most {MAX_COMBINATIONS}")
         for key, values in self.grid.items():
+            if not key.isascii():
+                raise ValueError(f"grid.{key!a} is no key of a scene; allowed: keys of machine, material, …")
             if key.split(".")[0] in ("sweep", "name", "output", "run") or key == "drive.supply_frequency_hz":
                 raise ValueError(f"grid.{key} cannot be a key of the grid; allowed: keys of machine, material, …")
+            if any(isinstance(value, int | float) and not abs(value) <= LARGEST for value in values):
+                raise ValueError(f"grid.{key} = {short(values)}; allowed: numbers up to {LARGEST:g}")
             if len(set(values)) < len(values):  # 0 and 0.0 are the same
-                raise ValueError(f"grid.{key} = {values}; allowed: each value once")
+                raise ValueError(f"grid.{key} = {short(values)}; allowed: each value once")
         several = [values for values in self.grid.values() if len(values) > 1]
         if self.kind == "map" and (len(several) != 1 or any(isinstance(v, str | bool) for v in several[0])):
             raise ValueError("kind = map needs one key of the grid with several numbers; allowed: one such key")

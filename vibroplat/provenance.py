@@ -12,8 +12,10 @@ from pathlib import Path
 from typing import Any
 
 import vibroplat
+from vibroplat.errors import TableError
 from vibroplat.scene import Scene
 from vibroplat.solver.sundials import UnavailableError, configuration
+from vibroplat.tables import read_json
 
 #: Version of what result directories hold; raised when a reader of older ones would misread it.
 SCHEMA = 1
@@ -38,6 +40,15 @@ def provenance(scene: Scene, engine: str) -> dict[str, Any]:
         "libraries": {name: _version(name) for name in _LIBRARIES},
         "configuration": scene.to_tree(),
     }
+
+
+def read_provenance(directory: Path) -> dict[str, Any]:
+    """Return where results come from; refuse those of a version that this one does not read."""
+    origin = read_json(directory, "provenance")
+    found = origin.get("schema") if isinstance(origin, dict) else None
+    if type(found) is not int or found != SCHEMA:
+        raise TableError(f"{directory} holds results of schema {found}; this version reads schema {SCHEMA}")
+    return dict(origin)
 
 
 def configuration_hash(scene: Scene) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import tempfile
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, Literal
 
@@ -14,6 +14,7 @@ import pandas as pd
 from vibroplat.errors import TableError
 
 Format = Literal["parquet", "csv"]
+Writer = Callable[[Path], object]
 FORMATS: tuple[Format, ...] = ("parquet", "csv")
 
 
@@ -41,12 +42,22 @@ def write_table(table: pd.DataFrame, directory: Path, name: str, form: Format) -
     CSV holds the shortest text of each number that reads back as the same number.
     """
     path = directory / f"{name}.{form}"
-    if form == "parquet":
-        _replace(path, lambda temporary: table.to_parquet(temporary, index=False))
-    else:
-        _replace(path, lambda temporary: table.to_csv(temporary, index=False))
+    replace_files({path: _table_writer(table, form)})
     _drop_other_formats(directory, name, form)
     return path
+
+
+def write_result(
+    directory: Path, tables: Mapping[str, pd.DataFrame], documents: Mapping[str, Any], form: Format
+) -> None:
+    """Write tables like :func:`write_table` and documents like :func:`write_json`, all of them or none.
+
+    Whoever is killed in between leaves a set whose last ones are absent, never one of old and new.
+    """
+    writers = {directory / f"{name}.{form}": _table_writer(table, form) for name, table in tables.items()}
+    replace_files(writers | {directory / f"{name}.json": _json_writer(value) for name, value in documents.items()})
+    for name in tables:
+        _drop_other_formats(directory, name, form)
 
 
 def write_tables(parts: Iterable[pd.DataFrame], directory: Path, name: str, form: Format) -> Path:
@@ -55,7 +66,7 @@ def write_tables(parts: Iterable[pd.DataFrame], directory: Path, name: str, form
     The parts have the same columns and types; each becomes a row group of a Parquet file.
     """
     path = directory / f"{name}.{form}"
-    _replace(path, lambda temporary: (_write_row_groups if form == "parquet" else _write_lines)(parts, temporary))
+    replace_files({path: lambda to: (_write_row_groups if form == "parquet" else _write_lines)(parts, to)})
     _drop_other_formats(directory, name, form)
     return path
 
@@ -69,8 +80,7 @@ def remove_table(directory: Path, name: str) -> None:
 def write_json(value: Any, directory: Path, name: str) -> Path:
     """Write ``name.json``; numbers that are not finite are refused."""
     path = directory / f"{name}.json"
-    text = json.dumps(value, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
-    _replace(path, lambda temporary: temporary.write_text(text, encoding="utf-8"))
+    replace_files({path: _json_writer(value)})
     return path
 
 
@@ -99,7 +109,7 @@ def read_json(directory: Path, name: str) -> Any:
         return json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise TableError(f"{directory} holds no {name}.json") from None
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise TableError(f"{path} cannot be read: {' '.join(str(error).split())}") from None
 
 
@@ -137,16 +147,64 @@ def _remove(path: Path) -> None:
         raise TableError(f"{path} cannot be removed: {error.strerror or error}") from None
 
 
-def _replace(path: Path, write: Callable[[Path], object]) -> None:
-    """Write to a temporary name beside ``path`` and rename it there."""
-    handle, name = tempfile.mkstemp(prefix=f".{path.stem}-", suffix=path.suffix, dir=path.parent)
-    os.close(handle)
-    temporary = Path(name)
+def replace_files(writers: Mapping[Path, Writer]) -> None:
+    """Write files to temporary names beside them, and rename them there once all are written.
+
+    Of several, those after the first are taken away before the first is renamed.
+
+    Raises
+    ------
+    TableError
+        One cannot be written; all are then as they were.
+    """
+    temporaries: dict[Path, Path] = {}
+    path = next(iter(writers))
     try:
-        write(temporary)
-        temporary.chmod(0o644)
-        os.replace(temporary, path)
+        for path, write in writers.items():
+            temporaries[path] = _temporary(path)
+            write(temporaries[path])
+            temporaries[path].chmod(0o644)
+        for path in list(writers)[1:]:
+            path.unlink(missing_ok=True)
+        for path, temporary in temporaries.items():
+            os.replace(temporary, path)
     except OSError as error:
         raise TableError(f"{path} cannot be written: {error.strerror or error}") from None
     finally:
-        temporary.unlink(missing_ok=True)
+        for temporary in temporaries.values():
+            temporary.unlink(missing_ok=True)
+
+
+def _temporary(path: Path) -> Path:
+    """Make an empty file beside another, named by this process; those of processes that were killed are removed."""
+    for old in path.parent.glob(f".{path.stem}-*-*"):
+        owner = old.name.removeprefix(f".{path.stem}-").partition("-")[0]
+        if owner.isdecimal() and not _runs(int(owner)):
+            old.unlink(missing_ok=True)
+    handle, name = tempfile.mkstemp(prefix=f".{path.stem}-{os.getpid()}-", suffix=path.suffix, dir=path.parent)
+    os.close(handle)
+    return Path(name)
+
+
+def _runs(process: int) -> bool:
+    """Whether a process is there; where the system has no harmless way to ask, it is taken to be."""
+    if os.name != "posix":
+        return True
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except OSError:
+        pass
+    return True
+
+
+def _table_writer(table: pd.DataFrame, form: Format) -> Writer:
+    if form == "parquet":
+        return lambda path: table.to_parquet(path, index=False)
+    return lambda path: table.to_csv(path, index=False)
+
+
+def _json_writer(value: Any) -> Writer:
+    text = json.dumps(value, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    return lambda path: path.write_text(text, encoding="utf-8")

@@ -9,8 +9,8 @@ from typing import Any
 import pandas as pd
 
 from vibroplat.errors import TableError
-from vibroplat.provenance import SCHEMA
-from vibroplat.tables import read_json, read_table
+from vibroplat.provenance import read_provenance
+from vibroplat.tables import read_table
 
 
 def require_schema(directory: Path) -> dict[str, Any]:
@@ -19,11 +19,7 @@ def require_schema(directory: Path) -> dict[str, Any]:
         raise TableError(f"{directory} is no directory; allowed: one that vibroplat has written")
     if (directory / "points.sqlite").exists() and not any(directory.glob("sweep.*")):
         raise TableError(f"{directory} holds an unfinished sweep; `vibroplat sweep --resume` goes on with it")
-    origin = read_json(directory, "provenance")
-    found = origin.get("schema") if isinstance(origin, dict) else None
-    if found != SCHEMA:
-        raise TableError(f"{directory} holds results of schema {found}; this version reads schema {SCHEMA}")
-    return dict(origin)
+    return read_provenance(directory)
 
 
 def read_columns(directory: Path, name: str, label: str | Sequence[str], numbers: Sequence[str]) -> pd.DataFrame:

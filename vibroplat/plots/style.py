@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import matplotlib as mpl
 
-from vibroplat.errors import TableError
+from vibroplat.tables import replace_files
 
 mpl.use("Agg")
 
@@ -53,9 +53,7 @@ def save(figure: Figure, path: Path) -> Path:
         It cannot be written.
     """
     try:
-        figure.savefig(path)
-    except OSError as error:
-        raise TableError(f"{path} cannot be written: {error.strerror or error}") from None
+        replace_files({path: figure.savefig})
     finally:
         plt.close(figure)
     return path

@@ -56,6 +56,14 @@ class Response:
             yield label, numbers.setdefault(label, len(numbers)), str(rows["direction"].iloc[0]), rows
 
 
+def _kind(origin: dict[str, Any], directory: Path) -> str:
+    """Return what a sweep was made for."""
+    try:
+        return str(origin["configuration"]["sweep"]["kind"])
+    except (KeyError, TypeError):
+        raise TableError(f"{directory}/provenance.json is no provenance of a sweep") from None
+
+
 def plot_sweep(directory: Path, kinds: Sequence[str]) -> list[Path]:
     """Draw figures of a sweep into its directory.
 
@@ -76,7 +84,7 @@ def plot_sweep(directory: Path, kinds: Sequence[str]) -> list[Path]:
     origin = require_schema(directory)
     response = read_response(directory)
     if not kinds:
-        kinds = list(dict.fromkeys(["response", origin["configuration"]["sweep"]["kind"]]))
+        kinds = list(dict.fromkeys(["response", _kind(origin, directory)]))
     with styled():
         return [save(FIGURES[kind](response), directory / f"{kind}.png") for kind in kinds]
 

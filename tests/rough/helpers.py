@@ -1,0 +1,180 @@
+"""What several files of these tests share: commands in this process and beside it, and what they may leave behind."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+import traceback
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import NamedTuple
+from unittest import mock
+
+import pandas as pd
+
+from vibroplat.cli import main
+
+ROOT = Path(__file__).parents[2]
+PROGRAM = Path(sys.executable).with_name("vibroplat")
+QUICKSTART = ROOT / "configs/quickstart.yaml"
+LOADED = ROOT / "tests/study/loaded.yaml"
+
+#: Longest time of a refusal (s of processor time), and most characters in it.
+SOON = 1.0
+LONGEST = 600
+
+#: Files that commands leave under their final names.
+FINAL = re.compile(r"(trajectory|events|sweep|section|impacts)\.(parquet|csv)|(summary|provenance)\.json|\w+\.png")
+#: What the finished points of a sweep are kept in.
+KEPT = {"points.sqlite", "points.sqlite-wal", "points.sqlite-shm", "points.lock"}
+#: Tables that are not finished.
+TEMPORARY = re.compile(r"\.\w+-\w+\.(parquet|csv|json|png)")
+
+
+class Done(NamedTuple):
+    """How a command has ended."""
+
+    code: int
+    out: str
+    err: str
+
+
+def command(*arguments):
+    """Run the command line in this process, which spares the imports."""
+    out, err = io.StringIO(), io.StringIO()
+    before = signal.getsignal(signal.SIGTERM)
+    with (
+        mock.patch("sys.argv", ["vibroplat", *map(str, arguments)]),
+        contextlib.redirect_stdout(out),
+        contextlib.redirect_stderr(err),
+    ):
+        try:
+            main()
+        except SystemExit as ended:
+            code = ended.code
+        except Exception:  # Python would print it and exit with 1
+            code = 1
+            traceback.print_exc()
+        finally:
+            signal.signal(signal.SIGTERM, before)
+    return Done(code, out.getvalue(), err.getvalue())
+
+
+def process(*arguments, **options):
+    """Run the command line as a user does."""
+    line = [str(PROGRAM), *map(str, arguments)]
+    done = subprocess.run(line, capture_output=True, text=True, timeout=120, check=False, **options)
+    return Done(done.returncode, done.stdout, done.stderr)
+
+
+def not_a_line(done, codes=(2,)):
+    """Say what is wrong with the end of a command that was to end with one line for the user; "" where nothing is."""
+    lines = done.err.splitlines()
+    if done.code not in codes:
+        return f"exit code {done.code}, told {done.err[-300:]!r}"
+    if done.out:
+        return f"printed {done.out[:300]!r}"
+    if len(lines) != 1 or not done.err.startswith("vibroplat: "):
+        return f"told {done.err[-300:]!r}"
+    if not lines[0].isprintable() or len(lines[0]) >= LONGEST:
+        return f"told {len(lines[0])} characters: {lines[0][:300]!r}"
+    return ""
+
+
+# -- beside this process --------------------------------------------------------------------------------
+
+
+def script(before=""):
+    """Return the program as Python text; it says ``begun`` just before anything of it is loaded."""
+    (entry,) = entry_points(group="console_scripts", name="vibroplat")
+    return f"{before}\nprint('begun', flush=True)\nfrom {entry.module} import {entry.attr}\n{entry.attr}()\n"
+
+
+class Child:
+    """A command in a process group of its own, as a terminal starts it."""
+
+    def __init__(self, place, *arguments):
+        self.place = place
+        self._out, self._err = ((place / f".{name}").open("w+") for name in ("out", "err"))
+        line = [sys.executable, "-c", script(), *map(str, arguments)]
+        self.process = subprocess.Popen(line, cwd=place, stdout=self._out, stderr=self._err, start_new_session=True)
+
+    def wait_for(self, there, seconds=60.0):
+        """Wait until something is there; return whether the command still runs."""
+        until = time.monotonic() + seconds
+        while not there():
+            if self.process.poll() is not None:
+                return False
+            assert time.monotonic() < until, "does not come"
+            time.sleep(0.0005)
+        return self.process.poll() is None
+
+    def begun(self):
+        """Wait until the program is about to be loaded."""
+        self.wait_for(lambda: (self.place / ".out").stat().st_size > 0)
+        return time.monotonic()
+
+    def end(self, seconds=60.0):
+        """Wait for the end; return how it ended, without the word that it has begun."""
+        code = self.process.wait(timeout=seconds)
+        for file in (self._out, self._err):
+            file.seek(0)
+        return Done(code, self._out.read().removeprefix("begun\n"), self._err.read())
+
+    def close(self):
+        """Leave nothing behind."""
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(self.process.pid, signal.SIGKILL)
+        self.process.wait()
+        for file in (self._out, self._err):
+            file.close()
+            Path(file.name).unlink(missing_ok=True)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.close()
+
+
+# -- what is left ---------------------------------------------------------------------------------------
+
+
+def read(path):
+    """Read a file under a final name to its end; raises where it is not whole."""
+    if path.suffix == ".parquet":
+        return pd.read_parquet(path)
+    if path.suffix == ".csv":
+        text = path.read_text()
+        assert text.endswith("\n"), f"{path.name} breaks off"
+        return pd.read_csv(path)
+    if path.suffix == ".json":
+        return json.loads(path.read_text())
+    content = path.read_bytes()
+    assert content.startswith(b"\x89PNG\r\n\x1a\n"), f"{path.name} is no figure"
+    assert content.endswith(b"IEND\xaeB`\x82"), f"{path.name} breaks off"
+    return content
+
+
+def left(directory):
+    """Read all that is under final names; return it by name, and the names of temporaries."""
+    found, temporaries = {}, []
+    for path in sorted(directory.iterdir()) if directory.is_dir() else ():
+        if TEMPORARY.fullmatch(path.name):
+            temporaries.append(path.name)
+        elif path.name not in KEPT:
+            assert FINAL.fullmatch(path.name), f"{path.name} is none of ours"
+            found[path.name] = read(path)
+    return found, temporaries
+
+
+def bits(table):
+    """All of a table but wall times, each number as the text that reads back as the same number."""
+    return table.drop(columns="wall_s", errors="ignore").to_csv(index=False)
