@@ -27,12 +27,12 @@ class Situation(NamedTuple):
 SITUATIONS: dict[str, Situation] = {
     "grazing": Situation(grazing, 40, 200),
     "release": Situation(release, 25, 500),
-    "accumulation": Situation(accumulation, 20, 190),
+    "accumulation": Situation(accumulation, 16, 380),
     "elastic": Situation(elastic, 12, 80),
     "layers": Situation(layers, 60, 1500),
-    "starting": Situation(starting, 6, 18),
+    "starting": Situation(starting, 7, 21),
     "endurance": Situation(endurance, 3_000, 3_000_000),
-    "invariance": Situation(invariance, 13, 52),
+    "invariance": Situation(invariance, 14, 52),
     "units": Situation(units, 40, 198),
     "campaign": Situation(campaign, 200, 10_000),
 }
