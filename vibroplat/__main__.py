@@ -13,7 +13,9 @@ def _end(number: int, _: object) -> None:
 
 def main() -> None:
     """Load the command line, and run it."""
-    before = signal.signal(signal.SIGINT, _end)
+    before = signal.getsignal(signal.SIGINT)
+    if before is not signal.SIG_IGN:  # as in the background
+        signal.signal(signal.SIGINT, _end)
     from vibroplat.cli import main as run  # noqa: PLC0415  (what takes long to load)
 
     signal.signal(signal.SIGINT, before)

@@ -7,6 +7,7 @@ import logging
 import resource
 import sys
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -286,6 +287,17 @@ BREAKAGES = {
         {"IDANoSuchFunction": "ip"},
         "SUNDIALS function IDANoSuchFunction is missing",
     ),
+    "symbol of the other solver": (
+        "vibroplat.solver.sundials._CVODE",
+        {"CVodeNoSuchFunction": "ip"},
+        "SUNDIALS function CVodeNoSuchFunction is missing",
+    ),
+    "configuration": (
+        "vibroplat.solver.sundials.package",
+        lambda: Path("nowhere"),
+        "scikit-sundae does not tell its configuration",
+    ),
+    "extension module": ("vibroplat.solver.sundials.EXTENSION_SUFFIXES", [], "scikit-sundae has no _cy_ida"),
     "version": ("vibroplat.solver.sundials._MAJOR", "6.", "is not known; known: 6.x"),
     "types": (
         "vibroplat.solver.sundials._TYPES",
