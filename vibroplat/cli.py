@@ -16,6 +16,7 @@ import typer
 
 from vibroplat import __version__
 from vibroplat.errors import VibroplatError
+from vibroplat.interrupts import INTERRUPTED, KEPT, ending_at_once
 from vibroplat.progress import calibration_progress, run_progress, sweep_progress
 
 if TYPE_CHECKING:
@@ -24,10 +25,6 @@ if TYPE_CHECKING:
 
 #: Failed points of a sweep that are told one by one.
 TOLD = 5
-#: What is there after a command was stopped.
-KEPT = "tables under their final names are whole, and --resume goes on with finished points"
-#: Exit code that typer makes of Ctrl-C.
-INTERRUPTED = 130
 
 app = typer.Typer(
     help="Simulate a vibrating platform with self-synchronizing exciters and material that may leave it.",
@@ -146,7 +143,7 @@ def run(
 
     scene = load_config(config, parse_overrides(set_ or []))
     directory = result_directory(out, scene.name)
-    _tell_of_compilation()
+    _load_kernels(scene.solver.engine)
     with run_progress(scene.name, scene.run.duration_s) as report:
         from vibroplat.solver.run import simulate
 
@@ -370,12 +367,13 @@ def _tell_of_compilation() -> None:
         print("vibroplat: compiling the numerical kernels, once, in about half a minute", file=sys.stderr)
 
 
-def _load_kernels() -> None:
-    """Compile or load what workers need, once instead of in each of them."""
-    _tell_of_compilation()
-    from vibroplat.solver.engines import load_kernels
+def _load_kernels(engine: str = "auto") -> None:
+    """Compile or load what a motion needs, before workers do so each and before Ctrl-C may be an exception."""
+    with ending_at_once():
+        _tell_of_compilation()
+        from vibroplat.solver.engines import load_kernels
 
-    load_kernels()
+        load_kernels(engine)
 
 
 def _print_summary(result: Trajectory, directory: Path) -> None:

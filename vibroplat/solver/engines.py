@@ -51,12 +51,12 @@ def engine_name(scene: Scene) -> str:
         return engine.name
 
 
-def load_kernels() -> None:
-    """Compile or load all that a motion needs."""
-    scene = Scene().replace({"material": {"mass_ratio": 0.1, "layers": 1}})
+def load_kernels(engine: str = "auto") -> None:
+    """Compile or load all that a motion needs, by the engine that ``solver.engine`` names."""
+    scene = Scene().replace({"material": {"mass_ratio": 0.1, "layers": 1}, "solver.engine": engine})
     p = parameters(scene)
-    with closing(make_engine(scene, p)) as engine:
-        Motion(scene, p, engine).go_on(1e-3)
+    with closing(make_engine(scene, p)) as made:
+        Motion(scene, p, made).go_on(1e-3)
 
 
 def is_compiled() -> bool:

@@ -8,7 +8,6 @@ chains are spread over workers.
 from __future__ import annotations
 
 import re
-import signal
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, wait
@@ -17,6 +16,7 @@ from multiprocessing import resource_tracker
 from typing import Any, Protocol, TypeVar
 
 from vibroplat.errors import ConfigError, VibroplatError
+from vibroplat.interrupts import held
 
 #: Numerical libraries would start a pool of threads in each worker process.
 PINNED = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA")}
@@ -168,23 +168,6 @@ class Inline:
         """Nothing to stop."""
 
 
-@contextmanager
-def _interrupts_held() -> Iterator[None]:
-    """Hold Ctrl-C back until the end; what is started meanwhile never gets it, as signal masks are inherited.
-
-    A terminal sends Ctrl-C to workers too, which would each tell of it; it is their parent's to stop them.
-    """
-    if not hasattr(signal, "pthread_sigmask"):  # Windows
-        yield
-        return
-    resource_tracker.ensure_running()  # started in between, it would let Ctrl-C through (CPython < 3.14)
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
 class Processes:
     """Worker processes of this machine, by loky; numerical libraries use one thread in each."""
 
@@ -198,7 +181,8 @@ class Processes:
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
         """Start a task; on workers that have just died it fails like those that they had."""
         try:
-            with _interrupts_held():
+            resource_tracker.ensure_running()  # started in between, it would let Ctrl-C through (CPython < 3.14)
+            with held():
                 future: Future[Any] = self._executor.submit(function, *arguments)
         except BrokenExecutor as error:
             future = Future()
