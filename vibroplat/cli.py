@@ -90,6 +90,8 @@ def main() -> None:
         sys.stdout.flush()
     except VibroplatError as error:
         sys.exit(_complain(str(error), error.exit_code))
+    except KeyboardInterrupt:  # before typer takes care of it
+        sys.exit(_complain(f"interrupted; {KEPT}", INTERRUPTED))
     except OSError as error:
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # what is left has nowhere to go
         sys.exit(_complain(f"standard output cannot be written: {error.strerror or error}", 1))

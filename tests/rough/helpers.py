@@ -35,7 +35,7 @@ FINAL = re.compile(r"(trajectory|events|sweep|section|impacts)\.(parquet|csv)|(s
 #: What the finished points of a sweep are kept in.
 KEPT = {"points.sqlite", "points.sqlite-wal", "points.sqlite-shm", "points.lock"}
 #: Tables that are not finished.
-TEMPORARY = re.compile(r"\.\w+-\w+\.(parquet|csv|json|png)")
+TEMPORARY = re.compile(r"\.\w+-\d+-\w+\.(parquet|csv|json|png)")
 
 
 class Done(NamedTuple):
