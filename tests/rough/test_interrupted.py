@@ -29,7 +29,7 @@ COMMANDS = {
 #: Time within which Ctrl-C is sent (s): half of it is spent on imports.
 WITHIN = 3.0
 #: Before that even a program that takes care at once may not be ready for it (s).
-FIRST = 0.1
+FIRST = 0.3
 
 
 def interrupted(here, after, arguments):
