@@ -22,13 +22,6 @@ CHANGES = {
 
 
 @pytest.fixture
-def here(tmp_path, monkeypatch):
-    """An empty working directory."""
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
-@pytest.fixture
 def scene_of(here):
     """Load a text, or bytes, as the configuration c.yaml."""
 

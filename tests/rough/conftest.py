@@ -5,13 +5,6 @@ import pytest
 from vibroplat.solver.engines import load_kernels
 
 
-@pytest.fixture
-def here(tmp_path, monkeypatch):
-    """An empty working directory."""
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
 @pytest.fixture(scope="session")
 def kernels():
     """Compile what a motion needs, so that the command line need not tell that it does."""

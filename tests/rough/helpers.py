@@ -18,12 +18,11 @@ from typing import NamedTuple
 from unittest import mock
 
 import pandas as pd
+from edges.helpers import ROOT
 
 from vibroplat.cli import main
 
-ROOT = Path(__file__).parents[2]
 PROGRAM = Path(sys.executable).with_name("vibroplat")
-QUICKSTART = ROOT / "configs/quickstart.yaml"
 LOADED = ROOT / "tests/study/loaded.yaml"
 
 #: Longest time of a refusal (s of processor time), and most characters in it.
@@ -173,8 +172,3 @@ def left(directory):
             assert FINAL.fullmatch(path.name), f"{path.name} is none of ours"
             found[path.name] = read(path)
     return found, temporaries
-
-
-def bits(table):
-    """All of a table but wall times, each number as the text that reads back as the same number."""
-    return table.drop(columns="wall_s", errors="ignore").to_csv(index=False)

@@ -6,8 +6,7 @@ import re
 from pathlib import Path
 
 import numpy as np
-
-from .helpers import ROOT
+from edges.helpers import ROOT
 
 #: Valid texts with what the files of the repository do not have.
 EXTRA = {
@@ -124,7 +123,7 @@ LINES = (
 
 #: Names of scenes that would lead elsewhere or could not be a directory.
 NAMES = (
-    *("../../x", "..", ".", "a/b", "/tmp/x", "a\\b", "con", "nul", "~", "-rf", ".hidden", "a b", "a\n b", '"a\\nb"'),
+    *("../../x", "..", ".", "a/b", "/x/y", "a\\b", "con", "nul", "~", "-rf", ".hidden", "a b", "a\n b", '"a\\nb"'),
     *('"a\\0b"', "x" * 100, "x" * 101, "x" * 5000, "é", "\u202ea", "''", "*", "$(touch CANARY)", "a;b", "5", "1e3"),
     *("[a]", "{a: 1}", "null", "true", '"a\\ud800"', '"a\\n"', "a..", "a/../b", "points.sqlite", "2001-01-01"),
 )

@@ -13,13 +13,13 @@ from collections import Counter
 from pathlib import Path
 
 import pytest
-from edges.helpers import cpu_seconds
+from edges.helpers import QUICKSTART, cpu_seconds
 
 from vibroplat import Scene, load_config
 from vibroplat.errors import ConfigError
 from vibroplat.study.branches import branches
 
-from .helpers import QUICKSTART, SOON, Done, command, not_a_line, process, script
+from .helpers import SOON, Done, command, not_a_line, process, script
 from .mutations import lay_out, seeds, spoiled
 
 SEED = 20

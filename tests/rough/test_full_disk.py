@@ -11,8 +11,9 @@ import subprocess
 import sys
 
 import pytest
+from study.helpers import bits
 
-from .helpers import LOADED, Done, bits, command, left, not_a_line, read, script
+from .helpers import LOADED, Done, command, left, not_a_line, read, script
 
 pytestmark = pytest.mark.usefixtures("kernels")
 

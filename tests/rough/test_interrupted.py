@@ -8,8 +8,9 @@ import time
 
 import numpy as np
 import pytest
+from study.helpers import bits
 
-from .helpers import LOADED, Child, bits, command, left, not_a_line
+from .helpers import LOADED, Child, command, left, not_a_line
 
 pytestmark = pytest.mark.usefixtures("kernels")
 

@@ -9,8 +9,9 @@ import time
 
 import numpy as np
 import pytest
+from study.helpers import bits
 
-from .helpers import LOADED, Child, bits, command, left, not_a_line
+from .helpers import LOADED, Child, command, left, not_a_line
 
 pytestmark = pytest.mark.usefixtures("kernels")
 
@@ -79,6 +80,13 @@ def killed(here, signal_, after, *arguments):
     return done.code
 
 
+def goes_on(here, wanted, *arguments):
+    """Let a command come to its end, and to the tables of one that was let alone."""
+    again = command(*arguments)
+    assert (again.code, again.err) == (0, "")
+    assert tables(here / "results/c")[0] == wanted
+
+
 def report(capsys, what, codes, piled):
     ended = {code: codes.count(code) for code in sorted(set(codes), key=str)}
     with capsys.disabled():
@@ -95,12 +103,9 @@ def test_killed_run_leaves_whole_tables_and_works_again(number, here, uninterrup
         found, piled = tables(here / "results/c")
         assert found == {name: wanted[name] for name in found}
         if len(codes) % 3 == 0:  # of the others something is gone on with that is not whole
-            again = command("run", "c.yaml")
-            assert (again.code, again.err) == (0, "")
-            assert tables(here / "results/c")[0] == wanted
+            goes_on(here, wanted, "run", "c.yaml")
     report(capsys, "run", codes, piled)
-    assert command("run", "c.yaml").code == 0
-    assert tables(here / "results/c")[0] == wanted
+    goes_on(here, wanted, "run", "c.yaml")
 
 
 @pytest.mark.parametrize("number", kills(1))
@@ -120,12 +125,9 @@ def test_killed_sweep_leaves_whole_tables_and_is_gone_on_with(number, here, unin
         found, piled = tables(here / "results/c")
         assert found == {name: wanted[name] for name in found}
         if k % 3 == 2:
-            again = command("sweep", "c.yaml", "--resume")
-            assert (again.code, again.err) == (0, "")
-            assert tables(here / "results/c")[0] == wanted
+            goes_on(here, wanted, "sweep", "c.yaml", "--resume")
     report(capsys, "sweep", codes, piled)
-    assert command("sweep", "c.yaml", "--resume").code == 0
-    assert tables(here / "results/c")[0] == wanted
+    goes_on(here, wanted, "sweep", "c.yaml", "--resume")
 
 
 @pytest.mark.parametrize("signal_", [signal.SIGKILL, pytest.param(signal.SIGTERM, marks=pytest.mark.long)])

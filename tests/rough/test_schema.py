@@ -7,8 +7,9 @@ import shutil
 import sqlite3
 
 import pytest
+from study.helpers import bits
 
-from .helpers import LOADED, bits, command, left, not_a_line
+from .helpers import LOADED, command, left, not_a_line
 
 pytestmark = pytest.mark.usefixtures("kernels")
 

@@ -17,13 +17,6 @@ PROGRAM = Path(sys.executable).with_name("vibroplat")
 
 
 @pytest.fixture
-def here(tmp_path, monkeypatch):
-    """An empty working directory."""
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
-@pytest.fixture
 def complaint(here):
     """Load a text as the configuration c.yaml and list its branches; return what the user is told."""
 

@@ -33,7 +33,7 @@ def swept(config, start, stop=None, **options):
 
 def bits(table):
     """All of a table but wall times, each number as the text that reads back as the same number."""
-    return table.drop(columns="wall_s").to_csv(index=False)
+    return table.drop(columns="wall_s", errors="ignore").to_csv(index=False)
 
 
 def finished_points(directory):

@@ -257,9 +257,8 @@ def expected_flight(h: Hybrid, small: float) -> tuple[float, float, bool]:
         if acceleration >= 0.0:
             return np.inf, np.inf, False
         return math.sqrt(2.0 * gap / -acceleration), gap + 0.5 * rate * rate / -acceleration, False
-    duration, height = excursion(
-        rate, acceleration, jerk, snap(h, small) if rate == 0.0 else 0.0
-    )  # a rebound does not need it
+    fourth = snap(h, small) if rate == 0.0 else 0.0  # a rebound does not need it
+    duration, height = excursion(rate, acceleration, jerk, fourth)
     return duration, height, rate > 0.0 and abs(jerk) * duration <= STEADY * -acceleration
 
 
