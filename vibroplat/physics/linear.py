@@ -2,6 +2,10 @@
 
 A singular matrix is an outcome here, not an exception; the factors serve a second right-hand side; and ten
 equations take half the time of ``numpy.linalg.solve`` in compiled code (0.41 against 0.86 µs).
+
+Newton's systems have a block that needs no elimination: half of their rows say that rates are the derivatives
+of coordinates. What is left is inverted once for many solutions, which then are products of a matrix with a
+vector: a third of the work of two triangular systems of full size.
 """
 
 from __future__ import annotations
@@ -64,3 +68,92 @@ def substitute(factors: FloatArray, rows: npt.NDArray[np.int64], b: FloatArray) 
         for j in range(i + 1, n):
             b[i] -= factors[i, j] * b[j]
         b[i] /= factors[i, i]
+
+
+@compiled
+def invert(matrix: FloatArray) -> bool:
+    """Replace a square matrix by its inverse (Gauss–Jordan, partial pivoting); False if singular or not finite."""
+    n = matrix.shape[0]
+    rows = np.empty(n, dtype=np.int64)
+    for k in range(n):
+        best = k
+        for i in range(k + 1, n):
+            if abs(matrix[i, k]) > abs(matrix[best, k]):
+                best = i
+        rows[k] = best
+        pivot = matrix[best, k]
+        if not 0.0 < abs(pivot) < np.inf:
+            return False
+        for j in range(n):
+            swapped = matrix[best, j]
+            matrix[best, j] = matrix[k, j]
+            matrix[k, j] = swapped / pivot
+        matrix[k, k] = 1.0 / pivot
+        for i in range(n):
+            factor = matrix[i, k]
+            if i == k or factor == 0.0:
+                continue
+            matrix[i, k] = 0.0
+            for j in range(n):
+                matrix[i, j] -= factor * matrix[k, j]
+    for k in range(n - 1, -1, -1):  # exchanged rows of the matrix are exchanged columns of the inverse
+        if rows[k] != k:
+            for i in range(n):
+                matrix[i, k], matrix[i, rows[k]] = matrix[i, rows[k]], matrix[i, k]
+    return True
+
+
+@compiled
+def condense(jac: FloatArray, cj: float, dynamic: FloatArray, condensed: FloatArray) -> bool:
+    """Prepare solutions of Newton's system of n coordinates q, their rates v, and F_c where it is unknown.
+
+    Its first n rows are c_j δq − δv = r_q. With δq = (r_q + δv)/c_j the dynamic rows
+    J_q δq + J_z δz = r_z of z = (v, F_c) become S δz = r_z − J_q r_q/c_j, S = J_z + J_q/c_j (added to the
+    columns of v).
+
+    Parameters
+    ----------
+    jac
+        ∂F/∂y + c_j ∂F/∂y′, shape (size, size).
+    dynamic
+        Room for S, shape (m, m), m = size − n.
+    condensed
+        Shape (m, size), filled: (−S⁻¹ J_q/c_j, S⁻¹), which maps (r_q, r_z) to δz.
+
+    Returns
+    -------
+    bool
+        False where the matrix is singular or not finite.
+    """
+    m, size = condensed.shape
+    n = size - m
+    for i in range(m):
+        for j in range(m):
+            dynamic[i, j] = jac[n + i, n + j]
+        for j in range(n):
+            dynamic[i, j] += jac[n + i, j] / cj
+    if not invert(dynamic):
+        return False
+    for i in range(m):
+        for j in range(n):
+            condensed[i, j] = 0.0
+        for k in range(m):
+            factor = -dynamic[i, k] / cj
+            condensed[i, n + k] = dynamic[i, k]
+            for j in range(n):
+                condensed[i, j] += factor * jac[n + k, j]
+    return True
+
+
+@compiled
+def solve_condensed(condensed: FloatArray, cj: float, right: FloatArray, solution: FloatArray) -> None:
+    """Solve Newton's system that :func:`condense` has prepared."""
+    m, size = condensed.shape
+    n = size - m
+    for i in range(m):
+        total = 0.0
+        for j in range(size):
+            total += condensed[i, j] * right[j]
+        solution[n + i] = total
+    for i in range(n):
+        solution[i] = (right[i] + solution[n + i]) / cj

@@ -1,4 +1,4 @@
-"""What SUNDIALS calls back: residual, Jacobian, right-hand side and guard as C functions.
+"""What SUNDIALS calls back: residual, Jacobian and its solutions, weights, right-hand side, guard as C functions.
 
 Their user data are integers: addresses and what else a callback must know of its system. The kernels
 are those of :mod:`vibroplat.physics`; a callback only finds the arrays behind the vectors.
@@ -8,20 +8,33 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 from numba import carray  # type: ignore[attr-defined]
 
 from vibroplat.physics.compiled import FloatArray, callback, compiled
 from vibroplat.physics.foreign import call_address, pointer
+from vibroplat.physics.linear import condense, solve_condensed
 from vibroplat.physics.parameters import SIZE as PARAMETERS
-from vibroplat.physics.systems import evaluate_jacobian, evaluate_residual, explicit
+from vibroplat.physics.systems import FULL_SIZE, evaluate_jacobian, evaluate_residual, explicit
+from vibroplat.solver.scales import ROUND_OFF
 
-# Places in the user data: addresses of N_VGetArrayPointer, SUNDenseMatrix_Data, the parameter vector
-# and room for a matrix; the system, its size and its guard; calls counted.
-VECTOR, MATRIX, PARAMETER, ROOM, SYSTEM, SIZE, GUARD, RESIDUALS, JACOBIANS = range(9)
+# Places in the user data: addresses of N_VGetArrayPointer, the parameter vector, absolute tolerances and room for
+# numbers; the system, its size and its guard; calls counted.
+VECTOR, PARAMETER, TOLERANCES, ROOM, SYSTEM, SIZE, GUARD, RESIDUALS, JACOBIANS = range(9)
 LINKS = 9
 
-#: SUNDIALS gives up at once on a negative value, and says which function it came from.
-_OK, _NOT_FINITE = 0, -1
+#: Place of the user data's address in the content of a SUNLinearSolver, after the three words of a dense one.
+USER_DATA = 3
+
+# Places in the room: c_j and matrices of the Jacobian's last evaluation.
+CJ, CONDENSED = 0, 1
+ROWS = CONDENSED + FULL_SIZE * FULL_SIZE
+DYNAMIC = ROWS + FULL_SIZE * FULL_SIZE
+ROOM_SIZE = DYNAMIC + FULL_SIZE * FULL_SIZE
+
+#: SUNDIALS gives up at once on a negative value, and says which function it came from; it takes a smaller step
+#: on a positive one.
+_OK, _NOT_FINITE, _SINGULAR = 0, -1, 1
 
 
 @compiled
@@ -39,21 +52,53 @@ def residual(t: float, y: int, yp: int, res: int, data: Any) -> int:
     return _OK if evaluate_residual(links[SYSTEM], values, slopes, _values(res, links), p) else _NOT_FINITE
 
 
+@compiled
+def _condensed(links: Any) -> FloatArray:
+    size = links[SIZE]
+    return carray(pointer(links[ROOM] + 8 * CONDENSED), (size - size // 2, size))
+
+
 @callback("int32(float64, float64, intp, intp, intp, intp, CPointer(int64), intp, intp, intp)")
 def jacobian(
     t: float, cj: float, y: int, yp: int, res: int, matrix: int, data: Any, work_1: int, work_2: int, work_3: int
 ) -> int:
-    """IDALsJacFn; the library's matrices are stored by columns."""
+    """IDALsJacFn; leaves the library's matrix alone and prepares :func:`solve`."""
     links = carray(data, (LINKS,))
     links[JACOBIANS] += 1
-    n = links[SIZE]
-    p = carray(pointer(links[PARAMETER]), (PARAMETERS,))
-    rows = carray(pointer(links[ROOM]), (n, n))
-    columns = carray(pointer(call_address(links[MATRIX], (matrix,))), (n, n))
+    size = links[SIZE]
+    m = size - size // 2
+    p, room = carray(pointer(links[PARAMETER]), (PARAMETERS,)), carray(pointer(links[ROOM]), (ROOM_SIZE,))
+    rows = room[ROWS : ROWS + size * size].reshape((size, size))
+    dynamic = room[DYNAMIC : DYNAMIC + m * m].reshape((m, m))
     evaluate_jacobian(links[SYSTEM], _values(y, links), _values(yp, links), cj, rows, p)
-    for i in range(n):
-        for j in range(n):
-            columns[j, i] = rows[i, j]
+    room[CJ] = cj
+    return _OK if condense(rows, cj, dynamic, _condensed(links)) else _SINGULAR
+
+
+@callback("int32(CPointer(intp), intp)")
+def setup(solver: Any, matrix: int) -> int:
+    """Setup of a SUNLinearSolver: all was done with the Jacobian."""
+    return _OK
+
+
+@callback("int32(CPointer(intp), intp, intp, intp, float64)")
+def solve(solver: Any, matrix: int, solution: int, right: int, tolerance: float) -> int:
+    """Solve of a SUNLinearSolver, whose content ends with the address of user data."""
+    content = carray(pointer(solver[0]), (USER_DATA + 1,)).view(np.int64)
+    links = carray(pointer(content[USER_DATA]), (LINKS,)).view(np.int64)
+    cj = carray(pointer(links[ROOM]), (1,))[CJ]
+    solve_condensed(_condensed(links), cj, _values(right, links), _values(solution, links))
+    return _OK
+
+
+@callback("int32(intp, intp, CPointer(int64))")
+def weights(y: int, ewt: int, data: Any) -> int:
+    """IDAEwtFn: one over the tolerances, absolute and that of round-off."""
+    links = carray(data, (LINKS,))
+    values, weight = _values(y, links), _values(ewt, links)
+    atol = carray(pointer(links[TOLERANCES]), (links[SIZE],))
+    for i in range(values.size):
+        weight[i] = 1.0 / (ROUND_OFF * abs(values[i]) + atol[i])
     return _OK
 
 

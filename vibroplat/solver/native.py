@@ -27,7 +27,6 @@ from vibroplat.solver import hybrid as hy
 from vibroplat.solver import tape as tp
 from vibroplat.solver.hybrid import AT_GUARD, AT_TIME, FAILED, NOT_FINITE, Hybrid
 from vibroplat.solver.motion import Motion
-from vibroplat.solver.scales import ROUND_OFF
 from vibroplat.solver.sundials import Library, UnavailableError
 from vibroplat.solver.tape import Tape
 
@@ -53,22 +52,25 @@ DELTA_CJ = 0.1
 IDA, ADAMS = 0, 1
 
 # Rows of ``Native.functions``, columns the method.
-SOLVE, REINIT, SET_FIRST_STEP, SET_TOLERANCES, DERIVATIVE, ERROR_FAILURES, NEWTON_FAILURES = range(7)
+SOLVE, REINIT, SET_FIRST_STEP, DERIVATIVE, ERROR_FAILURES, NEWTON_FAILURES = range(6)
 _NAMES = (
     ("IDASolve", "CVode"),
     ("IDAReInit", "CVodeReInit"),
     ("IDASetInitStep", "CVodeSetInitStep"),
-    ("IDASVtolerances", "CVodeSVtolerances"),
     ("IDAGetDky", "CVodeGetDky"),
     ("IDAGetNumErrTestFails", "CVodeGetNumErrTestFails"),
     ("IDAGetNumNonlinSolvConvFails", "CVodeGetNumNonlinSolvConvFails"),
 )
 
 # Columns of ``Native.handles``.
-METHOD, MEMORY, Y, YP, ATOL = range(5)
+METHOD, MEMORY, Y, YP = range(4)
 
 # Places in ``Native.status``.
-OPEN, FLAG, STEPS, ERRORS, NEWTONS, STEPS_MARK, MOST_STEPS, HALVED = range(8)
+OPEN, FLAG, STEPS, ERRORS, NEWTONS, STEPS_MARK, MOST_STEPS = range(7)
+
+# Of sundials_linearsolver.h: words of a SUNLinearSolver, of which the first is its content, and functions in its
+# table of operations.
+_SOLVER_WORDS, _SOLVER_OPERATIONS = 4, 16
 
 # Of ida.h and cvode.h.
 _ONE_STEP = 2
@@ -98,15 +100,15 @@ class Native(NamedTuple):
     Attributes
     ----------
     functions
-        Addresses of the library's functions, shape (7, 2).
+        Addresses of the library's functions, shape (6, 2).
     handles
-        Method, solver memory and vectors of each mode, shape (3, 5).
+        Method, solver memory and vectors of each mode, shape (3, 4).
     links
         User data of each mode's callbacks, shape (3, LINKS).
     y, yp, atol
         What is behind the vectors, shape (3, 14).
     status
-        Whether a segment is open; the last flag; counters; by how much tolerances of each mode are tightened.
+        Whether a segment is open; the last flag; counters.
     time
         Where the integrator stands in the segment (s), and when in the run steps began to be counted (s).
     number
@@ -152,16 +154,11 @@ def start(h: Hybrid, tape: Tape, n: Native) -> None:
     size = SIZES[h.systems[mode]]
     method, memory = n.handles[mode, METHOD], n.handles[mode, MEMORY]
     for i in range(size):
-        n.y[mode, i], n.yp[mode, i] = h.y[mode, i], h.yp[mode, i]
+        n.y[mode, i], n.yp[mode, i], n.atol[mode, i] = h.y[mode, i], h.yp[mode, i], h.atol[i]
     if method == IDA:
         n.status[FLAG] = call_int(n.functions[REINIT, IDA], (memory, 0.0, n.handles[mode, Y], n.handles[mode, YP]))
     else:
         n.status[FLAG] = call_int(n.functions[REINIT, ADAMS], (memory, 0.0, n.handles[mode, Y]))
-    if n.status[HALVED + mode] != h.flags[hy.HALVINGS]:
-        n.status[HALVED + mode] = h.flags[hy.HALVINGS]
-        for i in range(size):
-            n.atol[mode, i] = h.atol[i]
-        call_int(n.functions[SET_TOLERANCES, method], (memory, ROUND_OFF, n.handles[mode, ATOL]))
     call_int(n.functions[SET_FIRST_STEP, method], (memory, h.clock[hy.FIRST_STEP]))
     n.status[OPEN] = 1
     n.time[0] = 0.0
@@ -298,18 +295,17 @@ class NativeEngine:
         shape = (3, FULL_SIZE)
         self._n = Native(
             functions=np.array(names),
-            handles=np.zeros((3, ATOL + 1), dtype=np.int64),
+            handles=np.zeros((3, YP + 1), dtype=np.int64),
             links=np.zeros((3, cb.LINKS), dtype=np.int64),
             y=np.zeros(shape),
             yp=np.zeros(shape),
             atol=np.ones(shape),
-            status=np.zeros(HALVED + 3, dtype=np.int64),
+            status=np.zeros(MOST_STEPS + 1, dtype=np.int64),
             time=np.zeros(2),
             number=np.zeros(1, dtype=np.int64),
         )
         self._n.status[MOST_STEPS] = max(MAX_STEPS, STEPS_PER_EVENT * scene.solver.max_events_per_period)
-        self._n.status[HALVED:] = -1
-        self._room = np.zeros((3, FULL_SIZE, FULL_SIZE))
+        self._room = np.zeros((3, cb.ROOM_SIZE))
         self._direction = np.array([-1], dtype=np.int32)
         self._context = self._make_context()
         for mode, system in systems(scene).items():
@@ -374,13 +370,13 @@ class NativeEngine:
         _check(lib.N_VEnableFusedOps_Serial(vector, 1))  # what the solver clones from it inherits this
         return vector
 
-    def _vectors(self, mode: Mode, system: System) -> tuple[int, int, int]:
+    def _vectors(self, mode: Mode, system: System) -> tuple[int, int]:
         """Make the vectors of a mode and fill its callbacks' user data."""
         n, lib = self._n, self._lib
         n.links[mode] = (
             lib.address("N_VGetArrayPointer"),
-            lib.address("SUNDenseMatrix_Data"),
             self._alive[0].ctypes.data,
+            n.atol[mode].ctypes.data,
             self._room[mode].ctypes.data,
             system.index,
             system.size,
@@ -388,22 +384,39 @@ class NativeEngine:
             0,
             0,
         )
-        y, yp, atol = (self._vector(array[mode, : system.size]) for array in (n.y, n.yp, n.atol))
-        return y, yp, atol
+        y, yp = (self._vector(array[mode, : system.size]) for array in (n.y, n.yp))
+        return y, yp
 
     def _linear_solver(self, system: System, y: int) -> tuple[int, int]:
+        """Make a dense matrix and the library's solver for it."""
         lib = self._lib
         matrix = self._made(lib.SUNDenseMatrix(system.size, system.size, self._context), lib.SUNMatDestroy)
         return self._made(lib.SUNLinSol_Dense(y, matrix, self._context), lib.SUNLinSolFree), matrix
 
+    def _own_linear_solver(self, mode: Mode, system: System, y: int) -> tuple[int, int]:
+        """Make a SUNLinearSolver whose setup and solve are ours, a copy of the library's dense one."""
+        dense, matrix = self._linear_solver(system, y)
+        head = _words(dense, _SOLVER_WORDS)
+        place = np.flatnonzero(head == self._context)  # the table of operations is before it, its place differs
+        operations = _words(int(head[place[0] - 1]), _SOLVER_OPERATIONS) if place.size == 1 and place[0] > 1 else head
+        for name, ours in (("SUNLinSolSetup_Dense", cb.setup), ("SUNLinSolSolve_Dense", cb.solve)):
+            found = operations == self._lib.address(name)
+            if found.sum() != 1:
+                raise UnavailableError(f"{name} is not found among the operations of its dense linear solver")
+            operations[found] = ours.address
+        content = np.append(_words(int(head[0]), cb.USER_DATA), self._n.links[mode].ctypes.data)
+        head[0], head[place[0] - 1] = content.ctypes.data, operations.ctypes.data
+        self._alive += [head, content, operations]
+        return head.ctypes.data, matrix
+
     def _make_ida(self, mode: Mode, system: System) -> None:
         lib, n = self._lib, self._n
-        y, yp, atol = self._vectors(mode, system)
+        y, yp = self._vectors(mode, system)
         memory = self._made(lib.IDACreate(self._context), lib.IDAFree, by_reference=True)
         _check(lib.IDAInit(memory, cb.residual.address, 0.0, y, yp))
-        _check(lib.IDASVtolerances(memory, ROUND_OFF, atol))
+        _check(lib.IDAWFtolerances(memory, cb.weights.address))
         _check(lib.IDASetUserData(memory, n.links[mode].ctypes.data))
-        _check(lib.IDASetLinearSolver(memory, *self._linear_solver(system, y)))
+        _check(lib.IDASetLinearSolver(memory, *self._own_linear_solver(mode, system, y)))
         _check(lib.IDASetJacFn(memory, cb.jacobian.address))
         _check(lib.IDASetEtaFixedStepBounds(memory, *ETA_FIXED))
         _check(lib.IDASetEtaMax(memory, ETA_MAX))
@@ -419,14 +432,14 @@ class NativeEngine:
             _check(lib.IDARootInit(memory, 1, cb.ida_guard.address))
             _check(lib.IDASetRootDirection(memory, self._direction.ctypes.data))
             _check(lib.IDASetNoInactiveRootWarn(memory))
-        n.handles[mode] = (IDA, memory, y, yp, atol)
+        n.handles[mode] = (IDA, memory, y, yp)
 
     def _make_adams(self, mode: Mode, system: System) -> None:
         lib, n = self._lib, self._n
-        y, yp, atol = self._vectors(mode, system)
+        y, yp = self._vectors(mode, system)
         memory = self._made(lib.CVodeCreate(_ADAMS_METHOD, self._context), lib.CVodeFree, by_reference=True)
         _check(lib.CVodeInit(memory, cb.right_hand_side.address, 0.0, y))
-        _check(lib.CVodeSVtolerances(memory, ROUND_OFF, atol))
+        _check(lib.CVodeWFtolerances(memory, cb.weights.address))
         _check(lib.CVodeSetUserData(memory, n.links[mode].ctypes.data))
         # Newton's iteration, its Jacobian by differences: fixed-point iteration, which needs none, takes half
         # as many steps again and more than twice the right-hand sides
@@ -435,7 +448,7 @@ class NativeEngine:
             _check(lib.CVodeRootInit(memory, 1, cb.cvode_guard.address))
             _check(lib.CVodeSetRootDirection(memory, self._direction.ctypes.data))
             _check(lib.CVodeSetNoInactiveRootWarn(memory))
-        n.handles[mode] = (ADAMS, memory, y, yp, atol)
+        n.handles[mode] = (ADAMS, memory, y, yp)
 
 
 def self_check(library: Library) -> None:
@@ -459,6 +472,11 @@ def self_check(library: Library) -> None:
         error = np.abs(h.state[PLACES[BARE, :10]] - expected).max()
         if motion.outcome != "ok" or not error < 1e-7:
             raise UnavailableError(f"its {method} fails the self-check (outcome {motion.outcome}, error {error:.3g})")
+
+
+def _words(address: int, count: int) -> IntArray:
+    """Copy machine words."""
+    return np.array((ctypes.c_int64 * count).from_address(address))
 
 
 def _free_all(stack: list[Callable[[], object]]) -> None:
