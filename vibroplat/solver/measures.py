@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibroplat.physics.compiled import compiled, copy
+from vibroplat.physics.compiled import compiled, copy, inlined
 from vibroplat.physics.energy import FORCE_SIZE, POWERS, powers
 from vibroplat.physics.parameters import FloatArray
 from vibroplat.physics.systems import DIFFERENTIAL, FULL_SIZE, GAP, PLACES, SIZES
@@ -110,7 +110,7 @@ def extremes(step: float, f0: float, f1: float, rate_0: float, rate_1: float) ->
     return least, largest
 
 
-@compiled
+@inlined
 def spread_between(
     s: float,
     step: float,
@@ -128,7 +128,7 @@ def spread_between(
         full[PLACES[system, j]] = w0 * y[k, j] + w1 * y[k + 1, j] + v0 * yp[k, j] + v1 * yp[k + 1, j]
 
 
-@compiled
+@inlined
 def integrate(
     start: float,
     end: float,
@@ -191,7 +191,7 @@ def goes_on(marks: FloatArray, rate: float) -> bool:
     return same
 
 
-@compiled
+@inlined
 def add(terms: FloatArray, sums: FloatArray) -> None:
     """Add terms to sums."""
     for j in range(sums.size):
@@ -228,7 +228,7 @@ def close_turn(
     marks[LAST_IMPACTS] = impacts
 
 
-@compiled
+@inlined
 def widen(marks: FloatArray, low: int, step: float, y: FloatArray, yp: FloatArray, k: int, j: int) -> None:
     """Let an extreme's two marks, from ``low`` on, cover unknown j within the step that begins in row k."""
     f0, f1, rate_0, rate_1 = y[k, j], y[k + 1, j], yp[k, j], yp[k + 1, j]
