@@ -24,20 +24,23 @@ def _end(_number: int, _frame: object) -> None:
 
 @contextmanager
 def ending_at_once() -> Iterator[None]:
-    """Let Ctrl-C end the process without unwinding it.
+    """Let Ctrl-C, or a request to end, end the process without unwinding it.
 
     Loading takes long, has nothing to undo, and goes through callbacks of LLVM, which an exception breaks.
     """
-    before = signal.getsignal(signal.SIGINT)
-    ignored = before in (None, signal.SIG_IGN)  # None: not Python's; ignored: in the background
-    if ignored or threading.current_thread() is not threading.main_thread():
+    if threading.current_thread() is not threading.main_thread():
         yield
         return
-    signal.signal(signal.SIGINT, _end)
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    for number, ending in ((signal.SIGINT, _end), (signal.SIGTERM, signal.SIG_DFL)):
+        if before[number] not in (None, signal.SIG_IGN):  # None: not Python's; ignored: in the background
+            signal.signal(number, ending)
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, before)
+        for number, handler in before.items():
+            if handler is not None:
+                signal.signal(number, handler)
 
 
 @contextmanager

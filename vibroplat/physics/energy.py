@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from vibroplat.physics.compiled import compiled
+from vibroplat.physics.compiled import compiled, inlined
 from vibroplat.physics.motor import resistance
 from vibroplat.physics.parameters import (
     AXIS_X,
@@ -51,7 +51,7 @@ POWERS = (
 FORCE, FORCE_SIZE = len(POWERS), len(POWERS) + 1
 
 
-@compiled
+@inlined
 def powers(state: FloatArray, out: FloatArray, p: FloatArray) -> None:
     """Fill the powers named in :data:`POWERS` at a full state (W), then the vertical force from outside (N)."""
     w1, w2 = state[10], state[11]

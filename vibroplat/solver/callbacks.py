@@ -77,13 +77,13 @@ def jacobian(
 
 @callback("int32(CPointer(intp), intp)")
 def setup(solver: Any, matrix: int) -> int:
-    """Setup of a SUNLinearSolver: all was done with the Jacobian."""
+    """Do nothing, as setup of a SUNLinearSolver: all was done with the Jacobian."""
     return _OK
 
 
 @callback("int32(CPointer(intp), intp, intp, intp, float64)")
 def solve(solver: Any, matrix: int, solution: int, right: int, tolerance: float) -> int:
-    """Solve of a SUNLinearSolver, whose content ends with the address of user data."""
+    """Solve, as a SUNLinearSolver whose content ends with the address of user data."""
     content = carray(pointer(solver[0]), (USER_DATA + 1,)).view(np.int64)
     links = carray(pointer(content[USER_DATA]), (LINKS,)).view(np.int64)
     cj = carray(pointer(links[ROOM]), (1,))[CJ]

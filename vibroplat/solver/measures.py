@@ -26,6 +26,9 @@ DISSIPATIONS = 2  # first of the powers that take energy
 TIME, X, XX, Y, YY, PHI, PHI_PHI, COS, SIN, FLYING, MOTOR = range(11)
 SUMS = 11
 
+#: Place of the upper layer's rate in the full state.
+UPPER_RATE = FULL_SIZE - 1
+
 # Places in the marks: what must be remembered from step to step.
 WINDOW, TURNS, FIRST_TIME, FIRST_1, FIRST_2, LAST_TIME, LAST_1, LAST_2 = range(8)
 FORCE_MIN, FORCE_MAX, GAP_MIN, GAP_MAX, Y_MIN, Y_MAX, EXCHANGED, WAY, FIRST_IMPACTS, LAST_IMPACTS = range(8, 18)
@@ -41,7 +44,6 @@ SECTION_ROWS = 1024
 SECTION_TIME, SECTION_STATE, SECTION_FORCE = 0, 1, 1 + FULL_SIZE
 
 _GAUSS = np.array([0.5 - math.sqrt(1.0 / 12.0), 0.5 + math.sqrt(1.0 / 12.0)])
-_WEIGHTS = np.array([0.5, 0.5])
 _TURN = 2.0 * math.pi
 
 
@@ -53,7 +55,7 @@ class Measures(NamedTuple):
     work
         Integrals of the powers (J) and of the vertical force from outside and its size (N·s), shape (N_WORK,).
     plain, open_turn, whole
-        Sums of the measured part: all of it, since the last whole turn of exciter 1, over whole turns.
+        Sums of the measured part: before the first whole turn of exciter 1, since the last one, over whole turns.
     marks, totals
         Extremes and what is remembered from step to step; counts and sums of events.
     section
@@ -129,6 +131,22 @@ def spread_between(
 
 
 @inlined
+def moving_between(s: float, step: float, y: FloatArray, yp: FloatArray, k: int, system: int, full: FloatArray) -> None:
+    """Fill of a full state what powers and statistics need, in a third of the time of :func:`spread_between`."""
+    r = 1.0 - s
+    w0, w1 = r * r * (1.0 + 2.0 * s), s * s * (1.0 + 2.0 * r)
+    v0, v1 = r * r * s * step, -s * s * r * step
+    n = DIFFERENTIAL[system] // 2
+    for j in range(5):
+        full[j] = w0 * y[k, j] + w1 * y[k + 1, j] + v0 * yp[k, j] + v1 * yp[k + 1, j]
+    for j in range(n, n + 5):
+        full[7 - n + j] = w0 * y[k, j] + w1 * y[k + 1, j] + v0 * yp[k, j] + v1 * yp[k + 1, j]
+    j = 2 * n - 1
+    if PLACES[system, j] == UPPER_RATE:
+        full[UPPER_RATE] = w0 * y[k, j] + w1 * y[k + 1, j] + v0 * yp[k, j] + v1 * yp[k + 1, j]
+
+
+@inlined
 def integrate(
     start: float,
     end: float,
@@ -138,38 +156,43 @@ def integrate(
     k: int,
     system: int,
     measured: bool,
+    flying: bool,
     full: FloatArray,
     power: FloatArray,
     p: FloatArray,
     work: FloatArray,
     sums: FloatArray,
 ) -> float:
-    """Add the work over the part [start, end] of a step and, if measured, set ``sums`` to its statistics.
+    """Add the work over the part [start, end] of a step and, if measured, its statistics to ``sums``.
 
     ``start`` and ``end`` are fractions of the step that begins in row k; ``full`` and ``power`` are
     overwritten. Returns the energy that motors and dampers exchanged, all of it counted positive.
     """
-    for j in range(SUMS):
-        sums[j] = 0.0
     total = 0.0
+    duration = (end - start) * step
+    weight = 0.5 * duration
     for i in range(_GAUSS.size):
-        spread_between(start + (end - start) * _GAUSS[i], step, y, yp, k, system, full)
-        weight = (end - start) * step * _WEIGHTS[i]
+        moving_between(start + (end - start) * _GAUSS[i], step, y, yp, k, system, full)
         powers(full, power, p)
         exchanged = abs(power[0])
         for j in range(N_WORK):
             work[j] += weight * power[j]
-            if DISSIPATIONS <= j < N_POWERS:
-                exchanged += power[j]
+        for j in range(DISSIPATIONS, N_POWERS):
+            exchanged += power[j]
         total += weight * exchanged
         if measured:
-            sums[TIME] += weight
             for j in range(3):
                 sums[X + 2 * j] += weight * full[j]
                 sums[XX + 2 * j] += weight * full[j] * full[j]
-            sums[COS] += weight * math.cos(full[3] + full[4])
-            sums[SIN] += weight * math.sin(full[3] + full[4])
             sums[MOTOR] += weight * power[0]
+    if measured:
+        sums[TIME] += duration
+        sums[FLYING] += duration if flying else 0.0
+        middle, phase = 0.5 * (start + end), 0.0  # the phase varies slowly: the middle says it
+        for j in range(3, 5):
+            phase += hermite(middle, step, y[k, j], y[k + 1, j], yp[k, j], yp[k + 1, j])
+        sums[COS] += duration * math.cos(phase)
+        sums[SIN] += duration * math.sin(phase)
     return total
 
 
@@ -204,6 +227,7 @@ def close_turn(
     turns: FloatArray,
     full: FloatArray,
     force: float,
+    plain: FloatArray,
     open_turn: FloatArray,
     whole: FloatArray,
     marks: FloatArray,
@@ -216,11 +240,10 @@ def close_turn(
     copy(full, row[SECTION_STATE:])
     row[SECTION_STATE + 3] += turns[0]
     row[SECTION_STATE + 4] += turns[1]
+    add(open_turn, plain if marks[TURNS] == 0.0 else whole)
     if marks[TURNS] == 0.0:
         marks[FIRST_TIME], marks[FIRST_1], marks[FIRST_2] = now, full[3] + turns[0], full[4] + turns[1]
         marks[FIRST_IMPACTS] = impacts
-    else:
-        add(open_turn, whole)
     for j in range(SUMS):
         open_turn[j] = 0.0
     marks[TURNS] += 1.0
@@ -256,8 +279,8 @@ def accumulate(
     origin, turns
         Origin of the tape's times (s) and whole turns (rad) taken off both exciter angles.
     """
-    t, y, yp, marks, work, plain, open_turn = tape.t, tape.y, tape.yp, ms.marks, ms.work, ms.plain, ms.open_turn
-    sums, full, power = np.empty(SUMS), np.zeros(FULL_SIZE), np.empty(N_WORK)
+    t, y, yp, marks, work, open_turn = tape.t, tape.y, tape.yp, ms.marks, ms.work, ms.open_turn
+    full, power = np.zeros(FULL_SIZE), np.empty(N_WORK)
     force = DIFFERENTIAL[system]
     for k in range(tape.used[FIRST], tape.used[ROWS] - 1):
         step = t[k + 1] - t[k]
@@ -273,11 +296,10 @@ def accumulate(
             if b <= a:
                 continue
             measured = origin + t[k] + a * step >= marks[WINDOW]
-            marks[EXCHANGED] += integrate(a, b, step, y, yp, k, system, measured, full, power, p, work, sums)
+            marks[EXCHANGED] += integrate(
+                a, b, step, y, yp, k, system, measured, flying, full, power, p, work, open_turn
+            )
             if measured:
-                sums[FLYING] = sums[TIME] if flying else 0.0
-                add(sums, plain)
-                add(sums, open_turn)
                 widen(marks, Y_MIN, step, y, yp, k, 1)
             now = origin + t[k] + b * step
             if b < 1.0 and goes_on(marks, yp[k, 3]) and now >= marks[WINDOW]:
@@ -286,7 +308,7 @@ def accumulate(
                 if SIZES[system] > force:
                     pressure = hermite(b, step, y[k, force], y[k + 1, force], yp[k, force], yp[k + 1, force])
                 impacts = ms.totals[MEASURED_IMPACTS]
-                close_turn(now, turns, full, pressure, open_turn, ms.whole, marks, ms.section, impacts)
+                close_turn(now, turns, full, pressure, ms.plain, open_turn, ms.whole, marks, ms.section, impacts)
 
 
 @compiled

@@ -81,7 +81,7 @@ def statistics(ms: Measures) -> dict[str, float | None]:
     """RMS about the mean, amplitude, frequencies, phase of the measured part; None where it is too short."""
     marks = ms.marks
     turned = ms.whole[m.TIME] > 0.0
-    sums = ms.whole if turned else ms.plain
+    sums = ms.whole if turned else ms.plain + ms.open_turn
     names = ("rms_x_m", "rms_y_m", "rms_phi_rad")
     if sums[m.TIME] <= 0.0:
         others = ("amplitude_y_m", "excitation_frequency_hz", "frequency_split_hz", "phase_difference_rad")
