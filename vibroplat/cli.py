@@ -63,6 +63,7 @@ class BenchName(StrEnum):
     engines = "engines"
     sweeps = "sweeps"
     stability = "stability"
+    peers = "peers"
 
 
 CORES = os.cpu_count() or 1
@@ -334,20 +335,27 @@ def plot(
 def bench(
     names: Annotated[
         list[BenchName] | None,
-        typer.Argument(metavar="[NAME]...", help="runtime, precision, engines, sweeps, stability; all if none."),
+        typer.Argument(metavar="[NAME]...", help="runtime, precision, engines, sweeps, stability, peers."),
     ] = None,
     out: Out = Path("results"),
+    long: Annotated[bool, typer.Option("--long", help="All of them, for an hour.")] = False,
     reference: Annotated[Path, typer.Option(help="Directory of reference tables.")] = Path("tests/reference"),
     repeats: Annotated[int, typer.Option(min=1, help="Runs of which the median is taken.")] = 5,
 ) -> None:
-    """Measure run time, error, engines, sweeps, and stability under stress; tables and plots in OUT/bench."""
+    """Measure run time, error, engines, sweeps, stability, peers; tables and plots in OUT/benchmarks.
+
+    Without a name: the summary, peers at equal error, in two minutes.
+    """
     from vibroplat.bench import report
     from vibroplat.bench.timing import machine
     from vibroplat.tables import result_directory
 
-    directory = result_directory(out, "bench")
+    _load_kernels()
+    directory = result_directory(out, "benchmarks")
     print(machine())
-    for name in names or list(BenchName):
+    if not (names or long):
+        report.report_summary(directory, reference, repeats)
+    for name in BenchName if long else names or []:
         report.REPORTS[name.value](directory, reference, repeats)
 
 

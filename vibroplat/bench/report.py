@@ -2,20 +2,32 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pandas as pd
 
 from vibroplat.bench import engines, sweeps
 from vibroplat.bench.reference import load_references
 from vibroplat.bench.timing import TOLERANCES, VARIANTS, precision, runtime
-from vibroplat.plots.bench import plot_precision
+from vibroplat.errors import VibroplatError
+from vibroplat.plots.bench import OWN, SCALED, plot_precision, plot_scaling
 from vibroplat.tables import write_table
+
+if TYPE_CHECKING:
+    from vibroplat.bench.peers.peers import Peer
 
 #: Failed scenes of a situation that are told one by one.
 TOLD = 5
+
+#: Scenes of the summary: those before the ones that amplify errors most.
+QUICK = 4
+
+#: Columns that name a variant of the product.
+_VARIANT = ["engine", "smooth_modes"]
 
 
 def report_runtime(directory: Path, reference: Path, repeats: int) -> None:
@@ -27,7 +39,7 @@ def report_precision(directory: Path, reference: Path, repeats: int) -> None:
     """Run time against error over the reference cases, with the engine that runs by default."""
     table = precision(load_references(reference), repeats=repeats)
     _show(table, directory, "precision")
-    print(plot_precision(table, directory))
+    print(plot_precision(table, directory, "precision", OWN, _VARIANT))
 
 
 def report_engines(directory: Path, reference: Path, repeats: int) -> None:
@@ -41,10 +53,10 @@ def report_engines(directory: Path, reference: Path, repeats: int) -> None:
     _show(restarts, directory, "engines-restarts")
     work = precision(cases, repeats=min(repeats, 3), variants=VARIANTS)
     _show(work, directory, "engines-precision")
-    print(plot_precision(work, directory, "engines-precision"))
+    print(plot_precision(work, directory, "engines-precision", OWN, _VARIANT))
     regimes = precision(engines.regime_references(), (*TOLERANCES, 1e-12), min(repeats, 3), VARIANTS[:2])
     _show(regimes, directory, "engines-regimes")
-    print(plot_precision(regimes, directory, "engines-regimes"))
+    print(plot_precision(regimes, directory, "engines-regimes", OWN, _VARIANT))
     long_run = engines.endurance()
     _show(long_run, directory, "engines-endurance")
     _show(engines.targets(speed, restarts, long_run, starts), directory, "engines-targets")
@@ -75,6 +87,62 @@ def report_stability(directory: Path, reference: Path, repeats: int) -> None:
     _show(overview(tables), directory, "stability")
 
 
+def report_summary(directory: Path, reference: Path, repeats: int) -> None:
+    """In two minutes: run time at equal error of all peers that are here, on scenes with and without events."""
+    _compare(directory, reference, repeats, "summary", quick=True)
+
+
+def report_peers(directory: Path, reference: Path, repeats: int) -> None:
+    """Peers side by side: work–precision, statistics of a motion that is not periodic, and what grows with scenes."""
+    from vibroplat.bench.peers import cases, precision, scaling  # noqa: PLC0415  (imports peers)
+
+    peers = _compare(directory, reference, repeats, "peers", quick=False)
+    last = cases.cases(reference)[-1]
+    _show(precision.statistics_of(last, peers, scaling.TOLERANCE), directory, "peers-statistics")
+    first = [peer for peer in peers if peer.name in ("vibroplat", "heyoka")]
+    mains = [peer for peer in peers if not peer.name.startswith("Siconos")]
+    tables = {
+        "time": scaling.simulated_time(first, repeats),
+        "events": scaling.events_per_second(repeats),
+        "scenes": scaling.scenes(min(repeats, 3)),
+        "memory": scaling.memory(mains),
+    }
+    for name, table in tables.items():
+        _show(table, directory, f"scaling-{name}")
+    print(plot_scaling(tables, directory))
+    _show(scaling.paper(), directory, "scaling-paper")
+
+
+def _compare(directory: Path, reference: Path, repeats: int, name: str, *, quick: bool) -> list[Peer]:
+    """Work–precision of all peers that are here, with its tables; returns them."""
+    from vibroplat.bench.peers import cases, precision  # noqa: PLC0415
+    from vibroplat.bench.peers.peers import PEERS  # noqa: PLC0415
+
+    here = []
+    for peer in PEERS:
+        if quick and not peer.quick:
+            continue
+        if reason := peer.missing:
+            print(f"left out: {peer.name}: {reason}", file=sys.stderr)
+        else:
+            here.append(peer)
+    if not any(peer.module == "heyoka" for peer in here):
+        raise VibroplatError("heyoka is the oracle of this bench; pip install 'vibroplat[bench]' has it")
+    compared = [case for case in cases.cases(reference) if not case.statistics]
+    tables = []
+    for case in compared[:QUICK] if quick else compared:
+        tables.append(precision.precision(case, here, min(repeats, 3) if quick else repeats, quick=quick))
+    table = pd.concat(tables, ignore_index=True)
+    if quick:
+        write_table(table, directory, name, "csv")
+    else:
+        _show(precision.references(reference, compared), directory, f"{name}-oracle")
+        _show(table, directory, f"{name}-precision")
+        print(plot_precision(table, directory, f"{name}-precision", SCALED, ["peer"]))
+    _show(precision.at_equal_error(table), directory, f"{name}-equal")
+    return here
+
+
 #: By the name on the command line.
 REPORTS: dict[str, Callable[[Path, Path, int], None]] = {
     "runtime": report_runtime,
@@ -82,6 +150,7 @@ REPORTS: dict[str, Callable[[Path, Path, int], None]] = {
     "engines": report_engines,
     "sweeps": report_sweeps,
     "stability": report_stability,
+    "peers": report_peers,
 }
 
 

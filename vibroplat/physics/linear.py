@@ -91,11 +91,10 @@ def invert(matrix: FloatArray) -> bool:
         matrix[k, k] = 1.0 / pivot
         for i in range(n):
             factor = matrix[i, k]
-            if i == k or factor == 0.0:
-                continue
-            matrix[i, k] = 0.0
-            for j in range(n):
-                matrix[i, j] -= factor * matrix[k, j]
+            if i != k and factor != 0.0:
+                matrix[i, k] = 0.0
+                for j in range(n):
+                    matrix[i, j] -= factor * matrix[k, j]
     for k in range(n - 1, -1, -1):  # exchanged rows of the matrix are exchanged columns of the inverse
         if rows[k] != k:
             for i in range(n):
@@ -137,11 +136,14 @@ def condense(jac: FloatArray, cj: float, dynamic: FloatArray, condensed: FloatAr
     for i in range(m):
         for j in range(n):
             condensed[i, j] = 0.0
-        for k in range(m):
-            factor = -dynamic[i, k] / cj
-            condensed[i, n + k] = dynamic[i, k]
-            for j in range(n):
-                condensed[i, j] += factor * jac[n + k, j]
+        for j in range(m):
+            condensed[i, n + j] = dynamic[i, j]
+    for k in range(m):
+        for j in range(n):
+            factor = jac[n + k, j] / cj
+            if factor != 0.0:  # most are 0
+                for i in range(m):
+                    condensed[i, j] -= dynamic[i, k] * factor
     return True
 
 

@@ -7,41 +7,61 @@ from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
-from vibroplat.plots.style import plt, save, styled
+from vibroplat.plots.style import CURVES, plt, save, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_ENGINES = {"native": "#1f4e79", "sundae": "#c05a1c"}
+#: Errors that work–precision figures have, by column, of the product's own benches and beside its peers.
+OWN = {"y_m": "y (m)", "event_time_s": "event times (s)", "contact_force": "contact force (relative)"}
+SCALED = {"coordinates": "coordinates (over their scales)"} | {
+    key: OWN[key] for key in ("event_time_s", "contact_force")
+}
 
 
-def plot_precision(table: pd.DataFrame, directory: Path, name: str = "precision") -> Path:
-    """Draw run time against error, a row of panels for each case with a line for each engine and integrator.
+def plot_precision(table: pd.DataFrame, directory: Path, name: str, errors: dict[str, str], line: list[str]) -> Path:
+    """Draw run time against error, a row of panels for each case.
 
-    Returns the PNG file, ``name``.png in the directory.
+    Parameters
+    ----------
+    errors
+        Columns of errors, and what their axes say.
+    line
+        Columns whose values together name a line.
+
+    Returns
+    -------
+    Path
+        The PNG file, ``name``.png in the directory.
     """
-    errors = {"y_m": "y (m)", "event_time_s": "event time (s)", "contact_force": "contact force (relative)"}
     cases = list(dict.fromkeys(table["case"]))
+    names = table[line].astype(str).agg(", ".join, axis=1)
+    looks = {
+        each: {"color": CURVES[i % len(CURVES)], "ls": "-" if i < len(CURVES) else "--"}
+        for i, each in enumerate(dict.fromkeys(names))
+    }
     with styled():
-        figure, axes = plt.subplots(len(cases), len(errors), figsize=(11, 2.7 * len(cases)), squeeze=False)
+        figure, axes = plt.subplots(len(cases), len(errors), figsize=(11, 2.7 * len(cases) + 0.5), squeeze=False)
         for row, case in zip(axes, cases, strict=True):
             for axis, (column, label) in zip(row, errors.items(), strict=True):
-                _precision_lines(axis, table[table["case"] == case], column)
+                here = table["case"] == case
+                _precision_lines(axis, table[here], names[here], column, looks)
                 axis.set_xlabel(f"largest error of {label}")
             row[0].set_ylabel("ms per simulated second")
             row[0].set_title(case, loc="left")
-            row[0].legend(fontsize=7)
+        handles = [plt.Line2D([], [], marker="o", ms=3, label=each, **look) for each, look in looks.items()]
+        figure.legend(handles=handles, loc="outside upper center", ncols=4, fontsize=8)
         return save(figure, directory / f"{name}.png")
 
 
-def _precision_lines(axis: Axes, table: pd.DataFrame, column: str) -> None:
+def _precision_lines(axis: Axes, table: pd.DataFrame, names: pd.Series, column: str, looks: dict[str, Any]) -> None:
     """Draw one panel; a case without this quantity leaves it empty."""
     drawn = False
-    for (engine, smooth), rows in table.groupby(["engine", "smooth_modes"]):
+    for name, rows in table.groupby(names, sort=False):
         shown = rows[rows[column] > 0.0] if column in rows else rows.iloc[:0]
-        style: Any = {"color": _ENGINES.get(str(engine), "black"), "ls": "--" if smooth == "adams" else "-"}
+        time = "ms_per_s_median" if "ms_per_s_median" in rows else "ms_per_s"
         errors: Any = shown.get(column, [])
-        axis.plot(errors, shown["ms_per_s_median"], "o", ms=3, label=f"{engine}, {smooth}", **style)
+        axis.plot(errors, shown[time], "o", ms=3, **looks[str(name)])
         drawn |= len(shown) > 0
     if not drawn:
         axis.set_axis_off()
@@ -49,3 +69,42 @@ def _precision_lines(axis: Axes, table: pd.DataFrame, column: str) -> None:
     axis.set_xscale("log")
     axis.set_yscale("log")
     axis.invert_xaxis()
+
+
+def plot_scaling(tables: dict[str, pd.DataFrame], directory: Path) -> Path:
+    """Draw what runs cost against simulated time, restarts and number of scenes, and the memory they take.
+
+    ``tables`` are those of :mod:`vibroplat.bench.peers.scaling` by name. Returns the PNG file, scaling.png.
+    """
+    with styled():
+        figure, axes = plt.subplots(2, 2, figsize=(11, 7.5))
+        lengths, restarts, scenes, memory = axes.flat
+        for i, (peer, of_peer) in enumerate(tables["time"].groupby("peer", sort=False)):
+            for style, (scene, rows) in zip(("-", "--"), of_peer.groupby("scene", sort=False), strict=False):
+                label = f"{peer}: {scene}"
+                lengths.loglog(
+                    rows["simulated_s"], rows["wall_s"], style, marker="o", ms=3, color=CURVES[i], label=label
+                )
+        lengths.set(xlabel="simulated time (s)", ylabel="run time (s)", title="simulated time")
+        lengths.legend(fontsize=7)
+        for i, (restitution, rows) in enumerate(tables["events"].groupby("restitution")):
+            shown = rows[rows["outcome"] == "ok"]
+            restarts.plot(shown["restarts_per_s"], shown["ms_per_s"], "o", color=CURVES[i], label=f"R {restitution}")
+        restarts.set(
+            xlabel="restarts per simulated second", ylabel="ms per simulated second", title="events, vibroplat"
+        )
+        restarts.set_ylim(bottom=0.0)
+        restarts.legend()
+        for i, (jobs, rows) in enumerate(tables["scenes"].groupby("jobs")):
+            scenes.plot(rows["scenes"], rows["wall_s"], "o-", color=CURVES[i], label=f"{jobs} worker{'s' * (jobs > 1)}")
+        scenes.set(xlabel="scenes of 5 s", ylabel="run time (s)", title="number of scenes, vibroplat")
+        scenes.set_ylim(bottom=0.0)
+        scenes.legend()
+        largest = tables["memory"].groupby("peer", sort=False)[["loaded_mb", "added_mb"]].max()
+        memory.barh(largest.index, largest["loaded_mb"], color=CURVES[0], label="loaded")
+        memory.barh(
+            largest.index, largest["added_mb"], left=largest["loaded_mb"], color=CURVES[1], label="added by a run"
+        )
+        memory.set(xlabel="memory (MB)", title="memory of a process")
+        memory.legend()
+        return save(figure, directory / "scaling.png")

@@ -1,0 +1,120 @@
+"""The peers by name: how each runs a scene, with which settings, and whether it can be had here."""
+
+from __future__ import annotations
+
+import importlib.util
+import time
+from collections.abc import Callable
+from contextlib import closing
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from vibroplat.bench.peers import siconos
+from vibroplat.bench.peers.hybrid import Followed, Integrator, follow
+from vibroplat.physics.parameters import FloatArray, parameters
+from vibroplat.physics.systems import FULL_SIZE
+from vibroplat.scene import COORDINATES, RATES, Scene
+from vibroplat.solver.engines import make_engine
+from vibroplat.solver.motion import Motion
+from vibroplat.solver.run import SETTLE_SHARE, simulate
+
+#: Runs a scene; states at the times given, or none in timed runs.
+Runner = Callable[[FloatArray | None], Followed]
+
+
+@dataclass(frozen=True)
+class Peer:
+    """One of those compared.
+
+    Attributes
+    ----------
+    settings
+        Tolerances, or steps (s), from coarse to fine.
+    quick
+        Those of the short summary.
+    prepare
+        Makes all that does not belong to a run, for a scene and a setting.
+    module
+        What must be installed for it, besides the package.
+    """
+
+    name: str
+    settings: tuple[float, ...]
+    quick: tuple[float, ...]
+    prepare: Callable[[Scene, float], Runner]
+    module: str = ""
+
+    @property
+    def missing(self) -> str:
+        """Why the peer cannot be had here; empty if it can."""
+        if self.module == "siconos":
+            return siconos.available()
+        if self.module and importlib.util.find_spec(self.module) is None:
+            return f"{self.module} is not installed; it comes with vibroplat[bench]"
+        return ""
+
+
+def _vibroplat(scene: Scene, tolerance: float, smooth_modes: str = "auto") -> Runner:
+    """Our own; as for the others, a run does not include making the integrators, but does include its statistics."""
+    scene = scene.replace({"solver": {"tolerance": tolerance, "smooth_modes": smooth_modes}})
+    p, duration = parameters(scene), scene.run.duration_s
+
+    def timed() -> Followed:
+        with closing(make_engine(scene, p)) as engine:
+            motion = Motion(scene, p, engine)
+            began = time.perf_counter()
+            motion.go_on(duration, settle=SETTLE_SHARE * duration)
+            wall = time.perf_counter() - began
+        return Followed(np.empty((0, FULL_SIZE)), [], wall, wall)
+
+    def run(times: FloatArray | None) -> Followed:
+        if times is None:
+            return timed()
+        found = simulate(scene)
+        if found.summary["outcome"] != "ok":
+            raise RuntimeError(found.summary["detail"])
+        table = found(times)
+        states = np.zeros((times.size, FULL_SIZE))
+        for place, name in enumerate((*COORDINATES, *RATES)):
+            if name in table:
+                states[:, place] = table[name]
+        events = found.events[["t_s", "kind", "gap_rate_before_m_per_s"]]
+        forces = table["contact_force_n"].to_numpy() if "contact_force_n" in table else None
+        rows = list(events.itertuples(index=False, name=None))
+        return Followed(states, list(table["mode"]), rows=rows, forces=forces)
+
+    return run
+
+
+def _integrated(scene: Scene, tolerance: float, module: str, name: str) -> Runner:
+    """Let an integrator of this directory follow a scene."""
+    made = importlib.import_module(f"vibroplat.bench.peers.{module}")
+    integrator: Integrator = getattr(made, name)(scene, tolerance)
+    return partial(follow, scene, integrator)
+
+
+def _siconos(scene: Scene, accuracy: float, kind: str) -> Runner:
+    return partial(siconos.run, scene, kind, accuracy)
+
+
+def _peer(name: str, module: str, maker: str, settings: tuple[float, ...], library: str = "") -> Peer:
+    prepare = partial(_integrated, module=module, name=maker)
+    return Peer(name, settings, settings[1:4], prepare, library)
+
+
+_EVERY = tuple(10.0**-n for n in range(4, 12))
+
+PEERS = (
+    Peer("vibroplat", _EVERY, (1e-5, 1e-6, 1e-7, 1e-8, 1e-9), _vibroplat),
+    Peer("vibroplat, Adams in flight", _EVERY, (), partial(_vibroplat, smooth_modes="adams")),
+    _peer("scikit-sundae, Python callbacks", "callbacks", "Callbacks", (1e-4, 1e-5, 1e-6, 1e-7, 1e-8)),
+    _peer("scipy DOP853", "ivp", "DOP853", _EVERY[:-1]),
+    _peer("scipy LSODA", "ivp", "LSODA", (1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10)),
+    _peer("scipy Radau", "ivp", "RADAU", (1e-4, 1e-5, 1e-6, 1e-7, 1e-8)),
+    _peer("heyoka", "taylor", "Taylor", (1e-3, *_EVERY[:-1]), "heyoka"),
+    _peer("PathSim", "blocks", "PathSim", (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8), "pathsim"),
+    Peer("Siconos, event-driven", (1e-6, 1e-8, 1e-10), (), partial(_siconos, kind="event-driven"), "siconos"),
+    Peer("Siconos, Moreau–Jean", (1e-3, 3e-4, 1e-4), (), partial(_siconos, kind="time-stepping"), "siconos"),
+)

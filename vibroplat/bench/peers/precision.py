@@ -1,0 +1,174 @@
+"""Work–precision of the peers: run time beside errors of coordinates, event times and contact force."""
+
+from __future__ import annotations
+
+import statistics
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from vibroplat.bench.peers.cases import Case, agreement, truth
+from vibroplat.bench.peers.hybrid import Followed
+from vibroplat.bench.peers.peers import Peer, Runner
+from vibroplat.bench.reference import event_errors
+from vibroplat.physics.parameters import FloatArray, parameters
+from vibroplat.physics.systems import consistent, systems
+from vibroplat.scene import Mode, Scene
+from vibroplat.solver.scales import state_scales
+
+#: Runs longer than this are timed once (s).
+LONG = 1.0
+
+#: Errors at which run times are compared: of coordinates over their scales, of event times (s), of F_c over its
+#: largest value.
+LEVELS = {"coordinates": 1e-6, "event_time_s": 1e-8, "contact_force": 1e-6}
+
+
+def forces(scene: Scene, found: Followed) -> FloatArray:
+    """Contact force at the states of a run (N), nan where there is no contact; found from states if it is not given."""
+    if found.forces is not None:
+        return found.forces
+    values = np.full(len(found.states), np.nan)
+    if not scene.layers:
+        return values
+    p, system = parameters(scene), systems(scene)[Mode.ATTACHED]
+    for i, (state, mode) in enumerate(zip(found.states, found.modes, strict=True)):
+        if mode == Mode.ATTACHED.label:
+            y = system.unknowns(state)
+            consistent(system.index, y, np.empty(system.size), np.empty(system.size), p)
+            values[i] = y[-1]
+    return values
+
+
+def errors(scene: Scene, mine: Followed, theirs: Followed) -> dict[str, float]:
+    """Largest errors of a run against another: coordinates over their scales, event times (s), F_c over its largest."""
+    scales = state_scales(scene)[:7]
+    difference = np.abs(mine.states[:, :7] - theirs.states[:, :7]) / scales
+    found = {"coordinates": float(difference.max()), **event_errors(mine.events, theirs.events)}
+    if scene.layers:
+        both = np.array([a == b == Mode.ATTACHED.label for a, b in zip(mine.modes, theirs.modes, strict=True)])
+        f, g = forces(scene, mine)[both], forces(scene, theirs)[both]
+        found["contact_force"] = float(np.abs(f - g).max() / np.nanmax(forces(scene, theirs)))
+    return found
+
+
+def precision(
+    case: Case, peers: Sequence[Peer], repeats: int, *, quick: bool, tell: Callable[[str], None] = print
+) -> pd.DataFrame:
+    """Time and compare all peers on one case; a run that fails is a row with its reason."""
+    exact = truth(case)
+    runners: dict[tuple[str, float], Runner] = {}
+    rows: dict[tuple[str, float], dict[str, Any]] = {}
+    for peer in peers:
+        for setting in peer.quick if quick else peer.settings:
+            row = {"case": case.name, "peer": peer.name, "setting": setting, "failed": ""}
+            try:
+                runner = peer.prepare(case.scene, setting)
+                row |= errors(case.scene, runner(case.times), exact)
+                runners[peer.name, setting] = runner
+            except (RuntimeError, ValueError) as reason:
+                row["failed"] = f"{type(reason).__name__}: {reason}".splitlines()[0]
+                tell(f"{case.name}: {peer.name} at {setting:g}: {row['failed']}")
+            rows[peer.name, setting] = row
+    for key, (wall, core) in _timed(runners, repeats).items():
+        seconds = case.scene.run.duration_s
+        rows[key] |= {
+            "ms_per_s": 1e3 * wall / seconds,
+            "core_ms_per_s": 1e3 * core / seconds,
+            "ms_per_event": 1e3 * wall / len(exact.rows) if exact.rows else np.nan,
+        }
+    return pd.DataFrame(rows.values())
+
+
+def _timed(runners: dict[tuple[str, float], Runner], repeats: int) -> dict[tuple[str, float], tuple[float, float]]:
+    """Median times of runs and of their integrators (s), one run of each in every repeat."""
+    times: dict[tuple[str, float], list[tuple[float, float]]] = {key: [] for key in runners}
+    for _ in range(repeats):
+        for key, runner in runners.items():
+            if not times[key] or times[key][0][0] < LONG:
+                found = runner(None)
+                times[key].append((found.wall_s, found.core_s))
+    return {
+        key: (statistics.median(wall for wall, _ in of), statistics.median(core for _, core in of))
+        for key, of in times.items()
+    }
+
+
+def time_at(found: pd.Series, times: pd.Series, level: float) -> float:
+    """Run time at an error, between the fastest runs for each error; nan where no run is that accurate.
+
+    Where all runs are more accurate it is the fastest one's.
+    """
+    points = pd.DataFrame({"error": found, "time": times}).dropna().sort_values("time")
+    points = points[points["error"] < points["error"].cummin().shift(fill_value=np.inf)]
+    if points.empty or points["error"].iloc[-1] > level:
+        return float("nan")
+    shown = points.iloc[::-1].clip(lower=1e-300)
+    return float(np.exp(np.interp(np.log(level), np.log(shown["error"]), np.log(shown["time"]))))
+
+
+def at_equal_error(table: pd.DataFrame) -> pd.DataFrame:
+    """Run times of all peers at the errors of :data:`LEVELS`, and their ratios to vibroplat's."""
+    rows = []
+    for (case, peer), runs in table.groupby(["case", "peer"], sort=False):
+        row: dict[str, Any] = {"case": case, "peer": peer}
+        for column, level in LEVELS.items():
+            if column in runs:
+                row[column] = time_at(runs[column], runs["ms_per_s"], level)
+        row["core"] = time_at(runs["coordinates"], runs["core_ms_per_s"], LEVELS["coordinates"])
+        per_event = (runs["ms_per_event"] / runs["ms_per_s"]).median()
+        row["ms_per_event"] = row["coordinates"] * per_event
+        rows.append(row)
+    found = pd.DataFrame(rows)
+    own = found[found["peer"] == "vibroplat"].set_index("case")
+    for column in ("coordinates", "event_time_s", "contact_force", "core"):
+        if column in found:
+            of = "coordinates" if column == "core" else column
+            found[f"{column}_ratio"] = found[column] / found["case"].map(own[of])
+    return found
+
+
+def statistics_of(case: Case, peers: Sequence[Peer], setting: float) -> pd.DataFrame:
+    """Statistics of a motion that is not periodic, by each peer: those of the halves of its second half beside them."""
+    rows = []
+    for peer in peers:
+        nearest = min(peer.settings, key=lambda s: abs(np.log(s / setting)))
+        row: dict[str, Any] = {"case": case.name, "peer": peer.name, "setting": nearest, "failed": ""}
+        try:
+            runner = peer.prepare(case.scene, nearest)
+            found, timed = runner(case.times), runner(None)
+        except (RuntimeError, ValueError) as reason:
+            rows.append(row | {"failed": f"{type(reason).__name__}: {reason}".splitlines()[0]})
+            continue
+        row["ms_per_s"] = 1e3 * timed.wall_s / case.scene.run.duration_s
+        rows.append(row | _statistics(case, found))
+    return pd.DataFrame(rows)
+
+
+def _statistics(case: Case, found: Followed) -> dict[str, float]:
+    """RMS of y (m), share of flight, impacts per turn over the second half, and half the difference of its halves."""
+    half = len(case.times) // 2
+    parts = (slice(half, None), slice(half, half + half // 2), slice(half + half // 2, None))
+    y, flying = found.states[:, 1], np.array([mode == Mode.FLIGHT.label for mode in found.modes])
+    turns = np.abs(found.states[:, 3]) / (2.0 * np.pi)
+    events = found.events
+    impacts = events["t_s"][(events["kind"] == "impact") & (events["gap_rate_before_m_per_s"] < -1e-2)].to_numpy()
+    values: dict[str, list[float]] = {"rms_y_m": [], "flight_fraction": [], "impacts_per_turn": []}
+    for part in parts:
+        values["rms_y_m"].append(float(np.std(y[part])))
+        values["flight_fraction"].append(float(np.mean(flying[part])))
+        inside = (impacts >= case.times[part][0]) & (impacts < case.times[part][-1])
+        values["impacts_per_turn"].append(float(inside.sum() / (turns[part][-1] - turns[part][0])))
+    return {
+        name + suffix: value
+        for name, of in values.items()
+        for suffix, value in (("", of[0]), ("_scatter", 0.5 * abs(of[1] - of[2])))
+    }
+
+
+def references(directory: Path, found: Sequence[Case]) -> pd.DataFrame:
+    """Distance of the oracle from the reference tables."""
+    return pd.DataFrame([agreement(case, truth(case), directory) for case in found if case.reference])

@@ -1,0 +1,131 @@
+"""What a run costs as scenes grow: simulated time, events, number of scenes, memory, the whole paper."""
+
+from __future__ import annotations
+
+import os
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+
+from vibroplat.bench.peers.peers import Peer
+from vibroplat.bench.scenes import base, kinds
+from vibroplat.config import configurations
+from vibroplat.scene import Scene
+from vibroplat.solver.run import simulate
+from vibroplat.study.sweep import sweep
+
+#: Tolerance at which everything here is run.
+TOLERANCE = 1e-6
+
+#: A program that runs a scene once more than it has, and says by how much memory has grown (kB).
+_MEMORY = """
+import resource, sys
+from vibroplat.bench.peers.peers import PEERS
+from vibroplat.bench.scenes import kinds
+peer = next(peer for peer in PEERS if peer.name == sys.argv[1])
+def run(seconds):
+    peer.prepare(kinds({tolerance}, seconds)["impacts, f_e 50"], {tolerance})(None)
+run(0.1)
+before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+run(float(sys.argv[2]))
+after = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+print(before, after - before)
+"""
+
+
+def simulated_time(peers: Sequence[Peer], repeats: int, lengths: Sequence[float] = (1.0, 10.0, 100.0)) -> pd.DataFrame:
+    """Run time against simulated time, in contact and with impacts; a linear cost has the same ms per s throughout."""
+    rows = []
+    for name in ("attached, f_e 46", "impacts, f_e 50"):
+        for seconds in lengths:
+            scene = kinds(TOLERANCE, seconds)[name]
+            for peer in peers:
+                run = peer.prepare(scene, TOLERANCE)
+                run(None)
+                wall = statistics.median(run(None).wall_s for _ in range(repeats))
+                rows.append({"scene": name, "peer": peer.name, "simulated_s": seconds, "wall_s": wall})
+    return pd.DataFrame(rows).assign(ms_per_s=lambda table: 1e3 * table["wall_s"] / table["simulated_s"])
+
+
+def events_per_second(repeats: int, seconds: float = 10.0) -> pd.DataFrame:
+    """Run time against the number of restarts, over supply frequencies and restitutions; with steps and residuals."""
+    rows = []
+    for restitution in (0.0, 0.3, 0.5):
+        for supply in (46.0, 50.0, 54.0, 58.0, 66.0, 78.0):
+            scene = base(TOLERANCE, seconds).replace(
+                {"drive.supply_frequency_hz": supply, "contact.restitution": restitution}
+            )
+            walls, summary = _timed(scene, repeats)
+            row = {"restitution": restitution, "supply_frequency_hz": supply, "outcome": summary["outcome"]}
+            counts = {
+                f"{key}_per_s": summary[key] / seconds for key in ("events", "restarts", "steps", "residual_calls")
+            }
+            rows.append(row | counts | {"ms_per_s": 1e3 * walls / seconds})
+    return pd.DataFrame(rows)
+
+
+def _timed(scene: Scene, repeats: int) -> tuple[float, dict[str, float]]:
+    """Median wall time of a run (s), and its summary."""
+    runs = [simulate(scene, keep="summary").summary for _ in range(repeats + 1)]
+    return statistics.median(run["wall_s"] for run in runs[1:]), runs[0]
+
+
+def scenes(repeats: int, counts: Sequence[int] = (8, 16, 32, 64)) -> pd.DataFrame:
+    """Run time of sweeps over so many restitutions, 5 s of motion each, on one and on two cores."""
+    rows = []
+    for count in counts:
+        plan = {
+            "supply_frequency_hz": {"start": 50.0, "stop": 50.0, "step": 1.0},
+            "grid": {"contact.restitution": np.linspace(0.0, 0.5, count).tolist()},
+            "settle_s": 4.0,
+            "measure_s": 1.0,
+        }
+        scene = base(TOLERANCE, 1.0).replace({"sweep": plan})
+        for jobs in (1, 2):
+            walls = []
+            for _ in range(repeats):
+                began = time.perf_counter()
+                sweep(scene, jobs=jobs)
+                walls.append(time.perf_counter() - began)
+            rows.append({"scenes": count, "jobs": jobs, "wall_s": statistics.median(walls)})
+    return pd.DataFrame(rows)
+
+
+def memory(peers: Sequence[Peer], seconds: Sequence[float] = (10.0, 50.0)) -> pd.DataFrame:
+    """Memory of a process that has the peer loaded, and what a run of an impacting scene adds (MB)."""
+    rows = []
+    program = _MEMORY.format(tolerance=TOLERANCE)
+    for peer in peers:
+        for length in seconds:
+            done = subprocess.run(
+                [sys.executable, "-c", program, peer.name, str(length)], capture_output=True, text=True, check=True
+            )
+            loaded, added = (int(number) / 1024.0 for number in done.stdout.split())
+            rows.append({"peer": peer.name, "simulated_s": length, "loaded_mb": loaded, "added_mb": added})
+    return pd.DataFrame(rows)
+
+
+def paper() -> pd.DataFrame:
+    """Wall time of the paper's commands as a user gives them, on all cores."""
+    jobs = str(os.cpu_count() or 1)
+    vibroplat = (sys.executable, "-m", "vibroplat")
+    rows = []
+    with tempfile.TemporaryDirectory() as room:
+        for name, arguments in (
+            ("Fig. 3: three masses, up and down", ("sweep", str(configurations() / "paper" / "fig3.yaml"))),
+            ("whole paper, calibrated machine", ("paper", "--machine", "calibrated")),
+        ):
+            began = time.perf_counter()
+            done = subprocess.run(
+                [*vibroplat, *arguments, "--jobs", jobs, "--out", room], capture_output=True, check=False
+            )
+            rows.append(
+                {"what": name, "jobs": int(jobs), "wall_s": time.perf_counter() - began, "exit_code": done.returncode}
+            )
+    return pd.DataFrame(rows)

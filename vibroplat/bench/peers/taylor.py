@@ -1,0 +1,131 @@
+"""heyoka: adaptive Taylor series with terminal events (Biscani and Izzo 2021, 2022).
+
+Its kernels are compiled for a scene when a peer is made, which is not part of a run. At tolerance 1e-16
+it is the oracle for scenes without a reference of their own.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import heyoka as hk
+import numpy as np
+
+from vibroplat.bench.peers.hybrid import Leg
+from vibroplat.physics import parameters as q
+from vibroplat.physics.parameters import FloatArray, parameters
+from vibroplat.physics.systems import GAP, System, systems
+from vibroplat.scene import Mode, Scene
+
+#: Gap with which a flight begins (m).
+BARELY = 1e-25
+
+_NAMES = ("x", "y", "f", "f1", "f2")
+
+
+class Taylor:
+    """One integrator for each mode."""
+
+    def __init__(self, scene: Scene, tolerance: float) -> None:
+        p = parameters(scene)
+        self.integrators = {mode: _integrator(system, p, tolerance) for mode, system in systems(scene).items()}
+
+    def advance(self, mode: Mode, t: float, y: FloatArray, until: float, times: FloatArray) -> Leg:
+        """See :class:`vibroplat.bench.peers.hybrid.Integrator`."""
+        ta = self.integrators[mode]
+        ta.time = t
+        ta.state[:] = y
+        if mode is Mode.FLIGHT and y[GAP] == 0.0 < y[y.size // 2 + GAP]:
+            ta.state[GAP] = BARELY  # after a rebound a root at the very beginning would hide those in the first step
+        if mode is not Mode.BARE:
+            ta.reset_cooldowns()
+        if not times.size:
+            outcome = ta.propagate_until(until)[0]
+            return Leg(ta.time, ta.state.copy(), _fell(outcome), np.empty((0, y.size)))
+        outcome, *_, output, _ = ta.propagate_until(until, c_output=True)
+        inside = times[times <= ta.time]
+        samples = output(inside).copy() if inside.size else np.empty((0, y.size))
+        return Leg(ta.time, ta.state.copy(), _fell(outcome), samples)
+
+
+def _fell(outcome: Any) -> bool:
+    """Whether the terminal event ended the integration; raises where it failed."""
+    if outcome == hk.taylor_outcome.time_limit:
+        return False
+    if int(outcome.value if hasattr(outcome, "value") else outcome) in (-1, 0):
+        return True
+    raise RuntimeError(f"heyoka: {outcome}")
+
+
+def _integrator(system: System, p: FloatArray, tolerance: float) -> Any:
+    """Make the integrator of a system."""
+    equations, force = _equations(system, p)
+    coordinates = equations[: system.differential // 2]
+    falls = {Mode.ATTACHED: force, Mode.FLIGHT: coordinates[GAP][0] if system.mode is Mode.FLIGHT else None}
+    events = []
+    if system.mode is not Mode.BARE:
+        events = [hk.t_event(falls[system.mode], direction=hk.event_direction.negative)]
+    return hk.taylor_adaptive(equations, np.zeros(system.differential), tol=tolerance, t_events=events)
+
+
+def _equations(system: System, p: FloatArray) -> tuple[list[Any], Any]:
+    """Return (unknown, derivative) of a system, and F_c where it is attached.
+
+    Platform and exciters are eliminated as in :func:`vibroplat.physics.platform.solve_mass_matrix`.
+    """
+    n = system.differential // 2
+    names = [*_NAMES, *["w1", "w2"][: n - 5]] if system.mode is Mode.FLIGHT else [*_NAMES, "w2"][:n]
+    u = hk.make_vars(*names)
+    v = hk.make_vars(*("v" + name for name in names))
+    attached = system.mode is Mode.ATTACHED
+    lower = p[q.LOWER_MASS] if attached else 0.0
+    spring = p[q.LAYER_STIFFNESS] * u[n - 1] + p[q.LAYER_DAMPING] * v[n - 1] if system.layers == 2 else 0.0
+    load = lower * p[q.GRAVITY] - p[q.UPPER_MASS] * spring if attached else 0.0
+    a = _platform(u, v, p, lower, load)
+    if attached:
+        force = lower * (a[1] + p[q.GRAVITY]) - p[q.UPPER_MASS] * spring
+        a += [-a[1] - p[q.GRAVITY] - spring][: n - 5]
+    else:
+        force = None
+        share = p[q.UPPER_MASS] / p[q.LOWER_MASS] if system.layers else 0.0
+        a += [share * spring - p[q.GRAVITY] - a[1], -(1.0 + share) * spring][: n - 5]
+    return [*zip(u, v, strict=True), *zip(v, a, strict=True)], force
+
+
+def _platform(u: Any, v: Any, p: FloatArray, lower: float, load: Any) -> list[Any]:
+    """Accelerations of platform and exciters, the mass ``lower`` moving with y and ``load`` pressing on it."""
+    k, g = p[q.UNBALANCE], p[q.GRAVITY]
+    mass, inertia = (p[q.MASS], p[q.MASS] + lower), p[q.INERTIA]
+    rows = []  # of each exciter: its column of the mass matrix and its force
+    forces = [
+        -p[q.DAMPING_X] * v[0] - p[q.STIFFNESS_X] * u[0],
+        -p[q.DAMPING_Y] * v[1] - p[q.STIFFNESS_Y] * u[1] - p[q.MASS] * g - load,
+        -p[q.DAMPING_PHI] * v[2] - p[q.STIFFNESS_PHI] * u[2],
+    ]
+    for i, side in ((0, 1.0), (1, -1.0)):
+        torque, slip, speed, friction = p[q.TORQUE_1 + 4 * i : q.TORQUE_1 + 4 * i + 4]
+        angle, w = u[3 + i], v[3 + i]
+        sine, cosine = hk.sin(angle), hk.cos(angle)
+        x0 = side * p[q.AXIS_X]
+        x, y = x0 - u[2] * p[q.AXIS_Y], p[q.AXIS_Y] + u[2] * x0
+        b, d = x * cosine + y * sine, x * sine - y * cosine
+        s = 1.0 - side * w / speed
+        motor = 2.0 * side * torque * slip * s / (slip * slip + s * s)
+        forces[0] += k * cosine * w * w
+        forces[1] += k * sine * w * w
+        forces[2] += k * d * w * w
+        # exciters keep their sense of rotation in every scene here: |w| = side·w
+        own = motor - friction * side * w * w - k * (g * cosine + d * v[2] * v[2])
+        rows.append(((-k * sine, k * cosine, k * b), own))
+    (c1, f1), (c2, f2) = rows
+    inverse = (1.0 / mass[0], 1.0 / mass[1], 1.0 / inertia)
+    m11 = p[q.EXCITER_INERTIA] - sum(w * c * c for w, c in zip(inverse, c1, strict=True))
+    m22 = p[q.EXCITER_INERTIA] - sum(w * c * c for w, c in zip(inverse, c2, strict=True))
+    m12 = -sum(w * c * e for w, c, e in zip(inverse, c1, c2, strict=True))
+    r1 = f1 - sum(w * c * f for w, c, f in zip(inverse, c1, forces, strict=True))
+    r2 = f2 - sum(w * c * f for w, c, f in zip(inverse, c2, forces, strict=True))
+    determinant = m11 * m22 - m12 * m12
+    a1 = (m22 * r1 - m12 * r2) / determinant
+    a2 = (m11 * r2 - m12 * r1) / determinant
+    platform = [w * (f - c * a1 - e * a2) for w, f, c, e in zip(inverse, forces, c1, c2, strict=True)]
+    return [*platform, a1, a2]
