@@ -13,7 +13,7 @@ from numba import carray  # type: ignore[attr-defined]
 
 from vibroplat.physics.compiled import FloatArray, callback, compiled
 from vibroplat.physics.foreign import call_address, pointer
-from vibroplat.physics.linear import condense, solve_condensed
+from vibroplat.physics.linear import condense, condense_explicit, solve_condensed
 from vibroplat.physics.parameters import SIZE as PARAMETERS
 from vibroplat.physics.systems import FULL_SIZE, evaluate_jacobian, evaluate_residual, explicit
 from vibroplat.solver.scales import ROUND_OFF
@@ -26,10 +26,11 @@ LINKS = 9
 #: Place of the user data's address in the content of a SUNLinearSolver, after the three words of a dense one.
 USER_DATA = 3
 
-# Places in the room: c_j and matrices of the Jacobian's last evaluation.
-CJ, CONDENSED = 0, 1
+# Places in the room: c_j, the share of coordinates' right-hand sides, and matrices of the Jacobian's last evaluation.
+CJ, SHARE, CONDENSED = 0, 1, 2
 ROWS = CONDENSED + FULL_SIZE * FULL_SIZE
-DYNAMIC = ROWS + FULL_SIZE * FULL_SIZE
+PARTIAL = ROWS + FULL_SIZE * FULL_SIZE
+DYNAMIC = PARTIAL + FULL_SIZE * FULL_SIZE
 ROOM_SIZE = DYNAMIC + FULL_SIZE * FULL_SIZE
 
 #: SUNDIALS gives up at once on a negative value, and says which function it came from; it takes a smaller step
@@ -58,6 +59,17 @@ def _condensed(links: Any) -> FloatArray:
     return carray(pointer(links[ROOM] + 8 * CONDENSED), (size - size // 2, size))
 
 
+@compiled
+def _matrices(links: Any) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Room of a callback, and in it two matrices of full size and one of the dynamic rows."""
+    size = links[SIZE]
+    m = size - size // 2
+    room = carray(pointer(links[ROOM]), (ROOM_SIZE,))
+    rows = room[ROWS : ROWS + size * size].reshape((size, size))
+    partial = room[PARTIAL : PARTIAL + size * size].reshape((size, size))
+    return room, rows, partial, room[DYNAMIC : DYNAMIC + m * m].reshape((m, m))
+
+
 @callback("int32(float64, float64, intp, intp, intp, intp, CPointer(int64), intp, intp, intp)")
 def jacobian(
     t: float, cj: float, y: int, yp: int, res: int, matrix: int, data: Any, work_1: int, work_2: int, work_3: int
@@ -65,14 +77,38 @@ def jacobian(
     """IDALsJacFn; leaves the library's matrix alone and prepares :func:`solve`."""
     links = carray(data, (LINKS,))
     links[JACOBIANS] += 1
-    size = links[SIZE]
-    m = size - size // 2
-    p, room = carray(pointer(links[PARAMETER]), (PARAMETERS,)), carray(pointer(links[ROOM]), (ROOM_SIZE,))
-    rows = room[ROWS : ROWS + size * size].reshape((size, size))
-    dynamic = room[DYNAMIC : DYNAMIC + m * m].reshape((m, m))
+    room, rows, _, dynamic = _matrices(links)
+    p = carray(pointer(links[PARAMETER]), (PARAMETERS,))
     evaluate_jacobian(links[SYSTEM], _values(y, links), _values(yp, links), cj, rows, p)
-    room[CJ] = cj
+    room[CJ], room[SHARE] = cj, 1.0
     return _OK if condense(rows, cj, dynamic, _condensed(links)) else _SINGULAR
+
+
+@callback("int32(float64, intp, intp, intp, int32, CPointer(int32), float64, CPointer(int64), intp, intp, intp)")
+def linear_system(
+    t: float,
+    y: int,
+    yp: int,
+    matrix: int,
+    reusable: int,
+    renewed: Any,
+    gamma: float,
+    data: Any,
+    work_1: int,
+    work_2: int,
+    work_3: int,
+) -> int:
+    """CVLsLinSysFn, as :func:`jacobian`."""
+    links = carray(data, (LINKS,))
+    links[JACOBIANS] += 1
+    room, rows, partial, dynamic = _matrices(links)
+    p, cj = carray(pointer(links[PARAMETER]), (PARAMETERS,)), 1.0 / gamma
+    values, slopes = _values(y, links), _values(yp, links)
+    evaluate_jacobian(links[SYSTEM], values, slopes, cj, rows, p)
+    evaluate_jacobian(links[SYSTEM], values, slopes, 0.0, partial, p)
+    room[CJ], room[SHARE] = cj, cj
+    carray(renewed, (1,))[0] = 1
+    return _OK if condense_explicit(rows, partial, cj, dynamic, _condensed(links)) else _SINGULAR
 
 
 @callback("int32(CPointer(intp), intp)")
@@ -86,8 +122,8 @@ def solve(solver: Any, matrix: int, solution: int, right: int, tolerance: float)
     """Solve, as a SUNLinearSolver whose content ends with the address of user data."""
     content = carray(pointer(solver[0]), (USER_DATA + 1,)).view(np.int64)
     links = carray(pointer(content[USER_DATA]), (LINKS,)).view(np.int64)
-    cj = carray(pointer(links[ROOM]), (1,))[CJ]
-    solve_condensed(_condensed(links), cj, _values(right, links), _values(solution, links))
+    room = carray(pointer(links[ROOM]), (CONDENSED,))
+    solve_condensed(_condensed(links), room[CJ], room[SHARE], _values(right, links), _values(solution, links))
     return _OK
 
 
@@ -107,7 +143,10 @@ def right_hand_side(t: float, y: int, yp: int, data: Any) -> int:
     """CVRhsFn."""
     links = carray(data, (LINKS,))
     links[RESIDUALS] += 1
-    p, room = carray(pointer(links[PARAMETER]), (PARAMETERS,)), carray(pointer(links[ROOM]), (links[SIZE],))
+    p, room = (
+        carray(pointer(links[PARAMETER]), (PARAMETERS,)),
+        carray(pointer(links[ROOM] + 8 * DYNAMIC), (links[SIZE],)),
+    )
     return _OK if explicit(links[SYSTEM], _values(y, links), _values(yp, links), room, p) else _NOT_FINITE
 
 

@@ -289,7 +289,7 @@ class NativeEngine:
         self._lib = library
         self._free: list[Callable[[], object]] = []
         self._finalizer = weakref.finalize(self, _free_all, self._free)
-        self._alive = [p]  # what the library holds addresses of
+        self._alive: list[npt.NDArray[Any]] = [p]  # what the library holds addresses of
         self._tape = tp.blank_tape(TAPE_ROWS)
         names = [[library.address(name) for name in row] for row in _NAMES]
         shape = (3, FULL_SIZE)
@@ -387,20 +387,16 @@ class NativeEngine:
         y, yp = (self._vector(array[mode, : system.size]) for array in (n.y, n.yp))
         return y, yp
 
-    def _linear_solver(self, system: System, y: int) -> tuple[int, int]:
-        """Make a dense matrix and the library's solver for it."""
+    def _linear_solver(self, mode: Mode, system: System, y: int) -> tuple[int, int]:
+        """Make a SUNLinearSolver whose setup and solve are ours, a copy of the library's dense one, and its matrix."""
         lib = self._lib
         matrix = self._made(lib.SUNDenseMatrix(system.size, system.size, self._context), lib.SUNMatDestroy)
-        return self._made(lib.SUNLinSol_Dense(y, matrix, self._context), lib.SUNLinSolFree), matrix
-
-    def _own_linear_solver(self, mode: Mode, system: System, y: int) -> tuple[int, int]:
-        """Make a SUNLinearSolver whose setup and solve are ours, a copy of the library's dense one."""
-        dense, matrix = self._linear_solver(system, y)
+        dense = self._made(lib.SUNLinSol_Dense(y, matrix, self._context), lib.SUNLinSolFree)
         head = _words(dense, _SOLVER_WORDS)
         place = np.flatnonzero(head == self._context)  # the table of operations is before it, its place differs
         operations = _words(int(head[place[0] - 1]), _SOLVER_OPERATIONS) if place.size == 1 and place[0] > 1 else head
         for name, ours in (("SUNLinSolSetup_Dense", cb.setup), ("SUNLinSolSolve_Dense", cb.solve)):
-            found = operations == self._lib.address(name)
+            found = operations == lib.address(name)
             if found.sum() != 1:
                 raise UnavailableError(f"{name} is not found among the operations of its dense linear solver")
             operations[found] = ours.address
@@ -416,7 +412,7 @@ class NativeEngine:
         _check(lib.IDAInit(memory, cb.residual.address, 0.0, y, yp))
         _check(lib.IDAWFtolerances(memory, cb.weights.address))
         _check(lib.IDASetUserData(memory, n.links[mode].ctypes.data))
-        _check(lib.IDASetLinearSolver(memory, *self._own_linear_solver(mode, system, y)))
+        _check(lib.IDASetLinearSolver(memory, *self._linear_solver(mode, system, y)))
         _check(lib.IDASetJacFn(memory, cb.jacobian.address))
         _check(lib.IDASetEtaFixedStepBounds(memory, *ETA_FIXED))
         _check(lib.IDASetEtaMax(memory, ETA_MAX))
@@ -441,9 +437,10 @@ class NativeEngine:
         _check(lib.CVodeInit(memory, cb.right_hand_side.address, 0.0, y))
         _check(lib.CVodeWFtolerances(memory, cb.weights.address))
         _check(lib.CVodeSetUserData(memory, n.links[mode].ctypes.data))
-        # Newton's iteration, its Jacobian by differences: fixed-point iteration, which needs none, takes half
-        # as many steps again and more than twice the right-hand sides
-        _check(lib.CVodeSetLinearSolver(memory, *self._linear_solver(system, y)))
+        # Newton's iteration: fixed-point iteration, which needs no Jacobian, takes half as many steps again and more
+        # than twice the right-hand sides
+        _check(lib.CVodeSetLinearSolver(memory, *self._linear_solver(mode, system, y)))
+        _check(lib.CVodeSetLinSysFn(memory, cb.linear_system.address))
         if system.guard is not None:
             _check(lib.CVodeRootInit(memory, 1, cb.cvode_guard.address))
             _check(lib.CVodeSetRootDirection(memory, self._direction.ctypes.data))

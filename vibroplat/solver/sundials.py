@@ -74,6 +74,7 @@ _CVODE = {
     "CVodeSetInitStep": "ipr",
     "CVodeSetNoInactiveRootWarn": "ip",
     "CVodeSetLinearSolver": "ippp",
+    "CVodeSetLinSysFn": "ipp",
     "CVodeSetRootDirection": "ipp",
     "CVodeSetUserData": "ipp",
     "CVode": "iprppi",
