@@ -179,7 +179,7 @@ def test_every_handle_is_freed(quickstart, monkeypatch):
 
     scene = with_engine(quickstart, "native", "adams")
     NativeEngine(scene, parameters(scene), Watched()).close()
-    assert made == {"N_VMake_Serial": 7, "SUNDenseMatrix": 2, "SUNLinSol_Dense": 2, "IDACreate": 1, "CVodeCreate": 1}
+    assert made == {"N_VMake_Serial": 5, "SUNDenseMatrix": 2, "SUNLinSol_Dense": 2, "IDACreate": 1, "CVodeCreate": 1}
     assert len(freed) == sum(made.values()) + 1
     assert freed[-1] == "SUNContext_Free"
     # an engine that nobody closes is freed with its object
@@ -303,6 +303,11 @@ BREAKAGES = {
         "vibroplat.solver.sundials._TYPES",
         {"SUNDIALS_INT_TYPE": "long"},
         "its number types are int; known: double, int",
+    ),
+    "linear solver": (
+        "vibroplat.solver.native._SOLVER_WORDS",
+        2,
+        "SUNLinSolSetup_Dense is not found among the operations of its dense linear solver",
     ),
     "module": (
         "vibroplat.solver.sundials._TYPES",

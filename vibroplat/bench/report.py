@@ -139,7 +139,7 @@ def _compare(directory: Path, reference: Path, repeats: int, name: str, *, quick
         _show(precision.references(reference, compared), directory, f"{name}-oracle")
         _show(table, directory, f"{name}-precision")
         print(plot_precision(table, directory, f"{name}-precision", SCALED, ["peer"]))
-    _show(precision.at_equal_error(table), directory, f"{name}-equal")
+    _show(precision.at_equal_error(table, compared), directory, f"{name}-equal")
     return here
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
+from matplotlib.lines import Line2D
 
 from vibroplat.plots.style import CURVES, plt, save, styled
 
@@ -36,7 +37,7 @@ def plot_precision(table: pd.DataFrame, directory: Path, name: str, errors: dict
     """
     cases = list(dict.fromkeys(table["case"]))
     names = table[line].astype(str).agg(", ".join, axis=1)
-    looks = {
+    looks: dict[str, dict[str, Any]] = {
         each: {"color": CURVES[i % len(CURVES)], "ls": "-" if i < len(CURVES) else "--"}
         for i, each in enumerate(dict.fromkeys(names))
     }
@@ -49,7 +50,7 @@ def plot_precision(table: pd.DataFrame, directory: Path, name: str, errors: dict
                 axis.set_xlabel(f"largest error of {label}")
             row[0].set_ylabel("ms per simulated second")
             row[0].set_title(case, loc="left")
-        handles = [plt.Line2D([], [], marker="o", ms=3, label=each, **look) for each, look in looks.items()]
+        handles = [Line2D([], [], marker="o", ms=3, label=each, **look) for each, look in looks.items()]
         figure.legend(handles=handles, loc="outside upper center", ncols=4, fontsize=8)
         return save(figure, directory / f"{name}.png")
 
@@ -96,7 +97,7 @@ def plot_scaling(tables: dict[str, pd.DataFrame], directory: Path) -> Path:
         restarts.set_ylim(bottom=0.0)
         restarts.legend()
         for i, (jobs, rows) in enumerate(tables["scenes"].groupby("jobs")):
-            scenes.plot(rows["scenes"], rows["wall_s"], "o-", color=CURVES[i], label=f"{jobs} worker{'s' * (jobs > 1)}")
+            scenes.plot(rows["scenes"], rows["wall_s"], "o-", color=CURVES[i], label=f"{jobs} at a time")
         scenes.set(xlabel="scenes of 5 s", ylabel="run time (s)", title="number of scenes, vibroplat")
         scenes.set_ylim(bottom=0.0)
         scenes.legend()

@@ -99,22 +99,26 @@ def _siconos(scene: Scene, accuracy: float, kind: str) -> Runner:
     return partial(siconos.run, scene, kind, accuracy)
 
 
-def _peer(name: str, module: str, maker: str, settings: tuple[float, ...], library: str = "") -> Peer:
-    prepare = partial(_integrated, module=module, name=maker)
-    return Peer(name, settings, settings[1:4], prepare, library)
+def _peer(
+    name: str, module: str, maker: str, settings: tuple[float, ...], quick: tuple[float, ...], library: str = ""
+) -> Peer:
+    return Peer(name, settings, quick, partial(_integrated, module=module, name=maker), library)
 
 
-_EVERY = tuple(10.0**-n for n in range(4, 12))
+def _powers(first: int, last: int) -> tuple[float, ...]:
+    """Tolerances 10⁻ᶠ … 10⁻ˡ."""
+    return tuple(10.0**-n for n in range(first, last + 1))
+
 
 PEERS = (
-    Peer("vibroplat", _EVERY, (1e-5, 1e-6, 1e-7, 1e-8, 1e-9), _vibroplat),
-    Peer("vibroplat, Adams in flight", _EVERY, (), partial(_vibroplat, smooth_modes="adams")),
-    _peer("scikit-sundae, Python callbacks", "callbacks", "Callbacks", (1e-4, 1e-5, 1e-6, 1e-7, 1e-8)),
-    _peer("scipy DOP853", "ivp", "DOP853", _EVERY[:-1]),
-    _peer("scipy LSODA", "ivp", "LSODA", (1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10)),
-    _peer("scipy Radau", "ivp", "RADAU", (1e-4, 1e-5, 1e-6, 1e-7, 1e-8)),
-    _peer("heyoka", "taylor", "Taylor", (1e-3, *_EVERY[:-1]), "heyoka"),
-    _peer("PathSim", "blocks", "PathSim", (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8), "pathsim"),
+    Peer("vibroplat", _powers(4, 11), _powers(6, 10), _vibroplat),
+    Peer("vibroplat, Adams in flight", _powers(4, 11), (), partial(_vibroplat, smooth_modes="adams")),
+    _peer("scikit-sundae, Python callbacks", "callbacks", "Callbacks", _powers(4, 9), _powers(6, 8)),
+    _peer("scipy DOP853", "ivp", "DOP853", _powers(4, 10), _powers(6, 9)),
+    _peer("scipy LSODA", "ivp", "LSODA", _powers(5, 11), _powers(7, 10)),
+    _peer("scipy Radau", "ivp", "RADAU", _powers(4, 8), _powers(6, 8)),
+    _peer("heyoka", "taylor", "Taylor", _powers(3, 10), _powers(4, 8), "heyoka"),
+    _peer("PathSim", "blocks", "PathSim", _powers(3, 9), _powers(5, 8), "pathsim"),
     Peer("Siconos, event-driven", (1e-6, 1e-8, 1e-10), (), partial(_siconos, kind="event-driven"), "siconos"),
     Peer("Siconos, Moreau–Jean", (1e-3, 3e-4, 1e-4), (), partial(_siconos, kind="time-stepping"), "siconos"),
 )

@@ -22,10 +22,6 @@ from vibroplat.solver.scales import state_scales
 #: Runs longer than this are timed once (s).
 LONG = 1.0
 
-#: Errors at which run times are compared: of coordinates over their scales, of event times (s), of F_c over its
-#: largest value.
-LEVELS = {"coordinates": 1e-6, "event_time_s": 1e-8, "contact_force": 1e-6}
-
 
 def forces(scene: Scene, found: Followed) -> FloatArray:
     """Contact force at the states of a run (N), nan where there is no contact; found from states if it is not given."""
@@ -110,15 +106,19 @@ def time_at(found: pd.Series, times: pd.Series, level: float) -> float:
     return float(np.exp(np.interp(np.log(level), np.log(shown["error"]), np.log(shown["time"]))))
 
 
-def at_equal_error(table: pd.DataFrame) -> pd.DataFrame:
-    """Run times of all peers at the errors of :data:`LEVELS`, and their ratios to vibroplat's."""
+def at_equal_error(table: pd.DataFrame, compared: Sequence[Case]) -> pd.DataFrame:
+    """Run times of all peers at the cases' levels of errors (ms per s), and their ratios to vibroplat's.
+
+    ``core`` is the time in the integrator alone, at the level of coordinates.
+    """
+    levels = {case.name: case.levels for case in compared}
     rows = []
     for (case, peer), runs in table.groupby(["case", "peer"], sort=False):
         row: dict[str, Any] = {"case": case, "peer": peer}
-        for column, level in LEVELS.items():
-            if column in runs:
+        for column, level in levels[str(case)].items():
+            if column in runs and runs[column].gt(0.0).any():
                 row[column] = time_at(runs[column], runs["ms_per_s"], level)
-        row["core"] = time_at(runs["coordinates"], runs["core_ms_per_s"], LEVELS["coordinates"])
+        row["core"] = time_at(runs["coordinates"], runs["core_ms_per_s"], levels[str(case)]["coordinates"])
         per_event = (runs["ms_per_event"] / runs["ms_per_s"]).median()
         row["ms_per_event"] = row["coordinates"] * per_event
         rows.append(row)

@@ -15,7 +15,7 @@ import time
 from typing import Any
 
 import numpy as np
-import siconos.kernel as sk  # type: ignore[import-not-found]
+import siconos.kernel as sk
 
 #: Iterations and residual of Newton's method within a time step.
 MOST_ITERATIONS, RESIDUAL = 20, 1e-8

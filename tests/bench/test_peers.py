@@ -1,0 +1,174 @@
+"""The peers find the motion, the oracle that of the reference tables, and run times are compared at equal errors."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from physics.helpers import EACH_MACHINE, EACH_SYSTEM, random_states, scene_of
+
+from vibroplat.bench.peers import cases, precision, siconos
+from vibroplat.bench.peers.equations import flow, guard, jacobian
+from vibroplat.bench.peers.hybrid import Followed, Leg, StormError, follow
+from vibroplat.bench.peers.peers import PEERS, Peer
+from vibroplat.bench.reference import load_reference
+from vibroplat.errors import TableError
+from vibroplat.physics.parameters import parameters
+from vibroplat.physics.systems import consistent
+from vibroplat.plots.bench import SCALED, plot_precision
+
+REFERENCE = Path(__file__).parents[1] / "reference"
+
+#: Setting, and bounds of the errors of coordinates over their scales, event times (s) and F_c over its largest:
+#: `vibroplat bench peers` on "one impact a period", tripled.
+SETTINGS = {
+    "vibroplat": (1e-8, 6e-6, 1e-8, 6e-7),
+    "vibroplat, Adams in flight": (1e-8, 9e-6, 1e-8, 6e-7),
+    "scikit-sundae, Python callbacks": (1e-7, 3e-5, 3e-8, 3e-6),
+    "scipy DOP853": (1e-6, 3e-5, 3e-7, 3e-5),
+    "scipy LSODA": (1e-8, 3e-5, 3e-7, 3e-5),
+    "scipy Radau": (1e-6, 3e-4, 3e-6, 3e-4),
+    "heyoka": (1e-6, 1e-5, 3e-8, 3e-6),
+    "PathSim": (1e-6, 3e-5, 3e-7, 3e-5),
+    "Siconos, event-driven": (1e-8, 1e-4, 3e-5, 1e-3),
+    "Siconos, Moreau–Jean": (1e-4, 0.1, 3e-3, 1.0),
+}
+
+
+@EACH_MACHINE
+@EACH_SYSTEM
+def test_explicit_equations_are_those_of_the_dae(system, machine):
+    p = parameters(scene_of(system.layers, machine))
+    for state in random_states(seed=7, count=8):
+        y, yp, ypp = system.unknowns(state), np.empty(system.size), np.empty(system.size)
+        assert consistent(system.index, y, yp, ypp, p) < 1e-11
+        differential = y[: system.differential]
+        slopes = yp[: system.differential]
+        np.testing.assert_allclose(flow(system.index, differential, p), slopes, atol=1e-10 * np.abs(slopes).max())
+        if system.algebraic:
+            assert guard(system.index, differential, p) == pytest.approx(y[-1], rel=1e-9, abs=1e-9 * abs(y).max())
+        # y″ is the derivative of f along the motion
+        along = jacobian(system.index, differential, p) @ slopes
+        second = ypp[: system.differential]
+        np.testing.assert_allclose(along, second, atol=1e-5 * np.abs(second).max())
+
+
+@pytest.fixture(scope="module")
+def case():
+    scene = load_reference(REFERENCE, "inelastic-mu02-fe51.5").scene
+    return cases.Case("one impact a period", scene.replace({"run.duration_s": 0.4}), "inelastic-mu02-fe51.5")
+
+
+@pytest.fixture(scope="module")
+def exact(case):
+    pytest.importorskip("heyoka")
+    return cases.truth(case)
+
+
+def test_each_peer_has_a_setting_here():
+    assert {peer.name for peer in PEERS} == set(SETTINGS)
+
+
+@pytest.mark.parametrize("peer", PEERS, ids=lambda peer: peer.name)
+def test_peer_finds_the_motion(peer, case, exact):
+    if peer.missing:
+        pytest.skip(peer.missing)
+    setting, coordinates, event_time, force = SETTINGS[peer.name]
+    run = peer.prepare(case.scene, setting)
+    found = precision.errors(case.scene, run(case.times), exact)
+    assert found["coordinates"] < coordinates
+    assert found["event_time_s"] < event_time
+    assert found["contact_force"] < force
+    timed = run(None)
+    assert 0.0 < timed.core_s <= timed.wall_s
+    assert len(timed.states) == 0
+
+
+def test_oracle_is_the_reference(case, exact):
+    found = cases.agreement(case, exact, REFERENCE)
+    assert found["events"] == len(exact.rows) == 21
+    assert found["event_time_s"] < 1e-12
+    assert found["coordinates"] < 1e-11
+
+
+@pytest.mark.long
+def test_oracle_is_the_reference_on_all_scenes():
+    pytest.importorskip("heyoka")
+    found = precision.references(REFERENCE, cases.cases(REFERENCE))
+    assert list(found["case"]) == ["attached", "one impact a period", "latches, R 0.5"]
+    assert (found["event_time_s"] < 1e-12).all()
+    assert (found["coordinates"] < 1e-11).all()
+
+
+def test_oracle_refuses_a_table_of_other_events(case):
+    none = Followed(np.zeros((len(case.times), 14)), ["attached"] * len(case.times))
+    with pytest.raises(TableError, match=r"0 events of the oracle, \d+ in the table"):
+        cases.agreement(case, none, REFERENCE)
+
+
+class Bouncing:
+    """An integrator that finds another impact at once."""
+
+    def advance(self, mode, t, y, until, times):
+        y = y.copy()
+        y[-2] = -1.0  # gap rate, with two layers
+        return Leg(t + 1e-9, y, True, np.empty((0, y.size)))
+
+
+def test_storm_of_a_peer_is_an_error(case):
+    scene = case.scene.replace({"contact.restitution": 0.5})
+    with pytest.raises(StormError, match="2000 events within a turn at t = "):
+        follow(scene, Bouncing())
+
+
+def test_failed_run_is_a_row_with_its_reason(case, exact, monkeypatch, capsys):
+    def fail(times):
+        raise RuntimeError("no step is small enough\nmore of it")
+
+    peer = Peer("failing", (1e-3,), (), lambda scene, setting: fail)
+    monkeypatch.setattr(precision, "truth", lambda case: exact)
+    table = precision.precision(case, [peer], 1, quick=False)
+    assert list(table["failed"]) == ["RuntimeError: no step is small enough"]
+    assert "failing at 0.001: RuntimeError: no step is small enough" in capsys.readouterr().out
+
+
+def test_run_time_at_an_error_is_on_the_line_between_the_fastest_runs():
+    errors, times = pd.Series([1e-2, 1e-4, 1e-3, 1e-6, np.nan]), pd.Series([1.0, 2.0, 3.0, 8.0, 0.1])
+    assert precision.time_at(errors, times, 1e-3) == pytest.approx(2**0.5)  # the one at 1e-3 is slower than at 1e-4
+    assert precision.time_at(errors, times, 1e-5) == pytest.approx(4.0)
+    assert precision.time_at(errors, times, 1.0) == 1.0  # all are more accurate
+    assert np.isnan(precision.time_at(errors, times, 1e-7))
+
+
+def test_ratios_are_to_our_own_time(case):
+    table = pd.DataFrame(
+        {
+            "case": case.name,
+            "peer": ["vibroplat", "vibroplat", "other", "other"],
+            "coordinates": [1e-4, 1e-8, 1e-4, 1e-8],
+            "event_time_s": 0.0,
+            "ms_per_s": [1.0, 4.0, 10.0, 40.0],
+            "core_ms_per_s": [1.0, 4.0, 5.0, 20.0],
+            "ms_per_event": [0.1, 0.4, 1.0, 4.0],
+        }
+    )
+    found = precision.at_equal_error(table, [case]).set_index("peer")
+    assert found.loc["vibroplat", "coordinates"] == pytest.approx(2.0)
+    assert found.loc["other", "coordinates_ratio"] == pytest.approx(10.0)
+    assert found.loc["other", "core_ratio"] == pytest.approx(5.0)
+    assert found.loc["other", "ms_per_event"] == pytest.approx(2.0)
+    assert "event_time_s" not in found  # nothing to compare where all are exact
+
+
+def test_work_precision_is_drawn(case, tmp_path):
+    table = pd.DataFrame(
+        {"case": case.name, "peer": ["a", "a", "b"], "coordinates": [1e-3, 1e-5, 1e-4], "ms_per_s": [1.0, 2.0, 3.0]}
+    )
+    path = plot_precision(table, tmp_path, "peers", SCALED, ["peer"])
+    assert path == tmp_path / "peers.png"
+    assert path.stat().st_size > 10_000
+
+
+def test_absence_of_siconos_is_told(monkeypatch):
+    monkeypatch.setattr(siconos, "INTERPRETER", ("/no/such/python",))
+    assert siconos.available() == "/no/such/python: No such file or directory"
