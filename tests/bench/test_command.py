@@ -1,0 +1,83 @@
+"""What ``vibroplat bench`` writes, and what it says where a peer is not there."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from vibroplat.bench import report
+from vibroplat.bench.peers import peers, scaling
+from vibroplat.errors import VibroplatError
+from vibroplat.plots.bench import plot_scaling
+
+REFERENCE = Path(__file__).parents[1] / "reference"
+
+
+def test_bench_without_its_oracle_says_what_to_install(monkeypatch, tmp_path, capsys):
+    monkeypatch.setattr(peers.importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(VibroplatError, match=r"pip install 'vibroplat\[bench\]' has it"):
+        report.report_summary(tmp_path, REFERENCE, 1)
+    told = capsys.readouterr().err.splitlines()
+    assert told == [
+        f"left out: {name}: {name.lower()} is not installed; it comes with vibroplat[bench]"
+        for name in ("heyoka", "PathSim")
+    ]
+
+
+@pytest.mark.long
+def test_summary_compares_all_quick_peers(tmp_path):
+    pytest.importorskip("heyoka")
+    report.report_summary(tmp_path, REFERENCE, 1)
+    runs, equal = (pd.read_csv(tmp_path / f"{name}.csv") for name in ("summary", "summary-equal"))
+    names = [peer.name for peer in peers.PEERS if peer.quick and not peer.missing]
+    assert len(names) >= 6
+    assert runs["failed"].isna().all()
+    assert list(dict.fromkeys(equal["peer"])) == names
+    assert equal["case"].nunique() == report.QUICK
+    # the finest setting is more accurate than the coarsest, for each peer on each scene
+    errors = runs.groupby(["case", "peer"])["coordinates"].agg(["first", "last"])
+    assert (errors["last"] < errors["first"]).all()
+    own = equal[equal["peer"] == "vibroplat"]
+    assert own["coordinates"].notna().all()
+    assert (own["coordinates_ratio"] == 1.0).all()
+
+
+def named(*names):
+    return [peer for peer in peers.PEERS if peer.name in names]
+
+
+def test_run_times_over_simulated_time():
+    table = scaling.simulated_time(named("vibroplat"), 1, lengths=(0.1, 0.2))
+    assert list(table["simulated_s"]) == [0.1, 0.2] * 2
+    assert (table["wall_s"] > 0.0).all()
+    assert np.allclose(table["ms_per_s"], 1e3 * table["wall_s"] / table["simulated_s"])
+
+
+def test_run_times_over_events():
+    table = scaling.events_per_second(1, seconds=0.4)
+    assert set(table["outcome"]) == {"ok"}
+    assert table["restarts_per_s"].min() < 20.0
+    assert table["restarts_per_s"].max() > 60.0
+    assert (table["steps_per_s"] < table["residual_calls_per_s"]).all()
+
+
+@pytest.mark.long
+def test_run_times_over_scenes_and_memory():
+    table = scaling.scenes(1, counts=(2,))
+    assert list(table["jobs"]) == [1, 2]
+    memory = scaling.memory(named("vibroplat", "scipy DOP853"), seconds=(1.0,))
+    assert (memory["loaded_mb"] > 50.0).all()
+    assert (memory["added_mb"] < 10.0).all()
+
+
+def test_scaling_is_drawn(tmp_path):
+    tables = {
+        "time": pd.DataFrame({"peer": "a", "scene": "s", "simulated_s": [1.0, 10.0], "wall_s": [0.1, 1.0]}),
+        "events": pd.DataFrame({"restitution": 0.0, "outcome": "ok", "restarts_per_s": [1, 2], "ms_per_s": [1.0, 2.0]}),
+        "scenes": pd.DataFrame({"jobs": [1, 2], "scenes": [4, 4], "wall_s": [2.0, 1.1]}),
+        "memory": pd.DataFrame({"peer": ["a"], "loaded_mb": [100.0], "added_mb": [1.0]}),
+    }
+    path = plot_scaling(tables, tmp_path)
+    assert path == tmp_path / "scaling.png"
+    assert path.stat().st_size > 10_000
