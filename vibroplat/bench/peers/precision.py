@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import statistics
+import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,9 @@ from vibroplat.solver.scales import state_scales
 
 #: Runs longer than this are timed once (s).
 LONG = 1.0
+
+#: A processor that has waited for another program's run takes some time to its full speed (s).
+WARM_UP = 0.3
 
 
 def forces(scene: Scene, found: Followed) -> FloatArray:
@@ -82,7 +86,11 @@ def precision(
 def _timed(runners: dict[tuple[str, float], Runner], repeats: int) -> dict[tuple[str, float], tuple[float, float]]:
     """Median times of runs and of their integrators (s), one run of each in every repeat."""
     times: dict[tuple[str, float], list[tuple[float, float]]] = {key: [] for key in runners}
+    first = next(iter(runners.values()), None)
     for _ in range(repeats):
+        began = time.perf_counter()
+        while first is not None and time.perf_counter() - began < WARM_UP:
+            first(None)
         for key, runner in runners.items():
             if not times[key] or times[key][0][0] < LONG:
                 found = runner(None)
