@@ -106,6 +106,6 @@ def plot_scaling(tables: dict[str, pd.DataFrame], directory: Path) -> Path:
         memory.barh(
             largest.index, largest["added_mb"], left=largest["loaded_mb"], color=CURVES[1], label="added by a run"
         )
-        memory.set(xlabel="memory (MB)", title="memory of a process")
-        memory.legend()
+        memory.set(xlabel="memory (MB)", title="memory of a process", xlim=(0.0, 1.5 * largest["loaded_mb"].max()))
+        memory.legend(loc="center right")
         return save(figure, directory / "scaling.png")

@@ -16,7 +16,7 @@ from vibroplat.scene import Mode, Scene
 from vibroplat.solver.scales import state_scales
 
 #: Longest step in flight, in turns: a longer one could pass over a short flight.
-FLIGHT_STEP = 0.05
+FLIGHT_STEP = 0.2
 
 
 class SolveIvp:
