@@ -25,7 +25,7 @@ SETTINGS = {
     "vibroplat": (1e-8, 6e-6, 1e-8, 6e-7),
     "vibroplat, Adams in flight": (1e-8, 9e-6, 1e-8, 6e-7),
     "scikit-sundae, Python callbacks": (1e-7, 3e-5, 3e-8, 3e-6),
-    "scipy DOP853": (1e-6, 3e-5, 3e-7, 3e-5),
+    "scipy DOP853": (1e-6, 1e-4, 3e-7, 3e-5),
     "scipy LSODA": (1e-8, 3e-5, 3e-7, 3e-5),
     "scipy Radau": (1e-6, 3e-4, 3e-6, 3e-4),
     "heyoka": (1e-6, 1e-5, 3e-8, 3e-6),

@@ -187,7 +187,7 @@ def test_every_handle_is_freed(quickstart, monkeypatch):
     freed.clear()
     del engine
     gc.collect()
-    assert len(freed) == 14
+    assert len(freed) == 12
 
 
 def test_engines_leave_no_memory_behind(quickstart):
