@@ -13,8 +13,18 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from vibroplat.physics.compiled import compiled
+from vibroplat.physics.compiled import compiled, inlined
 from vibroplat.physics.parameters import FloatArray
+
+
+@inlined
+def pivot_row(matrix: FloatArray, k: int) -> int:
+    """Row from k on with the largest entry in column k."""
+    best = k
+    for i in range(k + 1, matrix.shape[0]):
+        if abs(matrix[i, k]) > abs(matrix[best, k]):
+            best = i
+    return best
 
 
 @compiled
@@ -35,10 +45,7 @@ def factorize(matrix: FloatArray, rows: npt.NDArray[np.int64]) -> bool:
     """
     n = matrix.shape[0]
     for k in range(n):
-        best = k
-        for i in range(k + 1, n):
-            if abs(matrix[i, k]) > abs(matrix[best, k]):
-                best = i
+        best = pivot_row(matrix, k)
         rows[k] = best
         if best != k:
             for j in range(n):
@@ -76,10 +83,7 @@ def invert(matrix: FloatArray) -> bool:
     n = matrix.shape[0]
     rows = np.empty(n, dtype=np.int64)
     for k in range(n):
-        best = k
-        for i in range(k + 1, n):
-            if abs(matrix[i, k]) > abs(matrix[best, k]):
-                best = i
+        best = pivot_row(matrix, k)
         rows[k] = best
         pivot = matrix[best, k]
         if not 0.0 < abs(pivot) < np.inf:
