@@ -17,7 +17,7 @@ pytestmark = pytest.mark.usefixtures("kernels")
 #: Longest time from Ctrl-C to the end (s).
 SOON = 2.0
 CONFIGURATION = (
-    f"extends: {LOADED}\nname: c\nrun: {{duration_s: 300.0}}\noutput: {{sample_rate_hz: 10.0}}\n"
+    f"extends: {LOADED}\nname: c\nrun: {{duration_s: 1000.0}}\noutput: {{sample_rate_hz: 10.0}}\n"
     "sweep:\n"
     "  supply_frequency_hz: {start: 46.0, stop: 51.0, step: 0.5, direction: [up, down]}\n"
     "  grid: {contact.restitution: [0.0, 0.3]}\n"
