@@ -384,6 +384,8 @@ def _load_kernels(engine: str = "auto") -> None:
         from vibroplat.solver.engines import load_kernels
 
         load_kernels(engine)
+        # garbage of the compiler is left alone: its end in LLVM would swallow an exception, as Ctrl-C is later
+        gc.freeze()
 
 
 def _print_summary(result: Trajectory, directory: Path) -> None:
