@@ -350,6 +350,10 @@ def bench(
     from vibroplat.bench.timing import machine
     from vibroplat.tables import result_directory
 
+    if names and long:
+        raise VibroplatError(f"{names[0].value} --long: --long runs every bench; allowed: names or --long")
+    if long or not names or BenchName.peers in names:
+        report.require_oracle()
     _load_kernels()
     directory = result_directory(out, "benchmarks")
     print(machine())

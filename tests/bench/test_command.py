@@ -5,24 +5,39 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from typer.testing import CliRunner
 
 from vibroplat.bench import report
 from vibroplat.bench.peers import peers, scaling
+from vibroplat.cli import app
 from vibroplat.errors import VibroplatError
 from vibroplat.plots.bench import plot_scaling
 
 REFERENCE = Path(__file__).parents[1] / "reference"
 
 
-def test_bench_without_its_oracle_says_what_to_install(monkeypatch, tmp_path, capsys):
+@pytest.fixture
+def bare(monkeypatch):
+    """No extra is installed."""
     monkeypatch.setattr(peers.importlib.util, "find_spec", lambda name: None)
+
+
+def test_bench_without_its_oracle_says_what_to_install(bare):
     with pytest.raises(VibroplatError, match=r"pip install 'vibroplat\[bench\]' has it"):
-        report.report_summary(tmp_path, REFERENCE, 1)
-    told = capsys.readouterr().err.splitlines()
-    assert told == [
-        f"left out: {name}: {name.lower()} is not installed; it comes with vibroplat[bench]"
-        for name in ("heyoka", "PathSim")
-    ]
+        report.require_oracle()
+
+
+def test_peer_that_is_not_there_says_what_to_install(bare):
+    missing = {peer.name: peer.missing for peer in peers.PEERS if peer.module in ("heyoka", "pathsim")}
+    assert missing == {
+        "heyoka": "heyoka is not installed; it comes with vibroplat[bench]",
+        "PathSim": "pathsim is not installed; it comes with vibroplat[bench]",
+    }
+
+
+def test_names_and_long_exclude_each_other():
+    done = CliRunner().invoke(app, ["bench", "runtime", "--long"])
+    assert str(done.exception) == "runtime --long: --long runs every bench; allowed: names or --long"
 
 
 @pytest.mark.long
@@ -39,7 +54,7 @@ def test_summary_compares_all_quick_peers(tmp_path):
     errors = runs.groupby(["case", "peer"])["coordinates"].agg(["first", "last"])
     assert (errors["last"] < errors["first"]).all()
     own = equal[equal["peer"] == "vibroplat"]
-    assert own["coordinates"].notna().all()
+    assert equal.loc[equal["peer"] != "PathSim", "coordinates"].notna().all()
     assert (own["coordinates_ratio"] == 1.0).all()
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import sys
 import time
 from collections.abc import Callable
@@ -113,6 +114,18 @@ def report_peers(directory: Path, reference: Path, repeats: int) -> None:
     _show(scaling.paper(), directory, "scaling-paper")
 
 
+def require_oracle() -> None:
+    """Say at once if what errors are measured against is not here.
+
+    Raises
+    ------
+    VibroplatError
+        With what to install.
+    """
+    if importlib.util.find_spec("heyoka") is None:
+        raise VibroplatError("heyoka is the oracle of this bench; pip install 'vibroplat[bench]' has it")
+
+
 def _compare(directory: Path, reference: Path, repeats: int, name: str, *, quick: bool) -> list[Peer]:
     """Work–precision of all peers that are here, with its tables; returns them."""
     from vibroplat.bench.peers import cases, precision  # noqa: PLC0415
@@ -126,8 +139,6 @@ def _compare(directory: Path, reference: Path, repeats: int, name: str, *, quick
             print(f"left out: {peer.name}: {reason}", file=sys.stderr)
         else:
             here.append(peer)
-    if not any(peer.module == "heyoka" for peer in here):
-        raise VibroplatError("heyoka is the oracle of this bench; pip install 'vibroplat[bench]' has it")
     compared = [case for case in cases.cases(reference) if not case.statistics]
     tables = []
     for case in compared[:QUICK] if quick else compared:

@@ -79,7 +79,10 @@ def substitute(factors: FloatArray, rows: npt.NDArray[np.int64], b: FloatArray) 
 
 @compiled
 def invert(matrix: FloatArray) -> bool:
-    """Replace a square matrix by its inverse (Gauss–Jordan, partial pivoting); False if singular or not finite."""
+    """Replace a square matrix by its inverse (Gauss–Jordan, partial pivoting).
+
+    Returns False where a pivot is 0 or not finite; what is not finite elsewhere goes on into the inverse.
+    """
     n = matrix.shape[0]
     rows = np.empty(n, dtype=np.int64)
     for k in range(n):
@@ -126,7 +129,7 @@ def condense(jac: FloatArray, cj: float, dynamic: FloatArray, condensed: FloatAr
     Returns
     -------
     bool
-        False where the matrix is singular or not finite.
+        What :func:`invert` says of S.
     """
     m, size = condensed.shape
     n = size - m

@@ -100,7 +100,7 @@ def linear_system(
 ) -> int:
     """CVLsLinSysFn, as :func:`jacobian`."""
     links = carray(data, (LINKS,))
-    links[JACOBIANS] += 1
+    links[JACOBIANS] += 2
     room, rows, partial, dynamic = _matrices(links)
     p, cj = carray(pointer(links[PARAMETER]), (PARAMETERS,)), 1.0 / gamma
     values, slopes = _values(y, links), _values(yp, links)

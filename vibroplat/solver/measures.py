@@ -188,7 +188,10 @@ def integrate(
     if measured:
         sums[TIME] += duration
         sums[FLYING] += duration if flying else 0.0
-        middle, phase = 0.5 * (start + end), 0.0  # the phase varies slowly: the middle says it
+        middle, phase = (
+            0.5 * (start + end),
+            0.0,
+        )  # where exciters run in step the phase varies slowly: the middle says it
         for j in range(3, 5):
             phase += hermite(middle, step, y[k, j], y[k + 1, j], yp[k, j], yp[k + 1, j])
         sums[COS] += duration * math.cos(phase)

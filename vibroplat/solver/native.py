@@ -69,8 +69,8 @@ METHOD, MEMORY, Y, YP = range(4)
 OPEN, FLAG, STEPS, ERRORS, NEWTONS, STEPS_MARK, MOST_STEPS = range(7)
 
 # Of sundials_linearsolver.h: words of a SUNLinearSolver, of which the first is its content, and functions in its
-# table of operations.
-_SOLVER_WORDS, _SOLVER_OPERATIONS = 4, 16
+# table of operations. Copies have room for more, which a later version would find empty: "not implemented".
+_SOLVER_WORDS, _SOLVER_OPERATIONS, _SPARE = 4, 16, 48
 
 # Of ida.h and cvode.h.
 _ONE_STEP = 2
@@ -78,8 +78,6 @@ _ROOT_RETURN = 2
 _ADAMS_METHOD = 1
 #: IDA_RES_FAIL or CV_RHSFUNC_FAIL, and CV_FIRST_RHSFUNC_ERR: a callback said that something is not finite.
 _CALLBACK_FAILURES = (-8, -9)
-#: CV_LSETUP_FAIL: the right-hand side did in the Jacobian's differences, which only CVODE takes.
-_SETUP_FAILURE = -6
 
 # States of ``advance`` besides those of the automaton: the tape is full.
 _FULL = 9
@@ -207,8 +205,7 @@ def advance(h: Hybrid, tape: Tape, n: Native) -> int:  # noqa: PLR0911  (each st
             return FAILED
     if flag >= 0:
         return _FULL
-    told = flag in _CALLBACK_FAILURES or (method == ADAMS and flag == _SETUP_FAILURE)
-    return NOT_FINITE if told else FAILED
+    return NOT_FINITE if flag in _CALLBACK_FAILURES else FAILED
 
 
 @compiled
@@ -400,7 +397,8 @@ class NativeEngine:
             if found.sum() != 1:
                 raise UnavailableError(f"{name} is not found among the operations of its dense linear solver")
             operations[found] = ours.address
-        content = np.append(_words(int(head[0]), cb.USER_DATA), self._n.links[mode].ctypes.data)
+        content = _words(int(head[0]), cb.USER_DATA)
+        content[cb.USER_DATA] = self._n.links[mode].ctypes.data
         head[0], head[place[0] - 1] = content.ctypes.data, operations.ctypes.data
         self._alive += [head, content, operations]
         return head.ctypes.data, matrix
@@ -472,8 +470,8 @@ def self_check(library: Library) -> None:
 
 
 def _words(address: int, count: int) -> IntArray:
-    """Copy machine words."""
-    return np.array((ctypes.c_int64 * count).from_address(address))
+    """Copy machine words, with zeros behind them."""
+    return np.append(np.array((ctypes.c_int64 * count).from_address(address)), np.zeros(_SPARE, dtype=np.int64))
 
 
 def _free_all(stack: list[Callable[[], object]]) -> None:

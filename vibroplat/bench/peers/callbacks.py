@@ -1,7 +1,7 @@
 """IDA of SUNDIALS through scikit-sundae with Python callbacks, as its documentation suggests.
 
 Residual and Jacobian are the package's compiled kernels; what differs from the engine ``sundae`` is what a
-user would leave as it is: IDA's own first step and its error test, in which F_c takes part.
+user of it cannot change: IDA's own first step, and its error test, in which F_c takes part.
 """
 
 from __future__ import annotations
@@ -13,14 +13,11 @@ from typing import Any
 import numpy as np
 from sksundae.ida import IDA
 
-from vibroplat.bench.peers.hybrid import Leg
+from vibroplat.bench.peers.hybrid import FLIGHT_STEP, Leg
 from vibroplat.physics.parameters import FloatArray, parameters
 from vibroplat.physics.systems import System, consistent, systems
 from vibroplat.scene import Mode, Scene
 from vibroplat.solver.scales import FORCE_SHARE, ROUND_OFF, state_scales
-
-#: Longest step in flight, in turns: a longer one could pass over a short flight.
-FLIGHT_STEP = 0.05
 
 #: Most steps between two outputs; scikit-sundae's own 500 ends runs without an exception.
 MOST_STEPS = 1_000_000

@@ -1,7 +1,7 @@
 """The transitions that every peer shares, and what a peer returns.
 
 Modes, guards and the impact law are those of the package. Impacts are followed one by one; a rebound
-slower than :data:`SLOWEST` is taken as none, as the reference trajectories do.
+slower than :data:`SLOWEST_REBOUND` is taken as none, as the reference trajectories do.
 """
 
 from __future__ import annotations
@@ -20,7 +20,10 @@ from vibroplat.scene import Mode, Scene
 from vibroplat.solver.initial import initial_state
 
 #: Impacts with slower rebounds are taken as inelastic (m/s).
-SLOWEST = 1e-7
+SLOWEST_REBOUND = 1e-7
+
+#: Longest step in flight of integrators that could pass over a short flight, in turns.
+FLIGHT_STEP = 0.05
 
 #: Most transitions within a turn of the larger synchronous speed.
 MOST_EVENTS = 2000
@@ -178,7 +181,7 @@ class _Run:
         """Let the lower layer strike; it stays where it does not rebound and is pressed on."""
         before, after = self.state, np.empty(FULL_SIZE)
         self.found.rows.append((self.t, "impact", before[GAP_RATE]))
-        slow = -self.p[RESTITUTION] * before[GAP_RATE] < SLOWEST
+        slow = -self.p[RESTITUTION] * before[GAP_RATE] < SLOWEST_REBOUND
         impact(before, after, self.inelastic if slow else self.p)
         self.state = after
         return Mode.ATTACHED if slow and self.pressure() > 0.0 else Mode.FLIGHT

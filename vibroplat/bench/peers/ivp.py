@@ -9,26 +9,24 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from vibroplat.bench.peers.equations import flow, guard, jacobian
-from vibroplat.bench.peers.hybrid import Leg
+from vibroplat.bench.peers.hybrid import FLIGHT_STEP, Leg
 from vibroplat.physics.parameters import FloatArray, parameters
 from vibroplat.physics.systems import systems
 from vibroplat.scene import Mode, Scene
 from vibroplat.solver.scales import state_scales
 
-#: Longest step in flight, in turns: a longer one could pass over a short flight.
-FLIGHT_STEP = 0.2
-
 
 class SolveIvp:
     """One of scipy's methods; absolute tolerances from the scene's scales, as vibroplat's."""
 
-    def __init__(self, scene: Scene, tolerance: float, method: str) -> None:
+    def __init__(self, scene: Scene, tolerance: float, method: str, longest: float = FLIGHT_STEP) -> None:
         self.p = parameters(scene)
         self.systems = systems(scene)
         self.scales = state_scales(scene)
         self.period = 2.0 * np.pi / scene.speed_scale
         self.tolerance = tolerance
         self.method = method
+        self.longest = longest * self.period
 
     def advance(self, mode: Mode, t: float, y: FloatArray, until: float, times: FloatArray) -> Leg:
         """See :class:`vibroplat.bench.peers.hybrid.Integrator`."""
@@ -38,7 +36,7 @@ class SolveIvp:
         if mode is not Mode.BARE:
             more["events"] = _falling(number, t, p)
         if mode is Mode.FLIGHT:
-            more["max_step"] = FLIGHT_STEP * self.period
+            more["max_step"] = self.longest
             more["first_step"] = min(1e-3 * self.period, until - t)
         if self.method == "Radau":
             more["jac"] = lambda _, u: jacobian(number, u, p)
@@ -71,3 +69,5 @@ def _falling(system: int, start: float, p: FloatArray) -> Any:
 
 
 DOP853, LSODA, RADAU = (partial(SolveIvp, method=method) for method in ("DOP853", "LSODA", "Radau"))
+#: Quicker where flights are long, but it passes over impacts where many are short.
+DOP853_LONG = partial(SolveIvp, method="DOP853", longest=0.2)

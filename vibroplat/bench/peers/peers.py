@@ -56,6 +56,10 @@ class Peer:
         return ""
 
 
+#: An event of a run that keeps none.
+_UNTOLD = (np.nan, "", np.nan)
+
+
 def _vibroplat(scene: Scene, tolerance: float, smooth_modes: str = "auto") -> Runner:
     """Our own; as for the others, a run does not include making the integrators, but does include its statistics."""
     scene = scene.replace({"solver": {"tolerance": tolerance, "smooth_modes": smooth_modes}})
@@ -67,7 +71,7 @@ def _vibroplat(scene: Scene, tolerance: float, smooth_modes: str = "auto") -> Ru
             began = time.perf_counter()
             motion.go_on(duration, settle=SETTLE_SHARE * duration)
             wall = time.perf_counter() - began
-        return Followed(np.empty((0, FULL_SIZE)), [], wall, wall)
+        return Followed(np.empty((0, FULL_SIZE)), [], wall, wall, [_UNTOLD] * motion.events)
 
     def run(times: FloatArray | None) -> Followed:
         if times is None:
@@ -113,10 +117,11 @@ def _powers(first: int, last: int) -> tuple[float, ...]:
 PEERS = (
     Peer("vibroplat", _powers(4, 11), _powers(6, 10), _vibroplat),
     Peer("vibroplat, Adams in flight", _powers(4, 11), (), partial(_vibroplat, smooth_modes="adams")),
-    _peer("scikit-sundae, Python callbacks", "callbacks", "Callbacks", _powers(4, 9), _powers(6, 8)),
+    _peer("scikit-sundae, Python callbacks", "callbacks", "Callbacks", _powers(4, 9), _powers(7, 9)),
     _peer("scipy DOP853", "ivp", "DOP853", _powers(4, 10), _powers(6, 9)),
-    _peer("scipy LSODA", "ivp", "LSODA", _powers(5, 11), _powers(7, 10)),
-    _peer("scipy Radau", "ivp", "RADAU", _powers(4, 8), _powers(6, 8)),
+    _peer("scipy DOP853, longer steps", "ivp", "DOP853_LONG", _powers(4, 10), ()),
+    _peer("scipy LSODA", "ivp", "LSODA", _powers(5, 11), _powers(6, 9)),
+    _peer("scipy Radau", "ivp", "RADAU", _powers(4, 8), _powers(4, 7)),
     _peer("heyoka", "taylor", "Taylor", _powers(3, 10), _powers(4, 8), "heyoka"),
     _peer("PathSim", "blocks", "PathSim", _powers(3, 9), _powers(5, 8), "pathsim"),
     Peer("Siconos, event-driven", (1e-6, 1e-8, 1e-10), (), partial(_siconos, kind="event-driven"), "siconos"),

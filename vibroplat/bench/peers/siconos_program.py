@@ -206,6 +206,8 @@ def event_driven(c: dict[str, Any]) -> dict[str, Any]:
         elif len(found["states"]) < len(times) and abs(times[len(found["states"])] - now) < 1e-6 * tick:
             found["states"].append([*q.tolist(), *v.tolist()])
             found["attached"].append(contact is not None and bool(contact.lambda_(2)[0] > 0.0))
+        if now >= c["duration"] - 1e-6 * tick:  # it would go on for another tick
+            break
     if len(found["states"]) < len(times):
         raise ValueError("times at which states are wanted are not multiples of their smallest distance")
     return found | {"wall_s": time.perf_counter() - began}
