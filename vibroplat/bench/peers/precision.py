@@ -6,7 +6,7 @@ import statistics
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import pandas as pd
@@ -19,6 +19,8 @@ from vibroplat.physics.parameters import FloatArray, parameters
 from vibroplat.physics.systems import consistent, systems
 from vibroplat.scene import Mode, Scene
 from vibroplat.solver.scales import state_scales
+
+Key = TypeVar("Key")
 
 #: Runs longer than this are timed once (s).
 LONG = 1.0
@@ -77,16 +79,16 @@ def precision(
             row |= dict.fromkeys((*LEVELS, "impact_speed", "ms_per_s", "core_ms_per_s", "ms_per_event"), np.nan)
             try:
                 runner = peer.prepare(case.scene, setting)
-                found, timed = runner(case.times), runner(None)
-                if len(timed.rows) != len(found.rows):
-                    raise RuntimeError(f"{len(timed.rows)} events in the timed run, {len(found.rows)} in the other")
+                found, free = runner(case.times), runner(None)
+                if len(free.rows) != len(found.rows):
+                    raise RuntimeError(f"{len(free.rows)} events in the timed run, {len(found.rows)} in the other")
                 row |= errors(case.scene, found, exact)
                 runners[peer.name, setting] = runner
             except Exception as reason:  # whatever a peer raises is its row's, not the bench's end
                 row["failed"] = f"{type(reason).__name__}: {reason}".splitlines()[0]
                 tell(f"{case.name}: {peer.name} at {setting:g}: {row['failed']}")
             rows[peer.name, setting] = row
-    for key, (wall, core) in _timed(runners, repeats).items():
+    for key, (wall, core) in timed(runners, repeats).items():
         seconds = case.scene.run.duration_s
         rows[key] |= {
             "ms_per_s": 1e3 * wall / seconds,
@@ -96,9 +98,9 @@ def precision(
     return pd.DataFrame(rows.values())
 
 
-def _timed(runners: dict[tuple[str, float], Runner], repeats: int) -> dict[tuple[str, float], tuple[float, float]]:
-    """Median times of runs and of their integrators (s), one run of each in every repeat."""
-    times: dict[tuple[str, float], list[tuple[float, float]]] = {key: [] for key in runners}
+def timed(runners: dict[Key, Runner], repeats: int) -> dict[Key, tuple[float, float]]:
+    """Median times of runs and of their integrators (s), by turns, so that a machine's drift meets all alike."""
+    times: dict[Key, list[tuple[float, float]]] = {key: [] for key in runners}
     first = next(iter(runners.values()), None)
     for _ in range(repeats):
         began = time.perf_counter()
@@ -165,11 +167,11 @@ def statistics_of(case: Case, peers: Sequence[Peer], setting: float) -> pd.DataF
         row: dict[str, Any] = {"case": case.name, "peer": peer.name, "setting": nearest, "failed": ""}
         try:
             runner = peer.prepare(case.scene, nearest)
-            found, timed = runner(case.times), runner(None)
+            found, free = runner(case.times), runner(None)
         except Exception as reason:  # as above
             rows.append(row | {"failed": f"{type(reason).__name__}: {reason}".splitlines()[0]})
             continue
-        row["ms_per_s"] = 1e3 * timed.wall_s / case.scene.run.duration_s
+        row["ms_per_s"] = 1e3 * free.wall_s / case.scene.run.duration_s
         rows.append(row | _statistics(case, found))
     return pd.DataFrame(rows)
 

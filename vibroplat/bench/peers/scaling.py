@@ -14,6 +14,7 @@ import numpy as np
 import pandas as pd
 
 from vibroplat.bench.peers.peers import Peer
+from vibroplat.bench.peers.precision import timed
 from vibroplat.bench.scenes import base, kinds
 from vibroplat.config import configurations
 from vibroplat.scene import Scene
@@ -44,15 +45,16 @@ print(before, most() - before)
 
 def simulated_time(peers: Sequence[Peer], repeats: int, lengths: Sequence[float] = (1.0, 10.0, 100.0)) -> pd.DataFrame:
     """Run time against simulated time, in contact and with impacts; a linear cost has the same ms per s throughout."""
-    rows = []
-    for name in ("attached, f_e 46", "impacts, f_e 50"):
-        for seconds in lengths:
-            scene = kinds(TOLERANCE, seconds)[name]
-            for peer in peers:
-                run = peer.prepare(scene, TOLERANCE)
-                run(None)
-                wall = statistics.median(run(None).wall_s for _ in range(repeats))
-                rows.append({"scene": name, "peer": peer.name, "simulated_s": seconds, "wall_s": wall})
+    runners = {
+        (name, peer.name, seconds): peer.prepare(kinds(TOLERANCE, seconds)[name], TOLERANCE)
+        for name in ("attached, f_e 46", "impacts, f_e 50")
+        for seconds in lengths
+        for peer in peers
+    }
+    rows = [
+        {"scene": name, "peer": peer, "simulated_s": seconds, "wall_s": wall}
+        for (name, peer, seconds), (wall, _) in timed(runners, repeats).items()
+    ]
     return pd.DataFrame(rows).assign(ms_per_s=lambda table: 1e3 * table["wall_s"] / table["simulated_s"])
 
 
