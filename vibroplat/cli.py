@@ -338,7 +338,7 @@ def bench(
         typer.Argument(metavar="[NAME]...", help="runtime, precision, engines, sweeps, stability, peers."),
     ] = None,
     out: Out = Path("results"),
-    long: Annotated[bool, typer.Option("--long", help="All of them, for an hour.")] = False,
+    long: Annotated[bool, typer.Option("--long", help="All of them.")] = False,
     reference: Annotated[Path, typer.Option(help="Directory of reference tables.")] = Path("tests/reference"),
     repeats: Annotated[int, typer.Option(min=1, help="Runs of which the median is taken.")] = 5,
 ) -> None:

@@ -82,11 +82,10 @@ CLOCKS = 10
     ENDS,  # whether reaching UNTIL ends the run
     JOINED_ON,  # whether the segment goes on from the one before without an event, or is the same, cut
     PREPARED,  # mode whose start belongs to the present state, or −1
-    HALVINGS,  # by which the gap's tolerance is tightened
     EVENTS,  # rows in the event list
     RESTARTS,
-) = range(8)
-FLAGS = 8
+) = range(7)
+FLAGS = 7
 
 # Columns of ``Hybrid.events``.
 T, KIND, RATE_BEFORE, RATE_AFTER, IMPULSE, LOSS, FORCE_AFTER, MODE_AFTER, IMPACTS = range(9)
@@ -231,14 +230,13 @@ def control(h: Hybrid) -> None:
     mode = h.flags[MODE]
     size = SIZES[h.systems[mode]]
     copy(h.tolerances[mode], h.atol)
-    h.flags[HALVINGS] = 0
     step = min(0.1 * h.clock[PERIOD], curvature_step(h.ypp[mode, :size], h.atol[:size]))
     if mode == FLIGHT:
         duration, height, sure = expected_flight(h, 1e-3 * step)
         step = min(step, RETURN_SHARE * duration)
-        h.flags[HALVINGS] = halvings(h.p[TOLERANCE], height, h.clock[GAP_SCALE], sure)
-        h.atol[GAP] *= 4.0 ** -h.flags[HALVINGS]
-        h.atol[size // 2 + GAP] *= 2.0 ** -h.flags[HALVINGS]
+        tighter = 2.0 ** -halvings(h.p[TOLERANCE], height, h.clock[GAP_SCALE], sure)
+        h.atol[GAP] *= tighter * tighter
+        h.atol[size // 2 + GAP] *= tighter
     step = min(step, curvature_step(h.ypp[mode, :size], h.atol[:size]))
     h.clock[FIRST_STEP] = max(step, ROUND_OFF * h.clock[PERIOD])
 

@@ -25,10 +25,6 @@ DISSIPATIONS = 2  # first of the powers that take energy
 # Places in the sums of the measured part.
 TIME, X, XX, Y, YY, PHI, PHI_PHI, COS, SIN, FLYING, MOTOR = range(11)
 SUMS = 11
-
-#: Place of the upper layer's rate in the full state.
-UPPER_RATE = FULL_SIZE - 1
-
 # Places in the marks: what must be remembered from step to step.
 WINDOW, TURNS, FIRST_TIME, FIRST_1, FIRST_2, LAST_TIME, LAST_1, LAST_2 = range(8)
 FORCE_MIN, FORCE_MAX, GAP_MIN, GAP_MAX, Y_MIN, Y_MAX, EXCHANGED, WAY, FIRST_IMPACTS, LAST_IMPACTS = range(8, 18)
@@ -131,22 +127,6 @@ def spread_between(
 
 
 @inlined
-def moving_between(s: float, step: float, y: FloatArray, yp: FloatArray, k: int, system: int, full: FloatArray) -> None:
-    """Fill of a full state what powers and statistics need, in a third of the time of :func:`spread_between`."""
-    r = 1.0 - s
-    w0, w1 = r * r * (1.0 + 2.0 * s), s * s * (1.0 + 2.0 * r)
-    v0, v1 = r * r * s * step, -s * s * r * step
-    n = DIFFERENTIAL[system] // 2
-    for j in range(5):
-        full[j] = w0 * y[k, j] + w1 * y[k + 1, j] + v0 * yp[k, j] + v1 * yp[k + 1, j]
-    for j in range(n, n + 5):
-        full[7 - n + j] = w0 * y[k, j] + w1 * y[k + 1, j] + v0 * yp[k, j] + v1 * yp[k + 1, j]
-    j = 2 * n - 1
-    if PLACES[system, j] == UPPER_RATE:
-        full[UPPER_RATE] = w0 * y[k, j] + w1 * y[k + 1, j] + v0 * yp[k, j] + v1 * yp[k + 1, j]
-
-
-@inlined
 def integrate(
     start: float,
     end: float,
@@ -172,7 +152,7 @@ def integrate(
     duration = (end - start) * step
     weight = 0.5 * duration
     for i in range(_GAUSS.size):
-        moving_between(start + (end - start) * _GAUSS[i], step, y, yp, k, system, full)
+        spread_between(start + (end - start) * _GAUSS[i], step, y, yp, k, system, full)
         powers(full, power, p)
         exchanged = abs(power[0])
         for j in range(N_WORK):
@@ -188,10 +168,8 @@ def integrate(
     if measured:
         sums[TIME] += duration
         sums[FLYING] += duration if flying else 0.0
-        middle, phase = (
-            0.5 * (start + end),
-            0.0,
-        )  # where exciters run in step the phase varies slowly: the middle says it
+        # where exciters run in step the phase varies slowly: the middle says it
+        middle, phase = 0.5 * (start + end), 0.0
         for j in range(3, 5):
             phase += hermite(middle, step, y[k, j], y[k + 1, j], yp[k, j], yp[k + 1, j])
         sums[COS] += duration * math.cos(phase)

@@ -16,9 +16,8 @@ import pandas as pd
 from vibroplat.bench.peers.peers import Peer
 from vibroplat.bench.peers.precision import timed
 from vibroplat.bench.scenes import base, kinds
+from vibroplat.bench.timing import side_by_side
 from vibroplat.config import configurations
-from vibroplat.scene import Scene
-from vibroplat.solver.run import simulate
 from vibroplat.study.sweep import sweep
 
 #: Tolerance at which everything here is run.
@@ -60,25 +59,19 @@ def simulated_time(peers: Sequence[Peer], repeats: int, lengths: Sequence[float]
 
 def events_per_second(repeats: int, seconds: float = 10.0) -> pd.DataFrame:
     """Run time against the number of restarts, over supply frequencies and restitutions; with steps and residuals."""
+    found = {
+        (restitution, supply): base(TOLERANCE, seconds).replace(
+            {"drive.supply_frequency_hz": supply, "contact.restitution": restitution}
+        )
+        for restitution in (0.0, 0.3, 0.5)
+        for supply in (46.0, 50.0, 54.0, 58.0, 66.0, 78.0)
+    }
     rows = []
-    for restitution in (0.0, 0.3, 0.5):
-        for supply in (46.0, 50.0, 54.0, 58.0, 66.0, 78.0):
-            scene = base(TOLERANCE, seconds).replace(
-                {"drive.supply_frequency_hz": supply, "contact.restitution": restitution}
-            )
-            walls, summary = _timed(scene, repeats)
-            row = {"restitution": restitution, "supply_frequency_hz": supply, "outcome": summary["outcome"]}
-            counts = {
-                f"{key}_per_s": summary[key] / seconds for key in ("events", "restarts", "steps", "residual_calls")
-            }
-            rows.append(row | counts | {"ms_per_s": 1e3 * walls / seconds})
+    for (restitution, supply), (walls, summary) in side_by_side(found, repeats).items():
+        row = {"restitution": restitution, "supply_frequency_hz": supply, "outcome": summary["outcome"]}
+        counts = {f"{key}_per_s": summary[key] / seconds for key in ("events", "restarts", "steps", "residual_calls")}
+        rows.append(row | counts | {"ms_per_s": 1e3 * statistics.median(walls) / seconds})
     return pd.DataFrame(rows)
-
-
-def _timed(scene: Scene, repeats: int) -> tuple[float, dict[str, float]]:
-    """Median wall time of a run (s), and its summary."""
-    runs = [simulate(scene, keep="summary").summary for _ in range(repeats + 1)]
-    return statistics.median(run["wall_s"] for run in runs[1:]), runs[0]
 
 
 def scenes(repeats: int, counts: Sequence[int] = (16, 64, 256)) -> pd.DataFrame:

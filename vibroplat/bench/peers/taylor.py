@@ -17,6 +17,9 @@ from vibroplat.physics.parameters import FloatArray, parameters
 from vibroplat.physics.systems import GAP, System, systems
 from vibroplat.scene import Mode, Scene
 
+#: Outcome of an integration that its only terminal event has ended.
+_FIRST_EVENT = -1
+
 #: Gap with which a flight begins (m).
 BARELY = 1e-25
 
@@ -52,7 +55,7 @@ def _fell(outcome: Any) -> bool:
     """Whether the terminal event ended the integration; raises where it failed."""
     if outcome == hk.taylor_outcome.time_limit:
         return False
-    if int(outcome.value if hasattr(outcome, "value") else outcome) in (-1, 0):
+    if int(outcome) == _FIRST_EVENT:
         return True
     raise RuntimeError(f"heyoka: {outcome}")
 
@@ -60,11 +63,10 @@ def _fell(outcome: Any) -> bool:
 def _integrator(system: System, p: FloatArray, tolerance: float) -> Any:
     """Make the integrator of a system."""
     equations, force = _equations(system, p)
-    coordinates = equations[: system.differential // 2]
-    falls = {Mode.ATTACHED: force, Mode.FLIGHT: coordinates[GAP][0] if system.mode is Mode.FLIGHT else None}
     events = []
     if system.mode is not Mode.BARE:
-        events = [hk.t_event(falls[system.mode], direction=hk.event_direction.negative)]
+        falling = force if system.mode is Mode.ATTACHED else equations[GAP][0]
+        events = [hk.t_event(falling, direction=hk.event_direction.negative)]
     return hk.taylor_adaptive(equations, np.zeros(system.differential), tol=tolerance, t_events=events)
 
 
