@@ -72,11 +72,13 @@ class Sweep(Section):
     settle_s: Annotated[Literal["auto"] | float, BeforeValidator(_settling)] = Field(
         "auto", description="before a point is measured; auto: until the Poincaré section has settled"
     )
-    max_settle_s: Positive = Field(30.0, description="longest settling with auto")
+    max_settle_s: Positive = Field(
+        150.0, description="longest settling with auto; so long is followed what does not repeat"
+    )
     settle_tolerance: Annotated[float, Field(gt=0.0, le=1.0, allow_inf_nan=False)] = Field(
         1e-3, description="what auto leaves of the way to the steady motion, in the scales of the scene"
     )
-    measure_s: Positive = Field(2.0, description="measured part of each point")
+    measure_s: Positive = Field(2.0, description="measured part of each point; eight of them where it does not repeat")
     period_tolerance: Annotated[float, Field(gt=0.0, le=1.0, allow_inf_nan=False)] = Field(
         1e-2, description="within which the Poincaré section repeats, in the scales of the scene"
     )
@@ -84,7 +86,10 @@ class Sweep(Section):
         0.01, description="random change of platform's and exciters' rates at each point, in the scales of the scene"
     )
     seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = Field(0, description="of the perturbations")
-    lyapunov: bool = Field(True, description="estimate the largest Lyapunov exponent where no period is found")
+    lyapunov: bool = Field(
+        True,
+        description="tell chaotic from quasi-periodic motion by the largest Lyapunov exponent; false: non-periodic",
+    )
 
     @model_validator(mode="after")
     def _scene_keys(self) -> Self:

@@ -79,6 +79,21 @@ def no_measures(window: float) -> Measures:
     return Measures(np.zeros(N_WORK), plain, open_turn, whole, marks, np.zeros(TOTALS), section)
 
 
+def copied(ms: Measures) -> Measures:
+    """Copy sums as they are now; the section is shared."""
+    return Measures(*(array.copy() for array in ms[:-1]), ms.section)
+
+
+def between(earlier: Measures, later: Measures) -> Measures:
+    """Sums over the whole turns of exciter 1 that were completed between two copies; extremes are of all before."""
+    marks = later.marks.copy()
+    marks[TURNS] += 1.0 - earlier.marks[TURNS]  # the last turn before is the first mark
+    for first, last in ((FIRST_TIME, LAST_TIME), (FIRST_1, LAST_1), (FIRST_2, LAST_2), (FIRST_IMPACTS, LAST_IMPACTS)):
+        marks[first] = earlier.marks[last]
+    nothing = np.zeros(SUMS)
+    return later._replace(plain=nothing, open_turn=nothing, whole=later.whole - earlier.whole, marks=marks)
+
+
 def section_rows(ms: Measures) -> FloatArray:
     """Time, full state and contact force at whole turns of exciter 1, in the order of time."""
     turns = int(ms.marks[TURNS])

@@ -9,7 +9,7 @@ from vibroplat.scene import Mode, Scene
 from vibroplat.solver import hybrid as hy
 from vibroplat.solver.automaton import automaton
 from vibroplat.solver.engine import Engine
-from vibroplat.solver.measures import no_measures
+from vibroplat.solver.measures import Measures, copied, no_measures
 from vibroplat.solver.summary import Energies, Part
 from vibroplat.solver.tape import Tape
 
@@ -55,7 +55,12 @@ class Motion:
         hy.first_mode(self.automaton)
 
     def go_on(
-        self, seconds: float, *, settle: float = 0.0, read: Callable[[Tape, hy.Hybrid], None] | None = None
+        self,
+        seconds: float,
+        *,
+        settle: float = 0.0,
+        blocks: int = 1,
+        read: Callable[[Tape, hy.Hybrid], None] | None = None,
     ) -> Part:
         """Carry the motion on.
 
@@ -65,22 +70,36 @@ class Motion:
             How long, unless it ends early; see :attr:`outcome`.
         settle
             What is not measured of it at its beginning (s).
+        blocks
+            Equally long parts in which it is carried on; the sums at their ends are kept in the part that is returned.
         read
             Called with the tape and the automaton whenever the engine returns, before both lists are emptied.
         """
-        h = self.automaton = self.automaton._replace(measures=no_measures(self.now + settle))
-        h.clock[hy.DURATION] = self.now + seconds
+        begun = self.now
+        h = self.automaton = self.automaton._replace(measures=no_measures(begun + settle))
+        before = Energies.of(h.state, self._p)
+        ends: list[Measures] = []
+        for block in range(1, blocks + 1):
+            self._reach(begun + seconds * block / blocks, read)
+            if self.outcome != "ok":
+                break
+            if blocks > 1:
+                ends.append(copied(h.measures))
+        self.events += int(h.measures.totals[:3].sum())
+        return Part(h.measures, before, Energies.of(h.state, self._p), ends)
+
+    def _reach(self, end: float, read: Callable[[Tape, hy.Hybrid], None] | None) -> None:
+        """Carry the motion on to a time (s), unless it ends early."""
+        h = self.automaton
+        h.clock[hy.DURATION] = end
         if h.flags[hy.OUTCOME] == hy.OK:
             h.flags[hy.OUTCOME] = hy.RUNNING
             h.flags[hy.JOINED_ON] = 1
-        before = Energies.of(h.state, self._p)
         while h.flags[hy.OUTCOME] == hy.RUNNING:
             tape = self.engine.advance(h)
             if read is not None:
                 read(tape, h)
             h.flags[hy.EVENTS] = 0
-        self.events += int(h.measures.totals[:3].sum())
-        return Part(h.measures, before, Energies.of(h.state, self._p))
 
     @property
     def now(self) -> float:

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, NamedTuple
+
+import numpy as np
 
 from vibroplat.physics.energy import (
     FORCE,
@@ -39,11 +43,12 @@ class Energies:
 
 
 class Part(NamedTuple):
-    """A part of a motion: what was summed over it, and the energies at its ends."""
+    """A part of a motion: what was summed over it, the energies at its ends, and the sums at the ends of its blocks."""
 
     measures: Measures
     before: Energies
     after: Energies
+    blocks: Sequence[Measures] = ()
 
 
 def audit(ms: Measures, before: Energies, after: Energies) -> dict[str, float]:
@@ -102,7 +107,7 @@ def statistics(ms: Measures) -> dict[str, float | None]:
         result["excitation_frequency_hz"] = 0.5 * (first + second)
         result["frequency_split_hz"] = first - second
         result["impacts_per_period"] = (marks[m.LAST_IMPACTS] - marks[m.FIRST_IMPACTS]) / (marks[m.TURNS] - 1.0)
-    result["phase_difference_rad"] = _half_open(math.atan2(mean[m.SIN], mean[m.COS]))
+    result["phase_difference_rad"] = half_open(math.atan2(mean[m.SIN], mean[m.COS]))
     result["phase_coherence"] = math.hypot(mean[m.SIN], mean[m.COS])
     result["flight_fraction"] = mean[m.FLYING]
     result["motor_power_w"] = mean[m.MOTOR]
@@ -110,9 +115,27 @@ def statistics(ms: Measures) -> dict[str, float | None]:
     return {k: None if v is None else float(v) for k, v in result.items()}
 
 
-def _half_open(angle: float) -> float:
-    """Put an angle into (−π, π], with what round-off leaves of −π at π."""
-    return min(angle + 2.0 * math.pi, math.pi) if angle <= -math.pi + 1e-12 else angle
+def block_errors(blocks: Sequence[Measures], names: Sequence[str]) -> dict[str, float | None]:
+    """Standard errors of statistics, from their scatter over blocks; None where a block has none.
+
+    Means of blocks that are long against the memory of the motion are independent, so that the error of their mean is
+    their standard deviation over the root of their number (method of batch means).
+    """
+    parts = [*blocks[:1], *(m.between(a, b) for a, b in pairwise(blocks))]
+    found = [statistics(part) for part in parts]
+    errors: dict[str, float | None] = {}
+    for name in names:
+        values = np.array([math.nan if part[name] is None else part[name] for part in found], dtype=float)
+        if name == "phase_difference_rad" and len(values):  # about one of them, for angles have no mean
+            values = np.angle(np.exp(1j * (values - values[0])))
+        error = float(values.std(ddof=1)) / math.sqrt(len(values)) if len(values) > 1 else math.nan
+        errors[name] = error if math.isfinite(error) else None
+    return errors
+
+
+def half_open(angle: float, near: float = 1e-12) -> float:
+    """Put an angle into (−π, π]; what is no farther than ``near`` from −π is π."""
+    return min(angle + 2.0 * math.pi, math.pi) if angle <= -math.pi + near else angle
 
 
 def measured(part: Part) -> dict[str, Any]:

@@ -39,6 +39,13 @@ class Branch:
     scene: Scene
     frequencies: tuple[float, ...]
 
+    def key(self, frequency: float) -> tuple[int, ...]:
+        """Return the numbers from which, with the plan's seed, the perturbation of a point follows.
+
+        They are the same for all branches of a direction, so that equal scenes have equal points in any sweep.
+        """
+        return int(self.direction == "down"), round(1e6 * frequency)
+
     def at(self, point: int) -> Scene:
         """Return the scene of a point."""
         return self.scene.replace({FREQUENCY: self.frequencies[point]})

@@ -18,10 +18,10 @@ from vibroplat.solver.engines import make_engine
 from vibroplat.solver.initial import initial_state
 from vibroplat.solver.motion import Motion
 from vibroplat.solver.scales import state_scales
-from vibroplat.solver.summary import measured
+from vibroplat.solver.summary import Part, block_errors, half_open, measured
 from vibroplat.solver.tape import Tape
-from vibroplat.study.lyapunov import largest_exponent
-from vibroplat.study.section import period, section_points
+from vibroplat.study.classification import Kind, classify
+from vibroplat.study.section import section_points
 from vibroplat.study.settling import Settling, settle
 
 #: Distance of the phase difference from 0 or π (rad) up to which exciters turn in phase or antiphase.
@@ -30,6 +30,12 @@ SYNCHRONOUS = math.pi / 3.0
 WANDER = math.pi / 2.0
 #: Phase coherence below which they are not synchronous either.
 COHERENCE = 0.8
+#: Distance from −π (rad) up to which a phase difference is told as π: what settling leaves of the way by default.
+ANTIPHASE = 1e-3
+#: Blocks in which motion that does not repeat is measured, each as long as the plan's ``measure_s``.
+BLOCKS = 8
+#: How many times ``max_settle_s`` a motion settles whose neighbours draw together: it will repeat.
+PATIENCE = 4.0
 #: Points of the Poincaré section and impacts that a bifurcation diagram shows of each point, the last ones.
 SHOWN = 64
 
@@ -51,6 +57,17 @@ MEASURED = (
     "motor_power_w",
     "energy_residual",
 )
+#: Measures whose standard errors are told where the motion does not repeat, and the columns of these errors.
+ERRORS = {
+    "excitation_frequency_hz": "excitation_frequency_error_hz",
+    "rms_x_m": "rms_x_error_m",
+    "rms_y_m": "rms_y_error_m",
+    "rms_phi_rad": "rms_phi_error_rad",
+    "phase_difference_rad": "phase_difference_error_rad",
+    "flight_fraction": "flight_fraction_error",
+    "impacts_per_period": "impacts_per_period_error",
+    "motor_power_w": "motor_power_error_w",
+}
 
 
 @dataclass(frozen=True)
@@ -85,26 +102,17 @@ def measure_point(scene: Scene, plan: Sweep, state: list[float] | None, key: tup
     state
         Full state at the end of the point before; that of ``run.initial`` without it.
     key
-        Numbers of branch and point, from which with the plan's seed the perturbation follows.
+        Numbers from which with the plan's seed the perturbation follows; see :meth:`Branch.key`.
     """
     began = time.perf_counter()
     p = parameters(scene)
-    speeds: list[float] = []
-
-    def read_impacts(_: Tape, h: hy.Hybrid) -> None:
-        rows = h.events[: h.flags[hy.EVENTS]]
-        speeds.extend((-rows[rows[:, hy.KIND] == hy.IMPACT, hy.RATE_BEFORE]).tolist())
-
+    impacts = _Impacts() if plan.kind == "bifurcation" else None
     with closing(make_engine(scene, p)) as engine:
         start = initial_state(scene) if state is None else np.array(state)
         motion = Motion(scene, p, engine, perturbed(start, scene, plan, key))
-        settling = settle(motion, plan)
-        is_diagram = plan.kind == "bifurcation"
-        seconds = measuring_time(motion.state, plan.measure_s, settling)
-        part = motion.go_on(seconds, read=read_impacts if is_diagram else None)
+        settling, part, kind = _settled_and_measured(motion, plan, impacts)
         work = engine.work
     row: dict[str, Any] = {
-        "settled": settling.how,
         "settle_s": settling.seconds,
         "outcome": motion.outcome,
         "detail": motion.detail,
@@ -115,34 +123,77 @@ def measure_point(scene: Scene, plan: Sweep, state: list[float] | None, key: tup
     }
     final: list[float] | None = None
     heights: list[float] = []
-    if motion.outcome == "ok":
+    if kind is not None:
         final = folded(motion.state).tolist()
-        points = section_points(part.measures, scene)
-        row |= classified(measured(part), points, scene, plan, settling.slip)
-        if row["period"] == 0 and plan.lyapunov:
-            exponent = largest_exponent(scene, np.array(final))
-            row["lyapunov_per_s"] = exponent if math.isfinite(exponent) else None
-        if is_diagram:
+        row |= measures_of(part, scene, settling.slip) | columns_of(kind)
+        if impacts is not None:
+            points = section_points(part.measures, scene)
             heights = (points[-SHOWN:, 1] * state_scales(scene)[1]).tolist()
     row["wall_s"] = time.perf_counter() - began
-    return Point(row, final, heights, speeds[-SHOWN:] if final else [])
+    return Point(row, final, heights, impacts.speeds[-SHOWN:] if final and impacts else [])
 
 
-def classified(
-    found: dict[str, Any], points: FloatArray, scene: Scene, plan: Sweep, slip: float = 0.0
-) -> dict[str, Any]:
-    """Return what a row tells of a measured part: its measures, synchronization and period.
+class _Impacts:
+    """Reads the speeds of impacts (m/s) while a motion goes on."""
 
-    The period is None where there are no two turns to compare. ``slip`` is the change of the phase difference while
-    the motion settled (rad), where that has found no trend in it.
+    def __init__(self) -> None:
+        self.speeds: list[float] = []
+
+    def __call__(self, _: Tape, h: hy.Hybrid) -> None:
+        """Take what is on the list of events."""
+        rows = h.events[: h.flags[hy.EVENTS]]
+        self.speeds.extend((-rows[rows[:, hy.KIND] == hy.IMPACT, hy.RATE_BEFORE]).tolist())
+
+
+def _settled_and_measured(motion: Motion, plan: Sweep, impacts: _Impacts | None) -> tuple[Settling, Part, Kind | None]:
+    """Settle, measure and classify a motion; settle again where it turns out not to have settled.
+
+    Motion that does not repeat is measured in blocks, from which the errors of its measures follow. There is no kind
+    where the motion ended early.
     """
+    longest = plan.max_settle_s
+    while True:
+        settling = settle(motion, plan, longest)
+        repeats = settling.how != "maximum"
+        while True:
+            seconds = measuring_time(motion.state, plan.measure_s, settling) if repeats else BLOCKS * plan.measure_s
+            part = motion.go_on(seconds, blocks=1 if repeats else BLOCKS, read=impacts)
+            if motion.outcome != "ok":
+                return settling, part, None
+            points = section_points(part.measures, motion.scene)
+            last = settling.how == "fixed" or longest > plan.max_settle_s
+            kind = classify(motion.scene, plan, settling, points, motion.state, last=last)
+            if kind is None or kind.period or not repeats:
+                break
+            repeats = False  # settled for a fixed time: measured as long as what does not repeat needs
+        if kind is not None:
+            return settling, part, kind
+        if settling.how == "maximum":
+            longest = PATIENCE * plan.max_settle_s
+
+
+def measures_of(part: Part, scene: Scene, slip: float = 0.0) -> dict[str, Any]:
+    """Return what a row tells of a measured part: its measures, their errors, and how the exciters turn.
+
+    ``slip`` is the change of the phase difference while the motion settled (rad), where it has not become periodic.
+    """
+    found = measured(part)
     row = {name: found[name] for name in MEASURED}
+    row |= {ERRORS[name]: error for name, error in block_errors(part.blocks, tuple(ERRORS)).items()}
     if scene.has_contact and row["gap_max_m"] is None:
         row["gap_max_m"] = 0.0  # it never flew
+    if row["phase_difference_rad"] is not None:
+        error = row[ERRORS["phase_difference_rad"]] or 0.0
+        row["phase_difference_rad"] = half_open(row["phase_difference_rad"], max(ANTIPHASE, 2.0 * error))
     row["sync"] = "none" if abs(slip) > WANDER else synchronization(found)
-    row["period"] = 0 if row["sync"] == "none" else period(points, plan.period_tolerance)
-    if len(points) < 2:
-        row["period"] = None
+    return row
+
+
+def columns_of(kind: Kind) -> dict[str, Any]:
+    """Return what a row tells of the kind of motion; the reason why it is undecided stands in ``detail``."""
+    row: dict[str, Any] = {"motion": kind.motion, "period": kind.period, "detail": kind.why}
+    if kind.exponent is not None and math.isfinite(kind.exponent.value):
+        row |= {"lyapunov_per_s": kind.exponent.value, "lyapunov_error_per_s": kind.exponent.error}
     return row
 
 

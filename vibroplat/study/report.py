@@ -33,8 +33,8 @@ def overview(table: pd.DataFrame) -> dict[str, str]:
     told = {
         "points": f"{len(table)} in {table['branch'].nunique()} branches",
         "outcomes": _counts(table["outcome"]),
-        "settled": _counts(table["settled"]),
         "synchronization": _counts(table["sync"]),
+        "motions": _counts(table["motion"]),
         "periods": _counts(table["period"].map({0: "none"}).fillna(table["period"].astype("str"))),
         "simulated": f"{table['simulated_s'].sum():.6g} s, {table['events'].sum()} events, "
         f"{table['steps'].sum()} steps",

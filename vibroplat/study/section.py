@@ -12,8 +12,8 @@ from vibroplat.solver import measures as m
 from vibroplat.solver.measures import Measures, section_rows
 from vibroplat.solver.scales import state_scales
 
-#: Longest period that is looked for, in turns of exciter 1.
-MAX_PERIOD = 16
+#: Longest period that is looked for while a motion settles, and at its end, in turns of exciter 1.
+MAX_PERIOD, LONGEST_PERIOD = 16, 64
 
 
 def section_points(measures: Measures, scene: Scene) -> FloatArray:
@@ -44,12 +44,12 @@ def spread(points: FloatArray, n: int) -> float:
     return float(np.abs(backwards - last).max())
 
 
-def spreads(points: FloatArray) -> FloatArray:
-    """Spread for 1 … MAX_PERIOD turns, shape (MAX_PERIOD,)."""
-    return np.array([spread(points, n) for n in range(1, MAX_PERIOD + 1)])
+def spreads(points: FloatArray, first: int = 1, last: int = MAX_PERIOD) -> FloatArray:
+    """Spread for each number of turns from the first to the last, shape (last − first + 1,)."""
+    return np.array([spread(points, n) for n in range(first, last + 1)])
 
 
-def period(points: FloatArray, tolerance: float) -> int:
+def period(points: FloatArray, tolerance: float, first: int = 1, last: int = MAX_PERIOD) -> int:
     """Smallest number of turns after which the section repeats within a tolerance; 0 if none is found."""
-    repeats = np.flatnonzero(spreads(points) <= tolerance)
-    return int(repeats[0]) + 1 if repeats.size else 0
+    repeats = np.flatnonzero(spreads(points, first, last) <= tolerance)
+    return int(repeats[0]) + first if repeats.size else 0

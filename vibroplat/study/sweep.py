@@ -13,11 +13,11 @@ from vibroplat.scene import Scene
 from vibroplat.solver.engines import engine_name
 from vibroplat.study.branches import EXCITATION, SUPPLY, Branch, branches, sweep_plan
 from vibroplat.study.execution import Pool, WorkerLostError, pool, run_chains
-from vibroplat.study.point import MEASURED, Point, measure_point
+from vibroplat.study.point import ERRORS, MEASURED, Point, measure_point
 from vibroplat.study.store import Store
 
 #: Columns of text, and of whole numbers; the others are of numbers.
-TEXTS = ("direction", "sync", "settled", "outcome", "detail")
+TEXTS = ("direction", "sync", "motion", "outcome", "detail")
 COUNTS = ("branch", "period", "steps", "residual_calls", "events")
 #: What a row has after the swept keys.
 COLUMNS = (
@@ -25,10 +25,12 @@ COLUMNS = (
     "branch",
     *MEASURED[:8],
     "sync",
+    "motion",
     "period",
     *MEASURED[8:],
     "lyapunov_per_s",
-    "settled",
+    "lyapunov_error_per_s",
+    *ERRORS.values(),
     "settle_s",
     "outcome",
     "detail",
@@ -133,13 +135,14 @@ class _Chain:
         if self.done:
             return None
         scene = self._branch.at(self.point)
-        return measure_point, (scene, self._plan, self._state, (self._branch.number, self.point))
+        key = self._branch.key(self._branch.frequencies[self.point])
+        return measure_point, (scene, self._plan, self._state, key)
 
     def take(self, result: Point | WorkerLostError) -> None:
         """Keep a finished point."""
         if isinstance(result, WorkerLostError):
             done = {"steps": 0, "residual_calls": 0, "events": 0, "simulated_s": 0.0, "settle_s": 0.0, "wall_s": 0.0}
-            result = Point({"outcome": "worker-lost", "detail": str(result), "settled": "unfinished"} | done, None)
+            result = Point({"outcome": "worker-lost", "detail": str(result)} | done, None)
         record = vars(result)
         self._store.write(self._branch.number, self.point, record)
         self.point += 1

@@ -1,0 +1,131 @@
+"""What kind of motion it is: one answer, with the reason where there is none.
+
+* ``periodic`` — the Poincaré section repeats after n turns of exciter 1.
+* ``chaotic`` — it does not, and neighbouring trajectories part: the largest Lyapunov exponent is positive.
+* ``quasi-periodic`` — it does not, and they neither part nor draw together.
+* ``undecided`` — the error of the exponent leaves its sign open, or neighbours draw together but no period shows.
+* ``non-periodic`` — it does not repeat, and the plan asks for no exponent that would tell more.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from vibroplat.physics.parameters import FloatArray
+from vibroplat.plan import Sweep
+from vibroplat.scene import Scene
+from vibroplat.study.lyapunov import Exponent, largest_exponent
+from vibroplat.study.section import LONGEST_PERIOD, MAX_PERIOD, period
+from vibroplat.study.settling import Settling, draws_together, noise
+
+#: Extent of the section in the second half of what was measured, over that in the first, between which and whose
+#: inverse it is steady: what still shrinks or grows has not settled.
+STEADY = 0.9
+#: Way between the means of both halves, over the extent, from which on the section drifts.
+DRIFT = 0.25
+#: Error of the growth a turn up to which an exponent that has no sign is 0.
+ZERO = 1e-3
+
+
+class Kind(NamedTuple):
+    """What kind of motion it is.
+
+    Attributes
+    ----------
+    motion
+        ``periodic``, ``quasi-periodic``, ``chaotic``, ``undecided`` or ``non-periodic``.
+    period
+        Turns of exciter 1 after which it repeats, 0 if it does not; None where it makes no turns.
+    exponent
+        Largest Lyapunov exponent, where it was needed.
+    why
+        Why it is undecided.
+    """
+
+    motion: str
+    period: int | None
+    exponent: Exponent | None = None
+    why: str = ""
+
+
+def classify(
+    scene: Scene, plan: Sweep, settling: Settling, points: FloatArray, state: FloatArray, *, last: bool
+) -> Kind | None:
+    """Classify a motion that was measured, or return None if it must settle longer.
+
+    It must where it looked settled but was not, and, unless this is the ``last`` time, where its neighbours draw
+    together but no period shows.
+
+    Parameters
+    ----------
+    scene, plan
+        What moves, and how it was to settle and be measured.
+    settling
+        How it settled.
+    points
+        Its Poincaré section in the scales of the scene, shape (turns, 14).
+    state
+        Full state at its end, shape (14,).
+    last
+        Whether it has settled as long as it may.
+    """
+    if len(points) < 2:
+        return Kind("undecided", None, why="exciter 1 makes no whole turns")
+    n = period(points, plan.period_tolerance)
+    if settling.how == "periodic":
+        return _confirmed(scene, plan, settling, points, state, n)
+    if n > 0:
+        return Kind("periodic", n)
+    if not plan.lyapunov:
+        return Kind("non-periodic", 0)
+    kind = _by_exponent(largest_exponent(scene, state), points, plan.period_tolerance)
+    contracts = kind.exponent is not None and kind.exponent.sign < 0 and kind.period == 0
+    return None if contracts and not last else kind
+
+
+def _confirmed(
+    scene: Scene, plan: Sweep, settling: Settling, points: FloatArray, state: FloatArray, n: int
+) -> Kind | None:
+    """Confirm on the measured section, of period n, that a motion has settled; None if it has not.
+
+    A quick transient may hide a slow one, a spiral that closes in on period 1 may come near itself every n turns, and
+    chaos that passes near an unstable periodic motion looks periodic for a while.
+    """
+    still = draws_together(points, plan.settle_tolerance, noise(scene, plan))
+    if n == 0 or settling.period % n != 0 or still == 0 or (n > 1 and not _steady(points, plan.settle_tolerance)):
+        return None
+    if not (settling.late and plan.lyapunov):
+        return Kind("periodic", n)
+    exponent = largest_exponent(scene, state)
+    return None if exponent.sign > 0 else Kind("periodic", n, exponent)
+
+
+def _steady(points: FloatArray, tolerance: float) -> bool:
+    """Whether the section keeps its extent and its place."""
+    halves = points[: len(points) // 2], points[len(points) // 2 :]
+    first, second = (float(np.ptp(half, axis=0).max()) for half in halves)
+    way = float(np.abs(halves[1].mean(axis=0) - halves[0].mean(axis=0)).max())
+    kept = abs(second - first) <= tolerance or STEADY <= second / first <= 1.0 / STEADY
+    return kept and way <= max(tolerance, DRIFT * float(np.ptp(points, axis=0).max()))
+
+
+def _by_exponent(exponent: Exponent, points: FloatArray, tolerance: float) -> Kind:
+    """Classify a motion that has no period up to MAX_PERIOD by the sign of its exponent."""
+    told = f"largest Lyapunov exponent {exponent.value:.3g} ± {exponent.error:.2g} per s"
+    if math.isnan(exponent.value):
+        return Kind("undecided", 0, why="the largest Lyapunov exponent could not be computed")
+    if exponent.sign > 0:
+        return Kind("chaotic", 0, exponent)
+    if exponent.sign < 0:
+        n = period(points, tolerance, first=MAX_PERIOD + 1, last=LONGEST_PERIOD)
+        if n > 0:
+            return Kind("periodic", n, exponent)
+        return Kind("undecided", 0, exponent, f"{told}, but no period up to {LONGEST_PERIOD} turns shows")
+    if exponent.error * exponent.turn > ZERO:
+        return Kind("undecided", 0, exponent, f"{told}: its sign is open")
+    if not _steady(points, tolerance):
+        return Kind("undecided", 0, exponent, f"{told}, but the Poincaré section still moves")
+    return Kind("quasi-periodic", 0, exponent)
