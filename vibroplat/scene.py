@@ -153,6 +153,7 @@ class Contact(Section):
         "impact", description="non-impact: material as added viscous friction"
     )
     restitution: Share = Field(0.0, description="R")
+    sticking_speed_m_per_s: NonNegative = Field(0.0, description="impacts slower than this are inelastic; 0 = none")
     impact_law: Literal["conservative", "central", "printed"] = "conservative"
     viscous_per_mass_per_s: NonNegative = Field(0.0, description="beta: b_y + beta m_w, non-impact")
     added_mass_share: Share = Field(0.0, description="share of m_w that moves with the platform, non-impact")

@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 from physics.helpers import EACH_MACHINE, EACH_SYSTEM, random_states, scene_of
 
+from vibroplat import simulate
 from vibroplat.bench.peers import cases, precision, siconos
 from vibroplat.bench.peers.equations import flow, guard, jacobian
 from vibroplat.bench.peers.hybrid import Followed, Leg, StormError, follow
@@ -121,6 +122,23 @@ def test_storm_of_a_peer_is_an_error(case):
     scene = case.scene.replace({"contact.restitution": 0.5})
     with pytest.raises(StormError, match="2000 events within a turn at t = "):
         follow(scene, Bouncing())
+
+
+def test_peers_share_the_sticking_speed(case):
+    contact = {"restitution": 0.5, "sticking_speed_m_per_s": 0.15}
+    scene = case.scene.replace({"contact": contact, "run.duration_s": 0.4, "solver.tolerance": 1e-9})
+    peer = next(peer for peer in PEERS if peer.name == "scipy DOP853")
+    found, expected = peer.prepare(scene, 1e-9)(None).events, simulate(scene, keep="events").events
+    assert (expected["gap_rate_after_m_per_s"] > 0.0).any()
+    assert (expected["mode_after"] == "attached").any()
+    assert list(found["kind"]) == list(expected["kind"])
+    assert found["t_s"].to_numpy() == pytest.approx(expected["t_s"].to_numpy(), abs=1e-6)
+
+
+def test_siconos_refuses_a_sticking_speed(case):
+    scene = case.scene.replace({"contact.sticking_speed_m_per_s": 0.15})
+    with pytest.raises(RuntimeError, match="Siconos: Newton's impact law has no sticking speed; allowed: 0"):
+        siconos.run(scene, "event-driven", 1e-6)
 
 
 def test_failed_run_is_a_row_with_its_reason(case, exact, monkeypatch, capsys):

@@ -19,7 +19,7 @@ MACHINE = (
     "gravity_m_per_s2"
 )
 MOTOR = "critical_torque_n_m, critical_slip, pole_pairs, friction_radius_m"
-CONTACT = "model, restitution, impact_law, viscous_per_mass_per_s, added_mass_share"
+CONTACT = "model, restitution, sticking_speed_m_per_s, impact_law, viscous_per_mass_per_s, added_mass_share"
 NAME = "letters, digits and . _ + -, the first a letter or digit"
 THIN = "material: {mass_ratio: 0.2, layers: 1}\n"
 
@@ -131,6 +131,18 @@ MESSAGES = {
     # out of range
     "restitution above 1": ("contact: {restitution: 1.2}", "contact.restitution = 1.2; allowed: at most 1.0"),
     "restitution below 0": ("contact: {restitution: -0.1}", "contact.restitution = -0.1; allowed: at least 0.0"),
+    "negative sticking speed": (
+        "contact: {sticking_speed_m_per_s: -0.1}",
+        "contact.sticking_speed_m_per_s = -0.1; allowed: at least 0.0",
+    ),
+    "sticking speed that is no number": (
+        "contact: {sticking_speed_m_per_s: .nan}",
+        "contact.sticking_speed_m_per_s = nan; allowed: a finite number",
+    ),
+    "sticking speed without its unit": (
+        "contact: {sticking_speed: 0.1}",
+        f"unknown key contact.sticking_speed; did you mean sticking_speed_m_per_s? allowed: {CONTACT}",
+    ),
     "negative mass": (
         "machine: {platform_mass_kg: -1}",
         "machine.platform_mass_kg = -1; allowed: more than 0.0",
@@ -696,6 +708,8 @@ def test_schema_refuses_other_keys_and_says_what_is_allowed():
     assert [s for s in (schema, *schema["$defs"].values()) if s["additionalProperties"]] == []
     restitution = schema["$defs"]["Contact"]["properties"]["restitution"]
     assert restitution | {"default": 0.0, "minimum": 0.0, "maximum": 1.0, "type": "number"} == restitution
+    sticking = schema["$defs"]["Contact"]["properties"]["sticking_speed_m_per_s"]
+    assert sticking | {"default": 0.0, "minimum": 0.0, "type": "number"} == sticking
     assert schema["$defs"]["Contact"]["properties"]["model"]["enum"] == ["impact", "non-impact"]
 
 

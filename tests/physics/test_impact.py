@@ -3,14 +3,16 @@
 import numpy as np
 import pytest
 
-from vibroplat.physics.impact import closing_time, impact, impulse_response, kinetic_change, latch
-from vibroplat.physics.parameters import IMPACT_LAWS, parameters
+from vibroplat.physics.impact import closing_time, impact, impacts_left, impulse_response, kinetic_change, latch
+from vibroplat.physics.parameters import IMPACT_LAWS, RESTITUTION, STICKING_SPEED, parameters
 
 from .helpers import EACH_MACHINE, mass_matrix, random_states, scene_of
 
 LAYERS = pytest.mark.parametrize("layers", [1, 2])
 RESTITUTIONS = pytest.mark.parametrize("restitution", [0.0, 0.3, 0.8, 1.0])
 EACH_LAW = pytest.mark.parametrize("law", IMPACT_LAWS)
+#: None, one that some of the impacts after a rebound of 0.02 m/s are slower than, one that all are.
+STICKING_SPEEDS = pytest.mark.parametrize("sticking_speed", [0.0, 0.006, 0.03])
 KEEPING_LAW = pytest.mark.parametrize("law", ["conservative", "central"])
 
 #: Rates of platform and exciters that law `central` knows, in the order (x, y, φ₁, φ₂).
@@ -264,13 +266,14 @@ def rebounding(seed, rebound=0.02):
 
 
 def follow(state, accelerations, p, turn_masses=False):
-    """Follow impact by impact until their speed is 1e-13 of the first.
+    """Follow impact by impact until one sticks or their speed is 1e-13 of the first.
 
     The mass matrix stays that of the first state, which is what `latch` assumes, or turns with the state.
     Returns (state, duration, impulse, loss).
     """
     state, angles, slowest = state.copy(), state[2:5].copy(), 1e-13 * state[12]
-    sums = np.zeros(3)
+    inelastic, sums = p.copy(), np.zeros(3)
+    inelastic[RESTITUTION] = 0.0
     while state[12] > slowest:
         flight = 2.0 * state[12] / -accelerations[5]
         state[:7] += flight * state[7:] + 0.5 * flight**2 * accelerations
@@ -278,7 +281,7 @@ def follow(state, accelerations, p, turn_masses=False):
         at_impact = state.copy()
         if not turn_masses:
             at_impact[2:5] = angles
-        after, impulse, loss = struck(at_impact, p)
+        after, impulse, loss = struck(at_impact, inelastic if -state[12] < p[STICKING_SPEED] else p)
         state[7:], state[5] = after[7:], 0.0
         sums += flight, impulse, loss
     return state, *sums
@@ -288,8 +291,10 @@ def follow(state, accelerations, p, turn_masses=False):
 @EACH_LAW
 @EACH_MACHINE
 @pytest.mark.parametrize("restitution", [0.0, 0.3, 0.6, 0.9])
-def test_latch_is_the_sum_of_all_impacts(layers, law, machine, restitution):
-    p = parameters(scene_of(layers, machine, restitution=restitution, impact_law=law))
+@STICKING_SPEEDS
+def test_latch_is_the_sum_of_all_impacts(layers, law, machine, restitution, sticking_speed):
+    contact = {"restitution": restitution, "sticking_speed_m_per_s": sticking_speed, "impact_law": law}
+    p = parameters(scene_of(layers, machine, **contact))
     before, accelerations = rebounding(seed=30)
     wanted, *sums = follow(before, accelerations, p)
     after = np.empty(14)
@@ -309,8 +314,9 @@ def test_latch_is_the_sum_of_all_impacts(layers, law, machine, restitution):
 
 
 @pytest.mark.parametrize("law", ["central", "printed"])
-def test_latch_loses_what_its_impacts_lose(law):
-    p = parameters(scene_of(2, restitution=0.6, impact_law=law))
+@STICKING_SPEEDS
+def test_latch_loses_what_its_impacts_lose(law, sticking_speed):
+    p = parameters(scene_of(2, restitution=0.6, sticking_speed_m_per_s=sticking_speed, impact_law=law))
     before, accelerations = rebounding(seed=30)
     *_, wanted = follow(before, accelerations, p)
     *_, loss = latch(before, accelerations, np.empty(14), p)
@@ -343,8 +349,9 @@ def test_turning_masses_change_the_latch_by_the_square_of_the_rebound():
 
 
 @pytest.mark.parametrize("law", ["conservative", "central"])
-def test_latch_of_a_single_inelastic_impact_is_that_impact(law):
-    p = parameters(scene_of(2, restitution=0.0, impact_law=law))
+@pytest.mark.parametrize("contact", [{"restitution": 0.0}, {"restitution": 0.7, "sticking_speed_m_per_s": 0.03}])
+def test_latch_of_a_single_inelastic_impact_is_that_impact(law, contact):
+    p = parameters(scene_of(2, impact_law=law, **contact))
     before, accelerations = rebounding(seed=32)
     after = np.empty(14)
     duration, impulse, _ = latch(before, accelerations, after, p)
@@ -356,8 +363,17 @@ def test_closing_time_of_a_dropped_ball():
     height, gravity, restitution = 1.0, 9.81, 0.5
     fall, speed = np.sqrt(2.0 * height / gravity), np.sqrt(2.0 * gravity * height)
     # validation.md, to the twelve decimals printed there
-    assert fall + closing_time(restitution * speed, -gravity, restitution) == pytest.approx(1.354570922957, abs=6e-13)
+    closing = closing_time(restitution * speed, -gravity, restitution, 0.0)
+    assert fall + closing == pytest.approx(1.354570922957, abs=6e-13)
 
 
 def test_impacts_without_loss_never_close():
-    assert closing_time(0.1, -9.81, 1.0) == np.inf
+    assert closing_time(0.1, -9.81, 1.0, 0.0) == np.inf
+
+
+@pytest.mark.parametrize(
+    ("sticking_speed", "left"), [(0.0, np.inf), (3.0, 1), (0.99, 2), (0.3, 3), (0.24, 4), (0.001, 11), (5e-324, 1076)]
+)
+def test_impacts_are_counted_until_one_sticks(sticking_speed, left):
+    """They approach at 1, 0.5, 0.25, … m/s."""
+    assert impacts_left(1.0, parameters(scene_of(1, restitution=0.5, sticking_speed_m_per_s=sticking_speed))) == left

@@ -151,6 +151,75 @@ def test_threshold_of_accumulation_follows_the_tolerance():
     assert abs(loose["t_s"].iloc[-1] - tight["t_s"].iloc[-1]) < 100.0 * claimed
 
 
+# -- impacts that stick --------------------------------------------------------------------------------------
+
+
+def rest_of_dropped_ball(restitution, sticking_speed):
+    """Number of the impact at which a ball dropped from 1 m comes to rest, and its time."""
+    time = math.sqrt(2.0 / GRAVITY)
+    number, speed = 1, GRAVITY * time
+    while speed >= sticking_speed:
+        speed *= restitution
+        number, time = number + 1, time + 2.0 * speed / GRAVITY
+    return number, time
+
+
+def sticking_ball(restitution, sticking_speed):
+    return dropped_ball(restitution).replace({"contact.sticking_speed_m_per_s": sticking_speed})
+
+
+@pytest.mark.parametrize("restitution", [0.3, 0.5, 0.8])
+@pytest.mark.parametrize("sticking_speed", [5.0, 4.0, 1.0, 0.01, 1e-4, 1e-8, 1e-9, 1e-12])
+def test_ball_comes_to_rest_at_the_first_impact_that_is_too_slow(restitution, sticking_speed):
+    """The last three are summed by the latch, which counts what it sums."""
+    scene = sticking_ball(restitution, sticking_speed)
+    run = simulate(scene)
+    number, time = rest_of_dropped_ball(restitution, sticking_speed)
+    last = run.events.iloc[-1]
+    assert run.outcome == "ok"
+    assert run.events["impacts"].sum() == number
+    assert last["kind"] == ("impact" if sticking_speed > 1e-7 else "latch")
+    assert last["t_s"] == pytest.approx(time, rel=1e-10)
+    assert last["gap_rate_after_m_per_s"] == 0.0
+    assert last["mode_after"] == "attached"
+    after = run.trajectory[run.trajectory["t_s"] >= last["t_s"]].iloc[1:]
+    assert len(after) > 10
+    assert (after[["gap_m", "gap_rate_m_per_s"]] == 0.0).all(axis=None)
+    assert run.events["energy_loss_j"].sum() == pytest.approx(scene.layer_masses[0] * GRAVITY, rel=1e-10)
+    assert run.events["impulse_n_s"].sum() == pytest.approx(scene.layer_masses[0] * GRAVITY * time, rel=1e-10)
+    assert run.summary["energy_residual"] < 1e-12
+    assert run.summary["momentum_residual"] < 1e-12
+
+
+@pytest.mark.parametrize("restitution", [0.3, 0.8])
+@pytest.mark.parametrize("sticking_speed", [1e-8, 1e-9, 1e-12])
+def test_latch_lasts_until_an_impact_sticks(restitution, sticking_speed):
+    events = simulate(sticking_ball(restitution, sticking_speed)).events
+    before, latch = events.iloc[-2], events.iloc[-1]
+    rebound, count = before["gap_rate_after_m_per_s"], latch["impacts"]
+    assert restitution ** (count - 1) * rebound < sticking_speed <= restitution ** (count - 2) * rebound
+    expected = 2.0 * rebound / GRAVITY * sum(restitution**k for k in range(count))
+    assert latch["t_s"] - before["t_s"] == pytest.approx(expected, abs=1e-15)
+
+
+def test_elastic_ball_sticks_only_below_the_sticking_speed():
+    fall = math.sqrt(2.0 / GRAVITY)
+    elastic = {"contact.restitution": 1.0, "run.duration_s": 6.5 * fall}
+    flying = simulate(sticking_ball(0.5, 4.42).replace(elastic)).events
+    assert flying["t_s"].to_numpy() == pytest.approx(fall * np.array([1.0, 3.0, 5.0]), rel=1e-9)
+    assert (flying["mode_after"] == "flight").all()
+    stuck = simulate(sticking_ball(0.5, 4.43).replace(elastic)).events
+    assert stuck["t_s"].tolist() == pytest.approx([fall])
+    assert stuck["gap_rate_after_m_per_s"].tolist() == [0.0]
+    assert stuck["mode_after"].tolist() == ["attached"]
+
+
+def test_impact_at_the_sticking_speed_rebounds():
+    speed = -simulate(dropped_ball(0.5)).events["gap_rate_before_m_per_s"].iloc[0]
+    assert len(simulate(sticking_ball(0.5, speed)).events) == 2
+    assert len(simulate(sticking_ball(0.5, math.nextafter(speed, 10.0))).events) == 1
+
+
 # -- self-synchronization (Blekhman) and the Sommerfeld effect --------------------------------------------
 
 

@@ -11,7 +11,10 @@ from hypothesis import strategies as st
 
 from vibroplat import simulate
 from vibroplat.bench.known import ball_on_table
-from vibroplat.physics.parameters import parameters
+from vibroplat.bench.scenes import base
+from vibroplat.physics.impact import impulse_response
+from vibroplat.physics.parameters import IMPACT_LAWS, STICKING_SPEED, parameters
+from vibroplat.scene import COORDINATES, RATES
 from vibroplat.solver import transitions as rules
 from vibroplat.solver.interpolation import dip_below_zero
 from vibroplat.solver.measures import extremes
@@ -52,6 +55,15 @@ def test_rebound_flies_until_it_is_slow_enough(p):
 def test_elastic_impacts_do_not_accumulate(p):
     p[rules.RESTITUTION] = 1.0
     assert rules.after_impact(1e-12, 10.0, 0.0, -8.0, 0.0, True, p) == rules.FLY
+
+
+def test_impacts_that_soon_stick_close_sooner(p):
+    p[rules.RESTITUTION] = 0.999
+    assert rules.after_impact(1e-6, 10.0, 0.0, -8.0, 0.0, True, p) == rules.FLY
+    p[STICKING_SPEED] = 1e-5
+    assert rules.after_impact(1e-6, 10.0, 0.0, -8.0, 0.0, True, p) == rules.LATCH
+    p[rules.RESTITUTION] = 1.0  # followed, as all elastic impacts
+    assert rules.after_impact(1e-6, 10.0, 0.0, -8.0, 0.0, True, p) == rules.FLY
 
 
 def test_accumulation_threshold_bounds_the_neglected_jerk(p):
@@ -207,6 +219,51 @@ def test_positions_are_continuous_and_only_impacts_jump(quickstart):
             assert jump == 0.0
         elif event.kind == "impact":
             assert after["gap_rate_m_per_s"] == pytest.approx(-0.4 * before["gap_rate_m_per_s"], rel=1e-12)
+
+
+@pytest.mark.parametrize("law", IMPACT_LAWS)
+@pytest.mark.parametrize("restitution", [0.5, 1.0])
+def test_slow_impacts_stick_and_fast_ones_rebound(quickstart, restitution, law):
+    slowest = 0.3
+    contact = {"restitution": restitution, "sticking_speed_m_per_s": slowest, "impact_law": law}
+    scene = quickstart.replace({"contact": contact, "run.duration_s": 2.0})
+    run = simulate(scene)
+    p, table = parameters(scene), run.trajectory
+    impacts = run.events[run.events["kind"] == "impact"]
+    sticking = impacts["gap_rate_before_m_per_s"] > -slowest
+    assert min(sticking.sum(), (~sticking).sum()) > 5
+    assert set(run.events["kind"]) == {"liftoff", "impact"}  # what sticks need not accumulate
+    for event, sticks in zip(impacts.itertuples(), sticking, strict=True):
+        before = table.loc[table["t_s"] == event.t_s, [*COORDINATES, *RATES]].iloc[-2].to_numpy()
+        share, speed = 0.0 if sticks else restitution, -event.gap_rate_before_m_per_s
+        reduced = impulse_response(before, np.empty(7), p)
+        assert event.gap_rate_after_m_per_s == share * speed
+        assert event.impulse_n_s == pytest.approx((1.0 + share) * reduced * speed, rel=1e-9)
+        if law == "conservative":
+            loss = 0.5 * reduced * (1.0 - share**2) * speed**2
+            assert event.energy_loss_j == pytest.approx(loss, rel=1e-9, abs=1e-14)
+
+
+@pytest.mark.parametrize("law", IMPACT_LAWS)
+def test_where_all_impacts_stick_restitution_does_not_matter(quickstart, law):
+    contact = {"restitution": 0.5, "sticking_speed_m_per_s": 1e30, "impact_law": law}
+    scene = quickstart.replace({"contact": contact, "run.duration_s": 1.0})
+    runs = [simulate(scene.replace({"contact.restitution": r})) for r in (0.0, 0.5, 1.0)]
+    runs.append(simulate(scene.replace({"contact": {"restitution": 0.0, "sticking_speed_m_per_s": 0.0}})))
+    for run in runs[1:]:
+        assert run.trajectory.equals(runs[0].trajectory)
+        assert run.events.equals(runs[0].events)
+
+
+def test_sticking_speed_ends_a_storm_of_elastic_impacts():
+    """A layer that lands softly and presses: R = 1 never lets it rest, a tenth of a metre per second does."""
+    scene = base(1e-8, 2.0).replace({"material.mass_ratio": 0.2, "drive.supply_frequency_hz": 45.0})
+    scene = scene.replace({"contact.restitution": 1.0, "solver.max_events_per_period": 100})
+    assert simulate(scene, keep="summary").outcome == "event-storm"
+    run = simulate(scene.replace({"contact.sticking_speed_m_per_s": 0.1}))
+    assert run.outcome == "ok"
+    assert run.summary["energy_residual"] < 1e-5
+    assert run.trajectory["mode"].iloc[-1] == "attached"
 
 
 def test_flight_that_the_platform_drives_off_and_meets_again_at_once(damped):

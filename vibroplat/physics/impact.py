@@ -8,9 +8,14 @@ Both act on the full state (14 numbers) and are pure compiled functions. Three l
   the paper's (7) for ẋ, ẏ, φ̇₁, φ̇₂.
 * ``printed`` — ``central`` with the printed ẏ_w2⁺ = ẏ_w2⁻ + (1+R)ẏ_w1⁻, which does not keep the upper
   layer's momentum.
+
+Real restitution falls with speed. Here it does so in one step: impacts slower than the sticking speed are inelastic.
+For these the callers of :func:`impact` pass parameters without restitution; :func:`latch` ends with the first of them.
 """
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 
@@ -23,6 +28,7 @@ from vibroplat.physics.parameters import (
     LOWER_MASS,
     PRINTED,
     RESTITUTION,
+    STICKING_SPEED,
     UPPER_MASS,
     FloatArray,
 )
@@ -103,20 +109,37 @@ def impact(state: FloatArray, after: FloatArray, p: FloatArray) -> tuple[float, 
 
 
 @compiled
-def closing_time(rebound: float, gap_acceleration: float, restitution: float) -> float:
-    """Duration 2v/((1−R)|a|) of all impacts to come after a rebound v under a constant a < 0 (s).
+def impacts_left(rebound: float, p: FloatArray) -> float:
+    """Count the impacts to come after a rebound v under a constant acceleration, R < 1.
 
-    The flights last 2 v Rⁿ/|a|; the sum over n is geometric. Infinite for R = 1.
+    They approach at v, Rv, R²v, …; the first below the sticking speed is the last. Without a sticking speed the
+    number is infinite.
     """
-    return 2.0 * rebound / ((1.0 - restitution) * -gap_acceleration)
+    slowest = p[STICKING_SPEED]
+    if slowest == 0.0:
+        return np.inf
+    if rebound < slowest:
+        return 1.0
+    return 2.0 + np.floor(math.log(slowest / rebound) / math.log(p[RESTITUTION]))
+
+
+@compiled
+def closing_time(rebound: float, gap_acceleration: float, restitution: float, tail: float) -> float:
+    """Duration 2v(1−Rⁿ)/((1−R)|a|) of the n impacts to come after a rebound v under a constant a < 0 (s).
+
+    The flights last 2 v Rᵏ/|a|; the sum over k < n is geometric. ``tail`` is Rⁿ, which is 0 for infinitely many
+    impacts; with R = 1 they take for ever.
+    """
+    return 2.0 * rebound * (1.0 - tail) / ((1.0 - restitution) * -gap_acceleration)
 
 
 @compiled
 def latch(state: FloatArray, accelerations: FloatArray, after: FloatArray, p: FloatArray) -> tuple[float, float, float]:
-    """Close impacts that accumulate: carry the state to t∞ under constant accelerations.
+    """Close impacts that accumulate: carry the state to t∞, where they end, under constant accelerations.
 
-    With the flight's accelerations constant, the impulses left sum to P = m_red v (1+R)/(1−R) and
-    their moment about t∞ to Σ Pₖ (t∞ − tₖ) = m_red v τ R/(1−R); both follow from gap = gap rate = 0 at t∞.
+    With the flight's accelerations constant, the impulses left sum to P = m_red (|a|τ − v) and their moment about
+    t∞ to Σ Pₖ (t∞ − tₖ) = m_red τ (|a|τ/2 − v); both follow from gap = gap rate = 0 at t∞. The code has τ inserted,
+    with Rⁿ for the n impacts left, 0 without a sticking speed. A single impact (n = 1) needs no case of its own.
     With the response r of the rates to a unit impulse, the impacts change the kinetic energy by
     P r·𝓜v + ½P² r·𝓜r + Σ Pₖ (tₖ − t) r·𝓜a; law ``conservative`` makes this −½ m_red v².
 
@@ -138,9 +161,10 @@ def latch(state: FloatArray, accelerations: FloatArray, after: FloatArray, p: Fl
     response = np.empty(7)
     reduced = impulse_response(state, response, p)
     rebound = state[GAP_RATE]
-    duration = closing_time(rebound, accelerations[GAP], restitution)
-    impulse = reduced * rebound * (1.0 + restitution) / (1.0 - restitution)
-    moment = reduced * rebound * duration * restitution / (1.0 - restitution)
+    tail = restitution ** impacts_left(rebound, p)
+    duration = closing_time(rebound, accelerations[GAP], restitution, tail)
+    impulse = reduced * rebound * (1.0 + restitution - 2.0 * tail) / (1.0 - restitution)
+    moment = reduced * rebound * duration * (restitution - tail) / (1.0 - restitution)
     for i in range(7):
         mean_rate = state[7 + i] + 0.5 * duration * accelerations[i]
         after[i] = state[i] + duration * mean_rate + moment * response[i]

@@ -39,11 +39,12 @@ UPPER_MASS = 22  # m_w2
 LAYER_STIFFNESS = 23  # c_w / m_w2
 LAYER_DAMPING = 24  # b_w / m_w2
 RESTITUTION = 25
-IMPACT_LAW = 26  # index into IMPACT_LAWS
-TOLERANCE = 27
-FORCE_NOISE = 28  # contact forces below this are round-off of larger ones
-SAFE_ROTATION = 29  # up to here the mass matrix is positive definite
-SIZE = 30
+STICKING_SPEED = 26  # slower impacts have no restitution
+IMPACT_LAW = 27  # index into IMPACT_LAWS
+TOLERANCE = 28
+FORCE_NOISE = 29  # contact forces below this are round-off of larger ones
+SAFE_ROTATION = 30  # up to here the mass matrix is positive definite
+SIZE = 31
 
 IMPACT_LAWS = ("conservative", "central", "printed")
 CONSERVATIVE, CENTRAL, PRINTED = 0, 1, 2
@@ -73,6 +74,7 @@ def parameters(scene: Scene) -> FloatArray:
     p[LOWER_MASS], p[UPPER_MASS] = scene.layer_masses
     p[LAYER_STIFFNESS], p[LAYER_DAMPING] = scene.layer_spring
     p[RESTITUTION] = scene.contact.restitution
+    p[STICKING_SPEED] = scene.contact.sticking_speed_m_per_s
     p[IMPACT_LAW] = IMPACT_LAWS.index(scene.contact.impact_law)
     p[TOLERANCE] = scene.solver.tolerance
     p[FORCE_NOISE] = 1e-12 * scene.force_scale

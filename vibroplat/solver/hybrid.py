@@ -15,8 +15,8 @@ import numpy.typing as npt
 
 from vibroplat.physics.compiled import compiled, copy, inlined
 from vibroplat.physics.foreign import call_double
-from vibroplat.physics.impact import impact, latch
-from vibroplat.physics.parameters import RESTITUTION, SAFE_ROTATION, TOLERANCE, FloatArray
+from vibroplat.physics.impact import impact, impacts_left, latch
+from vibroplat.physics.parameters import RESTITUTION, SAFE_ROTATION, STICKING_SPEED, TOLERANCE, FloatArray
 from vibroplat.physics.systems import (
     DIFFERENTIAL,
     FULL_SIZE,
@@ -407,7 +407,8 @@ def gap_root(h: Hybrid) -> bool:
     h.state[GAP_RATE] = before
     struck = h.state.copy()
     resolved = -before >= h.clock[SLOWEST]
-    impulse, loss, pressure, following = strike(h, struck, h.p, resolved)
+    p = h.p_dead if -before < h.p[STICKING_SPEED] else h.p
+    impulse, loss, pressure, following = strike(h, struck, p, resolved)
     if following == FLY and not resolved:
         # a rebound that round-off of the platform's motion could not resolve is none
         impulse, loss, pressure, following = strike(h, struck, h.p_dead, resolved)
@@ -459,7 +460,7 @@ def close_impacts(h: Hybrid, tape: Tape) -> None:
         return
     h.flags[MODE] = ATTACHED if pressing(h) else FLIGHT
     force = h.y[ATTACHED, SIZES[h.systems[ATTACHED]] - 1] if h.flags[MODE] == ATTACHED else 0.0
-    skipped = math.ceil(math.log(_EPS) / math.log(h.p[RESTITUTION]))
+    skipped = math.ceil(min(impacts_left(rebound, h.p), math.log(_EPS) / math.log(h.p[RESTITUTION])))
     add_event(h, CLOSING, -rebound, 0.0, impulse, loss, force, skipped)
 
 

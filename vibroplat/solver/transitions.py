@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from vibroplat.physics.compiled import compiled
-from vibroplat.physics.impact import closing_time
+from vibroplat.physics.impact import closing_time, impacts_left
 from vibroplat.physics.parameters import FORCE_NOISE, RESTITUTION, SPEED_1, SPEED_2, TOLERANCE, FloatArray
 
 ATTACH, FLY, LATCH = 0, 1, 2
@@ -35,16 +35,18 @@ def presses(force: float, force_rate: float, p: FloatArray) -> bool:
 def accumulates(rebound: float, acceleration: float, jerk: float, resolved: bool, p: FloatArray) -> bool:
     """Whether the impacts to come may be closed by the geometric sum.
 
-    The sum takes the gap's acceleration a as constant over the closing time τ = 2v/((1−R)|a|); the
-    jerk j changes it by jτ, which shifts t∞ by at most |j|τ²/|a|. Impacts are closed once this shift
-    and τ² ω₀ itself are below the tolerance in units of 1/ω₀: ω₀τ ≤ √tol and ω₀ |j| τ² ≤ tol |a|.
+    The sum takes the gap's acceleration a as constant over the closing time τ = 2v(1−Rⁿ)/((1−R)|a|), n the number
+    of impacts until one sticks; the jerk j changes it by jτ, which shifts t∞ by at most |j|τ²/|a|. Impacts are closed
+    once this shift and τ² ω₀ itself are below the tolerance in units of 1/ω₀: ω₀τ ≤ √tol and ω₀ |j| τ² ≤ tol |a|.
     The error in time is then below tol/ω₀ and that of rates and coordinates, by the same neglected
-    jerk, below tol in the scales of the scene. Impacts too slow to be ``resolved`` are closed where a changes
+    jerk, below tol in the scales of the scene. An impact whose speed is the sticking speed up to such errors may
+    stick or rebound, as it may when it is followed. Impacts too slow to be ``resolved`` are closed where a changes
     by less than a hundredth until t∞. R = 1 does not accumulate.
     """
     if rebound < 0.0 or acceleration >= 0.0 or p[RESTITUTION] >= 1.0:
         return False
-    duration = closing_time(rebound, acceleration, p[RESTITUTION])
+    restitution = p[RESTITUTION]
+    duration = closing_time(rebound, acceleration, restitution, restitution ** impacts_left(rebound, p))
     speed = max(p[SPEED_1], p[SPEED_2])
     if not resolved:
         return speed * duration <= 0.1 and abs(jerk) * duration <= 0.01 * -acceleration

@@ -1,7 +1,8 @@
 """The transitions that every peer shares, and what a peer returns.
 
-Modes, guards and the impact law are those of the package. Impacts are followed one by one; a rebound
-slower than :data:`SLOWEST_REBOUND` is taken as none, as the reference trajectories do.
+Modes, guards and the impact law are those of the package. Impacts are followed one by one. An impact is
+inelastic below the scene's sticking speed, and where its rebound would be slower than :data:`SLOWEST_REBOUND`, as
+in the reference trajectories.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import numpy as np
 import pandas as pd
 
 from vibroplat.physics.impact import impact
-from vibroplat.physics.parameters import RESTITUTION, FloatArray, parameters
+from vibroplat.physics.parameters import RESTITUTION, STICKING_SPEED, FloatArray, parameters
 from vibroplat.physics.systems import FULL_SIZE, GAP, GAP_RATE, System, consistent, systems
 from vibroplat.scene import Mode, Scene
 from vibroplat.solver.initial import initial_state
@@ -180,8 +181,9 @@ class _Run:
     def strike(self) -> Mode:
         """Let the lower layer strike; it stays where it does not rebound and is pressed on."""
         before, after = self.state, np.empty(FULL_SIZE)
+        approach = -before[GAP_RATE]
         self.found.rows.append((self.t, "impact", before[GAP_RATE]))
-        slow = -self.p[RESTITUTION] * before[GAP_RATE] < SLOWEST_REBOUND
+        slow = approach < self.p[STICKING_SPEED] or self.p[RESTITUTION] * approach < SLOWEST_REBOUND
         impact(before, after, self.inelastic if slow else self.p)
         self.state = after
         return Mode.ATTACHED if slow and self.pressure() > 0.0 else Mode.FLIGHT

@@ -54,8 +54,11 @@ def run(scene: Scene, kind: str, accuracy: float, times: FloatArray | None = Non
     Raises
     ------
     RuntimeError
-        Siconos has failed; the text is the end of what it said.
+        Siconos has failed; the text is the end of what it said. Or the scene has a sticking speed, which its impact
+        law has not.
     """
+    if scene.contact.sticking_speed_m_per_s > 0.0:
+        raise RuntimeError("Siconos: Newton's impact law has no sticking speed; allowed: 0")
     wanted = np.empty(0) if times is None else times
     request = _request(scene) | {"kind": kind, "accuracy": accuracy, "times": wanted[wanted > 0.0].tolist()}
     done = subprocess.run(
