@@ -277,24 +277,30 @@ def calibrate(
 ) -> None:
     """Fit the numbers that the paper does not print to its claims; the table has a row for each evaluation."""
     from vibroplat.config import configurations
-    from vibroplat.study import calibration
+    from vibroplat.study.calibration import reading, search
+    from vibroplat.study.calibration.plan import load_plan
     from vibroplat.study.execution import pool
     from vibroplat.study.store import Store
-    from vibroplat.tables import result_directory, write_table
+    from vibroplat.tables import remove_table, result_directory, write_table
 
     overrides = {} if generations is None else {"generations": generations}
-    fixed, plan = calibration.load_plan(config or configurations() / "claims" / "calibration.yaml", overrides)
+    fixed, plan = load_plan(config or configurations() / "claims" / "calibration.yaml", overrides)
     directory = result_directory(out, "calibration")
-    with Store(directory, calibration.conditions(fixed, plan), resume=resume, overwrite=overwrite) as store:
+    total = plan.evaluations + plan.confirmations
+    with Store(directory, search.conditions(fixed, plan), resume=resume, overwrite=overwrite) as store:
         _load_kernels()
-        with pool(jobs, scheduler) as workers, calibration_progress(plan.evaluations) as progress:
-            table = calibration.calibrate(fixed, plan, store, workers, progress)
-    write_table(table, directory, "evaluations", "csv")
-    best = table.iloc[0]
-    for key in plan.parameters:
-        print(f"{key:<40}{best[key]:.5g}")
-    print(f"{'score':<40}{best['score']:.3f}, {best['held']} of {len(table.columns) - len(plan.parameters) - 2} claims")
-    print(f"{'evaluations':<40}{directory / 'evaluations.csv'}")
+        with pool(jobs, scheduler) as workers, calibration_progress(total) as progress:
+            found = search.calibrate(fixed, plan, store, workers, progress)
+    tables = {"evaluations": found.evaluations, "confirmation": found.confirmation}
+    tables |= {"left-out": reading.left_out(found.evaluations, plan), "spread": reading.spread(found.evaluations, plan)}
+    for name, table in tables.items():
+        if len(table):
+            write_table(table, directory, name, "csv")
+        else:
+            remove_table(directory, name)
+    for label, text in reading.overview(found.evaluations, tables["left-out"], tables["spread"]).items():
+        print(f"{label:<40}{text}")
+    print(f"{'tables':<40}{directory}")
 
 
 @app.command()

@@ -60,10 +60,11 @@ def _bar(
 
 
 @contextmanager
-def calibration_progress(total: int) -> Iterator[Callable[[int, float], None] | None]:
-    """Show evaluations, the best score and the time left on a terminal, nothing elsewhere."""
-    with _bar("calibration", total, "evaluations", "best score {task.fields[best]:.3f}", best=0.0) as update:
+def calibration_progress(total: int) -> Iterator[Callable[[int, int, float], None] | None]:
+    """Show evaluations, the best of them and the time left on a terminal, nothing elsewhere."""
+    best = "best: {task.fields[held]} claims, score {task.fields[score]:.3f}"
+    with _bar("calibration", total, "evaluations", best, held=0, score=0.0) as update:
         if update is None:
             yield None
         else:
-            yield lambda done, best: update(done, best=best)
+            yield lambda done, held, score: update(done, held=held, score=score)

@@ -1,0 +1,135 @@
+"""The plan of a calibration: which parameters are searched, in which ranges, and how long."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import Field, ValidationError, model_validator
+
+from vibroplat.config import load_tree
+from vibroplat.errors import ConfigError
+from vibroplat.fields import Real, Section
+from vibroplat.messages import explain
+from vibroplat.overrides import flat
+from vibroplat.study.trial import IMPACT, paper_scene
+
+#: Fewest candidates of a generation that differential evolution takes.
+LEAST_POPULATION = 5
+#: Share of a linear range that is 0: what rounding leaves of a low end of 0.
+ZERO = 1e-9
+
+
+class Range(Section):
+    """Where a parameter is searched."""
+
+    low: Real
+    high: Real
+    scale: Literal["linear", "log"] = "linear"
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if not self.low < self.high:
+            raise ValueError(f"high = {self.high} is not above low = {self.low}")
+        if self.scale == "log" and self.low <= 0.0:
+            raise ValueError(f"low = {self.low}; allowed: more than 0 with scale = log")
+        return self
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """Ends on the scale of the search."""
+        return self.place(self.low), self.place(self.high)
+
+    def place(self, value: float) -> float:
+        """Return a value on the scale of the search."""
+        return math.log10(value) if self.scale == "log" else value
+
+    def value(self, x: float) -> float:
+        """Return the parameter at a place on the scale of the search, to five digits."""
+        if self.scale == "log":
+            x = 10.0**x
+        elif abs(x) < ZERO * (self.high - self.low):
+            x = 0.0
+        return float(f"{x:.5g}")
+
+
+class Confirm(Section):
+    """Section ``calibration.confirm``: the best sets are judged again with other perturbations."""
+
+    sets: Annotated[int, Field(ge=0, le=10_000)] = 0
+    seeds: Annotated[int, Field(ge=1, le=1_000)] = 3
+
+
+class Plan(Section):
+    """Section ``calibration``: what is searched, and how long.
+
+    Each start is a search of its own with the seed ``seed``, ``seed + 1``, …; ``begin`` lists sets of parameters that
+    are in the first population of every start.
+    """
+
+    parameters: Annotated[dict[str, Range], Field(min_length=1)]
+    starts: Annotated[int, Field(ge=1, le=1_000)] = 1
+    population_per_parameter: Annotated[int, Field(ge=2, le=1_000)] = 8
+    generations: Annotated[int, Field(ge=0, le=10_000)] = 6
+    seed: Annotated[int, Field(ge=0)] = 0
+    begin: Annotated[list[dict[str, Real]], Field(default_factory=list)]
+    confirm: Confirm = Confirm()
+
+    @model_validator(mode="after")
+    def _begin_fits(self) -> Self:
+        for number, chosen in enumerate(self.begin):
+            for key, value in chosen.items():
+                r = self.parameters.get(key)
+                if r is None:
+                    raise ValueError(f"begin.{number}: unknown key {key}; allowed: {', '.join(self.parameters)}")
+                if not r.low <= value <= r.high:
+                    raise ValueError(
+                        f"begin.{number}.{key} = {value}; allowed: {r.low} … {r.high}, where it is searched"
+                    )
+            missing = [key for key in self.parameters if key not in chosen]
+            if missing:
+                raise ValueError(f"begin.{number}: no {missing[0]}; allowed: a value of each parameter")
+        if len(self.begin) > self.population:
+            raise ValueError(f"begin holds {len(self.begin)} sets; allowed: {self.population}, the population")
+        return self
+
+    @property
+    def population(self) -> int:
+        """Candidates of a generation."""
+        return max(LEAST_POPULATION, self.population_per_parameter * len(self.parameters))
+
+    @property
+    def evaluations(self) -> int:
+        """Evaluations of all starts."""
+        return self.starts * self.population * (self.generations + 1)
+
+    @property
+    def confirmations(self) -> int:
+        """Largest number of evaluations of the confirmation."""
+        return min(self.confirm.sets, self.evaluations) * self.confirm.seeds
+
+
+def load_plan(path: Path, overrides: Mapping[str, Any]) -> tuple[dict[str, Any], Plan]:
+    """Read the machine's fixed numbers and the plan from a YAML file.
+
+    Raises
+    ------
+    ConfigError
+        One line that names the key, the value and what is allowed.
+    """
+    tree = load_tree(path)
+    section = tree.pop("calibration", None)
+    if section is None:
+        raise ConfigError(f"{path}: no section calibration; allowed: calibration: {{parameters: …}}")
+    if not isinstance(section, dict):
+        raise ConfigError(f"{path}: calibration = {section!r}; allowed: a section of keys and values")
+    fixed = flat(tree)
+    try:
+        plan = Plan.model_validate({**section, **overrides})
+    except ValidationError as error:
+        raise ConfigError(f"{path}: calibration: {explain(error, Plan)}") from None
+    for end in ("low", "high"):  # a key or a value that no scene takes is refused before the search
+        paper_scene(IMPACT[0], fixed | {key: getattr(r, end) for key, r in plan.parameters.items()})
+    return fixed, plan
