@@ -80,12 +80,12 @@ def no_measures(window: float) -> Measures:
 
 
 def copied(ms: Measures) -> Measures:
-    """Copy sums as they are now; the section is shared."""
-    return Measures(*(array.copy() for array in ms[:-1]), ms.section)
+    """Copy what changes from turn to turn of the sums over whole turns."""
+    return ms._replace(whole=ms.whole.copy(), marks=ms.marks.copy())
 
 
 def between(earlier: Measures, later: Measures) -> Measures:
-    """Sums over the whole turns of exciter 1 that were completed between two copies; extremes are of all before."""
+    """Subtract two copies: sums over the whole turns of exciter 1 between them; extremes are of all before."""
     marks = later.marks.copy()
     marks[TURNS] += 1.0 - earlier.marks[TURNS]  # the last turn before is the first mark
     for first, last in ((FIRST_TIME, LAST_TIME), (FIRST_1, LAST_1), (FIRST_2, LAST_2), (FIRST_IMPACTS, LAST_IMPACTS)):

@@ -116,7 +116,7 @@ def statistics(ms: Measures) -> dict[str, float | None]:
 
 
 def block_errors(blocks: Sequence[Measures], names: Sequence[str]) -> dict[str, float | None]:
-    """Standard errors of statistics, from their scatter over blocks; None where a block has none.
+    """Estimate standard errors of statistics from their scatter over blocks; None where a block has none.
 
     Means of blocks that are long against the memory of the motion are independent, so that the error of their mean is
     their standard deviation over the root of their number (method of batch means).

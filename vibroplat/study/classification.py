@@ -9,7 +9,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -114,18 +113,15 @@ def _steady(points: FloatArray, tolerance: float) -> bool:
 
 def _by_exponent(exponent: Exponent, points: FloatArray, tolerance: float) -> Kind:
     """Classify a motion that has no period up to MAX_PERIOD by the sign of its exponent."""
-    told = f"largest Lyapunov exponent {exponent.value:.3g} ± {exponent.error:.2g} per s"
-    if math.isnan(exponent.value):
-        return Kind("undecided", 0, why="the largest Lyapunov exponent could not be computed")
     if exponent.sign > 0:
         return Kind("chaotic", 0, exponent)
     if exponent.sign < 0:
         n = period(points, tolerance, first=MAX_PERIOD + 1, last=LONGEST_PERIOD)
-        if n > 0:
-            return Kind("periodic", n, exponent)
-        return Kind("undecided", 0, exponent, f"{told}, but no period up to {LONGEST_PERIOD} turns shows")
-    if exponent.error * exponent.turn > ZERO:
-        return Kind("undecided", 0, exponent, f"{told}: its sign is open")
-    if not _steady(points, tolerance):
-        return Kind("undecided", 0, exponent, f"{told}, but the Poincaré section still moves")
-    return Kind("quasi-periodic", 0, exponent)
+        return Kind("periodic", n, exponent) if n > 0 else _undecided(exponent, f"no period up to {LONGEST_PERIOD}")
+    if exponent.error * exponent.turn <= ZERO and _steady(points, tolerance):
+        return Kind("quasi-periodic", 0, exponent)
+    return _undecided(exponent, "the section still moves" if exponent.error * exponent.turn <= ZERO else "sign open")
+
+
+def _undecided(exponent: Exponent, why: str) -> Kind:
+    return Kind("undecided", 0, exponent, f"exponent {exponent.value:.3g} ± {exponent.error:.2g} per s, {why}")

@@ -26,8 +26,8 @@ TURNS, SKIPPED = 3, 8
 LEAST, MOST, MORE = 32, 640, 32
 #: Blocks of comparisons whose scatter gives the error.
 BLOCKS = 8
-#: Errors that are small enough: as a share of the exponent, at which its sign is sure, and as growth a turn, below which
-#: there is none: to double would take two thousand turns.
+#: Errors that are small enough: as a share of the exponent, at which its sign is sure, and as growth a turn, below
+#: which there is none: to double would take two thousand turns.
 SHARE, PER_TURN = 1.0 / 6.0, 3e-4
 
 _TURN = 2.0 * math.pi
