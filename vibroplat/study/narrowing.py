@@ -11,8 +11,8 @@ from vibroplat.study.execution import Pool, WorkerLostError, run_chains
 from vibroplat.study.point import Point, measure_point
 from vibroplat.study.store import Store
 
-#: Widths of supply frequencies (Hz) down to which boundaries are narrowed, twice those of excitation frequencies or
-#: more: of jumps, whose shifts over mass are small, five points of the paper's step; of the others three.
+#: Widths of supply frequency (Hz) down to which boundaries are narrowed, about half as wide in excitation frequency:
+#: of jumps, whose shifts over mass are small (five points from the paper's step), and of the others (three points).
 JUMP_WIDTH, WIDTH = 0.02, 0.1
 
 
