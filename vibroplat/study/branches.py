@@ -50,6 +50,13 @@ class Branch:
         """Return the scene of a point."""
         return self.scene.replace({FREQUENCY: self.frequencies[point]})
 
+    def key(self, frequency: float) -> tuple[int, ...]:
+        """Return what the perturbation at a supply frequency (Hz) follows from, besides the seed.
+
+        It does not depend on the branch's place in its sweep, so a curve that two sweeps share is the same in both.
+        """
+        return (int(self.direction == "down"), round(1e6 * frequency))
+
 
 def sweep_plan(scene: Scene) -> Sweep:
     """Return the plan of a scene that is to be swept.

@@ -9,9 +9,10 @@ from vibroplat.config import configurations, load_config, load_list, load_tree
 from vibroplat.errors import ConfigError
 from vibroplat.overrides import flat
 from vibroplat.scene import Scene
-from vibroplat.study.claims import Finding, judge
+from vibroplat.study.claims import judge
 from vibroplat.study.evidence import Evidence
 from vibroplat.study.execution import Inline
+from vibroplat.study.finding import Finding
 from vibroplat.study.nonimpact import find_beta
 from vibroplat.study.store import Store
 from vibroplat.study.sweep import run_sweeps
@@ -22,6 +23,8 @@ IMPACT = ("fig3", "fig6")
 MASS_RATIO = 0.2
 #: Sweep of the non-impact model, and its key that each machine has a value of its own for.
 NON_IMPACT, BETA = "fig6-nonimpact", "contact.viscous_per_mass_per_s"
+#: Sweep of the impact laws.
+LAWS = "laws"
 
 #: Coarser sweeps of a trial: steps of 1 Hz of supply frequency, upward, measured for a shorter time.
 QUICK: dict[str, Any] = {
@@ -60,9 +63,14 @@ def claims() -> list[dict[str, Any]]:
     return load_list(configurations() / "claims" / "claims.yaml")
 
 
+def former_claims() -> list[dict[str, Any]]:
+    """Return the claims as they were worded at first, without quotes."""
+    return load_list(configurations() / "claims" / "former.yaml")
+
+
 def quick_evidence(numbers: Mapping[str, Any]) -> Evidence:
     """Run the coarse sweeps of a trial, one after the other."""
-    evidence = Evidence(narrowed=False)
+    evidence = Evidence()
     for name in IMPACT:
         _take(evidence, paper_scene(name, numbers, QUICK))
     evidence.beta = find_beta(evidence, MASS_RATIO)
