@@ -36,6 +36,7 @@ from vibroplat.study.trial import (
     MASS_RATIO,
     NON_IMPACT,
     QUICK,
+    SHARED,
     claims,
     former_claims,
     paper_scene,
@@ -180,8 +181,10 @@ class _Trial:
 
     def scene(self, name: str) -> Scene:
         """Return the scene of one of its sweeps, with the β that was found for that of the non-impact model."""
-        beta = {BETA: self.evidence.beta} if name == NON_IMPACT else {}
-        return paper_scene(name, {**self.numbers, **self.changes}, {**self.settings, **beta})
+        changes = {BETA: self.evidence.beta} if name == NON_IMPACT else {}
+        if self.names == IMPACT:  # no figure is drawn of it
+            changes |= SHARED.get(name, {})
+        return paper_scene(name, {**self.numbers, **self.changes}, {**self.settings, **changes})
 
 
 def _trials(numbers: Mapping[str, Any], seeds: Sequence[int]) -> tuple[list[_Trial], list[_Trial], _Trial]:
