@@ -13,6 +13,7 @@ from vibroplat.physics.parameters import FloatArray
 from vibroplat.plan import Sweep
 from vibroplat.scene import Scene
 from vibroplat.study.branches import EXCITATION, SUPPLY, Branch, branches, sweep_plan
+from vibroplat.study.point import ERRORS
 from vibroplat.study.store import Store
 
 Row = dict[str, Any]
@@ -22,8 +23,6 @@ JUMP = 1.0
 #: Frequency of rows.
 F = EXCITATION
 
-#: Columns of the standard errors of measures (:mod:`vibroplat.study.sweep`), given where motion is not periodic.
-ERRORS = {"rms_y_m": "rms_y_error_m", F: "excitation_frequency_error_hz"}
 #: Motions that do not repeat; ``non-periodic`` where no exponent tells which.
 NON_PERIODIC = ("quasi-periodic", "chaotic", "non-periodic")
 
