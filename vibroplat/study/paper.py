@@ -46,7 +46,7 @@ from vibroplat.study.trial import (
 SWEEPS = ("fig2", *IMPACT)
 #: Key of a scene that trials differ by.
 SEED = "sweep.seed"
-#: Sweeps with seeds beyond the first tell by how much verdicts scatter: upward, not followed as long, without exponents.
+#: Sweeps with seeds beyond the first tell how verdicts scatter: upward, not followed as long, without exponents.
 REPEATED: dict[str, Any] = {
     "sweep.supply_frequency_hz.direction": ["up"],
     "sweep.max_settle_s": 50.0,
