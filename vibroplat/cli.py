@@ -220,6 +220,8 @@ def paper(
     resume: Resume = False,
     overwrite: Overwrite = False,
     scheduler: Scheduler = None,
+    seeds: Annotated[int, typer.Option(min=1, help="Seeds of the perturbations that claims are judged with.")] = 4,
+    seed: Annotated[int, typer.Option(min=0, help="The first of them, with which figures are drawn.")] = 0,
 ) -> None:
     """Reproduce the paper: tables and figures 2-7, and its claims with what was measured and a verdict."""
     from vibroplat.study.trial import machine_numbers
@@ -228,12 +230,15 @@ def paper(
     from vibroplat.study.execution import pool
 
     _load_kernels()
+    tried = range(seed, seed + seeds)
     with pool(jobs, scheduler) as workers:
         for name, numbers in chosen.items():
-            _reproduce(name, numbers, out, workers, resume=resume, overwrite=overwrite)
+            _reproduce(name, numbers, out, workers, tried, resume=resume, overwrite=overwrite)
 
 
-def _reproduce(name: str, numbers: dict[str, Any], out: Path, workers: Pool, *, resume: bool, overwrite: bool) -> None:
+def _reproduce(
+    name: str, numbers: dict[str, Any], out: Path, workers: Pool, seeds: range, *, resume: bool, overwrite: bool
+) -> None:
     """Reproduce the paper with one machine; write and tell what came of it."""
     from vibroplat.plots.paper import plot_paper
     from vibroplat.provenance import provenance
@@ -244,10 +249,10 @@ def _reproduce(name: str, numbers: dict[str, Any], out: Path, workers: Pool, *, 
 
     directory = result_directory(out / "paper", name)
     began = time.perf_counter()
-    branches, points = study.planned(numbers)
+    branches, points = study.planned(numbers, seeds)
     with sweep_progress(name, branches, points) as progress:
         found = study.reproduce(
-            numbers, directory / "points", workers, resume=resume, overwrite=overwrite, progress=progress
+            numbers, directory / "points", workers, seeds=seeds, resume=resume, overwrite=overwrite, progress=progress
         )
     for table_name, table in found.tables.items():
         write_table(table, directory, table_name, "csv")
@@ -257,7 +262,7 @@ def _reproduce(name: str, numbers: dict[str, Any], out: Path, workers: Pool, *, 
     figures = plot_paper(directory)
     seconds = time.perf_counter() - began
     for _, row in found.tables["claims"].iterrows():
-        print(f"{row['id']:<24}{row['verdict']:<32}{row['measured']}")
+        print(f"{row['id']:<24}{row['verdict']:<32}{row['seeds']:<8}{row['measured']}")
     print(f"{'machine':<24}{name}; {study.matched(found)}")
     print(f"{'computed':<24}{found.points} points, {found.simulated:.6g} s of motion, {found.events} events")
     print(f"{'not ok':<24}{found.failed} points, counted in the claims that they concern")

@@ -9,14 +9,17 @@ from vibroplat.errors import ConfigError
 from vibroplat.overrides import flat
 from vibroplat.plots.paper import FIGURES, plot_paper
 from vibroplat.scene import Scene
-from vibroplat.study import paper
+from vibroplat.study import histories, narrowing, paper
 from vibroplat.study.branches import branches
 from vibroplat.study.evidence import Course, Evidence, F, Key
 from vibroplat.study.execution import Inline
+from vibroplat.study.narrowing import JUMP_WIDTH, narrow
 from vibroplat.study.nonimpact import MATCHED, find_beta
+from vibroplat.study.point import measure_point
+from vibroplat.study.scoreboard import FORMER
 from vibroplat.study.store import Store
 from vibroplat.study.sweep import run_sweeps
-from vibroplat.study.trial import BETA, machine_numbers, paper_scene
+from vibroplat.study.trial import BETA, LAWS, machine_numbers, paper_scene
 from vibroplat.tables import write_table
 
 from .helpers import MACHINE
@@ -34,6 +37,14 @@ COARSE = {
 }
 FINE = {"sweep.lyapunov": False, "sweep.supply_frequency_hz.direction": ["up"], "sweep.supply_frequency_hz.start": 60.0}
 
+VERDICTS = {
+    "reproduced",
+    "not reproduced",
+    "not judged at R = 1",
+    "depends on an unprinted number",
+    "depends on the seed",
+}
+
 
 def test_machines_are_known_by_their_names():
     assert machine_numbers("printed")["machine.damping_y_n_s_per_m"] == 40.0
@@ -45,8 +56,8 @@ def test_machines_are_known_by_their_names():
 def test_every_scene_of_the_paper_takes_the_machine():
     for name in ("printed", "calibrated"):
         numbers = machine_numbers(name)
-        for figure, panels in paper.PANELS.items():
-            for scene in (paper_scene(f"f{p}-{c}", numbers) for p in panels for c in paper.CURVES[figure]):
+        for figure, panels in histories.PANELS.items():
+            for scene in (paper_scene(f"f{p}-{c}", numbers) for p in panels for c in histories.CURVES[figure]):
                 assert scene.machine.damping_y_n_s_per_m == numbers["machine.damping_y_n_s_per_m"]
         assert paper_scene("f25.75-mu0.2-R0.3", numbers).material.mass_ratio == 0.2
         assert paper_scene("f25.75-mu0.2-R0.3", numbers).contact.restitution == 0.3
@@ -59,7 +70,7 @@ def test_beta_is_found_again(share):
     # without perturbation, for near the jump the phase difference may leave π, which takes from y
     changes = {**FINE, BETA: known, "contact.added_mass_share": share, "sweep.perturbation": 0.0}
     scene = paper_scene("fig6-nonimpact", machine_numbers("calibrated"), changes)
-    evidence = Evidence(narrowed=False)
+    evidence = Evidence()
     with Store(None, {}) as store:
         run_sweeps([(scene, store)], Inline())
         evidence.add(scene, store)
@@ -78,19 +89,55 @@ def test_no_beta_where_the_frequency_is_not_reached():
     assert find_beta(Evidence(), 0.2) is None
 
 
-def test_boundary_is_narrowed_to_a_tenth_of_a_hertz():
+def test_jump_is_narrowed_and_kept(monkeypatch):
     scene = paper_scene("fig2", machine_numbers("calibrated"), FINE)
-    wide, narrow = Evidence(narrowed=False), Evidence()
+    evidence = Evidence()
     with Store(None, {}) as store:
         run_sweeps([(scene, store)], Inline())
-        for evidence in (wide, narrow):
-            evidence.add(scene, store)
-    outer, inner = (evidence.end_of(Key(0.0), "antiphase", 20.0) for evidence in (wide, narrow))
+        evidence.add(scene, store)
+    outer = evidence.end_of(Key(0.0), "antiphase", 20.0)
+    with Store(None, {}) as store:
+        narrow([(evidence, store)], Inline())
+        inner = evidence.end_of(Key(0.0), "antiphase", 20.0)
+        again = Evidence(evidence.courses)
+        again.end_of(Key(0.0), "antiphase", 20.0)
+        monkeypatch.setattr(narrowing, "measure_point", None)  # nothing is left to compute
+        narrow([(again, store)], Inline())
+        assert again.end_of(Key(0.0), "antiphase", 20.0) == inner
+        assert len(store) == 5
     column = "supply_frequency_hz"
     assert outer.after[column] - outer.before[column] == pytest.approx(0.5)
-    assert 0.0 < inner.after[column] - inner.before[column] <= 0.1
+    assert 0.0 < inner.after[column] - inner.before[column] <= JUMP_WIDTH
     assert outer.before[column] <= inner.before[column] < inner.after[column] <= outer.after[column]
     assert inner.before["sync"] == "antiphase" != inner.after["sync"]
+
+
+def test_figures_share_the_curve_without_restitution():
+    """Figs. 3 and 6 have it at different places; a point depends on neither."""
+    numbers = machine_numbers("calibrated") | {"sweep.measure_s": 0.5, "sweep.max_settle_s": 1.0}
+    rows = []
+    for name, place in (("fig3", {"material.mass_ratio": 0.2}), ("fig6", {"contact.restitution": 0.0})):
+        scene = paper_scene(name, numbers)
+        branch = next(b for b in branches(scene) if b.grid == place and b.direction == "up")
+        point = measure_point(branch.at(20), scene.sweep, None, branch.key(branch.frequencies[20]))
+        rows.append({key: value for key, value in point.row.items() if key != "wall_s"})
+    assert rows[0] == rows[1]
+
+
+def test_perturbation_follows_from_direction_and_frequency():
+    scene = paper_scene("fig3", machine_numbers("calibrated"))
+    up, down = branches(scene)[4:]
+    assert up.key(61.5) == (0, 61_500_000)
+    assert down.key(61.5) == (1, 61_500_000)
+
+
+def test_sweeps_of_figures_differ_in_their_grid_alone():
+    """Settings that differ would make a curve that they share another one."""
+    plans = [paper_scene(name, machine_numbers("printed")).sweep for name in ("fig3", "fig6", "laws")]
+    same = [plan.model_dump(exclude={"grid", "supply_frequency_hz", "lyapunov", "seed"}) for plan in plans]
+    assert same[0] == same[1] == same[2]
+    assert plans[0].lyapunov == plans[1].lyapunov
+    assert plans[0].seed == plans[1].seed != plans[2].seed
 
 
 @pytest.mark.long
@@ -99,23 +146,28 @@ def test_paper_is_reproduced_and_resumed(tmp_path, monkeypatch):
     monkeypatch.setattr(paper, "load_list", lambda path: [{"material.damping_ratio": 0.3}])
     numbers = flat(load_tree(MACHINE)) | COARSE
     told = []
-    found = paper.reproduce(numbers, tmp_path / "points", Inline(), progress=lambda *counts: told.append(counts))
-    assert told[-1][:2] == paper.planned(numbers)
+    seeds = (2, 3)
+    place = tmp_path / "points"
+    found = paper.reproduce(numbers, place, Inline(), seeds=seeds, progress=lambda *counts: told.append(counts))
+    assert told[-1][:2] == paper.planned(numbers, seeds)
     assert found.points >= told[-1][1]
     viscous = {"fig6-nonimpact"} if found.beta else set()
-    assert {*paper.SWEEPS, *paper.PANELS, *viscous, "sync-bands", "impact-laws", "claims"} == found.tables.keys()
-    assert set(found.tables["claims"]["verdict"]) <= {"reproduced", "not reproduced", "depends on an unprinted number"}
+    names = {*paper.SWEEPS, LAWS, *histories.PANELS, *viscous, "sync-bands", "impact-laws", "claims"}
+    assert names == found.tables.keys()
+    board = found.tables["claims"].set_index("id")
+    assert set(board["verdict"].drop(FORMER)) <= VERDICTS
+    assert set(board["seeds"].drop(FORMER)) <= {"0 of 2", "1 of 2", "2 of 2"}
     bands = found.tables["sync-bands"]
     assert set(bands["direction"]) == {"up", "down"}
     counts = bands[bands["restitution"] < 1.0].groupby(["mass_ratio", "restitution", "model", "law", "direction"])
     assert counts["points"].sum().eq(7).all()  # with R = 1 points end as event storms
-    histories = found.tables["fig7"].groupby(["panel", "curve"]).size()
-    assert len(histories) == (16 if found.beta else 12)
+    shown = found.tables["fig7"].groupby(["panel", "curve"]).size()
+    assert len(shown) == (16 if found.beta else 12)
     assert np.isfinite(found.tables["fig4"]["y_m"]).all()
     for name, table in found.tables.items():
         write_table(table, tmp_path, name, "csv")
     assert [path.stem for path in plot_paper(tmp_path)] == list(FIGURES)
-    again = paper.reproduce(numbers, tmp_path / "points", Inline(), resume=True)
+    again = paper.reproduce(numbers, place, Inline(), seeds=seeds, resume=True)
     assert again.beta == found.beta
     assert set(found.tables["impact-laws"]["impact_law"]) == {"conservative", "central", "printed"}
     for name, table in found.tables.items():
@@ -124,9 +176,9 @@ def test_paper_is_reproduced_and_resumed(tmp_path, monkeypatch):
 
 def test_history_begins_at_a_whole_turn():
     scene = Scene().replace({"drive.supply_frequency_hz": 50.0, "run.duration_s": 2.0})
-    table = paper.history(scene)
+    table = histories.history(scene)
     assert table["t_s"].iloc[0] == 0.0
     turn = 1.0 / table["excitation_frequency_hz"].iloc[0]
-    assert paper.SHOWN * turn <= table["t_s"].iloc[-1] <= (paper.SHOWN + 1) * turn
+    assert histories.SHOWN * turn <= table["t_s"].iloc[-1] <= (histories.SHOWN + 1) * turn
     assert table["gap_m"].isna().all()
     assert abs(table["y_m"].mean()) < 0.1 * table["y_m"].max()

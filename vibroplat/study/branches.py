@@ -40,9 +40,9 @@ class Branch:
     frequencies: tuple[float, ...]
 
     def key(self, frequency: float) -> tuple[int, ...]:
-        """Return the numbers from which, with the plan's seed, the perturbation of a point follows.
+        """Return what the perturbation at a supply frequency (Hz) follows from, besides the seed.
 
-        They are the same for all branches of a direction, so that equal scenes have equal points in any sweep.
+        It does not depend on the branch's place in its sweep, so a curve that two sweeps share is the same in both.
         """
         return int(self.direction == "down"), round(1e6 * frequency)
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+import math
+from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,29 +12,31 @@ import numpy as np
 from vibroplat.physics.parameters import FloatArray
 from vibroplat.plan import Sweep
 from vibroplat.scene import Scene
-from vibroplat.study.branches import EXCITATION, FREQUENCY, SUPPLY, Branch, branches, sweep_plan
-from vibroplat.study.point import measure_point
+from vibroplat.study.branches import EXCITATION, SUPPLY, Branch, branches, sweep_plan
+from vibroplat.study.point import ERRORS
 from vibroplat.study.store import Store
 
 Row = dict[str, Any]
 
-#: Width of supply frequencies (Hz) down to which a boundary is narrowed: 0.05 Hz of excitation frequency.
-WIDTH = 0.1
 #: Distance of neighbouring rows (Hz) that a curve is not drawn across.
 JUMP = 1.0
 #: Frequency of rows.
 F = EXCITATION
 
-#: The regimes that claims name, as properties of a row.
+#: Motions that do not repeat; ``non-periodic`` where no exponent tells which.
+NON_PERIODIC = ("quasi-periodic", "chaotic", "non-periodic")
+
+#: The regimes that claims name, as properties of a row. Undecided motion is in none of MOTIONS.
 REGIMES: dict[str, Callable[[Mapping[str, Any]], bool]] = {
     "antiphase": lambda row: row["sync"] == "antiphase",
     "in-phase": lambda row: row["sync"] == "in-phase",
     "attached": lambda row: row["flight_fraction"] == 0.0,
     "period-1": lambda row: row["period"] == 1,
     "period-1 with flight": lambda row: row["period"] == 1 and row["flight_fraction"] > 0.0,
-    "periodic": lambda row: row["period"] > 0,
-    "non-periodic": lambda row: row["period"] == 0,
+    "periodic": lambda row: row["motion"] == "periodic",
+    "non-periodic": lambda row: row["motion"] in NON_PERIODIC,
 }
+MOTIONS = ("period-1", "period-1 with flight", "periodic", "non-periodic")
 
 
 class Key(NamedTuple):
@@ -53,14 +56,34 @@ class Boundary(NamedTuple):
     after: Row
 
 
+class Step(NamedTuple):
+    """A step of a branch in which a regime ends, or begins: supply frequencies (Hz) of the rows around the change."""
+
+    key: Key
+    regime: str
+    begins: bool
+    before: float
+    after: float
+
+
+class Curve(NamedTuple):
+    """A measure over excitation frequency, and its standard error."""
+
+    values: FloatArray
+    errors: FloatArray
+
+
 @dataclass
 class Course:
-    """Rows of one branch in its order, each with its supply frequency and final state; how many points failed."""
+    """Rows of one branch in its order, each with its supply frequency and final state.
+
+    ``failed`` are the supply frequencies (Hz) of points that did not end ``ok``.
+    """
 
     branch: Branch
     plan: Sweep
     rows: list[Row]
-    failed: int = 0
+    failed: tuple[float, ...] = ()
 
 
 @dataclass
@@ -71,16 +94,18 @@ class Evidence:
     ----------
     courses
         By key.
-    narrowed
-        Whether boundaries are narrowed by further points; without, they are as wide as the sweep's step.
     beta
         β of the non-impact model (1/s), if it was found.
+    asked
+        Boundaries that were asked for, as wide as a step of the sweep.
+    narrowed
+        Those that further points have narrowed (:mod:`vibroplat.study.narrowing`); they are answered instead.
     """
 
     courses: dict[Key, Course] = field(default_factory=dict)
-    narrowed: bool = True
     beta: float | None = None
-    _boundaries: dict[tuple[Key, str, float], Boundary | None] = field(default_factory=dict)
+    asked: dict[Step, Boundary] = field(default_factory=dict)
+    narrowed: dict[Step, Boundary] = field(default_factory=dict)
 
     def add(self, scene: Scene, store: Store) -> None:
         """Take in the branches of a finished sweep."""
@@ -92,73 +117,74 @@ class Evidence:
             key = key_of(branch)
             if key not in self.courses:  # figures share branches; each is read off the first that has it
                 ended = [row for row in rows if row["outcome"] == "ok"]
-                self.courses[key] = Course(branch, sweep_plan(scene), ended, len(rows) - len(ended))
+                failed = tuple(row[SUPPLY] for row in rows if row["outcome"] != "ok")
+                self.courses[key] = Course(branch, sweep_plan(scene), ended, failed)
+
+    def without(self, keys: Collection[Key]) -> Evidence:
+        """Return the evidence without some branches."""
+        return replace(self, courses={key: course for key, course in self.courses.items() if key not in keys})
 
     def rows(self, key: Key, low: float = 0.0, high: float = np.inf) -> list[Row]:
         """Return the rows of a branch between two excitation frequencies (Hz); empty if there is no such branch."""
         course = self.courses.get(key)
         return [row for row in course.rows if low <= row[F] <= high] if course else []
 
-    def curve(self, key: Key, column: str, at: FloatArray) -> FloatArray:
-        """Interpolate a column of a branch's antiphase rows over excitation frequency; nan beyond them."""
+    def curve(self, key: Key, column: str, at: FloatArray) -> Curve:
+        """Interpolate a column of a branch's antiphase rows over excitation frequency; nan beyond them.
+
+        The errors of neighbouring rows are taken for independent.
+        """
         end = self.end_of(key, "antiphase", 20.0)
         rows = [row for row in (*self.rows(key), *(end or ())) if row["sync"] == "antiphase"]
         rows.sort(key=lambda row: float(row[F]))
         if len(rows) < 2:
-            return np.full(len(at), np.nan)
+            return Curve(np.full(len(at), np.nan), np.full(len(at), np.nan))
         f, values = np.array([r[F] for r in rows]), np.array([r[column] for r in rows], dtype=float)
+        errors = np.array([error_of(r, column) for r in rows])
         found = np.interp(at, f, values, left=np.nan, right=np.nan)
         place = np.clip(np.searchsorted(f, at), 1, len(f) - 1)
         found[np.diff(f)[place - 1] > JUMP] = np.nan
-        return np.asarray(found)
+        share = np.clip((at - f[place - 1]) / np.maximum(np.diff(f)[place - 1], 1e-12), 0.0, 1.0)
+        return Curve(found, np.hypot((1.0 - share) * errors[place - 1], share * errors[place]))
 
     def end_of(self, key: Key, regime: str, above: float = 0.0) -> Boundary | None:
         """Find where a branch first leaves a regime that it is in at, or enters beyond, a frequency.
 
         None where it never is in it, or does not leave it.
         """
-        place = (key, regime, above)
-        if place not in self._boundaries:
-            self._boundaries[place] = self._find_end(key, regime, above)
-        return self._boundaries[place]
-
-    def _find_end(self, key: Key, regime: str, above: float) -> Boundary | None:
+        rows = self._decided(key, regime)
         holds = REGIMES[regime]
-        course = self.courses.get(key)
         inside = False
-        for i, row in enumerate(course.rows if course else []):
+        for i, row in enumerate(rows):
             if holds(row) and (inside or row[F] >= above):
                 inside = True
             elif inside:
-                assert course is not None
-                return self._narrow(course, course.rows[i - 1], row, holds)
+                return self._boundary(key, regime, rows[i - 1], row)
         return None
 
     def start_of_last(self, key: Key, regime: str) -> Boundary | None:
         """Find where the regime begins in which a branch ends; None where it does not end in it, or always is in it."""
+        rows = self._decided(key, regime)
         holds = REGIMES[regime]
-        course = self.courses.get(key)
-        rows = course.rows if course else []
         outside = [i for i, row in enumerate(rows) if not holds(row)]
-        if course is None or not outside or outside[-1] == len(rows) - 1:
+        if not outside or outside[-1] == len(rows) - 1:
             return None
-        i = outside[-1]
-        return self._narrow(course, rows[i], rows[i + 1], lambda row: not holds(row))
+        return self._boundary(key, regime, rows[outside[-1]], rows[outside[-1] + 1], begins=True)
 
-    def _narrow(self, course: Course, before: Row, after: Row, holds: Callable[[Row], bool]) -> Boundary:
-        """Halve the step in which a regime ends, each new point begun with the state before the change."""
-        plan = course.plan.model_copy(update={"lyapunov": False})
-        number = 0
-        while self.narrowed and abs(after[SUPPLY] - before[SUPPLY]) > WIDTH:
-            middle = 0.5 * (before[SUPPLY] + after[SUPPLY])
-            scene = course.branch.scene.replace({FREQUENCY: middle})
-            point = measure_point(scene, plan, before["state"], (course.branch.number, 1_000_000 + number))
-            number += 1
-            row = point.row | {SUPPLY: middle, "state": point.state}
-            if point.state is None:
-                break
-            before, after = (row, after) if holds(row) else (before, row)
-        return Boundary(before, after)
+    def _decided(self, key: Key, regime: str) -> list[Row]:
+        """Return the rows of a branch of which it is known whether they are in a regime."""
+        rows = self.rows(key)
+        return [row for row in rows if row["motion"] != "undecided"] if regime in MOTIONS else rows
+
+    def _boundary(self, key: Key, regime: str, before: Row, after: Row, *, begins: bool = False) -> Boundary:
+        step = Step(key, regime, begins, before[SUPPLY], after[SUPPLY])
+        return self.narrowed.get(step) or self.asked.setdefault(step, Boundary(before, after))
+
+
+def error_of(row: Row, column: str) -> float:
+    """Return the standard error of a measure; 0 where the motion is periodic."""
+    error = row.get(ERRORS[column])
+    return float(error) if error is not None and math.isfinite(error) else 0.0
 
 
 def key_of(branch: Branch) -> Key:

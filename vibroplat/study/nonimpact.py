@@ -35,7 +35,7 @@ def find_beta(evidence: Evidence, mass_ratio: float) -> float | None:
     wanted = matched_frequency(evidence, mass_ratio)
     if wanted is None:
         return None
-    impact = float(evidence.curve(key, "rms_y_m", np.array([wanted]))[0])
+    impact = float(evidence.curve(key, "rms_y_m", np.array([wanted])).values[0])
     course = evidence.courses[key]
     plan = course.plan.model_copy(update={"measure_s": 1.0, "lyapunov": False, "perturbation": 0.0})
     begin = min(evidence.rows(key), key=lambda row: abs(row[F] - wanted + 1.0))[SUPPLY]

@@ -1,47 +1,57 @@
-"""The paper by Panovko and Shokhin, reproduced: its curves, its time histories, its claims judged."""
+"""The paper by Panovko and Shokhin, reproduced: its curves, its time histories, its claims judged.
+
+The work is done in stages, each of tasks side by side: sweeps of the impact model, boundaries narrowed, β of the
+non-impact model, its sweeps and boundaries, time histories. What stages have computed is kept; judging is not work.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
-from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
+import vibroplat
 from vibroplat.config import configurations, load_list
 from vibroplat.scene import Scene
-from vibroplat.solver.initial import static_rest
-from vibroplat.solver.run import simulate
-from vibroplat.study.branches import SUPPLY, branches
-from vibroplat.study.claims import EDGE, Claim, Finding, judge
-from vibroplat.study.evidence import Evidence, F
+from vibroplat.study.branches import branches
+from vibroplat.study.claims import judge
+from vibroplat.study.evidence import Evidence
 from vibroplat.study.execution import Pool
+from vibroplat.study.histories import histories
+from vibroplat.study.narrowing import narrow
 from vibroplat.study.nonimpact import find_beta, matched_frequency
+from vibroplat.study.scoreboard import scoreboard
 from vibroplat.study.store import Store
+from vibroplat.study.summaries import impact_laws, sync_bands
 from vibroplat.study.sweep import Progress, conditions, run_sweeps, tables
-from vibroplat.study.trial import BETA, IMPACT, MASS_RATIO, NON_IMPACT, QUICK, claims, paper_scene
+from vibroplat.study.tasks import Record, Task, run_tasks
+from vibroplat.study.trial import (
+    BETA,
+    IMPACT,
+    LAWS,
+    MASS_RATIO,
+    NON_IMPACT,
+    QUICK,
+    SHARED,
+    claims,
+    former_claims,
+    paper_scene,
+)
 
-#: Sweep of the impact laws, and all whose tables are written, besides that of the non-impact model.
-LAWS = "laws"
-SWEEPS = ("fig2", *IMPACT, LAWS)
-
-#: Frequencies of the time histories' panels and, by figure, files of their curves in the paper's numbering.
-PANELS: dict[str, tuple[str, ...]] = {
-    "fig4": ("25.75", "30.7", "38.75"),
-    "fig5": ("25.75", "30.7", "38.75"),
-    "fig7": ("25.75", "28.75", "30.7", "38.75"),
+#: Sweeps of a machine from which claims are judged or figures drawn, besides that of the non-impact model.
+SWEEPS = ("fig2", *IMPACT)
+#: Key of a scene that trials differ by.
+SEED = "sweep.seed"
+#: Sweeps with seeds beyond the first tell how verdicts scatter: upward, not followed as long, without exponents.
+REPEATED: dict[str, Any] = {
+    "sweep.supply_frequency_hz.direction": ["up"],
+    "sweep.max_settle_s": 50.0,
+    "sweep.lyapunov": False,
 }
-CURVES: dict[str, tuple[str, ...]] = {
-    "fig4": ("mu0.1", "mu0.2", "mu0"),
-    "fig5": ("mu0.1", "mu0.2"),
-    "fig7": ("mu0.2", "mu0.2-R0.3", "mu0.2-R0.5", "mu0.2-nonimpact"),
-}
-#: Turns of exciter 1 that a time history shows, and its points a second.
-SHOWN, RATE = 8, 2000.0
 
 
 @dataclass(frozen=True)
@@ -72,6 +82,7 @@ def reproduce(
     directory: Path,
     workers: Pool,
     *,
+    seeds: Sequence[int] = (0,),
     resume: bool = False,
     overwrite: bool = False,
     progress: Progress | None = None,
@@ -86,46 +97,50 @@ def reproduce(
         Where finished points are kept.
     workers
         Where points are computed.
+    seeds
+        Of the perturbations; figures are drawn with the first, claims judged with each.
     resume, overwrite
         Whether to go on with points that are there, or to drop those of an unfinished reproduction.
     progress
-        Called with finished branches, points and events; branches of the non-impact model come last.
+        Called with finished branches, points and events of the first stage.
     """
-    trials = _trials(numbers)
-    main = trials[0]
+    machine, others, laws = _trials(numbers, seeds)
+    judged = [*machine, *others]
     with ExitStack() as stack:
+        files = _Files(directory, stack, resume, overwrite)
+        files.refuse_unfinished(judged)
+        _sweep({trial: trial.names for trial in (*judged, laws)}, files, workers, progress)
+        _narrow(machine, laws, files, workers)
+        _match(judged, files, workers)
+        _sweep({trial: (NON_IMPACT,) for trial in judged if trial.evidence.beta is not None}, files, workers)
+        _narrow(machine, laws, files, workers)
+        beta = machine[0].evidence.beta
+        kept = files.open(machine[0], "histories", {**numbers, BETA: beta})
+        found = _tables(machine, others, laws) | histories(numbers, beta, kept, workers)
+        files.finish()
+        return _told([*judged, laws], found)
 
-        def open_sweep(trial: _Trial, name: str, changes: Mapping[str, Any] | None = None) -> tuple[Scene, Store]:
-            scene = trial.scene(name, changes)
-            place = directory / f"{trial.prefix}{name}"
-            place.mkdir(parents=True, exist_ok=True)
-            store = stack.enter_context(Store(place, conditions(scene), resume=resume, overwrite=overwrite))
-            trial.sweeps[name] = scene, store
-            return scene, store
 
-        run_sweeps([open_sweep(trial, name) for trial in trials for name in trial.names], workers, progress)
-        for trial in trials:
-            for name in trial.names:
-                if name != LAWS:
-                    trial.evidence.add(*trial.sweeps[name])
-            trial.evidence.beta = find_beta(trial.evidence, MASS_RATIO)
-        matchable = [trial for trial in trials if trial.evidence.beta is not None]
-        run_sweeps([open_sweep(trial, NON_IMPACT, {BETA: trial.evidence.beta}) for trial in matchable], workers)
-        for trial in matchable:
-            trial.evidence.add(*trial.sweeps[NON_IMPACT])
-        laws = Evidence()
-        laws.add(*main.sweeps[LAWS])
+def _tables(machine: Sequence[_Trial], others: Sequence[_Trial], laws: _Trial) -> dict[str, pd.DataFrame]:
+    """Return the tables of the first seed's curves and what they show, and the claims judged with all seeds."""
+    main = machine[0]
+    sweeps = {**main.sweeps, **laws.sweeps}
+    found = {name: pd.concat(tables(*sweep), ignore_index=True) for name, sweep in sweeps.items()}
+    found["sync-bands"] = sync_bands(main.evidence)
+    found["impact-laws"] = impact_laws(main.evidence, laws.evidence)
+    found["claims"] = scoreboard(
+        {trial.seed: trial.evidence for trial in machine}, [(trial.changes, trial.evidence) for trial in others]
+    )
+    return found
 
-        found = {name: pd.concat(tables(*sweep), ignore_index=True) for name, sweep in main.sweeps.items()}
-        found |= {figure: histories(figure, numbers, main.evidence.beta) for figure in PANELS}
-        found["sync-bands"] = sync_bands(main.evidence)
-        found["impact-laws"] = impact_laws(main.evidence, laws)
-        found["claims"] = scoreboard(main.evidence, [(trial.changes, trial.evidence) for trial in trials[1:]])
-        every = [pd.concat(tables(*sweep)) for trial in trials for sweep in trial.sweeps.values()]
+
+def _told(trials: Sequence[_Trial], found: dict[str, pd.DataFrame]) -> Reproduction:
+    """Return tables with how much was computed for them; the first trial is that of the figures."""
+    every = [pd.concat(tables(*sweep)) for trial in trials for sweep in trial.sweeps.values()]
     return Reproduction(
         found,
-        main.evidence.beta,
-        matched_frequency(main.evidence, MASS_RATIO),
+        trials[0].evidence.beta,
+        matched_frequency(trials[0].evidence, MASS_RATIO),
         sum(len(table) for table in every),
         int(sum((table["outcome"] != "ok").sum() for table in every)),
         float(sum(table["simulated_s"].sum() for table in every)),
@@ -133,188 +148,142 @@ def reproduce(
     )
 
 
-def planned(numbers: Mapping[str, Any]) -> tuple[int, int]:
-    """Return how many branches and points there are before those of the non-impact model."""
-    found = [branch for trial in _trials(numbers) for name in trial.names for branch in branches(trial.scene(name))]
+def planned(numbers: Mapping[str, Any], seeds: Sequence[int] = (0,)) -> tuple[int, int]:
+    """Return how many branches and points the first stage has."""
+    machine, others, laws = _trials(numbers, seeds)
+    found = [b for trial in (*machine, *others, laws) for name in trial.names for b in branches(trial.scene(name))]
     return len(found), sum(len(branch.frequencies) for branch in found)
 
 
-@dataclass
-class _Trial:
-    """The paper's sweeps with one set of numbers, its changes laid over the machine's; coarse but for the first."""
+# -- trials -----------------------------------------------------------------------------------------------
 
-    prefix: str
+
+@dataclass(eq=False)
+class _Trial:
+    """Sweeps of the paper with one set of numbers and one seed.
+
+    Attributes
+    ----------
+    name
+        Of its directory.
+    numbers, changes, settings
+        The machine's numbers; unprinted ones that are changed; how the sweeps are made.
+    names
+        Sweeps of the impact model.
+    """
+
+    name: str
     numbers: Mapping[str, Any]
     changes: Mapping[str, Any]
+    settings: Mapping[str, Any]
     names: tuple[str, ...]
-    coarse: Mapping[str, Any]
-    evidence: Evidence
+    evidence: Evidence = field(default_factory=Evidence)
     sweeps: dict[str, tuple[Scene, Store]] = field(default_factory=dict)
 
-    def scene(self, name: str, changes: Mapping[str, Any] | None = None) -> Scene:
-        """Return the scene of one of its sweeps."""
-        return paper_scene(name, {**self.numbers, **self.changes}, {**self.coarse, **(changes or {})})
+    @property
+    def seed(self) -> int:
+        """Seed of the perturbations."""
+        return int(self.settings[SEED])
+
+    def scene(self, name: str) -> Scene:
+        """Return the scene of one of its sweeps, with the β that was found for that of the non-impact model."""
+        changes = {BETA: self.evidence.beta} if name == NON_IMPACT else {}
+        if self.names == IMPACT:  # no figure is drawn of it
+            changes |= SHARED.get(name, {})
+        return paper_scene(name, {**self.numbers, **self.changes}, {**self.settings, **changes})
 
 
-def _trials(numbers: Mapping[str, Any]) -> list[_Trial]:
-    """List the machine itself, then, in coarse sweeps, itself as a control and with unprinted numbers changed."""
+def _trials(numbers: Mapping[str, Any], seeds: Sequence[int]) -> tuple[list[_Trial], list[_Trial], _Trial]:
+    """List the trials of the machine, one a seed; the coarse ones with unprinted numbers changed; that of the laws.
+
+    The first coarse trial changes nothing, as a control. The laws have another seed than the figures: what the
+    conservative one differs by from itself is scatter.
+    """
+    machine = [_Trial("machine", numbers, {}, {SEED: seeds[0]}, SWEEPS)]
+    machine += [_Trial(f"seed-{n}", numbers, {}, {SEED: n, **REPEATED}, IMPACT) for n in seeds[1:]]
     alternatives = [{}, *load_list(configurations() / "claims" / "alternatives.yaml")]
-    return [_Trial("", numbers, {}, SWEEPS, {}, Evidence())] + [
-        _Trial(f"alternative{i}-", numbers, changes, IMPACT, QUICK, Evidence(narrowed=False))
+    others = [
+        _Trial(f"alternative-{i}", numbers, changes, {**QUICK, SEED: seeds[0]}, IMPACT)
         for i, changes in enumerate(alternatives)
     ]
+    return machine, others, _Trial("laws", numbers, {}, {SEED: seeds[0] + 1}, (LAWS,))
 
 
-# -- time histories ---------------------------------------------------------------------------------------
+# -- stages -----------------------------------------------------------------------------------------------
 
 
-def histories(figure: str, numbers: Mapping[str, Any], beta: float | None) -> pd.DataFrame:
-    """Return the time histories of a figure: the last turns of exciter 1, time counted from a whole one.
+@dataclass
+class _Files:
+    """Stores of a reproduction, open while it runs."""
 
-    The columns are panel (the paper's frequency), curve (its number), scene, excitation_frequency_hz, t_s,
-    y_m (from the static rest) and gap_m. Curves of the non-impact model are left out where there is no β.
-    """
-    parts = []
-    for panel in PANELS[figure]:
-        for number, curve in enumerate(CURVES[figure], 1):
-            if curve.endswith("nonimpact") and beta is None:
-                continue
-            scene = paper_scene(f"f{panel}-{curve}", numbers, {BETA: beta} if curve.endswith("nonimpact") else None)
-            parts.append(history(scene).assign(panel=float(panel), curve=number))
-    table = pd.concat(parts, ignore_index=True)
-    return table[["panel", "curve", "scene", "excitation_frequency_hz", "t_s", "y_m", "gap_m"]]
+    directory: Path
+    stack: ExitStack
+    resume: bool
+    overwrite: bool
+    opened: dict[Path, Store] = field(default_factory=dict)
 
+    def open(self, trial: _Trial, name: str, conditions: Mapping[str, Any]) -> Store:
+        """Open a store of a trial, or return it if it is open."""
+        place = self.directory / trial.name / name
+        if place not in self.opened:
+            place.mkdir(parents=True, exist_ok=True)
+            rest = {"vibroplat": vibroplat.__version__, **conditions}
+            store = Store(place, rest, resume=self.resume, overwrite=self.overwrite)
+            self.opened[place] = self.stack.enter_context(store)
+        return self.opened[place]
 
-def history(scene: Scene) -> pd.DataFrame:
-    """Simulate a scene and return its last turns of exciter 1."""
-    run = simulate(scene)
-    turns = run.section["t_s"].to_numpy()
-    begin = turns[max(len(turns) - 1 - SHOWN, 0)] if len(turns) else 0.0
-    times = np.arange(begin, run.segments[-1].end, 1.0 / RATE)
-    rows = run(times)
-    return pd.DataFrame(
-        {
-            "scene": scene.name,
-            "excitation_frequency_hz": run.summary["excitation_frequency_hz"],
-            "t_s": np.round(times - begin, 9),
-            "y_m": np.round(rows["y_m"] - static_rest(scene)[1], 9),
-            "gap_m": np.round(rows["gap_m"], 9) if "gap_m" in rows else np.nan,
-        }
-    )
+    def refuse_unfinished(self, trials: Sequence[_Trial]) -> None:
+        """Complain of unfinished work in later stages before sweeps that are finished are begun anew."""
+        for trial in trials:
+            for name in ("boundaries", "beta"):
+                self.open(trial, name, _rest(trial))
+
+    def finish(self) -> None:
+        """Note in all stores that nothing is missing."""
+        for store in self.opened.values():
+            store.finish()
 
 
-# -- bands and impact laws --------------------------------------------------------------------------------
+def _sweep(
+    wanted: Mapping[_Trial, tuple[str, ...]], files: _Files, workers: Pool, progress: Progress | None = None
+) -> None:
+    """Run sweeps of trials side by side and take them into their evidence."""
+    begun = []
+    for trial, names in wanted.items():
+        for name in names:
+            scene = trial.scene(name)
+            trial.sweeps[name] = scene, files.open(trial, name, conditions(scene))
+            begun.append((trial, trial.sweeps[name]))
+    run_sweeps([sweep for _, sweep in begun], workers, progress)
+    for trial, sweep in begun:
+        trial.evidence.add(*sweep)
 
 
-def sync_bands(evidence: Evidence) -> pd.DataFrame:
-    """List how the exciters turn along each branch: a row for each stretch, with its first and last point.
-
-    Branches upward and downward stand one after the other, so their difference is the hysteresis.
-    """
-    rows = []
-    for key, course in sorted(evidence.courses.items()):
-        for sync, stretch in groupby(course.rows, key=lambda row: str(row["sync"])):
-            points = list(stretch)
-            first, last = points[0], points[-1]
-            rows.append(
-                key._asdict()
-                | {
-                    "sync": sync,
-                    "points": len(points),
-                    "first_hz": first[F],
-                    "last_hz": last[F],
-                    "first_supply_hz": first[SUPPLY],
-                    "last_supply_hz": last[SUPPLY],
-                    "rms_y_largest_m": max(row["rms_y_m"] for row in points),
-                }
-            )
-    return pd.DataFrame(rows)
+def _narrow(machine: Sequence[_Trial], laws: _Trial, files: _Files, workers: Pool) -> None:
+    """Narrow the boundaries that are asked for when a machine's trials are judged and its impact laws compared."""
+    for trial in machine:
+        matched_frequency(trial.evidence, MASS_RATIO)
+        for claim in (*claims(), *former_claims()):
+            judge(claim, trial.evidence)
+    impact_laws(machine[0].evidence, laws.evidence)
+    trials = [*machine, laws]
+    narrow([(trial.evidence, files.open(trial, "boundaries", _rest(trial))) for trial in trials], workers)
 
 
-def impact_laws(evidence: Evidence, laws: Evidence) -> pd.DataFrame:
-    """Compare the curves of each impact law with that of `conservative`, below and above resonance.
-
-    The differences are those of RMS y over that of `conservative` at equal excitation frequencies, largest and
-    mean; jump_hz is where antiphase ends below the second resonance. `conservative` itself, computed once more with
-    other perturbations, tells how much of a difference is the scatter of motions that are not periodic.
-    """
-    rows = []
-    for key in sorted(laws.courses):
-        reference = key._replace(law="conservative")
-        row: dict[str, Any] = {"impact_law": key.law, "restitution": key.restitution}
-        for name, low, high in (("below", 21.0, 31.0), ("above", 35.5, 40.0)):
-            at = np.arange(low, high + 1e-9, EDGE)
-            change = np.abs(laws.curve(key, "rms_y_m", at) / evidence.curve(reference, "rms_y_m", at) - 1.0)
-            known = change[np.isfinite(change)]
-            row[f"{name}_largest"] = known.max() if known.size else np.nan
-            row[f"{name}_mean"] = known.mean() if known.size else np.nan
-        for label, source, which in (("jump_hz", laws, key), ("jump_conservative_hz", evidence, reference)):
-            jump = source.end_of(which, "antiphase", 20.0)
-            row[label] = jump.before[F] if jump else np.nan
-        rows.append(row)
-    return pd.DataFrame(rows)
+def _match(trials: Sequence[_Trial], files: _Files, workers: Pool) -> None:
+    """Find β of the non-impact model for each trial."""
+    tasks = [Task(files.open(trial, "beta", _rest(trial)), 0, _beta, trial.evidence) for trial in trials]
+    for trial, record in zip(trials, run_tasks(tasks, workers), strict=True):
+        trial.evidence.beta = record["beta"]
 
 
-# -- scoreboard -------------------------------------------------------------------------------------------
+def _beta(evidence: Evidence) -> Record:
+    return {"beta": find_beta(evidence, MASS_RATIO)}
 
 
-def scoreboard(evidence: Evidence, others: Sequence[tuple[Mapping[str, Any], Evidence]]) -> pd.DataFrame:
-    """Judge every claim: id, figure, what is expected, what was measured, verdict, and why where it fails.
-
-    A claim that fails but holds with other values of what the paper does not print depends on an unprinted
-    number; the line says with which. The others are judged by coarser sweeps. Where these let the claim hold with
-    the machine's own numbers as well (the set without changes), they cannot tell, and are not asked.
-    """
-    rows = []
-    for claim in claims():
-        finding = judge(claim, evidence)
-        verdict, why = "reproduced", ""
-        if not finding.holds:
-            verdict, why = _explain(claim, [(changes, judge(claim, other)) for changes, other in others])
-        rows.append(
-            {
-                "id": claim["id"],
-                "figure": claim["fig"],
-                "expected": expected(claim),
-                "measured": finding.measured,
-                "verdict": verdict,
-                "why": why,
-            }
-        )
-    return pd.DataFrame(rows)
-
-
-def _explain(claim: Claim, findings: Sequence[tuple[Mapping[str, Any], Finding]]) -> tuple[str, str]:
-    """Give the verdict of a claim that fails, and a line why."""
-    if any(finding.holds for changes, finding in findings if not changes):
-        return "not reproduced", "in coarser steps it holds with the same numbers, so other numbers cannot be tried"
-    holding = [(changes, finding) for changes, finding in findings if finding.holds]
-    if holding:
-        changes, finding = holding[0]
-        more = f" (and with {len(holding) - 1} of the other sets)" if len(holding) > 1 else ""
-        return "depends on an unprinted number", f"holds with {_told(changes)}{more}: {finding.measured}"
-    findings = [(changes, finding) for changes, finding in findings if changes]
-    changes, nearest = max(findings, key=lambda pair: pair[1].score)
-    others = f"nor with any of {len(findings)} other sets of unprinted numbers"
-    return "not reproduced", f"{others}; nearest {_told(changes)}: {nearest.measured}"
-
-
-def _told(changes: Mapping[str, Any]) -> str:
-    return ", ".join(f"{key.split('.')[-1]} {value:g}" for key, value in changes.items())
-
-
-def expected(claim: Claim) -> str:
-    """Say a claim in words."""
-    parts = [f"{symbol} {_range(claim[key])}" for symbol, key in (("μ", "mu"), ("R", "R")) if key in claim]
-    if "f" in claim:
-        parts.append(f"f {_range(claim['f'])} Hz" + (f" ± {claim['tol']:g}" if "tol" in claim else ""))
-    return f"{', '.join(parts)}: {claim.get('regime') or claim['text']}"
-
-
-def _range(value: Any) -> str:
-    if not isinstance(value, Sequence):
-        return f"{value:g}"
-    return f"{value[0]:g}" if value[0] == value[-1] else " … ".join(f"{v:g}" for v in (value[0], value[-1]))
+def _rest(trial: _Trial) -> dict[str, Any]:
+    """Return what a trial's evidence rests on besides its sweeps, whose stores have their own conditions."""
+    return {**trial.numbers, **trial.changes, **trial.settings}
 
 
 def matched(found: Reproduction) -> str:

@@ -1,0 +1,74 @@
+"""Judges of claims about numbers of the paper: the frequencies that it quotes, the damping of the layers."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import numpy as np
+
+from vibroplat.scene import Material
+from vibroplat.study.branches import SUPPLY
+from vibroplat.study.evidence import Evidence, F, Key, Row, error_of
+from vibroplat.study.finding import Claim, Finding
+
+#: The paper's step of supply frequency (Hz).
+GRID = 0.5
+
+
+def frequencies(claim: Claim, evidence: Evidence) -> Finding:
+    """Judge whether the frequencies that the paper quotes are points of its own grid of supply frequencies.
+
+    A point of the curve with R = 0 must be there within the rounding of the last digit. Where the sweep has wider
+    steps than the paper's, the points between are interpolated; those of motions that are not periodic have errors.
+    """
+    points = _grid_points(evidence.rows(Key(claim["mu"])))
+    told, hits = [], []
+    for f, tolerance in claim["quoted"]:
+        nearest = min(points, key=lambda point: abs(point[0] - f), default=(0.0, 0.0))
+        hits.append(abs(nearest[0] - f) <= tolerance + 2.0 * nearest[1])
+        told.append(f"{f:g}: {nearest[0]:.2f} Hz")
+    return Finding(f"nearest points {', '.join(told)}", all(hits), float(np.mean(hits)))
+
+
+def _grid_points(rows: list[Row]) -> list[tuple[float, float]]:
+    """Return excitation frequencies (Hz) of antiphase motion at the paper's supply frequencies, with their errors."""
+    found = []
+    for a, b in pairwise([*rows, *rows[-1:]]):
+        steps = max(round((b[SUPPLY] - a[SUPPLY]) / GRID), 1)
+        if a["sync"] == b["sync"] == "antiphase":
+            error = max(error_of(a, F), error_of(b, F)) if steps > 1 else error_of(a, F)
+            found += [(float(a[F] + i / steps * (b[F] - a[F])), error) for i in range(steps)]
+        elif a["sync"] == "antiphase":
+            found.append((float(a[F]), error_of(a, F)))
+    return found
+
+
+def layer_damping(claim: Claim, evidence: Evidence) -> Finding:
+    """Judge whether the damping between the layers is subcritical, and yet excludes intensive relative vibration.
+
+    The layers' damping ratio is ζ = b_w/(2√(c_w m_w2)), that of the upper one on a lower one in contact. If that moves
+    harmonically, the upper one moves relative to it by at most 1/(2ζ√(1 − ζ²)) of its amplitude (ζ < 1/√2), for ζ = 1/2
+    by 1.15. More is taken for intensive; ζ < 1 is subcritical. In flight, where both layers are free, the ratio is
+    ζ√(1 + m_w2/m_w1); it is told, not judged.
+    """
+    course = evidence.courses.get(Key(claim["mu"]))
+    material = course.branch.scene.material if course else None
+    if course is None or material is None or material.layers == 1:
+        return Finding("no two layers", False, 0.0)
+    low, high = claim["ratio"]
+    upper = (1.0 - material.lower_share) * material.mass_ratio * course.branch.scene.machine.total_mass
+    ratio = _damping_ratio(material, upper)
+    flying = ratio / math.sqrt(material.lower_share)
+    text = f"damping ratio {ratio:.3g}, {flying:.3g} in flight"
+    return Finding(text, low <= ratio < high, min(ratio / low, high / ratio, 1.0) if ratio > 0.0 else 0.0)
+
+
+def _damping_ratio(material: Material, mass: float) -> float:
+    if material.damping_ratio is not None:
+        return material.damping_ratio
+    if material.natural_frequency_hz is not None:
+        critical = 4.0 * math.pi * material.natural_frequency_hz * mass
+    else:
+        critical = 2.0 * math.sqrt((material.stiffness_n_per_m or math.inf) * mass)
+    return (material.damping_n_s_per_m or 0.0) / critical
