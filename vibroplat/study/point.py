@@ -14,8 +14,10 @@ from vibroplat.physics.parameters import FloatArray, parameters
 from vibroplat.plan import Sweep
 from vibroplat.scene import Scene
 from vibroplat.solver import hybrid as hy
+from vibroplat.solver import measures as m
 from vibroplat.solver.engines import make_engine
 from vibroplat.solver.initial import initial_state
+from vibroplat.solver.measures import Measures, section_rows
 from vibroplat.solver.motion import Motion
 from vibroplat.solver.scales import state_scales
 from vibroplat.solver.summary import Part, block_errors, half_open, measured
@@ -34,6 +36,8 @@ COHERENCE = 0.8
 ANTIPHASE = 1e-3
 #: Blocks in which motion that does not repeat is measured, each as long as the plan's ``measure_s``.
 BLOCKS = 8
+#: Fewest periods that are measured of motion that repeats: both halves must show that it does.
+PERIODS = 4
 #: How many times ``max_settle_s`` a motion settles whose neighbours draw together: it will repeat.
 PATIENCE = 4.0
 #: Points of the Poincaré section and impacts that a bifurcation diagram shows of each point, the last ones.
@@ -167,9 +171,13 @@ def _settled_and_measured(motion: Motion, plan: Sweep, impacts: _Impacts | None)
                 break
             repeats = False  # settled for a fixed time: measured as long as what does not repeat needs
         if kind is not None:
-            return settling, part, kind
+            break
         if settling.how == "maximum":
             longest = PATIENCE * plan.max_settle_s
+    if kind.period and part.blocks:  # it repeats after all: whole periods of it are measured
+        settling = settling._replace(seconds=motion.now, period=kind.period, turn=mean_turn(part.measures))
+        part = motion.go_on(measuring_time(motion.state, plan.measure_s, settling), read=impacts)
+    return settling, part, kind if motion.outcome == "ok" else None
 
 
 def measures_of(part: Part, scene: Scene, slip: float = 0.0) -> dict[str, Any]:
@@ -221,9 +229,15 @@ def measuring_time(state: FloatArray, least: float, settling: Settling) -> float
     """Return how long to measure (s): where the motion repeats, so that the whole turns in it are whole periods."""
     if settling.turn == 0.0:
         return least
-    periods = max(math.ceil(least / (settling.period * settling.turn)), 2)  # fewer would not show that it repeats
+    periods = max(math.ceil(least / (settling.period * settling.turn)), PERIODS)
     begun = math.copysign(1.0, state[10]) * state[3] / (2.0 * math.pi) % 1.0  # of the turn in which it begins
     return float((1.0 - begun + periods * settling.period + 0.25) * settling.turn)
+
+
+def mean_turn(measures: Measures) -> float:
+    """Return the mean duration of a turn of exciter 1 (s)."""
+    times = section_rows(measures)[:, m.SECTION_TIME]
+    return float(times[-1] - times[0]) / (len(times) - 1)
 
 
 def synchronization(found: dict[str, Any]) -> str:
