@@ -9,6 +9,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -107,7 +108,7 @@ def _steady(points: FloatArray, tolerance: float) -> bool:
     halves = points[: len(points) // 2], points[len(points) // 2 :]
     first, second = (float(np.ptp(half, axis=0).max()) for half in halves)
     way = float(np.abs(halves[1].mean(axis=0) - halves[0].mean(axis=0)).max())
-    kept = abs(second - first) <= tolerance or STEADY <= second / first <= 1.0 / STEADY
+    kept = abs(second - first) <= tolerance or min(first, second) >= STEADY * max(first, second)
     return kept and way <= max(tolerance, DRIFT * float(np.ptp(points, axis=0).max()))
 
 
@@ -124,4 +125,6 @@ def _by_exponent(exponent: Exponent, points: FloatArray, tolerance: float) -> Ki
 
 
 def _undecided(exponent: Exponent, why: str) -> Kind:
+    if math.isnan(exponent.value):
+        return Kind("undecided", 0, exponent, "no exponent: neighbours end early or stop turning")
     return Kind("undecided", 0, exponent, f"exponent {exponent.value:.3g} ± {exponent.error:.2g} per s, {why}")
