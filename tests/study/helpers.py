@@ -12,6 +12,8 @@ from vibroplat import load_config, sweep
 #: A bare machine, and one with two layers of material on it.
 LOADED = Path(__file__).with_name("loaded.yaml")
 MACHINE = Path(__file__).parents[1] / "machines" / "damped.yaml"
+#: One of the machines that are shipped.
+DAMPED = Path(__file__).parents[2] / "configs" / "machines" / "damped.yaml"
 #: Head of a configuration.
 FLYING = f"extends: {LOADED}\n"
 

@@ -218,12 +218,16 @@ def test_dask_task_that_kills_its_worker_costs_its_own_point_alone(cluster):
 # -- sweeps ---------------------------------------------------------------------------------------------
 
 
+#: What does not repeat is not followed for long.
+SHORT = {"max_settle_s": 5.0, "measure_s": 0.5}
+
+
 @pytest.fixture(scope="module")
 def scene():
     """Attached, periodic and non-periodic points in eight branches."""
     changes = {"material.damping_ratio": 0.005}
     grid = {"material.mass_ratio": [0.0, 0.2], "contact.restitution": [0.0, 0.3]}
-    return planned(MACHINE, 46.0, 62.0, step=8.0, direction=["up", "down"], changes=changes, grid=grid)
+    return planned(MACHINE, 46.0, 62.0, step=8.0, direction=["up", "down"], changes=changes, grid=grid, **SHORT)
 
 
 @pytest.fixture(scope="module")
@@ -285,26 +289,35 @@ def test_killed_worker_of_dask_changes_nothing(scene, table, scheduler, cluster)
     assert bits(interrupted(scene, cluster, kill_one, 5)) == bits(table)
 
 
-class KillsAt:
-    """In the place of ``measure_point``: the point of these numbers takes its worker along."""
+def place(scene, key):
+    """Where a point of the scene's sweep is: mass, restitution, direction, frequency."""
+    return scene.material.mass_ratio, scene.contact.restitution, key[0], scene.drive.supply_frequency_hz
 
-    def __init__(self, *key):
-        self.key = key
+
+#: Point 1 of branch 2, and the one after it.
+LOST, NEXT = (0.0, 0.3, 0, 54.0), (0.0, 0.3, 0, 62.0)
+
+
+class KillsAt:
+    """In the place of ``measure_point``: the point at this place takes its worker along."""
+
+    def __init__(self, lost):
+        self.lost = lost
 
     def __call__(self, scene, plan, state, key):
-        if key == self.key:
+        if place(scene, key) == self.lost:
             os._exit(1)
         return Point({"outcome": "ok"}, [scene.drive.supply_frequency_hz if state is None else state[0]] * 14)
 
 
 class Mortal(Inline):
-    """This process, which pretends to have died of the point of these numbers."""
+    """This process, which pretends to have died of the point at this place."""
 
-    def __init__(self, *key):
-        self.key = key
+    def __init__(self, lost):
+        self.lost = lost
 
     def submit(self, function, *arguments):
-        if arguments[3] != self.key:
+        if place(arguments[0], arguments[3]) != self.lost:
             return super().submit(function, *arguments)
         future = Future()
         future.set_exception(BrokenExecutor())
@@ -316,10 +329,10 @@ def with_a_lost_point(scene, workers, monkeypatch):
     begun = {}
 
     def measure(scene, plan, state, key):
-        begun[key] = None if state is None else state[0]
-        return KillsAt(2, 1)(scene, plan, state, key)
+        begun[place(scene, key)] = None if state is None else state[0]
+        return KillsAt(LOST)(scene, plan, state, key)
 
-    monkeypatch.setattr("vibroplat.study.sweep.measure_point", measure if workers.slots == 1 else KillsAt(2, 1))
+    monkeypatch.setattr("vibroplat.study.sweep.measure_point", measure if workers.slots == 1 else KillsAt(LOST))
     with Store(None, {}) as store:
         run_sweeps([(scene, store)], workers)
         (found,) = tables(scene, store)
@@ -327,17 +340,17 @@ def with_a_lost_point(scene, workers, monkeypatch):
 
 
 def test_point_that_kills_its_workers_is_a_row_and_the_branch_goes_on(scene, monkeypatch):
-    found, begun = with_a_lost_point(scene, Mortal(2, 1), monkeypatch)
+    found, begun = with_a_lost_point(scene, Mortal(LOST), monkeypatch)
     lost = found[found["outcome"] != "ok"]
     assert lost[["branch", "supply_frequency_hz", "outcome"]].to_numpy().tolist() == [[2, 54.0, "worker-lost"]]
     assert lost["detail"].item() == f"its worker died {LIVES} times"
     assert len(found) == 24
-    assert (2, 1) not in begun
-    assert begun[2, 2] == 46.0
+    assert LOST not in begun
+    assert begun[NEXT] == 46.0
 
 
 def test_row_of_a_lost_point_has_no_gaps_in_its_outcome(scene, monkeypatch):
-    found, _ = with_a_lost_point(scene, Mortal(2, 1), monkeypatch)
+    found, _ = with_a_lost_point(scene, Mortal(LOST), monkeypatch)
     lost = found[found["outcome"] == "worker-lost"]
     assert not lost[["steps", "residual_calls", "events", "simulated_s"]].isna().any(axis=None)
 

@@ -25,7 +25,7 @@ def measured_at_once(scene, plan, state, key):
     """In the place of ``measure_point``: numbers that follow from the point's alone."""
     numbers = np.random.default_rng(key).random(len(MEASURED) + 14 + 2 * SECTION_POINTS).tolist()
     row = dict(zip(MEASURED, numbers, strict=False))
-    row |= {"sync": "antiphase", "period": 1, "settled": "periodic", "settle_s": 1.0, "outcome": "ok", "detail": ""}
+    row |= {"sync": "antiphase", "period": 1, "motion": "periodic", "settle_s": 1.0, "outcome": "ok", "detail": ""}
     row |= {"steps": 1, "residual_calls": 2, "events": 3, "simulated_s": numbers[0], "wall_s": 1e-3}
     heights, speeds = numbers[-2 * SECTION_POINTS : -SECTION_POINTS], numbers[-SECTION_POINTS:]
     return Point(row, numbers[len(MEASURED) : len(MEASURED) + 14], heights, speeds)
@@ -75,7 +75,9 @@ def test_table_of_many_points_is_in_row_groups(tmp_path, monkeypatch):
     assert table["branch"].tolist() == [branch for branch in range(10) for _ in range(100)]
     up = table[table["branch"] == 2]
     assert up["supply_frequency_hz"].tolist() == [round(1.0 + 0.1 * k, 1) for k in range(100)]
-    assert up["rms_y_m"].tolist() == [np.random.default_rng((2, k)).random(len(MEASURED))[3] for k in range(100)]
+    assert up["rms_y_m"].tolist() == [
+        np.random.default_rng((0, 1_000_000 + 100_000 * k)).random(len(MEASURED))[3] for k in range(100)
+    ]
     section = read_table(tmp_path / "points", "section")
     assert len(section) == 1_000 * SECTION_POINTS
 
