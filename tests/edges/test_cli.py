@@ -31,6 +31,7 @@ SHORT = ("--set", "run.duration_s=0.1")
 STORM = (
     "run.duration_s=1.0",
     "contact.restitution=1.0",
+    "contact.sticking_speed_m_per_s=0.0",
     "drive.supply_frequency_hz=46.0",
     "solver.max_events_per_period=3",
 )

@@ -545,7 +545,8 @@ def test_example_of_the_interface_loads(scene_of, here):
     (here / "machines").symlink_to(ROOT / "configs/machines")
     scene = scene_of(EXAMPLE)
     assert scene.sweep.settle_s == 6.0
-    calibrated = {"machine.damping_y_n_s_per_m": 400.0, "motor.friction_radius_m": 5e-5}
+    calibrated = {"machine.unbalance_radius_m": 0.09, "machine.damping_y_n_s_per_m": 400.0}
+    calibrated |= {"motor.friction_radius_m": 5e-5}
     calibrated |= {"material.natural_frequency_hz": 18.5, "material.damping_ratio": 0.05}
     assert scene.replace(name="x", sweep=None) == load_config(ROOT / "configs/quickstart.yaml", calibrated).replace(
         {

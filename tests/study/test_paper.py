@@ -152,7 +152,7 @@ def test_paper_is_reproduced_and_resumed(tmp_path, monkeypatch):
     assert told[-1][:2] == paper.planned(numbers, seeds)
     assert found.points >= told[-1][1]
     viscous = {"fig6-nonimpact"} if found.beta else set()
-    names = {*paper.SWEEPS, LAWS, *histories.PANELS, *viscous, "sync-bands", "impact-laws", "claims"}
+    names = {*paper.SWEEPS, LAWS, *histories.PANELS, *viscous, "sync-bands", "impact-laws", "contradictions", "claims"}
     assert names == found.tables.keys()
     board = found.tables["claims"].set_index("id")
     assert set(board["verdict"].drop(FORMER)) <= VERDICTS

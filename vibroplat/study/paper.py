@@ -19,6 +19,7 @@ from vibroplat.config import configurations, load_list
 from vibroplat.scene import Scene
 from vibroplat.study.branches import branches
 from vibroplat.study.claims import judge
+from vibroplat.study.contradictions import contradictions
 from vibroplat.study.evidence import Evidence
 from vibroplat.study.execution import Pool
 from vibroplat.study.histories import histories
@@ -128,6 +129,7 @@ def _tables(machine: Sequence[_Trial], others: Sequence[_Trial], laws: _Trial) -
     found = {name: pd.concat(tables(*sweep), ignore_index=True) for name, sweep in sweeps.items()}
     found["sync-bands"] = sync_bands(main.evidence)
     found["impact-laws"] = impact_laws(main.evidence, laws.evidence)
+    found["contradictions"] = contradictions(main.numbers)
     found["claims"] = scoreboard(
         {trial.seed: trial.evidence for trial in machine}, [(trial.changes, trial.evidence) for trial in others]
     )
