@@ -49,7 +49,7 @@ def section(heights):
 
 def repeating(n, turns=64):
     """Repeats after n turns; the heights in a period differ by 1/n at least."""
-    return section((np.arange(turns) % n * 7 % n) / n)
+    return section((np.arange(turns) % n * 37 % n) / n)
 
 
 def torus(turns=400, drift=0.0):
@@ -126,12 +126,6 @@ def test_section_that_repeats_but_drifts_must_settle_longer(kind_of):
     assert kind_of(points, settled(2)) is None
 
 
-def test_section_that_stood_still_and_then_moves_must_settle_longer(kind_of):
-    points = repeating(1)
-    points[32:, 1] += 0.009 * (np.arange(32) % 2)
-    assert kind_of(points, settled(2)) is None
-
-
 def test_late_period_whose_neighbours_part_is_chaos_that_passes_by(kind_of):
     assert kind_of(repeating(4), settled(4, late=True), POSITIVE) is None
 
@@ -157,7 +151,15 @@ def test_closed_curve_without_growth_is_quasi_periodic(kind_of):
     assert kind_of(torus(), exponent=NONE) == Kind("quasi-periodic", 0, NONE)
 
 
-@pytest.mark.parametrize("points", [torus(drift=2.0), section(torus()[:, 1] * np.linspace(1.5, 1.0, 400))])
+#: They drift, shrink, or have stood still.
+MOVING = (
+    torus(drift=2.0),
+    section(torus()[:, 1] * np.linspace(1.5, 1.0, 400)),
+    section(torus()[:, 1] * (np.arange(400) >= 200)),
+)
+
+
+@pytest.mark.parametrize("points", MOVING, ids=["drifts", "shrinks", "stood still"])
 def test_curve_without_growth_that_moves_is_undecided(points, kind_of):
     found = kind_of(points, exponent=NONE)
     assert found[:3] == ("undecided", 0, NONE)
@@ -328,7 +330,7 @@ def test_errors_are_not_told_where_it_repeats():
 @pytest.mark.parametrize(("config", "changes"), [(MACHINE, CHAOTIC), (DAMPED, {**MASS_2, "contact.restitution": 0.5})])
 def test_errors_explain_the_scatter_over_seeds(config, changes):
     frequency = 62.5 if config == MACHINE else 70.0
-    table = [swept(config, frequency, changes=changes, seed=s, max_settle_s=10.0).iloc[0] for s in range(12)]
+    table = [swept(config, frequency, changes=changes, seed=s, max_settle_s=60.0).iloc[0] for s in range(12)]
     assert {row["motion"] for row in table} == {"chaotic"}
     for name in ("rms_y_m", "flight_fraction", "impacts_per_period"):
         values = np.array([row[name] for row in table])
