@@ -215,6 +215,7 @@ def paper(
     machine: Annotated[
         list[str] | None, typer.Option(help="A machine of configs/machines; printed and calibrated without it.")
     ] = None,
+    set_: Settings = None,
     out: Out = Path("results"),
     jobs: Jobs = CORES,
     resume: Resume = False,
@@ -224,9 +225,11 @@ def paper(
     seed: Annotated[int, typer.Option(min=0, help="The first of them, with which figures are drawn.")] = 0,
 ) -> None:
     """Reproduce the paper: tables and figures 2-7, and its claims with what was measured and a verdict."""
+    from vibroplat.config import parse_overrides
     from vibroplat.study.trial import machine_numbers
 
-    chosen = {name: machine_numbers(name) for name in machine or ("printed", "calibrated")}
+    changes = parse_overrides(set_ or [])
+    chosen = {name: {**machine_numbers(name), **changes} for name in machine or ("printed", "calibrated")}
     from vibroplat.study.execution import pool
 
     _load_kernels()

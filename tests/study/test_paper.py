@@ -182,3 +182,10 @@ def test_history_begins_at_a_whole_turn():
     assert histories.SHOWN * turn <= table["t_s"].iloc[-1] <= (histories.SHOWN + 1) * turn
     assert table["gap_m"].isna().all()
     assert abs(table["y_m"].mean()) < 0.1 * table["y_m"].max()
+
+
+def test_unknown_setting_is_refused_before_anything_is_computed(command, here):
+    done = command("paper", "--machine", "printed", "--set", "contact.restituton=1")
+    assert done.code == 2
+    assert "did you mean restitution?" in done.err
+    assert len(done.err.strip().splitlines()) == 1
