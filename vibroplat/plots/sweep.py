@@ -28,7 +28,7 @@ LEAST_RANGE = 0.02
 #: How the exciters turn, and its colour in a map.
 SYNC = {"antiphase": "#1f4e79", "in-phase": "#c05a1c", "intermediate": "#8a6d1d", "none": "#c8c8c8"}
 #: Periods that a map tells apart: upper ends of classes, and their labels.
-_PERIODS = ((0, "none"), (1, "1"), (2, "2"), (4, "3, 4"), (8, "5 … 8"), (16, "9 … 16"))
+_PERIODS = ((0, "none"), (1, "1"), (2, "2"), (4, "3, 4"), (8, "5 … 8"), (64, "9 … 64"))
 _PERIOD_COLOURS = ("#c8c8c8", "#1f4e79", "#5b8db8", "#2a7f4f", "#8a6d1d", "#c05a1c")
 
 #: Columns that figures need, besides the swept keys.
