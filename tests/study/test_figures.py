@@ -188,7 +188,7 @@ def test_map_colours_a_tile_for_each_point(drawn):
     figure, tables = drawn("map")
     table = tables["sweep"]
     names = ["antiphase", "in-phase", "intermediate", "none"]
-    ends = [0, 1, 2, 4, 8, 16]
+    ends = [0, 1, 2, 4, 8, 64]
     assert len(figure.axes) == 4
     for row, direction in enumerate(("up", "down")):
         rows = table[table["direction"] == direction].sort_values(["material.mass_ratio", "supply_frequency_hz"])
