@@ -265,7 +265,7 @@ def _reproduce(
     figures = plot_paper(directory)
     seconds = time.perf_counter() - began
     for _, row in found.tables["claims"].iterrows():
-        print(f"{row['id']:<24}{row['verdict']:<32}{row['seeds']:<8}{row['measured']}")
+        print(f"{row['id']:<24}{row['verdict']:<32}{row['seeds']:<16}{row['measured']}")
     print(f"{'machine':<24}{name}; {study.matched(found)}")
     print(f"{'computed':<24}{found.points} points, {found.simulated:.6g} s of motion, {found.events} events")
     print(f"{'not ok':<24}{found.failed} points, counted in the claims that they concern")

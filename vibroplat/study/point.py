@@ -32,8 +32,8 @@ SYNCHRONOUS = math.pi / 3.0
 WANDER = math.pi / 2.0
 #: Phase coherence below which they are not synchronous either.
 COHERENCE = 0.8
-#: Distance from −π (rad) up to which a phase difference is told as π: what settling leaves of the way by default.
-ANTIPHASE = 1e-3
+#: Distance from −π (rad) up to which a phase difference is told as π: a few times what settling leaves by default.
+ANTIPHASE = 5e-3
 #: Blocks in which motion that does not repeat is measured, each as long as the plan's ``measure_s``.
 BLOCKS = 8
 #: Fewest periods that are measured of motion that repeats: both halves must show that it does.
