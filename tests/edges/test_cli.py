@@ -109,7 +109,7 @@ def test_run_that_ends_early_exits_1_and_keeps_what_it_has(vibroplat, tmp_path):
     summary, trajectory = read_json(directory, "summary"), read_table(directory, "trajectory")
     assert summary["outcome"] == "event-storm"
     assert trajectory["t_s"].iloc[-1] == summary["simulated_s"] < 1.0
-    assert len(read_table(directory, "events")) == 3
+    assert len(read_table(directory, "events")) == summary["events"] >= 3
     assert done.stdout.startswith("outcome                     event-storm\n")
 
 
