@@ -207,17 +207,23 @@ def _non_periodic_start(key: Key, evidence: Evidence) -> float:
 
 def periodic_from_over(claim: Claim, evidence: Evidence) -> Finding:
     """Judge whether the frequency from which over-resonant motion is period-1 rises with R."""
-    starts: dict[float, float] = {}
-    for key in restitutions(evidence, claim["mu"]):
-        start = evidence.start_of_last(key, "period-1")
-        starts[key.restitution] = float(start.after[F]) if start else np.inf
+    starts = {key.restitution: _last_period_1(key, evidence) for key in restitutions(evidence, claim["mu"])}
     text = "; ".join(
         f"R {r:g}: " + ("nowhere up to 40 Hz" if np.isinf(f) else f"{f:.2f} Hz") for r, f in starts.items()
     )
     values = list(starts.values())
     finite = [f for f in values if np.isfinite(f)]
-    rises = len(values) > 1 and len(finite) > 1 and all(a < b or np.isinf(b) for a, b in pairwise(values))
+    rises = len(finite) > 1 and all(b - a > 0.5 * WIDTH or np.isinf(b) for a, b in pairwise(values))
     return Finding(f"period-1 from: {text}", rises, len(finite) / max(len(values), 1) * (1.0 if rises else 0.5))
+
+
+def _last_period_1(key: Key, evidence: Evidence) -> float:
+    """Return from which frequency on a branch has period 1 to its end; inf where it does not end so."""
+    start = evidence.start_of_last(key, "period-1")
+    if start is not None:
+        return float(start.after[F])
+    rows = evidence.rows(key)
+    return float(rows[0][F]) if rows and REGIMES["period-1"](rows[-1]) else np.inf
 
 
 def deviation(claim: Claim, evidence: Evidence) -> Finding:

@@ -48,7 +48,7 @@ def judge(claim: Claim, evidence: Evidence) -> Finding:
     finding = _judged(claim, evidence)
     failed = _failed(claim, evidence)
     elastic = [key for key in failed if key.restitution == 1.0]
-    if elastic and not finding.holds:
+    if elastic:
         finding = _without_elastic(claim, evidence, finding, elastic)
     if not failed:
         return finding
@@ -64,10 +64,10 @@ def _judged(claim: Claim, evidence: Evidence) -> Finding:
 def _without_elastic(claim: Claim, evidence: Evidence, finding: Finding, elastic: list[Key]) -> Finding:
     """Tell whether a claim fails by its curves with R < 1, too, or is not judged at R = 1, where points failed."""
     if min(listed(claim["R"])) == 1.0:
-        return finding._replace(judged=False)
+        return finding._replace(holds=False, judged=False)
     rest = _judged(claim, evidence.without(elastic))
     if rest.holds:
-        return finding._replace(measured=f"with R < 1: {rest.measured}; not judged at R = 1", judged=False)
+        return rest._replace(measured=f"with R < 1: {rest.measured}; not judged at R = 1", holds=False, judged=False)
     return finding._replace(measured=f"{finding.measured}; fails without R = 1, too")
 
 
@@ -93,5 +93,5 @@ def _is_about(claim: Claim, key: Key) -> bool:
 
 def _is_near(claim: Claim, frequency: float) -> bool:
     """Whether a synchronous frequency (Hz) belongs to a claim; all do where it names no interval."""
-    f = claim.get("f")
+    f = claim.get("within", claim.get("f"))
     return not isinstance(f, list) or f[0] - EDGE <= frequency <= f[-1] + LAG

@@ -26,8 +26,9 @@ from vibroplat.study.settling import Settling, draws_together, noise
 STEADY = 0.9
 #: Way between the means of both halves, over the extent, from which on the section drifts.
 DRIFT = 0.25
-#: Error of the growth a turn up to which an exponent that has no sign is 0.
-ZERO = 1e-3
+#: Growth a turn, with two errors added, up to which an exponent that has no sign is 0: to double or halve would take
+#: 350 turns at least.
+ZERO = 2e-3
 
 
 class Kind(NamedTuple):
@@ -73,7 +74,7 @@ def classify(
         Whether it has settled as long as it may.
     """
     if len(points) < 2:
-        return Kind("undecided", None, why="exciter 1 makes no whole turns")
+        return Kind("undecided", None, why="fewer than two whole turns of exciter 1 were measured")
     n = period(points, plan.period_tolerance)
     if settling.how == "periodic":
         return _confirmed(scene, plan, settling, points, state, n)
@@ -119,9 +120,11 @@ def _by_exponent(exponent: Exponent, points: FloatArray, tolerance: float) -> Ki
     if exponent.sign < 0:
         n = period(points, tolerance, first=MAX_PERIOD + 1, last=LONGEST_PERIOD)
         return Kind("periodic", n, exponent) if n > 0 else _undecided(exponent, f"no period up to {LONGEST_PERIOD}")
-    if exponent.error * exponent.turn <= ZERO and _steady(points, tolerance):
-        return Kind("quasi-periodic", 0, exponent)
-    return _undecided(exponent, "the section still moves" if exponent.error * exponent.turn <= ZERO else "sign open")
+    if not (abs(exponent.value) + 2.0 * exponent.error) * exponent.turn <= ZERO:
+        return _undecided(exponent, "sign open")
+    if not _steady(points, tolerance):
+        return _undecided(exponent, "the section still moves")
+    return Kind("quasi-periodic", 0, exponent)
 
 
 def _undecided(exponent: Exponent, why: str) -> Kind:

@@ -1,7 +1,8 @@
 """Judges of claims about amplitudes: curves over frequency compared with each other.
 
 Measures of motions that are not periodic have standard errors. A comparison is violated at a frequency where it is
-wrong by more than SIGMAS of them. It holds if it is violated nowhere and right at RIGHT of the frequencies.
+wrong by more than SIGMAS of them. It holds if it is violated nowhere, right at RIGHT of the frequencies and at SURE of
+them by more than its error.
 """
 
 from __future__ import annotations
@@ -19,8 +20,8 @@ from vibroplat.study.finding import EDGE, Claim, Finding, Judge, interval, joine
 SPACING = 0.25
 #: Share of an interval in which there must be antiphase motion to compare.
 COVERED = 0.9
-#: Standard errors by which a comparison may be wrong, and share of frequencies at which it must be right.
-SIGMAS, RIGHT = 2.0, 0.9
+#: Standard errors by which a comparison may be wrong, and shares of frequencies at which it must be right, and surely.
+SIGMAS, RIGHT, SURE = 2.0, 0.9, 0.5
 #: Relative difference of amplitudes that is none, and that is almost none.
 SAME, ALMOST = 0.01, 0.02
 #: What the paper calls small: 5 %.
@@ -59,7 +60,9 @@ def _compared(ratio: Curve, at: FloatArray, low: float, high: float, text: str) 
         told += f", {undecided.sum()} undecided by their error"
     if covered < COVERED:
         told += f"; antiphase motion in {covered:.0%} of the interval only"
-    return Finding(told, bool(not violated.any() and share >= RIGHT and covered >= COVERED), share * covered)
+    sure = float((right & ~undecided).mean())
+    holds = not violated.any() and share >= RIGHT and sure >= SURE and covered >= COVERED
+    return Finding(told, bool(holds), share * covered)
 
 
 def _ordered(at: FloatArray, lower: Curve, upper: Curve, text: str) -> Finding:
@@ -101,8 +104,8 @@ def _ratio(ratio: Curve, at: FloatArray, band: tuple[float, float], text: str) -
     found = _compared(ratio, at, *band, text)
     if not np.isfinite(ratio.values).any():
         return found
-    mean = float(np.nanmean(ratio.values))
-    holds = found.holds and band[0] <= mean <= band[1]
+    mean, error = _mean(ratio)
+    holds = found.holds and band[0] - SIGMAS * error <= mean <= band[1] + SIGMAS * error
     return found._replace(measured=f"{found.measured}, mean {mean - 1.0:+.1%}", holds=holds)
 
 
@@ -167,7 +170,7 @@ def non_impact_over(claim: Claim, evidence: Evidence) -> Finding:
     impact = {r: _amplitude(evidence, Key(claim["mu"], r), at) for r in claim["R"]}
     larger = joined({f"R {r:g}": _ordered(at, a, viscous, "A_nonimpact > A_impact") for r, a in impact.items()})
     means = [_mean(_over(viscous, a)) for a in impact.values()]
-    grows = bool(np.all(np.diff([mean for mean, _ in means]) > 0.0))
+    grows = all(b - a > SIGMAS * float(np.hypot(i, j)) for (a, i), (b, j) in pairwise(means))
     text = f"{larger.measured}; mean ratio " + " → ".join(
         f"{mean:.3f}" + (f" ± {error:.1g}" if error else "") for mean, error in means
     )

@@ -28,14 +28,17 @@ def acceleration(machine: Machine, mass_ratio: float, frequency: float) -> float
     """Return the amplitude of the vertical acceleration of the platform with a stiff layer on it (m/s²)."""
     omega = 2.0 * math.pi * frequency
     stiffness = machine.stiffness_y_n_per_m - (1.0 + mass_ratio) * machine.total_mass * omega**2
-    return 2.0 * machine.unbalance * omega**4 / math.hypot(stiffness, machine.damping_y_n_s_per_m * omega)
+    resistance = math.hypot(stiffness, machine.damping_y_n_s_per_m * omega)
+    return 2.0 * machine.unbalance * omega**4 / resistance if resistance > 0.0 else math.inf
 
 
 def stiff_layer_liftoff(machine: Machine, mass_ratio: float) -> float:
-    """Return the frequency (Hz) at which a stiff layer leaves the platform."""
+    """Return the frequency (Hz) at which a stiff layer leaves the platform; nan if it does not below the resonance."""
     gravity = machine.gravity_m_per_s2
     mass = (1.0 + mass_ratio) * machine.total_mass
     resonance = math.sqrt(machine.stiffness_y_n_per_m / mass) / (2.0 * math.pi)
+    if not acceleration(machine, mass_ratio, LOWEST) < gravity < acceleration(machine, mass_ratio, resonance):
+        return math.nan
     return float(brentq(lambda f: acceleration(machine, mass_ratio, f) - gravity, LOWEST, resonance))
 
 
@@ -47,7 +50,8 @@ def unbalance_for_liftoff(machine: Machine, mass_ratio: float, frequency: float)
 def resonance_torque(machine: Machine) -> float:
     """Return the mean torque (N·m) that the vertical resonance asks of each motor."""
     omega = math.sqrt(machine.stiffness_y_n_per_m / machine.total_mass)
-    return float(machine.unbalance**2 * omega**3 / machine.damping_y_n_s_per_m)
+    damping = machine.damping_y_n_s_per_m
+    return float(machine.unbalance**2 * omega**3 / damping) if damping > 0.0 else math.inf
 
 
 def contradictions(numbers: Mapping[str, Any]) -> pd.DataFrame:

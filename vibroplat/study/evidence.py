@@ -140,12 +140,17 @@ class Evidence:
         if len(rows) < 2:
             return Curve(np.full(len(at), np.nan), np.full(len(at), np.nan))
         f, values = np.array([r[F] for r in rows]), np.array([r[column] for r in rows], dtype=float)
-        errors = np.array([error_of(r, column) for r in rows])
+        # at equal frequency a curve is also off by its slope times the error of the frequency
+        slope = np.abs(np.diff(values) / np.maximum(np.diff(f), 1e-6))
+        steepest = np.maximum(np.append(slope, 0.0), np.insert(slope, 0, 0.0))
+        errors = np.array([error_of(r, column) for r in rows]) + steepest * np.array([error_of(r, F) for r in rows])
         found = np.interp(at, f, values, left=np.nan, right=np.nan)
         place = np.clip(np.searchsorted(f, at), 1, len(f) - 1)
         found[np.diff(f)[place - 1] > JUMP] = np.nan
         share = np.clip((at - f[place - 1]) / np.maximum(np.diff(f)[place - 1], 1e-12), 0.0, 1.0)
-        return Curve(found, np.hypot((1.0 - share) * errors[place - 1], share * errors[place]))
+        with np.errstate(invalid="ignore"):
+            mixed = np.hypot((1.0 - share) * errors[place - 1], share * errors[place])
+        return Curve(found, np.nan_to_num(mixed, nan=np.inf, posinf=np.inf))
 
     def end_of(self, key: Key, regime: str, above: float = 0.0) -> Boundary | None:
         """Find where a branch first leaves a regime that it is in at, or enters beyond, a frequency.
@@ -182,9 +187,11 @@ class Evidence:
 
 
 def error_of(row: Row, column: str) -> float:
-    """Return the standard error of a measure; 0 where the motion is periodic."""
+    """Return the standard error of a measure: 0 where the motion is periodic, inf where it is not known."""
     error = row.get(ERRORS[column])
-    return float(error) if error is not None and math.isfinite(error) else 0.0
+    if error is not None and math.isfinite(error):
+        return float(error)
+    return 0.0 if row["motion"] == "periodic" else math.inf
 
 
 def key_of(branch: Branch) -> Key:

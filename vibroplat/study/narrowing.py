@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -48,7 +49,9 @@ class _Halving:
         self._points = 0
         self._lost = False
         for _, record in store.read(number):
-            if record["row"].get(SUPPLY) != self._middle:  # of another boundary
+            if (
+                record["step"] != json.loads(json.dumps(step)) or record["row"].get(SUPPLY) != self._middle
+            ):  # of another boundary
                 break
             self._passed(record["row"], record["state"])
 
@@ -73,13 +76,14 @@ class _Halving:
             self._lost = True
             return
         row = result.row | {SUPPLY: self._middle}
-        self._store.write(self._number, self._points, {"row": row, "state": result.state})
+        step = json.loads(json.dumps(self.step))
+        self._store.write(self._number, self._points, {"row": row, "state": result.state, "step": step})
         self._passed(row, result.state)
 
     def _passed(self, row: Row, state: list[float] | None) -> None:
-        """Go on in the half in which the change is; a point that failed ends the narrowing."""
+        """Go on in the half in which the change is; a point that failed or is undecided ends the narrowing."""
         self._points += 1
-        if state is None:
+        if state is None or (self.step.regime in MOTIONS and row["motion"] == "undecided"):
             self._lost = True
             return
         before, after = self.boundary

@@ -23,7 +23,7 @@ from vibroplat.solver.scales import state_scales
 from vibroplat.solver.summary import Part, block_errors, half_open, measured
 from vibroplat.solver.tape import Tape
 from vibroplat.study.classification import Kind, classify
-from vibroplat.study.section import section_points
+from vibroplat.study.section import period, section_points
 from vibroplat.study.settling import Settling, settle
 
 #: Distance of the phase difference from 0 or π (rad) up to which exciters turn in phase or antiphase.
@@ -158,26 +158,33 @@ def _settled_and_measured(motion: Motion, plan: Sweep, impacts: _Impacts | None)
     longest = plan.max_settle_s
     while True:
         settling = settle(motion, plan, longest)
-        repeats = settling.how != "maximum"
-        while True:
-            seconds = measuring_time(motion.state, plan.measure_s, settling) if repeats else BLOCKS * plan.measure_s
-            part = motion.go_on(seconds, blocks=1 if repeats else BLOCKS, read=impacts)
-            if motion.outcome != "ok":
-                return settling, part, None
-            points = section_points(part.measures, motion.scene)
-            last = settling.how == "fixed" or longest > plan.max_settle_s
-            kind = classify(motion.scene, plan, settling, points, motion.state, last=last)
-            if kind is None or kind.period or not repeats:
-                break
-            repeats = False  # settled for a fixed time: measured as long as what does not repeat needs
+        part = _measured_part(motion, plan, settling, impacts)
+        if motion.outcome != "ok":
+            return settling, part, None
+        points = section_points(part.measures, motion.scene)
+        last = settling.how == "fixed" or longest > plan.max_settle_s
+        kind = classify(motion.scene, plan, settling, points, motion.state, last=last)
         if kind is not None:
             break
         if settling.how == "maximum":
             longest = PATIENCE * plan.max_settle_s
     if kind.period and part.blocks:  # it repeats after all: whole periods of it are measured
-        settling = settling._replace(seconds=motion.now, period=kind.period, turn=mean_turn(part.measures))
-        part = motion.go_on(measuring_time(motion.state, plan.measure_s, settling), read=impacts)
+        if settling.how == "maximum":
+            settling = settling._replace(seconds=motion.now)
+        periods = settling._replace(period=kind.period, turn=mean_turn(part.measures))
+        part = motion.go_on(measuring_time(motion.state, plan.measure_s, periods), read=impacts)
     return settling, part, kind if motion.outcome == "ok" else None
+
+
+def _measured_part(motion: Motion, plan: Sweep, settling: Settling, impacts: _Impacts | None) -> Part:
+    """Measure a motion: at once where it repeats, or seems to after a fixed time; otherwise in blocks."""
+    if settling.how != "maximum":
+        part = motion.go_on(measuring_time(motion.state, plan.measure_s, settling), read=impacts)
+        points = section_points(part.measures, motion.scene)
+        seems = settling.how == "periodic" or len(points) < 2 or period(points, plan.period_tolerance) > 0
+        if seems or motion.outcome != "ok":
+            return part
+    return motion.go_on(BLOCKS * plan.measure_s, blocks=BLOCKS, read=impacts)
 
 
 def measures_of(part: Part, scene: Scene, slip: float = 0.0) -> dict[str, Any]:

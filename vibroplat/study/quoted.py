@@ -3,45 +3,28 @@
 from __future__ import annotations
 
 import math
-from itertools import pairwise
 
 import numpy as np
 
 from vibroplat.scene import Material
-from vibroplat.study.branches import SUPPLY
-from vibroplat.study.evidence import Evidence, F, Key, Row, error_of
+from vibroplat.study.evidence import Evidence, F, Key, error_of
 from vibroplat.study.finding import Claim, Finding
-
-#: The paper's step of supply frequency (Hz).
-GRID = 0.5
 
 
 def frequencies(claim: Claim, evidence: Evidence) -> Finding:
-    """Judge whether the frequencies that the paper quotes are points of its own grid of supply frequencies.
+    """Judge whether the frequencies that the paper quotes are points of its own steps of supply frequency.
 
-    A point of the curve with R = 0 must be there within the rounding of the last digit. Where the sweep has wider
-    steps than the paper's, the points between are interpolated; those of motions that are not periodic have errors.
+    A point of antiphase motion on the curve with R = 0 must lie within the tolerance that the claim gives, or two
+    standard errors more where motion is not periodic.
     """
-    points = _grid_points(evidence.rows(Key(claim["mu"])))
+    rows = [row for row in evidence.rows(Key(claim["mu"])) if row["sync"] == "antiphase"]
+    points = [(float(row[F]), error_of(row, F)) for row in rows]
     told, hits = [], []
     for f, tolerance in claim["quoted"]:
         nearest = min(points, key=lambda point: abs(point[0] - f), default=(0.0, 0.0))
         hits.append(abs(nearest[0] - f) <= tolerance + 2.0 * nearest[1])
         told.append(f"{f:g}: {nearest[0]:.2f} Hz")
     return Finding(f"nearest points {', '.join(told)}", all(hits), float(np.mean(hits)))
-
-
-def _grid_points(rows: list[Row]) -> list[tuple[float, float]]:
-    """Return excitation frequencies (Hz) of antiphase motion at the paper's supply frequencies, with their errors."""
-    found = []
-    for a, b in pairwise([*rows, *rows[-1:]]):
-        steps = max(round((b[SUPPLY] - a[SUPPLY]) / GRID), 1)
-        if a["sync"] == b["sync"] == "antiphase":
-            error = max(error_of(a, F), error_of(b, F)) if steps > 1 else error_of(a, F)
-            found += [(float(a[F] + i / steps * (b[F] - a[F])), error) for i in range(steps)]
-        elif a["sync"] == "antiphase":
-            found.append((float(a[F]), error_of(a, F)))
-    return found
 
 
 def layer_damping(claim: Claim, evidence: Evidence) -> Finding:
