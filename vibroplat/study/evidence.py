@@ -143,7 +143,10 @@ class Evidence:
         # at equal frequency a curve is also off by its slope times the error of the frequency
         slope = np.abs(np.diff(values) / np.maximum(np.diff(f), 1e-6))
         steepest = np.maximum(np.append(slope, 0.0), np.insert(slope, 0, 0.0))
-        errors = np.array([error_of(r, column) for r in rows]) + steepest * np.array([error_of(r, F) for r in rows])
+        across = np.array([error_of(r, F) for r in rows])
+        errors = np.array([error_of(r, column) for r in rows]) + across * np.maximum(
+            steepest, 1e-300
+        )  # inf · 0 is none
         found = np.interp(at, f, values, left=np.nan, right=np.nan)
         place = np.clip(np.searchsorted(f, at), 1, len(f) - 1)
         found[np.diff(f)[place - 1] > JUMP] = np.nan
