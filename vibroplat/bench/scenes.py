@@ -7,7 +7,7 @@ from typing import Any
 from vibroplat.physics.systems import systems
 from vibroplat.scene import Material, Scene
 
-#: Supply frequencies (Hz) at which configs/paper has the excitation frequencies of the paper's time histories.
+#: Supply frequencies (Hz) at which the machine below has the excitation frequencies of the paper's time histories.
 PAPER_SUPPLY = {"25.75": 51.5, "30.7": 62.5, "38.75": 78.0}
 
 
