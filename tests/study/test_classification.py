@@ -171,6 +171,14 @@ def test_exponent_whose_error_leaves_its_sign_open_is_undecided(kind_of):
     assert found == Kind("undecided", 0, OPEN, "exponent 0.5 ± 0.4 per s, sign open")
 
 
+@pytest.mark.parametrize(("value", "motion"), [(0.02, "quasi-periodic"), (0.03, "undecided"), (-0.03, "undecided")])
+def test_growth_that_may_be_slow_is_not_told_as_none(value, motion, kind_of):
+    """With two errors it must stay below what doubles in 350 turns."""
+    exponent = Exponent(value, 0.012, TURN)
+    assert exponent.sign == 0
+    assert kind_of(torus(), exponent=exponent).motion == motion
+
+
 def test_missing_exponent_is_undecided_and_no_number(kind_of):
     found = kind_of(torus(), exponent=MISSING)
     assert (found.motion, found.period) == ("undecided", 0)
@@ -212,7 +220,9 @@ def test_without_exponents_on_demand_it_is_non_periodic(points, kind_of):
 @pytest.mark.parametrize("turns", [0, 1])
 @pytest.mark.parametrize("settling", [MAXIMUM, FIXED, settled(1)])
 def test_fewer_than_two_turns_are_undecided(turns, settling, kind_of):
-    assert kind_of(repeating(1, turns), settling) == Kind("undecided", None, None, "exciter 1 makes no whole turns")
+    assert kind_of(repeating(1, turns), settling) == Kind(
+        "undecided", None, None, "fewer than two whole turns of exciter 1 were measured"
+    )
 
 
 # -- rows whose truth is known ----------------------------------------------------------------------------
