@@ -182,6 +182,14 @@ def test_history_begins_at_a_whole_turn():
     assert abs(table["y_m"].mean()) < 0.1 * table["y_m"].max()
 
 
+def test_settings_of_sweeps_are_left_out_of_time_histories():
+    numbers = machine_numbers("printed") | {"sweep.max_settle_s": 50.0, "material.mass_ratio": 0.15}
+    history, swept = paper_scene("f25.75-mu0.2", numbers), paper_scene("fig3", numbers)
+    assert history.sweep is None
+    assert swept.sweep.max_settle_s == 50.0
+    assert history.material.mass_ratio == 0.15
+
+
 def test_unknown_setting_is_refused_before_anything_is_computed(command, here):
     done = command("paper", "--machine", "printed", "--set", "contact.restituton=1")
     assert done.code == 2

@@ -56,8 +56,15 @@ def machine_numbers(name: str) -> dict[str, Any]:
 
 
 def paper_scene(name: str, numbers: Mapping[str, Any], changes: Mapping[str, Any] | None = None) -> Scene:
-    """Return a scene of the paper, by the name of its file, with a machine's numbers laid over it."""
-    return load_config(configurations() / "paper" / f"{name}.yaml", {**numbers, **(changes or {})})
+    """Return a scene of the paper, by the name of its file, with a machine's numbers laid over it.
+
+    How points of a sweep are measured matters to sweeps alone: such keys are left out of other scenes.
+    """
+    path = configurations() / "paper" / f"{name}.yaml"
+    laid = {**numbers, **(changes or {})}
+    if "sweep" not in load_tree(path):
+        laid = {key: value for key, value in laid.items() if not key.startswith("sweep.")}
+    return load_config(path, laid)
 
 
 def claims() -> list[dict[str, Any]]:
