@@ -327,10 +327,11 @@ def meddle(name, monkeypatch, change):
     else:
         from vibroplat.study import sweep
 
-        measure = sweep.measure_point
+        measure, begun = sweep.measure_point, []
 
         def measured(*arguments):
-            if arguments[3] == (1, 3):
+            begun.append(True)
+            if len(begun) == 6:
                 once()
             return measure(*arguments)
 
