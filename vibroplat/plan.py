@@ -73,12 +73,14 @@ class Sweep(Section):
         "auto", description="before a point is measured; auto: until the Poincaré section has settled"
     )
     max_settle_s: Positive = Field(
-        150.0, description="longest settling with auto; so long is followed what does not repeat"
+        150.0, description="longest settling with auto; motion that does not repeat is followed this long"
     )
     settle_tolerance: Annotated[float, Field(gt=0.0, le=1.0, allow_inf_nan=False)] = Field(
         1e-3, description="what auto leaves of the way to the steady motion, in the scales of the scene"
     )
-    measure_s: Positive = Field(2.0, description="measured part of each point; eight of them where it does not repeat")
+    measure_s: Positive = Field(
+        2.0, description="measured part of each point; motion that does not repeat is measured eight times as long"
+    )
     period_tolerance: Annotated[float, Field(gt=0.0, le=1.0, allow_inf_nan=False)] = Field(
         1e-2, description="within which the Poincaré section repeats, in the scales of the scene"
     )

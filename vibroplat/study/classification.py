@@ -21,13 +21,13 @@ from vibroplat.study.lyapunov import Exponent, largest_exponent
 from vibroplat.study.section import LONGEST_PERIOD, MAX_PERIOD, period
 from vibroplat.study.settling import Settling, draws_together, noise
 
-#: Extent of the section in the second half of what was measured, over that in the first, between which and whose
-#: inverse it is steady: what still shrinks or grows has not settled.
+#: Least ratio of the section's extents in both halves of the measured part, the smaller over the larger, at which it is
+#: steady: a section that still shrinks or grows has not settled.
 STEADY = 0.9
-#: Way between the means of both halves, over the extent, from which on the section drifts.
+#: Distance between the means of both halves, over the extent, above which the section drifts.
 DRIFT = 0.25
-#: Growth a turn, with two errors added, up to which an exponent that has no sign is 0: to double or halve would take
-#: 350 turns at least.
+#: Largest growth a turn, two errors included, at which an exponent without a clear sign counts as 0: neighbours would
+#: need at least 350 turns to double or halve their distance.
 ZERO = 2e-3
 
 

@@ -24,9 +24,9 @@ TOLERANCE = 1e-10
 TURNS, SKIPPED = 3, 8
 #: Fewest and most comparisons that are counted, and how many more are made until the error is small enough.
 LEAST, MOST, MORE = 96, 640, 32
-#: Numbers of blocks of comparisons whose scatter gives the error, the largest of theirs: few blocks are long against
-#: the memory of the motion, many tell their scatter well. Exponents of 140 stretches of chaotic motion scatter by 0.9 …
-#: 1.3 of it, on platforms and of a ball; by 1.3 … 1.9 of the error of 8 blocks from 32 comparisons, by up to 7 in one.
+#: The error is the largest of those from so many blocks of comparisons: few blocks are long against the memory of the
+#: motion, many give their scatter well. Over 140 stretches of chaotic motion, exponents scatter by 0.9 … 1.3 times this
+#: error; with 8 blocks of 32 comparisons it was 1.3 … 1.9 times, once 7 times.
 BLOCKS = (4, 8, 16)
 #: Errors that are small enough: as a share of the exponent, at which its sign is sure, and as growth a turn, below
 #: which there is none: to double would take two thousand turns.

@@ -32,7 +32,7 @@ SYNCHRONOUS = math.pi / 3.0
 WANDER = math.pi / 2.0
 #: Phase coherence below which they are not synchronous either.
 COHERENCE = 0.8
-#: Distance from −π (rad) up to which a phase difference is told as π: a few times what settling leaves by default.
+#: Distance from −π (rad) up to which a phase difference is reported as π: a few times what settling leaves by default.
 ANTIPHASE = 5e-3
 #: Blocks in which motion that does not repeat is measured, each as long as the plan's ``measure_s``.
 BLOCKS = 8

@@ -30,7 +30,7 @@ EARLY_LOOKS, LATE_BLOCK = 40, 64
 NEAR = 30.0
 #: Spread, over the solver's tolerance, that is its noise.
 NOISE = 30.0
-#: Turns over whose end the wander of the phase difference is told.
+#: Turns before the measured part over which the wander of the phase difference is taken.
 WANDERING = 192
 
 
