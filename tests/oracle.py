@@ -21,11 +21,11 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from vibroplat import load_config
-from vibroplat.physics import parameters as parameter
-from vibroplat.physics.impact import impact
-from vibroplat.physics.systems import GAP, GAP_RATE, consistent, systems
+from vibroplat.hybrid.initial import initial_state
+from vibroplat.model import parameters as parameter
+from vibroplat.model.impact import impact
+from vibroplat.model.systems import GAP, GAP_RATE, consistent, systems
 from vibroplat.scene import Mode, Scene
-from vibroplat.solver.initial import initial_state
 
 REFERENCE = Path(__file__).parent / "reference"
 CLOSED_CASES = ("onelayer-R03-mu01-fe48", "restitution05-mu02-fe51.5")

@@ -12,6 +12,8 @@ __version__ = "0.1.0"
 
 if TYPE_CHECKING:
     from vibroplat.config import load_config
+    from vibroplat.flow.run import simulate
+    from vibroplat.observe.trajectory import Trajectory
     from vibroplat.scene import (
         Contact,
         Drive,
@@ -25,14 +27,12 @@ if TYPE_CHECKING:
         Solver,
         State,
     )
-    from vibroplat.solver.run import simulate
-    from vibroplat.solver.trajectory import Trajectory
     from vibroplat.study.sweep import sweep
 
 _HOMES = {
     "load_config": "vibroplat.config",
-    "simulate": "vibroplat.solver.run",
-    "Trajectory": "vibroplat.solver.trajectory",
+    "simulate": "vibroplat.flow.run",
+    "Trajectory": "vibroplat.observe.trajectory",
     "sweep": "vibroplat.study.sweep",
     **dict.fromkeys(
         (

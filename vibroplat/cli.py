@@ -20,7 +20,7 @@ from vibroplat.interrupts import INTERRUPTED, KEPT, ending_at_once
 from vibroplat.progress import calibration_progress, run_progress, sweep_progress
 
 if TYPE_CHECKING:
-    from vibroplat.solver.trajectory import Trajectory
+    from vibroplat.observe.trajectory import Trajectory
     from vibroplat.study.execution import Pool
 
 #: Failed points of a sweep that are told one by one.
@@ -148,7 +148,7 @@ def run(
     directory = result_directory(out, scene.name)
     _load_kernels(scene.solver.engine)
     with run_progress(scene.name, scene.run.duration_s) as report:
-        from vibroplat.solver.run import simulate
+        from vibroplat.flow.run import simulate
 
         result = simulate(scene, progress=report)
     tables = {"trajectory": result.trajectory, "events": result.events}
@@ -243,9 +243,9 @@ def _reproduce(
     name: str, numbers: dict[str, Any], out: Path, workers: Pool, seeds: range, *, resume: bool, overwrite: bool
 ) -> None:
     """Reproduce the paper with one machine; write and tell what came of it."""
+    from vibroplat.integrate.choice import engine_name
     from vibroplat.plots.paper import plot_paper
     from vibroplat.provenance import provenance
-    from vibroplat.solver.engines import engine_name
     from vibroplat.study import paper as study
     from vibroplat.study.trial import paper_scene
     from vibroplat.tables import result_directory, write_json, write_table
@@ -389,7 +389,7 @@ def schema() -> None:
 
 def _tell_of_compilation() -> None:
     """Say why the first run on a machine takes long."""
-    from vibroplat.solver.engines import is_compiled
+    from vibroplat.integrate.choice import is_compiled
 
     if not is_compiled():
         print("vibroplat: compiling the numerical kernels, once, in about half a minute", file=sys.stderr)
@@ -399,7 +399,7 @@ def _load_kernels(engine: str = "auto") -> None:
     """Compile or load what a motion needs, before workers do so each and before Ctrl-C may be an exception."""
     with ending_at_once():
         _tell_of_compilation()
-        from vibroplat.solver.engines import load_kernels
+        from vibroplat.integrate.choice import load_kernels
 
         load_kernels(engine)
         # garbage of the compiler is left alone: its end in LLVM would swallow an exception, as Ctrl-C is later

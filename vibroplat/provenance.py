@@ -13,8 +13,8 @@ from typing import Any
 
 import vibroplat
 from vibroplat.errors import TableError
+from vibroplat.integrate.sundials import UnavailableError, configuration
 from vibroplat.scene import Scene
-from vibroplat.solver.sundials import UnavailableError, configuration
 from vibroplat.tables import read_json
 
 #: Version of what result directories hold; raised when a reader of older ones would misread it.

@@ -14,8 +14,8 @@ from vibroplat.bench.peers.hybrid import Followed, Leg, StormError, follow
 from vibroplat.bench.peers.peers import PEERS, Peer
 from vibroplat.bench.reference import load_reference
 from vibroplat.errors import TableError
-from vibroplat.physics.parameters import parameters
-from vibroplat.physics.systems import consistent
+from vibroplat.model.parameters import parameters
+from vibroplat.model.systems import consistent
 from vibroplat.plots.bench import SCALED, plot_precision
 
 REFERENCE = Path(__file__).parents[1] / "reference"

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from vibroplat.physics.systems import FULL_SIZE, SYSTEMS, consistent
+from vibroplat.model.systems import FULL_SIZE, SYSTEMS, consistent
 from vibroplat.scene import Contact, Drive, Machine, Material, Motor, Scene
 
 #: The rig of the paper, and one on which no mass, lever or angle is small or round.

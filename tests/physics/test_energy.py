@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from vibroplat.physics.energy import FORCE_SIZE, POWERS, elastic_energy, gravity_energy, kinetic_energy, powers
-from vibroplat.physics.impact import kinetic_change
-from vibroplat.physics.parameters import parameters
+from vibroplat.model.energy import FORCE_SIZE, POWERS, elastic_energy, gravity_energy, kinetic_energy, powers
+from vibroplat.model.impact import kinetic_change
+from vibroplat.model.parameters import parameters
 
 from .helpers import (
     EACH_MACHINE,

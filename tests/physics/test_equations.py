@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from vibroplat.physics.parameters import DAMPING_Y, MASS, SIZE, parameters
+from vibroplat.model.parameters import DAMPING_Y, MASS, SIZE, parameters
 from vibroplat.scene import Material, Mode
 
 from .helpers import EACH_MACHINE, EACH_SYSTEM, random_states, scene_of, settled

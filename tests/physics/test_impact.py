@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from vibroplat.physics.impact import closing_time, impact, impacts_left, impulse_response, kinetic_change, latch
-from vibroplat.physics.parameters import IMPACT_LAWS, RESTITUTION, STICKING_SPEED, parameters
+from vibroplat.model.impact import closing_time, impact, impacts_left, impulse_response, kinetic_change, latch
+from vibroplat.model.parameters import IMPACT_LAWS, RESTITUTION, STICKING_SPEED, parameters
 
 from .helpers import EACH_MACHINE, mass_matrix, random_states, scene_of
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from vibroplat.physics.parameters import parameters
-from vibroplat.physics.systems import GAP, SYSTEMS
+from vibroplat.model.parameters import parameters
+from vibroplat.model.systems import GAP, SYSTEMS
 
 from .helpers import EACH_MACHINE, EACH_SYSTEM, central_difference, random_states, scene_of, settled
 

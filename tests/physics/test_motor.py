@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from vibroplat.physics.motor import kloss_slope, kloss_torque, resistance, resistance_slope
+from vibroplat.model.motor import kloss_slope, kloss_torque, resistance, resistance_slope
 
 from .helpers import central_difference
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from vibroplat.physics.linear import condense, condense_explicit, invert, solve_condensed
-from vibroplat.physics.parameters import parameters
-from vibroplat.physics.systems import SYSTEMS
+from vibroplat.kernels.linear import condense, condense_explicit, invert, solve_condensed
+from vibroplat.model.parameters import parameters
+from vibroplat.model.systems import SYSTEMS
 from vibroplat.scene import Mode
 
 from .helpers import EACH_MACHINE, EACH_SYSTEM, random_states, scene_of, settled

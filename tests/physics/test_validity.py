@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from vibroplat import Machine
-from vibroplat.physics.parameters import parameters
-from vibroplat.physics.residuals import finite
-from vibroplat.physics.systems import BARE, SYSTEMS
+from vibroplat.model.parameters import parameters
+from vibroplat.model.residuals import finite
+from vibroplat.model.systems import BARE, SYSTEMS
 
 from .helpers import mass_matrix, scene_of, settled
 

@@ -315,7 +315,7 @@ def meddle(name, monkeypatch, change):
             change()
 
     if name == "run":
-        from vibroplat.solver import run
+        from vibroplat.flow import run
 
         simulate = run.simulate
 

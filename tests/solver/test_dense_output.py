@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from vibroplat import simulate
-from vibroplat.solver.interpolation import hermite, hermite_slope, interpolate, sample
+from vibroplat.integrate.interpolation import hermite, hermite_slope, interpolate, sample
 
 
 def wave(t):

@@ -16,13 +16,13 @@ from oracle import REFERENCE
 
 from vibroplat import load_config, simulate
 from vibroplat.bench.reference import compared_events, coordinate_errors, event_errors
-from vibroplat.physics.parameters import GRAVITY, parameters
+from vibroplat.hybrid import loop as hy
+from vibroplat.hybrid.automaton import automaton
+from vibroplat.integrate import choice as engines
+from vibroplat.integrate.native import NativeEngine, self_check
+from vibroplat.integrate.sundials import Library, UnavailableError, library
+from vibroplat.model.parameters import GRAVITY, parameters
 from vibroplat.scene import Mode
-from vibroplat.solver import engines
-from vibroplat.solver import hybrid as hy
-from vibroplat.solver.automaton import automaton
-from vibroplat.solver.native import NativeEngine, self_check
-from vibroplat.solver.sundials import Library, UnavailableError, library
 
 CASES = ("attached-mu01-fe46", "bare-printed-fe60", "inelastic-mu02-fe51.5")
 COUNTERS = ("steps", "residual_calls", "jacobian_calls", "error_test_failures", "newton_failures", "restarts")
@@ -131,7 +131,7 @@ def test_pieces_of_the_tape_do_not_show(quickstart, monkeypatch, rows):
     """A tape of a few rows cuts a run into many pieces; nothing but round-off of interpolation tells."""
     scene = with_engine(quickstart.replace({"contact.restitution": 0.5, "run.duration_s": 0.5}), "native")
     whole = simulate(scene)
-    monkeypatch.setattr("vibroplat.solver.native.TAPE_ROWS", rows)
+    monkeypatch.setattr("vibroplat.integrate.native.TAPE_ROWS", rows)
     cut = simulate(scene)
     assert len(cut.segments) > 2 * len(whole.segments)
     pd.testing.assert_frame_equal(cut.events, whole.events, check_exact=True)
@@ -263,8 +263,8 @@ def test_residual_that_is_not_finite_ends_the_run(quickstart, smooth):
 
 
 def test_integrator_that_gets_stuck_is_stopped(quickstart, monkeypatch):
-    monkeypatch.setattr("vibroplat.solver.native.MAX_STEPS", 10)
-    monkeypatch.setattr("vibroplat.solver.native.STEPS_PER_EVENT", 0)
+    monkeypatch.setattr("vibroplat.integrate.native.MAX_STEPS", 10)
+    monkeypatch.setattr("vibroplat.integrate.native.STEPS_PER_EVENT", 0)
     run = simulate(with_engine(quickstart, "native"))
     assert run.outcome == "solver-failure"
     assert run.summary["detail"].startswith("SUNDIALS: more than 10 steps within a period; mode attached, t = ")
@@ -283,34 +283,34 @@ def fresh_choice():
 
 BREAKAGES = {
     "symbol": (
-        "vibroplat.solver.sundials._IDA",
+        "vibroplat.integrate.sundials._IDA",
         {"IDANoSuchFunction": "ip"},
         "SUNDIALS function IDANoSuchFunction is missing",
     ),
     "symbol of the other solver": (
-        "vibroplat.solver.sundials._CVODE",
+        "vibroplat.integrate.sundials._CVODE",
         {"CVodeNoSuchFunction": "ip"},
         "SUNDIALS function CVodeNoSuchFunction is missing",
     ),
     "configuration": (
-        "vibroplat.solver.sundials.package",
+        "vibroplat.integrate.sundials.package",
         lambda: Path("nowhere"),
         "scikit-sundae does not tell its configuration",
     ),
-    "extension module": ("vibroplat.solver.sundials.EXTENSION_SUFFIXES", [], "scikit-sundae has no _cy_ida"),
-    "version": ("vibroplat.solver.sundials._MAJOR", "6.", "is not known; known: 6.x"),
+    "extension module": ("vibroplat.integrate.sundials.EXTENSION_SUFFIXES", [], "scikit-sundae has no _cy_ida"),
+    "version": ("vibroplat.integrate.sundials._MAJOR", "6.", "is not known; known: 6.x"),
     "types": (
-        "vibroplat.solver.sundials._TYPES",
+        "vibroplat.integrate.sundials._TYPES",
         {"SUNDIALS_INT_TYPE": "long"},
         "its number types are int; known: double, int",
     ),
     "linear solver": (
-        "vibroplat.solver.native._SOLVER_WORDS",
+        "vibroplat.integrate.native._SOLVER_WORDS",
         2,
         "SUNLinSolSetup_Dense is not found among the operations of its dense linear solver",
     ),
     "module": (
-        "vibroplat.solver.sundials._TYPES",
+        "vibroplat.integrate.sundials._TYPES",
         {"NO_SUCH_NAME": ""},
         "its number types are None; known: double, int",
     ),
@@ -342,7 +342,7 @@ class Spoiled(Library):
 
 
 def test_threads_share_one_notice(quickstart, monkeypatch, caplog, fresh_choice):
-    monkeypatch.setattr("vibroplat.solver.sundials._MAJOR", "6.")
+    monkeypatch.setattr("vibroplat.integrate.sundials._MAJOR", "6.")
     scene = quickstart.replace({"run.duration_s": 0.01})
     with caplog.at_level(logging.WARNING, logger="vibroplat"), ThreadPoolExecutor(4) as pool:
         list(pool.map(simulate, [scene] * 4))

@@ -13,7 +13,7 @@ import pytest
 
 from vibroplat import simulate
 from vibroplat.bench.known import ball_on_table
-from vibroplat.physics.systems import systems
+from vibroplat.model.systems import systems
 from vibroplat.scene import Mode
 
 
@@ -141,7 +141,7 @@ def test_state_without_finite_accelerations_is_named(quickstart, monkeypatch):
     signature = ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_int64, *[ctypes.c_void_p] * 4)
     broken = signature(lambda *_: math.nan)
     address = ctypes.cast(broken, ctypes.c_void_p).value
-    monkeypatch.setattr("vibroplat.solver.automaton.consistent_callback", SimpleNamespace(address=address))
+    monkeypatch.setattr("vibroplat.hybrid.automaton.consistent_callback", SimpleNamespace(address=address))
     run = simulate(quickstart)
     assert run.outcome == "non-finite"
     assert run.trajectory.empty

@@ -12,13 +12,13 @@ from hypothesis import strategies as st
 from vibroplat import simulate
 from vibroplat.bench.known import ball_on_table
 from vibroplat.bench.scenes import base
-from vibroplat.physics.impact import impulse_response
-from vibroplat.physics.parameters import IMPACT_LAWS, STICKING_SPEED, parameters
+from vibroplat.hybrid import transitions as rules
+from vibroplat.integrate.interpolation import dip_below_zero
+from vibroplat.integrate.tape import blank_tape, calm, transcribe, write
+from vibroplat.model.impact import impulse_response
+from vibroplat.model.parameters import IMPACT_LAWS, STICKING_SPEED, parameters
+from vibroplat.observe.statistics import extremes
 from vibroplat.scene import COORDINATES, RATES
-from vibroplat.solver import transitions as rules
-from vibroplat.solver.interpolation import dip_below_zero
-from vibroplat.solver.measures import extremes
-from vibroplat.solver.tape import blank_tape, calm, transcribe, write
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from vibroplat import simulate
 from vibroplat.bench.stability.campaign import STORM, TURNS, Draw, drawn
 from vibroplat.bench.stability.checks import NAMED, row, sound
-from vibroplat.solver.native import MAX_STEPS
+from vibroplat.integrate.native import MAX_STEPS
 
 
 class Numbers:

@@ -12,7 +12,7 @@ from vibroplat.bench.scenes import base
 from vibroplat.bench.stability.campaign import TURNS, random_scene
 from vibroplat.bench.stability.checks import overview, row, sound
 from vibroplat.bench.stability.situations import SITUATIONS
-from vibroplat.solver.native import MAX_STEPS
+from vibroplat.integrate.native import MAX_STEPS
 
 
 @pytest.mark.parametrize("name", SITUATIONS)

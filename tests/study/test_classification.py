@@ -8,11 +8,11 @@ from contextlib import closing
 import numpy as np
 import pytest
 
-from vibroplat.physics.parameters import parameters
-from vibroplat.solver import measures as m
-from vibroplat.solver.engines import make_engine
-from vibroplat.solver.motion import Motion
-from vibroplat.solver.summary import half_open, statistics
+from vibroplat.flow.motion import Motion
+from vibroplat.integrate.choice import make_engine
+from vibroplat.model.parameters import parameters
+from vibroplat.observe import statistics as m
+from vibroplat.observe.summary import half_open, statistics
 from vibroplat.study.branches import branches
 from vibroplat.study.classification import Kind, classify
 from vibroplat.study.lyapunov import Exponent

@@ -13,7 +13,7 @@ import pytest
 
 from vibroplat import load_config
 from vibroplat.bench.known import GRAVITY, OMEGA, TURN, ball_on_table
-from vibroplat.solver.initial import initial_state
+from vibroplat.hybrid.initial import initial_state
 from vibroplat.study.lyapunov import (
     BLOCKS,
     DISTANCE,

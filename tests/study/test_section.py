@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from vibroplat import Scene
-from vibroplat.solver import measures as m
-from vibroplat.solver.measures import no_measures
-from vibroplat.solver.scales import state_scales
+from vibroplat.hybrid.scales import state_scales
+from vibroplat.observe import statistics as m
+from vibroplat.observe.statistics import no_measures
 from vibroplat.study.section import MAX_PERIOD, period, section_points, spread, spreads
 
 GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)

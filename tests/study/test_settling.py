@@ -9,9 +9,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from vibroplat.physics.parameters import parameters
-from vibroplat.solver.engines import make_engine
-from vibroplat.solver.motion import Motion
+from vibroplat.flow.motion import Motion
+from vibroplat.integrate.choice import make_engine
+from vibroplat.model.parameters import parameters
 from vibroplat.study.point import BLOCKS, ERRORS
 from vibroplat.study.settling import BLOCK, TURNS, settle
 

@@ -11,9 +11,9 @@ import pytest
 
 from vibroplat import load_config, simulate, sweep
 from vibroplat.errors import ConfigError
+from vibroplat.hybrid.initial import initial_state
+from vibroplat.hybrid.scales import state_scales
 from vibroplat.scene import Scene
-from vibroplat.solver.initial import initial_state
-from vibroplat.solver.scales import state_scales
 from vibroplat.study.branches import branches
 from vibroplat.study.execution import Inline
 from vibroplat.study.point import Point, measure_point, perturbed, synchronization

@@ -19,13 +19,13 @@ import pandas as pd
 from vibroplat.bench.reference import Reference
 from vibroplat.bench.scenes import base, kinds, regimes
 from vibroplat.bench.timing import TOLERANCES, with_variant
-from vibroplat.physics.parameters import parameters
-from vibroplat.physics.systems import GAP, systems
+from vibroplat.flow.motion import Motion
+from vibroplat.flow.run import simulate
+from vibroplat.hybrid.scales import absolute_tolerances
+from vibroplat.integrate.choice import make_engine
+from vibroplat.model.parameters import parameters
+from vibroplat.model.systems import GAP, systems
 from vibroplat.scene import Mode, Scene
-from vibroplat.solver.engines import make_engine
-from vibroplat.solver.motion import Motion
-from vibroplat.solver.run import simulate
-from vibroplat.solver.scales import absolute_tolerances
 
 #: Turns between artificial restarts; no simple fractions, so that all phases of a turn are met.
 _TURNS = (1.0, 1.51, 2.37)

@@ -14,8 +14,8 @@ import pandas as pd
 
 from vibroplat.config import load_config
 from vibroplat.errors import TableError
+from vibroplat.observe.trajectory import Trajectory
 from vibroplat.scene import COORDINATES, Scene
-from vibroplat.solver.trajectory import Trajectory
 
 #: Impacts slower than this are closed at thresholds of the integrations' own and not compared (m/s).
 SLOWEST = 1e-3

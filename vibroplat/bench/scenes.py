@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from vibroplat.physics.systems import systems
+from vibroplat.model.systems import systems
 from vibroplat.scene import Material, Scene
 
 #: Supply frequencies (Hz) at which the machine below has the excitation frequencies of the paper's time histories.

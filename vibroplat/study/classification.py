@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibroplat.physics.parameters import FloatArray
+from vibroplat.model.parameters import FloatArray
 from vibroplat.plan import Sweep
 from vibroplat.scene import Scene
 from vibroplat.study.lyapunov import Exponent, largest_exponent

@@ -11,7 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from vibroplat.physics.parameters import FloatArray
+from vibroplat.model.parameters import FloatArray
 from vibroplat.study.branches import SUPPLY
 from vibroplat.study.evidence import REGIMES, Curve, Evidence, F, Key, Row
 from vibroplat.study.finding import EDGE, Claim, Finding, Judge, interval, joined, name_of, restitutions

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from vibroplat.physics.parameters import FloatArray
+from vibroplat.model.parameters import FloatArray
 from vibroplat.plan import Sweep
 from vibroplat.scene import Scene
 from vibroplat.study.branches import EXCITATION, SUPPLY, Branch, branches, sweep_plan

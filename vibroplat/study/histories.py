@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from vibroplat.flow.run import simulate
+from vibroplat.hybrid.initial import static_rest
 from vibroplat.scene import Scene
-from vibroplat.solver.initial import static_rest
-from vibroplat.solver.run import simulate
 from vibroplat.study.execution import Pool
 from vibroplat.study.store import Store
 from vibroplat.study.tasks import Record, Task, run_tasks

@@ -8,13 +8,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibroplat.physics.parameters import FloatArray, parameters
-from vibroplat.physics.systems import GAP, GAP_RATE
+from vibroplat.flow.motion import Motion
+from vibroplat.hybrid.scales import state_scales
+from vibroplat.integrate.choice import make_engine
+from vibroplat.model.parameters import FloatArray, parameters
+from vibroplat.model.systems import GAP, GAP_RATE
+from vibroplat.observe import statistics as m
 from vibroplat.scene import Scene
-from vibroplat.solver import measures as m
-from vibroplat.solver.engines import make_engine
-from vibroplat.solver.motion import Motion
-from vibroplat.solver.scales import state_scales
 
 #: Distance of both trajectories after each comparison, in the scales of the scene.
 DISTANCE = 1e-5

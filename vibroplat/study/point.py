@@ -10,18 +10,18 @@ from typing import Any
 
 import numpy as np
 
-from vibroplat.physics.parameters import FloatArray, parameters
+from vibroplat.flow.motion import Motion
+from vibroplat.hybrid import loop as hy
+from vibroplat.hybrid.initial import initial_state
+from vibroplat.hybrid.scales import state_scales
+from vibroplat.integrate.choice import make_engine
+from vibroplat.integrate.tape import Tape
+from vibroplat.model.parameters import FloatArray, parameters
+from vibroplat.observe import statistics as m
+from vibroplat.observe.statistics import Measures, section_rows
+from vibroplat.observe.summary import Part, block_errors, half_open, measured
 from vibroplat.plan import Sweep
 from vibroplat.scene import Scene
-from vibroplat.solver import hybrid as hy
-from vibroplat.solver import measures as m
-from vibroplat.solver.engines import make_engine
-from vibroplat.solver.initial import initial_state
-from vibroplat.solver.measures import Measures, section_rows
-from vibroplat.solver.motion import Motion
-from vibroplat.solver.scales import state_scales
-from vibroplat.solver.summary import Part, block_errors, half_open, measured
-from vibroplat.solver.tape import Tape
 from vibroplat.study.classification import Kind, classify
 from vibroplat.study.section import period, section_points
 from vibroplat.study.settling import Settling, settle

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pandas as pd
 
+from vibroplat.integrate.choice import engine_name
 from vibroplat.provenance import provenance
 from vibroplat.scene import Scene
-from vibroplat.solver.engines import engine_name
 from vibroplat.study.branches import sweep_plan
 from vibroplat.study.store import Store
 from vibroplat.study.sweep import impact_tables, section_tables, tables

@@ -6,11 +6,11 @@ import math
 
 import numpy as np
 
-from vibroplat.physics.parameters import FloatArray
+from vibroplat.hybrid.scales import state_scales
+from vibroplat.model.parameters import FloatArray
+from vibroplat.observe import statistics as m
+from vibroplat.observe.statistics import Measures, section_rows
 from vibroplat.scene import Scene
-from vibroplat.solver import measures as m
-from vibroplat.solver.measures import Measures, section_rows
-from vibroplat.solver.scales import state_scales
 
 #: Longest period that is looked for while a motion settles, and at its end, in turns of exciter 1.
 MAX_PERIOD, LONGEST_PERIOD = 16, 64

@@ -14,12 +14,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibroplat.physics.parameters import FloatArray
+from vibroplat.flow.motion import Motion
+from vibroplat.model.parameters import FloatArray
+from vibroplat.observe import statistics as m
+from vibroplat.observe.statistics import section_rows
 from vibroplat.plan import Sweep
 from vibroplat.scene import Scene
-from vibroplat.solver import measures as m
-from vibroplat.solver.measures import section_rows
-from vibroplat.solver.motion import Motion
 from vibroplat.study.section import section_points, spreads
 
 #: Turns of exciter 1 that are compared with as many before, and those between two looks.

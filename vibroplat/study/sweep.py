@@ -8,9 +8,9 @@ from typing import Any
 import pandas as pd
 
 import vibroplat
+from vibroplat.integrate.choice import engine_name
 from vibroplat.plan import Sweep
 from vibroplat.scene import Scene
-from vibroplat.solver.engines import engine_name
 from vibroplat.study.branches import EXCITATION, SUPPLY, Branch, branches, sweep_plan
 from vibroplat.study.execution import Pool, WorkerLostError, pool, run_chains
 from vibroplat.study.point import ERRORS, MEASURED, Point, measure_point

@@ -16,10 +16,10 @@ from pathsim.solvers import RKCK54, RKDP87
 
 from vibroplat.bench.peers.equations import flow, guard
 from vibroplat.bench.peers.hybrid import Leg
-from vibroplat.physics.parameters import FloatArray, parameters
-from vibroplat.physics.systems import GAP, System, systems
+from vibroplat.hybrid.scales import ROUND_OFF, state_scales
+from vibroplat.model.parameters import FloatArray, parameters
+from vibroplat.model.systems import GAP, System, systems
 from vibroplat.scene import Mode, Scene
-from vibroplat.solver.scales import ROUND_OFF, state_scales
 
 #: Longest step in a mode that may end, in turns: a longer one could pass over a short flight.
 LONGEST = 0.1

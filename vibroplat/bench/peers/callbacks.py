@@ -14,10 +14,10 @@ import numpy as np
 from sksundae.ida import IDA
 
 from vibroplat.bench.peers.hybrid import FLIGHT_STEP, Leg
-from vibroplat.physics.parameters import FloatArray, parameters
-from vibroplat.physics.systems import System, consistent, systems
+from vibroplat.hybrid.scales import FORCE_SHARE, ROUND_OFF, state_scales
+from vibroplat.model.parameters import FloatArray, parameters
+from vibroplat.model.systems import System, consistent, systems
 from vibroplat.scene import Mode, Scene
-from vibroplat.solver.scales import FORCE_SHARE, ROUND_OFF, state_scales
 
 #: Most steps between two outputs; scikit-sundae's own 500 ends runs without an exception.
 MOST_STEPS = 1_000_000

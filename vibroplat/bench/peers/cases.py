@@ -17,7 +17,7 @@ from vibroplat.bench.peers.hybrid import Followed, follow
 from vibroplat.bench.reference import SLOWEST, compared_events, load_reference
 from vibroplat.bench.scenes import base
 from vibroplat.errors import TableError
-from vibroplat.physics.parameters import FloatArray
+from vibroplat.model.parameters import FloatArray
 from vibroplat.scene import Scene
 
 #: Errors at which run times are compared: of coordinates over their scales, of event times (s), of F_c over its

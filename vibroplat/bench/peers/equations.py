@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from vibroplat.physics.compiled import compiled
-from vibroplat.physics.linear import factorize, substitute
-from vibroplat.physics.parameters import (
+from vibroplat.kernels.compiled import compiled
+from vibroplat.kernels.linear import factorize, substitute
+from vibroplat.model.parameters import (
     GRAVITY,
     LAYER_DAMPING,
     LAYER_STIFFNESS,
@@ -18,8 +18,8 @@ from vibroplat.physics.parameters import (
     UPPER_MASS,
     FloatArray,
 )
-from vibroplat.physics.platform import add_mass_matrix, platform_residual
-from vibroplat.physics.systems import ATTACHED_ONE, ATTACHED_TWO, GAP, explicit
+from vibroplat.model.platform import add_mass_matrix, platform_residual
+from vibroplat.model.systems import ATTACHED_ONE, ATTACHED_TWO, GAP, explicit
 
 
 @compiled

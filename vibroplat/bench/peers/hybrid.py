@@ -14,11 +14,11 @@ from typing import Protocol
 import numpy as np
 import pandas as pd
 
-from vibroplat.physics.impact import impact
-from vibroplat.physics.parameters import RESTITUTION, STICKING_SPEED, FloatArray, parameters
-from vibroplat.physics.systems import FULL_SIZE, GAP, GAP_RATE, System, consistent, systems
+from vibroplat.hybrid.initial import initial_state
+from vibroplat.model.impact import impact
+from vibroplat.model.parameters import RESTITUTION, STICKING_SPEED, FloatArray, parameters
+from vibroplat.model.systems import FULL_SIZE, GAP, GAP_RATE, System, consistent, systems
 from vibroplat.scene import Mode, Scene
-from vibroplat.solver.initial import initial_state
 
 #: Impacts with slower rebounds are taken as inelastic (m/s).
 SLOWEST_REBOUND = 1e-7

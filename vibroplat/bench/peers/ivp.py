@@ -10,10 +10,10 @@ from scipy.integrate import solve_ivp
 
 from vibroplat.bench.peers.equations import flow, guard, jacobian
 from vibroplat.bench.peers.hybrid import FLIGHT_STEP, Leg
-from vibroplat.physics.parameters import FloatArray, parameters
-from vibroplat.physics.systems import systems
+from vibroplat.hybrid.scales import state_scales
+from vibroplat.model.parameters import FloatArray, parameters
+from vibroplat.model.systems import systems
 from vibroplat.scene import Mode, Scene
-from vibroplat.solver.scales import state_scales
 
 
 class SolveIvp:

@@ -13,12 +13,12 @@ import numpy as np
 
 from vibroplat.bench.peers import siconos
 from vibroplat.bench.peers.hybrid import Followed, Integrator, follow
-from vibroplat.physics.parameters import FloatArray, parameters
-from vibroplat.physics.systems import FULL_SIZE
+from vibroplat.flow.motion import Motion
+from vibroplat.flow.run import SETTLE_SHARE, simulate
+from vibroplat.integrate.choice import make_engine
+from vibroplat.model.parameters import FloatArray, parameters
+from vibroplat.model.systems import FULL_SIZE
 from vibroplat.scene import COORDINATES, RATES, Scene
-from vibroplat.solver.engines import make_engine
-from vibroplat.solver.motion import Motion
-from vibroplat.solver.run import SETTLE_SHARE, simulate
 
 #: Runs a scene; states at the times given, or none in timed runs.
 Runner = Callable[[FloatArray | None], Followed]

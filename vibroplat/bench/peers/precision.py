@@ -15,10 +15,10 @@ from vibroplat.bench.peers.cases import LEVELS, Case, agreement, truth
 from vibroplat.bench.peers.hybrid import Followed
 from vibroplat.bench.peers.peers import Peer, Runner
 from vibroplat.bench.reference import event_errors
-from vibroplat.physics.parameters import FloatArray, parameters
-from vibroplat.physics.systems import consistent, systems
+from vibroplat.hybrid.scales import state_scales
+from vibroplat.model.parameters import FloatArray, parameters
+from vibroplat.model.systems import consistent, systems
 from vibroplat.scene import Mode, Scene
-from vibroplat.solver.scales import state_scales
 
 Key = TypeVar("Key")
 

@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 
 from vibroplat.bench.peers.hybrid import Followed
-from vibroplat.physics import parameters as q
-from vibroplat.physics.parameters import FloatArray, parameters
-from vibroplat.physics.systems import FULL_SIZE, GAP
+from vibroplat.hybrid.initial import initial_state
+from vibroplat.model import parameters as q
+from vibroplat.model.parameters import FloatArray, parameters
+from vibroplat.model.systems import FULL_SIZE, GAP
 from vibroplat.scene import Mode, Scene
-from vibroplat.solver.initial import initial_state
 
 #: The interpreter of Debian's packages, isolated: neither this directory nor PYTHONPATH is its business.
 INTERPRETER = ("/usr/bin/python3", "-I")

@@ -12,9 +12,9 @@ import heyoka as hk
 import numpy as np
 
 from vibroplat.bench.peers.hybrid import Leg
-from vibroplat.physics import parameters as q
-from vibroplat.physics.parameters import FloatArray, parameters
-from vibroplat.physics.systems import GAP, System, systems
+from vibroplat.model import parameters as q
+from vibroplat.model.parameters import FloatArray, parameters
+from vibroplat.model.systems import GAP, System, systems
 from vibroplat.scene import Mode, Scene
 
 #: Outcome of an integration that its only terminal event has ended.
@@ -73,7 +73,7 @@ def _integrator(system: System, p: FloatArray, tolerance: float) -> Any:
 def _equations(system: System, p: FloatArray) -> tuple[list[Any], Any]:
     """Return (unknown, derivative) of a system, and F_c where it is attached.
 
-    Platform and exciters are eliminated as in :func:`vibroplat.physics.platform.solve_mass_matrix`.
+    Platform and exciters are eliminated as in :func:`vibroplat.model.platform.solve_mass_matrix`.
     """
     n = system.differential // 2
     names = [*_NAMES, *["w1", "w2"][: n - 5]] if system.mode is Mode.FLIGHT else [*_NAMES, "w2"][:n]

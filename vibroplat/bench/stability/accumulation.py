@@ -10,8 +10,8 @@ import numpy as np
 from vibroplat.bench.known import GRAVITY, OMEGA, TURN, closing_of_dropped_ball, dropped_ball
 from vibroplat.bench.scenes import base
 from vibroplat.bench.stability.checks import NAMED, Limit, row, sound
+from vibroplat.flow.run import simulate
 from vibroplat.scene import Scene
-from vibroplat.solver.run import simulate
 
 TOLERANCE = 1e-10
 #: Relative error of the time of a latch.

@@ -8,11 +8,11 @@ from typing import Any, Protocol
 import numpy as np
 
 from vibroplat.bench.stability.checks import Limit, row, sound
+from vibroplat.flow.run import simulate
+from vibroplat.hybrid.scales import state_scales
+from vibroplat.integrate.native import MAX_STEPS
 from vibroplat.overrides import nest
 from vibroplat.scene import COORDINATES, RATES, Scene
-from vibroplat.solver.native import MAX_STEPS
-from vibroplat.solver.run import simulate
-from vibroplat.solver.scales import state_scales
 
 #: How long each scene runs, in turns of the larger synchronous speed.
 TURNS = 20.0

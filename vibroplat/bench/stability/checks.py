@@ -10,13 +10,13 @@ from typing import Any, TypeVar
 import numpy as np
 import pandas as pd
 
-from vibroplat.physics.parameters import parameters
-from vibroplat.physics.systems import GAP
+from vibroplat.flow.motion import OUTCOMES, Motion
+from vibroplat.hybrid.scales import RATE_SHARE, state_scales
+from vibroplat.integrate.choice import make_engine
+from vibroplat.model.parameters import parameters
+from vibroplat.model.systems import GAP
+from vibroplat.observe.summary import measured
 from vibroplat.scene import Scene
-from vibroplat.solver.engines import make_engine
-from vibroplat.solver.motion import OUTCOMES, Motion
-from vibroplat.solver.scales import RATE_SHARE, state_scales
-from vibroplat.solver.summary import measured
 
 T = TypeVar("T")
 

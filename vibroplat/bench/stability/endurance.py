@@ -12,13 +12,13 @@ import numpy as np
 from vibroplat.bench.known import TURN
 from vibroplat.bench.scenes import kinds
 from vibroplat.bench.stability.checks import ENERGY, Limit, row
-from vibroplat.physics.parameters import parameters
+from vibroplat.flow.motion import Motion
+from vibroplat.hybrid import loop as hy
+from vibroplat.integrate.choice import make_engine
+from vibroplat.integrate.tape import Tape
+from vibroplat.model.parameters import parameters
+from vibroplat.observe.summary import measured
 from vibroplat.scene import Scene
-from vibroplat.solver import hybrid as hy
-from vibroplat.solver.engines import make_engine
-from vibroplat.solver.motion import Motion
-from vibroplat.solver.summary import measured
-from vibroplat.solver.tape import Tape
 
 #: The scenes: one without events, one with an impact in each turn, one with impacts that close.
 SCENES = ("bare, f_e 50", "attached, f_e 46", "impacts, f_e 50")

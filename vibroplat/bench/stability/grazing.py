@@ -12,10 +12,10 @@ from scipy.optimize import brentq
 from vibroplat.bench.known import GRAVITY, OMEGA, ball_on_table
 from vibroplat.bench.scenes import base
 from vibroplat.bench.stability.checks import Limit, row, sound
-from vibroplat.physics.systems import GAP, GAP_RATE
+from vibroplat.flow.run import simulate
+from vibroplat.model.systems import GAP, GAP_RATE
+from vibroplat.observe.trajectory import Trajectory
 from vibroplat.scene import Scene
-from vibroplat.solver.run import simulate
-from vibroplat.solver.trajectory import Trajectory
 
 TOLERANCE = 1e-11
 #: Least gap, over the amplitude of the platform, on either side of 0 that integration does not resolve.

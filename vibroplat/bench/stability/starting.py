@@ -8,8 +8,8 @@ from typing import Any
 
 from vibroplat.bench.scenes import base
 from vibroplat.bench.stability.checks import Limit, row, sound
-from vibroplat.solver.run import simulate
-from vibroplat.solver.trajectory import Trajectory
+from vibroplat.flow.run import simulate
+from vibroplat.observe.trajectory import Trajectory
 
 #: Motors strong enough to pass all three resonances.
 STRONG = {"critical_torque_n_m": 3.0}

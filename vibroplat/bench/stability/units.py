@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 
 from vibroplat.bench.scenes import kinds
 from vibroplat.bench.stability.checks import Limit, off, row, sound, spread_over
+from vibroplat.flow.run import simulate
 from vibroplat.scene import Scene
-from vibroplat.solver.run import simulate
 
 
 class Units(NamedTuple):

@@ -18,7 +18,7 @@ from scipy.optimize import differential_evolution
 from scipy.stats import qmc
 
 import vibroplat
-from vibroplat.physics.parameters import FloatArray
+from vibroplat.model.parameters import FloatArray
 from vibroplat.study.calibration.plan import Plan
 from vibroplat.study.execution import Pool, WorkerLostError, run_chains
 from vibroplat.study.store import Store

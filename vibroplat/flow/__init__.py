@@ -1,0 +1,1 @@
+"""One motion, advanced in time."""

@@ -1,0 +1,42 @@
+"""The state a run begins with."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vibroplat.model.parameters import FloatArray
+from vibroplat.model.systems import FULL_SIZE
+from vibroplat.scene import COORDINATES, RATES, Scene
+
+
+def static_rest(scene: Scene) -> FloatArray:
+    """Full state of platform and material at rest on the static sag, exciters at angle 0.
+
+    y = −(M + m_w) g / c_y and y_w2 = −m_w2 g / c_w, springs being unstressed at 0.
+    """
+    state = np.zeros(FULL_SIZE)
+    gravity = scene.machine.gravity_m_per_s2
+    lower, upper = scene.layer_masses
+    state[1] = -(scene.platform_mass + lower + upper) * gravity / scene.machine.stiffness_y_n_per_m
+    if scene.layers == 2:
+        state[6] = -gravity / scene.layer_spring[0]
+    return state
+
+
+def initial_state(scene: Scene) -> FloatArray:
+    """Full state, shape (14,), that ``run.initial`` asks for."""
+    initial = scene.run.initial
+    state = static_rest(scene)
+    if initial.state is None:
+        speeds = scene.synchronous_speeds
+        state[3] = initial.phi1_rad
+        state[4] = initial.phase_sum_rad - initial.phi1_rad
+        state[10] = initial.speed_ratio * speeds[0]
+        state[11] = -initial.speed_ratio * speeds[1]
+        return state
+    for places, names in ((range(7), COORDINATES), (range(7, FULL_SIZE), RATES)):
+        for place, name in zip(places, names, strict=True):
+            value = getattr(initial.state, name)
+            if value is not None:
+                state[place] = value
+    return state

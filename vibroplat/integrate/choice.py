@@ -1,0 +1,64 @@
+"""Which engine runs a scene."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from contextlib import closing
+from functools import cache
+from pathlib import Path
+
+from vibroplat.flow.motion import Motion
+from vibroplat.integrate.native import NativeEngine, drive, self_check
+from vibroplat.integrate.seam import Engine
+from vibroplat.integrate.sundials import Library, UnavailableError, library
+from vibroplat.model.parameters import FloatArray, parameters
+from vibroplat.scene import Scene
+
+_FINDING = threading.Lock()
+_LOG = logging.getLogger("vibroplat")
+
+
+def make_engine(scene: Scene, p: FloatArray) -> Engine:
+    """Make the engine that ``solver.engine`` asks for, or ``sundae`` where ``native`` cannot be had."""
+    found = None
+    if scene.solver.engine != "sundae":
+        with _FINDING:
+            found = native_library()
+    if found is not None:
+        return NativeEngine(scene, p, found)
+    from vibroplat.integrate.sundae import SundaeEngine  # noqa: PLC0415  (not needed elsewhere)
+
+    return SundaeEngine(scene, p)
+
+
+@cache
+def native_library() -> Library | None:
+    """Open and check the library of engine ``native``, once; None, with a notice, where it is not as expected."""
+    try:
+        found = library()
+        self_check(found)
+    except (UnavailableError, MemoryError) as reason:
+        _LOG.warning("engine native is not available: %s; engine sundae takes over, ten to twenty times slower", reason)
+        return None
+    return found
+
+
+def engine_name(scene: Scene) -> str:
+    """Name the engine that runs a scene."""
+    p = parameters(scene)
+    with closing(make_engine(scene, p)) as engine:
+        return engine.name
+
+
+def load_kernels(engine: str = "auto") -> None:
+    """Compile or load all that a motion needs, by the engine that ``solver.engine`` names."""
+    scene = Scene().replace({"material": {"mass_ratio": 0.1, "layers": 1}, "solver.engine": engine})
+    p = parameters(scene)
+    with closing(make_engine(scene, p)) as made:
+        Motion(scene, p, made).go_on(1e-3)
+
+
+def is_compiled() -> bool:
+    """Whether compiled kernels are kept on disk, so that a run need not wait for them."""
+    return any(Path(drive.stats.cache_path).glob("native.drive-*.nbi"))  # type: ignore[attr-defined]

@@ -1,0 +1,298 @@
+"""Engine ``sundae``: SUNDIALS through scikit-sundae. The one module that imports its IDA and CVODE."""
+
+from __future__ import annotations
+
+import io
+import math
+import os
+import threading
+from collections.abc import Callable
+from contextlib import redirect_stdout, suppress
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+# A guard that is zero throughout (no weight, no motion) makes SUNDIALS warn on the C standard error.
+os.environ.setdefault("SUNLOGGER_WARNING_FILENAME", os.devnull)
+
+from sksundae.cvode import CVODE
+from sksundae.ida import IDA
+
+from vibroplat.hybrid.loop import (
+    AT_GUARD,
+    AT_TIME,
+    FAILED,
+    FIRST_STEP,
+    MODE,
+    NOT_FINITE,
+    ORIGIN,
+    PERIOD,
+    UNTIL,
+    Hybrid,
+    begin,
+    conclude,
+)
+from vibroplat.hybrid.scales import ROUND_OFF
+from vibroplat.integrate.seam import WORK
+from vibroplat.integrate.tape import MARGIN, Tape, blank_tape, transcribe
+from vibroplat.model.parameters import FloatArray
+from vibroplat.model.systems import SYSTEMS, System, explicit
+from vibroplat.scene import Scene
+
+_ROOT = 2
+
+#: What scikit-sundae counts.
+COUNTED = WORK[:3]
+
+#: Residual calls within a period after which the integrator is taken to be stuck; usual are some 10³.
+MAX_CALLS = 300_000
+
+#: Share of the way to a failure that is gone again, to have what was before it.
+ALMOST = 0.999
+
+_SOLVING = threading.Lock()
+
+
+class _NonFiniteError(ArithmeticError):
+    """A residual that is not finite, raised through the callback."""
+
+    stop, detail = NOT_FINITE, "the residual is not finite"
+
+
+class _StuckError(RuntimeError):
+    """More residual calls than any segment or period needs, raised through the callback."""
+
+    stop, detail = FAILED, f"SUNDIALS: more than {MAX_CALLS} residual calls within a period"
+
+
+@dataclass
+class _Budget:
+    """Residual calls left within a period; apart from the engine, so that callbacks make no reference cycle."""
+
+    period: float = math.inf
+    left: int = MAX_CALLS
+    origin: float = 0.0
+    since: float = 0.0
+    reached: float = 0.0
+
+    def count(self, t: float) -> None:
+        """Count a call at a time of the segment; raises where there are too many."""
+        self.reached = max(self.reached, t)
+        self.left -= 1
+        if self.left < 0:
+            if self.origin + t - self.since < self.period:
+                raise _StuckError
+            self.left, self.since = MAX_CALLS, self.origin + t
+
+
+@dataclass(frozen=True)
+class _Integrator:
+    """One IDA or CVODE object, the event function whose buffers it fills, and a right-hand side."""
+
+    solver: IDA | CVODE
+    guard: Callable[..., None] | None
+    right_hand_side: Callable[..., None] | None = None
+
+    def solve(self, until: float, y: FloatArray, yp: FloatArray) -> Any:
+        """Integrate from 0 until a time, or the guard."""
+        start = (y,) if self.right_hand_side is not None else (y, yp)
+        return self.solver.solve([0.0, until], *start)
+
+    def slopes(self, result: Any) -> FloatArray:
+        """Return the derivatives at the ends of the steps."""
+        if self.right_hand_side is None:
+            slopes: FloatArray = result.yp
+            return slopes
+        slopes = np.empty_like(result.y)
+        for y, yp in zip(result.y, slopes, strict=True):
+            self.right_hand_side(0.0, y, yp)
+        return slopes
+
+    def forget_events(self) -> None:
+        # scikit-sundae 1.2 keeps every event on the function object and never clears it: the next
+        # solve would stop at once, and each event would make it slower.
+        if self.guard is not None:
+            buffers: Any = self.guard
+            for name in ("_i", "_t", "_y", "_yp"):
+                getattr(buffers, name, []).clear()  # CVODE keeps no derivatives
+            buffers._i_cnt[:] = 0
+
+
+class SundaeEngine:
+    """IDA and CVODE through scikit-sundae with compiled residual, Jacobian and right-hand side.
+
+    scikit-sundae fixes tolerances and first step when an IDA object is made, so there is one for each
+    combination of system, tolerances and first step that occurs (the latter two in powers of 4, so
+    there are few), made once and reused by re-initialisation.
+
+    Parameters
+    ----------
+    scene
+        Which of its modes Adams' method integrates.
+    p
+        Parameter vector of the scene.
+    """
+
+    name = "sundae"
+    #: A segment's steps are all held in memory, and its progress is told at its end.
+    turns_per_segment: float = 100
+
+    def __init__(self, scene: Scene, p: FloatArray) -> None:
+        self._counts = dict.fromkeys(COUNTED, 0)
+        self.detail = ""
+        self._p = p
+        self._adams = scene.adams_modes
+        self._budget = _Budget()
+        self._integrators: dict[tuple[int, bytes, float], _Integrator] = {}
+
+    def advance(self, h: Hybrid) -> Tape:
+        """Go on with a run for one segment; see :class:`vibroplat.integrate.seam.Engine`."""
+        if not begin(h):
+            return blank_tape(0)
+        mode = h.flags[MODE]
+        system = SYSTEMS[h.systems[mode]]
+        start, slope = h.y[mode, : system.size].copy(), h.yp[mode, : system.size].copy()
+        integrator = self._integrator(system, h.atol[: system.size].copy(), float(h.clock[FIRST_STEP]))
+        t, y, yp = np.zeros(1), start[np.newaxis], slope[np.newaxis]
+        budget = self._budget
+        budget.period, budget.origin, budget.reached = float(h.clock[PERIOD]), float(h.clock[ORIGIN]), 0.0
+        result = None
+        try:
+            result = self._solve(integrator, float(h.clock[UNTIL]), start, slope)
+        except (_NonFiniteError, _StuckError) as error:
+            stop, self.detail = error.stop, error.detail
+            result = self._until_then(integrator, start, slope)
+        else:
+            stop, self.detail = _stop(result)
+        if result is not None:
+            t, y, yp = result.t, result.y, integrator.slopes(result)
+            self._count(result)
+        whole = np.isfinite(y.sum(axis=1)) & np.isfinite(yp.sum(axis=1))
+        rows = len(t) if whole.all() else int(np.argmin(whole))
+        tape = blank_tape(rows + MARGIN)
+        guard = -1 if system.guard is None else system.guard
+        if transcribe(tape, t[:rows], y[:rows], yp[:rows], guard, stop == AT_GUARD):
+            stop = AT_GUARD
+        conclude(h, tape, stop)
+        return tape
+
+    def _solve(self, integrator: _Integrator, until: float, start: FloatArray, slope: FloatArray) -> Any:
+        """Integrate from a segment's start until a time in it, or the guard."""
+        try:
+            # scikit-sundae prints what the status says as well; standard output is that of all threads, and
+            # callbacks hold the interpreter's lock, so that waiting for each other costs them nothing
+            with _SOLVING, redirect_stdout(io.StringIO()):
+                return integrator.solve(until, start.copy(), slope.copy())
+        finally:
+            integrator.forget_events()
+
+    def _until_then(self, integrator: _Integrator, start: FloatArray, slope: FloatArray) -> Any:
+        """Repeat a segment that has failed until shortly before, for what there was; None if there was nothing."""
+        until, self._budget.left = ALMOST * self._budget.reached, MAX_CALLS
+        if until > 0.0:
+            with suppress(_NonFiniteError, _StuckError):
+                return self._solve(integrator, until, start, slope)
+        return None
+
+    @property
+    def work(self) -> dict[str, int | None]:
+        """How much was done so far; scikit-sundae does not tell of failed steps."""
+        return dict.fromkeys(WORK) | self._counts
+
+    def close(self) -> None:
+        """Free the solver objects."""
+        self._integrators.clear()
+
+    def _count(self, result: Any) -> None:
+        self._counts["steps"] += len(result.t) - 1
+        self._counts["residual_calls"] += result.nfev
+        self._counts["jacobian_calls"] += result.njev
+
+    def _integrator(self, system: System, atol: FloatArray, first_step: float) -> _Integrator:
+        first_step = 4.0 ** round(math.log(first_step, 4.0))
+        key = (system.index, atol.tobytes(), first_step)
+        if key not in self._integrators:
+            make = self._make_adams if system.mode in self._adams else self._make_ida
+            self._integrators[key] = make(system, atol, first_step)
+        return self._integrators[key]
+
+    def _make_ida(self, system: System, atol: FloatArray, first_step: float) -> _Integrator:
+        p, budget = self._p, self._budget
+        residual_kernel, jacobian_kernel = system.residual, system.jacobian
+
+        def residual(t: float, y: FloatArray, yp: FloatArray, res: FloatArray) -> None:
+            if not residual_kernel(y, yp, res, p):
+                raise _NonFiniteError
+            budget.count(t)
+
+        def jacobian(t: float, y: FloatArray, yp: FloatArray, res: FloatArray, cj: float, jac: FloatArray) -> None:
+            jacobian_kernel(y, yp, cj, jac, p)
+
+        options: dict[str, Any] = {
+            "jacfn": jacobian,
+            # the absolute tolerances do the work; this keeps what is asked of a component above round-off
+            "rtol": ROUND_OFF,
+            "atol": atol,
+            "first_step": first_step,
+        }
+        if system.algebraic:
+            options["algebraic_idx"] = [system.differential]
+        guard = None if system.guard is None else _ida_guard(system.guard)
+        if guard is not None:
+            _watch(guard, options)
+        return _Integrator(IDA(residual, **options), guard)
+
+    def _make_adams(self, system: System, atol: FloatArray, first_step: float) -> _Integrator:
+        p, budget, number, room = self._p, self._budget, system.index, np.empty(system.size)
+
+        def right_hand_side(t: float, y: FloatArray, yp: FloatArray) -> None:
+            if not explicit(number, y, yp, room, p):
+                raise _NonFiniteError
+            budget.count(t)
+
+        options: dict[str, Any] = {
+            "method": "Adams",
+            "rtol": ROUND_OFF,
+            "atol": atol,
+            "first_step": first_step,
+            "max_num_steps": MAX_CALLS,
+        }
+        guard = None if system.guard is None else _cvode_guard(system.guard)
+        if guard is not None:
+            _watch(guard, options)
+        return _Integrator(CVODE(right_hand_side, **options), guard, right_hand_side)
+
+
+def _ida_guard(index: int) -> Callable[..., None]:
+    """Make an event function of IDA: an unknown that falls through zero."""
+
+    def guard(t: float, y: FloatArray, yp: FloatArray, events: FloatArray) -> None:
+        events[0] = y[index]
+
+    return guard
+
+
+def _cvode_guard(index: int) -> Callable[..., None]:
+    """Make an event function of CVODE, as :func:`_ida_guard`."""
+
+    def guard(t: float, y: FloatArray, events: FloatArray) -> None:
+        events[0] = y[index]
+
+    return guard
+
+
+def _watch(guard: Callable[..., None], options: dict[str, Any]) -> None:
+    """Let one solver object end at an event function's fall through zero."""
+    guard.terminal = [True]  # type: ignore[attr-defined]
+    guard.direction = [-1]  # type: ignore[attr-defined]
+    options |= {"eventsfn": guard, "num_events": 1}
+
+
+def _stop(result: Any) -> tuple[int, str]:
+    """Read why the integrator stopped."""
+    if result.status < 0:
+        return FAILED, f"SUNDIALS: {result.message}"
+    if not math.isfinite(result.y[-1].sum()):
+        return NOT_FINITE, "the state is not finite"
+    return (AT_GUARD if result.status == _ROOT else AT_TIME), ""

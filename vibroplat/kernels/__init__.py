@@ -1,0 +1,1 @@
+"""Compiled code: how kernels are compiled, calls of C functions, small linear algebra."""

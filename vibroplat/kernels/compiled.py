@@ -1,0 +1,39 @@
+"""How the kernels are compiled: without the interpreter's lock, kept on disk between processes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, ParamSpec, TypeVar, cast
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+from vibroplat.kernels import cache  # noqa: F401  (tells numba where to keep the machine code)
+
+FloatArray = npt.NDArray[np.float64]
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+
+def compiled(function: Callable[P, T]) -> Callable[P, T]:
+    """Compile a kernel; division by zero gives inf or nan, as in C, instead of an exception."""
+    return cast("Callable[P, T]", numba.njit(function, nogil=True, cache=True, error_model="numpy", fastmath=False))
+
+
+def inlined(function: Callable[P, T]) -> Callable[P, T]:
+    """Compile a kernel into its callers instead of on its own, which for one of few callers is quicker."""
+    return cast("Callable[P, T]", numba.njit(function, nogil=True, error_model="numpy", inline="always"))
+
+
+def callback(signature: str) -> Callable[[Callable[P, T]], Any]:
+    """Compile a kernel to a C function of a fixed signature, kept on disk; its ``address`` is callable from C."""
+    return cast("Callable[[Callable[P, T]], Any]", numba.cfunc(signature, cache=True, error_model="numpy"))
+
+
+@compiled
+def copy(source: FloatArray, target: FloatArray) -> None:
+    """Copy numbers; a loop compiles far faster than an assignment of slices, and runs alike."""
+    for i in range(source.size):
+        target[i] = source[i]

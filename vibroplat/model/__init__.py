@@ -1,0 +1,1 @@
+"""The equations: mass matrix, forces, motors, contact, impacts, energies."""

@@ -1,1 +1,0 @@
-"""The equations of motion, compiled; no integrator in here."""

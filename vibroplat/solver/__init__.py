@@ -1,1 +1,0 @@
-"""The hybrid solver: modes joined by transitions, advanced by an engine."""
