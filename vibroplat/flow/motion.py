@@ -1,20 +1,29 @@
-"""A scene in motion, carried on part by part; a run is one part, a point of a sweep several."""
+"""A scene in motion, carried on to a time, to a point of its section, to an event."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Sequence
+from typing import Protocol
 
-from vibroplat.hybrid import loop as hy
+import numpy as np
+
+from vibroplat.hybrid import state as hy
 from vibroplat.hybrid.automaton import automaton
+from vibroplat.hybrid.loop import first_mode
+from vibroplat.hybrid.modes import KINDS
+from vibroplat.hybrid.steps import RESTARTED, no_steps
 from vibroplat.integrate.seam import Engine
-from vibroplat.integrate.tape import Tape
-from vibroplat.model.parameters import SAFE_ROTATION, FloatArray
-from vibroplat.observe.statistics import Measures, copied, no_measures
-from vibroplat.observe.summary import Energies, Part
+from vibroplat.kernels.compiled import FloatArray
+from vibroplat.model.parameters import Parameters
+from vibroplat.observe.audit import Energies
+from vibroplat.observe.statistics import Measures, Statistics, copied
+from vibroplat.observe.summary import Part, counts
 from vibroplat.scene import Mode, Scene
 
 #: Names of outcomes, by the automaton's number.
 OUTCOMES = {
+    hy.RUNNING: "ok",
     hy.OK: "ok",
     hy.SOLVER_FAILURE: "solver-failure",
     hy.NON_FINITE: "non-finite",
@@ -22,6 +31,18 @@ OUTCOMES = {
     hy.EVENT_STORM: "event-storm",
     hy.BEYOND_MODEL: "beyond-model",
 }
+
+_TURN = 2.0 * math.pi
+
+#: Part of a turn that a state on the section may lie before it, by round-off.
+_ON_SECTION = 1e-9
+
+
+class Observer(Protocol):
+    """What reads a motion while it goes on."""
+
+    def read(self, h: hy.Hybrid) -> None:
+        """Read the closed pieces of ``h.steps`` and the first ``run.events`` of ``h.events``, then left behind."""
 
 
 class Motion:
@@ -32,7 +53,7 @@ class Motion:
     scene
         What moves; its duration is not used.
     p
-        Parameter vector of the scene.
+        Parameters of the scene.
     engine
         An engine made for both, driven by this motion alone; whoever made it closes it.
     state
@@ -41,28 +62,23 @@ class Motion:
     Attributes
     ----------
     automaton
-        Where the motion is, in the arrays that the engine changes.
+        Where the motion is, in the records that the engine changes.
     events
         Liftoffs, impacts and latches so far.
     """
 
-    def __init__(self, scene: Scene, p: FloatArray, engine: Engine, state: FloatArray | None = None) -> None:
+    def __init__(self, scene: Scene, p: Parameters, engine: Engine, state: FloatArray | None = None) -> None:
         self.scene = scene
         self.engine = engine
-        self._p = p
         self.events = 0
-        self.automaton = automaton(scene, p, engine.turns_per_segment, state)
-        hy.first_mode(self.automaton)
+        steps = no_steps(engine.rows, engine.degree)
+        self.automaton = automaton(scene, p, steps, engine.turns_per_segment, state)
+        first_mode(self.automaton)
 
     def go_on(
-        self,
-        seconds: float,
-        *,
-        settle: float = 0.0,
-        blocks: int = 1,
-        read: Callable[[Tape, hy.Hybrid], None] | None = None,
+        self, seconds: float, *, settle: float = 0.0, blocks: int = 1, observers: Sequence[Observer] = ()
     ) -> Part:
-        """Carry the motion on.
+        """Carry the motion on for a time, and measure it.
 
         Parameters
         ----------
@@ -72,72 +88,115 @@ class Motion:
             What is not measured of it at its beginning (s).
         blocks
             Equally long parts in which it is carried on; the sums at their ends are kept in the part that is returned.
-        read
-            Called with the tape and the automaton whenever the engine returns, before both lists are emptied.
+        observers
+            What else reads it.
         """
-        begun = self.now
-        h = self.automaton = self.automaton._replace(measures=no_measures(begun + settle))
-        before = Energies.of(h.state, self._p)
+        begun, h = self.now, self.automaton
+        statistics = Statistics(begun + settle)
+        before = Energies.of(h.run["state"], h.p)
         ends: list[Measures] = []
         for block in range(1, blocks + 1):
-            self._reach(begun + seconds * block / blocks, read)
+            self.to_time(begun + seconds * block / blocks, (statistics, *observers))
             if self.outcome != "ok":
                 break
             if blocks > 1:
-                ends.append(copied(h.measures))
-        self.events += int(h.measures.totals[:3].sum())
-        return Part(h.measures, before, Energies.of(h.state, self._p), ends)
+                ends.append(copied(statistics.measures))
+        self.events += counts(statistics.measures)["events"]
+        return Part(statistics.measures, before, Energies.of(h.run["state"], h.p), ends)
 
-    def _reach(self, end: float, read: Callable[[Tape, hy.Hybrid], None] | None) -> None:
+    def to_time(self, time: float, observers: Sequence[Observer] = ()) -> None:
         """Carry the motion on to a time (s), unless it ends early."""
         h = self.automaton
-        h.clock[hy.DURATION] = end
-        if h.flags[hy.OUTCOME] == hy.OK:
-            h.flags[hy.OUTCOME] = hy.RUNNING
-            h.flags[hy.JOINED_ON] = 1
-        while h.flags[hy.OUTCOME] == hy.RUNNING:
-            tape = self.engine.advance(h)
-            if read is not None:
-                read(tape, h)
-            h.flags[hy.EVENTS] = 0
+        h.run["end"] = time
+        if h.run["outcome"] == hy.OK:
+            h.run["outcome"] = hy.RUNNING
+            h.run["joined"] = RESTARTED
+        while h.run["outcome"] == hy.RUNNING:
+            self.engine.advance(h)
+            for observer in observers:
+                observer.read(h)
+            h.run["events"] = 0
+
+    def to_section(self, turns: int, longest: float, observers: Sequence[Observer] = ()) -> bool:
+        """Carry the motion on until exciter 1 has completed so many whole turns more, exactly.
+
+        Parameters
+        ----------
+        turns
+            How many points of the Poincaré section, φ₁ = 0 modulo 2π, are passed; the motion stops at the last.
+        longest
+            Time after which it stops in any case (s).
+
+        Returns
+        -------
+        bool
+            Whether it got there.
+        """
+        run = self.automaton.run
+        passed = math.floor((run["state"][3] + run["turns"][0]) / _TURN + _ON_SECTION)
+        run["target"] = target = _TURN * (passed + turns)
+        self.to_time(self.now + longest, observers)
+        run["target"] = math.nan
+        return self.outcome == "ok" and self.state[3] > target - _TURN * _ON_SECTION
+
+    def to_event(self, kind: str, longest: float, observers: Sequence[Observer] = ()) -> bool:
+        """Carry the motion on to the next event of a kind; the state is that after it.
+
+        Parameters
+        ----------
+        kind
+            ``liftoff``, ``impact`` or ``latch``.
+        longest
+            Time after which it stops in any case (s).
+
+        Returns
+        -------
+        bool
+            Whether it got there.
+        """
+        run = self.automaton.run
+        run["awaited"] = KINDS.index(kind)
+        end = self.now + longest
+        self.to_time(end, observers)
+        run["awaited"] = -1
+        return self.outcome == "ok" and self.now < end
 
     @property
     def now(self) -> float:
         """Time since the beginning (s)."""
-        return float(self.automaton.clock[hy.NOW])
+        return float(self.automaton.run["now"])
 
     @property
     def state(self) -> FloatArray:
         """Full state, shape (14,), its exciter angles with all their turns."""
-        state = self.automaton.state.copy()
-        state[3:5] += self.automaton.turns
+        state: FloatArray = self.automaton.run["state"].copy()
+        state[3:5] += self.automaton.run["turns"]
         return state
 
     @property
     def restarts(self) -> int:
         """Restarts of the integrator so far."""
-        return int(self.automaton.flags[hy.RESTARTS])
+        return int(self.automaton.run["restarts"])
 
     @property
     def outcome(self) -> str:
         """``ok``, or why the motion has ended early."""
-        return OUTCOMES[int(self.automaton.flags[hy.OUTCOME])]
+        return OUTCOMES[int(self.automaton.run["outcome"])]
 
     @property
     def detail(self) -> str:
         """Why the motion has ended early, in which mode, when and where; empty if it has not."""
-        h = self.automaton
-        outcome = h.flags[hy.OUTCOME]
-        if outcome == hy.OK:
+        if self.outcome == "ok":
             return ""
-        oldest = h.recent[h.flags[hy.RESTARTS] % h.recent.size]
-        safe = self._p[SAFE_ROTATION]
+        h, run = self.automaton, self.automaton.run
+        oldest = h.recent[run["restarts"] % h.recent.size]
+        safe = h.p["safe_rotation"]
         why = {
-            hy.INCONSISTENT: f"no consistent state (relative residual {h.clock[hy.BACKWARD_ERROR]:.3g})",
-            hy.BEYOND_MODEL: f"the platform has turned by {h.state[2]:.3g} rad; beyond {safe:.3g} rad "
+            hy.INCONSISTENT: "there are no finite accelerations",
+            hy.BEYOND_MODEL: f"the platform has turned by {run['state'][2]:.3g} rad; beyond {safe:.3g} rad "
             "the mass matrix of the model, of first order in phi, need not be positive definite",
-            hy.EVENT_STORM: f"{h.recent.size} restarts within {h.clock[hy.NOW] - oldest:.3g} s, less than one period; "
+            hy.EVENT_STORM: f"{h.recent.size} restarts within {run['now'] - oldest:.3g} s, less than one period; "
             "raise solver.max_events_per_period to follow them",
-        }.get(int(outcome), self.engine.detail)
-        state = ", ".join(f"{v:.6g}" for v in h.state)
-        return f"{why}; mode {Mode(int(h.flags[hy.MODE])).label}, t = {h.clock[hy.NOW]:.9g} s, state [{state}]"
+        }.get(int(run["outcome"]), self.engine.detail)
+        state = ", ".join(f"{v:.6g}" for v in run["state"])
+        return f"{why}; mode {Mode(int(run['mode'])).label}, t = {run['now']:.9g} s, state [{state}]"

@@ -8,23 +8,19 @@ from contextlib import closing
 from typing import Literal
 
 from vibroplat.flow.motion import Motion
-from vibroplat.hybrid import loop as hy
-from vibroplat.integrate import tape as tp
+from vibroplat.flow.motion import Motion
+from vibroplat.hybrid.state import Hybrid
 from vibroplat.integrate.choice import make_engine
 from vibroplat.model.parameters import parameters
-from vibroplat.model.systems import SYSTEMS
 from vibroplat.observe.summary import measured
-from vibroplat.observe.trajectory import Event, Segment, Trajectory
-from vibroplat.scene import Mode, Scene
+from vibroplat.observe.trajectory import Events, Segments, Trajectory
+from vibroplat.scene import Scene
 
 #: What a run keeps besides its summary.
 Keep = Literal["segments", "events", "summary"]
 
 #: The measured part is what follows this share of the duration, cut to whole turns of exciter 1.
 SETTLE_SHARE = 0.5
-
-_KINDS = ("liftoff", "impact", "latch")
-
 
 def simulate(
     scene: Scene, *, keep: Keep = "segments", progress: Callable[[float, int], None] | None = None
@@ -52,22 +48,14 @@ def simulate(
     """
     began = time.perf_counter()
     p = parameters(scene)
-    segments: list[Segment] = []
-    events: list[Event] = []
-
-    def read(tape: tp.Tape, h: hy.Hybrid) -> None:
-        if keep == "segments":
-            segments.extend(_segments(tape))
-        if keep != "summary":
-            events.extend(_events(h))
-        if progress is not None:
-            progress(float(h.clock[hy.NOW]), int(h.measures.totals[:3].sum()))
-
+    segments, events = Segments(), Events()
+    observers = [*([segments] if keep == "segments" else []), *([events] if keep != "summary" else [])]
     with closing(make_engine(scene, p)) as engine:
         motion = Motion(scene, p, engine)
         duration = scene.run.duration_s
-        part = motion.go_on(duration, settle=SETTLE_SHARE * duration, read=read)
-        run = Trajectory(scene, segments, events, motion.state, part.measures)
+        reading = [*observers, *([_Progress(progress)] if progress is not None else [])]
+        part = motion.go_on(duration, settle=SETTLE_SHARE * duration, observers=reading)
+        run = Trajectory(scene, segments.kept, events.rows, motion.state, part.measures)
         run.summary = {
             "name": scene.name,
             "outcome": motion.outcome,
@@ -83,41 +71,14 @@ def simulate(
     return run
 
 
-def _segments(tape: tp.Tape) -> list[Segment]:
-    """Copy the closed pieces of a tape."""
-    found = []
-    for piece in tape.pieces[: tape.used[tp.PIECES]]:
-        system = SYSTEMS[int(piece[tp.SYSTEM])]
-        rows = slice(int(piece[tp.FIRST_ROW]), int(piece[tp.LAST_ROW]) + 1)
-        offset = tape.t[rows.start]
-        found.append(
-            Segment(
-                system=system,
-                start=float(piece[tp.ORIGIN] + offset),
-                end=float(piece[tp.END]),
-                t=tape.t[rows] - offset,
-                y=tape.y[rows, : system.size].copy(),
-                yp=tape.yp[rows, : system.size].copy(),
-                turns=piece[tp.TURNS_1 : tp.TURNS_2 + 1].copy(),
-                joined=bool(piece[tp.JOINED]),
-            )
-        )
-    return found
+class _Progress:
+    """Tells how far a run is."""
 
+    def __init__(self, tell: Callable[[float, int], None]) -> None:
+        self._tell = tell
+        self._events = 0
 
-def _events(h: hy.Hybrid) -> list[Event]:
-    """Read the list of events."""
-    return [
-        Event(
-            t_s=float(row[hy.T]),
-            kind=_KINDS[int(row[hy.KIND])],
-            gap_rate_before_m_per_s=float(row[hy.RATE_BEFORE]),
-            gap_rate_after_m_per_s=float(row[hy.RATE_AFTER]),
-            impulse_n_s=float(row[hy.IMPULSE]),
-            energy_loss_j=float(row[hy.LOSS]),
-            contact_force_after_n=float(row[hy.FORCE_AFTER]),
-            mode_after=Mode(int(row[hy.MODE_AFTER])).label,
-            impacts=int(row[hy.IMPACTS]),
-        )
-        for row in h.events[: h.flags[hy.EVENTS]]
-    ]
+    def read(self, h: Hybrid) -> None:
+        """Tell the time reached (s) and the number of events so far."""
+        self._events += int(h.run["events"])
+        self._tell(float(h.run["now"]), self._events)

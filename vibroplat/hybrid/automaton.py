@@ -1,4 +1,4 @@
-"""How a scene fills the arrays of the hybrid automaton."""
+"""How a scene fills the records of a run."""
 
 from __future__ import annotations
 
@@ -6,49 +6,59 @@ import math
 
 import numpy as np
 
-from vibroplat.hybrid import loop as hy
 from vibroplat.hybrid.initial import initial_state
 from vibroplat.hybrid.scales import ROUND_OFF, absolute_tolerances, state_scales
-from vibroplat.model.parameters import RESTITUTION, FloatArray
-from vibroplat.model.systems import FULL_SIZE, GAP, consistent_callback, systems
-from vibroplat.observe.statistics import no_measures
+from vibroplat.hybrid.starts import start_callback
+from vibroplat.hybrid.state import EVENT, RUN, Hybrid
+from vibroplat.hybrid.steps import Steps
+from vibroplat.kernels.compiled import FloatArray
+from vibroplat.model.parameters import PARAMETERS
+from vibroplat.model.systems import GAP, systems
 from vibroplat.scene import Scene
 
-#: Events between two readings of their list: an engine returns when its tape is full, well before that.
+#: Events between two readings of their list: an engine returns when its steps are full, well before that.
 _EVENT_ROWS = 4096
 
 
-def automaton(scene: Scene, p: FloatArray, turns_per_segment: float, state: FloatArray | None = None) -> hy.Hybrid:
-    """Build the hybrid automaton of a scene at a full state, or at its own initial state."""
-    numbers = np.full(3, -1)
-    tolerances = np.ones((3, FULL_SIZE))
+def automaton(
+    scene: Scene, p: np.record, steps: Steps, turns_per_segment: float, state: FloatArray | None = None
+) -> Hybrid:
+    """Build the automaton of a scene at a full state, or at its own initial state.
+
+    Parameters
+    ----------
+    p
+        Parameters of the scene.
+    steps
+        Where steps are written.
+    turns_per_segment
+        Turns of the synchronous speed after which a segment without an event is ended and restarted.
+    state
+        Full state, shape (14,).
+    """
+    kept, runs = np.array([p, p], PARAMETERS), np.zeros(1, RUN)
+    kept["restitution"][1] = 0.0
+    runs["systems"], runs["tolerances"] = -1, 1.0
     for mode, system in systems(scene).items():
-        numbers[mode] = system.index
-        tolerances[mode, : system.size] = absolute_tolerances(scene, system)
-    dead = p.copy()
-    dead[RESTITUTION] = 0.0
-    clock, flags = np.zeros(hy.CLOCKS), np.zeros(hy.FLAGS, dtype=np.int64)
-    clock[hy.DURATION] = scene.run.duration_s
-    clock[hy.PERIOD] = 2.0 * math.pi / scene.speed_scale
-    clock[hy.LONGEST] = turns_per_segment * clock[hy.PERIOD]
-    clock[hy.GAP_SCALE] = state_scales(scene)[GAP]
-    clock[hy.SLOWEST] = math.sqrt(ROUND_OFF) * clock[hy.GAP_SCALE] * scene.speed_scale
-    flags[hy.PREPARED] = -1
-    return hy.Hybrid(
-        p=p,
-        p_dead=dead,
-        systems=numbers,
-        tolerances=tolerances,
-        state=initial_state(scene) if state is None else state.copy(),
-        turns=np.zeros(2),
-        clock=clock,
-        flags=flags,
-        y=np.zeros((3, FULL_SIZE)),
-        yp=np.zeros((3, FULL_SIZE)),
-        ypp=np.zeros((3, FULL_SIZE)),
-        atol=np.ones(FULL_SIZE),
+        runs["systems"][0, mode] = system.index
+        runs["tolerances"][0, mode, : system.size] = absolute_tolerances(scene, system)
+    runs["state"] = initial_state(scene) if state is None else state
+    runs["end"] = scene.run.duration_s
+    runs["speed"] = speed = scene.speed_scale
+    runs["period"] = period = 2.0 * math.pi / speed
+    runs["longest"] = turns_per_segment * period
+    runs["tolerance"] = scene.solver.tolerance
+    runs["force_noise"] = 1e-12 * scene.force_scale
+    runs["gap_scale"] = scale = state_scales(scene)[GAP]
+    runs["slowest"] = math.sqrt(ROUND_OFF) * scale * speed
+    runs["target"], runs["awaited"] = math.nan, -1
+    return Hybrid(
+        p=kept[0],
+        inelastic=kept[1],
+        run=runs[0],
         recent=np.empty(scene.solver.max_events_per_period),
-        consistent=consistent_callback.address,
-        events=np.empty((_EVENT_ROWS, hy.IMPACTS + 1)),
-        measures=no_measures(0.0),
+        events=np.zeros(_EVENT_ROWS, EVENT),
+        steps=steps,
+        start=start_callback.address,
+        parameters=kept.ctypes.data,
     )

@@ -1,6 +1,6 @@
 """What SUNDIALS calls back: residual, Jacobian and its solutions, weights, right-hand side, guard as C functions.
 
-Their user data are integers: addresses and what else a callback must know of its system. The kernels
+Their user data are a record of addresses and what else a callback must know of its system. The kernels
 are those of :mod:`vibroplat.model`; a callback only finds the arrays behind the vectors.
 """
 
@@ -13,25 +13,39 @@ from numba import carray  # type: ignore[attr-defined]
 
 from vibroplat.hybrid.scales import ROUND_OFF
 from vibroplat.kernels.compiled import FloatArray, callback, compiled
-from vibroplat.kernels.foreign import call_address, pointer
+from vibroplat.kernels.foreign import call_address, pointer, untyped
 from vibroplat.kernels.linear import condense, condense_explicit, solve_condensed
-from vibroplat.model.parameters import SIZE as PARAMETERS
-from vibroplat.model.systems import FULL_SIZE, evaluate_jacobian, evaluate_residual, explicit
+from vibroplat.model.accelerations import accelerations
+from vibroplat.model.equations import jacobian as fill_jacobian
+from vibroplat.model.equations import residual as fill_residual
+from vibroplat.model.parameters import PARAMETERS
+from vibroplat.model.systems import FULL_SIZE
 
-# Places in the user data: addresses of N_VGetArrayPointer, the parameter vector, absolute tolerances and room for
-# numbers; the system, its size and its guard; calls counted.
-VECTOR, PARAMETER, TOLERANCES, ROOM, SYSTEM, SIZE, GUARD, RESIDUALS, JACOBIANS = range(9)
-LINKS = 9
+#: What a callback knows of its mode: addresses, the system with its size and guard, calls counted, and matrices of
+#: the Jacobian's last evaluation with their c_j and the share of coordinates' right-hand sides.
+LINKS = np.dtype(
+    [
+        ("vector", np.int64),  # N_VGetArrayPointer
+        ("parameters", np.int64),
+        ("tolerances", np.int64),
+        ("origin", np.int64),  # of the segment's times
+        ("system", np.int64),
+        ("size", np.int64),
+        ("guard", np.int64),
+        ("residuals", np.int64),
+        ("jacobians", np.int64),
+        ("cj", np.float64),
+        ("share", np.float64),
+        ("condensed", np.float64, FULL_SIZE * FULL_SIZE),
+        ("rows", np.float64, FULL_SIZE * FULL_SIZE),
+        ("partial", np.float64, FULL_SIZE * FULL_SIZE),
+        ("dynamic", np.float64, FULL_SIZE * FULL_SIZE),
+    ],
+    align=True,
+)
 
-#: Place of the user data's address in the content of a SUNLinearSolver, after the three words of a dense one.
+#: Place of the links' address in the content of a SUNLinearSolver, after the three words of a dense one.
 USER_DATA = 3
-
-# Places in the room: c_j, the share of coordinates' right-hand sides, and matrices of the Jacobian's last evaluation.
-CJ, SHARE, CONDENSED = 0, 1, 2
-ROWS = CONDENSED + FULL_SIZE * FULL_SIZE
-PARTIAL = ROWS + FULL_SIZE * FULL_SIZE
-DYNAMIC = PARTIAL + FULL_SIZE * FULL_SIZE
-ROOM_SIZE = DYNAMIC + FULL_SIZE * FULL_SIZE
 
 #: SUNDIALS gives up at once on a negative value, and says which function it came from; it takes a smaller step
 #: on a positive one.
@@ -40,51 +54,61 @@ _OK, _NOT_FINITE, _SINGULAR = 0, -1, 1
 
 @compiled
 def _values(vector: int, links: Any) -> FloatArray:
-    return carray(pointer(call_address(links[VECTOR], (vector,))), (links[SIZE],))
+    return carray(pointer(call_address(links.vector, (vector,))), (links.size,))
 
 
-@callback("int32(float64, intp, intp, intp, CPointer(int64))")
+@compiled
+def _parameters(links: Any) -> Any:
+    return carray(untyped(links.parameters), (1,), dtype=PARAMETERS)[0]
+
+
+@compiled
+def _time(t: float, links: Any) -> float:
+    """Time of the run at a time of the segment (s)."""
+    return carray(pointer(links.origin), (1,))[0] + t
+
+
+@callback("int32(float64, intp, intp, intp, voidptr)")
 def residual(t: float, y: int, yp: int, res: int, data: Any) -> int:
     """IDAResFn."""
-    links = carray(data, (LINKS,))
-    links[RESIDUALS] += 1
-    p = carray(pointer(links[PARAMETER]), (PARAMETERS,))
-    values, slopes = _values(y, links), _values(yp, links)
-    return _OK if evaluate_residual(links[SYSTEM], values, slopes, _values(res, links), p) else _NOT_FINITE
+    links = carray(data, (1,), dtype=LINKS)[0]
+    links.residuals += 1
+    values, slopes, p = _values(y, links), _values(yp, links), _parameters(links)
+    whole = fill_residual(links.system, _time(t, links), values, slopes, _values(res, links), p)
+    return _OK if whole else _NOT_FINITE
 
 
 @compiled
 def _condensed(links: Any) -> FloatArray:
-    size = links[SIZE]
-    return carray(pointer(links[ROOM] + 8 * CONDENSED), (size - size // 2, size))
+    m = links.size - links.size // 2
+    return links.condensed[: m * links.size].reshape((m, links.size))
 
 
 @compiled
-def _matrices(links: Any) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Room of a callback, and in it two matrices of full size and one of the dynamic rows."""
-    size = links[SIZE]
+def _matrices(links: Any) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Two matrices of full size and one of the dynamic rows."""
+    size = links.size
     m = size - size // 2
-    room = carray(pointer(links[ROOM]), (ROOM_SIZE,))
-    rows = room[ROWS : ROWS + size * size].reshape((size, size))
-    partial = room[PARTIAL : PARTIAL + size * size].reshape((size, size))
-    return room, rows, partial, room[DYNAMIC : DYNAMIC + m * m].reshape((m, m))
+    rows = links.rows[: size * size].reshape((size, size))
+    partial = links.partial[: size * size].reshape((size, size))
+    return rows, partial, links.dynamic[: m * m].reshape((m, m))
 
 
-@callback("int32(float64, float64, intp, intp, intp, intp, CPointer(int64), intp, intp, intp)")
+@callback("int32(float64, float64, intp, intp, intp, intp, voidptr, intp, intp, intp)")
 def jacobian(
     t: float, cj: float, y: int, yp: int, res: int, matrix: int, data: Any, work_1: int, work_2: int, work_3: int
 ) -> int:
     """IDALsJacFn; leaves the library's matrix alone and prepares :func:`solve`."""
-    links = carray(data, (LINKS,))
-    links[JACOBIANS] += 1
-    room, rows, _, dynamic = _matrices(links)
-    p = carray(pointer(links[PARAMETER]), (PARAMETERS,))
-    evaluate_jacobian(links[SYSTEM], _values(y, links), _values(yp, links), cj, rows, p)
-    room[CJ], room[SHARE] = cj, 1.0
+    links = carray(data, (1,), dtype=LINKS)[0]
+    links.jacobians += 1
+    rows, _, dynamic = _matrices(links)
+    p = _parameters(links)
+    fill_jacobian(links.system, _time(t, links), _values(y, links), _values(yp, links), cj, rows, p)
+    links.cj, links.share = cj, 1.0
     return _OK if condense(rows, cj, dynamic, _condensed(links)) else _SINGULAR
 
 
-@callback("int32(float64, intp, intp, intp, int32, CPointer(int32), float64, CPointer(int64), intp, intp, intp)")
+@callback("int32(float64, intp, intp, intp, int32, CPointer(int32), float64, voidptr, intp, intp, intp)")
 def linear_system(
     t: float,
     y: int,
@@ -99,14 +123,14 @@ def linear_system(
     work_3: int,
 ) -> int:
     """CVLsLinSysFn, as :func:`jacobian`."""
-    links = carray(data, (LINKS,))
-    links[JACOBIANS] += 2
-    room, rows, partial, dynamic = _matrices(links)
-    p, cj = carray(pointer(links[PARAMETER]), (PARAMETERS,)), 1.0 / gamma
+    links = carray(data, (1,), dtype=LINKS)[0]
+    links.jacobians += 2
+    rows, partial, dynamic = _matrices(links)
+    p, cj, now = _parameters(links), 1.0 / gamma, _time(t, links)
     values, slopes = _values(y, links), _values(yp, links)
-    evaluate_jacobian(links[SYSTEM], values, slopes, cj, rows, p)
-    evaluate_jacobian(links[SYSTEM], values, slopes, 0.0, partial, p)
-    room[CJ], room[SHARE] = cj, cj
+    fill_jacobian(links.system, now, values, slopes, cj, rows, p)
+    fill_jacobian(links.system, now, values, slopes, 0.0, partial, p)
+    links.cj, links.share = cj, cj
     carray(renewed, (1,))[0] = 1
     return _OK if condense_explicit(rows, partial, cj, dynamic, _condensed(links)) else _SINGULAR
 
@@ -119,48 +143,45 @@ def setup(solver: Any, matrix: int) -> int:
 
 @callback("int32(CPointer(intp), intp, intp, intp, float64)")
 def solve(solver: Any, matrix: int, solution: int, right: int, tolerance: float) -> int:
-    """Solve, as a SUNLinearSolver whose content ends with the address of user data."""
+    """Solve, as a SUNLinearSolver whose content ends with the address of the links."""
     content = carray(pointer(solver[0]), (USER_DATA + 1,)).view(np.int64)
-    links = carray(pointer(content[USER_DATA]), (LINKS,)).view(np.int64)
-    room = carray(pointer(links[ROOM]), (CONDENSED,))
-    solve_condensed(_condensed(links), room[CJ], room[SHARE], _values(right, links), _values(solution, links))
+    links = carray(untyped(content[USER_DATA]), (1,), dtype=LINKS)[0]
+    solve_condensed(_condensed(links), links.cj, links.share, _values(right, links), _values(solution, links))
     return _OK
 
 
-@callback("int32(intp, intp, CPointer(int64))")
+@callback("int32(intp, intp, voidptr)")
 def weights(y: int, ewt: int, data: Any) -> int:
     """IDAEwtFn: one over the tolerances, absolute and that of round-off."""
-    links = carray(data, (LINKS,))
+    links = carray(data, (1,), dtype=LINKS)[0]
     values, weight = _values(y, links), _values(ewt, links)
-    atol = carray(pointer(links[TOLERANCES]), (links[SIZE],))
+    atol = carray(pointer(links.tolerances), (links.size,))
     for i in range(values.size):
         weight[i] = 1.0 / (ROUND_OFF * abs(values[i]) + atol[i])
     return _OK
 
 
-@callback("int32(float64, intp, intp, CPointer(int64))")
+@callback("int32(float64, intp, intp, voidptr)")
 def right_hand_side(t: float, y: int, yp: int, data: Any) -> int:
     """CVRhsFn."""
-    links = carray(data, (LINKS,))
-    links[RESIDUALS] += 1
-    p, room = (
-        carray(pointer(links[PARAMETER]), (PARAMETERS,)),
-        carray(pointer(links[ROOM] + 8 * DYNAMIC), (links[SIZE],)),
-    )
-    return _OK if explicit(links[SYSTEM], _values(y, links), _values(yp, links), room, p) else _NOT_FINITE
+    links = carray(data, (1,), dtype=LINKS)[0]
+    links.residuals += 1
+    p = _parameters(links)
+    whole = accelerations(links.system, _time(t, links), _values(y, links), _values(yp, links), p)
+    return _OK if whole else _NOT_FINITE
 
 
-@callback("int32(float64, intp, intp, CPointer(float64), CPointer(int64))")
+@callback("int32(float64, intp, intp, CPointer(float64), voidptr)")
 def ida_guard(t: float, y: int, yp: int, value: Any, data: Any) -> int:
     """IDARootFn: the unknown whose fall through zero ends the mode."""
-    links = carray(data, (LINKS,))
-    value[0] = _values(y, links)[links[GUARD]]
+    links = carray(data, (1,), dtype=LINKS)[0]
+    value[0] = _values(y, links)[links.guard]
     return _OK
 
 
-@callback("int32(float64, intp, CPointer(float64), CPointer(int64))")
+@callback("int32(float64, intp, CPointer(float64), voidptr)")
 def cvode_guard(t: float, y: int, value: Any, data: Any) -> int:
     """CVRootFn: as :func:`ida_guard`."""
-    links = carray(data, (LINKS,))
-    value[0] = _values(y, links)[links[GUARD]]
+    links = carray(data, (1,), dtype=LINKS)[0]
+    value[0] = _values(y, links)[links.guard]
     return _OK

@@ -6,20 +6,18 @@ import logging
 import threading
 from contextlib import closing
 from functools import cache
-from pathlib import Path
 
-from vibroplat.flow.motion import Motion
-from vibroplat.integrate.native import NativeEngine, drive, self_check
+from vibroplat.integrate.native import NativeEngine, self_check
 from vibroplat.integrate.seam import Engine
 from vibroplat.integrate.sundials import Library, UnavailableError, library
-from vibroplat.model.parameters import FloatArray, parameters
+from vibroplat.model.parameters import Parameters, parameters
 from vibroplat.scene import Scene
 
 _FINDING = threading.Lock()
 _LOG = logging.getLogger("vibroplat")
 
 
-def make_engine(scene: Scene, p: FloatArray) -> Engine:
+def make_engine(scene: Scene, p: Parameters) -> Engine:
     """Make the engine that ``solver.engine`` asks for, or ``sundae`` where ``native`` cannot be had."""
     found = None
     if scene.solver.engine != "sundae":
@@ -49,16 +47,3 @@ def engine_name(scene: Scene) -> str:
     p = parameters(scene)
     with closing(make_engine(scene, p)) as engine:
         return engine.name
-
-
-def load_kernels(engine: str = "auto") -> None:
-    """Compile or load all that a motion needs, by the engine that ``solver.engine`` names."""
-    scene = Scene().replace({"material": {"mass_ratio": 0.1, "layers": 1}, "solver.engine": engine})
-    p = parameters(scene)
-    with closing(make_engine(scene, p)) as made:
-        Motion(scene, p, made).go_on(1e-3)
-
-
-def is_compiled() -> bool:
-    """Whether compiled kernels are kept on disk, so that a run need not wait for them."""
-    return any(Path(drive.stats.cache_path).glob("native.drive-*.nbi"))  # type: ignore[attr-defined]

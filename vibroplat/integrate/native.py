@@ -23,17 +23,43 @@ from vibroplat.integrate import callbacks as cb
 from vibroplat.integrate import tape as tp
 from vibroplat.integrate.sundials import Library, UnavailableError
 from vibroplat.integrate.tape import Tape
-from vibroplat.kernels.compiled import compiled
+from vibroplat.hybrid import loop
+from vibroplat.hybrid.automaton import automaton
+from vibroplat.hybrid.loop import AT_GUARD, AT_TARGET, AT_TIME, FAILED, NOT_FINITE
+from vibroplat.hybrid.modes import GUARDS
+from vibroplat.hybrid.pieces import cut_piece
+from vibroplat.hybrid.state import OK, RUNNING, Hybrid
+from vibroplat.hybrid.steps import MARGIN, no_steps, rewind
+from vibroplat.integrate import callbacks as cb
+from vibroplat.integrate.multistep import (
+    CUBIC,
+    QUINTIC,
+    Past,
+    add_step,
+    begin_steps,
+    calm,
+    fall_within,
+    fill_step,
+    no_past,
+    pass_end,
+    prepare_first_step,
+)
+from vibroplat.integrate.sundials import Library, UnavailableError
+from vibroplat.kernels.compiled import FloatArray, compiled
 from vibroplat.kernels.foreign import borrow, call_int
-from vibroplat.model.parameters import FloatArray, parameters
-from vibroplat.model.residuals import finite
-from vibroplat.model.systems import BARE, FULL_SIZE, GUARDS, PLACES, SIZES, System, systems
+from vibroplat.kernels.polynomial import crossing
+from vibroplat.model.equations import finite
+from vibroplat.model.parameters import PARAMETERS, Parameters, parameters
+from vibroplat.model.systems import BARE, DIFFERENTIAL, FULL_SIZE, PLACES, SIZES, System, systems
 from vibroplat.scene import Mode, Scene
 
 IntArray = npt.NDArray[np.int64]
+Records = npt.NDArray[np.void]
 
-#: Rows of the tape: large against what a return to Python costs, small against the processor's cache.
-TAPE_ROWS = 2048
+#: Steps between two returns to Python: many against what a return costs, few against the processor's cache.
+ROWS = 1024
+#: Tolerance below which Adams' steps are too long for cubics.
+LONG_STEPS = 1e-7
 #: Steps within a turn of the synchronous speed after which the integrator is taken to be stuck, and those for each
 #: event that a scene allows within a turn, where that is more.
 MAX_STEPS, STEPS_PER_EVENT = 300_000, 60
@@ -51,22 +77,26 @@ DELTA_CJ = 0.1
 # Methods.
 IDA, ADAMS = 0, 1
 
-# Rows of ``Native.functions``, columns the method.
-SOLVE, REINIT, SET_FIRST_STEP, DERIVATIVE, ERROR_FAILURES, NEWTON_FAILURES = range(6)
-_NAMES = (
-    ("IDASolve", "CVode"),
-    ("IDAReInit", "CVodeReInit"),
-    ("IDASetInitStep", "CVodeSetInitStep"),
-    ("IDAGetDky", "CVodeGetDky"),
-    ("IDAGetNumErrTestFails", "CVodeGetNumErrTestFails"),
-    ("IDAGetNumNonlinSolvConvFails", "CVodeGetNumNonlinSolvConvFails"),
+#: Addresses of the functions of a method, by their names in IDA and CVODE.
+_NAMES = {
+    "solve": ("IDASolve", "CVode"),
+    "reinit": ("IDAReInit", "CVodeReInit"),
+    "set_first_step": ("IDASetInitStep", "CVodeSetInitStep"),
+    "derivative": ("IDAGetDky", "CVodeGetDky"),
+    "error_failures": ("IDAGetNumErrTestFails", "CVodeGetNumErrTestFails"),
+    "newton_failures": ("IDAGetNumNonlinSolvConvFails", "CVodeGetNumNonlinSolvConvFails"),
+}
+FUNCTIONS = np.dtype([(name, np.int64) for name in _NAMES], align=True)
+
+#: Method of a mode, its solver memory, and its vectors of unknowns and derivatives.
+HANDLES = np.dtype([(name, np.int64) for name in ("method", "memory", "y", "yp")], align=True)
+
+#: Whether a segment is open, the last flag, what was counted, steps since the time of the run ``counted_from`` (s).
+STATUS = np.dtype(
+    [(name, np.int64) for name in ("open", "flag", "steps", "errors", "newtons", "counted", "most")]
+    + [("counted_from", np.float64)],
+    align=True,
 )
-
-# Columns of ``Native.handles``.
-METHOD, MEMORY, Y, YP = range(4)
-
-# Places in ``Native.status``.
-OPEN, FLAG, STEPS, ERRORS, NEWTONS, STEPS_MARK, MOST_STEPS = range(7)
 
 # Of sundials_linearsolver.h: words of a SUNLinearSolver, of which the first is its content, and functions in its
 # table of operations. Copies have room for more, which a later version would find empty: "not implemented".
@@ -79,7 +109,7 @@ _ADAMS_METHOD = 1
 #: IDA_RES_FAIL or CV_RHSFUNC_FAIL, and CV_FIRST_RHSFUNC_ERR: a callback said that something is not finite.
 _CALLBACK_FAILURES = (-8, -9)
 
-# States of ``advance`` besides those of the automaton: the tape is full.
+#: Why ``advance`` stopped, besides the reasons of the loop: there is no room for more steps.
 _FULL = 9
 
 _MEANINGS = {
@@ -98,90 +128,96 @@ class Native(NamedTuple):
     Attributes
     ----------
     functions
-        Addresses of the library's functions, shape (6, 2).
+        Records of :data:`FUNCTIONS` by method.
     handles
-        Method, solver memory and vectors of each mode, shape (3, 4).
+        Records of :data:`HANDLES` by mode.
     links
-        User data of each mode's callbacks, shape (3, LINKS).
+        User data of each mode's callbacks.
     y, yp, atol
         What is behind the vectors, shape (3, 14).
+    past
+        The last ends of steps.
     status
-        Whether a segment is open; the last flag; counters.
-    time
-        Where the integrator stands in the segment (s), and when in the run steps began to be counted (s).
-    number
-        What counters are read into.
+        A record of :data:`STATUS`.
+    time, number
+        What the library writes times (s) and counters to, shape (1,).
     """
 
-    functions: IntArray
-    handles: IntArray
-    links: IntArray
+    functions: Records
+    handles: Records
+    links: Records
     y: FloatArray
     yp: FloatArray
     atol: FloatArray
-    status: IntArray
+    past: Past
+    status: Any
     time: FloatArray
     number: IntArray
 
 
 @compiled
-def drive(owned_h: Hybrid, owned_tape: Tape, owned_n: Native) -> None:
-    """Go through segments and transitions until the tape is full or the run has ended."""
-    h, tape, n = borrow(owned_h), borrow(owned_tape), borrow(owned_n)
-    tp.rewind(tape)
-    while h.flags[hy.OUTCOME] == hy.RUNNING:
-        mode = h.flags[hy.MODE]
-        if n.status[OPEN] == 0:
-            full = tape.used[tp.ROWS] + 2 + tp.MARGIN > tape.t.size or h.flags[hy.EVENTS] + 2 > h.events.shape[0]
-            if full or not hy.begin(h):
+def drive(owned_h: Hybrid, owned_n: Native) -> None:
+    """Go through segments and jumps until there is no room for more steps or the run has ended."""
+    h, n = borrow(owned_h), borrow(owned_n)
+    rewind(h.steps)
+    while h.run.outcome == RUNNING:
+        if n.status.open == 0:
+            full = h.steps.used.steps + 1 + MARGIN > h.steps.start.size or h.run.events + 2 > h.events.size
+            if full or not loop.begin(h) or not start(h, n):
                 return
-            start(h, tape, n)
-        stop = advance(h, tape, n)
+        stop = advance(h, n)
+        algebraic = SIZES[h.run.systems[h.run.mode]] > DIFFERENTIAL[h.run.systems[h.run.mode]]
+        if algebraic:
+            calm(h, stop == _FULL)
         if stop == _FULL:
-            hy.split_piece(h, tape)
+            cut_piece(h)
             return
-        n.status[OPEN] = 0
-        count(mode, n)
-        hy.conclude(h, tape, stop)
+        n.status.open = 0
+        count(h.run.mode, n)
+        loop.conclude(h, stop)
 
 
 @compiled
-def start(h: Hybrid, tape: Tape, n: Native) -> None:
+def start(h: Hybrid, n: Native) -> bool:
     """Restart the integrator of a mode at the consistent state that the automaton has prepared."""
-    mode = h.flags[hy.MODE]
-    size = SIZES[h.systems[mode]]
-    method, memory = n.handles[mode, METHOD], n.handles[mode, MEMORY]
+    mode = h.run.mode
+    first_step = prepare_first_step(h)
+    if first_step < 0.0:
+        return False
+    size, handle = SIZES[h.run.systems[mode]], n.handles[mode]
+    functions = n.functions[handle.method]
     for i in range(size):
-        n.y[mode, i], n.yp[mode, i], n.atol[mode, i] = h.y[mode, i], h.yp[mode, i], h.atol[i]
-    if method == IDA:
-        n.status[FLAG] = call_int(n.functions[REINIT, IDA], (memory, 0.0, n.handles[mode, Y], n.handles[mode, YP]))
+        n.y[mode, i], n.yp[mode, i], n.atol[mode, i] = h.run.y[mode, i], h.run.yp[mode, i], h.run.atol[i]
+    n.links[mode].origin = h.run.origin
+    if handle.method == IDA:
+        n.status.flag = call_int(functions.reinit, (handle.memory, 0.0, handle.y, handle.yp))
     else:
-        n.status[FLAG] = call_int(n.functions[REINIT, ADAMS], (memory, 0.0, n.handles[mode, Y]))
-    call_int(n.functions[SET_FIRST_STEP, method], (memory, h.clock[hy.FIRST_STEP]))
-    n.status[OPEN] = 1
+        n.status.flag = call_int(functions.reinit, (handle.memory, 0.0, handle.y))
+    call_int(functions.set_first_step, (handle.memory, first_step))
+    n.status.open = 1
     n.time[0] = 0.0
-    tp.write(tape, 0.0, n.y[mode, :size], n.yp[mode, :size])
+    begin_steps(n.past, n.y[mode, :size], n.yp[mode, :size])
+    return True
 
 
 @compiled
-def advance(h: Hybrid, tape: Tape, n: Native) -> int:  # noqa: PLR0911  (each stop has its reason)
-    """Take steps to the guard, the segment's time, a failure, or the end of the tape."""
-    # the loop's arrays by name: taking them from their tuples in each step costs more than the step's tests
-    t, rows, slopes, used, status, time = tape.t, tape.y, tape.yp, tape.used, n.status, n.time
-    mode, origin = h.flags[hy.MODE], h.clock[hy.ORIGIN]
-    until, period = h.clock[hy.UNTIL], h.clock[hy.PERIOD]
-    system = h.systems[mode]
+def advance(h: Hybrid, n: Native) -> int:  # noqa: PLR0911, PLR0912  (each stop has its reason)
+    """Take steps to the guard, the segment's time, the run's target, a failure, or until there is no more room."""
+    run, status, steps, past, time = h.run, n.status, h.steps, n.past, n.time
+    mode, used = run.mode, h.steps.used
+    system = run.systems[mode]
     guard, size = GUARDS[system], SIZES[system]
+    until, target, rows = run.until, run.target - run.turns[0], steps.start.size
     y, yp = n.y[mode, :size], n.yp[mode, :size]
-    handles = (n.handles[mode, MEMORY], n.handles[mode, Y], n.handles[mode, YP])
-    method, clock = n.handles[mode, METHOD], time.ctypes.data
-    solve, derivative = n.functions[SOLVE, method], n.functions[DERIVATIVE, method]
-    flag = status[FLAG]
-    while flag >= 0 and used[tp.ROWS] + tp.MARGIN < t.size:
+    handle = n.handles[mode]
+    handles = (handle.memory, handle.y, handle.yp)
+    method, clock = handle.method, time.ctypes.data
+    solve, derivative = n.functions[method].solve, n.functions[method].derivative
+    while status.flag >= 0 and used.steps + MARGIN < rows:
         flag = step(method, solve, derivative, handles, until, clock, time)
-        status[FLAG] = flag
-        status[STEPS] += 1
-        status[STEPS_MARK] += 1
+        status.flag = flag
+        status.steps += 1
+        status.counted += 1
         if flag < 0:
             break
         ended = time[0] >= until
@@ -190,22 +226,29 @@ def advance(h: Hybrid, tape: Tape, n: Native) -> int:  # noqa: PLR0911  (each st
             time[0] = until
         if not (finite(y) and finite(yp)):
             return NOT_FINITE
-        tp.append(t, rows, slopes, used, time[0], y, yp)
+        add_step(steps, past, time[0], y, yp)
         if flag == _ROOT_RETURN and not ended:
             return AT_GUARD
-        if guard >= 0 and (y[guard] < 0.0 or yp[guard] > 0.0) and tp.cut_at_fall(tape, guard):
-            cut_with(derivative, handles, tape, y, yp)
-            return AT_GUARD
+        if guard >= 0 and (y[guard] < 0.0 or yp[guard] > 0.0):
+            share = fall_within(steps, guard)
+            if share >= 0.0:
+                end_at(share, derivative, handles, h, past, y, yp)
+                return AT_GUARD
+        if y[3] >= target:
+            share = crossing(steps.c[used.steps - 1], steps.c.shape[1] - 1, 3, target)
+            end_at(share, derivative, handles, h, past, y, yp)
+            return AT_TARGET
         if ended:
             return AT_TIME
-        if origin + time[0] - time[1] >= period:
-            time[1] = origin + time[0]
-            status[STEPS_MARK] = 0
-        elif status[STEPS_MARK] > status[MOST_STEPS]:
+        pass_end(past, time[0], y, yp)
+        if run.origin + time[0] - status.counted_from >= run.period:
+            status.counted_from = run.origin + time[0]
+            status.counted = 0
+        elif status.counted > status.most:
             return FAILED
-    if flag >= 0:
+    if status.flag >= 0:
         return _FULL
-    return NOT_FINITE if flag in _CALLBACK_FAILURES else FAILED
+    return NOT_FINITE if status.flag in _CALLBACK_FAILURES else FAILED
 
 
 @compiled
@@ -229,15 +272,23 @@ def step(
 
 
 @compiled
-def cut_with(derivative: int, handles: tuple[int, int, int], tape: Tape, y: FloatArray, yp: FloatArray) -> None:
-    """Let the tape end, where it was cut, with what the integrator says of that time.
+def end_at(
+    share: float,
+    derivative: int,
+    handles: tuple[int, int, int],
+    h: Hybrid,
+    past: Past,
+    y: FloatArray,
+    yp: FloatArray,
+) -> None:
+    """Let the last step end at a fraction of it, with what the integrator says of that time.
 
     Its polynomial is smooth where slopes at the ends of a step carry the errors of a stiff layer.
     """
-    last = tape.used[tp.ROWS] - 1
-    interpolate_at(tape.t[last], derivative, handles)
-    for i in range(y.size):
-        tape.y[last, i], tape.yp[last, i] = y[i], yp[i]
+    row = h.steps.used.steps - 1
+    t = h.steps.start[row] + share * h.steps.length[row]
+    interpolate_at(t, derivative, handles)
+    fill_step(h.steps, past, row, t, y, yp)
 
 
 @compiled
@@ -251,10 +302,12 @@ def interpolate_at(t: float, derivative: int, handles: tuple[int, int, int]) -> 
 @compiled
 def count(mode: int, n: Native) -> None:
     """Add what the integrator has counted since its restart."""
-    method, memory = n.handles[mode, METHOD], n.handles[mode, MEMORY]
-    for function, place in ((ERROR_FAILURES, ERRORS), (NEWTON_FAILURES, NEWTONS)):
-        call_int(n.functions[function, method], (memory, n.number.ctypes.data))
-        n.status[place] += n.number[0]
+    handle = n.handles[mode]
+    functions, number = n.functions[handle.method], n.number.ctypes.data
+    call_int(functions.error_failures, (handle.memory, number))
+    n.status.errors += n.number[0]
+    call_int(functions.newton_failures, (handle.memory, number))
+    n.status.newtons += n.number[0]
 
 
 class NativeEngine:
@@ -279,63 +332,69 @@ class NativeEngine:
     """
 
     name = "native"
+    rows = ROWS
     #: Long, for a restart costs some thirty steps; not for ever, for angles lose digits as they grow.
     turns_per_segment: float = 1000
 
-    def __init__(self, scene: Scene, p: FloatArray, library: Library) -> None:
+    def __init__(self, scene: Scene, p: Parameters, library: Library) -> None:
         self._lib = library
         self._free: list[Callable[[], object]] = []
         self._finalizer = weakref.finalize(self, _free_all, self._free)
-        self._alive: list[npt.NDArray[Any]] = [p]  # what the library holds addresses of
-        self._tape = tp.blank_tape(TAPE_ROWS)
-        names = [[library.address(name) for name in row] for row in _NAMES]
+        self._alive: list[Any] = []  # what the library holds addresses of
+        self._p = np.array([p], PARAMETERS)
+        self._status = np.zeros(1, STATUS)
         shape = (3, FULL_SIZE)
         self._n = Native(
-            functions=np.array(names),
-            handles=np.zeros((3, YP + 1), dtype=np.int64),
-            links=np.zeros((3, cb.LINKS), dtype=np.int64),
+            functions=np.array(
+                [tuple(library.address(names[method]) for names in _NAMES.values()) for method in (IDA, ADAMS)],
+                FUNCTIONS,
+            ),
+            handles=np.zeros(3, HANDLES),
+            links=np.zeros(3, cb.LINKS),
             y=np.zeros(shape),
             yp=np.zeros(shape),
             atol=np.ones(shape),
-            status=np.zeros(MOST_STEPS + 1, dtype=np.int64),
-            time=np.zeros(2),
+            past=no_past(),
+            status=self._status[0],
+            time=np.zeros(1),
             number=np.zeros(1, dtype=np.int64),
         )
-        self._n.status[MOST_STEPS] = max(MAX_STEPS, STEPS_PER_EVENT * scene.solver.max_events_per_period)
-        self._room = np.zeros((3, cb.ROOM_SIZE))
+        self._status["most"] = max(MAX_STEPS, STEPS_PER_EVENT * scene.solver.max_events_per_period)
         self._direction = np.array([-1], dtype=np.int32)
         self._context = self._make_context()
         for mode, system in systems(scene).items():
             (self._make_adams if mode in scene.adams_modes else self._make_ida)(mode, system)
+        long_steps = bool(scene.adams_modes) and scene.solver.tolerance < LONG_STEPS
+        self.degree = QUINTIC if long_steps else CUBIC
 
     @property
     def work(self) -> dict[str, int | None]:
         """How much was done so far."""
-        links, status = self._n.links, self._n.status
+        links, status = self._n.links, self._status[0]
         return {
-            "steps": int(status[STEPS]),
-            "residual_calls": int(links[:, cb.RESIDUALS].sum()),
-            "jacobian_calls": int(links[:, cb.JACOBIANS].sum()),
-            "error_test_failures": int(status[ERRORS]),
-            "newton_failures": int(status[NEWTONS]),
+            "steps": int(status["steps"]),
+            "residual_calls": int(links["residuals"].sum()),
+            "jacobian_calls": int(links["jacobians"].sum()),
+            "error_test_failures": int(status["errors"]),
+            "newton_failures": int(status["newtons"]),
         }
 
     @property
     def detail(self) -> str:
         """Why the integrator failed."""
-        flag = int(self._n.status[FLAG])
+        status = self._status[0]
+        flag = int(status["flag"])
         if flag >= 0:
-            most = int(self._n.status[MOST_STEPS])
-            stuck = self._n.status[STEPS_MARK] > most
+            most = int(status["most"])
+            stuck = status["counted"] > most
             return f"SUNDIALS: more than {most} steps within a period" if stuck else "the state is not finite"
         if flag in _CALLBACK_FAILURES:
             return "the residual is not finite"
         return f"SUNDIALS: {_MEANINGS.get(flag, 'failure')} (flag {flag})"
 
-    def advance(self, h: Hybrid) -> Tape:
-        """Go on with a run until the tape is full; see :class:`vibroplat.integrate.seam.Engine`."""
-        drive(h, self._tape, self._n)
-        return self._tape
+    def advance(self, h: Hybrid) -> None:
+        """Go on with a run; see :class:`vibroplat.integrate.seam.Engine`."""
+        drive(h, self._n)
 
     def close(self) -> None:
         """Free solvers, vectors, matrices and the context."""
@@ -370,19 +429,17 @@ class NativeEngine:
     def _vectors(self, mode: Mode, system: System) -> tuple[int, int]:
         """Make the vectors of a mode and fill its callbacks' user data."""
         n, lib = self._n, self._lib
-        n.links[mode] = (
-            lib.address("N_VGetArrayPointer"),
-            self._alive[0].ctypes.data,
-            n.atol[mode].ctypes.data,
-            self._room[mode].ctypes.data,
-            system.index,
-            system.size,
-            -1 if system.guard is None else system.guard,
-            0,
-            0,
-        )
+        links = n.links[mode]
+        links["vector"] = lib.address("N_VGetArrayPointer")
+        links["parameters"] = self._p.ctypes.data
+        links["tolerances"] = n.atol[mode].ctypes.data
+        links["system"], links["size"], links["guard"] = system.index, system.size, GUARDS[system.index]
         y, yp = (self._vector(array[mode, : system.size]) for array in (n.y, n.yp))
         return y, yp
+
+    def _links(self, mode: Mode) -> int:
+        """Address of a mode's links."""
+        return int(self._n.links[mode : mode + 1].ctypes.data)
 
     def _linear_solver(self, mode: Mode, system: System, y: int) -> tuple[int, int]:
         """Make a SUNLinearSolver whose setup and solve are ours, a copy of the library's dense one, and its matrix."""
@@ -398,7 +455,7 @@ class NativeEngine:
                 raise UnavailableError(f"{name} is not found among the operations of its dense linear solver")
             operations[found] = ours.address
         content = _words(int(head[0]), cb.USER_DATA)
-        content[cb.USER_DATA] = self._n.links[mode].ctypes.data
+        content[cb.USER_DATA] = self._links(mode)
         head[0], head[place[0] - 1] = content.ctypes.data, operations.ctypes.data
         self._alive += [head, content, operations]
         return head.ctypes.data, matrix
@@ -409,7 +466,7 @@ class NativeEngine:
         memory = self._made(lib.IDACreate(self._context), lib.IDAFree, by_reference=True)
         _check(lib.IDAInit(memory, cb.residual.address, 0.0, y, yp))
         _check(lib.IDAWFtolerances(memory, cb.weights.address))
-        _check(lib.IDASetUserData(memory, n.links[mode].ctypes.data))
+        _check(lib.IDASetUserData(memory, self._links(mode)))
         _check(lib.IDASetLinearSolver(memory, *self._linear_solver(mode, system, y)))
         _check(lib.IDASetJacFn(memory, cb.jacobian.address))
         _check(lib.IDASetEtaFixedStepBounds(memory, *ETA_FIXED))
@@ -422,7 +479,7 @@ class NativeEngine:
             _check(lib.IDASetId(memory, self._vector(differential)))
             # F_c stays in the Newton norm and leaves the error test: its error is that of the state
             _check(lib.IDASetSuppressAlg(memory, 1))
-        if system.guard is not None:
+        if GUARDS[system.index] >= 0:
             _check(lib.IDARootInit(memory, 1, cb.ida_guard.address))
             _check(lib.IDASetRootDirection(memory, self._direction.ctypes.data))
             _check(lib.IDASetNoInactiveRootWarn(memory))
@@ -434,12 +491,12 @@ class NativeEngine:
         memory = self._made(lib.CVodeCreate(_ADAMS_METHOD, self._context), lib.CVodeFree, by_reference=True)
         _check(lib.CVodeInit(memory, cb.right_hand_side.address, 0.0, y))
         _check(lib.CVodeWFtolerances(memory, cb.weights.address))
-        _check(lib.CVodeSetUserData(memory, n.links[mode].ctypes.data))
+        _check(lib.CVodeSetUserData(memory, self._links(mode)))
         # Newton's iteration: fixed-point iteration, which needs no Jacobian, takes half as many steps again and more
         # than twice the right-hand sides
         _check(lib.CVodeSetLinearSolver(memory, *self._linear_solver(mode, system, y)))
         _check(lib.CVodeSetLinSysFn(memory, cb.linear_system.address))
-        if system.guard is not None:
+        if GUARDS[system.index] >= 0:
             _check(lib.CVodeRootInit(memory, 1, cb.cvode_guard.address))
             _check(lib.CVodeSetRootDirection(memory, self._direction.ctypes.data))
             _check(lib.CVodeSetNoInactiveRootWarn(memory))
@@ -459,14 +516,15 @@ def self_check(library: Library) -> None:
         scene = Scene().replace({"solver": {"tolerance": 1e-11, "smooth_modes": method}})
         p = parameters(scene)
         with closing(NativeEngine(scene, p, library)) as engine:
-            motion = Motion(scene, p, engine)
-            motion.go_on(duration)
-        h = motion.automaton
-        y, yp, ypp = (array[Mode.BARE, :10] for array in (h.y, h.yp, h.ypp))
+            h = automaton(scene, p, no_steps(engine.rows, engine.degree), engine.turns_per_segment)
+            loop.first_mode(h)
+            h.run["end"] = duration
+            engine.advance(h)
+        y, yp, ypp = (h.run[name][Mode.BARE, :10] for name in ("y", "yp", "ypp"))
         expected = y + duration * yp + 0.5 * duration**2 * ypp
-        error = np.abs(h.state[PLACES[BARE, :10]] - expected).max()
-        if motion.outcome != "ok" or not error < 1e-7:
-            raise UnavailableError(f"its {method} fails the self-check (outcome {motion.outcome}, error {error:.3g})")
+        error = np.abs(h.run["state"][PLACES[BARE, :10]] - expected).max()
+        if h.run["outcome"] != OK or not error < 1e-7:
+            raise UnavailableError(f"its {method} fails the self-check (error {error:.3g})")
 
 
 def _words(address: int, count: int) -> IntArray:

@@ -1,9 +1,12 @@
-"""The engine seam: what a run asks of an integrator.
+"""The seam: what a run asks of an integrator.
 
-An engine drives the hybrid automaton of :mod:`vibroplat.hybrid.loop`: for each segment it calls
-``begin``, integrates from the consistent state prepared there until the guard falls through zero or the
-segment's time is up, writes the ends of its steps on a tape, and calls ``conclude``. Implement
-:class:`Engine` and everything else works.
+An *engine* drives the automaton of :mod:`vibroplat.hybrid`: for each segment it calls ``begin``, integrates from the
+consistent state prepared there until the guard falls through zero or the segment's time is up, adds its steps, each
+with a polynomial, to ``h.steps``, and calls ``conclude``. Whoever reads the steps knows no method.
+
+To add an integrator, implement :class:`Integrator`, some fifty lines for a library's own, and hand it to
+:class:`vibroplat.integrate.stepwise.Stepwise`, which is an engine. Engines of their own loop, as ``native``, spare a
+return to Python for each step.
 """
 
 from __future__ import annotations
@@ -11,20 +14,82 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Protocol
 
-from vibroplat.hybrid.loop import Hybrid
-from vibroplat.integrate.tape import Tape
+from vibroplat.hybrid.state import Hybrid
+from vibroplat.kernels.compiled import FloatArray
+from vibroplat.model.systems import System
 
 #: What engines count, in the order of the summary.
 WORK = ("steps", "residual_calls", "jacobian_calls", "error_test_failures", "newton_failures")
 
 
+class IntegrationError(ArithmeticError):
+    """An integrator could not take a step; the message says why."""
+
+
+class Integrator(Protocol):
+    """A one-step view of an integrator for the systems of one scene.
+
+    Attributes
+    ----------
+    name
+        For the summary.
+    degree
+        Degree of the polynomials of its steps.
+    """
+
+    name: str
+    degree: int
+
+    @property
+    def work(self) -> Mapping[str, int | None]:
+        """How much was done so far, by the names in :data:`WORK`; None for what is not counted."""
+        ...
+
+    def start(self, system: System, t: float, y: FloatArray, atol: FloatArray) -> None:
+        """Begin a segment.
+
+        Parameters
+        ----------
+        system
+            Its equations.
+        t
+            Time of the run (s).
+        y, atol
+            Differential unknowns and their absolute tolerances, shape (2n,).
+        """
+        ...
+
+    def step(self, longest: float) -> tuple[float, FloatArray]:
+        """Take a step.
+
+        Parameters
+        ----------
+        longest
+            What is left of the segment (s); the step may be longer.
+
+        Returns
+        -------
+        length, coefficients
+            Duration (s), and coefficients of the differential unknowns in powers of the fraction of the step, shape
+            (degree + 1, 2n). F_c follows from them by the algebra.
+
+        Raises
+        ------
+        IntegrationError
+            No step can be taken.
+        """
+        ...
+
+
 class Engine(Protocol):
-    """An integrator for the systems of one scene.
+    """What carries the automaton of one scene on.
 
     Attributes
     ----------
     name
         As in ``solver.engine``.
+    rows, degree
+        How many steps it adds before they are read, and the degree of their polynomials.
     turns_per_segment
         Turns of the synchronous speed after which a segment without an event is ended and restarted.
     work
@@ -34,6 +99,8 @@ class Engine(Protocol):
     """
 
     name: str
+    rows: int
+    degree: int
     turns_per_segment: float
 
     @property
@@ -42,8 +109,8 @@ class Engine(Protocol):
     @property
     def work(self) -> Mapping[str, int | None]: ...  # noqa: D102
 
-    def advance(self, h: Hybrid) -> Tape:
-        """Go on with a run for one or more segments, or part of one; the tape is read before the next call."""
+    def advance(self, h: Hybrid) -> None:
+        """Carry a run on for some segments, or part of one; its steps and events are read before the next call."""
         ...
 
     def close(self) -> None:

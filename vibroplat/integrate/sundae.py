@@ -9,7 +9,7 @@ import threading
 from collections.abc import Callable
 from contextlib import redirect_stdout, suppress
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -36,8 +36,20 @@ from vibroplat.hybrid.loop import (
 from vibroplat.hybrid.scales import ROUND_OFF
 from vibroplat.integrate.seam import WORK
 from vibroplat.integrate.tape import MARGIN, Tape, blank_tape, transcribe
-from vibroplat.model.parameters import FloatArray
-from vibroplat.model.systems import SYSTEMS, System, explicit
+from vibroplat.hybrid.loop import AT_GUARD, AT_TIME, FAILED, NOT_FINITE, begin, conclude
+from vibroplat.hybrid.modes import GUARDS
+from vibroplat.hybrid.pieces import cut_piece
+from vibroplat.hybrid.scales import ROUND_OFF
+from vibroplat.hybrid.state import Hybrid
+from vibroplat.hybrid.steps import MARGIN, rewind
+from vibroplat.integrate.multistep import QUINTIC, begin_steps, calm, no_past, prepare_first_step, transcribe
+from vibroplat.integrate.seam import WORK
+from vibroplat.kernels.compiled import FloatArray
+from vibroplat.model.accelerations import accelerations
+from vibroplat.model.equations import jacobian as fill_jacobian
+from vibroplat.model.equations import residual as fill_residual
+from vibroplat.model.parameters import Parameters
+from vibroplat.model.systems import SYSTEMS, System
 from vibroplat.scene import Scene
 
 _ROOT = 2
@@ -86,6 +98,15 @@ class _Budget:
             self.left, self.since = MAX_CALLS, self.origin + t
 
 
+class _Ends(NamedTuple):
+    """Ends of a segment's steps that are not transcribed yet: times, unknowns, derivatives, why it stopped."""
+
+    t: FloatArray
+    y: FloatArray
+    yp: FloatArray
+    stop: int
+
+
 @dataclass(frozen=True)
 class _Integrator:
     """One IDA or CVODE object, the event function whose buffers it fills, and a right-hand side."""
@@ -105,8 +126,8 @@ class _Integrator:
             slopes: FloatArray = result.yp
             return slopes
         slopes = np.empty_like(result.y)
-        for y, yp in zip(result.y, slopes, strict=True):
-            self.right_hand_side(0.0, y, yp)
+        for t, y, yp in zip(result.t, result.y, slopes, strict=True):
+            self.right_hand_side(t, y, yp)
         return slopes
 
     def forget_events(self) -> None:
@@ -135,31 +156,56 @@ class SundaeEngine:
     """
 
     name = "sundae"
+    rows, degree = 4096, QUINTIC
     #: A segment's steps are all held in memory, and its progress is told at its end.
     turns_per_segment: float = 100
 
-    def __init__(self, scene: Scene, p: FloatArray) -> None:
+    def __init__(self, scene: Scene, p: Parameters) -> None:
         self._counts = dict.fromkeys(COUNTED, 0)
         self.detail = ""
         self._p = p
         self._adams = scene.adams_modes
         self._budget = _Budget()
         self._integrators: dict[tuple[int, bytes, float], _Integrator] = {}
+        self._past = no_past()
+        self._pending: _Ends | None = None
 
-    def advance(self, h: Hybrid) -> Tape:
-        """Go on with a run for one segment; see :class:`vibroplat.integrate.seam.Engine`."""
-        if not begin(h):
-            return blank_tape(0)
-        mode = h.flags[MODE]
-        system = SYSTEMS[h.systems[mode]]
-        start, slope = h.y[mode, : system.size].copy(), h.yp[mode, : system.size].copy()
-        integrator = self._integrator(system, h.atol[: system.size].copy(), float(h.clock[FIRST_STEP]))
+    def advance(self, h: Hybrid) -> None:
+        """Carry a run on for one segment, or part of it; see :class:`vibroplat.integrate.seam.Engine`."""
+        rewind(h.steps)
+        if self._pending is None:
+            first_step = prepare_first_step(h) if begin(h) else -1.0
+            if first_step < 0.0:
+                return
+            self._pending = self._integrate(h, first_step)
+        ends = self._pending
+        system = SYSTEMS[h.run["systems"][h.run["mode"]]]
+        room = self.rows - MARGIN
+        fell = transcribe(
+            h.steps, self._past, *(array[:room] for array in ends[:3]), GUARDS[system.index], ends.stop == AT_GUARD
+        )
+        left = _Ends(*(array[room:] for array in ends[:3]), ends.stop)
+        cut = not fell and len(left.t) > 0
+        if system.algebraic:
+            calm(h, cut)
+        self._pending = left if cut else None
+        if cut:
+            cut_piece(h)
+        else:
+            conclude(h, AT_GUARD if fell else ends.stop)
+
+    def _integrate(self, h: Hybrid, first_step: float) -> _Ends:
+        """Integrate the segment that begins."""
+        mode = h.run["mode"]
+        system = SYSTEMS[h.run["systems"][mode]]
+        start, slope = h.run["y"][mode, : system.size].copy(), h.run["yp"][mode, : system.size].copy()
+        integrator = self._integrator(system, h.run["atol"][: system.size].copy(), first_step)
         t, y, yp = np.zeros(1), start[np.newaxis], slope[np.newaxis]
         budget = self._budget
-        budget.period, budget.origin, budget.reached = float(h.clock[PERIOD]), float(h.clock[ORIGIN]), 0.0
+        budget.period, budget.origin, budget.reached = float(h.run["period"]), float(h.run["origin"]), 0.0
         result = None
         try:
-            result = self._solve(integrator, float(h.clock[UNTIL]), start, slope)
+            result = self._solve(integrator, float(h.run["until"]), start, slope)
         except (_NonFiniteError, _StuckError) as error:
             stop, self.detail = error.stop, error.detail
             result = self._until_then(integrator, start, slope)
@@ -170,12 +216,8 @@ class SundaeEngine:
             self._count(result)
         whole = np.isfinite(y.sum(axis=1)) & np.isfinite(yp.sum(axis=1))
         rows = len(t) if whole.all() else int(np.argmin(whole))
-        tape = blank_tape(rows + MARGIN)
-        guard = -1 if system.guard is None else system.guard
-        if transcribe(tape, t[:rows], y[:rows], yp[:rows], guard, stop == AT_GUARD):
-            stop = AT_GUARD
-        conclude(h, tape, stop)
-        return tape
+        begin_steps(self._past, y[0], yp[0])
+        return _Ends(t[1:rows], y[1:rows], yp[1:rows], stop)
 
     def _solve(self, integrator: _Integrator, until: float, start: FloatArray, slope: FloatArray) -> Any:
         """Integrate from a segment's start until a time in it, or the guard."""
@@ -219,15 +261,15 @@ class SundaeEngine:
 
     def _make_ida(self, system: System, atol: FloatArray, first_step: float) -> _Integrator:
         p, budget = self._p, self._budget
-        residual_kernel, jacobian_kernel = system.residual, system.jacobian
+        number = system.index
 
         def residual(t: float, y: FloatArray, yp: FloatArray, res: FloatArray) -> None:
-            if not residual_kernel(y, yp, res, p):
+            if not fill_residual(number, budget.origin + t, y, yp, res, p):
                 raise _NonFiniteError
             budget.count(t)
 
         def jacobian(t: float, y: FloatArray, yp: FloatArray, res: FloatArray, cj: float, jac: FloatArray) -> None:
-            jacobian_kernel(y, yp, cj, jac, p)
+            fill_jacobian(number, budget.origin + t, y, yp, cj, jac, p)
 
         options: dict[str, Any] = {
             "jacfn": jacobian,
@@ -238,16 +280,16 @@ class SundaeEngine:
         }
         if system.algebraic:
             options["algebraic_idx"] = [system.differential]
-        guard = None if system.guard is None else _ida_guard(system.guard)
+        guard = _guard_of(system, _ida_guard)
         if guard is not None:
             _watch(guard, options)
         return _Integrator(IDA(residual, **options), guard)
 
     def _make_adams(self, system: System, atol: FloatArray, first_step: float) -> _Integrator:
-        p, budget, number, room = self._p, self._budget, system.index, np.empty(system.size)
+        p, budget, number = self._p, self._budget, system.index
 
         def right_hand_side(t: float, y: FloatArray, yp: FloatArray) -> None:
-            if not explicit(number, y, yp, room, p):
+            if not accelerations(number, budget.origin + t, y, yp, p):
                 raise _NonFiniteError
             budget.count(t)
 
@@ -258,10 +300,16 @@ class SundaeEngine:
             "first_step": first_step,
             "max_num_steps": MAX_CALLS,
         }
-        guard = None if system.guard is None else _cvode_guard(system.guard)
+        guard = _guard_of(system, _cvode_guard)
         if guard is not None:
             _watch(guard, options)
         return _Integrator(CVODE(right_hand_side, **options), guard, right_hand_side)
+
+
+def _guard_of(system: System, make: Callable[[int], Callable[..., None]]) -> Callable[..., None] | None:
+    """Make the event function of a system that has a guard."""
+    index = int(GUARDS[system.index])
+    return make(index) if index >= 0 else None
 
 
 def _ida_guard(index: int) -> Callable[..., None]:

@@ -15,7 +15,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from numba.core import caching, config
+from numba.core import caching
 
 PACKAGE = Path(__file__).parents[1]
 
@@ -35,8 +35,9 @@ def digest() -> str:
 def _folders(room: Path) -> Iterator[Path]:
     """Folders that may keep the machine code of one room, best first."""
     name = f"vibroplat-{hashlib.sha256(str(room).encode()).hexdigest()[:16]}"
-    if config.CACHE_DIR:  # NUMBA_CACHE_DIR
-        yield Path(config.CACHE_DIR) / name
+    chosen = os.environ.get("NUMBA_CACHE_DIR")
+    if chosen:
+        yield Path(chosen) / name
     yield room / "__pycache__"
     for variable, below in (("XDG_CACHE_HOME", ()), ("HOME", (".cache",))):
         if os.environ.get(variable):
@@ -44,7 +45,7 @@ def _folders(room: Path) -> Iterator[Path]:
     yield Path(tempfile.gettempdir()) / f"numba-{os.getuid() if hasattr(os, 'getuid') else 'user'}" / name
 
 
-class KernelLocator(caching._CacheLocator):  # type: ignore[misc]
+class KernelLocator(caching._CacheLocator):
     """Finds the cache of this package's kernels; numba's own locators serve everyone else's."""
 
     def __init__(self, function: Callable[..., Any], folder: Path) -> None:
@@ -69,7 +70,7 @@ class KernelLocator(caching._CacheLocator):  # type: ignore[misc]
         for folder in _folders(room):
             found = cls(function, folder)
             try:
-                found.ensure_cache_path()
+                found.ensure_cache_path()  # type: ignore[no-untyped-call]
             except OSError:
                 continue
             return found

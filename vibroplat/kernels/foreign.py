@@ -38,6 +38,14 @@ def _as_pointer(typing_context: Any, address: Any) -> Any:
     return types.CPointer(types.float64)(address), generate
 
 
+@intrinsic
+def _as_untyped_pointer(typing_context: Any, address: Any) -> Any:
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        return builder.inttoptr(values[0], context.get_value_type(signature.return_type))
+
+    return types.voidptr(address), generate
+
+
 def _disown(context: Any, builder: Any, kind: Any, value: Any) -> Any:
     """Take the owner off an array, or off each array of a tuple."""
     if isinstance(kind, types.BaseTuple):
@@ -76,6 +84,9 @@ if TYPE_CHECKING:
     def pointer(address: int) -> Any:
         """Turn an address into a pointer to doubles, for ``numba.carray``."""
 
+    def untyped(address: int) -> Any:
+        """Turn an address into a pointer without type, for ``numba.carray`` with one."""
+
     def borrow(owned: T) -> T:
         """View an array, or all arrays of a tuple, without owning them; the caller keeps them alive.
 
@@ -87,4 +98,5 @@ else:
     call_double = _caller(types.float64)
     call_address = _caller(types.intp)
     pointer = _as_pointer
+    untyped = _as_untyped_pointer
     borrow = _borrow

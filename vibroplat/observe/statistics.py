@@ -1,46 +1,86 @@
-"""What is summed over a run while it goes: energies for the audit, statistics of the measured part.
+"""What is summed over a run while it goes: statistics of the measured part, powers for the audit, the section.
 
-All integrals use Gauss quadrature of the dense output, step by step, so nothing of the trajectory need
-be stored. The measured part is cut to whole turns of exciter 1 where there is one.
+All integrals use Gauss quadrature of the steps' polynomials, so nothing of the trajectory need be kept. The measured
+part is cut to whole turns of exciter 1 where there is one.
 """
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
-from vibroplat.integrate.interpolation import hermite, turning_points
-from vibroplat.integrate.tape import FIRST, ROWS, Tape
-from vibroplat.kernels.compiled import compiled, copy, inlined
+from vibroplat.hybrid.modes import IMPACT, LATCH, LIFTOFF, MODES
+from vibroplat.hybrid.state import Hybrid
+from vibroplat.hybrid.steps import Steps
+from vibroplat.kernels.compiled import FloatArray, compiled, copy, inlined
+from vibroplat.kernels.foreign import borrow
+from vibroplat.kernels.polynomial import bend, crossing, extremes, slope, value, values
 from vibroplat.model.energy import FORCE_SIZE, POWERS, powers
-from vibroplat.model.parameters import FloatArray
+from vibroplat.model.parameters import Parameters
 from vibroplat.model.systems import DIFFERENTIAL, FULL_SIZE, GAP, PLACES, SIZES
+from vibroplat.scene import Mode
 
 N_POWERS = len(POWERS)
 N_WORK = FORCE_SIZE + 1
 DISSIPATIONS = 2  # first of the powers that take energy
 
-# Places in the sums of the measured part.
-TIME, X, XX, Y, YY, PHI, PHI_PHI, COS, SIN, FLYING, MOTOR = range(11)
-SUMS = 11
-# Places in the marks: what must be remembered from step to step.
-WINDOW, TURNS, FIRST_TIME, FIRST_1, FIRST_2, LAST_TIME, LAST_1, LAST_2 = range(8)
-FORCE_MIN, FORCE_MAX, GAP_MIN, GAP_MAX, Y_MIN, Y_MAX, EXCHANGED, WAY, FIRST_IMPACTS, LAST_IMPACTS = range(8, 18)
-MARKS = 18
+#: Integrals over a part of a run (s, and the units of what is integrated times s).
+SUMS = np.dtype(
+    [
+        (name, np.float64)
+        for name in ("time", "x", "xx", "y", "yy", "phi", "phi_phi", "cosine", "sine", "flying", "motor")
+    ],
+    align=True,
+)
 
-# Places in the totals of events; the first three are counts by kind.
-LIFTOFFS, IMPACTS, LATCHES, IMPACT_LOSS, IMPULSE_SUM, IMPULSE_MAX, MEASURED_IMPACTS = range(7)
-TOTALS = 7
+#: A point of the Poincaré section: time (s), full state, F_c (N).
+SECTION = np.dtype([("t", np.float64), ("state", np.float64, FULL_SIZE), ("force", np.float64)], align=True)
 
 #: Points of the Poincaré section that are kept, the last ones.
 SECTION_ROWS = 1024
-# Columns of the section: time, full state, contact force.
-SECTION_TIME, SECTION_STATE, SECTION_FORCE = 0, 1, 1 + FULL_SIZE
 
-_GAUSS = np.array([0.5 - math.sqrt(1.0 / 12.0), 0.5 + math.sqrt(1.0 / 12.0)])
+#: What is remembered from step to step.
+MARKS = np.dtype(
+    [
+        ("window", np.float64),  # when the measured part begins (s)
+        ("turns", np.int64),  # points of the section so far
+        ("first_time", np.float64),  # of the section's first and last point (s)
+        ("last_time", np.float64),
+        ("first_angles", np.float64, 2),  # of both exciters there (rad)
+        ("last_angles", np.float64, 2),
+        ("first_impacts", np.float64),  # impacts of the measured part until then
+        ("last_impacts", np.float64),
+        ("way", np.float64),  # in which exciter 1 has passed angle 0 the last time
+        ("exchanged", np.float64),  # energy that motors and dampers have exchanged, all of it positive (J)
+        ("force_min", np.float64),
+        ("force_max", np.float64),
+        ("gap_min", np.float64),
+        ("gap_max", np.float64),
+        ("y_min", np.float64),
+        ("y_max", np.float64),
+        ("liftoffs", np.int64),
+        ("impacts", np.int64),
+        ("latches", np.int64),
+        ("measured_impacts", np.int64),
+        ("impact_loss", np.float64),  # (J)
+        ("impulse_sum", np.float64),  # (N·s)
+        ("impulse_max", np.float64),
+    ],
+    align=True,
+)
+
+#: Gauss nodes and weights on [0, 1], by their number.
+_MOST_NODES = 16
+NODES, WEIGHTS = np.zeros((2, _MOST_NODES + 1, _MOST_NODES))
+for _n in range(1, _MOST_NODES + 1):
+    _nodes, _weights = np.polynomial.legendre.leggauss(_n)
+    NODES[_n, :_n], WEIGHTS[_n, :_n] = 0.5 + 0.5 * _nodes, 0.5 * _weights
+
 _TURN = 2.0 * math.pi
+_FLIGHT = int(Mode.FLIGHT)
 
 
 class Measures(NamedTuple):
@@ -51,32 +91,36 @@ class Measures(NamedTuple):
     work
         Integrals of the powers (J) and of the vertical force from outside and its size (N·s), shape (N_WORK,).
     plain, open_turn, whole
-        Sums of the measured part: before the first whole turn of exciter 1, since the last one, over whole turns.
-    marks, totals
-        Extremes and what is remembered from step to step; counts and sums of events.
+        Records of :data:`SUMS` over the measured part: before the first whole turn of exciter 1, since the last one,
+        over whole turns.
+    marks
+        A record of :data:`MARKS`: extremes, counts and what is remembered from step to step.
     section
-        Poincaré section: motion at the whole turns of exciter 1 in the measured part, the last
+        Poincaré section: records of :data:`SECTION` at the whole turns of exciter 1 in the measured part, the last
         SECTION_ROWS of them, turn n in row n modulo that.
     """
 
     work: FloatArray
-    plain: FloatArray
-    open_turn: FloatArray
-    whole: FloatArray
-    marks: FloatArray
-    totals: FloatArray
-    section: FloatArray
+    plain: Any
+    open_turn: Any
+    whole: Any
+    marks: Any
+    section: npt.NDArray[np.void]
 
 
 def no_measures(window: float) -> Measures:
     """Make empty sums whose measured part begins at a time (s)."""
-    marks = np.zeros(MARKS)
-    marks[WINDOW] = window
-    for least, largest in ((FORCE_MIN, FORCE_MAX), (Y_MIN, Y_MAX)):
-        marks[least], marks[largest] = math.inf, -math.inf
-    section = np.zeros((SECTION_ROWS, SECTION_FORCE + 1))
-    plain, open_turn, whole = np.zeros((3, SUMS))
-    return Measures(np.zeros(N_WORK), plain, open_turn, whole, marks, np.zeros(TOTALS), section)
+    marks = np.zeros(1, MARKS)
+    marks["window"] = window
+    for name in ("force", "y"):
+        marks[f"{name}_min"], marks[f"{name}_max"] = math.inf, -math.inf
+    plain, open_turn, whole = np.zeros(3, SUMS)
+    return Measures(np.zeros(N_WORK), plain, open_turn, whole, marks[0], np.zeros(SECTION_ROWS, SECTION))
+
+
+def numbers(sums: Any) -> FloatArray:
+    """View a record of SUMS as an array."""
+    return np.asarray(sums).reshape(1).view(np.float64)
 
 
 def copied(ms: Measures) -> Measures:
@@ -87,232 +131,232 @@ def copied(ms: Measures) -> Measures:
 def between(earlier: Measures, later: Measures) -> Measures:
     """Subtract two copies: sums over the whole turns of exciter 1 between them; extremes are of all before."""
     marks = later.marks.copy()
-    marks[TURNS] += 1.0 - earlier.marks[TURNS]  # the last turn before is the first mark
-    for first, last in ((FIRST_TIME, LAST_TIME), (FIRST_1, LAST_1), (FIRST_2, LAST_2), (FIRST_IMPACTS, LAST_IMPACTS)):
-        marks[first] = earlier.marks[last]
-    nothing = np.zeros(SUMS)
-    return later._replace(plain=nothing, open_turn=nothing, whole=later.whole - earlier.whole, marks=marks)
+    marks["turns"] += 1 - earlier.marks["turns"]  # the last turn before is the first mark
+    for name in ("time", "angles", "impacts"):
+        marks[f"first_{name}"] = earlier.marks[f"last_{name}"]
+    plain, open_turn, whole = np.zeros(3, SUMS)
+    numbers(whole)[:] = numbers(later.whole) - numbers(earlier.whole)
+    return later._replace(plain=plain, open_turn=open_turn, whole=whole, marks=marks)
 
 
-def section_rows(ms: Measures) -> FloatArray:
-    """Time, full state and contact force at whole turns of exciter 1, in the order of time."""
-    turns = int(ms.marks[TURNS])
+def section_rows(ms: Measures) -> npt.NDArray[np.void]:
+    """Points of the Poincaré section that are kept, records of :data:`SECTION` in the order of time."""
+    turns = int(ms.marks["turns"])
     return ms.section[np.arange(max(turns - SECTION_ROWS, 0), turns) % SECTION_ROWS]
 
 
-@compiled
-def crossing(step: float, a0: float, a1: float, rate_0: float, rate_1: float, level: float) -> float:
-    """Fraction of a step at which an angle passes a level between its ends, by bisection."""
-    low, high = 0.0, 1.0
-    for _ in range(54):
-        middle = 0.5 * (low + high)
-        if (hermite(middle, step, a0, a1, rate_0, rate_1) < level) == (a0 < level):
-            low = middle
-        else:
-            high = middle
-    return high
+def node_count(degree: int) -> int:
+    """Gauss nodes a step: as many as keep the order of its polynomials, fewer where these are of high degree."""
+    return min((degree + 1) // 2 if degree <= 8 else degree // 3 + 2, _MOST_NODES)
+
+
+class Statistics:
+    """Observes a run: reads its steps and events into :class:`Measures`.
+
+    Parameters
+    ----------
+    window
+        When the measured part begins (s).
+    """
+
+    def __init__(self, window: float) -> None:
+        self.measures = no_measures(window)
+
+    def read(self, h: Hybrid) -> None:
+        """Add the steps and events since the last reading."""
+        add_pieces(self.measures, h.steps, h.events[: h.run["events"]], node_count(h.steps.degree), h.p)
 
 
 @compiled
-def extremes(step: float, f0: float, f1: float, rate_0: float, rate_1: float) -> tuple[float, float]:
-    """Least and largest value of the interpolant within a step."""
-    least, largest = min(f0, f1), max(f0, f1)
-    for s in turning_points(step, f0, f1, rate_0, rate_1):
-        value = hermite(s, step, f0, f1, rate_0, rate_1)
-        least, largest = min(least, value), max(largest, value)
-    return least, largest
-
-
-@inlined
-def spread_between(
-    s: float,
-    step: float,
-    y: FloatArray,
-    yp: FloatArray,
-    k: int,
-    system: int,
-    full: FloatArray,
+def add_pieces(
+    owned_ms: Measures, owned_steps: Steps, events: npt.NDArray[np.void], nodes: int, p: Parameters
 ) -> None:
-    """Fill a full state at fraction s of the step that begins in row k of a tape."""
-    r = 1.0 - s
-    w0, w1 = r * r * (1.0 + 2.0 * s), s * s * (1.0 + 2.0 * r)
-    v0, v1 = r * r * s * step, -s * s * r * step
-    for j in range(DIFFERENTIAL[system]):
-        full[PLACES[system, j]] = w0 * y[k, j] + w1 * y[k + 1, j] + v0 * yp[k, j] + v1 * yp[k + 1, j]
+    """Add all closed pieces and events in the order of time."""
+    ms, steps = borrow(owned_ms), borrow(owned_steps)
+    counted = 0
+    full, unknowns, power = np.zeros(FULL_SIZE), np.zeros(FULL_SIZE), np.empty(N_WORK)
+    for i in range(steps.used.pieces):
+        piece = steps.pieces[i]
+        while counted < piece.events:
+            count_event(ms.marks, events[counted])
+            counted += 1
+        flying = MODES[piece.system] == _FLIGHT
+        for j in range(FULL_SIZE):
+            full[j] = 0.0
+        for row in range(piece.first, piece.end):
+            if steps.length[row] > 0.0:
+                add_step(ms, steps, row, piece, flying, nodes, full, unknowns, power, p)
+    while counted < events.size:
+        count_event(ms.marks, events[counted])
+        counted += 1
+
+
+@compiled
+def count_event(marks: Any, event: Any) -> None:
+    """Add an event to the counts."""
+    if event.kind == LIFTOFF:
+        marks.liftoffs += 1
+    elif event.kind == LATCH:
+        marks.latches += 1
+    elif event.kind == IMPACT:
+        marks.impacts += 1
+        if event.t >= marks.window:
+            marks.measured_impacts += 1
+    marks.impact_loss += event.loss
+    marks.impulse_sum += event.impulse
+    marks.impulse_max = max(marks.impulse_max, event.impulse)
 
 
 @inlined
+def add_step(
+    ms: Measures,
+    steps: Steps,
+    row: int,
+    piece: Any,
+    flying: bool,
+    nodes: int,
+    full: FloatArray,
+    unknowns: FloatArray,
+    power: FloatArray,
+    p: Parameters,
+) -> None:
+    """Add a step, in two parts where exciter 1 completes a turn within it."""
+    marks, c, degree = ms.marks, steps.c[row], steps.c.shape[1] - 1
+    system, force = piece.system, DIFFERENTIAL[piece.system]
+    begin, length = piece.origin + steps.start[row], steps.length[row]
+    if SIZES[system] > force and may_widen(marks.force_min, marks.force_max, c, degree, force):
+        least, largest = extremes(c, degree, force)
+        marks.force_min, marks.force_max = min(marks.force_min, least), max(marks.force_max, largest)
+    if flying and may_widen(marks.gap_min, marks.gap_max, c, degree, GAP):
+        least, largest = extremes(c, degree, GAP)
+        marks.gap_min, marks.gap_max = min(marks.gap_min, least), max(marks.gap_max, largest)
+    before = math.floor((c[0, 3] + piece.turns[0]) / _TURN)
+    after = math.floor((steps.ends[row, 3] + piece.turns[0]) / _TURN)
+    cut = 0.0
+    if before != after:
+        cut = crossing(c, degree, 3, _TURN * max(before, after) - piece.turns[0])
+        integrate(ms, c, degree, 0.0, cut, begin, length, system, flying, nodes, full, unknowns, power, p)
+        now = begin + cut * length
+        if goes_on(marks, slope(c, degree, 3, cut)) and now >= marks.window:
+            values(c, degree, cut, unknowns)
+            for j in range(force):
+                full[PLACES[system, j]] = unknowns[j]
+            close_turn(ms, now, piece.turns, full, unknowns[force] if SIZES[system] > force else 0.0)
+    if cut < 1.0:
+        integrate(ms, c, degree, cut, 1.0, begin, length, system, flying, nodes, full, unknowns, power, p)
+    if begin + cut * length >= marks.window and may_widen(marks.y_min, marks.y_max, c, degree, 1):
+        least, largest = extremes(c, degree, 1)
+        marks.y_min, marks.y_max = min(marks.y_min, least), max(marks.y_max, largest)
+
+
+@compiled
 def integrate(
+    ms: Measures,
+    c: FloatArray,
+    degree: int,
     start: float,
     end: float,
-    step: float,
-    y: FloatArray,
-    yp: FloatArray,
-    k: int,
+    begin: float,
+    length: float,
     system: int,
-    measured: bool,
     flying: bool,
+    nodes: int,
     full: FloatArray,
+    unknowns: FloatArray,
     power: FloatArray,
-    p: FloatArray,
-    work: FloatArray,
-    sums: FloatArray,
-) -> float:
-    """Add the work over the part [start, end] of a step and, if measured, its statistics to ``sums``.
+    p: Parameters,
+) -> None:
+    """Add the part [start, end] of a step: its work and, if it is measured, its statistics.
 
-    ``start`` and ``end`` are fractions of the step that begins in row k; ``full`` and ``power`` are
-    overwritten. Returns the energy that motors and dampers exchanged, all of it counted positive.
+    ``start`` and ``end`` are fractions of the step, which begins at time ``begin`` and takes ``length`` (s);
+    ``full``, ``unknowns`` and ``power`` are overwritten.
     """
-    total = 0.0
-    duration = (end - start) * step
-    weight = 0.5 * duration
-    for i in range(_GAUSS.size):
-        spread_between(start + (end - start) * _GAUSS[i], step, y, yp, k, system, full)
-        powers(full, power, p)
+    marks, sums, work = ms.marks, ms.open_turn, ms.work
+    duration = (end - start) * length
+    measured = begin + start * length >= marks.window
+    for i in range(nodes):
+        s, weight = start + (end - start) * NODES[nodes, i], duration * WEIGHTS[nodes, i]
+        values(c, degree, s, unknowns)
+        for j in range(DIFFERENTIAL[system]):
+            full[PLACES[system, j]] = unknowns[j]
+        powers(begin + s * length, full, power, p)
         exchanged = abs(power[0])
         for j in range(N_WORK):
             work[j] += weight * power[j]
         for j in range(DISSIPATIONS, N_POWERS):
             exchanged += power[j]
-        total += weight * exchanged
+        marks.exchanged += weight * exchanged
         if measured:
-            for j in range(3):
-                sums[X + 2 * j] += weight * full[j]
-                sums[XX + 2 * j] += weight * full[j] * full[j]
-            sums[MOTOR] += weight * power[0]
+            x, y, phi = full[0], full[1], full[2]
+            sums.x += weight * x
+            sums.xx += weight * x * x
+            sums.y += weight * y
+            sums.yy += weight * y * y
+            sums.phi += weight * phi
+            sums.phi_phi += weight * phi * phi
+            sums.motor += weight * power[0]
     if measured:
-        sums[TIME] += duration
-        sums[FLYING] += duration if flying else 0.0
+        sums.time += duration
+        sums.flying += duration if flying else 0.0
         # where exciters run in step the phase varies slowly: the middle says it
-        middle, phase = 0.5 * (start + end), 0.0
-        for j in range(3, 5):
-            phase += hermite(middle, step, y[k, j], y[k + 1, j], yp[k, j], yp[k + 1, j])
-        sums[COS] += duration * math.cos(phase)
-        sums[SIN] += duration * math.sin(phase)
-    return total
+        middle = 0.5 * (start + end)
+        phase = value(c, degree, 3, middle) + value(c, degree, 4, middle)
+        sums.cosine += duration * math.cos(phase)
+        sums.sine += duration * math.sin(phase)
+
+
+@inlined
+def may_widen(least: float, largest: float, c: FloatArray, degree: int, j: int) -> bool:
+    """Whether a step may hold a value of unknown j beyond the extremes so far; most cannot."""
+    reach, first, last = bend(c, degree, j), c[0, j], c[0, j]
+    for k in range(1, degree + 1):
+        last += c[k, j]
+    return not (least < min(first, last) - reach and max(first, last) + reach < largest)
 
 
 @compiled
-def turn_share(step: float, a0: float, a1: float, rate_0: float, rate_1: float, offset: float) -> float:
-    """Fraction of a step at which exciter 1 completes a turn, or 1 if it does not."""
-    before, after = math.floor((a0 + offset) / _TURN), math.floor((a1 + offset) / _TURN)
-    if before == after:
-        return 1.0
-    return crossing(step, a0, a1, rate_0, rate_1, _TURN * max(before, after) - offset)
-
-
-@compiled
-def goes_on(marks: FloatArray, rate: float) -> bool:
+def goes_on(marks: Any, rate: float) -> bool:
     """Whether exciter 1 passes angle 0 the same way as the last time: one that swings completes no turn."""
     way = math.copysign(1.0, rate)
-    same = bool(marks[WAY] != -way)
-    marks[WAY] = way
+    same = bool(marks.way != -way)
+    marks.way = way
     return same
 
 
-@inlined
-def add(terms: FloatArray, sums: FloatArray) -> None:
-    """Add terms to sums."""
-    for j in range(sums.size):
-        sums[j] += terms[j]
-
-
 @compiled
-def close_turn(
-    now: float,
-    turns: FloatArray,
-    full: FloatArray,
-    force: float,
-    plain: FloatArray,
-    open_turn: FloatArray,
-    whole: FloatArray,
-    marks: FloatArray,
-    section: FloatArray,
-    impacts: float,
-) -> None:
+def close_turn(ms: Measures, now: float, turns: FloatArray, full: FloatArray, force: float) -> None:
     """Exciter 1 has completed a turn in the measured part: what was open since the last one is whole."""
-    row = section[int(marks[TURNS]) % SECTION_ROWS]
-    row[SECTION_TIME], row[SECTION_FORCE] = now, force
-    copy(full, row[SECTION_STATE:])
-    row[SECTION_STATE + 3] += turns[0]
-    row[SECTION_STATE + 4] += turns[1]
-    add(open_turn, plain if marks[TURNS] == 0.0 else whole)
-    if marks[TURNS] == 0.0:
-        marks[FIRST_TIME], marks[FIRST_1], marks[FIRST_2] = now, full[3] + turns[0], full[4] + turns[1]
-        marks[FIRST_IMPACTS] = impacts
-    for j in range(SUMS):
-        open_turn[j] = 0.0
-    marks[TURNS] += 1.0
-    marks[LAST_TIME], marks[LAST_1], marks[LAST_2] = now, full[3] + turns[0], full[4] + turns[1]
-    marks[LAST_IMPACTS] = impacts
-
-
-@inlined
-def widen(marks: FloatArray, low: int, step: float, y: FloatArray, yp: FloatArray, k: int, j: int) -> None:
-    """Let an extreme's two marks, from ``low`` on, cover unknown j within the step that begins in row k."""
-    f0, f1, rate_0, rate_1 = y[k, j], y[k + 1, j], yp[k, j], yp[k + 1, j]
-    # the slopes' share in the interpolant is at most 4/27 of theirs: most steps cannot hold an extreme
-    reach = 4.0 / 27.0 * step * (abs(rate_0) + abs(rate_1))
-    if marks[low] < min(f0, f1) - reach and max(f0, f1) + reach < marks[low + 1]:
-        return
-    least, largest = extremes(step, f0, f1, rate_0, rate_1)
-    marks[low] = min(marks[low], least)
-    marks[low + 1] = max(marks[low + 1], largest)
+    marks = ms.marks
+    point = ms.section[marks.turns % SECTION_ROWS]
+    point.t, point.force = now, force
+    copy(full, point.state)
+    for i in range(2):
+        point.state[3 + i] += turns[i]
+        marks.last_angles[i] = point.state[3 + i]
+        if marks.turns == 0:
+            marks.first_angles[i] = point.state[3 + i]
+    marks.last_time, marks.last_impacts = now, marks.measured_impacts
+    if marks.turns == 0:
+        marks.first_time, marks.first_impacts = now, marks.measured_impacts
+        add(ms.open_turn, ms.plain)
+    else:
+        add(ms.open_turn, ms.whole)
+    marks.turns += 1
 
 
 @compiled
-def accumulate(
-    ms: Measures, tape: Tape, system: int, flying: bool, origin: float, turns: FloatArray, p: FloatArray
-) -> None:
-    """Add the open piece of the tape to the sums.
-
-    Parameters
-    ----------
-    ms, tape
-        Sums, changed; tape, read.
-    system, flying
-        Number of the piece's system, and whether it is in flight.
-    origin, turns
-        Origin of the tape's times (s) and whole turns (rad) taken off both exciter angles.
-    """
-    t, y, yp, marks, work, open_turn = tape.t, tape.y, tape.yp, ms.marks, ms.work, ms.open_turn
-    full, power = np.zeros(FULL_SIZE), np.empty(N_WORK)
-    force = DIFFERENTIAL[system]
-    for k in range(tape.used[FIRST], tape.used[ROWS] - 1):
-        step = t[k + 1] - t[k]
-        if step <= 0.0:
-            continue
-        if SIZES[system] > force:
-            widen(marks, FORCE_MIN, step, y, yp, k, force)
-        if flying:
-            widen(marks, GAP_MIN, step, y, yp, k, GAP)
-        cut = turn_share(step, y[k, 3], y[k + 1, 3], yp[k, 3], yp[k + 1, 3], turns[0])
-        for part in range(2):
-            a, b = (0.0, cut) if part == 0 else (cut, 1.0)
-            if b <= a:
-                continue
-            measured = origin + t[k] + a * step >= marks[WINDOW]
-            marks[EXCHANGED] += integrate(
-                a, b, step, y, yp, k, system, measured, flying, full, power, p, work, open_turn
-            )
-            if measured:
-                widen(marks, Y_MIN, step, y, yp, k, 1)
-            now = origin + t[k] + b * step
-            if b < 1.0 and goes_on(marks, yp[k, 3]) and now >= marks[WINDOW]:
-                spread_between(b, step, y, yp, k, system, full)
-                pressure = 0.0
-                if SIZES[system] > force:
-                    pressure = hermite(b, step, y[k, force], y[k + 1, force], yp[k, force], yp[k + 1, force])
-                impacts = ms.totals[MEASURED_IMPACTS]
-                close_turn(now, turns, full, pressure, ms.plain, open_turn, ms.whole, marks, ms.section, impacts)
-
-
-@compiled
-def count_event(ms: Measures, kind: int, now: float, impulse: float, loss: float) -> None:
-    """Add an event to the totals; ``kind`` is its place among them."""
-    ms.totals[kind] += 1.0
-    ms.totals[IMPACT_LOSS] += loss
-    ms.totals[IMPULSE_SUM] += impulse
-    ms.totals[IMPULSE_MAX] = max(ms.totals[IMPULSE_MAX], impulse)
-    if kind == IMPACTS and now >= ms.marks[WINDOW]:
-        ms.totals[MEASURED_IMPACTS] += 1.0
+def add(terms: Any, sums: Any) -> None:
+    """Add terms to sums, and clear them."""
+    sums.time += terms.time
+    sums.x += terms.x
+    sums.xx += terms.xx
+    sums.y += terms.y
+    sums.yy += terms.yy
+    sums.phi += terms.phi
+    sums.phi_phi += terms.phi_phi
+    sums.cosine += terms.cosine
+    sums.sine += terms.sine
+    sums.flying += terms.flying
+    sums.motor += terms.motor
+    terms.time = terms.x = terms.xx = terms.y = terms.yy = terms.phi = terms.phi_phi = 0.0
+    terms.cosine = terms.sine = terms.flying = terms.motor = 0.0

@@ -4,42 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from vibroplat.model.energy import (
-    FORCE,
-    FORCE_SIZE,
-    POWERS,
-    elastic_energy,
-    gravity_energy,
-    kinetic_energy,
-    unbalance_momentum,
-    vertical_momentum,
-)
-from vibroplat.model.parameters import FloatArray
-from vibroplat.observe import statistics as m
-from vibroplat.observe.statistics import Measures
-
-
-@dataclass(frozen=True)
-class Energies:
-    """Energies of a state (J), its vertical momentum and the size of the unbalances' momenta (N·s)."""
-
-    kinetic: float
-    elastic: float
-    gravity: float
-    momentum: float
-    unbalances: float
-
-    @classmethod
-    def of(cls, state: FloatArray, p: FloatArray) -> Energies:
-        """Evaluate them at a full state."""
-        terms = (kinetic_energy, elastic_energy, gravity_energy, vertical_momentum, unbalance_momentum)
-        return cls(*(of(state, p) for of in terms))
+from vibroplat.observe.audit import Energies, audit
+from vibroplat.observe.statistics import SUMS, Measures, between, numbers
 
 
 class Part(NamedTuple):
@@ -51,67 +22,35 @@ class Part(NamedTuple):
     blocks: Sequence[Measures] = ()
 
 
-def audit(ms: Measures, before: Energies, after: Energies) -> dict[str, float]:
-    """Energies of a run (J), and what is left of their balance and of that of vertical momentum.
-
-    Motor work + gravity's work + truncation = Δ(kinetic + elastic) + dissipation + impact losses;
-    the residual is relative to the largest of the energy that motors and dampers exchanged and the
-    energies, kinetic and elastic, at both ends. Springs, dampers and weight change the vertical momentum,
-    and impacts must not; its residual is relative to the largest of the integral of those forces' sizes, the
-    momentum and the sizes of the unbalances' momenta at both ends. Impact law ``printed`` does not keep the upper
-    layer's momentum, and it shows here.
-    """
-    fed, taken = float(ms.work[: m.DISSIPATIONS].sum()), float(ms.work[m.DISSIPATIONS : m.N_POWERS].sum())
-    loss = float(ms.totals[m.IMPACT_LOSS])
-    gravity = before.gravity - after.gravity
-    kinetic, elastic = after.kinetic - before.kinetic, after.elastic - before.elastic
-    left = fed + gravity - taken - loss - kinetic - elastic
-    scale = max(float(ms.marks[m.EXCHANGED]) + loss, *(e.kinetic + e.elastic for e in (before, after)))
-    lost = float(ms.work[FORCE]) - (after.momentum - before.momentum)
-    sizes = (size for e in (before, after) for size in (abs(e.momentum), e.unbalances))
-    momentum = max(float(ms.work[FORCE_SIZE]), *sizes)
-    return {f"{name}_work_j": float(w) for name, w in zip(POWERS, ms.work[: m.N_POWERS], strict=True)} | {
-        "gravity_work_j": gravity,
-        "impact_loss_j": loss,
-        "kinetic_change_j": kinetic,
-        "elastic_change_j": elastic,
-        "energy_residual_j": left,
-        "energy_residual": abs(left) / scale if scale > 0.0 else 0.0,
-        "momentum_residual_n_s": lost,
-        "momentum_residual": abs(lost) / momentum if momentum > 0.0 else 0.0,
-    }
-
-
 def statistics(ms: Measures) -> dict[str, float | None]:
     """RMS about the mean, amplitude, frequencies, phase of the measured part; None where it is too short."""
     marks = ms.marks
-    turned = ms.whole[m.TIME] > 0.0
-    sums = ms.whole if turned else ms.plain + ms.open_turn
+    turned = ms.whole["time"] > 0.0
+    sums = numbers(ms.whole) if turned else numbers(ms.plain) + numbers(ms.open_turn)
     names = ("rms_x_m", "rms_y_m", "rms_phi_rad")
-    if sums[m.TIME] <= 0.0:
+    if sums[0] <= 0.0:
         others = ("amplitude_y_m", "excitation_frequency_hz", "frequency_split_hz", "phase_difference_rad")
         return dict.fromkeys(
             (*names, *others, "phase_coherence", "flight_fraction", "motor_power_w", "impacts_per_period", "measured_s")
         )
-    mean = sums / sums[m.TIME]
+    mean = dict(zip(SUMS.names or (), sums / sums[0], strict=True))
     result: dict[str, float | None] = {
         name: math.sqrt(max(mean[square] - mean[first] ** 2, 0.0))
-        for name, first, square in zip(names, (m.X, m.Y, m.PHI), (m.XX, m.YY, m.PHI_PHI), strict=True)
+        for name, first, square in zip(names, ("x", "y", "phi"), ("xx", "yy", "phi_phi"), strict=True)
     }
-    result["amplitude_y_m"] = 0.5 * (marks[m.Y_MAX] - marks[m.Y_MIN])
+    result["amplitude_y_m"] = 0.5 * (marks["y_max"] - marks["y_min"])
     result["excitation_frequency_hz"] = result["frequency_split_hz"] = result["impacts_per_period"] = None
     if turned:
-        seconds = 2.0 * math.pi * (marks[m.LAST_TIME] - marks[m.FIRST_TIME])
-        first = abs(marks[m.LAST_1] - marks[m.FIRST_1]) / seconds
-        second = abs(marks[m.LAST_2] - marks[m.FIRST_2]) / seconds
+        seconds = 2.0 * math.pi * (marks["last_time"] - marks["first_time"])
+        first, second = np.abs(marks["last_angles"] - marks["first_angles"]) / seconds
         result["excitation_frequency_hz"] = 0.5 * (first + second)
         result["frequency_split_hz"] = first - second
-        result["impacts_per_period"] = (marks[m.LAST_IMPACTS] - marks[m.FIRST_IMPACTS]) / (marks[m.TURNS] - 1.0)
-    result["phase_difference_rad"] = half_open(math.atan2(mean[m.SIN], mean[m.COS]))
-    result["phase_coherence"] = math.hypot(mean[m.SIN], mean[m.COS])
-    result["flight_fraction"] = mean[m.FLYING]
-    result["motor_power_w"] = mean[m.MOTOR]
-    result["measured_s"] = sums[m.TIME]
+        result["impacts_per_period"] = (marks["last_impacts"] - marks["first_impacts"]) / (marks["turns"] - 1.0)
+    result["phase_difference_rad"] = half_open(math.atan2(mean["sine"], mean["cosine"]))
+    result["phase_coherence"] = math.hypot(mean["sine"], mean["cosine"])
+    result["flight_fraction"] = mean["flying"]
+    result["motor_power_w"] = mean["motor"]
+    result["measured_s"] = sums[0]
     return {k: None if v is None else float(v) for k, v in result.items()}
 
 
@@ -121,7 +60,7 @@ def block_errors(blocks: Sequence[Measures], names: Sequence[str]) -> dict[str, 
     Means of blocks that are long against the memory of the motion are independent, so that the error of their mean is
     their standard deviation over the root of their number (method of batch means).
     """
-    parts = [*blocks[:1], *(m.between(a, b) for a, b in pairwise(blocks))]
+    parts = [*blocks[:1], *(between(a, b) for a, b in pairwise(blocks))]
     found = [statistics(part) for part in parts]
     errors: dict[str, float | None] = {}
     for name in names:
@@ -144,19 +83,22 @@ def measured(part: Part) -> dict[str, Any]:
     Statistics are of its measured part, cut to whole turns of exciter 1 when there is one; extremes of
     force and gap, impulses and energies of the whole. What has no finite value is None.
     """
-    marks, totals = part.measures.marks.tolist(), part.measures.totals.tolist()
+    marks = part.measures.marks
     found = {
         **statistics(part.measures),
-        "contact_force_min_n": marks[m.FORCE_MIN],
-        "contact_force_max_n": marks[m.FORCE_MAX],
-        "gap_min_m": marks[m.GAP_MIN],
-        "gap_max_m": marks[m.GAP_MAX],
-        "impulse_max_n_s": totals[m.IMPULSE_MAX],
-        "impulse_sum_n_s": totals[m.IMPULSE_SUM],
-        "liftoffs": int(totals[m.LIFTOFFS]),
-        "impacts": int(totals[m.IMPACTS]),
-        "latches": int(totals[m.LATCHES]),
-        "events": int(sum(totals[:3])),
+        "contact_force_min_n": float(marks["force_min"]),
+        "contact_force_max_n": float(marks["force_max"]),
+        "gap_min_m": float(marks["gap_min"]),
+        "gap_max_m": float(marks["gap_max"]),
+        "impulse_max_n_s": float(marks["impulse_max"]),
+        "impulse_sum_n_s": float(marks["impulse_sum"]),
+        **counts(part.measures),
         **audit(part.measures, part.before, part.after),
     }
     return {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in found.items()}
+
+
+def counts(ms: Measures) -> dict[str, int]:
+    """Count the events, by kind and all of them."""
+    found = {name: int(ms.marks[name]) for name in ("liftoffs", "impacts", "latches")}
+    return found | {"events": sum(found.values())}

@@ -11,44 +11,28 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from vibroplat.integrate.interpolation import sample
-from vibroplat.model.parameters import FloatArray
-from vibroplat.model.systems import FULL_SIZE, System
-from vibroplat.observe import statistics as m
+from vibroplat.hybrid.modes import KINDS
+from vibroplat.hybrid.state import EVENT, Hybrid
+from vibroplat.kernels.compiled import FloatArray, compiled, copy
+from vibroplat.kernels.polynomial import values
+from vibroplat.model.systems import FULL_SIZE, SYSTEMS, System
 from vibroplat.observe.statistics import Measures, section_rows
 from vibroplat.scene import COORDINATES, RATES, Mode, Scene
 
-EVENT_COLUMNS = (
-    "t_s",
-    "kind",
-    "gap_rate_before_m_per_s",
-    "gap_rate_after_m_per_s",
-    "impulse_n_s",
-    "energy_loss_j",
-    "contact_force_after_n",
-    "mode_after",
-    "impacts",
-)
-
-
-@dataclass(frozen=True)
-class Event:
-    """A transition, as a row of the event table.
-
-    ``gap_rate_before`` of a latch is that of the first impact which was not followed; ``impacts`` is 1
-    for an impact, 0 for a liftoff, and for a latch the number of impacts it stands for, counted until
-    their speed is below round-off of the first.
-    """
-
-    t_s: float
-    kind: str
-    gap_rate_before_m_per_s: float
-    gap_rate_after_m_per_s: float
-    impulse_n_s: float
-    energy_loss_j: float
-    contact_force_after_n: float
-    mode_after: str
-    impacts: int
+#: Columns of the event table and the fields they hold. ``gap_rate_before`` of a latch is that of the first impact which
+#: was not followed; ``impacts`` is 1 for an impact, 0 for a liftoff, and for a latch the number of impacts it stands
+#: for, counted until their speed is below round-off of the first.
+EVENT_COLUMNS = {
+    "t_s": "t",
+    "kind": "kind",
+    "gap_rate_before_m_per_s": "rate_before",
+    "gap_rate_after_m_per_s": "rate_after",
+    "impulse_n_s": "impulse",
+    "energy_loss_j": "loss",
+    "contact_force_after_n": "force_after",
+    "mode_after": "mode_after",
+    "impacts": "impacts",
+}
 
 
 @dataclass(frozen=True)
@@ -59,10 +43,12 @@ class Segment:
     ----------
     start, end
         When it began and ended (s).
-    t
-        Ends of the steps since ``start`` (s), shape (m,).
-    y, yp
-        Unknowns of ``system`` and derivatives there, shape (m, size).
+    t, length
+        Beginnings of its steps since ``start``, and their durations (s), shape (m,).
+    c
+        Coefficients of their polynomials in the fraction of the step, shape (m, degree + 1, size).
+    ends
+        Unknowns at the ends of the steps, shape (m, size).
     turns
         Angles taken off φ₁ and φ₂ before the segment (rad), shape (2,).
     joined
@@ -73,16 +59,15 @@ class Segment:
     start: float
     end: float
     t: FloatArray
-    y: FloatArray
-    yp: FloatArray
+    length: FloatArray
+    c: FloatArray
+    ends: FloatArray
     turns: FloatArray
     joined: bool
 
     def __call__(self, times: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Full states (len(times), 14) and contact forces (len(times),) at absolute ascending times."""
-        local = np.clip(times - self.start, self.t[0], self.t[-1])
-        unknowns = sample(self.t, self.y, self.yp, local)
-        return self.expand(unknowns)
+        return self.expand(sample(self.t, self.length, self.c, self.ends, times - self.start))
 
     def expand(self, unknowns: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Full states and contact forces of unknowns of shape (m, size)."""
@@ -90,6 +75,66 @@ class Segment:
         states[:, 3:5] += self.turns
         force = unknowns[:, -1] if self.system.algebraic else np.zeros(len(unknowns))
         return states, force
+
+
+@compiled
+def sample(start: FloatArray, length: FloatArray, c: FloatArray, ends: FloatArray, times: FloatArray) -> FloatArray:
+    """Evaluate steps at ascending times; returns shape (len(times), unknowns)."""
+    out = np.empty((times.size, ends.shape[1]))
+    row, last = 0, start.size - 1
+    for i in range(times.size):
+        while row < last and times[i] > start[row] + length[row]:
+            row += 1
+        if times[i] >= start[row] + length[row]:
+            copy(ends[row], out[i])
+        else:
+            s = max(times[i] - start[row], 0.0) / length[row]
+            values(c[row], c.shape[1] - 1, s, out[i])
+    return out
+
+
+class Segments:
+    """Observes a run: keeps its steps."""
+
+    def __init__(self) -> None:
+        self.kept: list[Segment] = []
+
+    def read(self, h: Hybrid) -> None:
+        """Copy the closed pieces."""
+        steps = h.steps
+        for piece in steps.pieces[: steps.used["pieces"]]:
+            system = SYSTEMS[piece["system"]]
+            rows = slice(int(piece["first"]), int(piece["end"]))
+            offset = steps.start[rows.start]
+            self.kept.append(
+                Segment(
+                    system=system,
+                    start=float(piece["origin"] + offset),
+                    end=float(piece["until"]),
+                    t=steps.start[rows] - offset,
+                    length=steps.length[rows].copy(),
+                    c=steps.c[rows, :, : system.size].copy(),
+                    ends=steps.ends[rows, : system.size].copy(),
+                    turns=piece["turns"].copy(),
+                    joined=bool(piece["joined"]),
+                )
+            )
+
+
+class Events:
+    """Observes a run: keeps its events, records of :data:`vibroplat.hybrid.state.EVENT`."""
+
+    def __init__(self) -> None:
+        self._kept: list[npt.NDArray[np.void]] = [np.zeros(0, EVENT)]
+
+    def read(self, h: Hybrid) -> None:
+        """Copy the list of events."""
+        self._kept.append(h.events[: h.run["events"]].copy())
+
+    @property
+    def rows(self) -> npt.NDArray[np.void]:
+        """All events so far."""
+        return np.concatenate(self._kept)
 
 
 @dataclass
@@ -103,7 +148,7 @@ class Trajectory:
     segments
         Smooth stretches in order of time; empty if the run was asked not to keep them.
     event_rows
-        One for each transition.
+        Events, records of :data:`vibroplat.hybrid.state.EVENT`.
     final_state
         Full state at the end, shape (14,).
     measures
@@ -114,7 +159,7 @@ class Trajectory:
 
     scene: Scene
     segments: list[Segment]
-    event_rows: list[Event]
+    event_rows: npt.NDArray[np.void]
     final_state: FloatArray
     measures: Measures
     summary: dict[str, Any] = field(default_factory=dict)
@@ -127,10 +172,10 @@ class Trajectory:
     @cached_property
     def events(self) -> pd.DataFrame:
         """Event table."""
-        rows = [[getattr(event, column) for column in EVENT_COLUMNS] for event in self.event_rows]
-        table = pd.DataFrame(rows, columns=list(EVENT_COLUMNS))
-        numbers = [c for c in EVENT_COLUMNS if c not in ("kind", "mode_after", "impacts")]
-        return table.astype(dict.fromkeys(numbers, "float64") | {"impacts": "int64"})
+        table = pd.DataFrame({column: self.event_rows[field] for column, field in EVENT_COLUMNS.items()})
+        table["kind"] = np.array(KINDS, dtype=object)[self.event_rows["kind"]]
+        table["mode_after"] = np.array([mode.label for mode in Mode], dtype=object)[self.event_rows["mode_after"]]
+        return table
 
     @cached_property
     def section(self) -> pd.DataFrame:
@@ -139,11 +184,12 @@ class Trajectory:
         The columns are those of the trajectory table without the mode.
         """
         points = section_rows(self.measures)
-        places = [m.SECTION_STATE + i + half for half in (0, 7) for i in self.scene.coordinates]
+        places = [i + half for half in (0, 7) for i in self.scene.coordinates]
         names = [names[i] for names in (COORDINATES, RATES) for i in self.scene.coordinates]
-        columns = {"t_s": points[:, m.SECTION_TIME]} | {n: points[:, i] for n, i in zip(names, places, strict=True)}
+        states = points["state"]
+        columns = {"t_s": points["t"]} | {n: states[:, i] for n, i in zip(names, places, strict=True)}
         if self.scene.has_contact:
-            columns["contact_force_n"] = points[:, m.SECTION_FORCE]
+            columns["contact_force_n"] = points["force"]
         return pd.DataFrame(columns)
 
     @cached_property
@@ -154,7 +200,7 @@ class Trajectory:
     def __call__(self, times: npt.ArrayLike) -> pd.DataFrame:
         """Dense output at any times of the run, as rows of the trajectory table.
 
-        Cubic Hermite interpolation between the integrator's steps, order 4. At an event the row is
+        Between the ends of steps these are the steps' polynomials, as accurate as the ends. At an event the row is
         that before it.
 
         Raises

@@ -1,0 +1,45 @@
+"""The automaton of a run on one screen.
+
+=========  ===================================  =========  ==========================================================
+mode       unknowns                             guard      jump where the guard falls through zero
+=========  ===================================  =========  ==========================================================
+bare       x, y, φ, φ₁, φ₂ and rates            none       none
+attached   the same, y_w2 and rate, F_c         F_c        liftoff: to flight; a touch (F_c rises again): goes on
+flight     the same, y_w1, y_w2 and rates       gap y_w1   impact: with a rebound to flight, without one to attached
+                                                           or, where nothing presses the layer on, to flight;
+                                                           impacts that accumulate are latched: to attached or flight
+=========  ===================================  =========  ==========================================================
+
+One layer has no y_w2. The equations of a mode with its layers are a :class:`vibroplat.model.systems.System`. What a
+guard's fall means is decided in :mod:`vibroplat.hybrid.rules`, pure functions of numbers; the jumps themselves are in
+:mod:`vibroplat.hybrid.jumps`; :func:`vibroplat.hybrid.loop.conclude` picks a mode's jump.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from vibroplat.model.systems import GAP, SYSTEMS
+from vibroplat.scene import Mode
+
+# Modes as compiled code knows them. Integers of numpy: a function that is called with them is compiled once, not once
+# for each.
+_NUMBERS: Any = np.arange(3)
+ATTACHED, FLIGHT, BARE = (_NUMBERS[mode] for mode in (Mode.ATTACHED, Mode.FLIGHT, Mode.BARE))
+
+#: Kinds of events.
+LIFTOFF, IMPACT, LATCH = _NUMBERS
+KINDS = ("liftoff", "impact", "latch")
+
+
+def _guard(mode: Mode, size: int) -> int:
+    """Place of a mode's guard among its unknowns; −1 for none."""
+    return {Mode.BARE: -1, Mode.ATTACHED: size - 1, Mode.FLIGHT: GAP}[mode]
+
+
+#: Guards by the number of the system.
+GUARDS = np.array([_guard(system.mode, system.size) for system in SYSTEMS])
+#: Modes by the number of the system.
+MODES = np.array([int(system.mode) for system in SYSTEMS])

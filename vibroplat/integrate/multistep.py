@@ -1,0 +1,295 @@
+"""What a multistep method needs beside its steps: their polynomials, its first step, tolerances in low flights.
+
+Neither IDA's nor CVODE's own interpolant is asked for, which would take a call for each power. The cubic through values
+and rates at both ends of a step is as accurate as IDA's ends; Adams' longer steps need the quintic through three ends,
+which is as accurate as its ends to the tightest tolerance (``python -m pytest tests/integrate -k between``).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from vibroplat.hybrid.modes import FLIGHT
+from vibroplat.hybrid.scales import ROUND_OFF, halvings
+from vibroplat.hybrid.starts import derivatives, prepare
+from vibroplat.hybrid.state import DIFFERENTIATED, Hybrid
+from vibroplat.hybrid.steps import CUT, Steps, end_earlier, fill_cubic
+from vibroplat.kernels.compiled import FloatArray, compiled, copy, inlined
+from vibroplat.kernels.polynomial import first_fall, slope, values
+from vibroplat.model.systems import FULL_SIZE, GAP, SIZES
+
+#: Degrees of the polynomials.
+CUBIC, QUINTIC = 3, 5
+
+#: Least length of the step before, over that of a step, with which the quintic is taken.
+LEAST_RATIO = 0.2
+
+#: First step over the time until the gap closes again, by its Taylor polynomial.
+RETURN_SHARE = 0.05
+
+#: Largest relative change of the gap's acceleration in a flight that is known from its first terms.
+STEADY = 0.1
+
+
+class Past(NamedTuple):
+    """The last two ends of steps, the last one first.
+
+    Attributes
+    ----------
+    t
+        Times in the segment (s), shape (2,).
+    y, yp
+        Unknowns and derivatives, shape (2, 14).
+    known
+        How many of them belong to the segment, shape (1,).
+    """
+
+    t: FloatArray
+    y: FloatArray
+    yp: FloatArray
+    known: Any
+
+
+def no_past() -> Past:
+    """Make room for ends of steps."""
+    return Past(np.zeros(2), np.zeros((2, FULL_SIZE)), np.zeros((2, FULL_SIZE)), np.zeros(1, dtype=np.int64))
+
+
+@compiled
+def begin_steps(past: Past, y: FloatArray, yp: FloatArray) -> None:
+    """Begin a segment at time 0."""
+    past.t[0], past.known[0] = 0.0, 1
+    copy(y, past.y[0])
+    copy(yp, past.yp[0])
+
+
+@compiled
+def add_step(steps: Steps, past: Past, t: float, y: FloatArray, yp: FloatArray) -> None:
+    """Add the step that ends at a time of the segment with the unknowns and derivatives there."""
+    row = steps.used.steps
+    fill_step(steps, past, row, t, y, yp)
+    steps.used.steps = row + 1
+
+
+@compiled
+def fill_step(steps: Steps, past: Past, row: int, t: float, y: FloatArray, yp: FloatArray) -> None:
+    """Fill a row with the step from the last of the past ends to a time of the segment."""
+    size = y.size
+    c, length = steps.c[row], t - past.t[0]
+    steps.start[row], steps.length[row] = past.t[0], length
+    fill_cubic(c, length, past.y[0, :size], y, past.yp[0, :size], yp)
+    copy(y, steps.ends[row])
+    if c.shape[0] <= QUINTIC or past.known[0] < 2 or length <= 0.0:
+        return
+    ratio = (past.t[0] - past.t[1]) / length
+    if ratio >= LEAST_RATIO:
+        raise_to_quintic(c, length, ratio, past.y[1, :size], past.yp[1, :size])
+
+
+@compiled
+def raise_to_quintic(c: FloatArray, length: float, ratio: float, y: FloatArray, yp: FloatArray) -> None:
+    """Let a step's cubic also have the values and rates at the end before, ``ratio`` of its length back.
+
+    With w = s²(1 − s)² the quintic is cubic + w (a + b s): w and its slope vanish at both ends of the step, and
+    a, b follow from value and rate at s = −ratio.
+    """
+    s = -ratio
+    weight = s * s * (1.0 - s) * (1.0 - s)
+    slope_share = -2.0 * s * (1.0 - s) * (1.0 - 2.0 * s) / -weight
+    for j in range(y.size):
+        missed = y[j] - (c[0, j] + s * (c[1, j] + s * (c[2, j] + s * c[3, j])))
+        rate = length * yp[j] - (c[1, j] + s * (2.0 * c[2, j] + 3.0 * s * c[3, j]))
+        at_end = missed / weight
+        b = rate / weight - slope_share * at_end
+        a = at_end + ratio * b
+        c[2, j] += a
+        c[3, j] += b - 2.0 * a
+        c[4, j] = a - 2.0 * b
+        c[5, j] = b
+
+
+@compiled
+def pass_end(past: Past, t: float, y: FloatArray, yp: FloatArray) -> None:
+    """Make the end of a step the last of the past ends."""
+    size = y.size
+    past.t[1], past.t[0] = past.t[0], t
+    for j in range(size):
+        past.y[1, j], past.yp[1, j] = past.y[0, j], past.yp[0, j]
+        past.y[0, j], past.yp[0, j] = y[j], yp[j]
+    past.known[0] += 1
+
+
+@compiled
+def transcribe(
+    steps: Steps, past: Past, t: FloatArray, y: FloatArray, yp: FloatArray, guard: int, at_guard: bool
+) -> bool:
+    """Add steps by their ends, up to where a guard first falls through zero.
+
+    Parameters
+    ----------
+    guard
+        Its index among the unknowns; −1 for none.
+    at_guard
+        Whether the integrator has found a fall itself, at the last end.
+
+    Returns
+    -------
+    bool
+        Whether a fall was found that the integrator has not.
+    """
+    end = np.empty(y.shape[1])
+    for k in range(t.size):
+        add_step(steps, past, t[k], y[k], yp[k])
+        if guard >= 0 and not (at_guard and k == t.size - 1):
+            share = fall_within(steps, guard)
+            if share >= 0.0:
+                row, degree = steps.used.steps - 1, steps.c.shape[1] - 1
+                values(steps.c[row], degree, share, end)
+                end_earlier(steps, row, share, end)
+                return True
+        pass_end(past, t[k], y[k], yp[k])
+    return False
+
+
+@compiled
+def fall_within(steps: Steps, guard: int) -> float:
+    """Fraction of the last step at which a guard falls through zero unseen by the signs at its ends, or −1.
+
+    Steps are short against the guard's changes, and rates of F_c carry the errors of a stiff layer: a step is looked
+    into where the guard ends below zero, or falls at its beginning and rises at its end.
+    """
+    row, degree = steps.used.steps - 1, steps.c.shape[1] - 1
+    c = steps.c[row]
+    if steps.ends[row, guard] < 0.0 or c[1, guard] < 0.0 < slope(c, degree, guard, 1.0):
+        return first_fall(c, degree, guard, 0)
+    return -1.0
+
+
+@compiled
+def calm(h: Hybrid, cut: bool) -> None:
+    """Limit the slopes of F_c in the open piece, so that its polynomials do not leave what its values say.
+
+    F_c is not integrated: a stiff layer or motor turns errors of rates, which the tolerance allows, into larger
+    ones of F_c and much larger ones of its slope. A slope that belongs to the values is at most about the
+    larger of the secants beside it. What is 0 or more at both ends of a step stays so within it where slopes
+    are at least −3 F_c/h at its beginning and at most 3 F_c/h at its end (Schmidt and Hess 1988).
+
+    Where a piece is only ``cut``, or goes on from one that was, the secant on the other side is not known.
+    """
+    steps = h.steps
+    system = h.run.systems[h.run.mode]
+    force = SIZES[system] - 1
+    first, end, degree = steps.used.first, steps.used.steps, steps.c.shape[1] - 1
+    for row in range(first, end):
+        c, length = steps.c[row], steps.length[row]
+        if length <= 0.0:
+            continue
+        f0, f1 = c[0, force], steps.ends[row, force]
+        rate_0, rate_1 = c[1, force] / length, slope(c, degree, force, 1.0) / length
+        here = (f1 - f0) / length
+        before, after = 0.0, 0.0
+        if row > first and steps.length[row - 1] > 0.0:
+            before = (f0 - steps.c[row - 1, 0, force]) / steps.length[row - 1]
+            rate_0 = min(rate_0, 3.0 * max(f0, 0.0) / steps.length[row - 1])
+        elif h.run.joined == CUT:
+            before = np.inf
+        if row + 1 < end and steps.length[row + 1] > 0.0:
+            after = (steps.ends[row + 1, force] - f1) / steps.length[row + 1]
+            rate_1 = max(rate_1, -3.0 * max(f1, 0.0) / steps.length[row + 1])
+        elif cut:
+            after = np.inf
+        steepest_0, steepest_1 = 3.0 * max(abs(before), abs(here)), 3.0 * max(abs(after), abs(here))
+        rate_0 = max(min(max(rate_0, -steepest_0), steepest_0), -3.0 * max(f0, 0.0) / length)
+        rate_1 = min(min(max(rate_1, -steepest_1), steepest_1), 3.0 * max(f1, 0.0) / length)
+        c[1, force] = length * rate_0
+        c[2, force] = length * (3.0 * here - 2.0 * rate_0 - rate_1)
+        c[3, force] = length * (rate_0 + rate_1 - 2.0 * here)
+        for k in range(4, degree + 1):
+            c[k, force] = 0.0
+
+
+@compiled
+def prepare_first_step(h: Hybrid) -> float:
+    """Choose the first step of a segment (s), and tighten its tolerances where a flight is low.
+
+    The step follows from the curvature, and ends well before the gap can have closed again. Returns −1 where there
+    are no second derivatives.
+    """
+    run = h.run
+    mode = run.mode
+    if not prepare(h, mode, DIFFERENTIATED):
+        return -1.0
+    size = SIZES[run.systems[mode]]
+    step = min(0.1 * run.period, curvature_step(run.ypp[mode, :size], run.atol[:size]))
+    if mode == FLIGHT:
+        duration, height, sure = expected_flight(h, 1e-3 * step)
+        step = min(step, RETURN_SHARE * duration)
+        tighter = 2.0 ** -halvings(run.tolerance, height, run.gap_scale, sure)
+        run.atol[GAP] *= tighter * tighter
+        run.atol[size // 2 + GAP] *= tighter
+    step = min(step, curvature_step(run.ypp[mode, :size], run.atol[:size]))
+    return max(step, ROUND_OFF * run.period)
+
+
+@inlined
+def expected_flight(h: Hybrid, small: float) -> tuple[float, float, bool]:
+    """Duration (s) and height (m) of the flight that begins, inf where its first terms do not end it.
+
+    The third value says whether that is sure: a rebound under an acceleration that hardly changes. ``small`` is
+    a time (s) over which derivatives change little, also those of a stiff layer.
+    """
+    run = h.run
+    rates = SIZES[run.systems[FLIGHT]] // 2
+    gap, rate = run.y[FLIGHT, GAP], run.y[FLIGHT, rates + GAP]
+    acceleration, jerk = run.yp[FLIGHT, rates + GAP], run.ypp[FLIGHT, rates + GAP]
+    if gap > 0.0:  # begun in the air, not at a contact
+        if acceleration >= 0.0:
+            return np.inf, np.inf, False
+        return math.sqrt(2.0 * gap / -acceleration), gap + 0.5 * rate * rate / -acceleration, False
+    fourth = snap(h, small) if rate == 0.0 else 0.0  # a rebound does not need it
+    duration, height = excursion(rate, acceleration, jerk, fourth)
+    return duration, height, rate > 0.0 and abs(jerk) * duration <= STEADY * -acceleration
+
+
+@inlined
+def snap(h: Hybrid, small: float) -> float:
+    """Fourth derivative of the gap, as the difference of jerks a small step along the motion."""
+    run = h.run
+    system = run.systems[FLIGHT]
+    size = SIZES[system]
+    ahead, yp, ypp = np.empty(size), np.empty(size), np.empty(size)
+    for i in range(size):
+        ahead[i] = run.y[FLIGHT, i] + small * run.yp[FLIGHT, i] + 0.5 * small * small * run.ypp[FLIGHT, i]
+    derivatives(h, system, ahead, yp, ypp, DIFFERENTIATED)
+    return (ypp[size // 2 + GAP] - run.ypp[FLIGHT, size // 2 + GAP]) / small
+
+
+@compiled
+def curvature_step(ypp: FloatArray, atol: FloatArray) -> float:
+    """First step 2/√‖y″‖ of an order-1 start, ‖·‖ the root mean square weighted by 1/atol (inf if y″ = 0)."""
+    total = 0.0
+    for i in range(ypp.size):
+        total += (ypp[i] / atol[i]) ** 2
+    return 2.0 / math.sqrt(math.sqrt(total / ypp.size)) if total > 0.0 else np.inf
+
+
+@compiled
+def excursion(rate: float, acceleration: float, jerk: float, snap: float) -> tuple[float, float]:
+    """Duration and height of a flight that begins now, by the gap's leading Taylor terms.
+
+    After a rebound gap ≈ vt + at²/2; where a > 0 drives the layer off but falls, gap ≈ vt + at²/2 + jt³/6;
+    at release v = a = 0 and gap ≈ jt³/6 + st⁴/24. Both are inf where these terms do not bring the gap back.
+    """
+    if rate > 0.0 and acceleration < 0.0:
+        return 2.0 * rate / -acceleration, 0.5 * rate * rate / -acceleration
+    if rate >= 0.0 and acceleration > 0.0 and jerk < 0.0:
+        duration = (1.5 * acceleration + math.sqrt(2.25 * acceleration * acceleration - 6.0 * rate * jerk)) / -jerk
+        top = 2.0 / 3.0 * duration
+        return duration, top * (rate + top * (0.5 * acceleration + top * jerk / 6.0))
+    if rate == 0.0 and jerk > 0.0 and snap < 0.0:
+        ratio = jerk / -snap
+        return 4.0 * ratio, 1.125 * jerk * ratio * ratio * ratio
+    return np.inf, np.inf

@@ -1,0 +1,206 @@
+"""Polynomials of a step: value, rate, first fall through zero, range.
+
+A step's polynomial is Σ cₖ sᵏ in its fraction s ∈ [0, 1]. Coefficients of all unknowns stand in an array of shape
+(degree + 1, unknowns), so that one power is one row; functions of one unknown take a column of it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vibroplat.kernels.compiled import FloatArray, compiled, inlined
+
+#: Halvings until a fraction of a step is found to round-off.
+HALVINGS = 54
+
+
+@inlined
+def value(c: FloatArray, degree: int, j: int, s: float) -> float:
+    """Value of unknown j at fraction s of a step."""
+    total = c[degree, j]
+    for k in range(degree - 1, -1, -1):
+        total = total * s + c[k, j]
+    return total
+
+
+@inlined
+def slope(c: FloatArray, degree: int, j: int, s: float) -> float:
+    """Derivative of unknown j with respect to s."""
+    total = degree * c[degree, j]
+    for k in range(degree - 1, 0, -1):
+        total = total * s + k * c[k, j]
+    return total
+
+
+@compiled
+def values(c: FloatArray, degree: int, s: float, out: FloatArray) -> None:
+    """Fill the values of all unknowns at fraction s of a step, ``out.size`` of them."""
+    for j in range(out.size):
+        out[j] = c[degree, j]
+    for k in range(degree - 1, -1, -1):
+        for j in range(out.size):
+            out[j] = out[j] * s + c[k, j]
+
+
+@compiled
+def slopes(c: FloatArray, degree: int, s: float, out: FloatArray) -> None:
+    """Fill the derivatives of all unknowns with respect to s, ``out.size`` of them."""
+    for j in range(out.size):
+        out[j] = degree * c[degree, j]
+    for k in range(degree - 1, 0, -1):
+        for j in range(out.size):
+            out[j] = out[j] * s + k * c[k, j]
+
+
+@compiled
+def stretch(c: FloatArray, degree: int, share: float) -> None:
+    """Let a step end at fraction ``share`` of it, or beyond: the same polynomial in the new fraction."""
+    power = 1.0
+    for k in range(1, degree + 1):
+        power *= share
+        for j in range(c.shape[1]):
+            c[k, j] *= power
+
+
+@compiled
+def first_fall(c: FloatArray, degree: int, j: int, zeros: int) -> float:
+    """Fraction of a step at which unknown j first falls through zero, or −1 if it does not.
+
+    Nothing escapes: a polynomial has no more zeros in an interval than its Bernstein coefficients there have changes
+    of sign (Descartes' rule), so intervals are halved until there is none. An unknown that begins below zero, by
+    round-off or where it touched, can fall only after it has risen; where it only falls, that is at 0.
+
+    ``zeros`` says how many zeros the unknown is known to have at 0, as a gap at a liftoff: its first coefficients,
+    which only round-off parts from 0, are left out.
+    """
+    n = degree - zeros
+    lowest = c[zeros, j]
+    for k in range(zeros + 1, degree + 1):
+        lowest += min(c[k, j], 0.0)
+    if lowest > 0.0:
+        return -1.0
+    bernstein = np.empty(n + 1)
+    for i in range(n + 1):  # the Bernstein coefficient i is Σₖ C(i, k)/C(n, k) cₖ
+        total, ratio = 0.0, 1.0
+        for k in range(i + 1):
+            total += ratio * c[zeros + k, j]
+            ratio *= (i - k) / max(n - k, 1)
+        bernstein[i] = total
+    begin = 0.0
+    if bernstein[0] < 0.0:
+        begin = first_change(bernstein, -1.0)
+        if begin < 0.0:
+            return -1.0 if bernstein[n] > bernstein[0] else 0.0
+        begin = min(begin + 2.0**-HALVINGS, 1.0)
+        split_right(bernstein, begin)
+    found = first_change(bernstein, 1.0)
+    return -1.0 if found < 0.0 else begin + found * (1.0 - begin)
+
+
+@compiled
+def split_right(b: FloatArray, s: float) -> None:
+    """Replace Bernstein coefficients by those of the part [s, 1] (de Casteljau)."""
+    n = b.size
+    for level in range(1, n):
+        for i in range(n - level):
+            b[i] += s * (b[i + 1] - b[i])
+
+
+@compiled
+def first_change(b: FloatArray, sign: float) -> float:
+    """Least fraction behind which ``sign`` times the polynomial is below zero, or −1 if that is nowhere.
+
+    The polynomial is not below zero at 0. Its Bernstein coefficients ``b`` are kept.
+    """
+    n = b.size
+    part = b.copy()
+    low, level, index = 0.0, 0, 0  # the part is [index, index + 1] times 2 to the power of −level
+    while True:
+        below = False
+        for i in range(n):
+            below = below or sign * part[i] < 0.0
+        size = 0.5**level
+        low = index * size
+        if below and level >= HALVINGS:
+            return low
+        if below:  # halve: its left half first
+            level, index = level + 1, 2 * index
+        else:  # on to the next part to the right, the largest that begins there
+            index += 1
+            while level > 0 and index % 2 == 0:
+                level, index = level - 1, index // 2
+            if index >= 2**level:
+                return -1.0
+        restrict(b, index * 0.5**level, (index + 1) * 0.5**level, part)
+
+
+@compiled
+def restrict(b: FloatArray, low: float, high: float, part: FloatArray) -> None:
+    """Fill the Bernstein coefficients of a polynomial's part [low, high]."""
+    n = b.size
+    for i in range(n):
+        part[i] = b[n - 1 - i]
+    split_right(part, 1.0 - high)  # of the mirror image: the part [0, high]
+    for i in range(n // 2):
+        part[i], part[n - 1 - i] = part[n - 1 - i], part[i]
+    split_right(part, low / high)
+
+
+@inlined
+def bend(c: FloatArray, degree: int, j: int) -> float:
+    """Bound of the distance between unknown j and the straight line between its values at both ends of a step.
+
+    c₀ + s Σ cₖ is that line, and |sᵏ − s| is at most 1/4 for k = 2 and below 1 for all k.
+    """
+    total = 0.25 * abs(c[2, j]) if degree > 1 else 0.0
+    for k in range(3, degree + 1):
+        total += abs(c[k, j])
+    return total
+
+
+@compiled
+def extremes(c: FloatArray, degree: int, j: int) -> tuple[float, float]:
+    """Least and largest value of unknown j within a step.
+
+    Found among 2·degree + 1 points and improved by Newton's iteration on the slope.
+    """
+    points = 2 * degree
+    least, largest = np.inf, -np.inf
+    at_least, at_largest = 0.0, 0.0
+    for i in range(points + 1):
+        s = i / points
+        found = value(c, degree, j, s)
+        if found < least:
+            least, at_least = found, s
+        if found > largest:
+            largest, at_largest = found, s
+    least = min(least, improved(c, degree, j, at_least))
+    return least, max(largest, improved(c, degree, j, at_largest))
+
+
+@compiled
+def improved(c: FloatArray, degree: int, j: int, s: float) -> float:
+    """Value of unknown j at the zero of its slope near a fraction of a step."""
+    low, high = max(s - 0.5 / degree, 0.0), min(s + 0.5 / degree, 1.0)
+    for _ in range(4):
+        curvature = 0.0
+        for k in range(degree, 1, -1):
+            curvature = curvature * s + k * (k - 1) * c[k, j]
+        if curvature == 0.0:
+            break
+        s = min(max(s - slope(c, degree, j, s) / curvature, low), high)
+    return value(c, degree, j, s)
+
+
+@compiled
+def crossing(c: FloatArray, degree: int, j: int, level: float) -> float:
+    """Fraction of a step at which unknown j passes a level that lies between its values at both ends."""
+    low, high = 0.0, 1.0
+    rising = value(c, degree, j, 0.0) < level
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        if (value(c, degree, j, middle) < level) == rising:
+            low = middle
+        else:
+            high = middle
+    return high
