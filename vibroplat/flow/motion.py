@@ -8,7 +8,7 @@ from vibroplat.hybrid import loop as hy
 from vibroplat.hybrid.automaton import automaton
 from vibroplat.integrate.seam import Engine
 from vibroplat.integrate.tape import Tape
-from vibroplat.model.parameters import SAFE_ROTATION, FloatArray
+from vibroplat.model.parameters import FloatArray, Parameters
 from vibroplat.observe.statistics import Measures, copied, no_measures
 from vibroplat.observe.summary import Energies, Part
 from vibroplat.scene import Mode, Scene
@@ -32,7 +32,7 @@ class Motion:
     scene
         What moves; its duration is not used.
     p
-        Parameter vector of the scene.
+        Parameters of the scene.
     engine
         An engine made for both, driven by this motion alone; whoever made it closes it.
     state
@@ -46,7 +46,7 @@ class Motion:
         Liftoffs, impacts and latches so far.
     """
 
-    def __init__(self, scene: Scene, p: FloatArray, engine: Engine, state: FloatArray | None = None) -> None:
+    def __init__(self, scene: Scene, p: Parameters, engine: Engine, state: FloatArray | None = None) -> None:
         self.scene = scene
         self.engine = engine
         self._p = p
@@ -131,9 +131,9 @@ class Motion:
         if outcome == hy.OK:
             return ""
         oldest = h.recent[h.flags[hy.RESTARTS] % h.recent.size]
-        safe = self._p[SAFE_ROTATION]
+        safe = self._p.safe_rotation
         why = {
-            hy.INCONSISTENT: f"no consistent state (relative residual {h.clock[hy.BACKWARD_ERROR]:.3g})",
+            hy.INCONSISTENT: "no consistent state (its accelerations are not finite)",
             hy.BEYOND_MODEL: f"the platform has turned by {h.state[2]:.3g} rad; beyond {safe:.3g} rad "
             "the mass matrix of the model, of first order in phi, need not be positive definite",
             hy.EVENT_STORM: f"{h.recent.size} restarts within {h.clock[hy.NOW] - oldest:.3g} s, less than one period; "

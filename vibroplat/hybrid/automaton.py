@@ -9,8 +9,8 @@ import numpy as np
 from vibroplat.hybrid import loop as hy
 from vibroplat.hybrid.initial import initial_state
 from vibroplat.hybrid.scales import ROUND_OFF, absolute_tolerances, state_scales
-from vibroplat.model.parameters import RESTITUTION, FloatArray
-from vibroplat.model.systems import FULL_SIZE, GAP, consistent_callback, systems
+from vibroplat.model.parameters import FloatArray, Parameters
+from vibroplat.model.systems import FULL_SIZE, GAP, systems
 from vibroplat.observe.statistics import no_measures
 from vibroplat.scene import Scene
 
@@ -18,7 +18,7 @@ from vibroplat.scene import Scene
 _EVENT_ROWS = 4096
 
 
-def automaton(scene: Scene, p: FloatArray, turns_per_segment: float, state: FloatArray | None = None) -> hy.Hybrid:
+def automaton(scene: Scene, p: Parameters, turns_per_segment: float, state: FloatArray | None = None) -> hy.Hybrid:
     """Build the hybrid automaton of a scene at a full state, or at its own initial state."""
     numbers = np.full(3, -1)
     tolerances = np.ones((3, FULL_SIZE))
@@ -26,13 +26,15 @@ def automaton(scene: Scene, p: FloatArray, turns_per_segment: float, state: Floa
         numbers[mode] = system.index
         tolerances[mode, : system.size] = absolute_tolerances(scene, system)
     dead = p.copy()
-    dead[RESTITUTION] = 0.0
+    dead.restitution = 0.0
     clock, flags = np.zeros(hy.CLOCKS), np.zeros(hy.FLAGS, dtype=np.int64)
     clock[hy.DURATION] = scene.run.duration_s
     clock[hy.PERIOD] = 2.0 * math.pi / scene.speed_scale
     clock[hy.LONGEST] = turns_per_segment * clock[hy.PERIOD]
     clock[hy.GAP_SCALE] = state_scales(scene)[GAP]
     clock[hy.SLOWEST] = math.sqrt(ROUND_OFF) * clock[hy.GAP_SCALE] * scene.speed_scale
+    clock[hy.TOLERANCE] = scene.solver.tolerance
+    clock[hy.FORCE_NOISE] = 1e-12 * scene.force_scale
     flags[hy.PREPARED] = -1
     return hy.Hybrid(
         p=p,
@@ -48,7 +50,6 @@ def automaton(scene: Scene, p: FloatArray, turns_per_segment: float, state: Floa
         ypp=np.zeros((3, FULL_SIZE)),
         atol=np.ones(FULL_SIZE),
         recent=np.empty(scene.solver.max_events_per_period),
-        consistent=consistent_callback.address,
         events=np.empty((_EVENT_ROWS, hy.IMPACTS + 1)),
         measures=no_measures(0.0),
     )

@@ -27,9 +27,9 @@ from vibroplat.hybrid.transitions import (
 from vibroplat.integrate import tape as tp
 from vibroplat.integrate.tape import Tape
 from vibroplat.kernels.compiled import compiled, copy, inlined
-from vibroplat.kernels.foreign import call_double
+from vibroplat.model.accelerations import accelerations, second_derivatives
 from vibroplat.model.impact import impact, impacts_left, latch
-from vibroplat.model.parameters import RESTITUTION, SAFE_ROTATION, STICKING_SPEED, TOLERANCE, FloatArray
+from vibroplat.model.parameters import FloatArray, Parameters
 from vibroplat.model.systems import (
     DIFFERENTIAL,
     FULL_SIZE,
@@ -60,7 +60,7 @@ _NO_IMPACT, _ONE_IMPACT = _NUMBERS[:2]
 #: ``JOINED_ON`` where a full tape has cut a segment in two.
 _CUT = 2
 
-# Places in ``Hybrid.clock`` (s, but for GAP_SCALE in m, SLOWEST in m/s, BACKWARD_ERROR without unit).
+# Places in ``Hybrid.clock`` (s, but for GAP_SCALE in m, SLOWEST in m/s, TOLERANCE without unit, FORCE_NOISE in N).
 (
     NOW,  # where the run is
     ORIGIN,  # when the segment began
@@ -71,9 +71,10 @@ _CUT = 2
     FIRST_STEP,
     GAP_SCALE,
     SLOWEST,  # impact with a rebound
-    BACKWARD_ERROR,
-) = range(10)
-CLOCKS = 10
+    TOLERANCE,  # of the run
+    FORCE_NOISE,  # contact forces below this are round-off of larger ones
+) = range(11)
+CLOCKS = 11
 
 # Places in ``Hybrid.flags``.
 (
@@ -96,9 +97,6 @@ STEADY = 0.1
 #: Farthest that the end of contact is moved, over the last two steps.
 REFINED = 0.1
 
-#: Largest backward error of a restart; a direct solve leaves about 1e-16.
-CONSISTENT = 1e-11
-
 _TURN = 2.0 * math.pi
 _EPS = float(np.finfo(float).eps)
 
@@ -109,7 +107,7 @@ class Hybrid(NamedTuple):
     Attributes
     ----------
     p, p_dead
-        Parameter vector, and the same without restitution.
+        Parameters, and the same without restitution.
     systems
         Number of the system of each mode, shape (3,); −1 for a mode that the scene does not have.
     tolerances
@@ -126,14 +124,12 @@ class Hybrid(NamedTuple):
         Times of the last restarts (s), as many as may lie within a period.
     events
         Events since the list was read, a row each.
-    consistent
-        Address of :func:`vibroplat.model.systems.consistent_callback`.
     measures
         What is summed while the run goes.
     """
 
-    p: FloatArray
-    p_dead: FloatArray
+    p: Parameters
+    p_dead: Parameters
     systems: npt.NDArray[np.int64]
     tolerances: FloatArray
     state: FloatArray
@@ -146,7 +142,6 @@ class Hybrid(NamedTuple):
     atol: FloatArray
     recent: FloatArray
     events: FloatArray
-    consistent: int
     measures: m.Measures
 
 
@@ -206,19 +201,19 @@ def prepare(h: Hybrid, mode: int) -> bool:
     """Make the present state a consistent start of a mode; False, with the outcome set, if there is none."""
     system = h.systems[mode]
     gather(system, h.state, h.y[mode])
-    left = consistent(h, system, h.y[mode], h.yp[mode], h.ypp[mode])
+    size = SIZES[system]
+    found = consistent(h, system, h.y[mode, :size], h.yp[mode, :size], h.ypp[mode, :size])
     h.flags[PREPARED] = mode
-    if not left <= CONSISTENT:
-        h.clock[BACKWARD_ERROR] = left
+    if not found:
         h.flags[OUTCOME] = BEYOND_MODEL if turned_far(h) else INCONSISTENT
         return False
     return True
 
 
 @compiled
-def consistent(h: Hybrid, system: int, y: FloatArray, yp: FloatArray, ypp: FloatArray) -> float:
-    """Call :func:`vibroplat.model.systems.consistent` by address, so that its kernels are compiled only once."""
-    return call_double(h.consistent, (system, y.ctypes.data, yp.ctypes.data, ypp.ctypes.data, h.p.ctypes.data))
+def consistent(h: Hybrid, system: int, y: FloatArray, yp: FloatArray, ypp: FloatArray) -> bool:
+    """Fill y′, F_c, F_c′ and y″ of a state; False if there are none."""
+    return accelerations(system, h.clock[NOW], y, yp, h.p) and second_derivatives(system, h.clock[NOW], y, yp, ypp, h.p)
 
 
 @inlined
@@ -234,7 +229,7 @@ def control(h: Hybrid) -> None:
     if mode == FLIGHT:
         duration, height, sure = expected_flight(h, 1e-3 * step)
         step = min(step, RETURN_SHARE * duration)
-        tighter = 2.0 ** -halvings(h.p[TOLERANCE], height, h.clock[GAP_SCALE], sure)
+        tighter = 2.0 ** -halvings(h.clock[TOLERANCE], height, h.clock[GAP_SCALE], sure)
         h.atol[GAP] *= tighter * tighter
         h.atol[size // 2 + GAP] *= tighter
     step = min(step, curvature_step(h.ypp[mode, :size], h.atol[:size]))
@@ -287,7 +282,7 @@ def first_mode(h: Hybrid) -> None:
 def pressing(h: Hybrid) -> bool:
     """Whether contact holds at the start prepared for it."""
     force = SIZES[h.systems[ATTACHED]] - 1
-    return presses(h.y[ATTACHED, force], h.yp[ATTACHED, force], h.p)
+    return presses(h.y[ATTACHED, force], h.yp[ATTACHED, force], h.clock[FORCE_NOISE], h.p)
 
 
 # -- the end of a segment ---------------------------------------------------------------------------------
@@ -322,7 +317,7 @@ def conclude(h: Hybrid, tape: Tape, stop: int) -> None:
 @inlined
 def turned_far(h: Hybrid) -> bool:
     """Whether the platform has turned so far that the model may have no motion there."""
-    return abs(h.state[2]) > h.p[SAFE_ROTATION]
+    return abs(h.state[2]) > h.p.safe_rotation
 
 
 @inlined
@@ -407,7 +402,7 @@ def gap_root(h: Hybrid) -> bool:
     h.state[GAP_RATE] = before
     struck = h.state.copy()
     resolved = -before >= h.clock[SLOWEST]
-    p = h.p_dead if -before < h.p[STICKING_SPEED] else h.p
+    p = h.p_dead if -before < h.p.sticking_speed else h.p
     impulse, loss, pressure, following = strike(h, struck, p, resolved)
     if following == FLY and not resolved:
         # a rebound that round-off of the platform's motion could not resolve is none
@@ -421,7 +416,7 @@ def gap_root(h: Hybrid) -> bool:
 
 
 @compiled
-def strike(h: Hybrid, struck: FloatArray, p: FloatArray, resolved: bool) -> tuple[float, float, float, int]:
+def strike(h: Hybrid, struck: FloatArray, p: Parameters, resolved: bool) -> tuple[float, float, float, int]:
     """Move to the state after an impact; impulse, loss, F_c if attached then, and what follows, −1 if nothing can."""
     after = np.empty(FULL_SIZE)
     impulse, loss = impact(struck, after, p)
@@ -431,7 +426,8 @@ def strike(h: Hybrid, struck: FloatArray, p: FloatArray, resolved: bool) -> tupl
     force, place = SIZES[h.systems[ATTACHED]] - 1, SIZES[h.systems[FLIGHT]] // 2 + GAP
     pressure, force_rate = h.y[ATTACHED, force], h.yp[ATTACHED, force]
     acceleration, jerk = h.yp[FLIGHT, place], h.ypp[FLIGHT, place]
-    following = after_impact(after[GAP_RATE], pressure, force_rate, acceleration, jerk, resolved, p)
+    tolerance, noise = h.clock[TOLERANCE], h.clock[FORCE_NOISE]
+    following = after_impact(after[GAP_RATE], pressure, force_rate, acceleration, jerk, resolved, tolerance, noise, p)
     return impulse, loss, pressure, following
 
 
@@ -460,7 +456,7 @@ def close_impacts(h: Hybrid, tape: Tape) -> None:
         return
     h.flags[MODE] = ATTACHED if pressing(h) else FLIGHT
     force = h.y[ATTACHED, SIZES[h.systems[ATTACHED]] - 1] if h.flags[MODE] == ATTACHED else 0.0
-    skipped = math.ceil(min(impacts_left(rebound, h.p), math.log(_EPS) / math.log(h.p[RESTITUTION])))
+    skipped = math.ceil(min(impacts_left(rebound, h.p), math.log(_EPS) / math.log(h.p.restitution)))
     add_event(h, CLOSING, -rebound, 0.0, impulse, loss, force, skipped)
 
 

@@ -1,7 +1,7 @@
 """Transition rules: what follows a guard, and how a segment begins.
 
 Pure functions of numbers and arrays, compiled, without Python objects, so that every engine calls the
-same ones. They know nothing of integrators; they read states, derivatives and the parameter vector.
+same ones. They know nothing of integrators; they read states, derivatives and parameters.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import numpy as np
 
 from vibroplat.kernels.compiled import compiled
 from vibroplat.model.impact import closing_time, impacts_left
-from vibroplat.model.parameters import FORCE_NOISE, RESTITUTION, SPEED_1, SPEED_2, TOLERANCE, FloatArray
+from vibroplat.model.parameters import FloatArray, Parameters
 
 ATTACH, FLY, LATCH = 0, 1, 2
 
@@ -21,18 +21,20 @@ RETURN_SHARE = 0.05
 
 
 @compiled
-def presses(force: float, force_rate: float, p: FloatArray) -> bool:
+def presses(force: float, force_rate: float, noise: float, p: Parameters) -> bool:
     """Whether contact holds: F_c > 0, or F_c = 0 up to round-off and not about to fall.
 
     At a root of F_c that does not fall, this tells a touch, after which contact goes on, from a liftoff.
     """
-    if abs(force) > p[FORCE_NOISE]:
+    if abs(force) > noise:
         return force > 0.0
-    return force_rate >= -p[FORCE_NOISE] * max(p[SPEED_1], p[SPEED_2])
+    return force_rate >= -noise * max(p.speed[0], p.speed[1])
 
 
 @compiled
-def accumulates(rebound: float, acceleration: float, jerk: float, resolved: bool, p: FloatArray) -> bool:
+def accumulates(
+    rebound: float, acceleration: float, jerk: float, resolved: bool, tolerance: float, p: Parameters
+) -> bool:
     """Whether the impacts to come may be closed by the geometric sum.
 
     The sum takes the gap's acceleration a as constant over the closing time τ = 2v(1−Rⁿ)/((1−R)|a|), n the number
@@ -43,14 +45,13 @@ def accumulates(rebound: float, acceleration: float, jerk: float, resolved: bool
     stick or rebound, as it may when it is followed. Impacts too slow to be ``resolved`` are closed where a changes
     by less than a hundredth until t∞. R = 1 does not accumulate.
     """
-    if rebound < 0.0 or acceleration >= 0.0 or p[RESTITUTION] >= 1.0:
+    if rebound < 0.0 or acceleration >= 0.0 or p.restitution >= 1.0:
         return False
-    restitution = p[RESTITUTION]
+    restitution = p.restitution
     duration = closing_time(rebound, acceleration, restitution, restitution ** impacts_left(rebound, p))
-    speed = max(p[SPEED_1], p[SPEED_2])
+    speed = max(p.speed[0], p.speed[1])
     if not resolved:
         return speed * duration <= 0.1 and abs(jerk) * duration <= 0.01 * -acceleration
-    tolerance = p[TOLERANCE]
     return (
         speed * duration <= math.sqrt(tolerance)
         and speed * abs(jerk) * duration * duration <= tolerance * -acceleration
@@ -65,7 +66,9 @@ def after_impact(
     acceleration: float,
     jerk: float,
     resolved: bool,
-    p: FloatArray,
+    tolerance: float,
+    noise: float,
+    p: Parameters,
 ) -> int:
     """Choose what follows an impact.
 
@@ -79,10 +82,12 @@ def after_impact(
         Second and third derivative of the gap in flight.
     resolved
         Whether impacts as slow as this one stand out from round-off.
+    tolerance, noise
+        That of the run, and contact forces that are round-off of larger ones (N).
     """
     if rebound == 0.0:
-        return ATTACH if presses(force, force_rate, p) else FLY
-    return LATCH if accumulates(rebound, acceleration, jerk, resolved, p) else FLY
+        return ATTACH if presses(force, force_rate, noise, p) else FLY
+    return LATCH if accumulates(rebound, acceleration, jerk, resolved, tolerance, p) else FLY
 
 
 @compiled

@@ -13,12 +13,15 @@ from numba import carray  # type: ignore[attr-defined]
 
 from vibroplat.hybrid.scales import ROUND_OFF
 from vibroplat.kernels.compiled import FloatArray, callback, compiled
-from vibroplat.kernels.foreign import call_address, pointer
+from vibroplat.kernels.foreign import call_address, pointer, void_pointer
 from vibroplat.kernels.linear import condense, condense_explicit, solve_condensed
-from vibroplat.model.parameters import SIZE as PARAMETERS
-from vibroplat.model.systems import FULL_SIZE, evaluate_jacobian, evaluate_residual, explicit
+from vibroplat.model.accelerations import accelerations
+from vibroplat.model.equations import jacobian as evaluate_jacobian
+from vibroplat.model.equations import residual as evaluate_residual
+from vibroplat.model.parameters import PARAMETERS, Parameters
+from vibroplat.model.systems import FULL_SIZE
 
-# Places in the user data: addresses of N_VGetArrayPointer, the parameter vector, absolute tolerances and room for
+# Places in the user data: addresses of N_VGetArrayPointer, the parameters, absolute tolerances and room for
 # numbers; the system, its size and its guard; calls counted.
 VECTOR, PARAMETER, TOLERANCES, ROOM, SYSTEM, SIZE, GUARD, RESIDUALS, JACOBIANS = range(9)
 LINKS = 9
@@ -43,14 +46,20 @@ def _values(vector: int, links: Any) -> FloatArray:
     return carray(pointer(call_address(links[VECTOR], (vector,))), (links[SIZE],))
 
 
+@compiled
+def _parameters(links: Any) -> Parameters:
+    record: Parameters = carray(void_pointer(links[PARAMETER]), (1,), dtype=PARAMETERS)[0]
+    return record
+
+
 @callback("int32(float64, intp, intp, intp, CPointer(int64))")
 def residual(t: float, y: int, yp: int, res: int, data: Any) -> int:
     """IDAResFn."""
     links = carray(data, (LINKS,))
     links[RESIDUALS] += 1
-    p = carray(pointer(links[PARAMETER]), (PARAMETERS,))
     values, slopes = _values(y, links), _values(yp, links)
-    return _OK if evaluate_residual(links[SYSTEM], values, slopes, _values(res, links), p) else _NOT_FINITE
+    p = _parameters(links)
+    return _OK if evaluate_residual(links[SYSTEM], t, values, slopes, _values(res, links), p) else _NOT_FINITE
 
 
 @compiled
@@ -78,8 +87,8 @@ def jacobian(
     links = carray(data, (LINKS,))
     links[JACOBIANS] += 1
     room, rows, _, dynamic = _matrices(links)
-    p = carray(pointer(links[PARAMETER]), (PARAMETERS,))
-    evaluate_jacobian(links[SYSTEM], _values(y, links), _values(yp, links), cj, rows, p)
+    p = _parameters(links)
+    evaluate_jacobian(links[SYSTEM], t, _values(y, links), _values(yp, links), cj, rows, p)
     room[CJ], room[SHARE] = cj, 1.0
     return _OK if condense(rows, cj, dynamic, _condensed(links)) else _SINGULAR
 
@@ -102,10 +111,10 @@ def linear_system(
     links = carray(data, (LINKS,))
     links[JACOBIANS] += 2
     room, rows, partial, dynamic = _matrices(links)
-    p, cj = carray(pointer(links[PARAMETER]), (PARAMETERS,)), 1.0 / gamma
+    p, cj = _parameters(links), 1.0 / gamma
     values, slopes = _values(y, links), _values(yp, links)
-    evaluate_jacobian(links[SYSTEM], values, slopes, cj, rows, p)
-    evaluate_jacobian(links[SYSTEM], values, slopes, 0.0, partial, p)
+    evaluate_jacobian(links[SYSTEM], t, values, slopes, cj, rows, p)
+    evaluate_jacobian(links[SYSTEM], t, values, slopes, 0.0, partial, p)
     room[CJ], room[SHARE] = cj, cj
     carray(renewed, (1,))[0] = 1
     return _OK if condense_explicit(rows, partial, cj, dynamic, _condensed(links)) else _SINGULAR
@@ -143,11 +152,8 @@ def right_hand_side(t: float, y: int, yp: int, data: Any) -> int:
     """CVRhsFn."""
     links = carray(data, (LINKS,))
     links[RESIDUALS] += 1
-    p, room = (
-        carray(pointer(links[PARAMETER]), (PARAMETERS,)),
-        carray(pointer(links[ROOM] + 8 * DYNAMIC), (links[SIZE],)),
-    )
-    return _OK if explicit(links[SYSTEM], _values(y, links), _values(yp, links), room, p) else _NOT_FINITE
+    values, slopes = _values(y, links), _values(yp, links)
+    return _OK if accelerations(links[SYSTEM], t, values, slopes, _parameters(links)) else _NOT_FINITE
 
 
 @callback("int32(float64, intp, intp, CPointer(float64), CPointer(int64))")

@@ -12,14 +12,14 @@ from vibroplat.flow.motion import Motion
 from vibroplat.integrate.native import NativeEngine, drive, self_check
 from vibroplat.integrate.seam import Engine
 from vibroplat.integrate.sundials import Library, UnavailableError, library
-from vibroplat.model.parameters import FloatArray, parameters
+from vibroplat.model.parameters import Parameters, parameters
 from vibroplat.scene import Scene
 
 _FINDING = threading.Lock()
 _LOG = logging.getLogger("vibroplat")
 
 
-def make_engine(scene: Scene, p: FloatArray) -> Engine:
+def make_engine(scene: Scene, p: Parameters) -> Engine:
     """Make the engine that ``solver.engine`` asks for, or ``sundae`` where ``native`` cannot be had."""
     found = None
     if scene.solver.engine != "sundae":

@@ -25,8 +25,8 @@ from vibroplat.integrate.sundials import Library, UnavailableError
 from vibroplat.integrate.tape import Tape
 from vibroplat.kernels.compiled import compiled
 from vibroplat.kernels.foreign import borrow, call_int
-from vibroplat.model.parameters import FloatArray, parameters
-from vibroplat.model.residuals import finite
+from vibroplat.model.equations import finite
+from vibroplat.model.parameters import FloatArray, Parameters, parameters
 from vibroplat.model.systems import BARE, FULL_SIZE, GUARDS, PLACES, SIZES, System, systems
 from vibroplat.scene import Mode, Scene
 
@@ -268,7 +268,7 @@ class NativeEngine:
     scene
         Its modes, and which of them Adams' method integrates.
     p
-        Parameter vector of the scene.
+        Parameters of the scene.
     library
         The SUNDIALS library.
 
@@ -282,11 +282,11 @@ class NativeEngine:
     #: Long, for a restart costs some thirty steps; not for ever, for angles lose digits as they grow.
     turns_per_segment: float = 1000
 
-    def __init__(self, scene: Scene, p: FloatArray, library: Library) -> None:
+    def __init__(self, scene: Scene, p: Parameters, library: Library) -> None:
         self._lib = library
         self._free: list[Callable[[], object]] = []
         self._finalizer = weakref.finalize(self, _free_all, self._free)
-        self._alive: list[npt.NDArray[Any]] = [p]  # what the library holds addresses of
+        self._alive: list[npt.NDArray[Any]] = [np.asarray(p.base)]  # what the library holds addresses of
         self._tape = tp.blank_tape(TAPE_ROWS)
         names = [[library.address(name) for name in row] for row in _NAMES]
         shape = (3, FULL_SIZE)

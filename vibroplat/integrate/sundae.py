@@ -36,8 +36,11 @@ from vibroplat.hybrid.loop import (
 from vibroplat.hybrid.scales import ROUND_OFF
 from vibroplat.integrate.seam import WORK
 from vibroplat.integrate.tape import MARGIN, Tape, blank_tape, transcribe
-from vibroplat.model.parameters import FloatArray
-from vibroplat.model.systems import SYSTEMS, System, explicit
+from vibroplat.model.accelerations import accelerations
+from vibroplat.model.equations import jacobian as jacobian_kernel
+from vibroplat.model.equations import residual as residual_kernel
+from vibroplat.model.parameters import FloatArray, Parameters
+from vibroplat.model.systems import SYSTEMS, System
 from vibroplat.scene import Scene
 
 _ROOT = 2
@@ -131,14 +134,14 @@ class SundaeEngine:
     scene
         Which of its modes Adams' method integrates.
     p
-        Parameter vector of the scene.
+        Parameters of the scene.
     """
 
     name = "sundae"
     #: A segment's steps are all held in memory, and its progress is told at its end.
     turns_per_segment: float = 100
 
-    def __init__(self, scene: Scene, p: FloatArray) -> None:
+    def __init__(self, scene: Scene, p: Parameters) -> None:
         self._counts = dict.fromkeys(COUNTED, 0)
         self.detail = ""
         self._p = p
@@ -218,16 +221,15 @@ class SundaeEngine:
         return self._integrators[key]
 
     def _make_ida(self, system: System, atol: FloatArray, first_step: float) -> _Integrator:
-        p, budget = self._p, self._budget
-        residual_kernel, jacobian_kernel = system.residual, system.jacobian
+        p, budget, number = self._p, self._budget, system.index
 
         def residual(t: float, y: FloatArray, yp: FloatArray, res: FloatArray) -> None:
-            if not residual_kernel(y, yp, res, p):
+            if not residual_kernel(number, t, y, yp, res, p):
                 raise _NonFiniteError
             budget.count(t)
 
         def jacobian(t: float, y: FloatArray, yp: FloatArray, res: FloatArray, cj: float, jac: FloatArray) -> None:
-            jacobian_kernel(y, yp, cj, jac, p)
+            jacobian_kernel(number, t, y, yp, cj, jac, p)
 
         options: dict[str, Any] = {
             "jacfn": jacobian,
@@ -244,10 +246,10 @@ class SundaeEngine:
         return _Integrator(IDA(residual, **options), guard)
 
     def _make_adams(self, system: System, atol: FloatArray, first_step: float) -> _Integrator:
-        p, budget, number, room = self._p, self._budget, system.index, np.empty(system.size)
+        p, budget, number = self._p, self._budget, system.index
 
         def right_hand_side(t: float, y: FloatArray, yp: FloatArray) -> None:
-            if not explicit(number, y, yp, room, p):
+            if not accelerations(number, t, y.copy(), yp, p):
                 raise _NonFiniteError
             budget.count(t)
 

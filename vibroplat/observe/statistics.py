@@ -15,7 +15,7 @@ from vibroplat.integrate.interpolation import hermite, turning_points
 from vibroplat.integrate.tape import FIRST, ROWS, Tape
 from vibroplat.kernels.compiled import compiled, copy, inlined
 from vibroplat.model.energy import FORCE_SIZE, POWERS, powers
-from vibroplat.model.parameters import FloatArray
+from vibroplat.model.parameters import FloatArray, Parameters
 from vibroplat.model.systems import DIFFERENTIAL, FULL_SIZE, GAP, PLACES, SIZES
 
 N_POWERS = len(POWERS)
@@ -154,7 +154,7 @@ def integrate(
     flying: bool,
     full: FloatArray,
     power: FloatArray,
-    p: FloatArray,
+    p: Parameters,
     work: FloatArray,
     sums: FloatArray,
 ) -> float:
@@ -168,7 +168,7 @@ def integrate(
     weight = 0.5 * duration
     for i in range(_GAUSS.size):
         spread_between(start + (end - start) * _GAUSS[i], step, y, yp, k, system, full)
-        powers(full, power, p)
+        powers(0.0, full, power, p)
         exchanged = abs(power[0])
         for j in range(N_WORK):
             work[j] += weight * power[j]
@@ -262,7 +262,7 @@ def widen(marks: FloatArray, low: int, step: float, y: FloatArray, yp: FloatArra
 
 @compiled
 def accumulate(
-    ms: Measures, tape: Tape, system: int, flying: bool, origin: float, turns: FloatArray, p: FloatArray
+    ms: Measures, tape: Tape, system: int, flying: bool, origin: float, turns: FloatArray, p: Parameters
 ) -> None:
     """Add the open piece of the tape to the sums.
 

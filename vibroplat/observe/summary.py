@@ -20,7 +20,7 @@ from vibroplat.model.energy import (
     unbalance_momentum,
     vertical_momentum,
 )
-from vibroplat.model.parameters import FloatArray
+from vibroplat.model.parameters import FloatArray, Parameters
 from vibroplat.observe import statistics as m
 from vibroplat.observe.statistics import Measures
 
@@ -36,7 +36,7 @@ class Energies:
     unbalances: float
 
     @classmethod
-    def of(cls, state: FloatArray, p: FloatArray) -> Energies:
+    def of(cls, state: FloatArray, p: Parameters) -> Energies:
         """Evaluate them at a full state."""
         terms = (kinetic_energy, elastic_energy, gravity_energy, vertical_momentum, unbalance_momentum)
         return cls(*(of(state, p) for of in terms))

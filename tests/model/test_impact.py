@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from vibroplat.model.impact import closing_time, impact, impacts_left, impulse_response, kinetic_change, latch
-from vibroplat.model.parameters import IMPACT_LAWS, RESTITUTION, STICKING_SPEED, parameters
+from vibroplat.model.parameters import IMPACT_LAWS, parameters
 
 from .helpers import EACH_MACHINE, mass_matrix, random_states, scene_of
 
@@ -273,7 +273,7 @@ def follow(state, accelerations, p, turn_masses=False):
     """
     state, angles, slowest = state.copy(), state[2:5].copy(), 1e-13 * state[12]
     inelastic, sums = p.copy(), np.zeros(3)
-    inelastic[RESTITUTION] = 0.0
+    inelastic.restitution = 0.0
     while state[12] > slowest:
         flight = 2.0 * state[12] / -accelerations[5]
         state[:7] += flight * state[7:] + 0.5 * flight**2 * accelerations
@@ -281,7 +281,7 @@ def follow(state, accelerations, p, turn_masses=False):
         at_impact = state.copy()
         if not turn_masses:
             at_impact[2:5] = angles
-        after, impulse, loss = struck(at_impact, inelastic if -state[12] < p[STICKING_SPEED] else p)
+        after, impulse, loss = struck(at_impact, inelastic if -state[12] < p.sticking_speed else p)
         state[7:], state[5] = after[7:], 0.0
         sums += flight, impulse, loss
     return state, *sums
