@@ -22,9 +22,10 @@ from scipy.integrate import solve_ivp
 
 from vibroplat import load_config
 from vibroplat.hybrid.initial import initial_state
-from vibroplat.model import parameters as parameter
+from vibroplat.model.accelerations import accelerations
 from vibroplat.model.impact import impact
-from vibroplat.model.systems import GAP, GAP_RATE, consistent, systems
+from vibroplat.model.parameters import parameters
+from vibroplat.model.systems import GAP, GAP_RATE, systems
 from vibroplat.scene import Mode, Scene
 
 REFERENCE = Path(__file__).parent / "reference"
@@ -35,10 +36,10 @@ SLOWEST = 2e-7
 
 def events(scene: Scene) -> list[tuple[float, str, float]]:
     """Times, kinds and gap rates before impact of a scene that begins in contact, R > 0."""
-    p = parameter.parameters(scene)
+    p = parameters(scene)
     by_mode = systems(scene)
     inelastic = p.copy()
-    inelastic[parameter.RESTITUTION] = 0.0
+    inelastic.restitution = 0.0
     t, state, mode = 0.0, initial_state(scene), Mode.ATTACHED
     found = []
     while t < scene.run.duration_s:
@@ -75,9 +76,9 @@ def events(scene: Scene) -> list[tuple[float, str, float]]:
 
 
 def _derivative(system, unknowns, p):
-    y, yp, ypp = np.zeros(system.size), np.empty(system.size), np.empty(system.size)
+    y, yp = np.zeros(system.size), np.empty(system.size)
     y[: system.differential] = unknowns
-    consistent(system.index, y, yp, ypp, p)
+    accelerations(system.index, 0.0, y, yp, p)
     return yp[: system.differential], y
 
 

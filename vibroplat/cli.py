@@ -389,7 +389,7 @@ def schema() -> None:
 
 def _tell_of_compilation() -> None:
     """Say why the first run on a machine takes long."""
-    from vibroplat.integrate.choice import is_compiled
+    from vibroplat.flow.warm import is_compiled
 
     if not is_compiled():
         print("vibroplat: compiling the numerical kernels, once, in about half a minute", file=sys.stderr)
@@ -399,7 +399,7 @@ def _load_kernels(engine: str = "auto") -> None:
     """Compile or load what a motion needs, before workers do so each and before Ctrl-C may be an exception."""
     with ending_at_once():
         _tell_of_compilation()
-        from vibroplat.integrate.choice import load_kernels
+        from vibroplat.flow.warm import load_kernels
 
         load_kernels(engine)
         # garbage of the compiler is left alone: its end in LLVM would swallow an exception, as Ctrl-C is later

@@ -19,7 +19,7 @@ from vibroplat import __version__, load_config
 from vibroplat.cli import main
 from vibroplat.config import configuration_schema
 from vibroplat.errors import TableError
-from vibroplat.integrate.choice import is_compiled
+from vibroplat.flow.warm import is_compiled
 from vibroplat.plots.run import plot_run
 from vibroplat.provenance import configuration_hash, provenance
 from vibroplat.scene import Scene
@@ -140,7 +140,7 @@ def test_interrupted_run_says_so_and_leaves_no_half_tables(monkeypatch, capsys, 
 
 
 def test_the_first_run_says_why_it_takes_long(here, monkeypatch, capsys, kernels):
-    monkeypatch.setattr("vibroplat.integrate.choice.is_compiled", lambda: False)
+    monkeypatch.setattr("vibroplat.flow.warm.is_compiled", lambda: False)
     monkeypatch.setattr("sys.argv", ["vibroplat", "run", str(QUICKSTART), "--set", "run.duration_s=0.01"])
     with pytest.raises(SystemExit) as ended:
         main()

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from vibroplat.integrate.choice import load_kernels
+from vibroplat.flow.warm import load_kernels
 
 
 @pytest.fixture(scope="session")

@@ -21,7 +21,7 @@ from vibroplat.hybrid.automaton import automaton
 from vibroplat.integrate import choice as engines
 from vibroplat.integrate.native import NativeEngine, self_check
 from vibroplat.integrate.sundials import Library, UnavailableError, library
-from vibroplat.model.parameters import GRAVITY, parameters
+from vibroplat.model.parameters import parameters
 from vibroplat.scene import Mode
 
 CASES = ("attached-mu01-fe46", "bare-printed-fe60", "inelastic-mu02-fe51.5")
@@ -254,7 +254,7 @@ def test_residual_that_is_not_finite_ends_the_run(quickstart, smooth):
     engine, h = ready(scene)
     engine.advance(h)
     assert h.flags[hy.OUTCOME] == hy.RUNNING
-    h.p[GRAVITY] = np.nan
+    h.p.gravity = np.nan
     tape = engine.advance(h)
     assert h.flags[hy.OUTCOME] == hy.NON_FINITE
     assert engine.detail == "the residual is not finite"

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import ctypes
 import math
 import resource
-from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -13,6 +11,7 @@ import pytest
 
 from vibroplat import simulate
 from vibroplat.bench.known import ball_on_table
+from vibroplat.model.parameters import parameters
 from vibroplat.model.systems import systems
 from vibroplat.scene import Mode
 
@@ -138,14 +137,16 @@ def test_event_storm_is_named(quickstart):
 
 
 def test_state_without_finite_accelerations_is_named(quickstart, monkeypatch):
-    signature = ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_int64, *[ctypes.c_void_p] * 4)
-    broken = signature(lambda *_: math.nan)
-    address = ctypes.cast(broken, ctypes.c_void_p).value
-    monkeypatch.setattr("vibroplat.hybrid.automaton.consistent_callback", SimpleNamespace(address=address))
+    def broken(scene):
+        p = parameters(scene)
+        p.gravity = math.nan
+        return p
+
+    monkeypatch.setattr("vibroplat.flow.run.parameters", broken)
     run = simulate(quickstart)
     assert run.outcome == "non-finite"
     assert run.trajectory.empty
-    assert run.summary["detail"].startswith("no consistent state (relative residual nan)")
+    assert run.summary["detail"].startswith("no consistent state (its accelerations are not finite)")
     assert "t = 0 s, state [0, " in run.summary["detail"]
 
 

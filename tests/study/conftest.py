@@ -10,7 +10,7 @@ import pytest
 from vibroplat import load_config
 from vibroplat.cli import main
 from vibroplat.errors import ConfigError
-from vibroplat.integrate.choice import load_kernels
+from vibroplat.flow.warm import load_kernels
 from vibroplat.study.branches import branches
 
 PROGRAM = Path(sys.executable).with_name("vibroplat")

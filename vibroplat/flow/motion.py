@@ -6,8 +6,6 @@ import math
 from collections.abc import Sequence
 from typing import Protocol
 
-import numpy as np
-
 from vibroplat.hybrid import state as hy
 from vibroplat.hybrid.automaton import automaton
 from vibroplat.hybrid.loop import first_mode

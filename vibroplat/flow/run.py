@@ -8,7 +8,6 @@ from contextlib import closing
 from typing import Literal
 
 from vibroplat.flow.motion import Motion
-from vibroplat.flow.motion import Motion
 from vibroplat.hybrid.state import Hybrid
 from vibroplat.integrate.choice import make_engine
 from vibroplat.model.parameters import parameters
@@ -21,6 +20,7 @@ Keep = Literal["segments", "events", "summary"]
 
 #: The measured part is what follows this share of the duration, cut to whole turns of exciter 1.
 SETTLE_SHARE = 0.5
+
 
 def simulate(
     scene: Scene, *, keep: Keep = "segments", progress: Callable[[float, int], None] | None = None

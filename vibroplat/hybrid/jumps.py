@@ -72,9 +72,7 @@ def rebound_from(h: Hybrid, struck: FloatArray, p: Any, resolved: bool) -> tuple
         return impulse, loss, -1
     place = SIZES[run.systems[FLIGHT]] // 2 + GAP
     acceleration, jerk = run.yp[FLIGHT, place], run.ypp[FLIGHT, place]
-    following = after_impact(
-        after[GAP_RATE], acceleration, jerk, resolved, pressing(h), run.tolerance, run.speed, h.p
-    )
+    following = after_impact(after[GAP_RATE], acceleration, jerk, resolved, pressing(h), run.tolerance, run.speed, h.p)
     return impulse, loss, following
 
 

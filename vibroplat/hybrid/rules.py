@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
-
 from typing import Any
 
 from vibroplat.kernels.compiled import compiled
-from vibroplat.model.impact import latch_time, impacts_left
+from vibroplat.model.impact import impacts_left, latch_time
 
 #: What follows an impact.
 ATTACH, FLY, ACCUMULATE = range(3)

@@ -8,16 +8,17 @@ from numba import carray  # type: ignore[attr-defined]
 
 from vibroplat.hybrid.modes import ATTACHED
 from vibroplat.hybrid.rules import presses
-from vibroplat.hybrid.state import BEYOND_MODEL, CONSISTENT, DIFFERENTIATED, INCONSISTENT, STALE, Hybrid
+from vibroplat.hybrid.state import BEYOND_MODEL, CONSISTENT, INCONSISTENT, STALE, Hybrid
 from vibroplat.kernels.compiled import FloatArray, callback, compiled, inlined
 from vibroplat.kernels.foreign import call_int
+from vibroplat.model.accelerations import accelerations, second_derivatives
 from vibroplat.model.parameters import PARAMETERS
-from vibroplat.model.systems import SIZES, accelerations, gather, second_derivatives, spread
+from vibroplat.model.systems import SIZES, gather, spread
 
 
 @callback("int32(int64, float64, CPointer(float64), CPointer(float64), CPointer(float64), voidptr, int64)")
 def start_callback(system: int, t: float, y: Any, yp: Any, ypp: Any, parameters: Any, order: int) -> int:
-    """Fill F_c and first derivatives of a system, with ``order`` DIFFERENTIATED second ones too; 0 if there are none."""
+    """Fill F_c and first derivatives, with ``order`` DIFFERENTIATED second ones too; 0 where there are none."""
     size = SIZES[system]
     p = carray(parameters, (1,), dtype=PARAMETERS)[0]
     unknowns, rates = carray(y, (size,)), carray(yp, (size,))
@@ -86,5 +87,3 @@ def pressing(h: Hybrid) -> bool:
     """Whether contact holds at the prepared start of it."""
     force, rate = contact_force(h)
     return presses(force, rate, h.run.force_noise, h.run.speed)
-
-

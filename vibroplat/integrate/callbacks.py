@@ -12,8 +12,8 @@ import numpy as np
 from numba import carray  # type: ignore[attr-defined]
 
 from vibroplat.hybrid.scales import ROUND_OFF
-from vibroplat.kernels.compiled import FloatArray, callback, compiled
-from vibroplat.kernels.foreign import call_address, pointer, untyped
+from vibroplat.kernels.compiled import FloatArray, callback, compiled, inlined
+from vibroplat.kernels.foreign import call_address, pointer, void_pointer
 from vibroplat.kernels.linear import condense, condense_explicit, solve_condensed
 from vibroplat.model.accelerations import accelerations
 from vibroplat.model.equations import jacobian as fill_jacobian
@@ -28,7 +28,7 @@ LINKS = np.dtype(
         ("vector", np.int64),  # N_VGetArrayPointer
         ("parameters", np.int64),
         ("tolerances", np.int64),
-        ("origin", np.int64),  # of the segment's times
+        ("origin", np.float64),  # of the segment's times (s)
         ("system", np.int64),
         ("size", np.int64),
         ("guard", np.int64),
@@ -57,15 +57,9 @@ def _values(vector: int, links: Any) -> FloatArray:
     return carray(pointer(call_address(links.vector, (vector,))), (links.size,))
 
 
-@compiled
+@inlined
 def _parameters(links: Any) -> Any:
-    return carray(untyped(links.parameters), (1,), dtype=PARAMETERS)[0]
-
-
-@compiled
-def _time(t: float, links: Any) -> float:
-    """Time of the run at a time of the segment (s)."""
-    return carray(pointer(links.origin), (1,))[0] + t
+    return carray(void_pointer(links.parameters), (1,), dtype=PARAMETERS)[0]
 
 
 @callback("int32(float64, intp, intp, intp, voidptr)")
@@ -74,7 +68,7 @@ def residual(t: float, y: int, yp: int, res: int, data: Any) -> int:
     links = carray(data, (1,), dtype=LINKS)[0]
     links.residuals += 1
     values, slopes, p = _values(y, links), _values(yp, links), _parameters(links)
-    whole = fill_residual(links.system, _time(t, links), values, slopes, _values(res, links), p)
+    whole = fill_residual(links.system, links.origin + t, values, slopes, _values(res, links), p)
     return _OK if whole else _NOT_FINITE
 
 
@@ -103,7 +97,7 @@ def jacobian(
     links.jacobians += 1
     rows, _, dynamic = _matrices(links)
     p = _parameters(links)
-    fill_jacobian(links.system, _time(t, links), _values(y, links), _values(yp, links), cj, rows, p)
+    fill_jacobian(links.system, links.origin + t, _values(y, links), _values(yp, links), cj, rows, p)
     links.cj, links.share = cj, 1.0
     return _OK if condense(rows, cj, dynamic, _condensed(links)) else _SINGULAR
 
@@ -126,7 +120,7 @@ def linear_system(
     links = carray(data, (1,), dtype=LINKS)[0]
     links.jacobians += 2
     rows, partial, dynamic = _matrices(links)
-    p, cj, now = _parameters(links), 1.0 / gamma, _time(t, links)
+    p, cj, now = _parameters(links), 1.0 / gamma, links.origin + t
     values, slopes = _values(y, links), _values(yp, links)
     fill_jacobian(links.system, now, values, slopes, cj, rows, p)
     fill_jacobian(links.system, now, values, slopes, 0.0, partial, p)
@@ -145,7 +139,7 @@ def setup(solver: Any, matrix: int) -> int:
 def solve(solver: Any, matrix: int, solution: int, right: int, tolerance: float) -> int:
     """Solve, as a SUNLinearSolver whose content ends with the address of the links."""
     content = carray(pointer(solver[0]), (USER_DATA + 1,)).view(np.int64)
-    links = carray(untyped(content[USER_DATA]), (1,), dtype=LINKS)[0]
+    links = carray(void_pointer(content[USER_DATA]), (1,), dtype=LINKS)[0]
     solve_condensed(_condensed(links), links.cj, links.share, _values(right, links), _values(solution, links))
     return _OK
 
@@ -167,7 +161,7 @@ def right_hand_side(t: float, y: int, yp: int, data: Any) -> int:
     links = carray(data, (1,), dtype=LINKS)[0]
     links.residuals += 1
     p = _parameters(links)
-    whole = accelerations(links.system, _time(t, links), _values(y, links), _values(yp, links), p)
+    whole = accelerations(links.system, links.origin + t, _values(y, links), _values(yp, links), p)
     return _OK if whole else _NOT_FINITE
 
 

@@ -203,7 +203,7 @@ def calm(h: Hybrid, cut: bool) -> None:
             after = np.inf
         steepest_0, steepest_1 = 3.0 * max(abs(before), abs(here)), 3.0 * max(abs(after), abs(here))
         rate_0 = max(min(max(rate_0, -steepest_0), steepest_0), -3.0 * max(f0, 0.0) / length)
-        rate_1 = min(min(max(rate_1, -steepest_1), steepest_1), 3.0 * max(f1, 0.0) / length)
+        rate_1 = min(max(rate_1, -steepest_1), steepest_1, 3.0 * max(f1, 0.0) / length)
         c[1, force] = length * rate_0
         c[2, force] = length * (3.0 * here - 2.0 * rate_0 - rate_1)
         c[3, force] = length * (rate_0 + rate_1 - 2.0 * here)

@@ -16,13 +16,6 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from vibroplat.flow.motion import Motion
-from vibroplat.hybrid import loop as hy
-from vibroplat.hybrid.loop import AT_GUARD, AT_TIME, FAILED, NOT_FINITE, Hybrid
-from vibroplat.integrate import callbacks as cb
-from vibroplat.integrate import tape as tp
-from vibroplat.integrate.sundials import Library, UnavailableError
-from vibroplat.integrate.tape import Tape
 from vibroplat.hybrid import loop
 from vibroplat.hybrid.automaton import automaton
 from vibroplat.hybrid.loop import AT_GUARD, AT_TARGET, AT_TIME, FAILED, NOT_FINITE
@@ -201,7 +194,7 @@ def start(h: Hybrid, n: Native) -> bool:
 
 
 @compiled
-def advance(h: Hybrid, n: Native) -> int:  # noqa: PLR0911, PLR0912  (each stop has its reason)
+def advance(h: Hybrid, n: Native) -> int:  # noqa: PLR0911  (each stop has its reason)
     """Take steps to the guard, the segment's time, the run's target, a failure, or until there is no more room."""
     run, status, steps, past, time = h.run, n.status, h.steps, n.past, n.time
     mode, used = run.mode, h.steps.used

@@ -23,20 +23,10 @@ from vibroplat.hybrid.loop import (
     AT_GUARD,
     AT_TIME,
     FAILED,
-    FIRST_STEP,
-    MODE,
     NOT_FINITE,
-    ORIGIN,
-    PERIOD,
-    UNTIL,
-    Hybrid,
     begin,
     conclude,
 )
-from vibroplat.hybrid.scales import ROUND_OFF
-from vibroplat.integrate.seam import WORK
-from vibroplat.integrate.tape import MARGIN, Tape, blank_tape, transcribe
-from vibroplat.hybrid.loop import AT_GUARD, AT_TIME, FAILED, NOT_FINITE, begin, conclude
 from vibroplat.hybrid.modes import GUARDS
 from vibroplat.hybrid.pieces import cut_piece
 from vibroplat.hybrid.scales import ROUND_OFF

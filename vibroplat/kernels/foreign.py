@@ -30,20 +30,16 @@ def _caller(returned: Any) -> Any:
     return intrinsic(call)
 
 
-@intrinsic
-def _as_pointer(typing_context: Any, address: Any) -> Any:
-    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        return builder.inttoptr(values[0], context.get_value_type(signature.return_type))
+def _pointer_to(kind: Any) -> Any:
+    """Make the intrinsic that turns addresses into pointers of one type."""
 
-    return types.CPointer(types.float64)(address), generate
+    def point(typing_context: Any, address: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+            return builder.inttoptr(values[0], context.get_value_type(signature.return_type))
 
+        return kind(address), generate
 
-@intrinsic
-def _as_untyped_pointer(typing_context: Any, address: Any) -> Any:
-    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        return builder.inttoptr(values[0], context.get_value_type(signature.return_type))
-
-    return types.voidptr(address), generate
+    return intrinsic(point)
 
 
 def _disown(context: Any, builder: Any, kind: Any, value: Any) -> Any:
@@ -84,8 +80,8 @@ if TYPE_CHECKING:
     def pointer(address: int) -> Any:
         """Turn an address into a pointer to doubles, for ``numba.carray``."""
 
-    def untyped(address: int) -> Any:
-        """Turn an address into a pointer without type, for ``numba.carray`` with one."""
+    def void_pointer(address: int) -> Any:
+        """Turn an address into a pointer without type, for ``numba.carray`` of records."""
 
     def borrow(owned: T) -> T:
         """View an array, or all arrays of a tuple, without owning them; the caller keeps them alive.
@@ -97,6 +93,6 @@ else:
     call_int = _caller(types.int32)
     call_double = _caller(types.float64)
     call_address = _caller(types.intp)
-    pointer = _as_pointer
-    untyped = _as_untyped_pointer
+    pointer = _pointer_to(types.CPointer(types.float64))
+    void_pointer = _pointer_to(types.voidptr)
     borrow = _borrow

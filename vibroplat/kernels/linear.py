@@ -1,9 +1,6 @@
-"""Small dense linear systems in compiled code.
+"""Newton's linear systems in compiled code; a singular matrix is an outcome here, not an exception.
 
-A singular matrix is an outcome here, not an exception; the factors serve a second right-hand side; and ten
-equations take half the time of ``numpy.linalg.solve`` in compiled code (0.41 against 0.86 µs).
-
-Newton's systems have a block that needs no elimination: half of their rows say that rates are the derivatives
+They have a block that needs no elimination: half of their rows say that rates are the derivatives
 of coordinates. What is left is inverted once for many solutions, which then are products of a matrix with a
 vector: a third of the work of two triangular systems of full size.
 """
@@ -11,10 +8,8 @@ vector: a third of the work of two triangular systems of full size.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-from vibroplat.kernels.compiled import compiled, inlined
-from vibroplat.model.parameters import FloatArray
+from vibroplat.kernels.compiled import FloatArray, compiled, inlined
 
 
 @inlined
@@ -25,56 +20,6 @@ def pivot_row(matrix: FloatArray, k: int) -> int:
         if abs(matrix[i, k]) > abs(matrix[best, k]):
             best = i
     return best
-
-
-@compiled
-def factorize(matrix: FloatArray, rows: npt.NDArray[np.int64]) -> bool:
-    """Replace a square matrix by its LU factors with partial pivoting.
-
-    Parameters
-    ----------
-    matrix
-        Shape (n, n); overwritten by L (unit diagonal, below) and U.
-    rows
-        Shape (n,); filled: the row that was swapped with each.
-
-    Returns
-    -------
-    bool
-        False where the matrix is singular or not finite.
-    """
-    n = matrix.shape[0]
-    for k in range(n):
-        best = pivot_row(matrix, k)
-        rows[k] = best
-        if best != k:
-            for j in range(n):
-                matrix[k, j], matrix[best, j] = matrix[best, j], matrix[k, j]
-        if not 0.0 < abs(matrix[k, k]) < np.inf:
-            return False
-        for i in range(k + 1, n):
-            factor = matrix[i, k] / matrix[k, k]
-            matrix[i, k] = factor
-            if factor != 0.0:
-                for j in range(k + 1, n):
-                    matrix[i, j] -= factor * matrix[k, j]
-    return True
-
-
-@compiled
-def substitute(factors: FloatArray, rows: npt.NDArray[np.int64], b: FloatArray) -> None:
-    """Replace a right-hand side by the solution, with the factors of :func:`factorize`."""
-    n = factors.shape[0]
-    for k in range(n):
-        best = rows[k]
-        b[k], b[best] = b[best], b[k]
-    for i in range(n):
-        for j in range(i):
-            b[i] -= factors[i, j] * b[j]
-    for i in range(n - 1, -1, -1):
-        for j in range(i + 1, n):
-            b[i] -= factors[i, j] * b[j]
-        b[i] /= factors[i, i]
 
 
 @compiled

@@ -16,7 +16,7 @@ HALVINGS = 54
 
 @inlined
 def value(c: FloatArray, degree: int, j: int, s: float) -> float:
-    """Value of unknown j at fraction s of a step."""
+    """Evaluate unknown j at fraction s of a step."""
     total = c[degree, j]
     for k in range(degree - 1, -1, -1):
         total = total * s + c[k, j]
@@ -25,7 +25,7 @@ def value(c: FloatArray, degree: int, j: int, s: float) -> float:
 
 @inlined
 def slope(c: FloatArray, degree: int, j: int, s: float) -> float:
-    """Derivative of unknown j with respect to s."""
+    """Differentiate unknown j with respect to s."""
     total = degree * c[degree, j]
     for k in range(degree - 1, 0, -1):
         total = total * s + k * c[k, j]
@@ -180,7 +180,7 @@ def extremes(c: FloatArray, degree: int, j: int) -> tuple[float, float]:
 
 @compiled
 def improved(c: FloatArray, degree: int, j: int, s: float) -> float:
-    """Value of unknown j at the zero of its slope near a fraction of a step."""
+    """Evaluate unknown j at the zero of its slope near a fraction of a step."""
     low, high = max(s - 0.5 / degree, 0.0), min(s + 0.5 / degree, 1.0)
     for _ in range(4):
         curvature = 0.0

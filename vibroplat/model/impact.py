@@ -19,25 +19,15 @@ import math
 
 import numpy as np
 
-from vibroplat.kernels.compiled import compiled
-from vibroplat.kernels.linear import factorize, substitute
+from vibroplat.kernels.compiled import FloatArray, compiled
 from vibroplat.model.energy import inertia_product
-from vibroplat.model.parameters import (
-    CONSERVATIVE,
-    IMPACT_LAW,
-    LOWER_MASS,
-    PRINTED,
-    RESTITUTION,
-    STICKING_SPEED,
-    UPPER_MASS,
-    FloatArray,
-)
-from vibroplat.model.platform import add_mass_matrix
+from vibroplat.model.parameters import CONSERVATIVE, PRINTED, Parameters
+from vibroplat.model.platform import solve_platform, unbalance
 from vibroplat.model.systems import GAP, GAP_RATE
 
 
 @compiled
-def impulse_response(state: FloatArray, response: FloatArray, p: FloatArray) -> float:
+def impulse_response(state: FloatArray, response: FloatArray, p: Parameters) -> float:
     """Fill the change of the seven rates by a unit impulse between lower layer and platform.
 
     Parameters
@@ -45,33 +35,27 @@ def impulse_response(state: FloatArray, response: FloatArray, p: FloatArray) -> 
     state
         Full state, shape (14,); its coordinates are read.
     response
-        Shape (7,), filled: (−e, 1/m_red, …) with e = 𝓜⁻¹ ê_y.
+        Shape (7,), filled: (−e, 1/m_red, …) with e = 𝓜⁻¹ ê_y. What a singular 𝓜 leaves is not finite, and the restart
+        after the impact fails.
 
     Returns
     -------
     float
         The reduced mass m_red = k_eff m_w1 / (k_eff + m_w1), k_eff = 1/e_y (kg).
     """
-    matrix = np.zeros((5, 5))
-    add_mass_matrix(matrix, 0, 1.0, state, p)
-    if p[IMPACT_LAW] != CONSERVATIVE:
-        for i in range(3, 5):
-            matrix[2, i] = matrix[i, 2] = 0.0
-    rows = np.empty(5, dtype=np.int64)
+    mobility = (1.0 / p.mass, 1.0 / p.mass, 1.0 / p.inertia if p.impact_law == CONSERVATIVE else 0.0 / p.inertia)
+    jumps = solve_platform((0.0, -1.0, 0.0, 0.0, 0.0), unbalance(0, state, p), unbalance(1, state, p), mobility, p)
     for i in range(5):
-        response[i] = 0.0
-    # a singular matrix leaves what is not finite, and the restart after the impact says so
-    response[1] = -1.0 if factorize(matrix, rows) else np.nan
-    substitute(matrix, rows, response[:5])
-    response[5] = 1.0 / p[LOWER_MASS] - response[1]
-    response[6] = -response[5] if p[IMPACT_LAW] == PRINTED else -1.0 / p[LOWER_MASS]
-    if p[UPPER_MASS] == 0.0:  # one layer: what does not exist stays 0 in the full state
+        response[i] = jumps[i]
+    response[5] = 1.0 / p.lower_mass - response[1]
+    response[6] = -response[5] if p.impact_law == PRINTED else -1.0 / p.lower_mass
+    if p.upper_mass == 0.0:  # one layer: what does not exist stays 0 in the full state
         response[6] = 0.0
     return 1.0 / response[5]
 
 
 @compiled
-def kinetic_change(before: FloatArray, after: FloatArray, p: FloatArray) -> float:
+def kinetic_change(before: FloatArray, after: FloatArray, p: Parameters) -> float:
     """Change of the kinetic energy between two states of equal coordinates (J).
 
     Formed as ½ (v⁺ − v⁻)·𝓜 (v⁺ + v⁻), so that a small change is not the difference of two large energies.
@@ -83,7 +67,7 @@ def kinetic_change(before: FloatArray, after: FloatArray, p: FloatArray) -> floa
 
 
 @compiled
-def impact(state: FloatArray, after: FloatArray, p: FloatArray) -> tuple[float, float]:
+def impact(state: FloatArray, after: FloatArray, p: Parameters) -> tuple[float, float]:
     """Let the lower layer strike the platform: ẏ_w1⁺ = −R ẏ_w1⁻.
 
     Parameters
@@ -100,31 +84,31 @@ def impact(state: FloatArray, after: FloatArray, p: FloatArray) -> tuple[float, 
     response = np.empty(7)
     reduced = impulse_response(state, response, p)
     approach = state[GAP_RATE]
-    impulse = -(1.0 + p[RESTITUTION]) * approach * reduced
+    impulse = -(1.0 + p.restitution) * approach * reduced
     for i in range(7):
         after[i], after[7 + i] = state[i], state[7 + i] + impulse * response[i]
-    after[GAP_RATE] = -p[RESTITUTION] * approach
+    after[GAP_RATE] = -p.restitution * approach
     after[GAP] = 0.0
     return impulse, -kinetic_change(state, after, p)
 
 
 @compiled
-def impacts_left(rebound: float, p: FloatArray) -> float:
+def impacts_left(rebound: float, p: Parameters) -> float:
     """Count the impacts to come after a rebound v under a constant acceleration, R < 1.
 
     They approach at v, Rv, R²v, …; the first below the sticking speed is the last. Without a sticking speed the
     number is infinite.
     """
-    slowest = p[STICKING_SPEED]
+    slowest = p.sticking_speed
     if slowest == 0.0:
         return np.inf
     if rebound < slowest:
         return 1.0
-    return 2.0 + np.floor(math.log(slowest / rebound) / math.log(p[RESTITUTION]))
+    return 2.0 + np.floor(math.log(slowest / rebound) / math.log(p.restitution))
 
 
 @compiled
-def closing_time(rebound: float, gap_acceleration: float, restitution: float, tail: float) -> float:
+def latch_time(rebound: float, gap_acceleration: float, restitution: float, tail: float) -> float:
     """Duration 2v(1−Rⁿ)/((1−R)|a|) of the n impacts to come after a rebound v under a constant a < 0 (s).
 
     The flights last 2 v Rᵏ/|a|; the sum over k < n is geometric. ``tail`` is Rⁿ, which is 0 for infinitely many
@@ -134,7 +118,7 @@ def closing_time(rebound: float, gap_acceleration: float, restitution: float, ta
 
 
 @compiled
-def latch(state: FloatArray, accelerations: FloatArray, after: FloatArray, p: FloatArray) -> tuple[float, float, float]:
+def latch(state: FloatArray, accelerations: FloatArray, after: FloatArray, p: Parameters) -> tuple[float, float, float]:
     """Close impacts that accumulate: carry the state to t∞, where they end, under constant accelerations.
 
     With the flight's accelerations constant, the impulses left sum to P = m_red (|a|τ − v) and their moment about
@@ -157,12 +141,12 @@ def latch(state: FloatArray, accelerations: FloatArray, after: FloatArray, p: Fl
     duration, impulse, loss
         τ = t∞ − t (s), the sum of the impulses (N·s), and the energy that they take (J).
     """
-    restitution = p[RESTITUTION]
+    restitution = p.restitution
     response = np.empty(7)
     reduced = impulse_response(state, response, p)
     rebound = state[GAP_RATE]
     tail = restitution ** impacts_left(rebound, p)
-    duration = closing_time(rebound, accelerations[GAP], restitution, tail)
+    duration = latch_time(rebound, accelerations[GAP], restitution, tail)
     impulse = reduced * rebound * (1.0 + restitution - 2.0 * tail) / (1.0 - restitution)
     moment = reduced * rebound * duration * (restitution - tail) / (1.0 - restitution)
     for i in range(7):

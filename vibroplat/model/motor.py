@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from vibroplat.kernels.compiled import compiled
+from vibroplat.model.parameters import Parameters
 
 
 @compiled
@@ -26,7 +27,7 @@ def kloss_slope(speed: float, direction: float, torque: float, slip: float, sync
 
 @compiled
 def resistance(speed: float, friction: float) -> float:
-    """Resistance L_R = k_R m_r r φ̇|φ̇| (N·m), proportional to the centrifugal force."""
+    """Resistance L_R = k_R k φ̇|φ̇| (N·m), proportional to the centrifugal force."""
     return friction * speed * abs(speed)
 
 
@@ -34,3 +35,16 @@ def resistance(speed: float, friction: float) -> float:
 def resistance_slope(speed: float, friction: float) -> float:
     """Slope dL_R/dφ̇ (N·m·s)."""
     return 2.0 * friction * abs(speed)
+
+
+@compiled
+def motor_torque(i: int, t: float, speed: float, p: Parameters) -> float:
+    """Torque L_i of exciter i's motor at a time and a speed (N·m). The supply is constant, so t is not read."""
+    return kloss_torque(speed, p.direction[i], p.torque[i], p.slip[i], p.speed[i])
+
+
+@compiled
+def net_slope(i: int, t: float, speed: float, p: Parameters) -> float:
+    """Slope d(L_i − L_Ri)/dφ̇_i of motor torque less resistance (N·m·s)."""
+    slope = kloss_slope(speed, p.direction[i], p.torque[i], p.slip[i], p.speed[i])
+    return slope - resistance_slope(speed, p.friction[i])

@@ -1,7 +1,7 @@
-"""The parameter vector that compiled code reads, and how a scene fills it.
+"""The constants of the equations, as a record with named fields.
 
-Compiled kernels take plain float arrays, so that the same kernels serve callbacks from Python and
-from C. The integers below are the places in that array.
+Compiled kernels read ``p.mass`` or ``p.unbalance[1]`` from it at the cost of a place in an array. They are written for
+any type of number in its fields: with complex ones they give derivatives (:mod:`vibroplat.model.sensitivity`).
 """
 
 from __future__ import annotations
@@ -11,72 +11,79 @@ import numpy as np
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.scene import Scene
 
-__all__ = ["FloatArray", "parameters"]
+__all__ = ["FloatArray", "Parameters", "parameters"]
 
-MASS = 0  # M
-INERTIA = 1  # J
-UNBALANCE = 2  # k = m_r r
-EXCITER_INERTIA = 3  # J_e
-AXIS_X = 4  # X_0
-AXIS_Y = 5  # Y_0
-STIFFNESS_X = 6
-STIFFNESS_Y = 7
-STIFFNESS_PHI = 8
-DAMPING_X = 9
-DAMPING_Y = 10
-DAMPING_PHI = 11
-GRAVITY = 12
-TORQUE_1 = 13  # M_c, s_c, omega_0, k_R k of exciter 1 …
-SLIP_1 = 14
-SPEED_1 = 15
-FRICTION_1 = 16
-TORQUE_2 = 17  # … and of exciter 2
-SLIP_2 = 18
-SPEED_2 = 19
-FRICTION_2 = 20
-LOWER_MASS = 21  # m_w1
-UPPER_MASS = 22  # m_w2
-LAYER_STIFFNESS = 23  # c_w / m_w2
-LAYER_DAMPING = 24  # b_w / m_w2
-RESTITUTION = 25
-STICKING_SPEED = 26  # slower impacts have no restitution
-IMPACT_LAW = 27  # index into IMPACT_LAWS
-TOLERANCE = 28
-FORCE_NOISE = 29  # contact forces below this are round-off of larger ones
-SAFE_ROTATION = 30  # up to here the mass matrix is positive definite
-SIZE = 31
+#: A record of :data:`PARAMETERS`.
+Parameters = np.record
+
+#: Fields of shape (2,) are those of exciters 1 and 2. SI units.
+PARAMETERS = np.dtype(
+    [
+        ("mass", float),  # M, platform with both unbalances (kg)
+        ("inertia", float),  # J, about the common centre of mass (kg·m²)
+        ("stiffness_x", float),  # c_x (N/m)
+        ("stiffness_y", float),
+        ("stiffness_phi", float),  # c_φ (N·m/rad)
+        ("damping_x", float),  # b_x (N·s/m)
+        ("damping_y", float),
+        ("damping_phi", float),  # b_φ (N·m·s/rad)
+        ("gravity", float),  # g (m/s²)
+        ("unbalance", float, (2,)),  # k_i = m_r r (kg·m)
+        ("exciter_inertia", float, (2,)),  # J_e,i, about the exciter's axis (kg·m²)
+        ("direction", float, (2,)),  # σ_i: the motor drives counter-clockwise (+1) or clockwise (−1)
+        ("axis_x", float, (2,)),  # exciter's axis in the platform, from the common centre of mass (m)
+        ("axis_y", float, (2,)),
+        ("torque", float, (2,)),  # M_c (N·m)
+        ("slip", float, (2,)),  # s_c
+        ("speed", float, (2,)),  # ω_0, synchronous speed (rad/s)
+        ("friction", float, (2,)),  # k_R k_i (N·m·s²)
+        ("lower_mass", float),  # m_w1 (kg)
+        ("upper_mass", float),  # m_w2 (kg)
+        ("layer_stiffness", float),  # c_w / m_w2 (1/s²)
+        ("layer_damping", float),  # b_w / m_w2 (1/s)
+        ("restitution", float),  # R
+        ("sticking_speed", float),  # slower impacts have no restitution (m/s)
+        ("safe_rotation", float),  # |φ| up to which the mass matrix is positive definite (rad)
+        ("impact_law", np.int64),  # index into IMPACT_LAWS
+    ],
+    align=True,
+)
 
 IMPACT_LAWS = ("conservative", "central", "printed")
-CONSERVATIVE, CENTRAL, PRINTED = 0, 1, 2
+CONSERVATIVE, CENTRAL, PRINTED = range(3)
 
 
-def parameters(scene: Scene) -> FloatArray:
-    """Fill the parameter vector of a scene, shape (SIZE,), SI units."""
-    machine = scene.machine
-    p = np.zeros(SIZE)
-    p[MASS] = scene.platform_mass
-    p[INERTIA] = machine.inertia
-    p[UNBALANCE] = machine.unbalance
-    p[EXCITER_INERTIA] = machine.exciter_inertia
-    p[AXIS_X], p[AXIS_Y] = machine.exciter_axis
-    p[STIFFNESS_X] = machine.stiffness_x_n_per_m
-    p[STIFFNESS_Y] = machine.stiffness_y_n_per_m
-    p[STIFFNESS_PHI] = machine.stiffness_phi_n_m_per_rad
-    p[DAMPING_X] = machine.damping_x_n_s_per_m
-    p[DAMPING_Y] = scene.damping_y
-    p[DAMPING_PHI] = machine.damping_phi_n_m_s_per_rad
-    p[GRAVITY] = machine.gravity_m_per_s2
-    for first, motor, speed in zip((TORQUE_1, TORQUE_2), scene.motor_pair, scene.synchronous_speeds, strict=True):
-        p[first] = motor.critical_torque_n_m
-        p[first + 1] = motor.critical_slip
-        p[first + 2] = speed
-        p[first + 3] = motor.friction_radius_m * machine.unbalance
-    p[LOWER_MASS], p[UPPER_MASS] = scene.layer_masses
-    p[LAYER_STIFFNESS], p[LAYER_DAMPING] = scene.layer_spring
-    p[RESTITUTION] = scene.contact.restitution
-    p[STICKING_SPEED] = scene.contact.sticking_speed_m_per_s
-    p[IMPACT_LAW] = IMPACT_LAWS.index(scene.contact.impact_law)
-    p[TOLERANCE] = scene.solver.tolerance
-    p[FORCE_NOISE] = 1e-12 * scene.force_scale
-    p[SAFE_ROTATION] = machine.safe_rotation
+def blank() -> Parameters:
+    """Make a record of zeros: the element of an array of one, its ``base``, which has an address."""
+    record: Parameters = np.zeros(1, PARAMETERS).view(np.recarray)[0]
+    return record
+
+
+def parameters(scene: Scene) -> Parameters:
+    """Fill the record of a scene."""
+    machine, p = scene.machine, blank()
+    p.mass = scene.platform_mass
+    p.inertia = machine.inertia
+    p.stiffness_x = machine.stiffness_x_n_per_m
+    p.stiffness_y = machine.stiffness_y_n_per_m
+    p.stiffness_phi = machine.stiffness_phi_n_m_per_rad
+    p.damping_x = machine.damping_x_n_s_per_m
+    p.damping_y = scene.damping_y
+    p.damping_phi = machine.damping_phi_n_m_s_per_rad
+    p.gravity = machine.gravity_m_per_s2
+    p.unbalance = machine.unbalance
+    p.exciter_inertia = machine.exciter_inertia
+    p.direction = 1.0, -1.0
+    axis_x, p.axis_y = machine.exciter_axis
+    p.axis_x = axis_x, -axis_x
+    p.torque = [motor.critical_torque_n_m for motor in scene.motor_pair]
+    p.slip = [motor.critical_slip for motor in scene.motor_pair]
+    p.speed = scene.synchronous_speeds
+    p.friction = [motor.friction_radius_m * machine.unbalance for motor in scene.motor_pair]
+    p.lower_mass, p.upper_mass = scene.layer_masses
+    p.layer_stiffness, p.layer_damping = scene.layer_spring
+    p.restitution = scene.contact.restitution
+    p.sticking_speed = scene.contact.sticking_speed_m_per_s
+    p.safe_rotation = machine.safe_rotation
+    p.impact_law = IMPACT_LAWS.index(scene.contact.impact_law)
     return p

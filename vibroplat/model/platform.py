@@ -1,241 +1,144 @@
-"""Platform and exciters: forces and mass matrix, shared by every mode.
+"""Platform and exciters: mass matrix and forces, and where the model holds.
 
-A mode's unknowns are ``n`` coordinates, the first five always x, y, φ, φ₁, φ₂, then their ``n``
-rates; an attached mode ends with F_c. The functions here fill the rows of platform and exciters and
-leave the material's rows to the mode.
+Their coordinates x, y, φ, φ₁, φ₂ are the first five of every system, their rates begin at n. The mass matrix is
+
+    diag(M, M, J, J_e,1, J_e,2) with the column (c_x, c_y, c_φ) of each exciter beside the platform's rows,
+
+c = k (−sin φᵢ, cos φᵢ, B). A turning unbalance pulls the platform with d φ̇ᵢ², d = −∂c/∂φᵢ = k (cos φᵢ, sin φᵢ, D).
+With the axis (X₀, Y₀) turned to first order, (X, Y) = (X₀ − φY₀, Y₀ + φX₀), as in the paper's (2):
+B = X cos φᵢ + Y sin φᵢ = B₀ + φD₀ and D = X sin φᵢ − Y cos φᵢ = D₀ − φB₀, B₀ and D₀ being those of the axis not turned.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
-from vibroplat.kernels.compiled import compiled
-from vibroplat.model.motor import kloss_slope, kloss_torque, resistance, resistance_slope
-from vibroplat.model.parameters import (
-    AXIS_X,
-    AXIS_Y,
-    DAMPING_PHI,
-    DAMPING_X,
-    DAMPING_Y,
-    EXCITER_INERTIA,
-    FRICTION_1,
-    FRICTION_2,
-    GRAVITY,
-    INERTIA,
-    MASS,
-    SAFE_ROTATION,
-    SLIP_1,
-    SLIP_2,
-    SPEED_1,
-    SPEED_2,
-    STIFFNESS_PHI,
-    STIFFNESS_X,
-    STIFFNESS_Y,
-    TORQUE_1,
-    TORQUE_2,
-    UNBALANCE,
-    FloatArray,
-)
+from vibroplat.kernels.compiled import FloatArray, compiled, inlined
+from vibroplat.model.motor import motor_torque, resistance
+from vibroplat.model.parameters import Parameters
 
 #: Least share of an exciter's own inertia that the platform's yielding may leave of it.
 DEFINITE = 1e-3
 
+#: One number for each of x, y, φ, φ₁, φ₂.
+Five = tuple[float, float, float, float, float]
 
-@compiled
-def lever_arms(axis_x: float, axis_y: float, sine: float, cosine: float) -> tuple[float, float]:
-    """Projections (B, D) of an exciter axis (X, Y): B = X cos φᵢ + Y sin φᵢ, D = X sin φᵢ − Y cos φᵢ.
 
-    ∂B/∂φᵢ = −D and ∂D/∂φᵢ = B. With the axis turned to first order, (X, Y) = (X₀ − φY₀, Y₀ + φX₀),
-    ∂B/∂φ = D₀ and ∂D/∂φ = −B₀, the projections of the axis that is not turned.
+class Unbalance(NamedTuple):
+    """How an unbalance couples its angle with the platform.
+
+    Attributes
+    ----------
+    x, y, phi
+        Column c of the mass matrix (kg·m, kg·m, kg·m²).
+    lever
+        d_φ = k D; the others are d_x = c_y and d_y = −c_x. ∂d/∂φᵢ = c.
+    phi_still, lever_still
+        k B₀ and k D₀: ∂c_φ/∂φ = k D₀ and ∂d_φ/∂φ = −k B₀.
     """
-    return axis_x * cosine + axis_y * sine, axis_x * sine - axis_y * cosine
+
+    x: float
+    y: float
+    phi: float
+    lever: float
+    phi_still: float
+    lever_still: float
 
 
 @compiled
-def turned_arms(phi: float, side: float, sine: float, cosine: float, p: FloatArray) -> tuple[float, float]:
-    """Projections (B, D) of the axis of exciter 1 (side +1) or 2 (side −1), turned with the platform."""
-    x0 = side * p[AXIS_X]
-    return lever_arms(x0 - phi * p[AXIS_Y], p[AXIS_Y] + phi * x0, sine, cosine)
+def unbalance(i: int, y: FloatArray, p: Parameters) -> Unbalance:
+    """Evaluate the couplings of exciter i at unknowns or a full state."""
+    phi, angle, k = y[2], y[3 + i], p.unbalance[i]
+    sine, cosine = k * math.sin(angle), k * math.cos(angle)
+    b = p.axis_x[i] * cosine + p.axis_y[i] * sine
+    d = p.axis_x[i] * sine - p.axis_y[i] * cosine
+    return Unbalance(-sine, cosine, b + phi * d, d - phi * b, b, d)
 
 
-@compiled
-def motor_torques(speed_1: float, speed_2: float, p: FloatArray) -> tuple[float, float]:
-    """Motor torques L_1, L_2 (N·m); exciter 1 is driven counter-clockwise, exciter 2 clockwise."""
+@inlined
+def forces(t: float, y: FloatArray, n: int, first: Unbalance, second: Unbalance, load: float, p: Parameters) -> Five:
+    """Generalized forces on x, y, φ, φ₁, φ₂: all of the paper's (2), (3) without accelerations (N, N·m).
+
+    ``load`` is the vertical force with which the material presses down on the platform (N). The signs are those of
+    Lagrange's equations (`model.md`, departures).
+    """
+    vphi, w1, w2 = y[n + 2], y[n + 3], y[n + 4]
+    q1, q2, turning = w1 * w1, w2 * w2, vphi * vphi
     return (
-        kloss_torque(speed_1, 1.0, p[TORQUE_1], p[SLIP_1], p[SPEED_1]),
-        kloss_torque(speed_2, -1.0, p[TORQUE_2], p[SLIP_2], p[SPEED_2]),
+        first.y * q1 + second.y * q2 - p.damping_x * y[n] - p.stiffness_x * y[0],
+        -first.x * q1 - second.x * q2 - p.damping_y * y[n + 1] - p.stiffness_y * y[1] - p.mass * p.gravity - load,
+        first.lever * q1 + second.lever * q2 - p.damping_phi * vphi - p.stiffness_phi * y[2],
+        motor_torque(0, t, w1, p) - resistance(w1, p.friction[0]) - first.y * p.gravity - first.lever * turning,
+        motor_torque(1, t, w2, p) - resistance(w2, p.friction[1]) - second.y * p.gravity - second.lever * turning,
+    )
+
+
+@inlined
+def inertial(a: FloatArray, n: int, first: Unbalance, second: Unbalance, p: Parameters) -> Five:
+    """Multiply the mass matrix by five numbers that begin at place n of an array: accelerations, or rates."""
+    ax, ay, aphi, a1, a2 = a[n], a[n + 1], a[n + 2], a[n + 3], a[n + 4]
+    return (
+        p.mass * ax + first.x * a1 + second.x * a2,
+        p.mass * ay + first.y * a1 + second.y * a2,
+        p.inertia * aphi + first.phi * a1 + second.phi * a2,
+        p.exciter_inertia[0] * a1 + first.x * ax + first.y * ay + first.phi * aphi,
+        p.exciter_inertia[1] * a2 + second.x * ax + second.y * ay + second.phi * aphi,
     )
 
 
 @compiled
-def platform_residual(y: FloatArray, yp: FloatArray, res: FloatArray, p: FloatArray, load: float) -> None:
-    """Fill the kinematic rows of all n coordinates and the dynamic rows of platform and exciters.
+def exciter_masses(
+    first: Unbalance, second: Unbalance, mobility: tuple[float, float, float], p: Parameters
+) -> tuple[float, float, float]:
+    """Entries (11, 12, 22) of the exciters' mass matrix after the platform's x, y, φ have been eliminated.
 
-    The rows are those of the paper's (2), (3) with Lagrange's signs: mass matrix times accelerations
-    minus forces. ``load`` is the vertical force with which the material presses down on the platform (N).
-    Where the platform has turned beyond the model (:func:`holds`) the row of its rotation is nan.
+    ``mobility`` is one over the inertias of x, y, φ: 0 for what cannot move.
     """
-    n = y.size // 2
-    for i in range(n):
-        res[i] = yp[i] - y[n + i]
-    k = p[UNBALANCE]
-    g = p[GRAVITY]
-    phi = y[2]
-    vx, vy, vphi, w1, w2 = y[n], y[n + 1], y[n + 2], y[n + 3], y[n + 4]
-    ax, ay, aphi, a1, a2 = yp[n], yp[n + 1], yp[n + 2], yp[n + 3], yp[n + 4]
-    s1, c1 = math.sin(y[3]), math.cos(y[3])
-    s2, c2 = math.sin(y[4]), math.cos(y[4])
-    b1, d1 = turned_arms(phi, 1.0, s1, c1, p)
-    b2, d2 = turned_arms(phi, -1.0, s2, c2, p)
-    torque_1, torque_2 = motor_torques(w1, w2, p)
-    q1, q2 = w1 * w1, w2 * w2
-    res[n] = (
-        p[MASS] * ax - k * (s1 * a1 + s2 * a2) + p[DAMPING_X] * vx + p[STIFFNESS_X] * y[0] - k * (c1 * q1 + c2 * q2)
+    mx, my, mphi = mobility
+    return (
+        p.exciter_inertia[0] - mx * first.x * first.x - my * first.y * first.y - mphi * first.phi * first.phi,
+        -mx * first.x * second.x - my * first.y * second.y - mphi * first.phi * second.phi,
+        p.exciter_inertia[1] - mx * second.x * second.x - my * second.y * second.y - mphi * second.phi * second.phi,
     )
-    res[n + 1] = (
-        p[MASS] * (ay + g)
-        + k * (c1 * a1 + c2 * a2)
-        + p[DAMPING_Y] * vy
-        + p[STIFFNESS_Y] * y[1]
-        + load
-        - k * (s1 * q1 + s2 * q2)
+
+
+@inlined
+def solve_platform(
+    b: Five, first: Unbalance, second: Unbalance, mobility: tuple[float, float, float], p: Parameters
+) -> Five:
+    """Accelerations of x, y, φ, φ₁, φ₂ under five generalized forces, or jumps of rates under impulses.
+
+    x, y, φ are diagonal among themselves; eliminating them leaves two equations for the exciters (Schur complement).
+    A mass matrix that is singular gives what is not finite.
+    """
+    mx, my, mphi = mobility
+    bx, by, bphi, b1, b2 = b
+    m11, m12, m22 = exciter_masses(first, second, mobility, p)
+    r1 = b1 - mx * first.x * bx - my * first.y * by - mphi * first.phi * bphi
+    r2 = b2 - mx * second.x * bx - my * second.y * by - mphi * second.phi * bphi
+    determinant = m11 * m22 - m12 * m12
+    a1 = (m22 * r1 - m12 * r2) / determinant
+    a2 = (m11 * r2 - m12 * r1) / determinant
+    return (
+        mx * (bx - first.x * a1 - second.x * a2),
+        my * (by - first.y * a1 - second.y * a2),
+        mphi * (bphi - first.phi * a1 - second.phi * a2),
+        a1,
+        a2,
     )
-    res[n + 2] = (
-        p[INERTIA] * aphi
-        + k * (b1 * a1 + b2 * a2)
-        + p[DAMPING_PHI] * vphi
-        + p[STIFFNESS_PHI] * phi
-        - k * (d1 * q1 + d2 * q2)
-    )
-    res[n + 3] = (
-        p[EXCITER_INERTIA] * a1
-        + k * (-s1 * ax + c1 * (ay + g) + b1 * aphi + d1 * vphi * vphi)
-        - torque_1
-        + resistance(w1, p[FRICTION_1])
-    )
-    res[n + 4] = (
-        p[EXCITER_INERTIA] * a2
-        + k * (-s2 * ax + c2 * (ay + g) + b2 * aphi + d2 * vphi * vphi)
-        - torque_2
-        + resistance(w2, p[FRICTION_2])
-    )
-    if abs(phi) > p[SAFE_ROTATION] and not holds(b1, b2, s1 * s2 + c1 * c2, p):
-        res[n + 2] = math.nan
 
 
 @compiled
-def holds(arm_1: float, arm_2: float, cosine: float, p: FloatArray) -> bool:
+def holds(y: FloatArray, p: Parameters) -> bool:
     """Whether the mass matrix is positive definite, by some margin, as every real body's is.
 
     With axes that turn to first order in φ it loses this where the platform has turned far; the motion would
-    run away there in finite time. ``arm_1`` and ``arm_2`` are B of :func:`turned_arms`, ``cosine`` is that of
-    the difference of both exciter angles.
+    run away there in finite time. Up to the safe rotation it never does.
     """
-    m11, m12, m22 = exciter_masses(arm_1, arm_2, cosine, p)
-    least = DEFINITE * p[EXCITER_INERTIA]
-    return m11 > least and m22 > least and m11 * m22 - m12 * m12 > least * least
-
-
-@compiled
-def exciter_masses(arm_1: float, arm_2: float, cosine: float, p: FloatArray) -> tuple[float, float, float]:
-    """Entries (11, 12, 22) of the exciters' mass matrix after the platform's x, y, φ have been eliminated."""
-    k = p[UNBALANCE]
-    mass, inertia = k * k / p[MASS], k * k / p[INERTIA]
-    return (
-        p[EXCITER_INERTIA] - mass - inertia * arm_1 * arm_1,
-        -mass * cosine - inertia * arm_1 * arm_2,
-        p[EXCITER_INERTIA] - mass - inertia * arm_2 * arm_2,
-    )
-
-
-@compiled
-def add_mass_matrix(target: FloatArray, corner: int, factor: float, y: FloatArray, p: FloatArray) -> None:
-    """Add ``factor`` times the 5×5 platform–exciter mass matrix to ``target`` at (corner, corner)."""
-    k = p[UNBALANCE]
-    target[corner, corner] += factor * p[MASS]
-    target[corner + 1, corner + 1] += factor * p[MASS]
-    target[corner + 2, corner + 2] += factor * p[INERTIA]
-    for exciter in range(2):
-        row = corner + 3 + exciter
-        sine, cosine = math.sin(y[3 + exciter]), math.cos(y[3 + exciter])
-        arm, _ = turned_arms(y[2], 1.0 - 2.0 * exciter, sine, cosine, p)
-        target[row, row] += factor * p[EXCITER_INERTIA]
-        for column, coupling in ((corner, -k * sine), (corner + 1, k * cosine), (corner + 2, k * arm)):
-            target[row, column] += factor * coupling
-            target[column, row] += factor * coupling
-
-
-@compiled
-def solve_mass_matrix(b: FloatArray, y: FloatArray, p: FloatArray) -> None:
-    """Replace five generalized forces by the accelerations of platform and exciters.
-
-    The mass matrix of :func:`add_mass_matrix` couples the platform's x, y, φ, which are diagonal among
-    themselves, with the exciters alone; eliminating them leaves two equations for the exciters.
-    """
-    k = p[UNBALANCE]
-    s1, c1, s2, c2 = math.sin(y[3]), math.cos(y[3]), math.sin(y[4]), math.cos(y[4])
-    arm_1, _ = turned_arms(y[2], 1.0, s1, c1, p)
-    arm_2, _ = turned_arms(y[2], -1.0, s2, c2, p)
-    x1, y1, f1 = -k * s1, k * c1, k * arm_1
-    x2, y2, f2 = -k * s2, k * c2, k * arm_2
-    mass, inertia = 1.0 / p[MASS], 1.0 / p[INERTIA]
-    m11, m12, m22 = exciter_masses(arm_1, arm_2, s1 * s2 + c1 * c2, p)
-    b1 = b[3] - mass * (x1 * b[0] + y1 * b[1]) - inertia * f1 * b[2]
-    b2 = b[4] - mass * (x2 * b[0] + y2 * b[1]) - inertia * f2 * b[2]
-    determinant = m11 * m22 - m12 * m12
-    a1 = (m22 * b1 - m12 * b2) / determinant
-    a2 = (m11 * b2 - m12 * b1) / determinant
-    b[0] = mass * (b[0] - x1 * a1 - x2 * a2)
-    b[1] = mass * (b[1] - y1 * a1 - y2 * a2)
-    b[2] = inertia * (b[2] - f1 * a1 - f2 * a2)
-    b[3], b[4] = a1, a2
-
-
-@compiled
-def platform_jacobian(y: FloatArray, yp: FloatArray, cj: float, jac: FloatArray, p: FloatArray) -> None:
-    """Fill ∂F/∂y + c_j ∂F/∂y′ of the rows of :func:`platform_residual`, without the load's columns.
-
-    ``jac`` is cleared first, so a mode adds its own rows afterwards.
-    """
-    n = y.size // 2
-    for i in range(jac.shape[0]):
-        for j in range(jac.shape[1]):
-            jac[i, j] = 0.0
-    for i in range(n):
-        jac[i, i] = cj
-        jac[i, n + i] = -1.0
-    add_mass_matrix(jac, n, cj, y, p)
-    k = p[UNBALANCE]
-    g = p[GRAVITY]
-    phi, vphi = y[2], y[n + 2]
-    ax, ay, aphi = yp[n], yp[n + 1], yp[n + 2]
-    jac[n, 0] += p[STIFFNESS_X]
-    jac[n, n] += p[DAMPING_X]
-    jac[n + 1, 1] += p[STIFFNESS_Y]
-    jac[n + 1, n + 1] += p[DAMPING_Y]
-    jac[n + 2, 2] += p[STIFFNESS_PHI]
-    jac[n + 2, n + 2] += p[DAMPING_PHI]
-    for exciter in range(2):
-        angle = 3 + exciter
-        side = 1.0 - 2.0 * exciter
-        row = n + angle
-        w, a = y[row], yp[row]
-        sine, cosine = math.sin(y[angle]), math.cos(y[angle])
-        b, d = turned_arms(phi, side, sine, cosine, p)
-        b0, d0 = lever_arms(side * p[AXIS_X], p[AXIS_Y], sine, cosine)
-        jac[n, angle] += k * (-cosine * a + sine * w * w)
-        jac[n, row] += -2.0 * k * cosine * w
-        jac[n + 1, angle] += k * (-sine * a - cosine * w * w)
-        jac[n + 1, row] += -2.0 * k * sine * w
-        jac[n + 2, 2] += k * (d0 * a + b0 * w * w)
-        jac[n + 2, angle] += k * (-d * a - b * w * w)
-        jac[n + 2, row] += -2.0 * k * d * w
-        jac[row, 2] += k * (d0 * aphi - b0 * vphi * vphi)
-        jac[row, angle] += k * (-cosine * ax - sine * (ay + g) - d * aphi + b * vphi * vphi)
-        jac[row, n + 2] += 2.0 * k * d * vphi
-    jac[n + 3, n + 3] += resistance_slope(y[n + 3], p[FRICTION_1]) - kloss_slope(
-        y[n + 3], 1.0, p[TORQUE_1], p[SLIP_1], p[SPEED_1]
-    )
-    jac[n + 4, n + 4] += resistance_slope(y[n + 4], p[FRICTION_2]) - kloss_slope(
-        y[n + 4], -1.0, p[TORQUE_2], p[SLIP_2], p[SPEED_2]
-    )
+    if abs(y[2]) <= p.safe_rotation:
+        return True
+    mobility = (1.0 / p.mass, 1.0 / p.mass, 1.0 / p.inertia)
+    m11, m12, m22 = exciter_masses(unbalance(0, y, p), unbalance(1, y, p), mobility, p)
+    least_1, least_2 = DEFINITE * p.exciter_inertia[0], DEFINITE * p.exciter_inertia[1]
+    return bool(m11 > least_1 and m22 > least_2 and m11 * m22 - m12 * m12 > least_1 * least_2)

@@ -46,7 +46,7 @@ def audit(ms: Measures, before: Energies, after: Energies) -> dict[str, float]:
     momentum and the sizes of the unbalances' momenta at both ends. Impact law ``printed`` does not keep the upper
     layer's momentum, and it shows here.
     """
-    fed, taken = float(ms.work[: DISSIPATIONS].sum()), float(ms.work[DISSIPATIONS : N_POWERS].sum())
+    fed, taken = float(ms.work[:DISSIPATIONS].sum()), float(ms.work[DISSIPATIONS:N_POWERS].sum())
     loss = float(ms.marks["impact_loss"])
     gravity = before.gravity - after.gravity
     kinetic, elastic = after.kinetic - before.kinetic, after.elastic - before.elastic
@@ -55,7 +55,7 @@ def audit(ms: Measures, before: Energies, after: Energies) -> dict[str, float]:
     lost = float(ms.work[FORCE]) - (after.momentum - before.momentum)
     sizes = (size for e in (before, after) for size in (abs(e.momentum), e.unbalances))
     momentum = max(float(ms.work[FORCE_SIZE]), *sizes)
-    return {f"{name}_work_j": float(w) for name, w in zip(POWERS, ms.work[: N_POWERS], strict=True)} | {
+    return {f"{name}_work_j": float(w) for name, w in zip(POWERS, ms.work[:N_POWERS], strict=True)} | {
         "gravity_work_j": gravity,
         "impact_loss_j": loss,
         "kinetic_change_j": kinetic,

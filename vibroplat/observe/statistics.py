@@ -168,9 +168,7 @@ class Statistics:
 
 
 @compiled
-def add_pieces(
-    owned_ms: Measures, owned_steps: Steps, events: npt.NDArray[np.void], nodes: int, p: Parameters
-) -> None:
+def add_pieces(owned_ms: Measures, owned_steps: Steps, events: npt.NDArray[np.void], nodes: int, p: Parameters) -> None:
     """Add all closed pieces and events in the order of time."""
     ms, steps = borrow(owned_ms), borrow(owned_steps)
     counted = 0

@@ -17,7 +17,7 @@ from pathsim.solvers import RKCK54, RKDP87
 from vibroplat.bench.peers.equations import flow, guard
 from vibroplat.bench.peers.hybrid import Leg
 from vibroplat.hybrid.scales import ROUND_OFF, state_scales
-from vibroplat.model.parameters import FloatArray, parameters
+from vibroplat.model.parameters import FloatArray, Parameters, parameters
 from vibroplat.model.systems import GAP, System, systems
 from vibroplat.scene import Mode, Scene
 
@@ -68,7 +68,7 @@ class PathSim:
         rate = y.size // 2 + GAP
         if mode is Mode.FLIGHT and y[rate] > 0.0:
             # a step beyond the landing would not see the gap fall, and a low flight needs a near event
-            rise = y[rate] / max(-flow(self.systems[mode].index, y, self.p)[rate], TINY)
+            rise = y[rate] / max(-flow(self.systems[mode].index, t, y, self.p)[rate], TINY)
             step = min(step, rise)
             near = max(min(near, self.share * 0.5 * rise * y[rate]), SHORTEST * y[rate])
         one.start(t, y, step, near)
@@ -86,13 +86,13 @@ class PathSim:
 class _Mode:
     """Simulation of one mode."""
 
-    def __init__(self, system: System, p: FloatArray, **options: Any) -> None:
+    def __init__(self, system: System, p: Parameters, **options: Any) -> None:
         number = system.index
-        self.block = ODE(lambda x, u, t: flow(number, x, p), np.zeros(system.differential))
+        self.block = ODE(lambda x, u, t: flow(number, t, x, p), np.zeros(system.differential))
         self.events = []
         self.fell = False
         if system.mode is not Mode.BARE:
-            self.events = [ZeroCrossingDown(lambda t: guard(number, self.block.state, p), self.end)]
+            self.events = [ZeroCrossingDown(lambda t: guard(number, t, self.block.state, p), self.end)]
         self.simulation = Simulation([self.block], events=self.events, log=False, **options)
 
     def end(self, t: float) -> None:

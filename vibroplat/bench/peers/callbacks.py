@@ -15,8 +15,11 @@ from sksundae.ida import IDA
 
 from vibroplat.bench.peers.hybrid import FLIGHT_STEP, Leg
 from vibroplat.hybrid.scales import FORCE_SHARE, ROUND_OFF, state_scales
-from vibroplat.model.parameters import FloatArray, parameters
-from vibroplat.model.systems import System, consistent, systems
+from vibroplat.model.accelerations import accelerations
+from vibroplat.model.equations import jacobian as jacobian_kernel
+from vibroplat.model.equations import residual as residual_kernel
+from vibroplat.model.parameters import FloatArray, Parameters, parameters
+from vibroplat.model.systems import System, systems
 from vibroplat.scene import Mode, Scene
 
 #: Most steps between two outputs; scikit-sundae's own 500 ends runs without an exception.
@@ -45,7 +48,7 @@ class Callbacks:
         solver, guard = self.solvers[mode]
         start, slope = np.zeros(system.size), np.empty(system.size)
         start[: system.differential] = y
-        consistent(system.index, start, slope, np.empty(system.size), self.p)
+        accelerations(system.index, t, start, slope, self.p)
         # two times ask for every step, more for just these
         span = [t, *times[times < until], until]
         with redirect_stdout(io.StringIO()):  # what the status says is printed as well
@@ -59,15 +62,15 @@ class Callbacks:
         return Leg(end, states[-1].copy(), fell, samples)
 
 
-def _solver(system: System, p: FloatArray, atol: FloatArray, longest: float) -> tuple[IDA, Any]:
+def _solver(system: System, p: Parameters, atol: FloatArray, longest: float) -> tuple[IDA, Any]:
     """Make the IDA object of a system, and its event function if it has one."""
-    kernel, slopes = system.residual, system.jacobian
+    number = system.index
 
     def residual(t: float, y: FloatArray, yp: FloatArray, res: FloatArray) -> None:
-        kernel(y, yp, res, p)
+        residual_kernel(number, t, y, yp, res, p)
 
     def jacobian(t: float, y: FloatArray, yp: FloatArray, res: FloatArray, cj: float, jac: FloatArray) -> None:
-        slopes(y, yp, cj, jac, p)
+        jacobian_kernel(number, t, y, yp, cj, jac, p)
 
     options: dict[str, Any] = {
         "jacfn": jacobian,

@@ -15,9 +15,10 @@ import numpy as np
 import pandas as pd
 
 from vibroplat.hybrid.initial import initial_state
+from vibroplat.model.accelerations import accelerations
 from vibroplat.model.impact import impact
-from vibroplat.model.parameters import RESTITUTION, STICKING_SPEED, FloatArray, parameters
-from vibroplat.model.systems import FULL_SIZE, GAP, GAP_RATE, System, consistent, systems
+from vibroplat.model.parameters import FloatArray, parameters
+from vibroplat.model.systems import FULL_SIZE, GAP, GAP_RATE, System, systems
 from vibroplat.scene import Mode, Scene
 
 #: Impacts with slower rebounds are taken as inelastic (m/s).
@@ -131,7 +132,7 @@ class _Run:
         self.state = initial_state(scene)
         self.t = 0.0
         self.inelastic = self.p.copy()
-        self.inelastic[RESTITUTION] = 0.0
+        self.inelastic.restitution = 0.0
         self.found = Followed(np.zeros((times.size, FULL_SIZE)), [""] * times.size)
 
     def go(self) -> None:
@@ -170,7 +171,7 @@ class _Run:
         """F_c if the layer were attached (N)."""
         system = self.systems[Mode.ATTACHED]
         y = system.unknowns(self.state)
-        consistent(system.index, y, np.empty(system.size), np.empty(system.size), self.p)
+        accelerations(system.index, self.t, y, np.empty(system.size), self.p)
         return float(y[-1])
 
     def lift_off(self) -> Mode:
@@ -183,7 +184,7 @@ class _Run:
         before, after = self.state, np.empty(FULL_SIZE)
         approach = -before[GAP_RATE]
         self.found.rows.append((self.t, "impact", before[GAP_RATE]))
-        slow = approach < self.p[STICKING_SPEED] or self.p[RESTITUTION] * approach < SLOWEST_REBOUND
+        slow = approach < self.p.sticking_speed or self.p.restitution * approach < SLOWEST_REBOUND
         impact(before, after, self.inelastic if slow else self.p)
         self.state = after
         return Mode.ATTACHED if slow and self.pressure() > 0.0 else Mode.FLIGHT

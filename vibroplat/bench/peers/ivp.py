@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from vibroplat.bench.peers.equations import flow, guard, jacobian
 from vibroplat.bench.peers.hybrid import FLIGHT_STEP, Leg
 from vibroplat.hybrid.scales import state_scales
-from vibroplat.model.parameters import FloatArray, parameters
+from vibroplat.model.parameters import FloatArray, Parameters, parameters
 from vibroplat.model.systems import systems
 from vibroplat.scene import Mode, Scene
 
@@ -39,9 +39,9 @@ class SolveIvp:
             more["max_step"] = self.longest
             more["first_step"] = min(1e-3 * self.period, until - t)
         if self.method == "Radau":
-            more["jac"] = lambda _, u: jacobian(number, u, p)
+            more["jac"] = lambda t, u: jacobian(number, t, u, p)
         found = solve_ivp(
-            lambda _, u: flow(number, u, p),
+            lambda t, u: flow(number, t, u, p),
             (t, until),
             y,
             method=self.method,
@@ -58,11 +58,11 @@ class SolveIvp:
         return Leg(end, found.y[:, -1], fell, samples)
 
 
-def _falling(system: int, start: float, p: FloatArray) -> Any:
+def _falling(system: int, start: float, p: Parameters) -> Any:
     """Make the terminal event of a mode, which cannot be at its very beginning."""
 
     def event(t: float, y: FloatArray) -> float:
-        return guard(system, y, p) if t > start else 1.0
+        return guard(system, t, y, p) if t > start else 1.0
 
     event.terminal, event.direction = True, -1.0  # type: ignore[attr-defined]
     return event

@@ -16,8 +16,9 @@ from vibroplat.bench.peers.hybrid import Followed
 from vibroplat.bench.peers.peers import Peer, Runner
 from vibroplat.bench.reference import event_errors
 from vibroplat.hybrid.scales import state_scales
+from vibroplat.model.accelerations import accelerations
 from vibroplat.model.parameters import FloatArray, parameters
-from vibroplat.model.systems import consistent, systems
+from vibroplat.model.systems import systems
 from vibroplat.scene import Mode, Scene
 
 Key = TypeVar("Key")
@@ -46,7 +47,7 @@ def forces(scene: Scene, found: Followed) -> FloatArray:
     for i, (state, mode) in enumerate(zip(found.states, found.modes, strict=True)):
         if mode == Mode.ATTACHED.label:
             y = system.unknowns(state)
-            consistent(system.index, y, np.empty(system.size), np.empty(system.size), p)
+            accelerations(system.index, 0.0, y, np.empty(system.size), p)
             values[i] = y[-1]
     return values
 

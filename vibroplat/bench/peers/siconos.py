@@ -15,7 +15,6 @@ import numpy as np
 
 from vibroplat.bench.peers.hybrid import Followed
 from vibroplat.hybrid.initial import initial_state
-from vibroplat.model import parameters as q
 from vibroplat.model.parameters import FloatArray, parameters
 from vibroplat.model.systems import FULL_SIZE, GAP
 from vibroplat.scene import Mode, Scene
@@ -78,27 +77,24 @@ def run(scene: Scene, kind: str, accuracy: float, times: FloatArray | None = Non
 def _request(scene: Scene) -> dict[str, Any]:
     """Parameters and initial state in absolute coordinates, as the program names them."""
     p, state, n = parameters(scene), initial_state(scene), 5 + scene.layers
-    lower, upper = p[q.LOWER_MASS], p[q.UPPER_MASS]
-    motors = [
-        dict(zip(("torque", "slip", "speed", "friction"), p[first : first + 4].tolist(), strict=True))
-        for first in (q.TORQUE_1, q.TORQUE_2)
-    ]
+    lower, upper = p.lower_mass, p.upper_mass
+    motors = [{name: float(p[name][i]) for name in ("torque", "slip", "speed", "friction")} for i in range(2)]
     return {
         "duration": scene.run.duration_s,
         "q": _absolute(state[:7])[:n].tolist(),
         "v": _absolute(state[7:])[:n].tolist(),
-        "mass": p[q.MASS],
-        "inertia": p[q.INERTIA],
-        "unbalance": p[q.UNBALANCE],
-        "exciter_inertia": p[q.EXCITER_INERTIA],
-        "axis": [p[q.AXIS_X], p[q.AXIS_Y]],
-        "stiffness": p[q.STIFFNESS_X : q.STIFFNESS_PHI + 1].tolist(),
-        "damping": p[q.DAMPING_X : q.DAMPING_PHI + 1].tolist(),
-        "gravity": p[q.GRAVITY],
+        "mass": float(p.mass),
+        "inertia": float(p.inertia),
+        "unbalance": float(p.unbalance[0]),
+        "exciter_inertia": float(p.exciter_inertia[0]),
+        "axis": [float(p.axis_x[0]), float(p.axis_y[0])],
+        "stiffness": [float(p[f"stiffness_{name}"]) for name in ("x", "y", "phi")],
+        "damping": [float(p[f"damping_{name}"]) for name in ("x", "y", "phi")],
+        "gravity": float(p.gravity),
         "motors": motors,
         "layers": [lower, upper][: scene.layers],
-        "spring": [upper * p[q.LAYER_STIFFNESS], upper * p[q.LAYER_DAMPING]],
-        "restitution": p[q.RESTITUTION],
+        "spring": [upper * float(p.layer_stiffness), upper * float(p.layer_damping)],
+        "restitution": float(p.restitution),
     }
 
 

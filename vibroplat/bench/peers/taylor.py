@@ -12,8 +12,7 @@ import heyoka as hk
 import numpy as np
 
 from vibroplat.bench.peers.hybrid import Leg
-from vibroplat.model import parameters as q
-from vibroplat.model.parameters import FloatArray, parameters
+from vibroplat.model.parameters import FloatArray, Parameters, parameters
 from vibroplat.model.systems import GAP, System, systems
 from vibroplat.scene import Mode, Scene
 
@@ -60,7 +59,7 @@ def _fell(outcome: Any) -> bool:
     raise RuntimeError(f"heyoka: {outcome}")
 
 
-def _integrator(system: System, p: FloatArray, tolerance: float) -> Any:
+def _integrator(system: System, p: Parameters, tolerance: float) -> Any:
     """Make the integrator of a system."""
     equations, force = _equations(system, p)
     events = []
@@ -70,46 +69,46 @@ def _integrator(system: System, p: FloatArray, tolerance: float) -> Any:
     return hk.taylor_adaptive(equations, np.zeros(system.differential), tol=tolerance, t_events=events)
 
 
-def _equations(system: System, p: FloatArray) -> tuple[list[Any], Any]:
+def _equations(system: System, p: Parameters) -> tuple[list[Any], Any]:
     """Return (unknown, derivative) of a system, and F_c where it is attached.
 
-    Platform and exciters are eliminated as in :func:`vibroplat.model.platform.solve_mass_matrix`.
+    Platform and exciters are eliminated as in :func:`vibroplat.model.platform.solve_platform`.
     """
     n = system.differential // 2
     names = [*_NAMES, *["w1", "w2"][: n - 5]] if system.mode is Mode.FLIGHT else [*_NAMES, "w2"][:n]
     u = hk.make_vars(*names)
     v = hk.make_vars(*("v" + name for name in names))
     attached = system.mode is Mode.ATTACHED
-    lower = p[q.LOWER_MASS] if attached else 0.0
-    spring = p[q.LAYER_STIFFNESS] * u[n - 1] + p[q.LAYER_DAMPING] * v[n - 1] if system.layers == 2 else 0.0
-    load = lower * p[q.GRAVITY] - p[q.UPPER_MASS] * spring if attached else 0.0
+    lower = p.lower_mass if attached else 0.0
+    spring = p.layer_stiffness * u[n - 1] + p.layer_damping * v[n - 1] if system.layers == 2 else 0.0
+    load = lower * p.gravity - p.upper_mass * spring if attached else 0.0
     a = _platform(u, v, p, lower, load)
     if attached:
-        force = lower * (a[1] + p[q.GRAVITY]) - p[q.UPPER_MASS] * spring
-        a += [-a[1] - p[q.GRAVITY] - spring][: n - 5]
+        force = lower * (a[1] + p.gravity) - p.upper_mass * spring
+        a += [-a[1] - p.gravity - spring][: n - 5]
     else:
         force = None
-        share = p[q.UPPER_MASS] / p[q.LOWER_MASS] if system.layers else 0.0
-        a += [share * spring - p[q.GRAVITY] - a[1], -(1.0 + share) * spring][: n - 5]
+        share = p.upper_mass / p.lower_mass if system.layers else 0.0
+        a += [share * spring - p.gravity - a[1], -(1.0 + share) * spring][: n - 5]
     return [*zip(u, v, strict=True), *zip(v, a, strict=True)], force
 
 
-def _platform(u: Any, v: Any, p: FloatArray, lower: float, load: Any) -> list[Any]:
+def _platform(u: Any, v: Any, p: Parameters, lower: float, load: Any) -> list[Any]:
     """Accelerations of platform and exciters, the mass ``lower`` moving with y and ``load`` pressing on it."""
-    k, g = p[q.UNBALANCE], p[q.GRAVITY]
-    mass, inertia = (p[q.MASS], p[q.MASS] + lower), p[q.INERTIA]
+    g = p.gravity
+    mass, inertia = (p.mass, p.mass + lower), p.inertia
     rows = []  # of each exciter: its column of the mass matrix and its force
     forces = [
-        -p[q.DAMPING_X] * v[0] - p[q.STIFFNESS_X] * u[0],
-        -p[q.DAMPING_Y] * v[1] - p[q.STIFFNESS_Y] * u[1] - p[q.MASS] * g - load,
-        -p[q.DAMPING_PHI] * v[2] - p[q.STIFFNESS_PHI] * u[2],
+        -p.damping_x * v[0] - p.stiffness_x * u[0],
+        -p.damping_y * v[1] - p.stiffness_y * u[1] - p.mass * g - load,
+        -p.damping_phi * v[2] - p.stiffness_phi * u[2],
     ]
-    for i, side in ((0, 1.0), (1, -1.0)):
-        torque, slip, speed, friction = p[q.TORQUE_1 + 4 * i : q.TORQUE_1 + 4 * i + 4]
+    for i, side in enumerate(p.direction):
+        torque, slip, speed, friction = (p[name][i] for name in ("torque", "slip", "speed", "friction"))
         angle, w = u[3 + i], v[3 + i]
         sine, cosine = hk.sin(angle), hk.cos(angle)
-        x0 = side * p[q.AXIS_X]
-        x, y = x0 - u[2] * p[q.AXIS_Y], p[q.AXIS_Y] + u[2] * x0
+        x0, y0, k = p.axis_x[i], p.axis_y[i], p.unbalance[i]
+        x, y = x0 - u[2] * y0, y0 + u[2] * x0
         b, d = x * cosine + y * sine, x * sine - y * cosine
         s = 1.0 - side * w / speed
         motor = 2.0 * side * torque * slip * s / (slip * slip + s * s)
@@ -121,8 +120,8 @@ def _platform(u: Any, v: Any, p: FloatArray, lower: float, load: Any) -> list[An
         rows.append(((-k * sine, k * cosine, k * b), own))
     (c1, f1), (c2, f2) = rows
     inverse = (1.0 / mass[0], 1.0 / mass[1], 1.0 / inertia)
-    m11 = p[q.EXCITER_INERTIA] - sum(w * c * c for w, c in zip(inverse, c1, strict=True))
-    m22 = p[q.EXCITER_INERTIA] - sum(w * c * c for w, c in zip(inverse, c2, strict=True))
+    m11 = p.exciter_inertia[0] - sum(w * c * c for w, c in zip(inverse, c1, strict=True))
+    m22 = p.exciter_inertia[1] - sum(w * c * c for w, c in zip(inverse, c2, strict=True))
     m12 = -sum(w * c * e for w, c, e in zip(inverse, c1, c2, strict=True))
     r1 = f1 - sum(w * c * f for w, c, f in zip(inverse, c1, forces, strict=True))
     r2 = f2 - sum(w * c * f for w, c, f in zip(inverse, c2, forces, strict=True))

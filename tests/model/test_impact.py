@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from vibroplat.model.impact import closing_time, impact, impacts_left, impulse_response, kinetic_change, latch
-from vibroplat.model.parameters import IMPACT_LAWS, RESTITUTION, STICKING_SPEED, parameters
+from vibroplat.model.impact import latch_time, impact, impacts_left, impulse_response, kinetic_change, latch
+from vibroplat.model.parameters import IMPACT_LAWS, parameters
 
 from .helpers import EACH_MACHINE, mass_matrix, random_states, scene_of
 
@@ -273,7 +273,7 @@ def follow(state, accelerations, p, turn_masses=False):
     """
     state, angles, slowest = state.copy(), state[2:5].copy(), 1e-13 * state[12]
     inelastic, sums = p.copy(), np.zeros(3)
-    inelastic[RESTITUTION] = 0.0
+    inelastic.restitution = 0.0
     while state[12] > slowest:
         flight = 2.0 * state[12] / -accelerations[5]
         state[:7] += flight * state[7:] + 0.5 * flight**2 * accelerations
@@ -281,7 +281,7 @@ def follow(state, accelerations, p, turn_masses=False):
         at_impact = state.copy()
         if not turn_masses:
             at_impact[2:5] = angles
-        after, impulse, loss = struck(at_impact, inelastic if -state[12] < p[STICKING_SPEED] else p)
+        after, impulse, loss = struck(at_impact, inelastic if -state[12] < p.sticking_speed else p)
         state[7:], state[5] = after[7:], 0.0
         sums += flight, impulse, loss
     return state, *sums
@@ -359,16 +359,16 @@ def test_latch_of_a_single_inelastic_impact_is_that_impact(law, contact):
     assert impulse == pytest.approx(before[12] * impulse_response(before, np.empty(7), p), rel=1e-14)
 
 
-def test_closing_time_of_a_dropped_ball():
+def test_latch_time_of_a_dropped_ball():
     height, gravity, restitution = 1.0, 9.81, 0.5
     fall, speed = np.sqrt(2.0 * height / gravity), np.sqrt(2.0 * gravity * height)
     # validation.md, to the twelve decimals printed there
-    closing = closing_time(restitution * speed, -gravity, restitution, 0.0)
+    closing = latch_time(restitution * speed, -gravity, restitution, 0.0)
     assert fall + closing == pytest.approx(1.354570922957, abs=6e-13)
 
 
 def test_impacts_without_loss_never_close():
-    assert closing_time(0.1, -9.81, 1.0, 0.0) == np.inf
+    assert latch_time(0.1, -9.81, 1.0, 0.0) == np.inf
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from vibroplat.kernels.linear import condense, condense_explicit, invert, solve_condensed
+from vibroplat.model.equations import jacobian
 from vibroplat.model.parameters import parameters
 from vibroplat.model.systems import SYSTEMS
 from vibroplat.scene import Mode
@@ -20,9 +21,9 @@ def matrices(system, machine, cj, seed):
     for state in random_states(seed, count=8):
         y, yp, *_ = settled(system, state[system.places], p)
         full, partial, both = np.empty((3, system.size, system.size))
-        system.jacobian(y, yp, cj, full, p)
-        system.jacobian(y, yp, 0.0, partial, p)
-        system.jacobian(y, yp, 1.0, both, p)
+        jacobian(system.index, 0.0, y, yp, cj, full, p)
+        jacobian(system.index, 0.0, y, yp, 0.0, partial, p)
+        jacobian(system.index, 0.0, y, yp, 1.0, both, p)
         yield full, partial, both - partial
 
 

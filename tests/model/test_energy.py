@@ -36,7 +36,7 @@ def rate_of(energy, state, rates, p):
 
 def powers_of(state, p):
     out = np.empty(FORCE_SIZE + 1)
-    powers(state, out, p)
+    powers(0.0, state, out, p)
     return dict(zip(POWERS, out, strict=False))
 
 

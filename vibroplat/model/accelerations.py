@@ -1,0 +1,135 @@
+"""Accelerations and contact force by a direct solve, their derivatives along the motion and by the state.
+
+The dynamic rows of F are linear in z, the n accelerations and, attached, F_c. What multiplies z is constant in a state,
+so that everything here is a solve with :func:`solve`, whose right-hand sides come from the rows of
+:mod:`vibroplat.model.equations` and their Jacobian.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vibroplat.kernels.compiled import FloatArray, compiled
+from vibroplat.model.equations import finite, jacobian, rows
+from vibroplat.model.parameters import Parameters
+from vibroplat.model.platform import holds, solve_platform, unbalance
+from vibroplat.model.systems import ALGEBRAIC, LAYERS
+
+
+@compiled
+def solve(system: int, y: FloatArray, z: FloatArray, p: Parameters) -> None:
+    """Solve (∂F/∂z) z = b for accelerations and F_c.
+
+    Attached, the lower layer's row m_w1 ÿ − F_c = b is added to the platform's row of y, which leaves a platform whose
+    mass there is M + m_w1.
+
+    Parameters
+    ----------
+    y
+        Unknowns, shape (size,); coordinates are read.
+    z
+        Shape (size,). From place n on it holds the right-hand sides of the dynamic rows, in the order of the rows, and
+        is left with accelerations and F_c.
+    """
+    n = y.size // 2
+    layers, attached = LAYERS[system], ALGEBRAIC[system]
+    pressed, carried = 0.0 * z[n], 0.0 * p.lower_mass
+    if attached:
+        pressed, carried = z[2 * n], p.lower_mass
+    mobility = (1.0 / p.mass, 1.0 / (p.mass + carried), 1.0 / p.inertia)
+    b = (z[n], z[n + 1] + pressed, z[n + 2], z[n + 3], z[n + 4])
+    a = solve_platform(b, unbalance(0, y, p), unbalance(1, y, p), mobility, p)
+    for i in range(5):
+        z[n + i] = a[i]
+    lower = z[n + 1]
+    if attached:
+        z[2 * n] = p.lower_mass * lower - pressed
+    elif layers > 0:
+        lower = z[n + 5] / p.lower_mass
+        z[n + 5] = lower - z[n + 1]
+    if layers == 2:
+        z[2 * n - 1] -= lower
+
+
+@compiled
+def accelerations(system: int, t: float, y: FloatArray, yp: FloatArray, p: Parameters) -> bool:
+    """Make (y, y′) consistent: find accelerations and F_c of a state.
+
+    Parameters
+    ----------
+    y, yp
+        Shape (size,). The differential unknowns in ``y`` are read; y′ and, attached, F_c in ``y`` are filled, and F_c′
+        in ``yp`` is set to 0.
+
+    Returns
+    -------
+    bool
+        False if anything is not finite, or the mass matrix is not positive definite.
+    """
+    n = y.size // 2
+    if ALGEBRAIC[system]:
+        y[2 * n] = 0.0
+    for i in range(n, y.size):
+        yp[i] = 0.0
+    rows(system, t, y, yp, yp, p)  # without accelerations and F_c: less the forces
+    for i in range(n):
+        yp[i], yp[n + i] = y[n + i], -yp[n + i]
+    if ALGEBRAIC[system]:
+        yp[2 * n] = -yp[2 * n]
+    solve(system, y, yp, p)
+    if ALGEBRAIC[system]:
+        y[2 * n], yp[2 * n] = yp[2 * n], 0.0
+    return finite(yp) and finite(y) and holds(y, p)
+
+
+@compiled
+def second_derivatives(system: int, t: float, y: FloatArray, yp: FloatArray, ypp: FloatArray, p: Parameters) -> bool:
+    """Find y″ and F_c′ of a consistent (y, y′), by A z′ = −(∂F/∂y) y′, A = ∂F/∂z.
+
+    This is F = 0 differentiated along the motion, under a constant supply (∂F/∂t = 0).
+
+    Parameters
+    ----------
+    y, yp, ypp
+        Shape (size,); y and the derivatives in ``yp`` are read. F_c′ in ``yp`` and y″ are filled; F_c″ is set to 0.
+
+    Returns
+    -------
+    bool
+        False if anything is not finite.
+    """
+    size = y.size
+    n = size // 2
+    jac = np.empty((size, size))
+    jacobian(system, t, y, yp, 0.0, jac, p)
+    for i in range(n):
+        ypp[i] = yp[n + i]
+    for i in range(n, size):
+        ypp[i] = 0.0
+        for j in range(2 * n):
+            ypp[i] -= jac[i, j] * yp[j]
+    solve(system, y, ypp, p)
+    if ALGEBRAIC[system]:
+        yp[2 * n], ypp[2 * n] = ypp[2 * n], 0.0
+    return finite(yp) and finite(ypp)
+
+
+@compiled
+def linearize(system: int, t: float, y: FloatArray, yp: FloatArray, slopes: FloatArray, p: Parameters) -> None:
+    """Differentiate accelerations and F_c by the state, for variational equations.
+
+    Parameters
+    ----------
+    y, yp
+        Consistent, shape (size,).
+    slopes
+        Shape (2n, size), filled: row j holds ∂y′/∂y_j and, attached, ∂F_c/∂y_j behind it.
+    """
+    size = y.size
+    n = size // 2
+    jac = np.empty((size, size))
+    jacobian(system, t, y, yp, 0.0, jac, p)
+    for j in range(2 * n):
+        for i in range(size):
+            slopes[j, i] = -jac[i, j]  # of the first n rows as well: −(−1) for ∂q′/∂v
+        solve(system, y, slopes[j], p)

@@ -1,0 +1,135 @@
+"""The rows of the differential-algebraic equations F(t, y, y′) = 0 and their Jacobian ∂F/∂y + c_j ∂F/∂y′.
+
+====================  ==================================================  ========
+system                unknowns                                            how many
+====================  ==================================================  ========
+bare                  x, y, φ, φ₁, φ₂ and rates                           10
+attached, one layer   the same and F_c                                    11
+attached, two layers  x, y, φ, φ₁, φ₂, y_w2 and rates, F_c                13
+flight, one layer     x, y, φ, φ₁, φ₂, y_w1 and rates                     12
+flight, two layers    x, y, φ, φ₁, φ₂, y_w1, y_w2 and rates               14
+====================  ==================================================  ========
+
+Of n coordinates, the first n rows say that rates are their derivatives; the dynamic rows after them are inertia
+times acceleration less forces. While attached, gap and gap rate are zero and are not integrated; the position
+constraint is reduced to acceleration level, so that F_c is an algebraic unknown of index 1 and the lower layer's row is
+its equation (paper (5), (6); there the damper of (6b) has the wrong sign).
+"""
+
+from __future__ import annotations
+
+from vibroplat.kernels.compiled import FloatArray, compiled
+from vibroplat.model.motor import net_slope
+from vibroplat.model.parameters import Parameters
+from vibroplat.model.platform import forces, holds, inertial, unbalance
+from vibroplat.model.systems import ALGEBRAIC, LAYERS
+
+
+@compiled
+def finite(values: FloatArray) -> bool:
+    """Whether no value is nan or infinite."""
+    total = 0.0
+    for value in values:
+        total += value * 0.0
+    return total == 0.0
+
+
+@compiled
+def residual(system: int, t: float, y: FloatArray, yp: FloatArray, res: FloatArray, p: Parameters) -> bool:
+    """Fill F(t, y, y′) of the system with this number.
+
+    Returns False, which an integrator must not pass over, if anything is not finite or if the platform has turned to
+    where the mass matrix is not positive definite (:func:`vibroplat.model.platform.holds`).
+    """
+    rows(system, t, y, yp, res, p)
+    return finite(res) and holds(y, p)
+
+
+@compiled
+def rows(system: int, t: float, y: FloatArray, yp: FloatArray, res: FloatArray, p: Parameters) -> None:
+    """Fill the rows of F(t, y, y′); ``res`` may be ``yp`` itself.
+
+    The lower layer is accelerated with ÿ + ÿ_w1, the upper one with ÿ + ÿ_w1 + ÿ_w2, and S = c_w y_w2 + b_w ẏ_w2 acts
+    between them:
+
+        m_w1 (ÿ + ÿ_w1 + g) − S − F_c = 0,    ÿ + ÿ_w1 + ÿ_w2 + g + S/m_w2 = 0.
+    """
+    n = y.size // 2
+    layers, attached = LAYERS[system], ALGEBRAIC[system]
+    force = y[2 * n] if attached else 0.0
+    lower = yp[n + 1] + p.gravity
+    if not attached and layers > 0:
+        lower += yp[n + 5]
+    upper = lower + yp[2 * n - 1]
+    first, second = unbalance(0, y, p), unbalance(1, y, p)
+    inertias = inertial(yp, n, first, second, p)
+    acting = forces(t, y, n, first, second, force, p)
+    for i in range(n):
+        res[i] = yp[i] - y[n + i]
+    for i in range(5):
+        res[n + i] = inertias[i] - acting[i]
+    if layers > 0:
+        spring = 0.0 * p.layer_stiffness
+        if layers == 2:
+            spring = p.layer_stiffness * y[n - 1] + p.layer_damping * y[2 * n - 1]
+            res[2 * n - 1] = upper + spring
+        res[2 * n if attached else n + 5] = p.lower_mass * lower - p.upper_mass * spring - force
+
+
+@compiled
+def jacobian(system: int, t: float, y: FloatArray, yp: FloatArray, cj: float, jac: FloatArray, p: Parameters) -> None:
+    """Fill ∂F/∂y + c_j ∂F/∂y′ of the system with this number, shape (size, size)."""
+    n = y.size // 2
+    for i in range(jac.shape[0]):
+        for j in range(jac.shape[1]):
+            jac[i, j] = 0.0
+    for i in range(n):
+        jac[i, i] = cj
+        jac[i, n + i] = -1.0
+    jac[n, 0], jac[n, n] = p.stiffness_x, p.damping_x + cj * p.mass
+    jac[n + 1, 1], jac[n + 1, n + 1] = p.stiffness_y, p.damping_y + cj * p.mass
+    jac[n + 2, 2], jac[n + 2, n + 2] = p.stiffness_phi, p.damping_phi + cj * p.inertia
+    for i in range(2):
+        exciter_jacobian(i, n, t, y, yp, cj, jac, p)
+    if LAYERS[system] > 0:
+        layer_jacobian(system, n, cj, jac, p)
+
+
+@compiled
+def exciter_jacobian(
+    i: int, n: int, t: float, y: FloatArray, yp: FloatArray, cj: float, jac: FloatArray, p: Parameters
+) -> None:
+    """Fill the columns of φᵢ and φ̇ᵢ in the platform's rows, and exciter i's row."""
+    angle, row = 3 + i, n + 3 + i
+    u = unbalance(i, y, p)
+    w, a = y[row], yp[row]
+    q, vphi = w * w, y[n + 2]
+    ax, ay, aphi = yp[n], yp[n + 1] + p.gravity, yp[n + 2]
+    # the platform's rows hold c φ̈ᵢ − d φ̇ᵢ², and ∂c/∂φᵢ = −d, ∂d/∂φᵢ = c
+    jac[n, angle], jac[n, row] = -u.y * a - u.x * q, cj * u.x - 2.0 * u.y * w
+    jac[n + 1, angle], jac[n + 1, row] = u.x * a - u.y * q, cj * u.y + 2.0 * u.x * w
+    jac[n + 2, angle], jac[n + 2, row] = -u.lever * a - u.phi * q, cj * u.phi - 2.0 * u.lever * w
+    jac[n + 2, 2] += u.lever_still * a + u.phi_still * q
+    # the exciter's holds c·(ẍ, ÿ + g, φ̈) + d_φ φ̇²
+    jac[row, 2] = u.lever_still * aphi - u.phi_still * vphi * vphi
+    jac[row, angle] = u.x * ay - u.y * ax - u.lever * aphi + u.phi * vphi * vphi
+    jac[row, n], jac[row, n + 1], jac[row, n + 2] = cj * u.x, cj * u.y, cj * u.phi + 2.0 * u.lever * vphi
+    jac[row, row] = cj * p.exciter_inertia[i] - net_slope(i, t, w, p)
+
+
+@compiled
+def layer_jacobian(system: int, n: int, cj: float, jac: FloatArray, p: Parameters) -> None:
+    """Fill the layers' rows, and the column of F_c."""
+    attached = ALGEBRAIC[system]
+    lower, upper = 2 * n if attached else n + 5, 2 * n - 1
+    jac[lower, n + 1] = cj * p.lower_mass
+    if attached:
+        jac[lower, 2 * n], jac[n + 1, 2 * n] = -1.0, 1.0
+    else:
+        jac[lower, n + 5] = cj * p.lower_mass
+    if LAYERS[system] == 2:
+        jac[lower, n - 1], jac[lower, upper] = -p.upper_mass * p.layer_stiffness, -p.upper_mass * p.layer_damping
+        jac[upper, n - 1], jac[upper, upper] = p.layer_stiffness, p.layer_damping + cj
+        jac[upper, n + 1] = cj
+        if not attached:
+            jac[upper, n + 5] = cj
