@@ -23,7 +23,7 @@ from vibroplat.hybrid.state import (
     SOLVER_FAILURE,
     Hybrid,
 )
-from vibroplat.hybrid.steps import RESTARTED, end_earlier
+from vibroplat.hybrid.steps import RESTARTED, end_at
 from vibroplat.kernels.compiled import FloatArray, compiled, inlined
 from vibroplat.model.systems import DIFFERENTIAL, GAP, GAP_RATE, PLACES, SIZES, gather
 
@@ -153,4 +153,4 @@ def refine(h: Hybrid) -> None:
         run.outcome = RUNNING
         move_to(h, system, steps.ends[last])
         return
-    end_earlier(steps, last, length / steps.length[last], run.y[ATTACHED, : SIZES[system]])
+    end_at(steps, last, length / steps.length[last], run.y[ATTACHED, : SIZES[system]])

@@ -93,10 +93,16 @@ def rewind(steps: Steps) -> None:
 
 
 @compiled
-def end_earlier(steps: Steps, row: int, share: float, end: FloatArray) -> None:
+def end_at(steps: Steps, row: int, share: float, end: FloatArray) -> None:
     """Let a step end at fraction ``share`` of it, or beyond, with the unknowns ``end`` there."""
-    stretch(steps.c[row], steps.c.shape[1] - 1, share)
+    c, degree = steps.c[row], steps.c.shape[1] - 1
+    stretch(c, degree, share)
     steps.length[row] *= share
+    for j in range(end.size):
+        reached = c[0, j]
+        for k in range(1, degree + 1):
+            reached += c[k, j]
+        c[2, j] += end[j] - reached
     copy(end, steps.ends[row])
 
 

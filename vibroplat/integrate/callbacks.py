@@ -34,6 +34,7 @@ LINKS = np.dtype(
         ("guard", np.int64),
         ("residuals", np.int64),
         ("jacobians", np.int64),
+        ("solver", np.int64),  # of ``condensed``
         ("cj", np.float64),
         ("share", np.float64),
         ("condensed", np.float64, FULL_SIZE * FULL_SIZE),
@@ -74,8 +75,7 @@ def residual(t: float, y: int, yp: int, res: int, data: Any) -> int:
 
 @compiled
 def _condensed(links: Any) -> FloatArray:
-    m = links.size - links.size // 2
-    return links.condensed[: m * links.size].reshape((m, links.size))
+    return carray(pointer(links.solver), (links.size - links.size // 2, links.size))
 
 
 @compiled

@@ -16,7 +16,7 @@ from vibroplat.hybrid.modes import FLIGHT
 from vibroplat.hybrid.scales import ROUND_OFF, halvings
 from vibroplat.hybrid.starts import derivatives, prepare
 from vibroplat.hybrid.state import DIFFERENTIATED, Hybrid
-from vibroplat.hybrid.steps import CUT, Steps, end_earlier, fill_cubic
+from vibroplat.hybrid.steps import CUT, Steps, end_at
 from vibroplat.kernels.compiled import FloatArray, compiled, copy, inlined
 from vibroplat.kernels.polynomial import first_fall, slope, values
 from vibroplat.model.systems import FULL_SIZE, GAP, SIZES
@@ -66,27 +66,42 @@ def begin_steps(past: Past, y: FloatArray, yp: FloatArray) -> None:
     copy(yp, past.yp[0])
 
 
-@compiled
+@inlined
 def add_step(steps: Steps, past: Past, t: float, y: FloatArray, yp: FloatArray) -> None:
     """Add the step that ends at a time of the segment with the unknowns and derivatives there."""
-    row = steps.used.steps
-    fill_step(steps, past, row, t, y, yp)
+    row, size = steps.used.steps, y.size
+    c, end, degree = steps.c[row], steps.ends[row], steps.c.shape[1] - 1
+    length = t - past.t[0]
+    steps.start[row], steps.length[row] = past.t[0], length
     steps.used.steps = row + 1
+    for j in range(size):  # as fill_cubic, in one loop with what is to be kept: half the time
+        y0, rate_0, rate_1 = past.y[0, j], length * past.yp[0, j], length * yp[j]
+        rise = y[j] - y0
+        c[0, j], c[1, j] = y0, rate_0
+        c[2, j] = 3.0 * rise - 2.0 * rate_0 - rate_1
+        c[3, j] = rate_0 + rate_1 - 2.0 * rise
+        end[j] = y[j]
+        if degree == CUBIC:
+            past.y[0, j], past.yp[0, j] = y[j], yp[j]
+    if degree > CUBIC:
+        add_quintic_terms(c, past, length, y, yp)
+    past.t[1], past.t[0] = past.t[0], t
+    past.known[0] += 1
 
 
 @compiled
-def fill_step(steps: Steps, past: Past, row: int, t: float, y: FloatArray, yp: FloatArray) -> None:
-    """Fill a row with the step from the last of the past ends to a time of the segment."""
+def add_quintic_terms(c: FloatArray, past: Past, length: float, y: FloatArray, yp: FloatArray) -> None:
+    """Raise a step's cubic to a quintic, where the ends before allow it, and keep its end for the next one."""
     size = y.size
-    c, length = steps.c[row], t - past.t[0]
-    steps.start[row], steps.length[row] = past.t[0], length
-    fill_cubic(c, length, past.y[0, :size], y, past.yp[0, :size], yp)
-    copy(y, steps.ends[row])
-    if c.shape[0] <= QUINTIC or past.known[0] < 2 or length <= 0.0:
-        return
-    ratio = (past.t[0] - past.t[1]) / length
+    for k in range(QUINTIC - 1, c.shape[0]):
+        for j in range(size):
+            c[k, j] = 0.0
+    ratio = (past.t[0] - past.t[1]) / length if past.known[0] > 1 and length > 0.0 else 0.0
     if ratio >= LEAST_RATIO:
         raise_to_quintic(c, length, ratio, past.y[1, :size], past.yp[1, :size])
+    for j in range(size):
+        past.y[1, j], past.yp[1, j] = past.y[0, j], past.yp[0, j]
+        past.y[0, j], past.yp[0, j] = y[j], yp[j]
 
 
 @compiled
@@ -109,17 +124,6 @@ def raise_to_quintic(c: FloatArray, length: float, ratio: float, y: FloatArray, 
         c[3, j] += b - 2.0 * a
         c[4, j] = a - 2.0 * b
         c[5, j] = b
-
-
-@compiled
-def pass_end(past: Past, t: float, y: FloatArray, yp: FloatArray) -> None:
-    """Make the end of a step the last of the past ends."""
-    size = y.size
-    past.t[1], past.t[0] = past.t[0], t
-    for j in range(size):
-        past.y[1, j], past.yp[1, j] = past.y[0, j], past.yp[0, j]
-        past.y[0, j], past.yp[0, j] = y[j], yp[j]
-    past.known[0] += 1
 
 
 @compiled
@@ -148,9 +152,8 @@ def transcribe(
             if share >= 0.0:
                 row, degree = steps.used.steps - 1, steps.c.shape[1] - 1
                 values(steps.c[row], degree, share, end)
-                end_earlier(steps, row, share, end)
+                end_at(steps, row, share, end)
                 return True
-        pass_end(past, t[k], y[k], yp[k])
     return False
 
 

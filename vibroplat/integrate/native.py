@@ -22,7 +22,7 @@ from vibroplat.hybrid.loop import AT_GUARD, AT_TARGET, AT_TIME, FAILED, NOT_FINI
 from vibroplat.hybrid.modes import GUARDS
 from vibroplat.hybrid.pieces import cut_piece
 from vibroplat.hybrid.state import OK, RUNNING, Hybrid
-from vibroplat.hybrid.steps import MARGIN, no_steps, rewind
+from vibroplat.hybrid.steps import MARGIN, Steps, end_at, no_steps, rewind
 from vibroplat.integrate import callbacks as cb
 from vibroplat.integrate.multistep import (
     CUBIC,
@@ -32,9 +32,7 @@ from vibroplat.integrate.multistep import (
     begin_steps,
     calm,
     fall_within,
-    fill_step,
     no_past,
-    pass_end,
     prepare_first_step,
 )
 from vibroplat.integrate.sundials import Library, UnavailableError
@@ -50,7 +48,7 @@ IntArray = npt.NDArray[np.int64]
 Records = npt.NDArray[np.void]
 
 #: Steps between two returns to Python: many against what a return costs, few against the processor's cache.
-ROWS = 1024
+ROWS = 2048
 #: Tolerance below which Adams' steps are too long for cubics.
 LONG_STEPS = 1e-7
 #: Steps within a turn of the synchronous speed after which the integrator is taken to be stuck, and those for each
@@ -225,15 +223,14 @@ def advance(h: Hybrid, n: Native) -> int:  # noqa: PLR0911  (each stop has its r
         if guard >= 0 and (y[guard] < 0.0 or yp[guard] > 0.0):
             share = fall_within(steps, guard)
             if share >= 0.0:
-                end_at(share, derivative, handles, h, past, y, yp)
+                end_step(share, derivative, handles, steps, y)
                 return AT_GUARD
         if y[3] >= target:
             share = crossing(steps.c[used.steps - 1], steps.c.shape[1] - 1, 3, target)
-            end_at(share, derivative, handles, h, past, y, yp)
+            end_step(share, derivative, handles, steps, y)
             return AT_TARGET
         if ended:
             return AT_TIME
-        pass_end(past, time[0], y, yp)
         if run.origin + time[0] - status.counted_from >= run.period:
             status.counted_from = run.origin + time[0]
             status.counted = 0
@@ -265,23 +262,14 @@ def step(
 
 
 @compiled
-def end_at(
-    share: float,
-    derivative: int,
-    handles: tuple[int, int, int],
-    h: Hybrid,
-    past: Past,
-    y: FloatArray,
-    yp: FloatArray,
-) -> None:
+def end_step(share: float, derivative: int, handles: tuple[int, int, int], steps: Steps, y: FloatArray) -> None:
     """Let the last step end at a fraction of it, with what the integrator says of that time.
 
     Its polynomial is smooth where slopes at the ends of a step carry the errors of a stiff layer.
     """
-    row = h.steps.used.steps - 1
-    t = h.steps.start[row] + share * h.steps.length[row]
-    interpolate_at(t, derivative, handles)
-    fill_step(h.steps, past, row, t, y, yp)
+    row = steps.used.steps - 1
+    interpolate_at(steps.start[row] + share * steps.length[row], derivative, handles)
+    end_at(steps, row, share, y)
 
 
 @compiled
@@ -426,6 +414,7 @@ class NativeEngine:
         links["vector"] = lib.address("N_VGetArrayPointer")
         links["parameters"] = self._p.ctypes.data
         links["tolerances"] = n.atol[mode].ctypes.data
+        links["solver"] = links["condensed"].ctypes.data
         links["system"], links["size"], links["guard"] = system.index, system.size, GUARDS[system.index]
         y, yp = (self._vector(array[mode, : system.size]) for array in (n.y, n.yp))
         return y, yp

@@ -32,7 +32,7 @@ def slope(c: FloatArray, degree: int, j: int, s: float) -> float:
     return total
 
 
-@compiled
+@inlined
 def values(c: FloatArray, degree: int, s: float, out: FloatArray) -> None:
     """Fill the values of all unknowns at fraction s of a step, ``out.size`` of them."""
     for j in range(out.size):
@@ -159,37 +159,36 @@ def bend(c: FloatArray, degree: int, j: int) -> float:
 
 
 @compiled
-def extremes(c: FloatArray, degree: int, j: int) -> tuple[float, float]:
-    """Least and largest value of unknown j within a step.
+def extremes(c: FloatArray, degree: int, j: int, last: float) -> tuple[float, float]:
+    """Least and largest value of unknown j within a step that ends with the value ``last``.
 
-    Found among 2·degree + 1 points and improved by Newton's iteration on the slope.
+    Found among points, and improved by Newton's iteration on the slope.
     """
     points = 2 * degree
-    least, largest = np.inf, -np.inf
-    at_least, at_largest = 0.0, 0.0
-    for i in range(points + 1):
+    least, at_least, largest, at_largest = c[0, j], 0.0, c[0, j], 0.0
+    for i in range(1, points + 1):
         s = i / points
-        found = value(c, degree, j, s)
+        found = value(c, degree, j, s) if i < points else last
         if found < least:
             least, at_least = found, s
         if found > largest:
             largest, at_largest = found, s
-    least = min(least, improved(c, degree, j, at_least))
-    return least, max(largest, improved(c, degree, j, at_largest))
+    least = min(least, turning_value(c, degree, j, at_least, least))
+    return least, max(largest, turning_value(c, degree, j, at_largest, largest))
 
 
 @compiled
-def improved(c: FloatArray, degree: int, j: int, s: float) -> float:
-    """Evaluate unknown j at the zero of its slope near a fraction of a step."""
+def turning_value(c: FloatArray, degree: int, j: int, s: float, at_end: float) -> float:
+    """Value of unknown j near a fraction of a step, where its slope is zero, or ``at_end`` if the step ends there."""
     low, high = max(s - 0.5 / degree, 0.0), min(s + 0.5 / degree, 1.0)
     for _ in range(4):
         curvature = 0.0
         for k in range(degree, 1, -1):
             curvature = curvature * s + k * (k - 1) * c[k, j]
         if curvature == 0.0:
-            break
+            return at_end
         s = min(max(s - slope(c, degree, j, s) / curvature, low), high)
-    return value(c, degree, j, s)
+    return value(c, degree, j, s) if 0.0 < s < 1.0 else at_end
 
 
 @compiled

@@ -7,6 +7,8 @@ part is cut to whole turns of exciter 1 where there is one.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,7 +19,7 @@ from vibroplat.hybrid.state import Hybrid
 from vibroplat.hybrid.steps import Steps
 from vibroplat.kernels.compiled import FloatArray, compiled, copy, inlined
 from vibroplat.kernels.foreign import borrow
-from vibroplat.kernels.polynomial import bend, crossing, extremes, slope, value, values
+from vibroplat.kernels.polynomial import bend, crossing, extremes, slope, value
 from vibroplat.model.energy import FORCE_SIZE, POWERS, powers
 from vibroplat.model.parameters import Parameters
 from vibroplat.model.systems import DIFFERENTIAL, FULL_SIZE, GAP, PLACES, SIZES
@@ -164,15 +166,28 @@ class Statistics:
 
     def read(self, h: Hybrid) -> None:
         """Add the steps and events since the last reading."""
-        add_pieces(self.measures, h.steps, h.events[: h.run["events"]], node_count(h.steps.degree), h.p)
+        adder(h.steps.degree)(self.measures, h.steps, h.events[: h.run["events"]], h.p)
 
 
-@compiled
-def add_pieces(owned_ms: Measures, owned_steps: Steps, events: npt.NDArray[np.void], nodes: int, p: Parameters) -> None:
+@cache
+def adder(degree: int) -> Callable[[Measures, Steps, npt.NDArray[np.void], Parameters], None]:
+    """Compile :func:`add_pieces` for polynomials of one degree, known to the compiler: it takes half the time."""
+    nodes = node_count(degree)
+
+    @compiled
+    def add_all(ms: Measures, steps: Steps, events: npt.NDArray[np.void], p: Parameters) -> None:
+        add_pieces(borrow(ms), borrow(steps), events, degree, nodes, p)
+
+    return add_all
+
+
+@inlined
+def add_pieces(
+    ms: Measures, steps: Steps, events: npt.NDArray[np.void], degree: int, nodes: int, p: Parameters
+) -> None:
     """Add all closed pieces and events in the order of time."""
-    ms, steps = borrow(owned_ms), borrow(owned_steps)
     counted = 0
-    full, unknowns, power = np.zeros(FULL_SIZE), np.zeros(FULL_SIZE), np.empty(N_WORK)
+    full, power = np.zeros(FULL_SIZE), np.empty(N_WORK)
     for i in range(steps.used.pieces):
         piece = steps.pieces[i]
         while counted < piece.events:
@@ -183,7 +198,7 @@ def add_pieces(owned_ms: Measures, owned_steps: Steps, events: npt.NDArray[np.vo
             full[j] = 0.0
         for row in range(piece.first, piece.end):
             if steps.length[row] > 0.0:
-                add_step(ms, steps, row, piece, flying, nodes, full, unknowns, power, p)
+                add_step(ms, steps, row, piece, flying, degree, nodes, full, power, p)
     while counted < events.size:
         count_event(ms.marks, events[counted])
         counted += 1
@@ -212,42 +227,41 @@ def add_step(
     row: int,
     piece: Any,
     flying: bool,
+    degree: int,
     nodes: int,
     full: FloatArray,
-    unknowns: FloatArray,
     power: FloatArray,
     p: Parameters,
 ) -> None:
     """Add a step, in two parts where exciter 1 completes a turn within it."""
-    marks, c, degree = ms.marks, steps.c[row], steps.c.shape[1] - 1
+    marks, c, end = ms.marks, steps.c[row], steps.ends[row]
     system, force = piece.system, DIFFERENTIAL[piece.system]
     begin, length = piece.origin + steps.start[row], steps.length[row]
-    if SIZES[system] > force and may_widen(marks.force_min, marks.force_max, c, degree, force):
-        least, largest = extremes(c, degree, force)
+    if SIZES[system] > force and may_widen(marks.force_min, marks.force_max, c, degree, force, end[force]):
+        least, largest = extremes(c, degree, force, end[force])
         marks.force_min, marks.force_max = min(marks.force_min, least), max(marks.force_max, largest)
-    if flying and may_widen(marks.gap_min, marks.gap_max, c, degree, GAP):
-        least, largest = extremes(c, degree, GAP)
+    if flying and may_widen(marks.gap_min, marks.gap_max, c, degree, GAP, end[GAP]):
+        least, largest = extremes(c, degree, GAP, end[GAP])
         marks.gap_min, marks.gap_max = min(marks.gap_min, least), max(marks.gap_max, largest)
     before = math.floor((c[0, 3] + piece.turns[0]) / _TURN)
-    after = math.floor((steps.ends[row, 3] + piece.turns[0]) / _TURN)
+    after = math.floor((end[3] + piece.turns[0]) / _TURN)
     cut = 0.0
     if before != after:
         cut = crossing(c, degree, 3, _TURN * max(before, after) - piece.turns[0])
-        integrate(ms, c, degree, 0.0, cut, begin, length, system, flying, nodes, full, unknowns, power, p)
+        integrate(ms, c, degree, 0.0, cut, begin, length, system, flying, nodes, full, power, p)
         now = begin + cut * length
         if goes_on(marks, slope(c, degree, 3, cut)) and now >= marks.window:
-            values(c, degree, cut, unknowns)
             for j in range(force):
-                full[PLACES[system, j]] = unknowns[j]
-            close_turn(ms, now, piece.turns, full, unknowns[force] if SIZES[system] > force else 0.0)
+                full[PLACES[system, j]] = value(c, degree, j, cut)
+            close_turn(ms, now, piece.turns, full, value(c, degree, force, cut) if SIZES[system] > force else 0.0)
     if cut < 1.0:
-        integrate(ms, c, degree, cut, 1.0, begin, length, system, flying, nodes, full, unknowns, power, p)
-    if begin + cut * length >= marks.window and may_widen(marks.y_min, marks.y_max, c, degree, 1):
-        least, largest = extremes(c, degree, 1)
+        integrate(ms, c, degree, cut, 1.0, begin, length, system, flying, nodes, full, power, p)
+    if begin + cut * length >= marks.window and may_widen(marks.y_min, marks.y_max, c, degree, 1, end[1]):
+        least, largest = extremes(c, degree, 1, end[1])
         marks.y_min, marks.y_max = min(marks.y_min, least), max(marks.y_max, largest)
 
 
-@compiled
+@inlined
 def integrate(
     ms: Measures,
     c: FloatArray,
@@ -260,40 +274,47 @@ def integrate(
     flying: bool,
     nodes: int,
     full: FloatArray,
-    unknowns: FloatArray,
     power: FloatArray,
     p: Parameters,
 ) -> None:
     """Add the part [start, end] of a step: its work and, if it is measured, its statistics.
 
     ``start`` and ``end`` are fractions of the step, which begins at time ``begin`` and takes ``length`` (s);
-    ``full``, ``unknowns`` and ``power`` are overwritten.
+    ``full`` and ``power`` are overwritten.
     """
     marks, sums, work = ms.marks, ms.open_turn, ms.work
     duration = (end - start) * length
     measured = begin + start * length >= marks.window
+    total_x, total_xx, total_y, total_yy, total_phi, total_phi_phi, total_motor = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    total_exchanged = 0.0
     for i in range(nodes):
         s, weight = start + (end - start) * NODES[nodes, i], duration * WEIGHTS[nodes, i]
-        values(c, degree, s, unknowns)
         for j in range(DIFFERENTIAL[system]):
-            full[PLACES[system, j]] = unknowns[j]
+            full[PLACES[system, j]] = value(c, degree, j, s)
         powers(begin + s * length, full, power, p)
         exchanged = abs(power[0])
         for j in range(N_WORK):
             work[j] += weight * power[j]
         for j in range(DISSIPATIONS, N_POWERS):
             exchanged += power[j]
-        marks.exchanged += weight * exchanged
-        if measured:
-            x, y, phi = full[0], full[1], full[2]
-            sums.x += weight * x
-            sums.xx += weight * x * x
-            sums.y += weight * y
-            sums.yy += weight * y * y
-            sums.phi += weight * phi
-            sums.phi_phi += weight * phi * phi
-            sums.motor += weight * power[0]
+        total_exchanged += weight * exchanged
+        x, y, phi = full[0], full[1], full[2]
+        total_x += weight * x
+        total_xx += weight * x * x
+        total_y += weight * y
+        total_yy += weight * y * y
+        total_phi += weight * phi
+        total_phi_phi += weight * phi * phi
+        total_motor += weight * power[0]
+    marks.exchanged += total_exchanged
     if measured:
+        sums.x += total_x
+        sums.xx += total_xx
+        sums.y += total_y
+        sums.yy += total_yy
+        sums.phi += total_phi
+        sums.phi_phi += total_phi_phi
+        sums.motor += total_motor
         sums.time += duration
         sums.flying += duration if flying else 0.0
         # where exciters run in step the phase varies slowly: the middle says it
@@ -304,11 +325,9 @@ def integrate(
 
 
 @inlined
-def may_widen(least: float, largest: float, c: FloatArray, degree: int, j: int) -> bool:
+def may_widen(least: float, largest: float, c: FloatArray, degree: int, j: int, last: float) -> bool:
     """Whether a step may hold a value of unknown j beyond the extremes so far; most cannot."""
-    reach, first, last = bend(c, degree, j), c[0, j], c[0, j]
-    for k in range(1, degree + 1):
-        last += c[k, j]
+    reach, first = bend(c, degree, j), c[0, j]
     return not (least < min(first, last) - reach and max(first, last) + reach < largest)
 
 
