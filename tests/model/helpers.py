@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from vibroplat.model.accelerations import accelerations, second_derivatives
+from vibroplat.model.parameters import parameters
 from vibroplat.model.systems import FULL_SIZE, SYSTEMS
 from vibroplat.scene import Contact, Drive, Machine, Material, Motor, Scene
 
@@ -32,8 +33,20 @@ MATERIALS = {
     2: Material(mass_ratio=0.2, lower_share=0.7, natural_frequency_hz=18.5, damping_ratio=0.05),
 }
 
+#: Two exciters that share nothing: unbalance masses, radii, rotors, axes from the platform's own centre of mass; both
+#: driven the same way.
+UNEVEN = {
+    "mass": (0.8, 0.3),
+    "radius": (0.09, 0.13),
+    "rotor": (2.0e-3, 0.7e-3),
+    "axis": ((0.21, -0.08), (-0.13, 0.17)),
+    "direction": (-1.0, -1.0),
+}
+
 EACH_SYSTEM = pytest.mark.parametrize("system", SYSTEMS, ids=lambda system: f"{system.mode.label}-{system.layers}")
 EACH_MACHINE = pytest.mark.parametrize("machine", MACHINES)
+#: Those of a scene, and one with uneven exciters.
+EACH_RECORD = pytest.mark.parametrize("machine", [*MACHINES, "uneven"])
 
 #: Realistic sizes of the full state: m and rad, then m/s and rad/s; the angles go round several times.
 SIZES = np.array([1e-3, 2e-3, 1e-2, 20.0, 20.0, 1e-3, 1e-3, 0.2, 0.4, 1.0, 150.0, 150.0, 0.4, 0.3])
@@ -48,6 +61,25 @@ def scene_of(layers, machine="paper", **contact):
         contact=Contact(**contact),
         drive=Drive(supply_frequency_hz=51.5),
     )
+
+
+def record_of(layers, machine):
+    """Return the parameters of a scene with this many layers, or of a lopsided one with uneven exciters."""
+    if machine != "uneven":
+        return parameters(scene_of(layers, machine))
+    given, p = MACHINES["lopsided"], parameters(scene_of(layers, "lopsided"))
+    mass, radius, axis = (np.array(UNEVEN[name]) for name in ("mass", "radius", "axis"))
+    p.mass = given.platform_mass_kg + mass.sum()
+    centre = mass @ axis / p.mass
+    p.inertia = given.platform_inertia_kg_m2 + given.platform_mass_kg * centre @ centre
+    p.inertia += mass @ ((axis - centre) ** 2).sum(axis=1)
+    p.axis_x, p.axis_y = (axis - centre).T
+    p.friction *= mass * radius / p.unbalance
+    p.unbalance = mass * radius
+    p.exciter_inertia = UNEVEN["rotor"] + mass * radius**2
+    p.direction = UNEVEN["direction"]
+    p.safe_rotation = 0.1
+    return p
 
 
 def random_states(seed, count):

@@ -9,11 +9,13 @@ from vibroplat.model.parameters import parameters
 
 from .helpers import (
     EACH_MACHINE,
+    EACH_RECORD,
     EACH_SYSTEM,
     MACHINES,
     central_difference,
     mass_matrix,
     random_states,
+    record_of,
     scene_of,
     settled,
 )
@@ -55,21 +57,21 @@ def imbalance(system, state, p):
     return sum(energies) - (power["motor"] - losses), power["truncation"], largest
 
 
-@EACH_MACHINE
+@EACH_RECORD
 @EACH_SYSTEM
 def test_energy_changes_by_the_powers_alone(system, machine):
     # attached as well: the contact force acts on both sides of a gap that stays closed, without power
-    p = parameters(scene_of(system.layers, machine))
+    p = record_of(system.layers, machine)
     for state in states_of(system, seed=7):
         unexplained, truncation, largest = imbalance(system, state, p)
         # energies of up to ~1e2 J to round-off over 2e-5 s, against the powers of ~1e3 W that cancel
         assert abs(unexplained - truncation) < 1e-8 * largest
 
 
-@EACH_MACHINE
+@EACH_RECORD
 @EACH_SYSTEM
 def test_without_the_truncation_the_balance_fails(system, machine):
-    p = parameters(scene_of(system.layers, machine))
+    p = record_of(system.layers, machine)
     shares = []
     for state in states_of(system, seed=8):
         state[2], state[9] = 0.1, -10.0  # far beyond what the model is for, to make the term large
@@ -81,10 +83,10 @@ def test_without_the_truncation_the_balance_fails(system, machine):
 
 
 @pytest.mark.parametrize("still", [2, 9], ids=["phi", "phi_rate"])
-@EACH_MACHINE
+@EACH_RECORD
 @EACH_SYSTEM
 def test_nothing_is_truncated_without_rotation(system, machine, still):
-    p = parameters(scene_of(system.layers, machine))
+    p = record_of(system.layers, machine)
     for state in states_of(system, seed=9):
         state[still] = 0.0
         unexplained, truncation, largest = imbalance(system, state, p)

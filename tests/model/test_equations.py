@@ -6,35 +6,43 @@ import numpy as np
 import pytest
 import sympy as sp
 
+from vibroplat.model.impact import impulse_response
 from vibroplat.model.parameters import PARAMETERS, parameters
 from vibroplat.scene import Material, Mode
 
-from .helpers import EACH_MACHINE, EACH_SYSTEM, random_states, scene_of, settled
+from .helpers import (
+    EACH_MACHINE,
+    EACH_RECORD,
+    EACH_SYSTEM,
+    UNEVEN,
+    random_states,
+    record_of,
+    scene_of,
+    settled,
+)
 
 STATES = 24
 
 #: In the order of the full state; gap and upper are y_w1 and y_w2.
 COORDINATES = sp.symbols("x y phi phi1 phi2 gap upper", real=True)
 RATES = sp.symbols("vx vy vphi w1 w2 vgap vupper", real=True)
-CONSTANTS = sp.symbols("m_0 J_0 m_r r J_d rho gamma c_x c_y c_phi b_x b_y b_phi g m_w1 m_w2 c_w b_w")
+EXCITERS = sp.symbols("m_r1 m_r2 r_1 r_2 J_d1 J_d2 X_1 Y_1 X_2 Y_2")  # axes from the platform's own centre
+CONSTANTS = (*sp.symbols("m_0 J_0 c_x c_y c_phi b_x b_y b_phi g m_w1 m_w2 c_w b_w"), *EXCITERS)
 TORQUES = sp.symbols("torque1 torque2")
 
 
 def point_masses():
     """Return (mass, position) of platform, unbalances and layers; O is the centre of mass of the first three."""
     x, y, phi, phi1, phi2, gap, upper = COORDINATES
-    m_0, _, m_r, r, _, rho, gamma, *_ = CONSTANTS
-    m_w1, m_w2 = CONSTANTS[14:16]
+    m_0, m_w1, m_w2 = CONSTANTS[0], *CONSTANTS[9:11]
+    m_r1, m_r2, r_1, r_2, _, _, x_1, y_1, x_2, y_2 = EXCITERS
     # where the masses sit in the platform, from its own centre, the unbalances lumped at their axes
-    masses = (m_0, m_r, m_r)
-    places = [
-        sp.Matrix([0, 0]),
-        sp.Matrix([rho * sp.cos(gamma), rho * sp.sin(gamma)]),
-        sp.Matrix([-rho * sp.cos(gamma), rho * sp.sin(gamma)]),
-    ]
+    masses = (m_0, m_r1, m_r2)
+    places = [sp.Matrix([0, 0]), sp.Matrix([x_1, y_1]), sp.Matrix([x_2, y_2])]
     centre = sum((m * place for m, place in zip(masses, places, strict=True)), sp.zeros(2, 1)) / sum(masses)
     turn = sp.Matrix([[sp.cos(phi), -sp.sin(phi)], [sp.sin(phi), sp.cos(phi)]])
-    offsets = (0 * centre, *(r * sp.Matrix([sp.cos(angle), sp.sin(angle)]) for angle in (phi1, phi2)))
+    arms = ((r_1, phi1), (r_2, phi2))
+    offsets = (0 * centre, *(r * sp.Matrix([sp.cos(angle), sp.sin(angle)]) for r, angle in arms))
     machine = [
         (m, sp.Matrix([x, y]) + turn * (place - centre) + offset)
         for m, place, offset in zip(masses, places, offsets, strict=True)
@@ -46,8 +54,9 @@ def energies():
     """Return kinetic energy, potential energy and Rayleigh's dissipation function."""
     x, y, phi, *_, upper = COORDINATES
     vx, vy, vphi, w1, w2, _, vupper = RATES
-    _, J_0, _, _, J_d, _, _, c_x, c_y, c_phi, b_x, b_y, b_phi, g, _, _, c_w, b_w = CONSTANTS
-    kinetic = (J_0 * vphi**2 + J_d * (w1**2 + w2**2)) / 2
+    _, J_0, c_x, c_y, c_phi, b_x, b_y, b_phi, g, _, _, c_w, b_w = CONSTANTS[:13]
+    J_d1, J_d2 = EXCITERS[4:6]
+    kinetic = (J_0 * vphi**2 + J_d1 * w1**2 + J_d2 * w2**2) / 2
     potential = (c_x * x**2 + c_y * y**2 + c_phi * phi**2 + c_w * upper**2) / 2
     dissipation = (b_x * vx**2 + b_y * vy**2 + b_phi * vphi**2 + b_w * vupper**2) / 2
     for mass, position in point_masses():
@@ -93,20 +102,28 @@ def contact_direction():
     return np.array(work.jacobian(COORDINATES), dtype=float).ravel()
 
 
-def constants(scene):
-    """Return the values of CONSTANTS, from what the scene is given."""
+def constants(scene, *, uneven=False):
+    """Return the values of CONSTANTS, from what the scene is given; its exciters may be the uneven ones."""
     m, material = scene.machine, scene.material
+    if uneven:
+        (x_1, y_1), (x_2, y_2) = UNEVEN["axis"]
+        exciters = (*UNEVEN["mass"], *UNEVEN["radius"], *UNEVEN["rotor"], x_1, y_1, x_2, y_2)
+    else:
+        gamma = np.radians(m.exciter_angle_deg)
+        x, y = m.exciter_distance_m * np.array([np.cos(gamma), np.sin(gamma)])
+        both = (m.unbalance_mass_kg, m.unbalance_radius_m, m.rotor_inertia_kg_m2)
+        exciters = (*np.repeat(both, 2), x, y, -x, y)
     share = material.lower_share if material.layers == 2 else 1.0
     masses = material.mass_ratio * (m.platform_mass_kg + 2.0 * m.unbalance_mass_kg)
     lower, upper = share * masses, (1.0 - share) * masses
     spring = upper * (2.0 * np.pi * (material.natural_frequency_hz or 0.0)) ** 2
     damper = 2.0 * (material.damping_ratio or 0.0) * np.sqrt(spring * upper)
     return (
-        *(m.platform_mass_kg, m.platform_inertia_kg_m2, m.unbalance_mass_kg, m.unbalance_radius_m),
-        *(m.rotor_inertia_kg_m2, m.exciter_distance_m, np.radians(m.exciter_angle_deg)),
+        *(m.platform_mass_kg, m.platform_inertia_kg_m2),
         *(m.stiffness_x_n_per_m, m.stiffness_y_n_per_m, m.stiffness_phi_n_m_per_rad),
         *(m.damping_x_n_s_per_m, m.damping_y_n_s_per_m, m.damping_phi_n_m_s_per_rad),
         *(m.gravity_m_per_s2, lower, upper, spring, damper),
+        *exciters,
     )
 
 
@@ -119,14 +136,15 @@ def net_torque(motor, frequency, direction, speed, unbalance):
     return driving - np.sign(speed) * motor.friction_radius_m * unbalance * speed**2
 
 
-def expected(system, state, scene):
+def expected(system, state, scene, *, uneven):
     """Return accelerations of the system's coordinates and F_c by Lagrange's equations."""
     moving = [int(c) for c in system.places[: system.differential // 2]]
-    torques = [
-        net_torque(motor, scene.drive.supply_frequency_hz, direction, speed, scene.machine.unbalance)
-        for motor, direction, speed in zip(scene.motor_pair, (1.0, -1.0), state[10:12], strict=True)
-    ]
-    mass, forces = lagrange()(state[:7], state[7:], constants(scene), torques)
+    given = constants(scene, uneven=uneven)
+    unbalances = np.multiply(given[13:15], given[15:17])
+    directions = UNEVEN["direction"] if uneven else (1.0, -1.0)
+    exciters = zip(scene.motor_pair, directions, state[10:12], unbalances, strict=True)
+    torques = [net_torque(motor, scene.drive.supply_frequency_hz, *exciter) for motor, *exciter in exciters]
+    mass, forces = lagrange()(state[:7], state[7:], given, torques)
     rows, columns = moving, mass[:, moving]
     if system.mode is Mode.ATTACHED:
         # ÿ_w1 = 0 takes the place of an unknown acceleration, F_c that of the unknown
@@ -135,23 +153,39 @@ def expected(system, state, scene):
     return np.linalg.solve(columns[rows], forces[rows, 0])
 
 
-@EACH_MACHINE
+def scene_behind(layers, machine):
+    """Return the scene from which the record of a machine is made."""
+    return scene_of(layers, "lopsided" if machine == "uneven" else machine)
+
+
+@EACH_RECORD
 @EACH_SYSTEM
 def test_accelerations_and_contact_force_are_those_of_lagrange(system, machine):
-    scene = scene_of(system.layers, machine)
-    p = parameters(scene)
+    scene, p = scene_behind(system.layers, machine), record_of(system.layers, machine)
     n = system.differential // 2
     wanted, got = [], []
     for full in random_states(seed=1, count=STATES):
         state = system.full(system.unknowns(full))
         y, yp, _, _ = settled(system, state[system.places], p)
         got.append(np.append(yp[n : 2 * n], y[2 * n :]))
-        wanted.append(expected(system, state, scene))
+        wanted.append(expected(system, state, scene, uneven=machine == "uneven"))
     # each acceleration, and F_c, relative to the largest of its kind over the states; two linear solves
     # of condition ~1e4 and sums that cancel leave some 1e-14
     scale = np.max(np.abs(wanted), axis=0)
     assert np.all(scale > 0.0)
     assert np.max(np.abs(np.array(got) - wanted) / scale) < 1e-12
+
+
+@EACH_RECORD
+def test_response_to_an_impulse_is_that_of_the_derived_mass_matrix(machine):
+    given, p = constants(scene_behind(2, machine), uneven=machine == "uneven"), record_of(2, machine)
+    response = np.empty(7)
+    for state in random_states(seed=6, count=STATES):
+        mass, _ = lagrange()(state[:7], state[7:], given, (0.0, 0.0))
+        wanted = np.linalg.solve(mass, contact_direction())
+        reduced = impulse_response(state, response, p)
+        np.testing.assert_allclose(response, wanted, rtol=1e-12, atol=1e-13 * np.abs(wanted).max())
+        assert reduced == pytest.approx(1.0 / wanted[5], rel=1e-13)
 
 
 @EACH_MACHINE
@@ -172,7 +206,7 @@ def assert_equal(found, expected):
 
 def test_layer_spring_by_stiffness_or_by_frequency():
     by_frequency = scene_of(2)
-    *_, m_w2, c_w, b_w = constants(by_frequency)
+    m_w2, c_w, b_w = constants(by_frequency)[10:13]
     material = by_frequency.material.model_dump(exclude={"natural_frequency_hz", "damping_ratio"})
     material |= {"stiffness_n_per_m": c_w, "damping_n_s_per_m": b_w}
     by_stiffness = by_frequency.model_copy(update={"material": Material(**material)})

@@ -9,7 +9,7 @@ from vibroplat.model.equations import residual as evaluate_residual
 from vibroplat.model.parameters import parameters
 from vibroplat.model.systems import GAP, SYSTEMS
 
-from .helpers import EACH_MACHINE, EACH_SYSTEM, central_difference, random_states, scene_of, settled
+from .helpers import EACH_RECORD, EACH_SYSTEM, central_difference, random_states, record_of, scene_of, settled
 
 #: Largest accelerations in the order of the coordinates (m/s², rad/s²), for random y′.
 ACCELERATIONS = np.array([50.0, 80.0, 200.0, 2000.0, 2000.0, 80.0, 80.0])
@@ -48,11 +48,11 @@ def numerical_jacobian(system, y, yp, cj, p):
     return np.column_stack(columns)
 
 
-@EACH_MACHINE
+@EACH_RECORD
 @EACH_SYSTEM
 @pytest.mark.parametrize("cj", [1.0, 3e2, 1e4, 1e6])
 def test_jacobian_is_that_of_the_residual(system, machine, cj):
-    p = parameters(scene_of(system.layers, machine))
+    p = record_of(system.layers, machine)
     rng = np.random.default_rng(2)
     jac = np.empty((system.size, system.size))
     for _ in range(8):
@@ -66,10 +66,10 @@ def test_jacobian_is_that_of_the_residual(system, machine, cj):
         assert worst < 1e-11
 
 
-@EACH_MACHINE
+@EACH_RECORD
 @EACH_SYSTEM
 def test_next_derivative_is_that_along_the_motion(system, machine):
-    p = parameters(scene_of(system.layers, machine))
+    p = record_of(system.layers, machine)
     wanted, got = [], []
     for full in random_states(seed=3, count=20):
         start = full[system.places]
@@ -90,10 +90,10 @@ def test_next_derivative_is_that_along_the_motion(system, machine):
     assert worst < 1e-9
 
 
-@EACH_MACHINE
+@EACH_RECORD
 @EACH_SYSTEM
 def test_linearized_accelerations_are_those_of_the_state(system, machine):
-    p = parameters(scene_of(system.layers, machine))
+    p = record_of(system.layers, machine)
     size, differential = system.size, system.differential
     for full in random_states(seed=3, count=8):
         start = full[system.places]
@@ -111,10 +111,10 @@ def test_linearized_accelerations_are_those_of_the_state(system, machine):
             np.testing.assert_allclose(slope, expected, rtol=0.0, atol=1e-8 * np.abs(slopes).max())
 
 
-@EACH_MACHINE
+@EACH_RECORD
 @EACH_SYSTEM
 def test_accelerations_leave_no_residual(system, machine):
-    p = parameters(scene_of(system.layers, machine))
+    p = record_of(system.layers, machine)
     n = system.differential // 2
     for full in random_states(seed=4, count=50):
         start = full[system.places]

@@ -71,7 +71,7 @@ def accelerations(system: int, t: float, y: FloatArray, yp: FloatArray, p: Param
         y[2 * n] = 0.0
     for i in range(n, y.size):
         yp[i] = 0.0
-    rows(system, t, y, yp, yp, p)  # without accelerations and F_c: less the forces
+    rows(system, t, y, yp, yp, p)  # without accelerations and F_c, they are the forces with their signs changed
     for i in range(n):
         yp[i], yp[n + i] = y[n + i], -yp[n + i]
     if ALGEBRAIC[system]:

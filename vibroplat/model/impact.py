@@ -60,7 +60,7 @@ def kinetic_change(before: FloatArray, after: FloatArray, p: Parameters) -> floa
 
     Formed as ½ (v⁺ − v⁻)·𝓜 (v⁺ + v⁻), so that a small change is not the difference of two large energies.
     """
-    difference, total = np.empty(7), np.empty(7)
+    difference, total = np.empty(7, after.dtype), np.empty(7, after.dtype)
     for i in range(7):
         difference[i], total[i] = after[7 + i] - before[7 + i], after[7 + i] + before[7 + i]
     return 0.5 * inertia_product(before, difference, total, p)
@@ -81,7 +81,7 @@ def impact(state: FloatArray, after: FloatArray, p: Parameters) -> tuple[float, 
         P ≥ 0 on the lower layer (N·s) and the kinetic energy lost (J); with law ``conservative`` the
         loss is ½ m_red (1 − R²) (ẏ_w1⁻)².
     """
-    response = np.empty(7)
+    response = np.empty(7, after.dtype)
     reduced = impulse_response(state, response, p)
     approach = state[GAP_RATE]
     impulse = -(1.0 + p.restitution) * approach * reduced
@@ -99,12 +99,12 @@ def impacts_left(rebound: float, p: Parameters) -> float:
     They approach at v, Rv, R²v, …; the first below the sticking speed is the last. Without a sticking speed the
     number is infinite.
     """
-    slowest = p.sticking_speed
+    slowest, speed = p.sticking_speed.real, rebound.real  # a number of impacts has no derivative
     if slowest == 0.0:
         return np.inf
-    if rebound < slowest:
+    if speed < slowest:
         return 1.0
-    return 2.0 + np.floor(math.log(slowest / rebound) / math.log(p.restitution))
+    return 2.0 + np.floor(math.log(slowest / speed) / math.log(p.restitution.real))
 
 
 @compiled
@@ -142,10 +142,11 @@ def latch(state: FloatArray, accelerations: FloatArray, after: FloatArray, p: Pa
         τ = t∞ − t (s), the sum of the impulses (N·s), and the energy that they take (J).
     """
     restitution = p.restitution
-    response = np.empty(7)
+    response = np.empty(7, after.dtype)
     reduced = impulse_response(state, response, p)
     rebound = state[GAP_RATE]
-    tail = restitution ** impacts_left(rebound, p)
+    left = impacts_left(rebound, p)
+    tail = restitution**left if left < np.inf else 0.0 * restitution
     duration = latch_time(rebound, accelerations[GAP], restitution, tail)
     impulse = reduced * rebound * (1.0 + restitution - 2.0 * tail) / (1.0 - restitution)
     moment = reduced * rebound * duration * (restitution - tail) / (1.0 - restitution)

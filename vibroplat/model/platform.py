@@ -11,8 +11,9 @@ B = X cos φᵢ + Y sin φᵢ = B₀ + φD₀ and D = X sin φᵢ − Y cos φ�
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
+
+import numpy as np
 
 from vibroplat.kernels.compiled import FloatArray, compiled, inlined
 from vibroplat.model.motor import motor_torque, resistance
@@ -48,9 +49,9 @@ class Unbalance(NamedTuple):
 
 @compiled
 def unbalance(i: int, y: FloatArray, p: Parameters) -> Unbalance:
-    """Evaluate the couplings of exciter i at unknowns or a full state."""
+    """Evaluate the couplings of exciter i at unknowns or a full state; numpy's sine takes complex angles as well."""
     phi, angle, k = y[2], y[3 + i], p.unbalance[i]
-    sine, cosine = k * math.sin(angle), k * math.cos(angle)
+    sine, cosine = k * np.sin(angle), k * np.cos(angle)
     b = p.axis_x[i] * cosine + p.axis_y[i] * sine
     d = p.axis_x[i] * sine - p.axis_y[i] * cosine
     return Unbalance(-sine, cosine, b + phi * d, d - phi * b, b, d)

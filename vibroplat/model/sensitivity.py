@@ -1,0 +1,156 @@
+"""Derivatives by parameters: of F, of accelerations and F_c, and of what impacts and latches do to a state.
+
+∂F/∂f_e, for example, is ``residual_derivative(system, t, y, yp, p, parameter_direction(scene, key))`` with the key
+``drive.supply_frequency_hz``. All functions but the first follow a direction ``dp`` in the space of parameters by a
+complex step: the kernels run with p + ih dp, and the imaginary part of what they give is h times the derivative, to
+round-off (Squire and Trapp 1998).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from vibroplat.errors import ConfigError
+from vibroplat.kernels.compiled import FloatArray
+from vibroplat.model.accelerations import solve
+from vibroplat.model.equations import rows
+from vibroplat.model.impact import impact, latch
+from vibroplat.model.parameters import PARAMETERS, Parameters, blank, parameters
+from vibroplat.scene import Scene
+
+#: Names of the fields that enter the equations as numbers; the others are choices, or say where the equations hold.
+NUMBERS = tuple(name for name in PARAMETERS.names or () if name not in ("safe_rotation", "impact_law"))
+
+#: The record of parameters with complex numbers.
+COMPLEX = np.dtype(
+    [(name, complex if name in NUMBERS else of.base, of.shape) for name, (of, *_) in (PARAMETERS.fields or {}).items()],
+    align=True,
+)
+
+#: Size h of the imaginary part: its square vanishes beside 1.
+IMAGINARY = 1e-30
+
+#: Step in a key, over its value. Differences of order 8 leave (4e-3)⁸ and round-off over 4e-3: some 1e-13.
+STEP = 4e-3
+_WEIGHTS = ((1, 4.0 / 5.0), (2, -1.0 / 5.0), (3, 4.0 / 105.0), (4, -1.0 / 280.0))
+
+
+def parameter_direction(scene: Scene, key: str) -> Parameters:
+    """Differentiate the parameters of a scene by one of its keys, e.g. ``material.mass_ratio`` or ``motors.0.slip``.
+
+    The difference may pass the end of a key's range, as at R = 0: the parameters are smooth functions there too.
+
+    Raises
+    ------
+    vibroplat.errors.ConfigError
+        The scene has no such key with a number that varies continuously, or the material vanishes at its value.
+    """
+    path = key.split(".")
+    value = _value(scene, path)
+    if not isinstance(value, float):
+        raise ConfigError(f"{key} = {value} cannot be varied; allowed: a key of this scene with a continuous value")
+    step = STEP * abs(value) or STEP
+    dp = blank()
+    for n, weight in _WEIGHTS:
+        above, below = (_with(scene, path, value + side * n * step) for side in (1, -1))
+        if not above.layers == below.layers == scene.layers:
+            raise ConfigError(f"{key} = {value} cannot be varied; allowed: a value at which there is material")
+        p_above, p_below = parameters(above), parameters(below)
+        for name in NUMBERS:
+            dp[name] += weight * (p_above[name] - p_below[name]) / step
+    return dp
+
+
+def _value(section: Any, path: list[str]) -> Any:
+    """Look a key up; None if there is none."""
+    for name in path:
+        if isinstance(section, list):
+            section = section[int(name)] if name.isdecimal() and int(name) < len(section) else None
+        else:
+            section = getattr(section, name) if name in getattr(type(section), "model_fields", ()) else None
+    return section
+
+
+def _with(section: Any, path: list[str], value: float) -> Any:
+    """Copy a section with one key changed, without a check of its range."""
+    if not path:
+        return value
+    name, *inside = path
+    if isinstance(section, list):
+        return [_with(s, inside, value) if i == int(name) else s for i, s in enumerate(section)]
+    return section.model_copy(update={name: _with(getattr(section, name), inside, value)})
+
+
+def _shifted(p: Parameters, dp: Parameters) -> Any:
+    """Return p + ih dp."""
+    shifted = np.zeros(1, COMPLEX)[0]
+    for name in PARAMETERS.names or ():
+        shifted[name] = p[name] + 1j * IMAGINARY * dp[name] if name in NUMBERS else p[name]
+    return shifted
+
+
+def _along(values: FloatArray, direction: FloatArray) -> npt.NDArray[np.complex128]:
+    """Return values + ih direction."""
+    found: npt.NDArray[np.complex128] = values + 1j * IMAGINARY * direction
+    return found
+
+
+def residual_derivative(
+    system: int, t: float, y: FloatArray, yp: FloatArray, p: Parameters, dp: Parameters
+) -> FloatArray:
+    """Return ∂F/∂p dp at (t, y, y′), shape (size,)."""
+    res: Any = np.empty(y.size, complex)
+    rows(system, t, y, yp, res, _shifted(p, dp))
+    return np.asarray(res.imag / IMAGINARY)
+
+
+def acceleration_derivative(
+    system: int, t: float, y: FloatArray, yp: FloatArray, p: Parameters, dp: Parameters
+) -> FloatArray:
+    """Return the derivatives of y′ and, attached, of F_c (last) by the parameters, at a fixed state, shape (size,).
+
+    ``y`` and ``yp`` are consistent. From F(t, y, y′, p) = 0: A ∂z/∂p = −∂F/∂p.
+    """
+    z = -residual_derivative(system, t, y, yp, p, dp)
+    z[: y.size // 2] = 0.0  # rates are part of the state
+    solve(system, y, z, p)
+    return z
+
+
+def impact_derivative(
+    state: FloatArray, direction: FloatArray, p: Parameters, dp: Parameters
+) -> tuple[FloatArray, float, float]:
+    """Differentiate :func:`vibroplat.model.impact.impact` along a direction of states and one of parameters.
+
+    Returns
+    -------
+    after, impulse, loss
+        Derivatives of the state after the impact, shape (14,), of the impulse and of the energy lost.
+    """
+    after: Any = np.empty(state.size, complex)
+    impulse, loss = impact(_along(state, direction), after, _shifted(p, dp))  # type: ignore[arg-type]
+    return after.imag / IMAGINARY, impulse.imag / IMAGINARY, loss.imag / IMAGINARY
+
+
+def latch_derivative(
+    state: FloatArray,
+    accelerations: FloatArray,
+    direction: FloatArray,
+    turning: FloatArray,
+    p: Parameters,
+    dp: Parameters,
+) -> tuple[FloatArray, float]:
+    """Differentiate :func:`vibroplat.model.impact.latch` along directions of states, accelerations and parameters.
+
+    Returns
+    -------
+    after, duration
+        Derivatives of the state at t∞, shape (14,), and of the time until then.
+    """
+    after: Any = np.empty(state.size, complex)
+    moved = _along(state, direction), _along(accelerations, turning)
+    duration, *_ = latch(*moved, after, _shifted(p, dp))  # type: ignore[arg-type]
+    return after.imag / IMAGINARY, duration.imag / IMAGINARY
