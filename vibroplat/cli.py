@@ -226,7 +226,7 @@ def paper(
 ) -> None:
     """Reproduce the paper: tables and figures 2-7, and its claims with what was measured and a verdict."""
     from vibroplat.config import parse_overrides
-    from vibroplat.study.trial import machine_numbers
+    from vibroplat.paper.trial import machine_numbers
 
     changes = parse_overrides(set_ or [])
     chosen = {name: {**machine_numbers(name), **changes} for name in machine or ("printed", "calibrated")}
@@ -244,10 +244,10 @@ def _reproduce(
 ) -> None:
     """Reproduce the paper with one machine; write and tell what came of it."""
     from vibroplat.integrate.choice import engine_name
+    from vibroplat.paper import reproduction as study
+    from vibroplat.paper.trial import paper_scene
     from vibroplat.plots.paper import plot_paper
     from vibroplat.provenance import provenance
-    from vibroplat.study import paper as study
-    from vibroplat.study.trial import paper_scene
     from vibroplat.tables import result_directory, write_json, write_table
 
     directory = result_directory(out / "paper", name)
@@ -285,8 +285,8 @@ def calibrate(
 ) -> None:
     """Fit the numbers that the paper does not print to its claims; the table has a row for each evaluation."""
     from vibroplat.config import configurations
-    from vibroplat.study.calibration import reading, search
-    from vibroplat.study.calibration.plan import load_plan
+    from vibroplat.paper.calibration import reading, search
+    from vibroplat.paper.calibration.plan import load_plan
     from vibroplat.study.execution import pool
     from vibroplat.study.store import Store
     from vibroplat.tables import remove_table, result_directory, write_table

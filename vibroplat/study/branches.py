@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from vibroplat.errors import ConfigError
-from vibroplat.plan import Sweep
 from vibroplat.scene import Scene
+from vibroplat.sweep_plan import SweepPlan
 
 #: Key of a scene that a sweep goes through, its column in tables, and the column of what the exciters make of it.
 FREQUENCY = "drive.supply_frequency_hz"
@@ -51,7 +51,7 @@ class Branch:
         return self.scene.replace({FREQUENCY: self.frequencies[point]})
 
 
-def sweep_plan(scene: Scene) -> Sweep:
+def sweep_plan(scene: Scene) -> SweepPlan:
     """Return the plan of a scene that is to be swept.
 
     Raises

@@ -15,11 +15,11 @@ from typing import NamedTuple
 import numpy as np
 
 from vibroplat.model.parameters import FloatArray
-from vibroplat.plan import Sweep
 from vibroplat.scene import Scene
 from vibroplat.study.lyapunov import Exponent, largest_exponent
 from vibroplat.study.section import LONGEST_PERIOD, MAX_PERIOD, period
 from vibroplat.study.settling import Settling, draws_together, noise
+from vibroplat.sweep_plan import SweepPlan
 
 #: Least ratio of the section's extents in both halves of the measured part, the smaller over the larger, at which it is
 #: steady: a section that still shrinks or grows has not settled.
@@ -53,7 +53,7 @@ class Kind(NamedTuple):
 
 
 def classify(
-    scene: Scene, plan: Sweep, settling: Settling, points: FloatArray, state: FloatArray, *, last: bool
+    scene: Scene, plan: SweepPlan, settling: Settling, points: FloatArray, state: FloatArray, *, last: bool
 ) -> Kind | None:
     """Classify a motion that was measured, or return None if it must settle longer.
 
@@ -88,7 +88,7 @@ def classify(
 
 
 def _confirmed(
-    scene: Scene, plan: Sweep, settling: Settling, points: FloatArray, state: FloatArray, n: int
+    scene: Scene, plan: SweepPlan, settling: Settling, points: FloatArray, state: FloatArray, n: int
 ) -> Kind | None:
     """Confirm on the measured section, of period n, that a motion has settled; None if it has not.
 

@@ -20,11 +20,11 @@ from vibroplat.model.parameters import FloatArray, parameters
 from vibroplat.observe import statistics as m
 from vibroplat.observe.statistics import Measures, section_rows
 from vibroplat.observe.summary import Part, block_errors, half_open, measured
-from vibroplat.plan import Sweep
 from vibroplat.scene import Scene
 from vibroplat.study.classification import Kind, classify
 from vibroplat.study.section import period, section_points
 from vibroplat.study.settling import Settling, settle
+from vibroplat.sweep_plan import SweepPlan
 
 #: Distance of the phase difference from 0 or π (rad) up to which exciters turn in phase or antiphase.
 SYNCHRONOUS = math.pi / 3.0
@@ -94,7 +94,7 @@ class Point:
     impact_speeds: list[float] = field(default_factory=list)
 
 
-def measure_point(scene: Scene, plan: Sweep, state: list[float] | None, key: tuple[int, ...]) -> Point:
+def measure_point(scene: Scene, plan: SweepPlan, state: list[float] | None, key: tuple[int, ...]) -> Point:
     """Settle and measure one point of a sweep.
 
     Parameters
@@ -149,7 +149,9 @@ class _Impacts:
         self.speeds.extend((-rows[rows[:, hy.KIND] == hy.IMPACT, hy.RATE_BEFORE]).tolist())
 
 
-def _settled_and_measured(motion: Motion, plan: Sweep, impacts: _Impacts | None) -> tuple[Settling, Part, Kind | None]:
+def _settled_and_measured(
+    motion: Motion, plan: SweepPlan, impacts: _Impacts | None
+) -> tuple[Settling, Part, Kind | None]:
     """Settle, measure and classify a motion; settle again where it turns out not to have settled.
 
     Motion that does not repeat is measured in blocks, from which the errors of its measures follow. There is no kind
@@ -176,7 +178,7 @@ def _settled_and_measured(motion: Motion, plan: Sweep, impacts: _Impacts | None)
     return settling, part, kind if motion.outcome == "ok" else None
 
 
-def _measured_part(motion: Motion, plan: Sweep, settling: Settling, impacts: _Impacts | None) -> Part:
+def _measured_part(motion: Motion, plan: SweepPlan, settling: Settling, impacts: _Impacts | None) -> Part:
     """Measure a motion: at once where it repeats, or seems to after a fixed time; otherwise in blocks."""
     if settling.how != "maximum":
         part = motion.go_on(measuring_time(motion.state, plan.measure_s, settling), read=impacts)
@@ -219,7 +221,7 @@ def folded(state: FloatArray) -> FloatArray:
     return found
 
 
-def perturbed(state: FloatArray, scene: Scene, plan: Sweep, key: tuple[int, ...]) -> FloatArray:
+def perturbed(state: FloatArray, scene: Scene, plan: SweepPlan, key: tuple[int, ...]) -> FloatArray:
     """Return a state with the rates of platform and exciters changed by normal random numbers.
 
     A symmetric motion that has lost stability would otherwise be kept by its symmetry for ever.

@@ -18,9 +18,9 @@ from vibroplat.flow.motion import Motion
 from vibroplat.model.parameters import FloatArray
 from vibroplat.observe import statistics as m
 from vibroplat.observe.statistics import section_rows
-from vibroplat.plan import Sweep
 from vibroplat.scene import Scene
 from vibroplat.study.section import section_points, spreads
+from vibroplat.sweep_plan import SweepPlan
 
 #: Turns of exciter 1 that are compared with as many before, and those between two looks.
 TURNS, BLOCK = 32, 16
@@ -63,7 +63,7 @@ class Settling(NamedTuple):
         return self.how == "periodic" and self.turn > 0.0 and self.seconds > EARLY_LOOKS * BLOCK * self.turn
 
 
-def settle(motion: Motion, plan: Sweep, longest: float) -> Settling:
+def settle(motion: Motion, plan: SweepPlan, longest: float) -> Settling:
     """Carry a motion on until it has settled as the plan says, or has ended early.
 
     ``longest`` bounds the settling with ``auto`` (s). It is counted from the motion's beginning, so that a motion that
@@ -93,7 +93,7 @@ def settle(motion: Motion, plan: Sweep, longest: float) -> Settling:
     return Settling("maximum", motion.now, slip=sums[-1] - sums[0] if sums else 0.0)
 
 
-def noise(scene: Scene, plan: Sweep) -> float:
+def noise(scene: Scene, plan: SweepPlan) -> float:
     """Spread of the section that is the solver's, in the scales of the scene."""
     return min(NOISE * scene.solver.tolerance, plan.settle_tolerance)
 

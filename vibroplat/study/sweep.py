@@ -9,12 +9,12 @@ import pandas as pd
 
 import vibroplat
 from vibroplat.integrate.choice import engine_name
-from vibroplat.plan import Sweep
 from vibroplat.scene import Scene
 from vibroplat.study.branches import EXCITATION, SUPPLY, Branch, branches, sweep_plan
 from vibroplat.study.execution import Pool, WorkerLostError, pool, run_chains
 from vibroplat.study.point import ERRORS, MEASURED, Point, measure_point
 from vibroplat.study.store import Store
+from vibroplat.sweep_plan import SweepPlan
 
 #: Columns of text, and of whole numbers; the others are of numbers.
 TEXTS = ("direction", "sync", "motion", "outcome", "detail")
@@ -114,7 +114,7 @@ def run_sweeps(sweeps: Sequence[tuple[Scene, Store]], workers: Pool, progress: P
 class _Chain:
     """A branch's points, each begun with the state in which the last good one ended."""
 
-    def __init__(self, branch: Branch, plan: Sweep, store: Store) -> None:
+    def __init__(self, branch: Branch, plan: SweepPlan, store: Store) -> None:
         self._branch = branch
         self._plan = plan
         self._store = store

@@ -15,8 +15,8 @@ from typing import Any
 import pandas as pd
 from scipy.optimize import brentq
 
+from vibroplat.paper.trial import paper_scene
 from vibroplat.scene import Machine, Scene
-from vibroplat.study.trial import paper_scene
 
 #: Frequencies (Hz) up to which the paper has attached motion, by mass ratio.
 LIFTOFF = {0.1: 24.5, 0.2: 24.0}

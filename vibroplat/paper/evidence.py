@@ -10,11 +10,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from vibroplat.model.parameters import FloatArray
-from vibroplat.plan import Sweep
 from vibroplat.scene import Scene
 from vibroplat.study.branches import EXCITATION, SUPPLY, Branch, branches, sweep_plan
 from vibroplat.study.point import ERRORS
 from vibroplat.study.store import Store
+from vibroplat.sweep_plan import SweepPlan
 
 Row = dict[str, Any]
 
@@ -81,7 +81,7 @@ class Course:
     """
 
     branch: Branch
-    plan: Sweep
+    plan: SweepPlan
     rows: list[Row]
     failed: tuple[float, ...] = ()
 
@@ -99,7 +99,7 @@ class Evidence:
     asked
         Boundaries that were asked for, as wide as a step of the sweep.
     narrowed
-        Those that further points have narrowed (:mod:`vibroplat.study.narrowing`); they are answered instead.
+        Those that further points have narrowed (:mod:`vibroplat.paper.narrowing`); they are answered instead.
     """
 
     courses: dict[Key, Course] = field(default_factory=dict)

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from vibroplat.paper.evidence import Evidence, F
+from vibroplat.paper.finding import EDGE
 from vibroplat.study.branches import SUPPLY
-from vibroplat.study.evidence import Evidence, F
-from vibroplat.study.finding import EDGE
 
 
 def sync_bands(evidence: Evidence) -> pd.DataFrame:

@@ -10,11 +10,11 @@ import pandas as pd
 
 from vibroplat.flow.run import simulate
 from vibroplat.hybrid.initial import static_rest
+from vibroplat.paper.trial import BETA, paper_scene
 from vibroplat.scene import Scene
 from vibroplat.study.execution import Pool
 from vibroplat.study.store import Store
 from vibroplat.study.tasks import Record, Task, run_tasks
-from vibroplat.study.trial import BETA, paper_scene
 
 #: Frequencies of the time histories' panels and, by figure, files of their curves in the paper's numbering.
 PANELS: dict[str, tuple[str, ...]] = {

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pandas as pd
 
-from vibroplat.study.calibration.plan import Plan
+from vibroplat.paper.calibration.plan import CalibrationPlan
 
 #: Claims that a set may hold less than the best to count among those as good.
 WITHIN = 1.0
@@ -19,7 +19,7 @@ def claim_names(evaluations: pd.DataFrame) -> list[str]:
     return [name.removesuffix(HOLDS) for name in evaluations.columns if name.endswith(HOLDS)]
 
 
-def left_out(evaluations: pd.DataFrame, plan: Plan) -> pd.DataFrame:
+def left_out(evaluations: pd.DataFrame, plan: CalibrationPlan) -> pd.DataFrame:
     """Choose the best set by all claims but one, and see whether it makes that one hold; a row for each claim.
 
     The best set is the one with which most of the other claims hold, then the one of their highest mean score. Only
@@ -43,7 +43,7 @@ def left_out(evaluations: pd.DataFrame, plan: Plan) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def spread(evaluations: pd.DataFrame, plan: Plan) -> pd.DataFrame:
+def spread(evaluations: pd.DataFrame, plan: CalibrationPlan) -> pd.DataFrame:
     """Tell how far each parameter spreads over the sets within one claim of the best; a row for each parameter.
 
     ``width`` is from the least to the largest value and ``middle_width`` from the lower to the upper quartile, both as

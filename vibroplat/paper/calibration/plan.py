@@ -14,7 +14,7 @@ from vibroplat.errors import ConfigError
 from vibroplat.fields import Real, Section
 from vibroplat.messages import explain
 from vibroplat.overrides import flat
-from vibroplat.study.trial import IMPACT, paper_scene
+from vibroplat.paper.trial import IMPACT, paper_scene
 
 #: Fewest candidates of a generation that differential evolution takes.
 LEAST_POPULATION = 5
@@ -62,7 +62,7 @@ class Confirm(Section):
     seeds: Annotated[int, Field(ge=1, le=1_000)] = 3
 
 
-class Plan(Section):
+class CalibrationPlan(Section):
     """Section ``calibration``: what is searched, and how long.
 
     Each start is a search of its own with the seed ``seed``, ``seed + 1``, …; ``begin`` lists sets of parameters that
@@ -111,7 +111,7 @@ class Plan(Section):
         return min(self.confirm.sets, self.evaluations) * self.confirm.seeds
 
 
-def load_plan(path: Path, overrides: Mapping[str, Any]) -> tuple[dict[str, Any], Plan]:
+def load_plan(path: Path, overrides: Mapping[str, Any]) -> tuple[dict[str, Any], CalibrationPlan]:
     """Read the machine's fixed numbers and the plan from a YAML file.
 
     Raises
@@ -127,9 +127,9 @@ def load_plan(path: Path, overrides: Mapping[str, Any]) -> tuple[dict[str, Any],
         raise ConfigError(f"{path}: calibration = {section!r}; allowed: a section of keys and values")
     fixed = flat(tree)
     try:
-        plan = Plan.model_validate({**section, **overrides})
+        plan = CalibrationPlan.model_validate({**section, **overrides})
     except ValidationError as error:
-        raise ConfigError(f"{path}: calibration: {explain(error, Plan)}") from None
+        raise ConfigError(f"{path}: calibration: {explain(error, CalibrationPlan)}") from None
     for end in ("low", "high"):  # a key or a value that no scene takes is refused before the search
         paper_scene(IMPACT[0], fixed | {key: getattr(r, end) for key, r in plan.parameters.items()})
     return fixed, plan

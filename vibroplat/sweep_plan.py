@@ -57,7 +57,7 @@ class Frequencies(Section):
         return [float(f"{self.start + i * self.step:.12g}") for i in range(count)]
 
 
-class Sweep(Section):
+class SweepPlan(Section):
     """Branches side by side: every combination of the grid's values, in each direction."""
 
     supply_frequency_hz: Frequencies

@@ -7,10 +7,10 @@ from itertools import pairwise
 
 import numpy as np
 
+from vibroplat.paper.evidence import MOTIONS, REGIMES, Boundary, Evidence, F, Key, Row, runs
+from vibroplat.paper.finding import EDGE, Claim, Finding, closeness, interval, joined, keys_of, name_of, restitutions
+from vibroplat.paper.narrowing import JUMP_WIDTH, WIDTH
 from vibroplat.study.branches import SUPPLY
-from vibroplat.study.evidence import MOTIONS, REGIMES, Boundary, Evidence, F, Key, Row, runs
-from vibroplat.study.finding import EDGE, Claim, Finding, closeness, interval, joined, keys_of, name_of, restitutions
-from vibroplat.study.narrowing import JUMP_WIDTH, WIDTH
 
 #: Least change of frequency (Hz) and share by which RMS y falls that make a jump.
 LEAST_JUMP, LEAST_FALL = 0.1, 0.2

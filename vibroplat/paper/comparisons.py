@@ -12,9 +12,9 @@ from itertools import pairwise
 import numpy as np
 
 from vibroplat.model.parameters import FloatArray
+from vibroplat.paper.evidence import REGIMES, Curve, Evidence, F, Key, Row
+from vibroplat.paper.finding import EDGE, Claim, Finding, Judge, interval, joined, name_of, restitutions
 from vibroplat.study.branches import SUPPLY
-from vibroplat.study.evidence import REGIMES, Curve, Evidence, F, Key, Row
-from vibroplat.study.finding import EDGE, Claim, Finding, Judge, interval, joined, name_of, restitutions
 
 #: Spacing of frequencies (Hz) at which curves are compared.
 SPACING = 0.25

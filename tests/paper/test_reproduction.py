@@ -3,26 +3,25 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 import pytest
+from study.helpers import MACHINE
 
 from vibroplat.config import load_tree
 from vibroplat.errors import ConfigError
 from vibroplat.overrides import flat
+from vibroplat.paper import histories, narrowing, reproduction
+from vibroplat.paper.evidence import Course, Evidence, F, Key
+from vibroplat.paper.narrowing import JUMP_WIDTH, narrow
+from vibroplat.paper.nonimpact import MATCHED, find_beta
+from vibroplat.paper.scoreboard import FORMER
+from vibroplat.paper.trial import BETA, LAWS, machine_numbers, paper_scene
 from vibroplat.plots.paper import FIGURES, plot_paper
 from vibroplat.scene import Scene
-from vibroplat.study import histories, narrowing, paper
 from vibroplat.study.branches import branches
-from vibroplat.study.evidence import Course, Evidence, F, Key
 from vibroplat.study.execution import Inline
-from vibroplat.study.narrowing import JUMP_WIDTH, narrow
-from vibroplat.study.nonimpact import MATCHED, find_beta
 from vibroplat.study.point import measure_point
-from vibroplat.study.scoreboard import FORMER
 from vibroplat.study.store import Store
 from vibroplat.study.sweep import run_sweeps
-from vibroplat.study.trial import BETA, LAWS, machine_numbers, paper_scene
 from vibroplat.tables import write_table
-
-from .helpers import MACHINE
 
 COARSE = {
     "sweep.supply_frequency_hz.start": 42.0,
@@ -140,17 +139,26 @@ def test_sweeps_of_figures_differ_in_their_grid_alone():
 
 @pytest.mark.long
 def test_paper_is_reproduced_and_resumed(tmp_path, monkeypatch):
-    monkeypatch.setattr(paper, "QUICK", COARSE)
-    monkeypatch.setattr(paper, "load_list", lambda path: [{"material.damping_ratio": 0.3}])
+    monkeypatch.setattr(reproduction, "QUICK", COARSE)
+    monkeypatch.setattr(reproduction, "load_list", lambda path: [{"material.damping_ratio": 0.3}])
     numbers = flat(load_tree(MACHINE)) | COARSE
     told = []
     seeds = (2, 3)
     place = tmp_path / "points"
-    found = paper.reproduce(numbers, place, Inline(), seeds=seeds, progress=lambda *counts: told.append(counts))
-    assert told[-1][:2] == paper.planned(numbers, seeds)
+    found = reproduction.reproduce(numbers, place, Inline(), seeds=seeds, progress=lambda *counts: told.append(counts))
+    assert told[-1][:2] == reproduction.planned(numbers, seeds)
     assert found.points >= told[-1][1]
     viscous = {"fig6-nonimpact"} if found.beta else set()
-    names = {*paper.SWEEPS, LAWS, *histories.PANELS, *viscous, "sync-bands", "impact-laws", "contradictions", "claims"}
+    names = {
+        *reproduction.SWEEPS,
+        LAWS,
+        *histories.PANELS,
+        *viscous,
+        "sync-bands",
+        "impact-laws",
+        "contradictions",
+        "claims",
+    }
     assert names == found.tables.keys()
     board = found.tables["claims"].set_index("id")
     assert set(board["verdict"].drop(FORMER)) <= VERDICTS
@@ -165,7 +173,7 @@ def test_paper_is_reproduced_and_resumed(tmp_path, monkeypatch):
     for name, table in found.tables.items():
         write_table(table, tmp_path, name, "csv")
     assert [path.stem for path in plot_paper(tmp_path)] == list(FIGURES)
-    again = paper.reproduce(numbers, place, Inline(), seeds=seeds, resume=True)
+    again = reproduction.reproduce(numbers, place, Inline(), seeds=seeds, resume=True)
     assert again.beta == found.beta
     assert set(found.tables["impact-laws"]["impact_law"]) == {"conservative", "central", "printed"}
     for name, table in found.tables.items():

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import brentq
 
-from vibroplat.plan import Sweep
+from vibroplat.paper.evidence import Evidence, F, Key
 from vibroplat.scene import Scene
 from vibroplat.study.branches import FREQUENCY, SUPPLY
-from vibroplat.study.evidence import Evidence, F, Key
 from vibroplat.study.point import measure_point
+from vibroplat.sweep_plan import SweepPlan
 
 #: Excitation frequency (Hz) at which the paper makes both models' RMS y equal.
 MATCHED = 30.9
@@ -64,7 +64,7 @@ def matched_frequency(evidence: Evidence, mass_ratio: float) -> float | None:
     return reached if reached >= MATCHED - SHORT else None
 
 
-def _at_matched(scene: Scene, plan: Sweep, supply: float, wanted: float) -> float | None:
+def _at_matched(scene: Scene, plan: SweepPlan, supply: float, wanted: float) -> float | None:
     """RMS y (m) where the excitation frequency is a wanted one, by the secant method from a supply frequency below."""
     state: list[float] | None = None
     known: list[tuple[float, float]] = []

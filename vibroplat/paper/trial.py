@@ -8,12 +8,12 @@ from typing import Any
 from vibroplat.config import configurations, load_config, load_list, load_tree
 from vibroplat.errors import ConfigError
 from vibroplat.overrides import flat
+from vibroplat.paper.claims import judge
+from vibroplat.paper.evidence import Evidence
+from vibroplat.paper.finding import Finding
+from vibroplat.paper.nonimpact import find_beta
 from vibroplat.scene import Scene
-from vibroplat.study.claims import judge
-from vibroplat.study.evidence import Evidence
 from vibroplat.study.execution import Inline
-from vibroplat.study.finding import Finding
-from vibroplat.study.nonimpact import find_beta
 from vibroplat.study.store import Store
 from vibroplat.study.sweep import run_sweeps
 

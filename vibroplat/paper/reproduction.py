@@ -16,21 +16,15 @@ import pandas as pd
 
 import vibroplat
 from vibroplat.config import configurations, load_list
-from vibroplat.scene import Scene
-from vibroplat.study.branches import branches
-from vibroplat.study.claims import judge
-from vibroplat.study.contradictions import contradictions
-from vibroplat.study.evidence import Evidence
-from vibroplat.study.execution import Pool
-from vibroplat.study.histories import histories
-from vibroplat.study.narrowing import narrow
-from vibroplat.study.nonimpact import find_beta, matched_frequency
-from vibroplat.study.scoreboard import scoreboard
-from vibroplat.study.store import Store
-from vibroplat.study.summaries import impact_laws, sync_bands
-from vibroplat.study.sweep import Progress, conditions, run_sweeps, tables
-from vibroplat.study.tasks import Record, Task, run_tasks
-from vibroplat.study.trial import (
+from vibroplat.paper.claims import judge
+from vibroplat.paper.contradictions import contradictions
+from vibroplat.paper.evidence import Evidence
+from vibroplat.paper.histories import histories
+from vibroplat.paper.narrowing import narrow
+from vibroplat.paper.nonimpact import find_beta, matched_frequency
+from vibroplat.paper.scoreboard import scoreboard
+from vibroplat.paper.summaries import impact_laws, sync_bands
+from vibroplat.paper.trial import (
     BETA,
     IMPACT,
     LAWS,
@@ -42,6 +36,12 @@ from vibroplat.study.trial import (
     former_claims,
     paper_scene,
 )
+from vibroplat.scene import Scene
+from vibroplat.study.branches import branches
+from vibroplat.study.execution import Pool
+from vibroplat.study.store import Store
+from vibroplat.study.sweep import Progress, conditions, run_sweeps, tables
+from vibroplat.study.tasks import Record, Task, run_tasks
 
 #: Sweeps of a machine from which claims are judged or figures drawn, besides that of the non-impact model.
 SWEEPS = ("fig2", *IMPACT)

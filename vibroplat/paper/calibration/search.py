@@ -1,6 +1,6 @@
 """The search: differential evolution from several starts, and the best sets judged again with other seeds.
 
-A set of parameters is judged by the coarse sweeps of :mod:`vibroplat.study.trial`. The search is differential
+A set of parameters is judged by the coarse sweeps of :mod:`vibroplat.paper.trial`. The search is differential
 evolution (Storn and Price 1997) as scipy has it, with the candidates of a generation evaluated side by side. It depends
 on nothing but its seed, so a resumed search repeats it with the evaluations that are already there.
 """
@@ -19,10 +19,10 @@ from scipy.stats import qmc
 
 import vibroplat
 from vibroplat.model.parameters import FloatArray
-from vibroplat.study.calibration.plan import Plan
+from vibroplat.paper.calibration.plan import CalibrationPlan
+from vibroplat.paper.trial import QUICK, claims, quick_findings
 from vibroplat.study.execution import Pool, WorkerLostError, run_chains
 from vibroplat.study.store import Store
-from vibroplat.study.trial import QUICK, claims, quick_findings
 
 #: Told after each evaluation: how many there are, the most claims held, and the best score among these.
 Progress = Callable[[int, int, float], None]
@@ -34,7 +34,7 @@ SEED = "sweep.seed"
 CONFIRMING = 1_000_000
 
 
-def conditions(fixed: Mapping[str, Any], plan: Plan) -> dict[str, Any]:
+def conditions(fixed: Mapping[str, Any], plan: CalibrationPlan) -> dict[str, Any]:
     """Return what the evaluations rest on; how many there are may change."""
     return {
         "vibroplat": vibroplat.__version__,
@@ -88,7 +88,7 @@ class Calibration:
 
 
 def calibrate(
-    fixed: Mapping[str, Any], plan: Plan, store: Store, workers: Pool, progress: Progress | None = None
+    fixed: Mapping[str, Any], plan: CalibrationPlan, store: Store, workers: Pool, progress: Progress | None = None
 ) -> Calibration:
     """Search from all starts, one after the other, and confirm the best sets.
 
@@ -118,7 +118,7 @@ def calibrate(
     return Calibration(_over_seeds(rows, confirmation, plan), confirmation)
 
 
-def _search(plan: Plan, start: int, book: _Book) -> list[_Evaluation]:
+def _search(plan: CalibrationPlan, start: int, book: _Book) -> list[_Evaluation]:
     """Search from one start; returns its evaluations in their order."""
     evaluations: list[_Evaluation] = []
 
@@ -143,7 +143,7 @@ def _search(plan: Plan, start: int, book: _Book) -> list[_Evaluation]:
     return evaluations
 
 
-def _population(plan: Plan, seed: int) -> FloatArray:
+def _population(plan: CalibrationPlan, seed: int) -> FloatArray:
     """Return the first population: a Latin hypercube, the sets to begin with in place of its first ones."""
     ranges = plan.parameters
     low, high = np.array([r.bounds for r in ranges.values()]).T
@@ -161,7 +161,7 @@ def _row(e: _Evaluation) -> dict[str, Any]:
     return row
 
 
-def _over_seeds(rows: pd.DataFrame, confirmation: pd.DataFrame, plan: Plan) -> pd.DataFrame:
+def _over_seeds(rows: pd.DataFrame, confirmation: pd.DataFrame, plan: CalibrationPlan) -> pd.DataFrame:
     """Add what all seeds say to evaluations, and sort them, those that were confirmed first."""
     keys = list(plan.parameters)
     at = rows.columns.get_loc("held")
@@ -186,7 +186,7 @@ class _Book:
     """Evaluations by set and seed: those that the store has, and those that are made."""
 
     def __init__(
-        self, fixed: Mapping[str, Any], plan: Plan, store: Store, workers: Pool, progress: Progress | None
+        self, fixed: Mapping[str, Any], plan: CalibrationPlan, store: Store, workers: Pool, progress: Progress | None
     ) -> None:
         self._fixed = fixed
         self._store = store

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from vibroplat.study.evidence import Evidence, Key
+from vibroplat.paper.evidence import Evidence, Key
 
 Claim = Mapping[str, Any]
 

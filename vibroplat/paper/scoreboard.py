@@ -7,10 +7,10 @@ from typing import Any
 
 import pandas as pd
 
-from vibroplat.study.claims import judge
-from vibroplat.study.evidence import Evidence
-from vibroplat.study.finding import Claim, Finding
-from vibroplat.study.trial import claims, former_claims
+from vibroplat.paper.claims import judge
+from vibroplat.paper.evidence import Evidence
+from vibroplat.paper.finding import Claim, Finding
+from vibroplat.paper.trial import claims, former_claims
 
 #: What other sets of numbers gave: the changes over the machine's, and a finding.
 Others = Sequence[tuple[Mapping[str, Any], Finding]]

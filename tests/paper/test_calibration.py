@@ -8,16 +8,16 @@ import pytest
 from vibroplat import cli
 from vibroplat.config import configurations
 from vibroplat.errors import ConfigError
-from vibroplat.study.calibration import search
-from vibroplat.study.calibration.plan import Confirm, Plan, Range, load_plan
-from vibroplat.study.calibration.reading import left_out, overview, spread
-from vibroplat.study.calibration.search import calibrate, conditions, evaluate, objective
+from vibroplat.paper.calibration import search
+from vibroplat.paper.calibration.plan import CalibrationPlan, Confirm, Range, load_plan
+from vibroplat.paper.calibration.reading import left_out, overview, spread
+from vibroplat.paper.calibration.search import calibrate, conditions, evaluate, objective
+from vibroplat.paper.trial import QUICK, machine_numbers, paper_scene
 from vibroplat.study.execution import Inline
 from vibroplat.study.store import Store
-from vibroplat.study.trial import QUICK, machine_numbers, paper_scene
 
 DAMPING, RATIO = "machine.damping_y_n_s_per_m", "material.damping_ratio"
-PLAN = Plan(
+PLAN = CalibrationPlan(
     parameters={DAMPING: Range(low=100.0, high=500.0), RATIO: Range(low=1e-3, high=1.0, scale="log")},
     population_per_parameter=6,
     generations=12,

@@ -6,8 +6,8 @@ import json
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from vibroplat.paper.evidence import MOTIONS, REGIMES, Boundary, Course, Evidence, Row, Step
 from vibroplat.study.branches import FREQUENCY, SUPPLY
-from vibroplat.study.evidence import MOTIONS, REGIMES, Boundary, Course, Evidence, Row, Step
 from vibroplat.study.execution import Pool, WorkerLostError, run_chains
 from vibroplat.study.point import Point, measure_point
 from vibroplat.study.store import Store

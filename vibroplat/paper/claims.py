@@ -6,10 +6,10 @@ also how far the ends of its bands can be told. Scores between 0 and 1 tell cali
 
 from __future__ import annotations
 
-from vibroplat.study import boundaries, comparisons, quoted
-from vibroplat.study.comparisons import ALMOST, SMALL
-from vibroplat.study.evidence import Evidence, Key
-from vibroplat.study.finding import EDGE, Claim, Finding, Judge, listed, name_of
+from vibroplat.paper import boundaries, comparisons, quoted
+from vibroplat.paper.comparisons import ALMOST, SMALL
+from vibroplat.paper.evidence import Evidence, Key
+from vibroplat.paper.finding import EDGE, Claim, Finding, Judge, listed, name_of
 
 #: How far exciters may lag behind their supply (Hz) where a point failed and its excitation frequency is not known.
 LAG = 1.0
