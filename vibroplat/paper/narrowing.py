@@ -1,92 +1,80 @@
-"""Boundaries of regimes narrowed: the step in which one ends is halved, each new point begun before the change."""
+"""Narrow the boundaries of regimes: the step of the sweep in which a regime ends or begins is halved repeatedly.
+
+Each new point begins with the state of the point before the change.
+"""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
-from typing import Any
+from dataclasses import dataclass, field
 
-from vibroplat.paper.evidence import MOTIONS, REGIMES, Boundary, Course, Evidence, Row, Step
+from vibroplat.paper.evidence import MOTIONS, REGIMES, Boundary, Evidence, Step
 from vibroplat.study.branches import FREQUENCY, SUPPLY
-from vibroplat.study.execution import Pool, WorkerLostError, run_chains
-from vibroplat.study.point import Point, measure_point
-from vibroplat.study.store import Store
+from vibroplat.study.execution import Pool
+from vibroplat.study.point import point_task
+from vibroplat.study.store import Records
+from vibroplat.study.tasks import StoredChain, Tasks, run_stored
 
-#: Widths of supply frequency (Hz) down to which boundaries are narrowed, about half as wide in excitation frequency:
-#: of jumps, whose shifts over mass are small (five points from the paper's step), and of the others (three points).
+#: Widths (Hz of supply frequency) to which boundaries are narrowed; in excitation frequency they are about half as
+#: wide. The first is for jumps, as mass shifts them little (five points from the paper's step), the other for the rest
+#: (three points).
 JUMP_WIDTH, WIDTH = 0.02, 0.1
+
+#: Evidence, a function that reads it, and where the points that narrow its boundaries are stored.
+Reading = tuple[Evidence, Callable[[Evidence], object], Records]
 
 
 def width(regime: str) -> float:
-    """Return the width of supply frequencies (Hz) down to which the end of a regime is narrowed."""
+    """Return the width (Hz of supply frequency) to which boundaries of a regime are narrowed."""
     return JUMP_WIDTH if regime in ("antiphase", "in-phase") else WIDTH
 
 
-def narrow(evidences: Sequence[tuple[Evidence, Store]], workers: Pool) -> None:
-    """Narrow all boundaries that were asked for and are not narrow yet; points are kept in the stores."""
-    chains = [
-        _Halving(evidence, number, step, store)
-        for evidence, store in evidences
-        for number, step in enumerate(evidence.asked)
-        if step not in evidence.narrowed
-    ]
-    for _ in run_chains(chains, workers):
-        pass
-    for chain in chains:
-        chain.evidence.narrowed[chain.step] = chain.boundary
+def narrow(readings: Sequence[Reading], workers: Pool) -> None:
+    """Narrow all boundaries that the functions read of their evidence, and add them to it."""
+    found = [(evidence, step, records) for evidence, read, records in readings for step in steps_read(evidence, read)]
+    chains = [StoredChain(halve(evidence, step), records, json.dumps(step)) for evidence, step, records in found]
+    for (evidence, step, _), boundary in zip(found, run_stored(chains, workers), strict=True):
+        evidence.boundaries[step] = boundary
 
 
-class _Halving:
-    """A chain of points, each in the middle of the step that is left."""
+def steps_read(evidence: Evidence, read: Callable[[Evidence], object]) -> list[Step]:
+    """Return the steps whose boundaries a function reads and that have not been narrowed yet."""
+    observed = _Observed(evidence.courses, evidence.beta, evidence.boundaries)
+    read(observed)
+    return [step for step in observed.steps if step not in evidence.boundaries]
 
-    def __init__(self, evidence: Evidence, number: int, step: Step, store: Store) -> None:
-        self.evidence = evidence
-        self.step = step
-        self.boundary = evidence.asked[step]
-        self._course: Course = evidence.courses[step.key]
-        self._number = number
-        self._store = store
-        self._points = 0
-        self._lost = False
-        for _, record in store.read(number):
-            if (
-                record["step"] != json.loads(json.dumps(step)) or record["row"].get(SUPPLY) != self._middle
-            ):  # of another boundary
-                break
-            self._passed(record["row"], record["state"])
 
-    @property
-    def _middle(self) -> float:
-        return float(0.5 * (self.boundary.before[SUPPLY] + self.boundary.after[SUPPLY]))
+@dataclass
+class _Observed(Evidence):
+    """Evidence that notes which boundaries are read."""
 
-    def task(self) -> tuple[Callable[..., Any], tuple[Any, ...]] | None:
-        """Return the next point as a task."""
-        left = abs(self.boundary.after[SUPPLY] - self.boundary.before[SUPPLY])
-        if self._lost or left <= width(self.step.regime):
-            return None
-        branch = self._course.branch
-        exponents = self._course.plan.lyapunov and self.step.regime in MOTIONS
-        plan = self._course.plan.model_copy(update={"lyapunov": exponents})
-        scene = branch.scene.replace({FREQUENCY: self._middle})
-        return measure_point, (scene, plan, self.boundary.before["state"], branch.key(self._middle))
+    steps: dict[Step, None] = field(default_factory=dict)
 
-    def take(self, result: Point | WorkerLostError) -> None:
-        """Keep a finished point."""
-        if isinstance(result, WorkerLostError):
-            self._lost = True
-            return
-        row = result.row | {SUPPLY: self._middle}
-        step = json.loads(json.dumps(self.step))
-        self._store.write(self._number, self._points, {"row": row, "state": result.state, "step": step})
-        self._passed(row, result.state)
+    def _narrowed(self, step: Step, boundary: Boundary) -> Boundary:
+        self.steps[step] = None
+        return super()._narrowed(step, boundary)
 
-    def _passed(self, row: Row, state: list[float] | None) -> None:
-        """Go on in the half in which the change is; a point that failed or is undecided ends the narrowing."""
-        self._points += 1
-        if state is None or (self.step.regime in MOTIONS and row["motion"] == "undecided"):
-            self._lost = True
-            return
-        before, after = self.boundary
-        found = row | {"state": state}
-        same = REGIMES[self.step.regime](row) != self.step.begins
-        self.boundary = Boundary(found, after) if same else Boundary(before, found)
+
+def halve(evidence: Evidence, step: Step) -> Tasks[Boundary]:
+    """Halve a step until the change of regime in it is known to the width; a point that fails or is undecided ends it.
+
+    The result is the boundary with the rows next to the change.
+    """
+    course = evidence.courses[step.key]
+    before, after = (next(row for row in course.rows if row[SUPPLY] == supply) for supply in (step.before, step.after))
+    state = course.states[step.before]
+    exponents = course.plan.lyapunov and step.regime in MOTIONS
+    plan = course.plan.model_copy(update={"lyapunov": exponents})
+    while abs(after[SUPPLY] - before[SUPPLY]) > width(step.regime):
+        middle = float(0.5 * (before[SUPPLY] + after[SUPPLY]))
+        scene = course.branch.scene.replace({FREQUENCY: middle})
+        record = yield point_task(scene, plan, state, course.branch.key(middle))
+        row = record["row"] | {SUPPLY: middle}
+        if record["state"] is None or (step.regime in MOTIONS and row["motion"] == "undecided"):
+            break
+        if REGIMES[step.regime](row) != step.begins:
+            before, state = row, record["state"]
+        else:
+            after = row
+    return Boundary(before, after)

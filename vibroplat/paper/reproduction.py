@@ -1,13 +1,14 @@
-"""The paper by Panovko and Shokhin, reproduced: its curves, its time histories, its claims judged.
+"""Reproduce the paper by Panovko and Shokhin with one machine: its curves, its time histories, its claims judged.
 
-The work is done in stages, each of tasks side by side: sweeps of the impact model, boundaries narrowed, β of the
-non-impact model, its sweeps and boundaries, time histories. What stages have computed is kept; judging is not work.
+The simulations are run in stages, each with its chains side by side: sweeps of the impact model, narrowing of
+boundaries, β of the non-impact model, its sweeps, narrowing of further boundaries, time histories. All are stored. What
+is judged and tabulated after them is read from these results alone.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from contextlib import ExitStack
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -16,12 +17,13 @@ import pandas as pd
 
 import vibroplat
 from vibroplat.config import configurations, load_list
+from vibroplat.integrate.choice import engine_name
 from vibroplat.paper.claims import judge
 from vibroplat.paper.contradictions import contradictions
 from vibroplat.paper.evidence import Evidence
-from vibroplat.paper.histories import histories
+from vibroplat.paper.histories import by_figure, histories
 from vibroplat.paper.narrowing import narrow
-from vibroplat.paper.nonimpact import find_beta, matched_frequency
+from vibroplat.paper.nonimpact import match_beta, matched_frequency
 from vibroplat.paper.scoreboard import scoreboard
 from vibroplat.paper.summaries import impact_laws, sync_bands
 from vibroplat.paper.trial import (
@@ -31,6 +33,7 @@ from vibroplat.paper.trial import (
     MASS_RATIO,
     NON_IMPACT,
     QUICK,
+    SEED,
     SHARED,
     claims,
     former_claims,
@@ -39,30 +42,29 @@ from vibroplat.paper.trial import (
 from vibroplat.scene import Scene
 from vibroplat.study.branches import branches
 from vibroplat.study.execution import Pool
-from vibroplat.study.store import Store
-from vibroplat.study.sweep import Progress, conditions, run_sweeps, tables
-from vibroplat.study.tasks import Record, Task, run_tasks
+from vibroplat.study.store import Records, Store
+from vibroplat.study.sweep import Progress, run_sweeps, tables
+from vibroplat.study.tasks import StoredChain, run_stored
 
-#: Sweeps of a machine from which claims are judged or figures drawn, besides that of the non-impact model.
+#: Sweeps of the impact model from which figures are drawn or claims judged.
 SWEEPS = ("fig2", *IMPACT)
-#: Key of a scene that trials differ by.
-SEED = "sweep.seed"
-#: Sweeps with seeds beyond the first go upward only: claims are judged by these branches.
+#: Settings of the sweeps with further seeds: upward only, as claims are judged by these branches.
 REPEATED: dict[str, Any] = {"sweep.supply_frequency_hz.direction": ["up"]}
 
 
 @dataclass(frozen=True)
 class Reproduction:
-    """What came of one machine.
+    """The results of one machine.
 
     Attributes
     ----------
     tables
         By name: curves, time histories, impact laws, claims.
     beta, matched_hz
-        β of the non-impact model (1/s) and the frequency at which it makes RMS y equal, or None where there is none.
+        β of the non-impact model (1/s) and the frequency (Hz) at which it makes RMS y of both models equal; None if
+        there is none.
     points, failed, simulated, events
-        How many points there are, how many did not end ``ok``, over how many seconds of motion, with how many events.
+        Number of points of the sweeps, how many of them did not end ``ok``, their simulated time (s) and their events.
     """
 
     tables: dict[str, pd.DataFrame]
@@ -84,72 +86,41 @@ def reproduce(
     overwrite: bool = False,
     progress: Progress | None = None,
 ) -> Reproduction:
-    """Run all of the paper with a machine's numbers.
+    """Reproduce the paper with a machine.
 
     Parameters
     ----------
     numbers
-        Dotted keys and values that are laid over the paper's scenes.
+        Dotted keys and values of the machine, which are laid over the paper's scenes.
     directory
-        Where finished points are kept.
+        Where finished points are stored.
     workers
-        Where points are computed.
+        Where points are simulated.
     seeds
-        Of the perturbations; figures are drawn with the first, claims judged with each.
+        Seeds of the perturbations; figures are drawn with the first, claims are judged with each.
     resume, overwrite
-        Whether to go on with points that are there, or to drop those of an unfinished reproduction.
+        Whether to continue an unfinished reproduction, or to discard its points.
     progress
-        Called with finished branches, points and events of the first stage.
+        Called after each point of the first stage with the numbers of finished branches, points and events.
+
+    Raises
+    ------
+    ConfigError
+        A number is not allowed, or unfinished work would be lost.
+    TableError
+        Points cannot be stored.
     """
-    machine, others, laws = _trials(numbers, seeds)
-    judged = [*machine, *others]
-    with ExitStack() as stack:
-        files = _Files(directory, stack, resume, overwrite)
-        files.refuse_unfinished(judged)
-        _sweep({trial: trial.names for trial in (*judged, laws)}, files, workers, progress)
-        _narrow(machine, laws, files, workers)
-        _match(judged, files, workers)
-        _sweep({trial: (NON_IMPACT,) for trial in judged if trial.evidence.beta is not None}, files, workers)
-        _narrow(machine, laws, files, workers)
-        beta = machine[0].evidence.beta
-        kept = files.open(machine[0], "histories", {**numbers, BETA: beta})
-        found = _tables(machine, others, laws) | histories(numbers, beta, kept, workers)
-        files.finish()
-        return _told([*judged, laws], found)
-
-
-def _tables(machine: Sequence[_Trial], others: Sequence[_Trial], laws: _Trial) -> dict[str, pd.DataFrame]:
-    """Return the tables of the first seed's curves and what they show, and the claims judged with all seeds."""
-    main = machine[0]
-    sweeps = {**main.sweeps, **laws.sweeps}
-    found = {name: pd.concat(tables(*sweep), ignore_index=True) for name, sweep in sweeps.items()}
-    found["sync-bands"] = sync_bands(main.evidence)
-    found["impact-laws"] = impact_laws(main.evidence, laws.evidence)
-    found["contradictions"] = contradictions(main.numbers)
-    found["claims"] = scoreboard(
-        {trial.seed: trial.evidence for trial in machine}, [(trial.changes, trial.evidence) for trial in others]
-    )
-    return found
-
-
-def _told(trials: Sequence[_Trial], found: dict[str, pd.DataFrame]) -> Reproduction:
-    """Return tables with how much was computed for them; the first trial is that of the figures."""
-    every = [pd.concat(tables(*sweep)) for trial in trials for sweep in trial.sweeps.values()]
-    return Reproduction(
-        found,
-        trials[0].evidence.beta,
-        matched_frequency(trials[0].evidence, MASS_RATIO),
-        sum(len(table) for table in every),
-        int(sum((table["outcome"] != "ok").sum() for table in every)),
-        float(sum(table["simulated_s"].sum() for table in every)),
-        int(sum(table["events"].sum() for table in every)),
-    )
+    trials = _trials(numbers, seeds)
+    with trials.stored(directory, resume=resume, overwrite=overwrite):
+        _simulate(trials, workers, progress)
+        main = trials.main
+        shown = histories(numbers, main.evidence.beta, main.store.part("histories"), workers)
+        return _results(trials, by_figure(shown))
 
 
 def planned(numbers: Mapping[str, Any], seeds: Sequence[int] = (0,)) -> tuple[int, int]:
-    """Return how many branches and points the first stage has."""
-    machine, others, laws = _trials(numbers, seeds)
-    found = [b for trial in (*machine, *others, laws) for name in trial.names for b in branches(trial.scene(name))]
+    """Return the numbers of branches and points of the first stage."""
+    found = [b for t in _trials(numbers, seeds).all for name in t.names for b in branches(t.scene(name))]
     return len(found), sum(len(branch.frequencies) for branch in found)
 
 
@@ -163,11 +134,15 @@ class _Trial:
     Attributes
     ----------
     name
-        Of its directory.
+        Name of its directory.
     numbers, changes, settings
-        The machine's numbers; unprinted ones that are changed; how the sweeps are made.
+        Numbers of the machine, changes of unprinted ones, settings of the sweeps.
     names
-        Sweeps of the impact model.
+        Its sweeps of the impact model.
+    evidence
+        What has been found so far.
+    sweeps
+        By name: the scenes of finished sweeps and where their points are.
     """
 
     name: str
@@ -176,7 +151,8 @@ class _Trial:
     settings: Mapping[str, Any]
     names: tuple[str, ...]
     evidence: Evidence = field(default_factory=Evidence)
-    sweeps: dict[str, tuple[Scene, Store]] = field(default_factory=dict)
+    sweeps: dict[str, tuple[Scene, Records]] = field(default_factory=dict)
+    store: Store = field(init=False)
 
     @property
     def seed(self) -> int:
@@ -184,19 +160,72 @@ class _Trial:
         return int(self.settings[SEED])
 
     def scene(self, name: str) -> Scene:
-        """Return the scene of one of its sweeps, with the β that was found for that of the non-impact model."""
-        changes = {BETA: self.evidence.beta} if name == NON_IMPACT else {}
+        """Return the scene of one of its sweeps; that of the non-impact model has the β that was found."""
+        changes = {BETA: self.evidence.beta} if name == NON_IMPACT and self.evidence.beta is not None else {}
         if self.names == IMPACT:  # no figure is drawn of it
             changes |= SHARED.get(name, {})
         return paper_scene(name, {**self.numbers, **self.changes}, {**self.settings, **changes})
 
+    def conditions(self) -> dict[str, Any]:
+        """Return what its points depend on."""
+        scenes = {name: self.scene(name) for name in (*self.names, NON_IMPACT)}
+        return {
+            "vibroplat": vibroplat.__version__,
+            "engine": engine_name(scenes[NON_IMPACT]),
+            **{name: scene.to_tree() for name, scene in scenes.items()},
+        }
 
-def _trials(numbers: Mapping[str, Any], seeds: Sequence[int]) -> tuple[list[_Trial], list[_Trial], _Trial]:
-    """List the trials of the machine, one a seed; the coarse ones with unprinted numbers changed; that of the laws.
 
-    The first coarse trial changes nothing, as a control. The laws have another seed than the figures: what the
-    conservative one differs by from itself is scatter.
+@dataclass(frozen=True)
+class _Trials:
+    """All trials of a machine.
+
+    Attributes
+    ----------
+    machine
+        A trial for each seed; figures are drawn of the first.
+    others
+        Coarse trials with unprinted numbers changed; the first changes nothing, as a control.
+    laws
+        The trial of the impact laws. Its seed is not that of the figures, so that the difference of the conservative
+        law from itself shows the scatter.
     """
+
+    machine: list[_Trial]
+    others: list[_Trial]
+    laws: _Trial
+
+    @property
+    def main(self) -> _Trial:
+        """The trial of the figures."""
+        return self.machine[0]
+
+    @property
+    def judged(self) -> list[_Trial]:
+        """The trials by which claims are judged."""
+        return [*self.machine, *self.others]
+
+    @property
+    def all(self) -> list[_Trial]:
+        """All trials."""
+        return [*self.judged, self.laws]
+
+    @contextmanager
+    def stored(self, directory: Path, *, resume: bool, overwrite: bool) -> Iterator[None]:
+        """Open the stores of all trials; mark them as finished at the end."""
+        with ExitStack() as stack:
+            for trial in self.all:
+                place = directory / trial.name
+                place.mkdir(parents=True, exist_ok=True)
+                store = Store(place, trial.conditions(), resume=resume, overwrite=overwrite)
+                trial.store = stack.enter_context(store)
+            yield
+            for trial in self.all:
+                trial.store.finish()
+
+
+def _trials(numbers: Mapping[str, Any], seeds: Sequence[int]) -> _Trials:
+    """List the trials of a machine."""
     machine = [_Trial("machine", numbers, {}, {SEED: seeds[0]}, SWEEPS)]
     machine += [_Trial(f"seed-{n}", numbers, {}, {SEED: n, **REPEATED}, IMPACT) for n in seeds[1:]]
     alternatives = [{}, *load_list(configurations() / "claims" / "alternatives.yaml")]
@@ -204,88 +233,91 @@ def _trials(numbers: Mapping[str, Any], seeds: Sequence[int]) -> tuple[list[_Tri
         _Trial(f"alternative-{i}", numbers, changes, {**QUICK, SEED: seeds[0]}, IMPACT)
         for i, changes in enumerate(alternatives)
     ]
-    return machine, others, _Trial("laws", numbers, {}, {SEED: seeds[0] + 1}, (LAWS,))
+    return _Trials(machine, others, _Trial("laws", numbers, {}, {SEED: seeds[0] + 1}, (LAWS,)))
 
 
-# -- stages -----------------------------------------------------------------------------------------------
+# -- simulation -------------------------------------------------------------------------------------------
 
 
-@dataclass
-class _Files:
-    """Stores of a reproduction, open while it runs."""
-
-    directory: Path
-    stack: ExitStack
-    resume: bool
-    overwrite: bool
-    opened: dict[Path, Store] = field(default_factory=dict)
-
-    def open(self, trial: _Trial, name: str, conditions: Mapping[str, Any]) -> Store:
-        """Open a store of a trial, or return it if it is open."""
-        place = self.directory / trial.name / name
-        if place not in self.opened:
-            place.mkdir(parents=True, exist_ok=True)
-            rest = {"vibroplat": vibroplat.__version__, **conditions}
-            store = Store(place, rest, resume=self.resume, overwrite=self.overwrite)
-            self.opened[place] = self.stack.enter_context(store)
-        return self.opened[place]
-
-    def refuse_unfinished(self, trials: Sequence[_Trial]) -> None:
-        """Complain of unfinished work in later stages before sweeps that are finished are begun anew."""
-        for trial in trials:
-            for name in ("boundaries", "beta"):
-                self.open(trial, name, _rest(trial))
-
-    def finish(self) -> None:
-        """Note in all stores that nothing is missing."""
-        for store in self.opened.values():
-            store.finish()
+def _simulate(trials: _Trials, workers: Pool, progress: Progress | None) -> None:
+    """Simulate what the evidence of all trials needs, stage by stage."""
+    _sweep({trial: trial.names for trial in trials.all}, workers, progress)
+    _narrow(trials, workers)
+    _match(trials.judged, workers)
+    _sweep({trial: (NON_IMPACT,) for trial in trials.judged if trial.evidence.beta is not None}, workers)
+    _narrow(trials, workers)
 
 
-def _sweep(
-    wanted: Mapping[_Trial, tuple[str, ...]], files: _Files, workers: Pool, progress: Progress | None = None
-) -> None:
-    """Run sweeps of trials side by side and take them into their evidence."""
+def _sweep(wanted: Mapping[_Trial, tuple[str, ...]], workers: Pool, progress: Progress | None = None) -> None:
+    """Run sweeps of trials side by side and add their branches to the evidence."""
     begun = []
     for trial, names in wanted.items():
         for name in names:
             scene = trial.scene(name)
-            trial.sweeps[name] = scene, files.open(trial, name, conditions(scene))
+            trial.sweeps[name] = scene, trial.store.part(name)
             begun.append((trial, trial.sweeps[name]))
     run_sweeps([sweep for _, sweep in begun], workers, progress)
     for trial, sweep in begun:
         trial.evidence.add(*sweep)
 
 
-def _narrow(machine: Sequence[_Trial], laws: _Trial, files: _Files, workers: Pool) -> None:
-    """Narrow the boundaries that are asked for when a machine's trials are judged and its impact laws compared."""
-    for trial in machine:
-        matched_frequency(trial.evidence, MASS_RATIO)
-        for claim in (*claims(), *former_claims()):
-            judge(claim, trial.evidence)
-    impact_laws(machine[0].evidence, laws.evidence)
-    trials = [*machine, laws]
-    narrow([(trial.evidence, files.open(trial, "boundaries", _rest(trial))) for trial in trials], workers)
+def _narrow(trials: _Trials, workers: Pool) -> None:
+    """Narrow the boundaries that matter to the claims, to β and to the comparison of the impact laws."""
+    main, laws = trials.main.evidence, trials.laws.evidence
+
+    def of_main(evidence: Evidence) -> None:
+        _judge_all(evidence)
+        impact_laws(evidence, laws)
+
+    def of_laws(evidence: Evidence) -> None:
+        impact_laws(main, evidence)
+
+    reads = [of_main, *[_judge_all] * (len(trials.machine) - 1), of_laws]
+    narrow(
+        [
+            (trial.evidence, read, trial.store.part("boundaries"))
+            for trial, read in zip([*trials.machine, trials.laws], reads, strict=True)
+        ],
+        workers,
+    )
 
 
-def _match(trials: Sequence[_Trial], files: _Files, workers: Pool) -> None:
+def _judge_all(evidence: Evidence) -> None:
+    """Read what the claims and β depend on."""
+    matched_frequency(evidence, MASS_RATIO)
+    for claim in (*claims(), *former_claims()):
+        judge(claim, evidence)
+
+
+def _match(trials: Sequence[_Trial], workers: Pool) -> None:
     """Find β of the non-impact model for each trial."""
-    tasks = [Task(files.open(trial, "beta", _rest(trial)), 0, _beta, trial.evidence) for trial in trials]
-    for trial, record in zip(trials, run_tasks(tasks, workers), strict=True):
-        trial.evidence.beta = record["beta"]
+    chains = [StoredChain(match_beta(t.evidence, MASS_RATIO), t.store.part("beta"), 0) for t in trials]
+    for trial, beta in zip(trials, run_stored(chains, workers), strict=True):
+        trial.evidence.beta = beta
 
 
-def _beta(evidence: Evidence) -> Record:
-    return {"beta": find_beta(evidence, MASS_RATIO)}
+# -- results ----------------------------------------------------------------------------------------------
 
 
-def _rest(trial: _Trial) -> dict[str, Any]:
-    """Return what a trial's evidence rests on besides its sweeps, whose stores have their own conditions."""
-    return {**trial.numbers, **trial.changes, **trial.settings}
-
-
-def matched(found: Reproduction) -> str:
-    """Say what came of matching the non-impact model."""
-    if found.beta is None or found.matched_hz is None:
-        return "no β: 30.9 Hz is not reached in antiphase"
-    return f"β = {found.beta:.2f} 1/s makes RMS y equal at f = {found.matched_hz:.2f} Hz"
+def _results(trials: _Trials, shown: Mapping[str, pd.DataFrame]) -> Reproduction:
+    """Judge the claims and return all tables, and how much was simulated for them."""
+    main, laws = trials.main, trials.laws
+    sweeps = {**main.sweeps, **laws.sweeps}
+    found = {name: pd.concat(tables(*sweep), ignore_index=True) for name, sweep in sweeps.items()}
+    found["sync-bands"] = sync_bands(main.evidence)
+    found["impact-laws"] = impact_laws(main.evidence, laws.evidence)
+    found["contradictions"] = contradictions(main.numbers)
+    found["claims"] = scoreboard(
+        {trial.seed: trial.evidence for trial in trials.machine},
+        [(trial.changes, trial.evidence) for trial in trials.others],
+    )
+    every = [pd.concat(tables(*sweep)) for trial in trials.all for sweep in trial.sweeps.values()]
+    return Reproduction(
+        {**found, **shown},
+        main.evidence.beta,
+        matched_frequency(main.evidence, MASS_RATIO),
+        sum(len(table) for table in every),
+        int(sum((table["outcome"] != "ok").sum() for table in every)),
+        float(sum(table["simulated_s"].sum() for table in every)),
+        int(sum(table["events"].sum() for table in every)),
+    )

@@ -1,4 +1,4 @@
-"""A trial of the paper: its sweeps with one set of numbers, for calibration and for what depends on a number."""
+"""The paper's scenes, sweeps and claims, and a trial: what these give with one set of numbers."""
 
 from __future__ import annotations
 
@@ -8,26 +8,27 @@ from typing import Any
 from vibroplat.config import configurations, load_config, load_list, load_tree
 from vibroplat.errors import ConfigError
 from vibroplat.overrides import flat
-from vibroplat.paper.claims import judge
 from vibroplat.paper.evidence import Evidence
-from vibroplat.paper.finding import Finding
-from vibroplat.paper.nonimpact import find_beta
+from vibroplat.paper.nonimpact import match_beta
 from vibroplat.scene import Scene
-from vibroplat.study.execution import Inline
-from vibroplat.study.store import Store
-from vibroplat.study.sweep import run_sweeps
+from vibroplat.study.branches import branches, sweep_plan
+from vibroplat.study.store import Record
+from vibroplat.study.sweep import branch_points
+from vibroplat.study.tasks import Tasks
 
-#: Sweeps of the impact model from which claims are judged.
+#: Sweeps of the impact model by which claims are judged.
 IMPACT = ("fig3", "fig6")
-#: Mass ratio at which models and restitutions are compared.
+#: Mass ratio at which contact models and restitutions are compared.
 MASS_RATIO = 0.2
-#: Sweep of the non-impact model, and its key that each machine has a value of its own for.
+#: Sweep of the non-impact model, and the key of its β, of which each machine has its own value.
 NON_IMPACT, BETA = "fig6-nonimpact", "contact.viscous_per_mass_per_s"
 #: Sweep of the impact laws.
 LAWS = "laws"
+#: Key of the seed of the perturbations.
+SEED = "sweep.seed"
 
-#: Coarser sweeps of a trial: upward, settled and measured for a shorter time, at a looser tolerance. The step is the
-#: paper's: in twice as large ones the ends of its bands cannot be reached within half a step.
+#: Settings of coarse sweeps: upward only, with shorter settling and measuring and a looser tolerance. The step is that
+#: of the paper: with one twice as large, the ends of its bands would not be known to half a step.
 QUICK: dict[str, Any] = {
     "sweep.supply_frequency_hz.direction": ["up"],
     "sweep.measure_s": 0.5,
@@ -36,7 +37,7 @@ QUICK: dict[str, Any] = {
     "solver.tolerance": 1e-4,
     "solver.max_events_per_period": 500,
 }
-#: What a sweep need not repeat where others have it: the curve of R = 0 is that of `fig3`.
+#: Settings of sweeps without the curves that other sweeps have: that of R = 0 is in `fig3`.
 SHARED: dict[str, dict[str, Any]] = {"fig6": {"sweep.grid": {"contact.restitution": [0.3, 0.5, 0.7, 1.0]}}}
 
 
@@ -46,7 +47,7 @@ def machine_numbers(name: str) -> dict[str, Any]:
     Raises
     ------
     ConfigError
-        There is no such machine; the text lists those that there are.
+        There is no such machine; the text lists the machines.
     """
     directory = configurations() / "machines"
     known = sorted(path.stem for path in directory.glob("*.yaml"))
@@ -56,9 +57,14 @@ def machine_numbers(name: str) -> dict[str, Any]:
 
 
 def paper_scene(name: str, numbers: Mapping[str, Any], changes: Mapping[str, Any] | None = None) -> Scene:
-    """Return a scene of the paper, by the name of its file, with a machine's numbers laid over it.
+    """Return a scene of the paper by the name of its file, with a machine's numbers and then changes laid over it.
 
-    How points of a sweep are measured matters to sweeps alone: such keys are left out of other scenes.
+    Keys of section ``sweep`` are left out if the scene has no such section.
+
+    Raises
+    ------
+    ConfigError
+        There is no such key, or a value is not allowed.
     """
     path = configurations() / "paper" / f"{name}.yaml"
     laid = {**numbers, **(changes or {})}
@@ -73,28 +79,24 @@ def claims() -> list[dict[str, Any]]:
 
 
 def former_claims() -> list[dict[str, Any]]:
-    """Return the claims as they were worded at first, without quotes."""
+    """Return the claims in their first wording, without quotes."""
     return load_list(configurations() / "claims" / "former.yaml")
 
 
-def quick_evidence(numbers: Mapping[str, Any]) -> Evidence:
-    """Run the coarse sweeps of a trial, one after the other."""
+def quick_trial(numbers: Mapping[str, Any]) -> Tasks[Evidence]:
+    """Run the coarse sweeps with a machine's numbers, one point after the other; the result is the evidence."""
     evidence = Evidence()
     for name in IMPACT:
-        _take(evidence, paper_scene(name, numbers, QUICK | SHARED.get(name, {})))
-    evidence.beta = find_beta(evidence, MASS_RATIO)
+        yield from _swept(evidence, paper_scene(name, numbers, QUICK | SHARED.get(name, {})))
+    evidence.beta = yield from match_beta(evidence, MASS_RATIO)
     if evidence.beta is not None:
-        _take(evidence, paper_scene(NON_IMPACT, numbers, {**QUICK, BETA: evidence.beta}))
+        yield from _swept(evidence, paper_scene(NON_IMPACT, numbers, {**QUICK, BETA: evidence.beta}))
     return evidence
 
 
-def quick_findings(numbers: Mapping[str, Any]) -> dict[str, Finding]:
-    """Judge all claims by the coarse sweeps of a trial."""
-    evidence = quick_evidence(numbers)
-    return {claim["id"]: judge(claim, evidence) for claim in claims()}
-
-
-def _take(evidence: Evidence, scene: Scene) -> None:
-    with Store(None, {}) as store:
-        run_sweeps([(scene, store)], Inline())
-        evidence.add(scene, store)
+def _swept(evidence: Evidence, scene: Scene) -> Tasks[None]:
+    """Run a sweep and add its branches to the evidence."""
+    for branch in branches(scene):
+        records: list[Record] = []
+        yield from branch_points(branch, sweep_plan(scene), records.append)
+        evidence.add_branch(branch, sweep_plan(scene), records)

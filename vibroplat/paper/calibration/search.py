@@ -1,16 +1,18 @@
-"""The search: differential evolution from several starts, and the best sets judged again with other seeds.
+"""The search: differential evolution from several starts; the best sets are judged again with other seeds.
 
-A set of parameters is judged by the coarse sweeps of :mod:`vibroplat.paper.trial`. The search is differential
-evolution (Storn and Price 1997) as scipy has it, with the candidates of a generation evaluated side by side. It depends
-on nothing but its seed, so a resumed search repeats it with the evaluations that are already there.
+A set of parameters is judged by the coarse sweeps of :mod:`vibroplat.paper.trial`. The search is scipy's differential
+evolution (Storn and Price 1997), with the candidates of a generation evaluated side by side. It depends on its seed
+alone, so a resumed search repeats the same candidates, and the points that are stored are not simulated again.
 """
 
 from __future__ import annotations
 
+import itertools
+import json
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -18,36 +20,39 @@ from scipy.optimize import differential_evolution
 from scipy.stats import qmc
 
 import vibroplat
+from vibroplat.integrate.choice import engine_name
 from vibroplat.model.parameters import FloatArray
 from vibroplat.paper.calibration.plan import CalibrationPlan
-from vibroplat.paper.trial import QUICK, claims, quick_findings
-from vibroplat.study.execution import Pool, WorkerLostError, run_chains
-from vibroplat.study.store import Store
+from vibroplat.paper.claims import judge
+from vibroplat.paper.evidence import Evidence
+from vibroplat.paper.trial import IMPACT, NON_IMPACT, QUICK, SEED, SHARED, claims, paper_scene, quick_trial
+from vibroplat.study.execution import Pool, run_chains
+from vibroplat.study.store import Record, Records
+from vibroplat.study.tasks import StoredChain, Tasks
 
-#: Told after each evaluation: how many there are, the most claims held, and the best score among these.
+#: Called after each evaluation: their number so far, the most claims held, and the best score of those that hold most.
 Progress = Callable[[int, int, float], None]
-Record = dict[str, Any]
-
-#: Key of the seed of the sweeps' perturbations.
-SEED = "sweep.seed"
-#: First number in the store of evaluations that confirm; those of the search have the number of their start.
-CONFIRMING = 1_000_000
 
 
-def conditions(fixed: Mapping[str, Any], plan: CalibrationPlan) -> dict[str, Any]:
-    """Return what the evaluations rest on; how many there are may change."""
+def conditions(fixed: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what the points depend on besides the parameters that are searched."""
+    scenes = {name: paper_scene(name, {}, QUICK | SHARED.get(name, {})) for name in (*IMPACT, NON_IMPACT)}
     return {
         "vibroplat": vibroplat.__version__,
+        "engine": engine_name(scenes[NON_IMPACT]),
         "machine": dict(fixed),
-        "calibration": plan.model_dump(exclude={"starts", "generations", "confirm"}),
-        "claims": claims(),
-        "trial": QUICK,
+        **{name: scene.to_tree() for name, scene in scenes.items()},
     }
 
 
-def evaluate(numbers: Mapping[str, Any]) -> Record:
-    """Judge all claims with a set of numbers: mean score, claims held, and the score and verdict of each claim."""
-    findings = quick_findings(numbers)
+def evaluation(numbers: Mapping[str, Any]) -> Tasks[Record]:
+    """Run the coarse sweeps with a set of numbers; the result is what :func:`scored` returns."""
+    return scored((yield from quick_trial(numbers)))
+
+
+def scored(evidence: Evidence) -> Record:
+    """Judge all claims: their mean ``score``, the number ``held``, and the ``scores`` and ``holds`` of each claim."""
+    findings = {claim["id"]: judge(claim, evidence) for claim in claims()}
     scores = {name: float(finding.score) for name, finding in findings.items()}
     holds = {name: bool(finding.holds) for name, finding in findings.items()}
     return {
@@ -59,28 +64,28 @@ def evaluate(numbers: Mapping[str, Any]) -> Record:
 
 
 def objective(result: Mapping[str, Any]) -> float:
-    """Return what the search makes small: 1 less the mean of (score + holds)/2 over the claims.
+    """Return what the search minimizes: 1 − the mean of (score + holds)/2 over the claims.
 
-    With scores alone, 0.99 for a claim that fails is worth as much as a claim that holds, though the best set is the
-    one of most claims held. With the number of claims held first, the search would see steps alone, and those of
-    motions that are not periodic turn with the seed. Half and half, a claim is worth more the nearer it is, and as much
-    again once it holds.
+    By scores alone, a claim that fails with 0.99 would count almost as much as one that holds, but the best set is that
+    with most claims held. By the number of claims held alone, the search would see nothing but steps, and those of
+    motions that are not periodic depend on the seed. With both, a claim counts more the closer it is, and twice as much
+    once it holds.
     """
     return 1.0 - 0.5 * (float(result["score"]) + float(np.mean(list(result["holds"].values()))))
 
 
 @dataclass(frozen=True)
 class Calibration:
-    """What came of a calibration.
+    """The tables of a calibration.
 
     Attributes
     ----------
     evaluations
-        A row for each evaluation of the search, the best first: start, parameters, score and claims held; how many
-        ``seeds`` it was judged with, and over these ``held_mean``, ``held_least`` and ``score_mean``; score and verdict
-        of each claim (``ID`` and ``ID.holds``) with the first seed. Sets that were confirmed come before the others.
+        A row for each evaluation of the search, the best first: start, parameters, score and claims held; the number of
+        ``seeds`` that it was judged with, and over these ``held_mean``, ``held_least`` and ``score_mean``; score and
+        verdict of each claim (``ID`` and ``ID.holds``) with the first seed. Confirmed sets come before all others.
     confirmation
-        A row for each set that was confirmed and each seed: seed, parameters, score, claims held, and each claim.
+        A row for each confirmed set and each seed: seed, parameters, score, claims held, and each claim.
     """
 
     evaluations: pd.DataFrame
@@ -88,7 +93,7 @@ class Calibration:
 
 
 def calibrate(
-    fixed: Mapping[str, Any], plan: CalibrationPlan, store: Store, workers: Pool, progress: Progress | None = None
+    fixed: Mapping[str, Any], plan: CalibrationPlan, records: Records, workers: Pool, progress: Progress | None = None
 ) -> Calibration:
     """Search from all starts, one after the other, and confirm the best sets.
 
@@ -97,34 +102,33 @@ def calibrate(
     fixed
         Dotted keys and values of the machine that are not searched.
     plan
-        What is searched.
-    store
-        Keeps evaluations; those that it has are not repeated.
+        What is searched, and for how long.
+    records
+        Where points are stored; points that are stored already are not repeated.
     workers
-        Where they run.
+        Where points are simulated.
     progress
-        Called with the number of evaluations, the most claims held and the best score among these.
+        Called after each evaluation with their number, the most claims held and the best score of those that hold most.
     """
-    book = _Book(fixed, plan, store, workers, progress)
+    book = _Book(fixed, records, workers, progress)
     found = [(start, e) for start in range(plan.starts) for e in _search(plan, start, book)]
     rows = pd.DataFrame([{"start": start, **_row(e)} for start, e in found])
     rows = rows.sort_values(["held", "score"], ascending=False, kind="stable")
     chosen = [found[i][1] for i in rows.drop_duplicates(list(plan.parameters)).index[: plan.confirm.sets]]
     first = int(fixed.get(SEED, 0))
     seeds = range(first + 1, first + 1 + plan.confirm.seeds)
-    again = book.judge([(e.searched, seed) for e in chosen for seed in seeds], CONFIRMING)
-    store.finish()
+    again = book.judge([(e.searched, seed) for e in chosen for seed in seeds])
     confirmation = pd.DataFrame([{"seed": first if e.seed is None else e.seed, **_row(e)} for e in (*chosen, *again)])
     return Calibration(_over_seeds(rows, confirmation, plan), confirmation)
 
 
 def _search(plan: CalibrationPlan, start: int, book: _Book) -> list[_Evaluation]:
-    """Search from one start; returns its evaluations in their order."""
+    """Search from one start and return its evaluations in their order."""
     evaluations: list[_Evaluation] = []
 
     def values(_: Callable[..., float], candidates: Iterable[FloatArray]) -> list[float]:
         sets = [{k: r.value(v) for (k, r), v in zip(plan.parameters.items(), x, strict=True)} for x in candidates]
-        judged = book.judge([(searched, None) for searched in sets], start)
+        judged = book.judge([(searched, None) for searched in sets])
         evaluations.extend(judged)
         return [objective(e.result) for e in judged]
 
@@ -144,7 +148,7 @@ def _search(plan: CalibrationPlan, start: int, book: _Book) -> list[_Evaluation]
 
 
 def _population(plan: CalibrationPlan, seed: int) -> FloatArray:
-    """Return the first population: a Latin hypercube, the sets to begin with in place of its first ones."""
+    """Return the first population: a Latin hypercube, whose first sets are replaced by the plan's ``begin``."""
     ranges = plan.parameters
     low, high = np.array([r.bounds for r in ranges.values()]).T
     shares = qmc.LatinHypercube(len(ranges), rng=seed).random(plan.population)
@@ -162,7 +166,7 @@ def _row(e: _Evaluation) -> dict[str, Any]:
 
 
 def _over_seeds(rows: pd.DataFrame, confirmation: pd.DataFrame, plan: CalibrationPlan) -> pd.DataFrame:
-    """Add what all seeds say to evaluations, and sort them, those that were confirmed first."""
+    """Add the columns over all seeds to evaluations, and sort them, confirmed sets first."""
     keys = list(plan.parameters)
     at = rows.columns.get_loc("held")
     assert isinstance(at, int)
@@ -182,80 +186,49 @@ def _over_seeds(rows: pd.DataFrame, confirmation: pd.DataFrame, plan: Calibratio
     return rows.sort_values(["seeds", "held_mean", "score_mean"], ascending=False, ignore_index=True, kind="stable")
 
 
-class _Book:
-    """Evaluations by set and seed: those that the store has, and those that are made."""
+class _Evaluation(NamedTuple):
+    """A set of parameters, the seed with which it was judged (None: that of the machine), and what was found."""
 
-    def __init__(
-        self, fixed: Mapping[str, Any], plan: CalibrationPlan, store: Store, workers: Pool, progress: Progress | None
-    ) -> None:
+    searched: dict[str, float]
+    seed: int | None
+    result: Record
+
+
+class _Book:
+    """Evaluations by set and seed, each made once."""
+
+    def __init__(self, fixed: Mapping[str, Any], records: Records, workers: Pool, progress: Progress | None) -> None:
         self._fixed = fixed
-        self._store = store
+        self._records = records
         self._workers = workers
         self._progress = progress
-        self._done = 0
+        self._count = 0
         self._best = (-1, 0.0)
-        self._written: dict[int, int] = {}
-        self._known: dict[Any, Record] = {}
-        for first in (*range(plan.starts), CONFIRMING):
-            for second, record in store.read(first):
-                self._written[first] = second + 1
-                self._known[_key(record["numbers"], record["seed"])] = record
+        self._known: dict[str, _Evaluation] = {}
 
-    def judge(self, wanted: Iterable[tuple[dict[str, float], int | None]], first: int) -> list[_Evaluation]:
-        """Judge sets, each with a seed or the machine's own, side by side."""
-        judged: list[_Evaluation] = []
-        pending: dict[Any, _Evaluation] = {}  # a set that comes twice is judged once
-        for searched, seed in wanted:
-            key = _key(searched, seed)
-            e = _Evaluation(searched, seed, self._fixed, self._known.get(key))
-            judged.append(e)
-            if e.record is not None or pending.setdefault(key, e) is not e:
-                self._tell(e)
-        for e in run_chains(pending.values(), self._workers):
-            second = self._written.get(first, 0)
-            self._store.write(first, second, e.result)
-            self._written[first] = second + 1
-            self._known[_key(e.searched, e.seed)] = e.result
-            self._tell(e)
-        for e in judged:
-            e.record = self._known[_key(e.searched, e.seed)]
-        return judged
+    def judge(self, wanted: Sequence[tuple[dict[str, float], int | None]]) -> list[_Evaluation]:
+        """Judge sets of parameters, each with a seed, side by side."""
+        names = [json.dumps(place) for place in wanted]
+        chains: dict[str, StoredChain[_Evaluation]] = {}
+        for name, place in zip(names, wanted, strict=True):
+            if name in self._known or name in chains:
+                self._report(self._known.get(name))
+            else:
+                chains[name] = StoredChain(self._evaluated(*place), self._records, name)
+        stored = (chain for chain in chains.values() if chain.done)
+        for chain in itertools.chain(stored, run_chains(chains.values(), self._workers, in_turn=False)):
+            if chain.done:
+                self._report(chain.result)
+        self._known |= {name: chain.result for name, chain in chains.items()}
+        return [self._known[name] for name in names]
 
-    def _tell(self, e: _Evaluation) -> None:
-        self._done += 1
-        if e.seed is None and e.record is not None:
+    def _evaluated(self, searched: dict[str, float], seed: int | None) -> Tasks[_Evaluation]:
+        numbers = {**self._fixed, **searched} | ({} if seed is None else {SEED: seed})
+        return _Evaluation(searched, seed, (yield from evaluation(numbers)))
+
+    def _report(self, e: _Evaluation | None) -> None:
+        self._count += 1
+        if e is not None and e.seed is None:
             self._best = max(self._best, (e.result["held"], e.result["score"]))
         if self._progress is not None:
-            self._progress(self._done, *self._best)
-
-
-def _key(searched: Mapping[str, float], seed: int | None) -> Any:
-    return tuple(searched.items()), seed
-
-
-class _Evaluation:
-    """A chain of one task: the claims judged with one set of parameters and one seed."""
-
-    def __init__(
-        self, searched: dict[str, float], seed: int | None, fixed: Mapping[str, Any], record: Record | None
-    ) -> None:
-        self.searched = searched
-        self.seed = seed
-        self.record = record
-        self._numbers = {**fixed, **searched} | ({} if seed is None else {SEED: seed})
-
-    @property
-    def result(self) -> Record:
-        """What the evaluation has found."""
-        assert self.record is not None  # its chain has run to its end
-        return self.record
-
-    def task(self) -> tuple[Callable[..., Any], tuple[Any, ...]] | None:
-        """Return the evaluation, if it is still to be made."""
-        return None if self.record is not None else (evaluate, (self._numbers,))
-
-    def take(self, result: Record | WorkerLostError) -> None:
-        """Keep what was found."""
-        if isinstance(result, WorkerLostError):
-            raise result
-        self.record = {"numbers": self.searched, "seed": self.seed, **result}
+            self._progress(self._count, *self._best)
