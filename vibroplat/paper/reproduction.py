@@ -8,7 +8,7 @@ is judged and tabulated after them is read from these results alone.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -111,16 +111,23 @@ def reproduce(
         Points cannot be stored.
     """
     trials = _trials(numbers, seeds)
-    with trials.stored(directory, resume=resume, overwrite=overwrite):
+    with ExitStack() as stack:
+        for trial in trials:
+            place = directory / trial.name
+            place.mkdir(parents=True, exist_ok=True)
+            store = Store(place, trial.conditions(), resume=resume, overwrite=overwrite)
+            trial.store = stack.enter_context(store)
         _simulate(trials, workers, progress)
-        main = trials.main
+        main = trials.machine[0]
         shown = histories(numbers, main.evidence.beta, main.store.part("histories"), workers)
+        for trial in trials:
+            trial.store.finish()
         return _results(trials, by_figure(shown))
 
 
 def planned(numbers: Mapping[str, Any], seeds: Sequence[int] = (0,)) -> tuple[int, int]:
     """Return the numbers of branches and points of the first stage."""
-    found = [b for t in _trials(numbers, seeds).all for name in t.names for b in branches(t.scene(name))]
+    found = [b for trial in _trials(numbers, seeds) for name in trial.names for b in branches(trial.scene(name))]
     return len(found), sum(len(branch.frequencies) for branch in found)
 
 
@@ -196,32 +203,12 @@ class _Trials:
     laws: _Trial
 
     @property
-    def main(self) -> _Trial:
-        """The trial of the figures."""
-        return self.machine[0]
-
-    @property
     def judged(self) -> list[_Trial]:
         """The trials by which claims are judged."""
         return [*self.machine, *self.others]
 
-    @property
-    def all(self) -> list[_Trial]:
-        """All trials."""
-        return [*self.judged, self.laws]
-
-    @contextmanager
-    def stored(self, directory: Path, *, resume: bool, overwrite: bool) -> Iterator[None]:
-        """Open the stores of all trials; mark them as finished at the end."""
-        with ExitStack() as stack:
-            for trial in self.all:
-                place = directory / trial.name
-                place.mkdir(parents=True, exist_ok=True)
-                store = Store(place, trial.conditions(), resume=resume, overwrite=overwrite)
-                trial.store = stack.enter_context(store)
-            yield
-            for trial in self.all:
-                trial.store.finish()
+    def __iter__(self) -> Iterator[_Trial]:
+        return iter([*self.judged, self.laws])
 
 
 def _trials(numbers: Mapping[str, Any], seeds: Sequence[int]) -> _Trials:
@@ -241,7 +228,7 @@ def _trials(numbers: Mapping[str, Any], seeds: Sequence[int]) -> _Trials:
 
 def _simulate(trials: _Trials, workers: Pool, progress: Progress | None) -> None:
     """Simulate what the evidence of all trials needs, stage by stage."""
-    _sweep({trial: trial.names for trial in trials.all}, workers, progress)
+    _sweep({trial: trial.names for trial in trials}, workers, progress)
     _narrow(trials, workers)
     _match(trials.judged, workers)
     _sweep({trial: (NON_IMPACT,) for trial in trials.judged if trial.evidence.beta is not None}, workers)
@@ -263,7 +250,7 @@ def _sweep(wanted: Mapping[_Trial, tuple[str, ...]], workers: Pool, progress: Pr
 
 def _narrow(trials: _Trials, workers: Pool) -> None:
     """Narrow the boundaries that matter to the claims, to β and to the comparison of the impact laws."""
-    main, laws = trials.main.evidence, trials.laws.evidence
+    main, laws = trials.machine[0].evidence, trials.laws.evidence
 
     def of_main(evidence: Evidence) -> None:
         _judge_all(evidence)
@@ -301,7 +288,7 @@ def _match(trials: Sequence[_Trial], workers: Pool) -> None:
 
 def _results(trials: _Trials, shown: Mapping[str, pd.DataFrame]) -> Reproduction:
     """Judge the claims and return all tables, and how much was simulated for them."""
-    main, laws = trials.main, trials.laws
+    main, laws = trials.machine[0], trials.laws
     sweeps = {**main.sweeps, **laws.sweeps}
     found = {name: pd.concat(tables(*sweep), ignore_index=True) for name, sweep in sweeps.items()}
     found["sync-bands"] = sync_bands(main.evidence)
@@ -311,7 +298,7 @@ def _results(trials: _Trials, shown: Mapping[str, pd.DataFrame]) -> Reproduction
         {trial.seed: trial.evidence for trial in trials.machine},
         [(trial.changes, trial.evidence) for trial in trials.others],
     )
-    every = [pd.concat(tables(*sweep)) for trial in trials.all for sweep in trial.sweeps.values()]
+    every = [pd.concat(tables(*sweep)) for trial in trials for sweep in trial.sweeps.values()]
     return Reproduction(
         {**found, **shown},
         main.evidence.beta,

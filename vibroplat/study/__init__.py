@@ -1,1 +1,1 @@
-"""Studies made of many motions: sweeps, regimes, the paper's claims, calibration."""
+"""Studies of many motions: sweeps over any key, settling, classification, execution and storage."""

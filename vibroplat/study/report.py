@@ -16,7 +16,7 @@ from vibroplat.tables import Format, remove_table, write_json, write_tables
 
 
 def write_sweep(scene: Scene, records: Records, directory: Path, form: Format) -> None:
-    """Write the tables of a finished sweep into its directory."""
+    """Write the tables and the provenance of a finished sweep into its directory."""
     write_json(provenance(scene, engine_name(scene)), directory, "provenance")
     if sweep_plan(scene).kind == "bifurcation":
         write_tables(section_tables(scene, records), directory, "section", form)

@@ -146,27 +146,22 @@ def tables(scene: Scene, records: Records) -> Iterator[pd.DataFrame]:
 
 
 def section_tables(scene: Scene, records: Records) -> Iterator[pd.DataFrame]:
-    """Yield in parts the table of Poincaré points of a bifurcation diagram: y at whole turns of exciter 1."""
-    yield from _parts(
-        scene,
-        records,
-        lambda record: _each(record, "y_m", record["section_y"]),
-        ("direction", "branch", EXCITATION, "y_m"),
-    )
+    """Yield in parts the table of Poincaré points of a bifurcation diagram: y (m) at whole turns of exciter 1."""
+    yield from _diagram(scene, records, "section_y", "y_m")
 
 
 def impact_tables(scene: Scene, records: Records) -> Iterator[pd.DataFrame]:
-    """Yield in parts the table of impact speeds of a bifurcation diagram."""
-    columns = ("direction", "branch", EXCITATION, "impact_speed_m_per_s")
-    yield from _parts(
-        scene, records, lambda record: _each(record, "impact_speed_m_per_s", record["impact_speeds"]), columns
-    )
+    """Yield in parts the table of impact speeds (m/s) of a bifurcation diagram."""
+    yield from _diagram(scene, records, "impact_speeds", "impact_speed_m_per_s")
 
 
-def _each(record: Record, column: str, values: list[float]) -> list[Record]:
-    """Make a row of each value, with the excitation frequency of its point."""
-    frequency = record["row"].get(EXCITATION)
-    return [{EXCITATION: frequency, column: value} for value in values]
+def _diagram(scene: Scene, records: Records, values: str, column: str) -> Iterator[pd.DataFrame]:
+    """Yield the values that records have under a name in a column, each with the excitation frequency of its point."""
+
+    def rows(record: Record) -> list[Record]:
+        return [{EXCITATION: record["row"].get(EXCITATION), column: value} for value in record[values]]
+
+    yield from _parts(scene, records, rows, ("direction", "branch", EXCITATION, column))
 
 
 def _parts(

@@ -1,5 +1,5 @@
-"""Calibration: the numbers that the paper does not print, fitted to its claims.
+"""Calibration: the numbers that the paper does not print are fitted to its claims.
 
-:mod:`~vibroplat.paper.calibration.plan` says what is searched, :mod:`~vibroplat.paper.calibration.search` searches,
-:mod:`~vibroplat.paper.calibration.reading` tells what the evaluations say about the claims and the parameters.
+:mod:`~vibroplat.paper.calibration.plan` is the plan of a search, :mod:`~vibroplat.paper.calibration.search` runs it,
+and :mod:`~vibroplat.paper.calibration.reading` evaluates what it shows about claims and parameters.
 """
