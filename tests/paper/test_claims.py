@@ -325,7 +325,7 @@ def test_claim_that_fails_with_less_restitution_is_not_reproduced():
     spoilt = failed_at_one(SPOILT["R-bands"])
     finding = judge(CLAIMS["R-bands"], spoilt)
     assert (finding.holds, finding.judged) == (False, True)
-    assert "; fails without R = 1, too" in finding.measured
+    assert "; also fails without R = 1" in finding.measured
     assert scoreboard({0: spoilt}, []).set_index("id")["verdict"]["R-bands"] == "not reproduced"
 
 

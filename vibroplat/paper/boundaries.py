@@ -71,7 +71,7 @@ def second_resonance(claim: Claim, evidence: Evidence) -> Finding:
     """Judge where antiphase rotation ends, and whether frequency and amplitude jump there."""
     found = _jump(evidence, Key(claim["mu"]))
     if found is None:
-        return Finding("antiphase is not left up to 40 Hz", False, 0.0)
+        return Finding("antiphase does not end up to 40 Hz", False, 0.0)
     off = abs(found.before[F] - claim["f"])
     ratio = found.after["rms_y_m"] / found.before["rms_y_m"]
     jumps = found.after[F] - found.before[F] > LEAST_JUMP and ratio < 1.0 - LEAST_FALL
@@ -89,30 +89,39 @@ def jump_over_mass(claim: Claim, evidence: Evidence) -> Finding:
 
     This is the former reading of what :func:`bands_over_mass` and :func:`jump_left` judge.
     """
-    bare = _jump(evidence, Key(0.0))
-    found = {mu: _jump(evidence, Key(mu)) for mu in claim["mu"]}
-    if bare is None or any(b is None for b in found.values()):
-        return Finding("antiphase is not left for every μ", False, 0.0)
-    supply = {mu: b.before[SUPPLY] - bare.before[SUPPLY] for mu, b in found.items() if b}
-    shifts = {mu: b.before[F] - bare.before[F] for mu, b in found.items() if b}
+    jumps = _jumps(claim, evidence)
+    if jumps is None:
+        return _NO_JUMP
+    bare, *others = jumps.values()
+    shifts = [(jump.before[F] - bare.before[F], jump.before[SUPPLY] - bare.before[SUPPLY]) for jump in others]
     text = f"μ 0: {bare.before[F]:.2f} Hz; " + "; ".join(
-        f"μ {mu:g}: {shift:+.2f} Hz (supply {supply[mu]:+.2f} Hz)" for mu, shift in shifts.items()
+        f"μ {mu:g}: {shift:+.2f} Hz (supply {supply:+.2f} Hz)"
+        for mu, (shift, supply) in zip(claim["mu"], shifts, strict=True)
     )
-    near = all(abs(shift) <= EDGE for shift in shifts.values())
-    left = all(shift <= 0.05 for shift in supply.values())
+    near = all(abs(shift) <= EDGE for shift, _ in shifts)
+    left = all(supply <= 0.05 for _, supply in shifts)
     return Finding(text, near and left, (near + left) / 2.0)
 
 
 def jump_left(claim: Claim, evidence: Evidence) -> Finding:
     """Judge whether material lowers the frequency of the jump slightly, but by more than its error."""
-    bare = _jump(evidence, Key(0.0))
-    found = {mu: _jump(evidence, Key(mu)) for mu in claim["mu"]}
-    if bare is None or any(b is None for b in found.values()):
-        return Finding("antiphase is not left for every μ", False, 0.0)
-    shifts = {mu: float(b.before[F] - bare.before[F]) for mu, b in found.items() if b}
-    text = f"μ 0: {bare.before[F]:.2f} Hz; " + "; ".join(f"μ {mu:g}: {shift:+.3f} Hz" for mu, shift in shifts.items())
-    left = [-SLIGHT <= shift < -0.5 * JUMP_WIDTH for shift in shifts.values()]
-    return Finding(text, all(left), float(np.mean(left)))
+    jumps = _jumps(claim, evidence)
+    if jumps is None:
+        return _NO_JUMP
+    bare, *others = (float(jump.before[F]) for jump in jumps.values())
+    shifts = "; ".join(f"μ {mu:g}: {f - bare:+.3f} Hz" for mu, f in zip(claim["mu"], others, strict=True))
+    left = [-SLIGHT <= f - bare < -0.5 * JUMP_WIDTH for f in others]
+    return Finding(f"μ 0: {bare:.2f} Hz; {shifts}", all(left), float(np.mean(left)))
+
+
+_NO_JUMP = Finding("antiphase does not end for every μ", False, 0.0)
+
+
+def _jumps(claim: Claim, evidence: Evidence) -> dict[float, Boundary] | None:
+    """Return the jumps without material and at a claim's mass ratios; None if one of them is missing."""
+    found = {mu: _jump(evidence, Key(mu)) for mu in (0.0, *claim["mu"])}
+    jumps = {mu: jump for mu, jump in found.items() if jump is not None}
+    return jumps if len(jumps) == len(found) else None
 
 
 def bands_over_mass(claim: Claim, evidence: Evidence) -> Finding:
@@ -138,7 +147,7 @@ def bands_over_restitution(claim: Claim, evidence: Evidence) -> Finding:
 
 def _not_left(found: Collection[Key], keys: list[Key]) -> Finding:
     missing = ", ".join(name_of(key) for key in keys if key not in found) or "one branch or none"
-    return Finding(f"antiphase is not left and entered again: {missing}", False, 0.0)
+    return Finding(f"antiphase does not end and begin again: {missing}", False, 0.0)
 
 
 def _antiphase_ends(keys: list[Key], evidence: Evidence) -> dict[Key, tuple[float, float]]:
@@ -231,7 +240,7 @@ def deviation(claim: Claim, evidence: Evidence) -> Finding:
     key = Key(claim["mu"])
     end = _jump(evidence, key)
     if end is None:
-        return Finding("antiphase is not left", False, 0.0)
+        return Finding("antiphase does not end", False, 0.0)
     rows = [r for r in _with_boundary(evidence, key, "antiphase", 20.0) if r[F] <= end.before[F]]
     far = [r for r in rows if 25.0 <= r[F] <= 29.0]
     near = [r for r in rows if r[F] >= end.before[F] - 0.5]

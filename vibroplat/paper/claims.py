@@ -68,7 +68,7 @@ def _without_elastic(claim: Claim, evidence: Evidence, finding: Finding, elastic
     rest = _judged(claim, evidence.without(elastic))
     if rest.holds:
         return rest._replace(measured=f"with R < 1: {rest.measured}; not judged at R = 1", holds=False, judged=False)
-    return finding._replace(measured=f"{finding.measured}; fails without R = 1, too")
+    return finding._replace(measured=f"{finding.measured}; also fails without R = 1")
 
 
 def _failed(claim: Claim, evidence: Evidence) -> dict[Key, int]:

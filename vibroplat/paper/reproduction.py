@@ -15,9 +15,7 @@ from typing import Any
 
 import pandas as pd
 
-import vibroplat
 from vibroplat.config import configurations, load_list
-from vibroplat.integrate.choice import engine_name
 from vibroplat.paper.claims import judge
 from vibroplat.paper.contradictions import contradictions
 from vibroplat.paper.evidence import Evidence
@@ -43,7 +41,7 @@ from vibroplat.scene import Scene
 from vibroplat.study.branches import branches
 from vibroplat.study.execution import Pool
 from vibroplat.study.store import Records, Store
-from vibroplat.study.sweep import Progress, run_sweeps, tables
+from vibroplat.study.sweep import Progress, conditions, run_sweeps, tables
 from vibroplat.study.tasks import StoredChain, run_stored
 
 #: Sweeps of the impact model from which figures are drawn or claims judged.
@@ -175,12 +173,7 @@ class _Trial:
 
     def conditions(self) -> dict[str, Any]:
         """Return what its points depend on."""
-        scenes = {name: self.scene(name) for name in (*self.names, NON_IMPACT)}
-        return {
-            "vibroplat": vibroplat.__version__,
-            "engine": engine_name(scenes[NON_IMPACT]),
-            **{name: scene.to_tree() for name, scene in scenes.items()},
-        }
+        return {name: conditions(self.scene(name)) for name in (*self.names, NON_IMPACT)}
 
 
 @dataclass(frozen=True)

@@ -19,13 +19,12 @@ import pandas as pd
 from scipy.optimize import differential_evolution
 from scipy.stats import qmc
 
-import vibroplat
-from vibroplat.integrate.choice import engine_name
 from vibroplat.model.parameters import FloatArray
 from vibroplat.paper.calibration.plan import CalibrationPlan
 from vibroplat.paper.claims import judge
 from vibroplat.paper.evidence import Evidence
 from vibroplat.paper.trial import IMPACT, NON_IMPACT, QUICK, SEED, SHARED, claims, paper_scene, quick_trial
+from vibroplat.study import sweep
 from vibroplat.study.execution import Pool, run_chains
 from vibroplat.study.store import Record, Records
 from vibroplat.study.tasks import StoredChain, Tasks
@@ -37,12 +36,7 @@ Progress = Callable[[int, int, float], None]
 def conditions(fixed: Mapping[str, Any]) -> dict[str, Any]:
     """Return what the points depend on besides the parameters that are searched."""
     scenes = {name: paper_scene(name, {}, QUICK | SHARED.get(name, {})) for name in (*IMPACT, NON_IMPACT)}
-    return {
-        "vibroplat": vibroplat.__version__,
-        "engine": engine_name(scenes[NON_IMPACT]),
-        "machine": dict(fixed),
-        **{name: scene.to_tree() for name, scene in scenes.items()},
-    }
+    return {"machine": dict(fixed), **{name: sweep.conditions(scene) for name, scene in scenes.items()}}
 
 
 def evaluation(numbers: Mapping[str, Any]) -> Tasks[Record]:
