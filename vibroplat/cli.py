@@ -194,6 +194,7 @@ def sweep(
         _load_kernels()
         with pool(jobs, scheduler) as workers, sweep_progress(scene.name, len(planned), points) as progress:
             run_sweeps([(scene, store)], workers, progress)
+        store.finish()
         report.write_sweep(scene, store, directory, format_.value)
     seconds = time.perf_counter() - began
     table = read_table(directory, "sweep")
@@ -226,7 +227,7 @@ def paper(
 ) -> None:
     """Reproduce the paper: tables and figures 2-7, and its claims with what was measured and a verdict."""
     from vibroplat.config import parse_overrides
-    from vibroplat.study.trial import machine_numbers
+    from vibroplat.paper.trial import machine_numbers
 
     changes = parse_overrides(set_ or [])
     chosen = {name: {**machine_numbers(name), **changes} for name in machine or ("printed", "calibrated")}
@@ -242,34 +243,22 @@ def paper(
 def _reproduce(
     name: str, numbers: dict[str, Any], out: Path, workers: Pool, seeds: range, *, resume: bool, overwrite: bool
 ) -> None:
-    """Reproduce the paper with one machine; write and tell what came of it."""
-    from vibroplat.integrate.choice import engine_name
+    """Reproduce the paper with one machine; write its tables and figures and print an overview."""
+    from vibroplat.paper import report, reproduction
     from vibroplat.plots.paper import plot_paper
-    from vibroplat.provenance import provenance
-    from vibroplat.study import paper as study
-    from vibroplat.study.trial import paper_scene
-    from vibroplat.tables import result_directory, write_json, write_table
+    from vibroplat.tables import result_directory
 
     directory = result_directory(out / "paper", name)
     began = time.perf_counter()
-    branches, points = study.planned(numbers, seeds)
+    branches, points = reproduction.planned(numbers, seeds)
     with sweep_progress(name, branches, points) as progress:
-        found = study.reproduce(
+        found = reproduction.reproduce(
             numbers, directory / "points", workers, seeds=seeds, resume=resume, overwrite=overwrite, progress=progress
         )
-    for table_name, table in found.tables.items():
-        write_table(table, directory, table_name, "csv")
-    scene = paper_scene(study.SWEEPS[0], numbers)
-    beta = {"beta_per_s": found.beta, "beta_matched_hz": found.matched_hz}
-    write_json(provenance(scene, engine_name(scene)) | beta, directory, "provenance")
+    report.write_reproduction(found, numbers, directory)
     figures = plot_paper(directory)
-    seconds = time.perf_counter() - began
-    for _, row in found.tables["claims"].iterrows():
-        print(f"{row['id']:<24}{row['verdict']:<32}{row['seeds']:<16}{row['measured']}")
-    print(f"{'machine':<24}{name}; {study.matched(found)}")
-    print(f"{'computed':<24}{found.points} points, {found.simulated:.6g} s of motion, {found.events} events")
-    print(f"{'not ok':<24}{found.failed} points, counted in the claims that they concern")
-    print(f"{'wall time':<24}{seconds:.3g} s, {found.points / seconds:.3g} points per s")
+    for line in report.overview(name, found, time.perf_counter() - began):
+        print(line)
     print(f"{'tables and figures':<24}{directory}, {len(figures)} figures")
 
 
@@ -285,27 +274,25 @@ def calibrate(
 ) -> None:
     """Fit the numbers that the paper does not print to its claims; the table has a row for each evaluation."""
     from vibroplat.config import configurations
-    from vibroplat.study.calibration import reading, search
-    from vibroplat.study.calibration.plan import load_plan
+    from vibroplat.paper.calibration import reading, search
+    from vibroplat.paper.calibration.plan import load_plan
+    from vibroplat.paper.report import write_calibration
     from vibroplat.study.execution import pool
     from vibroplat.study.store import Store
-    from vibroplat.tables import remove_table, result_directory, write_table
+    from vibroplat.tables import result_directory
 
     overrides = {} if generations is None else {"generations": generations}
     fixed, plan = load_plan(config or configurations() / "claims" / "calibration.yaml", overrides)
     directory = result_directory(out, "calibration")
     total = plan.evaluations + plan.confirmations
-    with Store(directory, search.conditions(fixed, plan), resume=resume, overwrite=overwrite) as store:
+    with Store(directory, search.conditions(fixed), resume=resume, overwrite=overwrite) as store:
         _load_kernels()
         with pool(jobs, scheduler) as workers, calibration_progress(total) as progress:
             found = search.calibrate(fixed, plan, store, workers, progress)
+        store.finish()
     tables = {"evaluations": found.evaluations, "confirmation": found.confirmation}
     tables |= {"left-out": reading.left_out(found.evaluations, plan), "spread": reading.spread(found.evaluations, plan)}
-    for name, table in tables.items():
-        if len(table):
-            write_table(table, directory, name, "csv")
-        else:
-            remove_table(directory, name)
+    write_calibration(tables, directory)
     for label, text in reading.overview(found.evaluations, tables["left-out"], tables["spread"]).items():
         print(f"{label:<40}{text}")
     print(f"{'tables':<40}{directory}")

@@ -18,7 +18,7 @@ from vibroplat.errors import ConfigError
 from vibroplat.fields import NonNegative, Positive, Real, Section, Share, not_bool
 from vibroplat.messages import explain
 from vibroplat.overrides import merge, nest
-from vibroplat.plan import Sweep
+from vibroplat.sweep_plan import SweepPlan
 
 #: Rows of a trajectory table that a scene may ask for.
 MAX_ROWS = 100_000_000
@@ -282,7 +282,7 @@ class Scene(Section):
     run: Run = Run()
     solver: Solver = Solver()
     output: Output = Output()
-    sweep: Sweep | None = None
+    sweep: SweepPlan | None = None
 
     @model_validator(mode="before")
     @classmethod

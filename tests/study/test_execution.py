@@ -332,7 +332,7 @@ def with_a_lost_point(scene, workers, monkeypatch):
         begun[place(scene, key)] = None if state is None else state[0]
         return KillsAt(LOST)(scene, plan, state, key)
 
-    monkeypatch.setattr("vibroplat.study.sweep.measure_point", measure if workers.slots == 1 else KillsAt(LOST))
+    monkeypatch.setattr("vibroplat.study.point.measure_point", measure if workers.slots == 1 else KillsAt(LOST))
     with Store(None, {}) as store:
         run_sweeps([(scene, store)], workers)
         (found,) = tables(scene, store)

@@ -6,8 +6,8 @@ import pytest
 
 from vibroplat import Scene, load_config
 from vibroplat.errors import ConfigError
-from vibroplat.plan import Frequencies
 from vibroplat.study.branches import branches
+from vibroplat.sweep_plan import Frequencies
 
 from .helpers import FLYING, LOADED, planned
 

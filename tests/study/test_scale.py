@@ -56,7 +56,7 @@ def largest_memory(*arguments, **plan):
 @pytest.mark.long
 @pytest.mark.parametrize("kind", ["response", "bifurcation"])
 def test_memory_does_not_grow_with_the_number_of_points(kind, tmp_path, monkeypatch):
-    monkeypatch.setattr("vibroplat.study.sweep.measure_point", measured_at_once)
+    monkeypatch.setattr("vibroplat.study.point.measure_point", measured_at_once)
     sweep_of(100, tmp_path / "warm", kind=kind)
     few = largest_memory(2_000, tmp_path / "few", kind=kind)
     many = largest_memory(10_000, tmp_path / "many", kind=kind)
@@ -65,7 +65,7 @@ def test_memory_does_not_grow_with_the_number_of_points(kind, tmp_path, monkeypa
 
 
 def test_table_of_many_points_is_in_row_groups(tmp_path, monkeypatch):
-    monkeypatch.setattr("vibroplat.study.sweep.measure_point", measured_at_once)
+    monkeypatch.setattr("vibroplat.study.point.measure_point", measured_at_once)
     monkeypatch.setattr("vibroplat.study.sweep.CHUNK", 300)
     sweep_of(1_000, tmp_path / "points", kind="bifurcation")
     table = read_table(tmp_path / "points", "sweep")

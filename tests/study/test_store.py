@@ -270,7 +270,7 @@ def unfinished(here, command):
 def test_unfinished_sweep_is_not_begun_anew_unasked(unfinished, command):
     line = (
         "vibroplat: results/c holds 1 points of unfinished work; "
-        "allowed: --resume to go on with it, --overwrite to begin anew\n"
+        "allowed: --resume to continue it, --overwrite to start again\n"
     )
     assert command("sweep", "c.yaml") == (2, "", line)
     assert finished_points(unfinished) == 1

@@ -211,7 +211,7 @@ class Recorder:
 
 def test_points_begin_with_the_state_of_the_last_good_one(monkeypatch):
     recorder = Recorder(failing=(50.0, 51.5, 52.0))
-    monkeypatch.setattr("vibroplat.study.sweep.measure_point", recorder)
+    monkeypatch.setattr("vibroplat.study.point.measure_point", recorder)
     sweep(planned(LOADED, 50.0, 52.5, direction=["up", "down"]))
     begun = [(frequency, None if state is None else state[0], key) for frequency, state, key in recorder.asked]
     assert [call for call in begun if call[2][0] == 0] == [
@@ -233,7 +233,7 @@ def test_points_begin_with_the_state_of_the_last_good_one(monkeypatch):
 
 
 def test_progress_counts_branches_points_and_events(monkeypatch):
-    monkeypatch.setattr("vibroplat.study.sweep.measure_point", Recorder(failing=()))
+    monkeypatch.setattr("vibroplat.study.point.measure_point", Recorder(failing=()))
     told = []
     sweep(planned(LOADED, 50.0, 51.0, direction=["up", "down"]), progress=lambda *counts: told.append(counts))
     assert [points for _, points, _ in told] == list(range(7))

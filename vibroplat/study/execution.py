@@ -1,8 +1,8 @@
-"""Chains of tasks side by side: in this process, in worker processes, on many machines.
+"""Run chains of tasks side by side: in this process, in worker processes or on many machines.
 
-A chain's next task is known when the one before it has finished, as a sweep's next point begins with the
-state of the last. What a task returns depends on its arguments alone, so results are the same however
-chains are spread over workers.
+The next task of a chain is known when the one before it has finished, as each point of a sweep begins with the state
+of the last. The result of a task depends on its arguments alone, so results do not depend on how chains are spread
+over workers.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from typing import Any, Protocol, TypeVar
 from vibroplat.errors import ConfigError, VibroplatError
 from vibroplat.interrupts import held
 
-#: Numerical libraries would start a pool of threads in each worker process.
+#: Environment of workers: without it numerical libraries would start a pool of threads in each process.
 PINNED = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA")}
-#: Seconds without a result after which workers are asked whether they are there.
+#: Seconds without a result after which the pool is checked for workers.
 PATIENCE = 5.0
 #: Seconds without a task after which a worker process ends.
 IDLE = 20
-#: Times that a task alone may lose its worker before it is given up.
+#: How many times a task that runs alone may lose its worker before it is given up.
 LIVES = 2
 
 _ADDRESS = re.compile(r"^(tcp|tls|ws|wss|ucx|inproc)://.+:\d+")
@@ -36,8 +36,10 @@ class LostError(VibroplatError):
     exit_code = 1
 
 
-class WorkerLostError(Exception):
-    """A task's worker died, more than once."""
+class WorkerLostError(VibroplatError):
+    """A task's worker died more than once."""
+
+    exit_code = 1
 
 
 class Chain(Protocol):
@@ -48,7 +50,7 @@ class Chain(Protocol):
         ...
 
     def take(self, result: Any) -> None:
-        """Take the result of the task, or a :class:`WorkerLostError` in its place."""
+        """Take the result of the task, or a :class:`WorkerLostError` if it was given up."""
         ...
 
 
@@ -58,9 +60,9 @@ C = TypeVar("C", bound=Chain)
 class Pool(Protocol):
     """Where tasks run."""
 
-    #: Tasks given to it at a time.
+    #: How many tasks it is given at a time.
     slots: int
-    #: What it raises for a task that it has given up because workers died of it.
+    #: Errors with which it gives up a task whose workers died.
     given_up: tuple[type[Exception], ...]
 
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
@@ -72,18 +74,21 @@ class Pool(Protocol):
         ...
 
     def check(self) -> None:
-        """Raise where no worker can ever answer."""
+        """Raise :class:`LostError` if no worker can answer any more."""
         ...
 
     def close(self) -> None:
-        """Stop the workers, also in the middle of a task."""
+        """Stop the workers, even in the middle of a task."""
         ...
 
 
-def run_chains(chains: Iterable[C], workers: Pool) -> Iterator[C]:
-    """Run all chains to their ends; yields the chain of each task that has finished and been taken."""
+def run_chains(chains: Iterable[C], workers: Pool, *, in_turn: bool = True) -> Iterator[C]:
+    """Run all chains to their ends; yield the chain of each task after it has taken the result.
+
+    Chains take turns, so that all end at about the same time. Otherwise the first ones are finished first.
+    """
     waiting: deque[C] = deque(chains)
-    suspects: deque[C] = deque()  # one of them has taken its worker along: each runs alone
+    suspects: deque[C] = deque()  # one of them has killed its worker: each runs alone
     losses: dict[int, int] = {}
     running: dict[Future[Any], C] = {}
     alone = False
@@ -113,7 +118,7 @@ def run_chains(chains: Iterable[C], workers: Pool) -> Iterator[C]:
             except workers.given_up as error:
                 chain.take(WorkerLostError(" ".join(str(error).split())))
             losses.pop(id(chain), None)
-            waiting.append(chain)
+            (waiting.append if in_turn else waiting.appendleft)(chain)
             yield chain
         if lost:
             yield from _deal_with(lost, running, suspects, losses, waiting, workers)
@@ -127,7 +132,7 @@ def _deal_with(
     waiting: deque[C],
     workers: Pool,
 ) -> Iterator[C]:
-    """Renew the pool after a worker has died; a task that was alone and has no life left is given up."""
+    """Renew the pool after a worker has died; give up a task that ran alone and has no life left."""
     alone = len(lost) == 1 and not running
     lost += running.values()
     running.clear()
@@ -169,7 +174,7 @@ class Inline:
 
 
 class Processes:
-    """Worker processes of this machine, by loky; numerical libraries use one thread in each."""
+    """Worker processes of this machine, started by loky; numerical libraries use one thread in each."""
 
     given_up: tuple[type[Exception], ...] = ()
 
@@ -179,7 +184,7 @@ class Processes:
         self.renew()
 
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
-        """Start a task; on workers that have just died it fails like those that they had."""
+        """Start a task; if the workers have just died it fails like the tasks that they had."""
         try:
             resource_tracker.ensure_running()  # started in between, it would let Ctrl-C through (CPython < 3.14)
             with held():
@@ -190,13 +195,13 @@ class Processes:
         return future
 
     def renew(self) -> None:
-        """Start workers anew where the old ones are broken."""
+        """Start new workers if the old ones are broken."""
         from loky import get_reusable_executor  # noqa: PLC0415  (not needed for one job)
 
         self._executor: Executor = get_reusable_executor(self._jobs, timeout=IDLE, env=PINNED)
 
     def check(self) -> None:
-        """Do nothing: futures of workers that die fail by themselves."""
+        """Do nothing: the futures of workers that die fail by themselves."""
 
     def close(self) -> None:
         """Stop the workers."""
@@ -230,28 +235,43 @@ class Cluster:
         self.slots = 2 * max(1, sum(self._client.nthreads().values()))
 
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
-        """Start a task; dask repeats it where its worker dies, and gives it up after some times."""
+        """Start a task; dask repeats it if its worker dies, and gives it up after some times."""
         future: Future[Any] = self._executor.submit(function, *arguments)
         return future
 
     def renew(self) -> None:
-        """Nothing to replace: the scheduler sees to its workers."""
+        """Nothing to replace: the scheduler looks after its workers."""
 
     def check(self) -> None:
-        """Raise where the scheduler is gone."""
+        """Raise :class:`LostError` if the scheduler is gone."""
         if self._client.status not in ("running", "connecting"):
-            raise LostError(f"the scheduler at {self._address} is gone; finished points are kept, --resume goes on")
+            raise LostError(
+                f"the scheduler at {self._address} is gone; finished points are kept: continue with --resume"
+            )
 
     def close(self) -> None:
         """Leave the cluster."""
-        if self._client.status == "running":  # of a scheduler that is gone there is nothing to cancel
+        if self._client.status == "running":  # a scheduler that is gone has nothing to cancel
             self._executor.shutdown(wait=False)
         self._client.close()
 
 
 @contextmanager
 def pool(jobs: int = 1, scheduler: str | None = None) -> Iterator[Pool]:
-    """Open the pool that a user asks for: this process, so many of them, or a dask scheduler's workers."""
+    """Open a pool: this process for one job, worker processes for more, or the workers of a dask scheduler.
+
+    Parameters
+    ----------
+    jobs
+        Worker processes.
+    scheduler
+        Address of a dask scheduler, whose workers are used instead.
+
+    Raises
+    ------
+    ConfigError
+        The scheduler does not answer, or dask.distributed is not installed.
+    """
     opened: Pool = Inline()
     if scheduler is not None:
         opened = Cluster(scheduler)

@@ -1,20 +1,20 @@
-"""The paper's claims, judged by sweeps.
+"""Judge the paper's claims by evidence alone.
 
-A claim holds as the paper words it; frequencies may be off by EDGE, half the step of its own curves, which is
-also how far the ends of its bands can be told. Scores between 0 and 1 tell calibration how near a claim is.
+A claim must hold as the paper words it. Frequencies may be off by EDGE, half the step of the paper's own curves: the
+ends of its bands are known no better. Scores between 0 and 1 tell the calibration how close a claim is.
 """
 
 from __future__ import annotations
 
-from vibroplat.study import boundaries, comparisons, quoted
-from vibroplat.study.comparisons import ALMOST, SMALL
-from vibroplat.study.evidence import Evidence, Key
-from vibroplat.study.finding import EDGE, Claim, Finding, Judge, listed, name_of
+from vibroplat.paper import boundaries, comparisons, quoted
+from vibroplat.paper.comparisons import ALMOST, SMALL
+from vibroplat.paper.evidence import Evidence, Key
+from vibroplat.paper.finding import EDGE, Claim, Finding, Judge, listed, name_of
 
-#: How far exciters may lag behind their supply (Hz) where a point failed and its excitation frequency is not known.
+#: Largest difference (Hz) between synchronous and excitation frequency at a failed point, whose latter is not known.
 LAG = 1.0
 
-#: Judges of claims by their names; bands have all the same.
+#: Judges by the names of claims; all bands have the same judge.
 JUDGES: dict[str, Judge] = {
     "sync-deviation": boundaries.deviation,
     "jump-second-resonance": boundaries.second_resonance,
@@ -44,7 +44,7 @@ JUDGES: dict[str, Judge] = {
 
 
 def judge(claim: Claim, evidence: Evidence) -> Finding:
-    """Judge a claim; one whose branches are missing does not hold. Points that failed are told, not judged."""
+    """Judge a claim; without its branches it does not hold. Failed points are reported, not judged."""
     finding = _judged(claim, evidence)
     failed = _failed(claim, evidence)
     elastic = [key for key in failed if key.restitution == 1.0]
@@ -52,8 +52,8 @@ def judge(claim: Claim, evidence: Evidence) -> Finding:
         finding = _without_elastic(claim, evidence, finding, elastic)
     if not failed:
         return finding
-    told = ", ".join(f"{count} at {name_of(key)}" for key, count in failed.items())
-    return finding._replace(measured=f"{finding.measured} (points that failed: {told})")
+    counts = ", ".join(f"{count} at {name_of(key)}" for key, count in failed.items())
+    return finding._replace(measured=f"{finding.measured} (points that failed: {counts})")
 
 
 def _judged(claim: Claim, evidence: Evidence) -> Finding:
@@ -62,17 +62,17 @@ def _judged(claim: Claim, evidence: Evidence) -> Finding:
 
 
 def _without_elastic(claim: Claim, evidence: Evidence, finding: Finding, elastic: list[Key]) -> Finding:
-    """Tell whether a claim fails by its curves with R < 1, too, or is not judged at R = 1, where points failed."""
+    """Find out whether a claim also fails with R < 1; otherwise it is not judged at R = 1, where points failed."""
     if min(listed(claim["R"])) == 1.0:
         return finding._replace(holds=False, judged=False)
     rest = _judged(claim, evidence.without(elastic))
     if rest.holds:
         return rest._replace(measured=f"with R < 1: {rest.measured}; not judged at R = 1", holds=False, judged=False)
-    return finding._replace(measured=f"{finding.measured}; fails without R = 1, too")
+    return finding._replace(measured=f"{finding.measured}; also fails without R = 1")
 
 
 def _failed(claim: Claim, evidence: Evidence) -> dict[Key, int]:
-    """Count the points that failed of each branch that a claim is about, near the frequencies that it names."""
+    """Count the failed points of each branch of a claim, near the frequencies that the claim names."""
     found = {}
     for key, course in evidence.courses.items():
         if _is_about(claim, key):
@@ -85,13 +85,13 @@ def _failed(claim: Claim, evidence: Evidence) -> dict[Key, int]:
 
 
 def _is_about(claim: Claim, key: Key) -> bool:
-    """Whether a branch is one of a claim: of its mass ratios, with R in its range."""
+    """Whether a claim is about a branch: it names the mass ratio, and R is in its range."""
     r = listed(claim.get("R", 0.0))
     named = key == Key(key.mass_ratio, key.restitution)
     return named and key.mass_ratio in listed(claim.get("mu", 0.0)) and min(r) <= key.restitution <= max(r)
 
 
 def _is_near(claim: Claim, frequency: float) -> bool:
-    """Whether a synchronous frequency (Hz) belongs to a claim; all do where it names no interval."""
+    """Whether a synchronous frequency (Hz) belongs to a claim; all do if it names no interval."""
     f = claim.get("within", claim.get("f"))
     return not isinstance(f, list) or f[0] - EDGE <= frequency <= f[-1] + LAG

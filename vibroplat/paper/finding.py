@@ -1,4 +1,4 @@
-"""What judging a claim gives, and what all judges share."""
+"""The result of judging a claim, and what all judges share."""
 
 from __future__ import annotations
 
@@ -7,18 +7,27 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from vibroplat.study.evidence import Evidence, Key
+from vibroplat.paper.evidence import Evidence, Key
 
 Claim = Mapping[str, Any]
 
-#: Allowed error of a band's ends (Hz of excitation frequency): the paper's step is 0.5 Hz of supply frequency.
+#: Allowed error of the ends of a band (Hz of excitation frequency): the paper's step is 0.5 Hz of supply frequency.
 EDGE = 0.25
 
 
 class Finding(NamedTuple):
-    """What was measured for a claim, whether it holds, and how nearly.
+    """What was found for a claim.
 
-    ``judged`` is False where it does not hold only because points at R = 1 failed.
+    Attributes
+    ----------
+    measured
+        What was measured, in words.
+    holds
+        Whether the claim holds.
+    score
+        How close it is, from 0 to 1.
+    judged
+        False if it does not hold for the sole reason that points at R = 1 failed.
     """
 
     measured: str
@@ -36,12 +45,12 @@ def listed(value: Any) -> list[float]:
 
 
 def keys_of(claim: Claim) -> list[Key]:
-    """Return the branches of a claim that lists its mass ratios and restitutions."""
+    """Return the keys of a claim's branches, from its mass ratios and restitutions."""
     return [Key(mu, r) for mu in listed(claim.get("mu", 0.0)) for r in listed(claim.get("R", 0.0))]
 
 
 def restitutions(evidence: Evidence, mu: float) -> list[Key]:
-    """Return the branches of a mass ratio that there are, by their restitution."""
+    """Return the keys of the branches that exist for a mass ratio, in the order of R."""
     return sorted(k for k in evidence.courses if k == Key(mu, k.restitution))
 
 
@@ -51,7 +60,7 @@ def name_of(key: Key) -> str:
 
 
 def joined(findings: Mapping[str, Finding]) -> Finding:
-    """Join findings of several curves: all must hold."""
+    """Join the findings of several branches; all must hold."""
     if len(findings) == 1:
         return next(iter(findings.values()))
     text = "; ".join(f"{name}: {finding.measured}" for name, finding in findings.items())
@@ -59,10 +68,10 @@ def joined(findings: Mapping[str, Finding]) -> Finding:
 
 
 def interval(low: float, high: float) -> str:
-    """Tell an interval of frequencies."""
+    """Return an interval of frequencies (Hz) as text."""
     return f"{low:.2f} … {high:.2f} Hz" if high > low else f"{low:.2f} Hz"
 
 
 def closeness(off: float, tolerance: float) -> float:
-    """Return 1 within a tolerance, falling to 0 at four times it."""
+    """Return 1 up to a tolerance; the value falls to 0 at four times the tolerance."""
     return float(np.clip((4.0 - off / tolerance) / 3.0, 0.0, 1.0))

@@ -1,4 +1,4 @@
-"""The scoreboard: the paper's claims with what was measured and a verdict."""
+"""The scoreboard: each claim of the paper with what was measured and a verdict."""
 
 from __future__ import annotations
 
@@ -7,25 +7,38 @@ from typing import Any
 
 import pandas as pd
 
-from vibroplat.study.claims import judge
-from vibroplat.study.evidence import Evidence
-from vibroplat.study.finding import Claim, Finding
-from vibroplat.study.trial import claims, former_claims
+from vibroplat.paper.claims import judge
+from vibroplat.paper.evidence import Evidence
+from vibroplat.paper.finding import Claim, Finding
+from vibroplat.paper.trial import claims, former_claims
 
-#: What other sets of numbers gave: the changes over the machine's, and a finding.
-Others = Sequence[tuple[Mapping[str, Any], Finding]]
+#: Evidence with other sets of numbers, and their changes of those of the machine.
+Others = Sequence[tuple[Mapping[str, Any], Evidence]]
 
-#: Name of the line that counts the claims in their former wording.
+#: Name of the row that counts the claims in their former wording.
 FORMER = "former-wording"
 
 
-def scoreboard(seeds: Mapping[int, Evidence], others: Sequence[tuple[Mapping[str, Any], Evidence]]) -> pd.DataFrame:
-    """Judge every claim with each seed: what is expected, what was measured, a verdict, and why where it fails.
+def scoreboard(seeds: Mapping[int, Evidence], others: Others) -> pd.DataFrame:
+    """Judge each claim with each seed; the last row counts the claims in their former wording.
 
-    A claim is reproduced if it holds with all seeds, and depends on the seed if with some. One that holds with none,
-    but with other values of what the paper does not print, depends on an unprinted number; the line says with which.
-    These are judged by coarser sweeps. Where they let the claim hold with the machine's own numbers as well (the set
-    without changes), they cannot tell, and are not asked. The last line counts the claims in their former wording.
+    A claim is reproduced if it holds with all seeds, and depends on the seed if it holds with some. If it holds with
+    none, but with other values of what the paper does not print, it depends on an unprinted number; the row says on
+    which. Other values are judged by coarser sweeps. If the claim holds by these with the machine's own numbers as well
+    (the set without changes), they say nothing about it.
+
+    Parameters
+    ----------
+    seeds
+        The machine's evidence by seed.
+    others
+        Evidence with other sets of numbers, and their changes of those of the machine.
+
+    Returns
+    -------
+    DataFrame
+        Columns id, figure, quote, expected, measured (with the first seed), seeds (how many it holds with), verdict,
+        why (it is not reproduced), note.
     """
     rows = []
     for claim in claims():
@@ -47,10 +60,8 @@ def scoreboard(seeds: Mapping[int, Evidence], others: Sequence[tuple[Mapping[str
     return pd.DataFrame([*rows, _former(seeds)])
 
 
-def _verdict(
-    claim: Claim, found: Mapping[int, Finding], others: Sequence[tuple[Mapping[str, Any], Evidence]]
-) -> tuple[str, str]:
-    """Give the verdict of a claim, and a line why it is not reproduced."""
+def _verdict(claim: Claim, found: Mapping[int, Finding], others: Others) -> tuple[str, str]:
+    """Return the verdict of a claim, and why it is not reproduced."""
     failing = {seed: finding for seed, finding in found.items() if not finding.holds}
     if not failing:
         return "reproduced", ""
@@ -66,25 +77,25 @@ def _verdict(
     return verdict, why
 
 
-def _explain(findings: Others) -> tuple[str, str]:
-    """Give the verdict of a claim that fails with all seeds, and a line why."""
+def _explain(findings: Sequence[tuple[Mapping[str, Any], Finding]]) -> tuple[str, str]:
+    """Return the verdict of a claim that fails with all seeds, and why it does."""
     if any(finding.holds for changes, finding in findings if not changes):
         return "not reproduced", "in coarser steps it holds with the same numbers, so other numbers cannot be tried"
     holding = [(changes, finding) for changes, finding in findings if finding.holds]
     if holding:
         changes, finding = holding[0]
         more = f" (and with {len(holding) - 1} of the other sets)" if len(holding) > 1 else ""
-        return "depends on an unprinted number", f"holds with {_told(changes)}{more}: {finding.measured}"
+        return "depends on an unprinted number", f"holds with {_named(changes)}{more}: {finding.measured}"
     tried = [(changes, finding) for changes, finding in findings if changes]
     if not tried:
         return "not reproduced", ""
     changes, nearest = max(tried, key=lambda pair: pair[1].score)
-    why = f"nor with any of {len(tried)} other sets of unprinted numbers; nearest {_told(changes)}: {nearest.measured}"
+    why = f"nor with any of {len(tried)} other sets of unprinted numbers; nearest {_named(changes)}: {nearest.measured}"
     return "not reproduced", why
 
 
 def _former(seeds: Mapping[int, Evidence]) -> dict[str, Any]:
-    """Count the claims in their former wording that hold with each seed, and name those that fail with the first."""
+    """Count the claims that hold in their former wording, by seed, and name those that fail with the first."""
     wording = former_claims()
     holding = [[claim["id"] for claim in wording if judge(claim, evidence).holds] for evidence in seeds.values()]
     failing = [claim["id"] for claim in wording if claim["id"] not in holding[0]]
@@ -101,12 +112,12 @@ def _former(seeds: Mapping[int, Evidence]) -> dict[str, Any]:
     }
 
 
-def _told(changes: Mapping[str, Any]) -> str:
+def _named(changes: Mapping[str, Any]) -> str:
     return ", ".join(f"{key.split('.')[-1]} {value:g}" for key, value in changes.items())
 
 
 def expected(claim: Claim) -> str:
-    """Say a claim in words."""
+    """Return a claim in words."""
     parts = [f"{symbol} {_range(claim[key])}" for symbol, key in (("μ", "mu"), ("R", "R")) if key in claim]
     if "f" in claim:
         parts.append(f"f {_range(claim['f'])} Hz" + (f" ± {claim['tol']:g}" if "tol" in claim else ""))

@@ -6,17 +6,16 @@ import math
 
 import numpy as np
 import pytest
+from study.helpers import swept
 
-from vibroplat.study.contradictions import (
+from vibroplat.paper.contradictions import (
     acceleration,
     contradictions,
     resonance_torque,
     stiff_layer_liftoff,
     unbalance_for_liftoff,
 )
-from vibroplat.study.trial import machine_numbers, paper_scene
-
-from .helpers import swept
+from vibroplat.paper.trial import machine_numbers, paper_scene
 
 PRINTED = paper_scene("fig2", machine_numbers("printed"))
 

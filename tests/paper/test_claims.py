@@ -6,22 +6,22 @@ import numpy as np
 import pytest
 
 from vibroplat.config import configurations, load_list
-from vibroplat.plan import Sweep
+from vibroplat.paper import boundaries
+from vibroplat.paper.claims import judge
+from vibroplat.paper.evidence import REGIMES, Course, Evidence, F, Key, runs
+from vibroplat.paper.finding import EDGE
+from vibroplat.paper.narrowing import JUMP_WIDTH, WIDTH
+from vibroplat.paper.scoreboard import FORMER, expected, scoreboard
+from vibroplat.paper.trial import claims, former_claims, machine_numbers
 from vibroplat.scene import Scene
-from vibroplat.study import boundaries
 from vibroplat.study.branches import Branch
-from vibroplat.study.claims import judge
-from vibroplat.study.evidence import REGIMES, Course, Evidence, F, Key, runs
-from vibroplat.study.finding import EDGE
-from vibroplat.study.narrowing import JUMP_WIDTH, WIDTH
-from vibroplat.study.scoreboard import FORMER, expected, scoreboard
-from vibroplat.study.trial import claims, former_claims, machine_numbers
+from vibroplat.sweep_plan import SweepPlan
 
 CLAIMS = {claim["id"]: claim for claim in claims()}
 FORMERLY = {claim["id"]: claim for claim in former_claims()}
 #: Claims that were worded otherwise.
 CHANGED = ("band-vs-mass", "attached-mu01", "attached-mu02", "flight-period1")
-PLAN = Sweep(supply_frequency_hz={"start": 42.0, "stop": 81.0})
+PLAN = SweepPlan(supply_frequency_hz={"start": 42.0, "stop": 81.0})
 STEPS = np.arange(21.0, 40.01, 0.25)
 #: Where motion stops being periodic below the jump, by R.
 NON_PERIODIC = {0.0: 29.5, 0.3: 29.0, 0.5: 28.0, 0.7: 27.0, 1.0: 26.0}
@@ -325,7 +325,7 @@ def test_claim_that_fails_with_less_restitution_is_not_reproduced():
     spoilt = failed_at_one(SPOILT["R-bands"])
     finding = judge(CLAIMS["R-bands"], spoilt)
     assert (finding.holds, finding.judged) == (False, True)
-    assert "; fails without R = 1, too" in finding.measured
+    assert "; also fails without R = 1" in finding.measured
     assert scoreboard({0: spoilt}, []).set_index("id")["verdict"]["R-bands"] == "not reproduced"
 
 

@@ -1,9 +1,9 @@
-"""What of the paper's numbers contradicts its figures, by formulas that need no simulation and no unprinted number.
+"""Contradictions between the paper's numbers and its figures, by formulas without simulation or unprinted numbers.
 
-In steady antiphase the forces of both exciters add along y. A stiff layer moves with the platform as one mass, so
-that its amplitude is A = 2 m_r r ω²/√((c_y − (M + m_w)ω²)² + b_y²ω²), and it leaves the platform where Aω² = g. At the
-vertical resonance each motor feeds half of what the damper b_y takes, by the mean torque (m_r r)²ω³/b_y: where that is
-above the motor's critical torque, the resonance captures it (Sommerfeld; Blekhman 2000).
+In steady antiphase the forces of both exciters add along y. A stiff layer moves with the platform as one mass, with the
+amplitude A = 2 m_r r ω²/√((c_y − (M + m_w)ω²)² + b_y²ω²), and leaves it if Aω² > g. At the vertical resonance each
+motor supplies half of the power that the damper b_y takes, by the mean torque (m_r r)²ω³/b_y. If that is above the
+motor's critical torque, the resonance captures the motor (Sommerfeld; Blekhman 2000).
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from typing import Any
 import pandas as pd
 from scipy.optimize import brentq
 
+from vibroplat.paper.trial import paper_scene
 from vibroplat.scene import Machine, Scene
-from vibroplat.study.trial import paper_scene
 
-#: Frequencies (Hz) up to which the paper has attached motion, by mass ratio.
+#: Frequencies (Hz) up to which motion is attached in the paper, by mass ratio.
 LIFTOFF = {0.1: 24.5, 0.2: 24.0}
-#: Lowest frequency (Hz) at which lift-off is looked for; the highest is the vertical resonance.
+#: Lowest frequency (Hz) of the search for liftoff; the highest is the vertical resonance.
 LOWEST = 10.0
 
 
@@ -33,7 +33,7 @@ def acceleration(machine: Machine, mass_ratio: float, frequency: float) -> float
 
 
 def stiff_layer_liftoff(machine: Machine, mass_ratio: float) -> float:
-    """Return the frequency (Hz) at which a stiff layer leaves the platform; nan if it does not below the resonance."""
+    """Return the frequency (Hz) at which a stiff layer leaves the platform; nan if there is none below resonance."""
     gravity = machine.gravity_m_per_s2
     mass = (1.0 + mass_ratio) * machine.total_mass
     resonance = math.sqrt(machine.stiffness_y_n_per_m / mass) / (2.0 * math.pi)
@@ -48,22 +48,25 @@ def unbalance_for_liftoff(machine: Machine, mass_ratio: float, frequency: float)
 
 
 def resonance_torque(machine: Machine) -> float:
-    """Return the mean torque (N·m) that the vertical resonance asks of each motor."""
+    """Return the mean torque (N·m) that each motor needs at the vertical resonance."""
     omega = math.sqrt(machine.stiffness_y_n_per_m / machine.total_mass)
     damping = machine.damping_y_n_s_per_m
     return float(machine.unbalance**2 * omega**3 / damping) if damping > 0.0 else math.inf
 
 
 def contradictions(numbers: Mapping[str, Any]) -> pd.DataFrame:
-    """Compare a machine with the paper's figures: what, unit, what the figures ask for, and what the machine has."""
+    """Compare a machine with the paper's figures.
+
+    The columns are what, unit, figures (the value that the figures require) and machine (the value that it has).
+    """
     scene: Scene = paper_scene("fig2", numbers)
     machine = scene.machine
     rows: list[tuple[str, str, float, float]] = []
     for mass_ratio, frequency in LIFTOFF.items():
         rows += [
-            (f"lift-off of a stiff layer, μ {mass_ratio:g}", "Hz", frequency, stiff_layer_liftoff(machine, mass_ratio)),
+            (f"liftoff of a stiff layer, μ {mass_ratio:g}", "Hz", frequency, stiff_layer_liftoff(machine, mass_ratio)),
             (
-                f"m_r r for lift-off of a stiff layer at {frequency:g} Hz, μ {mass_ratio:g}",
+                f"m_r r for liftoff of a stiff layer at {frequency:g} Hz, μ {mass_ratio:g}",
                 "kg·m",
                 unbalance_for_liftoff(machine, mass_ratio, frequency),
                 machine.unbalance,

@@ -8,16 +8,18 @@ import pytest
 from vibroplat import cli
 from vibroplat.config import configurations
 from vibroplat.errors import ConfigError
-from vibroplat.study.calibration import search
-from vibroplat.study.calibration.plan import Confirm, Plan, Range, load_plan
-from vibroplat.study.calibration.reading import left_out, overview, spread
-from vibroplat.study.calibration.search import calibrate, conditions, evaluate, objective
+from vibroplat.paper import trial
+from vibroplat.paper.calibration import search
+from vibroplat.paper.calibration.plan import CalibrationPlan, Confirm, Range, load_plan
+from vibroplat.paper.calibration.reading import left_out, overview, spread
+from vibroplat.paper.calibration.search import calibrate, conditions, evaluation, objective
+from vibroplat.paper.trial import QUICK, machine_numbers, paper_scene
 from vibroplat.study.execution import Inline
 from vibroplat.study.store import Store
-from vibroplat.study.trial import QUICK, machine_numbers, paper_scene
+from vibroplat.study.tasks import StoredChain, Task, run_stored
 
 DAMPING, RATIO = "machine.damping_y_n_s_per_m", "material.damping_ratio"
-PLAN = Plan(
+PLAN = CalibrationPlan(
     parameters={DAMPING: Range(low=100.0, high=500.0), RATIO: Range(low=1e-3, high=1.0, scale="log")},
     population_per_parameter=6,
     generations=12,
@@ -44,7 +46,7 @@ def valley(monkeypatch):
     """Claims whose scores are best at b_y 320 and damping ratio 0.02; counts evaluations, and may stop after some."""
     state = {"calls": 0, "most": math.inf}
 
-    def judged(numbers):
+    def simulated(numbers):
         if state["calls"] >= state["most"]:
             raise Killed
         state["calls"] += 1
@@ -53,8 +55,17 @@ def valley(monkeypatch):
         second = math.exp(-(math.log10(numbers[RATIO] / 0.02) ** 2))
         return result({"first": first, "second": second}, {"first": first > 0.9, "second": second > 0.9})
 
-    monkeypatch.setattr(search, "evaluate", judged)
+    monkeypatch.setattr(search, "evaluation", of(simulated))
     return state
+
+
+def of(function):
+    """In the place of an evaluation: a single task, which makes its result."""
+
+    def evaluation(numbers):
+        return (yield Task(function, (numbers,)))
+
+    return evaluation
 
 
 def result(scores, holds):
@@ -123,10 +134,10 @@ def test_interrupted_search_goes_on_to_the_same_table(valley, tmp_path, plan, mo
         whole = calibrate(FIXED, plan, store, Inline())
     calls = valley["calls"]
     valley.update(calls=0, most=most)
-    with Store(tmp_path, conditions(FIXED, plan)) as store, pytest.raises(Killed):
+    with Store(tmp_path, conditions(FIXED)) as store, pytest.raises(Killed):
         calibrate(FIXED, plan, store, Inline())
     valley["most"] = math.inf
-    with Store(tmp_path, conditions(FIXED, plan), resume=True) as store:
+    with Store(tmp_path, conditions(FIXED), resume=True) as store:
         resumed = calibrate(FIXED, plan, store, Inline())
     assert valley["calls"] == calls
     pd.testing.assert_frame_equal(resumed.evaluations, whole.evaluations, check_exact=True)
@@ -136,28 +147,28 @@ def test_interrupted_search_goes_on_to_the_same_table(valley, tmp_path, plan, mo
 @pytest.mark.parametrize("fewer", [{"generations": 2}, {"generations": 2, "confirm": Confirm(sets=3)}])
 def test_more_generations_go_on_from_those_there_are(valley, tmp_path, fewer):
     first = PLAN.model_copy(update=fewer)
-    with Store(tmp_path, conditions(FIXED, first)) as store:
+    with Store(tmp_path, conditions(FIXED)) as store:
         calibrate(FIXED, first, store, Inline())
-    with Store(tmp_path, conditions(FIXED, PLAN), resume=True) as store:
+    with Store(tmp_path, conditions(FIXED), resume=True) as store:
         table = calibrate(FIXED, PLAN, store, Inline()).evaluations
     assert valley["calls"] == distinct(table) + first.confirmations
 
 
 def test_more_starts_go_on_from_those_there_are(valley, tmp_path):
     first = FULL.model_copy(update={"starts": 1, "confirm": Confirm()})
-    with Store(tmp_path, conditions(FIXED, first)) as store:
+    with Store(tmp_path, conditions(FIXED)) as store:
         calibrate(FIXED, first, store, Inline())
-    with Store(tmp_path, conditions(FIXED, FULL), resume=True) as store:
+    with Store(tmp_path, conditions(FIXED), resume=True) as store:
         table = calibrate(FIXED, FULL, store, Inline()).evaluations
     assert valley["calls"] == distinct(table) + FULL.confirmations
 
 
 def test_other_machine_does_not_go_on(valley, tmp_path):
-    with Store(tmp_path, conditions(FIXED, PLAN)) as store:
+    with Store(tmp_path, conditions(FIXED)) as store:
         calibrate(FIXED, PLAN, store, Inline())
     other = {"machine.gravity_m_per_s2": 1.62}
     with pytest.raises(ConfigError, match=r"cannot resume: machine\.machine\.gravity_m_per_s2 = 1\.62; allowed: 9\.81"):
-        Store(tmp_path, conditions(other, PLAN), resume=True)
+        Store(tmp_path, conditions(other), resume=True)
 
 
 def test_claim_that_holds_is_worth_more_than_one_that_nearly_does():
@@ -174,13 +185,13 @@ def test_claim_that_holds_is_worth_more_than_one_that_nearly_does():
 def lucky(monkeypatch):
     """Claims that all hold near b_y 300 with the machine's own seed only; near 450 all but one with every seed."""
 
-    def judged(numbers):
+    def simulated(numbers):
         near, far = (abs(numbers[DAMPING] - place) < 60.0 for place in (300.0, 450.0))
         many = 4 if near and numbers["sweep.seed"] == 7 else 3 if far else 1
         holds = {name: place < many for place, name in enumerate("abcd")}
         return result({name: 0.5 + 0.5 * held for name, held in holds.items()}, holds)
 
-    monkeypatch.setattr(search, "evaluate", judged)
+    monkeypatch.setattr(search, "evaluation", of(simulated))
 
 
 def test_best_set_is_the_one_of_most_claims_over_all_seeds(lucky):
@@ -377,8 +388,39 @@ def test_parameter_that_no_scene_takes_is_refused_before_the_search(tmp_path, pa
     assert line in str(caught.value)
 
 
+class Cut(Inline):
+    """This process, interrupted after some tasks."""
+
+    def __init__(self, most):
+        self.left = most
+
+    def submit(self, function, *arguments):
+        if self.left == 0:
+            raise Killed
+        self.left -= 1
+        return super().submit(function, *arguments)
+
+
+def test_interrupted_evaluation_keeps_its_points(tmp_path, monkeypatch):
+    coarse = {"sweep.supply_frequency_hz.step": 13.0, "sweep.max_settle_s": 0.5, "sweep.measure_s": 0.5}
+    monkeypatch.setattr(trial, "QUICK", QUICK | coarse)
+    plan = PLAN.model_copy(update={"population_per_parameter": 2, "generations": 0})
+    with Store(tmp_path, conditions(FIXED)) as store, pytest.raises(Killed):
+        calibrate(FIXED, plan, store, Cut(40))
+    with Store(tmp_path, conditions(FIXED), resume=True) as store:
+        assert len(store) == 40
+        resumed = calibrate(FIXED, plan, store, Inline())
+        again = calibrate(FIXED, plan, store, Cut(0))  # judged from what is stored
+    with Store(None, {}) as store:
+        whole = calibrate(FIXED, plan, store, Inline())
+    for found in (resumed, again):
+        pd.testing.assert_frame_equal(found.evaluations, whole.evaluations, check_exact=True)
+
+
 @pytest.mark.long
 def test_evaluation_prefers_the_calibrated_machine_to_the_printed_one():
-    calibrated, printed = (evaluate(machine_numbers(name)) for name in ("calibrated", "printed"))
+    with Store(None, {}) as store:
+        chains = [StoredChain(evaluation(machine_numbers(name)), store, name) for name in ("calibrated", "printed")]
+        calibrated, printed = run_stored(chains, Inline())
     assert calibrated["held"] > printed["held"]
     assert calibrated["score"] > printed["score"]

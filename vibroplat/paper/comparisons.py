@@ -1,8 +1,8 @@
-"""Judges of claims about amplitudes: curves over frequency compared with each other.
+"""Judges of claims about amplitudes, which compare curves over frequency with each other.
 
-Measures of motions that are not periodic have standard errors. A comparison is violated at a frequency where it is
-wrong by more than SIGMAS of them. It holds if it is violated nowhere, right at RIGHT of the frequencies and at SURE of
-them by more than its error.
+Measures of non-periodic motion have standard errors. A comparison is violated at a frequency if it is wrong by more
+than SIGMAS standard errors. It holds if it is violated nowhere, is right at a share RIGHT of the frequencies, and right
+by more than its error at a share SURE of them.
 """
 
 from __future__ import annotations
@@ -12,17 +12,17 @@ from itertools import pairwise
 import numpy as np
 
 from vibroplat.model.parameters import FloatArray
+from vibroplat.paper.evidence import REGIMES, Curve, Evidence, F, Key, Row
+from vibroplat.paper.finding import EDGE, Claim, Finding, Judge, interval, joined, name_of, restitutions
 from vibroplat.study.branches import SUPPLY
-from vibroplat.study.evidence import REGIMES, Curve, Evidence, F, Key, Row
-from vibroplat.study.finding import EDGE, Claim, Finding, Judge, interval, joined, name_of, restitutions
 
 #: Spacing of frequencies (Hz) at which curves are compared.
 SPACING = 0.25
-#: Share of an interval in which there must be antiphase motion to compare.
+#: Share of an interval in which there must be antiphase motion to be compared.
 COVERED = 0.9
-#: Standard errors by which a comparison may be wrong, and shares of frequencies at which it must be right, and surely.
+#: Standard errors by which a comparison may be wrong; shares of frequencies at which it must be right, and surely so.
 SIGMAS, RIGHT, SURE = 2.0, 0.9, 0.5
-#: Relative difference of amplitudes that is none, and that is almost none.
+#: Relative differences up to which amplitudes count as the same and as almost the same.
 SAME, ALMOST = 0.01, 0.02
 #: What the paper calls small: 5 %.
 SMALL = 0.05
@@ -38,13 +38,13 @@ def _amplitude(evidence: Evidence, key: Key, at: FloatArray) -> Curve:
 
 
 def _over(a: Curve, b: Curve) -> Curve:
-    """Return the ratio of two curves that are known for independent."""
+    """Return the ratio of two independent curves."""
     ratio = a.values / b.values
     return Curve(ratio, np.abs(ratio) * np.hypot(a.errors / a.values, b.errors / b.values))
 
 
 def _compared(ratio: Curve, at: FloatArray, low: float, high: float, text: str) -> Finding:
-    """Judge whether a ratio lies between two values at all frequencies where it is known."""
+    """Judge whether a ratio lies between two values at all frequencies at which it is known."""
     known = np.isfinite(ratio.values)
     if not known.any():
         return Finding("no steady antiphase motion in the interval", False, 0.0)
@@ -53,25 +53,25 @@ def _compared(ratio: Curve, at: FloatArray, low: float, high: float, text: str) 
     violated = (values + errors < low) | (values - errors > high) | (~right & (errors == 0.0))
     undecided = ~violated & ((values - errors < low) | (values + errors > high))
     share, covered = float(right.mean()), float(known.mean())
-    told = f"{text} at {share:.0%} of {known.sum()} frequencies, ratio {values.min():.3f} … {values.max():.3f}"
+    measured = f"{text} at {share:.0%} of {known.sum()} frequencies, ratio {values.min():.3f} … {values.max():.3f}"
     if violated.any():
-        told += f", not at {interval(f[violated].min(), f[violated].max())}"
+        measured += f", not at {interval(f[violated].min(), f[violated].max())}"
     if undecided.any():
-        told += f", {undecided.sum()} undecided by their error"
+        measured += f", {undecided.sum()} undecided by their error"
     if covered < COVERED:
-        told += f"; antiphase motion in {covered:.0%} of the interval only"
+        measured += f"; antiphase motion in {covered:.0%} of the interval only"
     sure = float((right & ~undecided).mean())
     holds = not violated.any() and share >= RIGHT and sure >= SURE and covered >= COVERED
-    return Finding(told, bool(holds), share * covered)
+    return Finding(measured, bool(holds), share * covered)
 
 
 def _ordered(at: FloatArray, lower: Curve, upper: Curve, text: str) -> Finding:
-    """Judge whether one curve lies above another."""
+    """Judge whether the second curve lies above the first."""
     return _compared(_over(upper, lower), at, np.nextafter(1.0, 2.0), np.inf, text)
 
 
 def over_mass(sign: int) -> Judge:
-    """Judge whether amplitudes rise (+1) or fall (−1) with mass."""
+    """Return a judge of whether amplitudes rise (+1) or fall (−1) with mass."""
 
     def judged(claim: Claim, evidence: Evidence) -> Finding:
         at = _frequencies(claim)
@@ -85,7 +85,7 @@ def over_mass(sign: int) -> Judge:
 
 
 def ratio_to_inelastic(low: float, high: float, text: str) -> Judge:
-    """Judge whether amplitudes at R > 0 over those at R = 0 lie between two ratios, their mean, too."""
+    """Return a judge of whether amplitudes at R > 0 over those at R = 0, and their mean, lie between two ratios."""
 
     def judged(claim: Claim, evidence: Evidence) -> Finding:
         at = _frequencies(claim)
@@ -110,7 +110,7 @@ def _ratio(ratio: Curve, at: FloatArray, band: tuple[float, float], text: str) -
 
 
 def restitution_without_effect(claim: Claim, evidence: Evidence) -> Finding:
-    """Judge whether amplitudes and periods are the same for all R; points that are undecided are left out."""
+    """Judge whether amplitudes and periods are the same for all R; undecided points are left out."""
     amplitude = ratio_to_inelastic(1.0 - SAME, 1.0 + SAME, "amplitude within 1 %")(claim, evidence)
     low, high = claim["f"]
     characters = {
@@ -138,20 +138,19 @@ def _decided(row: Row) -> bool:
 
 
 def impact_above(claim: Claim, evidence: Evidence) -> Finding:
-    """Judge whether the amplitude of the impact model is larger than that of the non-impact one."""
+    """Judge whether the amplitude of the impact model is larger than that of the non-impact model."""
     at = _frequencies(claim)
     impact, viscous = _both_models(claim, evidence, at)
     return _ordered(at, viscous, impact, "A_impact > A_nonimpact")
 
 
 def non_impact_above(claim: Claim, evidence: Evidence) -> Finding:
-    """Judge whether the amplitude of the non-impact model is larger than that of the impact one.
+    """Judge whether the amplitude of the non-impact model is larger than that of the impact model.
 
-    It excludes that amplitudes grow with mass (``amp-rise``) where both are claimed, 26 to 27.5 Hz. In steady antiphase
-    the forces of both exciters add along y, so without impacts y is that of a linear oscillator of mass M:
-    A = 2 m_r r ω²/√((c_y − Mω²)² + ω²(b_y + βm_w)²). This falls as β ≥ 0 grows at a given ω, so A_NI ≤ A(μ = 0),
-    and A_I < A_NI implies A_I(μ) < A(μ = 0). Only β < 0, or a share of m_w
-    that moves with the platform, would change it.
+    This contradicts growth of amplitudes with mass (``amp-rise``) from 26 to 27.5 Hz, where both are claimed. In steady
+    antiphase the forces of both exciters add along y. Without impacts y is then that of a linear oscillator of mass M:
+    A = 2 m_r r ω²/√((c_y − Mω²)² + ω²(b_y + βm_w)²). At a given ω this falls with β ≥ 0, so A_NI ≤ A(μ = 0), and
+    A_I < A_NI implies A_I(μ) < A(μ = 0). Only β < 0, or a share of m_w that moves with the platform, would change this.
     """
     at = _frequencies(claim)
     impact, viscous = _both_models(claim, evidence, at)
@@ -164,7 +163,7 @@ def _both_models(claim: Claim, evidence: Evidence, at: FloatArray) -> tuple[Curv
 
 
 def non_impact_over(claim: Claim, evidence: Evidence) -> Finding:
-    """Judge whether the non-impact amplitude is larger over resonance, and the ratio grows with R."""
+    """Judge whether the non-impact amplitude is larger above resonance, and the ratio grows with R."""
     at = _frequencies(claim)
     viscous = _amplitude(evidence, Key(claim["mu"], model="non-impact"), at)
     impact = {r: _amplitude(evidence, Key(claim["mu"], r), at) for r in claim["R"]}
@@ -178,7 +177,7 @@ def non_impact_over(claim: Claim, evidence: Evidence) -> Finding:
 
 
 def _mean(ratio: Curve) -> tuple[float, float]:
-    """Return the mean of a ratio where it is known, and its standard error."""
+    """Return the mean of a ratio over the frequencies at which it is known, and its standard error."""
     known = np.isfinite(ratio.values)
     if not known.any():
         return np.nan, np.nan
@@ -186,7 +185,7 @@ def _mean(ratio: Curve) -> tuple[float, float]:
 
 
 def non_impact_shape(claim: Claim, evidence: Evidence) -> Finding:
-    """Judge whether the impact motion is non-periodic and the non-impact one harmonic: A = √2 RMS within 2 %."""
+    """Judge whether impact motion is non-periodic and non-impact motion harmonic: A = √2 RMS within 2 %."""
     f = claim["f"][0]
     mu = claim["mu"]
     impact = _nearest(evidence.rows(Key(mu)), f)

@@ -1,4 +1,4 @@
-"""The plan of a calibration: which parameters are searched, in which ranges, and how long."""
+"""The plan of a calibration: the parameters, their ranges and the length of the search."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from vibroplat.errors import ConfigError
 from vibroplat.fields import Real, Section
 from vibroplat.messages import explain
 from vibroplat.overrides import flat
-from vibroplat.study.trial import IMPACT, paper_scene
+from vibroplat.paper.trial import IMPACT, paper_scene
 
-#: Fewest candidates of a generation that differential evolution takes.
+#: Smallest population that differential evolution allows.
 LEAST_POPULATION = 5
-#: Share of a linear range that is 0: what rounding leaves of a low end of 0.
+#: Share of a linear range below which a value counts as 0: rounding leaves so much of a low end of 0.
 ZERO = 1e-9
 
 
 class Range(Section):
-    """Where a parameter is searched."""
+    """The range in which a parameter is searched."""
 
     low: Real
     high: Real
@@ -39,7 +39,7 @@ class Range(Section):
 
     @property
     def bounds(self) -> tuple[float, float]:
-        """Ends on the scale of the search."""
+        """Both ends on the scale of the search."""
         return self.place(self.low), self.place(self.high)
 
     def place(self, value: float) -> float:
@@ -47,7 +47,7 @@ class Range(Section):
         return math.log10(value) if self.scale == "log" else value
 
     def value(self, x: float) -> float:
-        """Return the parameter at a place on the scale of the search, to five digits."""
+        """Return the value at a place on the scale of the search, to five digits."""
         if self.scale == "log":
             x = 10.0**x
         elif abs(x) < ZERO * (self.high - self.low):
@@ -56,17 +56,17 @@ class Range(Section):
 
 
 class Confirm(Section):
-    """Section ``calibration.confirm``: the best sets are judged again with other perturbations."""
+    """Section ``calibration.confirm``: how many of the best sets are judged again, and with how many other seeds."""
 
     sets: Annotated[int, Field(ge=0, le=10_000)] = 0
     seeds: Annotated[int, Field(ge=1, le=1_000)] = 3
 
 
-class Plan(Section):
-    """Section ``calibration``: what is searched, and how long.
+class CalibrationPlan(Section):
+    """Section ``calibration``: the parameters and the length of the search.
 
-    Each start is a search of its own with the seed ``seed``, ``seed + 1``, …; ``begin`` lists sets of parameters that
-    are in the first population of every start.
+    Each start is a separate search, with the seeds ``seed``, ``seed + 1``, …; ``begin`` lists sets of parameters that
+    are in the first population of each start.
     """
 
     parameters: Annotated[dict[str, Range], Field(min_length=1)]
@@ -97,27 +97,27 @@ class Plan(Section):
 
     @property
     def population(self) -> int:
-        """Candidates of a generation."""
+        """Number of candidates in a generation."""
         return max(LEAST_POPULATION, self.population_per_parameter * len(self.parameters))
 
     @property
     def evaluations(self) -> int:
-        """Evaluations of all starts."""
+        """Number of evaluations in all starts."""
         return self.starts * self.population * (self.generations + 1)
 
     @property
     def confirmations(self) -> int:
-        """Largest number of evaluations of the confirmation."""
+        """Largest number of evaluations in the confirmation."""
         return min(self.confirm.sets, self.evaluations) * self.confirm.seeds
 
 
-def load_plan(path: Path, overrides: Mapping[str, Any]) -> tuple[dict[str, Any], Plan]:
-    """Read the machine's fixed numbers and the plan from a YAML file.
+def load_plan(path: Path, overrides: Mapping[str, Any]) -> tuple[dict[str, Any], CalibrationPlan]:
+    """Read the machine's fixed numbers (dotted keys and values) and the plan from a YAML file.
 
     Raises
     ------
     ConfigError
-        One line that names the key, the value and what is allowed.
+        A key or value is not allowed.
     """
     tree = load_tree(path)
     section = tree.pop("calibration", None)
@@ -127,9 +127,9 @@ def load_plan(path: Path, overrides: Mapping[str, Any]) -> tuple[dict[str, Any],
         raise ConfigError(f"{path}: calibration = {section!r}; allowed: a section of keys and values")
     fixed = flat(tree)
     try:
-        plan = Plan.model_validate({**section, **overrides})
+        plan = CalibrationPlan.model_validate({**section, **overrides})
     except ValidationError as error:
-        raise ConfigError(f"{path}: calibration: {explain(error, Plan)}") from None
-    for end in ("low", "high"):  # a key or a value that no scene takes is refused before the search
+        raise ConfigError(f"{path}: calibration: {explain(error, CalibrationPlan)}") from None
+    for end in ("low", "high"):  # keys and values that no scene takes are refused before the search
         paper_scene(IMPACT[0], fixed | {key: getattr(r, end) for key, r in plan.parameters.items()})
     return fixed, plan

@@ -1,4 +1,4 @@
-"""Judges of claims about regimes: the bands in which they hold, and where they end."""
+"""Judges of claims about regimes: the bands in which they hold, and the boundaries where they end."""
 
 from __future__ import annotations
 
@@ -7,24 +7,24 @@ from itertools import pairwise
 
 import numpy as np
 
+from vibroplat.paper.evidence import MOTIONS, REGIMES, Boundary, Evidence, F, Key, Row, runs
+from vibroplat.paper.finding import EDGE, Claim, Finding, closeness, interval, joined, keys_of, name_of, restitutions
+from vibroplat.paper.narrowing import JUMP_WIDTH, WIDTH
 from vibroplat.study.branches import SUPPLY
-from vibroplat.study.evidence import MOTIONS, REGIMES, Boundary, Evidence, F, Key, Row, runs
-from vibroplat.study.finding import EDGE, Claim, Finding, closeness, interval, joined, keys_of, name_of, restitutions
-from vibroplat.study.narrowing import JUMP_WIDTH, WIDTH
 
-#: Least change of frequency (Hz) and share by which RMS y falls that make a jump.
+#: Least change of frequency (Hz) at a jump, and least share by which RMS y falls there.
 LEAST_JUMP, LEAST_FALL = 0.1, 0.2
-#: Largest shift of the jump (Hz) that is slight.
+#: Largest shift of the jump (Hz) that counts as slight.
 SLIGHT = 1.0
 
 
 def band(claim: Claim, evidence: Evidence) -> Finding:
-    """Judge whether a regime holds in a band on all branches of a claim."""
+    """Judge whether a regime holds in a band, on all branches of the claim."""
     return joined({name_of(key): _band_of(claim, evidence, key) for key in keys_of(claim)})
 
 
 def _band_of(claim: Claim, evidence: Evidence, key: Key) -> Finding:
-    """Judge whether a regime holds at all points of a band, and whether the points reach its ends."""
+    """Judge whether a regime holds at all points in a band, and whether the points reach both ends of the band."""
     low, high = claim["f"]
     regime = claim["regime"]
     edge = 0.0 if low == high else EDGE
@@ -32,21 +32,21 @@ def _band_of(claim: Claim, evidence: Evidence, key: Key) -> Finding:
     rows = _with_boundary(evidence, key, regime, low - EDGE)
     inside = [row for row in rows if low + edge - reach <= row[F] <= high - edge + reach]
     near = [row for row in rows if low - 1.0 <= row[F] <= high + 1.0]
-    told = ", ".join(interval(*run) for run in runs(near, regime)) or "nowhere"
+    where = ", ".join(interval(*run) for run in runs(near, regime)) or "nowhere"
     undecided = sum(row["motion"] == "undecided" for row in inside) if regime in MOTIONS else 0
     if not inside:
-        return Finding(f"{regime} {told}; no steady motion in the band", False, 0.0)
+        return Finding(f"{regime} {where}; no steady motion in the band", False, 0.0)
     share = float(np.mean([REGIMES[regime](row) for row in inside]))
     frequencies = [row[F] for row in rows if low - EDGE <= row[F] <= high + EDGE]
     reached = low == high or (min(frequencies) <= low + EDGE and max(frequencies) >= high - EDGE)
     short = "" if reached else f"; points only {interval(min(frequencies), max(frequencies))}"
     open_ = f", {undecided} undecided" if undecided else ""
-    text = f"{regime} {told}; {share:.0%} of {len(inside)} points in the band{open_}{short}"
+    text = f"{regime} {where}; {share:.0%} of {len(inside)} points in the band{open_}{short}"
     return Finding(text, share == 1.0 and reached, share * (1.0 if reached else 0.7))
 
 
 def _with_boundary(evidence: Evidence, key: Key, regime: str, low: float) -> list[Row]:
-    """Return the rows of a branch with those that narrow the end of a regime, by frequency."""
+    """Return the rows of a branch and those next to the end of a regime, in the order of frequency."""
     rows = list(evidence.rows(key))
     end = evidence.end_of(key, regime, low)
     for row in end or ():
@@ -59,7 +59,7 @@ def _with_boundary(evidence: Evidence, key: Key, regime: str, low: float) -> lis
 
 
 def _jump(evidence: Evidence, key: Key) -> Boundary | None:
-    """Return where antiphase rotation below the second resonance ends."""
+    """Find where antiphase rotation below the second resonance ends."""
     return evidence.end_of(key, "antiphase", 20.0)
 
 
@@ -68,10 +68,10 @@ def _across(boundary: Boundary) -> str:
 
 
 def second_resonance(claim: Claim, evidence: Evidence) -> Finding:
-    """Judge where antiphase ends, and whether frequency and amplitude jump there."""
+    """Judge where antiphase rotation ends, and whether frequency and amplitude jump there."""
     found = _jump(evidence, Key(claim["mu"]))
     if found is None:
-        return Finding("antiphase is not left up to 40 Hz", False, 0.0)
+        return Finding("antiphase does not end up to 40 Hz", False, 0.0)
     off = abs(found.before[F] - claim["f"])
     ratio = found.after["rms_y_m"] / found.before["rms_y_m"]
     jumps = found.after[F] - found.before[F] > LEAST_JUMP and ratio < 1.0 - LEAST_FALL
@@ -85,64 +85,73 @@ def _phases(found: Boundary) -> str:
 
 
 def jump_over_mass(claim: Claim, evidence: Evidence) -> Finding:
-    """Judge the jump's place against that without material: unchanged within EDGE, and not to the right by supply.
+    """Judge whether material leaves the frequency of the jump within EDGE and does not raise its supply frequency.
 
-    The former reading of what :func:`bands_over_mass` and :func:`jump_left` judge.
+    This is the former reading of what :func:`bands_over_mass` and :func:`jump_left` judge.
     """
-    bare = _jump(evidence, Key(0.0))
-    found = {mu: _jump(evidence, Key(mu)) for mu in claim["mu"]}
-    if bare is None or any(b is None for b in found.values()):
-        return Finding("antiphase is not left for every μ", False, 0.0)
-    supply = {mu: b.before[SUPPLY] - bare.before[SUPPLY] for mu, b in found.items() if b}
-    shifts = {mu: b.before[F] - bare.before[F] for mu, b in found.items() if b}
+    jumps = _jumps(claim, evidence)
+    if jumps is None:
+        return _NO_JUMP
+    bare, *others = jumps.values()
+    shifts = [(jump.before[F] - bare.before[F], jump.before[SUPPLY] - bare.before[SUPPLY]) for jump in others]
     text = f"μ 0: {bare.before[F]:.2f} Hz; " + "; ".join(
-        f"μ {mu:g}: {shift:+.2f} Hz (supply {supply[mu]:+.2f} Hz)" for mu, shift in shifts.items()
+        f"μ {mu:g}: {shift:+.2f} Hz (supply {supply:+.2f} Hz)"
+        for mu, (shift, supply) in zip(claim["mu"], shifts, strict=True)
     )
-    near = all(abs(shift) <= EDGE for shift in shifts.values())
-    left = all(shift <= 0.05 for shift in supply.values())
+    near = all(abs(shift) <= EDGE for shift, _ in shifts)
+    left = all(supply <= 0.05 for _, supply in shifts)
     return Finding(text, near and left, (near + left) / 2.0)
 
 
 def jump_left(claim: Claim, evidence: Evidence) -> Finding:
-    """Judge whether material lowers the frequency of the jump: by more than it is known to, and slightly."""
-    bare = _jump(evidence, Key(0.0))
-    found = {mu: _jump(evidence, Key(mu)) for mu in claim["mu"]}
-    if bare is None or any(b is None for b in found.values()):
-        return Finding("antiphase is not left for every μ", False, 0.0)
-    shifts = {mu: float(b.before[F] - bare.before[F]) for mu, b in found.items() if b}
-    text = f"μ 0: {bare.before[F]:.2f} Hz; " + "; ".join(f"μ {mu:g}: {shift:+.3f} Hz" for mu, shift in shifts.items())
-    left = [-SLIGHT <= shift < -0.5 * JUMP_WIDTH for shift in shifts.values()]
-    return Finding(text, all(left), float(np.mean(left)))
+    """Judge whether material lowers the frequency of the jump slightly, but by more than its error."""
+    jumps = _jumps(claim, evidence)
+    if jumps is None:
+        return _NO_JUMP
+    bare, *others = (float(jump.before[F]) for jump in jumps.values())
+    shifts = "; ".join(f"μ {mu:g}: {f - bare:+.3f} Hz" for mu, f in zip(claim["mu"], others, strict=True))
+    left = [-SLIGHT <= f - bare < -0.5 * JUMP_WIDTH for f in others]
+    return Finding(f"μ 0: {bare:.2f} Hz; {shifts}", all(left), float(np.mean(left)))
+
+
+_NO_JUMP = Finding("antiphase does not end for every μ", False, 0.0)
+
+
+def _jumps(claim: Claim, evidence: Evidence) -> dict[float, Boundary] | None:
+    """Return the jumps without material and at a claim's mass ratios; None if one of them is missing."""
+    found = {mu: _jump(evidence, Key(mu)) for mu in (0.0, *claim["mu"])}
+    jumps = {mu: jump for mu, jump in found.items() if jump is not None}
+    return jumps if len(jumps) == len(found) else None
 
 
 def bands_over_mass(claim: Claim, evidence: Evidence) -> Finding:
-    """Judge both ends of antiphase rotation over μ: those without material, within EDGE."""
+    """Judge whether antiphase rotation ends and begins again at the same frequencies for all μ, within EDGE."""
     keys = [Key(0.0), *keys_of(claim)]
     found = _antiphase_ends(keys, evidence)
     if len(found) < len(keys):
         return _not_left(found, keys)
     bare = found[keys[0]]
     off = max(abs(end - end_bare) for ends in found.values() for end, end_bare in zip(ends, bare, strict=True))
-    return Finding(_ends_told(found), off <= EDGE, closeness(off, EDGE))
+    return Finding(_ends_text(found), off <= EDGE, closeness(off, EDGE))
 
 
 def bands_over_restitution(claim: Claim, evidence: Evidence) -> Finding:
-    """Judge both ends of antiphase rotation over R: equal within EDGE."""
+    """Judge whether antiphase rotation ends and begins again at the same frequencies for all R, within EDGE."""
     keys = restitutions(evidence, claim["mu"])
     found = _antiphase_ends(keys, evidence)
     if len(found) < max(len(keys), 2):
         return _not_left(found, keys)
     spread = float(np.ptp(list(found.values()), axis=0).max())
-    return Finding(_ends_told(found), spread <= EDGE, closeness(spread, EDGE))
+    return Finding(_ends_text(found), spread <= EDGE, closeness(spread, EDGE))
 
 
 def _not_left(found: Collection[Key], keys: list[Key]) -> Finding:
     missing = ", ".join(name_of(key) for key in keys if key not in found) or "one branch or none"
-    return Finding(f"antiphase is not left and entered again: {missing}", False, 0.0)
+    return Finding(f"antiphase does not end and begin again: {missing}", False, 0.0)
 
 
 def _antiphase_ends(keys: list[Key], evidence: Evidence) -> dict[Key, tuple[float, float]]:
-    """Return up to which frequency exciters turn in antiphase below, and from which above, where they do both."""
+    """Find where antiphase rotation ends and where it begins again (Hz), for the branches that do both."""
     found = {}
     for key in keys:
         end, start = _jump(evidence, key), evidence.end_of(key, "in-phase", 31.0)
@@ -151,12 +160,12 @@ def _antiphase_ends(keys: list[Key], evidence: Evidence) -> dict[Key, tuple[floa
     return found
 
 
-def _ends_told(found: dict[Key, tuple[float, float]]) -> str:
+def _ends_text(found: dict[Key, tuple[float, float]]) -> str:
     return "; ".join(f"{name_of(key)}: up to {a:.2f}, again from {b:.2f} Hz" for key, (a, b) in found.items())
 
 
 def attached_until(claim: Claim, evidence: Evidence) -> Finding:
-    """Judge whether motion is attached from a frequency on, and until another: neither leaves sooner nor later."""
+    """Judge whether motion is attached from one frequency up to another, and liftoff is neither earlier nor later."""
     key = Key(claim["mu"], claim["R"])
     begin = claim["from"]
     rows = evidence.rows(key, begin - EDGE)
@@ -174,7 +183,7 @@ def _place(found: Boundary) -> float:
 
 
 def non_periodic_from(claim: Claim, evidence: Evidence) -> Finding:
-    """Judge where motion stops being periodic, and whether it stays so up to the jump."""
+    """Judge where motion stops being periodic, and whether it stays non-periodic up to the jump."""
     key = Key(claim["mu"], claim["R"])
     found = evidence.end_of(key, "periodic", 20.0)
     if found is None:
@@ -188,16 +197,16 @@ def non_periodic_from(claim: Claim, evidence: Evidence) -> Finding:
 
 
 def non_periodic_earlier(claim: Claim, evidence: Evidence) -> Finding:
-    """Judge whether motion below the jump stops being periodic at a lower frequency with each larger R.
+    """Judge whether motion below the jump stops being periodic at a lower frequency for each larger R.
 
-    Each by more than the frequency is known to, half of WIDTH.
+    Frequencies must differ by more than their error, half of WIDTH.
     """
     keys = [key for key in keys_of(claim) if key in evidence.courses]
     starts = {key.restitution: _non_periodic_start(key, evidence) for key in keys}
-    told = (f"R {r:g}: " + ("nowhere" if np.isinf(f) else f"{f:.2f} Hz") for r, f in starts.items())
+    where = (f"R {r:g}: " + ("nowhere" if np.isinf(f) else f"{f:.2f} Hz") for r, f in starts.items())
     falls = [a - b > 0.5 * WIDTH for a, b in pairwise(starts.values()) if np.isfinite(b)]
     share = sum(falls) / max(len(starts) - 1, 1)
-    return Finding(f"non-periodic from: {'; '.join(told) or 'no branches'}", share == 1.0, share)
+    return Finding(f"non-periodic from: {'; '.join(where) or 'no branches'}", share == 1.0, share)
 
 
 def _non_periodic_start(key: Key, evidence: Evidence) -> float:
@@ -218,7 +227,7 @@ def periodic_from_over(claim: Claim, evidence: Evidence) -> Finding:
 
 
 def _last_period_1(key: Key, evidence: Evidence) -> float:
-    """Return from which frequency on a branch has period 1 to its end; inf where it does not end so."""
+    """Return the frequency (Hz) from which a branch has period 1 up to its end; inf if it does not end so."""
     start = evidence.start_of_last(key, "period-1")
     if start is not None:
         return float(start.after[F])
@@ -227,11 +236,11 @@ def _last_period_1(key: Key, evidence: Evidence) -> float:
 
 
 def deviation(claim: Claim, evidence: Evidence) -> Finding:
-    """Judge whether Δφ leaves π, and x and φ begin to vibrate, as the jump is neared."""
+    """Judge whether Δφ departs from π, and x and φ begin to vibrate, close to the jump."""
     key = Key(claim["mu"])
     end = _jump(evidence, key)
     if end is None:
-        return Finding("antiphase is not left", False, 0.0)
+        return Finding("antiphase does not end", False, 0.0)
     rows = [r for r in _with_boundary(evidence, key, "antiphase", 20.0) if r[F] <= end.before[F]]
     far = [r for r in rows if 25.0 <= r[F] <= 29.0]
     near = [r for r in rows if r[F] >= end.before[F] - 0.5]

@@ -1,4 +1,4 @@
-"""Tables of what branches show as a whole: how the exciters turn, and what the impact law changes."""
+"""Tables over whole branches: synchronization, and the effect of the impact law."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from vibroplat.paper.evidence import Evidence, F
+from vibroplat.paper.finding import EDGE
 from vibroplat.study.branches import SUPPLY
-from vibroplat.study.evidence import Evidence, F
-from vibroplat.study.finding import EDGE
 
 
 def sync_bands(evidence: Evidence) -> pd.DataFrame:
-    """List how the exciters turn along each branch: a row for each stretch, with its first and last point.
+    """List the synchronization along each branch: a row for each stretch, with its first and last point.
 
-    Branches upward and downward stand one after the other, so their difference is the hysteresis.
+    Upward and downward branches follow each other, so that their difference shows the hysteresis.
     """
     rows = []
     for key, course in sorted(evidence.courses.items()):
@@ -39,11 +39,18 @@ def sync_bands(evidence: Evidence) -> pd.DataFrame:
 
 
 def impact_laws(evidence: Evidence, laws: Evidence) -> pd.DataFrame:
-    """Compare the curves of each impact law with that of `conservative`, below and above resonance.
+    """Compare the curves of each impact law with those of the conservative one, below and above resonance.
 
-    The differences are those of RMS y over that of `conservative` at equal excitation frequencies, largest and
-    mean; jump_hz is where antiphase ends below the second resonance. `conservative` itself, computed once more with
-    another seed, tells how much of a difference is the scatter of motions that are not periodic.
+    The columns are the largest and the mean relative difference of RMS y at equal excitation frequencies, and jump_hz,
+    where antiphase ends below the second resonance. The conservative law itself, computed again with another seed,
+    shows how much of a difference is the scatter of non-periodic motion.
+
+    Parameters
+    ----------
+    evidence
+        Branches of the conservative law.
+    laws
+        Branches of all laws, with another seed.
     """
     rows = []
     for key in sorted(laws.courses):

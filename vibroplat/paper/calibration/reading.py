@@ -1,31 +1,30 @@
-"""What the evaluations of a calibration say: which claims are predicted, which parameters are determined."""
+"""What the evaluations of a calibration show: which claims are predicted, which parameters are determined."""
 
 from __future__ import annotations
 
 import pandas as pd
 
-from vibroplat.study.calibration.plan import Plan
+from vibroplat.paper.calibration.plan import CalibrationPlan
 
-#: Claims that a set may hold less than the best to count among those as good.
+#: A set that holds at most so many claims fewer than the best one counts as equally good.
 WITHIN = 1.0
-#: Columns of the spread of a parameter, and the shares of sets below them.
+#: Columns of the spread of a parameter, and their quantiles.
 QUANTILES = {"least": 0.0, "lower_quartile": 0.25, "median": 0.5, "upper_quartile": 0.75, "largest": 1.0}
 #: Ending of the columns of verdicts.
 HOLDS = ".holds"
 
 
 def claim_names(evaluations: pd.DataFrame) -> list[str]:
-    """Return the claims that evaluations judge."""
+    """Return the names of the claims that were judged."""
     return [name.removesuffix(HOLDS) for name in evaluations.columns if name.endswith(HOLDS)]
 
 
-def left_out(evaluations: pd.DataFrame, plan: Plan) -> pd.DataFrame:
-    """Choose the best set by all claims but one, and see whether it makes that one hold; a row for each claim.
+def left_out(evaluations: pd.DataFrame, plan: CalibrationPlan) -> pd.DataFrame:
+    """Choose the best set by all claims but one, and check whether that one holds with it; a row for each claim.
 
-    The best set is the one with which most of the other claims hold, then the one of their highest mean score. Only
-    the first seed counts: the sets judged with more seeds were chosen by all claims, the left-out one among them. All
-    claims have guided the search, too, so a claim that holds here is predicted less strictly than by a search without
-    it.
+    The best set is that with which most of the other claims hold, then that with their highest mean score. Only the
+    first seed counts, as sets with more seeds were chosen by all claims, including the one left out. All claims have
+    also guided the search, so this is less strict than a search without the claim.
     """
     names = claim_names(evaluations)
     rows = []
@@ -43,12 +42,12 @@ def left_out(evaluations: pd.DataFrame, plan: Plan) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def spread(evaluations: pd.DataFrame, plan: Plan) -> pd.DataFrame:
-    """Tell how far each parameter spreads over the sets within one claim of the best; a row for each parameter.
+def spread(evaluations: pd.DataFrame, plan: CalibrationPlan) -> pd.DataFrame:
+    """Return the spread of each parameter over the sets within one claim of the best; a row for each parameter.
 
-    ``width`` is from the least to the largest value and ``middle_width`` from the lower to the upper quartile, both as
-    a share of the searched range on the scale of the search: a parameter that the claims determine is narrow. Sets are
-    compared by the mean of claims held over their seeds, and each counts once.
+    ``width`` is the distance of the least and the largest value, ``middle_width`` that of the quartiles, as shares of
+    the range on the scale of the search: they are small if the claims determine the parameter. Sets are compared by the
+    mean of claims held over their seeds, and each counts once.
     """
     sets = evaluations.drop_duplicates(list(plan.parameters))
     near = sets[sets["held_mean"] >= evaluations["held_mean"].iloc[0] - WITHIN]
@@ -69,7 +68,7 @@ def spread(evaluations: pd.DataFrame, plan: Plan) -> pd.DataFrame:
 
 
 def overview(evaluations: pd.DataFrame, left: pd.DataFrame, spreads: pd.DataFrame) -> dict[str, str]:
-    """Say in a few lines what a calibration has found."""
+    """Summarize a calibration in a few lines: label and text."""
     best, claims = evaluations.iloc[0], len(left)
     lines = {
         str(row["parameter"]): f"{row['best']:<12.5g}{row['least']:.5g} … {row['largest']:.5g}, "

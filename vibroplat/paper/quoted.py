@@ -1,4 +1,4 @@
-"""Judges of claims about numbers of the paper: the frequencies that it quotes, the damping of the layers."""
+"""Judges of claims about numbers in the paper: the frequencies that it quotes, and the damping of the layers."""
 
 from __future__ import annotations
 
@@ -6,34 +6,34 @@ import math
 
 import numpy as np
 
+from vibroplat.paper.evidence import Evidence, F, Key, error_of
+from vibroplat.paper.finding import Claim, Finding
 from vibroplat.scene import Material
-from vibroplat.study.evidence import Evidence, F, Key, error_of
-from vibroplat.study.finding import Claim, Finding
 
 
 def frequencies(claim: Claim, evidence: Evidence) -> Finding:
     """Judge whether the frequencies that the paper quotes are points of its own steps of supply frequency.
 
-    A point of antiphase motion on the curve with R = 0 must lie within the tolerance that the claim gives, or two
-    standard errors more where motion is not periodic.
+    Each must be that of a point of antiphase motion on the curve with R = 0, within the tolerance of the claim and, if
+    the motion is not periodic, two standard errors.
     """
     rows = [row for row in evidence.rows(Key(claim["mu"])) if row["sync"] == "antiphase"]
     points = [(float(row[F]), error_of(row, F)) for row in rows]
-    told, hits = [], []
+    nearby, hits = [], []
     for f, tolerance in claim["quoted"]:
         nearest = min(points, key=lambda point: abs(point[0] - f), default=(0.0, 0.0))
         hits.append(abs(nearest[0] - f) <= tolerance + 2.0 * nearest[1])
-        told.append(f"{f:g}: {nearest[0]:.2f} Hz")
-    return Finding(f"nearest points {', '.join(told)}", all(hits), float(np.mean(hits)))
+        nearby.append(f"{f:g}: {nearest[0]:.2f} Hz")
+    return Finding(f"nearest points {', '.join(nearby)}", all(hits), float(np.mean(hits)))
 
 
 def layer_damping(claim: Claim, evidence: Evidence) -> Finding:
-    """Judge whether the damping between the layers is subcritical, and yet excludes intensive relative vibration.
+    """Judge whether the damping between the layers is subcritical, but excludes intensive relative vibration.
 
-    The layers' damping ratio is ζ = b_w/(2√(c_w m_w2)), that of the upper one on a lower one in contact. If that moves
-    harmonically, the upper one moves relative to it by at most 1/(2ζ√(1 − ζ²)) of its amplitude (ζ < 1/√2), for ζ = 1/2
-    by 1.15. More is taken for intensive; ζ < 1 is subcritical. In flight, where both layers are free, the ratio is
-    ζ√(1 + m_w2/m_w1); it is told, not judged.
+    The damping ratio is ζ = b_w/(2√(c_w m_w2)), that of the upper layer on a lower one in contact. If the lower layer
+    moves harmonically, the upper one moves relative to it by at most 1/(2ζ√(1 − ζ²)) of its amplitude (ζ < 1/√2), which
+    is 1.15 for ζ = 1/2. More counts as intensive; ζ < 1 is subcritical. In flight, with both layers free, the ratio is
+    ζ√(1 + m_w2/m_w1); it is reported, not judged.
     """
     course = evidence.courses.get(Key(claim["mu"]))
     material = course.branch.scene.material if course else None

@@ -1,4 +1,4 @@
-"""What a sweep goes through and how each of its points is measured: the keys of section ``sweep``."""
+"""The plan of a sweep, section ``sweep`` of a configuration: its branches and how each point is measured."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from vibroplat.messages import short
 
 Direction = Literal["up", "down"]
 
-#: Points of a branch.
+#: Most points of a branch.
 MAX_FREQUENCIES = 100_000
-#: Combinations of the grid's values.
+#: Most combinations of the grid's values.
 MAX_COMBINATIONS = 10_000
 
 
@@ -31,13 +31,13 @@ def _settling(value: Any) -> Any:
 
 
 class Frequencies(Section):
-    """The supply frequencies of a branch, and which ways it goes through them."""
+    """The supply frequencies of a branch, and its directions."""
 
     start: Positive = Field(description="smallest (Hz)")
-    stop: Positive = Field(description="largest (Hz); taken if whole steps reach it")
+    stop: Positive = Field(description="largest (Hz); included if whole steps reach it")
     step: Positive = 0.5
     direction: Annotated[list[Direction], BeforeValidator(_as_list), Field(min_length=1, max_length=2)] = Field(
-        ["up"], description="up, down or both: a branch for each"
+        ["up"], description="up, down or both, a branch for each"
     )
 
     @model_validator(mode="after")
@@ -52,17 +52,17 @@ class Frequencies(Section):
 
     @property
     def upward(self) -> list[float]:
-        """The frequencies (Hz), ascending, as a user would write them."""
+        """The frequencies (Hz) in ascending order, rounded as a user would write them."""
         count = int((self.stop - self.start) / self.step * (1.0 + 1e-12) + 1e-9) + 1
         return [float(f"{self.start + i * self.step:.12g}") for i in range(count)]
 
 
-class Sweep(Section):
+class SweepPlan(Section):
     """Branches side by side: every combination of the grid's values, in each direction."""
 
     supply_frequency_hz: Frequencies
     grid: dict[str, Annotated[list[float | int | bool | str], Field(min_length=1)]] = Field(
-        {}, description="dotted keys and the values that branches take"
+        {}, description="dotted keys and their values; a branch for each combination"
     )
     kind: Literal["response", "bifurcation", "map"] = Field(
         "response",
@@ -70,27 +70,28 @@ class Sweep(Section):
         "speeds; map: regimes over frequency and one key of the grid",
     )
     settle_s: Annotated[Literal["auto"] | float, BeforeValidator(_settling)] = Field(
-        "auto", description="before a point is measured; auto: until the Poincaré section has settled"
+        "auto", description="time before a point is measured; auto: until the Poincaré section has settled"
     )
     max_settle_s: Positive = Field(
-        150.0, description="longest settling with auto; motion that does not repeat is followed this long"
+        150.0, description="longest settling time with auto; motion that does not repeat settles this long"
     )
     settle_tolerance: Annotated[float, Field(gt=0.0, le=1.0, allow_inf_nan=False)] = Field(
-        1e-3, description="what auto leaves of the way to the steady motion, in the scales of the scene"
+        1e-3, description="distance from the steady motion at which auto stops, in the scales of the scene"
     )
     measure_s: Positive = Field(
-        2.0, description="measured part of each point; motion that does not repeat is measured eight times as long"
+        2.0, description="measured time of each point; motion that does not repeat is measured eight times as long"
     )
     period_tolerance: Annotated[float, Field(gt=0.0, le=1.0, allow_inf_nan=False)] = Field(
-        1e-2, description="within which the Poincaré section repeats, in the scales of the scene"
+        1e-2, description="largest distance of points of the Poincaré section that repeat, in the scales of the scene"
     )
     perturbation: Share = Field(
-        0.01, description="random change of platform's and exciters' rates at each point, in the scales of the scene"
+        0.01,
+        description="random change of the rates of platform and exciters at each point, in the scales of the scene",
     )
-    seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = Field(0, description="of the perturbations")
+    seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = Field(0, description="seed of the perturbations")
     lyapunov: bool = Field(
         True,
-        description="tell chaotic from quasi-periodic motion by the largest Lyapunov exponent; false: non-periodic",
+        description="use the largest Lyapunov exponent to tell chaotic from quasi-periodic motion; false: non-periodic",
     )
 
     @model_validator(mode="after")
