@@ -13,7 +13,6 @@ from vibroplat.hybrid.scales import state_scales
 from vibroplat.integrate.choice import make_engine
 from vibroplat.model.parameters import FloatArray, parameters
 from vibroplat.model.systems import GAP, GAP_RATE
-from vibroplat.observe import statistics as m
 from vibroplat.scene import Scene
 
 #: Distance of both trajectories after each comparison, in the scales of the scene.
@@ -152,21 +151,11 @@ def turns_later(scene: Scene, state: FloatArray, turns: int) -> tuple[float, Flo
     turn = 2.0 * math.pi / scene.speed_scale
     with closing(make_engine(scene, p)) as engine:
         motion = Motion(scene, p, engine, state)
-        # a state on the section starts at a whole turn, which may or may not be counted: leave it first
-        motion.go_on(0.25 * turn)
-        left, length = turns, turns * turn
-        for _ in range(4 * turns + 4):
-            part = motion.go_on(length)
-            if motion.outcome != "ok":
-                return None
-            passed = int(part.measures.marks[m.TURNS])
-            if passed >= left:
-                row = part.measures.section[left - 1]
-                found = row[m.SECTION_STATE : m.SECTION_FORCE].copy()
-                found[3:5] -= _TURN * np.round(found[3:5] / _TURN)
-                return float(row[m.SECTION_TIME]), found
-            left, length = left - passed, 0.25 * turn
-    return None
+        if not motion.to_section(turns, (2 * turns + 2) * turn):
+            return None
+        found = motion.state
+        found[3:5] -= _TURN * np.round(found[3:5] / _TURN)
+        return motion.now, found
 
 
 def _admissible(difference: FloatArray, state: FloatArray) -> FloatArray:

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from vibroplat.flow.motion import Motion
-from vibroplat.hybrid import loop as hy
+from vibroplat.flow.motion import Motion, Observer
 from vibroplat.hybrid.initial import initial_state
+from vibroplat.hybrid.modes import IMPACT
 from vibroplat.hybrid.scales import state_scales
+from vibroplat.hybrid.state import Hybrid
 from vibroplat.integrate.choice import make_engine
-from vibroplat.integrate.tape import Tape
 from vibroplat.model.parameters import FloatArray, parameters
-from vibroplat.observe import statistics as m
 from vibroplat.observe.statistics import Measures, section_rows
 from vibroplat.observe.summary import Part, block_errors, half_open, measured
 from vibroplat.scene import Scene
@@ -126,7 +126,7 @@ def measure_point(scene: Scene, plan: SweepPlan, state: list[float] | None, key:
     with closing(make_engine(scene, p)) as engine:
         start = initial_state(scene) if state is None else np.array(state)
         motion = Motion(scene, p, engine, perturbed(start, scene, plan, key))
-        settling, part, kind = _settled_and_measured(motion, plan, impacts)
+        settling, part, kind = _settled_and_measured(motion, plan, [] if impacts is None else [impacts])
         work = engine.work
     row: dict[str, Any] = {
         "settle_s": settling.seconds,
@@ -155,14 +155,14 @@ class _Impacts:
     def __init__(self) -> None:
         self.speeds: list[float] = []
 
-    def __call__(self, _: Tape, h: hy.Hybrid) -> None:
+    def read(self, h: Hybrid) -> None:
         """Take the impacts from the list of events."""
-        rows = h.events[: h.flags[hy.EVENTS]]
-        self.speeds.extend((-rows[rows[:, hy.KIND] == hy.IMPACT, hy.RATE_BEFORE]).tolist())
+        events = h.events[: h.run["events"]]
+        self.speeds.extend((-events["rate_before"][events["kind"] == IMPACT]).tolist())
 
 
 def _settled_and_measured(
-    motion: Motion, plan: SweepPlan, impacts: _Impacts | None
+    motion: Motion, plan: SweepPlan, observers: Sequence[Observer]
 ) -> tuple[Settling, Part, Kind | None]:
     """Settle, measure and classify a motion; settle again if it turns out not to have settled.
 
@@ -172,7 +172,7 @@ def _settled_and_measured(
     longest = plan.max_settle_s
     while True:
         settling = settle(motion, plan, longest)
-        part = _measured_part(motion, plan, settling, impacts)
+        part = _measured_part(motion, plan, settling, observers)
         if motion.outcome != "ok":
             return settling, part, None
         points = section_points(part.measures, motion.scene)
@@ -186,19 +186,19 @@ def _settled_and_measured(
         if settling.how == "maximum":
             settling = settling._replace(seconds=motion.now)
         periods = settling._replace(period=kind.period, turn=mean_turn(part.measures))
-        part = motion.go_on(measuring_time(motion.state, plan.measure_s, periods), read=impacts)
+        part = motion.go_on(measuring_time(motion.state, plan.measure_s, periods), observers=observers)
     return settling, part, kind if motion.outcome == "ok" else None
 
 
-def _measured_part(motion: Motion, plan: SweepPlan, settling: Settling, impacts: _Impacts | None) -> Part:
+def _measured_part(motion: Motion, plan: SweepPlan, settling: Settling, observers: Sequence[Observer]) -> Part:
     """Measure a motion: in one part if it repeats, or seems to after a fixed time; otherwise in blocks."""
     if settling.how != "maximum":
-        part = motion.go_on(measuring_time(motion.state, plan.measure_s, settling), read=impacts)
+        part = motion.go_on(measuring_time(motion.state, plan.measure_s, settling), observers=observers)
         points = section_points(part.measures, motion.scene)
         seems = settling.how == "periodic" or len(points) < 2 or period(points, plan.period_tolerance) > 0
         if seems or motion.outcome != "ok":
             return part
-    return motion.go_on(BLOCKS * plan.measure_s, blocks=BLOCKS, read=impacts)
+    return motion.go_on(BLOCKS * plan.measure_s, blocks=BLOCKS, observers=observers)
 
 
 def measures_of(part: Part, scene: Scene, slip: float = 0.0) -> dict[str, Any]:
@@ -257,7 +257,7 @@ def measuring_time(state: FloatArray, least: float, settling: Settling) -> float
 
 def mean_turn(measures: Measures) -> float:
     """Return the mean duration of a turn of exciter 1 (s)."""
-    times = section_rows(measures)[:, m.SECTION_TIME]
+    times = section_rows(measures)["t"]
     return float(times[-1] - times[0]) / (len(times) - 1)
 
 

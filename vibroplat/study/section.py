@@ -8,7 +8,6 @@ import numpy as np
 
 from vibroplat.hybrid.scales import state_scales
 from vibroplat.model.parameters import FloatArray
-from vibroplat.observe import statistics as m
 from vibroplat.observe.statistics import Measures, section_rows
 from vibroplat.scene import Scene
 
@@ -25,7 +24,7 @@ def section_points(measures: Measures, scene: Scene) -> FloatArray:
         Coordinates and rates over their scales; in the places of the exciters' angles are cosine and sine
         of the phase difference, so that differences of points know no whole turns.
     """
-    states = section_rows(measures)[:, m.SECTION_STATE : m.SECTION_FORCE]
+    states = section_rows(measures)["state"]
     points = states / state_scales(scene)
     phase = states[:, 3] + states[:, 4]
     points[:, 3], points[:, 4] = np.cos(phase), np.sin(phase)

@@ -16,7 +16,6 @@ import numpy as np
 
 from vibroplat.flow.motion import Motion
 from vibroplat.model.parameters import FloatArray
-from vibroplat.observe import statistics as m
 from vibroplat.observe.statistics import section_rows
 from vibroplat.scene import Scene
 from vibroplat.study.section import section_points, spreads
@@ -83,7 +82,7 @@ def settle(motion: Motion, plan: SweepPlan, longest: float) -> Settling:
         if motion.outcome != "ok":
             return Settling("unfinished", motion.now)
         points = np.concatenate([points, section_points(part.measures, motion.scene)])[-2 * TURNS :]
-        times = np.concatenate([times, section_rows(part.measures)[:, m.SECTION_TIME]])[-2 * TURNS :]
+        times = np.concatenate([times, section_rows(part.measures)["t"]])[-2 * TURNS :]
         sums = [*sums, float(motion.state[3:5].sum())][-max(WANDERING // block, 1) - 1 :]
         if len(points) < 2 * TURNS:
             continue
