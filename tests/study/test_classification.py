@@ -7,6 +7,7 @@ from contextlib import closing
 
 import numpy as np
 import pytest
+from common.places import LOADED
 
 from vibroplat.flow.motion import Motion
 from vibroplat.integrate.choice import make_engine
@@ -19,7 +20,7 @@ from vibroplat.study.lyapunov import Exponent
 from vibroplat.study.point import ANTIPHASE, BLOCKS, ERRORS, columns_of, measure_point
 from vibroplat.study.settling import EARLY_LOOKS, Settling
 
-from .helpers import CHAOTIC, DAMPED, LOADED, MACHINE, planned, swept
+from .helpers import CHAOTIC, DAMPED, MACHINE, planned, swept
 
 TURN = 0.04
 GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)

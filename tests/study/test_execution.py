@@ -11,6 +11,8 @@ import time
 from concurrent.futures import BrokenExecutor, Future
 
 import pytest
+from common.commands import loky_workers
+from common.results import bits
 
 from vibroplat import sweep
 from vibroplat.errors import ConfigError
@@ -19,7 +21,7 @@ from vibroplat.study.point import Point
 from vibroplat.study.store import Store
 from vibroplat.study.sweep import run_sweeps, tables
 
-from .helpers import MACHINE, bits, loky_workers, planned
+from .helpers import MACHINE, planned
 
 
 class Tasks:
@@ -379,15 +381,15 @@ SMALL = "sweep: {supply_frequency_hz: {start: 50.0, stop: 50.0}}\n"
 def test_scheduler_that_does_not_answer_is_told_in_a_line(address, vibroplat, here):
     (here / "c.yaml").write_text(SMALL)
     done = vibroplat("sweep", "c.yaml", "--scheduler", address)
-    assert (done.returncode, done.stdout, len(done.stderr.splitlines())) == (2, "", 1)
-    assert done.stderr.startswith(f"vibroplat: --scheduler {address}: ")
+    assert (done.code, done.out, len(done.err.splitlines())) == (2, "", 1)
+    assert done.err.startswith(f"vibroplat: --scheduler {address}: ")
 
 
 @pytest.mark.long
 def test_sweep_on_a_scheduler_by_the_command_line(vibroplat, here, scheduler):
     (here / "c.yaml").write_text(SMALL)
     done = vibroplat("sweep", "c.yaml", "--scheduler", scheduler)
-    assert (done.returncode, done.stderr) == (0, "")
+    assert (done.code, done.err) == (0, "")
 
 
 @pytest.mark.parametrize("jobs", ["0", "-1", "two"])

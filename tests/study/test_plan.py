@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import pytest
+from common.places import FLYING, LOADED
 
 from vibroplat import Scene, load_config
 from vibroplat.errors import ConfigError
 from vibroplat.plan import Frequencies
 from vibroplat.study.branches import branches
 
-from .helpers import FLYING, LOADED, planned
+from .helpers import planned
 
 SECTIONS = "name, machine, motor, motors, material, contact, drive, run, solver, output, sweep"
 PLAN = (

@@ -8,6 +8,7 @@ import tracemalloc
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from common.places import LOADED
 
 from vibroplat.study import report
 from vibroplat.study.execution import Inline
@@ -16,7 +17,7 @@ from vibroplat.study.store import Store
 from vibroplat.study.sweep import CHUNK, run_sweeps
 from vibroplat.tables import read_table
 
-from .helpers import LOADED, planned
+from .helpers import planned
 
 SECTION_POINTS = 64
 

@@ -8,6 +8,7 @@ from contextlib import closing, contextmanager
 import numpy as np
 import pandas as pd
 import pytest
+from common.places import LOADED
 
 from vibroplat.flow.motion import Motion
 from vibroplat.integrate.choice import make_engine
@@ -15,7 +16,7 @@ from vibroplat.model.parameters import parameters
 from vibroplat.study.point import BLOCKS, ERRORS
 from vibroplat.study.settling import BLOCK, TURNS, settle
 
-from .helpers import CHAOTIC, DAMPED, LOADED, MACHINE, planned, swept
+from .helpers import CHAOTIC, DAMPED, MACHINE, planned, swept
 
 FIXED = 30.0
 IN_PHASE = {"run.initial.phase_sum_rad": 0.3}

@@ -8,6 +8,8 @@ import math
 import numpy as np
 import pandas as pd
 import pytest
+from common.places import FLYING, LOADED
+from common.results import bits
 
 from vibroplat import load_config, simulate, sweep
 from vibroplat.errors import ConfigError
@@ -21,7 +23,7 @@ from vibroplat.study.store import Store
 from vibroplat.study.sweep import impact_tables, run_sweeps, section_tables, tables
 from vibroplat.tables import read_table
 
-from .helpers import CHAOTIC, FLYING, LOADED, MACHINE, bits, planned, swept
+from .helpers import CHAOTIC, MACHINE, planned, swept
 
 #: shared/interface.md, in its order.
 INTERFACE = [
@@ -445,7 +447,7 @@ def done(vibroplat, tmp_path_factory):
 
 
 def test_command_writes_what_python_gives(done, table):
-    assert (done[0].returncode, done[0].stderr) == (0, "")
+    assert (done[0].code, done[0].err) == (0, "")
     found = read_table(done[1], "sweep")
     assert bits(found) == bits(table)
     assert found.dtypes.equals(table.dtypes)
@@ -458,7 +460,7 @@ def test_command_writes_a_table_and_where_it_came_from(done):
 
 
 def test_command_says_what_it_found(done):
-    lines = {line[:28].rstrip(): line[28:] for line in done[0].stdout.splitlines()}
+    lines = {line[:28].rstrip(): line[28:] for line in done[0].out.splitlines()}
     assert (lines["points"], lines["outcomes"]) == ("24 in 8 branches", "ok 24")
     assert lines["synchronization"] == "antiphase 24"
     assert lines["tables"] == "results/c"

@@ -1,12 +1,10 @@
-"""What several files of these tests share: commands in this process and beside it, and what they may leave behind."""
+"""Commands in this process and in a process of their own, and how they end."""
 
 from __future__ import annotations
 
 import contextlib
 import io
-import json
 import os
-import re
 import signal
 import subprocess
 import sys
@@ -17,24 +15,15 @@ from pathlib import Path
 from typing import NamedTuple
 from unittest import mock
 
-import pandas as pd
-from edges.helpers import ROOT
+import psutil
 
 from vibroplat.cli import main
 
 PROGRAM = Path(sys.executable).with_name("vibroplat")
-LOADED = ROOT / "tests/study/loaded.yaml"
 
 #: Longest time of a refusal (s of processor time), and most characters in it.
 SOON = 1.0
 LONGEST = 600
-
-#: Files that commands leave under their final names.
-FINAL = re.compile(r"(trajectory|events|sweep|section|impacts)\.(parquet|csv)|(summary|provenance)\.json|\w+\.png")
-#: What the finished points of a sweep are kept in.
-KEPT = {"points.sqlite", "points.sqlite-wal", "points.sqlite-shm", "points.lock"}
-#: Tables that are not finished.
-TEMPORARY = re.compile(r"\.\w+-\d+-\w+\.(parquet|csv|json|png)")
 
 
 class Done(NamedTuple):
@@ -143,32 +132,7 @@ class Child:
         self.close()
 
 
-# -- what is left ---------------------------------------------------------------------------------------
-
-
-def read(path):
-    """Read a file under a final name to its end; raises where it is not whole."""
-    if path.suffix == ".parquet":
-        return pd.read_parquet(path)
-    if path.suffix == ".csv":
-        text = path.read_text()
-        assert text.endswith("\n"), f"{path.name} breaks off"
-        return pd.read_csv(path)
-    if path.suffix == ".json":
-        return json.loads(path.read_text())
-    content = path.read_bytes()
-    assert content.startswith(b"\x89PNG\r\n\x1a\n"), f"{path.name} is no figure"
-    assert content.endswith(b"IEND\xaeB`\x82"), f"{path.name} breaks off"
-    return content
-
-
-def left(directory):
-    """Read all that is under final names; return it by name, and the names of temporaries."""
-    found, temporaries = {}, []
-    for path in sorted(directory.iterdir()) if directory.is_dir() else ():
-        if TEMPORARY.fullmatch(path.name):
-            temporaries.append(path.name)
-        elif path.name not in KEPT:
-            assert FINAL.fullmatch(path.name), f"{path.name} is none of ours"
-            found[path.name] = read(path)
-    return found, temporaries
+def loky_workers(pid=None):
+    """Worker processes that loky has started from a process, this one without ``pid``."""
+    children = psutil.Process(pid).children(recursive=True)
+    return [child for child in children if "loky.backend.popen_loky_posix" in " ".join(child.cmdline())]

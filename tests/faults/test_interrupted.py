@@ -8,9 +8,9 @@ import time
 
 import numpy as np
 import pytest
-from study.helpers import bits
-
-from .helpers import LOADED, Child, command, left, not_a_line
+from common.commands import Child, command, not_a_line
+from common.places import LOADED
+from common.results import bits, left
 
 pytestmark = pytest.mark.usefixtures("kernels")
 

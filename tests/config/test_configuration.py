@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import pytest
+from common.limits import cpu_seconds
+from common.places import ROOT
 from ruamel.yaml import YAML
 
 from vibroplat import Contact, Drive, Initial, Material, Motor, Scene, load_config
 from vibroplat.config import configuration_schema, parse_overrides
 from vibroplat.errors import ConfigError
-
-from .helpers import ROOT, cpu_seconds
 
 SECTIONS = "name, machine, motor, motors, material, contact, drive, run, solver, output, sweep"
 MACHINE = (

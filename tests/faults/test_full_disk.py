@@ -11,9 +11,9 @@ import subprocess
 import sys
 
 import pytest
-from study.helpers import bits
-
-from .helpers import LOADED, Done, command, left, not_a_line, read, script
+from common.commands import Done, command, not_a_line, script
+from common.places import LOADED
+from common.results import bits, left, read
 
 pytestmark = pytest.mark.usefixtures("kernels")
 

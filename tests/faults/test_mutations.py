@@ -13,13 +13,14 @@ from collections import Counter
 from pathlib import Path
 
 import pytest
-from edges.helpers import QUICKSTART, cpu_seconds
+from common.commands import SOON, Done, command, not_a_line, process, script
+from common.limits import cpu_seconds
+from common.places import QUICKSTART
 
 from vibroplat import Scene, load_config
 from vibroplat.errors import ConfigError
 from vibroplat.study.branches import branches
 
-from .helpers import SOON, Done, command, not_a_line, process, script
 from .mutations import lay_out, seeds, spoiled
 
 SEED = 20

@@ -14,14 +14,14 @@ from pathlib import Path
 import numpy as np
 import psutil
 import pytest
+from common.commands import PROGRAM, loky_workers
+from common.places import FLYING
+from common.results import bits, finished_points
 
 from vibroplat import load_config, sweep
 from vibroplat.errors import ConfigError
 from vibroplat.study.store import FILE, Store
 from vibroplat.tables import read_table, write_table
-
-from .conftest import PROGRAM
-from .helpers import FLYING, bits, finished_points, loky_workers
 
 POINTS = 44
 CONFIGURATION = (

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import platform
 import re
-import shutil
 import signal
 import subprocess
 import sys
@@ -14,18 +13,15 @@ from datetime import UTC, datetime
 from importlib.metadata import version
 
 import pytest
+from common.places import QUICKSTART
 
 from vibroplat import __version__, load_config
 from vibroplat.cli import main
 from vibroplat.config import configuration_schema
-from vibroplat.errors import TableError
 from vibroplat.integrate.choice import is_compiled
-from vibroplat.plots.run import plot_run
 from vibroplat.provenance import configuration_hash, provenance
 from vibroplat.scene import Scene
-from vibroplat.tables import read_json, read_table, write_table
-
-from .helpers import QUICKSTART
+from vibroplat.tables import read_json, read_table
 
 SHORT = ("--set", "run.duration_s=0.1")
 STORM = (
@@ -58,20 +54,20 @@ def test_command_line_loads_nothing_heavy():
 
 def test_help_names_the_commands(vibroplat):
     done = vibroplat("--help")
-    assert (done.returncode, done.stderr) == (0, "")
+    assert (done.code, done.err) == (0, "")
     for command in ("run", "plot", "schema"):
-        assert re.search(rf"^\W*{command}\s", done.stdout, re.MULTILINE)
+        assert re.search(rf"^\W*{command}\s", done.out, re.MULTILINE)
 
 
 def test_version(vibroplat):
     done = vibroplat("--version")
-    assert (done.returncode, done.stdout, done.stderr) == (0, f"vibroplat {__version__}\n", "")
+    assert (done.code, done.out, done.err) == (0, f"vibroplat {__version__}\n", "")
 
 
 def test_schema_is_json(vibroplat):
     done = vibroplat("schema")
-    assert (done.returncode, done.stderr) == (0, "")
-    assert json.loads(done.stdout) == configuration_schema()
+    assert (done.code, done.err) == (0, "")
+    assert json.loads(done.out) == configuration_schema()
 
 
 # -- run: what it writes --------------------------------------------------------------------------------
@@ -91,7 +87,7 @@ def test_run_writes_tables_summary_and_provenance(name, form, written):
 
 @pytest.mark.parametrize("name", ["quickstart", "bare"])
 def test_run_prints_a_summary_and_where_the_tables_are(name, finished_commands):
-    printed = finished_commands[0][name].stdout
+    printed = finished_commands[0][name].out
     lines = {line[:28].rstrip(): line[28:] for line in printed.splitlines()}
     assert (lines["outcome"], lines["simulated"], lines["tables"]) == ("ok", "0.2 s", f"results/{name}")
     assert re.fullmatch(r"\S+, \S+ m", lines["RMS x, y"])
@@ -100,28 +96,29 @@ def test_run_prints_a_summary_and_where_the_tables_are(name, finished_commands):
 
 def test_run_that_ends_early_exits_1_and_keeps_what_it_has(vibroplat, tmp_path):
     done = vibroplat("run", QUICKSTART, *settings(*STORM, "name=storm"), "--out", tmp_path)
-    assert done.returncode == 1
-    assert len(done.stderr.splitlines()) == 1
-    assert done.stderr.startswith("vibroplat: event-storm: 3 restarts within ")
-    assert "raise solver.max_events_per_period to follow them; mode flight, t = " in done.stderr
+    assert done.code == 1
+    assert len(done.err.splitlines()) == 1
+    assert done.err.startswith("vibroplat: event-storm: 3 restarts within ")
+    assert "raise solver.max_events_per_period to follow them; mode flight, t = " in done.err
     directory = tmp_path / "storm"
     assert {name.partition(".")[0] for name in names(directory)} == RUN_FILES
     summary, trajectory = read_json(directory, "summary"), read_table(directory, "trajectory")
     assert summary["outcome"] == "event-storm"
     assert trajectory["t_s"].iloc[-1] == summary["simulated_s"] < 1.0
     assert len(read_table(directory, "events")) == summary["events"] >= 3
-    assert done.stdout.startswith("outcome                     event-storm\n")
+    assert done.out.startswith("outcome                     event-storm\n")
 
 
-def test_run_without_a_first_step_exits_1_and_writes_empty_tables(vibroplat, tmp_path):
+def test_run_without_a_first_step_exits_1_and_writes_empty_tables(vibroplat, command, tmp_path):
     done = vibroplat("run", QUICKSTART, *settings("run.initial.state={phi_rad: 1.0e20}"), *SHORT, "--out", tmp_path)
-    assert done.returncode == 1
-    assert len(done.stderr.splitlines()) == 1
-    assert done.stderr.startswith("vibroplat: beyond-model: the platform has turned by 1e+20 rad; ")
+    assert done.code == 1
+    assert len(done.err.splitlines()) == 1
+    assert done.err.startswith("vibroplat: beyond-model: the platform has turned by 1e+20 rad; ")
     directory = tmp_path / "quickstart"
     assert read_table(directory, "trajectory").empty
     assert read_json(directory, "summary")["simulated_s"] == 0.0
-    assert refusal(directory) == "DIR holds an empty trajectory; there is nothing to draw"
+    told = f"vibroplat: {directory} holds an empty trajectory; there is nothing to draw\n"
+    assert command("plot", directory) == (2, "", told)
 
 
 def test_interrupted_run_says_so_and_leaves_no_half_tables(monkeypatch, capsys, here):
@@ -231,7 +228,7 @@ def test_bad_input_exits_2_with_one_line(arguments, line, vibroplat, here):
     (here / "bad.yaml").write_text("contact: {restitution: 1.2}\n")
     (here / "good.yaml").write_text("run: {duration_s: 0.01}\n")
     done = vibroplat(*arguments)
-    assert (done.returncode, done.stdout, done.stderr) == (2, "", f"vibroplat: {line}\n")
+    assert (done.code, done.out, done.err) == (2, "", f"vibroplat: {line}\n")
     assert names(here) == ["bad.yaml", "good.yaml"]
 
 
@@ -248,120 +245,5 @@ def test_bad_input_exits_2_with_one_line(arguments, line, vibroplat, here):
 def test_bad_option_exits_2_with_one_line(arguments, named, vibroplat):
     """In typer's words, which change with its version."""
     done = vibroplat(*arguments)
-    assert (done.returncode, done.stdout, len(done.stderr.splitlines())) == (2, "", 1)
-    assert [text for text in named if text not in done.stderr] == []
-
-
-# -- plot -----------------------------------------------------------------------------------------------
-
-
-def is_png(path):
-    return path.read_bytes().startswith(b"\x89PNG\r\n\x1a\n")
-
-
-def test_plot_draws_all_figures_and_names_the_files(vibroplat, result):
-    done = vibroplat("plot", result)
-    assert (done.returncode, done.stderr) == (0, "")
-    paths = [result / f"{figure}.png" for figure in ("motion", "force", "exciters")]
-    assert done.stdout.splitlines() == list(map(str, paths))
-    assert all(map(is_png, paths))
-
-
-def test_plot_leaves_out_the_force_of_a_scene_without_contact(written):
-    paths = plot_run(written / "bare", ["motion", "force", "exciters"])
-    assert [path.name for path in paths] == ["motion.png", "exciters.png"]
-    assert all(map(is_png, paths))
-
-
-def test_plot_of_one_kind_in_an_interval(vibroplat, result):
-    done = vibroplat("plot", result, "--kind", "force", "--start", "0.1", "--stop", "0.15")
-    assert (done.returncode, done.stderr) == (0, "")
-    assert [path.name for path in result.glob("*.png")] == ["force.png"]
-
-
-@pytest.fixture
-def result(written, tmp_path):
-    """A copy of a result that may be damaged."""
-    return shutil.copytree(written / "quickstart", tmp_path / "result", ignore=shutil.ignore_patterns("*.png"))
-
-
-def refusal(directory, **interval):
-    """What the user is told instead of figures."""
-    with pytest.raises(TableError) as caught:
-        plot_run(directory, ["motion", "force"], **interval)
-    assert list(directory.glob("*.png")) == []
-    assert len(str(caught.value).splitlines()) == 1
-    return str(caught.value).replace(str(directory), "DIR")
-
-
-@pytest.mark.parametrize("found", [0, 2, None, "1"])
-def test_plot_refuses_another_schema(found, result):
-    (result / "provenance.json").write_text(json.dumps({"schema": found}))
-    assert refusal(result) == f"DIR holds results of schema {found}; this version reads schema 1"
-
-
-@pytest.mark.parametrize(
-    ("interval", "between"),
-    [
-        ({"start": 5.0}, "5.0 and 0.2"),
-        ({"start": 0.1, "stop": 0.05}, "0.1 and 0.05"),
-        ({"start": float("nan")}, "nan and 0.2"),
-        ({"start": 0.1, "stop": 0.1}, "0.1 and 0.1"),
-    ],
-)
-def test_plot_of_an_empty_interval_is_refused(interval, between, result):
-    assert refusal(result, **interval) == f"nothing between {between} s; allowed: an interval within 0.0 … 0.2 s"
-
-
-@pytest.mark.parametrize(
-    ("missing", "line"),
-    [
-        ("provenance.json", "DIR holds no provenance.json"),
-        ("summary.json", "DIR holds no summary.json"),
-        ("trajectory.parquet", "DIR holds no trajectory table; allowed: a directory that vibroplat has written"),
-        ("events.parquet", "DIR holds no events table; allowed: a directory that vibroplat has written"),
-    ],
-)
-def test_plot_names_the_file_it_misses(missing, line, result):
-    (result / missing).unlink()
-    assert refusal(result) == line
-
-
-@pytest.mark.parametrize(
-    ("file", "content", "line"),
-    [
-        ("provenance.json", "[]", "DIR holds results of schema None; this version reads schema 1"),
-        ("provenance.json", "{", "DIR/provenance.json cannot be read: "),
-        ("summary.json", "{}", "DIR/summary.json is no summary of a run"),
-        ("summary.json", "[]", "DIR/summary.json is no summary of a run"),
-        ("trajectory.csv", "a,b\n1,2\n", "the trajectory table in DIR has no numbers in column t_s"),
-        ("trajectory.csv", "t_s,y_m\nx,y\nz,w\n", "the trajectory table in DIR has no numbers in column t_s"),
-        ("events.csv", "a,b\n1,2\n", "the events table in DIR has no numbers in column t_s"),
-        ("events.csv", "", "DIR/events.csv cannot be read: "),
-    ],
-)
-def test_plot_of_damaged_files_is_told_in_a_line(file, content, line, result):
-    if file.endswith("csv"):
-        (result / file).with_suffix(".parquet").unlink()
-    (result / file).write_text(content)
-    assert refusal(result).startswith(line)
-
-
-@pytest.mark.parametrize(
-    ("table", "column"),
-    [
-        *(("trajectory", column) for column in ("t_s", "mode", "y_m", "phi2_rad", "phi1_rate_rad_per_s")),
-        ("events", "kind"),
-    ],
-)
-def test_plot_names_the_column_it_misses(table, column, result):
-    write_table(read_table(result, table).drop(columns=column), result, table, "parquet")
-    with pytest.raises(TableError, match=column):
-        plot_run(result, ["motion", "force", "exciters"])
-
-
-def test_plot_where_a_figure_cannot_be_written_is_told_in_a_line(result):
-    (result / "motion.png").mkdir()
-    with pytest.raises(TableError) as caught:
-        plot_run(result, ["motion"])
-    assert str(caught.value) == f"{result}/motion.png cannot be written: Is a directory"
+    assert (done.code, done.out, len(done.err.splitlines())) == (2, "", 1)
+    assert [text for text in named if text not in done.err] == []
