@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 from vibroplat import __version__
 from vibroplat.errors import VibroplatError
@@ -26,11 +27,27 @@ if TYPE_CHECKING:
 #: Failed points of a sweep that are told one by one.
 TOLD = 5
 
+
+class _Commands(TyperGroup):
+    """The commands.
+
+    ``--help`` is False where it is not given: None would be converted, for which typer loads pydantic.
+    """
+
+    def get_help_option(self, ctx: Any) -> Any:
+        option = super().get_help_option(ctx)
+        if option is not None:
+            option.default = False
+        return option
+
+
 app = typer.Typer(
+    cls=_Commands,
     help="Simulate a vibrating platform with self-synchronizing exciters and material that may leave it.",
     invoke_without_command=True,
     add_completion=False,
     pretty_exceptions_enable=False,
+    rich_markup_mode=None,  # plain help, in half the time
 )
 
 

@@ -13,6 +13,7 @@ from datetime import UTC, datetime
 from importlib.metadata import version
 
 import pytest
+from common.commands import script
 from common.places import QUICKSTART
 
 from vibroplat import __version__, load_config
@@ -45,11 +46,17 @@ def names(directory):
 # -- what answers at once -------------------------------------------------------------------------------
 
 
-def test_command_line_loads_nothing_heavy():
-    heavy = ("numpy", "numba", "pandas", "matplotlib", "scipy", "sksundae", "pydantic", "ruamel", "pyarrow")
-    code = f"import sys, vibroplat.cli; print([m for m in {heavy} if m in sys.modules])"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout == "[]\n"
+@pytest.mark.parametrize("arguments", [["--help"], ["run", "--help"], ["sweep", "--help"], ["--version"]], ids=" ".join)
+def test_what_answers_at_once_loads_nothing_heavy(arguments):
+    """A test of times would depend on the machine; these modules are what takes time."""
+    heavy = {"numpy", "numba", "pandas", "matplotlib", "scipy", "sksundae", "pydantic", "ruamel", "pyarrow", "loky"}
+    heavy |= {"rich", "pygments", "markdown_it", "asyncio", "multiprocessing", "sqlite3", "importlib.metadata"}
+    code = "import atexit, sys; atexit.register(lambda: print('loaded', *sys.modules))\n" + script()
+    done = subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=True)
+    printed, _, loaded = done.stdout.rpartition("loaded ")
+    assert "Usage: " in printed or __version__ in printed
+    assert heavy & set(loaded.split()) == set()
+    assert "vibroplat.cli" in loaded.split()
 
 
 def test_help_names_the_commands(vibroplat):
