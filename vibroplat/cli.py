@@ -5,7 +5,6 @@ from __future__ import annotations
 import gc
 import logging
 import os
-import signal
 import sys
 import time
 from enum import StrEnum
@@ -17,7 +16,6 @@ from typer.core import TyperGroup
 
 from vibroplat import __version__
 from vibroplat.errors import VibroplatError
-from vibroplat.interrupts import INTERRUPTED, KEPT, ending_at_once
 from vibroplat.progress import calibration_progress, run_progress, sweep_progress
 
 if TYPE_CHECKING:
@@ -102,14 +100,11 @@ def main() -> None:
     logging.basicConfig(format="vibroplat: %(message)s")
     # imports make very many objects that stay: looking for garbage among them takes a sixth of a short command
     gc.set_threshold(200_000)
-    signal.signal(signal.SIGTERM, _end)  # workers are stopped on the way out
     try:
         code = app(standalone_mode=False)
         sys.stdout.flush()
     except VibroplatError as error:
         sys.exit(_complain(str(error), error.exit_code))
-    except KeyboardInterrupt:  # before typer takes care of it
-        sys.exit(_complain(f"interrupted; {KEPT}", INTERRUPTED))
     except OSError as error:
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # what is left has nowhere to go
         sys.exit(_complain(f"standard output cannot be written: {error.strerror or error}", 1))
@@ -118,13 +113,7 @@ def main() -> None:
         if not hasattr(error, "format_message"):
             raise
         sys.exit(_complain(f"{error.format_message()} Try 'vibroplat --help'.", 2))
-    if code == INTERRUPTED:
-        _complain(f"interrupted; {KEPT}", code)
     sys.exit(code if isinstance(code, int) else 0)
-
-
-def _end(number: int, _: object) -> None:
-    sys.exit(_complain(f"terminated; {KEPT}", 128 + number))
 
 
 def _complain(text: str, code: int) -> int:
@@ -413,14 +402,12 @@ def _tell_of_compilation() -> None:
 
 
 def _load_kernels(engine: str = "auto") -> None:
-    """Compile or load what a motion needs, before workers do so each and before Ctrl-C may be an exception."""
-    with ending_at_once():
-        _tell_of_compilation()
-        from vibroplat.integrate.choice import load_kernels
+    """Compile or load what a motion needs, once, before workers would each do so."""
+    _tell_of_compilation()
+    from vibroplat.integrate.choice import load_kernels
 
-        load_kernels(engine)
-        # garbage of the compiler is left alone: its end in LLVM would swallow an exception, as Ctrl-C is later
-        gc.freeze()
+    load_kernels(engine)
+    gc.freeze()  # what is loaded stays: the garbage collector need not look at it
 
 
 def _print_summary(result: Trajectory, directory: Path) -> None:

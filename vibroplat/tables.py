@@ -5,13 +5,15 @@ from __future__ import annotations
 import json
 import os
 import tempfile
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any, Literal
 
 import pandas as pd
 
 from vibroplat.errors import TableError
+from vibroplat.interrupts import held, unfinished
 
 Format = Literal["parquet", "csv"]
 Writer = Callable[[Path], object]
@@ -159,23 +161,36 @@ def replace_files(writers: Mapping[Path, Writer]) -> None:
     """
     temporaries: dict[Path, Path] = {}
     path = next(iter(writers))
-    try:
-        for path, write in writers.items():
-            temporaries[path] = _temporary(path)
-            write(temporaries[path])
-            temporaries[path].chmod(0o644)
-        for path in list(writers)[1:]:
-            path.unlink(missing_ok=True)
-        for path, temporary in temporaries.items():
-            os.replace(temporary, path)
-    except OSError as error:
-        raise TableError(f"{path} cannot be written: {error.strerror or error}") from None
-    finally:
-        for temporary in temporaries.values():
-            temporary.unlink(missing_ok=True)
+    with ExitStack() as stack:
+        try:
+            for path, write in writers.items():
+                temporaries[path] = stack.enter_context(_temporary(path))
+                write(temporaries[path])
+                temporaries[path].chmod(0o644)
+            with held():
+                for path in list(writers)[1:]:
+                    path.unlink(missing_ok=True)
+                for path, temporary in temporaries.items():
+                    os.replace(temporary, path)
+        except OSError as error:
+            raise TableError(f"{path} cannot be written: {error.strerror or error}") from None
 
 
-def _temporary(path: Path) -> Path:
+@contextmanager
+def _temporary(path: Path) -> Iterator[Path]:
+    """Make a temporary file beside another; what is left of it at the end is removed, also at Ctrl-C."""
+    with ExitStack() as stack:
+        with held():
+            temporary = _empty_file(path)
+            stack.enter_context(unfinished(temporary))
+        try:
+            yield temporary
+        finally:
+            with suppress(OSError):
+                temporary.unlink()
+
+
+def _empty_file(path: Path) -> Path:
     """Make an empty file beside another, named by this process; those of processes that were killed are removed."""
     for old in path.parent.glob(f".{path.stem}-*-*"):
         owner = old.name.removeprefix(f".{path.stem}-").partition("-")[0]

@@ -37,7 +37,6 @@ class Done(NamedTuple):
 def command(*arguments):
     """Run the command line in this process, which spares the imports."""
     out, err = io.StringIO(), io.StringIO()
-    before = signal.getsignal(signal.SIGTERM)
     with (
         mock.patch("sys.argv", ["vibroplat", *map(str, arguments)]),
         contextlib.redirect_stdout(out),
@@ -50,8 +49,6 @@ def command(*arguments):
         except Exception:  # Python would print it and exit with 1
             code = 1
             traceback.print_exc()
-        finally:
-            signal.signal(signal.SIGTERM, before)
     return Done(code, out.getvalue(), err.getvalue())
 
 

@@ -11,17 +11,19 @@ import re
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, wait
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from multiprocessing import resource_tracker
 from typing import Any, Protocol, TypeVar
 
 from vibroplat.errors import ConfigError, VibroplatError
-from vibroplat.interrupts import held
+from vibroplat.interrupts import held, stop_if_asked, unwinding, watching
 
 #: Numerical libraries would start a pool of threads in each worker process.
 PINNED = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA")}
 #: Seconds without a result after which workers are asked whether they are there.
 PATIENCE = 5.0
+#: Seconds after which Ctrl-C is noticed while workers are at work.
+TICK = 0.1
 #: Seconds without a task after which a worker process ends.
 IDLE = 20
 #: Times that a task alone may lose its worker before it is given up.
@@ -82,6 +84,11 @@ class Pool(Protocol):
 
 def run_chains(chains: Iterable[C], workers: Pool) -> Iterator[C]:
     """Run all chains to their ends; yields the chain of each task that has finished and been taken."""
+    with nullcontext() if isinstance(workers, Inline) else watching():
+        yield from _run(chains, workers)
+
+
+def _run(chains: Iterable[C], workers: Pool) -> Iterator[C]:
     waiting: deque[C] = deque(chains)
     suspects: deque[C] = deque()  # one of them has taken its worker along: each runs alone
     losses: dict[int, int] = {}
@@ -100,9 +107,7 @@ def run_chains(chains: Iterable[C], workers: Pool) -> Iterator[C]:
         if not running:
             continue
         lost: list[C] = []
-        done = wait(running, timeout=PATIENCE, return_when=FIRST_COMPLETED).done
-        if not done:
-            workers.check()
+        done = _finished(running, workers)
         for future in done:
             chain = running.pop(future)
             try:
@@ -117,6 +122,17 @@ def run_chains(chains: Iterable[C], workers: Pool) -> Iterator[C]:
             yield chain
         if lost:
             yield from _deal_with(lost, running, suspects, losses, waiting, workers)
+
+
+def _finished(running: dict[Future[Any], C], workers: Pool) -> set[Future[Any]]:
+    """Wait until a task has finished; a request to end, or the loss of all workers, is raised."""
+    while True:
+        for _ in range(round(PATIENCE / TICK)):
+            done = wait(running, timeout=TICK, return_when=FIRST_COMPLETED).done
+            stop_if_asked()
+            if done:
+                return done
+        workers.check()
 
 
 def _deal_with(
@@ -252,12 +268,12 @@ class Cluster:
 @contextmanager
 def pool(jobs: int = 1, scheduler: str | None = None) -> Iterator[Pool]:
     """Open the pool that a user asks for: this process, so many of them, or a dask scheduler's workers."""
-    opened: Pool = Inline()
-    if scheduler is not None:
-        opened = Cluster(scheduler)
-    elif jobs > 1:
-        opened = Processes(jobs)
-    try:
-        yield opened
-    finally:
-        opened.close()
+    if scheduler is None and jobs == 1:
+        yield Inline()
+        return
+    with unwinding():
+        opened = Processes(jobs) if scheduler is None else Cluster(scheduler)
+        try:
+            yield opened
+        finally:
+            opened.close()
