@@ -53,26 +53,34 @@ def end_at_signals() -> None:
 
 
 def _end(number: int, _frame: object) -> None:
-    if _Ending.signal is not None and time.monotonic() - _Ending.since < GRACE:
+    if _Ending.signal is not None:
+        if time.monotonic() - _Ending.since > GRACE:
+            _exit(number)
         return
-    again = _Ending.signal is not None
     _Ending.signal, _Ending.since = number, time.monotonic()
-    if not again:
-        show_cursor = "\r\x1b[K\x1b[?25h" if os.isatty(2) else ""  # a progress bar may have hidden it
-        os.write(2, f"{show_cursor}vibroplat: {_WORDS[signal.Signals(number)]}; {KEPT}\n".encode())
-    if again or not _Ending.open:
-        for path in _unfinished:
-            with contextlib.suppress(OSError):
-                path.unlink()
-        os._exit(128 + number)
+    show_cursor = "\r\x1b[K\x1b[?25h" if os.isatty(2) else ""  # a progress bar may have hidden it
+    os.write(2, f"{show_cursor}vibroplat: {_WORDS[signal.Signals(number)]}; {KEPT}\n".encode())
     if not _Ending.watching:
         stop_if_asked()
 
 
+def _exit(number: int) -> None:
+    """End the process here."""
+    for path in _unfinished:
+        with contextlib.suppress(OSError):
+            path.unlink()
+    with contextlib.suppress(Exception):  # the signal may have come in the middle of a flush
+        sys.stdout.flush()
+    os._exit(128 + number)
+
+
 def stop_if_asked() -> None:
-    """Unwind the stack if a signal has asked the program to end."""
-    if _Ending.signal is not None:
-        sys.exit(128 + _Ending.signal)
+    """End the program if a signal has asked for it, by unwinding the stack where something has to be closed."""
+    if _Ending.signal is None:
+        return
+    if not _Ending.open:
+        _exit(_Ending.signal)
+    sys.exit(128 + _Ending.signal)
 
 
 @contextmanager
@@ -83,16 +91,19 @@ def unwinding() -> Iterator[None]:
         yield
     finally:
         _Ending.open -= 1
+    stop_if_asked()
 
 
 @contextmanager
 def watching() -> Iterator[None]:
-    """Only note a request to end; the block calls :func:`stop_if_asked` where it can be stopped."""
+    """Put off a request to end until the block calls :func:`stop_if_asked`, or its end."""
     _Ending.watching += 1
     try:
         yield
     finally:
         _Ending.watching -= 1
+    if not _Ending.watching:
+        stop_if_asked()
 
 
 @contextmanager
@@ -106,10 +117,10 @@ def unfinished(path: Path) -> Iterator[None]:
 
 
 @contextmanager
-def held() -> Iterator[None]:
-    """Hold back Ctrl-C until the end of the block; processes started in it never receive it.
+def unheard() -> Iterator[None]:
+    """Let processes that are started in the block never receive Ctrl-C, which a terminal sends to them too.
 
-    A terminal sends Ctrl-C to workers too. They inherit the mask, and their parent stops them.
+    They inherit the mask of signals; it is their parent that stops them.
     """
     if not hasattr(signal, "pthread_sigmask"):  # Windows
         yield

@@ -13,7 +13,7 @@ from typing import Any, Literal
 import pandas as pd
 
 from vibroplat.errors import TableError
-from vibroplat.interrupts import held, unfinished
+from vibroplat.interrupts import unfinished, watching
 
 Format = Literal["parquet", "csv"]
 Writer = Callable[[Path], object]
@@ -167,7 +167,7 @@ def replace_files(writers: Mapping[Path, Writer]) -> None:
                 temporaries[path] = stack.enter_context(_temporary(path))
                 write(temporaries[path])
                 temporaries[path].chmod(0o644)
-            with held():
+            with watching():
                 for path in list(writers)[1:]:
                     path.unlink(missing_ok=True)
                 for path, temporary in temporaries.items():
@@ -180,7 +180,7 @@ def replace_files(writers: Mapping[Path, Writer]) -> None:
 def _temporary(path: Path) -> Iterator[Path]:
     """Make a temporary file beside another; what is left of it at the end is removed, also at Ctrl-C."""
     with ExitStack() as stack:
-        with held():
+        with watching():
             temporary = _empty_file(path)
             stack.enter_context(unfinished(temporary))
         try:

@@ -5,10 +5,8 @@ from __future__ import annotations
 import json
 import platform
 import re
-import signal
 import subprocess
 import sys
-from contextlib import contextmanager
 from datetime import UTC, datetime
 from importlib.metadata import version
 
@@ -126,21 +124,6 @@ def test_run_without_a_first_step_exits_1_and_writes_empty_tables(vibroplat, com
     assert read_json(directory, "summary")["simulated_s"] == 0.0
     told = f"vibroplat: {directory} holds an empty trajectory; there is nothing to draw\n"
     assert command("plot", directory) == (2, "", told)
-
-
-def test_interrupted_run_says_so_and_leaves_no_half_tables(monkeypatch, capsys, here):
-    @contextmanager
-    def pressing_ctrl_c(_name, _seconds):
-        yield lambda _reached, _events: signal.raise_signal(signal.SIGINT)
-
-    monkeypatch.setattr("vibroplat.cli.run_progress", pressing_ctrl_c)
-    monkeypatch.setattr(sys, "argv", ["vibroplat", "run", str(QUICKSTART)])
-    with pytest.raises(SystemExit) as ended:
-        main()
-    told = capsys.readouterr()
-    assert (ended.value.code, told.out) == (130, "")
-    assert told.err.startswith("vibroplat: interrupted; tables under their final names are whole")
-    assert names(here / "results/quickstart") == []
 
 
 def test_the_first_run_says_why_it_takes_long(here, monkeypatch, capsys, kernels):

@@ -8,7 +8,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 import traceback
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -73,45 +72,66 @@ def not_a_line(done, codes=(2,)):
     return ""
 
 
-# -- beside this process --------------------------------------------------------------------------------
+# -- in a process of its own ----------------------------------------------------------------------------
 
 
 def script(before=""):
-    """Return the program as Python text; it says ``begun`` just before anything of it is loaded."""
+    """Return the program as Python text, with something to do first."""
     (entry,) = entry_points(group="console_scripts", name="vibroplat")
-    return f"{before}\nprint('begun', flush=True)\nfrom {entry.module} import {entry.attr}\n{entry.attr}()\n"
+    return f"{before}\nfrom {entry.module} import {entry.attr}\n{entry.attr}()\n"
+
+
+_SENDING = """
+import os, pkgutil, signal
+holder, calls = pkgutil.resolve_name({holder!r}), 0
+original = getattr(holder, {name!r})
+def sending(*arguments, **options):
+    global calls
+    calls += 1
+    if calls == {number} and not {after}:
+        os.kill(0, {signal})
+    result = original(*arguments, **options)
+    if calls == {number} and {after}:
+        os.kill(0, {signal})
+    return result
+setattr(holder, {name!r}, sending)
+"""
+
+
+def sending(signal_, function, number=1, *, after=False):
+    """Text of a program that gets a signal when it calls a function, e.g. ``os:replace``, for the n-th time.
+
+    Its whole process group gets the signal, as from a terminal, except SIGKILL, which only it gets.
+    """
+    holder, _, name = function.rpartition("." if "." in function.partition(":")[2] else ":")
+    text = _SENDING.format(holder=holder, name=name, number=number, signal=int(signal_), after=after)
+    return text if signal_ != signal.SIGKILL else text.replace("os.kill(0,", "os.kill(os.getpid(),")
 
 
 class Child:
     """A command in a process group of its own, as a terminal starts it."""
 
-    def __init__(self, place, *arguments):
+    def __init__(self, place, *arguments, before=""):
         self.place = place
         self._out, self._err = ((place / f".{name}").open("w+") for name in ("out", "err"))
-        line = [sys.executable, "-c", script(), *map(str, arguments)]
+        line = [sys.executable, "-c", script(before), *map(str, arguments)]
         self.process = subprocess.Popen(line, cwd=place, stdout=self._out, stderr=self._err, start_new_session=True)
 
-    def wait_for(self, there, seconds=60.0):
-        """Wait until something is there; return whether the command still runs."""
-        until = time.monotonic() + seconds
-        while not there():
-            if self.process.poll() is not None:
-                return False
-            assert time.monotonic() < until, "does not come"
-            time.sleep(0.0005)
-        return self.process.poll() is None
-
-    def begun(self):
-        """Wait until the program is about to be loaded."""
-        self.wait_for(lambda: (self.place / ".out").stat().st_size > 0)
-        return time.monotonic()
-
     def end(self, seconds=60.0):
-        """Wait for the end; return how it ended, without the word that it has begun."""
+        """Wait for the end; return how it ended."""
         code = self.process.wait(timeout=seconds)
         for file in (self._out, self._err):
             file.seek(0)
-        return Done(code, self._out.read().removeprefix("begun\n"), self._err.read())
+        return Done(code, self._out.read(), self._err.read())
+
+    def members(self):
+        """Processes of its group that are alive."""
+        found = []
+        for process in psutil.process_iter(["status"]):
+            with contextlib.suppress(psutil.NoSuchProcess, ProcessLookupError):
+                if process.info["status"] != psutil.STATUS_ZOMBIE and os.getpgid(process.pid) == self.process.pid:
+                    found.append(process)
+        return found
 
     def close(self):
         """Leave nothing behind."""
@@ -127,6 +147,12 @@ class Child:
 
     def __exit__(self, *_):
         self.close()
+
+
+def ended(place, *arguments, before=""):
+    """Start a command and wait for its end; what it leaves running is killed."""
+    with Child(place, *arguments, before=before) as child:
+        return child.end()
 
 
 def loky_workers(pid=None):

@@ -138,6 +138,11 @@ def test_numerical_libraries_have_one_thread_in_each_worker(processes):
     assert found == ["1"] * len(PINNED)
 
 
+def test_workers_do_not_hear_ctrl_c(processes):
+    """A terminal sends it to them too; their parent stops them."""
+    assert finish([Tasks((signal.pthread_sigmask, (signal.SIG_BLOCK, ())))], processes) == [[{signal.SIGINT}]]
+
+
 @pytest.mark.parametrize("name", ["inline", "processes", "cluster"])
 def test_error_of_a_task_is_raised(name, request):
     workers = Inline() if name == "inline" else request.getfixturevalue(name)

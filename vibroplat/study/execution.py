@@ -16,7 +16,7 @@ from multiprocessing import resource_tracker
 from typing import Any, Protocol, TypeVar
 
 from vibroplat.errors import ConfigError, VibroplatError
-from vibroplat.interrupts import held, stop_if_asked, unwinding, watching
+from vibroplat.interrupts import stop_if_asked, unheard, unwinding, watching
 
 #: Numerical libraries would start a pool of threads in each worker process.
 PINNED = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA")}
@@ -198,7 +198,7 @@ class Processes:
         """Start a task; on workers that have just died it fails like those that they had."""
         try:
             resource_tracker.ensure_running()  # started in between, it would let Ctrl-C through (CPython < 3.14)
-            with held():
+            with unheard():
                 future: Future[Any] = self._executor.submit(function, *arguments)
         except BrokenExecutor as error:
             future = Future()
