@@ -55,6 +55,20 @@ def vibroplat(kernels):
     return commands.process
 
 
+@pytest.fixture
+def figures(monkeypatch):
+    """Figures by the names of their files; no pictures are made of them, which would take most of the time."""
+    kept = {}
+
+    def keep(figure, path, **_options):
+        name = path.name.removeprefix(".").partition("-")[0]
+        kept[name] = figure
+        path.write_text(f"figure {name}")
+
+    monkeypatch.setattr("matplotlib.figure.Figure.savefig", keep)
+    return kept
+
+
 @pytest.fixture(scope="session")
 def runs():
     """Finished runs of a quarter of a second."""

@@ -4,35 +4,84 @@ from __future__ import annotations
 
 import json
 
+import numpy as np
 import pytest
 
 from vibroplat.errors import TableError
 from vibroplat.plots.run import plot_run
-from vibroplat.tables import read_table, write_table
+from vibroplat.plots.style import plt
+from vibroplat.tables import read_json, read_table, write_table
+
+TURN = 2.0 * np.pi
 
 
-def is_png(path):
-    return path.read_bytes().startswith(b"\x89PNG\r\n\x1a\n")
+def points(line):
+    """The data of a line, two rows."""
+    return np.array([line.get_xdata(), line.get_ydata()], dtype=float)
 
 
-def test_plot_draws_all_figures_and_names_the_files(vibroplat, result):
-    done = vibroplat("plot", result)
+def curve(table, column, factor=1.0):
+    """What a line shows of a table."""
+    return np.array([table["t_s"], factor * table[column]])
+
+
+def test_plot_writes_pictures_and_names_them(command, result):
+    done = command("plot", result)
     assert (done.code, done.err) == (0, "")
     paths = [result / f"{figure}.png" for figure in ("motion", "force", "exciters")]
     assert done.out.splitlines() == list(map(str, paths))
-    assert all(map(is_png, paths))
+    for path in paths:
+        pixels = plt.imread(path)
+        assert pixels.shape[1] > 800
+        assert pixels[..., :3].min() < 0.3 < pixels[..., :3].max() == 1.0  # something dark on white
 
 
-def test_plot_leaves_out_the_force_of_a_scene_without_contact(written):
+def test_motion_shows_platform_and_gap_of_the_last_ten_turns(figures, result):
+    plot_run(result, ["motion"])
+    top, bottom = figures["motion"].axes
+    trajectory, events = read_table(result, "trajectory"), read_table(result, "events")
+    frequency = read_json(result, "summary")["excitation_frequency_hz"]
+    begin = max(0.0, 0.2 - 10.0 / frequency)
+    shown = trajectory[trajectory["t_s"] >= begin]
+    np.testing.assert_allclose(points(top.lines[0]), curve(shown, "y_m", 1e3))
+    np.testing.assert_allclose(points(bottom.lines[0]), curve(shown, "gap_m", 1e3))
+    impacts = events[(events["kind"] == "impact") & (events["t_s"] >= begin)]
+    assert len(impacts) > 0
+    assert bottom.lines[1].get_xdata().tolist() == impacts["t_s"].tolist()
+    stretches = (shown["mode"] == "attached").astype(int).diff().eq(1).sum() + (shown["mode"].iloc[0] == "attached")
+    assert len(top.patches) == len(bottom.patches) == stretches > 1
+
+
+def test_force_and_impulses_are_shown(figures, result):
+    plot_run(result, ["force"], 0.05, 0.2)
+    force, impulses = figures["force"].axes
+    trajectory, events = (read_table(result, name).query("t_s >= 0.05") for name in ("trajectory", "events"))
+    np.testing.assert_array_equal(points(force.lines[0]), curve(trajectory, "contact_force_n"))
+    np.testing.assert_array_equal(points(impulses.lines[0]), curve(events[events["impulse_n_s"] > 0.0], "impulse_n_s"))
+
+
+def test_exciters_show_both_speeds_and_their_phase_over_the_whole_run(figures, result):
+    plot_run(result, ["exciters"], 0.1, 0.15)
+    speeds, phase = figures["exciters"].axes
+    table = read_table(result, "trajectory")
+    assert [line.get_label() for line in speeds.lines] == ["exciter 1", "exciter 2"]
+    np.testing.assert_allclose(points(speeds.lines[0]), curve(table, "phi1_rate_rad_per_s", 1.0 / TURN))
+    np.testing.assert_allclose(points(speeds.lines[1]), curve(table, "phi2_rate_rad_per_s", -1.0 / TURN))
+    np.testing.assert_allclose(phase.lines[0].get_ydata(), (table["phi1_rad"] + table["phi2_rad"]) % TURN)
+
+
+def test_plot_leaves_out_what_a_scene_without_contact_has_not(figures, written):
     paths = plot_run(written / "bare", ["motion", "force", "exciters"])
     assert [path.name for path in paths] == ["motion.png", "exciters.png"]
-    assert all(map(is_png, paths))
+    assert len(figures["motion"].axes) == 1
 
 
-def test_plot_of_one_kind_in_an_interval(vibroplat, result):
-    done = vibroplat("plot", result, "--kind", "force", "--start", "0.1", "--stop", "0.15")
+def test_plot_of_one_kind_in_an_interval(command, figures, result):
+    done = command("plot", result, "--kind", "force", "--start", "0.1", "--stop", "0.15")
     assert (done.code, done.err) == (0, "")
     assert [path.name for path in result.glob("*.png")] == ["force.png"]
+    times = figures["force"].axes[0].lines[0].get_xdata()
+    assert (times.min(), times.max()) == (0.1, 0.15)
 
 
 def refusal(directory, **interval):
@@ -104,7 +153,7 @@ def test_plot_of_damaged_files_is_told_in_a_line(file, content, line, result):
         ("events", "kind"),
     ],
 )
-def test_plot_names_the_column_it_misses(table, column, result):
+def test_plot_names_the_column_it_misses(table, column, figures, result):
     write_table(read_table(result, table).drop(columns=column), result, table, "parquet")
     with pytest.raises(TableError, match=column):
         plot_run(result, ["motion", "force", "exciters"])
