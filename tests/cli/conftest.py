@@ -3,6 +3,7 @@ from __future__ import annotations
 import shutil
 
 import pytest
+from common import commands
 from common.places import QUICKSTART
 
 
@@ -18,7 +19,9 @@ def finished_commands(vibroplat, tmp_path_factory):
     short = ("run", QUICKSTART, "--set", "run.duration_s=0.2")
     bare = ("--format", "csv", "--set", "name=bare", "--set", "material.mass_ratio=0.0")
     place = tmp_path_factory.mktemp("place")
-    done = {"quickstart": vibroplat(*short, cwd=place), "bare": vibroplat(*short, *bare, cwd=place)}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(place)
+        done = {"quickstart": vibroplat(*short, cwd=place), "bare": commands.command(*short, *bare)}
     assert {name: (d.code, d.err) for name, d in done.items()} == dict.fromkeys(done, (0, ""))
     return done, place / "results"
 

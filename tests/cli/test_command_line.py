@@ -99,8 +99,8 @@ def test_run_prints_a_summary_and_where_the_tables_are(name, finished_commands):
     assert ("flight fraction" in lines) == ("contact force, largest" in lines) == (name == "quickstart")
 
 
-def test_run_that_ends_early_exits_1_and_keeps_what_it_has(vibroplat, tmp_path):
-    done = vibroplat("run", QUICKSTART, *settings(*STORM, "name=storm"), "--out", tmp_path)
+def test_run_that_ends_early_exits_1_and_keeps_what_it_has(command, tmp_path):
+    done = command("run", QUICKSTART, *settings(*STORM, "name=storm"), "--out", tmp_path)
     assert done.code == 1
     assert len(done.err.splitlines()) == 1
     assert done.err.startswith("vibroplat: event-storm: 3 restarts within ")
@@ -114,8 +114,8 @@ def test_run_that_ends_early_exits_1_and_keeps_what_it_has(vibroplat, tmp_path):
     assert done.out.startswith("outcome                     event-storm\n")
 
 
-def test_run_without_a_first_step_exits_1_and_writes_empty_tables(vibroplat, command, tmp_path):
-    done = vibroplat("run", QUICKSTART, *settings("run.initial.state={phi_rad: 1.0e20}"), *SHORT, "--out", tmp_path)
+def test_run_without_a_first_step_exits_1_and_writes_empty_tables(command, tmp_path):
+    done = command("run", QUICKSTART, *settings("run.initial.state={phi_rad: 1.0e20}"), *SHORT, "--out", tmp_path)
     assert done.code == 1
     assert len(done.err.splitlines()) == 1
     assert done.err.startswith("vibroplat: beyond-model: the platform has turned by 1e+20 rad; ")
@@ -214,12 +214,15 @@ def test_configuration_of_a_result_with_a_state_can_be_run_again():
     ],
     ids=["missing file", "value", "setting", "out", "directory", "argument", "command"],
 )
-def test_bad_input_exits_2_with_one_line(arguments, line, vibroplat, here):
+def test_bad_input_exits_2_with_one_line(arguments, line, command, here):
     (here / "bad.yaml").write_text("contact: {restitution: 1.2}\n")
     (here / "good.yaml").write_text("run: {duration_s: 0.01}\n")
-    done = vibroplat(*arguments)
-    assert (done.code, done.out, done.err) == (2, "", f"vibroplat: {line}\n")
+    assert command(*arguments) == (2, "", f"vibroplat: {line}\n")
     assert names(here) == ["bad.yaml", "good.yaml"]
+
+
+def test_program_exits_2_with_one_line(vibroplat, here):
+    assert vibroplat("run", "nope.yaml") == (2, "", "vibroplat: nope.yaml: no such file\n")
 
 
 @pytest.mark.parametrize(
@@ -232,8 +235,8 @@ def test_bad_input_exits_2_with_one_line(arguments, line, vibroplat, here):
     ],
     ids=["format", "option", "kind", "time"],
 )
-def test_bad_option_exits_2_with_one_line(arguments, named, vibroplat):
+def test_bad_option_exits_2_with_one_line(arguments, named, command):
     """In typer's words, which change with its version."""
-    done = vibroplat(*arguments)
+    done = command(*arguments)
     assert (done.code, done.out, len(done.err.splitlines())) == (2, "", 1)
     assert [text for text in named if text not in done.err] == []

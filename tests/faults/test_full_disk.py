@@ -53,7 +53,7 @@ def limited(here, size, *arguments):
     limit = f"import resource\nresource.setrlimit(resource.RLIMIT_FSIZE, ({size}, {size}))"
     line = [sys.executable, "-c", script(limit), *arguments]
     done = subprocess.run(line, cwd=here, capture_output=True, text=True, timeout=120, check=False)
-    return Done(done.returncode, done.stdout.removeprefix("begun\n"), done.stderr)
+    return Done(done.returncode, done.stdout, done.stderr)
 
 
 # -- a file cannot grow ---------------------------------------------------------------------------------

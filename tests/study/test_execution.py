@@ -228,7 +228,7 @@ def test_dask_task_that_kills_its_worker_costs_its_own_point_alone(cluster):
 
 
 #: What does not repeat is not followed for long.
-SHORT = {"max_settle_s": 5.0, "measure_s": 0.5}
+SHORT = {"max_settle_s": 5.0, "measure_s": 0.5, "lyapunov": False}
 
 
 @pytest.fixture(scope="module")

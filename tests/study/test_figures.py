@@ -21,9 +21,10 @@ MATERIAL = f"material: {{mass_ratio: 0.2, damping_ratio: {CHAOTIC['material.damp
 SWEEPS = {
     "response": "supply_frequency_hz: {start: 44, stop: 52, step: 2, direction: [up, down]}\n"
     "  grid: {material.mass_ratio: [0.0, 0.2], contact.impact_law: [conservative]}",
-    "bifurcation": "supply_frequency_hz: {start: 44, stop: 62, step: 6, direction: [up, down]}\n  kind: bifurcation",
+    "bifurcation": "supply_frequency_hz: {start: 44, stop: 62, step: 6, direction: [up, down]}\n"
+    "  kind: bifurcation\n  lyapunov: false",
     "map": "supply_frequency_hz: {start: 50, stop: 66, step: 4, direction: [up, down]}\n"
-    "  grid: {material.mass_ratio: [0.0, 0.1, 0.2]}\n  kind: map",
+    "  grid: {material.mass_ratio: [0.0, 0.1, 0.2]}\n  kind: map\n  lyapunov: false",
 }
 
 

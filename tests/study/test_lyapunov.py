@@ -105,6 +105,7 @@ def test_exponent_of_real_multipliers_is_that_of_the_larger(gamma_sine, restitut
     assert error < 5e-3  # all turns are alike
 
 
+@pytest.mark.long
 def test_exponent_in_antiphase_knows_no_whole_turns_of_exciter_2():
     """Its angle is ±π where exciter 1 completes a turn; two neighbours may lie on either side of the cut."""
     scene, state = settled(MACHINE, 51.0, {"material.mass_ratio": 0.2})
@@ -258,7 +259,7 @@ def test_exponents_of_the_map_are_those_that_are_told(ball):
     assert value == pytest.approx(ball.exponent, abs=3.0 * error)
 
 
-@EACH_BALL
+@pytest.mark.parametrize("ball", [BALLS[0], *(pytest.param(ball, marks=pytest.mark.long) for ball in BALLS[1:])])
 def test_exponent_of_chaos_is_that_of_the_map_within_its_error(ball, monkeypatch):
     exact, uncertain = exponent_of_the_map(ball)
     values, errors = exponents(ball._replace(turns=96) if ball.gamma > 5.0 else ball, 2, 1, monkeypatch)
@@ -385,7 +386,10 @@ def test_exponent_of_the_chaotic_scene_is_positive():
     assert 1.0 < found.value < 30.0
 
 
-@pytest.mark.parametrize(("frequency", "restitution"), [(51.0, 0.0), (53.0, 0.0), (51.0, 0.3)])
+@pytest.mark.parametrize(
+    ("frequency", "restitution"),
+    [(51.0, 0.0), *(pytest.param(*place, marks=pytest.mark.long) for place in ((53.0, 0.0), (51.0, 0.3)))],
+)
 def test_exponent_of_a_periodic_scene_with_impacts_is_negative(frequency, restitution):
     scene, state = settled(MACHINE, frequency, {"material.mass_ratio": 0.2, "contact.restitution": restitution})
     found = largest_exponent(scene, state)
