@@ -1,4 +1,4 @@
-"""What a sweep goes through and how each of its points is measured: the keys of section ``sweep``."""
+"""The keys of section ``sweep``: which points a sweep visits and how each is measured."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from vibroplat.messages import short
 
 Direction = Literal["up", "down"]
 
-#: Points of a branch.
+#: Most points of a branch.
 MAX_FREQUENCIES = 100_000
-#: Combinations of the grid's values.
+#: Most combinations of the grid's values.
 MAX_COMBINATIONS = 10_000
 
 
@@ -31,38 +31,40 @@ def _settling(value: Any) -> Any:
 
 
 class Frequencies(Section):
-    """The supply frequencies of a branch, and which ways it goes through them."""
+    """The supply frequencies of a branch and the direction in which it visits them."""
 
     start: Positive = Field(description="smallest (Hz)")
-    stop: Positive = Field(description="largest (Hz); taken if whole steps reach it")
+    stop: Positive = Field(description="largest (Hz); included if a whole number of steps reaches it")
     step: Positive = 0.5
     direction: Annotated[list[Direction], BeforeValidator(_as_list), Field(min_length=1, max_length=2)] = Field(
-        ["up"], description="up, down or both: a branch for each"
+        ["up"], description="up, down or both; one branch each"
     )
 
     @model_validator(mode="after")
     def _finite(self) -> Self:
         if self.stop < self.start:
-            raise ValueError(f"stop = {self.stop} is below start = {self.start}; allowed: direction says which way")
+            raise ValueError(
+                f"stop = {self.stop} is below start = {self.start}; allowed: at least start; see direction"
+            )
         if (self.stop - self.start) / self.step >= MAX_FREQUENCIES:
-            raise ValueError(f"step = {self.step} makes too many points; allowed: at most {MAX_FREQUENCIES} a branch")
+            raise ValueError(f"step = {self.step} gives too many points; allowed: at most {MAX_FREQUENCIES} per branch")
         if len(set(self.direction)) < len(self.direction):
-            raise ValueError(f"direction = {self.direction}; allowed: each of up and down once")
+            raise ValueError(f"direction = {self.direction}; allowed: up and down, each once")
         return self
 
     @property
     def upward(self) -> list[float]:
-        """The frequencies (Hz), ascending, as a user would write them."""
+        """The frequencies (Hz) in ascending order, rounded as a user would write them."""
         count = int((self.stop - self.start) / self.step * (1.0 + 1e-12) + 1e-9) + 1
         return [float(f"{self.start + i * self.step:.12g}") for i in range(count)]
 
 
 class Sweep(Section):
-    """Branches side by side: every combination of the grid's values, in each direction."""
+    """A sweep: one branch for every combination of the grid's values and each direction."""
 
     supply_frequency_hz: Frequencies
     grid: dict[str, Annotated[list[float | int | bool | str], Field(min_length=1)]] = Field(
-        {}, description="dotted keys and the values that branches take"
+        {}, description="dotted keys and the values to try"
     )
     kind: Literal["response", "bifurcation", "map"] = Field(
         "response",
@@ -70,44 +72,47 @@ class Sweep(Section):
         "speeds; map: regimes over frequency and one key of the grid",
     )
     settle_s: Annotated[Literal["auto"] | float, BeforeValidator(_settling)] = Field(
-        "auto", description="before a point is measured; auto: until the Poincaré section has settled"
+        "auto", description="settling time before each measurement; auto: until the Poincaré section has settled"
     )
     max_settle_s: Positive = Field(
-        150.0, description="longest settling with auto; motion that does not repeat is followed this long"
+        150.0, description="longest settling time with auto; motion that does not repeat settles this long"
     )
     settle_tolerance: Annotated[float, Field(gt=0.0, le=1.0, allow_inf_nan=False)] = Field(
-        1e-3, description="what auto leaves of the way to the steady motion, in the scales of the scene"
+        1e-3, description="distance from the steady motion at which auto stops, in the scales of the scene"
     )
     measure_s: Positive = Field(
-        2.0, description="measured part of each point; motion that does not repeat is measured eight times as long"
+        2.0, description="measuring time of each point; eight times as long where the motion does not repeat"
     )
     period_tolerance: Annotated[float, Field(gt=0.0, le=1.0, allow_inf_nan=False)] = Field(
-        1e-2, description="within which the Poincaré section repeats, in the scales of the scene"
+        1e-2,
+        description="tolerance within which points of the Poincaré section are equal, in the scales of the scene",
     )
     perturbation: Share = Field(
-        0.01, description="random change of platform's and exciters' rates at each point, in the scales of the scene"
+        0.01,
+        description="random change of the platform's and exciters' rates before each point, in the scales of the scene",
     )
-    seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = Field(0, description="of the perturbations")
+    seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = Field(0, description="seed of the perturbations")
     lyapunov: bool = Field(
         True,
-        description="tell chaotic from quasi-periodic motion by the largest Lyapunov exponent; false: non-periodic",
+        description="distinguish chaotic from quasi-periodic motion by the largest Lyapunov exponent; false: both are "
+        "non-periodic",
     )
 
     @model_validator(mode="after")
     def _scene_keys(self) -> Self:
         found = math.prod(map(len, self.grid.values()))
         if found > MAX_COMBINATIONS:
-            raise ValueError(f"grid makes {found} combinations; allowed: at most {MAX_COMBINATIONS}")
+            raise ValueError(f"grid gives {found} combinations; allowed: at most {MAX_COMBINATIONS}")
         for key, values in self.grid.items():
             if not key.isascii():
-                raise ValueError(f"grid.{key!a} is no key of a scene; allowed: keys of machine, material, …")
+                raise ValueError(f"grid.{key!a} is not a key of a scene; allowed: keys of machine, material, …")
             if key.split(".")[0] in ("sweep", "name", "output", "run") or key == "drive.supply_frequency_hz":
-                raise ValueError(f"grid.{key} cannot be a key of the grid; allowed: keys of machine, material, …")
+                raise ValueError(f"grid.{key} cannot be swept by the grid; allowed: keys of machine, material, …")
             if any(isinstance(value, int | float) and not abs(value) <= LARGEST for value in values):
                 raise ValueError(f"grid.{key} = {short(values)}; allowed: numbers up to {LARGEST:g}")
-            if len(set(values)) < len(values):  # 0 and 0.0 are the same
+            if len(set(values)) < len(values):  # 0 and 0.0 are equal
                 raise ValueError(f"grid.{key} = {short(values)}; allowed: each value once")
         several = [values for values in self.grid.values() if len(values) > 1]
         if self.kind == "map" and (len(several) != 1 or any(isinstance(v, str | bool) for v in several[0])):
-            raise ValueError("kind = map needs one key of the grid with several numbers; allowed: one such key")
+            raise ValueError("kind = map needs exactly one grid key with several numbers")
         return self

@@ -122,7 +122,7 @@ def test_run_without_a_first_step_exits_1_and_writes_empty_tables(command, tmp_p
     directory = tmp_path / "quickstart"
     assert read_table(directory, "trajectory").empty
     assert read_json(directory, "summary")["simulated_s"] == 0.0
-    told = f"vibroplat: {directory} holds an empty trajectory; there is nothing to draw\n"
+    told = f"vibroplat: {directory} holds an empty trajectory; there is nothing to plot\n"
     assert command("plot", directory) == (2, "", told)
 
 
@@ -132,7 +132,10 @@ def test_the_first_run_says_why_it_takes_long(here, monkeypatch, capsys, kernels
     with pytest.raises(SystemExit) as ended:
         main()
     assert ended.value.code == 0
-    assert capsys.readouterr().err == "vibroplat: compiling the numerical kernels, once, in about half a minute\n"
+    assert (
+        capsys.readouterr().err
+        == "vibroplat: compiling the numerical kernels; this happens once and takes about half a minute\n"
+    )
 
 
 def test_compiled_kernels_are_found_on_disk(kernels):
@@ -208,7 +211,7 @@ def test_configuration_of_a_result_with_a_state_can_be_run_again():
         (["run", "bad.yaml"], "bad.yaml: contact.restitution = 1.2; allowed: at most 1.0"),
         (["run", "good.yaml", "--set", "drive"], "--set 'drive'; allowed: key.sub=value"),
         (["run", "good.yaml", "--out", "bad.yaml"], "output bad.yaml/good is not writable: Not a directory"),
-        (["plot", "nope"], "nope is no directory; allowed: one that vibroplat has written"),
+        (["plot", "nope"], "nope is not a directory; allowed: a result directory of vibroplat"),
         (["run"], "Missing argument 'config'. Try 'vibroplat --help'."),
         (["frobnicate"], "No such command 'frobnicate'. Try 'vibroplat --help'."),
     ],

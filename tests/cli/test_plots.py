@@ -109,7 +109,7 @@ def test_plot_refuses_another_schema(found, result):
     ],
 )
 def test_plot_of_an_empty_interval_is_refused(interval, between, result):
-    assert refusal(result, **interval) == f"nothing between {between} s; allowed: an interval within 0.0 … 0.2 s"
+    assert refusal(result, **interval) == f"no data between {between} s; allowed: an interval within 0.0 … 0.2 s"
 
 
 @pytest.mark.parametrize(
@@ -117,8 +117,8 @@ def test_plot_of_an_empty_interval_is_refused(interval, between, result):
     [
         ("provenance.json", "DIR holds no provenance.json"),
         ("summary.json", "DIR holds no summary.json"),
-        ("trajectory.parquet", "DIR holds no trajectory table; allowed: a directory that vibroplat has written"),
-        ("events.parquet", "DIR holds no events table; allowed: a directory that vibroplat has written"),
+        ("trajectory.parquet", "DIR holds no trajectory table; allowed: a result directory of vibroplat"),
+        ("events.parquet", "DIR holds no events table; allowed: a result directory of vibroplat"),
     ],
 )
 def test_plot_names_the_file_it_misses(missing, line, result):
@@ -131,8 +131,8 @@ def test_plot_names_the_file_it_misses(missing, line, result):
     [
         ("provenance.json", "[]", "DIR holds results of schema None; this version reads schema 1"),
         ("provenance.json", "{", "DIR/provenance.json cannot be read: "),
-        ("summary.json", "{}", "DIR/summary.json is no summary of a run"),
-        ("summary.json", "[]", "DIR/summary.json is no summary of a run"),
+        ("summary.json", "{}", "DIR/summary.json is not the summary of a run"),
+        ("summary.json", "[]", "DIR/summary.json is not the summary of a run"),
         ("trajectory.csv", "a,b\n1,2\n", "the trajectory table in DIR has no numbers in column t_s"),
         ("trajectory.csv", "t_s,y_m\nx,y\nz,w\n", "the trajectory table in DIR has no numbers in column t_s"),
         ("events.csv", "a,b\n1,2\n", "the events table in DIR has no numbers in column t_s"),

@@ -116,7 +116,7 @@ def resumed_after(done, here, alone, kept=0):
     assert (again.code, again.err) == (0, "")
     assert tables(here / "results/c") == wanted
     if kept:
-        assert f", {kept} points of them from before\n" in again.out
+        assert f", {kept} of the points from before\n" in again.out
 
 
 @pytest.mark.parametrize("size", some([40_000], [0, 20_000, 60_000, 100_000, 150_000]))

@@ -76,7 +76,7 @@ def test_sweep_killed_three_times_ends_in_the_same_table(jobs, form, place, resu
         assert finished_points(place / "results/c") == expected
     assert not list((place / "results/c").glob("sweep.*"))
     printed, table = resumed("--format", form)
-    assert f", {expected} points of them from before\n" in printed
+    assert f", {expected} of the points from before\n" in printed
     assert bits(table) == bits(uninterrupted[form])
     assert table.dtypes.equals(uninterrupted[form].dtypes)
 
@@ -156,7 +156,7 @@ def unfinished(here, command):
 def test_unfinished_sweep_is_not_begun_anew_unasked(unfinished, command):
     line = (
         "vibroplat: results/c holds 1 points of unfinished work; "
-        "allowed: --resume to go on with it, --overwrite to begin anew\n"
+        "allowed: --resume to continue, --overwrite to start over\n"
     )
     assert command("sweep", "c.yaml") == (2, "", line)
     assert finished_points(unfinished) == 1
@@ -308,10 +308,10 @@ def test_first_condition_that_differs_is_named(tmp_path):
     with Store(tmp_path, same, resume=True) as store:
         assert len(store) == 1
     for changed, line in (
-        ({**conditions, "a": {"b": 2, "c": [1, 2]}}, "a.b = 2; allowed: 1, with which the points were made"),
-        ({**conditions, "a": {"b": 1, "c": [1]}}, "a.c = [1]; allowed: [1, 2], with which the points were made"),
-        ({**conditions, "a": {"c": [1]}}, "a.b = None; allowed: 1, with which the points were made (and 1 more)"),
-        ({**conditions, "f": True}, "f = True; allowed: None, with which the points were made"),
+        ({**conditions, "a": {"b": 2, "c": [1, 2]}}, "a.b = 2; allowed: 1, as in the finished points"),
+        ({**conditions, "a": {"b": 1, "c": [1]}}, "a.c = [1]; allowed: [1, 2], as in the finished points"),
+        ({**conditions, "a": {"c": [1]}}, "a.b = None; allowed: 1, as in the finished points (and 1 more)"),
+        ({**conditions, "f": True}, "f = True; allowed: None, as in the finished points"),
     ):
         with pytest.raises(ConfigError) as caught:
             Store(tmp_path, changed, resume=True)

@@ -380,7 +380,7 @@ def test_scheduler_without_dask_is_refused(monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(ConfigError) as caught:
         Cluster("tcp://127.0.0.1:8786")
-    assert str(caught.value) == "--scheduler needs dask.distributed; install vibroplat[cluster]"
+    assert str(caught.value) == "--scheduler needs dask.distributed; pip install 'vibroplat[cluster]' has it"
 
 
 SMALL = "sweep: {supply_frequency_hz: {start: 50.0, stop: 50.0}}\n"

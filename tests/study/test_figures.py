@@ -278,7 +278,7 @@ def test_bifurcation_without_its_tables_is_told_in_a_line(tables_of, command):
 
 def test_map_without_a_key_is_told_in_a_line(tables_of, command):
     line = refusal(tables_of("bifurcation"), command, "--kind", "map")
-    assert line.endswith("a map needs one key of the grid with numbers")
+    assert line.endswith("a map needs one grid key with several numbers")
 
 
 @pytest.mark.parametrize(
@@ -318,4 +318,4 @@ def test_plot_refuses_another_schema(tables_of, command):
 def test_plot_of_an_empty_table_is_refused(tables_of, command):
     directory = tables_of("response")
     write_table(read_table(directory, "sweep").iloc[:0], directory, "sweep", "parquet")
-    assert refusal(directory, command) == "DIR holds an empty sweep table; there is nothing to draw"
+    assert refusal(directory, command) == "DIR holds an empty sweep table; there is nothing to plot"

@@ -239,6 +239,7 @@ def exponents(ball, count, seed, monkeypatch):
 AT_REST = 1e-4
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("gamma_sine", "restitution"), [(0.5, 0.8), (1.2, 0.5)])
 def test_map_grows_as_its_multipliers_say(gamma_sine, restitution):
     """Near the orbit of period 1; that of Γ sin φ = 1.2 is left, so that only few periods are near it."""
@@ -252,6 +253,7 @@ def test_map_grows_as_its_multipliers_say(gamma_sine, restitution):
     assert logarithm / counted == pytest.approx(math.log(multipliers.max()), abs=5e-3)
 
 
+@pytest.mark.long
 @EACH_BALL
 def test_exponents_of_the_map_are_those_that_are_told(ball):
     value, error = exponent_of_the_map(ball)
@@ -259,7 +261,8 @@ def test_exponents_of_the_map_are_those_that_are_told(ball):
     assert value == pytest.approx(ball.exponent, abs=3.0 * error)
 
 
-@pytest.mark.parametrize("ball", [BALLS[0], *(pytest.param(ball, marks=pytest.mark.long) for ball in BALLS[1:])])
+@pytest.mark.long
+@EACH_BALL
 def test_exponent_of_chaos_is_that_of_the_map_within_its_error(ball, monkeypatch):
     exact, uncertain = exponent_of_the_map(ball)
     values, errors = exponents(ball._replace(turns=96) if ball.gamma > 5.0 else ball, 2, 1, monkeypatch)

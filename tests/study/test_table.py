@@ -99,8 +99,9 @@ def test_types_of_columns(table):
 
 def test_types_do_not_depend_on_what_was_found():
     """A table without a period, an exponent or a good point has the types of any other."""
-    failed = swept(LOADED, 51.0, changes=STORM, grid=GRID)
-    chaotic = swept(MACHINE, 62.5, changes=CHAOTIC, grid=GRID, max_settle_s=3.0, measure_s=0.5)
+    grid = {key: values[:1] for key, values in GRID.items()}
+    failed = swept(LOADED, 51.0, changes=STORM, grid=grid)
+    chaotic = swept(MACHINE, 62.5, changes=CHAOTIC, grid=grid, max_settle_s=3.0, measure_s=0.5)
     assert set(failed["outcome"]) == {"event-storm"}
     assert failed.dtypes.equals(chaotic.dtypes)
 
@@ -246,7 +247,7 @@ def test_progress_counts_branches_points_and_events(monkeypatch):
 
 
 def test_sweep_without_a_plan_is_refused():
-    with pytest.raises(ConfigError, match="this configuration has no section sweep"):
+    with pytest.raises(ConfigError, match="this configuration has no sweep section"):
         sweep(Scene())
 
 
@@ -480,7 +481,7 @@ def test_command_with_failed_points_exits_1_and_names_them(command, here, stormi
     place = "event-storm at supply_frequency_hz {}, material.layers 2, direction up: 1 restarts within "
     assert first.startswith(f"vibroplat: {place.format(48.0)}")
     assert second.startswith(f"vibroplat: {place.format(52.0)}")
-    assert last == "vibroplat: 2 of 3 points did not end ok"
+    assert last == "vibroplat: 2 of 3 points failed"
     assert read_table(here / "results/c", "sweep")["outcome"].tolist() == ["ok", "event-storm", "event-storm"]
 
 

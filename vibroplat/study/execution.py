@@ -1,8 +1,8 @@
-"""Chains of tasks side by side: in this process, in worker processes, on many machines.
+"""Runs chains of tasks in parallel: in this process, in worker processes, or on many machines.
 
-A chain's next task is known when the one before it has finished, as a sweep's next point begins with the
-state of the last. What a task returns depends on its arguments alone, so results are the same however
-chains are spread over workers.
+The next task of a chain is known only when the one before has finished: the next point of a sweep starts from the
+state of the last. The result of a task depends only on its arguments, so results are the same however chains are
+distributed over workers.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ from typing import Any, Protocol, TypeVar
 from vibroplat.errors import ConfigError, VibroplatError
 from vibroplat.interrupts import stop_if_asked, unheard, unwinding, watching
 
-#: Numerical libraries would start a pool of threads in each worker process.
+#: Keeps numerical libraries from starting a pool of threads in each worker process.
 PINNED = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA")}
-#: Seconds without a result after which workers are asked whether they are there.
+#: Seconds without a result after which workers are checked.
 PATIENCE = 5.0
-#: Seconds after which Ctrl-C is noticed while workers are at work.
+#: Longest time (s) until Ctrl-C is noticed while workers run.
 TICK = 0.1
-#: Seconds without a task after which a worker process ends.
+#: Seconds without a task after which a worker process exits.
 IDLE = 20
-#: Times that a task alone may lose its worker before it is given up.
+#: A task that runs alone is given up when it has lost this many workers.
 LIVES = 2
 
 _ADDRESS = re.compile(r"^(tcp|tls|ws|wss|ucx|inproc)://.+:\d+")
@@ -43,14 +43,14 @@ class WorkerLostError(Exception):
 
 
 class Chain(Protocol):
-    """Tasks of which each follows from the result of the one before."""
+    """A sequence of tasks, each of which follows from the result of the one before."""
 
     def task(self) -> tuple[Callable[..., Any], tuple[Any, ...]] | None:
-        """Return the next task as function and arguments, or None where the chain ends."""
+        """Return the next task as function and arguments, or None at the end of the chain."""
         ...
 
     def take(self, result: Any) -> None:
-        """Take the result of the task, or a :class:`WorkerLostError` in its place."""
+        """Receive the result of the task, or a :class:`WorkerLostError` instead."""
         ...
 
 
@@ -60,9 +60,9 @@ C = TypeVar("C", bound=Chain)
 class Pool(Protocol):
     """Where tasks run."""
 
-    #: Tasks given to it at a time.
+    #: Number of tasks submitted at a time.
     slots: int
-    #: What it raises for a task that it has given up because workers died of it.
+    #: Exceptions for a task that was given up because its workers died.
     given_up: tuple[type[Exception], ...]
 
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
@@ -74,23 +74,23 @@ class Pool(Protocol):
         ...
 
     def check(self) -> None:
-        """Raise where no worker can ever answer."""
+        """Raise if no worker can answer any more."""
         ...
 
     def close(self) -> None:
-        """Stop the workers, also in the middle of a task."""
+        """Stop the workers, even in the middle of a task."""
         ...
 
 
 def run_chains(chains: Iterable[C], workers: Pool) -> Iterator[C]:
-    """Run all chains to their ends; yields the chain of each task that has finished and been taken."""
+    """Run all chains to their ends; yield the chain of each finished task after it has received the result."""
     with nullcontext() if isinstance(workers, Inline) else watching():
         yield from _run(chains, workers)
 
 
 def _run(chains: Iterable[C], workers: Pool) -> Iterator[C]:
     waiting: deque[C] = deque(chains)
-    suspects: deque[C] = deque()  # one of them has taken its worker along: each runs alone
+    suspects: deque[C] = deque()  # one of them has killed its worker: each runs alone
     losses: dict[int, int] = {}
     running: dict[Future[Any], C] = {}
     alone = False
@@ -125,7 +125,7 @@ def _run(chains: Iterable[C], workers: Pool) -> Iterator[C]:
 
 
 def _finished(running: dict[Future[Any], C], workers: Pool) -> set[Future[Any]]:
-    """Wait until a task has finished; a request to end, or the loss of all workers, is raised."""
+    """Wait until a task has finished; end if a signal asks for it, and raise if all workers are gone."""
     while True:
         for _ in range(round(PATIENCE / TICK)):
             done = wait(running, timeout=TICK, return_when=FIRST_COMPLETED).done
@@ -143,7 +143,7 @@ def _deal_with(
     waiting: deque[C],
     workers: Pool,
 ) -> Iterator[C]:
-    """Renew the pool after a worker has died; a task that was alone and has no life left is given up."""
+    """Renew the pool after a worker has died; give up a task that ran alone and has lost too many workers."""
     alone = len(lost) == 1 and not running
     lost += running.values()
     running.clear()
@@ -160,7 +160,7 @@ def _deal_with(
 
 
 class Inline:
-    """Tasks run in this process."""
+    """Runs tasks in this process."""
 
     slots = 1
     given_up: tuple[type[Exception], ...] = ()
@@ -178,26 +178,26 @@ class Inline:
         """Nothing to replace."""
 
     def check(self) -> None:
-        """Do nothing: a task ends where it is submitted."""
+        """Do nothing: a task has finished when it is submitted."""
 
     def close(self) -> None:
         """Nothing to stop."""
 
 
 class Processes:
-    """Worker processes of this machine, by loky; numerical libraries use one thread in each."""
+    """Worker processes on this machine (loky); numerical libraries use one thread in each."""
 
     given_up: tuple[type[Exception], ...] = ()
 
     def __init__(self, jobs: int) -> None:
         self._jobs = jobs
-        self.slots = jobs + 1  # one waits while results are taken
+        self.slots = jobs + 1  # one task waits while results are received
         self.renew()
 
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
-        """Start a task; on workers that have just died it fails like those that they had."""
+        """Start a task; if the workers have just died, it fails like the tasks they had."""
         try:
-            resource_tracker.ensure_running()  # started in between, it would let Ctrl-C through (CPython < 3.14)
+            resource_tracker.ensure_running()  # started later, it would unblock Ctrl-C (CPython < 3.14)
             with unheard():
                 future: Future[Any] = self._executor.submit(function, *arguments)
         except BrokenExecutor as error:
@@ -206,13 +206,13 @@ class Processes:
         return future
 
     def renew(self) -> None:
-        """Start workers anew where the old ones are broken."""
+        """Start new workers if the old ones are broken."""
         from loky import get_reusable_executor  # noqa: PLC0415  (not needed for one job)
 
         self._executor: Executor = get_reusable_executor(self._jobs, timeout=IDLE, env=PINNED)
 
     def check(self) -> None:
-        """Do nothing: futures of workers that die fail by themselves."""
+        """Do nothing: the futures of dead workers fail by themselves."""
 
     def close(self) -> None:
         """Stop the workers."""
@@ -220,7 +220,7 @@ class Processes:
 
 
 class Cluster:
-    """Workers of a dask scheduler, on many machines; vibroplat must be installed on them.
+    """Workers of a dask scheduler, possibly on many machines; vibroplat must be installed there.
 
     Raises
     ------
@@ -232,7 +232,7 @@ class Cluster:
         try:
             from distributed import Client, KilledWorker  # noqa: PLC0415  (optional)
         except ImportError:
-            raise ConfigError("--scheduler needs dask.distributed; install vibroplat[cluster]") from None
+            raise ConfigError("--scheduler needs dask.distributed; pip install 'vibroplat[cluster]' has it") from None
         if not _ADDRESS.match(address):
             raise ConfigError(f"--scheduler {address}: not an address; allowed: tcp://host:port")
         self._address = address
@@ -246,28 +246,30 @@ class Cluster:
         self.slots = 2 * max(1, sum(self._client.nthreads().values()))
 
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
-        """Start a task; dask repeats it where its worker dies, and gives it up after some times."""
+        """Start a task; if its worker dies, dask repeats it a few times before giving up."""
         future: Future[Any] = self._executor.submit(function, *arguments)
         return future
 
     def renew(self) -> None:
-        """Nothing to replace: the scheduler sees to its workers."""
+        """Do nothing: the scheduler manages its workers."""
 
     def check(self) -> None:
-        """Raise where the scheduler is gone."""
+        """Raise if the scheduler is gone."""
         if self._client.status not in ("running", "connecting"):
-            raise LostError(f"the scheduler at {self._address} is gone; finished points are kept, --resume goes on")
+            raise LostError(
+                f"the scheduler at {self._address} is gone; finished points are kept, continue with --resume"
+            )
 
     def close(self) -> None:
-        """Leave the cluster."""
-        if self._client.status == "running":  # of a scheduler that is gone there is nothing to cancel
+        """Disconnect from the cluster."""
+        if self._client.status == "running":  # if the scheduler is gone, there is nothing to cancel
             self._executor.shutdown(wait=False)
         self._client.close()
 
 
 @contextmanager
 def pool(jobs: int = 1, scheduler: str | None = None) -> Iterator[Pool]:
-    """Open the pool that a user asks for: this process, so many of them, or a dask scheduler's workers."""
+    """Open a pool of workers: this process, several processes, or the workers of a dask scheduler."""
     if scheduler is None and jobs == 1:
         yield Inline()
         return

@@ -26,21 +26,21 @@ from vibroplat.study.classification import Kind, classify
 from vibroplat.study.section import period, section_points
 from vibroplat.study.settling import Settling, settle
 
-#: Distance of the phase difference from 0 or π (rad) up to which exciters turn in phase or antiphase.
+#: Largest distance of the phase difference from 0 or π (rad) that counts as in-phase or antiphase.
 SYNCHRONOUS = math.pi / 3.0
-#: Wander of the phase difference over the measured part (rad) from which on exciters are not synchronous.
+#: Drift of the phase difference over the measured part (rad) above which exciters are not synchronous.
 WANDER = math.pi / 2.0
-#: Phase coherence below which they are not synchronous either.
+#: Phase coherence below which exciters are not synchronous.
 COHERENCE = 0.8
-#: Distance from −π (rad) up to which a phase difference is reported as π: a few times what settling leaves by default.
+#: Phase differences closer to −π than this (rad) are reported as π; a few times the default settling tolerance.
 ANTIPHASE = 5e-3
-#: Blocks in which motion that does not repeat is measured, each as long as the plan's ``measure_s``.
+#: Motion that does not repeat is measured in this many blocks, each of length ``measure_s``.
 BLOCKS = 8
-#: Fewest periods that are measured of motion that repeats: both halves must show that it does.
+#: Fewest periods measured of a periodic motion: both halves must show that it repeats.
 PERIODS = 4
-#: How many times ``max_settle_s`` a motion settles whose neighbours draw together: it will repeat.
+#: If neighbouring trajectories converge, the motion will repeat: it may settle this many times ``max_settle_s``.
 PATIENCE = 4.0
-#: Points of the Poincaré section and impacts that a bifurcation diagram shows of each point, the last ones.
+#: Number of Poincaré points and of impacts, the last ones, that a bifurcation diagram shows for each point.
 SHOWN = 64
 
 #: What is measured at a point, in the order of the table.
@@ -61,7 +61,7 @@ MEASURED = (
     "motor_power_w",
     "energy_residual",
 )
-#: Measures whose standard errors are told where the motion does not repeat, and the columns of these errors.
+#: Measures that get standard errors where the motion does not repeat, and the columns of these errors.
 ERRORS = {
     "excitation_frequency_hz": "excitation_frequency_error_hz",
     "rms_x_m": "rms_x_error_m",
@@ -83,7 +83,7 @@ class Point:
     row
         Measures and work done, by column of the sweep table.
     state
-        Full state at its end, with which the branch goes on, shape (14,); None if it ended early.
+        Full state at its end, from which the branch continues, shape (14,); None if it ended early.
     section_y, impact_speeds
         y at whole turns of exciter 1 (m) and speeds of the impacts (m/s), for a bifurcation diagram.
     """
@@ -100,13 +100,13 @@ def measure_point(scene: Scene, plan: Sweep, state: list[float] | None, key: tup
     Parameters
     ----------
     scene
-        What moves, at the point's frequency and values.
+        The scene at the point's frequency and grid values.
     plan
         How to settle and measure.
     state
-        Full state at the end of the point before; that of ``run.initial`` without it.
+        Full state at the end of the previous point. Default: the state of ``run.initial``.
     key
-        Numbers from which with the plan's seed the perturbation follows; see :meth:`Branch.key`.
+        Numbers that determine the perturbation, together with the plan's seed; see :meth:`Branch.key`.
     """
     began = time.perf_counter()
     p = parameters(scene)
@@ -138,22 +138,22 @@ def measure_point(scene: Scene, plan: Sweep, state: list[float] | None, key: tup
 
 
 class _Impacts:
-    """Reads the speeds of impacts (m/s) while a motion goes on."""
+    """Collects the speeds of impacts (m/s) during a motion."""
 
     def __init__(self) -> None:
         self.speeds: list[float] = []
 
     def __call__(self, _: Tape, h: hy.Hybrid) -> None:
-        """Take what is on the list of events."""
+        """Read the new events."""
         rows = h.events[: h.flags[hy.EVENTS]]
         self.speeds.extend((-rows[rows[:, hy.KIND] == hy.IMPACT, hy.RATE_BEFORE]).tolist())
 
 
 def _settled_and_measured(motion: Motion, plan: Sweep, impacts: _Impacts | None) -> tuple[Settling, Part, Kind | None]:
-    """Settle, measure and classify a motion; settle again where it turns out not to have settled.
+    """Settle, measure and classify a motion; settle longer if it turns out not to have settled.
 
-    Motion that does not repeat is measured in blocks, from which the errors of its measures follow. There is no kind
-    where the motion ended early.
+    Motion that does not repeat is measured in blocks, which give the errors of its measures. The kind is None if
+    the motion ended early.
     """
     longest = plan.max_settle_s
     while True:
@@ -168,7 +168,7 @@ def _settled_and_measured(motion: Motion, plan: Sweep, impacts: _Impacts | None)
             break
         if settling.how == "maximum":
             longest = PATIENCE * plan.max_settle_s
-    if kind.period and part.blocks:  # it repeats after all: whole periods of it are measured
+    if kind.period and part.blocks:  # it repeats after all: measure whole periods
         if settling.how == "maximum":
             settling = settling._replace(seconds=motion.now)
         periods = settling._replace(period=kind.period, turn=mean_turn(part.measures))
@@ -177,7 +177,7 @@ def _settled_and_measured(motion: Motion, plan: Sweep, impacts: _Impacts | None)
 
 
 def _measured_part(motion: Motion, plan: Sweep, settling: Settling, impacts: _Impacts | None) -> Part:
-    """Measure a motion: at once where it repeats, or seems to after a fixed time; otherwise in blocks."""
+    """Measure a motion: in one piece if it repeats, or seems to after a fixed time; otherwise in blocks."""
     if settling.how != "maximum":
         part = motion.go_on(measuring_time(motion.state, plan.measure_s, settling), read=impacts)
         points = section_points(part.measures, motion.scene)
@@ -188,9 +188,9 @@ def _measured_part(motion: Motion, plan: Sweep, settling: Settling, impacts: _Im
 
 
 def measures_of(part: Part, scene: Scene, slip: float = 0.0) -> dict[str, Any]:
-    """Return what a row tells of a measured part: its measures, their errors, and how the exciters turn.
+    """Return the columns of a measured part: measures, their errors, and the synchronization.
 
-    ``slip`` is the change of the phase difference while the motion settled (rad), where it has not become periodic.
+    ``slip`` is the change of the phase difference (rad) during the settling of a motion that did not become periodic.
     """
     found = measured(part)
     row = {name: found[name] for name in MEASURED}
@@ -205,7 +205,7 @@ def measures_of(part: Part, scene: Scene, slip: float = 0.0) -> dict[str, Any]:
 
 
 def columns_of(kind: Kind) -> dict[str, Any]:
-    """Return what a row tells of the kind of motion; the reason why it is undecided stands in ``detail``."""
+    """Return the columns of the kind of motion; ``detail`` says why a motion is undecided."""
     row: dict[str, Any] = {"motion": kind.motion, "period": kind.period, "detail": kind.why}
     if kind.exponent is not None and math.isfinite(kind.exponent.value):
         row |= {"lyapunov_per_s": kind.exponent.value, "lyapunov_error_per_s": kind.exponent.error}
@@ -222,7 +222,7 @@ def folded(state: FloatArray) -> FloatArray:
 def perturbed(state: FloatArray, scene: Scene, plan: Sweep, key: tuple[int, ...]) -> FloatArray:
     """Return a state with the rates of platform and exciters changed by normal random numbers.
 
-    A symmetric motion that has lost stability would otherwise be kept by its symmetry for ever.
+    Without this, symmetry would preserve a symmetric motion forever, even after it has lost stability.
     """
     if plan.perturbation == 0.0:
         return state
@@ -233,11 +233,11 @@ def perturbed(state: FloatArray, scene: Scene, plan: Sweep, key: tuple[int, ...]
 
 
 def measuring_time(state: FloatArray, least: float, settling: Settling) -> float:
-    """Return how long to measure (s): where the motion repeats, so that the whole turns in it are whole periods."""
+    """Return how long to measure (s); a periodic motion is measured over whole periods."""
     if settling.turn == 0.0:
         return least
     periods = max(math.ceil(least / (settling.period * settling.turn)), PERIODS)
-    begun = math.copysign(1.0, state[10]) * state[3] / (2.0 * math.pi) % 1.0  # of the turn in which it begins
+    begun = math.copysign(1.0, state[10]) * state[3] / (2.0 * math.pi) % 1.0  # fraction of the current turn
     return float((1.0 - begun + periods * settling.period + 0.25) * settling.turn)
 
 
@@ -248,9 +248,9 @@ def mean_turn(measures: Measures) -> float:
 
 
 def synchronization(found: dict[str, Any]) -> str:
-    """Name how the exciters turn: ``antiphase``, ``in-phase``, ``intermediate``, or ``none``.
+    """Name the synchronization: ``antiphase``, ``in-phase``, ``intermediate``, or ``none``.
 
-    None, where the phase difference wanders by more than WANDER over the measured part or is incoherent.
+    It is ``none`` if the phase difference drifts by more than WANDER over the measured part or is incoherent.
     """
     split, seconds, phase = found["frequency_split_hz"], found["measured_s"], found["phase_difference_rad"]
     if split is None or abs(split) * 2.0 * math.pi * seconds > WANDER or found["phase_coherence"] < COHERENCE:

@@ -1,4 +1,4 @@
-"""What a finished sweep writes, and what is told of it."""
+"""Writes the tables of a finished sweep and summarizes them."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def write_sweep(scene: Scene, store: Store, directory: Path, form: Format) -> No
 
 
 def overview(table: pd.DataFrame) -> dict[str, str]:
-    """Say in a few lines what a sweep has found and what it took."""
+    """Summarize the results and the cost of a sweep in a few lines."""
     frequency, height = table["excitation_frequency_hz"], 1e3 * table["rms_y_m"]
     told = {
         "points": f"{len(table)} in {table['branch'].nunique()} branches",
@@ -49,7 +49,7 @@ def overview(table: pd.DataFrame) -> dict[str, str]:
 
 
 def failures(table: pd.DataFrame) -> list[str]:
-    """Say of each point that did not end ``ok`` where it is and why."""
+    """Describe each failed point: where it is and why it failed."""
     failed = table[table["outcome"] != "ok"]
     swept = list(table.columns[: list(table.columns).index("direction") + 1])
     return [

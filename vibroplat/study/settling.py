@@ -1,10 +1,10 @@
 """How long a motion settles before it is measured.
 
-Every 16 turns of exciter 1 the Poincaré section of the last 32 is compared with that of the 32 before. Where
-for some n ≤ 16 the points, taken n turns apart, draw together, what is left of the way follows as a geometric
-series of the ratio q of both spreads: D q/(1−q). It must stay small in two consecutive looks, for at the first a quick
-transient may hide a slow one. A motion that does not settle is followed to the end of the plan: long chaotic transients
-end in periodic motion, and nothing but time tells them from chaos.
+Every 16 turns of exciter 1, the Poincaré section of the last 32 turns is compared with that of the 32 turns before.
+If the spread D of points n turns apart shrinks by a factor q, for some n ≤ 16, a geometric series gives the remaining
+distance: D q/(1−q). It must be small in two consecutive checks, because a fast transient can hide a slow one in the
+first. A motion that does not settle is followed to the end of the plan: long chaotic transients may end in periodic
+motion, and only time can tell them from chaos.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ from vibroplat.plan import Sweep
 from vibroplat.scene import Scene
 from vibroplat.study.section import section_points, spreads
 
-#: Turns of exciter 1 that are compared with as many before, and those between two looks.
+#: Number of turns of exciter 1 that are compared with as many before, and number of turns between two checks.
 TURNS, BLOCK = 32, 16
-#: Looks after which the next ones come only every LATE_BLOCK turns: what has not settled by then takes long.
+#: After this many checks, the next ones come only every LATE_BLOCK turns: settling is slow by then.
 EARLY_LOOKS, LATE_BLOCK = 40, 64
-#: Largest spread, over the settling tolerance, from which the rest of the way is extrapolated.
+#: Largest spread, over the settling tolerance, from which the remaining distance is extrapolated.
 NEAR = 30.0
-#: Spread, over the solver's tolerance, that is its noise.
+#: Spread, over the solver's tolerance, that counts as the solver's noise.
 NOISE = 30.0
-#: Turns before the measured part over which the wander of the phase difference is taken.
+#: Turns before the measured part over which the drift of the phase difference is measured.
 WANDERING = 192
 
 
@@ -42,13 +42,13 @@ class Settling(NamedTuple):
     how
         ``periodic``, ``maximum`` (not until the end of the plan), ``fixed``, ``unfinished`` (ended early).
     seconds
-        How long.
+        Settling time.
     period
-        After how many turns of exciter 1 it repeats, where it is periodic; otherwise 1.
+        Number of turns of exciter 1 after which a periodic motion repeats; otherwise 1.
     turn
-        Duration of a turn at the end (s); 0 where it is not known.
+        Duration of a turn at the end (s); 0 if unknown.
     slip
-        Change of the phase difference over the last WANDERING turns, where the motion is not periodic (rad).
+        Change of the phase difference over the last WANDERING turns (rad), if the motion is not periodic.
     """
 
     how: str
@@ -59,15 +59,15 @@ class Settling(NamedTuple):
 
     @property
     def late(self) -> bool:
-        """Whether the motion was not periodic for long, so that it may only look so for a while."""
+        """Whether the motion became periodic late, so that it may look periodic only for a while."""
         return self.how == "periodic" and self.turn > 0.0 and self.seconds > EARLY_LOOKS * BLOCK * self.turn
 
 
 def settle(motion: Motion, plan: Sweep, longest: float) -> Settling:
-    """Carry a motion on until it has settled as the plan says, or has ended early.
+    """Advance a motion until it has settled as planned, or ended early.
 
-    ``longest`` bounds the settling with ``auto`` (s). It is counted from the motion's beginning, so that a motion that
-    looked settled can go on with it when it turns out not to be.
+    ``longest`` is the longest settling time with ``auto`` (s). It counts from the beginning of the motion, so that a
+    motion that only looked settled can continue to settle.
     """
     if plan.settle_s != "auto":
         motion.go_on(plan.settle_s)
@@ -94,12 +94,12 @@ def settle(motion: Motion, plan: Sweep, longest: float) -> Settling:
 
 
 def noise(scene: Scene, plan: Sweep) -> float:
-    """Spread of the section that is the solver's, in the scales of the scene."""
+    """Spread of the section due to the solver's noise, in the scales of the scene."""
     return min(NOISE * scene.solver.tolerance, plan.settle_tolerance)
 
 
 def draws_together(points: FloatArray, tolerance: float, noise: float) -> int:
-    """Return the shortest period to which all that is left of the way is within the tolerance, or 0.
+    """Return the shortest period from which the remaining distance is within the tolerance, or 0.
 
     The second half of the points is compared with the first.
     """

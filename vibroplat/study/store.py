@@ -1,4 +1,4 @@
-"""Finished records on disk, as they finish: what is there outlives the process that is killed."""
+"""Keeps finished records on disk, so that they survive if the process is killed."""
 
 from __future__ import annotations
 
@@ -15,30 +15,30 @@ from filelock import FileLock, Timeout
 from vibroplat.errors import ConfigError, TableError
 from vibroplat.overrides import flat
 
-#: The file beside the tables that are made of it.
+#: Name of the file, next to the tables made from it.
 FILE = "points.sqlite"
 
 
 class Store:
-    """Records in an SQLite file, each under two numbers: of branch and point in a sweep.
+    """Records in an SQLite file, each identified by two numbers: branch and point of a sweep.
 
     Parameters
     ----------
     directory
-        Where the file is, or is made; without it the records are in memory.
+        Directory of the file. If None, the records are kept in memory.
     conditions
-        What the records rest on, nested plain values: records made under others are not gone on with.
+        Everything that the records depend on, as nested plain values. Work under other conditions is not resumed.
     resume
-        Whether the records found are kept.
+        Whether existing records are kept.
     overwrite
-        Whether those of unfinished work may be dropped.
+        Whether records of unfinished work may be discarded.
 
     Raises
     ------
     ConfigError
         The conditions have changed, or unfinished work would be lost.
     TableError
-        The file cannot be written, or is none.
+        The file cannot be written or is not a database.
     """
 
     def __init__(
@@ -52,7 +52,7 @@ class Store:
                 self._lock.acquire()
             self._open(json.loads(json.dumps(conditions)), resume=resume, overwrite=overwrite)
         except Timeout:
-            raise TableError(f"{directory} is in use: another process works there") from None
+            raise TableError(f"{directory} is in use by another process") from None
         except OSError as error:
             raise TableError(f"{self._path} cannot be used: {error.strerror or error}") from None
         except BaseException:
@@ -60,10 +60,10 @@ class Store:
             raise
 
     def _open(self, wanted: dict[str, Any], *, resume: bool, overwrite: bool) -> None:
-        """Open the file, and see whether its records may be gone on with or dropped."""
+        """Open the file and check whether its records may be kept or discarded."""
         with self._complaints():
             self._connection = sqlite3.connect(self._path)
-            # a log beside the file: a record is whole or absent whenever the process dies, and none waits for the disk
+            # write-ahead log: if the process dies, each record is complete or absent; no write waits for the disk
             self._base.execute("PRAGMA journal_mode = WAL")
             self._base.execute("PRAGMA synchronous = NORMAL")
             self._base.execute("CREATE TABLE IF NOT EXISTS about (key TEXT PRIMARY KEY, value TEXT)")
@@ -78,7 +78,7 @@ class Store:
             elif not (finished or overwrite) and len(self):
                 raise ConfigError(
                     f"{Path(self._path).parent} holds {len(self)} points of unfinished work; "
-                    "allowed: --resume to go on with it, --overwrite to begin anew"
+                    "allowed: --resume to continue, --overwrite to start over"
                 )
         with self._complaints(), self._base:
             if not resume:
@@ -91,25 +91,25 @@ class Store:
             return int(self._base.execute("SELECT COUNT(*) FROM records").fetchone()[0])
 
     def write(self, first: int, second: int, record: Mapping[str, Any]) -> None:
-        """Keep a record."""
+        """Store a record."""
         text = json.dumps(record, allow_nan=False)
         with self._complaints(), self._base:
             self._base.execute("INSERT OR REPLACE INTO records VALUES (?, ?, ?)", (first, second, text))
 
     def read(self, first: int) -> Iterator[tuple[int, dict[str, Any]]]:
-        """Go through the records of one first number in the order of the second."""
+        """Yield the records with this first number, ordered by the second."""
         with self._complaints():
             rows = self._base.execute("SELECT second, record FROM records WHERE first = ? ORDER BY second", (first,))
             for second, text in rows:
                 yield second, json.loads(text)
 
     def finish(self) -> None:
-        """Note that nothing is missing."""
+        """Mark the work as finished."""
         with self._complaints(), self._base:
             self._tell("finished", True)
 
     def close(self) -> None:
-        """Close the file, for others to use."""
+        """Close and release the file."""
         if self._connection is not None:
             self._connection.close()
         if self._lock is not None:
@@ -123,7 +123,7 @@ class Store:
 
     @property
     def _base(self) -> sqlite3.Connection:
-        assert self._connection is not None  # made with the store
+        assert self._connection is not None  # opened by the constructor
         return self._connection
 
     def _about(self, key: str) -> Any:
@@ -142,12 +142,11 @@ class Store:
 
 
 def _require_same(found: Mapping[str, Any], wanted: Mapping[str, Any]) -> None:
-    """Refuse to go on under other conditions, and name the first key that differs."""
+    """Refuse to resume under other conditions; name the first key that differs."""
     differing = [key for key in {**found, **wanted} if found.get(key) != wanted.get(key)]
     if differing:
         key = differing[0]
         more = f" (and {len(differing) - 1} more)" if len(differing) > 1 else ""
         raise ConfigError(
-            f"cannot resume: {key} = {wanted.get(key)}; allowed: {found.get(key)}, with which the points "
-            f"were made{more}"
+            f"cannot resume: {key} = {wanted.get(key)}; allowed: {found.get(key)}, as in the finished points{more}"
         )

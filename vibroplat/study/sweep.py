@@ -1,4 +1,4 @@
-"""Sweeps: branches of continued points, side by side, into one table."""
+"""Sweeps: branches of continued points, run in parallel and collected in one table."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from vibroplat.study.execution import Pool, WorkerLostError, pool, run_chains
 from vibroplat.study.point import ERRORS, MEASURED, Point, measure_point
 from vibroplat.study.store import Store
 
-#: Columns of text, and of whole numbers; the others are of numbers.
+#: Columns of text and of integers; all others hold floating-point numbers.
 TEXTS = ("direction", "sync", "motion", "outcome", "detail")
 COUNTS = ("branch", "period", "steps", "residual_calls", "events")
-#: What a row has after the swept keys.
+#: Columns after the swept keys.
 COLUMNS = (
     "direction",
     "branch",
@@ -41,10 +41,10 @@ COLUMNS = (
     "wall_s",
 )
 
-#: Rows of the table that are in memory at a time.
+#: Rows of the table in memory at a time.
 CHUNK = 2000
 
-#: Told after each point: branches and points that are done, events so far.
+#: Called after each point with the numbers of finished branches, finished points and events.
 Progress = Callable[[int, int, int], None]
 
 
@@ -60,18 +60,18 @@ def sweep(
     Parameters
     ----------
     scene
-        What moves, with a section ``sweep``.
+        The scene, with a ``sweep`` section.
     jobs
-        Worker processes; 1 is this process.
+        Number of worker processes; with 1, everything runs in this process.
     scheduler
-        Address of a dask scheduler, whose workers are used instead.
+        Address of a dask scheduler; its workers are used instead.
     progress
         Called after each point with the numbers of finished branches, points and events.
 
     Returns
     -------
     DataFrame
-        A row for each point in the order of branches and of points within them; see ``COLUMNS``.
+        One row per point, in the order of branches and of points within them; see ``COLUMNS``.
 
     Raises
     ------
@@ -91,12 +91,12 @@ def sweep(
 
 
 def conditions(scene: Scene) -> dict[str, Any]:
-    """Return what the points of a sweep rest on."""
+    """Return everything that the points of a sweep depend on."""
     return {"vibroplat": vibroplat.__version__, "engine": engine_name(scene), "configuration": scene.to_tree()}
 
 
 def run_sweeps(sweeps: Sequence[tuple[Scene, Store]], workers: Pool, progress: Progress | None = None) -> None:
-    """Run the points that stores do not have yet of sweeps side by side, and keep them there; see :func:`sweep`."""
+    """Run several sweeps in parallel; points that a store already has are not repeated. See :func:`sweep`."""
     stores = [store for _, store in sweeps]
     chains = [_Chain(branch, sweep_plan(scene), store) for scene, store in sweeps for branch in branches(scene)]
 
@@ -112,7 +112,7 @@ def run_sweeps(sweeps: Sequence[tuple[Scene, Store]], workers: Pool, progress: P
 
 
 class _Chain:
-    """A branch's points, each begun with the state in which the last good one ended."""
+    """The points of a branch; each starts from the final state of the last good one."""
 
     def __init__(self, branch: Branch, plan: Sweep, store: Store) -> None:
         self._branch = branch
@@ -127,7 +127,7 @@ class _Chain:
 
     @property
     def done(self) -> bool:
-        """Whether no point is left."""
+        """Whether all points are finished."""
         return self.point >= len(self._branch.frequencies)
 
     def task(self) -> tuple[Callable[..., Any], tuple[Any, ...]] | None:
@@ -139,7 +139,7 @@ class _Chain:
         return measure_point, (scene, self._plan, self._state, key)
 
     def take(self, result: Point | WorkerLostError) -> None:
-        """Keep a finished point."""
+        """Store a finished point."""
         if isinstance(result, WorkerLostError):
             done = {"steps": 0, "residual_calls": 0, "events": 0, "simulated_s": 0.0, "settle_s": 0.0, "wall_s": 0.0}
             result = Point({"outcome": "worker-lost", "detail": str(result)} | done, None)
@@ -178,7 +178,7 @@ def impact_tables(scene: Scene, store: Store) -> Iterator[pd.DataFrame]:
 
 
 def _each(record: dict[str, Any], column: str, values: list[float]) -> list[dict[str, Any]]:
-    """Make a row of each value, with the frequency that its point has."""
+    """Make one row per value, with the frequency of its point."""
     frequency = record["row"].get(EXCITATION)
     return [{EXCITATION: frequency, column: value} for value in values]
 
@@ -186,7 +186,7 @@ def _each(record: dict[str, Any], column: str, values: list[float]) -> list[dict
 def _parts(
     scene: Scene, store: Store, rows_of: Callable[[dict[str, Any]], list[dict[str, Any]]], columns: Sequence[str]
 ) -> Iterator[pd.DataFrame]:
-    """Yield what records hold as tables of these columns after the swept keys, direction and branch."""
+    """Yield parts of a table: swept keys, direction and branch, then these columns."""
     rows: list[dict[str, Any]] = []
     told = False
     for branch in branches(scene):
@@ -202,7 +202,7 @@ def _parts(
 
 
 def _frame(rows: list[dict[str, Any]], scene: Scene, columns: Sequence[str]) -> pd.DataFrame:
-    """Make a part of a table whose columns have the same types in all parts."""
+    """Make one part of a table; columns have the same types in all parts."""
     grid = sweep_plan(scene).grid
     table = pd.DataFrame(rows, columns=[SUPPLY, *grid, *columns])
     types: dict[Any, Any] = {key: pd.Series(values).dtype for key, values in grid.items()}

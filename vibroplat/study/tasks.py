@@ -1,4 +1,4 @@
-"""Single tasks side by side, their results kept in stores and not computed again."""
+"""Runs single tasks in parallel; results are stored and not computed again."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ class Task:
     Parameters
     ----------
     store, number
-        Where its result is kept.
+        Where its result is stored.
     function, arguments
-        What is called in a worker; it returns a record.
+        Called in a worker; returns a record.
     """
 
     def __init__(self, store: Store, number: int, function: Callable[..., Record], *arguments: Any) -> None:
@@ -30,16 +30,16 @@ class Task:
 
     @property
     def record(self) -> Record:
-        """What the task has returned."""
-        assert self._record is not None  # its chain has run to its end
+        """The result of the task."""
+        assert self._record is not None  # the chain has finished
         return self._record
 
     def task(self) -> tuple[Callable[..., Any], tuple[Any, ...]] | None:
-        """Return the task, if it is still to be done."""
+        """Return the task if it is not done yet."""
         return None if self._record is not None else self._work
 
     def take(self, result: Record | WorkerLostError) -> None:
-        """Keep what came of it."""
+        """Store the result."""
         if isinstance(result, WorkerLostError):
             raise result
         self._record = result
@@ -47,7 +47,7 @@ class Task:
 
 
 def run_tasks(tasks: Sequence[Task], workers: Pool) -> list[Record]:
-    """Run the tasks that have no result yet; returns the records of all."""
+    """Run the tasks that have no result yet; return the records of all tasks."""
     for _ in run_chains(tasks, workers):
         pass
     return [task.record for task in tasks]
