@@ -43,11 +43,13 @@ class Frequencies(Section):
     @model_validator(mode="after")
     def _finite(self) -> Self:
         if self.stop < self.start:
-            raise ValueError(f"stop = {self.stop} is below start = {self.start}; allowed: direction says which way")
+            raise ValueError(
+                f"stop = {self.stop} is below start = {self.start}; allowed: at least start; see direction"
+            )
         if (self.stop - self.start) / self.step >= MAX_FREQUENCIES:
-            raise ValueError(f"step = {self.step} makes too many points; allowed: at most {MAX_FREQUENCIES} a branch")
+            raise ValueError(f"step = {self.step} gives too many points; allowed: at most {MAX_FREQUENCIES} per branch")
         if len(set(self.direction)) < len(self.direction):
-            raise ValueError(f"direction = {self.direction}; allowed: each of up and down once")
+            raise ValueError(f"direction = {self.direction}; allowed: up and down, each once")
         return self
 
     @property
@@ -98,17 +100,17 @@ class SweepPlan(Section):
     def _scene_keys(self) -> Self:
         found = math.prod(map(len, self.grid.values()))
         if found > MAX_COMBINATIONS:
-            raise ValueError(f"grid makes {found} combinations; allowed: at most {MAX_COMBINATIONS}")
+            raise ValueError(f"grid gives {found} combinations; allowed: at most {MAX_COMBINATIONS}")
         for key, values in self.grid.items():
             if not key.isascii():
-                raise ValueError(f"grid.{key!a} is no key of a scene; allowed: keys of machine, material, …")
+                raise ValueError(f"grid.{key!a} is not a key of a scene; allowed: keys of machine, material, …")
             if key.split(".")[0] in ("sweep", "name", "output", "run") or key == "drive.supply_frequency_hz":
-                raise ValueError(f"grid.{key} cannot be a key of the grid; allowed: keys of machine, material, …")
+                raise ValueError(f"grid.{key} cannot be swept by the grid; allowed: keys of machine, material, …")
             if any(isinstance(value, int | float) and not abs(value) <= LARGEST for value in values):
                 raise ValueError(f"grid.{key} = {short(values)}; allowed: numbers up to {LARGEST:g}")
-            if len(set(values)) < len(values):  # 0 and 0.0 are the same
+            if len(set(values)) < len(values):  # 0 and 0.0 are equal
                 raise ValueError(f"grid.{key} = {short(values)}; allowed: each value once")
         several = [values for values in self.grid.values() if len(values) > 1]
         if self.kind == "map" and (len(several) != 1 or any(isinstance(v, str | bool) for v in several[0])):
-            raise ValueError("kind = map needs one key of the grid with several numbers; allowed: one such key")
+            raise ValueError("kind = map needs exactly one grid key with several numbers")
         return self

@@ -121,12 +121,9 @@ def test_progress_tells_the_best_so_far(valley):
 @pytest.mark.parametrize(
     ("plan", "most"),
     [
-        (PLAN, 0),
         (PLAN, 5),
-        (PLAN, 40),
-        (FULL, 20),
-        (FULL, 60),
         (FULL, FULL.evaluations - 2),  # in the confirmation
+        *(pytest.param(*place, marks=pytest.mark.long) for place in ((PLAN, 0), (PLAN, 40), (FULL, 20), (FULL, 60))),
     ],
 )
 def test_interrupted_search_goes_on_to_the_same_table(valley, tmp_path, plan, most):

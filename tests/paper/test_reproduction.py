@@ -56,6 +56,7 @@ def test_machines_are_known_by_their_names():
         machine_numbers("steel")
 
 
+@pytest.mark.long
 def test_every_scene_of_the_paper_takes_the_machine():
     for name in ("printed", "damped", "calibrated"):
         numbers = machine_numbers(name)
@@ -66,7 +67,7 @@ def test_every_scene_of_the_paper_takes_the_machine():
         assert paper_scene("f25.75-mu0.2-R0.3", numbers).contact.restitution == 0.3
 
 
-@pytest.mark.parametrize("share", [0.0, 0.05])
+@pytest.mark.parametrize("share", [0.0, pytest.param(0.05, marks=pytest.mark.long)])
 def test_beta_is_found_again(share):
     """The impact curve is replaced by that of the non-impact model with a known β."""
     known = 20.0

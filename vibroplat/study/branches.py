@@ -23,11 +23,11 @@ class Branch:
     Attributes
     ----------
     number
-        Its place in the sweep.
+        Its position in the sweep.
     direction
         ``up`` or ``down``.
     grid
-        Dotted keys of the grid and their values here.
+        Dotted keys of the grid and their values on this branch.
     scene
         The scene at the first frequency.
     frequencies
@@ -61,7 +61,7 @@ def sweep_plan(scene: Scene) -> SweepPlan:
         The scene has no section ``sweep``.
     """
     if scene.sweep is None:
-        raise ConfigError("this configuration has no section sweep; allowed: sweep: {supply_frequency_hz: …}")
+        raise ConfigError("this configuration has no sweep section; add sweep: {supply_frequency_hz: …}")
     return scene.sweep
 
 

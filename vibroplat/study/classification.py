@@ -55,7 +55,7 @@ class Kind(NamedTuple):
 def classify(
     scene: Scene, plan: SweepPlan, settling: Settling, points: FloatArray, state: FloatArray, *, last: bool
 ) -> Kind | None:
-    """Classify a motion that was measured, or return None if it must settle longer.
+    """Classify a measured motion, or return None if it must settle longer.
 
     It must settle longer if it looked settled but was not, and, unless this is the ``last`` time, if its neighbours
     converge but no period is found.
@@ -74,7 +74,7 @@ def classify(
         Whether it has settled for the longest time allowed.
     """
     if len(points) < 2:
-        return Kind("undecided", None, why="fewer than two whole turns of exciter 1 were measured")
+        return Kind("undecided", None, why="exciter 1 made fewer than two full turns while measured")
     n = period(points, plan.period_tolerance)
     if settling.how == "periodic":
         return _confirmed(scene, plan, settling, points, state, n)
@@ -119,15 +119,17 @@ def _by_exponent(exponent: Exponent, points: FloatArray, tolerance: float) -> Ki
         return Kind("chaotic", 0, exponent)
     if exponent.sign < 0:
         n = period(points, tolerance, first=MAX_PERIOD + 1, last=LONGEST_PERIOD)
-        return Kind("periodic", n, exponent) if n > 0 else _undecided(exponent, f"no period up to {LONGEST_PERIOD}")
+        return (
+            Kind("periodic", n, exponent) if n > 0 else _undecided(exponent, f"no period found up to {LONGEST_PERIOD}")
+        )
     if not (abs(exponent.value) + 2.0 * exponent.error) * exponent.turn <= ZERO:
-        return _undecided(exponent, "sign open")
+        return _undecided(exponent, "sign unclear")
     if not _steady(points, tolerance):
-        return _undecided(exponent, "the section still moves")
+        return _undecided(exponent, "the section still drifts")
     return Kind("quasi-periodic", 0, exponent)
 
 
 def _undecided(exponent: Exponent, why: str) -> Kind:
     if math.isnan(exponent.value):
-        return Kind("undecided", 0, exponent, "no exponent: neighbours end early or stop turning")
+        return Kind("undecided", 0, exponent, "no exponent: a neighbouring trajectory ended early or stopped turning")
     return Kind("undecided", 0, exponent, f"exponent {exponent.value:.3g} ± {exponent.error:.2g} per s, {why}")

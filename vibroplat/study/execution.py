@@ -11,18 +11,20 @@ import re
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, wait
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from multiprocessing import resource_tracker
 from typing import Any, Protocol, TypeVar
 
 from vibroplat.errors import ConfigError, VibroplatError
-from vibroplat.interrupts import held
+from vibroplat.interrupts import stop_if_asked, unheard, unwinding, watching
 
 #: Environment of workers: without it numerical libraries would start a pool of threads in each process.
 PINNED = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA")}
 #: Seconds without a result after which the pool is checked for workers.
 PATIENCE = 5.0
-#: Seconds without a task after which a worker process ends.
+#: Longest time (s) until Ctrl-C is noticed while workers run.
+TICK = 0.1
+#: Seconds without a task after which a worker process exits.
 IDLE = 20
 #: How many times a task that runs alone may lose its worker before it is given up.
 LIVES = 2
@@ -43,10 +45,10 @@ class WorkerLostError(VibroplatError):
 
 
 class Chain(Protocol):
-    """Tasks of which each follows from the result of the one before."""
+    """A sequence of tasks, each of which follows from the result of the one before."""
 
     def task(self) -> tuple[Callable[..., Any], tuple[Any, ...]] | None:
-        """Return the next task as function and arguments, or None where the chain ends."""
+        """Return the next task as function and arguments, or None at the end of the chain."""
         ...
 
     def take(self, result: Any) -> None:
@@ -87,6 +89,11 @@ def run_chains(chains: Iterable[C], workers: Pool, *, in_turn: bool = True) -> I
 
     Chains take turns, so that all end at about the same time. Otherwise the first ones are finished first.
     """
+    with nullcontext() if isinstance(workers, Inline) else watching():
+        yield from _run(chains, workers, in_turn=in_turn)
+
+
+def _run(chains: Iterable[C], workers: Pool, *, in_turn: bool) -> Iterator[C]:
     waiting: deque[C] = deque(chains)
     suspects: deque[C] = deque()  # one of them has killed its worker: each runs alone
     losses: dict[int, int] = {}
@@ -105,9 +112,7 @@ def run_chains(chains: Iterable[C], workers: Pool, *, in_turn: bool = True) -> I
         if not running:
             continue
         lost: list[C] = []
-        done = wait(running, timeout=PATIENCE, return_when=FIRST_COMPLETED).done
-        if not done:
-            workers.check()
+        done = _finished(running, workers)
         for future in done:
             chain = running.pop(future)
             try:
@@ -122,6 +127,17 @@ def run_chains(chains: Iterable[C], workers: Pool, *, in_turn: bool = True) -> I
             yield chain
         if lost:
             yield from _deal_with(lost, running, suspects, losses, waiting, workers)
+
+
+def _finished(running: dict[Future[Any], C], workers: Pool) -> set[Future[Any]]:
+    """Wait until a task has finished; end if a signal asks for it, and raise if all workers are gone."""
+    while True:
+        for _ in range(round(PATIENCE / TICK)):
+            done = wait(running, timeout=TICK, return_when=FIRST_COMPLETED).done
+            stop_if_asked()
+            if done:
+                return done
+        workers.check()
 
 
 def _deal_with(
@@ -149,7 +165,7 @@ def _deal_with(
 
 
 class Inline:
-    """Tasks run in this process."""
+    """Runs tasks in this process."""
 
     slots = 1
     given_up: tuple[type[Exception], ...] = ()
@@ -167,7 +183,7 @@ class Inline:
         """Nothing to replace."""
 
     def check(self) -> None:
-        """Do nothing: a task ends where it is submitted."""
+        """Do nothing: a task has finished when it is submitted."""
 
     def close(self) -> None:
         """Nothing to stop."""
@@ -180,14 +196,14 @@ class Processes:
 
     def __init__(self, jobs: int) -> None:
         self._jobs = jobs
-        self.slots = jobs + 1  # one waits while results are taken
+        self.slots = jobs + 1  # one task waits while results are received
         self.renew()
 
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
         """Start a task; if the workers have just died it fails like the tasks that they had."""
         try:
-            resource_tracker.ensure_running()  # started in between, it would let Ctrl-C through (CPython < 3.14)
-            with held():
+            resource_tracker.ensure_running()  # started later, it would unblock Ctrl-C (CPython < 3.14)
+            with unheard():
                 future: Future[Any] = self._executor.submit(function, *arguments)
         except BrokenExecutor as error:
             future = Future()
@@ -209,7 +225,7 @@ class Processes:
 
 
 class Cluster:
-    """Workers of a dask scheduler, on many machines; vibroplat must be installed on them.
+    """Workers of a dask scheduler, possibly on many machines; vibroplat must be installed there.
 
     Raises
     ------
@@ -221,7 +237,7 @@ class Cluster:
         try:
             from distributed import Client, KilledWorker  # noqa: PLC0415  (optional)
         except ImportError:
-            raise ConfigError("--scheduler needs dask.distributed; install vibroplat[cluster]") from None
+            raise ConfigError("--scheduler needs dask.distributed; pip install 'vibroplat[cluster]' has it") from None
         if not _ADDRESS.match(address):
             raise ConfigError(f"--scheduler {address}: not an address; allowed: tcp://host:port")
         self._address = address
@@ -272,12 +288,12 @@ def pool(jobs: int = 1, scheduler: str | None = None) -> Iterator[Pool]:
     ConfigError
         The scheduler does not answer, or dask.distributed is not installed.
     """
-    opened: Pool = Inline()
-    if scheduler is not None:
-        opened = Cluster(scheduler)
-    elif jobs > 1:
-        opened = Processes(jobs)
-    try:
-        yield opened
-    finally:
-        opened.close()
+    if scheduler is None and jobs == 1:
+        yield Inline()
+        return
+    with unwinding():
+        opened = Processes(jobs) if scheduler is None else Cluster(scheduler)
+        try:
+            yield opened
+        finally:
+            opened.close()

@@ -251,7 +251,7 @@ def measuring_time(state: FloatArray, least: float, settling: Settling) -> float
     if settling.turn == 0.0:
         return least
     periods = max(math.ceil(least / (settling.period * settling.turn)), PERIODS)
-    begun = math.copysign(1.0, state[10]) * state[3] / (2.0 * math.pi) % 1.0  # of the turn in which it begins
+    begun = math.copysign(1.0, state[10]) * state[3] / (2.0 * math.pi) % 1.0  # fraction of the current turn
     return float((1.0 - begun + periods * settling.period + 0.25) * settling.turn)
 
 

@@ -15,7 +15,7 @@ from filelock import FileLock, Timeout
 from vibroplat.errors import ConfigError, TableError
 from vibroplat.overrides import flat
 
-#: The file beside the tables that are made of it.
+#: Name of the file, next to the tables made from it.
 FILE = "points.sqlite"
 
 #: What is stored of one task: plain values that JSON can hold.
@@ -69,7 +69,7 @@ class Store:
                 self._lock.acquire()
             self._open(json.loads(json.dumps(conditions)), resume=resume, overwrite=overwrite)
         except Timeout:
-            raise TableError(f"{directory} is in use: another process works there") from None
+            raise TableError(f"{directory} is in use by another process") from None
         except OSError as error:
             raise TableError(f"{self._path} cannot be used: {error.strerror or error}") from None
         except BaseException:
@@ -182,6 +182,5 @@ def _require_same(found: Mapping[str, Any], wanted: Mapping[str, Any]) -> None:
         key = differing[0]
         more = f" (and {len(differing) - 1} more)" if len(differing) > 1 else ""
         raise ConfigError(
-            f"cannot resume: {key} = {wanted.get(key)}; allowed: {found.get(key)}, with which the points "
-            f"were made{more}"
+            f"cannot resume: {key} = {wanted.get(key)}; allowed: {found.get(key)}, as in the finished points{more}"
         )

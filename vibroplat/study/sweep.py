@@ -65,7 +65,7 @@ def sweep(
     jobs
         Worker processes; with 1 the points are measured in this process.
     scheduler
-        Address of a dask scheduler, whose workers are used instead.
+        Address of a dask scheduler; its workers are used instead.
     progress
         Called after each point with the numbers of finished branches, points and events.
 

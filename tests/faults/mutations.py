@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 
 import numpy as np
-from edges.helpers import ROOT
+from common.places import ROOT
 
 #: Valid texts with what the files of the repository do not have.
 EXTRA = {

@@ -1,15 +1,11 @@
-"""What several files of these tests share."""
+"""Limits of processor time."""
 
 from __future__ import annotations
 
 import signal
 from contextlib import contextmanager
-from pathlib import Path
 
 import pytest
-
-ROOT = Path(__file__).parents[2]
-QUICKSTART = ROOT / "configs/quickstart.yaml"
 
 
 class _TooLong(BaseException):

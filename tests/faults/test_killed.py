@@ -1,19 +1,18 @@
-"""Killed at any moment: what is there under a final name is whole, and what was begun can be gone on with."""
+"""Killed at any moment: result files are complete, and unfinished work can be resumed."""
 
 from __future__ import annotations
 
-import os
 import shutil
 import signal
 import time
 
 import numpy as np
 import pytest
-from study.helpers import bits
+from common.commands import Child, command, ended, not_a_line
+from common.places import LOADED
+from common.results import bits, left
 
-from .helpers import LOADED, Child, command, left, not_a_line
-
-pytestmark = pytest.mark.usefixtures("kernels")
+pytestmark = [pytest.mark.usefixtures("kernels"), pytest.mark.faults]
 
 RUN = f"extends: {LOADED}\nname: c\nrun: {{duration_s: 0.3}}\n"
 SWEEP = (
@@ -22,21 +21,24 @@ SWEEP = (
     "  supply_frequency_hz: {start: 46.0, stop: 51.0, step: 0.5, direction: [up, down]}\n"
     "  grid: {contact.restitution: [0.0, 0.3]}\n"
 )
-#: A run of which each table takes a while to be written.
-SLOW = f"{RUN}output: {{sample_rate_hz: 100.0e+3}}\n"
 #: What imports take (s), about.
 START = 1.3
 TABLES = ("trajectory", "events", "sweep")
 SIGNALS = (signal.SIGTERM, signal.SIGKILL)
+#: A program that writes half a table and gets a signal.
+HALF = """
+import os
+import pandas as pd
+def half(_table, path, **_options):
+    path.write_text("half a tab")
+    os.kill(0, {signal})
+pd.DataFrame.to_csv = half
+"""
 
 
-def kills(quick):
-    """Numbers of kills: quick, long, and that of the campaign."""
-    return [
-        pytest.param(quick, id=str(quick)),
-        pytest.param(5, id="5", marks=pytest.mark.long),
-        pytest.param(50, id="50", marks=pytest.mark.campaign),
-    ]
+def kills():
+    """Numbers of kills."""
+    return [pytest.param(5, id="5"), pytest.param(50, id="50", marks=pytest.mark.campaign)]
 
 
 def tables(directory):
@@ -47,7 +49,7 @@ def tables(directory):
 
 @pytest.fixture
 def uninterrupted(here):
-    """Let a command alone; return its tables and the time (s) that it takes with its start."""
+    """Run a command to its end; return its tables and the time (s) that it takes with its start."""
 
     def alone(*arguments):
         began = time.monotonic()
@@ -58,14 +60,14 @@ def uninterrupted(here):
 
 
 def ends(number):
-    """Go through moments of so many kills: shares of the time that a command takes, half of them near its end."""
+    """Yield as many kills: shares of the time that a command takes, half of them near its end."""
     random = np.random.default_rng(number)
     for k in range(number):
         yield k, SIGNALS[k % 2], random.uniform(0.0 if k % 4 < 2 else 0.6, 1.0)
 
 
 def killed(here, signal_, after, *arguments):
-    """Kill a command so long after its start; return its exit code, None where it was faster."""
+    """Kill a command that long after its start; return its exit code, None where it was faster."""
     with Child(here, *arguments) as child:
         time.sleep(after)
         if child.process.poll() is not None:
@@ -80,21 +82,21 @@ def killed(here, signal_, after, *arguments):
     return done.code
 
 
-def goes_on(here, wanted, *arguments):
-    """Let a command come to its end, and to the tables of one that was let alone."""
+def completes(here, wanted, *arguments):
+    """Run a command to its end, and compare with the tables of one that was not killed."""
     again = command(*arguments)
     assert (again.code, again.err) == (0, "")
     assert tables(here / "results/c")[0] == wanted
 
 
 def report(capsys, what, codes, piled):
-    ended = {code: codes.count(code) for code in sorted(set(codes), key=str)}
+    ended_ = {code: codes.count(code) for code in sorted(set(codes), key=str)}
     with capsys.disabled():
-        print(f"\n{what}: {len(codes)} kills, exit codes {ended}, temporaries left {len(piled)}")
+        print(f"\n{what}: {len(codes)} kills, exit codes {ended_}, temporaries left {len(piled)}")
 
 
-@pytest.mark.parametrize("number", kills(1))
-def test_killed_run_leaves_whole_tables_and_works_again(number, here, uninterrupted, capsys):
+@pytest.mark.parametrize("number", kills())
+def test_killed_run_leaves_complete_tables_and_works_again(number, here, uninterrupted, capsys):
     (here / "c.yaml").write_text(RUN)
     wanted, seconds = uninterrupted("run", "c.yaml")
     codes, piled = [], []
@@ -102,14 +104,14 @@ def test_killed_run_leaves_whole_tables_and_works_again(number, here, uninterrup
         codes.append(killed(here, signal_, share * seconds, "run", "c.yaml"))
         found, piled = tables(here / "results/c")
         assert found == {name: wanted[name] for name in found}
-        if len(codes) % 3 == 0:  # of the others something is gone on with that is not whole
-            goes_on(here, wanted, "run", "c.yaml")
+        if len(codes) % 3 == 0:  # the others start from what a killed one has left
+            completes(here, wanted, "run", "c.yaml")
     report(capsys, "run", codes, piled)
-    goes_on(here, wanted, "run", "c.yaml")
+    completes(here, wanted, "run", "c.yaml")
 
 
-@pytest.mark.parametrize("number", kills(1))
-def test_killed_sweep_leaves_whole_tables_and_is_gone_on_with(number, here, uninterrupted, capsys):
+@pytest.mark.parametrize("number", kills())
+def test_killed_sweep_leaves_complete_tables_and_can_be_resumed(number, here, uninterrupted, capsys):
     (here / "c.yaml").write_text(SWEEP)
     wanted, seconds = uninterrupted("sweep", "c.yaml")
     codes, piled = [], []
@@ -117,7 +119,7 @@ def test_killed_sweep_leaves_whole_tables_and_is_gone_on_with(number, here, unin
         after = share * seconds
         options = ("--resume" if k % 3 else "--overwrite", "--jobs", "2" if k % 5 == 4 else "1")
         code = killed(here, signal_, after, "sweep", "c.yaml", *options)
-        while code is None:  # with what others have left it was faster: there is to be something to do
+        while code is None:  # with the points of earlier ones it was faster: give it something to do
             shutil.rmtree(here / "results")
             after *= 0.9
             code = killed(here, signal_, after, "sweep", "c.yaml", *options)
@@ -125,43 +127,51 @@ def test_killed_sweep_leaves_whole_tables_and_is_gone_on_with(number, here, unin
         found, piled = tables(here / "results/c")
         assert found == {name: wanted[name] for name in found}
         if k % 3 == 2:
-            goes_on(here, wanted, "sweep", "c.yaml", "--resume")
+            completes(here, wanted, "sweep", "c.yaml", "--resume")
     report(capsys, "sweep", codes, piled)
-    goes_on(here, wanted, "sweep", "c.yaml", "--resume")
+    completes(here, wanted, "sweep", "c.yaml", "--resume")
 
 
-@pytest.mark.parametrize("signal_", [signal.SIGKILL, pytest.param(signal.SIGTERM, marks=pytest.mark.long)])
+@pytest.mark.parametrize("signal_", SIGNALS)
 def test_temporaries_do_not_pile_up(signal_, here):
-    """Whoever is killed while a table is written leaves what is there of it; the next run takes it away."""
-    (here / "c.yaml").write_text(SLOW)
-    for _ in range(2):
-        there = set((here / "results").glob("c/.*"))
-        with Child(here, "run", "c.yaml", "--format", "csv") as child:
-            assert child.wait_for(lambda there=there: set((here / "results").glob("c/.trajectory-*")) - there)
-            time.sleep(0.05)
-            child.process.send_signal(signal_)
-            assert child.end().code in (-signal_, 128 + signal_)
-        if signal_ == signal.SIGTERM:
-            assert left(here / "results/c") == ({}, [])
+    """A process that is killed leaves its half table behind; the next run removes it. At SIGTERM nothing is left."""
     (here / "c.yaml").write_text(RUN)
+    for _ in range(2):
+        before = HALF.format(signal=int(signal_))
+        if signal_ == signal.SIGKILL:
+            before = before.replace("os.kill(0,", "os.kill(os.getpid(),")
+        assert ended(here, "run", "c.yaml", "--format", "csv", before=before).code in (-signal_, 128 + signal_)
+        assert len(list((here / "results/c").glob(".trajectory-*"))) == (signal_ == signal.SIGKILL)
     assert command("run", "c.yaml").code == 0
     assert left(here / "results/c")[1] == []
 
 
-def test_run_killed_among_its_tables_leaves_no_set_of_two_runs(here):
-    """A run over an earlier one of other length: what is left is of one of them, or known not to be whole."""
+@pytest.mark.parametrize("number", [1, 2, 3, 4])
+def test_run_killed_among_its_tables_leaves_no_set_of_two_runs(number, here):
+    """After a run of another length: what is left belongs to one of the two, or is known to be incomplete."""
     (here / "c.yaml").write_text(RUN)
     assert command("run", "c.yaml", "--set", "run.duration_s=0.2").code == 0
-    trajectory = here / "results/c/trajectory.parquet"
-    before = trajectory.stat().st_ino
-    with Child(here, "run", "c.yaml") as child:
-        assert child.wait_for(lambda: trajectory.stat().st_ino != before)
-        os.kill(child.process.pid, signal.SIGKILL)
-        assert child.end().code == -signal.SIGKILL
+    before = RENAMING.format(number=number)
+    assert ended(here, "run", "c.yaml", before=before).code == -signal.SIGKILL
     found, _ = left(here / "results/c")
+    assert len(found) == number
     assert found["trajectory.parquet"]["t_s"].iloc[-1] == 0.3
     if "summary.json" in found:
         assert found["summary.json"]["simulated_s"] == 0.3
         assert found["provenance.json"]["configuration"]["run"]["duration_s"] == 0.3
     else:
         assert not_a_line(command("plot", "results/c")) == ""
+
+
+#: A program that is killed when it has renamed so many files of a result.
+RENAMING = """
+import os, signal
+replace, renamed = os.replace, []
+def killing(source, target, **options):
+    replace(source, target, **options)
+    if "results" in str(target):
+        renamed.append(target)
+    if len(renamed) == {number}:
+        os.kill(os.getpid(), signal.SIGKILL)
+os.replace = killing
+"""

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import pytest
+from common.limits import cpu_seconds
+from common.places import ROOT
 from ruamel.yaml import YAML
 
 from vibroplat import Contact, Drive, Initial, Material, Motor, Scene, load_config
 from vibroplat.config import configuration_schema, parse_overrides
 from vibroplat.errors import ConfigError
-
-from .helpers import ROOT, cpu_seconds
 
 SECTIONS = "name, machine, motor, motors, material, contact, drive, run, solver, output, sweep"
 MACHINE = (
@@ -20,7 +20,7 @@ MACHINE = (
 )
 MOTOR = "critical_torque_n_m, critical_slip, pole_pairs, friction_radius_m"
 CONTACT = "model, restitution, sticking_speed_m_per_s, impact_law, viscous_per_mass_per_s, added_mass_share"
-NAME = "letters, digits and . _ + -, the first a letter or digit"
+NAME = "letters, digits and . _ + -, starting with a letter or digit"
 THIN = "material: {mass_ratio: 0.2, layers: 1}\n"
 
 #: The example of shared/interface.md without its last section.
@@ -98,16 +98,16 @@ MESSAGES = {
         "drive.supply_frequency_hz: 50",
         f"unknown key drive.supply_frequency_hz; allowed: {SECTIONS}",
     ),
-    "number as a key": ("machine: {1: 2}", "not readable as YAML: key 1 is not a text"),
-    "list as a key": ("[a, b]: 1", "not readable as YAML: key ('a', 'b') is not a text"),
+    "number as a key": ("machine: {1: 2}", "not valid YAML: key 1 is not text"),
+    "list as a key": ("[a, b]: 1", "not valid YAML: key ('a', 'b') is not text"),
     # duplicate keys
     "duplicate key": (
         "drive:\n  supply_frequency_hz: 50\n  supply_frequency_hz: 60\n",
-        'duplicate key "supply_frequency_hz" a second time in line 3; allowed: each key once',
+        'duplicate key "supply_frequency_hz" in line 3; allowed: each key once',
     ),
     "duplicate section": (
         "drive: {}\nrun: {}\ndrive: {}\n",
-        'duplicate key "drive" a second time in line 3; allowed: each key once',
+        'duplicate key "drive" in line 3; allowed: each key once',
     ),
     # wrong types
     "text for a number": (
@@ -116,8 +116,8 @@ MESSAGES = {
     ),
     "bool for a number": ("contact: {restitution: true}", "contact.restitution = True; allowed: a number"),
     "nothing for a number": ("drive: {supply_frequency_hz: }", "drive.supply_frequency_hz = None; allowed: a number"),
-    "number for a text": ("name: 3", "name = 3; allowed: a text"),
-    "date for a text": ("name: 2020-01-01", "name = datetime.date(2020, 1, 1); allowed: a text"),
+    "number for a text": ("name: 3", "name = 3; allowed: text"),
+    "date for a text": ("name: 2020-01-01", "name = datetime.date(2020, 1, 1); allowed: text"),
     "fraction for a whole number": ("motor: {pole_pairs: 2.5}", "motor.pole_pairs = 2.5; allowed: a whole number"),
     "list for a section": ("drive: [1]", "drive = [1]; allowed: a section of keys and values"),
     "number for a section": ("drive: 50", "drive = 50; allowed: a section of keys and values"),
@@ -177,11 +177,11 @@ MESSAGES = {
     ),
     "too many turns": (
         "drive: {supply_frequency_hz: 1e12}\nmotor: {pole_pairs: 4}",
-        "run.duration_s = 4.0 takes 1e+12 turns of the synchronous speed; allowed: at most 1e+09",
+        "run.duration_s = 4.0 takes 1e+12 turns at the synchronous speed; allowed: at most 1e+09",
     ),
     "too many turns of a point": (
         "sweep: {supply_frequency_hz: {start: 1.0, stop: 4.0e9, step: 1e9}, max_settle_s: 0.1}",
-        "sweep.measure_s = 2.0 takes 4e+09 turns of the synchronous speed; allowed: at most 1e+09",
+        "sweep.measure_s = 2.0 takes 4e+09 turns at the synchronous speed; allowed: at most 1e+09",
     ),
     "bool for a number of layers": ("material: {layers: true}", "material.layers = True; allowed: 1 or 2"),
     "no duration": ("run: {duration_s: 0}", "run.duration_s = 0; allowed: more than 0.0"),
@@ -214,7 +214,7 @@ MESSAGES = {
     ),
     "no spring": (
         "material: {mass_ratio: 0.2, layers: 2}",
-        "material: two layers need the spring between them; give natural_frequency_hz or stiffness_n_per_m",
+        "material: two layers need a spring between them; give natural_frequency_hz or stiffness_n_per_m",
     ),
     "motor and motors": (
         "motor: {}\nmotors: [{}, {}]\n",
@@ -247,33 +247,33 @@ MESSAGES = {
     "text at the top": ("hello", "holds a str; allowed: keys and values"),
     "open bracket": (
         "a: [1\n",
-        "not readable as YAML in line 2, column 1: expected ',' or ']', but got '<stream end>'",
+        "not valid YAML in line 2, column 1: expected ',' or ']', but got '<stream end>'",
     ),
     "colon in a value": (
         "a: b: c\n",
-        "not readable as YAML in line 1, column 5: mapping values are not allowed here",
+        "not valid YAML in line 1, column 5: mapping values are not allowed here",
     ),
     "tab for blanks": (
         "drive:\n\tsupply_frequency_hz: 50\n",
-        "not readable as YAML in line 2, column 1: found character '\\t' that cannot start any token",
+        "not valid YAML in line 2, column 1: found character '\\t' that cannot start any token",
     ),
-    "unknown alias": ("a: *b\n", "not readable as YAML in line 1, column 4: found undefined alias 'b'"),
-    "two documents": ("a: 1\n---\nb: 2\n", "not readable as YAML in line 2, column 1: but found another document"),
+    "unknown alias": ("a: *b\n", "not valid YAML in line 1, column 4: found undefined alias 'b'"),
+    "two documents": ("a: 1\n---\nb: 2\n", "not valid YAML in line 2, column 1: but found another document"),
     "control character": (
         "a: \x01\n",
-        "not readable as YAML: unacceptable character #x0001: special characters are not allowed in "
+        "not valid YAML: unacceptable character #x0001: special characters are not allowed in "
         '"<unicode string>", position 3',
     ),
-    "not UTF-8": (b"name: a # \xe9\n", "not a text in UTF-8"),
+    "not UTF-8": (b"name: a # \xe9\n", "not UTF-8 text"),
     # tags
     "python object": (
         "name: !!python/object/apply:os.system ['touch executed']",
-        "not readable as YAML in line 1, column 7: could not determine a constructor for the tag "
+        "not valid YAML in line 1, column 7: could not determine a constructor for the tag "
         "'tag:yaml.org,2002:python/object/apply:os.system'",
     ),
     # extends
-    "extends a number": ("extends: 3", "extends = 3; allowed: the name of a file"),
-    "extends itself": ("extends: c.yaml", "extends itself by way of c.yaml"),
+    "extends a number": ("extends: 3", "extends = 3; allowed: a file name"),
+    "extends itself": ("extends: c.yaml", "extends itself through c.yaml"),
 }
 
 
@@ -310,13 +310,13 @@ def test_message_about_a_file_that_is_not_there(path, line, here):
         ({"c": "extends: sub/nothing.yaml"}, "sub/nothing.yaml: no such file"),
         (
             {"c": "extends: a.yaml", "a": "extends: b.yaml", "b": "extends: a.yaml"},
-            "a.yaml: extends itself by way of b.yaml",
+            "a.yaml: extends itself through b.yaml",
         ),
         ({"c": "extends: a.yaml", "a": "drive: {x: 1}"}, "c.yaml: unknown key drive.x; allowed: supply_frequency_hz"),
         ({"c": "extends: a.yaml", "a": "- 1"}, "a.yaml: holds a list; allowed: keys and values"),
         (
             {"c": "extends: a.yaml", "a": "a: [1"},
-            "a.yaml: not readable as YAML in line 1, column 6: expected ',' or ']', but got '<stream end>'",
+            "a.yaml: not valid YAML in line 1, column 6: expected ',' or ']', but got '<stream end>'",
         ),
         ({"c": "extends: ."}, ".: cannot be read (Is a directory)"),
     ],
@@ -345,10 +345,10 @@ def test_long_path_does_not_hide_what_is_wrong(here):
         ("=3", "--set '=3'; allowed: key.sub=value"),
         ("a..b=3", "--set 'a..b=3'; allowed: key.sub=value"),
         (".a=3", "--set '.a=3'; allowed: key.sub=value"),
-        ("a=[1", "--set a: not readable as YAML in line 1, column 3: expected ',' or ']', but got '<stream end>'"),
+        ("a=[1", "--set a: not valid YAML in line 1, column 3: expected ',' or ']', but got '<stream end>'"),
         (
             "a=!!python/name:os.system",
-            "--set a: not readable as YAML in line 1, column 1: could not determine a constructor for the tag "
+            "--set a: not valid YAML in line 1, column 1: could not determine a constructor for the tag "
             "'tag:yaml.org,2002:python/name:os.system'",
         ),
     ],
@@ -369,7 +369,7 @@ def test_message_about_a_setting(setting, line):
         ),
         (
             {"drive": 3, "drive.supply_frequency_hz": 50.0},
-            "drive.supply_frequency_hz lies inside drive, which is already given a value",
+            "drive.supply_frequency_hz lies inside drive, which already has a value",
         ),
         ({"motors.0.pole_pairs": 3}, "c.yaml: motors = {'0': {'pole_pairs': 3}}; allowed: a list"),
     ],

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import pytest
+from common.limits import cpu_seconds
+from common.places import QUICKSTART
 
 from vibroplat import load_config, simulate
 from vibroplat.tables import write_json, write_table
-
-from .helpers import QUICKSTART, cpu_seconds
 
 OUTCOMES = {"ok", "solver-failure", "non-finite", "event-storm", "beyond-model"}
 

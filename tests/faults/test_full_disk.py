@@ -11,9 +11,9 @@ import subprocess
 import sys
 
 import pytest
-from study.helpers import bits
-
-from .helpers import LOADED, Done, command, left, not_a_line, read, script
+from common.commands import Done, command, not_a_line, script
+from common.places import LOADED
+from common.results import bits, left, read
 
 pytestmark = pytest.mark.usefixtures("kernels")
 
@@ -53,7 +53,7 @@ def limited(here, size, *arguments):
     limit = f"import resource\nresource.setrlimit(resource.RLIMIT_FSIZE, ({size}, {size}))"
     line = [sys.executable, "-c", script(limit), *arguments]
     done = subprocess.run(line, cwd=here, capture_output=True, text=True, timeout=120, check=False)
-    return Done(done.returncode, done.stdout.removeprefix("begun\n"), done.stderr)
+    return Done(done.returncode, done.stdout, done.stderr)
 
 
 # -- a file cannot grow ---------------------------------------------------------------------------------
@@ -116,7 +116,7 @@ def resumed_after(done, here, alone, kept=0):
     assert (again.code, again.err) == (0, "")
     assert tables(here / "results/c") == wanted
     if kept:
-        assert f", {kept} points of them from before\n" in again.out
+        assert f", {kept} of the points from before\n" in again.out
 
 
 @pytest.mark.parametrize("size", some([40_000], [0, 20_000, 60_000, 100_000, 150_000]))
@@ -325,9 +325,9 @@ def meddle(name, monkeypatch, change):
 
         monkeypatch.setattr(run, "simulate", meddled)
     else:
-        from vibroplat.study import sweep
+        from vibroplat.study import point
 
-        measure, begun = sweep.measure_point, []
+        measure, begun = point.measure_point, []
 
         def measured(*arguments):
             begun.append(True)
@@ -335,7 +335,7 @@ def meddle(name, monkeypatch, change):
                 once()
             return measure(*arguments)
 
-        monkeypatch.setattr(sweep, "measure_point", measured)
+        monkeypatch.setattr(point, "measure_point", measured)
 
 
 @pytest.mark.parametrize("instead", some(["nothing"], ["a file", "an empty directory"]))

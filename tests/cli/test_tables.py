@@ -139,9 +139,7 @@ def test_directory_in_place_of_the_other_format_is_told_in_a_line(form, other, t
 def test_missing_tables_are_told_in_a_line(tmp_path):
     with pytest.raises(TableError) as caught:
         read_table(tmp_path, "trajectory")
-    assert str(caught.value) == (
-        f"{tmp_path} holds no trajectory table; allowed: a directory that vibroplat has written"
-    )
+    assert str(caught.value) == (f"{tmp_path} holds no trajectory table; allowed: a result directory of vibroplat")
     with pytest.raises(TableError) as caught:
         read_json(tmp_path, "summary")
     assert str(caught.value) == f"{tmp_path} holds no summary.json"

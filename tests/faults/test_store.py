@@ -1,4 +1,4 @@
-"""Finished points outlive the process: killed at any moment, a sweep goes on to the same table."""
+"""Finished points outlive the process: killed at any moment, a sweep continues to the same table."""
 
 from __future__ import annotations
 
@@ -7,21 +7,17 @@ import math
 import os
 import signal
 import sqlite3
-import subprocess
-import time
-from pathlib import Path
 
-import numpy as np
 import psutil
 import pytest
+from common.commands import Child, ended, sending
+from common.places import FLYING
+from common.results import bits, finished_points
 
 from vibroplat import load_config, sweep
 from vibroplat.errors import ConfigError
 from vibroplat.study.store import FILE, Store
 from vibroplat.tables import read_table, write_table
-
-from .conftest import PROGRAM
-from .helpers import FLYING, bits, finished_points, loky_workers
 
 POINTS = 44
 CONFIGURATION = (
@@ -44,67 +40,13 @@ def uninterrupted(tmp_path_factory):
     return {"parquet": table, "csv": read_table(place, "sweep")}
 
 
-class Started:
-    """A sweep in a process group of its own, as a terminal starts it."""
-
-    def __init__(self, place, *options):
-        self.directory = place / "results/c"
-        self._said = [(place / name).open("w+") for name in ("out", "err")]
-        out, err = self._said
-        self.process = subprocess.Popen(
-            [PROGRAM, "sweep", "c.yaml", *options], cwd=place, stdout=out, stderr=err, start_new_session=True
-        )
-        self.workers = []
-
-    def wait_for(self, points):
-        """Wait until so many points are on disk."""
-        while finished_points(self.directory) < points:
-            assert self.process.poll() is None, "ended before it was to be interrupted"
-            time.sleep(0.002)
-        self.workers = loky_workers(self.process.pid)
-
-    def end(self, signal_, *, group=False):
-        """Send a signal; return exit code and what was printed."""
-        (os.killpg if group else os.kill)(self.process.pid, signal_)
-        code = self.process.wait(timeout=60)
-        for file in self._said:
-            file.seek(0)
-        return code, *(file.read() for file in self._said)
-
-    def close(self):
-        """Leave nothing behind."""
-        for worker in self.workers:
-            try:
-                worker.kill()
-            except psutil.NoSuchProcess:
-                continue
-        if self.process.poll() is None:
-            self.process.kill()
-            self.process.wait()
-        for file in self._said:
-            file.close()
-
-
-def ignores_interrupts(process):
-    """Whether Ctrl-C is blocked in a process."""
-    status = Path(f"/proc/{process.pid}/status").read_text()
-    blocked = next(line for line in status.splitlines() if line.startswith("SigBlk"))
-    return bool(int(blocked.split()[1], 16) >> (signal.SIGINT - 1) & 1)
+WRITE = "vibroplat.study.store:Store.write"
 
 
 @pytest.fixture
-def started(here):
-    """Start ``vibroplat sweep`` as a user does, in the background."""
+def place(here):
     (here / "c.yaml").write_text(CONFIGURATION)
-    all_started = []
-
-    def start(*options):
-        all_started.append(Started(here, *options))
-        return all_started[-1]
-
-    yield start
-    for one in all_started:
-        one.close()
+    return here
 
 
 @pytest.fixture
@@ -122,35 +64,29 @@ def resumed(here, command):
 # -- killed ---------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("jobs", "form", "seed"), [("1", "parquet", 1), pytest.param("2", "csv", 2, marks=pytest.mark.long)]
-)
-def test_sweep_killed_at_random_moments_ends_in_the_same_table(jobs, form, seed, started, here, resumed, uninterrupted):
-    random = np.random.default_rng(seed)
-    before = 0
-    for _ in range(3):
-        begun = started("--resume", "--jobs", jobs, "--format", form)
-        begun.wait_for(before + random.integers(1, 9))
-        time.sleep(0.03 * random.random())
-        assert begun.end(signal.SIGKILL)[0] == -signal.SIGKILL
-        begun.close()
-        now = finished_points(begun.directory)
-        assert before < now < POINTS
-        before = now
-    assert not list((here / "results/c").glob("sweep.*"))
+@pytest.mark.faults
+@pytest.mark.parametrize(("jobs", "form"), [("1", "parquet"), ("2", "csv")])
+def test_sweep_killed_three_times_ends_in_the_same_table(jobs, form, place, resumed, uninterrupted):
+    options = ("sweep", "c.yaml", "--resume", "--jobs", jobs, "--format", form)
+    expected = 0
+    for points, after in ((1, True), (9, False), (4, True)):
+        done = ended(place, *options, before=sending(signal.SIGKILL, WRITE, points, after=after))
+        assert done.code == -signal.SIGKILL
+        expected += points if after else points - 1
+        assert finished_points(place / "results/c") == expected
+    assert not list((place / "results/c").glob("sweep.*"))
     printed, table = resumed("--format", form)
-    assert f", {before} points of them from before\n" in printed
+    assert f", {expected} of the points from before\n" in printed
     assert bits(table) == bits(uninterrupted[form])
     assert table.dtypes.equals(uninterrupted[form].dtypes)
 
 
-def test_sweep_killed_before_its_first_point_can_be_resumed(started, here, resumed):
-    (here / "c.yaml").write_text(SMALL)
-    begun = started()
-    while not (begun.directory / FILE).exists():
-        time.sleep(0.001)
-    begun.end(signal.SIGKILL)
-    assert finished_points(begun.directory) == 0
+@pytest.mark.faults
+def test_sweep_killed_before_its_first_point_can_be_resumed(place, resumed):
+    (place / "c.yaml").write_text(SMALL)
+    ended(place, "sweep", "c.yaml", before=sending(signal.SIGKILL, "vibroplat.study.sweep:run_sweeps"))
+    assert (place / "results/c" / FILE).exists()
+    assert finished_points(place / "results/c") == 0
     assert len(resumed()[1]) == 2
 
 
@@ -178,77 +114,27 @@ def test_any_point_that_is_missing_is_made_again(command, here):
         assert bits(read_table(here / "results/c", "sweep")) == first
 
 
-# -- interrupted ----------------------------------------------------------------------------------------
+# -- ended ----------------------------------------------------------------------------------------------
 
 
-def members(group):
-    """Processes of a group that live."""
-    found = []
-    for process in psutil.process_iter(["status"]):
-        try:
-            if process.info["status"] != psutil.STATUS_ZOMBIE and os.getpgid(process.pid) == group:
-                found.append(process)
-        except (psutil.NoSuchProcess, ProcessLookupError):
-            continue
-    return found
-
-
-@pytest.mark.parametrize("jobs", [pytest.param("1", marks=pytest.mark.long), "2"])
-def test_ctrl_c_ends_a_sweep_with_one_line_and_it_can_be_resumed(jobs, started, resumed, uninterrupted):
-    begun = started("--jobs", jobs)
-    begun.wait_for(10)
-    code, out, err = begun.end(signal.SIGINT, group=True)
-    assert (code, out, len(err.splitlines())) == (130, "", 1)
-    assert err.startswith("vibroplat: interrupted")
-    _, alive = psutil.wait_procs(members(begun.process.pid), timeout=5.0)  # what keeps track of resources ends last
-    assert alive == []
-    assert 10 <= finished_points(begun.directory) < POINTS
+@pytest.mark.faults
+def test_terminated_sweep_can_be_resumed(place, resumed, uninterrupted):
+    before = sending(signal.SIGTERM, WRITE, 10)
+    done = ended(place, "sweep", "c.yaml", "--jobs", "2", before=before)
+    assert (done.code, done.out, len(done.err.splitlines())) == (128 + signal.SIGTERM, "", 1)
+    assert done.err.startswith("vibroplat: terminated; ")
     assert bits(resumed()[1]) == bits(uninterrupted["parquet"])
 
 
-@pytest.mark.long
-def test_ctrl_c_again_and_again_is_still_one_line(started):
-    begun = started("--jobs", "2")
-    begun.wait_for(10)
-    assert all(ignores_interrupts(worker) for worker in begun.workers)
-    os.killpg(begun.process.pid, signal.SIGINT)
-    time.sleep(0.05)
-    code, out, err = begun.end(signal.SIGINT, group=True)
-    assert code in (130, -signal.SIGINT)
-    assert out == ""
-    assert "Traceback" not in err
-
-
-@pytest.mark.long
-def test_ctrl_c_while_it_starts_ends_with_one_line(started):
-    begun = started("--jobs", "2")
-    while not (begun.directory / FILE).exists():
-        time.sleep(0.001)
-    code, out, err = begun.end(signal.SIGINT, group=True)
-    assert (code, out, len(err.splitlines())) == (130, "", 1)
-
-
-@pytest.mark.long
-def test_terminated_sweep_can_be_resumed(started, resumed, uninterrupted):
-    begun = started("--jobs", "2")
-    begun.wait_for(10)
-    code, _, err = begun.end(signal.SIGTERM)
-    assert code != 0
-    assert "Traceback" not in err
-    begun.close()
-    assert bits(resumed()[1]) == bits(uninterrupted["parquet"])
-
-
-@pytest.mark.long
+@pytest.mark.faults
 @pytest.mark.parametrize(("signal_", "seconds"), [(signal.SIGTERM, 20.0), (signal.SIGKILL, 150.0)])
-def test_no_workers_outlive_a_sweep_that_was_ended(signal_, seconds, started):
-    """Whoever is killed cannot see to it at once; its workers end when nothing comes any more."""
-    begun = started("--jobs", "2")
-    begun.wait_for(10)
-    assert len(begun.workers) == 2
-    begun.end(signal_)
-    _, alive = psutil.wait_procs(begun.workers, timeout=seconds)
-    assert alive == []
+def test_no_workers_outlive_a_sweep_that_was_ended(signal_, seconds, place):
+    """A killed process cannot stop its workers; they end when no more tasks come."""
+    before = sending(signal_, WRITE, 10).replace("os.kill(0,", "os.kill(os.getpid(),")
+    with Child(place, "sweep", "c.yaml", "--jobs", "2", before=before) as child:
+        child.end()
+        _, alive = psutil.wait_procs(child.members(), timeout=seconds)
+        assert alive == []
 
 
 # -- refused --------------------------------------------------------------------------------------------
@@ -422,10 +308,10 @@ def test_first_condition_that_differs_is_named(tmp_path):
     with Store(tmp_path, same, resume=True) as store:
         assert len(store) == 1
     for changed, line in (
-        ({**conditions, "a": {"b": 2, "c": [1, 2]}}, "a.b = 2; allowed: 1, with which the points were made"),
-        ({**conditions, "a": {"b": 1, "c": [1]}}, "a.c = [1]; allowed: [1, 2], with which the points were made"),
-        ({**conditions, "a": {"c": [1]}}, "a.b = None; allowed: 1, with which the points were made (and 1 more)"),
-        ({**conditions, "f": True}, "f = True; allowed: None, with which the points were made"),
+        ({**conditions, "a": {"b": 2, "c": [1, 2]}}, "a.b = 2; allowed: 1, as in the finished points"),
+        ({**conditions, "a": {"b": 1, "c": [1]}}, "a.c = [1]; allowed: [1, 2], as in the finished points"),
+        ({**conditions, "a": {"c": [1]}}, "a.b = None; allowed: 1, as in the finished points (and 1 more)"),
+        ({**conditions, "f": True}, "f = True; allowed: None, as in the finished points"),
     ):
         with pytest.raises(ConfigError) as caught:
             Store(tmp_path, changed, resume=True)

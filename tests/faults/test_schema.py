@@ -7,9 +7,9 @@ import shutil
 import sqlite3
 
 import pytest
-from study.helpers import bits
-
-from .helpers import LOADED, command, left, not_a_line
+from common.commands import command, not_a_line
+from common.places import LOADED
+from common.results import bits, left
 
 pytestmark = pytest.mark.usefixtures("kernels")
 
