@@ -67,8 +67,8 @@ def test_memory_does_not_grow_with_the_number_of_points(kind, tmp_path, monkeypa
 
 def test_table_of_many_points_is_in_row_groups(tmp_path, monkeypatch):
     monkeypatch.setattr("vibroplat.study.point.measure_point", measured_at_once)
-    monkeypatch.setattr("vibroplat.study.sweep.CHUNK", 300)
-    sweep_of(1_000, tmp_path / "points", kind="bifurcation")
+    monkeypatch.setattr("vibroplat.study.sweep.CHUNK", 90)
+    sweep_of(300, tmp_path / "points", kind="bifurcation")
     table = read_table(tmp_path / "points", "sweep")
     groups = pq.ParquetFile(tmp_path / "points/sweep.parquet").metadata
     assert groups.num_rows == len(table) == 300
