@@ -83,6 +83,8 @@ for _n in range(1, _MOST_NODES + 1):
 
 _TURN = 2.0 * math.pi
 _FLIGHT = int(Mode.FLIGHT)
+#: Places of y, φ₁ and the gap among the unknowns; integers of numpy, so that functions are compiled once for all.
+_HEIGHT, _ANGLE, _GAP = np.array([1, 3, GAP])
 
 
 class Measures(NamedTuple):
@@ -238,27 +240,31 @@ def add_step(
     system, force = piece.system, DIFFERENTIAL[piece.system]
     begin, length = piece.origin + steps.start[row], steps.length[row]
     if SIZES[system] > force and may_widen(marks.force_min, marks.force_max, c, degree, force, end[force]):
-        least, largest = extremes(c, degree, force, end[force])
-        marks.force_min, marks.force_max = min(marks.force_min, least), max(marks.force_max, largest)
+        marks.force_min, marks.force_max = widened(marks.force_min, marks.force_max, c, force, end[force])
     if flying and may_widen(marks.gap_min, marks.gap_max, c, degree, GAP, end[GAP]):
-        least, largest = extremes(c, degree, GAP, end[GAP])
-        marks.gap_min, marks.gap_max = min(marks.gap_min, least), max(marks.gap_max, largest)
+        marks.gap_min, marks.gap_max = widened(marks.gap_min, marks.gap_max, c, _GAP, end[GAP])
     before = math.floor((c[0, 3] + piece.turns[0]) / _TURN)
     after = math.floor((end[3] + piece.turns[0]) / _TURN)
-    cut = 0.0
-    if before != after:
-        cut = crossing(c, degree, 3, _TURN * max(before, after) - piece.turns[0])
-        integrate(ms, c, degree, 0.0, cut, begin, length, system, flying, nodes, full, power, p)
-        now = begin + cut * length
-        if goes_on(marks, slope(c, degree, 3, cut)) and now >= marks.window:
-            for j in range(force):
-                full[PLACES[system, j]] = value(c, degree, j, cut)
-            close_turn(ms, now, piece.turns, full, value(c, degree, force, cut) if SIZES[system] > force else 0.0)
-    if cut < 1.0:
-        integrate(ms, c, degree, cut, 1.0, begin, length, system, flying, nodes, full, power, p)
+    cut = crossing(c, degree, _ANGLE, _TURN * max(before, after) - piece.turns[0]) if before != after else 0.0
+    for part in range(2):
+        start, stop = (0.0, cut) if part == 0 else (cut, 1.0)
+        if start < stop:
+            integrate(ms, c, degree, start, stop, begin, length, system, flying, nodes, full, power, p)
+        if part == 0 and before != after:
+            now = begin + cut * length
+            if goes_on(marks, slope(c, degree, 3, cut)) and now >= marks.window:
+                for j in range(force):
+                    full[PLACES[system, j]] = value(c, degree, j, cut)
+                close_turn(ms, now, piece.turns, full, value(c, degree, force, cut) if SIZES[system] > force else 0.0)
     if begin + cut * length >= marks.window and may_widen(marks.y_min, marks.y_max, c, degree, 1, end[1]):
-        least, largest = extremes(c, degree, 1, end[1])
-        marks.y_min, marks.y_max = min(marks.y_min, least), max(marks.y_max, largest)
+        marks.y_min, marks.y_max = widened(marks.y_min, marks.y_max, c, _HEIGHT, end[1])
+
+
+@compiled
+def widened(least: float, largest: float, c: FloatArray, j: int, last: float) -> tuple[float, float]:
+    """Return extremes that also cover unknown j within a step, which ends with the value ``last``."""
+    low, high = extremes(c, c.shape[0] - 1, j, last)
+    return min(least, low), max(largest, high)
 
 
 @inlined
