@@ -48,6 +48,7 @@ SECTION_ROWS = 1024
 MARKS = np.dtype(
     [
         ("window", np.float64),  # when the measured part begins (s)
+        ("passed", np.float64),  # whole turns of exciter 1 until now, nan before the first step
         ("turns", np.int64),  # points of the section so far
         ("first_time", np.float64),  # of the section's first and last point (s)
         ("last_time", np.float64),
@@ -82,6 +83,9 @@ for _n in range(1, _MOST_NODES + 1):
     NODES[_n, :_n], WEIGHTS[_n, :_n] = 0.5 + 0.5 * _nodes, 0.5 * _weights
 
 _TURN = 2.0 * math.pi
+
+#: Part of a turn that may be missing by round-off.
+_COMPLETE = 1e-12
 _FLIGHT = int(Mode.FLIGHT)
 
 
@@ -113,7 +117,7 @@ class Measures(NamedTuple):
 def no_measures(window: float) -> Measures:
     """Make empty sums whose measured part begins at a time (s)."""
     marks = np.zeros(1, MARKS)
-    marks["window"] = window
+    marks["window"], marks["passed"] = window, math.nan
     for name in ("force", "y"):
         marks[f"{name}_min"], marks[f"{name}_max"] = math.inf, -math.inf
     plain, open_turn, whole = np.zeros(3, SUMS)
@@ -243,8 +247,10 @@ def add_step(
     if flying and may_widen(marks.gap_min, marks.gap_max, c, degree, GAP, end[GAP]):
         least, largest = extremes(c, degree, GAP, end[GAP])
         marks.gap_min, marks.gap_max = min(marks.gap_min, least), max(marks.gap_max, largest)
-    before = math.floor((c[0, 3] + piece.turns[0]) / _TURN)
-    after = math.floor((end[3] + piece.turns[0]) / _TURN)
+    before, after = marks.passed, whole_turns(end[3], piece.turns[0])
+    if math.isnan(before):
+        before = whole_turns(c[0, 3], piece.turns[0])
+    marks.passed = after
     cut = 0.0
     if before != after:
         cut = crossing(c, degree, 3, _TURN * max(before, after) - piece.turns[0])
@@ -259,6 +265,12 @@ def add_step(
     if begin + cut * length >= marks.window and may_widen(marks.y_min, marks.y_max, c, degree, 1, end[1]):
         least, largest = extremes(c, degree, 1, end[1])
         marks.y_min, marks.y_max = min(marks.y_min, least), max(marks.y_max, largest)
+
+
+@inlined
+def whole_turns(angle: float, turns: float) -> float:
+    """Whole turns of an exciter; one that a motion was stopped at is complete, though round-off may say less."""
+    return math.floor((angle + turns) / _TURN + _COMPLETE)
 
 
 @inlined
