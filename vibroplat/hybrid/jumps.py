@@ -11,7 +11,7 @@ from vibroplat.hybrid.modes import ATTACHED, FLIGHT, IMPACT, LATCH, LIFTOFF
 from vibroplat.hybrid.pieces import close_piece
 from vibroplat.hybrid.rules import ACCUMULATE, ATTACH, FLY, after_impact
 from vibroplat.hybrid.starts import contact_force, forget_starts, prepare, pressing
-from vibroplat.hybrid.state import DIFFERENTIATED, OK, Hybrid
+from vibroplat.hybrid.state import DIFFERENTIATED, OK, RUNNING, Hybrid
 from vibroplat.hybrid.steps import RESTARTED, fill_cubic
 from vibroplat.kernels.compiled import FloatArray, compiled, copy, inlined
 from vibroplat.model.impact import impact, impacts_left, latch
@@ -59,8 +59,10 @@ def strike(h: Hybrid) -> None:
         run.zeros = 1 if rebound > 0.0 else 2
     force = contact_force(h)[0] if following == ATTACH else 0.0
     add_event(h, IMPACT, before, rebound, impulse, loss, force, _ONE)
-    if following == ACCUMULATE:
+    if following == ACCUMULATE and run.outcome == RUNNING:
         latch_impacts(h)
+    elif following == ACCUMULATE:  # the run stops here
+        run.accumulating = 1
 
 
 @compiled

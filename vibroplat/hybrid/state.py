@@ -39,6 +39,7 @@ RUN = np.dtype(
         ("awaited", np.int64),  # kind of event that ends the run, or −1
         ("joined", np.int64),  # how the piece goes on from the one before
         ("zeros", np.int64),  # of the guard at the segment's start that are known
+        ("accumulating", np.int64),  # whether impacts are to be latched before the next segment
         ("events", np.int64),  # rows in the event list
         ("restarts", np.int64),
         ("state", np.float64, FULL_SIZE),  # full state

@@ -48,6 +48,7 @@ SECTION_ROWS = 1024
 MARKS = np.dtype(
     [
         ("window", np.float64),  # when the measured part begins (s)
+        ("passed", np.float64),  # whole turns of exciter 1 until now, nan before the first step
         ("turns", np.int64),  # points of the section so far
         ("first_time", np.float64),  # of the section's first and last point (s)
         ("last_time", np.float64),
@@ -82,6 +83,9 @@ for _n in range(1, _MOST_NODES + 1):
     NODES[_n, :_n], WEIGHTS[_n, :_n] = 0.5 + 0.5 * _nodes, 0.5 * _weights
 
 _TURN = 2.0 * math.pi
+
+#: Part of a turn that may be missing by round-off.
+_COMPLETE = 1e-12
 _FLIGHT = int(Mode.FLIGHT)
 #: Places of y, φ₁ and the gap among the unknowns; integers of numpy, so that functions are compiled once for all.
 _HEIGHT, _ANGLE, _GAP = np.array([1, 3, GAP])
@@ -115,7 +119,7 @@ class Measures(NamedTuple):
 def no_measures(window: float) -> Measures:
     """Make empty sums whose measured part begins at a time (s)."""
     marks = np.zeros(1, MARKS)
-    marks["window"] = window
+    marks["window"], marks["passed"] = window, math.nan
     for name in ("force", "y"):
         marks[f"{name}_min"], marks[f"{name}_max"] = math.inf, -math.inf
     plain, open_turn, whole = np.zeros(3, SUMS)
@@ -235,7 +239,7 @@ def add_step(
     power: FloatArray,
     p: Parameters,
 ) -> None:
-    """Add a step, in two parts where exciter 1 completes a turn within it."""
+    """Add a step, in parts where exciter 1 completes turns within it."""
     marks, c, end = ms.marks, steps.c[row], steps.ends[row]
     system, force = piece.system, DIFFERENTIAL[piece.system]
     begin, length = piece.origin + steps.start[row], steps.length[row]
@@ -243,21 +247,32 @@ def add_step(
         marks.force_min, marks.force_max = widened(marks.force_min, marks.force_max, c, force, end[force])
     if flying and may_widen(marks.gap_min, marks.gap_max, c, degree, GAP, end[GAP]):
         marks.gap_min, marks.gap_max = widened(marks.gap_min, marks.gap_max, c, _GAP, end[GAP])
-    before = math.floor((c[0, 3] + piece.turns[0]) / _TURN)
-    after = math.floor((end[3] + piece.turns[0]) / _TURN)
-    cut = crossing(c, degree, _ANGLE, _TURN * max(before, after) - piece.turns[0]) if before != after else 0.0
-    for part in range(2):
-        start, stop = (0.0, cut) if part == 0 else (cut, 1.0)
-        if start < stop:
-            integrate(ms, c, degree, start, stop, begin, length, system, flying, nodes, full, power, p)
-        if part == 0 and before != after:
-            now = begin + cut * length
-            if goes_on(marks, slope(c, degree, 3, cut)) and now >= marks.window:
-                for j in range(force):
-                    full[PLACES[system, j]] = value(c, degree, j, cut)
-                close_turn(ms, now, piece.turns, full, value(c, degree, force, cut) if SIZES[system] > force else 0.0)
-    if begin + cut * length >= marks.window and may_widen(marks.y_min, marks.y_max, c, degree, 1, end[1]):
+    turn, last = marks.passed, whole_turns(end[3], piece.turns[0])
+    if math.isinf(turn):
+        turn = whole_turns(c[0, 3], piece.turns[0])
+    marks.passed = last
+    begun = 0.0
+    while True:
+        cut, way = 1.0, 1.0 if last > turn else -1.0
+        if turn != last:
+            cut = crossing(c, degree, _ANGLE, _TURN * max(turn, turn + way) - piece.turns[0])
+        if begun < cut:
+            integrate(ms, c, degree, begun, cut, begin, length, system, flying, nodes, full, power, p)
+        if turn == last:
+            break
+        begun, turn, now = cut, turn + way, begin + cut * length
+        if goes_on(marks, slope(c, degree, 3, cut)) and now >= marks.window:
+            for j in range(force):
+                full[PLACES[system, j]] = value(c, degree, j, cut)
+            close_turn(ms, now, piece.turns, full, value(c, degree, force, cut) if SIZES[system] > force else 0.0)
+    if begin + begun * length >= marks.window and may_widen(marks.y_min, marks.y_max, c, degree, 1, end[1]):
         marks.y_min, marks.y_max = widened(marks.y_min, marks.y_max, c, _HEIGHT, end[1])
+
+
+@inlined
+def whole_turns(angle: float, turns: float) -> float:
+    """Whole turns of an exciter; one that a motion was stopped at is complete, though round-off may say less."""
+    return math.floor((angle + turns) / _TURN + _COMPLETE)
 
 
 @compiled
@@ -265,6 +280,12 @@ def widened(least: float, largest: float, c: FloatArray, j: int, last: float) ->
     """Return extremes that also cover unknown j within a step, which ends with the value ``last``."""
     low, high = extremes(c, c.shape[0] - 1, j, last)
     return min(least, low), max(largest, high)
+
+
+@inlined
+def whole_turns(angle: float, turns: float) -> float:
+    """Whole turns of an exciter; one that a motion was stopped at is complete, though round-off may say less."""
+    return math.floor((angle + turns) / _TURN + _COMPLETE)
 
 
 @inlined
