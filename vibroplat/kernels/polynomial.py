@@ -95,6 +95,7 @@ def first_fall(c: FloatArray, degree: int, j: int, zeros: int) -> float:
             return -1.0 if bernstein[n] > bernstein[0] else 0.0
         begin = min(begin + 2.0**-HALVINGS, 1.0)
         split_right(bernstein, begin)
+        bernstein[0] = max(bernstein[0], 0.0)  # it has just risen, up to round-off
     found = first_change(bernstein, 1.0)
     return -1.0 if found < 0.0 else begin + found * (1.0 - begin)
 

@@ -74,6 +74,9 @@ MARKS = np.dtype(
     align=True,
 )
 
+#: Highest degree of polynomials that come with steps so short that the phase in the middle of a step is its mean.
+SHORT = 5
+
 #: Gauss nodes and weights on [0, 1], by their number.
 _MOST_NODES = 16
 NODES, WEIGHTS = np.zeros((2, _MOST_NODES + 1, _MOST_NODES))
@@ -233,7 +236,7 @@ def add_step(
     power: FloatArray,
     p: Parameters,
 ) -> None:
-    """Add a step, in two parts where exciter 1 completes a turn within it."""
+    """Add a step, in parts where exciter 1 completes turns within it."""
     marks, c, end = ms.marks, steps.c[row], steps.ends[row]
     system, force = piece.system, DIFFERENTIAL[piece.system]
     begin, length = piece.origin + steps.start[row], steps.length[row]
@@ -243,12 +246,14 @@ def add_step(
     if flying and may_widen(marks.gap_min, marks.gap_max, c, degree, GAP, end[GAP]):
         least, largest = extremes(c, degree, GAP, end[GAP])
         marks.gap_min, marks.gap_max = min(marks.gap_min, least), max(marks.gap_max, largest)
-    before = math.floor((c[0, 3] + piece.turns[0]) / _TURN)
-    after = math.floor((end[3] + piece.turns[0]) / _TURN)
+    turn = math.floor((c[0, 3] + piece.turns[0]) / _TURN)
+    last = math.floor((end[3] + piece.turns[0]) / _TURN)
     cut = 0.0
-    if before != after:
-        cut = crossing(c, degree, 3, _TURN * max(before, after) - piece.turns[0])
-        integrate(ms, c, degree, 0.0, cut, begin, length, system, flying, nodes, full, power, p)
+    while turn != last:
+        way = 1 if last > turn else -1
+        begun, cut = cut, crossing(c, degree, 3, _TURN * max(turn, turn + way) - piece.turns[0])
+        turn += way
+        integrate(ms, c, degree, begun, cut, begin, length, system, flying, nodes, full, power, p)
         now = begin + cut * length
         if goes_on(marks, slope(c, degree, 3, cut)) and now >= marks.window:
             for j in range(force):
@@ -286,7 +291,7 @@ def integrate(
     duration = (end - start) * length
     measured = begin + start * length >= marks.window
     total_x, total_xx, total_y, total_yy, total_phi, total_phi_phi, total_motor = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    total_exchanged = 0.0
+    total_exchanged, total_cosine, total_sine = 0.0, 0.0, 0.0
     for i in range(nodes):
         s, weight = start + (end - start) * NODES[nodes, i], duration * WEIGHTS[nodes, i]
         for j in range(DIFFERENTIAL[system]):
@@ -306,6 +311,9 @@ def integrate(
         total_phi += weight * phi
         total_phi_phi += weight * phi * phi
         total_motor += weight * power[0]
+        if degree > SHORT:
+            total_cosine += weight * math.cos(full[3] + full[4])
+            total_sine += weight * math.sin(full[3] + full[4])
     marks.exchanged += total_exchanged
     if measured:
         sums.x += total_x
@@ -317,11 +325,12 @@ def integrate(
         sums.motor += total_motor
         sums.time += duration
         sums.flying += duration if flying else 0.0
-        # where exciters run in step the phase varies slowly: the middle says it
-        middle = 0.5 * (start + end)
-        phase = value(c, degree, 3, middle) + value(c, degree, 4, middle)
-        sums.cosine += duration * math.cos(phase)
-        sums.sine += duration * math.sin(phase)
+        if degree <= SHORT:
+            middle = 0.5 * (start + end)
+            phase = value(c, degree, 3, middle) + value(c, degree, 4, middle)
+            total_cosine, total_sine = duration * math.cos(phase), duration * math.sin(phase)
+        sums.cosine += total_cosine
+        sums.sine += total_sine
 
 
 @inlined
