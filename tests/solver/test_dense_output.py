@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from vibroplat.integrate.interpolation import hermite, hermite_slope, interpolate, sample
 
 from vibroplat import simulate
-from vibroplat.integrate.interpolation import hermite, hermite_slope, interpolate, sample
 
 
 def wave(t):

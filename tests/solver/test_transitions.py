@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from vibroplat.integrate.interpolation import dip_below_zero
+from vibroplat.integrate.tape import blank_tape, calm, transcribe, write
 
 from vibroplat import simulate
 from vibroplat.bench.known import ball_on_table
 from vibroplat.bench.scenes import base
 from vibroplat.hybrid import transitions as rules
-from vibroplat.integrate.interpolation import dip_below_zero
-from vibroplat.integrate.tape import blank_tape, calm, transcribe, write
 from vibroplat.model.impact import impulse_response
 from vibroplat.model.parameters import IMPACT_LAWS, parameters
 from vibroplat.observe.statistics import extremes

@@ -225,8 +225,7 @@ def advance(h: Hybrid, n: Native) -> int:  # noqa: PLR0911  (each stop has its r
                 end_step(share, derivative, handles, steps, y)
                 return AT_GUARD
         if y[3] >= target:
-            share = crossing(steps.c[used.steps - 1], steps.c.shape[1] - 1, 3, target)
-            end_step(share, derivative, handles, steps, y)
+            end_on(target, derivative, handles, steps, y, yp)
             return AT_TARGET
         if ended:
             return AT_TIME
@@ -269,6 +268,20 @@ def end_step(share: float, derivative: int, handles: tuple[int, int, int], steps
     row = steps.used.steps - 1
     interpolate_at(steps.start[row] + share * steps.length[row], derivative, handles)
     end_at(steps, row, share, y)
+
+
+@compiled
+def end_on(
+    target: float, derivative: int, handles: tuple[int, int, int], steps: Steps, y: FloatArray, yp: FloatArray
+) -> None:
+    """Let the last step end where exciter 1 reaches an angle (rad)."""
+    row = steps.used.steps - 1
+    length = steps.length[row]
+    share = crossing(steps.c[row], steps.c.shape[1] - 1, 3, target)
+    for _ in range(2):  # the integrator's polynomial is another one: Newton's iteration on it
+        interpolate_at(steps.start[row] + share * length, derivative, handles)
+        share = min(max(share + (target - y[3]) / (length * yp[3]), 0.0), 1.0)
+    end_step(share, derivative, handles, steps, y)
 
 
 @compiled

@@ -171,10 +171,10 @@ class SundaeEngine:
         ends = self._pending
         system = SYSTEMS[h.run["systems"][h.run["mode"]]]
         room = self.rows - MARGIN
-        fell = transcribe(
-            h.steps, self._past, *(array[:room] for array in ends[:3]), GUARDS[system.index], ends.stop == AT_GUARD
-        )
-        left = _Ends(*(array[room:] for array in ends[:3]), ends.stop)
+        at_guard = ends.stop == AT_GUARD and len(ends.t) <= room
+        guard = GUARDS[system.index]
+        fell = transcribe(h.steps, self._past, ends.t[:room], ends.y[:room], ends.yp[:room], guard, at_guard)
+        left = _Ends(ends.t[room:], ends.y[room:], ends.yp[room:], ends.stop)
         cut = not fell and len(left.t) > 0
         if system.algebraic:
             calm(h, cut)
