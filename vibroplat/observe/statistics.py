@@ -75,6 +75,9 @@ MARKS = np.dtype(
     align=True,
 )
 
+#: Highest degree of polynomials that come with steps so short that the phase in the middle of a step is its mean.
+SHORT = 5
+
 #: Gauss nodes and weights on [0, 1], by their number.
 _MOST_NODES = 16
 NODES, WEIGHTS = np.zeros((2, _MOST_NODES + 1, _MOST_NODES))
@@ -283,12 +286,6 @@ def widened(least: float, largest: float, c: FloatArray, j: int, last: float) ->
 
 
 @inlined
-def whole_turns(angle: float, turns: float) -> float:
-    """Whole turns of an exciter; one that a motion was stopped at is complete, though round-off may say less."""
-    return math.floor((angle + turns) / _TURN + _COMPLETE)
-
-
-@inlined
 def integrate(
     ms: Measures,
     c: FloatArray,
@@ -313,7 +310,7 @@ def integrate(
     duration = (end - start) * length
     measured = begin + start * length >= marks.window
     total_x, total_xx, total_y, total_yy, total_phi, total_phi_phi, total_motor = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    total_exchanged = 0.0
+    total_exchanged, total_cosine, total_sine = 0.0, 0.0, 0.0
     for i in range(nodes):
         s, weight = start + (end - start) * NODES[nodes, i], duration * WEIGHTS[nodes, i]
         for j in range(DIFFERENTIAL[system]):
@@ -333,6 +330,9 @@ def integrate(
         total_phi += weight * phi
         total_phi_phi += weight * phi * phi
         total_motor += weight * power[0]
+        if degree > SHORT:
+            total_cosine += weight * math.cos(full[3] + full[4])
+            total_sine += weight * math.sin(full[3] + full[4])
     marks.exchanged += total_exchanged
     if measured:
         sums.x += total_x
@@ -344,11 +344,12 @@ def integrate(
         sums.motor += total_motor
         sums.time += duration
         sums.flying += duration if flying else 0.0
-        # where exciters run in step the phase varies slowly: the middle says it
-        middle = 0.5 * (start + end)
-        phase = value(c, degree, 3, middle) + value(c, degree, 4, middle)
-        sums.cosine += duration * math.cos(phase)
-        sums.sine += duration * math.sin(phase)
+        if degree <= SHORT:
+            middle = 0.5 * (start + end)
+            phase = value(c, degree, 3, middle) + value(c, degree, 4, middle)
+            total_cosine, total_sine = duration * math.cos(phase), duration * math.sin(phase)
+        sums.cosine += total_cosine
+        sums.sine += total_sine
 
 
 @inlined
