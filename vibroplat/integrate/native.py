@@ -191,7 +191,7 @@ def start(h: Hybrid, n: Native) -> bool:
 
 
 @compiled
-def advance(h: Hybrid, n: Native) -> int:  # noqa: PLR0911  (each stop has its reason)
+def advance(h: Hybrid, n: Native) -> int:  # noqa: PLR0911, PLR0912  (each stop has its reason)
     """Take steps to the guard, the segment's time, the run's target, a failure, or until there is no more room."""
     run, status, steps, past, time = h.run, n.status, h.steps, n.past, n.time
     mode, used = run.mode, h.steps.used
