@@ -48,7 +48,7 @@ SECTION_ROWS = 1024
 MARKS = np.dtype(
     [
         ("window", np.float64),  # when the measured part begins (s)
-        ("passed", np.float64),  # whole turns of exciter 1 until now, nan before the first step
+        ("passed", np.float64),  # whole turns of exciter 1 until now, inf before the first step
         ("turns", np.int64),  # points of the section so far
         ("first_time", np.float64),  # of the section's first and last point (s)
         ("last_time", np.float64),
@@ -117,7 +117,7 @@ class Measures(NamedTuple):
 def no_measures(window: float) -> Measures:
     """Make empty sums whose measured part begins at a time (s)."""
     marks = np.zeros(1, MARKS)
-    marks["window"], marks["passed"] = window, math.nan
+    marks["window"], marks["passed"] = window, math.inf
     for name in ("force", "y"):
         marks[f"{name}_min"], marks[f"{name}_max"] = math.inf, -math.inf
     plain, open_turn, whole = np.zeros(3, SUMS)
@@ -248,7 +248,7 @@ def add_step(
         least, largest = extremes(c, degree, GAP, end[GAP])
         marks.gap_min, marks.gap_max = min(marks.gap_min, least), max(marks.gap_max, largest)
     before, after = marks.passed, whole_turns(end[3], piece.turns[0])
-    if math.isnan(before):
+    if math.isinf(before):
         before = whole_turns(c[0, 3], piece.turns[0])
     marks.passed = after
     cut = 0.0
