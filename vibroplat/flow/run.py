@@ -7,7 +7,7 @@ from collections.abc import Callable
 from contextlib import closing
 from typing import Literal
 
-from vibroplat.flow.motion import Motion
+from vibroplat.flow.motion import Motion, Observer
 from vibroplat.hybrid.state import Hybrid
 from vibroplat.integrate.choice import make_engine
 from vibroplat.model.parameters import parameters
@@ -49,12 +49,15 @@ def simulate(
     began = time.perf_counter()
     p = parameters(scene)
     segments, events = Segments(), Events()
-    observers = [*([segments] if keep == "segments" else []), *([events] if keep != "summary" else [])]
+    observers: list[Observer] = [events] if keep != "summary" else []
+    if keep == "segments":
+        observers.append(segments)
+    if progress is not None:
+        observers.append(_Progress(progress))
     with closing(make_engine(scene, p)) as engine:
         motion = Motion(scene, p, engine)
         duration = scene.run.duration_s
-        reading = [*observers, *([_Progress(progress)] if progress is not None else [])]
-        part = motion.go_on(duration, settle=SETTLE_SHARE * duration, observers=reading)
+        part = motion.go_on(duration, settle=SETTLE_SHARE * duration, observers=observers)
         run = Trajectory(scene, segments.kept, events.rows, motion.state, part.measures)
         run.summary = {
             "name": scene.name,
