@@ -1,13 +1,36 @@
-"""What all tests share."""
+"""Fixtures of several rooms."""
 
 from __future__ import annotations
 
+import signal
 from pathlib import Path
 
 import pytest
+from common import commands
+from common.places import QUICKSTART
 
-from vibroplat import load_config
+from vibroplat import load_config, simulate
 from vibroplat.config import load_tree
+from vibroplat.flow.warm import load_kernels
+
+CHANGES = {
+    "two layers": {},
+    "one layer": {"material.layers": 1},
+    "bare": {"material.mass_ratio": 0.0},
+    "bouncing": {"contact.restitution": 0.5},
+}
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _ctrl_c():
+    """Let Ctrl-C interrupt commands, also where a shell has started the tests in the background.
+
+    A shell without job control starts ``pytest &`` with SIGINT ignored, and processes would inherit that.
+    """
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
 
 ROOT = Path(__file__).parents[1]
 
@@ -17,6 +40,45 @@ def here(tmp_path, monkeypatch):
     """An empty working directory."""
     monkeypatch.chdir(tmp_path)
     return tmp_path
+
+
+@pytest.fixture(scope="session")
+def kernels():
+    """Compile what a motion needs, so that commands do not report that they compile."""
+    load_kernels()
+
+
+@pytest.fixture
+def command():
+    """Run the command line in this process, which spares the imports."""
+    return commands.command
+
+
+@pytest.fixture(scope="session")
+def vibroplat(kernels):
+    """Run the command line in a process of its own, as a user does."""
+    return commands.process
+
+
+@pytest.fixture
+def figures(monkeypatch):
+    """Figures by the names of their files; no pictures are made of them, which would take most of the time."""
+    kept = {}
+
+    def keep(figure, path, **_options):
+        name = path.name.removeprefix(".").partition("-")[0]
+        kept[name] = figure
+        path.write_text(f"figure {name}")
+
+    monkeypatch.setattr("matplotlib.figure.Figure.savefig", keep)
+    return kept
+
+
+@pytest.fixture(scope="session")
+def runs():
+    """Finished runs of a quarter of a second."""
+    scenes = {name: load_config(QUICKSTART, {"run.duration_s": 0.25, **c}) for name, c in CHANGES.items()}
+    return {name: simulate(scene) for name, scene in scenes.items()}
 
 
 @pytest.fixture(scope="session")

@@ -1,14 +1,14 @@
-"""The program: Ctrl-C ends it with a line from its first moment on, also while the command line is loaded."""
+"""The program: Ctrl-C ends it with one line from the start, even while the command line is still loading."""
 
 from __future__ import annotations
 
-from vibroplat.interrupts import ending_at_once
+from vibroplat.interrupts import end_at_signals
 
 
 def main() -> None:
-    """Load the command line, and run it."""
-    with ending_at_once():
-        from vibroplat.cli import main as run  # noqa: PLC0415  (what takes long to load)
+    """Load the command line and run it."""
+    end_at_signals()
+    from vibroplat.cli import main as run  # noqa: PLC0415  (loading it takes a while)
 
     run()
 

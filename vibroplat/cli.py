@@ -1,11 +1,10 @@
-"""The command line: exit code 0 done, 1 a run failed, 2 bad input. Heavy imports are in the commands."""
+"""The command line. Exit codes: 0 done, 1 a run failed, 2 bad input. Heavy imports happen inside the commands."""
 
 from __future__ import annotations
 
 import gc
 import logging
 import os
-import signal
 import sys
 import time
 from enum import StrEnum
@@ -13,24 +12,40 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 from vibroplat import __version__
 from vibroplat.errors import VibroplatError
-from vibroplat.interrupts import INTERRUPTED, KEPT, ending_at_once
 from vibroplat.progress import calibration_progress, run_progress, sweep_progress
 
 if TYPE_CHECKING:
     from vibroplat.observe.trajectory import Trajectory
     from vibroplat.study.execution import Pool
 
-#: Failed points of a sweep that are told one by one.
+#: Failed points of a sweep that are reported one by one.
 TOLD = 5
 
+
+class _Commands(TyperGroup):
+    """The group of commands.
+
+    The default of ``--help`` is False: typer would load pydantic to convert None.
+    """
+
+    def get_help_option(self, ctx: Any) -> Any:
+        option = super().get_help_option(ctx)
+        if option is not None:
+            option.default = False
+        return option
+
+
 app = typer.Typer(
+    cls=_Commands,
     help="Simulate a vibrating platform with self-synchronizing exciters and material that may leave it.",
     invoke_without_command=True,
     add_completion=False,
     pretty_exceptions_enable=False,
+    rich_markup_mode=None,  # plain help, in half the time
 )
 
 
@@ -42,7 +57,7 @@ class TableFormat(StrEnum):
 
 
 class PlotKind(StrEnum):
-    """Figures, the first three of a run, the others of a sweep."""
+    """Figures: the first three show a run, the others a sweep."""
 
     motion = "motion"
     force = "force"
@@ -56,7 +71,7 @@ RUN_FIGURES = (PlotKind.motion, PlotKind.force, PlotKind.exciters)
 
 
 class BenchName(StrEnum):
-    """What can be measured."""
+    """Names of the benchmarks."""
 
     runtime = "runtime"
     precision = "precision"
@@ -68,46 +83,40 @@ class BenchName(StrEnum):
 
 CORES = os.cpu_count() or 1
 
-# Options that several commands have.
+# Options shared by several commands.
 Settings = Annotated[
-    list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a key, e.g. run.duration_s=2.")
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="Override a key, e.g. run.duration_s=2. May be repeated."),
 ]
-Out = Annotated[Path, typer.Option(help="Directory of the results.")]
-Format = Annotated[TableFormat, typer.Option("--format", help="Format of the tables.")]
-Jobs = Annotated[int, typer.Option(min=1, help="Worker processes.")]
-Resume = Annotated[bool, typer.Option("--resume", help="Go on with what is already finished.")]
-Overwrite = Annotated[bool, typer.Option("--overwrite", help="Drop what an unfinished command has left.")]
-Scheduler = Annotated[str | None, typer.Option(help="Address of a dask scheduler, e.g. tcp://host:8786.")]
+Out = Annotated[Path, typer.Option(help="Directory for the results.")]
+Format = Annotated[TableFormat, typer.Option("--format", help="File format of the tables.")]
+Jobs = Annotated[int, typer.Option(min=1, help="Number of worker processes.")]
+Resume = Annotated[bool, typer.Option("--resume", help="Resume an interrupted command.")]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Discard an unfinished command's points and start over.")]
+Scheduler = Annotated[
+    str | None, typer.Option(help="Run on a dask cluster: address of its scheduler, e.g. tcp://host:8786.")
+]
 
 
 def main() -> None:
     """Run the command line and turn errors into one line and an exit code."""
     logging.basicConfig(format="vibroplat: %(message)s")
-    # imports make very many objects that stay: looking for garbage among them takes a sixth of a short command
+    # imports create many objects that stay alive; collecting garbage among them takes a sixth of a short command
     gc.set_threshold(200_000)
-    signal.signal(signal.SIGTERM, _end)  # workers are stopped on the way out
     try:
         code = app(standalone_mode=False)
         sys.stdout.flush()
     except VibroplatError as error:
         sys.exit(_complain(str(error), error.exit_code))
-    except KeyboardInterrupt:  # before typer takes care of it
-        sys.exit(_complain(f"interrupted; {KEPT}", INTERRUPTED))
     except OSError as error:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # what is left has nowhere to go
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # the rest of the output has nowhere to go
         sys.exit(_complain(f"standard output cannot be written: {error.strerror or error}", 1))
     except Exception as error:
-        # the base of typer's usage errors is not public; this method is what marks them
+        # typer's base class of usage errors is not public; this method identifies them
         if not hasattr(error, "format_message"):
             raise
         sys.exit(_complain(f"{error.format_message()} Try 'vibroplat --help'.", 2))
-    if code == INTERRUPTED:
-        _complain(f"interrupted; {KEPT}", code)
     sys.exit(code if isinstance(code, int) else 0)
-
-
-def _end(number: int, _: object) -> None:
-    sys.exit(_complain(f"terminated; {KEPT}", 128 + number))
 
 
 def _complain(text: str, code: int) -> int:
@@ -134,12 +143,15 @@ def _options(
 
 @app.command()
 def run(
-    config: Annotated[Path, typer.Argument(help="YAML configuration of a scene.")],
+    config: Annotated[Path, typer.Argument(help="Configuration file (YAML).")],
     set_: Settings = None,
     out: Out = Path("results"),
     format_: Format = TableFormat.parquet,
 ) -> None:
-    """Integrate one scene in time; write trajectory, events, summary and provenance."""
+    """Simulate one scene in time.
+
+    Writes trajectory, events, summary and provenance to OUT/NAME and prints the summary.
+    """
     from vibroplat.config import load_config, parse_overrides
     from vibroplat.provenance import provenance
     from vibroplat.tables import result_directory, write_result
@@ -162,7 +174,7 @@ def run(
 
 @app.command()
 def sweep(
-    config: Annotated[Path, typer.Argument(help="YAML configuration with a section sweep.")],
+    config: Annotated[Path, typer.Argument(help="Configuration file with a sweep section.")],
     set_: Settings = None,
     out: Out = Path("results"),
     jobs: Jobs = 1,
@@ -171,7 +183,10 @@ def sweep(
     scheduler: Scheduler = None,
     format_: Format = TableFormat.parquet,
 ) -> None:
-    """Sweep over supply frequencies and a grid of values; write a row for each point."""
+    """Sweep over supply frequencies and a grid of values.
+
+    Writes a table with one row per point to OUT/NAME.
+    """
     from vibroplat.config import load_config, parse_overrides
     from vibroplat.provenance import read_provenance
     from vibroplat.study.branches import branches
@@ -194,10 +209,11 @@ def sweep(
         _load_kernels()
         with pool(jobs, scheduler) as workers, sweep_progress(scene.name, len(planned), points) as progress:
             run_sweeps([(scene, store)], workers, progress)
+        store.finish()
         report.write_sweep(scene, store, directory, format_.value)
     seconds = time.perf_counter() - began
     table = read_table(directory, "sweep")
-    resumed = f", {known} points of them from before" if known else ""
+    resumed = f", {known} of the points from before" if known else ""
     for label, text in report.overview(table).items():
         print(f"{label:<28}{text}")
     print(f"{'wall time':<28}{seconds:.3g} s, {(points - known) / seconds:.3g} points per s{resumed}")
@@ -206,14 +222,14 @@ def sweep(
     for line in failed[:TOLD]:
         print(f"vibroplat: {line}", file=sys.stderr)
     if failed:
-        print(f"vibroplat: {len(failed)} of {points} points did not end ok", file=sys.stderr)
+        print(f"vibroplat: {len(failed)} of {points} points failed", file=sys.stderr)
         raise typer.Exit(1)
 
 
 @app.command()
 def paper(
     machine: Annotated[
-        list[str] | None, typer.Option(help="A machine of configs/machines; printed and calibrated without it.")
+        list[str] | None, typer.Option(help="A machine from configs/machines. Default: printed and calibrated.")
     ] = None,
     set_: Settings = None,
     out: Out = Path("results"),
@@ -221,12 +237,15 @@ def paper(
     resume: Resume = False,
     overwrite: Overwrite = False,
     scheduler: Scheduler = None,
-    seeds: Annotated[int, typer.Option(min=1, help="Seeds of the perturbations that claims are judged with.")] = 3,
-    seed: Annotated[int, typer.Option(min=0, help="The first of them, with which figures are drawn.")] = 0,
+    seeds: Annotated[int, typer.Option(min=1, help="Number of perturbation seeds that each claim is judged with.")] = 3,
+    seed: Annotated[int, typer.Option(min=0, help="The first seed; figures are drawn with it.")] = 0,
 ) -> None:
-    """Reproduce the paper: tables and figures 2-7, and its claims with what was measured and a verdict."""
+    """Reproduce the paper.
+
+    Computes figures 2-7 and their tables, and compares each claim of the paper with what was measured.
+    """
     from vibroplat.config import parse_overrides
-    from vibroplat.study.trial import machine_numbers
+    from vibroplat.paper.trial import machine_numbers
 
     changes = parse_overrides(set_ or [])
     chosen = {name: {**machine_numbers(name), **changes} for name in machine or ("printed", "calibrated")}
@@ -242,70 +261,61 @@ def paper(
 def _reproduce(
     name: str, numbers: dict[str, Any], out: Path, workers: Pool, seeds: range, *, resume: bool, overwrite: bool
 ) -> None:
-    """Reproduce the paper with one machine; write and tell what came of it."""
-    from vibroplat.integrate.choice import engine_name
+    """Reproduce the paper with one machine; write its tables and figures and print an overview."""
+    from vibroplat.paper import report, reproduction
     from vibroplat.plots.paper import plot_paper
-    from vibroplat.provenance import provenance
-    from vibroplat.study import paper as study
-    from vibroplat.study.trial import paper_scene
-    from vibroplat.tables import result_directory, write_json, write_table
+    from vibroplat.tables import result_directory
 
     directory = result_directory(out / "paper", name)
     began = time.perf_counter()
-    branches, points = study.planned(numbers, seeds)
+    branches, points = reproduction.planned(numbers, seeds)
     with sweep_progress(name, branches, points) as progress:
-        found = study.reproduce(
+        found = reproduction.reproduce(
             numbers, directory / "points", workers, seeds=seeds, resume=resume, overwrite=overwrite, progress=progress
         )
-    for table_name, table in found.tables.items():
-        write_table(table, directory, table_name, "csv")
-    scene = paper_scene(study.SWEEPS[0], numbers)
-    beta = {"beta_per_s": found.beta, "beta_matched_hz": found.matched_hz}
-    write_json(provenance(scene, engine_name(scene)) | beta, directory, "provenance")
+    report.write_reproduction(found, numbers, directory)
     figures = plot_paper(directory)
-    seconds = time.perf_counter() - began
-    for _, row in found.tables["claims"].iterrows():
-        print(f"{row['id']:<24}{row['verdict']:<32}{row['seeds']:<16}{row['measured']}")
-    print(f"{'machine':<24}{name}; {study.matched(found)}")
-    print(f"{'computed':<24}{found.points} points, {found.simulated:.6g} s of motion, {found.events} events")
-    print(f"{'not ok':<24}{found.failed} points, counted in the claims that they concern")
-    print(f"{'wall time':<24}{seconds:.3g} s, {found.points / seconds:.3g} points per s")
+    for line in report.overview(name, found, time.perf_counter() - began):
+        print(line)
     print(f"{'tables and figures':<24}{directory}, {len(figures)} figures")
 
 
 @app.command()
 def calibrate(
-    config: Annotated[Path | None, typer.Argument(help="YAML of a machine with a section calibration.")] = None,
+    config: Annotated[
+        Path | None, typer.Argument(help="Configuration of a machine with a calibration section.")
+    ] = None,
     out: Out = Path("results"),
     jobs: Jobs = 1,
-    generations: Annotated[int | None, typer.Option(min=0, help="Generations of the search.")] = None,
+    generations: Annotated[int | None, typer.Option(min=0, help="Number of generations of the search.")] = None,
     resume: Resume = False,
     overwrite: Overwrite = False,
     scheduler: Scheduler = None,
 ) -> None:
-    """Fit the numbers that the paper does not print to its claims; the table has a row for each evaluation."""
+    """Fit the numbers the paper does not print to its claims.
+
+    Writes a table with one row per evaluation to OUT/calibration.
+    """
     from vibroplat.config import configurations
-    from vibroplat.study.calibration import reading, search
-    from vibroplat.study.calibration.plan import load_plan
+    from vibroplat.paper.calibration import reading, search
+    from vibroplat.paper.calibration.plan import load_plan
+    from vibroplat.paper.report import write_calibration
     from vibroplat.study.execution import pool
     from vibroplat.study.store import Store
-    from vibroplat.tables import remove_table, result_directory, write_table
+    from vibroplat.tables import result_directory
 
     overrides = {} if generations is None else {"generations": generations}
     fixed, plan = load_plan(config or configurations() / "claims" / "calibration.yaml", overrides)
     directory = result_directory(out, "calibration")
     total = plan.evaluations + plan.confirmations
-    with Store(directory, search.conditions(fixed, plan), resume=resume, overwrite=overwrite) as store:
+    with Store(directory, search.conditions(fixed), resume=resume, overwrite=overwrite) as store:
         _load_kernels()
         with pool(jobs, scheduler) as workers, calibration_progress(total) as progress:
             found = search.calibrate(fixed, plan, store, workers, progress)
+        store.finish()
     tables = {"evaluations": found.evaluations, "confirmation": found.confirmation}
     tables |= {"left-out": reading.left_out(found.evaluations, plan), "spread": reading.spread(found.evaluations, plan)}
-    for name, table in tables.items():
-        if len(table):
-            write_table(table, directory, name, "csv")
-        else:
-            remove_table(directory, name)
+    write_calibration(tables, directory)
     for label, text in reading.overview(found.evaluations, tables["left-out"], tables["spread"]).items():
         print(f"{label:<40}{text}")
     print(f"{'tables':<40}{directory}")
@@ -314,11 +324,14 @@ def calibrate(
 @app.command()
 def plot(
     directory: Annotated[Path, typer.Argument(metavar="DIR", help="Result directory of a run, a sweep or the paper.")],
-    kind: Annotated[list[PlotKind] | None, typer.Option(help="Which figures; all without it.")] = None,
-    start: Annotated[float | None, typer.Option(help="Begin of motion and force (s).")] = None,
-    stop: Annotated[float | None, typer.Option(help="End of motion and force (s).")] = None,
+    kind: Annotated[list[PlotKind] | None, typer.Option(help="Figures to draw. Default: all.")] = None,
+    start: Annotated[float | None, typer.Option(help="Start of the interval shown by motion and force (s).")] = None,
+    stop: Annotated[float | None, typer.Option(help="End of that interval (s).")] = None,
 ) -> None:
-    """Draw the figures of a run, a sweep or the paper from tables alone."""
+    """Draw the figures of a run, a sweep or the paper.
+
+    Only the tables in DIR are read; nothing is simulated.
+    """
     wanted = [k.value for k in kind or []]
     of_run = [k.value for k in kind or [] if k in RUN_FIGURES]
     of_sweep = [k for k in wanted if k not in of_run]
@@ -352,13 +365,13 @@ def bench(
         typer.Argument(metavar="[NAME]...", help="runtime, precision, engines, sweeps, stability, peers."),
     ] = None,
     out: Out = Path("results"),
-    long: Annotated[bool, typer.Option("--long", help="All of them.")] = False,
-    reference: Annotated[Path, typer.Option(help="Directory of reference tables.")] = Path("tests/reference"),
-    repeats: Annotated[int, typer.Option(min=1, help="Runs of which the median is taken.")] = 5,
+    long: Annotated[bool, typer.Option("--long", help="Run all benchmarks.")] = False,
+    reference: Annotated[Path, typer.Option(help="Directory of the reference tables.")] = Path("tests/reference"),
+    repeats: Annotated[int, typer.Option(min=1, help="Number of runs; their median is reported.")] = 5,
 ) -> None:
-    """Measure run time, error, engines, sweeps, stability, peers; tables and plots in OUT/benchmarks.
+    """Measure run time and accuracy.
 
-    Without a name: the summary, peers at equal error, in two minutes.
+    Writes tables and plots to OUT/benchmarks. Without a name it compares peers at equal error, in two minutes.
     """
     from vibroplat.bench import report
     from vibroplat.bench.timing import machine
@@ -392,22 +405,23 @@ def _tell_of_compilation() -> None:
     from vibroplat.flow.warm import is_compiled
 
     if not is_compiled():
-        print("vibroplat: compiling the numerical kernels, once, in about half a minute", file=sys.stderr)
+        print(
+            "vibroplat: compiling the numerical kernels; this happens once and takes about half a minute",
+            file=sys.stderr,
+        )
 
 
 def _load_kernels(engine: str = "auto") -> None:
-    """Compile or load what a motion needs, before workers do so each and before Ctrl-C may be an exception."""
-    with ending_at_once():
-        _tell_of_compilation()
-        from vibroplat.flow.warm import load_kernels
+    """Compile or load what a motion needs, once, before workers would each do so."""
+    _tell_of_compilation()
+    from vibroplat.flow.warm import load_kernels
 
-        load_kernels(engine)
-        # garbage of the compiler is left alone: its end in LLVM would swallow an exception, as Ctrl-C is later
-        gc.freeze()
+    load_kernels(engine)
+    gc.freeze()  # what is loaded stays: the garbage collector need not look at it
 
 
 def _print_summary(result: Trajectory, directory: Path) -> None:
-    """Print what a user looks for first; everything is in summary.json."""
+    """Print the most important results; summary.json holds all of them."""
     summary = result.summary
     rows = [
         ("outcome", summary["outcome"], ""),

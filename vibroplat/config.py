@@ -1,4 +1,4 @@
-"""YAML in: files that extend files, overrides from the command line, one scene out."""
+"""Reads YAML files, which may extend other files, applies overrides and builds a scene."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from vibroplat.messages import short
 from vibroplat.overrides import merge, nest
 from vibroplat.scene import Scene
 
-#: A configuration has some sixty keys; what is much larger is not one.
+#: A configuration has about sixty keys; anything much larger is something else.
 MAX_BYTES = 25_000
 MAX_VALUES = 5_000
 MAX_BRACKETS = 200
@@ -29,14 +29,14 @@ def load_config(path: str | os.PathLike[str], overrides: Mapping[str, Any] | Non
     Parameters
     ----------
     path
-        The file; its ``extends`` names another, relative to it, over which it is laid.
+        The file. Its ``extends`` may name another file, relative to this one, whose values it overrides.
     overrides
-        Dotted keys and values laid over the file, as ``--set`` gives them.
+        Dotted keys and values that override those of the file, as given by ``--set``.
 
     Raises
     ------
     vibroplat.errors.ConfigError
-        One line that names file, key, value and what is allowed.
+        One line with the file, the key, the value and what is allowed.
     """
     file = Path(path)
     tree = merge(_read_chain(file, ()), nest(overrides or {}))
@@ -48,12 +48,12 @@ def load_config(path: str | os.PathLike[str], overrides: Mapping[str, Any] | Non
 
 
 def load_tree(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """Read the keys and values of a YAML file laid over those it extends, without building a scene of them.
+    """Read the keys and values of a YAML file and of those it extends, without building a scene.
 
     Raises
     ------
     vibroplat.errors.ConfigError
-        The file, or one that it extends, cannot be read.
+        The file or one that it extends cannot be read.
     """
     return _read_chain(Path(path), ())
 
@@ -64,7 +64,7 @@ def load_list(path: str | os.PathLike[str]) -> list[Any]:
     Raises
     ------
     vibroplat.errors.ConfigError
-        It cannot be read, or holds something else.
+        It cannot be read or holds something else.
     """
     found = _parse(_text(Path(path)), str(path))
     if not isinstance(found, list):
@@ -79,12 +79,12 @@ def configurations() -> Path:
 
 
 def parse_overrides(settings: Iterable[str]) -> dict[str, Any]:
-    """Turn ``key.sub=value`` texts into dotted keys and values, typed as in YAML.
+    """Parse ``key.sub=value`` into dotted keys and values, typed as in YAML.
 
     Raises
     ------
     vibroplat.errors.ConfigError
-        A text has no ``=`` or its value is not YAML.
+        A setting has no ``=``, or its value is not YAML.
     """
     overrides: dict[str, Any] = {}
     for setting in settings:
@@ -99,16 +99,16 @@ def configuration_schema() -> dict[str, Any]:
     """JSON schema of a configuration file."""
     schema = Scene.model_json_schema()
     schema["title"] = "vibroplat configuration"
-    schema["properties"]["extends"] = {"type": "string", "description": "file to lay this one over"}
+    schema["properties"]["extends"] = {"type": "string", "description": "file whose values this one overrides"}
     return schema
 
 
 def _read_chain(file: Path, above: tuple[Path, ...]) -> dict[str, Any]:
-    """Read a file laid over those it extends."""
+    """Read a file and those it extends."""
     text = _text(file)
     place = file.resolve()
     if place in above:
-        raise ConfigError(f"{file}: extends itself by way of {above[-1].name}")
+        raise ConfigError(f"{file}: extends itself through {above[-1].name}")
     tree = _parse(text, str(file))
     if tree is None:
         tree = {}
@@ -118,17 +118,17 @@ def _read_chain(file: Path, above: tuple[Path, ...]) -> dict[str, Any]:
     if base is None:
         return tree
     if not isinstance(base, str) or not base:
-        raise ConfigError(f"{file}: extends = {short(base)}; allowed: the name of a file")
+        raise ConfigError(f"{file}: extends = {short(base)}; allowed: a file name")
     below = _read_chain(file.parent / base, (*above, place))
-    below.pop("name", None)  # a file that extends another is another scene
+    below.pop("name", None)  # a file that extends another describes another scene
     return merge(below, tree)
 
 
 def _text(file: Path) -> str:
     try:
-        if not (file.is_file() or file.is_dir()) and file.exists():  # a device or a pipe may have no end
+        if not (file.is_file() or file.is_dir()) and file.exists():  # a device or a pipe may never end
             raise ConfigError(f"{file}: not a file")
-        with file.open("rb") as opened:  # what a file of /proc says of its size is 0
+        with file.open("rb") as opened:  # files in /proc report a size of 0
             content = opened.read(MAX_BYTES + 1)
         if len(content) > MAX_BYTES:
             raise ConfigError(f"{file}: larger than {MAX_BYTES} bytes; not a configuration")
@@ -136,17 +136,17 @@ def _text(file: Path) -> str:
     except FileNotFoundError:
         raise ConfigError(f"{file}: no such file") from None
     except UnicodeDecodeError:
-        raise ConfigError(f"{file}: not a text in UTF-8") from None
+        raise ConfigError(f"{file}: not UTF-8 text") from None
     except (OSError, ValueError) as error:
         raise ConfigError(f"{file}: cannot be read ({_reason(error)})") from None
 
 
 def _parse(text: str, source: str) -> Any:
-    """Load YAML without building objects; every complaint becomes one line."""
+    """Load YAML without building objects; every error becomes one line."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", ReusedAnchorWarning)
-            if text.count("[") + text.count("{") > MAX_BRACKETS:  # the parser's time grows with their square
+            if text.count("[") + text.count("{") > MAX_BRACKETS:  # the parser takes quadratic time
                 raise ConfigError(f"{source}: more than {MAX_BRACKETS} brackets; not a configuration")
             if _values(YAML(typ="safe", pure=True).compose(text), {}) > MAX_VALUES:
                 raise ConfigError(f"{source}: more than {MAX_VALUES} values; not a configuration")
@@ -157,35 +157,35 @@ def _parse(text: str, source: str) -> Any:
     except DuplicateKeyError as error:
         line = error.problem_mark.line + 1 if error.problem_mark else "?"
         problem = str(error.problem).split("with value")[0].removeprefix("found ").strip()
-        raise ConfigError(f"{source}: {problem} a second time in line {line}; allowed: each key once") from None
+        raise ConfigError(f"{source}: {problem} in line {line}; allowed: each key once") from None
     except MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         where = f" in line {mark.line + 1}, column {mark.column + 1}" if mark else ""
-        raise ConfigError(f"{source}: not readable as YAML{where}: {_one_line(error.problem)}") from None
+        raise ConfigError(f"{source}: not valid YAML{where}: {_one_line(error.problem)}") from None
     except RecursionError:
         raise ConfigError(f"{source}: nested too deeply") from None
-    except Exception as error:  # the parser raises whatever on what is not YAML: IndexError, AssertionError …
-        raise ConfigError(f"{source}: not readable as YAML: {_one_line(error) or type(error).__name__}") from None
+    except Exception as error:  # on invalid YAML the parser may raise anything: IndexError, AssertionError …
+        raise ConfigError(f"{source}: not valid YAML: {_one_line(error) or type(error).__name__}") from None
     return tree
 
 
 def _values(node: Any, known: dict[int, int]) -> int:
-    """Count the values of a composed document as if every alias and merge were written out."""
+    """Count the values of a composed document with all aliases and merges expanded."""
     if node is None:
         return 0
     if id(node) not in known:
-        known[id(node)] = MAX_VALUES + 1  # what contains itself is endless
+        known[id(node)] = MAX_VALUES + 1  # a node that contains itself never ends
         inside = [n for entry in node.value for n in (entry if isinstance(entry, tuple) else (entry,))]
         known[id(node)] = 1 + sum(_values(n, known) for n in inside if not isinstance(n, str))
     return known[id(node)]
 
 
 def _require_text_keys(tree: Any) -> None:
-    """Refuse keys that are not texts, which the sections could not even name."""
+    """Refuse keys that are not text."""
     if isinstance(tree, dict):
         for key, value in tree.items():
             if not isinstance(key, str):
-                raise ValueError(f"key {key!r} is not a text")
+                raise ValueError(f"key {key!r} is not text")
             _require_text_keys(value)
     elif isinstance(tree, list):
         for value in tree:

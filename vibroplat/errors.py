@@ -1,19 +1,19 @@
-"""What can go wrong, as the user is told of it."""
+"""Errors with messages for users."""
 
 from __future__ import annotations
 
-#: Longest text of an error; what users put into keys and names may be longer.
+#: Longest message; keys and names from users may be longer.
 MAX_TEXT = 400
 
 
 class VibroplatError(Exception):
     """Base of all errors that vibroplat raises on purpose.
 
-    The text is one line for the user: characters that do not print are escaped, and of one longer than
-    :data:`MAX_TEXT` beginning and end are told.
+    The message is one line. Characters that cannot be printed are escaped; a message longer than
+    :data:`MAX_TEXT` is shortened in the middle.
     """
 
-    #: Of the command line; 1 where the input was good and the work failed.
+    #: Exit code of the command line; 1 if the input was valid but the work failed.
     exit_code = 2
 
     def __init__(self, text: str) -> None:
@@ -23,8 +23,8 @@ class VibroplatError(Exception):
 
 
 class ConfigError(VibroplatError):
-    """A configuration that cannot be used; the text names the key, the value and what is allowed."""
+    """A configuration that cannot be used; the message names the key, the value and what is allowed."""
 
 
 class TableError(VibroplatError):
-    """A result table that cannot be written or read."""
+    """A result file that cannot be written or read."""

@@ -1,4 +1,4 @@
-"""The types of a configuration's values, and what its sections have in common."""
+"""Types of configuration values, and the base class of all sections."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 from pydantic_core import PydanticCustomError
 
-#: Numbers outside of these are no physical quantity in SI units; products of those inside stay finite.
+#: No physical quantity in SI units lies outside these limits; products of numbers inside them stay finite.
 LEAST, LARGEST = 1e-30, 1e30
 
 
@@ -18,7 +18,7 @@ def _not_minute(value: float) -> float:
 
 
 def not_bool(value: Any) -> Any:
-    """Refuse true and false, which Python takes for 1 and 0."""
+    """Refuse true and false, which Python treats as 1 and 0."""
     if isinstance(value, bool):
         raise PydanticCustomError("literal_error", "no number", {"expected": "1 or 2"})
     return value
@@ -31,6 +31,6 @@ Share = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
 
 
 class Section(BaseModel):
-    """A section of a configuration: frozen, strict about types, without unknown keys."""
+    """A section of a configuration: immutable, with strict types and no unknown keys."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True)

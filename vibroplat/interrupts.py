@@ -1,53 +1,126 @@
-"""Ctrl-C where it cannot be an exception: while the program is loaded, and where workers are started.
+"""Ctrl-C and SIGTERM end the program: one line, no half-written file, no worker left running.
 
-Light to import: the program begins with it.
+Normally the process ends inside the signal's handler. An exception would not do: it is lost where C code calls
+Python, as LLVM does while it loads or compiles a kernel, and in destructors. Only while worker processes are open
+is the stack unwound, because they have to be closed.
+
+This module is light to import: the program starts with it.
 """
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
-import threading
+import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
-#: What is there after a command was stopped.
-KEPT = "tables under their final names are whole, and --resume goes on with finished points"
-#: Exit code of a program that Ctrl-C has ended, also that which typer makes of it.
-INTERRUPTED = 130
+#: What remains of a command that was stopped.
+KEPT = "result files are complete, and --resume continues from the finished points"
+#: Seconds during which further requests are ignored while the stack is unwound.
+GRACE = 5.0
+
+_WORDS = {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated"}
+
+#: Temporary files that are being written.
+_unfinished: set[Path] = set()
 
 
-def _end(_number: int, _frame: object) -> None:
-    os.write(2, f"vibroplat: interrupted; {KEPT}\n".encode())
-    os._exit(INTERRUPTED)
+class _Ending:
+    """What a request to end meets."""
+
+    #: Contexts with something to close.
+    open = 0
+    #: Contexts that look for requests themselves.
+    watching = 0
+    #: The signal that came, and when.
+    signal: int | None = None
+    since = 0.0
+
+
+def end_at_signals() -> None:
+    """End this program at Ctrl-C and at SIGTERM.
+
+    A signal that was ignored from the start stays ignored: a shell without job control starts commands with ``&``
+    that way, and a Ctrl-C meant for the foreground must not end them.
+    """
+    for number in _WORDS:
+        if signal.getsignal(number) not in (None, signal.SIG_IGN):
+            signal.signal(number, _end)
+
+
+def _end(number: int, _frame: object) -> None:
+    if _Ending.signal is not None:
+        if time.monotonic() - _Ending.since > GRACE:
+            _exit(number)
+        return
+    _Ending.signal, _Ending.since = number, time.monotonic()
+    show_cursor = "\r\x1b[K\x1b[?25h" if os.isatty(2) else ""  # a progress bar may have hidden it
+    os.write(2, f"{show_cursor}vibroplat: {_WORDS[signal.Signals(number)]}; {KEPT}\n".encode())
+    if not _Ending.watching:
+        stop_if_asked()
+
+
+def _exit(number: int) -> None:
+    """End the process here."""
+    for path in _unfinished:
+        with contextlib.suppress(OSError):
+            path.unlink()
+    with contextlib.suppress(Exception):  # the signal may have come in the middle of a flush
+        sys.stdout.flush()
+    os._exit(128 + number)
+
+
+def stop_if_asked() -> None:
+    """End the program if a signal has asked for it, by unwinding the stack where something has to be closed."""
+    if _Ending.signal is None:
+        return
+    if not _Ending.open:
+        _exit(_Ending.signal)
+    sys.exit(128 + _Ending.signal)
 
 
 @contextmanager
-def ending_at_once() -> Iterator[None]:
-    """Let Ctrl-C, or a request to end, end the process without unwinding it.
-
-    Loading takes long, has nothing to undo, and goes through callbacks of LLVM, which an exception breaks.
-    """
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
-    for number, ending in ((signal.SIGINT, _end), (signal.SIGTERM, signal.SIG_DFL)):
-        if before[number] not in (None, signal.SIG_IGN):  # None: not Python's; ignored: in the background
-            signal.signal(number, ending)
+def unwinding() -> Iterator[None]:
+    """Unwind the stack at a request to end: something has to be closed."""
+    _Ending.open += 1
     try:
         yield
     finally:
-        for number, handler in before.items():
-            if handler is not None:
-                signal.signal(number, handler)
+        _Ending.open -= 1
+    stop_if_asked()
 
 
 @contextmanager
-def held() -> Iterator[None]:
-    """Hold Ctrl-C back until the end; what is started meanwhile never gets it, as signal masks are inherited.
+def watching() -> Iterator[None]:
+    """Put off a request to end until the block calls :func:`stop_if_asked`, or its end."""
+    _Ending.watching += 1
+    try:
+        yield
+    finally:
+        _Ending.watching -= 1
+    if not _Ending.watching:
+        stop_if_asked()
 
-    A terminal sends Ctrl-C to workers too, which would each tell of it; it is their parent's to stop them.
+
+@contextmanager
+def unfinished(path: Path) -> Iterator[None]:
+    """Remove a file at a request to end, as it is not finished."""
+    _unfinished.add(path)
+    try:
+        yield
+    finally:
+        _unfinished.discard(path)
+
+
+@contextmanager
+def unheard() -> Iterator[None]:
+    """Let processes that are started in the block never receive Ctrl-C, which a terminal sends to them too.
+
+    They inherit the mask of signals; it is their parent that stops them.
     """
     if not hasattr(signal, "pthread_sigmask"):  # Windows
         yield

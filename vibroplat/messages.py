@@ -1,4 +1,4 @@
-"""One line for a user about a configuration that was not accepted."""
+"""One-line messages about configurations that are not accepted."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _PLAIN = {
     "missing": "a value is required",
     "float_type": "a number",
     "int_type": "a whole number",
-    "string_type": "a text",
+    "string_type": "text",
     "bool_type": "true or false",
     "list_type": "a list",
     "model_type": "a section of keys and values",
@@ -29,14 +29,14 @@ _PLAIN = {
     "too_long": "a list of {max_length}",
     "string_too_short": "at least {min_length} character",
     "string_too_long": "at most {max_length} characters",
-    "string_pattern_mismatch": "letters, digits and . _ + -, the first a letter or digit",
+    "string_pattern_mismatch": "letters, digits and . _ + -, starting with a letter or digit",
 }
 
 
 def explain(error: ValidationError, model: type[BaseModel]) -> str:
     """Say in one line which key is wrong, what was given and what is allowed.
 
-    The first complaint is told; the number of further ones is added.
+    Only the first error is described; the number of further errors is appended.
     """
     complaints = error.errors()
     line = _complaint(complaints[0], model)
@@ -58,14 +58,14 @@ def _complaint(entry: Any, model: type[BaseModel]) -> str:
 
 
 def unknown_key(path: list[str], known: list[str]) -> str:
-    """Name an unknown key, the nearest known one, and all that are known there."""
+    """Name an unknown key, the most similar known key, and all keys known there."""
     near = difflib.get_close_matches(path[-1], known, n=1, cutoff=0.5)
     hint = f"did you mean {near[0]}? " if near else ""
     return f"unknown key {'.'.join(path)}; {hint}allowed: {', '.join(known)}"
 
 
 def _keys_at(model: type[BaseModel], path: list[str]) -> list[str]:
-    """Return the keys that a section takes."""
+    """Return the keys of a section."""
     current: type[BaseModel] = model
     for part in path:
         if part.isdigit():
@@ -86,9 +86,9 @@ def _section_type(annotation: Any) -> type[BaseModel] | None:
 
 
 def short(value: Any) -> str:
-    """Write a value for a line."""
+    """Format a value for a one-line message."""
     try:
         text = " ".join(repr(value).split())
-    except ValueError:  # Python writes no whole number of more than 4300 digits
-        text = "a number of thousands of digits"
+    except ValueError:  # Python refuses to print integers of more than 4300 digits
+        text = "a number with thousands of digits"
     return text if len(text) <= 60 else text[:57] + "..."

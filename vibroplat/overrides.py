@@ -1,4 +1,4 @@
-"""Nested plain values laid over one another: files that extend files, ``--set``, ``Scene.replace``."""
+"""Merges nested plain values: files that extend files, ``--set``, ``Scene.replace``."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 
 from vibroplat.errors import ConfigError
 
-#: Keys of which a scene takes one: where an upper layer gives one, the lower layer's other is dropped.
+#: Keys that exclude each other: if an upper layer gives one, the lower layer's other is dropped.
 ALTERNATIVES: tuple[tuple[str, frozenset[str]], ...] = (
     ("", frozenset({"motor", "motors"})),
     ("material", frozenset({"natural_frequency_hz", "stiffness_n_per_m"})),
@@ -18,12 +18,12 @@ ALTERNATIVES: tuple[tuple[str, frozenset[str]], ...] = (
 )
 
 
-#: Sections whose keys are free: what lies above replaces them, or keys could never be taken away.
+#: Sections with free keys: they are replaced as a whole, because merging could never remove a key.
 REPLACED = frozenset({"sweep.grid"})
 
 
 def merge(lower: Mapping[str, Any], upper: Mapping[str, Any], section: str = "") -> dict[str, Any]:
-    """Lay ``upper`` over ``lower``: sections are merged key by key, all else and :data:`REPLACED` is replaced."""
+    """Override ``lower`` with ``upper``: merge sections key by key, replace other values and :data:`REPLACED`."""
     merged = dict(lower)
     for place, group in ALTERNATIVES:
         given = {key for key in group & upper.keys() if upper[key] is not None} if place == section else set()
@@ -44,19 +44,19 @@ def nest(dotted: Mapping[str, Any]) -> dict[str, Any]:
     tree: dict[str, Any] = {}
     for path, value in dotted.items():
         if not isinstance(path, str):
-            raise ConfigError(f"key {path!r} is not a text; allowed: key.sub")
+            raise ConfigError(f"key {path!r} is not text; allowed: key.sub")
         *sections, key = path.split(".")
         node = tree
         for name in sections:
             node = node.setdefault(name, {})
             if not isinstance(node, dict):
-                raise ConfigError(f"{path} lies inside {name}, which is already given a value")
+                raise ConfigError(f"{path} lies inside {name}, which already has a value")
         node[key] = value
     return tree
 
 
 def flat(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Turn nested sections into dotted keys: what :func:`nest` takes back."""
+    """Turn nested sections into dotted keys; the inverse of :func:`nest`."""
     found: dict[str, Any] = {}
     for key, value in tree.items():
         if isinstance(value, Mapping) and value:

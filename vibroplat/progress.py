@@ -1,4 +1,4 @@
-"""Progress bars on a terminal; nothing elsewhere."""
+"""Progress bars, shown only on a terminal."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 
 @contextmanager
 def run_progress(name: str, seconds: float) -> Iterator[Callable[[float, int], None] | None]:
-    """Show the time that a run has reached (s) and its events."""
+    """Show the simulated time of a run (s) and its number of events."""
     counts = "{task.fields[events]} events"
     with _bar(f"{name}: loading kernels", seconds, "s", counts, number=":.2f", events=0) as update:
         if update is None:
@@ -21,7 +21,7 @@ def run_progress(name: str, seconds: float) -> Iterator[Callable[[float, int], N
 
 @contextmanager
 def sweep_progress(name: str, branches: int, points: int) -> Iterator[Callable[[int, int, int], None] | None]:
-    """Show branches, points, events and time left on a terminal, nothing elsewhere."""
+    """Show the number of finished branches, points and events, and the remaining time."""
     counts = "{task.fields[done]}/{task.fields[branches]} branches, {task.fields[events]} events"
     with _bar(name, points, "points", counts, done=0, branches=branches, events=0) as update:
         if update is None:
@@ -34,7 +34,7 @@ def sweep_progress(name: str, branches: int, points: int) -> Iterator[Callable[[
 def _bar(
     name: str, total: float, unit: str, counts: str, number: str = "", **fields: Any
 ) -> Iterator[Callable[..., None] | None]:
-    """Show a progress bar with counts beside it on a terminal, nothing elsewhere."""
+    """Show a progress bar with counts next to it; yield None if there is no terminal."""
     if not sys.stderr.isatty():
         yield None
         return
@@ -61,7 +61,7 @@ def _bar(
 
 @contextmanager
 def calibration_progress(total: int) -> Iterator[Callable[[int, int, float], None] | None]:
-    """Show evaluations, the best of them and the time left on a terminal, nothing elsewhere."""
+    """Show the number of evaluations, the best one and the remaining time."""
     best = "best: {task.fields[held]} claims, score {task.fields[score]:.3f}"
     with _bar("calibration", total, "evaluations", best, held=0, score=0.0) as update:
         if update is None:

@@ -1,4 +1,4 @@
-"""Where a result came from."""
+"""Records how a result was made."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from vibroplat.integrate.sundials import UnavailableError, configuration
 from vibroplat.scene import Scene
 from vibroplat.tables import read_json
 
-#: Version of what result directories hold; raised when a reader of older ones would misread it.
+#: Version of the contents of result directories; increased when an older reader would misread them.
 SCHEMA = 1
 
 _LIBRARIES = ("scikit-sundae", "numpy", "numba", "llvmlite", "pandas", "pydantic", "pyarrow", "ruamel.yaml")
 
 
 def provenance(scene: Scene, engine: str) -> dict[str, Any]:
-    """Gather versions, machine, and the full configuration of a result."""
+    """Collect versions, the machine and the full configuration of a result."""
     return {
         "schema": SCHEMA,
         "vibroplat": vibroplat.__version__,
@@ -43,7 +43,7 @@ def provenance(scene: Scene, engine: str) -> dict[str, Any]:
 
 
 def read_provenance(directory: Path) -> dict[str, Any]:
-    """Return where results come from; refuse those of a version that this one does not read."""
+    """Return the provenance of a result; refuse other schema versions."""
     origin = read_json(directory, "provenance")
     found = origin.get("schema") if isinstance(origin, dict) else None
     if type(found) is not int or found != SCHEMA:
@@ -52,7 +52,7 @@ def read_provenance(directory: Path) -> dict[str, Any]:
 
 
 def configuration_hash(scene: Scene) -> str:
-    """SHA-256 of the resolved configuration, the same for every way to write it."""
+    """SHA-256 of the resolved configuration, independent of how it was written."""
     text = json.dumps(scene.to_tree(), sort_keys=True, separators=(",", ":"))
     return hashlib.sha256(text.encode()).hexdigest()
 
@@ -65,7 +65,7 @@ def _version(name: str) -> str | None:
 
 
 def _sundials() -> str | None:
-    """Version of the library inside scikit-sundae."""
+    """Version of SUNDIALS inside scikit-sundae."""
     try:
         return configuration().get("SUNDIALS_VERSION")
     except UnavailableError:
@@ -73,11 +73,11 @@ def _sundials() -> str | None:
 
 
 def _commit() -> str | None:
-    """Commit of the checkout this package runs from, with ``+`` if it was changed; None elsewhere."""
+    """Git commit of the package, with ``+`` if files have changed; None outside a checkout."""
     here = Path(__file__).parent
 
     def git(*arguments: str) -> str:
-        # whoever is killed meanwhile must not leave a lock in a repository
+        # a process that is killed meanwhile must not leave a lock in the repository
         command = ["git", "--no-optional-locks", "-C", str(here), *arguments]
         return subprocess.run(command, capture_output=True, text=True, check=True, timeout=5).stdout.strip()
 

@@ -1,8 +1,8 @@
-"""What is simulated: one scene, frozen, in SI units, checked when it is built.
+"""The scene: everything that is simulated, in SI units, immutable and validated when it is built.
 
-The field names are the keys of a YAML configuration and carry their unit; the models below are the
-one place where a key, its type, its default and its range are written down. Derived quantities
-(masses, inertias, scales) are properties with the symbols of the equations in their docstrings.
+Field names are the keys of a YAML configuration and end with their unit. The models below are the only
+place that defines a key, its type, its default and its range. Derived quantities (masses, inertias,
+scales) are properties; their docstrings give the symbols of the equations.
 """
 
 from __future__ import annotations
@@ -18,21 +18,21 @@ from vibroplat.errors import ConfigError
 from vibroplat.fields import NonNegative, Positive, Real, Section, Share, not_bool
 from vibroplat.messages import explain
 from vibroplat.overrides import merge, nest
-from vibroplat.plan import Sweep
+from vibroplat.sweep_plan import SweepPlan
 
-#: Rows of a trajectory table that a scene may ask for.
+#: Most rows of a trajectory table.
 MAX_ROWS = 100_000_000
 
-#: Turns of the synchronous speed that a run may take, half a day of computing.
+#: Most turns at the synchronous speed that a run may take: half a day of computing.
 MAX_TURNS = 1e9
 
-#: Fastest decay over the synchronous speed from which Adams' method is held back by its stability: it takes more
-#: steps than IDA at 10, as many time at 4 to 6 (a bare platform whose damping is raised).
+#: Ratio of the fastest decay rate to the synchronous speed above which stability limits the steps of Adams' method.
+#: With raised damping on a bare platform it needs as much time as IDA at 4 to 6 and more steps at 10.
 STIFF = 5.0
 
 
 class Mode(IntEnum):
-    """The smooth regimes of motion; the numbers are what compiled code sees."""
+    """Modes of smooth motion; compiled code uses the numbers."""
 
     ATTACHED = 0
     FLIGHT = 1
@@ -84,8 +84,8 @@ class Machine(Section):
     def safe_rotation(self) -> float:
         """Rotation φ up to which the mass matrix is positive definite wherever the exciters are (rad).
 
-        Axes that turn to first order move out by √(1 + φ²), while J stays: what J lacks then, φ²(J − J_0),
-        is at most J_0.
+        To first order in φ a rotation moves the axes out by √(1 + φ²) but leaves J unchanged. The error of J,
+        φ²(J − J_0), is at most J_0 up to this rotation.
         """
         exciters = self.inertia - self.platform_inertia_kg_m2
         return math.sqrt(self.platform_inertia_kg_m2 / exciters) if exciters > 0.0 else math.inf
@@ -107,7 +107,7 @@ class Machine(Section):
 
 
 class Motor(Section):
-    """An induction motor by the Kloss formula and the resistance to its rotation."""
+    """An induction motor (Kloss formula) and its resistance to rotation."""
 
     critical_torque_n_m: NonNegative = Field(1.2, description="M_c; 0 = supply switched off")
     critical_slip: Positive = Field(0.15, description="s_c")
@@ -116,12 +116,12 @@ class Motor(Section):
 
 
 class Material(Section):
-    """The material on the platform; a mass ratio of 0 is a bare platform."""
+    """The material on the platform; a mass ratio of 0 means a bare platform."""
 
     mass_ratio: NonNegative = Field(0.0, description="mu_w = m_w / M")
     layers: Annotated[Literal[1, 2], BeforeValidator(not_bool)] = Field(2, description="2, or 1 for a thin layer")
     lower_share: Annotated[float, Field(gt=0.0, le=1.0, allow_inf_nan=False)] = Field(
-        0.75, description="m_w1 / m_w; read with two layers"
+        0.75, description="m_w1 / m_w; used with two layers"
     )
     natural_frequency_hz: Positive | None = Field(None, description="sqrt(c_w/m_w2)/2pi")
     stiffness_n_per_m: Positive | None = Field(None, description="c_w")
@@ -141,13 +141,13 @@ class Material(Section):
                 )
             if self.natural_frequency_hz is None and self.stiffness_n_per_m is None:
                 raise ValueError(
-                    "two layers need the spring between them; give natural_frequency_hz or stiffness_n_per_m"
+                    "two layers need a spring between them; give natural_frequency_hz or stiffness_n_per_m"
                 )
         return self
 
 
 class Contact(Section):
-    """How material and platform meet."""
+    """Contact between material and platform."""
 
     model: Literal["impact", "non-impact"] = Field(
         "impact", description="non-impact: material as added viscous friction"
@@ -166,10 +166,10 @@ class Drive(Section):
 
 
 class State(Section):
-    """A full state; a coordinate left out is at the static rest, a rate left out is 0.
+    """A full state. Omitted coordinates are at static rest; omitted rates are 0.
 
-    ``t_s``, ``mode`` and ``contact_force_n`` are taken so that the last row of a trajectory can be
-    given as it is; they are not used (time starts at 0, mode and force follow from the state).
+    ``t_s``, ``mode`` and ``contact_force_n`` are accepted but not used, so that the last row of a trajectory
+    can be given unchanged. Time starts at 0; mode and force follow from the state.
     """
 
     x_m: Real | None = None
@@ -192,7 +192,7 @@ class State(Section):
 
 
 class Initial(Section):
-    """Platform and material at static rest with turning exciters, or a full state."""
+    """Initial state: platform and material at static rest with rotating exciters, or a full state."""
 
     phase_sum_rad: Real = Field(math.pi, description="phi_1 + phi_2")
     phi1_rad: Real = 0.0
@@ -208,14 +208,14 @@ class Initial(Section):
 
 
 class Run(Section):
-    """How long, and from where."""
+    """Duration and initial state of a run."""
 
     duration_s: Positive = 4.0
     initial: Initial = Initial()
 
 
 class Solver(Section):
-    """How accurately, and with what."""
+    """Accuracy and integrator."""
 
     tolerance: Annotated[float, Field(ge=1e-12, le=1e-2, allow_inf_nan=False)] = Field(
         1.0e-6, description="local error, relative to the scales of the scene"
@@ -223,20 +223,20 @@ class Solver(Section):
     engine: Literal["auto", "native", "sundae"] = Field(
         "auto",
         description="native: SUNDIALS driven from compiled code; sundae: through scikit-sundae's Python callbacks; "
-        "auto: native, or sundae where the library is not as expected",
+        "auto: native, or sundae if the library is not as expected",
     )
     smooth_modes: Literal["auto", "ida", "adams"] = Field(
         "auto",
-        description="what integrates modes without contact force: SUNDIALS IDA, or Adams' method of its CVODE; "
-        "auto: ida where a guard is watched or a motion decays fast, else adams in scenes without contact",
+        description="integrator of modes without contact force: IDA of SUNDIALS, or Adams' method of its CVODE; "
+        "auto: ida if a guard is watched or a motion decays fast, otherwise adams in scenes without contact",
     )
     max_events_per_period: Annotated[int, Field(ge=1, le=10_000_000)] = Field(
-        5_000, description="events within one turn of the supply's synchronous speed that end a run"
+        5_000, description="a run ends if it has more events within one turn at the synchronous speed"
     )
 
 
 class Output(Section):
-    """What is written."""
+    """Output tables."""
 
     sample_rate_hz: Positive = 2000.0
 
@@ -247,7 +247,7 @@ def _decay(damping: float, stiffness: float) -> float:
     return half + math.sqrt(max(half * half - stiffness, 0.0))
 
 
-#: Index pairs of :class:`State` in the order of the state vector: coordinates, then their rates.
+#: Keys of :class:`State` in the order of the state vector: coordinates, then their rates.
 COORDINATES = ("x_m", "y_m", "phi_rad", "phi1_rad", "phi2_rad", "gap_m", "upper_m")
 RATES = (
     "x_rate_m_per_s",
@@ -282,7 +282,7 @@ class Scene(Section):
     run: Run = Run()
     solver: Solver = Solver()
     output: Output = Output()
-    sweep: Sweep | None = None
+    sweep: SweepPlan | None = None
 
     @model_validator(mode="before")
     @classmethod
@@ -325,18 +325,18 @@ class Scene(Section):
         return self
 
     def _require_end(self, key: str, seconds: float, supply: float) -> None:
-        """Refuse what no computer would come to the end of."""
+        """Refuse durations that no computer would ever finish."""
         turns = seconds * supply / min(motor.pole_pairs for motor in self.motor_pair)
         if turns > MAX_TURNS:
             raise ValueError(
-                f"{key} = {seconds} takes {turns:.3g} turns of the synchronous speed; allowed: at most {MAX_TURNS:.0e}"
+                f"{key} = {seconds} takes {turns:.3g} turns at the synchronous speed; allowed: at most {MAX_TURNS:.0e}"
             )
 
-    # -- what the scene has -------------------------------------------------------------------------
+    # -- structure of the scene -------------------------------------------------------------------------
 
     @property
     def has_contact(self) -> bool:
-        """Whether material may press on the platform and leave it."""
+        """Whether material can press on the platform and lift off."""
         return self.material.mass_ratio > 0.0 and self.contact.model == "impact"
 
     @property
@@ -346,12 +346,12 @@ class Scene(Section):
 
     @property
     def modes(self) -> tuple[Mode, ...]:
-        """The modes this scene can be in."""
+        """The modes of this scene."""
         return (Mode.ATTACHED, Mode.FLIGHT) if self.has_contact else (Mode.BARE,)
 
     @property
     def adams_modes(self) -> frozenset[Mode]:
-        """The modes that Adams' method integrates; contact is always IDA's."""
+        """The modes integrated by Adams' method; contact always needs IDA."""
         choice = self.solver.smooth_modes
         if not self.has_contact:
             stiff = choice == "auto" and self.fastest_decay > STIFF * self.speed_scale
@@ -360,7 +360,7 @@ class Scene(Section):
 
     @property
     def coordinates(self) -> tuple[int, ...]:
-        """Indices into :data:`COORDINATES` of what moves in this scene."""
+        """Indices into :data:`COORDINATES` of the coordinates of this scene."""
         return (0, 1, 2, 3, 4, 5, 6)[: 5 + self.layers]
 
     # -- derived quantities -------------------------------------------------------------------------
@@ -370,7 +370,7 @@ class Scene(Section):
         """The motors of exciters 1 and 2."""
         if self.motors is not None:
             return self.motors[0], self.motors[1]
-        assert self.motor is not None  # the validator saw to it
+        assert self.motor is not None  # ensured by the validator
         return self.motor, self.motor
 
     @property
@@ -386,18 +386,18 @@ class Scene(Section):
 
     @property
     def length_scale(self) -> float:
-        """2k/M, by which both unbalances move the platform far above resonance (m)."""
+        """2k/M, the platform's amplitude far above resonance (m)."""
         return 2.0 * self.machine.unbalance / self.machine.total_mass
 
     @property
     def force_scale(self) -> float:
-        """Weight of the material and its inertia force on the scales of length and speed (N)."""
+        """Weight of the material plus its inertia force at the scales of length and speed (N)."""
         inertia = self.length_scale * self.speed_scale**2
         return sum(self.layer_masses) * (self.machine.gravity_m_per_s2 + inertia)
 
     @property
     def fastest_decay(self) -> float:
-        """Largest rate (1/s) at which x, y, φ or an exciter's speed goes back to what it was, each by itself."""
+        """Largest decay rate (1/s) of x, y, φ and the exciters' speeds, each taken alone."""
         machine = self.machine
         springs = (
             (self.platform_mass, machine.damping_x_n_s_per_m, machine.stiffness_x_n_per_m),
@@ -433,7 +433,7 @@ class Scene(Section):
         if material.natural_frequency_hz is not None:
             stiffness = (2.0 * math.pi * material.natural_frequency_hz) ** 2
         else:
-            assert material.stiffness_n_per_m is not None  # the validator saw to it
+            assert material.stiffness_n_per_m is not None  # ensured by the validator
             stiffness = material.stiffness_n_per_m / mass
         if material.damping_ratio is not None:
             return stiffness, 2.0 * material.damping_ratio * math.sqrt(stiffness)
@@ -441,28 +441,28 @@ class Scene(Section):
 
     @property
     def platform_mass(self) -> float:
-        """Mass that moves as the platform: M, with the non-impact model's share of m_w (kg)."""
+        """Mass that moves with the platform (kg): M, plus a share of m_w in the non-impact model."""
         if self.contact.model == "non-impact":
             return self.machine.total_mass + self.contact.added_mass_share * self.material_mass
         return self.machine.total_mass
 
     @property
     def damping_y(self) -> float:
-        """b_y, with β m_w of the non-impact model (N·s/m)."""
+        """b_y, plus β m_w in the non-impact model (N·s/m)."""
         if self.contact.model == "non-impact":
             return self.machine.damping_y_n_s_per_m + self.contact.viscous_per_mass_per_s * self.material_mass
         return self.machine.damping_y_n_s_per_m
 
     def replace(self, changes: Mapping[str, Any] | None = None, /, **sections: Any) -> Scene:
-        """Return a new scene with some keys changed; the change is checked like a configuration.
+        """Return a new scene with some keys changed; it is validated like a configuration.
 
         Parameters
         ----------
         changes
             Dotted keys and their values, e.g. ``{"drive.supply_frequency_hz": 46.0}``.
         **sections
-            Nested values by section, e.g. ``drive={"supply_frequency_hz": 46.0}``. Of alternative
-            keys (a stiffness or a natural frequency) the one given replaces the other.
+            Nested values by section, e.g. ``drive={"supply_frequency_hz": 46.0}``. If two keys exclude
+            each other (stiffness and natural frequency), the new one replaces the old one.
 
         Raises
         ------
@@ -477,7 +477,7 @@ class Scene(Section):
         return Scene.from_tree(merge(merge(tree, given), nest(changes or {})))
 
     def to_tree(self) -> dict[str, Any]:
-        """Return all keys as nested plain values, defaults included; :meth:`from_tree` takes them back."""
+        """Return all keys as nested plain values, including defaults; the inverse of :meth:`from_tree`."""
         tree = self.model_dump(mode="json", exclude_none=True)
         initial = tree["run"]["initial"]
         if "state" in initial:
@@ -491,7 +491,7 @@ class Scene(Section):
         Raises
         ------
         vibroplat.errors.ConfigError
-            One line that names the key, the value and what is allowed.
+            One line with the key, the value and what is allowed.
         """
         try:
             return cls.model_validate(tree)

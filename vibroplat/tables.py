@@ -1,17 +1,19 @@
-"""Tables out and in: written whole under a temporary name, then renamed."""
+"""Writes and reads tables. Files are written under a temporary name and renamed once they are complete."""
 
 from __future__ import annotations
 
 import json
 import os
 import tempfile
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any, Literal
 
 import pandas as pd
 
 from vibroplat.errors import TableError
+from vibroplat.interrupts import unfinished, watching
 
 Format = Literal["parquet", "csv"]
 Writer = Callable[[Path], object]
@@ -24,7 +26,7 @@ def result_directory(out: Path, name: str) -> Path:
     Raises
     ------
     TableError
-        It cannot be created or written.
+        It cannot be created or is not writable.
     """
     directory = out / name
     try:
@@ -37,9 +39,9 @@ def result_directory(out: Path, name: str) -> Path:
 
 
 def write_table(table: pd.DataFrame, directory: Path, name: str, form: Format) -> Path:
-    """Write a table as ``name.parquet`` or ``name.csv``; one of the other format is removed.
+    """Write a table as ``name.parquet`` or ``name.csv``; a file of the other format is removed.
 
-    CSV holds the shortest text of each number that reads back as the same number.
+    In CSV each number has the fewest digits from which it reads back exactly.
     """
     path = directory / f"{name}.{form}"
     replace_files({path: _table_writer(table, form)})
@@ -50,9 +52,9 @@ def write_table(table: pd.DataFrame, directory: Path, name: str, form: Format) -
 def write_result(
     directory: Path, tables: Mapping[str, pd.DataFrame], documents: Mapping[str, Any], form: Format
 ) -> None:
-    """Write tables like :func:`write_table` and documents like :func:`write_json`, all of them or none.
+    """Write tables like :func:`write_table` and documents like :func:`write_json`: all of them or none.
 
-    Whoever is killed in between leaves a set whose last ones are absent, never one of old and new.
+    If the process is killed in between, the last files are missing; old and new ones are never mixed.
     """
     writers = {directory / f"{name}.{form}": _table_writer(table, form) for name, table in tables.items()}
     replace_files(writers | {directory / f"{name}.json": _json_writer(value) for name, value in documents.items()})
@@ -61,9 +63,9 @@ def write_result(
 
 
 def write_tables(parts: Iterable[pd.DataFrame], directory: Path, name: str, form: Format) -> Path:
-    """Write a table that comes in parts, one in memory at a time, like :func:`write_table`.
+    """Write a table in parts, with one part in memory at a time, like :func:`write_table`.
 
-    The parts have the same columns and types; each becomes a row group of a Parquet file.
+    All parts have the same columns and types; each becomes a row group of a Parquet file.
     """
     path = directory / f"{name}.{form}"
     replace_files({path: lambda to: (_write_row_groups if form == "parquet" else _write_lines)(parts, to)})
@@ -72,25 +74,25 @@ def write_tables(parts: Iterable[pd.DataFrame], directory: Path, name: str, form
 
 
 def remove_table(directory: Path, name: str) -> None:
-    """Remove a table of whichever format, where there is one."""
+    """Remove a table of any format if it exists."""
     for form in FORMATS:
         _remove(directory / f"{name}.{form}")
 
 
 def write_json(value: Any, directory: Path, name: str) -> Path:
-    """Write ``name.json``; numbers that are not finite are refused."""
+    """Write ``name.json``; numbers must be finite."""
     path = directory / f"{name}.json"
     replace_files({path: _json_writer(value)})
     return path
 
 
 def read_table(directory: Path, name: str) -> pd.DataFrame:
-    """Read a table of a result, whichever format it has.
+    """Read a table of a result in either format.
 
     Raises
     ------
     TableError
-        There is none, or it is not such a table.
+        It does not exist or cannot be read.
     """
     for form in FORMATS:
         path = directory / f"{name}.{form}"
@@ -99,7 +101,7 @@ def read_table(directory: Path, name: str) -> pd.DataFrame:
                 return pd.read_parquet(path) if form == "parquet" else pd.read_csv(path)
             except (OSError, ValueError) as error:
                 raise TableError(f"{path} cannot be read: {' '.join(str(error).split())}") from None
-    raise TableError(f"{directory} holds no {name} table; allowed: a directory that vibroplat has written")
+    raise TableError(f"{directory} holds no {name} table; allowed: a result directory of vibroplat")
 
 
 def read_json(directory: Path, name: str) -> Any:
@@ -148,35 +150,48 @@ def _remove(path: Path) -> None:
 
 
 def replace_files(writers: Mapping[Path, Writer]) -> None:
-    """Write files to temporary names beside them, and rename them there once all are written.
+    """Write files under temporary names next to their final ones, and rename them once all are written.
 
-    Of several, those after the first are taken away before the first is renamed.
+    All old files but the first are removed before the first new one is renamed.
 
     Raises
     ------
     TableError
-        One cannot be written; all are then as they were.
+        A file cannot be written; all old files are kept.
     """
     temporaries: dict[Path, Path] = {}
     path = next(iter(writers))
-    try:
-        for path, write in writers.items():
-            temporaries[path] = _temporary(path)
-            write(temporaries[path])
-            temporaries[path].chmod(0o644)
-        for path in list(writers)[1:]:
-            path.unlink(missing_ok=True)
-        for path, temporary in temporaries.items():
-            os.replace(temporary, path)
-    except OSError as error:
-        raise TableError(f"{path} cannot be written: {error.strerror or error}") from None
-    finally:
-        for temporary in temporaries.values():
-            temporary.unlink(missing_ok=True)
+    with ExitStack() as stack:
+        try:
+            for path, write in writers.items():
+                temporaries[path] = stack.enter_context(_temporary(path))
+                write(temporaries[path])
+                temporaries[path].chmod(0o644)
+            with watching():
+                for path in list(writers)[1:]:
+                    path.unlink(missing_ok=True)
+                for path, temporary in temporaries.items():
+                    os.replace(temporary, path)
+        except OSError as error:
+            raise TableError(f"{path} cannot be written: {error.strerror or error}") from None
 
 
-def _temporary(path: Path) -> Path:
-    """Make an empty file beside another, named by this process; those of processes that were killed are removed."""
+@contextmanager
+def _temporary(path: Path) -> Iterator[Path]:
+    """Make a temporary file next to another; it is removed at the end, even after Ctrl-C."""
+    with ExitStack() as stack:
+        with watching():
+            temporary = _empty_file(path)
+            stack.enter_context(unfinished(temporary))
+        try:
+            yield temporary
+        finally:
+            with suppress(OSError):
+                temporary.unlink()
+
+
+def _empty_file(path: Path) -> Path:
+    """Make an empty file next to another, named after this process; remove those left by killed processes."""
     for old in path.parent.glob(f".{path.stem}-*-*"):
         owner = old.name.removeprefix(f".{path.stem}-").partition("-")[0]
         if owner.isdecimal() and not _runs(int(owner)):
@@ -187,7 +202,7 @@ def _temporary(path: Path) -> Path:
 
 
 def _runs(process: int) -> bool:
-    """Whether a process is there; where the system has no harmless way to ask, it is taken to be."""
+    """Whether a process exists; assumed where the system offers no harmless way to ask."""
     if os.name != "posix":
         return True
     try:

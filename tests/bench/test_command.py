@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 import pytest
 from typer.testing import CliRunner
@@ -40,7 +39,7 @@ def test_names_and_long_exclude_each_other():
     assert str(done.exception) == "runtime --long: --long runs every bench; allowed: names or --long"
 
 
-@pytest.mark.long
+@pytest.mark.peers
 def test_summary_compares_all_quick_peers(tmp_path):
     pytest.importorskip("heyoka")
     report.report_summary(tmp_path, REFERENCE, 1)
@@ -53,9 +52,7 @@ def test_summary_compares_all_quick_peers(tmp_path):
     # the finest setting is more accurate than the coarsest, for each peer on each scene
     errors = runs.groupby(["case", "peer"])["coordinates"].agg(["first", "last"])
     assert (errors["last"] < errors["first"]).all()
-    own = equal[equal["peer"] == "vibroplat"]
     assert equal.loc[equal["peer"] != "PathSim", "coordinates"].notna().all()
-    assert (own["coordinates_ratio"] == 1.0).all()
 
 
 def named(*names):
@@ -65,8 +62,8 @@ def named(*names):
 def test_run_times_over_simulated_time():
     table = scaling.simulated_time(named("vibroplat"), 1, lengths=(0.1, 0.2))
     assert list(table["simulated_s"]) == [0.1, 0.2] * 2
-    assert (table["wall_s"] > 0.0).all()
-    assert np.allclose(table["ms_per_s"], 1e3 * table["wall_s"] / table["simulated_s"])
+    assert list(table["scene"]) == ["attached, f_e 46"] * 2 + ["impacts, f_e 50"] * 2
+    assert (table["ms_per_s"] * table["simulated_s"]).to_numpy() == pytest.approx(1e3 * table["wall_s"].to_numpy())
 
 
 def test_run_times_over_events():
@@ -77,7 +74,7 @@ def test_run_times_over_events():
     assert (table["steps_per_s"] < table["residual_calls_per_s"]).all()
 
 
-@pytest.mark.long
+@pytest.mark.peers
 def test_run_times_over_scenes_and_memory():
     table = scaling.scenes(1, counts=(2,))
     assert list(table["jobs"]) == [1, 2]
@@ -86,7 +83,7 @@ def test_run_times_over_scenes_and_memory():
     assert (memory["added_mb"] < 10.0).all()
 
 
-def test_scaling_is_drawn(tmp_path):
+def test_scaling_is_drawn(tmp_path, figures):
     tables = {
         "time": pd.DataFrame({"peer": "a", "scene": "s", "simulated_s": [1.0, 10.0], "wall_s": [0.1, 1.0]}),
         "events": pd.DataFrame({"restitution": 0.0, "outcome": "ok", "restarts_per_s": [1, 2], "ms_per_s": [1.0, 2.0]}),
@@ -95,4 +92,9 @@ def test_scaling_is_drawn(tmp_path):
     }
     path = plot_scaling(tables, tmp_path)
     assert path == tmp_path / "scaling.png"
-    assert path.stat().st_size > 10_000
+    lengths, restarts, scenes, memory = figures["scaling"].axes
+    assert [line.get_xydata().tolist() for line in lengths.lines] == [[[1.0, 0.1], [10.0, 1.0]]]
+    assert (lengths.get_xscale(), lengths.get_yscale()) == ("log", "log")
+    assert [line.get_xydata().tolist() for line in restarts.lines] == [[[1.0, 1.0], [2.0, 2.0]]]
+    assert [line.get_xydata().tolist() for line in scenes.lines] == [[[4.0, 2.0]], [[4.0, 1.1]]]
+    assert [(bar.get_x(), bar.get_width()) for bar in memory.patches] == [(0.0, 100.0), (100.0, 1.0)]

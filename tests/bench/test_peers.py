@@ -36,6 +36,7 @@ SETTINGS = {
 }
 
 
+@pytest.mark.peers
 @EACH_MACHINE
 @EACH_SYSTEM
 def test_explicit_equations_are_those_of_the_dae(system, machine):
@@ -70,6 +71,7 @@ def test_each_peer_has_a_setting_here():
     assert {peer.name for peer in PEERS} == set(SETTINGS)
 
 
+@pytest.mark.peers
 @pytest.mark.parametrize("peer", PEERS, ids=lambda peer: peer.name)
 def test_peer_finds_the_motion(peer, case, exact):
     if peer.missing:
@@ -86,6 +88,7 @@ def test_peer_finds_the_motion(peer, case, exact):
     assert len(timed.rows) == len(exact.rows)
 
 
+@pytest.mark.peers
 def test_oracle_is_the_reference(case, exact):
     found = cases.agreement(case, exact, REFERENCE)
     assert found["events"] == len(exact.rows) == 41
@@ -93,7 +96,7 @@ def test_oracle_is_the_reference(case, exact):
     assert found["coordinates"] < 1e-11
 
 
-@pytest.mark.long
+@pytest.mark.peers
 def test_oracle_is_the_reference_on_all_scenes():
     pytest.importorskip("heyoka")
     found = precision.references(REFERENCE, cases.cases(REFERENCE))
@@ -123,6 +126,7 @@ def test_storm_of_a_peer_is_an_error(case):
         follow(scene, Bouncing())
 
 
+@pytest.mark.peers
 def test_peers_share_the_sticking_speed(case):
     contact = {"restitution": 0.5, "sticking_speed_m_per_s": 0.15}
     scene = case.scene.replace({"contact": contact, "run.duration_s": 0.4, "solver.tolerance": 1e-9})
@@ -140,6 +144,7 @@ def test_siconos_refuses_a_sticking_speed(case):
         siconos.run(scene, "event-driven", 1e-6)
 
 
+@pytest.mark.peers
 def test_failed_run_is_a_row_with_its_reason(case, exact, monkeypatch, capsys):
     def fail(times):
         raise RuntimeError("no step is small enough\nmore of it")
@@ -179,13 +184,17 @@ def test_ratios_are_to_our_own_time(case):
     assert "event_time_s" not in found  # nothing to compare where all are exact
 
 
-def test_work_precision_is_drawn(case, tmp_path):
+def test_work_precision_is_drawn(case, tmp_path, figures):
     table = pd.DataFrame(
         {"case": case.name, "peer": ["a", "a", "b"], "coordinates": [1e-3, 1e-5, 1e-4], "ms_per_s": [1.0, 2.0, 3.0]}
     )
     path = plot_precision(table, tmp_path, "peers", SCALED, ["peer"])
     assert path == tmp_path / "peers.png"
-    assert path.stat().st_size > 10_000
+    coordinates, *without = figures["peers"].axes
+    assert [line.get_xydata().tolist() for line in coordinates.lines] == [[[1e-3, 1.0], [1e-5, 2.0]], [[1e-4, 3.0]]]
+    assert (coordinates.get_xscale(), coordinates.get_yscale(), coordinates.xaxis_inverted()) == ("log", "log", True)
+    assert [axis.axison for axis in without] == [False, False]
+    assert [text.get_text() for text in figures["peers"].legends[0].texts] == ["a", "b"]
 
 
 def test_absence_of_siconos_is_told(monkeypatch):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from vibroplat.model.impact import latch_time, impact, impacts_left, impulse_response, kinetic_change, latch
+from vibroplat.model.impact import impact, impacts_left, impulse_response, kinetic_change, latch, latch_time
 from vibroplat.model.parameters import IMPACT_LAWS, parameters
 
 from .helpers import EACH_MACHINE, mass_matrix, random_states, scene_of

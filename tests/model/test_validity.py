@@ -44,13 +44,14 @@ def least_eigenvalue(machine, phi):
     return least
 
 
-@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("seed", [pytest.param(seed, marks=[pytest.mark.long] if seed >= 8 else []) for seed in SEEDS])
 @pytest.mark.parametrize("side", [-1.0, 1.0])
 def test_mass_matrix_is_positive_definite_up_to_the_safe_rotation(seed, side):
     machine = drawn(seed)
     assert least_eigenvalue(machine, side * machine.safe_rotation) > 0.0
 
 
+@pytest.mark.long
 def test_mass_matrix_loses_it_not_much_later():
     """The bound is no exaggeration: with small rotors nothing else is left to make up for what J lacks."""
     lost = [least_eigenvalue(machine, 1.5 * machine.safe_rotation) < 0.0 for machine in map(drawn, SEEDS)]

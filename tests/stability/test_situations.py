@@ -14,8 +14,13 @@ from vibroplat.bench.stability.checks import overview, row, sound
 from vibroplat.bench.stability.situations import SITUATIONS
 from vibroplat.integrate.native import MAX_STEPS
 
+#: Those that take seconds.
+LENGTHY = {"campaign", "elastic", "release", "invariance", "layers"}
 
-@pytest.mark.parametrize("name", SITUATIONS)
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.long] if name in LENGTHY else []) for name in SITUATIONS]
+)
 def test_few_scenes_of_each_situation_pass(name):
     situation = SITUATIONS[name]
     table = pd.DataFrame(situation.run(situation.few))

@@ -11,6 +11,8 @@ import time
 from concurrent.futures import BrokenExecutor, Future
 
 import pytest
+from common.commands import loky_workers
+from common.results import bits
 
 from vibroplat import sweep
 from vibroplat.errors import ConfigError
@@ -19,7 +21,7 @@ from vibroplat.study.point import Point
 from vibroplat.study.store import Store
 from vibroplat.study.sweep import run_sweeps, tables
 
-from .helpers import MACHINE, bits, loky_workers, planned
+from .helpers import MACHINE, planned
 
 
 class Tasks:
@@ -102,7 +104,7 @@ def cluster(scheduler):
 # -- chains ---------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", ["inline", "processes", "cluster"])
+@pytest.mark.parametrize("name", ["inline", "processes", pytest.param("cluster", marks=pytest.mark.long)])
 def test_tasks_of_a_chain_follow_one_another(name, request):
     workers = Inline() if name == "inline" else request.getfixturevalue(name)
     chains = [Counting(float(k), k) for k in range(6)]
@@ -116,7 +118,7 @@ def test_no_chains_are_no_work():
     assert list(run_chains([Tasks(), Tasks()], Inline())) == []
 
 
-@pytest.mark.parametrize("name", ["processes", "cluster"])
+@pytest.mark.parametrize("name", ["processes", pytest.param("cluster", marks=pytest.mark.long)])
 def test_workers_work_side_by_side(name, request):
     chains = [Tasks(*[(time.sleep, (0.1,)), (os.getpid, ())] * 4) for _ in range(4)]
     found = finish(chains, request.getfixturevalue(name))
@@ -136,7 +138,12 @@ def test_numerical_libraries_have_one_thread_in_each_worker(processes):
     assert found == ["1"] * len(PINNED)
 
 
-@pytest.mark.parametrize("name", ["inline", "processes", "cluster"])
+def test_workers_do_not_hear_ctrl_c(processes):
+    """A terminal sends it to them too; their parent stops them."""
+    assert finish([Tasks((signal.pthread_sigmask, (signal.SIG_BLOCK, ())))], processes) == [[{signal.SIGINT}]]
+
+
+@pytest.mark.parametrize("name", ["inline", "processes", pytest.param("cluster", marks=pytest.mark.long)])
 def test_error_of_a_task_is_raised(name, request):
     workers = Inline() if name == "inline" else request.getfixturevalue(name)
     with pytest.raises(ValueError, match="math domain error"):
@@ -146,6 +153,7 @@ def test_error_of_a_task_is_raised(name, request):
 # -- workers that die -----------------------------------------------------------------------------------
 
 
+@pytest.mark.faults
 @pytest.mark.parametrize("killers", [(0,), (3,), (0, 2)], ids=str)
 def test_task_that_kills_its_worker_costs_its_own_point_alone(killers, processes):
     chains = [Tasks(NAP, KILLER if k in killers else NAP, NAP, (abs, (-k,))) for k in range(4)]
@@ -153,6 +161,7 @@ def test_task_that_kills_its_worker_costs_its_own_point_alone(killers, processes
     assert found == [[None, "lost" if k in killers else None, None, k] for k in range(4)]
 
 
+@pytest.mark.faults
 def test_only_task_that_kills_its_worker_is_given_up(processes):
     assert finish([Tasks(KILLER, (abs, (-1,)))], processes) == [["lost", 1]]
 
@@ -209,7 +218,7 @@ def test_suspects_run_alone(killers):
     assert len(workers.deaths) <= len(killers) * (1 + LIVES)
 
 
-@pytest.mark.long
+@pytest.mark.faults
 def test_dask_task_that_kills_its_worker_costs_its_own_point_alone(cluster):
     chains = [Tasks(NAP, KILLER if k == 1 else NAP, NAP, (abs, (-k,))) for k in range(4)]
     assert finish(chains, cluster) == [[None, "lost" if k == 1 else None, None, k] for k in range(4)]
@@ -219,7 +228,7 @@ def test_dask_task_that_kills_its_worker_costs_its_own_point_alone(cluster):
 
 
 #: What does not repeat is not followed for long.
-SHORT = {"max_settle_s": 5.0, "measure_s": 0.5}
+SHORT = {"max_settle_s": 5.0, "measure_s": 0.5, "lyapunov": False}
 
 
 @pytest.fixture(scope="module")
@@ -255,13 +264,15 @@ def interrupted(scene, workers, disturb, after):
         return table
 
 
+@pytest.mark.long
 def test_dask_gives_the_same_table(scene, table, scheduler):
     found = sweep(scene, scheduler=scheduler)
     assert bits(found) == bits(table)
     assert found.dtypes.equals(table.dtypes)
 
 
-@pytest.mark.parametrize("after", [12, *(pytest.param(n, marks=pytest.mark.long) for n in (1, 23))])
+@pytest.mark.faults
+@pytest.mark.parametrize("after", [1, 12, 23])
 def test_killed_worker_changes_nothing(after, scene, table, processes):
     def kill_one():
         os.kill(loky_workers()[0].pid, signal.SIGKILL)
@@ -269,7 +280,7 @@ def test_killed_worker_changes_nothing(after, scene, table, processes):
     assert bits(interrupted(scene, processes, kill_one, after)) == bits(table)
 
 
-@pytest.mark.long
+@pytest.mark.faults
 def test_all_workers_killed_changes_nothing(scene, table, processes):
     def kill_all():
         for worker in loky_workers():
@@ -278,6 +289,7 @@ def test_all_workers_killed_changes_nothing(scene, table, processes):
     assert bits(interrupted(scene, processes, kill_all, 10)) == bits(table)
 
 
+@pytest.mark.faults
 def test_killed_worker_of_dask_changes_nothing(scene, table, scheduler, cluster):
     from distributed import Client
 
@@ -332,7 +344,7 @@ def with_a_lost_point(scene, workers, monkeypatch):
         begun[place(scene, key)] = None if state is None else state[0]
         return KillsAt(LOST)(scene, plan, state, key)
 
-    monkeypatch.setattr("vibroplat.study.sweep.measure_point", measure if workers.slots == 1 else KillsAt(LOST))
+    monkeypatch.setattr("vibroplat.study.point.measure_point", measure if workers.slots == 1 else KillsAt(LOST))
     with Store(None, {}) as store:
         run_sweeps([(scene, store)], workers)
         (found,) = tables(scene, store)
@@ -355,7 +367,7 @@ def test_row_of_a_lost_point_has_no_gaps_in_its_outcome(scene, monkeypatch):
     assert not lost[["steps", "residual_calls", "events", "simulated_s"]].isna().any(axis=None)
 
 
-@pytest.mark.long
+@pytest.mark.faults
 def test_point_that_really_kills_its_workers_is_a_row(scene, processes, monkeypatch):
     found, _ = with_a_lost_point(scene, processes, monkeypatch)
     assert found["outcome"].tolist() == ["worker-lost" if k == 7 else "ok" for k in range(24)]
@@ -368,7 +380,7 @@ def test_scheduler_without_dask_is_refused(monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(ConfigError) as caught:
         Cluster("tcp://127.0.0.1:8786")
-    assert str(caught.value) == "--scheduler needs dask.distributed; install vibroplat[cluster]"
+    assert str(caught.value) == "--scheduler needs dask.distributed; pip install 'vibroplat[cluster]' has it"
 
 
 SMALL = "sweep: {supply_frequency_hz: {start: 50.0, stop: 50.0}}\n"
@@ -379,15 +391,15 @@ SMALL = "sweep: {supply_frequency_hz: {start: 50.0, stop: 50.0}}\n"
 def test_scheduler_that_does_not_answer_is_told_in_a_line(address, vibroplat, here):
     (here / "c.yaml").write_text(SMALL)
     done = vibroplat("sweep", "c.yaml", "--scheduler", address)
-    assert (done.returncode, done.stdout, len(done.stderr.splitlines())) == (2, "", 1)
-    assert done.stderr.startswith(f"vibroplat: --scheduler {address}: ")
+    assert (done.code, done.out, len(done.err.splitlines())) == (2, "", 1)
+    assert done.err.startswith(f"vibroplat: --scheduler {address}: ")
 
 
 @pytest.mark.long
 def test_sweep_on_a_scheduler_by_the_command_line(vibroplat, here, scheduler):
     (here / "c.yaml").write_text(SMALL)
     done = vibroplat("sweep", "c.yaml", "--scheduler", scheduler)
-    assert (done.returncode, done.stderr) == (0, "")
+    assert (done.code, done.err) == (0, "")
 
 
 @pytest.mark.parametrize("jobs", ["0", "-1", "two"])
@@ -408,6 +420,7 @@ def test_workers_are_gone_when_the_pool_is_closed():
     assert loky_workers() == []
 
 
+@pytest.mark.long
 def test_jobs_of_the_python_function_give_the_same_table(scene, table):
     assert bits(sweep(scene, jobs=2)) == bits(table)
 

@@ -105,6 +105,7 @@ def test_exponent_of_real_multipliers_is_that_of_the_larger(gamma_sine, restitut
     assert error < 5e-3  # all turns are alike
 
 
+@pytest.mark.long
 def test_exponent_in_antiphase_knows_no_whole_turns_of_exciter_2():
     """Its angle is ±π where exciter 1 completes a turn; two neighbours may lie on either side of the cut."""
     scene, state = settled(MACHINE, 51.0, {"material.mass_ratio": 0.2})
@@ -238,6 +239,7 @@ def exponents(ball, count, seed, monkeypatch):
 AT_REST = 1e-4
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("gamma_sine", "restitution"), [(0.5, 0.8), (1.2, 0.5)])
 def test_map_grows_as_its_multipliers_say(gamma_sine, restitution):
     """Near the orbit of period 1; that of Γ sin φ = 1.2 is left, so that only few periods are near it."""
@@ -251,6 +253,7 @@ def test_map_grows_as_its_multipliers_say(gamma_sine, restitution):
     assert logarithm / counted == pytest.approx(math.log(multipliers.max()), abs=5e-3)
 
 
+@pytest.mark.long
 @EACH_BALL
 def test_exponents_of_the_map_are_those_that_are_told(ball):
     value, error = exponent_of_the_map(ball)
@@ -258,6 +261,7 @@ def test_exponents_of_the_map_are_those_that_are_told(ball):
     assert value == pytest.approx(ball.exponent, abs=3.0 * error)
 
 
+@pytest.mark.long
 @EACH_BALL
 def test_exponent_of_chaos_is_that_of_the_map_within_its_error(ball, monkeypatch):
     exact, uncertain = exponent_of_the_map(ball)
@@ -385,7 +389,10 @@ def test_exponent_of_the_chaotic_scene_is_positive():
     assert 1.0 < found.value < 30.0
 
 
-@pytest.mark.parametrize(("frequency", "restitution"), [(51.0, 0.0), (53.0, 0.0), (51.0, 0.3)])
+@pytest.mark.parametrize(
+    ("frequency", "restitution"),
+    [(51.0, 0.0), *(pytest.param(*place, marks=pytest.mark.long) for place in ((53.0, 0.0), (51.0, 0.3)))],
+)
 def test_exponent_of_a_periodic_scene_with_impacts_is_negative(frequency, restitution):
     scene, state = settled(MACHINE, frequency, {"material.mass_ratio": 0.2, "contact.restitution": restitution})
     found = largest_exponent(scene, state)

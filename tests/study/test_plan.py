@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import pytest
+from common.places import FLYING, LOADED
 
 from vibroplat import Scene, load_config
 from vibroplat.errors import ConfigError
-from vibroplat.plan import Frequencies
 from vibroplat.study.branches import branches
+from vibroplat.sweep_plan import Frequencies
 
-from .helpers import FLYING, LOADED, planned
+from .helpers import planned
 
 SECTIONS = "name, machine, motor, motors, material, contact, drive, run, solver, output, sweep"
 PLAN = (
@@ -108,13 +109,13 @@ FREQUENCIES = {
     "no stop": ("{start: 42.0}", "sweep.supply_frequency_hz.stop = {'start': 42.0}; allowed: a value is required"),
     "stop below start": (
         "{start: 44, stop: 42}",
-        "sweep.supply_frequency_hz: stop = 42.0 is below start = 44.0; allowed: direction says which way",
+        "sweep.supply_frequency_hz: stop = 42.0 is below start = 44.0; allowed: at least start; see direction",
     ),
     "step 0": ("{start: 42, stop: 44, step: 0}", "sweep.supply_frequency_hz.step = 0; allowed: more than 0.0"),
     "step down": ("{start: 42, stop: 44, step: -0.5}", "sweep.supply_frequency_hz.step = -0.5; allowed: more than 0.0"),
     "steps too many": (
         "{start: 42, stop: 44, step: 1e-6}",
-        "sweep.supply_frequency_hz: step = 1e-06 makes too many points; allowed: at most 100000 a branch",
+        "sweep.supply_frequency_hz: step = 1e-06 gives too many points; allowed: at most 100000 per branch",
     ),
     "text": ("{start: '42', stop: 44}", "sweep.supply_frequency_hz.start = '42'; allowed: a number"),
     "start 0": ("{start: 0, stop: 44}", "sweep.supply_frequency_hz.start = 0; allowed: more than 0.0"),
@@ -133,7 +134,7 @@ FREQUENCIES = {
     ),
     "up twice": (
         "{start: 42, stop: 44, direction: [up, up]}",
-        "sweep.supply_frequency_hz: direction = ['up', 'up']; allowed: each of up and down once",
+        "sweep.supply_frequency_hz: direction = ['up', 'up']; allowed: up and down, each once",
     ),
 }
 
@@ -167,15 +168,15 @@ KEYS = {
     "kind": ("kind: maps", "sweep.kind = 'maps'; allowed: 'response', 'bifurcation' or 'map'"),
     "map without a key": (
         "kind: map",
-        "sweep: kind = map needs one key of the grid with several numbers; allowed: one such key",
+        "sweep: kind = map needs exactly one grid key with several numbers",
     ),
     "map of one value": (
         "kind: map, grid: {material.mass_ratio: [0.1]}",
-        "sweep: kind = map needs one key of the grid with several numbers; allowed: one such key",
+        "sweep: kind = map needs exactly one grid key with several numbers",
     ),
     "map of two keys": (
         "kind: map, grid: {material.mass_ratio: [0.1, 0.2], contact.restitution: [0.0, 0.1]}",
-        "sweep: kind = map needs one key of the grid with several numbers; allowed: one such key",
+        "sweep: kind = map needs exactly one grid key with several numbers",
     ),
     "grid of no list": ("grid: {contact.restitution: 0.1}", "sweep.grid.contact.restitution = 0.1; allowed: a list"),
     "grid of sections": (
@@ -190,13 +191,13 @@ KEYS = {
     **{
         f"grid of {key}": (
             f"grid: {{{key}: [1.0]}}",
-            f"sweep: grid.{key} cannot be a key of the grid; allowed: keys of machine, material, …",
+            f"sweep: grid.{key} cannot be swept by the grid; allowed: keys of machine, material, …",
         )
         for key in ("run.duration_s", "run.initial.phi1_rad", "name", "output.sample_rate_hz", "sweep.measure_s")
     },
     "grid of frequency": (
         "grid: {drive.supply_frequency_hz: [50.0]}",
-        "sweep: grid.drive.supply_frequency_hz cannot be a key of the grid; allowed: keys of machine, material, …",
+        "sweep: grid.drive.supply_frequency_hz cannot be swept by the grid; allowed: keys of machine, material, …",
     ),
 }
 
@@ -270,7 +271,7 @@ VALUES = {
     "inside a value": ("contact.restitution.x: [0.1]", "contact.restitution = {'x': 0.1}; allowed: a number"),
     "together": (
         "material.mass_ratio: [0.1]",
-        "material: two layers need the spring between them; give natural_frequency_hz or stiffness_n_per_m",
+        "material: two layers need a spring between them; give natural_frequency_hz or stiffness_n_per_m",
     ),
 }
 
@@ -293,7 +294,7 @@ def test_run_takes_a_configuration_with_a_sweep(command, here):
 @pytest.mark.parametrize("text", ["name: c", "sweep:", "sweep: null"])
 def test_sweep_of_a_configuration_without_one_says_so(text, command, here):
     (here / "c.yaml").write_text(f"{text}\n")
-    line = "vibroplat: this configuration has no section sweep; allowed: sweep: {supply_frequency_hz: …}\n"
+    line = "vibroplat: this configuration has no sweep section; add sweep: {supply_frequency_hz: …}\n"
     assert command("sweep", "c.yaml") == (2, "", line)
     assert [path.name for path in here.iterdir()] == ["c.yaml"]
 

@@ -8,6 +8,7 @@ import tracemalloc
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from common.places import LOADED
 
 from vibroplat.study import report
 from vibroplat.study.execution import Inline
@@ -16,7 +17,7 @@ from vibroplat.study.store import Store
 from vibroplat.study.sweep import CHUNK, run_sweeps
 from vibroplat.tables import read_table
 
-from .helpers import LOADED, planned
+from .helpers import planned
 
 SECTION_POINTS = 64
 
@@ -56,7 +57,7 @@ def largest_memory(*arguments, **plan):
 @pytest.mark.long
 @pytest.mark.parametrize("kind", ["response", "bifurcation"])
 def test_memory_does_not_grow_with_the_number_of_points(kind, tmp_path, monkeypatch):
-    monkeypatch.setattr("vibroplat.study.sweep.measure_point", measured_at_once)
+    monkeypatch.setattr("vibroplat.study.point.measure_point", measured_at_once)
     sweep_of(100, tmp_path / "warm", kind=kind)
     few = largest_memory(2_000, tmp_path / "few", kind=kind)
     many = largest_memory(10_000, tmp_path / "many", kind=kind)
@@ -65,21 +66,21 @@ def test_memory_does_not_grow_with_the_number_of_points(kind, tmp_path, monkeypa
 
 
 def test_table_of_many_points_is_in_row_groups(tmp_path, monkeypatch):
-    monkeypatch.setattr("vibroplat.study.sweep.measure_point", measured_at_once)
-    monkeypatch.setattr("vibroplat.study.sweep.CHUNK", 300)
-    sweep_of(1_000, tmp_path / "points", kind="bifurcation")
+    monkeypatch.setattr("vibroplat.study.point.measure_point", measured_at_once)
+    monkeypatch.setattr("vibroplat.study.sweep.CHUNK", 90)
+    sweep_of(300, tmp_path / "points", kind="bifurcation")
     table = read_table(tmp_path / "points", "sweep")
     groups = pq.ParquetFile(tmp_path / "points/sweep.parquet").metadata
-    assert groups.num_rows == len(table) == 1_000
-    assert [groups.row_group(k).num_rows for k in range(groups.num_row_groups)] == [300, 300, 300, 100]
-    assert table["branch"].tolist() == [branch for branch in range(10) for _ in range(100)]
+    assert groups.num_rows == len(table) == 300
+    assert [groups.row_group(k).num_rows for k in range(groups.num_row_groups)] == [90, 90, 90, 30]
+    assert table["branch"].tolist() == [branch for branch in range(10) for _ in range(30)]
     up = table[table["branch"] == 2]
-    assert up["supply_frequency_hz"].tolist() == [round(1.0 + 0.1 * k, 1) for k in range(100)]
+    assert up["supply_frequency_hz"].tolist() == [round(1.0 + 0.1 * k, 1) for k in range(30)]
     assert up["rms_y_m"].tolist() == [
-        np.random.default_rng((0, 1_000_000 + 100_000 * k)).random(len(MEASURED))[3] for k in range(100)
+        np.random.default_rng((0, 1_000_000 + 100_000 * k)).random(len(MEASURED))[3] for k in range(30)
     ]
     section = read_table(tmp_path / "points", "section")
-    assert len(section) == 1_000 * SECTION_POINTS
+    assert len(section) == 300 * SECTION_POINTS
 
 
 def test_chunks_are_a_fraction_of_ten_thousand():

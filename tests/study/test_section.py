@@ -27,8 +27,8 @@ def section_of(states):
     """Points of a section that has seen these states, one a turn."""
     ms = no_measures(0.0)
     for turn, state in enumerate(states):
-        ms.section[turn % m.SECTION_ROWS, m.SECTION_STATE : m.SECTION_FORCE] = state
-    ms.marks[m.TURNS] = len(states)
+        ms.section["state"][turn % m.SECTION_ROWS] = state
+    ms.marks["turns"] = len(states)
     return section_points(ms, Scene())
 
 

@@ -8,6 +8,7 @@ from contextlib import closing, contextmanager
 import numpy as np
 import pandas as pd
 import pytest
+from common.places import LOADED
 
 from vibroplat.flow.motion import Motion
 from vibroplat.integrate.choice import make_engine
@@ -15,7 +16,7 @@ from vibroplat.model.parameters import parameters
 from vibroplat.study.point import BLOCKS, ERRORS
 from vibroplat.study.settling import BLOCK, TURNS, settle
 
-from .helpers import CHAOTIC, DAMPED, LOADED, MACHINE, planned, swept
+from .helpers import CHAOTIC, DAMPED, MACHINE, planned, swept
 
 FIXED = 30.0
 IN_PHASE = {"run.initial.phase_sum_rad": 0.3}
@@ -41,7 +42,14 @@ def phase_distance(one, other):
 # -- auto -----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("config", "start", "stop", "changes"), PERIODIC.values(), ids=PERIODIC)
+#: Those that are tried each time.
+QUICK = {"bare", "bouncing"}
+
+
+@pytest.mark.parametrize(
+    ("config", "start", "stop", "changes"),
+    [pytest.param(*v, id=k, marks=[] if k in QUICK else [pytest.mark.long]) for k, v in PERIODIC.items()],
+)
 def test_auto_finds_what_thirty_seconds_find_in_less_time(config, start, stop, changes):
     options = {"step": 1.0 if stop - start > 1.0 else 0.5, "changes": changes}
     auto = swept(config, start, stop, **options)
@@ -58,6 +66,7 @@ def test_auto_finds_what_thirty_seconds_find_in_less_time(config, start, stop, c
     assert auto["simulated_s"].sum() < 0.5 * fixed["simulated_s"].sum()
 
 
+@pytest.mark.long
 def test_smaller_tolerance_settles_longer_and_nearer():
     exact = swept(MACHINE, 63.5, changes=IN_PHASE, settle_s=60.0)
     loose, tight = (swept(MACHINE, 63.5, changes=IN_PHASE, settle_tolerance=t) for t in (1e-2, 1e-5))
@@ -75,7 +84,7 @@ def test_auto_settles_by_whole_looks_and_measures_whole_turns():
     assert 2.0 <= measured <= 2.0 + 2.5 / row["excitation_frequency_hz"]
 
 
-@pytest.mark.parametrize("settle_s", ["auto", FIXED])
+@pytest.mark.parametrize("settle_s", ["auto", pytest.param(FIXED, marks=pytest.mark.long)])
 def test_chaotic_motion_is_not_periodic(settle_s):
     row = swept(MACHINE, 62.5, changes=CHAOTIC, settle_s=settle_s, max_settle_s=5.0, measure_s=0.5).iloc[0]
     assert (row["outcome"], row["motion"], row["period"]) == ("ok", "chaotic", 0)
@@ -83,7 +92,7 @@ def test_chaotic_motion_is_not_periodic(settle_s):
     assert row["simulated_s"] - row["settle_s"] == pytest.approx(4.0 if settle_s == "auto" else 4.5, abs=1e-9)
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.long) for seed in (1, 2))])
 def test_antiphase_that_is_left_slowly_is_not_taken_for_its_goal(seed):
     """At 63 Hz antiphase is left with a rate of 0.13 per s: after some ten seconds it is still near π, and in phase
     after sixty. A point that has not got there yet is neither periodic nor non-periodic.
@@ -170,7 +179,7 @@ def test_exciters_that_stand_still_settle_until_the_maximum():
     stopped = {"run.initial.speed_ratio": 0.0, "motor.critical_torque_n_m": 0.0}
     row = swept(MACHINE, 50.0, changes=stopped, max_settle_s=3.0).iloc[0]
     assert (row["outcome"], row["motion"], row["settle_s"]) == ("ok", "undecided", pytest.approx(3.0, abs=1e-9))
-    assert (row["sync"], row["detail"]) == ("none", "fewer than two whole turns of exciter 1 were measured")
+    assert (row["sync"], row["detail"]) == ("none", "exciter 1 made fewer than two full turns while measured")
     assert pd.isna(row["period"])
     assert math.isnan(row["lyapunov_per_s"])
 

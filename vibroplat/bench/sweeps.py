@@ -9,9 +9,9 @@ import time
 import numpy as np
 import pandas as pd
 
+from vibroplat.paper.trial import machine_numbers, paper_scene
 from vibroplat.scene import Scene
 from vibroplat.study.sweep import sweep
-from vibroplat.study.trial import machine_numbers, paper_scene
 
 #: Fixed settling times (s) beside the adaptive one, and the one that is taken for the truth.
 FIXED, TRUTH = (1.0, 2.0, 4.0, 6.0, 10.0, 20.0), 60.0

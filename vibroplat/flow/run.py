@@ -10,7 +10,8 @@ from typing import Literal
 from vibroplat.flow.motion import Motion, Observer
 from vibroplat.hybrid.state import Hybrid
 from vibroplat.integrate.choice import make_engine
-from vibroplat.model.parameters import parameters
+from vibroplat.integrate.seam import Engine
+from vibroplat.model.parameters import Parameters, parameters
 from vibroplat.observe.summary import measured
 from vibroplat.observe.trajectory import Events, Segments, Trajectory
 from vibroplat.scene import Scene
@@ -46,31 +47,56 @@ def simulate(
         ``beyond-model`` (the platform has turned so far that the model, of first order in φ, breaks down).
         What was computed until then is kept; ``summary["detail"]`` has mode, time and state.
     """
-    began = time.perf_counter()
     p = parameters(scene)
+    began = time.perf_counter()
+    with closing(make_engine(scene, p)) as engine:
+        run = simulate_with(engine, scene, p, keep=keep, progress=progress)
+    run.summary["wall_s"] = time.perf_counter() - began
+    return run
+
+
+def simulate_with(
+    engine: Engine,
+    scene: Scene,
+    p: Parameters,
+    *,
+    keep: Keep = "segments",
+    progress: Callable[[float, int], None] | None = None,
+) -> Trajectory:
+    """Integrate a scene in time with an engine of one's own; see :func:`simulate`.
+
+    Parameters
+    ----------
+    engine
+        Made for the scene and used for nothing else; whoever made it closes it.
+    p
+        Parameters of the scene.
+    """
+    began = time.perf_counter()
     segments, events = Segments(), Events()
-    observers: list[Observer] = [events] if keep != "summary" else []
+    observers: list[Observer] = []
     if keep == "segments":
         observers.append(segments)
+    if keep != "summary":
+        observers.append(events)
     if progress is not None:
         observers.append(_Progress(progress))
-    with closing(make_engine(scene, p)) as engine:
-        motion = Motion(scene, p, engine)
-        duration = scene.run.duration_s
-        part = motion.go_on(duration, settle=SETTLE_SHARE * duration, observers=observers)
-        run = Trajectory(scene, segments.kept, events.rows, motion.state, part.measures)
-        run.summary = {
-            "name": scene.name,
-            "outcome": motion.outcome,
-            "detail": motion.detail,
-            "simulated_s": motion.now,
-            **measured(part),
-            "engine": engine.name,
-            "tolerance": scene.solver.tolerance,
-            **engine.work,
-            "restarts": motion.restarts,
-            "wall_s": time.perf_counter() - began,
-        }
+    motion = Motion(scene, p, engine)
+    duration = scene.run.duration_s
+    part = motion.go_on(duration, settle=SETTLE_SHARE * duration, observers=observers)
+    run = Trajectory(scene, segments.kept, events.rows, motion.state, part.measures)
+    run.summary = {
+        "name": scene.name,
+        "outcome": motion.outcome,
+        "detail": motion.detail,
+        "simulated_s": motion.now,
+        **measured(part),
+        "engine": engine.name,
+        "tolerance": scene.solver.tolerance,
+        **engine.work,
+        "restarts": motion.restarts,
+        "wall_s": time.perf_counter() - began,
+    }
     return run
 
 

@@ -14,8 +14,9 @@ from vibroplat.model.systems import FULL_SIZE
 # Outcomes of a run.
 RUNNING, OK, SOLVER_FAILURE, NON_FINITE, INCONSISTENT, EVENT_STORM, BEYOND_MODEL = range(7)
 
-# How far the start of a mode at the present state is prepared.
-STALE, CONSISTENT, DIFFERENTIATED = range(3)
+# How far the start of a mode at the present state is prepared; integers of numpy, see :mod:`vibroplat.hybrid.modes`.
+_NUMBERS: Any = np.arange(3)
+STALE, CONSISTENT, DIFFERENTIATED = _NUMBERS
 
 #: A run (times in s).
 RUN = np.dtype(

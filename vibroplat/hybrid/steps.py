@@ -20,6 +20,9 @@ from vibroplat.model.systems import FULL_SIZE
 #: Steps that one segment may need after its last one: that of a latch, and one to spare.
 MARGIN = 2
 
+#: Least degree of the polynomials, that of a latch.
+CUBIC = 3
+
 # How a piece goes on from the one before.
 AFTER_EVENT, RESTARTED, CUT = range(3)
 

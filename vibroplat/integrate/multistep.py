@@ -17,13 +17,13 @@ from vibroplat.hybrid.modes import FLIGHT
 from vibroplat.hybrid.scales import ROUND_OFF, halvings
 from vibroplat.hybrid.starts import derivatives, prepare
 from vibroplat.hybrid.state import DIFFERENTIATED, Hybrid
-from vibroplat.hybrid.steps import CUT, Steps, end_at
+from vibroplat.hybrid.steps import CUBIC, CUT, Steps, end_at
 from vibroplat.kernels.compiled import FloatArray, compiled, copy, inlined
 from vibroplat.kernels.polynomial import crossing, first_fall, slope, values
 from vibroplat.model.systems import FULL_SIZE, GAP, SIZES
 
-#: Degrees of the polynomials.
-CUBIC, QUINTIC = 3, 5
+#: Degree of the polynomials where steps are long.
+QUINTIC = 5
 
 #: Least length of the step before, over that of a step, with which the quintic is taken.
 LEAST_RATIO = 0.2

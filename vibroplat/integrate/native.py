@@ -22,10 +22,9 @@ from vibroplat.hybrid.loop import AT_GUARD, AT_TARGET, AT_TIME, FAILED, NOT_FINI
 from vibroplat.hybrid.modes import GUARDS
 from vibroplat.hybrid.pieces import cut_piece
 from vibroplat.hybrid.state import OK, RUNNING, Hybrid
-from vibroplat.hybrid.steps import MARGIN, Steps, end_at, no_steps, rewind
+from vibroplat.hybrid.steps import CUBIC, MARGIN, Steps, end_at, no_steps, rewind
 from vibroplat.integrate import callbacks as cb
 from vibroplat.integrate.multistep import (
-    CUBIC,
     QUINTIC,
     Past,
     add_step,

@@ -27,7 +27,7 @@ class IntegrationError(ArithmeticError):
 
 
 class Integrator(Protocol):
-    """A one-step view of an integrator for the systems of one scene.
+    """What takes the steps of a scene's systems.
 
     Attributes
     ----------
@@ -59,19 +59,19 @@ class Integrator(Protocol):
         """
         ...
 
-    def step(self, longest: float) -> tuple[float, FloatArray]:
-        """Take a step.
+    def steps(self, longest: float) -> tuple[FloatArray, FloatArray]:
+        """Take a step, or some at once.
 
         Parameters
         ----------
         longest
-            What is left of the segment (s); the step may be longer.
+            What is left of the segment (s); steps may go beyond, and beyond the guard's fall.
 
         Returns
         -------
-        length, coefficients
-            Duration (s), and coefficients of the differential unknowns in powers of the fraction of the step, shape
-            (degree + 1, 2n). F_c follows from them by the algebra.
+        lengths, coefficients
+            Durations (s), shape (m,), and coefficients of the differential unknowns in powers of the fraction of a
+            step, shape (m, degree + 1, 2n). F_c follows from them by the algebra.
 
         Raises
         ------

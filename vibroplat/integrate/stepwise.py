@@ -1,4 +1,4 @@
-"""An engine of any one-step integrator: the loop around its steps, guards as roots of their polynomials."""
+"""An engine of any integrator that hands over steps: the loop around them, with guards as roots of their polynomials."""
 
 from __future__ import annotations
 
@@ -10,20 +10,24 @@ from vibroplat.hybrid.loop import AT_GUARD, AT_TARGET, AT_TIME, FAILED, NOT_FINI
 from vibroplat.hybrid.modes import GUARDS
 from vibroplat.hybrid.pieces import cut_piece
 from vibroplat.hybrid.state import RUNNING, Hybrid
-from vibroplat.hybrid.steps import MARGIN, rewind
+from vibroplat.hybrid.steps import CUBIC, MARGIN, rewind
 from vibroplat.integrate.seam import IntegrationError, Integrator
 from vibroplat.kernels.compiled import FloatArray, compiled
-from vibroplat.kernels.polynomial import crossing, first_fall, stretch, values
+from vibroplat.kernels.polynomial import Fit, crossing, first_fall, fit, fit_column, stretch, values
 from vibroplat.model.accelerations import accelerations
+from vibroplat.model.equations import finite
 from vibroplat.model.parameters import Parameters
-from vibroplat.model.systems import SIZES, SYSTEMS
+from vibroplat.model.systems import DIFFERENTIAL, SIZES, SYSTEMS
 
-#: Most steps within a turn of the synchronous speed.
+#: Most steps within a turn of the synchronous speed; an integrator that takes more is stuck.
 MAX_STEPS = 100_000
+
+#: The segment goes on.
+_ON = -1
 
 
 class Stepwise:
-    """Drives the automaton with an integrator that takes one step at a time.
+    """Drives the automaton with an integrator that hands over steps.
 
     Parameters
     ----------
@@ -37,17 +41,16 @@ class Stepwise:
     turns_per_segment: float = 1000
 
     def __init__(self, integrator: Integrator, p: Parameters) -> None:
+        self.name = integrator.name
+        self.degree = max(integrator.degree, CUBIC)  # a latch is a cubic
+        self.detail = ""
         self._integrator = integrator
         self._p = p
+        self._fit = fit(self.degree)
         self._open = False
-        self._first = True
+        self._done = 0.0  # time of the segment up to the last step (s)
         self._counted, self._counted_from = 0, 0.0
-        self.name = integrator.name
-        self.degree = integrator.degree
-        self.detail = ""
-        # nodes where F_c is evaluated, and what turns its values into coefficients
-        self._nodes = 0.5 - 0.5 * np.cos(np.pi * np.arange(self.degree + 1) / self.degree)
-        self._to_coefficients = np.linalg.inv(np.vander(self._nodes, increasing=True))
+        self._forget_steps()
 
     @property
     def work(self) -> Mapping[str, int | None]:
@@ -60,95 +63,131 @@ class Stepwise:
     def advance(self, h: Hybrid) -> None:
         """Carry a run on until there is no room for more steps; see :class:`vibroplat.integrate.seam.Engine`."""
         rewind(h.steps)
-        run, used = h.run, h.steps.used
-        while run["outcome"] == RUNNING:
-            full = used["steps"] + 1 + MARGIN > self.rows
-            if not self._open:
-                if full or run["events"] + 2 > len(h.events) or not begin(h):
-                    return
-                system = SYSTEMS[run["systems"][run["mode"]]]
-                y = run["y"][run["mode"], : system.differential].copy()
-                self._integrator.start(system, float(run["now"]), y, run["atol"][: system.differential].copy())
-                self._open = self._first = True
-            stop = self._steps(h)
-            if stop is None:
+        while h.run["outcome"] == RUNNING:
+            if h.steps.used["steps"] + MARGIN >= self.rows:
+                return
+            if not self._open and not self._begin(h):
+                return
+            stop = self._go_on(h)
+            if stop == _ON:
                 cut_piece(h)
                 return
             self._open = False
             conclude(h, stop)
 
-    def _steps(self, h: Hybrid) -> int | None:
-        """Take steps until the segment ends; None where there is no room for more."""
-        run, used, done = h.run, h.steps.used, 0.0
-        if not self._first and used["steps"] == used["first"]:
-            done = float(run["now"] - run["origin"])
-        while used["steps"] + MARGIN < self.rows:
-            try:
-                length, coefficients = self._integrator.step(float(run["until"]) - done)
-            except IntegrationError as error:
-                self.detail = str(error)
-                return FAILED
-            if not (np.isfinite(coefficients).all() and length > 0.0):
-                self.detail = "a step is not finite"
-                return NOT_FINITE
-            stop = self._add(h, done, length, coefficients)
-            self._first = False
-            row = used["steps"] - 1
-            done = float(h.steps.start[row] + h.steps.length[row])
-            if stop >= 0:
-                return stop
-            if run["origin"] + done - self._counted_from >= run["period"]:
-                self._counted, self._counted_from = 0, float(run["origin"]) + done
-            self._counted += 1
-            if self._counted > MAX_STEPS:
-                self.detail = f"more than {MAX_STEPS} steps within a period"
-                return FAILED
-        return None
-
-    def _add(self, h: Hybrid, start: float, length: float, coefficients: FloatArray) -> int:
-        """Add a step; why the segment ends with it, or −1."""
-        run, steps = h.run, h.steps
+    def _begin(self, h: Hybrid) -> bool:
+        """Begin a segment; whether there is one."""
+        if not begin(h):
+            return False
+        run = h.run
         system = SYSTEMS[run["systems"][run["mode"]]]
-        row, differential = int(steps.used["steps"]), system.differential
-        c = steps.c[row]
-        c[:] = 0.0
-        c[:, :differential] = coefficients
-        stop, share = -1, 1.0
-        if start + length >= run["until"]:
-            stop, share = AT_TIME, (float(run["until"]) - start) / length
-            stretch(c, self.degree, share)
-            length = float(run["until"]) - start
-        if system.algebraic:
-            forces = np.empty(self.degree + 1)
-            contact_forces(system.index, float(run["origin"]) + start, length, c, self._nodes, forces, self._p)
-            c[:, differential] = self._to_coefficients @ forces
-        guard = int(GUARDS[system.index])
-        share = first_fall(c, self.degree, guard, int(run["zeros"]) if self._first else 0) if guard >= 0 else -1.0
-        if share >= 0.0:
-            stop = AT_GUARD
-        target = float(run["target"] - run["turns"][0])
-        ends = np.zeros(system.size)
-        values(c, self.degree, share if share >= 0.0 else 1.0, ends)
-        if ends[3] >= target:
-            stop, share = AT_TARGET, crossing(c, self.degree, 3, target)
-        if share >= 0.0:
-            stretch(c, self.degree, share)
-            length *= share
-        values(c, self.degree, 1.0, ends)
-        steps.start[row], steps.length[row] = start, length
-        steps.ends[row, : system.size] = ends
-        steps.used["steps"] = row + 1
-        return stop
+        start, atol = (values[: system.differential].copy() for values in (run["y"][run["mode"]], run["atol"]))
+        self._integrator.start(system, float(run["origin"]), start, atol)
+        self._open, self._done = True, 0.0
+        self._counted, self._counted_from = 0, 0.0
+        self._forget_steps()
+        return True
+
+    def _forget_steps(self) -> None:
+        """Drop steps behind a segment's end."""
+        self._lengths, self._coefficients, self._next = np.empty(0), np.empty((0, 0, 0)), 0
+
+    def _go_on(self, h: Hybrid) -> int:
+        """Add steps until the segment ends, and say why, or until there is no room for more."""
+        until, period = float(h.run["until"]), float(h.run["period"])
+        while h.steps.used["steps"] + MARGIN < self.rows:
+            if self._next == len(self._lengths):
+                if self._counted > MAX_STEPS:
+                    self.detail = f"{self.name}: more than {MAX_STEPS} steps within a period"
+                    return FAILED
+                try:
+                    self._lengths, self._coefficients = self._integrator.steps(until - self._done)
+                except IntegrationError as error:
+                    self.detail = f"{self.name}: {error}"
+                    return FAILED
+                self._next = 0
+                self._counted += len(self._lengths)
+            taken = (self._next, self._done, self._lengths, self._coefficients)
+            stop, self._next, self._done = add_steps(h, *taken, self._fit, self._p)
+            if stop == NOT_FINITE:
+                self.detail = f"{self.name}: a step is not finite"
+            if stop != _ON:
+                return int(stop)
+            if self._done - self._counted_from >= period:
+                self._counted, self._counted_from = 0, self._done
+        return _ON
 
 
 @compiled
-def contact_forces(
-    system: int, t: float, length: float, c: FloatArray, nodes: FloatArray, forces: FloatArray, p: Parameters
-) -> None:
-    """Fill F_c by the algebra at fractions of a step of an attached system (N)."""
-    size = SIZES[system]
-    y, yp = np.empty(size), np.empty(size)
-    for i in range(nodes.size):
-        values(c, c.shape[0] - 1, nodes[i], y)
-        accelerations(system, t + nodes[i] * length, y, yp, p)
-        forces[i] = y[size - 1]
+def add_steps(
+    h: Hybrid, k: int, done: float, lengths: FloatArray, coefficients: FloatArray, fit: Fit, p: Parameters
+) -> tuple[int, int, float]:
+    """Add an integrator's steps from number ``k`` on, at time ``done`` of the segment (s), while there is room.
+
+    Returns why the segment ends with the last of them, or _ON, the number of the next one, and the time then.
+    """
+    steps, used = h.steps, h.steps.used
+    while k < lengths.size and used.steps + MARGIN < steps.start.size:
+        stop = add_step(h, done, lengths[k], coefficients[k], fit, p)
+        k += 1
+        if stop == NOT_FINITE:
+            return stop, k, done
+        done = steps.start[used.steps - 1] + steps.length[used.steps - 1]
+        if stop != _ON:
+            return stop, k, done
+    return _ON, k, done
+
+
+@compiled
+def add_step(h: Hybrid, start: float, length: float, coefficients: FloatArray, fit: Fit, p: Parameters) -> int:
+    """Add a step up to the segment's time, its guard's fall or the run's target; why the segment ends, or _ON."""
+    run, steps, row = h.run, h.steps, h.steps.used.steps
+    c, end, degree = steps.c[row], steps.ends[row], steps.c.shape[1] - 1
+    system = run.systems[run.mode]
+    size, differential = SIZES[system], DIFFERENTIAL[system]
+    for i in range(degree + 1):
+        for j in range(size):
+            c[i, j] = coefficients[i, j] if i < coefficients.shape[0] and j < differential else 0.0
+    for i in range(degree + 1):
+        if not (finite(c[i]) and length > 0.0):
+            return NOT_FINITE
+    stop = _ON
+    if start + length >= run.until:
+        stop = AT_TIME
+        stretch(c, degree, (run.until - start) / length)
+        length = run.until - start
+    if size > differential and not add_force(system, run.origin + start, length, c, fit, p):
+        return NOT_FINITE
+    share, guard, zeros = -1.0, GUARDS[system], run.zeros
+    if guard >= 0:
+        share = first_fall(c, degree, guard, zeros)
+    run.zeros = 0  # they were of the segment's start
+    if share >= 0.0:
+        stop = AT_GUARD
+        stretch(c, degree, share)
+        length *= share
+    values(c, degree, 1.0, end[:size])
+    target = run.target - run.turns[0]
+    if end[3] >= target:
+        stop = AT_TARGET
+        share = crossing(c, degree, 3, target)
+        stretch(c, degree, share)
+        length *= share
+        values(c, degree, 1.0, end[:size])
+    steps.start[row], steps.length[row] = start, length
+    steps.used.steps = row + 1
+    return stop
+
+
+@compiled
+def add_force(system: int, t: float, length: float, c: FloatArray, fit: Fit, p: Parameters) -> bool:
+    """Fill the column of F_c by the algebra at nodes of a step that begins at t; whether it exists at all of them."""
+    degree, force = c.shape[0] - 1, DIFFERENTIAL[system]
+    y, yp, found = np.empty(force + 1), np.empty(force + 1), np.empty(degree + 1)
+    for i in range(degree + 1):
+        values(c, degree, fit.nodes[i], y)
+        if not accelerations(system, t + fit.nodes[i] * length, y, yp, p):
+            return False
+        found[i] = y[force]
+    fit_column(fit, found, c, force)
+    return True

@@ -6,6 +6,8 @@ A step's polynomial is Σ cₖ sᵏ in its fraction s ∈ [0, 1]. Coefficients o
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from vibroplat.kernels.compiled import FloatArray, compiled, inlined
@@ -94,6 +96,7 @@ def first_fall(c: FloatArray, degree: int, j: int, zeros: int) -> float:
             return -1.0 if bernstein[n] > bernstein[0] else at_highest(c, degree, j)
         begin = min(begin + 2.0**-HALVINGS, 1.0)
         split_right(bernstein, begin)
+        bernstein[0] = max(bernstein[0], 0.0)  # it has just risen, up to round-off
     found = first_change(bernstein, 1.0)
     return -1.0 if found < 0.0 else begin + found * (1.0 - begin)
 
@@ -223,3 +226,54 @@ def crossing(c: FloatArray, degree: int, j: int, level: float) -> float:
         else:
             high = middle
     return high
+
+
+class Fit(NamedTuple):
+    """How polynomials are found from their values at nodes, by way of Chebyshev's polynomials.
+
+    Chebyshev's coefficients are as accurate as the values; the powers' coefficients of high degree hardly have a right
+    digit each, but belong together.
+
+    Attributes
+    ----------
+    nodes
+        Fractions of a step at which values are wanted, from 0 to 1, shape (degree + 1,).
+    chebyshev
+        Turns values into the coefficients of Chebyshev's polynomials in 2s − 1, shape (degree + 1, degree + 1).
+    powers
+        Turns these into coefficients of powers of s, whole numbers, shape (degree + 1, degree + 1).
+    """
+
+    nodes: FloatArray
+    chebyshev: FloatArray
+    powers: FloatArray
+
+    def through(self, found: FloatArray) -> FloatArray:
+        """Coefficients of the polynomials with the given values at the nodes, shape (degree + 1, unknowns)."""
+        return self.powers @ (self.chebyshev @ found)
+
+
+def fit(degree: int) -> Fit:
+    """Prepare the fit of polynomials of a degree."""
+    angles = np.pi * np.arange(degree, -1, -1) / degree
+    powers = np.zeros((degree + 1, degree + 1))
+    powers[0, 0], powers[:2, 1] = 1.0, (-1.0, 2.0)
+    for k in range(2, degree + 1):  # T(k) = 2 (2s − 1) T(k − 1) − T(k − 2)
+        powers[1:, k] = 4.0 * powers[:-1, k - 1]
+        powers[:, k] -= 2.0 * powers[:, k - 1] + powers[:, k - 2]
+    chebyshev = np.linalg.inv(np.cos(np.outer(angles, np.arange(degree + 1))))
+    return Fit(0.5 + 0.5 * np.cos(angles), chebyshev, powers)
+
+
+@compiled
+def fit_column(fit: Fit, found: FloatArray, c: FloatArray, j: int) -> None:
+    """Let unknown j be the polynomial with the given values at the nodes."""
+    n = found.size
+    for k in range(n):
+        c[k, j] = 0.0
+    for i in range(n):
+        coefficient = 0.0
+        for k in range(n):
+            coefficient += fit.chebyshev[i, k] * found[k]
+        for k in range(i + 1):
+            c[k, j] += fit.powers[k, i] * coefficient

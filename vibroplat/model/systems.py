@@ -31,15 +31,12 @@ class System:
         The number by which compiled code knows the system.
     places
         Places of the differential unknowns in the full state, shape (2n,).
-    guard
-        Index of the unknown whose fall through zero ends the mode (F_c or the gap); None without one.
     """
 
     index: int
     mode: Mode
     layers: int
     places: npt.NDArray[np.int64]
-    guard: int | None
 
     @property
     def differential(self) -> int:
@@ -74,11 +71,11 @@ def _places(*coordinates: int) -> npt.NDArray[np.int64]:
 
 
 SYSTEMS: tuple[System, ...] = (
-    System(BARE, Mode.BARE, 0, _places(0, 1, 2, 3, 4), None),
-    System(ATTACHED_ONE, Mode.ATTACHED, 1, _places(0, 1, 2, 3, 4), 10),
-    System(ATTACHED_TWO, Mode.ATTACHED, 2, _places(0, 1, 2, 3, 4, 6), 12),
-    System(FLIGHT_ONE, Mode.FLIGHT, 1, _places(0, 1, 2, 3, 4, 5), 5),
-    System(FLIGHT_TWO, Mode.FLIGHT, 2, _places(0, 1, 2, 3, 4, 5, 6), 5),
+    System(BARE, Mode.BARE, 0, _places(0, 1, 2, 3, 4)),
+    System(ATTACHED_ONE, Mode.ATTACHED, 1, _places(0, 1, 2, 3, 4)),
+    System(ATTACHED_TWO, Mode.ATTACHED, 2, _places(0, 1, 2, 3, 4, 6)),
+    System(FLIGHT_ONE, Mode.FLIGHT, 1, _places(0, 1, 2, 3, 4, 5)),
+    System(FLIGHT_TWO, Mode.FLIGHT, 2, _places(0, 1, 2, 3, 4, 5, 6)),
 )
 
 
@@ -92,7 +89,6 @@ LAYERS = np.array([s.layers for s in SYSTEMS])
 ALGEBRAIC = np.array([s.algebraic for s in SYSTEMS])
 SIZES = np.array([s.size for s in SYSTEMS])
 DIFFERENTIAL = np.array([s.differential for s in SYSTEMS])
-GUARDS = np.array([-1 if s.guard is None else s.guard for s in SYSTEMS])
 PLACES = np.array([[*s.places, *[-1] * (FULL_SIZE - s.differential)] for s in SYSTEMS])
 
 

@@ -48,7 +48,7 @@ SECTION_ROWS = 1024
 MARKS = np.dtype(
     [
         ("window", np.float64),  # when the measured part begins (s)
-        ("passed", np.float64),  # whole turns of exciter 1 until now, inf before the first step
+        ("passed", np.float64),  # whole turns of exciter 1 until now, nan before the first step
         ("turns", np.int64),  # points of the section so far
         ("first_time", np.float64),  # of the section's first and last point (s)
         ("last_time", np.float64),
@@ -75,6 +75,9 @@ MARKS = np.dtype(
     align=True,
 )
 
+#: Highest degree of polynomials that come with steps so short that the phase in the middle of a step is its mean.
+SHORT = 5
+
 #: Gauss nodes and weights on [0, 1], by their number.
 _MOST_NODES = 16
 NODES, WEIGHTS = np.zeros((2, _MOST_NODES + 1, _MOST_NODES))
@@ -87,6 +90,8 @@ _TURN = 2.0 * math.pi
 #: Part of a turn that may be missing by round-off.
 _COMPLETE = 1e-12
 _FLIGHT = int(Mode.FLIGHT)
+#: Places of y, φ₁ and the gap among the unknowns; integers of numpy, so that functions are compiled once for all.
+_HEIGHT, _ANGLE, _GAP = np.array([1, 3, GAP])
 
 
 class Measures(NamedTuple):
@@ -117,7 +122,7 @@ class Measures(NamedTuple):
 def no_measures(window: float) -> Measures:
     """Make empty sums whose measured part begins at a time (s)."""
     marks = np.zeros(1, MARKS)
-    marks["window"], marks["passed"] = window, math.inf
+    marks["window"], marks["passed"] = window, math.nan
     for name in ("force", "y"):
         marks[f"{name}_min"], marks[f"{name}_max"] = math.inf, -math.inf
     plain, open_turn, whole = np.zeros(3, SUMS)
@@ -237,40 +242,47 @@ def add_step(
     power: FloatArray,
     p: Parameters,
 ) -> None:
-    """Add a step, in two parts where exciter 1 completes a turn within it."""
+    """Add a step, in parts where exciter 1 completes turns within it."""
     marks, c, end = ms.marks, steps.c[row], steps.ends[row]
     system, force = piece.system, DIFFERENTIAL[piece.system]
     begin, length = piece.origin + steps.start[row], steps.length[row]
     if SIZES[system] > force and may_widen(marks.force_min, marks.force_max, c, degree, force, end[force]):
-        least, largest = extremes(c, degree, force, end[force])
-        marks.force_min, marks.force_max = min(marks.force_min, least), max(marks.force_max, largest)
+        marks.force_min, marks.force_max = widened(marks.force_min, marks.force_max, c, force, end[force])
     if flying and may_widen(marks.gap_min, marks.gap_max, c, degree, GAP, end[GAP]):
-        least, largest = extremes(c, degree, GAP, end[GAP])
-        marks.gap_min, marks.gap_max = min(marks.gap_min, least), max(marks.gap_max, largest)
-    before, after = marks.passed, whole_turns(end[3], piece.turns[0])
-    if math.isinf(before):
-        before = whole_turns(c[0, 3], piece.turns[0])
-    marks.passed = after
-    cut = 0.0
-    if before != after:
-        cut = crossing(c, degree, 3, _TURN * max(before, after) - piece.turns[0])
-        integrate(ms, c, degree, 0.0, cut, begin, length, system, flying, nodes, full, power, p)
-        now = begin + cut * length
+        marks.gap_min, marks.gap_max = widened(marks.gap_min, marks.gap_max, c, _GAP, end[GAP])
+    turn, last = marks.passed, whole_turns(end[3], piece.turns[0])
+    if math.isinf(turn):
+        turn = whole_turns(c[0, 3], piece.turns[0])
+    marks.passed = last
+    begun = 0.0
+    while True:
+        cut, way = 1.0, 1.0 if last > turn else -1.0
+        if turn != last:
+            cut = crossing(c, degree, _ANGLE, _TURN * max(turn, turn + way) - piece.turns[0])
+        if begun < cut:
+            integrate(ms, c, degree, begun, cut, begin, length, system, flying, nodes, full, power, p)
+        if turn == last:
+            break
+        begun, turn, now = cut, turn + way, begin + cut * length
         if goes_on(marks, slope(c, degree, 3, cut)) and now >= marks.window:
             for j in range(force):
                 full[PLACES[system, j]] = value(c, degree, j, cut)
             close_turn(ms, now, piece.turns, full, value(c, degree, force, cut) if SIZES[system] > force else 0.0)
-    if cut < 1.0:
-        integrate(ms, c, degree, cut, 1.0, begin, length, system, flying, nodes, full, power, p)
-    if begin + cut * length >= marks.window and may_widen(marks.y_min, marks.y_max, c, degree, 1, end[1]):
-        least, largest = extremes(c, degree, 1, end[1])
-        marks.y_min, marks.y_max = min(marks.y_min, least), max(marks.y_max, largest)
+    if begin + begun * length >= marks.window and may_widen(marks.y_min, marks.y_max, c, degree, 1, end[1]):
+        marks.y_min, marks.y_max = widened(marks.y_min, marks.y_max, c, _HEIGHT, end[1])
 
 
 @inlined
 def whole_turns(angle: float, turns: float) -> float:
     """Whole turns of an exciter; one that a motion was stopped at is complete, though round-off may say less."""
     return math.floor((angle + turns) / _TURN + _COMPLETE)
+
+
+@compiled
+def widened(least: float, largest: float, c: FloatArray, j: int, last: float) -> tuple[float, float]:
+    """Return extremes that also cover unknown j within a step, which ends with the value ``last``."""
+    low, high = extremes(c, c.shape[0] - 1, j, last)
+    return min(least, low), max(largest, high)
 
 
 @inlined
@@ -298,7 +310,7 @@ def integrate(
     duration = (end - start) * length
     measured = begin + start * length >= marks.window
     total_x, total_xx, total_y, total_yy, total_phi, total_phi_phi, total_motor = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    total_exchanged = 0.0
+    total_exchanged, total_cosine, total_sine = 0.0, 0.0, 0.0
     for i in range(nodes):
         s, weight = start + (end - start) * NODES[nodes, i], duration * WEIGHTS[nodes, i]
         for j in range(DIFFERENTIAL[system]):
@@ -318,6 +330,9 @@ def integrate(
         total_phi += weight * phi
         total_phi_phi += weight * phi * phi
         total_motor += weight * power[0]
+        if degree > SHORT:
+            total_cosine += weight * math.cos(full[3] + full[4])
+            total_sine += weight * math.sin(full[3] + full[4])
     marks.exchanged += total_exchanged
     if measured:
         sums.x += total_x
@@ -329,11 +344,12 @@ def integrate(
         sums.motor += total_motor
         sums.time += duration
         sums.flying += duration if flying else 0.0
-        # where exciters run in step the phase varies slowly: the middle says it
-        middle = 0.5 * (start + end)
-        phase = value(c, degree, 3, middle) + value(c, degree, 4, middle)
-        sums.cosine += duration * math.cos(phase)
-        sums.sine += duration * math.sin(phase)
+        if degree <= SHORT:
+            middle = 0.5 * (start + end)
+            phase = value(c, degree, 3, middle) + value(c, degree, 4, middle)
+            total_cosine, total_sine = duration * math.cos(phase), duration * math.sin(phase)
+        sums.cosine += total_cosine
+        sums.sine += total_sine
 
 
 @inlined

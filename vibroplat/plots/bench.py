@@ -1,4 +1,4 @@
-"""Figures of benches."""
+"""Figures of benchmarks."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from vibroplat.plots.style import CURVES, plt, save, styled
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-#: Errors that work–precision figures have, by column, of the product's own benches and beside its peers.
+#: Errors shown in work–precision figures, by column: of our own benchmarks, and of comparisons with peers.
 OWN = {"y_m": "y (m)", "event_time_s": "event times (s)", "contact_force": "contact force (relative)"}
 SCALED = {"coordinates": "coordinates (over their scales)"} | {
     key: OWN[key] for key in ("event_time_s", "contact_force")
@@ -21,14 +21,14 @@ SCALED = {"coordinates": "coordinates (over their scales)"} | {
 
 
 def plot_precision(table: pd.DataFrame, directory: Path, name: str, errors: dict[str, str], line: list[str]) -> Path:
-    """Draw run time against error, a row of panels for each case.
+    """Draw run time against error, one row of panels per case.
 
     Parameters
     ----------
     errors
-        Columns of errors, and what their axes say.
+        Columns of errors and the labels of their axes.
     line
-        Columns whose values together name a line.
+        Columns whose values together identify a line.
 
     Returns
     -------
@@ -56,7 +56,7 @@ def plot_precision(table: pd.DataFrame, directory: Path, name: str, errors: dict
 
 
 def _precision_lines(axis: Axes, table: pd.DataFrame, names: pd.Series, column: str, looks: dict[str, Any]) -> None:
-    """Draw one panel; a case without this quantity leaves it empty."""
+    """Draw one panel; it stays empty if the case does not have this quantity."""
     drawn = False
     for name, rows in table.groupby(names, sort=False):
         shown = rows[rows[column] > 0.0] if column in rows else rows.iloc[:0]
@@ -73,7 +73,7 @@ def _precision_lines(axis: Axes, table: pd.DataFrame, names: pd.Series, column: 
 
 
 def plot_scaling(tables: dict[str, pd.DataFrame], directory: Path) -> Path:
-    """Draw what runs cost against simulated time, restarts and number of scenes, and the memory they take.
+    """Draw run time against simulated time, restarts and number of scenes, and the memory used.
 
     ``tables`` are those of :mod:`vibroplat.bench.peers.scaling` by name. Returns the PNG file, scaling.png.
     """

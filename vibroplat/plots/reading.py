@@ -1,4 +1,4 @@
-"""Result tables in, refused with a clear line where they are not what a figure needs."""
+"""Reads result tables for figures; unusable ones are refused with a clear message."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from vibroplat.tables import read_table
 
 
 def require_schema(directory: Path) -> dict[str, Any]:
-    """Return where results come from; refuse those of a version that this one does not read."""
+    """Return the provenance of a result; refuse other schema versions."""
     if not directory.is_dir():
-        raise TableError(f"{directory} is no directory; allowed: one that vibroplat has written")
+        raise TableError(f"{directory} is not a directory; allowed: a result directory of vibroplat")
     if (directory / "points.sqlite").exists() and not any(directory.glob("sweep.*")):
-        raise TableError(f"{directory} holds an unfinished sweep; `vibroplat sweep --resume` goes on with it")
+        raise TableError(f"{directory} holds an unfinished sweep; continue it with `vibroplat sweep --resume`")
     return read_provenance(directory)
 
 
 def read_columns(directory: Path, name: str, label: str | Sequence[str], numbers: Sequence[str]) -> pd.DataFrame:
-    """Read a table that must have columns of labels and these of numbers."""
+    """Read a table; it must have these columns of labels and of numbers."""
     table = read_table(directory, name)
     for column in numbers:
         if column not in table or not (pd.api.types.is_numeric_dtype(table[column]) or table.empty):

@@ -1,4 +1,4 @@
-"""Figures of a run, from its tables alone."""
+"""Figures of a run, drawn from its tables."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-#: Turns of the exciters that motion and force show when no interval is asked for.
+#: Turns of the exciters shown by motion and force if no interval is given.
 SHOWN_TURNS = 10
 
 
@@ -36,26 +36,26 @@ class _Result:
 def plot_run(
     directory: Path, kinds: Sequence[str], start: float | None = None, stop: float | None = None
 ) -> list[Path]:
-    """Draw figures of a run into its directory.
+    """Draw figures of a run and save them in its directory.
 
     Parameters
     ----------
     directory
-        What ``vibroplat run`` has written.
+        Result directory of ``vibroplat run``.
     kinds
         ``motion`` (y and gap), ``force`` (contact force), ``exciters`` (speeds and phase difference).
     start, stop
-        Interval of motion and force (s); the last ten turns of the exciters if neither is given.
+        Interval shown by motion and force (s). Default: the last ten turns of the exciters.
 
     Returns
     -------
     list of Path
-        The PNG files. ``force`` is left out where the scene has no contact.
+        The PNG files. ``force`` is omitted if the scene has no contact.
 
     Raises
     ------
     TableError
-        Tables are missing or of a version this one does not read, or the interval is empty.
+        Tables are missing or have another schema version, or the interval is empty.
     """
     result = _read(directory, start, stop)
     written = []
@@ -71,24 +71,24 @@ def _read(directory: Path, start: float | None, stop: float | None) -> _Result:
     require_schema(directory)
     summary = read_json(directory, "summary")
     if not isinstance(summary, dict) or not {"name", "excitation_frequency_hz"} <= summary.keys():
-        raise TableError(f"{directory / 'summary.json'} is no summary of a run")
+        raise TableError(f"{directory / 'summary.json'} is not the summary of a run")
     angles = ("phi1_rad", "phi2_rad", "phi1_rate_rad_per_s", "phi2_rate_rad_per_s")
     whole = read_columns(directory, "trajectory", "mode", ("t_s", "y_m", *angles))
     events = read_columns(directory, "events", "kind", ("t_s", "impulse_n_s"))
     if whole.empty:
-        raise TableError(f"{directory} holds an empty trajectory; there is nothing to draw")
+        raise TableError(f"{directory} holds an empty trajectory; there is nothing to plot")
     first, last = float(whole["t_s"].min()), float(whole["t_s"].max())
     end = last if stop is None else stop
     frequency = summary["excitation_frequency_hz"]
     begin = start if start is not None else max(first, end - SHOWN_TURNS / frequency) if frequency else first
     shown = whole[whole["t_s"].between(begin, end)]
     if shown["t_s"].nunique() < 2:
-        raise TableError(f"nothing between {begin} and {end} s; allowed: an interval within {first} … {last} s")
+        raise TableError(f"no data between {begin} and {end} s; allowed: an interval within {first} … {last} s")
     return _Result(summary["name"], whole, shown, events[events["t_s"].between(begin, end)])
 
 
 def _motion(result: _Result) -> Figure:
-    """Y of the platform; below it the gap, with contact shaded and impacts marked."""
+    """Draw the platform's y and below it the gap; contact is shaded, impacts are marked."""
     table = result.shown
     has_gap = "gap_m" in table
     figure, axes = plt.subplots(1 + has_gap, 1, figsize=(8, 2.6 + 2.2 * has_gap), sharex=True, squeeze=False)
@@ -110,7 +110,7 @@ def _motion(result: _Result) -> Figure:
 
 
 def _force(result: _Result) -> Figure:
-    """Contact force, with the impulses of the impacts as stems on an axis of their own."""
+    """Draw the contact force, and the impulses of impacts as stems on a second axis."""
     table, events = result.shown, result.events
     figure, axis = plt.subplots(figsize=(8, 3.0))
     _shade_contact(axis, table)
@@ -132,7 +132,7 @@ def _force(result: _Result) -> Figure:
 
 
 def _exciters(result: _Result) -> Figure:
-    """Speeds of both exciters and their phase difference over the whole run."""
+    """Draw the speeds of both exciters and their phase difference over the whole run."""
     table = result.whole
     figure, (top, bottom) = plt.subplots(2, 1, figsize=(8, 4.8), sharex=True)
     for number, style in ((1, "-"), (2, "--")):
@@ -151,7 +151,7 @@ def _exciters(result: _Result) -> Figure:
 
 
 def _shade_contact(axis: Axes, table: pd.DataFrame) -> None:
-    """Shade the stretches of time in mode ``attached``."""
+    """Shade the times in mode ``attached``."""
     attached = (table["mode"] == "attached").to_numpy()
     t = table["t_s"].to_numpy()
     edges = np.flatnonzero(np.diff(np.concatenate(([0], attached.astype(int), [0]))))

@@ -1,4 +1,4 @@
-"""How figures look, and how they are saved."""
+"""Common style of figures, and how they are saved."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 __all__ = ["CONTACT", "CURVES", "FORCE", "MATERIAL", "PLATFORM", "plt", "save", "styled"]
 
 PLATFORM, MATERIAL, FORCE, CONTACT = "#1f4e79", "#c05a1c", "#2a7f4f", "#dfe8f1"
-#: Colours of curves side by side.
+#: Colours of curves in one figure.
 CURVES = ("#1f4e79", "#c05a1c", "#2a7f4f", "#7b3f98", "#8a6d1d", "#444444", "#b03060", "#2f8f9d")
 
 _STYLE: Any = {
@@ -39,7 +39,7 @@ _STYLE: Any = {
 
 @contextmanager
 def styled() -> Iterator[None]:
-    """Draw in the common style."""
+    """Use the common style."""
     with mpl.rc_context(_STYLE):
         yield
 

@@ -1,4 +1,4 @@
-"""Figures of a sweep, from its tables alone: response curves, bifurcation diagram, regime map."""
+"""Figures of a sweep, drawn from its tables: response curves, bifurcation diagram, regime map."""
 
 from __future__ import annotations
 
@@ -23,21 +23,21 @@ if TYPE_CHECKING:
 
 FREQUENCY = "supply_frequency_hz"
 EXCITATION = "excitation_frequency_hz"
-#: Least range of an axis, over the largest RMS of y in the same units.
+#: Smallest range of an axis, relative to the largest RMS of y.
 LEAST_RANGE = 0.02
-#: How the exciters turn, and its colour in a map.
+#: Kinds of synchronization and their colours in a map.
 SYNC = {"antiphase": "#1f4e79", "in-phase": "#c05a1c", "intermediate": "#8a6d1d", "none": "#c8c8c8"}
-#: Periods that a map tells apart: upper ends of classes, and their labels.
+#: Classes of periods in a map: upper limits and labels.
 _PERIODS = ((0, "none"), (1, "1"), (2, "2"), (4, "3, 4"), (8, "5 … 8"), (64, "9 … 64"))
 _PERIOD_COLOURS = ("#c8c8c8", "#1f4e79", "#5b8db8", "#2a7f4f", "#8a6d1d", "#c05a1c")
 
-#: Columns that figures need, besides the swept keys.
+#: Columns that figures need in addition to the swept keys.
 _NUMBERS = (EXCITATION, "rms_x_m", "rms_y_m", "rms_phi_rad", "phase_difference_rad", "period")
 
 
 @dataclass(frozen=True)
 class Response:
-    """Table of a sweep, and the keys of its grid that take several values."""
+    """Table of a sweep, and the grid keys that have several values."""
 
     directory: Path
     name: str
@@ -45,7 +45,7 @@ class Response:
     keys: list[str]
 
     def curves(self) -> Iterator[tuple[str, int, str, pd.DataFrame]]:
-        """Yield label, number of the combination of values, direction and rows of each branch."""
+        """Yield the label, the number of the grid combination, the direction and the rows of each branch."""
         numbers: dict[str, int] = {}
         for _, rows in self.table.groupby("branch", sort=True):
             label = ", ".join(
@@ -57,29 +57,29 @@ class Response:
 
 
 def _kind(origin: dict[str, Any], directory: Path) -> str:
-    """Return what a sweep was made for."""
+    """Return the kind of a sweep."""
     try:
         return str(origin["configuration"]["sweep"]["kind"])
     except (KeyError, TypeError):
-        raise TableError(f"{directory}/provenance.json is no provenance of a sweep") from None
+        raise TableError(f"{directory}/provenance.json is not the provenance of a sweep") from None
 
 
 def plot_sweep(directory: Path, kinds: Sequence[str]) -> list[Path]:
-    """Draw figures of a sweep into its directory.
+    """Draw figures of a sweep and save them in its directory.
 
     Parameters
     ----------
     directory
-        What ``vibroplat sweep`` has written.
+        Result directory of ``vibroplat sweep``.
     kinds
         ``response`` (RMS, phase difference and flight over excitation frequency), ``bifurcation`` (points of
         the Poincaré section and impact speeds), ``map`` (synchronization and period over frequency and a key of
-        the grid). If none is named, response and the kind of the sweep.
+        the grid). Default: response and the kind of the sweep.
 
     Raises
     ------
     TableError
-        Tables are missing, of a version this one does not read, or do not hold what a figure shows.
+        Tables are missing, have another schema version, or lack data that a figure needs.
     """
     origin = require_schema(directory)
     response = read_response(directory)
@@ -93,7 +93,7 @@ def read_response(directory: Path) -> Response:
     """Read the table of a sweep."""
     table = read_columns(directory, "sweep", ("direction", "sync"), (FREQUENCY, "branch", *_NUMBERS))
     if table.empty:
-        raise TableError(f"{directory} holds an empty sweep table; there is nothing to draw")
+        raise TableError(f"{directory} holds an empty sweep table; there is nothing to plot")
     grid = list(table.columns[1 : list(table.columns).index("direction")])
     return Response(directory, directory.resolve().name, table, [key for key in grid if len(table[key].unique()) > 1])
 
@@ -103,7 +103,7 @@ def _is_number(column: pd.Series[Any]) -> bool:
 
 
 def draw_curves(axis: Axes, response: Response, column: str, factor: float = 1.0, *, wrap: bool = False) -> None:
-    """Draw one quantity over excitation frequency: a colour a combination, up full and down dashed with dots."""
+    """Draw one quantity over excitation frequency: one colour per combination, up solid, down dashed with dots."""
     curves = list(response.curves())
     colours = curve_colours(1 + max(number for _, number, _, _ in curves))
     for label, number, direction, rows in curves:
@@ -126,7 +126,7 @@ def draw_curves(axis: Axes, response: Response, column: str, factor: float = 1.0
 
 
 def curve_colours(count: int) -> Sequence[Any]:
-    """Return a colour for each of so many curves: distinct ones, or a scale where they are too many."""
+    """Return a colour for each curve: distinct colours, or a colour scale if there are too many curves."""
     return CURVES if count <= len(CURVES) else list(plt.get_cmap("viridis")(np.linspace(0.0, 0.95, count)))
 
 
@@ -138,20 +138,20 @@ def phase_axis(axis: Axes) -> None:
 
 
 def _response(response: Response) -> Figure:
-    """RMS of y, x and rotation, phase difference, and the share of flight where there is material."""
+    """Draw the RMS of y, x and φ, the phase difference, and the flight fraction if there is material."""
     flies = bool((response.table.get("flight_fraction", pd.Series(dtype=float)) > 0.0).any())
     figure, axes = plt.subplots(4 + flies, 1, figsize=(8.5, 8.5 + 1.8 * flies), sharex=True)
     shown = [("rms_y_m", 1e3, "RMS y (mm)"), ("rms_x_m", 1e3, "RMS x (mm)"), ("rms_phi_rad", 1e3, "RMS φ (mrad)")]
     for axis, (column, factor, label) in zip(axes, shown, strict=False):
         draw_curves(axis, response, column, factor)
         axis.set_ylabel(label)
-        # what is small against the rest is drawn small, not blown up to noise
+        # small quantities are drawn small, instead of magnified to noise
         axis.set_ylim(0.0, max(axis.get_ylim()[1], LEAST_RANGE * 1e3 * response.table["rms_y_m"].max()))
     draw_curves(axes[3], response, "phase_difference_rad", wrap=True)
     phase_axis(axes[3])
     if flies:
         draw_curves(axes[4], response, "flight_fraction")
-        axes[4].set_ylabel("share of flight")
+        axes[4].set_ylabel("flight fraction")
         axes[4].set_ylim(-0.05, 1.05)
     axes[-1].set_xlabel("excitation frequency f (Hz)")
     axes[0].set_title(response.name, loc="left")
@@ -162,7 +162,7 @@ def _response(response: Response) -> Figure:
 
 
 def _bifurcation(response: Response) -> Figure:
-    """Draw points of the Poincaré section and impact speeds over frequency, a column a combination of values."""
+    """Draw points of the Poincaré section and impact speeds over frequency, one column per grid combination."""
     section = read_columns(response.directory, "section", "direction", (EXCITATION, "branch", "y_m"))
     impacts = read_columns(response.directory, "impacts", "direction", (EXCITATION, "branch", "impact_speed_m_per_s"))
     curves = list(response.curves())
@@ -194,16 +194,16 @@ def _bifurcation(response: Response) -> Figure:
 
 
 def _map_key(response: Response) -> str | None:
-    """Return the one key of the grid that takes several numbers, or None."""
+    """Return the grid key with several numbers, or None if there is not exactly one."""
     keys = [key for key in response.keys if _is_number(response.table[key])]
     return keys[0] if len(keys) == len(response.keys) == 1 else None
 
 
 def _map(response: Response) -> Figure:
-    """Colour a map of synchronization and one of period over supply frequency and a key of the grid."""
+    """Draw maps of synchronization and period over supply frequency and a grid key."""
     key = _map_key(response)
     if key is None:
-        raise TableError(f"{response.directory} varies {response.keys}; a map needs one key of the grid with numbers")
+        raise TableError(f"{response.directory} varies {response.keys}; a map needs one grid key with several numbers")
     directions = list(dict.fromkeys(response.table["direction"]))
     figure, axes = plt.subplots(
         len(directions), 2, figsize=(11, 0.8 + 3.2 * len(directions)), sharex=True, sharey=True, squeeze=False
@@ -214,7 +214,7 @@ def _map(response: Response) -> Figure:
         table = response.table[response.table["direction"] == direction]
         ended = table["period"].notna().to_numpy(dtype=bool)
         classes = np.searchsorted([end for end, _ in _PERIODS], table["period"].fillna(0).astype(int))
-        # points that failed are left white
+        # failed points stay white
         _tiles(row[0], table.assign(value=table["sync"].map({name: i for i, name in enumerate(SYNC)})), key, sync)
         _tiles(row[1], table.assign(value=np.where(ended, classes, np.nan)), key, periods)
         row[0].set_title(f"synchronization, {direction}", loc="left")
@@ -230,7 +230,7 @@ def _map(response: Response) -> Figure:
 
 
 def _tiles(axis: Axes, table: pd.DataFrame, key: str, colours: ListedColormap) -> None:
-    """Colour a tile for each point."""
+    """Draw one coloured tile per point."""
     grid = table.pivot_table(index=key, columns=FREQUENCY, values="value", aggfunc="first")
     norm = BoundaryNorm(np.arange(colours.N + 1) - 0.5, colours.N)
     axis.set_facecolor("white")

@@ -1,1 +1,6 @@
-"""Studies made of many motions: sweeps, regimes, the paper's claims, calibration."""
+"""Studies of many motions.
+
+* A sweep (:mod:`~vibroplat.study.sweep`) has branches of points; a point settles, is measured and classified.
+* Any study simulates by chains of stored tasks: :mod:`~vibroplat.study.tasks`, which run in a pool
+  (:mod:`~vibroplat.study.execution`) and keep their results in a :mod:`~vibroplat.study.store`.
+"""

@@ -7,11 +7,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from vibroplat.errors import ConfigError
-from vibroplat.plan import Sweep
 from vibroplat.scene import Scene
+from vibroplat.sweep_plan import SweepPlan
 
-#: Key of a scene that a sweep goes through, its column in tables, and the column of what the exciters make of it.
+#: Key of a scene that varies along a branch.
 FREQUENCY = "drive.supply_frequency_hz"
+#: Columns of supply and excitation frequency.
 SUPPLY, EXCITATION = "supply_frequency_hz", "excitation_frequency_hz"
 
 
@@ -22,15 +23,15 @@ class Branch:
     Attributes
     ----------
     number
-        Its place in the sweep.
+        Its position in the sweep.
     direction
         ``up`` or ``down``.
     grid
-        Dotted keys of the grid and their values here.
+        Dotted keys of the grid and their values on this branch.
     scene
-        What moves, at the first frequency.
+        The scene at the first frequency.
     frequencies
-        Supply frequencies (Hz) in the order in which the branch goes through them.
+        Supply frequencies (Hz) in the order of the branch.
     """
 
     number: int
@@ -40,9 +41,9 @@ class Branch:
     frequencies: tuple[float, ...]
 
     def key(self, frequency: float) -> tuple[int, ...]:
-        """Return what the perturbation at a supply frequency (Hz) follows from, besides the seed.
+        """Return the numbers that, with the seed, determine the perturbation at a supply frequency (Hz).
 
-        It does not depend on the branch's place in its sweep, so a curve that two sweeps share is the same in both.
+        They do not depend on the branch's place in its sweep, so that two sweeps give the same curve.
         """
         return int(self.direction == "down"), round(1e6 * frequency)
 
@@ -51,21 +52,21 @@ class Branch:
         return self.scene.replace({FREQUENCY: self.frequencies[point]})
 
 
-def sweep_plan(scene: Scene) -> Sweep:
-    """Return the plan of a scene that is to be swept.
+def sweep_plan(scene: Scene) -> SweepPlan:
+    """Return the plan of a scene's sweep.
 
     Raises
     ------
     ConfigError
-        It has none.
+        The scene has no section ``sweep``.
     """
     if scene.sweep is None:
-        raise ConfigError("this configuration has no section sweep; allowed: sweep: {supply_frequency_hz: …}")
+        raise ConfigError("this configuration has no sweep section; add sweep: {supply_frequency_hz: …}")
     return scene.sweep
 
 
 def branches(scene: Scene) -> list[Branch]:
-    """List the branches of a scene's sweep: the grid's combinations, the first key slowest, times directions.
+    """List the branches of a scene's sweep: each combination of the grid (the first key is slowest), in each direction.
 
     Raises
     ------

@@ -1,10 +1,10 @@
-"""What kind of motion it is: one answer, with the reason where there is none.
+"""Classify motions; where no class fits, say why.
 
 * ``periodic`` — the Poincaré section repeats after n turns of exciter 1.
-* ``chaotic`` — it does not, and neighbouring trajectories part: the largest Lyapunov exponent is positive.
-* ``quasi-periodic`` — it does not, and they neither part nor draw together.
-* ``undecided`` — the error of the exponent leaves its sign open, or neighbours draw together but no period shows.
-* ``non-periodic`` — it does not repeat, and the plan asks for no exponent that would tell more.
+* ``chaotic`` — it does not repeat, and neighbouring trajectories diverge: the largest Lyapunov exponent is positive.
+* ``quasi-periodic`` — it does not repeat, and neighbouring trajectories neither diverge nor converge.
+* ``undecided`` — the error of the exponent leaves its sign open, or neighbours converge but no period is found.
+* ``non-periodic`` — it does not repeat, and the plan asks for no exponent.
 """
 
 from __future__ import annotations
@@ -15,35 +15,35 @@ from typing import NamedTuple
 import numpy as np
 
 from vibroplat.model.parameters import FloatArray
-from vibroplat.plan import Sweep
 from vibroplat.scene import Scene
 from vibroplat.study.lyapunov import Exponent, largest_exponent
 from vibroplat.study.section import LONGEST_PERIOD, MAX_PERIOD, period
 from vibroplat.study.settling import Settling, draws_together, noise
+from vibroplat.sweep_plan import SweepPlan
 
-#: Least ratio of the section's extents in both halves of the measured part, the smaller over the larger, at which it is
+#: Least ratio of the smaller to the larger extent of the section, in both halves of the measured part, at which it is
 #: steady: a section that still shrinks or grows has not settled.
 STEADY = 0.9
-#: Distance between the means of both halves, over the extent, above which the section drifts.
+#: Distance between the means of both halves, as a share of the extent, above which the section drifts.
 DRIFT = 0.25
-#: Largest growth a turn, two errors included, at which an exponent without a clear sign counts as 0: neighbours would
-#: need at least 350 turns to double or halve their distance.
+#: Largest growth per turn, with two errors added, at which an exponent without a clear sign counts as 0: neighbours
+#: would need at least 350 turns to double or halve their distance.
 ZERO = 2e-3
 
 
 class Kind(NamedTuple):
-    """What kind of motion it is.
+    """The class of a motion.
 
     Attributes
     ----------
     motion
         ``periodic``, ``quasi-periodic``, ``chaotic``, ``undecided`` or ``non-periodic``.
     period
-        Turns of exciter 1 after which it repeats, 0 if it does not; None where it makes no turns.
+        Turns of exciter 1 after which it repeats; 0 if it does not repeat, None if it makes no turns.
     exponent
-        Largest Lyapunov exponent, where it was needed.
+        Largest Lyapunov exponent, if it was needed.
     why
-        Why it is undecided.
+        Why it is undecided; otherwise empty.
     """
 
     motion: str
@@ -53,17 +53,17 @@ class Kind(NamedTuple):
 
 
 def classify(
-    scene: Scene, plan: Sweep, settling: Settling, points: FloatArray, state: FloatArray, *, last: bool
+    scene: Scene, plan: SweepPlan, settling: Settling, points: FloatArray, state: FloatArray, *, last: bool
 ) -> Kind | None:
-    """Classify a motion that was measured, or return None if it must settle longer.
+    """Classify a measured motion, or return None if it must settle longer.
 
-    It must where it looked settled but was not, and, unless this is the ``last`` time, where its neighbours draw
-    together but no period shows.
+    It must settle longer if it looked settled but was not, and, unless this is the ``last`` time, if its neighbours
+    converge but no period is found.
 
     Parameters
     ----------
     scene, plan
-        What moves, and how it was to settle and be measured.
+        The scene, and how it was to settle and be measured.
     settling
         How it settled.
     points
@@ -71,10 +71,10 @@ def classify(
     state
         Full state at its end, shape (14,).
     last
-        Whether it has settled as long as it may.
+        Whether it has settled for the longest time allowed.
     """
     if len(points) < 2:
-        return Kind("undecided", None, why="fewer than two whole turns of exciter 1 were measured")
+        return Kind("undecided", None, why="exciter 1 made fewer than two full turns while measured")
     n = period(points, plan.period_tolerance)
     if settling.how == "periodic":
         return _confirmed(scene, plan, settling, points, state, n)
@@ -88,12 +88,12 @@ def classify(
 
 
 def _confirmed(
-    scene: Scene, plan: Sweep, settling: Settling, points: FloatArray, state: FloatArray, n: int
+    scene: Scene, plan: SweepPlan, settling: Settling, points: FloatArray, state: FloatArray, n: int
 ) -> Kind | None:
-    """Confirm on the measured section, of period n, that a motion has settled; None if it has not.
+    """Confirm by the measured section, of period n, that a motion has settled; return None if it has not.
 
-    A quick transient may hide a slow one, a spiral that closes in on period 1 may come near itself every n turns, and
-    chaos that passes near an unstable periodic motion looks periodic for a while.
+    A quick transient may hide a slow one, a spiral towards period 1 may come close to itself every n turns, and chaos
+    near an unstable periodic motion looks periodic for a while.
     """
     still = draws_together(points, plan.settle_tolerance, noise(scene, plan))
     if n == 0 or settling.period % n != 0 or still == 0 or (n > 1 and not _steady(points, plan.settle_tolerance)):
@@ -105,7 +105,7 @@ def _confirmed(
 
 
 def _steady(points: FloatArray, tolerance: float) -> bool:
-    """Whether the section keeps its extent and its place."""
+    """Whether the section keeps its extent and its position."""
     halves = points[: len(points) // 2], points[len(points) // 2 :]
     first, second = (float(np.ptp(half, axis=0).max()) for half in halves)
     way = float(np.abs(halves[1].mean(axis=0) - halves[0].mean(axis=0)).max())
@@ -119,15 +119,17 @@ def _by_exponent(exponent: Exponent, points: FloatArray, tolerance: float) -> Ki
         return Kind("chaotic", 0, exponent)
     if exponent.sign < 0:
         n = period(points, tolerance, first=MAX_PERIOD + 1, last=LONGEST_PERIOD)
-        return Kind("periodic", n, exponent) if n > 0 else _undecided(exponent, f"no period up to {LONGEST_PERIOD}")
+        return (
+            Kind("periodic", n, exponent) if n > 0 else _undecided(exponent, f"no period found up to {LONGEST_PERIOD}")
+        )
     if not (abs(exponent.value) + 2.0 * exponent.error) * exponent.turn <= ZERO:
-        return _undecided(exponent, "sign open")
+        return _undecided(exponent, "sign unclear")
     if not _steady(points, tolerance):
-        return _undecided(exponent, "the section still moves")
+        return _undecided(exponent, "the section still drifts")
     return Kind("quasi-periodic", 0, exponent)
 
 
 def _undecided(exponent: Exponent, why: str) -> Kind:
     if math.isnan(exponent.value):
-        return Kind("undecided", 0, exponent, "no exponent: neighbours end early or stop turning")
+        return Kind("undecided", 0, exponent, "no exponent: a neighbouring trajectory ended early or stopped turning")
     return Kind("undecided", 0, exponent, f"exponent {exponent.value:.3g} ± {exponent.error:.2g} per s, {why}")

@@ -1,8 +1,8 @@
-"""Chains of tasks side by side: in this process, in worker processes, on many machines.
+"""Run chains of tasks side by side: in this process, in worker processes or on many machines.
 
-A chain's next task is known when the one before it has finished, as a sweep's next point begins with the
-state of the last. What a task returns depends on its arguments alone, so results are the same however
-chains are spread over workers.
+The next task of a chain is known when the one before it has finished, as each point of a sweep begins with the state
+of the last. The result of a task depends on its arguments alone, so results do not depend on how chains are spread
+over workers.
 """
 
 from __future__ import annotations
@@ -11,20 +11,22 @@ import re
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, wait
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from multiprocessing import resource_tracker
 from typing import Any, Protocol, TypeVar
 
 from vibroplat.errors import ConfigError, VibroplatError
-from vibroplat.interrupts import held
+from vibroplat.interrupts import stop_if_asked, unheard, unwinding, watching
 
-#: Numerical libraries would start a pool of threads in each worker process.
+#: Environment of workers: without it numerical libraries would start a pool of threads in each process.
 PINNED = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA")}
-#: Seconds without a result after which workers are asked whether they are there.
+#: Seconds without a result after which the pool is checked for workers.
 PATIENCE = 5.0
-#: Seconds without a task after which a worker process ends.
+#: Longest time (s) until Ctrl-C is noticed while workers run.
+TICK = 0.1
+#: Seconds without a task after which a worker process exits.
 IDLE = 20
-#: Times that a task alone may lose its worker before it is given up.
+#: How many times a task that runs alone may lose its worker before it is given up.
 LIVES = 2
 
 _ADDRESS = re.compile(r"^(tcp|tls|ws|wss|ucx|inproc)://.+:\d+")
@@ -36,19 +38,21 @@ class LostError(VibroplatError):
     exit_code = 1
 
 
-class WorkerLostError(Exception):
-    """A task's worker died, more than once."""
+class WorkerLostError(VibroplatError):
+    """A task's worker died more than once."""
+
+    exit_code = 1
 
 
 class Chain(Protocol):
-    """Tasks of which each follows from the result of the one before."""
+    """A sequence of tasks, each of which follows from the result of the one before."""
 
     def task(self) -> tuple[Callable[..., Any], tuple[Any, ...]] | None:
-        """Return the next task as function and arguments, or None where the chain ends."""
+        """Return the next task as function and arguments, or None at the end of the chain."""
         ...
 
     def take(self, result: Any) -> None:
-        """Take the result of the task, or a :class:`WorkerLostError` in its place."""
+        """Take the result of the task, or a :class:`WorkerLostError` if it was given up."""
         ...
 
 
@@ -58,9 +62,9 @@ C = TypeVar("C", bound=Chain)
 class Pool(Protocol):
     """Where tasks run."""
 
-    #: Tasks given to it at a time.
+    #: How many tasks it is given at a time.
     slots: int
-    #: What it raises for a task that it has given up because workers died of it.
+    #: Errors with which it gives up a task whose workers died.
     given_up: tuple[type[Exception], ...]
 
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
@@ -72,18 +76,26 @@ class Pool(Protocol):
         ...
 
     def check(self) -> None:
-        """Raise where no worker can ever answer."""
+        """Raise :class:`LostError` if no worker can answer any more."""
         ...
 
     def close(self) -> None:
-        """Stop the workers, also in the middle of a task."""
+        """Stop the workers, even in the middle of a task."""
         ...
 
 
-def run_chains(chains: Iterable[C], workers: Pool) -> Iterator[C]:
-    """Run all chains to their ends; yields the chain of each task that has finished and been taken."""
+def run_chains(chains: Iterable[C], workers: Pool, *, in_turn: bool = True) -> Iterator[C]:
+    """Run all chains to their ends; yield the chain of each task after it has taken the result.
+
+    Chains take turns, so that all end at about the same time. Otherwise the first ones are finished first.
+    """
+    with nullcontext() if isinstance(workers, Inline) else watching():
+        yield from _run(chains, workers, in_turn=in_turn)
+
+
+def _run(chains: Iterable[C], workers: Pool, *, in_turn: bool) -> Iterator[C]:
     waiting: deque[C] = deque(chains)
-    suspects: deque[C] = deque()  # one of them has taken its worker along: each runs alone
+    suspects: deque[C] = deque()  # one of them has killed its worker: each runs alone
     losses: dict[int, int] = {}
     running: dict[Future[Any], C] = {}
     alone = False
@@ -100,9 +112,7 @@ def run_chains(chains: Iterable[C], workers: Pool) -> Iterator[C]:
         if not running:
             continue
         lost: list[C] = []
-        done = wait(running, timeout=PATIENCE, return_when=FIRST_COMPLETED).done
-        if not done:
-            workers.check()
+        done = _finished(running, workers)
         for future in done:
             chain = running.pop(future)
             try:
@@ -113,10 +123,21 @@ def run_chains(chains: Iterable[C], workers: Pool) -> Iterator[C]:
             except workers.given_up as error:
                 chain.take(WorkerLostError(" ".join(str(error).split())))
             losses.pop(id(chain), None)
-            waiting.append(chain)
+            (waiting.append if in_turn else waiting.appendleft)(chain)
             yield chain
         if lost:
             yield from _deal_with(lost, running, suspects, losses, waiting, workers)
+
+
+def _finished(running: dict[Future[Any], C], workers: Pool) -> set[Future[Any]]:
+    """Wait until a task has finished; end if a signal asks for it, and raise if all workers are gone."""
+    while True:
+        for _ in range(round(PATIENCE / TICK)):
+            done = wait(running, timeout=TICK, return_when=FIRST_COMPLETED).done
+            stop_if_asked()
+            if done:
+                return done
+        workers.check()
 
 
 def _deal_with(
@@ -127,7 +148,7 @@ def _deal_with(
     waiting: deque[C],
     workers: Pool,
 ) -> Iterator[C]:
-    """Renew the pool after a worker has died; a task that was alone and has no life left is given up."""
+    """Renew the pool after a worker has died; give up a task that ran alone and has no life left."""
     alone = len(lost) == 1 and not running
     lost += running.values()
     running.clear()
@@ -144,7 +165,7 @@ def _deal_with(
 
 
 class Inline:
-    """Tasks run in this process."""
+    """Runs tasks in this process."""
 
     slots = 1
     given_up: tuple[type[Exception], ...] = ()
@@ -162,27 +183,27 @@ class Inline:
         """Nothing to replace."""
 
     def check(self) -> None:
-        """Do nothing: a task ends where it is submitted."""
+        """Do nothing: a task has finished when it is submitted."""
 
     def close(self) -> None:
         """Nothing to stop."""
 
 
 class Processes:
-    """Worker processes of this machine, by loky; numerical libraries use one thread in each."""
+    """Worker processes of this machine, started by loky; numerical libraries use one thread in each."""
 
     given_up: tuple[type[Exception], ...] = ()
 
     def __init__(self, jobs: int) -> None:
         self._jobs = jobs
-        self.slots = jobs + 1  # one waits while results are taken
+        self.slots = jobs + 1  # one task waits while results are received
         self.renew()
 
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
-        """Start a task; on workers that have just died it fails like those that they had."""
+        """Start a task; if the workers have just died it fails like the tasks that they had."""
         try:
-            resource_tracker.ensure_running()  # started in between, it would let Ctrl-C through (CPython < 3.14)
-            with held():
+            resource_tracker.ensure_running()  # started later, it would unblock Ctrl-C (CPython < 3.14)
+            with unheard():
                 future: Future[Any] = self._executor.submit(function, *arguments)
         except BrokenExecutor as error:
             future = Future()
@@ -190,13 +211,13 @@ class Processes:
         return future
 
     def renew(self) -> None:
-        """Start workers anew where the old ones are broken."""
+        """Start new workers if the old ones are broken."""
         from loky import get_reusable_executor  # noqa: PLC0415  (not needed for one job)
 
         self._executor: Executor = get_reusable_executor(self._jobs, timeout=IDLE, env=PINNED)
 
     def check(self) -> None:
-        """Do nothing: futures of workers that die fail by themselves."""
+        """Do nothing: the futures of workers that die fail by themselves."""
 
     def close(self) -> None:
         """Stop the workers."""
@@ -204,7 +225,7 @@ class Processes:
 
 
 class Cluster:
-    """Workers of a dask scheduler, on many machines; vibroplat must be installed on them.
+    """Workers of a dask scheduler, possibly on many machines; vibroplat must be installed there.
 
     Raises
     ------
@@ -216,7 +237,7 @@ class Cluster:
         try:
             from distributed import Client, KilledWorker  # noqa: PLC0415  (optional)
         except ImportError:
-            raise ConfigError("--scheduler needs dask.distributed; install vibroplat[cluster]") from None
+            raise ConfigError("--scheduler needs dask.distributed; pip install 'vibroplat[cluster]' has it") from None
         if not _ADDRESS.match(address):
             raise ConfigError(f"--scheduler {address}: not an address; allowed: tcp://host:port")
         self._address = address
@@ -230,34 +251,49 @@ class Cluster:
         self.slots = 2 * max(1, sum(self._client.nthreads().values()))
 
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
-        """Start a task; dask repeats it where its worker dies, and gives it up after some times."""
+        """Start a task; dask repeats it if its worker dies, and gives it up after some times."""
         future: Future[Any] = self._executor.submit(function, *arguments)
         return future
 
     def renew(self) -> None:
-        """Nothing to replace: the scheduler sees to its workers."""
+        """Nothing to replace: the scheduler looks after its workers."""
 
     def check(self) -> None:
-        """Raise where the scheduler is gone."""
+        """Raise :class:`LostError` if the scheduler is gone."""
         if self._client.status not in ("running", "connecting"):
-            raise LostError(f"the scheduler at {self._address} is gone; finished points are kept, --resume goes on")
+            raise LostError(
+                f"the scheduler at {self._address} is gone; finished points are kept: continue with --resume"
+            )
 
     def close(self) -> None:
         """Leave the cluster."""
-        if self._client.status == "running":  # of a scheduler that is gone there is nothing to cancel
+        if self._client.status == "running":  # a scheduler that is gone has nothing to cancel
             self._executor.shutdown(wait=False)
         self._client.close()
 
 
 @contextmanager
 def pool(jobs: int = 1, scheduler: str | None = None) -> Iterator[Pool]:
-    """Open the pool that a user asks for: this process, so many of them, or a dask scheduler's workers."""
-    opened: Pool = Inline()
-    if scheduler is not None:
-        opened = Cluster(scheduler)
-    elif jobs > 1:
-        opened = Processes(jobs)
-    try:
-        yield opened
-    finally:
-        opened.close()
+    """Open a pool: this process for one job, worker processes for more, or the workers of a dask scheduler.
+
+    Parameters
+    ----------
+    jobs
+        Worker processes.
+    scheduler
+        Address of a dask scheduler, whose workers are used instead.
+
+    Raises
+    ------
+    ConfigError
+        The scheduler does not answer, or dask.distributed is not installed.
+    """
+    if scheduler is None and jobs == 1:
+        yield Inline()
+        return
+    with unwinding():
+        opened = Processes(jobs) if scheduler is None else Cluster(scheduler)
+        try:
+            yield opened
+        finally:
+            opened.close()

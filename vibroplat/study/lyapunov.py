@@ -1,4 +1,4 @@
-"""Largest Lyapunov exponent of a motion, by two trajectories compared on the Poincaré section."""
+"""Largest Lyapunov exponent of a motion, from two trajectories compared on the Poincaré section."""
 
 from __future__ import annotations
 
@@ -13,23 +13,22 @@ from vibroplat.hybrid.scales import state_scales
 from vibroplat.integrate.choice import make_engine
 from vibroplat.model.parameters import FloatArray, parameters
 from vibroplat.model.systems import GAP, GAP_RATE
-from vibroplat.observe import statistics as m
 from vibroplat.scene import Scene
 
-#: Distance of both trajectories after each comparison, in the scales of the scene.
+#: Distance to which the trajectories are reset after each comparison, in the scales of the scene.
 DISTANCE = 1e-5
-#: Local tolerance of both, small against their distance.
+#: Local tolerance of both trajectories, small against their distance.
 TOLERANCE = 1e-10
-#: Turns of exciter 1 between comparisons, and comparisons of which the first are not counted.
+#: Number of turns of exciter 1 between comparisons, and number of first comparisons that are not counted.
 TURNS, SKIPPED = 3, 8
-#: Fewest and most comparisons that are counted, and how many more are made until the error is small enough.
+#: Smallest and largest number of counted comparisons, and how many are added while the error is too large.
 LEAST, MOST, MORE = 96, 640, 32
-#: The error is the largest of those from so many blocks of comparisons: few blocks are long against the memory of the
-#: motion, many give their scatter well. Over 140 stretches of chaotic motion, exponents scatter by 0.9 … 1.3 times this
-#: error; with 8 blocks of 32 comparisons it was 1.3 … 1.9 times, once 7 times.
+#: Numbers of blocks of comparisons. The error is the largest that any of them gives: few blocks are long against the
+#: memory of the motion, many blocks give the scatter accurately. Over 140 stretches of chaotic motion, exponents
+#: scatter by 0.9 … 1.3 times this error; with 8 blocks of 32 comparisons it was 1.3 … 1.9 times, once 7 times.
 BLOCKS = (4, 8, 16)
-#: Errors that are small enough: as a share of the exponent, at which its sign is sure, and as growth a turn, below
-#: which there is none: to double would take two thousand turns.
+#: Errors that are small enough: relative to the exponent, so that its sign is clear, and as growth per turn, which
+#: would need two thousand turns to double a distance.
 SHARE, PER_TURN = 1.0 / 6.0, 3e-4
 
 _TURN = 2.0 * math.pi
@@ -42,7 +41,7 @@ class Exponent(NamedTuple):
     Attributes
     ----------
     value, error
-        Exponent and its standard error (1/s), from the scatter of blocks; nan where a trajectory ended early.
+        Exponent and its standard error (1/s), from the scatter of blocks; nan if a trajectory ended early.
     turn
         Mean duration of a turn of exciter 1 (s).
     """
@@ -53,7 +52,7 @@ class Exponent(NamedTuple):
 
     @property
     def sign(self) -> int:
-        """1 or −1 where it differs from 0 by more than three errors and by PER_TURN, otherwise 0."""
+        """1 or −1 if it differs from 0 by more than three errors and by PER_TURN, otherwise 0."""
         clear = abs(self.value) > max(3.0 * self.error, PER_TURN / self.turn)
         return int(math.copysign(1.0, self.value)) if clear else 0
 
@@ -68,28 +67,28 @@ def largest_exponent(
     most: int = MOST,
     share: float = SHARE,
 ) -> Exponent:
-    """Estimate the largest Lyapunov exponent of the Poincaré map, to an error that follows from its own scatter.
+    """Estimate the largest Lyapunov exponent of the Poincaré map, and its error from its own scatter.
 
-    Two trajectories start close to each other, each goes through its own liftoffs and impacts, and both are
-    compared where exciter 1 has made the same number of turns. Events shift in time between them, but by
-    then both have passed the same ones: the jump of their difference at an event (the saltation matrix) is
-    contained, and the neutral direction along the motion is not (Benettin et al. 1980; Müller 1995). Comparisons go
-    on until the error is below a share of the exponent or PER_TURN, or there are as many as allowed.
+    Two trajectories start close to each other and have their own liftoffs and impacts. They are compared after the
+    same number of turns of exciter 1. Their events happen at slightly different times, but by then both have passed
+    the same events. The comparison thus includes the jump of their difference at an event (the saltation matrix) and
+    excludes the neutral direction along the motion (Benettin et al. 1980; Müller 1995). Comparisons are added until
+    the error is below a share of the exponent or below PER_TURN, or until the largest number is reached.
 
     Parameters
     ----------
     scene
-        What moves.
+        The scene.
     state
         Full state on the attractor, shape (14,).
     direction
-        First difference in the scales of the scene, shape (14,); all coordinates alike without it.
+        Initial difference in the scales of the scene, shape (14,). Default: equal in all coordinates.
     turns
-        Turns of exciter 1 after which the difference is measured and shortened again.
+        Number of turns of exciter 1 after which the difference is measured and rescaled.
     least, most
-        Fewest and most comparisons that are counted, no fewer than the most of BLOCKS.
+        Smallest and largest number of counted comparisons; at least the largest of BLOCKS.
     share
-        Error that is small enough, as a share of the exponent.
+        Error that is small enough, relative to the exponent.
     """
     scene = scene.replace({"solver.tolerance": min(TOLERANCE, scene.solver.tolerance)})
     lead = turns_later(scene, state, 1)
@@ -105,7 +104,7 @@ def largest_exponent(
                 return _NONE
             lead, difference = compared
             distance = float(np.linalg.norm(difference))
-            if distance == 0.0:  # both have met: what parted them is gone
+            if distance == 0.0:  # the trajectories have merged
                 return Exponent(-math.inf, 0.0, lead[0] / turns)
             growth.append(math.log(distance / DISTANCE))
             seconds.append(lead[0])
@@ -121,7 +120,7 @@ _NONE = Exponent(math.nan, math.nan, math.nan)
 def _compare(
     scene: Scene, state: FloatArray, difference: FloatArray, turns: int
 ) -> tuple[tuple[float, FloatArray], FloatArray] | None:
-    """Carry a state and a neighbour on by some turns; time and state then, and what parts both."""
+    """Advance a state and a neighbour by some turns; return the time passed and the new state, and the difference."""
     scales = state_scales(scene)
     follower = state + DISTANCE * _admissible(difference, state) * scales
     follower[GAP] = max(follower[GAP], 0.0)
@@ -129,14 +128,14 @@ def _compare(
     if ahead is None or behind is None:
         return None
     difference = behind[1] - ahead[1]
-    difference[3:5] -= _TURN * np.round(difference[3:5] / _TURN)  # angles may be folded on either side
+    difference[3:5] -= _TURN * np.round(difference[3:5] / _TURN)  # angles may differ by whole turns
     difference /= scales
     difference[_ANGLE] = 0.0
     return ahead, difference
 
 
 def _estimate(growth: FloatArray, seconds: FloatArray, turns: int) -> Exponent:
-    """Mean growth a second, and its standard error from the means of blocks."""
+    """Return the mean growth per second and its standard error from the means of blocks."""
     errors = []
     for count in BLOCKS:
         blocks = np.array_split(growth, count), np.array_split(seconds, count)
@@ -152,25 +151,15 @@ def turns_later(scene: Scene, state: FloatArray, turns: int) -> tuple[float, Flo
     turn = 2.0 * math.pi / scene.speed_scale
     with closing(make_engine(scene, p)) as engine:
         motion = Motion(scene, p, engine, state)
-        # a state on the section starts at a whole turn, which may or may not be counted: leave it first
-        motion.go_on(0.25 * turn)
-        left, length = turns, turns * turn
-        for _ in range(4 * turns + 4):
-            part = motion.go_on(length)
-            if motion.outcome != "ok":
-                return None
-            passed = int(part.measures.marks[m.TURNS])
-            if passed >= left:
-                row = part.measures.section[left - 1]
-                found = row[m.SECTION_STATE : m.SECTION_FORCE].copy()
-                found[3:5] -= _TURN * np.round(found[3:5] / _TURN)
-                return float(row[m.SECTION_TIME]), found
-            left, length = left - passed, 0.25 * turn
-    return None
+        if not motion.to_section(turns, (2 * turns + 2) * turn):
+            return None
+        found = motion.state
+        found[3:5] -= _TURN * np.round(found[3:5] / _TURN)
+        return motion.now, found
 
 
 def _admissible(difference: FloatArray, state: FloatArray) -> FloatArray:
-    """Keep a neighbour on the section, and in contact where the state is; of length 1."""
+    """Return a difference of length 1 that keeps a neighbour on the section, and in contact if the state is."""
     difference = difference.copy()
     difference[_ANGLE] = 0.0
     if state[GAP] <= 0.0:

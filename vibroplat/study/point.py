@@ -1,49 +1,51 @@
-"""One point of a sweep: settle, measure, classify."""
+"""One point of a sweep: the motion settles, is measured and classified."""
 
 from __future__ import annotations
 
 import math
 import time
+from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from vibroplat.flow.motion import Motion
-from vibroplat.hybrid import loop as hy
+from vibroplat.flow.motion import Motion, Observer
 from vibroplat.hybrid.initial import initial_state
+from vibroplat.hybrid.modes import IMPACT
 from vibroplat.hybrid.scales import state_scales
+from vibroplat.hybrid.state import Hybrid
 from vibroplat.integrate.choice import make_engine
-from vibroplat.integrate.tape import Tape
 from vibroplat.model.parameters import FloatArray, parameters
-from vibroplat.observe import statistics as m
 from vibroplat.observe.statistics import Measures, section_rows
 from vibroplat.observe.summary import Part, block_errors, half_open, measured
-from vibroplat.plan import Sweep
 from vibroplat.scene import Scene
 from vibroplat.study.classification import Kind, classify
 from vibroplat.study.section import period, section_points
 from vibroplat.study.settling import Settling, settle
+from vibroplat.study.store import Record
+from vibroplat.study.tasks import Task
+from vibroplat.sweep_plan import SweepPlan
 
-#: Distance of the phase difference from 0 or π (rad) up to which exciters turn in phase or antiphase.
+#: Distance of the phase difference from 0 or π (rad) up to which exciters count as in phase or in antiphase.
 SYNCHRONOUS = math.pi / 3.0
-#: Wander of the phase difference over the measured part (rad) from which on exciters are not synchronous.
+#: Drift of the phase difference over the measured part (rad) above which exciters are not synchronous.
 WANDER = math.pi / 2.0
-#: Phase coherence below which they are not synchronous either.
+#: Phase coherence below which exciters are not synchronous.
 COHERENCE = 0.8
-#: Distance from −π (rad) up to which a phase difference is reported as π: a few times what settling leaves by default.
+#: Distance from −π (rad) up to which a phase difference is reported as π: a few times the error left by settling.
 ANTIPHASE = 5e-3
-#: Blocks in which motion that does not repeat is measured, each as long as the plan's ``measure_s``.
+#: Number of blocks in which motion that does not repeat is measured, each as long as the plan's ``measure_s``.
 BLOCKS = 8
-#: Fewest periods that are measured of motion that repeats: both halves must show that it does.
+#: Fewest periods that are measured of motion that repeats: each half must show that it does.
 PERIODS = 4
-#: How many times ``max_settle_s`` a motion settles whose neighbours draw together: it will repeat.
+#: A motion whose neighbours draw together will repeat: it may settle this many times ``max_settle_s``.
 PATIENCE = 4.0
-#: Points of the Poincaré section and impacts that a bifurcation diagram shows of each point, the last ones.
+#: How many of the last points of the Poincaré section and impacts a bifurcation diagram shows at each point.
 SHOWN = 64
 
-#: What is measured at a point, in the order of the table.
+#: Measures of a point in the order of the table.
 MEASURED = (
     "excitation_frequency_hz",
     "frequency_split_hz",
@@ -61,7 +63,7 @@ MEASURED = (
     "motor_power_w",
     "energy_residual",
 )
-#: Measures whose standard errors are told where the motion does not repeat, and the columns of these errors.
+#: Measures that have a standard error if the motion does not repeat, and the columns of these errors.
 ERRORS = {
     "excitation_frequency_hz": "excitation_frequency_error_hz",
     "rms_x_m": "rms_x_error_m",
@@ -81,9 +83,9 @@ class Point:
     Attributes
     ----------
     row
-        Measures and work done, by column of the sweep table.
+        Values by column of the sweep table.
     state
-        Full state at its end, with which the branch goes on, shape (14,); None if it ended early.
+        Full state at its end, with which the next point begins, shape (14,); None if the motion ended early.
     section_y, impact_speeds
         y at whole turns of exciter 1 (m) and speeds of the impacts (m/s), for a bifurcation diagram.
     """
@@ -94,19 +96,29 @@ class Point:
     impact_speeds: list[float] = field(default_factory=list)
 
 
-def measure_point(scene: Scene, plan: Sweep, state: list[float] | None, key: tuple[int, ...]) -> Point:
+def point_task(scene: Scene, plan: SweepPlan, state: list[float] | None, key: tuple[int, ...]) -> Task:
+    """Return the task of :func:`measure_point`; a point whose worker is lost has the outcome ``worker-lost``."""
+    return Task(measure_point, (scene, plan, state, key), _lost)
+
+
+def _lost(reason: str) -> Record:
+    work = {"steps": 0, "residual_calls": 0, "events": 0, "simulated_s": 0.0, "settle_s": 0.0, "wall_s": 0.0}
+    return vars(Point({"outcome": "worker-lost", "detail": reason} | work, None))
+
+
+def measure_point(scene: Scene, plan: SweepPlan, state: list[float] | None, key: tuple[int, ...]) -> Point:
     """Settle and measure one point of a sweep.
 
     Parameters
     ----------
     scene
-        What moves, at the point's frequency and values.
+        The scene with the point's frequency and values.
     plan
         How to settle and measure.
     state
-        Full state at the end of the point before; that of ``run.initial`` without it.
+        Full state at the end of the point before, shape (14,); without it the point begins with ``run.initial``.
     key
-        Numbers from which with the plan's seed the perturbation follows; see :meth:`Branch.key`.
+        Numbers that, with the plan's seed, determine the perturbation; see :meth:`Branch.key`.
     """
     began = time.perf_counter()
     p = parameters(scene)
@@ -114,7 +126,7 @@ def measure_point(scene: Scene, plan: Sweep, state: list[float] | None, key: tup
     with closing(make_engine(scene, p)) as engine:
         start = initial_state(scene) if state is None else np.array(state)
         motion = Motion(scene, p, engine, perturbed(start, scene, plan, key))
-        settling, part, kind = _settled_and_measured(motion, plan, impacts)
+        settling, part, kind = _settled_and_measured(motion, plan, [] if impacts is None else [impacts])
         work = engine.work
     row: dict[str, Any] = {
         "settle_s": settling.seconds,
@@ -138,27 +150,29 @@ def measure_point(scene: Scene, plan: Sweep, state: list[float] | None, key: tup
 
 
 class _Impacts:
-    """Reads the speeds of impacts (m/s) while a motion goes on."""
+    """Collects the speeds of impacts (m/s) while a motion advances."""
 
     def __init__(self) -> None:
         self.speeds: list[float] = []
 
-    def __call__(self, _: Tape, h: hy.Hybrid) -> None:
-        """Take what is on the list of events."""
-        rows = h.events[: h.flags[hy.EVENTS]]
-        self.speeds.extend((-rows[rows[:, hy.KIND] == hy.IMPACT, hy.RATE_BEFORE]).tolist())
+    def read(self, h: Hybrid) -> None:
+        """Take the impacts from the list of events."""
+        events = h.events[: h.run["events"]]
+        self.speeds.extend((-events["rate_before"][events["kind"] == IMPACT]).tolist())
 
 
-def _settled_and_measured(motion: Motion, plan: Sweep, impacts: _Impacts | None) -> tuple[Settling, Part, Kind | None]:
-    """Settle, measure and classify a motion; settle again where it turns out not to have settled.
+def _settled_and_measured(
+    motion: Motion, plan: SweepPlan, observers: Sequence[Observer]
+) -> tuple[Settling, Part, Kind | None]:
+    """Settle, measure and classify a motion; settle again if it turns out not to have settled.
 
-    Motion that does not repeat is measured in blocks, from which the errors of its measures follow. There is no kind
-    where the motion ended early.
+    Motion that does not repeat is measured in blocks, from which the errors of its measures follow. A motion that
+    ended early has no kind.
     """
     longest = plan.max_settle_s
     while True:
         settling = settle(motion, plan, longest)
-        part = _measured_part(motion, plan, settling, impacts)
+        part = _measured_part(motion, plan, settling, observers)
         if motion.outcome != "ok":
             return settling, part, None
         points = section_points(part.measures, motion.scene)
@@ -168,29 +182,29 @@ def _settled_and_measured(motion: Motion, plan: Sweep, impacts: _Impacts | None)
             break
         if settling.how == "maximum":
             longest = PATIENCE * plan.max_settle_s
-    if kind.period and part.blocks:  # it repeats after all: whole periods of it are measured
+    if kind.period and part.blocks:  # it repeats after all: measure whole periods
         if settling.how == "maximum":
             settling = settling._replace(seconds=motion.now)
         periods = settling._replace(period=kind.period, turn=mean_turn(part.measures))
-        part = motion.go_on(measuring_time(motion.state, plan.measure_s, periods), read=impacts)
+        part = motion.go_on(measuring_time(motion.state, plan.measure_s, periods), observers=observers)
     return settling, part, kind if motion.outcome == "ok" else None
 
 
-def _measured_part(motion: Motion, plan: Sweep, settling: Settling, impacts: _Impacts | None) -> Part:
-    """Measure a motion: at once where it repeats, or seems to after a fixed time; otherwise in blocks."""
+def _measured_part(motion: Motion, plan: SweepPlan, settling: Settling, observers: Sequence[Observer]) -> Part:
+    """Measure a motion: in one part if it repeats, or seems to after a fixed time; otherwise in blocks."""
     if settling.how != "maximum":
-        part = motion.go_on(measuring_time(motion.state, plan.measure_s, settling), read=impacts)
+        part = motion.go_on(measuring_time(motion.state, plan.measure_s, settling), observers=observers)
         points = section_points(part.measures, motion.scene)
         seems = settling.how == "periodic" or len(points) < 2 or period(points, plan.period_tolerance) > 0
         if seems or motion.outcome != "ok":
             return part
-    return motion.go_on(BLOCKS * plan.measure_s, blocks=BLOCKS, read=impacts)
+    return motion.go_on(BLOCKS * plan.measure_s, blocks=BLOCKS, observers=observers)
 
 
 def measures_of(part: Part, scene: Scene, slip: float = 0.0) -> dict[str, Any]:
-    """Return what a row tells of a measured part: its measures, their errors, and how the exciters turn.
+    """Return the columns of a measured part: measures, their errors and the synchronization.
 
-    ``slip`` is the change of the phase difference while the motion settled (rad), where it has not become periodic.
+    ``slip`` is the change of the phase difference while the motion settled (rad), if it has not become periodic.
     """
     found = measured(part)
     row = {name: found[name] for name in MEASURED}
@@ -205,7 +219,7 @@ def measures_of(part: Part, scene: Scene, slip: float = 0.0) -> dict[str, Any]:
 
 
 def columns_of(kind: Kind) -> dict[str, Any]:
-    """Return what a row tells of the kind of motion; the reason why it is undecided stands in ``detail``."""
+    """Return the columns of the kind of motion; ``detail`` says why it is undecided."""
     row: dict[str, Any] = {"motion": kind.motion, "period": kind.period, "detail": kind.why}
     if kind.exponent is not None and math.isfinite(kind.exponent.value):
         row |= {"lyapunov_per_s": kind.exponent.value, "lyapunov_error_per_s": kind.exponent.error}
@@ -219,10 +233,10 @@ def folded(state: FloatArray) -> FloatArray:
     return found
 
 
-def perturbed(state: FloatArray, scene: Scene, plan: Sweep, key: tuple[int, ...]) -> FloatArray:
-    """Return a state with the rates of platform and exciters changed by normal random numbers.
+def perturbed(state: FloatArray, scene: Scene, plan: SweepPlan, key: tuple[int, ...]) -> FloatArray:
+    """Return a state, shape (14,), with the rates of platform and exciters changed by normal random numbers.
 
-    A symmetric motion that has lost stability would otherwise be kept by its symmetry for ever.
+    A symmetric motion that has lost stability would otherwise stay symmetric for ever.
     """
     if plan.perturbation == 0.0:
         return state
@@ -233,24 +247,24 @@ def perturbed(state: FloatArray, scene: Scene, plan: Sweep, key: tuple[int, ...]
 
 
 def measuring_time(state: FloatArray, least: float, settling: Settling) -> float:
-    """Return how long to measure (s): where the motion repeats, so that the whole turns in it are whole periods."""
+    """Return how long to measure (s); if the motion repeats, the whole turns in that time are whole periods."""
     if settling.turn == 0.0:
         return least
     periods = max(math.ceil(least / (settling.period * settling.turn)), PERIODS)
-    begun = math.copysign(1.0, state[10]) * state[3] / (2.0 * math.pi) % 1.0  # of the turn in which it begins
+    begun = math.copysign(1.0, state[10]) * state[3] / (2.0 * math.pi) % 1.0  # fraction of the current turn
     return float((1.0 - begun + periods * settling.period + 0.25) * settling.turn)
 
 
 def mean_turn(measures: Measures) -> float:
     """Return the mean duration of a turn of exciter 1 (s)."""
-    times = section_rows(measures)[:, m.SECTION_TIME]
+    times = section_rows(measures)["t"]
     return float(times[-1] - times[0]) / (len(times) - 1)
 
 
 def synchronization(found: dict[str, Any]) -> str:
-    """Name how the exciters turn: ``antiphase``, ``in-phase``, ``intermediate``, or ``none``.
+    """Name the synchronization: ``antiphase``, ``in-phase``, ``intermediate`` or ``none``.
 
-    None, where the phase difference wanders by more than WANDER over the measured part or is incoherent.
+    It is ``none`` if the phase difference drifts by more than WANDER over the measured part or is incoherent.
     """
     split, seconds, phase = found["frequency_split_hz"], found["measured_s"], found["phase_difference_rad"]
     if split is None or abs(split) * 2.0 * math.pi * seconds > WANDER or found["phase_coherence"] < COHERENCE:

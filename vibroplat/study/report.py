@@ -1,4 +1,4 @@
-"""What a finished sweep writes, and what is told of it."""
+"""The tables of a finished sweep, and its overview for the user."""
 
 from __future__ import annotations
 
@@ -10,27 +10,27 @@ from vibroplat.integrate.choice import engine_name
 from vibroplat.provenance import provenance
 from vibroplat.scene import Scene
 from vibroplat.study.branches import sweep_plan
-from vibroplat.study.store import Store
+from vibroplat.study.store import Records
 from vibroplat.study.sweep import impact_tables, section_tables, tables
 from vibroplat.tables import Format, remove_table, write_json, write_tables
 
 
-def write_sweep(scene: Scene, store: Store, directory: Path, form: Format) -> None:
-    """Write the tables of a finished sweep into its directory."""
+def write_sweep(scene: Scene, records: Records, directory: Path, form: Format) -> None:
+    """Write the tables and the provenance of a finished sweep into its directory."""
     write_json(provenance(scene, engine_name(scene)), directory, "provenance")
     if sweep_plan(scene).kind == "bifurcation":
-        write_tables(section_tables(scene, store), directory, "section", form)
-        write_tables(impact_tables(scene, store), directory, "impacts", form)
+        write_tables(section_tables(scene, records), directory, "section", form)
+        write_tables(impact_tables(scene, records), directory, "impacts", form)
     else:
         for name in ("section", "impacts"):
             remove_table(directory, name)
-    write_tables(tables(scene, store), directory, "sweep", form)
+    write_tables(tables(scene, records), directory, "sweep", form)
 
 
 def overview(table: pd.DataFrame) -> dict[str, str]:
-    """Say in a few lines what a sweep has found and what it took."""
+    """Summarize a sweep table in a few lines: label and text."""
     frequency, height = table["excitation_frequency_hz"], 1e3 * table["rms_y_m"]
-    told = {
+    lines = {
         "points": f"{len(table)} in {table['branch'].nunique()} branches",
         "outcomes": _counts(table["outcome"]),
         "synchronization": _counts(table["sync"]),
@@ -40,16 +40,16 @@ def overview(table: pd.DataFrame) -> dict[str, str]:
         f"{table['steps'].sum()} steps",
     }
     if height.notna().any():
-        told |= {
+        lines |= {
             "excitation frequency": f"{frequency.min():.2f} … {frequency.max():.2f} Hz",
             "RMS y": f"{height.min():.3g} … {height.max():.3g} mm",
             "energy residual": f"at most {table['energy_residual'].max():.2g}",
         }
-    return {label: text for label, text in told.items() if text}
+    return {label: text for label, text in lines.items() if text}
 
 
 def failures(table: pd.DataFrame) -> list[str]:
-    """Say of each point that did not end ``ok`` where it is and why."""
+    """Describe each point that did not end ``ok``: its outcome, its place in the sweep and the reason."""
     failed = table[table["outcome"] != "ok"]
     swept = list(table.columns[: list(table.columns).index("direction") + 1])
     return [

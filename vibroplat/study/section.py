@@ -1,4 +1,4 @@
-"""What a Poincaré section tells: whether the motion repeats, after how many turns, and how fast it settles."""
+"""Analysis of a Poincaré section: whether the motion repeats, after how many turns, and how fast it settles."""
 
 from __future__ import annotations
 
@@ -8,24 +8,23 @@ import numpy as np
 
 from vibroplat.hybrid.scales import state_scales
 from vibroplat.model.parameters import FloatArray
-from vibroplat.observe import statistics as m
 from vibroplat.observe.statistics import Measures, section_rows
 from vibroplat.scene import Scene
 
-#: Longest period that is looked for while a motion settles, and at its end, in turns of exciter 1.
+#: Longest period, in turns of exciter 1, that is searched for while a motion settles and at its end.
 MAX_PERIOD, LONGEST_PERIOD = 16, 64
 
 
 def section_points(measures: Measures, scene: Scene) -> FloatArray:
-    """Points of the Poincaré section in the scales of the scene, in the order of time.
+    """Points of the Poincaré section in the scales of the scene, in chronological order.
 
     Returns
     -------
     array, shape (turns, 14)
-        Coordinates and rates over their scales; in the places of the exciters' angles are cosine and sine
-        of the phase difference, so that differences of points know no whole turns.
+        Coordinates and rates over their scales. The exciters' angles are replaced by the cosine and sine of the
+        phase difference, so that whole turns do not matter.
     """
-    states = section_rows(measures)[:, m.SECTION_STATE : m.SECTION_FORCE]
+    states = section_rows(measures)["state"]
     points = states / state_scales(scene)
     phase = states[:, 3] + states[:, 4]
     points[:, 3], points[:, 4] = np.cos(phase), np.sin(phase)
@@ -33,9 +32,9 @@ def section_points(measures: Measures, scene: Scene) -> FloatArray:
 
 
 def spread(points: FloatArray, n: int) -> float:
-    """Largest distance, in any coordinate, of points from the last one before which they lie whole n turns.
+    """Largest distance, in any coordinate, between points that are a multiple of n turns apart, the last one fixed.
 
-    inf where fewer than two points belong to each of the n.
+    It is inf if there are fewer than 2 n points.
     """
     if len(points) < 2 * n:
         return math.inf
@@ -50,6 +49,6 @@ def spreads(points: FloatArray, first: int = 1, last: int = MAX_PERIOD) -> Float
 
 
 def period(points: FloatArray, tolerance: float, first: int = 1, last: int = MAX_PERIOD) -> int:
-    """Smallest number of turns after which the section repeats within a tolerance; 0 if none is found."""
+    """Smallest number of turns after which the section repeats within a tolerance, or 0."""
     repeats = np.flatnonzero(spreads(points, first, last) <= tolerance)
     return int(repeats[0]) + first if repeats.size else 0

@@ -1,10 +1,10 @@
 """How long a motion settles before it is measured.
 
-Every 16 turns of exciter 1 the Poincaré section of the last 32 is compared with that of the 32 before. Where
-for some n ≤ 16 the points, taken n turns apart, draw together, what is left of the way follows as a geometric
-series of the ratio q of both spreads: D q/(1−q). It must stay small in two consecutive looks, for at the first a quick
-transient may hide a slow one. A motion that does not settle is followed to the end of the plan: long chaotic transients
-end in periodic motion, and nothing but time tells them from chaos.
+Every 16 turns of exciter 1, the Poincaré section of the last 32 turns is compared with that of the 32 turns before. If
+points n ≤ 16 turns apart draw together, the remaining distance D q/(1−q) follows from a geometric series, with the
+ratio q of the later spread D to the earlier one. It must stay small in two consecutive checks, as a quick transient may
+hide a slow one at the first. A motion that does not settle is followed for as long as the plan allows: long chaotic
+transients end in periodic motion, and only time distinguishes them from chaos.
 """
 
 from __future__ import annotations
@@ -16,21 +16,20 @@ import numpy as np
 
 from vibroplat.flow.motion import Motion
 from vibroplat.model.parameters import FloatArray
-from vibroplat.observe import statistics as m
 from vibroplat.observe.statistics import section_rows
-from vibroplat.plan import Sweep
 from vibroplat.scene import Scene
 from vibroplat.study.section import section_points, spreads
+from vibroplat.sweep_plan import SweepPlan
 
-#: Turns of exciter 1 that are compared with as many before, and those between two looks.
+#: Turns of exciter 1 that are compared with as many before, and turns between two checks.
 TURNS, BLOCK = 32, 16
-#: Looks after which the next ones come only every LATE_BLOCK turns: what has not settled by then takes long.
+#: Number of checks after which the next ones are LATE_BLOCK turns apart: what has not settled by then takes long.
 EARLY_LOOKS, LATE_BLOCK = 40, 64
-#: Largest spread, over the settling tolerance, from which the rest of the way is extrapolated.
+#: Largest spread, in units of the settling tolerance, from which the remaining distance is extrapolated.
 NEAR = 30.0
-#: Spread, over the solver's tolerance, that is its noise.
+#: Spread, in units of the solver's tolerance, that counts as noise of the solver.
 NOISE = 30.0
-#: Turns before the measured part over which the wander of the phase difference is taken.
+#: Turns before the measured part over which the drift of the phase difference is taken.
 WANDERING = 192
 
 
@@ -40,15 +39,16 @@ class Settling(NamedTuple):
     Attributes
     ----------
     how
-        ``periodic``, ``maximum`` (not until the end of the plan), ``fixed``, ``unfinished`` (ended early).
+        ``periodic``, ``maximum`` (not within the time that the plan allows), ``fixed`` (for a given time), or
+        ``unfinished`` (it ended early).
     seconds
-        How long.
+        How long it settled (s).
     period
-        After how many turns of exciter 1 it repeats, where it is periodic; otherwise 1.
+        Turns of exciter 1 after which it repeats if it is periodic; otherwise 1.
     turn
-        Duration of a turn at the end (s); 0 where it is not known.
+        Duration of a turn at the end (s); 0 if it is not known.
     slip
-        Change of the phase difference over the last WANDERING turns, where the motion is not periodic (rad).
+        Change of the phase difference over the last WANDERING turns (rad) if the motion is not periodic.
     """
 
     how: str
@@ -59,15 +59,15 @@ class Settling(NamedTuple):
 
     @property
     def late(self) -> bool:
-        """Whether the motion was not periodic for long, so that it may only look so for a while."""
+        """Whether the motion became periodic so late that it may only look periodic for a while."""
         return self.how == "periodic" and self.turn > 0.0 and self.seconds > EARLY_LOOKS * BLOCK * self.turn
 
 
-def settle(motion: Motion, plan: Sweep, longest: float) -> Settling:
-    """Carry a motion on until it has settled as the plan says, or has ended early.
+def settle(motion: Motion, plan: SweepPlan, longest: float) -> Settling:
+    """Advance a motion until it has settled as the plan says or has ended early.
 
-    ``longest`` bounds the settling with ``auto`` (s). It is counted from the motion's beginning, so that a motion that
-    looked settled can go on with it when it turns out not to be.
+    ``longest`` limits the settling with ``auto`` (s). It is counted from the beginning of the motion, so that one that
+    turns out not to have settled can settle for the remaining time.
     """
     if plan.settle_s != "auto":
         motion.go_on(plan.settle_s)
@@ -82,7 +82,7 @@ def settle(motion: Motion, plan: Sweep, longest: float) -> Settling:
         if motion.outcome != "ok":
             return Settling("unfinished", motion.now)
         points = np.concatenate([points, section_points(part.measures, motion.scene)])[-2 * TURNS :]
-        times = np.concatenate([times, section_rows(part.measures)[:, m.SECTION_TIME]])[-2 * TURNS :]
+        times = np.concatenate([times, section_rows(part.measures)["t"]])[-2 * TURNS :]
         sums = [*sums, float(motion.state[3:5].sum())][-max(WANDERING // block, 1) - 1 :]
         if len(points) < 2 * TURNS:
             continue
@@ -93,15 +93,15 @@ def settle(motion: Motion, plan: Sweep, longest: float) -> Settling:
     return Settling("maximum", motion.now, slip=sums[-1] - sums[0] if sums else 0.0)
 
 
-def noise(scene: Scene, plan: Sweep) -> float:
-    """Spread of the section that is the solver's, in the scales of the scene."""
+def noise(scene: Scene, plan: SweepPlan) -> float:
+    """Return the spread of the section that counts as noise of the solver, in the scales of the scene."""
     return min(NOISE * scene.solver.tolerance, plan.settle_tolerance)
 
 
 def draws_together(points: FloatArray, tolerance: float, noise: float) -> int:
-    """Return the shortest period to which all that is left of the way is within the tolerance, or 0.
+    """Return the shortest period (turns) to which the remaining distance is within the tolerance; 0 if there is none.
 
-    The second half of the points is compared with the first.
+    The second half of the points, shape (turns, 14), is compared with the first.
     """
     half = len(points) // 2
     now, before = spreads(points[-half:]), spreads(points[-2 * half : -half])

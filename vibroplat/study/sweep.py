@@ -1,25 +1,26 @@
-"""Sweeps: branches of continued points, side by side, into one table."""
+"""Sweeps: branches of continued points are measured side by side and become one table."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import pandas as pd
 
 import vibroplat
 from vibroplat.integrate.choice import engine_name
-from vibroplat.plan import Sweep
 from vibroplat.scene import Scene
 from vibroplat.study.branches import EXCITATION, SUPPLY, Branch, branches, sweep_plan
-from vibroplat.study.execution import Pool, WorkerLostError, pool, run_chains
-from vibroplat.study.point import ERRORS, MEASURED, Point, measure_point
-from vibroplat.study.store import Store
+from vibroplat.study.execution import Pool, pool, run_chains
+from vibroplat.study.point import ERRORS, MEASURED, point_task
+from vibroplat.study.store import Record, Records, Store
+from vibroplat.study.tasks import StoredChain, Tasks
+from vibroplat.sweep_plan import SweepPlan
 
-#: Columns of text, and of whole numbers; the others are of numbers.
+#: Columns of text and of whole numbers; all others hold floating-point numbers.
 TEXTS = ("direction", "sync", "motion", "outcome", "detail")
 COUNTS = ("branch", "period", "steps", "residual_calls", "events")
-#: What a row has after the swept keys.
+#: Columns of the table after the swept keys.
 COLUMNS = (
     "direction",
     "branch",
@@ -41,10 +42,10 @@ COLUMNS = (
     "wall_s",
 )
 
-#: Rows of the table that are in memory at a time.
+#: How many rows of a table are in memory at a time.
 CHUNK = 2000
 
-#: Told after each point: branches and points that are done, events so far.
+#: Called after each point with the numbers of finished branches, points and events.
 Progress = Callable[[int, int, int], None]
 
 
@@ -60,18 +61,18 @@ def sweep(
     Parameters
     ----------
     scene
-        What moves, with a section ``sweep``.
+        A scene with a section ``sweep``.
     jobs
-        Worker processes; 1 is this process.
+        Worker processes; with 1 the points are measured in this process.
     scheduler
-        Address of a dask scheduler, whose workers are used instead.
+        Address of a dask scheduler; its workers are used instead.
     progress
         Called after each point with the numbers of finished branches, points and events.
 
     Returns
     -------
     DataFrame
-        A row for each point in the order of branches and of points within them; see ``COLUMNS``.
+        A row for each point, in the order of branches and of points in them; columns as in ``COLUMNS``.
 
     Raises
     ------
@@ -91,118 +92,98 @@ def sweep(
 
 
 def conditions(scene: Scene) -> dict[str, Any]:
-    """Return what the points of a sweep rest on."""
+    """Return what the points of a sweep depend on: version, engine and configuration."""
     return {"vibroplat": vibroplat.__version__, "engine": engine_name(scene), "configuration": scene.to_tree()}
 
 
-def run_sweeps(sweeps: Sequence[tuple[Scene, Store]], workers: Pool, progress: Progress | None = None) -> None:
-    """Run the points that stores do not have yet of sweeps side by side, and keep them there; see :func:`sweep`."""
-    stores = [store for _, store in sweeps]
-    chains = [_Chain(branch, sweep_plan(scene), store) for scene, store in sweeps for branch in branches(scene)]
+def run_sweeps(sweeps: Sequence[tuple[Scene, Records]], workers: Pool, progress: Progress | None = None) -> None:
+    """Run sweeps side by side and store their points; points that are stored already are not repeated.
 
-    done, points, events = (sum(getattr(c, name) for c in chains) for name in ("done", "point", "events"))
+    Parameters
+    ----------
+    sweeps
+        Scenes, and where to store the points of each.
+    workers
+        Where points are measured.
+    progress
+        Called after each point with the numbers of finished branches, points and events.
+    """
+    points = events = 0
+
+    def count(record: Record) -> None:
+        nonlocal points, events
+        points, events = points + 1, events + record["row"].get("events", 0)
+
+    chains = [
+        StoredChain(branch_points(branch, sweep_plan(scene), count), records, branch.number)
+        for scene, records in sweeps
+        for branch in branches(scene)
+    ]
+    done = sum(chain.done for chain in chains)
     if progress is not None:
         progress(done, points, events)
     for chain in run_chains(chains, workers):
-        done, points, events = done + chain.done, points + 1, events + chain.latest_events
+        done += chain.done
         if progress is not None:
             progress(done, points, events)
-    for store in stores:
-        store.finish()
 
 
-class _Chain:
-    """A branch's points, each begun with the state in which the last good one ended."""
+def branch_points(branch: Branch, plan: SweepPlan, take: Callable[[Record], object]) -> Tasks[None]:
+    """Measure the points of a branch, each begun with the state in which the last good one ended.
 
-    def __init__(self, branch: Branch, plan: Sweep, store: Store) -> None:
-        self._branch = branch
-        self._plan = plan
-        self._store = store
-        self._state: list[float] | None = None
-        self.point = 0
-        self.events = self.latest_events = 0
-        for point, record in store.read(branch.number):
-            self.point = point + 1
-            self._passed(record)
-
-    @property
-    def done(self) -> bool:
-        """Whether no point is left."""
-        return self.point >= len(self._branch.frequencies)
-
-    def task(self) -> tuple[Callable[..., Any], tuple[Any, ...]] | None:
-        """Return the next point as a task."""
-        if self.done:
-            return None
-        scene = self._branch.at(self.point)
-        key = self._branch.key(self._branch.frequencies[self.point])
-        return measure_point, (scene, self._plan, self._state, key)
-
-    def take(self, result: Point | WorkerLostError) -> None:
-        """Keep a finished point."""
-        if isinstance(result, WorkerLostError):
-            done = {"steps": 0, "residual_calls": 0, "events": 0, "simulated_s": 0.0, "settle_s": 0.0, "wall_s": 0.0}
-            result = Point({"outcome": "worker-lost", "detail": str(result)} | done, None)
-        record = vars(result)
-        self._store.write(self._branch.number, self.point, record)
-        self.point += 1
-        self._passed(record)
-
-    def _passed(self, record: Mapping[str, Any]) -> None:
-        self._state = record["state"] or self._state
-        self.latest_events = record["row"].get("events", 0)
-        self.events += self.latest_events
+    ``take`` is called with the record of each point.
+    """
+    state: list[float] | None = None
+    for place, frequency in enumerate(branch.frequencies):
+        record = yield point_task(branch.at(place), plan, state, branch.key(frequency))
+        state = record["state"] or state
+        take(record)
 
 
-def tables(scene: Scene, store: Store) -> Iterator[pd.DataFrame]:
+def tables(scene: Scene, records: Records) -> Iterator[pd.DataFrame]:
     """Yield the sweep table in parts, in the order of branches and points."""
-    yield from _parts(scene, store, lambda record: [record["row"]], COLUMNS)
+    yield from _parts(scene, records, lambda record: [record["row"]], COLUMNS)
 
 
-def section_tables(scene: Scene, store: Store) -> Iterator[pd.DataFrame]:
-    """Yield the table of Poincaré points of a bifurcation diagram in parts: y at whole turns of exciter 1."""
-    yield from _parts(
-        scene,
-        store,
-        lambda record: _each(record, "y_m", record["section_y"]),
-        ("direction", "branch", EXCITATION, "y_m"),
-    )
+def section_tables(scene: Scene, records: Records) -> Iterator[pd.DataFrame]:
+    """Yield in parts the table of Poincaré points of a bifurcation diagram: y (m) at whole turns of exciter 1."""
+    yield from _diagram(scene, records, "section_y", "y_m")
 
 
-def impact_tables(scene: Scene, store: Store) -> Iterator[pd.DataFrame]:
-    """Yield the table of impact speeds of a bifurcation diagram in parts."""
-    columns = ("direction", "branch", EXCITATION, "impact_speed_m_per_s")
-    yield from _parts(
-        scene, store, lambda record: _each(record, "impact_speed_m_per_s", record["impact_speeds"]), columns
-    )
+def impact_tables(scene: Scene, records: Records) -> Iterator[pd.DataFrame]:
+    """Yield in parts the table of impact speeds (m/s) of a bifurcation diagram."""
+    yield from _diagram(scene, records, "impact_speeds", "impact_speed_m_per_s")
 
 
-def _each(record: dict[str, Any], column: str, values: list[float]) -> list[dict[str, Any]]:
-    """Make a row of each value, with the frequency that its point has."""
-    frequency = record["row"].get(EXCITATION)
-    return [{EXCITATION: frequency, column: value} for value in values]
+def _diagram(scene: Scene, records: Records, values: str, column: str) -> Iterator[pd.DataFrame]:
+    """Yield the values that records have under a name in a column, each with the excitation frequency of its point."""
+
+    def rows(record: Record) -> list[Record]:
+        return [{EXCITATION: record["row"].get(EXCITATION), column: value} for value in record[values]]
+
+    yield from _parts(scene, records, rows, ("direction", "branch", EXCITATION, column))
 
 
 def _parts(
-    scene: Scene, store: Store, rows_of: Callable[[dict[str, Any]], list[dict[str, Any]]], columns: Sequence[str]
+    scene: Scene, records: Records, rows_of: Callable[[Record], list[Record]], columns: Sequence[str]
 ) -> Iterator[pd.DataFrame]:
-    """Yield what records hold as tables of these columns after the swept keys, direction and branch."""
-    rows: list[dict[str, Any]] = []
-    told = False
+    """Yield the rows of all records in parts, as tables with the swept keys and these columns."""
+    rows: list[Record] = []
+    yielded = False
     for branch in branches(scene):
-        for point, record in store.read(branch.number):
+        for point, record in records.read(branch.number):
             place = {SUPPLY: branch.frequencies[point], **branch.grid}
             place |= {"direction": branch.direction, "branch": branch.number}
             rows += [place | row for row in rows_of(record)]
             if len(rows) >= CHUNK:
                 yield _frame(rows, scene, columns)
-                rows, told = [], True
-    if rows or not told:
+                rows, yielded = [], True
+    if rows or not yielded:
         yield _frame(rows, scene, columns)
 
 
-def _frame(rows: list[dict[str, Any]], scene: Scene, columns: Sequence[str]) -> pd.DataFrame:
-    """Make a part of a table whose columns have the same types in all parts."""
+def _frame(rows: list[Record], scene: Scene, columns: Sequence[str]) -> pd.DataFrame:
+    """Make one part of a table; the columns have the same types in all parts."""
     grid = sweep_plan(scene).grid
     table = pd.DataFrame(rows, columns=[SUPPLY, *grid, *columns])
     types: dict[Any, Any] = {key: pd.Series(values).dtype for key, values in grid.items()}

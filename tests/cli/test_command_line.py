@@ -1,0 +1,245 @@
+"""The command line as a user meets it: exit codes, lines on stderr, files."""
+
+from __future__ import annotations
+
+import json
+import platform
+import re
+import subprocess
+import sys
+from datetime import UTC, datetime
+from importlib.metadata import version
+
+import pytest
+from common.commands import script
+from common.places import QUICKSTART
+
+from vibroplat import __version__, load_config
+from vibroplat.cli import main
+from vibroplat.config import configuration_schema
+from vibroplat.flow.warm import is_compiled
+from vibroplat.provenance import configuration_hash, provenance
+from vibroplat.scene import Scene
+from vibroplat.tables import read_json, read_table
+
+SHORT = ("--set", "run.duration_s=0.1")
+STORM = (
+    "run.duration_s=1.0",
+    "contact.restitution=1.0",
+    "contact.sticking_speed_m_per_s=0.0",
+    "drive.supply_frequency_hz=46.0",
+    "solver.max_events_per_period=3",
+)
+RUN_FILES = {"trajectory", "events", "summary", "provenance"}
+
+
+def settings(*texts):
+    return [part for text in texts for part in ("--set", text)]
+
+
+def names(directory):
+    return sorted(path.name for path in directory.iterdir())
+
+
+# -- what answers at once -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["run", "--help"], ["sweep", "--help"], ["--version"]], ids=" ".join)
+def test_what_answers_at_once_loads_nothing_heavy(arguments):
+    """A test of times would depend on the machine; these modules are what takes time."""
+    heavy = {"numpy", "numba", "pandas", "matplotlib", "scipy", "sksundae", "pydantic", "ruamel", "pyarrow", "loky"}
+    heavy |= {"rich", "pygments", "markdown_it", "asyncio", "multiprocessing", "sqlite3", "importlib.metadata"}
+    code = "import atexit, sys; atexit.register(lambda: print('loaded', *sys.modules))\n" + script()
+    done = subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=True)
+    printed, _, loaded = done.stdout.rpartition("loaded ")
+    assert "Usage: " in printed or __version__ in printed
+    assert heavy & set(loaded.split()) == set()
+    assert "vibroplat.cli" in loaded.split()
+
+
+def test_help_names_the_commands(vibroplat):
+    done = vibroplat("--help")
+    assert (done.code, done.err) == (0, "")
+    for command in ("run", "plot", "schema"):
+        assert re.search(rf"^\W*{command}\s", done.out, re.MULTILINE)
+
+
+def test_version(vibroplat):
+    done = vibroplat("--version")
+    assert (done.code, done.out, done.err) == (0, f"vibroplat {__version__}\n", "")
+
+
+def test_schema_is_json(vibroplat):
+    done = vibroplat("schema")
+    assert (done.code, done.err) == (0, "")
+    assert json.loads(done.out) == configuration_schema()
+
+
+# -- run: what it writes --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("name", "form"), [("quickstart", "parquet"), ("bare", "csv")])
+def test_run_writes_tables_summary_and_provenance(name, form, written):
+    directory = written / name
+    tables = {f"trajectory.{form}", f"events.{form}", "summary.json", "provenance.json"}
+    assert {file for file in names(directory) if not file.endswith(".png")} == tables
+    summary, trajectory = read_json(directory, "summary"), read_table(directory, "trajectory")
+    assert (summary["name"], summary["outcome"], summary["simulated_s"]) == (name, "ok", 0.2)
+    assert trajectory["t_s"].iloc[-1] == 0.2
+    assert len(read_table(directory, "events")) == summary["events"]
+    assert ("gap_m" in trajectory) == (name == "quickstart")
+
+
+@pytest.mark.parametrize("name", ["quickstart", "bare"])
+def test_run_prints_a_summary_and_where_the_tables_are(name, finished_commands):
+    printed = finished_commands[0][name].out
+    lines = {line[:28].rstrip(): line[28:] for line in printed.splitlines()}
+    assert (lines["outcome"], lines["simulated"], lines["tables"]) == ("ok", "0.2 s", f"results/{name}")
+    assert re.fullmatch(r"\S+, \S+ m", lines["RMS x, y"])
+    assert ("flight fraction" in lines) == ("contact force, largest" in lines) == (name == "quickstart")
+
+
+def test_run_that_ends_early_exits_1_and_keeps_what_it_has(command, tmp_path):
+    done = command("run", QUICKSTART, *settings(*STORM, "name=storm"), "--out", tmp_path)
+    assert done.code == 1
+    assert len(done.err.splitlines()) == 1
+    assert done.err.startswith("vibroplat: event-storm: 3 restarts within ")
+    assert "raise solver.max_events_per_period to follow them; mode flight, t = " in done.err
+    directory = tmp_path / "storm"
+    assert {name.partition(".")[0] for name in names(directory)} == RUN_FILES
+    summary, trajectory = read_json(directory, "summary"), read_table(directory, "trajectory")
+    assert summary["outcome"] == "event-storm"
+    assert trajectory["t_s"].iloc[-1] == summary["simulated_s"] < 1.0
+    assert len(read_table(directory, "events")) == summary["events"] >= 3
+    assert done.out.startswith("outcome                     event-storm\n")
+
+
+def test_run_without_a_first_step_exits_1_and_writes_empty_tables(command, tmp_path):
+    done = command("run", QUICKSTART, *settings("run.initial.state={phi_rad: 1.0e20}"), *SHORT, "--out", tmp_path)
+    assert done.code == 1
+    assert len(done.err.splitlines()) == 1
+    assert done.err.startswith("vibroplat: beyond-model: the platform has turned by 1e+20 rad; ")
+    directory = tmp_path / "quickstart"
+    assert read_table(directory, "trajectory").empty
+    assert read_json(directory, "summary")["simulated_s"] == 0.0
+    told = f"vibroplat: {directory} holds an empty trajectory; there is nothing to plot\n"
+    assert command("plot", directory) == (2, "", told)
+
+
+def test_the_first_run_says_why_it_takes_long(here, monkeypatch, capsys, kernels):
+    monkeypatch.setattr("vibroplat.flow.warm.is_compiled", lambda: False)
+    monkeypatch.setattr("sys.argv", ["vibroplat", "run", str(QUICKSTART), "--set", "run.duration_s=0.01"])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 0
+    assert (
+        capsys.readouterr().err
+        == "vibroplat: compiling the numerical kernels; this happens once and takes about half a minute\n"
+    )
+
+
+def test_compiled_kernels_are_found_on_disk(kernels):
+    assert is_compiled()
+
+
+# -- provenance -----------------------------------------------------------------------------------------
+
+
+def test_provenance_says_where_a_result_came_from(written):
+    scene = load_config(QUICKSTART, {"run.duration_s": 0.2})
+    found, summary = read_json(written / "quickstart", "provenance"), read_json(written / "quickstart", "summary")
+    assert list(found) == [
+        "schema",
+        "vibroplat",
+        "git_commit",
+        "created",
+        "configuration_sha256",
+        "engine",
+        "sundials",
+        "integrators",
+        "tolerance",
+        "python",
+        "platform",
+        "libraries",
+        "configuration",
+    ]
+    assert (found["schema"], found["vibroplat"]) == (1, __version__)
+    assert found["git_commit"] is None or re.fullmatch(r"[0-9a-f]{40}\+?", found["git_commit"])
+    age = datetime.now(UTC) - datetime.fromisoformat(found["created"])
+    assert 0.0 <= age.total_seconds() < 3600.0
+    assert found["configuration_sha256"] == configuration_hash(scene)
+    assert (found["engine"], found["tolerance"]) == (summary["engine"], scene.solver.tolerance)
+    assert re.fullmatch(r"7\.\d+\.\d+", found["sundials"])
+    assert found["integrators"] == {"attached": "ida", "flight": "ida"}
+    assert (found["python"], found["platform"]) == (platform.python_version(), platform.platform())
+    assert {"numpy", "numba", "scikit-sundae", "pandas", "pyarrow"} <= set(found["libraries"])
+    assert found["libraries"] == {name: version(name) for name in found["libraries"]}
+    assert Scene.from_tree(found["configuration"]) == scene
+
+
+def test_commit_is_none_outside_of_a_checkout(monkeypatch, tmp_path):
+    monkeypatch.setattr("vibroplat.provenance.__file__", str(tmp_path / "provenance.py"))
+    assert provenance(Scene(), "none")["git_commit"] is None
+    monkeypatch.setenv("PATH", "")
+    assert provenance(Scene(), "none")["git_commit"] is None
+
+
+def test_hash_is_that_of_what_is_simulated():
+    scene = Scene()
+    spelled_out = Scene.from_tree({"drive": {"supply_frequency_hz": 50}, "contact": {}, "solver": {"tolerance": 1e-6}})
+    assert re.fullmatch(r"[0-9a-f]{64}", configuration_hash(scene))
+    assert configuration_hash(scene) == configuration_hash(spelled_out)
+    assert configuration_hash(scene) != configuration_hash(scene.replace({"drive.supply_frequency_hz": 50.000001}))
+
+
+def test_hash_does_not_tell_a_default_from_the_same_given():
+    assert configuration_hash(Scene()) == configuration_hash(Scene.from_tree({"motor": {"pole_pairs": 2}}))
+
+
+def test_configuration_of_a_result_with_a_state_can_be_run_again():
+    scene = Scene().replace({"run.initial.state.x_m": 0.1})
+    assert Scene.from_tree(provenance(scene, "none")["configuration"]) == scene
+
+
+# -- bad input ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        (["run", "nope.yaml"], "nope.yaml: no such file"),
+        (["run", "bad.yaml"], "bad.yaml: contact.restitution = 1.2; allowed: at most 1.0"),
+        (["run", "good.yaml", "--set", "drive"], "--set 'drive'; allowed: key.sub=value"),
+        (["run", "good.yaml", "--out", "bad.yaml"], "output bad.yaml/good is not writable: Not a directory"),
+        (["plot", "nope"], "nope is not a directory; allowed: a result directory of vibroplat"),
+        (["run"], "Missing argument 'config'. Try 'vibroplat --help'."),
+        (["frobnicate"], "No such command 'frobnicate'. Try 'vibroplat --help'."),
+    ],
+    ids=["missing file", "value", "setting", "out", "directory", "argument", "command"],
+)
+def test_bad_input_exits_2_with_one_line(arguments, line, command, here):
+    (here / "bad.yaml").write_text("contact: {restitution: 1.2}\n")
+    (here / "good.yaml").write_text("run: {duration_s: 0.01}\n")
+    assert command(*arguments) == (2, "", f"vibroplat: {line}\n")
+    assert names(here) == ["bad.yaml", "good.yaml"]
+
+
+def test_program_exits_2_with_one_line(vibroplat, here):
+    assert vibroplat("run", "nope.yaml") == (2, "", "vibroplat: nope.yaml: no such file\n")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        (["run", "nope.yaml", "--format", "xml"], ("'--format'", "'xml'", "'parquet', 'csv'")),
+        (["run", "nope.yaml", "--bogus"], ("--bogus",)),
+        (["plot", ".", "--kind", "nope"], ("'--kind'", "'nope'", "'motion', 'force', 'exciters'")),
+        (["plot", ".", "--start", "soon"], ("'--start'", "number")),
+    ],
+    ids=["format", "option", "kind", "time"],
+)
+def test_bad_option_exits_2_with_one_line(arguments, named, command):
+    """In typer's words, which change with its version."""
+    done = command(*arguments)
+    assert (done.code, done.out, len(done.err.splitlines())) == (2, "", 1)
+    assert [text for text in named if text not in done.err] == []

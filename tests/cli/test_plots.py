@@ -1,0 +1,166 @@
+"""``vibroplat plot`` of a run: what is drawn, and what is refused."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from vibroplat.errors import TableError
+from vibroplat.plots.run import plot_run
+from vibroplat.plots.style import plt
+from vibroplat.tables import read_json, read_table, write_table
+
+TURN = 2.0 * np.pi
+
+
+def points(line):
+    """The data of a line, two rows."""
+    return np.array([line.get_xdata(), line.get_ydata()], dtype=float)
+
+
+def curve(table, column, factor=1.0):
+    """What a line shows of a table."""
+    return np.array([table["t_s"], factor * table[column]])
+
+
+def test_plot_writes_pictures_and_names_them(command, result):
+    done = command("plot", result)
+    assert (done.code, done.err) == (0, "")
+    paths = [result / f"{figure}.png" for figure in ("motion", "force", "exciters")]
+    assert done.out.splitlines() == list(map(str, paths))
+    for path in paths:
+        pixels = plt.imread(path)
+        assert pixels.shape[1] > 800
+        assert pixels[..., :3].min() < 0.3 < pixels[..., :3].max() == 1.0  # something dark on white
+
+
+def test_motion_shows_platform_and_gap_of_the_last_ten_turns(figures, result):
+    plot_run(result, ["motion"])
+    top, bottom = figures["motion"].axes
+    trajectory, events = read_table(result, "trajectory"), read_table(result, "events")
+    frequency = read_json(result, "summary")["excitation_frequency_hz"]
+    begin = max(0.0, 0.2 - 10.0 / frequency)
+    shown = trajectory[trajectory["t_s"] >= begin]
+    np.testing.assert_allclose(points(top.lines[0]), curve(shown, "y_m", 1e3))
+    np.testing.assert_allclose(points(bottom.lines[0]), curve(shown, "gap_m", 1e3))
+    impacts = events[(events["kind"] == "impact") & (events["t_s"] >= begin)]
+    assert len(impacts) > 0
+    assert bottom.lines[1].get_xdata().tolist() == impacts["t_s"].tolist()
+    stretches = (shown["mode"] == "attached").astype(int).diff().eq(1).sum() + (shown["mode"].iloc[0] == "attached")
+    assert len(top.patches) == len(bottom.patches) == stretches > 1
+
+
+def test_force_and_impulses_are_shown(figures, result):
+    plot_run(result, ["force"], 0.05, 0.2)
+    force, impulses = figures["force"].axes
+    trajectory, events = (read_table(result, name).query("t_s >= 0.05") for name in ("trajectory", "events"))
+    np.testing.assert_array_equal(points(force.lines[0]), curve(trajectory, "contact_force_n"))
+    np.testing.assert_array_equal(points(impulses.lines[0]), curve(events[events["impulse_n_s"] > 0.0], "impulse_n_s"))
+
+
+def test_exciters_show_both_speeds_and_their_phase_over_the_whole_run(figures, result):
+    plot_run(result, ["exciters"], 0.1, 0.15)
+    speeds, phase = figures["exciters"].axes
+    table = read_table(result, "trajectory")
+    assert [line.get_label() for line in speeds.lines] == ["exciter 1", "exciter 2"]
+    np.testing.assert_allclose(points(speeds.lines[0]), curve(table, "phi1_rate_rad_per_s", 1.0 / TURN))
+    np.testing.assert_allclose(points(speeds.lines[1]), curve(table, "phi2_rate_rad_per_s", -1.0 / TURN))
+    np.testing.assert_allclose(phase.lines[0].get_ydata(), (table["phi1_rad"] + table["phi2_rad"]) % TURN)
+
+
+def test_plot_leaves_out_what_a_scene_without_contact_has_not(figures, written):
+    paths = plot_run(written / "bare", ["motion", "force", "exciters"])
+    assert [path.name for path in paths] == ["motion.png", "exciters.png"]
+    assert len(figures["motion"].axes) == 1
+
+
+def test_plot_of_one_kind_in_an_interval(command, figures, result):
+    done = command("plot", result, "--kind", "force", "--start", "0.1", "--stop", "0.15")
+    assert (done.code, done.err) == (0, "")
+    assert [path.name for path in result.glob("*.png")] == ["force.png"]
+    times = figures["force"].axes[0].lines[0].get_xdata()
+    assert (times.min(), times.max()) == (0.1, 0.15)
+
+
+def refusal(directory, **interval):
+    """What the user is told instead of figures."""
+    with pytest.raises(TableError) as caught:
+        plot_run(directory, ["motion", "force"], **interval)
+    assert list(directory.glob("*.png")) == []
+    assert len(str(caught.value).splitlines()) == 1
+    return str(caught.value).replace(str(directory), "DIR")
+
+
+@pytest.mark.parametrize("found", [0, 2, None, "1"])
+def test_plot_refuses_another_schema(found, result):
+    (result / "provenance.json").write_text(json.dumps({"schema": found}))
+    assert refusal(result) == f"DIR holds results of schema {found}; this version reads schema 1"
+
+
+@pytest.mark.parametrize(
+    ("interval", "between"),
+    [
+        ({"start": 5.0}, "5.0 and 0.2"),
+        ({"start": 0.1, "stop": 0.05}, "0.1 and 0.05"),
+        ({"start": float("nan")}, "nan and 0.2"),
+        ({"start": 0.1, "stop": 0.1}, "0.1 and 0.1"),
+    ],
+)
+def test_plot_of_an_empty_interval_is_refused(interval, between, result):
+    assert refusal(result, **interval) == f"no data between {between} s; allowed: an interval within 0.0 … 0.2 s"
+
+
+@pytest.mark.parametrize(
+    ("missing", "line"),
+    [
+        ("provenance.json", "DIR holds no provenance.json"),
+        ("summary.json", "DIR holds no summary.json"),
+        ("trajectory.parquet", "DIR holds no trajectory table; allowed: a result directory of vibroplat"),
+        ("events.parquet", "DIR holds no events table; allowed: a result directory of vibroplat"),
+    ],
+)
+def test_plot_names_the_file_it_misses(missing, line, result):
+    (result / missing).unlink()
+    assert refusal(result) == line
+
+
+@pytest.mark.parametrize(
+    ("file", "content", "line"),
+    [
+        ("provenance.json", "[]", "DIR holds results of schema None; this version reads schema 1"),
+        ("provenance.json", "{", "DIR/provenance.json cannot be read: "),
+        ("summary.json", "{}", "DIR/summary.json is not the summary of a run"),
+        ("summary.json", "[]", "DIR/summary.json is not the summary of a run"),
+        ("trajectory.csv", "a,b\n1,2\n", "the trajectory table in DIR has no numbers in column t_s"),
+        ("trajectory.csv", "t_s,y_m\nx,y\nz,w\n", "the trajectory table in DIR has no numbers in column t_s"),
+        ("events.csv", "a,b\n1,2\n", "the events table in DIR has no numbers in column t_s"),
+        ("events.csv", "", "DIR/events.csv cannot be read: "),
+    ],
+)
+def test_plot_of_damaged_files_is_told_in_a_line(file, content, line, result):
+    if file.endswith("csv"):
+        (result / file).with_suffix(".parquet").unlink()
+    (result / file).write_text(content)
+    assert refusal(result).startswith(line)
+
+
+@pytest.mark.parametrize(
+    ("table", "column"),
+    [
+        *(("trajectory", column) for column in ("t_s", "mode", "y_m", "phi2_rad", "phi1_rate_rad_per_s")),
+        ("events", "kind"),
+    ],
+)
+def test_plot_names_the_column_it_misses(table, column, figures, result):
+    write_table(read_table(result, table).drop(columns=column), result, table, "parquet")
+    with pytest.raises(TableError, match=column):
+        plot_run(result, ["motion", "force", "exciters"])
+
+
+def test_plot_where_a_figure_cannot_be_written_is_told_in_a_line(result):
+    (result / "motion.png").mkdir()
+    with pytest.raises(TableError) as caught:
+        plot_run(result, ["motion"])
+    assert str(caught.value) == f"{result}/motion.png cannot be written: Is a directory"

@@ -1,0 +1,61 @@
+"""What commands leave in a directory of results."""
+
+from __future__ import annotations
+
+import json
+import re
+import sqlite3
+
+import pandas as pd
+
+#: Files that commands leave under their final names.
+FINAL = re.compile(r"(trajectory|events|sweep|section|impacts)\.(parquet|csv)|(summary|provenance)\.json|\w+\.png")
+#: What the finished points of a sweep are kept in.
+KEPT = {"points.sqlite", "points.sqlite-wal", "points.sqlite-shm", "points.lock"}
+#: Tables that are not finished.
+TEMPORARY = re.compile(r"\.\w+-\d+-\w+\.(parquet|csv|json|png)")
+
+
+def read(path):
+    """Read a file under a final name to its end; raises where it is not whole."""
+    if path.suffix == ".parquet":
+        return pd.read_parquet(path)
+    if path.suffix == ".csv":
+        text = path.read_text()
+        assert text.endswith("\n"), f"{path.name} breaks off"
+        return pd.read_csv(path)
+    if path.suffix == ".json":
+        return json.loads(path.read_text())
+    content = path.read_bytes()
+    assert content.startswith(b"\x89PNG\r\n\x1a\n"), f"{path.name} is no figure"
+    assert content.endswith(b"IEND\xaeB`\x82"), f"{path.name} breaks off"
+    return content
+
+
+def left(directory):
+    """Read all that is under final names; return it by name, and the names of temporaries."""
+    found, temporaries = {}, []
+    for path in sorted(directory.iterdir()) if directory.is_dir() else ():
+        if TEMPORARY.fullmatch(path.name):
+            temporaries.append(path.name)
+        elif path.name not in KEPT:
+            assert FINAL.fullmatch(path.name), f"{path.name} is none of ours"
+            found[path.name] = read(path)
+    return found, temporaries
+
+
+def bits(table):
+    """All of a table but wall times, each number as the text that reads back as the same number."""
+    return table.drop(columns="wall_s", errors="ignore").to_csv(index=False)
+
+
+def finished_points(directory):
+    """Number of points that a running sweep has on disk."""
+    try:
+        base = sqlite3.connect(f"file:{directory}/points.sqlite?mode=ro", uri=True)
+        try:
+            return base.execute("SELECT COUNT(*) FROM records").fetchone()[0]
+        finally:
+            base.close()
+    except sqlite3.OperationalError:
+        return 0

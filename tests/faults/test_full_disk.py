@@ -1,0 +1,386 @@
+"""No room, no permission, no directory: one line, nothing half-written, and what was finished before is kept."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+
+import pytest
+from common.commands import Done, command, not_a_line, script
+from common.places import LOADED
+from common.results import bits, left, read
+
+pytestmark = pytest.mark.usefixtures("kernels")
+
+RUN = f"extends: {LOADED}\nname: c\nrun: {{duration_s: 0.3}}\n"
+#: A run whose tables are smaller than what is told of them.
+SPARSE = f"{RUN}output: {{sample_rate_hz: 1.0}}\nmaterial: {{mass_ratio: 0.0}}\n"
+SWEEP = (
+    f"extends: {LOADED}\nname: c\n"
+    "sweep:\n"
+    "  supply_frequency_hz: {start: 46.0, stop: 51.0, step: 0.5, direction: [up, down]}\n"
+    "  measure_s: 0.5\n"
+    "  kind: bifurcation\n"
+)
+#: Exit codes of input or output that cannot be used, and of work that has failed.
+FAILED = (1, 2)
+
+
+def some(quick, more):
+    """Parameters of which a few are tried each time."""
+    return [*quick, *(pytest.param(value, marks=pytest.mark.long) for value in more)]
+
+
+@contextlib.contextmanager
+def largest_file(size):
+    """Let no file grow beyond so many bytes; Python ignores the signal, so that writing fails."""
+    assert signal.getsignal(signal.SIGXFSZ) == signal.SIG_IGN
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+def limited(here, size, *arguments):
+    """Run the command line in a process of its own with such a limit."""
+    limit = f"import resource\nresource.setrlimit(resource.RLIMIT_FSIZE, ({size}, {size}))"
+    line = [sys.executable, "-c", script(limit), *arguments]
+    done = subprocess.run(line, cwd=here, capture_output=True, text=True, timeout=120, check=False)
+    return Done(done.returncode, done.stdout, done.stderr)
+
+
+# -- a file cannot grow ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("size", some([0], [100, 1000, 10_000, 30_000]))
+@pytest.mark.parametrize("form", some(["parquet"], ["csv"]))
+@pytest.mark.parametrize("text", [RUN, SPARSE], ids=["dense", "sparse"])
+def test_run_without_room_is_told_in_a_line(text, form, size, here):
+    (here / "c.yaml").write_text(text)
+    with largest_file(size):
+        done = command("run", "c.yaml", "--format", form)
+    found, temporaries = left(here / "results/c")
+    assert temporaries == []
+    if done.code == 0:
+        assert len(found) == 4
+        return
+    assert not_a_line(done, codes=FAILED) == ""
+    assert len(found) < 4
+    again = command("run", "c.yaml", "--format", form)
+    assert (again.code, again.err) == (0, "")
+    assert len(left(here / "results/c")[0]) == 4
+
+
+@pytest.mark.parametrize(("text", "size", "file"), [(RUN, 3000, "trajectory.csv"), (SPARSE, 1550, "provenance.json")])
+def test_earlier_run_is_kept_where_there_is_no_room(text, size, file, here):
+    (here / "c.yaml").write_text(text)
+    assert command("run", "c.yaml", "--format", "csv").code == 0
+    before = {path.name: path.read_bytes() for path in (here / "results/c").iterdir()}
+    with largest_file(size):
+        done = command("run", "c.yaml", "--format", "csv")
+    assert not_a_line(done, codes=FAILED) == ""
+    assert f"{file} cannot be written: File too large" in done.err
+    assert {path.name: path.read_bytes() for path in (here / "results/c").iterdir()} == before
+
+
+@pytest.fixture(scope="module")
+def alone(tmp_path_factory):
+    """The tables of the sweep with room enough, and its directory."""
+    place = tmp_path_factory.mktemp("alone")
+    (place / "c.yaml").write_text(SWEEP)
+    assert command("sweep", place / "c.yaml", "--out", place).code == 0
+    return place / "c"
+
+
+def tables(directory):
+    return {name: bits(found) for name, found in left(directory)[0].items() if name.endswith((".parquet", ".csv"))}
+
+
+def resumed_after(done, here, alone, kept=0):
+    """Check how a sweep has ended without room, and that it goes on to the same tables with room."""
+    assert not_a_line(done, codes=FAILED) == ""
+    wanted = tables(alone)
+    found, temporaries = left(here / "results/c")
+    assert temporaries == []
+    assert {name: bits(t) for name, t in found.items() if name in wanted} == {
+        n: wanted[n] for n in wanted if n in found
+    }
+    again = command("sweep", "c.yaml", "--resume")
+    assert (again.code, again.err) == (0, "")
+    assert tables(here / "results/c") == wanted
+    if kept:
+        assert f", {kept} of the points from before\n" in again.out
+
+
+@pytest.mark.parametrize("size", some([40_000], [0, 20_000, 60_000, 100_000, 150_000]))
+def test_sweep_without_room_is_told_in_a_line_and_goes_on_later(size, here, alone):
+    (here / "c.yaml").write_text(SWEEP)
+    with largest_file(size):
+        done = command("sweep", "c.yaml")
+    if done.code == 0:
+        assert tables(here / "results/c") == tables(alone)
+    else:
+        resumed_after(done, here, alone)
+
+
+@pytest.mark.parametrize("jobs", ["1", "2"])
+@pytest.mark.parametrize("size", some([], [0, 60_000]))
+def test_sweep_of_processes_without_room_is_told_in_a_line(size, jobs, here, alone):
+    (here / "c.yaml").write_text(SWEEP)
+    resumed_after(limited(here, size, "sweep", "c.yaml", "--jobs", jobs), here, alone)
+
+
+@pytest.mark.parametrize(
+    "made",
+    some(
+        [("sweep", "parquet")],
+        [("provenance.json", "parquet"), ("section", "csv"), ("impacts", "parquet"), ("sweep", "csv")],
+    ),
+)
+def test_points_outlive_tables_that_have_no_room(made, here, alone, monkeypatch):
+    """All points are there, and each of the tables in turn has no room."""
+    file, form = made
+    (here / "c.yaml").write_text(SWEEP)
+    shutil.copytree(alone, here / "results/c")
+    for path in (*(here / "results/c").glob("*.parquet"), here / "results/c/provenance.json"):
+        path.unlink()
+    replace = os.replace
+
+    def without_room(source, target):
+        if file in str(target):
+            with open(source, "ab") as table, largest_file(os.path.getsize(source)):
+                table.write(b"x")
+                table.flush()
+        replace(source, target)
+
+    monkeypatch.setattr("os.replace", without_room)
+    done = command("sweep", "c.yaml", "--resume", "--format", form)
+    assert "cannot be written: File too large" in done.err
+    monkeypatch.undo()
+    os.chdir(here)
+    resumed_after(done, here, alone, kept=22)
+
+
+@pytest.mark.parametrize("size", some([30_000], [0, 5_000]))
+@pytest.mark.parametrize("name", some(["run"], ["sweep"]))
+@pytest.mark.parametrize("before", [False, True], ids=["new", "over earlier ones"])
+def test_plot_without_room_is_told_in_a_line_and_leaves_no_half_figures(size, name, before, here, alone):
+    (here / "c.yaml").write_text(RUN)
+    if name == "sweep":
+        shutil.copytree(alone, here / "results/c")
+    else:
+        assert command("run", "c.yaml").code == 0
+    if before:
+        assert command("plot", "results/c").code == 0
+    with largest_file(size):
+        done = command("plot", "results/c")
+    if done.code != 0:
+        # the names of figures that were drawn before may be printed
+        assert not_a_line(done._replace(out=""), codes=FAILED) == ""
+    assert left(here / "results/c")[1] == []
+    assert before is False or len(list((here / "results/c").glob("*.png"))) >= 1
+
+
+def test_figure_that_is_drawn_again_is_never_half_there(here):
+    """A plot that is killed, like one without room, leaves the figure of before."""
+    (here / "c.yaml").write_text(RUN)
+    assert command("run", "c.yaml").code == 0
+    assert command("plot", "results/c").code == 0
+    figure = here / "results/c/motion.png"
+    for size in (10, 20_000):
+        with largest_file(size):
+            assert command("plot", "results/c", "--kind", "motion").code != 0
+        assert figure.exists()
+        read(figure)
+
+
+# -- a small disk ---------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def disk(here):
+    """Mount a disk of its own as directory ``results``."""
+
+    def mount(*options):
+        (here / "results").mkdir(exist_ok=True)
+        line = ["mount", "-t", "tmpfs", "-o", ",".join(("mode=755", *options)), "none", str(here / "results")]
+        try:
+            subprocess.run(line, check=True, capture_output=True)
+        except (OSError, subprocess.CalledProcessError) as error:
+            pytest.skip(f"no disk can be mounted: {getattr(error, 'stderr', error)!r}")
+        return here / "results"
+
+    yield mount
+    subprocess.run(["umount", "-l", str(here / "results")], check=False, capture_output=True)
+
+
+def fill(disk, room):
+    """Leave so much room (bytes) on a disk; return the file that takes the rest."""
+    ballast = disk / "ballast"
+    free = shutil.disk_usage(disk).free
+    ballast.write_bytes(bytes(max(0, free - room)))
+    return ballast
+
+
+@pytest.mark.parametrize("room", some([20_000], [0, 8192, 40_000]))
+@pytest.mark.parametrize("form", some(["parquet"], ["csv"]))
+def test_run_on_a_full_disk_keeps_the_earlier_one(room, form, disk, here):
+    (here / "c.yaml").write_text(RUN)
+    place = disk("size=4m")
+    assert command("run", "c.yaml", "--format", form).code == 0
+    before = tables(place / "c")
+    ballast = fill(place, room)
+    done = command("run", "c.yaml", "--format", form)
+    assert not_a_line(done, codes=FAILED) == ""
+    assert "No space left on device" in done.err
+    found, temporaries = left(place / "c")
+    assert (tables(place / "c"), len(found), temporaries) == (before, 4, [])
+    ballast.unlink()
+    assert command("run", "c.yaml", "--format", form).code == 0
+
+
+@pytest.mark.parametrize("jobs", some(["1"], ["2"]))
+@pytest.mark.parametrize("room", some([], [0, 40_000, 100_000, 150_000, 200_000, 250_000]))
+def test_sweep_on_a_full_disk_is_told_in_a_line_and_goes_on_later(room, jobs, disk, here, alone):
+    (here / "c.yaml").write_text(SWEEP)
+    place = disk("size=4m")
+    ballast = fill(place, room)
+    done = command("sweep", "c.yaml", "--jobs", jobs)
+    ballast.unlink()
+    if done.code == 0:
+        assert tables(place / "c") == tables(alone)
+    else:
+        resumed_after(done, here, alone)
+
+
+@pytest.mark.parametrize("files", some([3], [2, 4, 5, 6, 8, 9, 10]))
+@pytest.mark.parametrize("name", some(["run"], ["sweep"]))
+def test_disk_that_takes_no_more_files_is_told_in_a_line(files, name, disk, here):
+    (here / "c.yaml").write_text(RUN + SWEEP.partition("name: c\n")[2])
+    place = disk("size=4m", f"nr_inodes={files}")
+    done = command(name, "c.yaml")
+    left(place / "c")
+    if done.code != 0:
+        assert not_a_line(done, codes=FAILED) == ""
+
+
+@pytest.mark.parametrize(
+    "arguments", some([("run", "c.yaml")], [("sweep", "c.yaml", "--overwrite"), ("sweep", "c.yaml", "--resume")])
+)
+def test_disk_that_is_only_read_is_told_in_a_line(arguments, disk, here):
+    (here / "c.yaml").write_text(RUN + SWEEP.partition("name: c\n")[2])
+    place = disk("size=4m")
+    assert command(arguments[0], "c.yaml").code == 0
+    before = tables(place / "c")
+    subprocess.run(["mount", "-o", "remount,ro", str(place)], check=True)
+    done = command(*arguments)
+    assert done == (2, "", "vibroplat: output results/c is not writable: Read-only file system\n")
+    assert tables(place / "c") == before
+
+
+@pytest.mark.long
+def test_plot_on_a_disk_that_is_only_read_is_told_in_a_line(disk, here):
+    (here / "c.yaml").write_text(RUN)
+    place = disk("size=4m")
+    assert command("run", "c.yaml").code == 0
+    subprocess.run(["mount", "-o", "remount,ro", str(place)], check=True)
+    assert not_a_line(command("plot", place / "c"), codes=FAILED) == ""
+
+
+def test_disk_that_is_only_read_from_the_middle_on_is_told_in_a_line(disk, here, monkeypatch):
+    """Of a sweep, whose points are open, the system does not let that happen."""
+    (here / "c.yaml").write_text(RUN)
+    place = disk("size=4m")
+    meddle("run", monkeypatch, lambda: subprocess.run(["mount", "-o", "remount,ro", str(place)], check=True))
+    assert not_a_line(command("run", "c.yaml"), codes=FAILED) == ""
+
+
+# -- a directory that goes away -------------------------------------------------------------------------
+
+
+def meddle(name, monkeypatch, change):
+    """Do something once while a command is at its motion."""
+    done = []
+
+    def once():
+        if not done:
+            done.append(True)
+            change()
+
+    if name == "run":
+        from vibroplat.flow import run
+
+        simulate = run.simulate
+
+        def meddled(*arguments, **options):
+            once()
+            return simulate(*arguments, **options)
+
+        monkeypatch.setattr(run, "simulate", meddled)
+    else:
+        from vibroplat.study import point
+
+        measure, begun = point.measure_point, []
+
+        def measured(*arguments):
+            begun.append(True)
+            if len(begun) == 6:
+                once()
+            return measure(*arguments)
+
+        monkeypatch.setattr(point, "measure_point", measured)
+
+
+@pytest.mark.parametrize("instead", some(["nothing"], ["a file", "an empty directory"]))
+@pytest.mark.parametrize("name", some(["run"], ["sweep"]))
+def test_directory_that_is_removed_in_the_middle_is_told_in_a_line(name, instead, here, monkeypatch):
+    """Results may be written into a directory that was made anew; otherwise it is told that they were not."""
+    (here / "c.yaml").write_text(RUN + SWEEP.partition("name: c\n")[2])
+
+    def remove():
+        shutil.rmtree(here / "results/c")
+        if instead == "a file":
+            (here / "results/c").write_text("mine\n")
+        elif instead == "an empty directory":
+            (here / "results/c").mkdir()
+
+    meddle(name, monkeypatch, remove)
+    done = command(name, "c.yaml")
+    if done.code == 0:
+        assert instead == "an empty directory"
+        assert len(left(here / "results/c")[0]) == 4
+    else:
+        assert not_a_line(done, codes=FAILED) == ""
+    if instead == "a file":
+        assert (here / "results/c").read_text() == "mine\n"
+
+
+# -- nobody listens -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("target", some([], ["/dev/full", "closed pipe"]))
+def test_output_that_nobody_takes_is_told_without_a_traceback(target, here):
+    """``vibroplat run … > log`` on a full disk, or ``| head``: tables are there, and what is told is one line."""
+    (here / "c.yaml").write_text(RUN)
+    line = [sys.executable, "-c", "from vibroplat.cli import main; main()", "run", "c.yaml"]
+    if target == "closed pipe":
+        read_end, write_end = os.pipe()
+        os.close(read_end)
+    else:
+        write_end = os.open(target, os.O_WRONLY)
+    try:
+        done = subprocess.run(line, stdout=write_end, stderr=subprocess.PIPE, text=True, timeout=60, check=False)
+    finally:
+        os.close(write_end)
+    assert "Traceback" not in done.stderr
+    assert "Exception ignored" not in done.stderr
+    assert len(done.stderr.splitlines()) <= 1
+    assert done.returncode in (0, 1, 2, 141)
+    assert len(left(here / "results/c")[0]) == 4

@@ -1,0 +1,114 @@
+"""Results of another schema, or of whose making nothing is known, are refused by figures and by ``--resume``."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import sqlite3
+
+import pytest
+from common.commands import command, not_a_line
+from common.places import LOADED
+from common.results import bits, left
+
+pytestmark = pytest.mark.usefixtures("kernels")
+
+SWEEP = f"extends: {LOADED}\nname: c\nrun: {{duration_s: 0.1}}\n"
+SWEEP += "sweep: {supply_frequency_hz: {start: 50.0, stop: 50.5}}\n"
+
+#: Contents of provenance.json that no other version than this one can make sense of; without "schema" none is kept.
+SCHEMAS = {
+    "0": {"schema": 0},
+    "2": {"schema": 2},
+    "text": {"schema": "1"},
+    "null": {"schema": None},
+    "true": {"schema": True},
+    "fraction": {"schema": 1.0},
+    "list": {"schema": [1]},
+    "none": {},
+    "a list": [1],
+    "a number": 1,
+}
+GARBAGE = {
+    "empty": b"",
+    "zeros": bytes(1000),
+    "binary": bytes(range(256)),
+    "cut": b'{"schema": 1, "vibro',
+    "deep": b"[" * 100_000,
+    "huge number": b'{"schema": 1' + b"0" * 5000 + b"}",
+    "surrogate": b'{"schema": "\\ud800"}',
+}
+#: Those that are not tried each time.
+RARE = {"fraction", "list", "none", "a list", "a number", "zeros", "binary", "surrogate", "empty"}
+DAMAGES = {f"schema {name}": json.dumps(value).encode() for name, value in SCHEMAS.items()} | GARBAGE
+DAMAGES = [
+    pytest.param(content, id=name, marks=[pytest.mark.long] if name.removeprefix("schema ") in RARE else [])
+    for name, content in DAMAGES.items()
+]
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    """Directory with the results of both commands."""
+    place = tmp_path_factory.mktemp("finished")
+    (place / "c.yaml").write_text(SWEEP)
+    for name in ("run", "sweep"):
+        assert command(name, place / "c.yaml", "--out", place / name).code == 0
+    return place
+
+
+@pytest.fixture
+def result(here, finished):
+    """Copy the result of a command, to be damaged."""
+
+    def copy(name):
+        (here / "c.yaml").write_text(SWEEP)
+        return shutil.copytree(finished / name / "c", here / "results/c")
+
+    return copy
+
+
+@pytest.mark.parametrize("name", ["run", "sweep"])
+@pytest.mark.parametrize("content", DAMAGES)
+def test_plot_refuses_in_a_line(content, name, result):
+    directory = result(name)
+    (directory / "provenance.json").write_bytes(content)
+    assert not_a_line(command("plot", directory)) == ""
+    assert list(directory.glob("*.png")) == []
+
+
+@pytest.mark.parametrize("name", ["run", "sweep"])
+def test_plot_refuses_what_has_no_provenance(name, result):
+    directory = result(name)
+    (directory / "provenance.json").unlink()
+    assert not_a_line(command("plot", directory)) == ""
+
+
+@pytest.mark.parametrize("kept", [["schema"], ["schema", "configuration"]], ids=len)
+def test_plot_of_a_sweep_whose_configuration_is_lost_is_refused(kept, result):
+    directory = result("sweep")
+    provenance = json.loads((directory / "provenance.json").read_text()) | {"configuration": {}}
+    (directory / "provenance.json").write_text(json.dumps({key: provenance[key] for key in kept}))
+    assert not_a_line(command("plot", directory)) == ""
+
+
+@pytest.mark.parametrize("content", DAMAGES)
+def test_resume_refuses_in_a_line_and_leaves_all_as_it_is(content, result):
+    directory = result("sweep")
+    before = bits(left(directory)[0]["sweep.parquet"])
+    (directory / "provenance.json").write_bytes(content)
+    with sqlite3.connect(directory / "points.sqlite") as base:
+        base.execute("DELETE FROM records WHERE second = 1")
+    base.close()
+    assert not_a_line(command("sweep", "c.yaml", "--resume")) == ""
+    assert (directory / "provenance.json").read_bytes() == content
+    (directory / "provenance.json").unlink()
+    assert bits(left(directory)[0]["sweep.parquet"]) == before
+
+
+def test_resume_goes_on_without_provenance(result):
+    """It is written at the end of a sweep: one that was killed has none."""
+    directory = result("sweep")
+    (directory / "provenance.json").unlink()
+    done = command("sweep", "c.yaml", "--resume")
+    assert (done.code, done.err) == (0, "")

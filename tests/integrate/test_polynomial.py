@@ -1,0 +1,169 @@
+"""Polynomials of steps: guards' falls against numpy's roots, extremes, crossings, fits."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+import pytest
+
+from vibroplat.kernels.polynomial import crossing, extremes, first_fall, fit, fit_column, stretch, value, values
+
+
+def column(coefficients):
+    """A step of one unknown."""
+    return np.array(coefficients, dtype=float)[:, np.newaxis]
+
+
+def fall(coefficients, zeros=0):
+    return first_fall(column(coefficients), len(coefficients) - 1, 0, zeros)
+
+
+def random_polynomials(seed, count, zeros=0):
+    """Polynomials as steps have them, of degrees 3 to 24: half of them nearly tangent to zero from above or below."""
+    rng = np.random.default_rng(seed)
+    for number in range(count):
+        degree = int(rng.integers(3, 25)) - zeros
+        decay = rng.uniform(0.2, 1.5)
+        c = rng.normal(size=max(degree, 1) + 1) * decay ** np.arange(max(degree, 1) + 1)
+        if number % 2:
+            lowest = np.polynomial.Polynomial(c)
+            places = [r.real for r in lowest.deriv().roots() if abs(r.imag) < 1e-9 and 0.0 < r.real < 1.0]
+            places = [s for s in places if lowest.deriv(2)(s) > 0.0] or [1.0]
+            c[0] += 10.0 ** rng.uniform(-9, -2) * rng.choice((-1.0, 1.0)) - min(lowest(s) for s in places)
+        c[0] = abs(c[0]) if zeros else c[0]
+        yield c
+
+
+def expected_fall(c, noise=1e-12):
+    """First fall by numpy's roots; None where round-off decides whether there is one."""
+    polynomial = np.polynomial.Polynomial(c)
+    roots = polynomial.roots()
+    # a double root splits by the root of round-off
+    real = sorted(r.real for r in roots if abs(r.imag) < 1e-4 and -1e-4 < r.real < 1.0 + 1e-4)
+    places = np.unique([0.0, *(s for s in real if 0.0 < s < 1.0), 1.0])
+    middles = 0.5 * (places[1:] + places[:-1])
+    signs = polynomial(middles)
+    rough = noise * np.abs(c).sum()
+    if (np.abs(signs) < rough).any() or any(abs(polynomial(s)) < rough for s in (0.0, 1.0)):
+        return None
+    if signs[0] < 0.0 and (signs < 0.0).all():
+        return 0.0 if polynomial(1.0) <= polynomial(0.0) else -1.0
+    for k in range(len(signs) - 1):
+        if signs[k] > 0.0 > signs[k + 1]:
+            return places[k + 1]
+    return -1.0
+
+
+def sure(c, found, expected):
+    """Whether a fall agrees with the expected one, or is as good a root of the polynomial."""
+    if expected == -1.0 or found == -1.0:
+        return found == expected
+    polynomial = np.polynomial.Polynomial(c)
+    near = abs(found - expected) < 1e-6
+    return near and (found in {0.0, expected} or abs(polynomial(found)) < 1e-11 * np.abs(c).sum())
+
+
+def test_no_fall_is_missed_and_none_is_false():
+    decided = falls = 0
+    for c in random_polynomials(seed=3, count=6000):
+        expected = expected_fall(c)
+        if expected is None:
+            continue
+        decided += 1
+        falls += expected >= 0.0
+        assert sure(c, fall(c), expected), (c.tolist(), fall(c), expected)
+    assert decided > 5000
+    assert 0.2 < falls / decided < 0.8
+
+
+@pytest.mark.parametrize("zeros", [1, 2, 3])
+def test_known_zeros_at_the_start_are_no_falls(zeros):
+    """Round-off in the coefficients that are known to be 0 does not show."""
+    rng = np.random.default_rng(zeros)
+    decided = 0
+    for c in random_polynomials(seed=10 + zeros, count=600, zeros=zeros):
+        expected = expected_fall(c)
+        if expected is None:
+            continue
+        decided += 1
+        whole = np.concatenate([1e-14 * rng.normal(size=zeros), c])
+        assert sure(c, fall(whole, zeros), expected)
+    assert decided > 500
+
+
+@pytest.mark.parametrize("roots", [(0.2, 0.4, 0.6, 0.8), (0.3, 0.3001, 0.9), (0.01, 0.02, 0.03, 0.99)])
+def test_first_of_several_falls(roots):
+    for sign in (1.0, -1.0):
+        c = np.polynomial.Polynomial.fromroots(roots).coef
+        c *= sign * np.sign(c[0])
+        assert fall(c) == pytest.approx(roots[0 if sign > 0.0 else 1], abs=1e-11)
+
+
+@pytest.mark.parametrize("ratio", [1e-3, 1e-9, 1e-15])
+def test_low_flight_lands(ratio):
+    """A rebound so slow that the step is long against the flight: gap = v t − a t², then far away up again."""
+    c = np.array([0.0, ratio, -1.0, 0.3, 2.0, 0.0, 1.0])
+    assert fall(c, 1) == pytest.approx(ratio, rel=1e-2, abs=3e-16)
+
+
+@pytest.mark.parametrize("power", [2, 4, 6, 12])
+@pytest.mark.parametrize("lift", [0.0, 1e-19, 1e-16, 1e-13])
+def test_flat_touch_takes_no_time(power, lift):
+    """A root of high order: round-off has many signs there, which must not be looked into one by one."""
+    c = np.polynomial.Polynomial.fromroots([0.37] * power).coef
+    c[0] += lift
+    began = time.perf_counter()
+    for _ in range(10):
+        found = fall(c)
+    assert time.perf_counter() - began < 0.1
+    assert found == -1.0 or abs(found - 0.37) < 0.2
+
+
+def test_falling_from_the_start_falls_there():
+    assert 0.0 <= fall([0.0, -1.0, 0.0, 0.5]) < 1e-15
+    assert fall([-1e-15, -1.0, 0.0, 0.5]) == 0.0
+    assert fall([-1e-15, 1.0, 0.0, 0.0]) == -1.0
+    assert fall([-1e-3, 1.0, -2.0, 0.0]) == pytest.approx(0.25 + np.sqrt(0.0625 - 5e-4))
+
+
+def test_extremes_of_a_step():
+    rng = np.random.default_rng(5)
+    s = np.linspace(0.0, 1.0, 20_001)
+    for degree in range(3, 17):
+        for _ in range(20):
+            c = rng.normal(size=degree + 1) * 0.7 ** np.arange(degree + 1)
+            true = np.polynomial.Polynomial(c)(s)
+            least, largest = extremes(column(c), degree, 0, true[-1])
+            assert [least, largest] == pytest.approx([true.min(), true.max()], abs=1e-7)
+
+
+def test_crossing_of_a_level():
+    c = np.array([1.0, 2.0, 0.3, 0.2])
+    for level in (1.0 + 1e-12, 2.0, 3.4999):
+        for sign in (1.0, -1.0):
+            s = crossing(column(sign * c), 3, 0, sign * level)
+            assert np.polynomial.Polynomial(c)(s) == pytest.approx(level, abs=1e-14)
+
+
+def test_stretched_step_is_the_same_motion():
+    c = np.random.default_rng(0).normal(size=(8, 3))
+    end = np.empty(3)
+    values(c, 7, 0.6, end)
+    longer = c.copy()
+    stretch(longer, 7, 1.5)
+    for j in range(3):
+        assert value(longer, 7, j, 0.4) == pytest.approx(end[j], rel=1e-13)
+
+
+@pytest.mark.parametrize("degree", [1, 3, 8, 16, 24])
+def test_fit_has_the_accuracy_of_its_values(degree):
+    how, s = fit(degree), np.linspace(0.0, 1.0, 101)
+    c = np.random.default_rng(degree).normal(size=degree + 1) * 0.3 ** np.arange(degree + 1)
+    true = np.polynomial.Polynomial(c)
+    assert how.nodes[[0, -1]].tolist() == [0.0, 1.0]
+    found = np.zeros((degree + 1, 2))
+    fit_column(how, true(how.nodes), found, 1)
+    assert (found[:, 0] == 0.0).all()
+    for coefficients in (found[:, 1], how.through(true(how.nodes))):
+        assert np.abs(np.polynomial.Polynomial(coefficients)(s) - true(s)).max() < 1e-14 * np.abs(c).sum() * degree

@@ -1,0 +1,423 @@
+from __future__ import annotations
+
+import math
+
+import pandas as pd
+import pytest
+
+from vibroplat import cli
+from vibroplat.config import configurations
+from vibroplat.errors import ConfigError
+from vibroplat.paper import trial
+from vibroplat.paper.calibration import search
+from vibroplat.paper.calibration.plan import CalibrationPlan, Confirm, Range, load_plan
+from vibroplat.paper.calibration.reading import left_out, overview, spread
+from vibroplat.paper.calibration.search import calibrate, conditions, evaluation, objective
+from vibroplat.paper.trial import QUICK, machine_numbers, paper_scene
+from vibroplat.study.execution import Inline
+from vibroplat.study.store import Store
+from vibroplat.study.tasks import StoredChain, Task, run_stored
+
+DAMPING, RATIO = "machine.damping_y_n_s_per_m", "material.damping_ratio"
+PLAN = CalibrationPlan(
+    parameters={DAMPING: Range(low=100.0, high=500.0), RATIO: Range(low=1e-3, high=1.0, scale="log")},
+    population_per_parameter=6,
+    generations=12,
+    seed=3,
+)
+#: Several starts, sets to begin with, confirmation: all that a plan can have.
+FULL = PLAN.model_copy(
+    update={
+        "starts": 3,
+        "generations": 2,
+        "begin": [{DAMPING: 150.0, RATIO: 0.5}, {DAMPING: 500.0, RATIO: 1e-3}],
+        "confirm": Confirm(sets=4, seeds=2),
+    }
+)
+COLUMNS = ["start", DAMPING, RATIO, "score", "held", "seeds", "held_mean", "held_least", "score_mean"]
+
+
+class Killed(BaseException):
+    pass
+
+
+@pytest.fixture
+def valley(monkeypatch):
+    """Claims whose scores are best at b_y 320 and damping ratio 0.02; counts evaluations, and may stop after some."""
+    state = {"calls": 0, "most": math.inf}
+
+    def simulated(numbers):
+        if state["calls"] >= state["most"]:
+            raise Killed
+        state["calls"] += 1
+        assert numbers["machine.gravity_m_per_s2"] == 9.81
+        first = math.exp(-(((numbers[DAMPING] - 320.0) / 50.0) ** 2))
+        second = math.exp(-(math.log10(numbers[RATIO] / 0.02) ** 2))
+        return result({"first": first, "second": second}, {"first": first > 0.9, "second": second > 0.9})
+
+    monkeypatch.setattr(search, "evaluation", of(simulated))
+    return state
+
+
+def of(function):
+    """In the place of an evaluation: a single task, which makes its result."""
+
+    def evaluation(numbers):
+        return (yield Task(function, (numbers,)))
+
+    return evaluation
+
+
+def result(scores, holds):
+    return {
+        "score": sum(scores.values()) / len(scores),
+        "held": sum(holds.values()),
+        "scores": scores,
+        "holds": holds,
+    }
+
+
+def distinct(table):
+    """Sets of parameters that were judged."""
+    return len(table.drop_duplicates([DAMPING, RATIO]))
+
+
+FIXED = {"machine.gravity_m_per_s2": 9.81}
+
+
+def test_search_finds_the_best_numbers(valley):
+    with Store(None, {}) as store:
+        table = calibrate(FIXED, PLAN, store, Inline()).evaluations
+    best = table.iloc[0]
+    assert best[DAMPING] == pytest.approx(320.0, abs=10.0)
+    assert math.log10(best[RATIO]) == pytest.approx(math.log10(0.02), abs=0.15)
+    assert len(table) == PLAN.evaluations
+    assert valley["calls"] == distinct(table)
+    for _, equal in table.groupby("held", sort=False):
+        assert equal["score"].is_monotonic_decreasing
+    assert table["held"].is_monotonic_decreasing
+    assert list(table.columns) == [*COLUMNS, "first", "first.holds", "second", "second.holds"]
+
+
+def test_starts_are_searches_of_their_own_and_share_the_sets_to_begin_with(valley):
+    with Store(None, {}) as store:
+        table = calibrate(FIXED, FULL, store, Inline()).evaluations
+    by_start = {start: set(zip(rows[DAMPING], rows[RATIO], strict=True)) for start, rows in table.groupby("start")}
+    assert table["start"].value_counts().to_dict() == dict.fromkeys(range(3), FULL.evaluations // 3)
+    common = {(150.0, 0.5), (500.0, 1e-3)}
+    assert all(a & b == common for a, b in ((by_start[0], by_start[1]), (by_start[1], by_start[2])))
+    assert valley["calls"] == distinct(table) + FULL.confirmations
+
+
+def test_progress_tells_the_best_so_far(valley):
+    told = []
+    with Store(None, {}) as store:
+        table = calibrate(FIXED, FULL, store, Inline(), lambda *news: told.append(news)).evaluations
+    assert [done for done, _, _ in told] == list(range(1, FULL.evaluations + FULL.confirmations + 1))
+    best = table.sort_values(["held", "score"], ascending=False).iloc[0]
+    assert told[-1][1:] == (best["held"], best["score"])
+
+
+@pytest.mark.parametrize(
+    ("plan", "most"),
+    [
+        (PLAN, 5),
+        (FULL, FULL.evaluations - 2),  # in the confirmation
+        *(pytest.param(*place, marks=pytest.mark.long) for place in ((PLAN, 0), (PLAN, 40), (FULL, 20), (FULL, 60))),
+    ],
+)
+def test_interrupted_search_goes_on_to_the_same_table(valley, tmp_path, plan, most):
+    with Store(None, {}) as store:
+        whole = calibrate(FIXED, plan, store, Inline())
+    calls = valley["calls"]
+    valley.update(calls=0, most=most)
+    with Store(tmp_path, conditions(FIXED)) as store, pytest.raises(Killed):
+        calibrate(FIXED, plan, store, Inline())
+    valley["most"] = math.inf
+    with Store(tmp_path, conditions(FIXED), resume=True) as store:
+        resumed = calibrate(FIXED, plan, store, Inline())
+    assert valley["calls"] == calls
+    pd.testing.assert_frame_equal(resumed.evaluations, whole.evaluations, check_exact=True)
+    pd.testing.assert_frame_equal(resumed.confirmation, whole.confirmation, check_exact=True)
+
+
+@pytest.mark.parametrize("fewer", [{"generations": 2}, {"generations": 2, "confirm": Confirm(sets=3)}])
+def test_more_generations_go_on_from_those_there_are(valley, tmp_path, fewer):
+    first = PLAN.model_copy(update=fewer)
+    with Store(tmp_path, conditions(FIXED)) as store:
+        calibrate(FIXED, first, store, Inline())
+    with Store(tmp_path, conditions(FIXED), resume=True) as store:
+        table = calibrate(FIXED, PLAN, store, Inline()).evaluations
+    assert valley["calls"] == distinct(table) + first.confirmations
+
+
+def test_more_starts_go_on_from_those_there_are(valley, tmp_path):
+    first = FULL.model_copy(update={"starts": 1, "confirm": Confirm()})
+    with Store(tmp_path, conditions(FIXED)) as store:
+        calibrate(FIXED, first, store, Inline())
+    with Store(tmp_path, conditions(FIXED), resume=True) as store:
+        table = calibrate(FIXED, FULL, store, Inline()).evaluations
+    assert valley["calls"] == distinct(table) + FULL.confirmations
+
+
+def test_other_machine_does_not_go_on(valley, tmp_path):
+    with Store(tmp_path, conditions(FIXED)) as store:
+        calibrate(FIXED, PLAN, store, Inline())
+    other = {"machine.gravity_m_per_s2": 1.62}
+    with pytest.raises(ConfigError, match=r"cannot resume: machine\.machine\.gravity_m_per_s2 = 1\.62; allowed: 9\.81"):
+        Store(tmp_path, conditions(other), resume=True)
+
+
+def test_claim_that_holds_is_worth_more_than_one_that_nearly_does():
+    near = result({"a": 0.99, "b": 0.99}, {"a": False, "b": False})
+    one = result({"a": 1.0, "b": 0.5}, {"a": True, "b": False})
+    both = result({"a": 1.0, "b": 1.0}, {"a": True, "b": True})
+    assert objective(both) == 0.0 < objective(one) < objective(near)
+
+
+# -- confirmation -----------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def lucky(monkeypatch):
+    """Claims that all hold near b_y 300 with the machine's own seed only; near 450 all but one with every seed."""
+
+    def simulated(numbers):
+        near, far = (abs(numbers[DAMPING] - place) < 60.0 for place in (300.0, 450.0))
+        many = 4 if near and numbers["sweep.seed"] == 7 else 3 if far else 1
+        holds = {name: place < many for place, name in enumerate("abcd")}
+        return result({name: 0.5 + 0.5 * held for name, held in holds.items()}, holds)
+
+    monkeypatch.setattr(search, "evaluation", of(simulated))
+
+
+def test_best_set_is_the_one_of_most_claims_over_all_seeds(lucky):
+    plan = PLAN.model_copy(update={"generations": 0, "confirm": Confirm(sets=10, seeds=3)})
+    with Store(None, {}) as store:
+        found = calibrate({"sweep.seed": 7}, plan, store, Inline())
+    best = found.evaluations.iloc[0]
+    assert abs(best[DAMPING] - 450.0) < 60.0
+    assert best[["held", "seeds", "held_mean", "held_least", "score_mean"]].tolist() == [3, 4, 3.0, 3, 0.875]
+    turned = found.evaluations[found.evaluations["held"] == 4].iloc[0]
+    assert turned[["seeds", "held_mean", "held_least"]].tolist() == [4, 1.75, 1]
+    assert turned["score_mean"] == (1.0 + 3 * 0.625) / 4
+    assert (found.evaluations["seeds"].iloc[10:] == 1).all()
+    assert len(found.confirmation) == 10 * 4
+    assert sorted(set(found.confirmation["seed"])) == [7, 8, 9, 10]
+
+
+def test_seed_reaches_the_coarse_sweeps():
+    for name in ("fig3", "fig6", "fig6-nonimpact"):
+        scene = paper_scene(name, machine_numbers("printed") | {search.SEED: 5}, QUICK)
+        assert scene.sweep.seed == 5
+
+
+# -- what evaluations say ---------------------------------------------------------------------------------
+
+
+def by_hand(*rows):
+    """A table of evaluations: b_y, damping ratio, and score and verdict of claims a, b and c."""
+    table = []
+    for damping, ratio, a, b, c in rows:
+        scores = dict(zip("abc", (a, b, c), strict=True))
+        held = sum(score == 1.0 for score in scores.values())
+        row = {"start": 0, DAMPING: damping, RATIO: ratio, "score": (a + b + c) / 3.0, "held": held}
+        row |= {"seeds": 1, "held_mean": float(held), "held_least": held, "score_mean": row["score"]}
+        for name, score in scores.items():
+            row |= {name: score, f"{name}.holds": score == 1.0}
+        table.append(row)
+    return pd.DataFrame(table).sort_values(["held", "score"], ascending=False, ignore_index=True, kind="stable")
+
+
+def test_claim_left_out_is_judged_with_the_set_that_the_others_choose():
+    table = by_hand(
+        (100.0, 0.1, 1.0, 1.0, 1.0),
+        (200.0, 0.1, 1.0, 0.2, 1.0),
+        (300.0, 0.1, 0.6, 1.0, 0.9),
+    )
+    left = left_out(table, PLAN).set_index("claim")
+    assert left["holds"].all()  # the best set is chosen by any two claims
+    assert left[DAMPING].tolist() == [100.0, 100.0, 100.0]
+
+    table = by_hand(
+        (100.0, 0.1, 1.0, 1.0, 0.0),
+        (200.0, 0.2, 0.3, 1.0, 1.0),
+        (300.0, 0.3, 1.0, 0.8, 0.9),
+    )
+    left = left_out(table, PLAN).set_index("claim")
+    assert left.loc["a", ["held", "of", DAMPING, RATIO, "holds", "score"]].tolist() == [2, 2, 200.0, 0.2, False, 0.3]
+    assert left.loc["b", ["held", "of", DAMPING, RATIO, "holds", "score"]].tolist() == [1, 2, 300.0, 0.3, False, 0.8]
+    assert left.loc["c", ["held", "of", DAMPING, RATIO, "holds", "score"]].tolist() == [2, 2, 100.0, 0.1, False, 0.0]
+
+
+def test_spread_is_over_the_sets_within_one_claim_of_the_best():
+    table = by_hand(
+        (300.0, 0.01, 1.0, 1.0, 1.0),
+        (310.0, 0.001, 1.0, 1.0, 0.2),
+        (340.0, 1.0, 1.0, 1.0, 0.1),
+        (340.0, 1.0, 1.0, 1.0, 0.1),  # of another start: counts once
+        (290.0, 0.1, 0.9, 1.0, 1.0),
+        (450.0, 0.05, 1.0, 0.0, 0.0),
+    )
+    found = spread(table, PLAN).set_index("parameter")
+    assert found["sets"].tolist() == [4, 4]
+    values = ["best", "least", "lower_quartile", "median", "upper_quartile", "largest"]
+    assert found.loc[DAMPING, values].tolist() == [300.0, 290.0, 297.5, 305.0, 317.5, 340.0]
+    assert found.loc[DAMPING, ["width", "middle_width"]].tolist() == [0.125, 0.05]
+    assert found.loc[RATIO, values].tolist() == pytest.approx(
+        [0.01, 1e-3, 10**-2.25, 10**-1.5, 10**-0.75, 1.0], rel=1e-4
+    )
+    assert found.loc[RATIO, ["width", "middle_width"]].tolist() == pytest.approx([1.0, 0.5])
+
+
+def test_overview_says_what_is_determined_and_what_is_predicted():
+    table = by_hand((300.0, 0.01, 1.0, 1.0, 0.4), (340.0, 1.0, 1.0, 0.5, 0.1))
+    lines = overview(table, left_out(table, PLAN), spread(table, PLAN))
+    assert lines[DAMPING] == "300         300 … 340, 10% of the range, middle half 5%"
+    assert lines["ranges"] == "of 2 sets within one claim of the best"
+    assert lines["claims held"] == "2 of 3, score 0.800"
+    assert lines["predicted"] == "2 of 3 claims hold with the set that the others choose"
+    assert "claims held over seeds" not in lines
+
+
+def test_overview_says_what_the_seeds_make_of_the_best_set(lucky):
+    plan = PLAN.model_copy(update={"generations": 0, "confirm": Confirm(sets=10, seeds=3)})
+    with Store(None, {}) as store:
+        table = calibrate({"sweep.seed": 7}, plan, store, Inline()).evaluations
+    lines = overview(table, left_out(table, plan), spread(table, plan))
+    assert lines["claims held"] == "3 of 4, score 0.875"
+    assert lines["claims held over seeds"] == "3 of 4 in the mean of 4 seeds, at least 3, score 0.875"
+
+
+def test_command_writes_four_tables_and_tells_what_they_say(valley, monkeypatch, tmp_path, capsys):
+    monkeypatch.setattr(cli, "_load_kernels", lambda: None)
+    (tmp_path / "c.yaml").write_text(
+        "machine: {gravity_m_per_s2: 9.81}\n"
+        "calibration:\n"
+        f"  parameters: {{{DAMPING}: {{low: 100, high: 500}}, {RATIO}: {{low: 1.0e-3, high: 1, scale: log}}}}\n"
+        "  starts: 2\n"
+        f"  begin: [{{{DAMPING}: 320, {RATIO}: 0.02}}]\n"
+        "  confirm: {sets: 2, seeds: 1}\n"
+    )
+    cli.calibrate(tmp_path / "c.yaml", tmp_path, generations=1)
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].startswith(f"{DAMPING:<40}320 ")
+    assert lines[3] == f"{'claims held':<40}2 of 2, score 1.000"
+    assert lines[-1] == f"{'tables':<40}{tmp_path / 'calibration'}"
+    tables = {path.stem: pd.read_csv(path) for path in (tmp_path / "calibration").glob("*.csv")}
+    assert {name: len(table) for name, table in tables.items()} == {
+        "evaluations": 2 * 2 * 16,
+        "confirmation": 2 * 2,
+        "left-out": 2,
+        "spread": 2,
+    }
+    assert tables["evaluations"]["first.holds"].dtype == bool
+
+
+# -- plans ------------------------------------------------------------------------------------------------
+
+
+def test_low_end_of_zero_comes_out_as_zero():
+    searched = Range(low=0.0, high=0.3)
+    assert searched.value(1.7e-17) == 0.0
+    assert searched.value(1e-3) == 1e-3
+
+
+def test_shipped_plan_searches_from_several_starts():
+    _, plan = load_plan(configurations() / "claims" / "calibration.yaml", {})
+    assert (plan.starts, plan.population, plan.evaluations, plan.confirmations) == (2, 20, 80, 12)
+    assert len(plan.begin) == 5
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("name: x", "no section calibration"),
+        ("calibration: {}", "allowed: a value is required"),
+        ("calibration: {parameters: {a.b: {low: 2, high: 1}}}", "high = 1.0 is not above low = 2.0"),
+        ("calibration: {parameters: {a.b: {low: 0, high: 1, scale: log}}}", "low = 0.0; allowed: more than 0"),
+        (
+            "calibration: {parameters: {a.b: {low: 0, high: 1, scale: root}}}",
+            "scale = 'root'; allowed: 'linear' or 'log'",
+        ),
+        ("calibration: {parameters: {a.b: {low: 0, high: 1}}, generation: 3}", "did you mean generations?"),
+        ("calibration: {parameters: {a.b: {low: 0, high: 1}}, starts: 0}", "starts = 0; allowed: at least 1"),
+        ("calibration: {parameters: {a.b: {low: 0, high: 1}}, confirm: {set: 3}}", "did you mean sets?"),
+        (
+            "calibration: {parameters: {a.b: {low: 0, high: 1}}, begin: [{a.b: 2}]}",
+            "begin.0.a.b = 2.0; allowed: 0.0 … 1.0",
+        ),
+        (
+            "calibration: {parameters: {a.b: {low: 0, high: 1}}, begin: [{a.c: 2}]}",
+            "begin.0: unknown key a.c; allowed: a.b",
+        ),
+        (
+            "calibration: {parameters: {a.b: {low: 0, high: 1}}, begin: [{}]}",
+            "begin.0: no a.b; allowed: a value of each",
+        ),
+        (
+            "calibration: {parameters: {a.b: {low: 0, high: 1}}, population_per_parameter: 2, "
+            "begin: [{a.b: 0}, {a.b: 0}, {a.b: 0}, {a.b: 0}, {a.b: 0}, {a.b: 0}]}",
+            "begin holds 6 sets; allowed: 5, the population",
+        ),
+    ],
+)
+def test_bad_plan_is_refused_with_a_line(tmp_path, text, line):
+    (tmp_path / "c.yaml").write_text(text)
+    with pytest.raises(ConfigError) as caught:
+        load_plan(tmp_path / "c.yaml", {})
+    assert str(caught.value).startswith(f"{tmp_path / 'c.yaml'}: ")
+    assert line in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("parameter", "line"),
+    [
+        ("machine.unbalance_radius: {low: 0, high: 1}", "did you mean unbalance_radius_m?"),
+        ("material.damping_ratio: {low: -1, high: 1}", "material.damping_ratio = -1.0; allowed: at least 0"),
+        ("contact.restitution: {low: 0, high: 2}", "contact.restitution = 2.0; allowed: at most 1"),
+    ],
+)
+def test_parameter_that_no_scene_takes_is_refused_before_the_search(tmp_path, parameter, line):
+    (tmp_path / "c.yaml").write_text(f"calibration: {{parameters: {{{parameter}}}}}")
+    with pytest.raises(ConfigError) as caught:
+        load_plan(tmp_path / "c.yaml", {})
+    assert line in str(caught.value)
+
+
+class Cut(Inline):
+    """This process, interrupted after some tasks."""
+
+    def __init__(self, most):
+        self.left = most
+
+    def submit(self, function, *arguments):
+        if self.left == 0:
+            raise Killed
+        self.left -= 1
+        return super().submit(function, *arguments)
+
+
+def test_interrupted_evaluation_keeps_its_points(tmp_path, monkeypatch):
+    coarse = {"sweep.supply_frequency_hz.step": 13.0, "sweep.max_settle_s": 0.5, "sweep.measure_s": 0.5}
+    monkeypatch.setattr(trial, "QUICK", QUICK | coarse)
+    plan = PLAN.model_copy(update={"population_per_parameter": 2, "generations": 0})
+    with Store(tmp_path, conditions(FIXED)) as store, pytest.raises(Killed):
+        calibrate(FIXED, plan, store, Cut(40))
+    with Store(tmp_path, conditions(FIXED), resume=True) as store:
+        assert len(store) == 40
+        resumed = calibrate(FIXED, plan, store, Inline())
+        again = calibrate(FIXED, plan, store, Cut(0))  # judged from what is stored
+    with Store(None, {}) as store:
+        whole = calibrate(FIXED, plan, store, Inline())
+    for found in (resumed, again):
+        pd.testing.assert_frame_equal(found.evaluations, whole.evaluations, check_exact=True)
+
+
+@pytest.mark.long
+def test_evaluation_prefers_the_calibrated_machine_to_the_printed_one():
+    with Store(None, {}) as store:
+        chains = [StoredChain(evaluation(machine_numbers(name)), store, name) for name in ("calibrated", "printed")]
+        calibrated, printed = run_stored(chains, Inline())
+    assert calibrated["held"] > printed["held"]
+    assert calibrated["score"] > printed["score"]

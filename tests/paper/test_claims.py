@@ -1,0 +1,407 @@
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from vibroplat.config import configurations, load_list
+from vibroplat.paper import boundaries
+from vibroplat.paper.claims import judge
+from vibroplat.paper.evidence import REGIMES, Course, Evidence, F, Key, runs
+from vibroplat.paper.finding import EDGE
+from vibroplat.paper.narrowing import JUMP_WIDTH, WIDTH
+from vibroplat.paper.scoreboard import FORMER, expected, scoreboard
+from vibroplat.paper.trial import claims, former_claims, machine_numbers
+from vibroplat.scene import Scene
+from vibroplat.study.branches import Branch
+from vibroplat.sweep_plan import SweepPlan
+
+CLAIMS = {claim["id"]: claim for claim in claims()}
+FORMERLY = {claim["id"]: claim for claim in former_claims()}
+#: Claims that were worded otherwise.
+CHANGED = ("band-vs-mass", "attached-mu01", "attached-mu02", "flight-period1")
+PLAN = SweepPlan(supply_frequency_hz={"start": 42.0, "stop": 81.0})
+STEPS = np.arange(21.0, 40.01, 0.25)
+#: Where motion stops being periodic below the jump, by R.
+NON_PERIODIC = {0.0: 29.5, 0.3: 29.0, 0.5: 28.0, 0.7: 27.0, 1.0: 26.0}
+LAYERS = {"material.natural_frequency_hz": 30.0, "material.damping_ratio": 0.7}
+
+
+def row(f, **changes):
+    """A row as the paper has it without material: antiphase but between the second and third resonance."""
+    in_phase = 31.3 < f < 34.8
+    near = max(0.0, 1.0 - (31.0 - f) / 0.5) if f <= 31.0 else 0.0
+    return {
+        F: f,
+        "supply_frequency_hz": 2.0 * f,
+        "outcome": "ok",
+        "sync": "in-phase" if in_phase else "antiphase",
+        "period": 1,
+        "motion": "periodic",
+        "flight_fraction": 0.0,
+        "phase_difference_rad": 0.0 if in_phase else math.pi - 0.3 * near,
+        "rms_x_m": 1e-3 * max(near, in_phase),
+        "rms_phi_rad": 1e-3 * max(near, in_phase),
+        "rms_y_m": 1e-6 if in_phase else 1e-3,
+        "amplitude_y_m": math.sqrt(2.0) * 1e-3,
+        "rms_y_error_m": 0.0,
+        "excitation_frequency_error_hz": 0.0,
+        "state": None,
+    } | changes
+
+
+def as_in_the_paper(key):
+    """Rows of a branch for which every claim holds."""
+    mu, r = key.mass_ratio, key.restitution
+    viscous = key.model == "non-impact"
+    found = []
+    for f in STEPS:
+        below = f < 31.3
+        change = 1.0 if 31.3 < f < 34.8 else 1.0 + mu * ((27.5 - f) / 27.5 if below else -0.1)
+        if below and f > 29.0:
+            change *= 1.0 + 0.1 * min(r, 0.5)
+        elif not below:
+            change *= 1.0 - 0.1 * min(r, 0.5)
+        period = 1
+        over = 36.0 + 2.0 * r
+        if mu > 0.0 and not viscous:
+            period = 0 if NON_PERIODIC[r] <= f < 31.3 or 34.8 < f < over else 1
+        flies = mu > 0.0 and not viscous and f > (24.3 if mu == 0.1 else 24.0)
+        if viscous:
+            change = {True: 0.9, False: 1.2}[f < 26.0]
+        shift = (0.2 if f < 30.9 else 0.5) * mu if 30.6 < f < 31.3 and not viscous else 0.0
+        place = row(float(f))
+        found.append(
+            row(
+                float(f),
+                **{F: float(f) - shift},
+                motion="periodic" if period else "chaotic",
+                rms_y_m=place["rms_y_m"] * change,
+                amplitude_y_m=place["amplitude_y_m"] * change,
+                period=period,
+                flight_fraction=0.5 if flies else 0.0,
+            )
+        )
+    return found
+
+
+def evidence_of(rows_of):
+    evidence = Evidence()
+    keys = [Key(0.0), Key(0.1), *(Key(0.2, r) for r in NON_PERIODIC), Key(0.2, model="non-impact")]
+    for key in keys:
+        scene = Scene().replace({"material.mass_ratio": key.mass_ratio, **LAYERS})
+        evidence.courses[key] = Course(Branch(0, "up", {}, scene, ()), PLAN, rows_of(key))
+    return evidence
+
+
+@pytest.fixture
+def evidence():
+    return evidence_of(as_in_the_paper)
+
+
+def changed(change):
+    """Evidence as in the paper with rows changed: ``change`` takes key and row."""
+    return evidence_of(lambda key: [r | (change(key, r) or {}) for r in as_in_the_paper(key)])
+
+
+def motion(period):
+    """A period and the name of its motion."""
+    return {"period": period, "motion": "periodic" if period else "chaotic"}
+
+
+def test_claims_are_those_of_the_paper():
+    assert load_list(configurations() / "claims" / "claims.yaml") == list(CLAIMS.values())
+    assert all(len(claim["quote"]) > 60 for claim in CLAIMS.values())
+    assert len(FORMERLY) == 24
+    assert [name for name in FORMERLY if name not in CLAIMS] == ["band-vs-mass"]
+    for name in FORMERLY.keys() - set(CHANGED):
+        assert FORMERLY[name] == {
+            key: value for key, value in CLAIMS[name].items() if key not in ("quote", "note", "within")
+        }
+
+
+@pytest.mark.parametrize("name", CLAIMS)
+def test_claim_holds_for_the_papers_own_curves(name, evidence):
+    finding = judge(CLAIMS[name], evidence)
+    assert finding.holds, finding.measured
+    assert finding.score == pytest.approx(1.0)
+
+
+SPOILT = {
+    "sync-antiphase-inter": lambda k, r: {"sync": "none"} if 25.0 <= r[F] <= 25.5 else None,
+    "sync-inphase": lambda k, r: {"sync": "intermediate"} if 33.0 <= r[F] <= 33.5 else None,
+    "sync-antiphase-over": lambda k, r: {"sync": "in-phase"} if r[F] > 38.0 else None,
+    "sync-deviation": lambda k, r: {"phase_difference_rad": math.pi} if r[F] < 31.3 else None,
+    "jump-second-resonance": lambda k, r: {"sync": "in-phase", "rms_y_m": 1e-6} if 30.0 < r[F] < 32.0 else None,
+    "band-vs-mass": lambda k, r: {"sync": "in-phase"} if k.mass_ratio == 0.2 and 30.0 < r[F] < 32.0 else None,
+    "bands-unchanged": lambda k, r: {"sync": "in-phase"} if k.mass_ratio == 0.1 and 33.0 < r[F] < 36.0 else None,
+    "jump-left": lambda k, r: {F: r["supply_frequency_hz"] / 2.0} if k.mass_ratio == 0.1 else None,
+    "amp-rise": lambda k, r: {"rms_y_m": 1e-4} if k.mass_ratio == 0.2 and r[F] < 23.0 else None,
+    "amp-fall-inter": lambda k, r: {"rms_y_m": 2e-3} if k.mass_ratio == 0.1 and r[F] > 30.0 else None,
+    "amp-fall-over": lambda k, r: {"rms_y_m": 2e-3} if k.mass_ratio == 0.1 and r[F] > 39.0 else None,
+    "attached-mu01": lambda k, r: {"flight_fraction": 0.01} if k.mass_ratio == 0.1 and r[F] == 22.0 else None,
+    "attached-mu02": lambda k, r: {"flight_fraction": 0.01} if k.mass_ratio == 0.2 and r[F] == 22.0 else None,
+    "flight-period1": lambda k, r: motion(2) if k.mass_ratio == 0.1 and r[F] == 26.0 else None,
+    "nonperiodic": lambda k, r: motion(3) if k.mass_ratio == 0.2 and r[F] == 30.0 else None,
+    "over-period1": lambda k, r: motion(0) if k.mass_ratio == 0.1 and r[F] == 38.75 else None,
+    "flight-period1-implied": lambda k, r: motion(0) if k.mass_ratio == 0.1 and r[F] == 29.0 else None,
+    "R-same-to-29": lambda k, r: {"rms_y_m": 1.1e-3} if k.restitution == 0.3 and r[F] < 27.0 else None,
+    "R-nonperiodic-earlier": lambda k, r: motion(1) if k.restitution == 0.7 and r[F] < 28.0 else None,
+    "quoted-frequencies": lambda k, r: {F: r[F] + 0.08},
+    "R-amp-inter": lambda k, r: {"rms_y_m": 1.2e-3} if k.restitution == 0.3 and 29.0 < r[F] < 31.0 else None,
+    "R-amp-over": lambda k, r: {"rms_y_m": 1.2e-3} if k.restitution == 0.3 and r[F] > 35.0 else None,
+    "R-none": lambda k, r: {"rms_y_m": 0.95 * r["rms_y_m"]} if k.restitution == 1.0 and r[F] == 25.0 else None,
+    "R1-nonperiodic": lambda k, r: motion(1) if k.restitution == 1.0 and r[F] < 28.0 else None,
+    "R-bands": lambda k, r: {"sync": "in-phase"} if k.restitution == 0.5 and 30.0 < r[F] < 32.0 else None,
+    "R-over-boundary": lambda k, r: motion(1) if k.restitution == 0.5 and r[F] > 34.8 else None,
+    "NI-below": lambda k, r: {"rms_y_m": 2e-3} if k.model == "non-impact" and r[F] == 22.0 else None,
+    "NI-mid": lambda k, r: {"rms_y_m": 1e-4} if k.model == "non-impact" and r[F] == 27.0 else None,
+    "NI-over": lambda k, r: {"rms_y_m": 1e-4} if k.model == "non-impact" and r[F] == 37.0 else None,
+    "NI-shape": lambda k, r: motion(1) if k.model == "impact" and 30.5 < r[F] < 31.0 else None,
+}
+
+
+@pytest.mark.parametrize("name", FORMERLY)
+def test_former_wording_holds_for_the_papers_own_curves(name, evidence):
+    finding = judge(FORMERLY[name], evidence)
+    assert finding.holds, finding.measured
+
+
+@pytest.mark.parametrize("name", [name for name in CLAIMS if name != "layer-damping"])
+def test_claim_fails_where_its_words_are_broken(name):
+    finding = judge(CLAIMS[name], changed(SPOILT[name]))
+    assert not finding.holds, finding.measured
+    assert finding.score < 1.0
+
+
+@pytest.mark.parametrize("name", FORMERLY)
+def test_former_wording_fails_where_it_is_broken(name):
+    finding = judge(FORMERLY[name], changed(SPOILT[name]))
+    assert not finding.holds, finding.measured
+
+
+@pytest.mark.parametrize("name", CLAIMS)
+def test_claim_fails_without_its_branches(name):
+    finding = judge(CLAIMS[name], Evidence())
+    assert not finding.holds
+    assert 0.0 <= finding.score <= 0.5
+
+
+@pytest.mark.parametrize(
+    ("material", "holds"),
+    [
+        ({"damping_ratio": 0.49}, False),
+        ({"damping_ratio": 0.99}, True),
+        ({"damping_ratio": 1.0}, False),
+        ({"damping_ratio": None}, False),
+        ({"damping_ratio": None, "damping_n_s_per_m": 150.0}, True),  # critical is 235.8
+        ({"damping_ratio": None, "damping_n_s_per_m": 100.0}, False),
+        ({"layers": 1}, False),
+    ],
+)
+def test_damping_of_the_layers_is_subcritical_and_strong(evidence, material, holds):
+    course = evidence.courses[Key(0.2)]
+    scene = course.branch.scene.replace({f"material.{key}": value for key, value in material.items()})
+    evidence.courses[Key(0.2)] = Course(Branch(0, "up", {}, scene, ()), PLAN, course.rows)
+    assert judge(CLAIMS["layer-damping"], evidence).holds is holds
+
+
+def test_quoted_frequencies_may_be_uncertain():
+    spoilt = changed(lambda k, r: {F: r[F] + 0.08, "excitation_frequency_error_hz": 0.03})
+    assert judge(CLAIMS["quoted-frequencies"], spoilt).holds
+
+
+def test_later_liftoff_fails_too():
+    late = changed(lambda k, r: {"flight_fraction": 0.0} if k.mass_ratio == 0.1 and r[F] < 25.5 else None)
+    finding = judge(CLAIMS["attached-mu01"], late)
+    assert not finding.holds
+    assert finding.measured == "attached up to 25.25 → 25.50 Hz"
+    assert judge(FORMERLY["attached-mu01"], late).holds
+
+
+def test_jump_far_to_the_left_is_no_slight_shift():
+    far = changed(lambda k, r: {"sync": "in-phase"} if k.mass_ratio == 0.2 and 29.5 < r[F] < 31.3 else None)
+    assert not judge(CLAIMS["jump-left"], far).holds
+
+
+def test_non_impact_amplitude_is_at_most_that_without_material():
+    """Why amp-rise and NI-mid exclude each other: linear response to both exciters' vertical forces."""
+    machine = Scene().replace(machine_numbers("printed")).machine
+    omega = 2.0 * np.pi * np.arange(26.0, 27.51, 0.05)
+    mass = machine.total_mass
+
+    def amplitude(beta, mu):
+        damping = machine.damping_y_n_s_per_m + beta * mu * mass
+        impedance = machine.stiffness_y_n_per_m - mass * omega**2 + 1j * omega * damping
+        return np.abs(2.0 * machine.unbalance * omega**2 / impedance)
+
+    for mu in (0.1, 0.2):
+        for beta in (0.0, 1.0, 20.0, 500.0):
+            assert (amplitude(beta, mu) <= amplitude(0.0, 0.0)).all()
+    assert "excludes amp-rise" in CLAIMS["NI-mid"]["note"]
+    low, high = (CLAIMS[name]["f"] for name in ("NI-mid", "amp-rise"))
+    assert (low[0], high[1]) == (26.0, 27.5)
+
+
+def test_limits_are_wider_than_boundaries_are_known():
+    tolerances = [claim["tol"] for claim in CLAIMS.values() if claim["kind"] == "boundary" and "tol" in claim]
+    assert max(WIDTH, JUMP_WIDTH) / 2.0 < min(EDGE, *tolerances)
+    assert min(0.05, boundaries.LEAST_JUMP, boundaries.SLIGHT) > JUMP_WIDTH / 2.0
+
+
+# -- errors -----------------------------------------------------------------------------------------------
+
+
+def noisy(name, key, low, high, factor, error):
+    """Judge a claim with the amplitudes of a branch changed between two frequencies, and uncertain there."""
+
+    def change(k, r):
+        if k != key or not low < r[F] < high:
+            return None
+        return {"rms_y_m": factor * r["rms_y_m"], "rms_y_error_m": error * r["rms_y_m"]}
+
+    return judge(CLAIMS[name], changed(change))
+
+
+def test_order_is_violated_only_beyond_two_standard_errors():
+    wrong = ("amp-fall-inter", Key(0.1), 29.2, 29.4, 1.02)
+    assert not noisy(*wrong, 0.0).holds
+    assert not noisy(*wrong, 0.004).holds
+    finding = noisy(*wrong, 0.02)
+    assert finding.holds, finding.measured
+    assert "1 undecided by their error" in finding.measured
+    assert "not at" not in finding.measured
+
+
+def test_order_must_be_right_at_nine_of_ten_frequencies():
+    finding = noisy("amp-fall-inter", Key(0.1), 28.9, 29.6, 1.02, 0.02)
+    assert not finding.holds
+    assert "3 undecided by their error" in finding.measured
+
+
+def test_ratio_is_judged_with_its_error():
+    wrong = ("R-same-to-29", Key(0.2, 0.3), 24.9, 25.1, 1.03)
+    assert not noisy(*wrong, 0.0).holds
+    assert not noisy(*wrong, 0.004).holds
+    assert noisy(*wrong, 0.01).holds
+
+
+def test_motion_that_is_undecided_is_neither():
+    undecided = {"period": 0, "motion": "undecided"}
+    spoilt = changed(lambda k, r: undecided if k.mass_ratio == 0.1 and r[F] in (26.0, 30.0) else None)
+    for name in ("flight-period1", "nonperiodic"):
+        finding = judge(CLAIMS[name], spoilt)
+        assert not finding.holds
+        assert "1 undecided" in finding.measured
+    spoilt = changed(lambda k, r: undecided if k.restitution == 1.0 and r[F] == 25.0 else None)
+    assert judge(CLAIMS["R1-nonperiodic"], spoilt).measured.startswith("periodic up to 25.75 → 26.00 Hz")
+    assert judge(CLAIMS["R-none"], spoilt).holds
+
+
+# -- R = 1 ------------------------------------------------------------------------------------------------
+
+
+def failed_at_one(*changes):
+    """Evidence in which points at R = 1 failed, and rows of other branches are changed."""
+    spoilt = changed(lambda k, r: next((c for c in (change(k, r) for change in changes) if c), None))
+    course = spoilt.courses[Key(0.2, 1.0)]
+    course.failed = tuple(r["supply_frequency_hz"] for r in course.rows if 25.0 < r[F] < 31.0)
+    course.rows[:] = [r for r in course.rows if not 25.0 < r[F] < 31.0]
+    return spoilt
+
+
+@pytest.mark.parametrize("name", ["R-none", "R1-nonperiodic", "R-bands"])
+def test_claim_that_fails_by_failed_points_is_not_judged_at_one(name):
+    spoilt = failed_at_one(lambda k, r: {"sync": "none"} if k.restitution == 1.0 else None)
+    finding = judge(CLAIMS[name], spoilt)
+    assert (finding.holds, finding.judged) == (False, False)
+    assert "at μ 0.2, R 1)" in finding.measured
+    board = scoreboard({0: spoilt, 1: spoilt}, []).set_index("id")
+    assert board["verdict"][name] == "not judged at R = 1"
+
+
+def test_claim_that_fails_with_less_restitution_is_not_reproduced():
+    spoilt = failed_at_one(SPOILT["R-bands"])
+    finding = judge(CLAIMS["R-bands"], spoilt)
+    assert (finding.holds, finding.judged) == (False, True)
+    assert "; also fails without R = 1" in finding.measured
+    assert scoreboard({0: spoilt}, []).set_index("id")["verdict"]["R-bands"] == "not reproduced"
+
+
+def test_failed_points_are_told_where_a_claim_is_about_them(evidence):
+    evidence.courses[Key(0.2, 1.0)].failed = (44.0, 70.0)
+    assert judge(CLAIMS["R-none"], evidence).measured.endswith("(points that failed: 1 at μ 0.2, R 1)")
+    assert judge(CLAIMS["R-bands"], evidence).measured.endswith("(points that failed: 2 at μ 0.2, R 1)")
+    assert "failed" not in judge(CLAIMS["R-amp-inter"], evidence).measured
+
+
+def test_captured_machine_holds_no_band_beyond_its_capture():
+    captured = evidence_of(lambda key: [r for r in as_in_the_paper(key) if r[F] <= 30.5])
+    finding = judge(CLAIMS["sync-antiphase-inter"], captured)
+    assert not finding.holds
+    assert "points only 21.00 … 30.50 Hz" in finding.measured
+    assert judge(CLAIMS["sync-inphase"], captured).measured == "in-phase nowhere; no steady motion in the band"
+
+
+def test_runs_are_the_stretches_of_a_regime(evidence):
+    assert runs(evidence.rows(Key(0.0)), "antiphase") == [(21.0, 31.25), (35.0, 40.0)]
+    assert runs(evidence.rows(Key(0.0)), "in-phase") == [(31.5, 34.75)]
+    assert runs([], "antiphase") == []
+
+
+def test_curves_are_not_drawn_across_jumps(evidence):
+    evidence.courses[Key(0.0)].rows[:] = [r for r in evidence.rows(Key(0.0)) if not 24.0 < r[F] < 26.0]
+    found, _ = evidence.curve(Key(0.0), "rms_y_m", np.array([20.0, 22.1, 25.0, 33.0, 38.1]))
+    assert np.isnan(found).tolist() == [True, False, True, True, False]
+    assert found[1] == pytest.approx(1e-3)
+
+
+def test_every_regime_of_the_claims_is_known():
+    assert {claim["regime"] for claim in CLAIMS.values() if "regime" in claim} <= REGIMES.keys()
+
+
+# -- scoreboard -------------------------------------------------------------------------------------------
+
+
+def test_scoreboard_tells_what_depends_on_a_number(evidence):
+    spoilt = changed(SPOILT["flight-period1"])
+    others = [({"material.damping_ratio": 0.3}, spoilt), ({"material.damping_ratio": 0.4}, evidence)]
+    board = scoreboard({0: spoilt}, others).set_index("id")
+    assert board["verdict"]["flight-period1"] == "depends on an unprinted number"
+    assert "damping_ratio 0.4" in board["why"]["flight-period1"]
+    assert (board["verdict"].drop(["flight-period1", FORMER]) == "reproduced").all()
+    board = scoreboard({0: spoilt}, others[:1])
+    assert board.set_index("id")["verdict"]["flight-period1"] == "not reproduced"
+    assert list(board["id"]) == [*CLAIMS, FORMER]
+
+
+def test_scoreboard_tells_what_depends_on_the_seed(evidence):
+    spoilt = changed(SPOILT["NI-shape"])
+    board = scoreboard({3: evidence, 4: spoilt, 5: evidence, 6: evidence}, [({}, spoilt)]).set_index("id")
+    row = board.loc["NI-shape"]
+    assert (row["verdict"], row["seeds"]) == ("depends on the seed", "3 of 4")
+    assert row["why"].startswith("holds with 3 of 4 seeds; seed 4: impact at 30.")
+    assert board["seeds"]["amp-rise"] == "4 of 4"
+    board = scoreboard({3: spoilt, 4: spoilt}, [({}, spoilt)]).set_index("id")
+    assert board["verdict"]["NI-shape"] == "not reproduced"
+
+
+def test_scoreboard_counts_claims_in_their_former_wording(evidence):
+    spoilt = changed(SPOILT["amp-fall-over"])
+    row = scoreboard({0: spoilt, 1: evidence}, []).set_index("id").loc[FORMER]
+    assert (row["verdict"], row["seeds"]) == ("23 of 24", "23, 24")
+    assert row["measured"] == "23 hold, not amp-fall-over"
+
+
+def test_scoreboard_shows_quotes_and_notes(evidence):
+    board = scoreboard({0: evidence}, []).set_index("id")
+    assert "slight leftward shift" in board["quote"]["jump-left"]
+    assert "excludes amp-rise" in board["note"]["NI-mid"]
+
+
+def test_claims_are_told_in_words():
+    assert expected(CLAIMS["attached-mu02"]) == "μ 0.2, R 0, f 24 Hz ± 0.25: attached from 21 Hz up to here"
+    assert expected(CLAIMS["R1-nonperiodic"]) == "μ 0.2, R 1, f 26 Hz ± 0.5: non-periodic above"
+    assert expected(FORMERLY["attached-mu02"]) == "μ 0.2, R 0, f 21 … 24 Hz: attached"
+    assert expected(CLAIMS["amp-rise"]) == "R 0, f 21 … 27.5 Hz: A_y grows with mu"
