@@ -11,6 +11,7 @@ import pytest
 
 from vibroplat import simulate
 from vibroplat.bench.known import ball_on_table
+from vibroplat.hybrid.modes import GUARDS
 from vibroplat.model.parameters import parameters
 from vibroplat.model.systems import systems
 from vibroplat.scene import Mode
@@ -40,7 +41,7 @@ def test_a_scene_has_only_the_unknowns_it_needs(quickstart, changes, sizes):
 
 def test_scenes_without_contact_have_no_guard_and_no_events(quickstart):
     scene = quickstart.replace({"contact.model": "non-impact", "run.duration_s": 0.3})
-    assert [system.guard for system in systems(scene).values()] == [None]
+    assert [GUARDS[system.index] for system in systems(scene).values()] == [-1]
     run = simulate(scene)
     assert run.summary["events"] == 0
     assert "contact_force_n" not in run.trajectory
