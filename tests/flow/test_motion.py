@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from contextlib import closing, contextmanager
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -177,7 +178,7 @@ def test_tables_of_a_stopped_motion_have_both_states_at_an_event(scene):
     whole = simulate(scene).segments
     kept = segments.kept
     assert sum(not segment.joined for segment in kept) == sum(not segment.joined for segment in whole)
-    for before, after in zip(kept, kept[1:], strict=False):
+    for before, after in pairwise(kept):
         assert after.start == before.end
 
 

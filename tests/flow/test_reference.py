@@ -35,79 +35,16 @@ FORCE_BOUND = 3e-5
 
 #: Until when coordinates are compared where errors of latches grow: their bounds hold until the motion has amplified
 #: an error of the first liftoff 20 times (s).
-UNTIL = {"onelayer-R03-mu01-fe48": 0.1295, "restitution05-mu02-fe51.5": 0.0875}
+UNTIL = {"onelayer-R03-mu01-fe48": 0.2, "restitution05-mu02-fe51.5": 0.15}
 
 #: How an error of time at the liftoff after the first latch has grown at each event, measured with an impulse that was
 #: wrong there by a known amount.
 GROWTH = {
-    "onelayer-R03-mu01-fe48": [
-        0,
-        0,
-        0,
-        0,
-        0,
-        0,
-        0.4,
-        0.4,
-        0.69,
-        1.2,
-        8.4,
-        8.4,
-        11,
-        17,
-        20,
-        22,
-        22,
-        22,
-        22,
-        22,
-        40,
-        74,
-        90,
-    ],
-    "restitution05-mu02-fe51.5": [
-        0,
-        0,
-        0,
-        0,
-        0,
-        0,
-        0,
-        0,
-        0,
-        1,
-        2.4,
-        6.1,
-        14,
-        19,
-        19,
-        41,
-        61,
-        240,
-        390,
-        470,
-        520,
-        540,
-        560,
-        560,
-        570,
-        570,
-        570,
-        570,
-        690,
-        860,
-        980,
-        1100,
-        1100,
-        1100,
-        1100,
-        1100,
-        1100,
-        1100,
-        2400,
-        2400,
-        24000,
-    ],
+    "onelayer-R03-mu01-fe48": "0 0 0 0 0 0 0.4 0.4 0.69 1.2 8.4 8.4 11 17 20 22 22 22 22 22 40 74 90",
+    "restitution05-mu02-fe51.5": (
+        "0 0 0 0 0 0 0 0 0 1 2.4 6.1 14 19 19 41 61 240 390 470 520 540 560 560 570 570 570 570 690 860 "
+        "980 1100 1100 1100 1100 1100 1100 1100 2400 2400 24000"
+    ),
 }
 
 #: Where the motion amplifies errors, what counts is how many steps they are made in: at this tolerance engine
@@ -171,7 +108,7 @@ def test_events_with_latches(runs, name):
     """The sequence is that of the reference, and the times are as near as the motion's sensitivity allows."""
     mine, theirs = fast(runs[name].events), fast(read(name, "events"))
     assert list(mine["kind"]) == list(theirs["kind"])
-    growth = np.maximum.accumulate(GROWTH[name])
+    growth = np.array(GROWTH[name].split(), dtype=float)
     assert (np.abs(mine["t_s"] - theirs["t_s"]) <= TIME_BOUND + 6e-9 * growth).all()
     early = growth < 20.0
     assert early.sum() >= 12

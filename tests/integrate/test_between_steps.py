@@ -54,6 +54,24 @@ def truth(name):
     return system, solution.sol, lambda u: unknowns(u)[0][-1]
 
 
+def bend(name, method, engine, tolerance):
+    """Largest distance between the error within a step and the straight line between its errors at both ends.
+
+    What a motion has gathered in errors is nearly straight within a step; what bends is the polynomial's own error.
+    """
+    scene = scene_of(name).replace({"solver": {"tolerance": tolerance, "engine": engine, "smooth_modes": method}})
+    system, exact, _ = truth(name)
+    half = system.differential // 2
+    places, fractions, largest = system.places[:half], np.array([0.0, 0.2, 0.5, 0.8, 1.0]), 0.0
+    for segment in simulate(scene).segments:
+        times = segment.start + segment.t[:-1] + np.outer(fractions, segment.length[:-1])
+        states = segment(times.T.ravel())[0][:, places].reshape(-1, len(fractions), half)
+        error = states - exact(times.T.ravel())[:half].T.reshape(states.shape)
+        line = error[:, :1] + fractions[:, np.newaxis] * (error[:, -1:] - error[:, :1])
+        largest = max(largest, (np.abs(error - line) / state_scales(scene)[places]).max())
+    return largest
+
+
 def errors(name, method, engine, tolerance):
     """Largest error over scales at ends of steps and between them, of coordinates and, over its largest value, F_c."""
     scene = scene_of(name).replace({"solver": {"tolerance": tolerance, "engine": engine, "smooth_modes": method}})
@@ -85,3 +103,4 @@ def test_errors_between_steps_are_those_of_their_ends(name, method, tolerance, e
     (at_ends, force_at_ends), (between, force_between) = errors(name, method, engine, tolerance)
     assert 0.0 < between <= 3.0 * at_ends
     assert force_between <= 3.0 * force_at_ends
+    assert 0.0 < bend(name, method, engine, tolerance) <= 0.5 * at_ends

@@ -48,7 +48,8 @@ def expected_fall(c, noise=1e-12):
     if (np.abs(signs) < rough).any() or any(abs(polynomial(s)) < rough for s in (0.0, 1.0)):
         return None
     if signs[0] < 0.0 and (signs < 0.0).all():
-        return 0.0 if polynomial(1.0) <= polynomial(0.0) else -1.0
+        turns = [s.real for s in polynomial.deriv().roots() if abs(s.imag) < 1e-9 and 0.0 < s.real < 1.0]
+        return max([0.0, *turns], key=polynomial) if polynomial(1.0) <= polynomial(0.0) else -1.0
     for k in range(len(signs) - 1):
         if signs[k] > 0.0 > signs[k + 1]:
             return places[k + 1]
@@ -61,7 +62,8 @@ def sure(c, found, expected):
         return found == expected
     polynomial = np.polynomial.Polynomial(c)
     near = abs(found - expected) < 1e-6
-    return near and (found in {0.0, expected} or abs(polynomial(found)) < 1e-11 * np.abs(c).sum())
+    off = min(abs(polynomial(found)), abs(polynomial(found) - polynomial(expected)))
+    return near and (found in {0.0, expected} or off < 1e-11 * np.abs(c).sum())
 
 
 def test_no_fall_is_missed_and_none_is_false():

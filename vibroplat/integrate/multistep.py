@@ -151,20 +151,42 @@ def transcribe(
     degree = steps.c.shape[1] - 1
     for k in range(t.size):
         add_step(steps, past, t[k], y[k], yp[k])
-        row = steps.used.steps - 1
-        passed = crossing(steps.c[row], degree, 3, target) if y[k, 3] >= target else np.inf
-        share = -1.0
-        if guard >= 0 and not (at_guard and k == t.size - 1):
-            share = fall_within(steps, guard)
-        at_angle = passed <= 1.0 and not 0.0 <= share < passed
-        if at_angle or share >= 0.0:
-            share = passed if at_angle else share
+        found = at_guard and k == t.size - 1
+        stop, share = stop_within(steps, guard, found, target, y[k], yp[k])
+        if stop == AT_TARGET or (stop == AT_GUARD and not found):
+            row = steps.used.steps - 1
             values(steps.c[row], degree, share, end)
-            if at_angle:
+            if stop == AT_TARGET:
                 end[3] = target
             end_at(steps, row, share, end)
-            return AT_TARGET if at_angle else AT_GUARD
+            return stop
     return -1
+
+
+@compiled
+def stop_within(
+    steps: Steps, guard: int, found: bool, target: float, y: FloatArray, yp: FloatArray
+) -> tuple[int, float]:
+    """Why a segment ends within its last step, AT_GUARD or AT_TARGET, and at which fraction; −1 if it does not.
+
+    Parameters
+    ----------
+    guard, target
+        As in :func:`transcribe`.
+    found
+        Whether the integrator has found the guard's fall itself, at the end of the step.
+    y, yp
+        Unknowns and derivatives at its end.
+    """
+    passed, fall = np.inf, 1.0 if found else np.inf
+    if y[3] >= target:
+        passed = crossing(steps.c[steps.used.steps - 1], steps.c.shape[1] - 1, 3, target)
+    if guard >= 0 and not found and (y[guard] < 0.0 or yp[guard] > 0.0):
+        share = fall_within(steps, guard)
+        fall = share if share >= 0.0 else np.inf
+    if passed < fall:
+        return AT_TARGET, passed
+    return (AT_GUARD, fall) if fall <= 1.0 else (-1, 1.0)
 
 
 @compiled

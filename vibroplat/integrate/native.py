@@ -30,14 +30,13 @@ from vibroplat.integrate.multistep import (
     add_step,
     begin_steps,
     calm,
-    fall_within,
     no_past,
     prepare_first_step,
+    stop_within,
 )
 from vibroplat.integrate.sundials import Library, UnavailableError
 from vibroplat.kernels.compiled import FloatArray, compiled
 from vibroplat.kernels.foreign import borrow, call_int
-from vibroplat.kernels.polynomial import crossing
 from vibroplat.model.equations import finite
 from vibroplat.model.parameters import PARAMETERS, Parameters, parameters
 from vibroplat.model.systems import BARE, DIFFERENTIAL, FULL_SIZE, PLACES, SIZES, System, systems
@@ -191,7 +190,7 @@ def start(h: Hybrid, n: Native) -> bool:
 
 
 @compiled
-def advance(h: Hybrid, n: Native) -> int:  # noqa: PLR0911, PLR0912  (each stop has its reason)
+def advance(h: Hybrid, n: Native) -> int:
     """Take steps to the guard, the segment's time, the run's target, a failure, or until there is no more room."""
     run, status, steps, past, time = h.run, n.status, h.steps, n.past, n.time
     mode, used = run.mode, h.steps.used
@@ -217,19 +216,14 @@ def advance(h: Hybrid, n: Native) -> int:  # noqa: PLR0911, PLR0912  (each stop 
         if not (finite(y) and finite(yp)):
             return NOT_FINITE
         add_step(steps, past, time[0], y, yp)
-        passed = np.inf
-        if y[3] >= target:
-            passed = crossing(steps.c[used.steps - 1], steps.c.shape[1] - 1, 3, target)
-        if flag == _ROOT_RETURN and not ended and passed > 1.0:
-            return AT_GUARD
-        if guard >= 0 and (y[guard] < 0.0 or yp[guard] > 0.0):
-            share = fall_within(steps, guard)
-            if 0.0 <= share < passed:
-                end_step(share, derivative, handles, steps, y)
-                return AT_GUARD
-        if passed <= 1.0:
-            end_at_angle(target, passed, derivative, handles, steps, y, yp)
-            return AT_TARGET
+        found = flag == _ROOT_RETURN and not ended
+        stop, share = stop_within(steps, guard, found, target, y, yp)
+        if stop == AT_TARGET:
+            end_at_angle(target, share, derivative, handles, steps, y, yp)
+        elif stop == AT_GUARD and not found:
+            end_step(share, derivative, handles, steps, y)
+        if stop >= 0:
+            return stop
         if ended:
             return AT_TIME
         if run.origin + time[0] - status.counted_from >= run.period:

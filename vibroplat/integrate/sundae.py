@@ -173,9 +173,10 @@ class SundaeEngine:
         room = self.rows - MARGIN
         found = ends.stop == AT_GUARD
         target = float(h.run["target"] - h.run["turns"][0])
-        now = [array[:room] for array in ends[:3]]
-        stop = transcribe(h.steps, self._past, *now, GUARDS[system.index], found and len(ends.t) <= room, target)
-        left = _Ends(*(array[room:] for array in ends[:3]), ends.stop)
+        t, y, yp = ends.t[:room], ends.y[:room], ends.yp[:room]
+        guard, last = int(GUARDS[system.index]), len(ends.t) <= room
+        stop = transcribe(h.steps, self._past, t, y, yp, guard, found and last, target)
+        left = _Ends(ends.t[room:], ends.y[room:], ends.yp[room:], ends.stop)
         cut = stop < 0 and len(left.t) > 0
         if system.algebraic:
             calm(h, cut)

@@ -48,7 +48,7 @@ SECTION_ROWS = 1024
 MARKS = np.dtype(
     [
         ("window", np.float64),  # when the measured part begins (s)
-        ("passed", np.float64),  # whole turns of exciter 1 until now, nan before the first step
+        ("passed", np.float64),  # whole turns of exciter 1 until now, inf before the first step
         ("turns", np.int64),  # points of the section so far
         ("first_time", np.float64),  # of the section's first and last point (s)
         ("last_time", np.float64),
@@ -89,6 +89,9 @@ _TURN = 2.0 * math.pi
 
 #: Part of a turn that may be missing by round-off.
 _COMPLETE = 1e-12
+
+#: Turns of exciter 1 within a step beyond which none of them is counted: the motion has left all sense.
+_MOST_TURNS = 1000.0
 _FLIGHT = int(Mode.FLIGHT)
 #: Places of y, φ₁ and the gap among the unknowns; integers of numpy, so that functions are compiled once for all.
 _HEIGHT, _ANGLE, _GAP = np.array([1, 3, GAP])
@@ -122,7 +125,7 @@ class Measures(NamedTuple):
 def no_measures(window: float) -> Measures:
     """Make empty sums whose measured part begins at a time (s)."""
     marks = np.zeros(1, MARKS)
-    marks["window"], marks["passed"] = window, math.nan
+    marks["window"], marks["passed"] = window, math.inf
     for name in ("force", "y"):
         marks[f"{name}_min"], marks[f"{name}_max"] = math.inf, -math.inf
     plain, open_turn, whole = np.zeros(3, SUMS)
@@ -253,6 +256,8 @@ def add_step(
     turn, last = marks.passed, whole_turns(end[3], piece.turns[0])
     if math.isinf(turn):
         turn = whole_turns(c[0, 3], piece.turns[0])
+    if not abs(last - turn) <= _MOST_TURNS:
+        turn = last
     marks.passed = last
     begun = 0.0
     while True:

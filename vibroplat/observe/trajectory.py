@@ -67,7 +67,8 @@ class Segment:
 
     def __call__(self, times: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Full states (len(times), 14) and contact forces (len(times),) at absolute ascending times."""
-        return self.expand(sample(self.t, self.length, self.c, self.ends, times - self.start))
+        elapsed = np.where(times >= self.end, np.inf, times - self.start)  # its end is that of its last step, exactly
+        return self.expand(sample(self.t, self.length, self.c, self.ends, elapsed))
 
     def expand(self, unknowns: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Full states and contact forces of unknowns of shape (m, size)."""

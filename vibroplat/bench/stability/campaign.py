@@ -46,7 +46,7 @@ def _judged(scene: Scene) -> dict[str, Any]:
     summary = run.summary
     limits: dict[str, Limit] = {
         "restarts": (summary["restarts"], STORM * (TURNS + 1.0)),
-        "not_a_number": (sum(int(np.isnan(array).sum()) for array in (*run.measures, run.final_state)), 0.0),
+        "not_a_number": (_missing(*run.measures, run.final_state), 0.0),
         **sound(scene, summary),
     }
     if thorough:
@@ -58,6 +58,13 @@ def _judged(scene: Scene) -> dict[str, Any]:
     figures = {"events": summary["events"], "seconds": seconds, "detail": summary["detail"]}
     name = f"{scene.name}, {summary['engine']}"
     return row(name, summary["outcome"], limits, allowed=GIVEN_UP | {"ok"}) | figures
+
+
+def _missing(*arrays: Any) -> int:
+    """Count what is not a number in arrays and records."""
+    columns = [array[name] for array in arrays for name in array.dtype.names or ()]
+    columns += [array for array in arrays if array.dtype.names is None]
+    return sum(int(np.isnan(column).sum()) for column in columns)
 
 
 def _all(rows: list[dict[str, Any]], tolerances: list[float]) -> dict[str, Any]:

@@ -13,9 +13,9 @@ from vibroplat.bench.known import TURN
 from vibroplat.bench.scenes import kinds
 from vibroplat.bench.stability.checks import ENERGY, Limit, row
 from vibroplat.flow.motion import Motion
-from vibroplat.hybrid import loop as hy
+from vibroplat.hybrid.modes import IMPACT
+from vibroplat.hybrid.state import Hybrid
 from vibroplat.integrate.choice import make_engine
-from vibroplat.integrate.tape import Tape
 from vibroplat.model.parameters import parameters
 from vibroplat.observe.summary import measured
 from vibroplat.scene import Scene
@@ -53,12 +53,12 @@ def _long(name: str, scene: Scene, turns: float) -> dict[str, Any]:
         steps = engine.work["steps"] or 0
         for _ in range(PARTS):
             times = Impacts([])
-            found = measured(motion.go_on(seconds, read=times.read))
+            found = measured(motion.go_on(seconds, observers=[times]))
             found["interval_spread"] = times.spread
             steps, before = engine.work["steps"] or 0, steps
             parts.append(found | {"steps": steps - before})
         memory = _resident() - memory
-        outcome, state = motion.outcome, motion.automaton.state
+        outcome, state = motion.outcome, motion.automaton.run["state"]
     limits: dict[str, Limit] = {
         "memory_growth_kib": (memory, MEMORY),
         "angle_rad": (float(np.abs(state[3:5]).max()), 1001.0 * TURN),
@@ -80,14 +80,14 @@ def _long(name: str, scene: Scene, turns: float) -> dict[str, Any]:
 
 
 class Impacts(NamedTuple):
-    """Times of impacts (s), as a motion tells of them."""
+    """Observes a motion: the times of its impacts (s)."""
 
     times: list[float]
 
-    def read(self, _: Tape, h: hy.Hybrid) -> None:
+    def read(self, h: Hybrid) -> None:
         """Add those in the list of events."""
-        rows = h.events[: h.flags[hy.EVENTS]]
-        self.times.extend(rows[rows[:, hy.KIND] == hy.IMPACT, hy.T].tolist())
+        rows = h.events[: h.run["events"]]
+        self.times.extend(rows["t"][rows["kind"] == IMPACT].tolist())
 
     @property
     def spread(self) -> float:

@@ -152,7 +152,7 @@ def flight_with_a_wave() -> tuple[Scene, Trajectory]:
 def shifted(flight: Scene, motion: Trajectory, restitution: float, offset: float) -> tuple[Scene, Touch]:
     """Shift the layers of a flight down until their least gap is an offset times the platform's amplitude."""
     segment = motion.segments[0]
-    amplitude = float(np.ptp(segment.y[:, 1])) / 2.0
+    amplitude = float(np.ptp(segment.ends[:, 1])) / 2.0
 
     def moved(t: float) -> tuple[float, float]:
         state = segment(np.array([t]))[0][0]
