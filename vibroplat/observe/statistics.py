@@ -236,34 +236,38 @@ def add_step(
     power: FloatArray,
     p: Parameters,
 ) -> None:
-    """Add a step, in parts where exciter 1 completes turns within it."""
+    """Add a step, in parts where the measured part begins and where exciter 1 completes turns within it."""
     marks, c, end = ms.marks, steps.c[row], steps.ends[row]
     system, force = piece.system, DIFFERENTIAL[piece.system]
     begin, length = piece.origin + steps.start[row], steps.length[row]
     if SIZES[system] > force and may_widen(marks.force_min, marks.force_max, c, degree, force, end[force]):
-        least, largest = extremes(c, degree, force, end[force])
+        least, largest = extremes(c, degree, force, 0.0, end[force])
         marks.force_min, marks.force_max = min(marks.force_min, least), max(marks.force_max, largest)
     if flying and may_widen(marks.gap_min, marks.gap_max, c, degree, GAP, end[GAP]):
-        least, largest = extremes(c, degree, GAP, end[GAP])
+        least, largest = extremes(c, degree, GAP, 0.0, end[GAP])
         marks.gap_min, marks.gap_max = min(marks.gap_min, least), max(marks.gap_max, largest)
+    since = (marks.window - begin) / length if begin < marks.window else 0.0  # fraction from which it is measured
+    if since < 1.0 and may_widen(marks.y_min, marks.y_max, c, degree, 1, end[1]):
+        least, largest = extremes(c, degree, 1, since, end[1])
+        marks.y_min, marks.y_max = min(marks.y_min, least), max(marks.y_max, largest)
     turn = math.floor((c[0, 3] + piece.turns[0]) / _TURN)
     last = math.floor((end[3] + piece.turns[0]) / _TURN)
-    cut = 0.0
-    while turn != last:
-        way = 1 if last > turn else -1
-        begun, cut = cut, crossing(c, degree, 3, _TURN * max(turn, turn + way) - piece.turns[0])
+    reached = 0.0
+    while reached < 1.0 or turn != last:
+        start, reached, way = reached, 1.0, 0
+        if turn != last:
+            way = 1 if last > turn else -1
+            reached = crossing(c, degree, 3, _TURN * max(turn, turn + way) - piece.turns[0])
+        if start < since < reached:
+            reached, way = since, 0
+        measured = start >= since
+        integrate(ms, c, degree, start, reached, begin, length, system, flying, measured, nodes, full, power, p)
         turn += way
-        integrate(ms, c, degree, begun, cut, begin, length, system, flying, nodes, full, power, p)
-        now = begin + cut * length
-        if goes_on(marks, slope(c, degree, 3, cut)) and now >= marks.window:
+        if way != 0 and goes_on(marks, slope(c, degree, 3, reached)) and begin + reached * length >= marks.window:
             for j in range(force):
-                full[PLACES[system, j]] = value(c, degree, j, cut)
-            close_turn(ms, now, piece.turns, full, value(c, degree, force, cut) if SIZES[system] > force else 0.0)
-    if cut < 1.0:
-        integrate(ms, c, degree, cut, 1.0, begin, length, system, flying, nodes, full, power, p)
-    if begin + cut * length >= marks.window and may_widen(marks.y_min, marks.y_max, c, degree, 1, end[1]):
-        least, largest = extremes(c, degree, 1, end[1])
-        marks.y_min, marks.y_max = min(marks.y_min, least), max(marks.y_max, largest)
+                full[PLACES[system, j]] = value(c, degree, j, reached)
+            pressing = value(c, degree, force, reached) if SIZES[system] > force else 0.0
+            close_turn(ms, begin + reached * length, piece.turns, full, pressing)
 
 
 @inlined
@@ -277,6 +281,7 @@ def integrate(
     length: float,
     system: int,
     flying: bool,
+    measured: bool,
     nodes: int,
     full: FloatArray,
     power: FloatArray,
@@ -289,7 +294,6 @@ def integrate(
     """
     marks, sums, work = ms.marks, ms.open_turn, ms.work
     duration = (end - start) * length
-    measured = begin + start * length >= marks.window
     total_x, total_xx, total_y, total_yy, total_phi, total_phi_phi, total_motor = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     total_exchanged, total_cosine, total_sine = 0.0, 0.0, 0.0
     for i in range(nodes):
