@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import signal
+from pathlib import Path
 
 import pytest
 from common import commands
 from common.places import QUICKSTART
 
 from vibroplat import load_config, simulate
+from vibroplat.config import load_tree
 from vibroplat.flow.warm import load_kernels
 
 CHANGES = {
@@ -28,6 +30,9 @@ def _ctrl_c():
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, before)
+
+
+ROOT = Path(__file__).parents[1]
 
 
 @pytest.fixture
@@ -74,3 +79,18 @@ def runs():
     """Finished runs of a quarter of a second."""
     scenes = {name: load_config(QUICKSTART, {"run.duration_s": 0.25, **c}) for name, c in CHANGES.items()}
     return {name: simulate(scene) for name, scene in scenes.items()}
+
+
+@pytest.fixture(scope="session")
+def printed():
+    return load_config(ROOT / "configs/machines/printed.yaml")
+
+
+@pytest.fixture(scope="session")
+def damped():
+    return load_config(ROOT / "tests/machines/damped.yaml")
+
+
+@pytest.fixture(scope="session")
+def quickstart():
+    return load_config(ROOT / "configs/quickstart.yaml", load_tree(ROOT / "tests/machines/damped.yaml"))

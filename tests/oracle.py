@@ -1,26 +1,16 @@
 """An independent integration of the hybrid model: DOP853 at round-off, events by bisection.
 
-It shares with the package only the right-hand side and the impact map, both checked on their own. Run
-as a program it writes the events of the reference cases with R > 0 (``NAME.closed.events.csv``).
-
-Why they are needed: the reference trajectories do not keep momentum where they close accumulating
-impacts. Their motion afterwards is that of an impulse (1 + 2R) m_red v with the gap rate then set to 0;
-a last impact that is inelastic, as here, has the impulse m_red v. The outcome here is the same for
-closing speeds of 2e-7 and 1e-5 m/s. Up to the first closing both agree to 1e-13 s; after it they part by
-1.5e-9 s (R = 0.5), and the motion amplifies that.
+It shares with the package only the right-hand side and the impact map, both checked on their own.
 """
 
 from __future__ import annotations
 
-import csv
 import math
-import sys
 from pathlib import Path
 
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from vibroplat import load_config
 from vibroplat.hybrid.initial import initial_state
 from vibroplat.model.accelerations import accelerations
 from vibroplat.model.impact import impact
@@ -29,8 +19,7 @@ from vibroplat.model.systems import GAP, GAP_RATE, systems
 from vibroplat.scene import Mode, Scene
 
 REFERENCE = Path(__file__).parent / "reference"
-CLOSED_CASES = ("onelayer-R03-mu01-fe48", "restitution05-mu02-fe51.5")
-#: Rebounds slower than this are closed by an inelastic impact (m/s).
+#: Rebounds slower than this end with an inelastic impact (m/s).
 SLOWEST = 2e-7
 
 
@@ -101,16 +90,3 @@ def _guard(system, state, start, p):
         longest = min(2e-4, 0.4 * rise)
     guard.terminal, guard.direction = True, -1
     return guard, longest
-
-
-def main() -> None:
-    for name in CLOSED_CASES:
-        rows = events(load_config(REFERENCE / f"{name}.yaml"))
-        with (REFERENCE / f"{name}.closed.events.csv").open("w", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file)
-            writer.writerow(("t_s", "kind", "gap_rate_before_m_per_s"))
-            writer.writerows((repr(t), kind, repr(rate)) for t, kind, rate in rows)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -47,8 +47,9 @@ def expected_fall(c, noise=1e-12):
     rough = noise * np.abs(c).sum()
     if (np.abs(signs) < rough).any() or any(abs(polynomial(s)) < rough for s in (0.0, 1.0)):
         return None
-    if signs[0] < 0.0 and (signs < 0.0).all():
-        return 0.0 if polynomial(1.0) <= polynomial(0.0) else -1.0
+    if (signs < 0.0).all():  # it falls from its highest
+        s = np.linspace(0.0, 1.0, 1001)
+        return s[polynomial(s).argmax()] if polynomial(1.0) <= polynomial(0.0) else -1.0
     for k in range(len(signs) - 1):
         if signs[k] > 0.0 > signs[k + 1]:
             return places[k + 1]
@@ -59,9 +60,10 @@ def sure(c, found, expected):
     """Whether a fall agrees with the expected one, or is as good a root of the polynomial."""
     if expected == -1.0 or found == -1.0:
         return found == expected
-    polynomial = np.polynomial.Polynomial(c)
-    near = abs(found - expected) < 1e-6
-    return near and (found in {0.0, expected} or abs(polynomial(found)) < 1e-11 * np.abs(c).sum())
+    polynomial, rough = np.polynomial.Polynomial(c), 1e-11 * np.abs(c).sum()
+    if polynomial(expected) < -rough:
+        return polynomial(found) >= polynomial(expected)
+    return abs(found - expected) < 1e-6 and abs(polynomial(found)) < rough
 
 
 def test_no_fall_is_missed_and_none_is_false():

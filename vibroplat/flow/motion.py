@@ -10,7 +10,7 @@ from vibroplat.hybrid import state as hy
 from vibroplat.hybrid.automaton import automaton
 from vibroplat.hybrid.loop import first_mode
 from vibroplat.hybrid.modes import KINDS
-from vibroplat.hybrid.steps import RESTARTED, no_steps
+from vibroplat.hybrid.steps import no_steps
 from vibroplat.integrate.seam import Engine
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.parameters import Parameters
@@ -108,7 +108,6 @@ class Motion:
         h.run["end"] = time
         if h.run["outcome"] == hy.OK:
             h.run["outcome"] = hy.RUNNING
-            h.run["joined"] = RESTARTED
         while h.run["outcome"] == hy.RUNNING:
             self.engine.advance(h)
             for observer in observers:

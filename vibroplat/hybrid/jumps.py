@@ -11,11 +11,14 @@ from vibroplat.hybrid.modes import ATTACHED, FLIGHT, IMPACT, LATCH, LIFTOFF
 from vibroplat.hybrid.pieces import close_piece
 from vibroplat.hybrid.rules import ACCUMULATE, ATTACH, FLY, after_impact
 from vibroplat.hybrid.starts import contact_force, forget_starts, prepare, pressing
-from vibroplat.hybrid.state import DIFFERENTIATED, OK, Hybrid
+from vibroplat.hybrid.state import DIFFERENTIATED, OK, RUNNING, Hybrid
 from vibroplat.hybrid.steps import RESTARTED, fill_cubic
 from vibroplat.kernels.compiled import FloatArray, compiled, copy, inlined
 from vibroplat.model.impact import impact, impacts_left, latch
 from vibroplat.model.systems import FULL_SIZE, GAP, GAP_RATE, SIZES, gather, spread
+
+#: Impacts that an event stands for; integers of numpy, see :mod:`vibroplat.hybrid.modes`.
+_NONE, _ONE = np.arange(2)
 
 _EPS = float(np.finfo(float).eps)
 
@@ -31,7 +34,7 @@ def lift_off(h: Hybrid) -> None:
         return
     h.run.mode = FLIGHT
     h.run.zeros = 3  # gap, its rate and its acceleration
-    add_event(h, LIFTOFF, 0.0, 0.0, 0.0, 0.0, 0.0, 0)
+    add_event(h, LIFTOFF, 0.0, 0.0, 0.0, 0.0, 0.0, _NONE)
 
 
 @inlined
@@ -55,9 +58,11 @@ def strike(h: Hybrid) -> None:
     if run.mode == FLIGHT:
         run.zeros = 1 if rebound > 0.0 else 2
     force = contact_force(h)[0] if following == ATTACH else 0.0
-    add_event(h, IMPACT, before, rebound, impulse, loss, force, 1)
-    if following == ACCUMULATE:
+    add_event(h, IMPACT, before, rebound, impulse, loss, force, _ONE)
+    if following == ACCUMULATE and run.outcome == RUNNING:
         latch_impacts(h)
+    elif following == ACCUMULATE:  # the run stops here
+        run.accumulating = 1
 
 
 @compiled
@@ -85,7 +90,7 @@ def latch_impacts(h: Hybrid) -> None:
     after, rates = np.empty(FULL_SIZE), np.empty(FULL_SIZE)
     end, slope = np.empty(size), np.empty(size)
     spread(system, run.yp[FLIGHT], rates)
-    duration, impulse, loss = latch(run.state, rates[7:], after, h.p)
+    duration, impulse, loss = latch(run.state.copy(), rates[7:], after, h.p)
     if run.now + duration >= run.end:
         return  # the run ends before they do: follow them
     rebound = run.state[GAP_RATE]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from vibroplat.hybrid.jumps import lift_off, strike
+from vibroplat.hybrid.jumps import latch_impacts, lift_off, strike
 from vibroplat.hybrid.modes import ATTACHED, BARE, FLIGHT
 from vibroplat.hybrid.pieces import close_piece, last_end
 from vibroplat.hybrid.starts import contact_force, forget_starts, move_to, prepare, pressing, turned_far
@@ -58,6 +58,11 @@ def begin(h: Hybrid) -> bool:
     Returns False, with the outcome set, where the run ends instead.
     """
     run = h.run
+    if run.accumulating == 1:  # the run was to stop at the impact before
+        run.accumulating = 0
+        latch_impacts(h)
+        if run.outcome != RUNNING:
+            return False
     if run.now >= run.end:  # the last event was at the very end
         run.outcome = OK
         return False
@@ -114,6 +119,7 @@ def conclude(h: Hybrid, stop: int) -> None:
         return
     if final or stop == AT_TARGET:
         run.outcome = OK
+        run.joined = RESTARTED
     elif stop == AT_TIME:
         run.joined = RESTARTED
     elif stop == FAILED:

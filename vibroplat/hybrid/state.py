@@ -14,8 +14,9 @@ from vibroplat.model.systems import FULL_SIZE
 # Outcomes of a run.
 RUNNING, OK, SOLVER_FAILURE, NON_FINITE, INCONSISTENT, EVENT_STORM, BEYOND_MODEL = range(7)
 
-# How far the start of a mode at the present state is prepared.
-STALE, CONSISTENT, DIFFERENTIATED = range(3)
+# How far the start of a mode at the present state is prepared; integers of numpy, see :mod:`vibroplat.hybrid.modes`.
+_NUMBERS: Any = np.arange(3)
+STALE, CONSISTENT, DIFFERENTIATED = _NUMBERS
 
 #: A run (times in s).
 RUN = np.dtype(
@@ -38,6 +39,7 @@ RUN = np.dtype(
         ("awaited", np.int64),  # kind of event that ends the run, or −1
         ("joined", np.int64),  # how the piece goes on from the one before
         ("zeros", np.int64),  # of the guard at the segment's start that are known
+        ("accumulating", np.int64),  # whether impacts are to be latched before the next segment
         ("events", np.int64),  # rows in the event list
         ("restarts", np.int64),
         ("state", np.float64, FULL_SIZE),  # full state

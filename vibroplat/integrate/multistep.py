@@ -12,13 +12,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from vibroplat.hybrid.loop import AT_GUARD, AT_TARGET
 from vibroplat.hybrid.modes import FLIGHT
 from vibroplat.hybrid.scales import ROUND_OFF, halvings
 from vibroplat.hybrid.starts import derivatives, prepare
 from vibroplat.hybrid.state import DIFFERENTIATED, Hybrid
 from vibroplat.hybrid.steps import CUBIC, CUT, Steps, end_at
 from vibroplat.kernels.compiled import FloatArray, compiled, copy, inlined
-from vibroplat.kernels.polynomial import first_fall, slope, values
+from vibroplat.kernels.polynomial import crossing, first_fall, slope, values
 from vibroplat.model.systems import FULL_SIZE, GAP, SIZES
 
 #: Degree of the polynomials where steps are long.
@@ -128,9 +129,9 @@ def raise_to_quintic(c: FloatArray, length: float, ratio: float, y: FloatArray, 
 
 @compiled
 def transcribe(
-    steps: Steps, past: Past, t: FloatArray, y: FloatArray, yp: FloatArray, guard: int, at_guard: bool
-) -> bool:
-    """Add steps by their ends, up to where a guard first falls through zero.
+    steps: Steps, past: Past, t: FloatArray, y: FloatArray, yp: FloatArray, guard: int, at_guard: bool, target: float
+) -> int:
+    """Add steps by their ends, up to where a guard first falls through zero or exciter 1 has an angle.
 
     Parameters
     ----------
@@ -138,23 +139,32 @@ def transcribe(
         Its index among the unknowns; −1 for none.
     at_guard
         Whether the integrator has found a fall itself, at the last end.
+    target
+        The angle (rad); nan for none.
 
     Returns
     -------
-    bool
-        Whether a fall was found that the integrator has not.
+    int
+        AT_GUARD for a fall that the integrator has not found, AT_TARGET for the angle, −1 if all ends were added.
     """
     end = np.empty(y.shape[1])
+    degree = steps.c.shape[1] - 1
     for k in range(t.size):
         add_step(steps, past, t[k], y[k], yp[k])
+        row = steps.used.steps - 1
+        passed = crossing(steps.c[row], degree, 3, target) if y[k, 3] >= target else np.inf
+        share = -1.0
         if guard >= 0 and not (at_guard and k == t.size - 1):
             share = fall_within(steps, guard)
-            if share >= 0.0:
-                row, degree = steps.used.steps - 1, steps.c.shape[1] - 1
-                values(steps.c[row], degree, share, end)
-                end_at(steps, row, share, end)
-                return True
-    return False
+        at_angle = passed <= 1.0 and not 0.0 <= share < passed
+        if at_angle or share >= 0.0:
+            share = passed if at_angle else share
+            values(steps.c[row], degree, share, end)
+            if at_angle:
+                end[3] = target
+            end_at(steps, row, share, end)
+            return AT_TARGET if at_angle else AT_GUARD
+    return -1
 
 
 @compiled

@@ -217,15 +217,18 @@ def advance(h: Hybrid, n: Native) -> int:  # noqa: PLR0911  (each stop has its r
         if not (finite(y) and finite(yp)):
             return NOT_FINITE
         add_step(steps, past, time[0], y, yp)
-        if flag == _ROOT_RETURN and not ended:
+        passed = np.inf
+        if y[3] >= target:
+            passed = crossing(steps.c[used.steps - 1], steps.c.shape[1] - 1, 3, target)
+        if flag == _ROOT_RETURN and not ended and passed > 1.0:
             return AT_GUARD
         if guard >= 0 and (y[guard] < 0.0 or yp[guard] > 0.0):
             share = fall_within(steps, guard)
-            if share >= 0.0:
+            if 0.0 <= share < passed:
                 end_step(share, derivative, handles, steps, y)
                 return AT_GUARD
-        if y[3] >= target:
-            end_on(target, derivative, handles, steps, y, yp)
+        if passed <= 1.0:
+            end_at_angle(target, passed, derivative, handles, steps, y, yp)
             return AT_TARGET
         if ended:
             return AT_TIME
@@ -271,17 +274,25 @@ def end_step(share: float, derivative: int, handles: tuple[int, int, int], steps
 
 
 @compiled
-def end_on(
-    target: float, derivative: int, handles: tuple[int, int, int], steps: Steps, y: FloatArray, yp: FloatArray
+def end_at_angle(
+    target: float,
+    share: float,
+    derivative: int,
+    handles: tuple[int, int, int],
+    steps: Steps,
+    y: FloatArray,
+    yp: FloatArray,
 ) -> None:
-    """Let the last step end where exciter 1 reaches an angle (rad)."""
+    """Let the last step end where the integrator says that exciter 1 has an angle (rad), near a fraction of it."""
     row = steps.used.steps - 1
-    length = steps.length[row]
-    share = crossing(steps.c[row], steps.c.shape[1] - 1, 3, target)
-    for _ in range(2):  # the integrator's polynomial is another one: Newton's iteration on it
-        interpolate_at(steps.start[row] + share * length, derivative, handles)
-        share = min(max(share + (target - y[3]) / (length * yp[3]), 0.0), 1.0)
-    end_step(share, derivative, handles, steps, y)
+    start, length = steps.start[row], steps.length[row]
+    interpolate_at(start + share * length, derivative, handles)
+    for _ in range(2):  # the polynomial has this angle elsewhere, by as much as the tolerance allows
+        if yp[3] > 0.0:
+            share = min(max(share - (y[3] - target) / (yp[3] * length), 0.0), 1.0)
+        interpolate_at(start + share * length, derivative, handles)
+    y[3] = target
+    end_at(steps, row, share, y)
 
 
 @compiled

@@ -171,18 +171,19 @@ class SundaeEngine:
         ends = self._pending
         system = SYSTEMS[h.run["systems"][h.run["mode"]]]
         room = self.rows - MARGIN
-        at_guard = ends.stop == AT_GUARD and len(ends.t) <= room
-        guard = GUARDS[system.index]
-        fell = transcribe(h.steps, self._past, ends.t[:room], ends.y[:room], ends.yp[:room], guard, at_guard)
-        left = _Ends(ends.t[room:], ends.y[room:], ends.yp[room:], ends.stop)
-        cut = not fell and len(left.t) > 0
+        found = ends.stop == AT_GUARD
+        target = float(h.run["target"] - h.run["turns"][0])
+        now = [array[:room] for array in ends[:3]]
+        stop = transcribe(h.steps, self._past, *now, GUARDS[system.index], found and len(ends.t) <= room, target)
+        left = _Ends(*(array[room:] for array in ends[:3]), ends.stop)
+        cut = stop < 0 and len(left.t) > 0
         if system.algebraic:
             calm(h, cut)
         self._pending = left if cut else None
         if cut:
             cut_piece(h)
         else:
-            conclude(h, AT_GUARD if fell else ends.stop)
+            conclude(h, ends.stop if stop < 0 else stop)
 
     def _integrate(self, h: Hybrid, first_step: float) -> _Ends:
         """Integrate the segment that begins."""
@@ -279,7 +280,7 @@ class SundaeEngine:
         p, budget, number = self._p, self._budget, system.index
 
         def right_hand_side(t: float, y: FloatArray, yp: FloatArray) -> None:
-            if not accelerations(number, budget.origin + t, y, yp, p):
+            if not accelerations(number, budget.origin + t, y.copy(), yp, p):  # y is read-only
                 raise _NonFiniteError
             budget.count(t)
 

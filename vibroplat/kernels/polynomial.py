@@ -70,7 +70,8 @@ def first_fall(c: FloatArray, degree: int, j: int, zeros: int) -> float:
 
     Nothing escapes: a polynomial has no more zeros in an interval than its Bernstein coefficients there have changes
     of sign (Descartes' rule), so intervals are halved until there is none. An unknown that begins below zero, by
-    round-off or where it touched, can fall only after it has risen; where it only falls, that is at 0.
+    round-off or where it touched, can fall only after it has risen; where it ends lower without, it falls from its
+    highest.
 
     ``zeros`` says how many zeros the unknown is known to have at 0, as a gap at a liftoff: its first coefficients,
     which only round-off parts from 0, are left out.
@@ -92,7 +93,7 @@ def first_fall(c: FloatArray, degree: int, j: int, zeros: int) -> float:
     if bernstein[0] < 0.0:
         begin = first_change(bernstein, -1.0)
         if begin < 0.0:
-            return -1.0 if bernstein[n] > bernstein[0] else 0.0
+            return -1.0 if bernstein[n] > bernstein[0] else at_highest(c, degree, j)
         begin = min(begin + 2.0**-HALVINGS, 1.0)
         split_right(bernstein, begin)
         bernstein[0] = max(bernstein[0], 0.0)  # it has just risen, up to round-off
@@ -182,6 +183,25 @@ def extremes(c: FloatArray, degree: int, j: int, first: float, last: float) -> t
 
 
 @compiled
+def at_highest(c: FloatArray, degree: int, j: int) -> float:
+    """Fraction of a step at which unknown j is largest."""
+    points = 2 * degree
+    best, largest = 0.0, c[0, j]
+    for i in range(1, points + 1):
+        found = value(c, degree, j, i / points)
+        if found > largest:
+            best, largest = i / points, found
+    low, high = max(best - 1.0 / points, 0.0), min(best + 1.0 / points, 1.0)
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        if slope(c, degree, j, middle) > 0.0:
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+@compiled
 def turning_value(c: FloatArray, degree: int, j: int, s: float, first: float, at_end: float) -> float:
     """Value of unknown j near a fraction of a step, where its slope is zero, or ``at_end`` if the step ends there."""
     low, high = max(s - 0.5 / degree, first), min(s + 0.5 / degree, 1.0)
@@ -197,9 +217,9 @@ def turning_value(c: FloatArray, degree: int, j: int, s: float, first: float, at
 
 @compiled
 def crossing(c: FloatArray, degree: int, j: int, level: float) -> float:
-    """Fraction of a step at which unknown j passes a level that lies between its values at both ends."""
+    """Fraction of a step at which unknown j passes a level between its values at both ends, or next to one of them."""
     low, high = 0.0, 1.0
-    rising = value(c, degree, j, 0.0) < level
+    rising = value(c, degree, j, 0.0) < value(c, degree, j, 1.0)
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
         if (value(c, degree, j, middle) < level) == rising:

@@ -48,6 +48,7 @@ SECTION_ROWS = 1024
 MARKS = np.dtype(
     [
         ("window", np.float64),  # when the measured part begins (s)
+        ("passed", np.float64),  # whole turns of exciter 1 until now, nan before the first step
         ("turns", np.int64),  # points of the section so far
         ("first_time", np.float64),  # of the section's first and last point (s)
         ("last_time", np.float64),
@@ -85,7 +86,12 @@ for _n in range(1, _MOST_NODES + 1):
     NODES[_n, :_n], WEIGHTS[_n, :_n] = 0.5 + 0.5 * _nodes, 0.5 * _weights
 
 _TURN = 2.0 * math.pi
+
+#: Part of a turn that may be missing by round-off.
+_COMPLETE = 1e-12
 _FLIGHT = int(Mode.FLIGHT)
+#: Places of y, φ₁ and the gap among the unknowns; integers of numpy, so that functions are compiled once for all.
+_HEIGHT, _ANGLE, _GAP = np.array([1, 3, GAP])
 
 
 class Measures(NamedTuple):
@@ -116,7 +122,7 @@ class Measures(NamedTuple):
 def no_measures(window: float) -> Measures:
     """Make empty sums whose measured part begins at a time (s)."""
     marks = np.zeros(1, MARKS)
-    marks["window"] = window
+    marks["window"], marks["passed"] = window, math.nan
     for name in ("force", "y"):
         marks[f"{name}_min"], marks[f"{name}_max"] = math.inf, -math.inf
     plain, open_turn, whole = np.zeros(3, SUMS)
@@ -241,33 +247,43 @@ def add_step(
     system, force = piece.system, DIFFERENTIAL[piece.system]
     begin, length = piece.origin + steps.start[row], steps.length[row]
     if SIZES[system] > force and may_widen(marks.force_min, marks.force_max, c, degree, force, end[force]):
-        least, largest = extremes(c, degree, force, 0.0, end[force])
-        marks.force_min, marks.force_max = min(marks.force_min, least), max(marks.force_max, largest)
+        marks.force_min, marks.force_max = widened(marks.force_min, marks.force_max, c, force, 0.0, end[force])
     if flying and may_widen(marks.gap_min, marks.gap_max, c, degree, GAP, end[GAP]):
-        least, largest = extremes(c, degree, GAP, 0.0, end[GAP])
-        marks.gap_min, marks.gap_max = min(marks.gap_min, least), max(marks.gap_max, largest)
+        marks.gap_min, marks.gap_max = widened(marks.gap_min, marks.gap_max, c, _GAP, 0.0, end[GAP])
     since = (marks.window - begin) / length if begin < marks.window else 0.0  # fraction from which it is measured
     if since < 1.0 and may_widen(marks.y_min, marks.y_max, c, degree, 1, end[1]):
-        least, largest = extremes(c, degree, 1, since, end[1])
-        marks.y_min, marks.y_max = min(marks.y_min, least), max(marks.y_max, largest)
-    turn = math.floor((c[0, 3] + piece.turns[0]) / _TURN)
-    last = math.floor((end[3] + piece.turns[0]) / _TURN)
-    reached = 0.0
-    while reached < 1.0 or turn != last:
-        start, reached, way = reached, 1.0, 0
+        marks.y_min, marks.y_max = widened(marks.y_min, marks.y_max, c, _HEIGHT, since, end[1])
+    turn, last = marks.passed, whole_turns(end[3], piece.turns[0])
+    if math.isnan(turn):
+        turn = whole_turns(c[0, 3], piece.turns[0])
+    marks.passed = last
+    begun = 0.0
+    while begun < 1.0 or turn != last:
+        cut, way = 1.0, 0.0
         if turn != last:
-            way = 1 if last > turn else -1
-            reached = crossing(c, degree, 3, _TURN * max(turn, turn + way) - piece.turns[0])
-        if start < since < reached:
-            reached, way = since, 0
-        measured = start >= since
-        integrate(ms, c, degree, start, reached, begin, length, system, flying, measured, nodes, full, power, p)
-        turn += way
-        if way != 0 and goes_on(marks, slope(c, degree, 3, reached)) and begin + reached * length >= marks.window:
+            way = 1.0 if last > turn else -1.0
+            cut = crossing(c, degree, _ANGLE, _TURN * max(turn, turn + way) - piece.turns[0])
+        if begun < since < cut:
+            cut, way = since, 0.0
+        integrate(ms, c, degree, begun, cut, begin, length, system, flying, begun >= since, nodes, full, power, p)
+        begun, turn, now = cut, turn + way, begin + cut * length
+        if way != 0.0 and goes_on(marks, slope(c, degree, 3, cut)) and now >= marks.window:
             for j in range(force):
-                full[PLACES[system, j]] = value(c, degree, j, reached)
-            pressing = value(c, degree, force, reached) if SIZES[system] > force else 0.0
-            close_turn(ms, begin + reached * length, piece.turns, full, pressing)
+                full[PLACES[system, j]] = value(c, degree, j, cut)
+            close_turn(ms, now, piece.turns, full, value(c, degree, force, cut) if SIZES[system] > force else 0.0)
+
+
+@inlined
+def whole_turns(angle: float, turns: float) -> float:
+    """Whole turns of an exciter; one that a motion was stopped at is complete, though round-off may say less."""
+    return math.floor((angle + turns) / _TURN + _COMPLETE)
+
+
+@compiled
+def widened(least: float, largest: float, c: FloatArray, j: int, first: float, last: float) -> tuple[float, float]:
+    """Return extremes that also cover unknown j from fraction ``first`` of a step to its end, where it is ``last``."""
+    low, high = extremes(c, c.shape[0] - 1, j, first, last)
+    return min(least, low), max(largest, high)
 
 
 @inlined

@@ -1,0 +1,250 @@
+"""What a multistep method needs beside its steps: polynomials through their ends, falls within them, first steps."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from vibroplat.hybrid.automaton import automaton
+from vibroplat.hybrid.loop import AT_GUARD, AT_TARGET
+from vibroplat.hybrid.modes import ATTACHED
+from vibroplat.hybrid.steps import fill_cubic, no_steps
+from vibroplat.integrate.multistep import (
+    CUBIC,
+    LEAST_RATIO,
+    QUINTIC,
+    begin_steps,
+    calm,
+    excursion,
+    fall_within,
+    no_past,
+    transcribe,
+)
+from vibroplat.kernels.polynomial import extremes, first_fall, slopes, values
+from vibroplat.model.parameters import parameters
+from vibroplat.observe.trajectory import sample
+from vibroplat.scene import Scene
+
+#: Unknowns of a step that are none of its own, as many as the exciters' angle 1 asks for.
+OTHERS = 4
+
+
+def added(t, y, yp, degree=CUBIC, guard=-1, at_guard=False, target=math.nan):
+    """Steps through ends with unknowns y, shape (m, n), and derivatives, and why they stopped."""
+    t, y, yp = (np.asarray(a, dtype=float) for a in (t, y, yp))
+    steps, past = no_steps(len(t) + 2, degree), no_past()
+    begin_steps(past, y[0], yp[0])
+    return steps, transcribe(steps, past, t[1:], y[1:], yp[1:], guard, at_guard, target)
+
+
+def columns(*unknowns):
+    """Unknowns side by side, zeros before them."""
+    return np.column_stack([np.zeros((len(unknowns[0]), OTHERS)), *unknowns])
+
+
+# -- polynomials through the ends of steps ----------------------------------------------------------------
+
+
+def wave(t):
+    return np.sin(3.0 * t) + 0.3 * t
+
+
+def rate(t):
+    return 3.0 * np.cos(3.0 * t) + 0.3
+
+
+def largest_error(count, degree):
+    t = np.linspace(0.0, 2.0, count + 1)
+    steps, _ = added(t, columns(wave(t)), columns(rate(t)), degree)
+    times = np.linspace(t[1], 2.0, 1001)  # the first step of a segment is a cubic
+    rows = slice(0, int(steps.used["steps"]))
+    found = sample(steps.start[rows], steps.length[rows], steps.c[rows], steps.ends[rows], times)[:, OTHERS]
+    return np.abs(found - wave(times)).max()
+
+
+@pytest.mark.parametrize(("degree", "order"), [(CUBIC, 4.0), (QUINTIC, 6.0)])
+def test_order_between_steps(degree, order):
+    orders = np.log2([largest_error(n, degree) / largest_error(2 * n, degree) for n in (10, 20, 40)])
+    assert orders == pytest.approx(order, abs=0.2)
+
+
+def test_a_cubic_is_found_again():
+    def cubic(t):
+        return 2.0 - t + 3.0 * t**2 - 0.5 * t**3
+
+    def its_rate(t):
+        return -1.0 + 6.0 * t - 1.5 * t**2
+
+    c = np.full((QUINTIC + 1, 1), np.nan)
+    fill_cubic(c, 2.0, *(np.array([f(t)]) for f in (cubic, its_rate) for t in (0.0, 2.0)))
+    y, slope = np.empty(1), np.empty(1)
+    for s in (0.0, 0.3, 1.0):
+        values(c, QUINTIC, s, y)
+        slopes(c, QUINTIC, s, slope)
+        assert y[0] == pytest.approx(cubic(2.0 * s))
+        assert slope[0] == pytest.approx(2.0 * its_rate(2.0 * s))
+
+
+@pytest.mark.parametrize("ratio", [LEAST_RATIO, 0.5, 1.0, 2.0])
+def test_a_quintic_is_found_again_from_three_ends(ratio):
+    exact = np.polynomial.Polynomial([2.0, -1.0, 3.0, -0.5, 0.7, 0.2])
+    t = np.array([0.0, 1.5 * ratio, 1.5 * (1.0 + ratio)])
+    steps, _ = added(t, columns(exact(t)), columns(exact.deriv()(t)), QUINTIC)
+    y = np.empty(OTHERS + 1)
+    for s in (0.0, 0.3, 0.8, 1.0):
+        values(steps.c[1], QUINTIC, s, y)
+        assert y[OTHERS] == pytest.approx(exact(t[1] + 1.5 * s), rel=1e-12)
+
+
+def test_a_step_much_longer_than_the_one_before_is_a_cubic():
+    t = np.array([0.0, 0.9 * LEAST_RATIO, 1.0 + 0.9 * LEAST_RATIO])
+    steps, _ = added(t, columns(t**5), columns(5.0 * t**4), QUINTIC)
+    assert (steps.c[1, 4:] == 0.0).all()
+
+
+def test_a_step_of_one_tenth_has_values_and_slopes():
+    ends = [np.array([f(t)]) for f in (wave, rate) for t in (0.0, 0.1)]
+    c, y, slope = np.zeros((CUBIC + 1, 1)), np.empty(1), np.empty(1)
+    fill_cubic(c, 0.1, *ends)
+    values(c, CUBIC, 0.5, y)
+    slopes(c, CUBIC, 0.5, slope)
+    assert y[0] == pytest.approx(wave(0.05), abs=3e-5)  # h⁴ max|y⁗|/384 = 2.1e-5
+    assert slope[0] / 0.1 == pytest.approx(rate(0.05), abs=1e-3)
+
+
+# -- falls within steps -----------------------------------------------------------------------------------
+
+DIPS = [
+    (1.0, 1.0, -1.0, 1.0, -1.0),  # dips, stays positive
+    (0.1, 0.1, -1.0, 1.0, 0.5 - math.sqrt(0.25 - 0.1)),  # 0.1 − s + s²
+    (0.0, 1.0, 0.0, 3.0, -1.0),  # opens as s³
+    (-1e-9, 1.0, 1.0, 1.0, -1.0),  # rises out of a negative start
+    (0.0, -1.0, 0.0, -3.0, 0.0),  # never opened: falls from the beginning
+    (-1e-9, -1.0, -1.0, -1.0, 0.0),  # begins at round-off below zero and falls
+    (33.0**2 / 64.0**2 - 1e-5, 31.0**2 / 64.0**2 - 1e-5, -33.0 / 32.0, 31.0 / 32.0, 33.0 / 64.0 - math.sqrt(1e-5)),
+    (-1.0, -2.0, 2.0, -4.0, 1.0 / 3.0),  # −1 + 2s − 3s²: falls from its highest
+]
+
+
+@pytest.mark.parametrize(("g0", "g1", "rate_0", "rate_1", "expected"), DIPS)
+def test_dip_inside_a_step(g0, g1, rate_0, rate_1, expected):
+    steps, _ = added([0.0, 1.0], columns([g0, g1]), columns([rate_0, rate_1]))
+    assert first_fall(steps.c[0], CUBIC, OTHERS, 0) == pytest.approx(expected, abs=1e-9)
+    assert fall_within(steps, OTHERS) == pytest.approx(expected, abs=1e-9)
+
+
+def transcribed(g, rates, at_guard=False, target=math.nan, phi1=None):
+    """Steps of 1 with one guard, and an angle of exciter 1; why they stopped, the ends in time, the guard there."""
+    y, yp = columns(np.array(g)), columns(np.array(rates))
+    if phi1 is not None:
+        y[:, 3], yp[:, 3] = phi1, np.gradient(phi1)
+    steps, stop = added(np.arange(len(g)), y, yp, guard=OTHERS, at_guard=at_guard, target=target)
+    rows = int(steps.used["steps"])
+    return stop, steps.start[:rows] + steps.length[:rows], steps.ends[:rows]
+
+
+def test_steps_end_at_a_fall_between_two_ends():
+    stop, t, ends = transcribed([1.0, 0.1, 0.1, 1.0], [-1.0, -1.0, 1.0, 1.0])
+    assert stop == AT_GUARD
+    assert len(t) == 2
+    assert 1.0 < t[-1] < 1.5
+    assert abs(ends[-1, OTHERS]) < 1e-12
+
+
+def test_steps_without_a_fall_stay():
+    stop, t, _ = transcribed([1.0, 0.6, 0.6, 1.0], [-1.0, -0.1, 0.1, 1.0])
+    assert stop == -1
+    assert t.tolist() == [1.0, 2.0, 3.0]
+
+
+def test_fall_that_the_integrator_found_stays_where_it_is():
+    stop, t, _ = transcribed([1.0, 0.5, -1e-18], [-0.5, -0.5, -0.5], at_guard=True)
+    assert stop == -1
+    assert t.tolist() == [1.0, 2.0]
+
+
+@pytest.mark.parametrize(
+    ("target", "expected", "end"),
+    [(2.2, AT_TARGET, 1.1), (2.8, AT_GUARD, 1.0 + 0.5 - math.sqrt(0.25 - 0.1)), (9.0, AT_GUARD, None)],
+)
+def test_the_first_of_a_fall_and_an_angle_ends_the_steps(target, expected, end):
+    angle = np.array([0.0, 2.0, 4.0, 6.0])
+    stop, t, ends = transcribed([1.1, 0.1, 0.1, 1.1], [-1.0, -1.0, 1.0, 1.0], target=target, phi1=angle)
+    assert stop == expected
+    assert end is None or t[-1] == pytest.approx(end, abs=1e-12)
+    assert stop == AT_GUARD or ends[-1, 3] == target
+
+
+# -- slopes of the contact force --------------------------------------------------------------------------
+
+ONE_LAYER = Scene().replace({"material": {"mass_ratio": 0.1, "layers": 1}})
+
+
+def calmed(forces, given_slopes, degree=CUBIC):
+    """Slopes of F_c at the ends of steps of 1, of all steps' both sides, after they have been limited."""
+    count = len(forces)
+    y, yp = np.zeros((2, count, 11))
+    y[:, 0], yp[:, 0] = 7.0, 50.0
+    y[:, 10], yp[:, 10] = forces, given_slopes
+    steps, _ = added(np.arange(count), y, yp, degree)
+    h = automaton(ONE_LAYER, parameters(ONE_LAYER), steps, 100.0)
+    h.run["mode"] = ATTACHED
+    before = steps.c[:, :, :10].copy()
+    calm(h, False)
+    assert (steps.c[:, :, :10] == before).all()
+    at_ends = np.empty((2, count - 1))
+    slope = np.empty(11)
+    for s in (0, 1):
+        for row in range(count - 1):
+            slopes(steps.c[row], degree, float(s), slope)
+            at_ends[s, row] = slope[10]
+    return steps, np.append(at_ends[0], at_ends[1, -1]), at_ends
+
+
+@pytest.mark.parametrize("degree", [CUBIC, QUINTIC])
+def test_slopes_of_the_force_that_belong_to_its_values_stay(degree):
+    times = np.arange(12.0)
+    expected = 0.3 * np.cos(0.3 * times)
+    _, slopes_found, at_ends = calmed(2.0 + np.sin(0.3 * times), expected, degree)
+    assert slopes_found == pytest.approx(expected, abs=1e-12)
+    assert at_ends[1, :-1] == pytest.approx(at_ends[0, 1:], abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("slopes_given", "expected"),
+    [
+        ([-9.0, 0.0, 0.0], [-3.0, 0.0, 0.0]),  # thrice the secant
+        ([0.0, 80.0, 0.0], [0.0, 3.0, 0.0]),  # the larger secant counts, and F_c = 1 before a step of 1
+        ([0.0, -80.0, 0.0], [0.0, -3.0, 0.0]),
+        ([0.0, 0.0, 9.0], [0.0, 0.0, 0.0]),  # nothing that ends at 0 has come from below
+    ],
+)
+def test_wild_slopes_of_the_force_are_limited(slopes_given, expected):
+    _, found, at_ends = calmed([2.0, 1.0, 0.0], slopes_given)
+    assert found == pytest.approx(expected, abs=1e-12)
+    assert at_ends[1, 0] == pytest.approx(expected[1], abs=1e-12)
+
+
+@settings(derandomize=True, deadline=None, database=None)
+@given(st.lists(st.tuples(st.floats(0.0, 1e3), st.floats(-1e6, 1e6)), min_size=2, max_size=8))
+def test_a_force_that_presses_at_all_steps_presses_between_them(rows):
+    forces, slopes_given = zip(*rows, strict=True)
+    steps, _, _ = calmed(forces, slopes_given)
+    for row in range(len(forces) - 1):
+        least, _ = extremes(steps.c[row], CUBIC, 10, 0.0, forces[row + 1])
+        assert least >= -1e-9 * max(forces)
+
+
+# -- the first step ---------------------------------------------------------------------------------------
+
+
+def test_excursion_after_rebound_and_release():
+    assert excursion(0.2, -10.0, 5.0, 1.0) == pytest.approx((0.04, 0.002))
+    duration, height = excursion(0.0, 0.0, 6.0, -24.0)  # gap = t³ − t⁴
+    assert (duration, height) == pytest.approx((1.0, 27.0 / 256.0))
+    assert excursion(0.0, 2.0, -6.0, 0.0) == pytest.approx((1.0, 4.0 / 27.0))  # gap = t² − t³
+    assert excursion(0.0, 0.0, 6.0, 24.0) == (math.inf, math.inf)
