@@ -17,7 +17,7 @@ from vibroplat.errors import TableError
 from vibroplat.observe.trajectory import Trajectory
 from vibroplat.scene import COORDINATES, Scene
 
-#: Impacts slower than this are closed at thresholds of the integrations' own and not compared (m/s).
+#: Slower impacts (m/s) are not compared: each integration ends an accumulation at its own threshold.
 SLOWEST = 1e-3
 
 
@@ -82,7 +82,7 @@ def coordinate_errors(run: Trajectory, trajectory: pd.DataFrame, until: float = 
 
 
 def event_errors(mine: pd.DataFrame, theirs: pd.DataFrame) -> dict[str, float]:
-    """Largest error of event times (s) and, relative, of impact speeds; nan if the sequences differ."""
+    """Largest error of event times (s) and largest relative error of impact speeds; nan if the sequences differ."""
     mine, theirs = compared_events(mine), compared_events(theirs)
     if list(mine["kind"]) != list(theirs["kind"]):
         return {"event_time_s": np.nan, "impact_speed": np.nan}
