@@ -34,7 +34,7 @@ _TURNS = (1.0, 1.51, 2.37)
 def restart_costs(tolerances: Sequence[float] = TOLERANCES, seconds: float = 4.0) -> pd.DataFrame:
     """Measure how many steps and residual calls a restart adds, by tolerance.
 
-    Runs of engine ``native`` are interrupted each ``turns_between`` turns and restarted from a
+    Runs of engine ``native`` are interrupted at regular intervals and restarted from a
     consistent state, as after an event.
     """
     rows = []
@@ -72,8 +72,8 @@ def _work(scene: Scene, turns: float) -> tuple[int, int, int]:
 def regime_references(seconds: float = 1.0) -> list[Reference]:
     """Make references for the paper's regimes: runs at tolerance 1e-12, with Adams in flight and without contact.
 
-    How far IDA at the same tolerance is from them tells how far they can be trusted;
-    ``vibroplat bench engines`` includes that tolerance.
+    Their distance from IDA at the same tolerance shows how accurate they are; ``vibroplat bench engines`` includes
+    that tolerance.
     """
     times = np.linspace(0.0, seconds, 401)
     found = []

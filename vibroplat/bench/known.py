@@ -24,7 +24,7 @@ def ball_on_table(
     """One thin layer of 1e-12 of the mass on a table s = A sin(ωt + phase), A ω²/g = gamma.
 
     The table is a platform of 1e6 kg on a soft spring without dampers, in its steady antiphase motion;
-    rotors of huge inertia keep the exciters' speed.
+    rotors of huge inertia keep the exciters' speed constant.
     """
     mass, unbalance_mass = 1e6, 1e3
     stiffness = mass * (0.1 * omega) ** 2

@@ -68,7 +68,7 @@ def compared_events(events: pd.DataFrame) -> pd.DataFrame:
 def coordinate_errors(run: Trajectory, trajectory: pd.DataFrame, until: float = np.inf) -> dict[str, float]:
     """Largest error of each coordinate, and of the contact force relative to its largest value.
 
-    The force is compared where both are attached, in ``contact_force``.
+    The force is compared while both are attached; its error is ``contact_force``.
     """
     end = min(until, run.scene.run.duration_s)
     theirs = trajectory[trajectory["t_s"] <= end].reset_index(drop=True)

@@ -120,7 +120,7 @@ def require_oracle() -> None:
     Raises
     ------
     VibroplatError
-        With what to install.
+        The oracle is missing; the message says what to install.
     """
     if importlib.util.find_spec("heyoka") is None:
         raise VibroplatError("heyoka is the oracle of this bench; pip install 'vibroplat[bench]' has it")

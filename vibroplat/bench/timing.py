@@ -35,7 +35,7 @@ def side_by_side(scenes: Mapping[Any, Scene], repeats: int) -> dict[Any, tuple[l
     Returns
     -------
     dict
-        By the scenes' keys: wall times (s) of each repeat and the summary of a run.
+        Wall times (s) of each repeat and the summary of a run, by the scenes' keys.
     """
     summaries = {key: simulate(scene, keep="summary").summary for key, scene in scenes.items()}  # loads the kernels
     times: dict[Any, list[float]] = {key: [] for key in scenes}
@@ -52,8 +52,8 @@ def runtime(
 ) -> pd.DataFrame:
     """Time each kind of scene and count unknowns, steps, residual calls and events.
 
-    Where engine ``native`` is among the variants, the others' ``ratio`` is the median over repeats of their
-    time over that of ``native`` with the same integrator.
+    If engine ``native`` is among the variants, the column ``ratio`` of the others is their time over that of ``native``
+    with the same integrator (median over repeats).
     """
     scenes = {
         (name, variant): with_variant(scene, variant)

@@ -37,7 +37,7 @@ PULL_MOST = 0.05
 def sound(scene: Scene, summary: Mapping[str, Any]) -> dict[str, Limit]:
     """Return the limits that hold for every run: gap, contact force, energy and momentum.
 
-    A motion that runs away where the model breaks down is not held to its balances.
+    A motion that diverges where the model breaks down need not satisfy the balances.
     """
     tolerance, steps = scene.solver.tolerance, max(summary["steps"], 1)
     limits: dict[str, Limit] = {}
@@ -56,7 +56,7 @@ def sound(scene: Scene, summary: Mapping[str, Any]) -> dict[str, Limit]:
 def force_spread(scene: Scene) -> float:
     """Change of F_c (N) when the state changes by its scales: the effect of state errors on the force.
 
-    Layers and motors that are stiff beside the excitation make this much larger than the forces themselves.
+    With layers or motors that are stiff compared with the excitation it is much larger than the forces themselves.
     """
     machine, scales = scene.machine, state_scales(scene)
     lower, upper = scene.layer_masses
@@ -82,7 +82,7 @@ def steady(scene: Scene, settle: float, measure: float) -> dict[str, Any]:
 def row(name: str, outcome: str, limits: Mapping[str, Limit], *, allowed: Iterable[str] = ("ok",)) -> dict[str, Any]:
     """Make the row of a scene: its values, the one closest to its limit, and those beyond their limits.
 
-    A figure that is not a number is beyond its limit, and so is an outcome that is not allowed.
+    A value of nan exceeds its limit, and so does an outcome that is not allowed.
     """
     shares = {key: _share(*limit) for key, limit in limits.items()}
     worst = max(shares, key=lambda key: shares[key], default="")

@@ -40,15 +40,15 @@ class Touch(NamedTuple):
     Attributes
     ----------
     amplitude
-        Of the platform (m).
+        Amplitude of the platform (m).
     depth
-        Least gap that there would be without impact (m).
+        Minimal gap without an impact (m).
     speed
-        Gap rate at which it is first 0 (m/s), 0 where it stays open.
+        Gap rate when the gap is first 0 (m/s); 0 if the gap stays open.
     fastest
-        The same, with what integration does not resolve of the gap (m/s).
+        The same for a gap smaller by the resolution of the integration (m/s).
     until, rate
-        When the neighbourhood ends (s), and the gap's rate then without an impact (m/s).
+        End of the neighbourhood (s), and the gap's rate at that time without an impact (m/s).
     """
 
     amplitude: float
@@ -62,8 +62,8 @@ class Touch(NamedTuple):
 def grazing(count: int) -> list[dict[str, Any]]:
     """Approach two grazing motions from both sides, from 1e-6 to 1e-10, with and without rebound.
 
-    A ball meets a table whose frequency passes the grazing one, known from parabola and sine. In the paper's
-    machine a flight with a wave in its gap is shifted: nothing else changes by that until there is an impact.
+    A ball meets a table whose frequency is close to the grazing frequency, which follows from a parabola and a sine. On
+    the paper's machine a flight whose gap has a local minimum is shifted, which changes nothing before an impact.
     """
     offsets = np.logspace(-10.0, -6.0, max(count // 8, 2))
     machine, motion = flight_with_a_wave()

@@ -38,8 +38,8 @@ RIGID = 3e-3
 def layers(count: int) -> list[dict[str, Any]]:
     """Compare attached motion with the linear two-mass response, and stiff layers in flight with one layer.
 
-    The exciters' rotors are so heavy that speeds stay, and each run begins in the linear response itself, so
-    that an undamped layer has nothing to ring with.
+    The exciters' rotors are heavy enough to keep their speed, and each run starts exactly on the linear response, so
+    that an undamped layer does not ring.
     """
     cases = list(product(FREQUENCIES, DAMPINGS, SHARES, MASS_RATIOS))
     rows = [_linear(*case) for case in spread_over(cases, count)]
@@ -102,7 +102,7 @@ class Response:
     platform, layer, force
         Complex amplitudes of y, y_w2 (m) and F_c (N) of Im(… exp iωt).
     sag, layer_sag, weight
-        Means of the three.
+        Mean values of the three.
     """
 
     platform: complex

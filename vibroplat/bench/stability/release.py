@@ -30,10 +30,10 @@ LEAST, SHORT, LONG = 2e-4, 4e-9 / (0.5 * (0.5 * math.pi) ** 2), 0.02
 def release(count: int) -> list[dict[str, Any]]:
     """Simulate flights of 1e-4 to 1e-1 of a turn just above lift-off, at a small and at the default tolerance.
 
-    Near its least value F_c ≈ F_min + ½ F″ t², and the gap's acceleration is −F_c over a mass: a flight begins
-    where F_c = 0 and its gap closes after 4 √(−2 F_min/F″), twice the time below zero. Least F_c over its amplitude
-    is extrapolated from attached motions below lift-off. At the usual tolerance the shortest flights are less than
-    the error of F_c: there may be none in a turn, but never two.
+    Near its minimum F_c ≈ F_min + ½ F″ t², and the gap's acceleration is −F_c over a mass. A flight starts where
+    F_c = 0, and its gap closes after 4 √(−2 F_min/F″), twice the time that F_c would be below zero. F_min over the
+    amplitude of F_c is extrapolated from attached motion below lift-off. At the default tolerance the shortest flights
+    are smaller than the error of F_c: a turn may have none, but never two.
     """
     supply = lift_off()
     rows = []

@@ -22,7 +22,7 @@ Check = Callable[[Trajectory], dict[str, Limit]]
 def starting(count: int) -> list[dict[str, Any]]:
     """Start from standstill through three resonances, coast down, lose a motor or synchronism, reverse the phase.
 
-    Each with two layers, with one and without material; ``count`` limits how many of these are run.
+    Each with two layers, with one layer and without material; at most ``count`` of these scenes are run.
     """
     materials: dict[str, dict[str, Any]] = {"two layers": {}, "one layer": {"layers": 1}, "bare": {"mass_ratio": 0.0}}
     rows: list[dict[str, Any]] = []
