@@ -171,7 +171,9 @@ def test_points_outlive_tables_that_have_no_room(made, here, alone, monkeypatch)
 
 @pytest.mark.parametrize("size", some([30_000], [0, 5_000]))
 @pytest.mark.parametrize("name", some(["run"], ["sweep"]))
-@pytest.mark.parametrize("before", [False, True], ids=["new", "over earlier ones"])
+@pytest.mark.parametrize(
+    "before", [pytest.param(False, id="new"), pytest.param(True, id="over earlier ones", marks=pytest.mark.long)]
+)
 def test_plot_without_room_is_told_in_a_line_and_leaves_no_half_figures(size, name, before, here, alone):
     (here / "c.yaml").write_text(RUN)
     if name == "sweep":
@@ -191,6 +193,7 @@ def test_plot_without_room_is_told_in_a_line_and_leaves_no_half_figures(size, na
     assert before or len([name for name in found if name.endswith(".png")]) < len(done.out.splitlines()) + 1
 
 
+@pytest.mark.long
 def test_figure_that_is_drawn_again_is_never_half_there(here):
     """A plot that is killed, like one without room, leaves the figure of before."""
     (here / "c.yaml").write_text(RUN)

@@ -90,6 +90,7 @@ def test_no_beta_where_the_frequency_is_not_reached():
     assert find_beta(Evidence(), 0.2) is None
 
 
+@pytest.mark.long
 def test_jump_is_narrowed_and_kept(monkeypatch):
     scene = paper_scene("fig2", machine_numbers("damped"), FINE)
     evidence = Evidence()
