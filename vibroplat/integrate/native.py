@@ -2,7 +2,7 @@
 
 The library of :mod:`vibroplat.integrate.sundials` is driven from compiled code through the addresses of its
 functions; it calls back the C functions of :mod:`vibroplat.integrate.callbacks`. Between two readings of the
-tape — some thousand steps, with all events in them — no Python runs and the interpreter's lock is free.
+steps — some thousand, with all events in them — no Python runs and the interpreter's lock is free.
 """
 
 from __future__ import annotations
