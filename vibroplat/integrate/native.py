@@ -2,7 +2,7 @@
 
 The library of :mod:`vibroplat.integrate.sundials` is driven from compiled code through the addresses of its
 functions; it calls back the C functions of :mod:`vibroplat.integrate.callbacks`. Between two readings of the
-tape — some thousand steps, with all events in them — no Python runs and the interpreter's lock is free.
+steps — some thousand, with all events in them — no Python runs and the interpreter's lock is free.
 """
 
 from __future__ import annotations
@@ -190,7 +190,7 @@ def start(h: Hybrid, n: Native) -> bool:
 
 
 @compiled
-def advance(h: Hybrid, n: Native) -> int:
+def advance(h: Hybrid, n: Native) -> int:  # noqa: PLR0912  (each stop has its reason)
     """Take steps to the guard, the segment's time, the run's target, a failure, or until there is no more room."""
     run, status, steps, past, time = h.run, n.status, h.steps, n.past, n.time
     mode, used = run.mode, h.steps.used
@@ -217,13 +217,14 @@ def advance(h: Hybrid, n: Native) -> int:
             return NOT_FINITE
         add_step(steps, past, time[0], y, yp)
         found = flag == _ROOT_RETURN and not ended
-        stop, share = stop_within(steps, guard, found, target, y, yp)
-        if stop == AT_TARGET:
-            end_at_angle(target, share, derivative, handles, steps, y, yp)
-        elif stop == AT_GUARD and not found:
-            end_step(share, derivative, handles, steps, y)
-        if stop >= 0:
-            return stop
+        if found or y[3] >= target or (guard >= 0 and (y[guard] < 0.0 or yp[guard] > 0.0)):
+            stop, share = stop_within(steps, guard, found, target, y, yp)
+            if stop == AT_TARGET:
+                end_at_angle(target, share, derivative, handles, steps, y, yp)
+            elif stop == AT_GUARD and not found:
+                end_step(share, derivative, handles, steps, y)
+            if stop >= 0:
+                return stop
         if ended:
             return AT_TIME
         if run.origin + time[0] - status.counted_from >= run.period:
