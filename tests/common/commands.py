@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import gc
 import io
 import os
 import signal
@@ -36,6 +37,7 @@ class Done(NamedTuple):
 def command(*arguments):
     """Run the command line in this process, which spares the imports."""
     out, err = io.StringIO(), io.StringIO()
+    threshold = gc.get_threshold()  # the program raises it
     with (
         mock.patch("sys.argv", ["vibroplat", *map(str, arguments)]),
         contextlib.redirect_stdout(out),
@@ -48,6 +50,8 @@ def command(*arguments):
         except Exception:  # Python would print it and exit with 1
             code = 1
             traceback.print_exc()
+        finally:
+            gc.set_threshold(*threshold)
     return Done(code, out.getvalue(), err.getvalue())
 
 

@@ -136,8 +136,8 @@ def fuzz(place, numbers, watched):
 @pytest.mark.parametrize(
     "numbers",
     [
-        pytest.param(range(100), id="100"),
-        pytest.param(range(100, 300), id="200", marks=pytest.mark.long),
+        pytest.param(range(50), id="50"),
+        pytest.param(range(50, 300), id="250", marks=pytest.mark.long),
         pytest.param(range(300, 1300), id="1000", marks=pytest.mark.long),
         pytest.param(range(3300, 13_300), id="10000", marks=pytest.mark.campaign),
     ],

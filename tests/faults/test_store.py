@@ -5,11 +5,13 @@ from __future__ import annotations
 import json
 import math
 import os
+import shutil
 import signal
 import sqlite3
 
 import psutil
 import pytest
+from common import commands
 from common.commands import Child, ended, sending
 from common.places import FLYING
 from common.results import bits, finished_points
@@ -140,17 +142,25 @@ def test_no_workers_outlive_a_sweep_that_was_ended(signal_, seconds, place):
 # -- refused --------------------------------------------------------------------------------------------
 
 
-@pytest.fixture
-def unfinished(here, command):
-    """A sweep of which a point is missing."""
-    (here / "c.yaml").write_text(SMALL)
-    assert command("sweep", "c.yaml").code == 0
-    with sqlite3.connect(here / "results/c" / FILE) as base:
+@pytest.fixture(scope="module")
+def begun(tmp_path_factory):
+    """A sweep with one of two points missing."""
+    place = tmp_path_factory.mktemp("begun")
+    (place / "c.yaml").write_text(SMALL)
+    assert commands.command("sweep", place / "c.yaml", "--out", place).code == 0
+    with sqlite3.connect(place / "c" / FILE) as base:
         base.execute("DELETE FROM records WHERE second = 1")
         base.execute("UPDATE about SET value = 'false' WHERE key = 'finished'")
     base.close()
-    (here / "results/c/sweep.parquet").unlink()
-    return here / "results/c"
+    (place / "c/sweep.parquet").unlink()
+    return place / "c"
+
+
+@pytest.fixture
+def unfinished(here, begun):
+    """A copy of it."""
+    (here / "c.yaml").write_text(SMALL)
+    return shutil.copytree(begun, here / "results/c")
 
 
 def test_unfinished_sweep_is_not_begun_anew_unasked(unfinished, command):

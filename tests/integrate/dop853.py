@@ -29,15 +29,16 @@ class Dop853:
         def flow(t, y):
             unknowns, slopes = np.zeros(system.size), np.zeros(system.size)
             unknowns[: y.size] = y
-            accelerations(system.index, t, unknowns, slopes, self.p)
-            return slopes[: y.size]
+            found = accelerations(system.index, t, unknowns, slopes, self.p)
+            return slopes[: y.size] if found else np.full(y.size, np.nan)
 
         self.solver = DOP853(flow, t, y, np.inf, rtol=1e-13, atol=atol)
 
     def steps(self, longest):
         solver = self.solver
         before = solver.y
-        message = solver.step()
+        with np.errstate(all="ignore"):  # a stage that is not finite makes the step shorter
+            message = solver.step()
         if message:
             raise IntegrationError(message)
         self.work["steps"] += 1

@@ -15,7 +15,7 @@ from vibroplat.bench.stability.situations import SITUATIONS
 from vibroplat.integrate.native import MAX_STEPS
 
 #: Those that take seconds.
-LENGTHY = {"campaign", "elastic", "release", "invariance", "layers"}
+LENGTHY = {"campaign", "elastic", "release", "invariance", "layers", "accumulation", "grazing"}
 
 
 @pytest.mark.parametrize(

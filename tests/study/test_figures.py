@@ -8,6 +8,7 @@ import shutil
 import matplotlib as mpl
 import numpy as np
 import pytest
+from common import commands
 
 from vibroplat.errors import TableError
 from vibroplat.plots.style import plt
@@ -31,8 +32,6 @@ SWEEPS = {
 @pytest.fixture(scope="module")
 def written(tmp_path_factory):
     """Result directories of a sweep of each kind, and of a run."""
-    from vibroplat import cli
-
     place = tmp_path_factory.mktemp("place")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(place)
@@ -40,14 +39,8 @@ def written(tmp_path_factory):
             (place / f"{name}.yaml").write_text(
                 f"extends: {MACHINE}\n{MATERIAL}\nsweep:\n  max_settle_s: 5\n  {text}\n"
             )
-            patch.setattr("sys.argv", ["vibroplat", "sweep", f"{name}.yaml"])
-            with pytest.raises(SystemExit) as ended:
-                cli.main()
-            assert ended.value.code == 0
-        patch.setattr("sys.argv", ["vibroplat", "run", "map.yaml", "--set", "name=run", "--set", "run.duration_s=0.1"])
-        with pytest.raises(SystemExit) as ended:
-            cli.main()
-        assert ended.value.code == 0
+            assert commands.command("sweep", f"{name}.yaml").code == 0
+        assert commands.command("run", "map.yaml", "--set", "name=run", "--set", "run.duration_s=0.1").code == 0
     return place / "results"
 
 

@@ -14,7 +14,7 @@ from vibroplat.study import report
 from vibroplat.study.execution import Inline
 from vibroplat.study.point import MEASURED, Point
 from vibroplat.study.store import Store
-from vibroplat.study.sweep import CHUNK, run_sweeps
+from vibroplat.study.sweep import run_sweeps
 from vibroplat.tables import read_table
 
 from .helpers import planned
@@ -81,7 +81,3 @@ def test_table_of_many_points_is_in_row_groups(tmp_path, monkeypatch):
     ]
     section = read_table(tmp_path / "points", "section")
     assert len(section) == 300 * SECTION_POINTS
-
-
-def test_chunks_are_a_fraction_of_ten_thousand():
-    assert 100 <= CHUNK <= 2_000

@@ -1,1 +1,1 @@
-"""Run time against error, measured side by side in one run."""
+"""Benchmarks: run time against error, compared within one run."""

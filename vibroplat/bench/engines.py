@@ -1,4 +1,4 @@
-"""The engines side by side: speed, what a restart costs, work against error, endurance, start."""
+"""Compares the engines: speed, cost of a restart, work against error, endurance, start-up."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ from vibroplat.model.parameters import parameters
 from vibroplat.model.systems import GAP, systems
 from vibroplat.scene import Mode, Scene
 
-#: Turns between artificial restarts; no simple fractions, so that all phases of a turn are met.
+#: Turns between artificial restarts; not simple fractions, so that restarts hit all phases of a turn.
 _TURNS = (1.0, 1.51, 2.37)
 
 
 def restart_costs(tolerances: Sequence[float] = TOLERANCES, seconds: float = 4.0) -> pd.DataFrame:
-    """Measure steps and residual calls that a restart adds to an uninterrupted run, by tolerance.
+    """Measure how many steps and residual calls a restart adds, by tolerance.
 
-    Runs of engine ``native`` are interrupted each ``turns_between`` turns and restarted from a
+    Runs of engine ``native`` are interrupted at regular intervals and restarted from a
     consistent state, as after an event.
     """
     rows = []
@@ -59,7 +59,7 @@ def restart_costs(tolerances: Sequence[float] = TOLERANCES, seconds: float = 4.0
 
 
 def _work(scene: Scene, turns: float) -> tuple[int, int, int]:
-    """Return steps, residual calls and restarts of a run whose segments last at most so many turns."""
+    """Return steps, residual calls and restarts of a run with a largest segment length (turns)."""
     p = parameters(scene)
     with closing(make_engine(scene, p)) as engine:
         engine.turns_per_segment = turns
@@ -70,10 +70,10 @@ def _work(scene: Scene, turns: float) -> tuple[int, int, int]:
 
 
 def regime_references(seconds: float = 1.0) -> list[Reference]:
-    """Make references for the paper's regimes: runs at tolerance 1e-12, in flight and without contact by Adams.
+    """Make references for the paper's regimes: runs at tolerance 1e-12, with Adams in flight and without contact.
 
-    How far IDA at the same tolerance is from them tells how far they can be trusted;
-    ``vibroplat bench engines`` includes that tolerance.
+    Their distance from IDA at the same tolerance shows how accurate they are; ``vibroplat bench engines`` includes
+    that tolerance.
     """
     times = np.linspace(0.0, seconds, 401)
     found = []
@@ -84,7 +84,7 @@ def regime_references(seconds: float = 1.0) -> list[Reference]:
 
 
 def endurance(restarts: float = 1e6, tolerance: float = 1e-6) -> pd.DataFrame:
-    """Run an impacting scene for very many restarts without a trajectory: time, memory, gap, energy."""
+    """Run a scene with impacts for very many restarts without a trajectory: time, memory, gap, energy."""
     scene = with_variant(base(tolerance, 1.0).replace({"drive.supply_frequency_hz": 50.0}), ("native", "ida"))
     flight = systems(scene)[Mode.FLIGHT]
     rate = simulate(scene.replace({"run.duration_s": 100.0}), keep="summary").summary["restarts"] / 100.0
@@ -109,7 +109,7 @@ def endurance(restarts: float = 1e6, tolerance: float = 1e-6) -> pd.DataFrame:
 
 
 def start_times(repeats: int = 3) -> pd.DataFrame:
-    """Time ``vibroplat run`` of a scene of 1 s as a whole process: the first ever, and later ones."""
+    """Time ``vibroplat run`` of a scene of 1 s as a whole process: the very first run, and later ones."""
     command = [sys.executable, "-c", "from vibroplat.cli import main; main()", "run"]
     with tempfile.TemporaryDirectory() as room:
         scene = Path(room) / "start.yaml"
@@ -135,7 +135,7 @@ def start_times(repeats: int = 3) -> pd.DataFrame:
 
 
 def targets(speed: pd.DataFrame, restarts: pd.DataFrame, long_run: pd.DataFrame, starts: pd.DataFrame) -> pd.DataFrame:
-    """Compare what was measured with what engine ``native`` was built for."""
+    """Compare the measurements with the design targets of engine ``native``."""
 
     def of(scene: str, engine: str, column: str) -> float:
         rows = speed[(speed["scene"] == scene) & (speed["engine"] == engine) & (speed["smooth_modes"] == "ida")]

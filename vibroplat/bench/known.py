@@ -1,4 +1,4 @@
-"""Scenes whose motion follows from a formula."""
+"""Scenes with closed-form solutions."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ def ball_on_table(
     """One thin layer of 1e-12 of the mass on a table s = A sin(ωt + phase), A ω²/g = gamma.
 
     The table is a platform of 1e6 kg on a soft spring without dampers, in its steady antiphase motion;
-    rotors of huge inertia keep the exciters' speed.
+    rotors of huge inertia keep the exciters' speed constant.
     """
     mass, unbalance_mass = 1e6, 1e3
     stiffness = mass * (0.1 * omega) ** 2
     amplitude = gamma * GRAVITY / omega**2
     unbalance = amplitude * (mass * omega**2 - stiffness) / (2.0 * omega**2)
-    angle = phase + math.pi  # above resonance the platform moves against the unbalances
+    angle = phase + math.pi  # above resonance the platform moves opposite to the unbalances
     state = State(
         y_m=-mass * GRAVITY / stiffness + amplitude * math.sin(phase),
         y_rate_m_per_s=amplitude * omega * math.cos(phase),
@@ -63,7 +63,7 @@ def ball_on_table(
 
 
 def dropped_ball(restitution: float, height: float = 1.0, tolerance: float = 1e-10) -> Scene:
-    """One layer dropped from rest on a platform of 1e6 kg that stands still, exciters hanging."""
+    """One layer dropped from rest on a motionless platform of 1e6 kg with hanging exciters."""
     machine = Machine(
         platform_mass_kg=1e6,
         platform_inertia_kg_m2=1e6,

@@ -17,7 +17,7 @@ from vibroplat.errors import TableError
 from vibroplat.observe.trajectory import Trajectory
 from vibroplat.scene import COORDINATES, Scene
 
-#: Impacts slower than this are closed at thresholds of the integrations' own and not compared (m/s).
+#: Slower impacts (m/s) are not compared: each integration ends an accumulation at its own threshold.
 SLOWEST = 1e-3
 
 
@@ -68,7 +68,7 @@ def compared_events(events: pd.DataFrame) -> pd.DataFrame:
 def coordinate_errors(run: Trajectory, trajectory: pd.DataFrame, until: float = np.inf) -> dict[str, float]:
     """Largest error of each coordinate, and of the contact force relative to its largest value.
 
-    The force is compared where both are attached, in ``contact_force``.
+    The force is compared while both are attached; its error is ``contact_force``.
     """
     end = min(until, run.scene.run.duration_s)
     theirs = trajectory[trajectory["t_s"] <= end].reset_index(drop=True)
@@ -82,7 +82,7 @@ def coordinate_errors(run: Trajectory, trajectory: pd.DataFrame, until: float = 
 
 
 def event_errors(mine: pd.DataFrame, theirs: pd.DataFrame) -> dict[str, float]:
-    """Largest error of event times (s) and, relative, of impact speeds; nan if the sequences differ."""
+    """Largest error of event times (s) and largest relative error of impact speeds; nan if the sequences differ."""
     mine, theirs = compared_events(mine), compared_events(theirs)
     if list(mine["kind"]) != list(theirs["kind"]):
         return {"event_time_s": np.nan, "impact_speed": np.nan}

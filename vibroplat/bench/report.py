@@ -1,4 +1,4 @@
-"""What ``vibroplat bench`` writes and prints for each of its names."""
+"""Writes and prints the results of each benchmark."""
 
 from __future__ import annotations
 
@@ -21,30 +21,30 @@ from vibroplat.tables import write_table
 if TYPE_CHECKING:
     from vibroplat.bench.peers.peers import Peer
 
-#: Failed scenes of a situation that are told one by one.
+#: Failed scenes of a situation that are listed one by one.
 TOLD = 5
 
-#: Scenes of the summary: those before the ones that amplify errors most.
+#: Number of scenes in the summary; later ones amplify errors most.
 QUICK = 4
 
-#: Columns that name a variant of the product.
+#: Columns that identify a variant of vibroplat.
 _VARIANT = ["engine", "smooth_modes"]
 
 
 def report_runtime(directory: Path, reference: Path, repeats: int) -> None:
-    """Each kind of scene with the engine that runs by default."""
+    """Time each kind of scene with the default engine."""
     _show(runtime(repeats=repeats), directory, "runtime")
 
 
 def report_precision(directory: Path, reference: Path, repeats: int) -> None:
-    """Run time against error over the reference cases, with the engine that runs by default."""
+    """Measure run time against error on the reference cases, with the default engine."""
     table = precision(load_references(reference), repeats=repeats)
     _show(table, directory, "precision")
     print(plot_precision(table, directory, "precision", OWN, _VARIANT))
 
 
 def report_engines(directory: Path, reference: Path, repeats: int) -> None:
-    """Both engines and both integrators: speed, restarts, work against error, endurance, start, targets."""
+    """Compare both engines and both integrators: speed, restarts, work against error, endurance, start-up, targets."""
     cases = load_references(reference)
     starts = engines.start_times()
     _show(starts, directory, "engines-start")
@@ -64,15 +64,15 @@ def report_engines(directory: Path, reference: Path, repeats: int) -> None:
 
 
 def report_sweeps(directory: Path, reference: Path, repeats: int) -> None:
-    """Settling and workers of sweeps."""
+    """Measure settling and parallel workers of sweeps."""
     _show(sweeps.settling(), directory, "sweeps-settling")
     _show(sweeps.workers(min(repeats, 3)), directory, "sweeps-workers")
 
 
 def report_stability(directory: Path, reference: Path, repeats: int) -> None:
-    """Situations that a hybrid solver stumbles over, each scene with its check; all scenes in a table."""
+    """Run situations that are difficult for a hybrid solver; every scene is checked and gets a row in a table."""
     from vibroplat.bench.stability.checks import overview  # noqa: PLC0415
-    from vibroplat.bench.stability.situations import SITUATIONS  # noqa: PLC0415  (imports all that they need)
+    from vibroplat.bench.stability.situations import SITUATIONS  # noqa: PLC0415  (imports all situations)
 
     tables = {}
     for name, situation in SITUATIONS.items():
@@ -89,12 +89,12 @@ def report_stability(directory: Path, reference: Path, repeats: int) -> None:
 
 
 def report_summary(directory: Path, reference: Path, repeats: int) -> None:
-    """In two minutes: run time at equal error of all peers that are here, on scenes with and without events."""
+    """Compare run times of the installed peers at equal error, on scenes with and without events, in two minutes."""
     _compare(directory, reference, repeats, "summary", quick=True)
 
 
 def report_peers(directory: Path, reference: Path, repeats: int) -> None:
-    """Peers side by side: work–precision, statistics of a motion that is not periodic, and what grows with scenes."""
+    """Compare peers: work–precision, statistics of a non-periodic motion, and scaling."""
     from vibroplat.bench.peers import cases, precision, scaling  # noqa: PLC0415  (imports peers)
 
     peers = _compare(directory, reference, repeats, "peers", quick=False)
@@ -115,19 +115,19 @@ def report_peers(directory: Path, reference: Path, repeats: int) -> None:
 
 
 def require_oracle() -> None:
-    """Say at once if what errors are measured against is not here.
+    """Check early that the oracle, against which errors are measured, is installed.
 
     Raises
     ------
     VibroplatError
-        With what to install.
+        The oracle is missing; the message says what to install.
     """
     if importlib.util.find_spec("heyoka") is None:
         raise VibroplatError("heyoka is the oracle of this bench; pip install 'vibroplat[bench]' has it")
 
 
 def _compare(directory: Path, reference: Path, repeats: int, name: str, *, quick: bool) -> list[Peer]:
-    """Work–precision of all peers that are here, with its tables; returns them."""
+    """Measure work–precision of all installed peers; write and return the tables."""
     from vibroplat.bench.peers import cases, precision  # noqa: PLC0415
     from vibroplat.bench.peers.peers import PEERS  # noqa: PLC0415
 
@@ -154,7 +154,7 @@ def _compare(directory: Path, reference: Path, repeats: int, name: str, *, quick
     return here
 
 
-#: By the name on the command line.
+#: Reports by their names on the command line.
 REPORTS: dict[str, Callable[[Path, Path, int], None]] = {
     "runtime": report_runtime,
     "precision": report_precision,

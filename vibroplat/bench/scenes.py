@@ -1,4 +1,4 @@
-"""The scenes that benches run: each kind that the solver treats differently, and the paper's regimes."""
+"""Benchmark scenes: one for each kind that the solver treats differently, and the paper's regimes."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 from vibroplat.model.systems import systems
 from vibroplat.scene import Material, Scene
 
-#: Supply frequencies (Hz) at which the machine below has the excitation frequencies of the paper's time histories.
+#: Supply frequencies (Hz) that give the machine below the excitation frequencies of the paper's time histories.
 PAPER_SUPPLY = {"25.75": 51.5, "30.7": 62.5, "38.75": 78.0}
 
 
@@ -52,5 +52,5 @@ def regimes(seconds: float) -> dict[str, Scene]:
 
 
 def unknowns(scene: Scene) -> str:
-    """Say how many unknowns each mode of a scene has."""
+    """Return the number of unknowns in each mode of a scene, as text."""
     return ", ".join(f"{system.size} {mode.label}" for mode, system in systems(scene).items())

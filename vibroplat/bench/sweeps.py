@@ -1,4 +1,4 @@
-"""What sweeps cost: adaptive against fixed settling at equal results, one worker against several."""
+"""Cost of sweeps: adaptive against fixed settling at equal results, one worker against several."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from vibroplat.paper.trial import machine_numbers, paper_scene
 from vibroplat.scene import Scene
 from vibroplat.study.sweep import sweep
 
-#: Fixed settling times (s) beside the adaptive one, and the one that is taken for the truth.
+#: Fixed settling times (s) compared with the adaptive one, and the one that serves as the truth.
 FIXED, TRUTH = (1.0, 2.0, 4.0, 6.0, 10.0, 20.0), 60.0
 #: Largest relative error of RMS y that counts as an equal result.
 EQUAL = 1e-3
@@ -38,7 +38,7 @@ def settling() -> pd.DataFrame:
     """
     scene = base()
     truth = sweep(scene.replace({"sweep.settle_s": TRUTH}))
-    # where nothing moves vertically (in-phase rotation) a relative error says nothing
+    # without vertical motion (in-phase rotation) a relative error is meaningless
     compared = ((truth["period"] == 1) & (truth["rms_y_m"] > 1e-3 * truth["rms_y_m"].max())).to_numpy(dtype=bool)
     rows = []
     for choice in ("auto", *FIXED):

@@ -1,4 +1,4 @@
-"""Wall time of runs: medians over repeats, with the work done beside it."""
+"""Wall time of runs: medians over repeats, and the work done."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from vibroplat.scene import Scene
 
 TOLERANCES = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10)
 
-#: Engine and what integrates modes without contact force, as the configuration names them.
+#: Engine and integrator of modes without contact force, as named in a configuration.
 Variant = tuple[str, str]
 DEFAULT: tuple[Variant, ...] = (("auto", "auto"),)
 VARIANTS: tuple[Variant, ...] = (("native", "ida"), ("native", "adams"), ("sundae", "ida"), ("sundae", "adams"))
@@ -30,12 +30,12 @@ def with_variant(scene: Scene, variant: Variant) -> Scene:
 
 
 def side_by_side(scenes: Mapping[Any, Scene], repeats: int) -> dict[Any, tuple[list[float], dict[str, Any]]]:
-    """Time scenes one after the other in each repeat, so that a machine's drift meets all alike.
+    """Time scenes in turns, so that drift of the machine affects all of them equally.
 
     Returns
     -------
     dict
-        By the scenes' keys: wall times (s) of each repeat and the summary of a run.
+        Wall times (s) of each repeat and the summary of a run, by the scenes' keys.
     """
     summaries = {key: simulate(scene, keep="summary").summary for key, scene in scenes.items()}  # loads the kernels
     times: dict[Any, list[float]] = {key: [] for key in scenes}
@@ -50,10 +50,10 @@ def side_by_side(scenes: Mapping[Any, Scene], repeats: int) -> dict[Any, tuple[l
 def runtime(
     tolerance: float = 1e-6, seconds: float = 2.0, repeats: int = 5, variants: Sequence[Variant] = DEFAULT
 ) -> pd.DataFrame:
-    """Time each kind of scene and say what it needs: unknowns, steps, residual calls, events.
+    """Time each kind of scene and count unknowns, steps, residual calls and events.
 
-    Where engine ``native`` is among the variants, the others' ``ratio`` is the median over repeats of their
-    time over that of ``native`` with the same integrator.
+    If engine ``native`` is among the variants, the column ``ratio`` of the others is their time over that of ``native``
+    with the same integrator (median over repeats).
     """
     scenes = {
         (name, variant): with_variant(scene, variant)
@@ -90,7 +90,7 @@ def precision(
     repeats: int = 3,
     variants: Sequence[Variant] = DEFAULT,
 ) -> pd.DataFrame:
-    """Errors against references beside run time and work, for a range of tolerances."""
+    """Measure errors against references, run time and work for a range of tolerances."""
     rows = []
     for case in cases:
         scenes = {
@@ -118,5 +118,5 @@ def precision(
 
 
 def machine() -> str:
-    """Say what the figures were measured on."""
+    """Describe the machine on which the figures were measured."""
     return f"{platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}, {platform.system()}"

@@ -18,7 +18,8 @@ from vibroplat.model.impact import impact, impacts_left, latch
 from vibroplat.model.systems import FULL_SIZE, GAP, GAP_RATE, SIZES, gather, spread
 
 #: Impacts that an event stands for; integers of numpy, see :mod:`vibroplat.hybrid.modes`.
-_NONE, _ONE = np.arange(2)
+_COUNTS: Any = np.arange(2)
+_NONE, _ONE = _COUNTS
 
 _EPS = float(np.finfo(float).eps)
 

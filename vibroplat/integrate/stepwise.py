@@ -1,4 +1,4 @@
-"""An engine of any integrator that hands over steps: the loop around them, with guards as roots of their polynomials."""
+"""An engine of any integrator: the loop around its steps, with guards as roots of their polynomials."""
 
 from __future__ import annotations
 

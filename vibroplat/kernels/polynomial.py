@@ -163,22 +163,23 @@ def bend(c: FloatArray, degree: int, j: int) -> float:
 
 
 @compiled
-def extremes(c: FloatArray, degree: int, j: int, last: float) -> tuple[float, float]:
-    """Least and largest value of unknown j within a step that ends with the value ``last``.
+def extremes(c: FloatArray, degree: int, j: int, first: float, last: float) -> tuple[float, float]:
+    """Least and largest value of unknown j from fraction ``first`` of a step to its end, where it is ``last``.
 
     Found among points, and improved by Newton's iteration on the slope.
     """
     points = 2 * degree
-    least, at_least, largest, at_largest = c[0, j], 0.0, c[0, j], 0.0
+    least = largest = value(c, degree, j, first)
+    at_least = at_largest = first
     for i in range(1, points + 1):
-        s = i / points
+        s = first + (1.0 - first) * i / points
         found = value(c, degree, j, s) if i < points else last
         if found < least:
             least, at_least = found, s
         if found > largest:
             largest, at_largest = found, s
-    least = min(least, turning_value(c, degree, j, at_least, least))
-    return least, max(largest, turning_value(c, degree, j, at_largest, largest))
+    least = min(least, turning_value(c, degree, j, at_least, first, least))
+    return least, max(largest, turning_value(c, degree, j, at_largest, first, largest))
 
 
 @compiled
@@ -201,9 +202,9 @@ def at_highest(c: FloatArray, degree: int, j: int) -> float:
 
 
 @compiled
-def turning_value(c: FloatArray, degree: int, j: int, s: float, at_end: float) -> float:
+def turning_value(c: FloatArray, degree: int, j: int, s: float, first: float, at_end: float) -> float:
     """Value of unknown j near a fraction of a step, where its slope is zero, or ``at_end`` if the step ends there."""
-    low, high = max(s - 0.5 / degree, 0.0), min(s + 0.5 / degree, 1.0)
+    low, high = max(s - 0.5 / degree, first), min(s + 0.5 / degree, 1.0)
     for _ in range(4):
         curvature = 0.0
         for k in range(degree, 1, -1):
@@ -211,7 +212,7 @@ def turning_value(c: FloatArray, degree: int, j: int, s: float, at_end: float) -
         if curvature == 0.0:
             return at_end
         s = min(max(s - slope(c, degree, j, s) / curvature, low), high)
-    return value(c, degree, j, s) if 0.0 < s < 1.0 else at_end
+    return value(c, degree, j, s) if first < s < 1.0 else at_end
 
 
 @compiled

@@ -48,7 +48,7 @@ SECTION_ROWS = 1024
 MARKS = np.dtype(
     [
         ("window", np.float64),  # when the measured part begins (s)
-        ("passed", np.float64),  # whole turns of exciter 1 until now, inf before the first step
+        ("passed", np.float64),  # whole turns of exciter 1 until now, nan before the first step
         ("turns", np.int64),  # points of the section so far
         ("first_time", np.float64),  # of the section's first and last point (s)
         ("last_time", np.float64),
@@ -125,7 +125,7 @@ class Measures(NamedTuple):
 def no_measures(window: float) -> Measures:
     """Make empty sums whose measured part begins at a time (s)."""
     marks = np.zeros(1, MARKS)
-    marks["window"], marks["passed"] = window, math.inf
+    marks["window"], marks["passed"] = window, math.nan
     for name in ("force", "y"):
         marks[f"{name}_min"], marks[f"{name}_max"] = math.inf, -math.inf
     plain, open_turn, whole = np.zeros(3, SUMS)
@@ -245,36 +245,37 @@ def add_step(
     power: FloatArray,
     p: Parameters,
 ) -> None:
-    """Add a step, in parts where exciter 1 completes turns within it."""
+    """Add a step, in parts where the measured part begins and where exciter 1 completes turns within it."""
     marks, c, end = ms.marks, steps.c[row], steps.ends[row]
     system, force = piece.system, DIFFERENTIAL[piece.system]
     begin, length = piece.origin + steps.start[row], steps.length[row]
     if SIZES[system] > force and may_widen(marks.force_min, marks.force_max, c, degree, force, end[force]):
-        marks.force_min, marks.force_max = widened(marks.force_min, marks.force_max, c, force, end[force])
+        marks.force_min, marks.force_max = widened(marks.force_min, marks.force_max, c, force, 0.0, end[force])
     if flying and may_widen(marks.gap_min, marks.gap_max, c, degree, GAP, end[GAP]):
-        marks.gap_min, marks.gap_max = widened(marks.gap_min, marks.gap_max, c, _GAP, end[GAP])
+        marks.gap_min, marks.gap_max = widened(marks.gap_min, marks.gap_max, c, _GAP, 0.0, end[GAP])
+    since = (marks.window - begin) / length if begin < marks.window else 0.0  # fraction from which it is measured
+    if since < 1.0 and may_widen(marks.y_min, marks.y_max, c, degree, 1, end[1]):
+        marks.y_min, marks.y_max = widened(marks.y_min, marks.y_max, c, _HEIGHT, since, end[1])
     turn, last = marks.passed, whole_turns(end[3], piece.turns[0])
-    if math.isinf(turn):
+    if math.isnan(turn):
         turn = whole_turns(c[0, 3], piece.turns[0])
     if not abs(last - turn) <= _MOST_TURNS:
         turn = last
     marks.passed = last
     begun = 0.0
-    while True:
-        cut, way = 1.0, 1.0 if last > turn else -1.0
+    while begun < 1.0 or turn != last:
+        cut, way = 1.0, 0.0
         if turn != last:
+            way = 1.0 if last > turn else -1.0
             cut = crossing(c, degree, _ANGLE, _TURN * max(turn, turn + way) - piece.turns[0])
-        if begun < cut:
-            integrate(ms, c, degree, begun, cut, begin, length, system, flying, nodes, full, power, p)
-        if turn == last:
-            break
+        if begun < since < cut:
+            cut, way = since, 0.0
+        integrate(ms, c, degree, begun, cut, begin, length, system, flying, begun >= since, nodes, full, power, p)
         begun, turn, now = cut, turn + way, begin + cut * length
-        if goes_on(marks, slope(c, degree, 3, cut)) and now >= marks.window:
+        if way != 0.0 and goes_on(marks, slope(c, degree, 3, cut)) and now >= marks.window:
             for j in range(force):
                 full[PLACES[system, j]] = value(c, degree, j, cut)
             close_turn(ms, now, piece.turns, full, value(c, degree, force, cut) if SIZES[system] > force else 0.0)
-    if begin + begun * length >= marks.window and may_widen(marks.y_min, marks.y_max, c, degree, 1, end[1]):
-        marks.y_min, marks.y_max = widened(marks.y_min, marks.y_max, c, _HEIGHT, end[1])
 
 
 @inlined
@@ -284,9 +285,9 @@ def whole_turns(angle: float, turns: float) -> float:
 
 
 @compiled
-def widened(least: float, largest: float, c: FloatArray, j: int, last: float) -> tuple[float, float]:
-    """Return extremes that also cover unknown j within a step, which ends with the value ``last``."""
-    low, high = extremes(c, c.shape[0] - 1, j, last)
+def widened(least: float, largest: float, c: FloatArray, j: int, first: float, last: float) -> tuple[float, float]:
+    """Return extremes that also cover unknown j from fraction ``first`` of a step to its end, where it is ``last``."""
+    low, high = extremes(c, c.shape[0] - 1, j, first, last)
     return min(least, low), max(largest, high)
 
 
@@ -301,6 +302,7 @@ def integrate(
     length: float,
     system: int,
     flying: bool,
+    measured: bool,
     nodes: int,
     full: FloatArray,
     power: FloatArray,
@@ -313,7 +315,6 @@ def integrate(
     """
     marks, sums, work = ms.marks, ms.open_turn, ms.work
     duration = (end - start) * length
-    measured = begin + start * length >= marks.window
     total_x, total_xx, total_y, total_yy, total_phi, total_phi_phi, total_motor = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     total_exchanged, total_cosine, total_sine = 0.0, 0.0, 0.0
     for i in range(nodes):

@@ -1,6 +1,6 @@
-"""Numerical stability under stress: one module for each kind of situation, each scene with its check.
+"""Numerical stability under stress: one module per kind of situation; every scene is checked.
 
-A situation is a function of a number of scenes that returns a row for each: what was measured, what is
-allowed of it (:mod:`vibroplat.bench.stability.checks`), and what is beyond. What stands in
-:mod:`vibroplat.bench.stability.situations` is run by ``vibroplat bench stability`` and, with few scenes, by the tests.
+A situation is a function of the number of scenes. It returns one row per scene: measured values, their limits
+(:mod:`vibroplat.bench.stability.checks`), and the values beyond their limits. ``vibroplat bench stability`` runs all
+situations listed in :mod:`vibroplat.bench.stability.situations`; the tests run them with few scenes.
 """

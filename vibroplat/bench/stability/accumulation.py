@@ -1,4 +1,4 @@
-"""Impacts that accumulate, and elastic ones that come near to it."""
+"""Accumulating impacts, and elastic ones that nearly accumulate."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from vibroplat.flow.run import simulate
 from vibroplat.scene import Scene
 
 TOLERANCE = 1e-10
-#: Relative error of the time of a latch.
+#: Largest relative error of the time of a latch.
 LATCH = 1e-6
-#: The same at the usual tolerance, times 1 − R: what is closed by the sum is longer there, and would be seen.
+#: The same at the default tolerance, times 1 − R: more of the series is summed there, and an error would be visible.
 USUAL, LATCH_USUAL = 1e-6, 1e-6
-#: The same of layers on the moving platform, beside a ten times closer tolerance.
+#: The same for layers on the moving platform, compared with a run at a tenth of the tolerance.
 LATCH_MOVING = 1e-7
-#: The same after ten thousands of impacts, each of which adds its own.
+#: The same after tens of thousands of impacts, each of which adds its own error.
 LATCH_SLOW = 1e-5
-#: Impacts followed one by one until what is left is closed, over what the geometric series needs to become as short.
+#: Number of impacts followed one by one before the latch, over the number that the geometric series requires.
 COST = 1.2
-#: Height from which a ball is dropped so that it has closed within some turns (m).
+#: Drop height of a ball (m) for which the accumulation ends within a few turns.
 HEIGHT = 1e-3
-#: Elastic bounces of a ball, and relative energy that each may lose or gain at tolerance 1.
+#: Number of elastic impacts of a ball, and relative energy that each may lose or gain at tolerance 1.
 BOUNCES, DRIFT = 1000, 10.0
 
 
@@ -35,7 +35,7 @@ def accumulation(count: int) -> list[dict[str, Any]]:
     rows = []
     for restitution in np.linspace(0.05, 0.99, count // 4):
         rows.append(_ball(float(restitution), TOLERANCE, LATCH))
-        # each impact adds its error to all that follow
+        # the error of each impact affects all later ones
         rows.append(_ball(float(restitution), USUAL, LATCH_USUAL / (1.0 - restitution)))
         rows.append(_layers(float(restitution)))
         rows.append(_moving(float(restitution)))
@@ -43,7 +43,7 @@ def accumulation(count: int) -> list[dict[str, Any]]:
 
 
 def _ball(restitution: float, tolerance: float, allowed: float) -> dict[str, Any]:
-    """Compare the time of a latch with t∞, momentum and energy with those of the fall."""
+    """Compare the time of a latch with t∞, and momentum and energy with those of the fall."""
     scene = dropped_ball(restitution, HEIGHT, tolerance)
     name = f"ball, R {restitution:.3g}, tolerance {tolerance:g}"
     run = simulate(scene)
@@ -74,7 +74,7 @@ def _impacts_needed(restitution: float, tolerance: float) -> float:
 
 
 def _layers(restitution: float) -> dict[str, Any]:
-    """Let two layers fall on the paper's platform, which yields: they come to rest, and all is accounted for."""
+    """Drop two layers on the paper's platform, which yields: they come to rest, momentum and energy balance."""
     scene = base(1e-8, 2.0).replace(
         {
             "motor.critical_torque_n_m": 0.0,
@@ -90,7 +90,7 @@ def _layers(restitution: float) -> dict[str, Any]:
 
 
 def _moving(restitution: float) -> dict[str, Any]:
-    """Close a small drop on the running machine; the latch is where a closer run has it."""
+    """Let a small drop accumulate on the running machine; a run at a smaller tolerance gives the same latch."""
     scene = base(TOLERANCE, 0.2).replace(
         {
             "drive.supply_frequency_hz": 40.0,
@@ -112,7 +112,7 @@ def _moving(restitution: float) -> dict[str, Any]:
 
 
 def elastic(count: int) -> list[dict[str, Any]]:
-    """Let R be 1 or nearly: bounces keep their energy, layers that press end with a name, work is bounded."""
+    """Use R of nearly 1: impacts keep their energy, pressing layers end with a named outcome, work is bounded."""
     rows = [_bounces(tolerance) for tolerance in (1e-6, 1e-8, 1e-10)]
     rows += [_slow_accumulation(restitution) for restitution in (0.995, 0.999, 0.9995)]
     supply = np.linspace(42.0, 78.0, max(count - len(rows), 2) // 2)
@@ -122,7 +122,7 @@ def elastic(count: int) -> list[dict[str, Any]]:
 
 
 def _bounces(tolerance: float) -> dict[str, Any]:
-    """Bounce a ball elastically: each flight lasts 2 √(2h/g), and the speed stays."""
+    """Drop a ball elastically: each flight lasts 2 √(2h/g), and the impact speed stays constant."""
     flight = 2.0 * math.sqrt(2.0 * HEIGHT / GRAVITY)
     changes = {"contact.restitution": 1.0, "run.duration_s": (BOUNCES + 0.25) * flight}
     scene = dropped_ball(0.5, HEIGHT, tolerance).replace(changes)
@@ -141,7 +141,7 @@ def _bounces(tolerance: float) -> dict[str, Any]:
 
 
 def _slow_accumulation(restitution: float) -> dict[str, Any]:
-    """Follow the very many impacts that close a slow accumulation, where that is asked for."""
+    """Follow all the impacts of a slow accumulation, as requested by a large limit on events."""
     scene = dropped_ball(restitution, HEIGHT, TOLERANCE).replace({"solver.max_events_per_period": 1_000_000})
     run = simulate(scene, keep="events")
     latches = run.events[run.events["kind"] == "latch"]
@@ -155,7 +155,7 @@ def _slow_accumulation(restitution: float) -> dict[str, Any]:
 
 
 def _pressing(restitution: float, supply: float) -> dict[str, Any]:
-    """Run the paper's machine with layers that press and hardly lose energy; R = 1 never accumulates."""
+    """Run the paper's machine with pressing layers that hardly lose energy; R = 1 never accumulates."""
     scene: Scene = base(1e-6, 2.0).replace({"drive.supply_frequency_hz": supply, "contact.restitution": restitution})
     summary = simulate(scene, keep="summary").summary
     limits = sound(scene, summary)

@@ -1,4 +1,4 @@
-"""Random scenes over wide ranges of all parameters and starts."""
+"""Random scenes over wide ranges of all parameters and initial states."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from vibroplat.integrate.native import MAX_STEPS
 from vibroplat.overrides import nest
 from vibroplat.scene import COORDINATES, RATES, Scene
 
-#: How long each scene runs, in turns of the larger synchronous speed.
+#: Duration of each scene in turns at the larger synchronous speed.
 TURNS = 20.0
 #: Outcomes of scenes that end early.
 GIVEN_UP = frozenset({"event-storm", "solver-failure", "beyond-model"})
-#: One scene in so many is run by the other engine as well.
+#: Every RARE-th scene is also run by the other engine.
 RARE = 100
-#: Events within a turn that end a scene: enough for what accumulates, few enough for what does not.
+#: Events within a turn that end a scene: enough for an accumulation, few enough if nothing accumulates.
 STORM = 500
 
 
 def campaign(count: int) -> list[dict[str, Any]]:
-    """Run so many random scenes, each within its budget of steps, to ``ok`` or to an outcome with a name.
+    """Run random scenes; each must end with ``ok`` or another named outcome within its budget of steps.
 
     Every hundredth is run by engine ``sundae``, and its tables are looked through; the last row is of all.
     """
@@ -61,14 +61,14 @@ def _judged(scene: Scene) -> dict[str, Any]:
 
 
 def _missing(*arrays: Any) -> int:
-    """Count what is not a number in arrays and records."""
-    columns = [array[name] for array in arrays for name in array.dtype.names or ()]
+    """Count what is not a number in arrays and records; only the turns passed have no number before the first step."""
+    columns = [array[name] for array in arrays for name in array.dtype.names or () if name != "passed"]
     columns += [array for array in arrays if array.dtype.names is None]
     return sum(int(np.isnan(column).sum()) for column in columns)
 
 
 def _all(rows: list[dict[str, Any]], tolerances: list[float]) -> dict[str, Any]:
-    """Judge the campaign as a whole, tighter than any one scene can be."""
+    """Judge the campaign as a whole, with tighter limits than for single scenes."""
     by_outcome = {outcome: sum(r["outcome"] == outcome for r in rows) / len(rows) for outcome in ("ok", *GIVEN_UP)}
     native = [r for r in rows if r["scene"].endswith("native")] or rows
     residuals = np.array(
@@ -84,12 +84,12 @@ def _all(rows: list[dict[str, Any]], tolerances: list[float]) -> dict[str, Any]:
 
 
 def random_scene(number: int, seed: int = 0) -> Scene:
-    """Draw one scene; the same for the same number and seed."""
+    """Draw a scene; number and seed determine it."""
     return drawn(Draw(np.random.default_rng((seed, number))), f"random-{number}")
 
 
 def drawn(draw: Draw, name: str) -> Scene:
-    """Make a scene of what is drawn."""
+    """Build a scene from random values."""
     tree = nest(draw.machine() | draw.material() | draw.contact() | draw.solver())
     scene = Scene.from_tree(tree | {"name": name} | draw.motors())
     duration = TURNS * 2.0 * np.pi / scene.speed_scale
@@ -97,7 +97,7 @@ def drawn(draw: Draw, name: str) -> Scene:
 
 
 class Numbers(Protocol):
-    """A source of random numbers, as numpy's generators are."""
+    """A source of random numbers, like numpy's generators."""
 
     def uniform(self, low: float = ..., high: float = ..., size: Any = ...) -> Any: ...  # noqa: D102
     def random(self) -> float: ...  # noqa: D102
@@ -115,12 +115,12 @@ class Draw:
         self._rng = rng
 
     def size(self, middle: float, decades: float, *, zero: bool = False) -> float:
-        """Draw a size within so many decades of a middle one, or 0."""
+        """Draw a number within some decades of a central value, or 0."""
         drawn = middle * 10.0 ** self._rng.uniform(-decades, decades)
         return 0.0 if zero and self._rng.random() < 0.125 else float(drawn)
 
     def one_of(self, *choices: Any) -> Any:
-        """Choose one."""
+        """Choose one item."""
         return choices[self._rng.integers(len(choices))]
 
     def machine(self) -> dict[str, Any]:
@@ -161,7 +161,7 @@ class Draw:
         return {"motors": [motor(), motor()]} if self._rng.random() < 0.25 else {"motor": motor()}
 
     def material(self) -> dict[str, Any]:
-        """Draw layers and what is between them."""
+        """Draw the layers, and the spring and damper between them."""
         return {
             "material.mass_ratio": self.size(10.0**-2.5, 3.5, zero=True),
             "material.layers": self.one_of(1, 2, 2),
@@ -171,7 +171,7 @@ class Draw:
         }
 
     def contact(self) -> dict[str, Any]:
-        """Draw how material and platform meet."""
+        """Draw the contact between material and platform."""
         restitution = self.one_of(0.0, 1.0, self._rng.random(), self._rng.random(), 1.0 - self.size(1e-3, 2.0))
         return {
             "contact.model": self.one_of(*["impact"] * 7, "non-impact"),
@@ -181,7 +181,7 @@ class Draw:
         }
 
     def solver(self) -> dict[str, Any]:
-        """Draw how accurately."""
+        """Draw the solver's settings."""
         return {
             "solver.tolerance": self.size(1e-6, 3.0),
             "solver.smooth_modes": self.one_of("auto", "auto", "ida", "adams"),
@@ -189,7 +189,7 @@ class Draw:
         }
 
     def initial(self, scene: Scene) -> dict[str, Any]:
-        """Draw the start: turning exciters on a platform at rest, or any state of the scene's sizes."""
+        """Draw the initial state: rotating exciters on a platform at rest, or any state within the scene's scales."""
         turn = self._rng.uniform(-np.pi, np.pi, 2)
         if self._rng.random() < 0.4:
             return {

@@ -1,4 +1,4 @@
-"""What a scene of the stability suite is held to, and how that is told."""
+"""Checks of the stability suite and their report."""
 
 from __future__ import annotations
 
@@ -20,24 +20,24 @@ from vibroplat.scene import Scene
 
 T = TypeVar("T")
 
-#: A measured figure, None or nan where there is none, and the most that it may be.
+#: A measured value (None or nan if there is none) and its limit.
 Limit = tuple[float | None, float]
 
-#: Energy residual over tolerance and steps that is allowed: each step may be off by about the tolerance, and the
-#: errors of all may add up. In a campaign of 10 000 random scenes the largest is 2.8, the median 6e-4.
+#: Largest energy residual over tolerance and steps: each step may be off by about the tolerance, and the errors may
+#: add up. In a campaign of 10 000 random scenes the largest is 2.8, the median 6e-4.
 ENERGY = 5.0
-#: The same of the vertical momentum; its scale is the impulse of the springs, which every step's error changes.
+#: The same for vertical momentum; its scale is the impulse of the springs, which the error of every step changes.
 MOMENTUM = 5.0
-#: Gap below zero, and contact force below zero, over the tolerance in units of their scales.
+#: Largest gap and contact force below zero, in units of their scales, over the tolerance.
 GAP_BELOW, PULL = 1.0, 10.0
-#: Contact force below zero, over the force scale, that is allowed at most.
+#: Largest contact force below zero, over the force scale, at any tolerance.
 PULL_MOST = 0.05
 
 
 def sound(scene: Scene, summary: Mapping[str, Any]) -> dict[str, Limit]:
-    """Return what every run is held to: gap, contact force, energy and momentum.
+    """Return the limits that hold for every run: gap, contact force, energy and momentum.
 
-    A motion that runs away where the model breaks down is not held to its balances.
+    A motion that diverges where the model breaks down need not satisfy the balances.
     """
     tolerance, steps = scene.solver.tolerance, max(summary["steps"], 1)
     limits: dict[str, Limit] = {}
@@ -54,9 +54,9 @@ def sound(scene: Scene, summary: Mapping[str, Any]) -> dict[str, Limit]:
 
 
 def force_spread(scene: Scene) -> float:
-    """Change of F_c when the state changes by its scales (N): what an error of the state does to the force.
+    """Change of F_c (N) when the state changes by its scales: the effect of state errors on the force.
 
-    Layers and motors that are stiff beside the excitation make this much larger than the forces themselves.
+    With layers or motors that are stiff compared with the excitation it is much larger than the forces themselves.
     """
     machine, scales = scene.machine, state_scales(scene)
     lower, upper = scene.layer_masses
@@ -69,7 +69,7 @@ def force_spread(scene: Scene) -> float:
 
 
 def steady(scene: Scene, settle: float, measure: float) -> dict[str, Any]:
-    """Let a scene settle (s) and measure (s) what follows, apart from all before; with outcome and steps."""
+    """Let a scene settle (s) and then measure (s); return the measures with outcome and steps."""
     p = parameters(scene)
     with closing(make_engine(scene, p)) as engine:
         motion = Motion(scene, p, engine)
@@ -80,9 +80,9 @@ def steady(scene: Scene, settle: float, measure: float) -> dict[str, Any]:
 
 
 def row(name: str, outcome: str, limits: Mapping[str, Limit], *, allowed: Iterable[str] = ("ok",)) -> dict[str, Any]:
-    """Make a scene's row: its figures, the one that comes nearest to its limit, and what is beyond.
+    """Make the row of a scene: its values, the one closest to its limit, and those beyond their limits.
 
-    A figure that is not a number is beyond its limit, and so is an outcome that is not allowed.
+    A value of nan exceeds its limit, and so does an outcome that is not allowed.
     """
     shares = {key: _share(*limit) for key, limit in limits.items()}
     worst = max(shares, key=lambda key: shares[key], default="")
@@ -95,12 +95,12 @@ def row(name: str, outcome: str, limits: Mapping[str, Limit], *, allowed: Iterab
     }
 
 
-#: Outcomes that have a name.
+#: Named outcomes.
 NAMED = frozenset(OUTCOMES.values())
 
 
 def overview(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
-    """Return a row for each situation: its scenes, outcomes, failures, and what came nearest to its limit."""
+    """Return one row per situation: scenes, outcomes, failures, and the value closest to its limit."""
     rows = []
     for name, table in tables.items():
         nearest = table.iloc[int(table["share"].to_numpy().argmax())]
@@ -119,14 +119,14 @@ def overview(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
 
 
 def off(found: float | None, expected: float | None) -> float:
-    """Relative difference of two figures; where nothing is expected, what is found instead."""
+    """Relative difference of two values; the found value itself if the expected one is 0."""
     if found is None or expected is None:
         return 0.0 if found == expected else math.nan
     return abs(found / expected - 1.0) if expected else abs(found)
 
 
 def spread_over(items: Sequence[T], count: int) -> list[T]:
-    """Choose so many of a list, from its whole length."""
+    """Choose evenly spaced items of a list."""
     return [items[i] for i in np.unique(np.linspace(0, len(items) - 1, min(count, len(items))).astype(int))]
 
 

@@ -1,4 +1,4 @@
-"""Very long runs: nothing may drift, grow, or lose its resolution."""
+"""Very long runs: nothing may drift, grow or lose resolution."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ from vibroplat.model.parameters import parameters
 from vibroplat.observe.summary import measured
 from vibroplat.scene import Scene
 
-#: The scenes: one without events, one with an impact in each turn, one with impacts that close.
+#: The scenes: one without events, one with an impact in each turn, one with accumulating impacts.
 SCENES = ("bare, f_e 50", "attached, f_e 46", "impacts, f_e 50")
 #: Parts of a run that are compared with each other.
 PARTS = 20
-#: Relative difference of a statistic between parts: all motions here are periodic, and settled in the first part.
+#: Largest relative difference of a statistic between parts; all motions here are periodic and settle in the first.
 SAME = 1e-4
 #: Energy residual of the last half of the parts over that of the first.
 GROWTH = 2.0
-#: Growth of the memory that is allowed over a run (KiB).
+#: Largest growth of memory during a run (KiB).
 MEMORY = 1024.0
 #: Relative change of the time between impacts from part to part.
 INTERVAL = 2e-5
@@ -36,7 +36,7 @@ TOLERANCE = 1e-6
 
 
 def endurance(count: int) -> list[dict[str, Any]]:
-    """Run scenes for so many turns of the excitation in all, statistics alone."""
+    """Run scenes for a total number of turns, with statistics only."""
     scenes = kinds(TOLERANCE, 1.0)
     return [_long(name, scenes[name], count / len(SCENES)) for name in SCENES]
 
@@ -48,7 +48,7 @@ def _long(name: str, scene: Scene, turns: float) -> dict[str, Any]:
     parts = []
     with closing(make_engine(scene, p)) as engine:
         motion = Motion(scene, p, engine)
-        motion.go_on(max(10.0, 0.1 * seconds))  # settles
+        motion.go_on(max(10.0, 0.1 * seconds))  # let it settle
         memory = _resident()
         steps = engine.work["steps"] or 0
         for _ in range(PARTS):
@@ -71,7 +71,7 @@ def _long(name: str, scene: Scene, turns: float) -> dict[str, Any]:
     if scene.has_contact:
         lost = max(abs(found["liftoffs"] - found["impacts"]) for found in parts)
         if parts[0]["impacts"]:
-            # times of impacts lose digits as time goes on, and must not lose more
+            # impact times lose digits as time grows, but must not lose more than that
             limits["interval_spread"] = (parts[-1]["interval_spread"], parts[0]["interval_spread"] + INTERVAL)
         limits["events_lost"] = (lost if parts[0]["liftoffs"] else 0.0, 1.0)
         limits["gap_below_m"] = (abs(min(found["gap_min_m"] for found in parts)), 0.0)
@@ -91,13 +91,13 @@ class Impacts(NamedTuple):
 
     @property
     def spread(self) -> float:
-        """Largest difference of the time between impacts from its median, relative."""
+        """Largest relative deviation of the time between impacts from its median."""
         between = np.diff(self.times)
         return float(np.abs(between / np.median(between) - 1.0).max()) if len(between) else 0.0
 
 
 def _resident() -> float:
-    """Memory in use (KiB), or the most so far where the system does not tell."""
+    """Memory in use (KiB), or its maximum so far if the system does not report it."""
     try:
         pages = int(Path("/proc/self/statm").read_text(encoding="utf-8").split()[1])
     except OSError:
@@ -108,13 +108,13 @@ def _resident() -> float:
 def _growth(parts: list[dict[str, Any]]) -> float:
     """Median energy residual of the last half of the parts over that of the first.
 
-    Medians, for single parts in which Adams' method changes between two sizes of its steps stand out.
+    Medians are used because single parts, in which Adams' method switches between two step sizes, are outliers.
     """
     residuals = np.array([found["energy_residual"] for found in parts])
     return float(np.median(residuals[PARTS // 2 :]) / np.median(residuals[: PARTS // 2]))
 
 
 def _spread(parts: list[dict[str, Any]], key: str, scale: float) -> float:
-    """Largest difference of a figure from its median over the parts, over a scale."""
+    """Largest deviation of a value from its median over the parts, relative to a scale."""
     values = np.array([found[key] for found in parts])
     return float(np.abs(values - np.median(values)).max() / abs(scale))

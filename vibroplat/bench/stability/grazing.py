@@ -1,4 +1,4 @@
-"""Impacts whose speed goes to zero as a parameter passes the value at which layer and platform only touch."""
+"""Grazing: impacts whose speed goes to zero as a parameter approaches the value where the layer only touches."""
 
 from __future__ import annotations
 
@@ -18,37 +18,37 @@ from vibroplat.observe.trajectory import Trajectory
 from vibroplat.scene import Scene
 
 TOLERANCE = 1e-11
-#: Least gap, over the amplitude of the platform, on either side of 0 that integration does not resolve.
+#: Minimal gap, over the platform's amplitude, that integration does not distinguish from 0.
 RESOLVED = 2e-9
-#: Error of an impact's speed that is allowed over that of a gap resolved that well.
+#: Largest error of the impact speed, over the error due to that resolution of the gap.
 SPEED = 2.0
-#: Change of the gap's rate soon after, over that of the impact itself: all that follows is continuous in its speed.
+#: Change of the gap's rate soon after, over that of the impact: the later motion is continuous in the impact speed.
 JUMP = 2.0
 RESTITUTIONS = (0.0, 0.5)
 
-#: Least gap that is no impact between two looks at the motion (m).
+#: Smallest gap between two samples that is not an impact (m).
 CLEAR = 1e-4
-#: Time from the start of the flight with a wave to its least gap (s).
+#: Time from the start of the flight with a wave to its minimal gap (s).
 WAVE = 0.004
 #: A ω²/g of the table, phase in which the ball grazes it, and time from the start until then (s).
 GAMMA, GRAZED, START = 2.0, 0.5 * math.pi + 0.3, 0.01
 
 
 class Touch(NamedTuple):
-    """What happens near the least gap of one flight.
+    """The motion near the minimal gap of a flight.
 
     Attributes
     ----------
     amplitude
-        Of the platform (m).
+        Amplitude of the platform (m).
     depth
-        Least gap that there would be without impact (m).
+        Minimal gap without an impact (m).
     speed
-        Gap rate at which it is first 0 (m/s), 0 where it stays open.
+        Gap rate when the gap is first 0 (m/s); 0 if the gap stays open.
     fastest
-        The same, with what integration does not resolve of the gap (m/s).
+        The same for a gap smaller by the resolution of the integration (m/s).
     until, rate
-        When the neighbourhood ends (s), and the gap's rate then without an impact (m/s).
+        End of the neighbourhood (s), and the gap's rate at that time without an impact (m/s).
     """
 
     amplitude: float
@@ -60,10 +60,10 @@ class Touch(NamedTuple):
 
 
 def grazing(count: int) -> list[dict[str, Any]]:
-    """Bracket two grazing motions within 1e-6, from 1e-10 on, from both sides, with and without rebound.
+    """Approach two grazing motions from both sides, from 1e-6 to 1e-10, with and without rebound.
 
-    A ball meets a table whose frequency passes the grazing one, known from parabola and sine. In the paper's
-    machine a flight with a wave in its gap is shifted: nothing else changes by that until there is an impact.
+    A ball meets a table whose frequency is close to the grazing frequency, which follows from a parabola and a sine. On
+    the paper's machine a flight whose gap has a local minimum is shifted, which changes nothing before an impact.
     """
     offsets = np.logspace(-10.0, -6.0, max(count // 8, 2))
     machine, motion = flight_with_a_wave()
@@ -81,7 +81,7 @@ def grazing(count: int) -> list[dict[str, Any]]:
 
 
 def judged(name: str, scene: Scene, touch: Touch) -> dict[str, Any]:
-    """Compare a run with what is known of its touch: one impact of the right speed, or none."""
+    """Compare a run with the expected contact: one impact of the right speed, or none."""
     run = simulate(scene)
     events = run.events[run.events["t_s"] < touch.until]
     resolved = RESOLVED * touch.amplitude
@@ -99,7 +99,7 @@ def judged(name: str, scene: Scene, touch: Touch) -> dict[str, Any]:
 
 
 def over_table(restitution: float, offset: float) -> tuple[Scene, Touch]:
-    """Let a ball fall past a table whose frequency is off the grazing one by a relative offset."""
+    """Let a ball pass a table whose frequency differs from the grazing frequency by a relative offset."""
     amplitude = GAMMA * GRAVITY / OMEGA**2
     phase = GRAZED - OMEGA * START
     rate = amplitude * OMEGA * math.cos(GRAZED) + GRAVITY * START  # of the ball, at the start
@@ -107,7 +107,7 @@ def over_table(restitution: float, offset: float) -> tuple[Scene, Touch]:
     omega = OMEGA * (1.0 + offset)
 
     def gap(t: float) -> float:
-        # offsets of 1e-12 are lost in a difference of sines
+        # a difference of sines would lose offsets of 1e-12
         moved = 2.0 * math.cos((0.5 * (OMEGA + omega)) * t + phase) * math.sin(0.5 * OMEGA * offset * t)
         return height + rate * t - 0.5 * GRAVITY * t * t - amplitude * (math.sin(OMEGA * t + phase) + moved)
 
@@ -125,7 +125,7 @@ def over_table(restitution: float, offset: float) -> tuple[Scene, Touch]:
 
 
 def _touch(gap: Callable[[float], float], gap_rate: Callable[[float], float], near: float, amplitude: float) -> Touch:
-    """Find least gap and first contact near a time."""
+    """Find the minimal gap and the first contact near a time."""
     reach = 0.4 * near
     bottom = brentq(gap_rate, near - reach, near + reach, xtol=1e-16)
     depth = gap(bottom)
@@ -136,7 +136,7 @@ def _touch(gap: Callable[[float], float], gap_rate: Callable[[float], float], ne
 
 
 def flight_with_a_wave() -> tuple[Scene, Trajectory]:
-    """Return a flight in the paper's machine whose gap has a least value in between, closely integrated."""
+    """Return an accurately integrated flight on the paper's machine whose gap has a local minimum."""
     scene = base(1e-8, 4.0).replace({"drive.supply_frequency_hz": 78.0, "material.mass_ratio": 0.2})
     run = simulate(scene)
     times = np.arange(2.0, 4.0, 1e-5)
@@ -150,7 +150,7 @@ def flight_with_a_wave() -> tuple[Scene, Trajectory]:
 
 
 def shifted(flight: Scene, motion: Trajectory, restitution: float, offset: float) -> tuple[Scene, Touch]:
-    """Shift the layers of a flight down until their least gap is an offset times the platform's amplitude."""
+    """Shift the layers of a flight down until the minimal gap is an offset times the platform's amplitude."""
     segment = motion.segments[0]
     amplitude = float(np.ptp(segment.ends[:, 1])) / 2.0
 

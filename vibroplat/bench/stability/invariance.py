@@ -1,4 +1,4 @@
-"""What must not change a motion: tolerance, engine, beginning of time, whole turns, mirroring."""
+"""Changes that must not affect a motion: tolerance, engine, time origin, whole turns, mirroring."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from vibroplat.bench.stability.checks import Limit, off, row, sound, spread_over
 from vibroplat.flow.run import simulate
 from vibroplat.scene import COORDINATES, RATES, Scene
 
-#: Statistics that are compared.
+#: Compared statistics.
 STATISTICS = (
     "rms_x_m",
     "rms_y_m",
@@ -22,8 +22,8 @@ STATISTICS = (
     "impulse_max_n_s",
     "impacts_per_period",
 )
-#: Relative difference of a statistic from that at 1e-11, over the tolerance. The largest force and impulse are single
-#: values; the motor's speed turns errors of the phase into slow swings that die out slowly.
+#: Largest relative difference of a statistic from its value at 1e-11, over the tolerance. The largest force and impulse
+#: are single values; the motor's speed turns phase errors into slow oscillations that decay slowly.
 FACTOR = 2e3
 REFERENCE = 1e-11
 TOLERANCES = (1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10)
@@ -32,7 +32,7 @@ SETTLE, MEASURE = 12.0, 2.0
 
 
 def invariance(count: int) -> list[dict[str, Any]]:
-    """Change what must not matter in scenes that are not chaotic, ``count`` of them at most."""
+    """Apply changes that must not matter to at most ``count`` scenes that are not chaotic."""
     scenes = _scenes()
     cases = [(name, *changed) for name, scene in scenes.items() for changed in _changes(scene).items()]
     expected: dict[str, dict[str, Any]] = {}
@@ -51,14 +51,14 @@ def invariance(count: int) -> list[dict[str, Any]]:
 
 
 def _scenes() -> dict[str, Scene]:
-    """Return one scene of each kind, with motors that are not alike."""
+    """Return one scene of each kind, with unequal motors."""
     chosen = ("attached, f_e 46", "impacts, f_e 50", "one layer, f_e 50", "bare, f_e 50")
     motors = {"motors": [{"critical_slip": 0.15}, {"critical_slip": 0.16}]}
     return {name: kinds(1e-7, SETTLE + MEASURE)[name].replace(motors) for name in chosen}
 
 
 def _changes(scene: Scene) -> dict[str, Scene]:
-    """Return what must have the same statistics."""
+    """Return variants that must have the same statistics."""
     changed = {f"tolerance {t:g}": scene.replace({"solver.tolerance": t}) for t in TOLERANCES}
     changed |= {
         f"{engine}, {method}": scene.replace({"solver.engine": engine, "solver.smooth_modes": method})
@@ -74,7 +74,7 @@ def _changes(scene: Scene) -> dict[str, Scene]:
 
 
 def _later(scene: Scene, seconds: float) -> Scene:
-    """Begin with the state that a run has reached."""
+    """Start from the state that a run has reached."""
     state = simulate(scene.replace({"run.duration_s": seconds}), keep="summary").final_state
     return scene.replace(run={"duration_s": scene.run.duration_s, "initial": {"state": _named(scene, state)}})
 
@@ -92,6 +92,6 @@ def _mirrored(scene: Scene) -> Scene:
 
 
 def _named(scene: Scene, state: Any) -> dict[str, float]:
-    """Return a full state by the names of a configuration."""
+    """Return a full state as configuration keys."""
     names = (*COORDINATES, *RATES)
     return {names[i]: float(state[i]) for index in scene.coordinates for i in (index, index + 7)}

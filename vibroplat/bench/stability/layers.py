@@ -1,4 +1,4 @@
-"""Layers from soft to rigid, from undamped to overdamped, from dust to many times the platform's mass."""
+"""Layers from soft to rigid, from undamped to overdamped, from a tiny to many times the platform's mass."""
 
 from __future__ import annotations
 
@@ -22,24 +22,24 @@ DAMPINGS = (0.0, 1e-3, 0.05, 0.5, 1.0, 5.0)
 SHARES = (1e-6, 1e-3, 0.25, 1.0, 1e3)  # m_w2 / m_w1
 MASS_RATIOS = (1e-6, 1e-3, 0.1, 1.0, 10.0)
 TOLERANCE = 1e-8
-#: Errors of coordinates over their scales, and of F_c over its amplitude, over the tolerance.
+#: Largest errors, over the tolerance: of coordinates over their scales, and of F_c over its amplitude.
 ERROR = 1000.0
-#: The same of hardly damped layers near their own frequency, whose motion grows for as long as the run.
+#: The same for lightly damped layers near resonance, whose motion grows throughout the run.
 NEAR = 10.0
-#: Amplitude of the exciters' force over what would let the material lift off.
+#: Amplitude of the exciters' force over the amplitude at lift-off.
 MODEST = 0.3
-#: Layers whose F_c is allowed an error of this share of its amplitude: they are stiff (Hz) and hardly damped, and turn
-#: errors of their motion, which the tolerance allows, into force.
+#: Stiff (Hz), lightly damped layers, whose F_c may have an error of this share of its amplitude: they turn admissible
+#: errors of their motion into force.
 STIFF, RAGGED = 500.0, 2e-3
-#: Relative difference of an RMS from that of one layer, where layers are as stiff as one.
+#: Relative difference of an RMS from that of a single layer, for layers stiff enough to act as one.
 RIGID = 3e-3
 
 
 def layers(count: int) -> list[dict[str, Any]]:
     """Compare attached motion with the linear two-mass response, and stiff layers in flight with one layer.
 
-    The exciters' rotors are so heavy that speeds stay, and each run begins in the linear response itself, so
-    that an undamped layer has nothing to ring with.
+    The exciters' rotors are heavy enough to keep their speed, and each run starts exactly on the linear response, so
+    that an undamped layer does not ring.
     """
     cases = list(product(FREQUENCIES, DAMPINGS, SHARES, MASS_RATIOS))
     rows = [_linear(*case) for case in spread_over(cases, count)]
@@ -50,7 +50,7 @@ def _linear(natural: float, damping: float, share: float, mass_ratio: float) -> 
     """Follow an attached motion for ten turns from its linear response."""
     scene = _smooth(natural, damping, share, mass_ratio)
     response = Response.of(scene)
-    # the least F_c is to be well above 0; response and scales go with the unbalance
+    # keep the minimum of F_c well above 0; response and scales are proportional to the unbalance
     radius = scene.machine.unbalance_radius_m * MODEST * response.weight / abs(response.force)
     scene = scene.replace({"machine.unbalance_radius_m": radius})
     response = Response.of(scene)
@@ -77,7 +77,7 @@ def _linear(natural: float, damping: float, share: float, mass_ratio: float) -> 
 
 
 def _smooth(natural: float, damping: float, share: float, mass_ratio: float) -> Scene:
-    """Return the paper's machine with rotors so heavy that they keep their speed, without motors."""
+    """Return the paper's machine without motors, with rotors heavy enough to keep their speed."""
     return base(TOLERANCE, 10.0 * TURN / OMEGA).replace(
         {
             "machine.rotor_inertia_kg_m2": 1e9,
@@ -102,7 +102,7 @@ class Response:
     platform, layer, force
         Complex amplitudes of y, y_w2 (m) and F_c (N) of Im(… exp iωt).
     sag, layer_sag, weight
-        Means of the three.
+        Mean values of the three.
     """
 
     platform: complex
@@ -114,7 +114,7 @@ class Response:
 
     @classmethod
     def of(cls, scene: Scene) -> Response:
-        """Solve the two-mass system of a scene whose exciters turn with OMEGA."""
+        """Solve the two-mass system of a scene whose exciters rotate at OMEGA."""
         machine, (m1, m2) = scene.machine, scene.layer_masses
         stiffness, damping = scene.layer_spring
         coupling = m2 * (stiffness + 1j * OMEGA * damping)
@@ -180,7 +180,7 @@ def _rigid(natural: float) -> dict[str, Any]:
 
 
 def _ringing(damping: float) -> dict[str, Any]:
-    """Strike layers of 5 kHz that hardly lose their ringing: followed, or given up with a name."""
+    """Excite layers of 5 kHz that keep ringing: they are followed, or end with a named outcome."""
     changes = {
         "drive.supply_frequency_hz": 51.5,
         "material": {"natural_frequency_hz": 5e3, "damping_ratio": damping},

@@ -1,4 +1,4 @@
-"""Flights that have just become possible: the gap opens on a triple root, and closes again soon."""
+"""Flights just above lift-off: the gap opens at a triple root and soon closes again."""
 
 from __future__ import annotations
 
@@ -14,31 +14,31 @@ from vibroplat.bench.scenes import base
 from vibroplat.bench.stability.checks import Limit, row, sound, steady
 from vibroplat.scene import Scene
 
-#: One at which F_c is known to less than the 1e-8 of its amplitude that it falls short by in the shortest flight.
+#: A tolerance at which the error of F_c is below 1e-8 of its amplitude, its shortfall in the shortest flight.
 CLOSE, USUAL = 1e-11, 1e-6
-#: Supply frequencies (Hz) below lift-off from which least F_c and amplitude are extrapolated.
+#: Supply frequencies (Hz) below lift-off from which the minimum and amplitude of F_c are extrapolated.
 ATTACHED = (47.2, 48.2)
-#: Seconds until the start has died out, and those that are measured.
+#: Settling time and measuring time (s).
 SETTLE, MEASURE = 10.0, 0.5
-#: Flights that are longer than this share of a turn are not missed at the usual tolerance either.
+#: Flights longer than this share of a turn must be found at the default tolerance too.
 SEEN = 0.01
-#: Relative error of a flight's share of a turn: what an error of 8e-9 of F_c's amplitude makes of the shortest ones,
-#: and what the parabola leaves of the longest.
+#: Largest relative error of a flight's share of a turn: for the shortest, the effect of an error of 8e-9 of F_c's
+#: amplitude; for the longest, the error of the parabola.
 LEAST, SHORT, LONG = 2e-4, 4e-9 / (0.5 * (0.5 * math.pi) ** 2), 0.02
 
 
 def release(count: int) -> list[dict[str, Any]]:
-    """Pass lift-off with flights that take from 1e-4 to 1e-1 of a turn, closely and at the usual tolerance.
+    """Simulate flights of 1e-4 to 1e-1 of a turn just above lift-off, at a small and at the default tolerance.
 
-    Near its least value F_c ≈ F_min + ½ F″ t², and the gap's acceleration is −F_c over a mass: a flight begins
-    where F_c = 0 and its gap closes after 4 √(−2 F_min/F″), twice the time below zero. Least F_c over its amplitude
-    is extrapolated from attached motions below lift-off. At the usual tolerance the shortest flights are less than
-    the error of F_c: there may be none in a turn, but never two.
+    Near its minimum F_c ≈ F_min + ½ F″ t², and the gap's acceleration is −F_c over a mass. A flight starts where
+    F_c = 0, and its gap closes after 4 √(−2 F_min/F″), twice the time that F_c would be below zero. F_min over the
+    amplitude of F_c is extrapolated from attached motion below lift-off. At the default tolerance the shortest flights
+    are smaller than the error of F_c: a turn may have none, but never two.
     """
     supply = lift_off()
     rows = []
     for i, fraction in enumerate(np.logspace(-4.0, -1.0, count)):
-        # F_c would fall below zero by this share of its amplitude
+        # share of its amplitude by which F_c would fall below zero
         depth = 0.5 * (0.25 * fraction * 2.0 * math.pi) ** 2
         tolerance = USUAL if i % 5 == 4 else CLOSE
         rows.append(judged(scene(supply(depth), tolerance), float(fraction)))
@@ -46,12 +46,12 @@ def release(count: int) -> list[dict[str, Any]]:
 
 
 def judged(case: Scene, fraction: float) -> dict[str, Any]:
-    """Compare flights of the settled motion with what was predicted for it."""
+    """Compare flights of the settled motion with the prediction."""
     found = steady(case, SETTLE, MEASURE)
     turns = MEASURE * (found["excitation_frequency_hz"] or math.nan)
     close = case.solver.tolerance == CLOSE
     limits: dict[str, Limit] = {
-        # one that is cut by an end of the measured part is counted once
+        # a flight cut by an end of the measured part counts once
         "liftoffs_too_many": (found["liftoffs"] - turns, 1.0),
         "impacts_too_many": (found["impacts"] - turns, 1.0),
         **sound(case, found),
@@ -59,7 +59,7 @@ def judged(case: Scene, fraction: float) -> dict[str, Any]:
     if close or fraction > SEEN:
         limits["liftoffs_missed"] = (turns - found["liftoffs"], 1.0)
     if close:
-        # of the part: the share over whole turns weighs a single flight too much
+        # over the whole part: over whole turns a single flight would weigh too much
         error = abs(found["flight_fraction"] / fraction - 1.0)
         limits["fraction_error"] = (error, LEAST + SHORT / fraction**2 + LONG * fraction)
     return row(f"flights of {fraction:.3g} turns, tolerance {case.solver.tolerance:g}", found["outcome"], limits)

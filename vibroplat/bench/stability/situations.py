@@ -1,4 +1,4 @@
-"""The situations by name, and with how many scenes each is run."""
+"""The situations by name, and the number of scenes of each."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from vibroplat.bench.stability.units import units
 
 
 class Situation(NamedTuple):
-    """What to run, and with how many scenes (turns, of ``endurance``): for the tests, and for the report."""
+    """A situation, and its number of scenes (turns for ``endurance``) in the tests and in the report."""
 
     run: Callable[[int], list[dict[str, Any]]]
     few: int

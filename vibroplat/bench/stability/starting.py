@@ -1,4 +1,4 @@
-"""Motors that start, stop, fail, or do not fit together."""
+"""Motors that start, stop, fail or differ."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ Check = Callable[[Trajectory], dict[str, Limit]]
 
 
 def starting(count: int) -> list[dict[str, Any]]:
-    """Start from standstill through three resonances, coast down, lose a motor, lose synchronism, reverse the phase.
+    """Start from standstill through three resonances, coast down, lose a motor or synchronism, reverse the phase.
 
-    Each with two layers, with one and without material; ``count`` limits how many of these are run.
+    Each with two layers, with one layer and without material; at most ``count`` of these scenes are run.
     """
     materials: dict[str, dict[str, Any]] = {"two layers": {}, "one layer": {"layers": 1}, "bare": {"mass_ratio": 0.0}}
     rows: list[dict[str, Any]] = []
@@ -41,7 +41,7 @@ def _over_resonance(run: Trajectory) -> dict[str, Limit]:
 
 
 def _at_rest(run: Trajectory) -> dict[str, Limit]:
-    """Let platform and layers rest on the static sag; the exciters, almost without friction then, may still swing."""
+    """Require platform and layers to come to rest on the static sag; the nearly frictionless exciters may swing."""
     state = run.final_state
     machine = run.scene.machine
     mass = machine.total_mass + sum(run.scene.layer_masses)
@@ -61,7 +61,7 @@ def _synchronous(run: Trajectory) -> dict[str, Limit]:
 
 
 def _maintained(run: Trajectory) -> dict[str, Limit]:
-    """Let the dead motor's exciter go on turning with the other one: Blekhman's vibrational maintenance of rotation."""
+    """Require the exciter of a dead motor to keep rotating: Blekhman's vibrational maintenance of rotation."""
     return {**_synchronous(run), "slow_hz": (20.0 - run.summary["excitation_frequency_hz"], 0.0)}
 
 
@@ -74,7 +74,7 @@ def _antiphase(run: Trajectory) -> dict[str, Limit]:
     return {**_synchronous(run), "away_from_antiphase_rad": (away, 0.05)}
 
 
-#: Changes of the scene, and what must come of it.
+#: Changes of the scene and the required results.
 SITUATIONS: dict[str, tuple[dict[str, Any], Check]] = {
     "from standstill to 39 Hz": (
         {

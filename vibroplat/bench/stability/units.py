@@ -1,4 +1,4 @@
-"""The same machine in other units: no absolute constant may hide in the solver."""
+"""The same machine in other units: the solver must not contain absolute constants."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from vibroplat.scene import Scene
 
 
 class Units(NamedTuple):
-    """By what masses, lengths and times are multiplied."""
+    """Factors of masses, lengths and times."""
 
     mass: float
     length: float
     time: float
 
 
-#: Powers of two change no digit, but what the pivoting of linear systems chooses; powers of ten change all.
+#: Powers of two change no digits but may change pivots of linear systems; powers of ten change all digits.
 CHOICES = [
     *(Units(*u) for u in product((1.0, 2.0**10), (1.0, 2.0**-10), (1.0, 2.0**7))),
     *(Units(*u) for u in product((1.0, 1e3, 1e-6), (1.0, 1e-3, 1e3), (1.0, 1e3, 1e-2))),
 ]
-#: Dimensions (mass, length, time) of what is compared.
+#: Dimensions (mass, length, time) of compared statistics.
 DIMENSIONS = {
     "rms_x_m": (0, 1, 0),
     "rms_y_m": (0, 1, 0),
@@ -37,12 +37,12 @@ DIMENSIONS = {
     "motor_work_j": (1, 2, -2),
     "impacts": (0, 0, 0),
 }
-#: Relative difference of a statistic that rounding may make in a second, and share of the steps: which order Adams'
-#: method takes may turn on the last digit.
+#: Relative difference that rounding may cause in a statistic within a second, and in the number of steps: the order of
+#: Adams' method may depend on the last digit.
 ROUNDING, STEPS = 1e-6, 0.1
 TOLERANCE = 1e-8
 
-#: Dimensions of the keys, by the ends of their names; what is not here has none.
+#: Dimensions of keys by the ends of their names; other keys are dimensionless.
 _KEYS = {
     "_kg": (1, 0, 0),
     "_kg_m2": (1, 2, 0),
@@ -61,7 +61,7 @@ _KEYS = {
 
 
 def units(count: int) -> list[dict[str, Any]]:
-    """Compare scenes with the same ones in other units, ``count`` at most."""
+    """Compare at most ``count`` scenes with the same scenes in other units."""
     rows: list[dict[str, Any]] = []
     changes = {"output.sample_rate_hz": 1.0, "run.initial.phase_sum_rad": 2.6}  # symmetric motions have no x, φ
     scenes = {name: scene.replace(changes) for name, scene in kinds(TOLERANCE, 1.0).items()}

@@ -1,0 +1,289 @@
+"""The seam is whole: DOP853 behind it passes what the package's own integrators pass, and fails as they do."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pandas as pd
+import pytest
+from common.places import QUICKSTART, ROOT
+
+from integrate.dop853 import Dop853
+from vibroplat import load_config, simulate
+from vibroplat.bench.known import ball_on_table, closing_of_dropped_ball, dropped_ball
+from vibroplat.bench.reference import coordinate_errors, event_errors
+from vibroplat.bench.stability.campaign import random_scene
+from vibroplat.config import load_tree
+from vibroplat.flow.motion import Motion
+from vibroplat.flow.run import simulate_with
+from vibroplat.hybrid.scales import state_scales
+from vibroplat.integrate.seam import IntegrationError
+from vibroplat.integrate.stepwise import Stepwise
+from vibroplat.model.parameters import parameters
+from vibroplat.scene import COORDINATES
+
+REFERENCE = ROOT / "tests/reference"
+CASES = sorted(path.stem for path in REFERENCE.glob("*.yaml"))
+STATISTICS = (
+    "rms_y_m",
+    "amplitude_y_m",
+    "excitation_frequency_hz",
+    "flight_fraction",
+    "phase_coherence",
+    "motor_power_w",
+    "motor_work_j",
+)
+OF_CONTACT = ("contact_force_max_n", "gap_max_m", "impulse_sum_n_s")
+
+
+@pytest.fixture(scope="module")
+def bouncing():
+    scene = load_config(QUICKSTART, load_tree(ROOT / "tests/machines/damped.yaml"))
+    return scene.replace({"contact.restitution": 0.5, "run.duration_s": 0.5})
+
+
+def engine(scene, integrator=Dop853):
+    p = parameters(scene)
+    return Stepwise(integrator(p), p)
+
+
+def run(scene, integrator=Dop853, rows=None, **options):
+    through = engine(scene, integrator)
+    through.rows = rows or through.rows
+    return simulate_with(through, scene, parameters(scene), **options)
+
+
+def at(name, tolerance):
+    return load_config(REFERENCE / f"{name}.yaml").replace({"solver.tolerance": tolerance})
+
+
+# -- accuracy --------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_reference(name):
+    """At tolerance 1e-8, twice the errors measured; where the motion amplifies errors, at 1e-10."""
+    amplified = name.startswith(("restitution", "onelayer"))
+    found = run(at(name, 1e-10 if amplified else 1e-8))
+    trajectory, events = (pd.read_csv(REFERENCE / f"{name}.{kind}.csv") for kind in ("trajectory", "events"))
+    errors = coordinate_errors(found, trajectory) | event_errors(found.events, events)
+    bounds = {"phi1_rad": 6e-8, "phi2_rad": 6e-8, "contact_force": 2e-7, "event_time_s": 8e-9, "impact_speed": 4e-6}
+    for quantity, error in errors.items():
+        assert error <= bounds.get(quantity, 1.2e-9), quantity
+    assert found.summary["energy_residual"] <= 4e-9
+    assert found.summary["momentum_residual"] <= 1e-9
+
+
+@pytest.mark.parametrize("tolerance", [1e-6, 1e-8, 1e-10])
+@pytest.mark.parametrize("name", CASES[:3])
+def test_between_steps_as_accurate_as_at_their_ends(name, tolerance):
+    """The dense output of DOP853 is one order lower than its steps: 1 to 9 times the error at ends was measured."""
+    exact, found = run(at(name, 1e-12)), run(at(name, tolerance))
+    scales = dict(zip(COORDINATES, state_scales(found.scene), strict=False))
+    ends = np.concatenate([segment.start + segment.t for segment in found.segments])
+    ends = ends[np.append(True, np.diff(ends) > 1e-6)]
+
+    def largest_error(times):
+        mine, theirs = found(times), exact(times)
+        same = (mine["mode"] == theirs["mode"]).to_numpy()
+        errors = [np.abs(mine[c] - theirs[c])[same].max() / scales[c] for c in COORDINATES if c in mine]
+        if "contact_force_n" in mine:
+            force = "contact_force_n"
+            errors.append(np.abs(mine[force] - theirs[force])[same].max() / theirs[force].max())
+        return np.array(errors)
+
+    at_ends = largest_error(ends)
+    for share in (0.1, 0.3, 0.5, 0.7, 0.9):
+        between = largest_error(ends[:-1] + share * np.diff(ends))
+        assert (between <= 15.0 * at_ends + 1e-12).all()
+        assert between.max() <= 10.0 * at_ends.max()
+
+
+@pytest.mark.parametrize("tolerance", [1e-5, 1e-9])
+@pytest.mark.parametrize(
+    "change", [{}, {"contact.restitution": 0.0}, {"material.mass_ratio": 0.0}, {"material.layers": 1}], ids=str
+)
+def test_statistics_of_long_steps(bouncing, change, tolerance):
+    scene = bouncing.replace({"contact.restitution": 0.3, **change})
+    own = simulate(scene.replace({"solver.tolerance": 1e-10})).summary
+    found = run(scene.replace({"solver.tolerance": tolerance}), keep="summary").summary
+    assert found["measured_s"] == pytest.approx(own["measured_s"], rel=100.0 * tolerance + 1e-7)
+    for name in STATISTICS + OF_CONTACT * (scene.layers > 0):
+        assert found[name] == pytest.approx(own[name], rel=100.0 * tolerance + 1e-6), name
+    assert found["liftoffs"] == own["liftoffs"]
+
+
+def test_measured_part_begins_within_a_step(bouncing):
+    """Nothing is measured before, and nothing is left out after it."""
+    scene = bouncing.replace({"material.mass_ratio": 0.0, "run.initial": {"speed_ratio": 0.0}})
+    scene = scene.replace({"motor": {"critical_torque_n_m": 0.0, "friction_radius_m": 0.0}, "run.duration_s": 0.1})
+    for settle in (0.0123, 0.05, 0.0801):
+        motion = Motion(scene, parameters(scene), engine(scene))
+        part = motion.go_on(0.1, settle=settle)
+        assert float(part.measures.plain["time"] + part.measures.open_turn["time"]) == pytest.approx(0.1 - settle)
+
+
+class Even(Dop853):
+    """Everything goes on as it began, in steps of several turns."""
+
+    degree = 1
+
+    def start(self, system, t, y, atol):
+        self.y = y
+
+    def steps(self, longest):
+        begun, rates = self.y, 0.13 * np.concatenate([self.y[self.y.size // 2 :], np.zeros(self.y.size // 2)])
+        self.y = begun + rates
+        return np.array([0.13]), np.array([[begun, rates]])
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_several_turns_within_a_step(bouncing, way):
+    state = {"phi1_rate_rad_per_s": 150.0 * way, "phi2_rate_rad_per_s": -140.0 * way}
+    scene = bouncing.replace({"material.mass_ratio": 0.0, "run": {"duration_s": 10.0, "initial": {"state": state}}})
+    found, turns = run(scene, Even), 150.0 / (2.0 * math.pi)
+    assert found.summary["excitation_frequency_hz"] == pytest.approx(145.0 / (2.0 * math.pi), rel=1e-12)
+    assert len(found.section) == math.floor(10.0 * turns) - math.floor(5.0 * turns)
+    assert found.section["phi1_rad"].diff().dropna().to_numpy() == pytest.approx(2.0 * math.pi * way)
+
+
+@pytest.mark.parametrize("law", ["conservative", "central", "printed"])
+@pytest.mark.parametrize("restitution", [0.0, 0.5, 1.0])
+@pytest.mark.parametrize("sticking", [0.0, 0.15])
+def test_audit(bouncing, restitution, law, sticking):
+    contact = {"restitution": restitution, "impact_law": law, "sticking_speed_m_per_s": sticking}
+    scene = bouncing.replace({"contact": contact, "run.duration_s": 2.0, "solver.tolerance": 1e-8})
+    summary = run(scene, keep="summary").summary
+    assert (summary["outcome"], summary["impacts"] > 20) == ("ok", True)
+    assert summary["energy_residual"] <= 1e-7
+    if law != "printed":
+        assert summary["momentum_residual"] <= 1e-7
+
+
+# -- transitions -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("excess", [1e-4, 1e-3, 1e-2, 1e-1])
+def test_short_flights_are_neither_missed_nor_doubled(excess):
+    """Just above lift-off the gap opens on a triple root, and steps are long against the flights."""
+    summary = run(ball_on_table(1.0 + excess, tolerance=1e-10), keep="summary").summary
+    assert summary["liftoffs"] == summary["impacts"] == 40
+    own = simulate(ball_on_table(1.0 + excess, tolerance=1e-10), keep="summary").summary
+    assert summary["flight_fraction"] == pytest.approx(own["flight_fraction"], rel=2e-8 / excess)
+
+
+def test_contact_that_touches_zero_goes_on():
+    summary = run(ball_on_table(1.0, tolerance=1e-9, periods=10), keep="summary").summary
+    assert summary["outcome"] == "ok"
+    assert summary["flight_fraction"] < 1e-4
+    assert summary["gap_max_m"] < 1e-12
+
+
+@pytest.mark.parametrize("restitution", [0.2, 0.5, 0.9])
+def test_accumulating_impacts_end_on_time(restitution):
+    """Every next flight is shorter by R, down to those that are latched."""
+    found = run(dropped_ball(restitution))
+    assert found.events["kind"].iloc[-1] == "latch"
+    landed = next(segment for segment in found.segments if segment.system.algebraic)
+    assert landed.start == pytest.approx(closing_of_dropped_ball(restitution), rel=1e-9)
+
+
+@pytest.mark.parametrize("height", [1e-6, 1e-10])
+def test_short_falls_land_at_the_right_speed(bouncing, height):
+    scene = bouncing.replace(
+        {"material.layers": 1, "run.duration_s": 0.002, "run.initial": {"state": {"gap_m": height}}}
+    )
+    speeds = [
+        run(scene.replace({"solver.tolerance": t})).events["gap_rate_before_m_per_s"].iloc[0] for t in (1e-5, 1e-10)
+    ]
+    assert speeds[0] == pytest.approx(speeds[1], rel=1e-3)
+
+
+def test_gap_and_force_keep_their_sign(bouncing):
+    table = run(bouncing.replace({"drive.supply_frequency_hz": 56.0, "run.duration_s": 1.0})).trajectory
+    attached = table["mode"] == "attached"
+    assert (table["gap_m"] >= -1e-9).all()
+    assert (table.loc[attached, "contact_force_n"] >= -1e-4 * table["contact_force_n"].max()).all()
+
+
+# -- the loop around steps -------------------------------------------------------------------------------
+
+
+class Several(Dop853):
+    """Hands over three steps at once, beyond the guard's fall and the segment's end."""
+
+    def steps(self, longest):
+        lengths, coefficients = zip(*(super(Several, self).steps(longest) for _ in range(3)), strict=True)
+        return np.concatenate(lengths), np.concatenate(coefficients)
+
+
+def test_several_steps_at_once_are_as_many_single_ones(bouncing):
+    one, other = run(bouncing), run(bouncing, Several)
+    pd.testing.assert_frame_equal(one.events, other.events, check_exact=True)
+    pd.testing.assert_frame_equal(one.trajectory, other.trajectory, check_exact=True)
+
+
+@pytest.mark.parametrize("integrator", [Dop853, Several])
+def test_pieces_do_not_show(bouncing, integrator):
+    whole, cut = run(bouncing), run(bouncing, integrator, rows=5)
+    assert len(cut.segments) > len(whole.segments)
+    pd.testing.assert_frame_equal(cut.events, whole.events, check_exact=True)
+    pd.testing.assert_frame_equal(cut.trajectory, whole.trajectory, check_exact=False, rtol=1e-12, atol=1e-12)
+    assert cut.summary["rms_y_m"] == pytest.approx(whole.summary["rms_y_m"], rel=1e-13)
+
+
+def test_stops_are_exact(bouncing):
+    """A motion that stops on the way, at a time, at the section, at an event, is the motion that does not."""
+    motion = Motion(bouncing, parameters(bouncing), engine(bouncing))
+    motion.to_time(0.0371)
+    assert motion.now == 0.0371
+    assert motion.to_section(2, 1.0)
+    assert motion.state[3] == pytest.approx(2.0 * math.pi * round(motion.state[3] / (2.0 * math.pi)), abs=1e-12)
+    for kind in ("liftoff", "impact"):
+        assert motion.to_event(kind, 1.0)
+    events = run(bouncing).events
+    assert np.abs(events["t_s"] - motion.now).min() < 1e-6
+
+
+class Failing(Dop853):
+    def steps(self, longest):
+        if self.work["steps"] == 20:
+            raise IntegrationError("no step is small enough")
+        return super().steps(longest)
+
+
+class Undefined(Dop853):
+    def steps(self, longest):
+        lengths, coefficients = super().steps(longest)
+        return lengths, coefficients * (math.nan if self.work["steps"] > 20 else 1.0)
+
+
+class Stuck(Dop853):
+    def steps(self, longest):
+        lengths, coefficients = super().steps(longest)
+        return (lengths, coefficients) if self.work["steps"] < 20 else (1e-12 * lengths, 1e-12 * coefficients)
+
+
+@pytest.mark.parametrize(
+    ("integrator", "outcome", "detail"),
+    [
+        (Failing, "solver-failure", "DOP853: no step is small enough; mode "),
+        (Undefined, "non-finite", "DOP853: a step is not finite; mode "),
+        (Stuck, "solver-failure", "DOP853: more than 50 steps within a period; mode "),
+    ],
+)
+def test_failures_are_outcomes(bouncing, monkeypatch, integrator, outcome, detail):
+    monkeypatch.setattr("vibroplat.integrate.stepwise.MAX_STEPS", 50)
+    found = run(bouncing.replace({"material.mass_ratio": 0.0}), integrator)
+    assert found.outcome == outcome
+    assert found.summary["detail"].startswith(detail)
+    assert 0.0 < found.summary["simulated_s"] < 0.5
+    assert len(found.trajectory) > 0
+
+
+def test_model_that_ends_is_named():
+    """The platform turns to where the mass matrix is not positive definite."""
+    found = run(random_scene(58), keep="summary")
+    assert found.outcome == "beyond-model"
+    assert "has turned by" in found.summary["detail"]
