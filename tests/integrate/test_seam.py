@@ -11,7 +11,7 @@ from common.places import QUICKSTART, ROOT
 
 from integrate.dop853 import Dop853
 from vibroplat import load_config, simulate
-from vibroplat.bench.known import ball_on_table, closing_of_dropped_ball, dropped_ball
+from vibroplat.bench.known import accumulation_time, ball_on_table, dropped_ball
 from vibroplat.bench.reference import coordinate_errors, event_errors
 from vibroplat.bench.stability.campaign import random_scene
 from vibroplat.config import load_tree
@@ -186,7 +186,7 @@ def test_accumulating_impacts_end_on_time(restitution):
     found = run(dropped_ball(restitution))
     assert found.events["kind"].iloc[-1] == "latch"
     landed = next(segment for segment in found.segments if segment.system.algebraic)
-    assert landed.start == pytest.approx(closing_of_dropped_ball(restitution), rel=1e-9)
+    assert landed.start == pytest.approx(accumulation_time(restitution), rel=1e-9)
 
 
 @pytest.mark.parametrize("height", [1e-6, 1e-10])

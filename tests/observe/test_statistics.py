@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+from contextlib import closing
+
 import numpy as np
 import pytest
 
 from vibroplat import simulate
+from vibroplat.flow.motion import Motion
+from vibroplat.integrate.choice import make_engine
+from vibroplat.model.parameters import parameters
+from vibroplat.observe.statistics import Statistics
 
 
 def test_statistics_agree_with_the_tables(quickstart):
@@ -43,3 +49,21 @@ def test_poincare_section_is_the_motion_at_whole_turns(quickstart):
     dense = run(section["t_s"])
     for column in ("y_m", "gap_rate_m_per_s", "contact_force_n"):
         assert np.allclose(section[column], dense[column], rtol=0.0, atol=1e-9 * dense[column].abs().max())
+
+
+def test_a_turn_completed_in_the_first_step_is_counted(quickstart):
+    scene = quickstart.replace({"run.duration_s": 0.01, "run.initial.phi1_rad": 2.0 * np.pi - 1e-9})
+    marks = simulate(scene).measures.marks
+    assert marks["passed"] == 1.0
+    p = parameters(scene)
+    with closing(make_engine(scene, p)) as engine:
+        motion, whole = Motion(scene, p, engine), Statistics(0.0)
+        motion.to_time(1e-4, [whole])
+    assert whole.measures.marks["turns"] == 1
+    assert whole.measures.marks["first_time"] == pytest.approx(1e-9 / scene.synchronous_speeds[0], rel=0.1)
+
+
+def test_an_absurd_speed_ends_with_an_outcome_and_not_with_endless_turns(quickstart):
+    state = {"phi1_rate_rad_per_s": 1e30}
+    run = simulate(quickstart.replace({"run.initial": {"state": state}, "run.duration_s": 0.01}), keep="summary")
+    assert run.outcome in {"ok", "solver-failure", "non-finite", "event-storm", "beyond-model"}

@@ -83,11 +83,11 @@ def dropped_ball(restitution: float, height: float = 1.0, tolerance: float = 1e-
         motor=IDLE,
         material=Material(mass_ratio=1e-12, layers=1),
         contact=Contact(restitution=restitution),
-        run=Run(duration_s=1.1 * closing_of_dropped_ball(restitution, height), initial=Initial(state=state)),
+        run=Run(duration_s=1.1 * accumulation_time(restitution, height), initial=Initial(state=state)),
         solver=Solver(tolerance=tolerance),
     )
 
 
-def closing_of_dropped_ball(restitution: float, height: float = 1.0) -> float:
+def accumulation_time(restitution: float, height: float = 1.0) -> float:
     """t∞ = √(2h/g) (1 + R)/(1 − R)."""
     return math.sqrt(2.0 * height / GRAVITY) * (1.0 + restitution) / (1.0 - restitution)

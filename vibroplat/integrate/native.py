@@ -190,7 +190,7 @@ def start(h: Hybrid, n: Native) -> bool:
 
 
 @compiled
-def advance(h: Hybrid, n: Native) -> int:  # noqa: PLR0912  (each stop has its reason)
+def advance(h: Hybrid, n: Native) -> int:
     """Take steps to the guard, the segment's time, the run's target, a failure, or until there is no more room."""
     run, status, steps, past, time = h.run, n.status, h.steps, n.past, n.time
     mode, used = run.mode, h.steps.used
@@ -217,7 +217,8 @@ def advance(h: Hybrid, n: Native) -> int:  # noqa: PLR0912  (each stop has its r
             return NOT_FINITE
         add_step(steps, past, time[0], y, yp)
         found = flag == _ROOT_RETURN and not ended
-        if found or y[3] >= target or (guard >= 0 and (y[guard] < 0.0 or yp[guard] > 0.0)):
+        dips = guard >= 0 and (y[guard] < 0.0 or steps.c[used.steps - 1, 1, guard] < 0.0 < yp[guard])
+        if found or y[3] >= target or dips:
             stop, share = stop_within(steps, guard, found, target, y, yp)
             if stop == AT_TARGET:
                 end_at_angle(target, share, derivative, handles, steps, y, yp)

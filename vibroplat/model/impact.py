@@ -1,4 +1,4 @@
-"""The impact of the lower layer on the platform, and the closing of impacts that accumulate.
+"""The impact of the lower layer on the platform, and the latch of impacts that accumulate.
 
 Both act on the full state (14 numbers) and are pure compiled functions. Three laws share them:
 
@@ -119,7 +119,7 @@ def latch_time(rebound: float, gap_acceleration: float, restitution: float, tail
 
 @compiled
 def latch(state: FloatArray, accelerations: FloatArray, after: FloatArray, p: Parameters) -> tuple[float, float, float]:
-    """Close impacts that accumulate: carry the state to t∞, where they end, under constant accelerations.
+    """Sum up impacts that accumulate: carry the state to t∞, where they end, under constant accelerations.
 
     With the flight's accelerations constant, the impulses left sum to P = m_red (|a|τ − v) and their moment about
     t∞ to Σ Pₖ (t∞ − tₖ) = m_red τ (|a|τ/2 − v); both follow from gap = gap rate = 0 at t∞. The code has τ inserted,

@@ -48,7 +48,7 @@ SECTION_ROWS = 1024
 MARKS = np.dtype(
     [
         ("window", np.float64),  # when the measured part begins (s)
-        ("passed", np.float64),  # whole turns of exciter 1 until now, inf before the first step
+        ("passed", np.float64),  # whole turns of exciter 1 until now, nan before the first step
         ("turns", np.int64),  # points of the section so far
         ("first_time", np.float64),  # of the section's first and last point (s)
         ("last_time", np.float64),
@@ -125,7 +125,7 @@ class Measures(NamedTuple):
 def no_measures(window: float) -> Measures:
     """Make empty sums whose measured part begins at a time (s)."""
     marks = np.zeros(1, MARKS)
-    marks["window"], marks["passed"] = window, math.inf
+    marks["window"], marks["passed"] = window, math.nan
     for name in ("force", "y"):
         marks[f"{name}_min"], marks[f"{name}_max"] = math.inf, -math.inf
     plain, open_turn, whole = np.zeros(3, SUMS)

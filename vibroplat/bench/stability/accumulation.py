@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from vibroplat.bench.known import GRAVITY, OMEGA, TURN, closing_of_dropped_ball, dropped_ball
+from vibroplat.bench.known import GRAVITY, OMEGA, TURN, accumulation_time, dropped_ball
 from vibroplat.bench.scenes import base
 from vibroplat.bench.stability.checks import NAMED, Limit, row, sound
 from vibroplat.flow.run import simulate
@@ -54,7 +54,7 @@ def _ball(restitution: float, tolerance: float, allowed: float) -> dict[str, Any
         return row(name, run.outcome, {"latches_missed": (1.0, 0.0)})
     closed = float(latches["t_s"].iloc[0])
     landed = events[events["t_s"] <= closed]
-    expected = closing_of_dropped_ball(restitution, HEIGHT)
+    expected = accumulation_time(restitution, HEIGHT)
     followed = int((landed["kind"] == "impact").sum())
     limits: dict[str, Limit] = {
         "latch_time": (abs(closed / expected - 1.0), allowed),
@@ -68,7 +68,7 @@ def _ball(restitution: float, tolerance: float, allowed: float) -> dict[str, Any
 
 
 def _impacts_needed(restitution: float, tolerance: float) -> float:
-    """Impacts until ω₀τ ≤ √tol, the closing time τ falling with Rⁿ from 2 √(2h/g) R/(1−R)."""
+    """Impacts until ω₀τ ≤ √tol, their duration τ falling with Rⁿ from 2 √(2h/g) R/(1−R)."""
     first = 2.0 * math.sqrt(2.0 * HEIGHT / GRAVITY) * restitution / (1.0 - restitution)
     return max(math.log(OMEGA * first / math.sqrt(tolerance)) / -math.log(restitution), 0.0)
 
@@ -146,7 +146,7 @@ def _slow_accumulation(restitution: float) -> dict[str, Any]:
     run = simulate(scene, keep="events")
     latches = run.events[run.events["kind"] == "latch"]
     time = float(latches["t_s"].iloc[0]) if len(latches) else math.nan
-    error = abs(time / closing_of_dropped_ball(restitution, HEIGHT) - 1.0)
+    error = abs(time / accumulation_time(restitution, HEIGHT) - 1.0)
     return row(
         f"ball, R {restitution:g}, followed",
         run.outcome,

@@ -61,8 +61,8 @@ def _judged(scene: Scene) -> dict[str, Any]:
 
 
 def _missing(*arrays: Any) -> int:
-    """Count what is not a number in arrays and records."""
-    columns = [array[name] for array in arrays for name in array.dtype.names or ()]
+    """Count what is not a number in arrays and records; only the turns passed have no number before the first step."""
+    columns = [array[name] for array in arrays for name in array.dtype.names or () if name != "passed"]
     columns += [array for array in arrays if array.dtype.names is None]
     return sum(int(np.isnan(column).sum()) for column in columns)
 
