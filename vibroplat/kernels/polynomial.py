@@ -249,10 +249,6 @@ class Fit(NamedTuple):
     chebyshev: FloatArray
     powers: FloatArray
 
-    def through(self, found: FloatArray) -> FloatArray:
-        """Coefficients of the polynomials with the given values at the nodes, shape (degree + 1, unknowns)."""
-        return self.powers @ (self.chebyshev @ found)
-
 
 def fit(degree: int) -> Fit:
     """Prepare the fit of polynomials of a degree."""

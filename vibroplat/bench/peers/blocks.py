@@ -14,10 +14,10 @@ from pathsim.blocks import ODE
 from pathsim.events import ZeroCrossingDown
 from pathsim.solvers import RKCK54, RKDP87
 
-from vibroplat.bench.peers.equations import flow, guard
-from vibroplat.bench.peers.hybrid import Leg
+from vibroplat.bench.peers.following import Leg, Legs, flow, guard, straight
 from vibroplat.hybrid.scales import ROUND_OFF, state_scales
-from vibroplat.model.parameters import FloatArray, Parameters, parameters
+from vibroplat.kernels.compiled import FloatArray
+from vibroplat.model.parameters import Parameters, parameters
 from vibroplat.model.systems import GAP, System, systems
 from vibroplat.scene import Mode, Scene
 
@@ -39,10 +39,13 @@ SOLVERS = {Mode.BARE: RKDP87, Mode.ATTACHED: RKCK54, Mode.FLIGHT: RKCK54}
 TINY = float(np.finfo(float).tiny)
 
 
-class PathSim:
-    """One simulation for each mode, whose state is set at every restart."""
+class PathSim(Legs):
+    """One simulation for each mode, whose state is set at every restart; known only where it is asked for."""
+
+    name = "PathSim"
 
     def __init__(self, scene: Scene, tolerance: float) -> None:
+        super().__init__()
         self.p = p = parameters(scene)
         self.systems, scales = systems(scene), state_scales(scene)
         period = 2.0 * np.pi / scene.speed_scale
@@ -61,38 +64,38 @@ class PathSim:
             for mode, system in self.systems.items()
         }
 
-    def advance(self, mode: Mode, t: float, y: FloatArray, until: float, times: FloatArray) -> Leg:
-        """See :class:`vibroplat.bench.peers.hybrid.Integrator`."""
+    def leg(self, mode: Mode, t: float, y: FloatArray, until: float) -> Leg:
+        """See :class:`vibroplat.bench.peers.following.Legs`."""
         one = self.simulations[mode]
         step, near = self.first, self.share * self.scales[mode]
         rate = y.size // 2 + GAP
         if mode is Mode.FLIGHT and y[rate] > 0.0:
             # a step beyond the landing would not see the gap fall, and a low flight needs a near event
-            rise = y[rate] / max(-flow(self.systems[mode].index, t, y, self.p)[rate], TINY)
+            rise = y[rate] / max(-flow(self.systems[mode], self.p)(t, y)[rate], TINY)
             step = min(step, rise)
             near = max(min(near, self.share * 0.5 * rise * y[rate]), SHORTEST * y[rate])
         one.start(t, y, step, near)
-        samples = []
-        for wanted in times:
-            if not one.run(float(wanted)):
+        points, ends = [y], [t]
+        wanted = [] if self.times is None else self.times[(self.times > t) & (self.times < until)].tolist()
+        for end in (*wanted, until):
+            one.run(end)
+            points.append(one.block.state.copy())
+            ends.append(one.simulation.time)
+            if one.fell:
                 break
-            samples.append(one.block.state.copy())
-        if not one.fell:
-            one.run(until)
-        kept = np.array(samples) if samples else np.empty((0, y.size))
-        return Leg(one.simulation.time, one.block.state.copy(), one.fell, kept)
+        return straight(points, np.diff(ends).tolist(), one.fell)
 
 
 class _Mode:
     """Simulation of one mode."""
 
     def __init__(self, system: System, p: Parameters, **options: Any) -> None:
-        number = system.index
-        self.block = ODE(lambda x, u, t: flow(number, t, x, p), np.zeros(system.differential))
+        rates, falling = flow(system, p), guard(system, p)
+        self.block = ODE(lambda x, u, t: rates(t, x), np.zeros(system.differential))
         self.events = []
         self.fell = False
         if system.mode is not Mode.BARE:
-            self.events = [ZeroCrossingDown(lambda t: guard(number, t, self.block.state, p), self.end)]
+            self.events = [ZeroCrossingDown(lambda t: falling(t, self.block.state), self.end)]
         self.simulation = Simulation([self.block], events=self.events, log=False, **options)
 
     def end(self, t: float) -> None:
@@ -109,10 +112,9 @@ class _Mode:
         for event in self.events:
             event.tolerance = near
 
-    def run(self, until: float) -> bool:
-        """Integrate until a time; whether the event has not ended it before."""
+    def run(self, until: float) -> None:
+        """Integrate until a time, or the event."""
         duration = until - self.simulation.time
         if duration > 0.0:
             self.simulation.dt = min(self.simulation.dt, duration)
             self.simulation.run(duration)
-        return not self.fell

@@ -7,94 +7,73 @@ user of it cannot change: IDA's own first step, and its error test, in which F_c
 from __future__ import annotations
 
 import io
+import time
 from contextlib import redirect_stdout
 from typing import Any
 
 import numpy as np
 from sksundae.ida import IDA
 
-from vibroplat.bench.peers.hybrid import FLIGHT_STEP, Leg
-from vibroplat.hybrid.scales import FORCE_SHARE, ROUND_OFF, state_scales
+from vibroplat.hybrid.scales import FORCE_SHARE, ROUND_OFF
+from vibroplat.hybrid.steps import CUBIC, fill_cubic
+from vibroplat.integrate.seam import WORK, IntegrationError
+from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.accelerations import accelerations
 from vibroplat.model.equations import jacobian as jacobian_kernel
 from vibroplat.model.equations import residual as residual_kernel
-from vibroplat.model.parameters import FloatArray, Parameters, parameters
-from vibroplat.model.systems import System, systems
-from vibroplat.scene import Mode, Scene
-
-#: Most steps between two outputs; scikit-sundae's own 500 ends runs without an exception.
-MOST_STEPS = 1_000_000
-
-_ROOT = 2
+from vibroplat.model.parameters import parameters
+from vibroplat.model.systems import System
+from vibroplat.scene import Scene
 
 
 class Callbacks:
-    """One IDA object for each mode, re-initialised at every restart."""
+    """One IDA object for each mode, re-initialised at every restart; cubics through the ends of its steps."""
+
+    name, degree = "scikit-sundae, Python callbacks", CUBIC
 
     def __init__(self, scene: Scene, tolerance: float) -> None:
-        self.p = parameters(scene)
-        self.systems = systems(scene)
-        scales, period = state_scales(scene), 2.0 * np.pi / scene.speed_scale
-        self.solvers: dict[Mode, tuple[IDA, Any]] = {}
-        for mode, system in self.systems.items():
-            atol = np.full(system.size, FORCE_SHARE * scene.force_scale)
-            atol[: system.differential] = scales[system.places]
-            longest = FLIGHT_STEP * period if mode is Mode.FLIGHT else 0.0
-            self.solvers[mode] = _solver(system, self.p, tolerance * atol, longest)
+        self.work, self.alone_s = dict.fromkeys(WORK), 0.0
+        self._p = parameters(scene)
+        self._force = tolerance * FORCE_SHARE * scene.force_scale
+        self._solvers: dict[int, IDA] = {}
 
-    def advance(self, mode: Mode, t: float, y: FloatArray, until: float, times: FloatArray) -> Leg:
-        """See :class:`vibroplat.bench.peers.hybrid.Integrator`."""
-        system = self.systems[mode]
-        solver, guard = self.solvers[mode]
-        start, slope = np.zeros(system.size), np.empty(system.size)
-        start[: system.differential] = y
-        accelerations(system.index, t, start, slope, self.p)
-        # two times ask for every step, more for just these
-        span = [t, *times[times < until], until]
+    def start(self, system: System, t: float, y: FloatArray, atol: FloatArray) -> None:
+        """Begin a segment, whose time is 0."""
+        if system.index not in self._solvers:
+            self._solvers[system.index] = self._solver(system, atol)
+        self._solver_now, self._differential, self._t = self._solvers[system.index], system.differential, 0.0
+        self._y, self._yp = np.append(y, np.zeros(system.size - y.size)), np.empty(system.size)
+        accelerations(system.index, t, self._y, self._yp, self._p)
+        began = time.perf_counter()
+        self._solver_now.init_step(0.0, self._y, self._yp)
+        self.alone_s += time.perf_counter() - began
+
+    def steps(self, longest: float) -> tuple[FloatArray, FloatArray]:
+        """Take a step."""
+        began = time.perf_counter()
         with redirect_stdout(io.StringIO()):  # what the status says is printed as well
-            found = solver.solve(span, start, slope)
-        _forget(guard)
+            found = self._solver_now.step(self._t + longest, method="onestep")
+        self.alone_s += time.perf_counter() - began
         if found.status < 0:
-            raise RuntimeError(f"IDA: {found.message}")
-        fell, end = found.status == _ROOT, float(found.t[-1])
-        states = found.y[:, : system.differential]
-        samples = states[np.searchsorted(found.t, times[times <= end])]
-        return Leg(end, states[-1].copy(), fell, samples)
+            raise IntegrationError(f"IDA: {found.message}")
+        t, y, yp = float(found.t), found.y.copy(), found.yp.copy()
+        length, coefficients = t - self._t, np.empty((1, CUBIC + 1, y.size))
+        fill_cubic(coefficients[0], length, self._y, y, self._yp, yp)
+        self._t, self._y, self._yp = t, y, yp
+        return np.array([length]), coefficients[:, :, : self._differential]
 
+    def _solver(self, system: System, atol: FloatArray) -> IDA:
+        """Make the IDA object of a system."""
+        number, p = system.index, self._p
 
-def _solver(system: System, p: Parameters, atol: FloatArray, longest: float) -> tuple[IDA, Any]:
-    """Make the IDA object of a system, and its event function if it has one."""
-    number = system.index
+        def residual(t: float, y: FloatArray, yp: FloatArray, res: FloatArray) -> None:
+            residual_kernel(number, t, y, yp, res, p)
 
-    def residual(t: float, y: FloatArray, yp: FloatArray, res: FloatArray) -> None:
-        residual_kernel(number, t, y, yp, res, p)
+        def jacobian(t: float, y: FloatArray, yp: FloatArray, res: FloatArray, cj: float, jac: FloatArray) -> None:
+            jacobian_kernel(number, t, y, yp, cj, jac, p)
 
-    def jacobian(t: float, y: FloatArray, yp: FloatArray, res: FloatArray, cj: float, jac: FloatArray) -> None:
-        jacobian_kernel(number, t, y, yp, cj, jac, p)
-
-    options: dict[str, Any] = {
-        "jacfn": jacobian,
-        "rtol": ROUND_OFF,
-        "atol": atol,
-        "max_step": longest,
-        "max_num_steps": MOST_STEPS,
-    }
-    if system.algebraic:
-        options["algebraic_idx"] = [system.differential]
-    if system.guard is None:
-        return IDA(residual, **options), None
-    place = system.guard
-
-    def guard(t: float, y: FloatArray, yp: FloatArray, events: FloatArray) -> None:
-        events[0] = y[place]
-
-    guard.terminal, guard.direction = [True], [-1]  # type: ignore[attr-defined]
-    return IDA(residual, eventsfn=guard, num_events=1, **options), guard
-
-
-def _forget(guard: Any) -> None:
-    """Clear the events that scikit-sundae keeps on the function: the next solve would stop at once."""
-    if guard is not None:
-        for name in ("_i", "_t", "_y", "_yp"):
-            getattr(guard, name).clear()
-        guard._i_cnt[:] = 0
+        tolerances = np.append(atol, np.full(system.size - atol.size, self._force))
+        options: dict[str, Any] = {"jacfn": jacobian, "rtol": ROUND_OFF, "atol": tolerances}
+        if system.algebraic:
+            options["algebraic_idx"] = [system.differential]
+        return IDA(residual, **options)

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from vibroplat.bench.peers.hybrid import Followed, follow
+from vibroplat.bench.peers.following import Followed, at_tolerance, follow
 from vibroplat.bench.reference import SLOWEST, compared_events, load_reference
 from vibroplat.bench.scenes import base
 from vibroplat.errors import TableError
@@ -108,7 +108,7 @@ def truth(case: Case) -> Followed:
     """
     from vibroplat.bench.peers.taylor import Taylor  # noqa: PLC0415  (optional)
 
-    return follow(case.scene, Taylor(case.scene, FINEST), case.times)
+    return follow(at_tolerance(case.scene, FINEST), Taylor(case.scene, FINEST), case.times)
 
 
 def agreement(case: Case, found: Followed, directory: Path) -> dict[str, Any]:

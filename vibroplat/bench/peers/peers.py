@@ -12,13 +12,14 @@ from functools import partial
 import numpy as np
 
 from vibroplat.bench.peers import siconos
-from vibroplat.bench.peers.hybrid import Followed, Integrator, follow
+from vibroplat.bench.peers.following import Followed, at_tolerance, follow, sampled
 from vibroplat.flow.motion import Motion
 from vibroplat.flow.run import SETTLE_SHARE, simulate
 from vibroplat.integrate.choice import make_engine
-from vibroplat.model.parameters import FloatArray, parameters
+from vibroplat.kernels.compiled import FloatArray
+from vibroplat.model.parameters import parameters
 from vibroplat.model.systems import FULL_SIZE
-from vibroplat.scene import COORDINATES, RATES, Scene
+from vibroplat.scene import Scene
 
 #: Runs a scene; states at the times given, or none in timed runs.
 Runner = Callable[[FloatArray | None], Followed]
@@ -79,15 +80,7 @@ def _vibroplat(scene: Scene, tolerance: float, smooth_modes: str = "auto") -> Ru
         found = simulate(scene)
         if found.summary["outcome"] != "ok":
             raise RuntimeError(found.summary["detail"])
-        table = found(times)
-        states = np.zeros((times.size, FULL_SIZE))
-        for place, name in enumerate((*COORDINATES, *RATES)):
-            if name in table:
-                states[:, place] = table[name]
-        events = found.events[["t_s", "kind", "gap_rate_before_m_per_s"]]
-        forces = table["contact_force_n"].to_numpy() if "contact_force_n" in table else None
-        rows = list(events.itertuples(index=False, name=None))
-        return Followed(states, list(table["mode"]), rows=rows, forces=forces)
+        return sampled(found, times)
 
     return run
 
@@ -95,8 +88,8 @@ def _vibroplat(scene: Scene, tolerance: float, smooth_modes: str = "auto") -> Ru
 def _integrated(scene: Scene, tolerance: float, module: str, name: str) -> Runner:
     """Let an integrator of this directory follow a scene."""
     made = importlib.import_module(f"vibroplat.bench.peers.{module}")
-    integrator: Integrator = getattr(made, name)(scene, tolerance)
-    return partial(follow, scene, integrator)
+    scene = at_tolerance(scene, tolerance)
+    return partial(follow, scene, getattr(made, name)(scene, tolerance))
 
 
 def _siconos(scene: Scene, accuracy: float, kind: str) -> Runner:
@@ -119,7 +112,6 @@ PEERS = (
     Peer("vibroplat, Adams in flight", _powers(4, 11), (), partial(_vibroplat, smooth_modes="adams")),
     _peer("scikit-sundae, Python callbacks", "callbacks", "Callbacks", _powers(4, 9), _powers(7, 9)),
     _peer("scipy DOP853", "ivp", "DOP853", _powers(4, 10), _powers(6, 9)),
-    _peer("scipy DOP853, longer steps", "ivp", "DOP853_LONG", _powers(4, 10), ()),
     _peer("scipy LSODA", "ivp", "LSODA", _powers(5, 11), _powers(6, 9)),
     _peer("scipy Radau", "ivp", "RADAU", _powers(4, 8), _powers(4, 7)),
     _peer("heyoka", "taylor", "Taylor", _powers(3, 10), _powers(4, 8), "heyoka"),

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from vibroplat.bench.peers.cases import LEVELS, Case, agreement, truth
-from vibroplat.bench.peers.hybrid import Followed
+from vibroplat.bench.peers.following import Followed
 from vibroplat.bench.peers.peers import Peer, Runner
 from vibroplat.bench.reference import event_errors
 from vibroplat.hybrid.scales import state_scales

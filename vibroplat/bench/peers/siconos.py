@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from vibroplat.bench.peers.hybrid import Followed
+from vibroplat.bench.peers.following import Followed
 from vibroplat.hybrid.initial import initial_state
 from vibroplat.model.parameters import FloatArray, parameters
 from vibroplat.model.systems import FULL_SIZE, GAP

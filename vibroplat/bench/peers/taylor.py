@@ -11,8 +11,10 @@ from typing import Any
 import heyoka as hk
 import numpy as np
 
-from vibroplat.bench.peers.hybrid import Leg
-from vibroplat.model.parameters import FloatArray, Parameters, parameters
+from vibroplat.bench.peers.following import Leg, Legs, straight
+from vibroplat.hybrid.steps import CUBIC
+from vibroplat.kernels.compiled import FloatArray
+from vibroplat.model.parameters import Parameters, parameters
 from vibroplat.model.systems import GAP, System, systems
 from vibroplat.scene import Mode, Scene
 
@@ -25,15 +27,19 @@ BARELY = 1e-25
 _NAMES = ("x", "y", "f", "f1", "f2")
 
 
-class Taylor:
-    """One integrator for each mode."""
+class Taylor(Legs):
+    """One integrator for each mode, with its own events; its steps are the Taylor polynomials."""
+
+    name = "heyoka"
 
     def __init__(self, scene: Scene, tolerance: float) -> None:
+        super().__init__()
         p = parameters(scene)
         self.integrators = {mode: _integrator(system, p, tolerance) for mode, system in systems(scene).items()}
+        self.degree = max(CUBIC, *(ta.order for ta in self.integrators.values()))
 
-    def advance(self, mode: Mode, t: float, y: FloatArray, until: float, times: FloatArray) -> Leg:
-        """See :class:`vibroplat.bench.peers.hybrid.Integrator`."""
+    def leg(self, mode: Mode, t: float, y: FloatArray, until: float) -> Leg:
+        """See :class:`vibroplat.bench.peers.following.Legs`."""
         ta = self.integrators[mode]
         ta.time = t
         ta.state[:] = y
@@ -41,13 +47,13 @@ class Taylor:
             ta.state[GAP] = BARELY  # after a rebound a root at the very beginning would hide those in the first step
         if mode is not Mode.BARE:
             ta.reset_cooldowns()
-        if not times.size:
+        if self.times is None:
             outcome = ta.propagate_until(until)[0]
-            return Leg(ta.time, ta.state.copy(), _fell(outcome), np.empty((0, y.size)))
+            return straight([y, ta.state.copy()], [ta.time - t], _fell(outcome))
         outcome, *_, output, _ = ta.propagate_until(until, c_output=True)
-        inside = times[times <= ta.time]
-        samples = output(inside).copy() if inside.size else np.empty((0, y.size))
-        return Leg(ta.time, ta.state.copy(), _fell(outcome), samples)
+        lengths = np.diff(output.times)
+        powers = lengths[:, np.newaxis] ** np.arange(ta.order + 1)
+        return Leg(_fell(outcome), ta.state.copy(), lengths, output.tcs.transpose(0, 2, 1) * powers[:, :, np.newaxis])
 
 
 def _fell(outcome: Any) -> bool:
