@@ -199,6 +199,7 @@ def advance(h: Hybrid, n: Native) -> int:
     until, target, rows = run.until, run.target - run.turns[0], steps.start.size
     starts, lengths, c, ends = steps.start, steps.length, steps.c, steps.ends
     past_t, past_y, past_yp = n.past.t, n.past.y, n.past.yp
+    origin, period, counted_until = run.origin, run.period, status.counted_from + run.period
     all_y, all_yp = n.y[mode], n.yp[mode]
     y, yp = all_y[:size], all_yp[:size]
     handle = n.handles[mode]
@@ -233,8 +234,9 @@ def advance(h: Hybrid, n: Native) -> int:
                 return stop
         if ended:
             return AT_TIME
-        if run.origin + time[0] - status.counted_from >= run.period:
-            status.counted_from = run.origin + time[0]
+        if origin + time[0] >= counted_until:
+            counted_until = origin + time[0] + period
+            status.counted_from = origin + time[0]
             status.counted = 0
         elif status.counted > status.most:
             return FAILED
