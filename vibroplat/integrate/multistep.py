@@ -17,7 +17,7 @@ from vibroplat.hybrid.modes import FLIGHT
 from vibroplat.hybrid.scales import ROUND_OFF, halvings
 from vibroplat.hybrid.starts import derivatives, prepare
 from vibroplat.hybrid.state import DIFFERENTIATED, Hybrid
-from vibroplat.hybrid.steps import CUT, Steps, end_at
+from vibroplat.hybrid.steps import CUBIC, CUT, Steps, end_at
 from vibroplat.kernels.compiled import FloatArray, compiled, copy, inlined
 from vibroplat.kernels.polynomial import crossing, first_fall, slope, values
 from vibroplat.model.systems import FULL_SIZE, GAP, SIZES
@@ -239,27 +239,31 @@ def calm(h: Hybrid, cut: bool) -> None:
         if length <= 0.0:
             continue
         f0, f1 = c[0, force], steps.ends[row, force]
-        rate_0, rate_1 = c[1, force] / length, slope(c, degree, force, 1.0) / length
-        here = (f1 - f0) / length
-        before, after = 0.0, 0.0
+        rate_0, rate_1 = c[1, force], slope(c, degree, force, 1.0)  # over the fraction of the step, as all rates here
+        here = f1 - f0
+        limit_0 = limit_1 = 3.0 * abs(here)
+        least_0, most_0 = -3.0 * max(f0, 0.0), np.inf
+        least_1, most_1 = -np.inf, 3.0 * max(f1, 0.0)
         if row > first and steps.length[row - 1] > 0.0:
-            before = (f0 - steps.c[row - 1, 0, force]) / steps.length[row - 1]
-            rate_0 = min(rate_0, 3.0 * max(f0, 0.0) / steps.length[row - 1])
+            ratio = length / steps.length[row - 1]
+            limit_0 = max(limit_0, 3.0 * ratio * abs(f0 - steps.c[row - 1, 0, force]))
+            most_0 = 3.0 * ratio * max(f0, 0.0)
         elif h.run.joined == CUT:
-            before = np.inf
+            limit_0 = np.inf
         if row + 1 < end and steps.length[row + 1] > 0.0:
-            after = (steps.ends[row + 1, force] - f1) / steps.length[row + 1]
-            rate_1 = max(rate_1, -3.0 * max(f1, 0.0) / steps.length[row + 1])
+            ratio = length / steps.length[row + 1]
+            limit_1 = max(limit_1, 3.0 * ratio * abs(steps.ends[row + 1, force] - f1))
+            least_1 = -3.0 * ratio * max(f1, 0.0)
         elif cut:
-            after = np.inf
-        steepest_0, steepest_1 = 3.0 * max(abs(before), abs(here)), 3.0 * max(abs(after), abs(here))
-        rate_0 = max(min(max(rate_0, -steepest_0), steepest_0), -3.0 * max(f0, 0.0) / length)
-        rate_1 = min(max(rate_1, -steepest_1), steepest_1, 3.0 * max(f1, 0.0) / length)
-        c[1, force] = length * rate_0
-        c[2, force] = length * (3.0 * here - 2.0 * rate_0 - rate_1)
-        c[3, force] = length * (rate_0 + rate_1 - 2.0 * here)
-        for k in range(4, degree + 1):
-            c[k, force] = 0.0
+            limit_1 = np.inf
+        calm_0 = max(min(rate_0, most_0, limit_0), -limit_0, least_0)
+        calm_1 = min(max(rate_1, least_1, -limit_1), limit_1, most_1)
+        if degree > CUBIC or calm_0 != rate_0 or calm_1 != rate_1:
+            c[1, force] = calm_0
+            c[2, force] = 3.0 * here - 2.0 * calm_0 - calm_1
+            c[3, force] = calm_0 + calm_1 - 2.0 * here
+            for k in range(4, degree + 1):
+                c[k, force] = 0.0
 
 
 @compiled

@@ -97,6 +97,10 @@ _FLIGHT = int(Mode.FLIGHT)
 _HEIGHT, _ANGLE, _GAP = np.array([1, 3, GAP])
 
 
+#: A full state, and the powers at it.
+Room = tuple[FloatArray, FloatArray]
+
+
 class Measures(NamedTuple):
     """Sums over a run.
 
@@ -175,31 +179,32 @@ class Statistics:
 
     def __init__(self, window: float) -> None:
         self.measures = no_measures(window)
+        self._room = np.zeros(FULL_SIZE), np.zeros(N_WORK)
 
     def read(self, h: Hybrid) -> None:
         """Add the steps and events since the last reading."""
-        adder(h.steps.degree)(self.measures, h.steps, h.events[: h.run["events"]], h.p)
+        adder(h.steps.degree)(self.measures, h.steps, h.events[: h.run["events"]], self._room, h.p)
 
 
 @cache
-def adder(degree: int) -> Callable[[Measures, Steps, npt.NDArray[np.void], Parameters], None]:
+def adder(degree: int) -> Callable[[Measures, Steps, npt.NDArray[np.void], Room, Parameters], None]:
     """Compile :func:`add_pieces` for polynomials of one degree, known to the compiler: it takes half the time."""
     nodes = node_count(degree)
 
     @compiled
-    def add_all(ms: Measures, steps: Steps, events: npt.NDArray[np.void], p: Parameters) -> None:
-        add_pieces(borrow(ms), borrow(steps), events, degree, nodes, p)
+    def add_all(ms: Measures, steps: Steps, events: npt.NDArray[np.void], room: Room, p: Parameters) -> None:
+        add_pieces(borrow(ms), borrow(steps), borrow(events), borrow(room), degree, nodes, p)
 
     return add_all
 
 
 @inlined
 def add_pieces(
-    ms: Measures, steps: Steps, events: npt.NDArray[np.void], degree: int, nodes: int, p: Parameters
+    ms: Measures, steps: Steps, events: npt.NDArray[np.void], room: Room, degree: int, nodes: int, p: Parameters
 ) -> None:
-    """Add all closed pieces and events in the order of time."""
+    """Add all closed pieces and events in the order of time; ``room`` is overwritten."""
     counted = 0
-    full, power = np.zeros(FULL_SIZE), np.empty(N_WORK)
+    full, power = room
     for i in range(steps.used.pieces):
         piece = steps.pieces[i]
         while counted < piece.events:
