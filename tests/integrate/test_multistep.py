@@ -12,9 +12,8 @@ from hypothesis import strategies as st
 from vibroplat.hybrid.automaton import automaton
 from vibroplat.hybrid.loop import AT_GUARD, AT_TARGET
 from vibroplat.hybrid.modes import ATTACHED
-from vibroplat.hybrid.steps import fill_cubic, no_steps
+from vibroplat.hybrid.steps import CUBIC, fill_cubic, no_steps
 from vibroplat.integrate.multistep import (
-    CUBIC,
     LEAST_RATIO,
     QUINTIC,
     begin_steps,

@@ -8,7 +8,7 @@ which is as accurate as its ends to the tightest tolerance (``python -m pytest t
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from vibroplat.hybrid.modes import FLIGHT
 from vibroplat.hybrid.scales import ROUND_OFF, halvings
 from vibroplat.hybrid.starts import derivatives, prepare
 from vibroplat.hybrid.state import DIFFERENTIATED, Hybrid
-from vibroplat.hybrid.steps import CUBIC, CUT, Steps, end_at
+from vibroplat.hybrid.steps import CUT, Steps, end_at
 from vibroplat.kernels.compiled import FloatArray, compiled, copy, inlined
 from vibroplat.kernels.polynomial import crossing, first_fall, slope, values
 from vibroplat.model.systems import FULL_SIZE, GAP, SIZES
@@ -44,65 +44,77 @@ class Past(NamedTuple):
         Times in the segment (s), shape (2,).
     y, yp
         Unknowns and derivatives, shape (2, 14).
-    known
-        How many of them belong to the segment, shape (1,).
     """
 
     t: FloatArray
     y: FloatArray
     yp: FloatArray
-    known: Any
 
 
 def no_past() -> Past:
     """Make room for ends of steps."""
-    return Past(np.zeros(2), np.zeros((2, FULL_SIZE)), np.zeros((2, FULL_SIZE)), np.zeros(1, dtype=np.int64))
+    return Past(np.zeros(2), np.zeros((2, FULL_SIZE)), np.zeros((2, FULL_SIZE)))
 
 
 @compiled
 def begin_steps(past: Past, y: FloatArray, yp: FloatArray) -> None:
     """Begin a segment at time 0."""
-    past.t[0], past.known[0] = 0.0, 1
+    past.t[0] = past.t[1] = 0.0
     copy(y, past.y[0])
     copy(yp, past.yp[0])
 
 
 @inlined
-def add_step(steps: Steps, past: Past, t: float, y: FloatArray, yp: FloatArray) -> None:
-    """Add the step that ends at a time of the segment with the unknowns and derivatives there."""
-    row, size = steps.used.steps, y.size
-    c, end, degree = steps.c[row], steps.ends[row], steps.c.shape[1] - 1
-    length = t - past.t[0]
-    steps.start[row], steps.length[row] = past.t[0], length
-    steps.used.steps = row + 1
-    for j in range(size):  # as fill_cubic, in one loop with what is to be kept: half the time
-        y0, rate_0, rate_1 = past.y[0, j], length * past.yp[0, j], length * yp[j]
+def add_step(
+    t: float,
+    y: FloatArray,
+    yp: FloatArray,
+    row: int,
+    starts: FloatArray,
+    lengths: FloatArray,
+    c: FloatArray,
+    ends: FloatArray,
+    past_t: FloatArray,
+    past_y: FloatArray,
+    past_yp: FloatArray,
+) -> None:
+    """Fill a row with the step that ends at a time of the segment with the unknowns and derivatives there, shape (14,).
+
+    Arrays that are taken from their tuples once, and loops of a length that the compiler knows, halve the time.
+    """
+    start = past_t[0]
+    length = t - start
+    starts[row], lengths[row] = start, length
+    for j in range(FULL_SIZE):  # the cubic of fill_cubic
+        y0, rate_0, rate_1 = past_y[0, j], length * past_yp[0, j], length * yp[j]
         rise = y[j] - y0
-        c[0, j], c[1, j] = y0, rate_0
-        c[2, j] = 3.0 * rise - 2.0 * rate_0 - rate_1
-        c[3, j] = rate_0 + rate_1 - 2.0 * rise
-        end[j] = y[j]
-        if degree == CUBIC:
-            past.y[0, j], past.yp[0, j] = y[j], yp[j]
-    if degree > CUBIC:
-        add_quintic_terms(c, past, length, y, yp)
-    past.t[1], past.t[0] = past.t[0], t
-    past.known[0] += 1
+        c[row, 0, j] = y0
+        c[row, 1, j] = rate_0
+        c[row, 2, j] = 3.0 * rise - 2.0 * rate_0 - rate_1
+        c[row, 3, j] = rate_0 + rate_1 - 2.0 * rise
+    if c.shape[1] > QUINTIC:
+        add_quintic_terms(c[row], length, past_t, past_y, past_yp)
+    for j in range(FULL_SIZE):
+        ends[row, j] = y[j]
+        past_y[0, j] = y[j]
+        past_yp[0, j] = yp[j]
+    past_t[1], past_t[0] = start, t
 
 
 @compiled
-def add_quintic_terms(c: FloatArray, past: Past, length: float, y: FloatArray, yp: FloatArray) -> None:
-    """Raise a step's cubic to a quintic, where the ends before allow it, and keep its end for the next one."""
-    size = y.size
+def add_quintic_terms(
+    c: FloatArray, length: float, past_t: FloatArray, past_y: FloatArray, past_yp: FloatArray
+) -> None:
+    """Raise a step's cubic to a quintic, where the ends before allow it, and keep its beginning for the next one."""
     for k in range(QUINTIC - 1, c.shape[0]):
-        for j in range(size):
+        for j in range(FULL_SIZE):
             c[k, j] = 0.0
-    ratio = (past.t[0] - past.t[1]) / length if past.known[0] > 1 and length > 0.0 else 0.0
-    if ratio >= LEAST_RATIO:
-        raise_to_quintic(c, length, ratio, past.y[1, :size], past.yp[1, :size])
-    for j in range(size):
-        past.y[1, j], past.yp[1, j] = past.y[0, j], past.yp[0, j]
-        past.y[0, j], past.yp[0, j] = y[j], yp[j]
+    ratio = (past_t[0] - past_t[1]) / length if length > 0.0 else 0.0
+    if ratio >= LEAST_RATIO:  # not in the first step of a segment: both times are 0
+        raise_to_quintic(c, length, ratio, past_y[1], past_yp[1])
+    for j in range(FULL_SIZE):
+        past_y[1, j] = past_y[0, j]
+        past_yp[1, j] = past_yp[0, j]
 
 
 @compiled
@@ -147,10 +159,14 @@ def transcribe(
     int
         AT_GUARD for a fall that the integrator has not found, AT_TARGET for the angle, −1 if all ends were added.
     """
-    end = np.empty(y.shape[1])
+    end, full, slopes = np.empty(y.shape[1]), np.zeros(FULL_SIZE), np.zeros(FULL_SIZE)
     degree = steps.c.shape[1] - 1
     for k in range(t.size):
-        add_step(steps, past, t[k], y[k], yp[k])
+        copy(y[k], full)
+        copy(yp[k], slopes)
+        row = steps.used.steps
+        add_step(t[k], full, slopes, row, steps.start, steps.length, steps.c, steps.ends, past.t, past.y, past.yp)
+        steps.used.steps = row + 1
         found = at_guard and k == t.size - 1
         stop, share = stop_within(steps, guard, found, target, y[k], yp[k])
         if stop == AT_TARGET or (stop == AT_GUARD and not found):

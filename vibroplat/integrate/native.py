@@ -192,12 +192,16 @@ def start(h: Hybrid, n: Native) -> bool:
 @compiled
 def advance(h: Hybrid, n: Native) -> int:
     """Take steps to the guard, the segment's time, the run's target, a failure, or until there is no more room."""
-    run, status, steps, past, time = h.run, n.status, h.steps, n.past, n.time
+    run, status, steps, time = h.run, n.status, h.steps, n.time
     mode, used = run.mode, h.steps.used
     system = run.systems[mode]
     guard, size = GUARDS[system], SIZES[system]
     until, target, rows = run.until, run.target - run.turns[0], steps.start.size
-    y, yp = n.y[mode, :size], n.yp[mode, :size]
+    starts, lengths, c, ends = steps.start, steps.length, steps.c, steps.ends
+    past_t, past_y, past_yp = n.past.t, n.past.y, n.past.yp
+    origin, period, counted_until = run.origin, run.period, status.counted_from + run.period
+    all_y, all_yp = n.y[mode], n.yp[mode]
+    y, yp = all_y[:size], all_yp[:size]
     handle = n.handles[mode]
     handles = (handle.memory, handle.y, handle.yp)
     method, clock = handle.method, time.ctypes.data
@@ -215,9 +219,11 @@ def advance(h: Hybrid, n: Native) -> int:
             time[0] = until
         if not (finite(y) and finite(yp)):
             return NOT_FINITE
-        add_step(steps, past, time[0], y, yp)
+        row = used.steps
+        add_step(time[0], all_y, all_yp, row, starts, lengths, c, ends, past_t, past_y, past_yp)
+        used.steps = row + 1
         found = flag == _ROOT_RETURN and not ended
-        dips = guard >= 0 and (y[guard] < 0.0 or steps.c[used.steps - 1, 1, guard] < 0.0 < yp[guard])
+        dips = guard >= 0 and (y[guard] < 0.0 or c[row, 1, guard] < 0.0 < yp[guard])
         if found or y[3] >= target or dips:
             stop, share = stop_within(steps, guard, found, target, y, yp)
             if stop == AT_TARGET:
@@ -228,8 +234,9 @@ def advance(h: Hybrid, n: Native) -> int:
                 return stop
         if ended:
             return AT_TIME
-        if run.origin + time[0] - status.counted_from >= run.period:
-            status.counted_from = run.origin + time[0]
+        if origin + time[0] >= counted_until:
+            counted_until = origin + time[0] + period
+            status.counted_from = origin + time[0]
             status.counted = 0
         elif status.counted > status.most:
             return FAILED

@@ -328,17 +328,18 @@ def integrate(
         for j in range(DISSIPATIONS, N_POWERS):
             exchanged += power[j]
         total_exchanged += weight * exchanged
-        x, y, phi = full[0], full[1], full[2]
-        total_x += weight * x
-        total_xx += weight * x * x
-        total_y += weight * y
-        total_yy += weight * y * y
-        total_phi += weight * phi
-        total_phi_phi += weight * phi * phi
-        total_motor += weight * power[0]
-        if degree > SHORT:
-            total_cosine += weight * math.cos(full[3] + full[4])
-            total_sine += weight * math.sin(full[3] + full[4])
+        if measured:
+            x, y, phi = full[0], full[1], full[2]
+            total_x += weight * x
+            total_xx += weight * x * x
+            total_y += weight * y
+            total_yy += weight * y * y
+            total_phi += weight * phi
+            total_phi_phi += weight * phi * phi
+            total_motor += weight * power[0]
+            if degree > SHORT:
+                total_cosine += weight * math.cos(full[3] + full[4])
+                total_sine += weight * math.sin(full[3] + full[4])
     marks.exchanged += total_exchanged
     if measured:
         sums.x += total_x
