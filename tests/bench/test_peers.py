@@ -9,8 +9,7 @@ from model.helpers import EACH_MACHINE, EACH_SYSTEM, random_states, scene_of, se
 
 from vibroplat import simulate
 from vibroplat.bench.peers import cases, precision, siconos
-from vibroplat.bench.peers.equations import flow, guard, jacobian
-from vibroplat.bench.peers.hybrid import Followed, Leg, StormError, follow
+from vibroplat.bench.peers.following import Followed, Legs, flow, follow, guard, jacobian, straight
 from vibroplat.bench.peers.peers import PEERS, Peer
 from vibroplat.bench.reference import load_reference
 from vibroplat.errors import TableError
@@ -26,9 +25,8 @@ SETTINGS = {
     "vibroplat, Adams in flight": (1e-8, 4.4e-6, 9.2e-9, 3.5e-7),
     "scikit-sundae, Python callbacks": (1e-7, 2.8e-5, 5.6e-8, 3.8e-6),
     "scipy DOP853": (1e-6, 4.6e-5, 1.1e-7, 5.4e-6),
-    "scipy DOP853, longer steps": (1e-6, 9.7e-5, 1.8e-7, 8.6e-6),
     "scipy LSODA": (1e-8, 1.6e-6, 3.7e-9, 1.5e-7),
-    "scipy Radau": (1e-6, 2.7e-6, 6.3e-9, 4.6e-7),
+    "scipy Radau": (1e-6, 8.5e-6, 2.6e-8, 1.1e-6),
     "heyoka": (1e-6, 3.3e-6, 6.4e-9, 5.1e-7),
     "PathSim": (1e-6, 1.4e-5, 5e-8, 2.9e-6),
     "Siconos, event-driven": (1e-8, 1.8e-5, 1.8e-5, 3.5e-6),
@@ -46,11 +44,11 @@ def test_explicit_equations_are_those_of_the_dae(system, machine):
         assert found
         differential = y[: system.differential]
         slopes = yp[: system.differential]
-        np.testing.assert_allclose(flow(system.index, 0.0, differential, p), slopes, atol=1e-10 * np.abs(slopes).max())
+        np.testing.assert_allclose(flow(system, p)(0.0, differential), slopes, atol=1e-10 * np.abs(slopes).max())
         if system.algebraic:
-            assert guard(system.index, 0.0, differential, p) == pytest.approx(y[-1], rel=1e-9, abs=1e-9 * abs(y).max())
+            assert guard(system, p)(0.0, differential) == pytest.approx(y[-1], rel=1e-9, abs=1e-9 * abs(y).max())
         # y″ is the derivative of f along the motion
-        along = jacobian(system.index, 0.0, differential, p) @ slopes
+        along = jacobian(system, p)(0.0, differential) @ slopes
         second = ypp[: system.differential]
         np.testing.assert_allclose(along, second, atol=1e-11 * np.abs(second).max())
 
@@ -101,7 +99,7 @@ def test_oracle_is_the_reference_on_all_scenes():
     pytest.importorskip("heyoka")
     found = precision.references(REFERENCE, cases.cases(REFERENCE))
     assert list(found["case"]) == ["attached", "one impact a period", "latches, R 0.5"]
-    assert (found["event_time_s"] < 1e-12).all()
+    assert (found["event_time_s"] < [1e-12, 1e-12, 2e-11]).all()  # the last motion amplifies errors
     assert (found["coordinates"] < 1e-11).all()
 
 
@@ -111,18 +109,18 @@ def test_oracle_refuses_a_table_of_other_events(case):
         cases.agreement(case, none, REFERENCE)
 
 
-class Bouncing:
+class Bouncing(Legs):
     """An integrator that finds another impact at once."""
 
-    def advance(self, mode, t, y, until, times):
-        y = y.copy()
-        y[-2] = -1.0  # gap rate, with two layers
-        return Leg(t + 1e-9, y, True, np.empty((0, y.size)))
+    def leg(self, mode, t, y, until):
+        end = y.copy()
+        end[-2] = -1.0  # gap rate, with two layers
+        return straight([y, end], [1e-9], fell=True)
 
 
 def test_storm_of_a_peer_is_an_error(case):
     scene = case.scene.replace({"contact.restitution": 0.5})
-    with pytest.raises(StormError, match="2000 events within a turn at t = "):
+    with pytest.raises(RuntimeError, match="event-storm: 5000 restarts within "):
         follow(scene, Bouncing())
 
 

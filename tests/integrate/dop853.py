@@ -6,7 +6,7 @@ import numpy as np
 from scipy.integrate import DOP853
 
 from vibroplat.integrate.seam import WORK, IntegrationError
-from vibroplat.model.accelerations import accelerations
+from vibroplat.model.accelerations import explicit
 
 #: Powers of s in the terms of its dense output: s, s(1 − s), s²(1 − s), … s⁴(1 − s)³.
 POWERS = np.zeros((8, 7))
@@ -27,10 +27,7 @@ class Dop853:
 
     def start(self, system, t, y, atol):
         def flow(t, y):
-            unknowns, slopes = np.zeros(system.size), np.zeros(system.size)
-            unknowns[: y.size] = y
-            found = accelerations(system.index, t, unknowns, slopes, self.p)
-            return slopes[: y.size] if found else np.full(y.size, np.nan)
+            return explicit(system.index, t, y, self.p)[: y.size]
 
         self.solver = DOP853(flow, t, y, np.inf, rtol=1e-13, atol=atol)
 

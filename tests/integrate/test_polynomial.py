@@ -89,9 +89,16 @@ def test_known_zeros_at_the_start_are_no_falls(zeros):
         if expected is None:
             continue
         decided += 1
-        whole = np.concatenate([1e-14 * rng.normal(size=zeros), c])
+        whole = np.concatenate([1e-18 * rng.normal(size=zeros), c])
         assert sure(c, fall(whole, zeros), expected)
     assert decided > 500
+
+
+def test_known_zeros_that_a_coarse_polynomial_misses():
+    """A gap at a liftoff, by a method of order 1: it opens as 2 s² − s³, where it should as s³."""
+    assert fall([0.0, 0.0, 2.0, -1.0], 3) == -1.0
+    assert fall([0.0, 0.0, -2.0, 3.0], 3) == -1.0
+    assert fall([0.0, 0.0, 0.5, -1.0], 3) == pytest.approx(0.5)
 
 
 @pytest.mark.parametrize("roots", [(0.2, 0.4, 0.6, 0.8), (0.3, 0.3001, 0.9), (0.01, 0.02, 0.03, 0.99)])

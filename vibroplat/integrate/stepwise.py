@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from vibroplat.hybrid.loop import AT_GUARD, AT_TARGET, AT_TIME, FAILED, NOT_FINI
 from vibroplat.hybrid.modes import GUARDS
 from vibroplat.hybrid.pieces import cut_piece
 from vibroplat.hybrid.state import RUNNING, Hybrid
-from vibroplat.hybrid.steps import CUBIC, MARGIN, rewind
+from vibroplat.hybrid.steps import CUBIC, MARGIN, Steps, rewind
 from vibroplat.integrate.seam import IntegrationError, Integrator
 from vibroplat.kernels.compiled import FloatArray, compiled
 from vibroplat.kernels.polynomial import Fit, crossing, first_fall, fit, fit_column, stretch, values
@@ -108,7 +109,7 @@ class Stepwise:
                 self._next = 0
                 self._counted += len(self._lengths)
             taken = (self._next, self._done, self._lengths, self._coefficients)
-            stop, self._next, self._done = add_steps(h, *taken, self._fit, self._p)
+            stop, self._next, self._done = add_steps(h.run, h.steps, *taken, self._fit, self._p)
             if stop == NOT_FINITE:
                 self.detail = f"{self.name}: a step is not finite"
             if stop != _ON:
@@ -120,15 +121,22 @@ class Stepwise:
 
 @compiled
 def add_steps(
-    h: Hybrid, k: int, done: float, lengths: FloatArray, coefficients: FloatArray, fit: Fit, p: Parameters
+    run: Any,
+    steps: Steps,
+    k: int,
+    done: float,
+    lengths: FloatArray,
+    coefficients: FloatArray,
+    fit: Fit,
+    p: Parameters,
 ) -> tuple[int, int, float]:
     """Add an integrator's steps from number ``k`` on, at time ``done`` of the segment (s), while there is room.
 
     Returns why the segment ends with the last of them, or _ON, the number of the next one, and the time then.
     """
-    steps, used = h.steps, h.steps.used
+    used = steps.used
     while k < lengths.size and used.steps + MARGIN < steps.start.size:
-        stop = add_step(h, done, lengths[k], coefficients[k], fit, p)
+        stop = add_step(run, steps, done, lengths[k], coefficients[k], fit, p)
         k += 1
         if stop == NOT_FINITE:
             return stop, k, done
@@ -139,9 +147,11 @@ def add_steps(
 
 
 @compiled
-def add_step(h: Hybrid, start: float, length: float, coefficients: FloatArray, fit: Fit, p: Parameters) -> int:
+def add_step(
+    run: Any, steps: Steps, start: float, length: float, coefficients: FloatArray, fit: Fit, p: Parameters
+) -> int:
     """Add a step up to the segment's time, its guard's fall or the run's target; why the segment ends, or _ON."""
-    run, steps, row = h.run, h.steps, h.steps.used.steps
+    row = steps.used.steps
     c, end, degree = steps.c[row], steps.ends[row], steps.c.shape[1] - 1
     system = run.systems[run.mode]
     size, differential = SIZES[system], DIFFERENTIAL[system]

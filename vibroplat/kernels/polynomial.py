@@ -73,12 +73,15 @@ def first_fall(c: FloatArray, degree: int, j: int, zeros: int) -> float:
     round-off or where it touched, can fall only after it has risen; where it ends lower without, it falls from its
     highest.
 
-    ``zeros`` says how many zeros the unknown is known to have at 0, as a gap at a liftoff: its first coefficients,
-    which only round-off parts from 0, are left out.
+    ``zeros`` says how many zeros the unknown is known to have at 0, as a gap at a liftoff: what its first coefficients
+    are below 0 is an error of the polynomial, and left out.
     """
-    n = degree - zeros
-    lowest = c[zeros, j]
-    for k in range(zeros + 1, degree + 1):
+    first = 0
+    while first < zeros and c[first, j] <= 0.0:
+        first += 1
+    n = degree - first
+    lowest = c[first, j]
+    for k in range(max(first + 1, zeros), degree + 1):
         lowest += min(c[k, j], 0.0)
     if lowest > 0.0:
         return -1.0
@@ -86,7 +89,8 @@ def first_fall(c: FloatArray, degree: int, j: int, zeros: int) -> float:
     for i in range(n + 1):  # the Bernstein coefficient i is Σₖ C(i, k)/C(n, k) cₖ
         total, ratio = 0.0, 1.0
         for k in range(i + 1):
-            total += ratio * c[zeros + k, j]
+            if first + k >= zeros or c[first + k, j] > 0.0:
+                total += ratio * c[first + k, j]
             ratio *= (i - k) / max(n - k, 1)
         bernstein[i] = total
     begin = 0.0

@@ -133,3 +133,20 @@ def linearize(system: int, t: float, y: FloatArray, yp: FloatArray, slopes: Floa
         for i in range(size):
             slopes[j, i] = -jac[i, j]  # of the first n rows as well: −(−1) for ∂q′/∂v
         solve(system, y, slopes[j], p)
+
+
+@compiled
+def explicit(system: int, t: float, y: FloatArray, p: Parameters) -> FloatArray:
+    """Return y′ of the differential unknowns and, attached, F_c behind it; nan where there are none.
+
+    This is what solvers of ordinary differential equations ask for.
+    """
+    size = y.size + 1 if ALGEBRAIC[system] else y.size
+    unknowns, found = np.empty(size), np.empty(size)
+    for i in range(y.size):
+        unknowns[i] = y[i]
+    if not accelerations(system, t, unknowns, found, p):
+        found[:] = np.nan
+    elif ALGEBRAIC[system]:
+        found[y.size] = unknowns[y.size]
+    return found

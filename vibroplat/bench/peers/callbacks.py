@@ -7,73 +7,103 @@ user of it cannot change: IDA's own first step, and its error test, in which F_c
 from __future__ import annotations
 
 import io
-import time
 from contextlib import redirect_stdout
 from typing import Any
 
 import numpy as np
 from sksundae.ida import IDA
 
-from vibroplat.hybrid.scales import FORCE_SHARE, ROUND_OFF
-from vibroplat.hybrid.steps import CUBIC, fill_cubic
-from vibroplat.integrate.seam import WORK, IntegrationError
+from vibroplat.bench.peers.following import Leg, Legs, straight
+from vibroplat.hybrid.modes import GUARDS
+from vibroplat.hybrid.scales import ROUND_OFF, absolute_tolerances
+from vibroplat.hybrid.steps import fill_cubic
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.accelerations import accelerations
 from vibroplat.model.equations import jacobian as jacobian_kernel
 from vibroplat.model.equations import residual as residual_kernel
-from vibroplat.model.parameters import parameters
-from vibroplat.model.systems import System
-from vibroplat.scene import Scene
+from vibroplat.model.parameters import Parameters, parameters
+from vibroplat.model.systems import System, systems
+from vibroplat.scene import Mode, Scene
+
+#: Longest step in flight, in turns: a longer one could pass over a short flight.
+FLIGHT_STEP = 0.05
+
+#: Most steps between two outputs; scikit-sundae's own 500 ends runs without an exception.
+MOST_STEPS = 1_000_000
+
+_ROOT = 2
 
 
-class Callbacks:
+class Callbacks(Legs):
     """One IDA object for each mode, re-initialised at every restart; cubics through the ends of its steps."""
 
-    name, degree = "scikit-sundae, Python callbacks", CUBIC
+    name = "scikit-sundae, Python callbacks"
+    rows, turns_per_segment = 16384, 25.0
 
     def __init__(self, scene: Scene, tolerance: float) -> None:
-        self.work, self.alone_s = dict.fromkeys(WORK), 0.0
-        self._p = parameters(scene)
-        self._force = tolerance * FORCE_SHARE * scene.force_scale
-        self._solvers: dict[int, IDA] = {}
+        super().__init__()
+        self.p = parameters(scene)
+        self.systems = systems(scene)
+        longest = FLIGHT_STEP * 2.0 * np.pi / scene.speed_scale
+        scene = scene.replace({"solver.tolerance": tolerance})
+        self.solvers = {
+            mode: _solver(system, self.p, absolute_tolerances(scene, system), longest if mode is Mode.FLIGHT else 0.0)
+            for mode, system in self.systems.items()
+        }
 
-    def start(self, system: System, t: float, y: FloatArray, atol: FloatArray) -> None:
-        """Begin a segment, whose time is 0."""
-        if system.index not in self._solvers:
-            self._solvers[system.index] = self._solver(system, atol)
-        self._solver_now, self._differential, self._t = self._solvers[system.index], system.differential, 0.0
-        self._y, self._yp = np.append(y, np.zeros(system.size - y.size)), np.empty(system.size)
-        accelerations(system.index, t, self._y, self._yp, self._p)
-        began = time.perf_counter()
-        self._solver_now.init_step(0.0, self._y, self._yp)
-        self.alone_s += time.perf_counter() - began
-
-    def steps(self, longest: float) -> tuple[FloatArray, FloatArray]:
-        """Take a step."""
-        began = time.perf_counter()
+    def leg(self, mode: Mode, t: float, y: FloatArray, until: float) -> Leg:
+        """See :class:`vibroplat.bench.peers.following.Legs`."""
+        system = self.systems[mode]
+        solver, guard = self.solvers[mode]
+        start, slope = np.zeros(system.size), np.empty(system.size)
+        start[: system.differential] = y
+        accelerations(system.index, t, start, slope, self.p)
         with redirect_stdout(io.StringIO()):  # what the status says is printed as well
-            found = self._solver_now.step(self._t + longest, method="onestep")
-        self.alone_s += time.perf_counter() - began
+            found = solver.solve([t, until], start, slope)
+        _forget(guard)
         if found.status < 0:
-            raise IntegrationError(f"IDA: {found.message}")
-        t, y, yp = float(found.t), found.y.copy(), found.yp.copy()
-        length, coefficients = t - self._t, np.empty((1, CUBIC + 1, y.size))
-        fill_cubic(coefficients[0], length, self._y, y, self._yp, yp)
-        self._t, self._y, self._yp = t, y, yp
-        return np.array([length]), coefficients[:, :, : self._differential]
+            raise RuntimeError(f"IDA: {found.message}")
+        fell, ends, rates = found.status == _ROOT, found.y[:, : system.differential], found.yp
+        if self.times is None:
+            return straight([y, ends[-1].copy()], [float(found.t[-1]) - t], fell)
+        lengths = np.diff(found.t)
+        coefficients = np.zeros((lengths.size, self.degree + 1, system.differential))
+        for k, c in enumerate(coefficients):
+            fill_cubic(c, lengths[k], ends[k], ends[k + 1], rates[k], rates[k + 1])
+        return Leg(fell, ends[-1], lengths, coefficients)
 
-    def _solver(self, system: System, atol: FloatArray) -> IDA:
-        """Make the IDA object of a system."""
-        number, p = system.index, self._p
 
-        def residual(t: float, y: FloatArray, yp: FloatArray, res: FloatArray) -> None:
-            residual_kernel(number, t, y, yp, res, p)
+def _solver(system: System, p: Parameters, atol: FloatArray, longest: float) -> tuple[IDA, Any]:
+    """Make the IDA object of a system, and its event function if it has one."""
+    number, place = system.index, int(GUARDS[system.index])
 
-        def jacobian(t: float, y: FloatArray, yp: FloatArray, res: FloatArray, cj: float, jac: FloatArray) -> None:
-            jacobian_kernel(number, t, y, yp, cj, jac, p)
+    def residual(t: float, y: FloatArray, yp: FloatArray, res: FloatArray) -> None:
+        residual_kernel(number, t, y, yp, res, p)
 
-        tolerances = np.append(atol, np.full(system.size - atol.size, self._force))
-        options: dict[str, Any] = {"jacfn": jacobian, "rtol": ROUND_OFF, "atol": tolerances}
-        if system.algebraic:
-            options["algebraic_idx"] = [system.differential]
-        return IDA(residual, **options)
+    def jacobian(t: float, y: FloatArray, yp: FloatArray, res: FloatArray, cj: float, jac: FloatArray) -> None:
+        jacobian_kernel(number, t, y, yp, cj, jac, p)
+
+    def guard(t: float, y: FloatArray, yp: FloatArray, events: FloatArray) -> None:
+        events[0] = y[place]
+
+    options: dict[str, Any] = {
+        "jacfn": jacobian,
+        "rtol": ROUND_OFF,
+        "atol": atol,
+        "max_step": longest,
+        "max_num_steps": MOST_STEPS,
+    }
+    if system.algebraic:
+        options["algebraic_idx"] = [system.differential]
+    if place < 0:
+        return IDA(residual, **options), None
+    guard.terminal, guard.direction = [True], [-1]  # type: ignore[attr-defined]
+    return IDA(residual, eventsfn=guard, num_events=1, **options), guard
+
+
+def _forget(guard: Any) -> None:
+    """Clear the events that scikit-sundae keeps on the function: the next solve would stop at once."""
+    if guard is not None:
+        for name in ("_i", "_t", "_y", "_yp"):
+            getattr(guard, name).clear()
+        guard._i_cnt[:] = 0

@@ -1,8 +1,7 @@
 """The scenes on which peers are compared, and the motion that errors are measured against.
 
 That motion is the Taylor series of :mod:`vibroplat.bench.peers.taylor` at round-off. Where there are
-reference tables it is held against them; with R > 0 only up to the end of the first accumulation of impacts,
-which the tables close without keeping momentum.
+reference tables it is held against them.
 """
 
 from __future__ import annotations
@@ -14,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from vibroplat.bench.peers.following import Followed, at_tolerance, follow
-from vibroplat.bench.reference import SLOWEST, compared_events, load_reference
+from vibroplat.bench.reference import compared_events, load_reference
 from vibroplat.bench.scenes import base
 from vibroplat.errors import TableError
 from vibroplat.model.parameters import FloatArray
@@ -120,21 +119,17 @@ def agreement(case: Case, found: Followed, directory: Path) -> dict[str, Any]:
         The events differ in kind or number.
     """
     table = load_reference(directory, case.reference)
-    until = case.scene.run.duration_s
-    theirs = table.events
-    if case.scene.contact.restitution > 0.0:
-        impacts = theirs[(theirs["kind"] == "impact") & (theirs["gap_rate_before_m_per_s"] > -SLOWEST)]
-        until = float(impacts["t_s"].iloc[0])
-    mine, theirs = (compared_events(events[events["t_s"] < until]) for events in (found.events, theirs))
+    mine, theirs = compared_events(found.events), compared_events(table.events)
+    mine, theirs = (events[events["t_s"] < case.scene.run.duration_s] for events in (mine, theirs))
     if list(mine["kind"]) != list(theirs["kind"]):
         raise TableError(f"{case.reference}: {len(mine)} events of the oracle, {len(theirs)} in the table")
     rows = table.trajectory.set_index(np.round(table.trajectory["t_s"], 9))
-    times = [t for t in np.round(case.times, 9) if t in rows.index and t < until]
+    times = [t for t in np.round(case.times, 9) if t in rows.index]
     states = found.states[: len(times), :7]
     coordinates = rows.loc[times, ["x_m", "y_m", "phi_rad", "phi1_rad", "phi2_rad"]].to_numpy()
     return {
         "case": case.name,
-        "until_s": until,
+        "until_s": case.scene.run.duration_s,
         "events": len(mine),
         "event_time_s": float(np.abs(mine["t_s"] - theirs["t_s"]).max()) if len(mine) else 0.0,
         "coordinates": float(np.abs(states[:, :5] - coordinates).max()),

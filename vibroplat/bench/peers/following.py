@@ -19,15 +19,14 @@ import pandas as pd
 
 from vibroplat.flow.motion import Motion
 from vibroplat.hybrid.loop import AT_GUARD, AT_TIME, begin, conclude
-from vibroplat.hybrid.modes import GUARDS
 from vibroplat.hybrid.state import RUNNING, Hybrid
 from vibroplat.hybrid.steps import rewind
 from vibroplat.integrate.seam import WORK, Integrator
 from vibroplat.integrate.stepwise import Stepwise
 from vibroplat.kernels.compiled import FloatArray
-from vibroplat.model.accelerations import accelerations, linearize
+from vibroplat.model.accelerations import accelerations, explicit, linearize
 from vibroplat.model.parameters import Parameters, parameters
-from vibroplat.model.systems import FULL_SIZE, SYSTEMS, System
+from vibroplat.model.systems import FULL_SIZE, GAP, SYSTEMS, System
 from vibroplat.observe.statistics import no_measures
 from vibroplat.observe.trajectory import Events, Segments, Trajectory
 from vibroplat.scene import COORDINATES, RATES, Mode, Scene
@@ -153,6 +152,8 @@ class Legs:
 
     Attributes
     ----------
+    rows, turns_per_segment
+        As of an engine; a segment may take half of the rows.
     times
         Ascending times at which states are wanted (s); None in timed runs, where legs need only have ends.
     alone_s
@@ -209,32 +210,26 @@ class Legs:
 Flow = Callable[[float, FloatArray], FloatArray]
 
 
-def settled(system: System, p: Parameters, t: float, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """All unknowns and derivatives of a system, nan where there are none."""
-    unknowns, slopes = np.zeros(system.size), np.empty(system.size)
-    unknowns[: y.size] = y
-    if not accelerations(system.index, t, unknowns, slopes, p):
-        slopes[:] = np.nan
-    return unknowns, slopes
-
-
 def flow(system: System, p: Parameters) -> Flow:
     """Make y′ = f(t, y) of the differential unknowns, F_c eliminated."""
-    return lambda t, y: settled(system, p, t, y)[1][: y.size]
+    number, n = system.index, system.differential
+    return lambda t, y: explicit(number, t, y, p)[:n]
 
 
 def guard(system: System, p: Parameters) -> Callable[[float, FloatArray], float]:
     """Make what ends a mode by its fall through zero: F_c (N) or the gap (m)."""
-    place = int(GUARDS[system.index])
-    return lambda t, y: float(settled(system, p, t, y)[0][place])
+    number = system.index
+    if system.mode is Mode.FLIGHT:
+        return lambda t, y: float(y[GAP])
+    return lambda t, y: float(explicit(number, t, y, p)[-1])
 
 
 def jacobian(system: System, p: Parameters) -> Flow:
     """Make ∂f/∂y, shape (2n, 2n)."""
 
     def found(t: float, y: FloatArray) -> FloatArray:
-        unknowns, yp = settled(system, p, t, y)
-        slopes = np.empty((y.size, yp.size))
+        unknowns, yp, slopes = system.unknowns(system.full(y)), np.empty(system.size), np.empty((y.size, system.size))
+        accelerations(system.index, t, unknowns, yp, p)
         linearize(system.index, t, unknowns, yp, slopes, p)
         return slopes[:, : y.size].T
 
