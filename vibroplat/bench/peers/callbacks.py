@@ -15,7 +15,7 @@ from sksundae.ida import IDA
 
 from vibroplat.bench.peers.following import Leg, Legs, straight
 from vibroplat.hybrid.modes import GUARDS
-from vibroplat.hybrid.scales import ROUND_OFF, absolute_tolerances
+from vibroplat.hybrid.scales import FORCE_SHARE, ROUND_OFF, state_scales
 from vibroplat.hybrid.steps import fill_cubic
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.accelerations import accelerations
@@ -44,12 +44,12 @@ class Callbacks(Legs):
         super().__init__()
         self.p = parameters(scene)
         self.systems = systems(scene)
-        longest = FLIGHT_STEP * 2.0 * np.pi / scene.speed_scale
-        scene = scene.replace({"solver.tolerance": tolerance})
-        self.solvers = {
-            mode: _solver(system, self.p, absolute_tolerances(scene, system), longest if mode is Mode.FLIGHT else 0.0)
-            for mode, system in self.systems.items()
-        }
+        self.solvers: dict[Mode, tuple[IDA, Any]] = {}
+        for mode, system in self.systems.items():
+            scales = np.full(system.size, FORCE_SHARE * scene.force_scale)
+            scales[: system.differential] = state_scales(scene)[system.places]
+            longest = FLIGHT_STEP * 2.0 * np.pi / scene.speed_scale if mode is Mode.FLIGHT else 0.0
+            self.solvers[mode] = _solver(system, self.p, tolerance * scales, longest)
 
     def leg(self, mode: Mode, t: float, y: FloatArray, until: float) -> Leg:
         """See :class:`vibroplat.bench.peers.following.Legs`."""

@@ -113,7 +113,7 @@ PEERS = (
     _peer("scikit-sundae, Python callbacks", "callbacks", "Callbacks", _powers(4, 9), _powers(7, 9)),
     _peer("scipy DOP853", "ivp", "DOP853", _powers(4, 10), _powers(6, 9)),
     _peer("scipy LSODA", "ivp", "LSODA", _powers(5, 11), _powers(6, 9)),
-    _peer("scipy Radau", "ivp", "RADAU", _powers(4, 8), _powers(4, 7)),
+    _peer("scipy Radau", "ivp", "RADAU", _powers(4, 8), _powers(5, 8)),
     _peer("heyoka", "taylor", "Taylor", _powers(3, 10), _powers(4, 8), "heyoka"),
     _peer("PathSim", "blocks", "PathSim", _powers(3, 9), _powers(5, 8), "pathsim"),
     Peer("Siconos, event-driven", (1e-6, 1e-8, 1e-10), (), partial(_siconos, kind="event-driven"), "siconos"),
