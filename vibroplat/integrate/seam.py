@@ -5,10 +5,10 @@ consistent state prepared there until the guard falls through zero or the segmen
 with a polynomial, to ``h.steps``, and calls ``conclude``. Whoever reads the steps knows no method.
 
 To add an integrator, implement :class:`Integrator`, some fifty lines for a library's own, as
-``tests/integrate/dop853.py`` does for scipy's; :class:`vibroplat.integrate.stepwise.Stepwise` makes an engine of it, and
-:func:`vibroplat.flow.run.simulate_with` runs that. One that users may choose also has a name in ``solver.engine``
-(:mod:`vibroplat.scene`) and a line in :mod:`vibroplat.integrate.choice`. Engines of their own loop, as ``native``, spare a
-return to Python for each step.
+``tests/integrate/dop853.py`` does for scipy's. :class:`vibroplat.integrate.stepwise.Stepwise` makes an engine of it,
+and :func:`vibroplat.flow.run.simulate_with` runs that. One that users may choose also has a name in ``solver.engine``
+(:mod:`vibroplat.scene`) and a line in :mod:`vibroplat.integrate.choice`. Engines with a compiled loop of their own, as
+``native``, save a return to Python in each step.
 """
 
 from __future__ import annotations

@@ -364,7 +364,7 @@ def integrate(
 
 @compiled
 def add_phase(sums: Any, c: FloatArray, degree: int, start: float, share: float, duration: float, nodes: int) -> None:
-    """Add cosine and sine of φ₁ + φ₂ over a share of a step, from fraction ``start`` on, that takes ``duration`` (s)."""
+    """Add cosine and sine of φ₁ + φ₂ over a share of a step that begins at ``start`` and takes ``duration`` (s)."""
     for i in range(nodes):
         s, weight = start + share * NODES[nodes, i], duration * WEIGHTS[nodes, i]
         phase = value(c, degree, 3, s) + value(c, degree, 4, s)
