@@ -7,7 +7,7 @@ from pathlib import Path
 
 from vibroplat.flow.motion import Motion
 from vibroplat.integrate.choice import make_engine
-from vibroplat.integrate.native import drive
+from vibroplat.integrate.drive import drive
 from vibroplat.model.parameters import parameters
 from vibroplat.scene import Scene
 
@@ -22,4 +22,4 @@ def load_kernels(engine: str = "auto") -> None:
 
 def is_compiled() -> bool:
     """Whether compiled kernels are kept on disk, so that a run need not wait for them."""
-    return any(Path(drive.stats.cache_path).glob("native.drive-*.nbi"))  # type: ignore[attr-defined]
+    return any(Path(drive.stats.cache_path).glob("drive.drive-*.nbi"))  # type: ignore[attr-defined]

@@ -327,12 +327,9 @@ def integrate(
         for j in range(DIFFERENTIAL[system]):
             full[PLACES[system, j]] = value(c, degree, j, s)
         powers(begin + s * length, full, power, p)
-        exchanged = abs(power[0])
         for j in range(N_WORK):
             work[j] += weight * power[j]
-        for j in range(DISSIPATIONS, N_POWERS):
-            exchanged += power[j]
-        total_exchanged += weight * exchanged
+        total_exchanged += weight * exchanged(power)
         if measured:
             x, y, phi = full[0], full[1], full[2]
             total_x += weight * x
@@ -360,6 +357,15 @@ def integrate(
         elif duration > 0.0:
             sums.cosine += duration * math.cos(total_phase / duration)
             sums.sine += duration * math.sin(total_phase / duration)
+
+
+@inlined
+def exchanged(power: FloatArray) -> float:
+    """Power that motors and dampers exchange, all of it counted positive (W)."""
+    total = abs(power[0])
+    for j in range(DISSIPATIONS, N_POWERS):
+        total += power[j]
+    return total
 
 
 @compiled
