@@ -321,7 +321,7 @@ def integrate(
     marks, sums, work = ms.marks, ms.open_turn, ms.work
     duration = (end - start) * length
     total_x, total_xx, total_y, total_yy, total_phi, total_phi_phi, total_motor = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    total_exchanged, total_cosine, total_sine = 0.0, 0.0, 0.0
+    total_exchanged = 0.0
     for i in range(nodes):
         s, weight = start + (end - start) * NODES[nodes, i], duration * WEIGHTS[nodes, i]
         for j in range(DIFFERENTIAL[system]):
@@ -342,9 +342,6 @@ def integrate(
             total_phi += weight * phi
             total_phi_phi += weight * phi * phi
             total_motor += weight * power[0]
-            if degree > SHORT:
-                total_cosine += weight * math.cos(full[3] + full[4])
-                total_sine += weight * math.sin(full[3] + full[4])
     marks.exchanged += total_exchanged
     if measured:
         sums.x += total_x
@@ -356,12 +353,20 @@ def integrate(
         sums.motor += total_motor
         sums.time += duration
         sums.flying += duration if flying else 0.0
-        if degree <= SHORT:
-            middle = 0.5 * (start + end)
-            phase = value(c, degree, 3, middle) + value(c, degree, 4, middle)
-            total_cosine, total_sine = duration * math.cos(phase), duration * math.sin(phase)
-        sums.cosine += total_cosine
-        sums.sine += total_sine
+        integrate_phase(sums, c, degree, nodes, start, end, duration)
+
+
+@inlined
+def integrate_phase(
+    sums: Any, c: FloatArray, degree: int, nodes: int, start: float, end: float, duration: float
+) -> None:
+    """Add cosine and sine of the phase difference over the part [start, end] of a step, ``duration`` (s) long."""
+    points = nodes if degree > SHORT else 1
+    for i in range(points):
+        s, weight = start + (end - start) * NODES[points, i], duration * WEIGHTS[points, i]
+        phase = value(c, degree, 3, s) + value(c, degree, 4, s)
+        sums.cosine += weight * math.cos(phase)
+        sums.sine += weight * math.sin(phase)
 
 
 @inlined
