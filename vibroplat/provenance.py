@@ -13,6 +13,7 @@ from typing import Any
 
 import vibroplat
 from vibroplat.errors import TableError
+from vibroplat.integrate.methods import adams_modes
 from vibroplat.integrate.sundials import UnavailableError, configuration
 from vibroplat.scene import Scene
 from vibroplat.tables import read_json
@@ -33,7 +34,7 @@ def provenance(scene: Scene, engine: str) -> dict[str, Any]:
         "configuration_sha256": configuration_hash(scene),
         "engine": engine,
         "sundials": _sundials(),
-        "integrators": {mode.label: "adams" if mode in scene.adams_modes else "ida" for mode in scene.modes},
+        "integrators": {mode.label: "adams" if mode in adams_modes(scene) else "ida" for mode in scene.modes},
         "tolerance": scene.solver.tolerance,
         "python": platform.python_version(),
         "platform": platform.platform(),

@@ -26,10 +26,6 @@ MAX_ROWS = 100_000_000
 #: Most turns at the synchronous speed that a run may take: half a day of computing.
 MAX_TURNS = 1e9
 
-#: Ratio of the fastest decay rate to the synchronous speed above which stability limits the steps of Adams' method.
-#: With raised damping on a bare platform it needs as much time as IDA at 4 to 6 and more steps at 10.
-STIFF = 5.0
-
 
 class Mode(IntEnum):
     """Modes of smooth motion; compiled code uses the numbers."""
@@ -348,15 +344,6 @@ class Scene(Section):
     def modes(self) -> tuple[Mode, ...]:
         """The modes of this scene."""
         return (Mode.ATTACHED, Mode.FLIGHT) if self.has_contact else (Mode.BARE,)
-
-    @property
-    def adams_modes(self) -> frozenset[Mode]:
-        """The modes integrated by Adams' method; contact always needs IDA."""
-        choice = self.solver.smooth_modes
-        if not self.has_contact:
-            stiff = choice == "auto" and self.fastest_decay > STIFF * self.speed_scale
-            return frozenset() if choice == "ida" or stiff else frozenset({Mode.BARE})
-        return frozenset({Mode.FLIGHT}) if choice == "adams" else frozenset()
 
     @property
     def coordinates(self) -> tuple[int, ...]:

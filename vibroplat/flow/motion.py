@@ -16,7 +16,7 @@ from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.parameters import Parameters
 from vibroplat.observe.audit import Energies
 from vibroplat.observe.statistics import Measures, Statistics, copied
-from vibroplat.observe.summary import Part, counts
+from vibroplat.observe.summary import Part
 from vibroplat.scene import Mode, Scene
 
 #: Names of outcomes, by the automaton's number.
@@ -39,7 +39,7 @@ _ON_SECTION = 1e-9
 class Observer(Protocol):
     """What reads a motion while it goes on."""
 
-    def read(self, h: hy.Hybrid) -> None:
+    def read(self, h: hy.Automaton) -> None:
         """Read the closed pieces of ``h.steps`` and the first ``run.events`` of ``h.events``, then left behind."""
 
 
@@ -99,8 +99,22 @@ class Motion:
                 break
             if blocks > 1:
                 ends.append(copied(statistics.measures))
-        self.events += counts(statistics.measures)["events"]
         return Part(statistics.measures, before, Energies.of(h.run["state"], h.p), ends)
+
+    def go_round(self, turns: int, longest: float, observers: Sequence[Observer] = ()) -> Part:
+        """Carry the motion on to the next point of its section and for whole turns of exciter 1 from there; measure it.
+
+        Parameters
+        ----------
+        turns
+            How many whole turns.
+        longest, observers
+            As in :meth:`to_section`.
+        """
+        h, statistics = self.automaton, Statistics(self.now)
+        before = Energies.of(h.run["state"], h.p)
+        self.to_section(turns + 1, longest, (statistics, *observers))
+        return Part(statistics.measures, before, Energies.of(h.run["state"], h.p))
 
     def to_time(self, time: float, observers: Sequence[Observer] = ()) -> None:
         """Carry the motion on to a time (s), unless it ends early."""
@@ -112,6 +126,7 @@ class Motion:
             self.engine.advance(h)
             for observer in observers:
                 observer.read(h)
+            self.events += int(h.run["events"])
             h.run["events"] = 0
 
     def to_section(self, turns: int, longest: float, observers: Sequence[Observer] = ()) -> bool:
@@ -150,13 +165,20 @@ class Motion:
         -------
         bool
             Whether it got there.
+
+        Raises
+        ------
+        ValueError
+            There is no such kind.
         """
+        if kind not in KINDS:
+            raise ValueError(f"kind of event {kind!r}; allowed: {', '.join(KINDS)}")
         run = self.automaton.run
         run["awaited"] = KINDS.index(kind)
-        end = self.now + longest
-        self.to_time(end, observers)
+        self.to_time(self.now + longest, observers)
+        found = bool(run["awaited"] < 0)
         run["awaited"] = -1
-        return self.outcome == "ok" and self.now < end
+        return found
 
     @property
     def now(self) -> float:

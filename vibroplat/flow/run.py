@@ -8,7 +8,7 @@ from contextlib import closing
 from typing import Literal
 
 from vibroplat.flow.motion import Motion, Observer
-from vibroplat.hybrid.state import Hybrid
+from vibroplat.hybrid.state import Automaton
 from vibroplat.integrate.choice import make_engine
 from vibroplat.integrate.seam import Engine
 from vibroplat.model.parameters import Parameters, parameters
@@ -107,7 +107,7 @@ class _Progress:
         self._tell = tell
         self._events = 0
 
-    def read(self, h: Hybrid) -> None:
+    def read(self, h: Automaton) -> None:
         """Tell the time reached (s) and the number of events so far."""
         self._events += int(h.run["events"])
         self._tell(float(h.run["now"]), self._events)

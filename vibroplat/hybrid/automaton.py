@@ -9,7 +9,7 @@ import numpy as np
 from vibroplat.hybrid.initial import initial_state
 from vibroplat.hybrid.scales import ROUND_OFF, absolute_tolerances, state_scales
 from vibroplat.hybrid.starts import start_callback
-from vibroplat.hybrid.state import EVENT, RUN, Hybrid
+from vibroplat.hybrid.state import EVENT, RUN, Automaton
 from vibroplat.hybrid.steps import Steps
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.parameters import PARAMETERS
@@ -22,7 +22,7 @@ _EVENT_ROWS = 4096
 
 def automaton(
     scene: Scene, p: np.record, steps: Steps, turns_per_segment: float, state: FloatArray | None = None
-) -> Hybrid:
+) -> Automaton:
     """Build the automaton of a scene at a full state, or at its own initial state.
 
     Parameters
@@ -52,7 +52,7 @@ def automaton(
     runs["gap_scale"] = scale = state_scales(scene)[GAP]
     runs["slowest"] = math.sqrt(ROUND_OFF) * scale * speed
     runs["target"], runs["awaited"] = math.nan, -1
-    return Hybrid(
+    return Automaton(
         p=kept[0],
         inelastic=kept[1],
         run=runs[0],

@@ -11,11 +11,11 @@ from vibroplat.hybrid.modes import ATTACHED, FLIGHT, IMPACT, LATCH, LIFTOFF
 from vibroplat.hybrid.pieces import close_piece
 from vibroplat.hybrid.rules import ACCUMULATE, ATTACH, FLY, after_impact
 from vibroplat.hybrid.starts import contact_force, forget_starts, prepare, pressing
-from vibroplat.hybrid.state import DIFFERENTIATED, OK, RUNNING, Hybrid
+from vibroplat.hybrid.state import DIFFERENTIATED, OK, RUNNING, Automaton
 from vibroplat.hybrid.steps import RESTARTED, fill_cubic
 from vibroplat.kernels.compiled import FloatArray, compiled, copy, inlined
 from vibroplat.model.impact import impact, impacts_left, latch
-from vibroplat.model.systems import FULL_SIZE, GAP, GAP_RATE, SIZES, gather, spread
+from vibroplat.model.systems import FULL_SIZE, GAP, GAP_RATE, SIZES, gather, scatter
 
 #: Impacts that an event stands for; integers of numpy, see :mod:`vibroplat.hybrid.modes`.
 _COUNTS: Any = np.arange(2)
@@ -25,7 +25,7 @@ _EPS = float(np.finfo(float).eps)
 
 
 @inlined
-def lift_off(h: Hybrid) -> None:
+def lift_off(h: Automaton) -> None:
     """End contact where F_c has fallen through zero, or go on if it only touched."""
     if not prepare(h, ATTACHED, DIFFERENTIATED):
         return
@@ -39,7 +39,7 @@ def lift_off(h: Hybrid) -> None:
 
 
 @inlined
-def strike(h: Hybrid) -> None:
+def strike(h: Automaton) -> None:
     """Let the lower layer strike where the gap has fallen through zero."""
     run = h.run
     run.state[GAP] = 0.0
@@ -67,7 +67,7 @@ def strike(h: Hybrid) -> None:
 
 
 @compiled
-def rebound_from(h: Hybrid, struck: FloatArray, p: Any, resolved: bool) -> tuple[float, float, int]:
+def rebound_from(h: Automaton, struck: FloatArray, p: Any, resolved: bool) -> tuple[float, float, int]:
     """Move to the state after an impact; its impulse (N·s) and loss (J) and what follows, −1 if nothing can."""
     run = h.run
     after = np.empty(FULL_SIZE)
@@ -83,14 +83,14 @@ def rebound_from(h: Hybrid, struck: FloatArray, p: Any, resolved: bool) -> tuple
 
 
 @compiled
-def latch_impacts(h: Hybrid) -> None:
+def latch_impacts(h: Automaton) -> None:
     """Sum up the impacts that accumulate, and carry the run to where they end."""
     run, steps = h.run, h.steps
     system = run.systems[FLIGHT]
     size = SIZES[system]
     after, rates = np.empty(FULL_SIZE), np.empty(FULL_SIZE)
     end, slope = np.empty(size), np.empty(size)
-    spread(system, run.yp[FLIGHT], rates)
+    scatter(system, run.yp[FLIGHT], rates)
     duration, impulse, loss = latch(run.state.copy(), rates[7:], after, h.p)
     if run.now + duration >= run.end:
         return  # the run ends before they do: follow them
@@ -120,7 +120,7 @@ def latch_impacts(h: Hybrid) -> None:
 
 @compiled
 def add_event(
-    h: Hybrid, kind: int, before: float, after: float, impulse: float, loss: float, force: float, impacts: int
+    h: Automaton, kind: int, before: float, after: float, impulse: float, loss: float, force: float, impacts: int
 ) -> None:
     """Write an event; the mode is already the one after it. The run ends with the kind that it waits for."""
     run = h.run
@@ -130,4 +130,4 @@ def add_event(
     event.mode_after, event.impacts = run.mode, impacts
     run.events += 1
     if run.awaited == kind:
-        run.outcome = OK
+        run.outcome, run.awaited = OK, -1

@@ -21,7 +21,7 @@ from vibroplat.hybrid.state import (
     OK,
     RUNNING,
     SOLVER_FAILURE,
-    Hybrid,
+    Automaton,
 )
 from vibroplat.hybrid.steps import RESTARTED, end_at
 from vibroplat.kernels.compiled import FloatArray, compiled, inlined
@@ -38,7 +38,7 @@ _TURN = 2.0 * math.pi
 
 
 @compiled
-def first_mode(h: Hybrid) -> None:
+def first_mode(h: Automaton) -> None:
     """Choose the mode of a state, which may say itself that it flies: its gap is open or opening."""
     run = h.run
     if run.systems[BARE] >= 0:
@@ -52,7 +52,7 @@ def first_mode(h: Hybrid) -> None:
 
 
 @compiled
-def begin(h: Hybrid) -> bool:
+def begin(h: Automaton) -> bool:
     """Prepare a segment: its consistent start, its tolerances and how long it may take.
 
     Returns False, with the outcome set, where the run ends instead.
@@ -83,7 +83,7 @@ def begin(h: Hybrid) -> bool:
 
 
 @inlined
-def count_restart(h: Hybrid) -> bool:
+def count_restart(h: Automaton) -> bool:
     """End the run when restarts pile up; all of them count, so that nothing can go on for ever."""
     run, most = h.run, h.recent.size
     oldest = run.restarts % most
@@ -105,9 +105,11 @@ def take_off_turns(state: FloatArray, turns: FloatArray) -> None:
 
 
 @compiled
-def conclude(h: Hybrid, stop: int) -> None:
+def conclude(h: Automaton, stop: int) -> None:
     """Close the open piece and make the jump at its end; ``stop`` is why the integrator has stopped."""
     run, last = h.run, h.steps.used.steps - 1
+    if last >= h.steps.used.first:
+        run.now = last_end(h)
     if stop == AT_GUARD and run.mode == ATTACHED:
         refine(h)
     elif stop == AT_GUARD:
@@ -133,7 +135,7 @@ def conclude(h: Hybrid, stop: int) -> None:
 
 
 @inlined
-def refine(h: Hybrid) -> None:
+def refine(h: Automaton) -> None:
     """Move the end of contact to where F_c by the algebra is 0.
 
     The integrator finds the root of F_c as it interpolates it, which satisfies the equations only to its tolerance;
@@ -150,13 +152,15 @@ def refine(h: Hybrid) -> None:
     # a longer way is none of the integrator's error: F_c and its rate by the algebra do not belong together, as
     # where a stiff layer turns an error of its rate, which the tolerance allows, into a force
     near = REFINED * (steps.length[last] + (steps.length[last - 1] if last > steps.used.first else 0.0))
-    if abs(shift) > near or length <= 0.0 or steps.start[last] + length > run.until:
+    if abs(shift) > near or min(length, steps.length[last]) <= 0.0 or steps.start[last] + length > run.until:
         return
+    run.now += shift
     for i in range(DIFFERENTIAL[system]):
         run.state[PLACES[system, i]] += shift * (run.yp[ATTACHED, i] + 0.5 * shift * run.ypp[ATTACHED, i])
     forget_starts(h)
     if not prepare(h, ATTACHED, DIFFERENTIATED) or abs(contact_force(h)[0]) > abs(force):  # no better there
         run.outcome = RUNNING
+        run.now -= shift
         move_to(h, system, steps.ends[last])
         return
     end_at(steps, last, length / steps.length[last], run.y[ATTACHED, : SIZES[system]])

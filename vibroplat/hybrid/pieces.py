@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 from vibroplat.hybrid.starts import move_to
-from vibroplat.hybrid.state import Hybrid
+from vibroplat.hybrid.state import Automaton
 from vibroplat.hybrid.steps import AFTER_EVENT, CUT
 from vibroplat.kernels.compiled import compiled, inlined
 
 
 @inlined
-def last_end(h: Hybrid) -> float:
+def last_end(h: Automaton) -> float:
     """When the last step ends (s), in the time of the run."""
     row = h.steps.used.steps - 1
     return h.run.origin + (h.steps.start[row] + h.steps.length[row])
 
 
 @compiled
-def close_piece(h: Hybrid, end: float) -> None:
+def close_piece(h: Automaton, end: float) -> None:
     """Add the open piece to the list of pieces, and move to its end, a time of the run (s)."""
     run, used = h.run, h.steps.used
     system = run.systems[run.mode]
@@ -34,7 +34,7 @@ def close_piece(h: Hybrid, end: float) -> None:
 
 
 @compiled
-def cut_piece(h: Hybrid) -> None:
+def cut_piece(h: Automaton) -> None:
     """Close the open piece because there is no room for more steps; the next one goes on from its end."""
     if h.steps.used.steps > h.steps.used.first:
         close_piece(h, last_end(h))

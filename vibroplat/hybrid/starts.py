@@ -8,12 +8,12 @@ from numba import carray  # type: ignore[attr-defined]
 
 from vibroplat.hybrid.modes import ATTACHED
 from vibroplat.hybrid.rules import presses
-from vibroplat.hybrid.state import BEYOND_MODEL, CONSISTENT, INCONSISTENT, STALE, Hybrid
+from vibroplat.hybrid.state import BEYOND_MODEL, CONSISTENT, INCONSISTENT, STALE, Automaton
 from vibroplat.kernels.compiled import FloatArray, callback, compiled, inlined
 from vibroplat.kernels.foreign import call_int
 from vibroplat.model.accelerations import accelerations, second_derivatives
 from vibroplat.model.parameters import PARAMETERS
-from vibroplat.model.systems import SIZES, gather, spread
+from vibroplat.model.systems import SIZES, gather, scatter
 
 
 @callback("int32(int64, float64, CPointer(float64), CPointer(float64), CPointer(float64), voidptr, int64)")
@@ -30,14 +30,14 @@ def start_callback(system: int, t: float, y: Any, yp: Any, ypp: Any, parameters:
 
 
 @compiled
-def derivatives(h: Hybrid, system: int, y: FloatArray, yp: FloatArray, ypp: FloatArray, order: int) -> bool:
+def derivatives(h: Automaton, system: int, y: FloatArray, yp: FloatArray, ypp: FloatArray, order: int) -> bool:
     """Call :func:`start_callback` by address, so that the model is compiled into one place only."""
     addresses = (y.ctypes.data, yp.ctypes.data, ypp.ctypes.data)
     return call_int(h.start, (system, h.run.now, *addresses, h.parameters, order)) != 0
 
 
 @compiled
-def prepare(h: Hybrid, mode: int, order: int) -> bool:
+def prepare(h: Automaton, mode: int, order: int) -> bool:
     """Prepare the start of a mode at the present state; False, with the outcome set, if there is none.
 
     ``order`` is CONSISTENT (F_c and first derivatives) or DIFFERENTIATED (second derivatives as well).
@@ -56,34 +56,34 @@ def prepare(h: Hybrid, mode: int, order: int) -> bool:
 
 
 @compiled
-def move_to(h: Hybrid, system: int, y: FloatArray) -> None:
+def move_to(h: Automaton, system: int, y: FloatArray) -> None:
     """Make a system's unknowns the present state."""
-    spread(system, y, h.run.state)
+    scatter(system, y, h.run.state)
     forget_starts(h)
 
 
 @inlined
-def forget_starts(h: Hybrid) -> None:
+def forget_starts(h: Automaton) -> None:
     """Say that the present state is another."""
     for mode in range(3):
         h.run.fresh[mode] = STALE
 
 
 @inlined
-def turned_far(h: Hybrid) -> bool:
+def turned_far(h: Automaton) -> bool:
     """Whether the platform has turned so far that the model may have no motion there."""
     return abs(h.run.state[2]) > h.p.safe_rotation
 
 
 @inlined
-def contact_force(h: Hybrid) -> tuple[float, float]:
+def contact_force(h: Automaton) -> tuple[float, float]:
     """F_c and its rate at the prepared start of contact (N, N/s)."""
     force = SIZES[h.run.systems[ATTACHED]] - 1
     return h.run.y[ATTACHED, force], h.run.yp[ATTACHED, force]
 
 
 @inlined
-def pressing(h: Hybrid) -> bool:
+def pressing(h: Automaton) -> bool:
     """Whether contact holds at the prepared start of it."""
     force, rate = contact_force(h)
     return presses(force, rate, h.run.force_noise, h.run.speed)

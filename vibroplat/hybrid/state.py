@@ -73,7 +73,7 @@ EVENT = np.dtype(
 )
 
 
-class Hybrid(NamedTuple):
+class Automaton(NamedTuple):
     """A run of the hybrid automaton.
 
     Attributes

@@ -1,9 +1,9 @@
 """Steps: what an integrator hands over, each with a polynomial of its own.
 
-A step holds every unknown as a polynomial in the fraction of the step; who reads it knows no method. Steps stand in
-arrays of fixed length, so that a run needs no memory that grows with it: who keeps a trajectory copies them before
-they are written over, who wants statistics alone does not. A *piece* is a row of steps of one mode without an event
-between them.
+A step holds every unknown as a polynomial in the fraction of the step, so its readers need not know the method. Steps
+are written to arrays of fixed length, which are overwritten as the run goes on: memory does not grow with the run. An
+observer that keeps a trajectory copies them. A *piece* is a sequence of steps in one mode, without an event between
+them.
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ from vibroplat.hybrid.loop import AT_GUARD, AT_TARGET
 from vibroplat.hybrid.modes import FLIGHT
 from vibroplat.hybrid.scales import ROUND_OFF, halvings
 from vibroplat.hybrid.starts import derivatives, prepare
-from vibroplat.hybrid.state import DIFFERENTIATED, Hybrid
+from vibroplat.hybrid.state import DIFFERENTIATED, Automaton
 from vibroplat.hybrid.steps import CUBIC, CUT, Steps, end_at
 from vibroplat.kernels.compiled import FloatArray, compiled, copy, inlined
 from vibroplat.kernels.polynomial import crossing, first_fall, slope, values
@@ -220,7 +220,7 @@ def fall_within(steps: Steps, guard: int) -> float:
 
 
 @compiled
-def calm(h: Hybrid, cut: bool) -> None:
+def calm(h: Automaton, cut: bool) -> None:
     """Limit the slopes of F_c in the open piece, so that its polynomials do not leave what its values say.
 
     F_c is not integrated: a stiff layer or motor turns errors of rates, which the tolerance allows, into larger
@@ -267,7 +267,7 @@ def calm(h: Hybrid, cut: bool) -> None:
 
 
 @compiled
-def prepare_first_step(h: Hybrid) -> float:
+def prepare_first_step(h: Automaton) -> float:
     """Choose the first step of a segment (s), and tighten its tolerances where a flight is low.
 
     The step follows from the curvature, and ends well before the gap can have closed again. Returns −1 where there
@@ -290,7 +290,7 @@ def prepare_first_step(h: Hybrid) -> float:
 
 
 @inlined
-def expected_flight(h: Hybrid, small: float) -> tuple[float, float, bool]:
+def expected_flight(h: Automaton, small: float) -> tuple[float, float, bool]:
     """Duration (s) and height (m) of the flight that begins, inf where its first terms do not end it.
 
     The third value says whether that is sure: a rebound under an acceleration that hardly changes. ``small`` is
@@ -310,7 +310,7 @@ def expected_flight(h: Hybrid, small: float) -> tuple[float, float, bool]:
 
 
 @inlined
-def snap(h: Hybrid, small: float) -> float:
+def snap(h: Automaton, small: float) -> float:
     """Fourth derivative of the gap, as the difference of jerks a small step along the motion."""
     run = h.run
     system = run.systems[FLIGHT]

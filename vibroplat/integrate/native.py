@@ -21,9 +21,10 @@ from vibroplat.hybrid.automaton import automaton
 from vibroplat.hybrid.loop import AT_GUARD, AT_TARGET, AT_TIME, FAILED, NOT_FINITE
 from vibroplat.hybrid.modes import GUARDS
 from vibroplat.hybrid.pieces import cut_piece
-from vibroplat.hybrid.state import OK, RUNNING, Hybrid
+from vibroplat.hybrid.state import OK, RUNNING, Automaton
 from vibroplat.hybrid.steps import CUBIC, MARGIN, Steps, end_at, no_steps, rewind
 from vibroplat.integrate import callbacks as cb
+from vibroplat.integrate.methods import adams_modes
 from vibroplat.integrate.multistep import (
     QUINTIC,
     Past,
@@ -39,7 +40,7 @@ from vibroplat.kernels.compiled import FloatArray, compiled
 from vibroplat.kernels.foreign import borrow, call_int
 from vibroplat.model.equations import finite
 from vibroplat.model.parameters import PARAMETERS, Parameters, parameters
-from vibroplat.model.systems import BARE, DIFFERENTIAL, FULL_SIZE, PLACES, SIZES, System, systems
+from vibroplat.model.systems import DIFFERENTIAL, FULL_SIZE, SIZES, System, systems
 from vibroplat.scene import Mode, Scene
 
 IntArray = npt.NDArray[np.int64]
@@ -145,7 +146,7 @@ class Native(NamedTuple):
 
 
 @compiled
-def drive(owned_h: Hybrid, owned_n: Native) -> None:
+def drive(owned_h: Automaton, owned_n: Native) -> None:
     """Go through segments and jumps until there is no room for more steps or the run has ended."""
     h, n = borrow(owned_h), borrow(owned_n)
     rewind(h.steps)
@@ -167,7 +168,7 @@ def drive(owned_h: Hybrid, owned_n: Native) -> None:
 
 
 @compiled
-def start(h: Hybrid, n: Native) -> bool:
+def start(h: Automaton, n: Native) -> bool:
     """Restart the integrator of a mode at the consistent state that the automaton has prepared."""
     mode = h.run.mode
     first_step = prepare_first_step(h)
@@ -190,7 +191,7 @@ def start(h: Hybrid, n: Native) -> bool:
 
 
 @compiled
-def advance(h: Hybrid, n: Native) -> int:
+def advance(h: Automaton, n: Native) -> int:
     """Take steps to the guard, the segment's time, the run's target, a failure, or until there is no more room."""
     run, status, steps, time = h.run, n.status, h.steps, n.time
     mode, used = run.mode, h.steps.used
@@ -370,8 +371,8 @@ class NativeEngine:
         self._direction = np.array([-1], dtype=np.int32)
         self._context = self._make_context()
         for mode, system in systems(scene).items():
-            (self._make_adams if mode in scene.adams_modes else self._make_ida)(mode, system)
-        long_steps = bool(scene.adams_modes) and scene.solver.tolerance < LONG_STEPS
+            (self._make_adams if mode in adams_modes(scene) else self._make_ida)(mode, system)
+        long_steps = bool(adams_modes(scene)) and scene.solver.tolerance < LONG_STEPS
         self.degree = QUINTIC if long_steps else CUBIC
 
     @property
@@ -399,7 +400,7 @@ class NativeEngine:
             return "the residual is not finite"
         return f"SUNDIALS: {_MEANINGS.get(flag, 'failure')} (flag {flag})"
 
-    def advance(self, h: Hybrid) -> None:
+    def advance(self, h: Automaton) -> None:
         """Go on with a run; see :class:`vibroplat.integrate.seam.Engine`."""
         drive(h, self._n)
 
@@ -530,7 +531,7 @@ def self_check(library: Library) -> None:
             engine.advance(h)
         y, yp, ypp = (h.run[name][Mode.BARE, :10] for name in ("y", "yp", "ypp"))
         expected = y + duration * yp + 0.5 * duration**2 * ypp
-        error = np.abs(h.run["state"][PLACES[BARE, :10]] - expected).max()
+        error = np.abs(h.run["state"][systems(scene)[Mode.BARE].places] - expected).max()
         if h.run["outcome"] != OK or not error < 1e-7:
             raise UnavailableError(f"its {method} fails the self-check (error {error:.3g})")
 

@@ -4,9 +4,11 @@ An *engine* drives the automaton of :mod:`vibroplat.hybrid`: for each segment it
 consistent state prepared there until the guard falls through zero or the segment's time is up, adds its steps, each
 with a polynomial, to ``h.steps``, and calls ``conclude``. Whoever reads the steps knows no method.
 
-To add an integrator, implement :class:`Integrator`, some fifty lines for a library's own, and hand it to
-:class:`vibroplat.integrate.stepwise.Stepwise`, which is an engine. Engines of their own loop, as ``native``, spare a
-return to Python for each step.
+To add an integrator, implement :class:`Integrator`, some fifty lines for a library's own, as
+``tests/integrate/dop853.py`` does for scipy's. :class:`vibroplat.integrate.stepwise.Stepwise` makes an engine of it,
+and :func:`vibroplat.flow.run.simulate_with` runs that. One that users may choose also has a name in ``solver.engine``
+(:mod:`vibroplat.scene`) and a line in :mod:`vibroplat.integrate.choice`. Engines with a compiled loop of their own, as
+``native``, save a return to Python in each step.
 """
 
 from __future__ import annotations
@@ -14,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Protocol
 
-from vibroplat.hybrid.state import Hybrid
+from vibroplat.hybrid.state import Automaton
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.systems import System
 
@@ -109,7 +111,7 @@ class Engine(Protocol):
     @property
     def work(self) -> Mapping[str, int | None]: ...  # noqa: D102
 
-    def advance(self, h: Hybrid) -> None:
+    def advance(self, h: Automaton) -> None:
         """Carry a run on for some segments, or part of one; its steps and events are read before the next call."""
         ...
 

@@ -10,7 +10,7 @@ import numpy as np
 from vibroplat.hybrid.loop import AT_GUARD, AT_TARGET, AT_TIME, FAILED, NOT_FINITE, begin, conclude
 from vibroplat.hybrid.modes import GUARDS
 from vibroplat.hybrid.pieces import cut_piece
-from vibroplat.hybrid.state import RUNNING, Hybrid
+from vibroplat.hybrid.state import RUNNING, Automaton
 from vibroplat.hybrid.steps import CUBIC, MARGIN, Steps, rewind
 from vibroplat.integrate.seam import IntegrationError, Integrator
 from vibroplat.kernels.compiled import FloatArray, compiled
@@ -61,7 +61,7 @@ class Stepwise:
     def close(self) -> None:
         """Do nothing: Python frees what an integrator holds."""
 
-    def advance(self, h: Hybrid) -> None:
+    def advance(self, h: Automaton) -> None:
         """Carry a run on until there is no room for more steps; see :class:`vibroplat.integrate.seam.Engine`."""
         rewind(h.steps)
         while h.run["outcome"] == RUNNING:
@@ -76,7 +76,7 @@ class Stepwise:
             self._open = False
             conclude(h, stop)
 
-    def _begin(self, h: Hybrid) -> bool:
+    def _begin(self, h: Automaton) -> bool:
         """Begin a segment; whether there is one."""
         if not begin(h):
             return False
@@ -93,7 +93,7 @@ class Stepwise:
         """Drop steps behind a segment's end."""
         self._lengths, self._coefficients, self._next = np.empty(0), np.empty((0, 0, 0)), 0
 
-    def _go_on(self, h: Hybrid) -> int:
+    def _go_on(self, h: Automaton) -> int:
         """Add steps until the segment ends, and say why, or until there is no room for more."""
         until, period = float(h.run["until"]), float(h.run["period"])
         while h.steps.used["steps"] + MARGIN < self.rows:

@@ -30,8 +30,9 @@ from vibroplat.hybrid.loop import (
 from vibroplat.hybrid.modes import GUARDS
 from vibroplat.hybrid.pieces import cut_piece
 from vibroplat.hybrid.scales import ROUND_OFF
-from vibroplat.hybrid.state import Hybrid
+from vibroplat.hybrid.state import Automaton
 from vibroplat.hybrid.steps import MARGIN, rewind
+from vibroplat.integrate.methods import adams_modes
 from vibroplat.integrate.multistep import QUINTIC, begin_steps, calm, no_past, prepare_first_step, transcribe
 from vibroplat.integrate.seam import WORK
 from vibroplat.kernels.compiled import FloatArray
@@ -154,13 +155,13 @@ class SundaeEngine:
         self._counts = dict.fromkeys(COUNTED, 0)
         self.detail = ""
         self._p = p
-        self._adams = scene.adams_modes
+        self._adams = adams_modes(scene)
         self._budget = _Budget()
         self._integrators: dict[tuple[int, bytes, float], _Integrator] = {}
         self._past = no_past()
         self._pending: _Ends | None = None
 
-    def advance(self, h: Hybrid) -> None:
+    def advance(self, h: Automaton) -> None:
         """Carry a run on for one segment, or part of it; see :class:`vibroplat.integrate.seam.Engine`."""
         rewind(h.steps)
         if self._pending is None:
@@ -186,7 +187,7 @@ class SundaeEngine:
         else:
             conclude(h, ends.stop if stop < 0 else stop)
 
-    def _integrate(self, h: Hybrid, first_step: float) -> _Ends:
+    def _integrate(self, h: Automaton, first_step: float) -> _Ends:
         """Integrate the segment that begins."""
         mode = h.run["mode"]
         system = SYSTEMS[h.run["systems"][mode]]

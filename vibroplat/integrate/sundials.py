@@ -85,7 +85,7 @@ _CVODE = {
 
 
 class UnavailableError(RuntimeError):
-    """The library is not the one that is known here; says in which respect."""
+    """The library is not one that this engine knows; the message says why."""
 
 
 def package() -> Path:

@@ -1,14 +1,15 @@
 """Where machine code is kept between processes, and when it is out of date.
 
-Numba compares cached machine code with the file of the function itself, not with those of the functions it calls:
-a changed motor would stay compiled into the old platform. Here every kernel carries a digest of the sources of all
-kernels, wherever the cache lies, so that any change compiles all of them anew.
+Numba compares cached machine code with the file of the function itself, not with those of the functions it calls: a
+changed motor would stay compiled into the old platform. Here the name of the cache's folder holds a digest of the
+sources of all kernels, wherever it lies, so that any change compiles all of them anew.
 """
 
 from __future__ import annotations
 
 import hashlib
 import os
+import shutil
 import tempfile
 from collections.abc import Callable, Iterator
 from functools import cache
@@ -45,6 +46,23 @@ def _folders(room: Path) -> Iterator[Path]:
     yield Path(tempfile.gettempdir()) / f"numba-{os.getuid() if hasattr(os, 'getuid') else 'user'}" / name
 
 
+@cache
+def _writable(room: Path) -> Path | None:
+    """Make the folder of a room's machine code, without that of other sources; None where nothing can be written."""
+    for folder in _folders(room):
+        current = folder / f"kernels-{digest()[:16]}"
+        try:
+            current.mkdir(parents=True, exist_ok=True)
+            tempfile.TemporaryFile(dir=current).close()
+        except OSError:
+            continue
+        for other in folder.glob("kernels-*"):
+            if other != current:
+                shutil.rmtree(other, ignore_errors=True)
+        return current
+    return None
+
+
 class KernelLocator(caching._CacheLocator):
     """Finds the cache of this package's kernels; numba's own locators serve everyone else's."""
 
@@ -67,14 +85,8 @@ class KernelLocator(caching._CacheLocator):
         room = Path(file).parent
         if room.parent != PACKAGE or room.name not in ROOMS:
             return None
-        for folder in _folders(room):
-            found = cls(function, folder)
-            try:
-                found.ensure_cache_path()  # type: ignore[no-untyped-call]
-            except OSError:
-                continue
-            return found
-        return None
+        folder = _writable(room)
+        return None if folder is None else cls(function, folder)
 
 
 caching.CacheImpl._locator_classes.insert(0, KernelLocator)

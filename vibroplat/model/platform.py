@@ -111,7 +111,7 @@ def solve_platform(
     """Accelerations of x, y, φ, φ₁, φ₂ under five generalized forces, or jumps of rates under impulses.
 
     x, y, φ are diagonal among themselves; eliminating them leaves two equations for the exciters (Schur complement).
-    A mass matrix that is singular gives what is not finite.
+    The result of a singular mass matrix is not finite.
     """
     mx, my, mphi = mobility
     bx, by, bphi, b1, b2 = b

@@ -18,8 +18,6 @@ from vibroplat.scene import Mode, Scene
 FULL_SIZE = 14
 GAP, GAP_RATE = 5, 12  # places in the full state
 
-BARE, ATTACHED_ONE, ATTACHED_TWO, FLIGHT_ONE, FLIGHT_TWO = range(5)
-
 
 @dataclass(frozen=True)
 class System:
@@ -71,11 +69,11 @@ def _places(*coordinates: int) -> npt.NDArray[np.int64]:
 
 
 SYSTEMS: tuple[System, ...] = (
-    System(BARE, Mode.BARE, 0, _places(0, 1, 2, 3, 4)),
-    System(ATTACHED_ONE, Mode.ATTACHED, 1, _places(0, 1, 2, 3, 4)),
-    System(ATTACHED_TWO, Mode.ATTACHED, 2, _places(0, 1, 2, 3, 4, 6)),
-    System(FLIGHT_ONE, Mode.FLIGHT, 1, _places(0, 1, 2, 3, 4, 5)),
-    System(FLIGHT_TWO, Mode.FLIGHT, 2, _places(0, 1, 2, 3, 4, 5, 6)),
+    System(0, Mode.BARE, 0, _places(0, 1, 2, 3, 4)),
+    System(1, Mode.ATTACHED, 1, _places(0, 1, 2, 3, 4)),
+    System(2, Mode.ATTACHED, 2, _places(0, 1, 2, 3, 4, 6)),
+    System(3, Mode.FLIGHT, 1, _places(0, 1, 2, 3, 4, 5)),
+    System(4, Mode.FLIGHT, 2, _places(0, 1, 2, 3, 4, 5, 6)),
 )
 
 
@@ -100,7 +98,7 @@ def gather(system: int, state: FloatArray, y: FloatArray) -> None:
 
 
 @compiled
-def spread(system: int, y: FloatArray, state: FloatArray) -> None:
+def scatter(system: int, y: FloatArray, state: FloatArray) -> None:
     """Fill a full state from a system's unknowns; what the system does not have is 0."""
     for i in range(FULL_SIZE):
         state[i] = 0.0

@@ -37,7 +37,7 @@ class Energies:
 
 
 def audit(ms: Measures, before: Energies, after: Energies) -> dict[str, float]:
-    """Energies of a run (J), and what is left of their balance and of that of vertical momentum.
+    """Energies of a run (J), and the residuals of the balances of energy and of vertical momentum.
 
     Motor work + gravity's work + truncation = Δ(kinetic + elastic) + dissipation + impact losses;
     the residual is relative to the largest of the energy that motors and dampers exchanged and the

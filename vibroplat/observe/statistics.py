@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from vibroplat.hybrid.modes import IMPACT, LATCH, LIFTOFF, MODES
-from vibroplat.hybrid.state import Hybrid
+from vibroplat.hybrid.state import Automaton
 from vibroplat.hybrid.steps import Steps
 from vibroplat.kernels.compiled import FloatArray, compiled, copy, inlined
 from vibroplat.kernels.foreign import borrow
@@ -75,8 +75,8 @@ MARKS = np.dtype(
     align=True,
 )
 
-#: Highest degree of polynomials that come with steps so short that the phase in the middle of a step is its mean.
-SHORT = 5
+#: Change of φ₁ + φ₂ within a step (rad) up to which its mean says cosine and sine, to 1/24 of the square.
+STILL = 1e-3
 
 #: Gauss nodes and weights on [0, 1], by their number.
 _MOST_NODES = 16
@@ -181,7 +181,7 @@ class Statistics:
         self.measures = no_measures(window)
         self._room = np.zeros(FULL_SIZE), np.zeros(N_WORK)
 
-    def read(self, h: Hybrid) -> None:
+    def read(self, h: Automaton) -> None:
         """Add the steps and events since the last reading."""
         adder(h.steps.degree)(self.measures, h.steps, h.events[: h.run["events"]], self._room, h.p)
 
@@ -321,7 +321,7 @@ def integrate(
     marks, sums, work = ms.marks, ms.open_turn, ms.work
     duration = (end - start) * length
     total_x, total_xx, total_y, total_yy, total_phi, total_phi_phi, total_motor = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    total_exchanged = 0.0
+    total_exchanged, total_phase, drift = 0.0, 0.0, 0.0
     for i in range(nodes):
         s, weight = start + (end - start) * NODES[nodes, i], duration * WEIGHTS[nodes, i]
         for j in range(DIFFERENTIAL[system]):
@@ -342,6 +342,8 @@ def integrate(
             total_phi += weight * phi
             total_phi_phi += weight * phi * phi
             total_motor += weight * power[0]
+            total_phase += weight * (full[3] + full[4])
+            drift = max(drift, duration * abs(full[10] + full[11]))
     marks.exchanged += total_exchanged
     if measured:
         sums.x += total_x
@@ -353,17 +355,18 @@ def integrate(
         sums.motor += total_motor
         sums.time += duration
         sums.flying += duration if flying else 0.0
-        integrate_phase(sums, c, degree, nodes, start, end, duration)
+        if drift > STILL:
+            add_phase(sums, c, degree, start, duration / length, duration, nodes)
+        elif duration > 0.0:
+            sums.cosine += duration * math.cos(total_phase / duration)
+            sums.sine += duration * math.sin(total_phase / duration)
 
 
-@inlined
-def integrate_phase(
-    sums: Any, c: FloatArray, degree: int, nodes: int, start: float, end: float, duration: float
-) -> None:
-    """Add cosine and sine of the phase difference over the part [start, end] of a step, ``duration`` (s) long."""
-    points = nodes if degree > SHORT else 1
-    for i in range(points):
-        s, weight = start + (end - start) * NODES[points, i], duration * WEIGHTS[points, i]
+@compiled
+def add_phase(sums: Any, c: FloatArray, degree: int, start: float, share: float, duration: float, nodes: int) -> None:
+    """Add cosine and sine of φ₁ + φ₂ over a share of a step that begins at ``start`` and takes ``duration`` (s)."""
+    for i in range(nodes):
+        s, weight = start + share * NODES[nodes, i], duration * WEIGHTS[nodes, i]
         phase = value(c, degree, 3, s) + value(c, degree, 4, s)
         sums.cosine += weight * math.cos(phase)
         sums.sine += weight * math.sin(phase)

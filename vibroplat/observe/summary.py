@@ -1,4 +1,4 @@
-"""What a part of a motion is summed up to: statistics, extremes, events, energy audit."""
+"""Summary of one part of a motion: statistics, extremes, events, energy audit."""
 
 from __future__ import annotations
 

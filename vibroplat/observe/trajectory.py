@@ -12,7 +12,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from vibroplat.hybrid.modes import KINDS
-from vibroplat.hybrid.state import EVENT, Hybrid
+from vibroplat.hybrid.state import EVENT, Automaton
 from vibroplat.kernels.compiled import FloatArray, compiled, copy
 from vibroplat.kernels.polynomial import values
 from vibroplat.model.systems import FULL_SIZE, SYSTEMS, System
@@ -100,7 +100,7 @@ class Segments:
     def __init__(self) -> None:
         self.kept: list[Segment] = []
 
-    def read(self, h: Hybrid) -> None:
+    def read(self, h: Automaton) -> None:
         """Copy the closed pieces."""
         steps = h.steps
         for piece in steps.pieces[: steps.used["pieces"]]:
@@ -128,7 +128,7 @@ class Events:
     def __init__(self) -> None:
         self._kept: list[npt.NDArray[np.void]] = [np.zeros(0, EVENT)]
 
-    def read(self, h: Hybrid) -> None:
+    def read(self, h: Automaton) -> None:
         """Copy the list of events."""
         self._kept.append(h.events[: h.run["events"]].copy())
 
@@ -155,7 +155,7 @@ class Trajectory:
     measures
         Sums over the run, of which the summary is made.
     summary
-        Outcome and measures; see :func:`vibroplat.observe.summary.summarize`.
+        Outcome and measures; see :func:`vibroplat.observe.summary.measured`.
     """
 
     scene: Scene

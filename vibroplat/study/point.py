@@ -15,7 +15,7 @@ from vibroplat.flow.motion import Motion, Observer
 from vibroplat.hybrid.initial import initial_state
 from vibroplat.hybrid.modes import IMPACT
 from vibroplat.hybrid.scales import state_scales
-from vibroplat.hybrid.state import Hybrid
+from vibroplat.hybrid.state import Automaton
 from vibroplat.integrate.choice import make_engine
 from vibroplat.model.parameters import FloatArray, parameters
 from vibroplat.observe.statistics import Measures, section_rows
@@ -155,7 +155,7 @@ class _Impacts:
     def __init__(self) -> None:
         self.speeds: list[float] = []
 
-    def read(self, h: Hybrid) -> None:
+    def read(self, h: Automaton) -> None:
         """Take the impacts from the list of events."""
         events = h.events[: h.run["events"]]
         self.speeds.extend((-events["rate_before"][events["kind"] == IMPACT]).tolist())
@@ -186,19 +186,27 @@ def _settled_and_measured(
         if settling.how == "maximum":
             settling = settling._replace(seconds=motion.now)
         periods = settling._replace(period=kind.period, turn=mean_turn(part.measures))
-        part = motion.go_on(measuring_time(motion.state, plan.measure_s, periods), observers=observers)
+        part = _measure(motion, plan.measure_s, periods, observers)
     return settling, part, kind if motion.outcome == "ok" else None
 
 
 def _measured_part(motion: Motion, plan: SweepPlan, settling: Settling, observers: Sequence[Observer]) -> Part:
     """Measure a motion: in one part if it repeats, or seems to after a fixed time; otherwise in blocks."""
     if settling.how != "maximum":
-        part = motion.go_on(measuring_time(motion.state, plan.measure_s, settling), observers=observers)
+        part = _measure(motion, plan.measure_s, settling, observers)
         points = section_points(part.measures, motion.scene)
         seems = settling.how == "periodic" or len(points) < 2 or period(points, plan.period_tolerance) > 0
         if seems or motion.outcome != "ok":
             return part
     return motion.go_on(BLOCKS * plan.measure_s, blocks=BLOCKS, observers=observers)
+
+
+def _measure(motion: Motion, least: float, settling: Settling, observers: Sequence[Observer]) -> Part:
+    """Measure a motion for at least a time (s), and for whole periods if it repeats."""
+    if settling.turn == 0.0:
+        return motion.go_on(least, observers=observers)
+    turns = settling.period * max(math.ceil(least / (settling.period * settling.turn)), PERIODS)
+    return motion.go_round(turns, 2.0 * (turns + 1) * settling.turn, observers)
 
 
 def measures_of(part: Part, scene: Scene, slip: float = 0.0) -> dict[str, Any]:
@@ -244,15 +252,6 @@ def perturbed(state: FloatArray, scene: Scene, plan: SweepPlan, key: tuple[int, 
     changed = state.copy()
     changed[7:12] += plan.perturbation * state_scales(scene)[7:12] * random.standard_normal(5)
     return changed
-
-
-def measuring_time(state: FloatArray, least: float, settling: Settling) -> float:
-    """Return how long to measure (s); if the motion repeats, the whole turns in that time are whole periods."""
-    if settling.turn == 0.0:
-        return least
-    periods = max(math.ceil(least / (settling.period * settling.turn)), PERIODS)
-    begun = math.copysign(1.0, state[10]) * state[3] / (2.0 * math.pi) % 1.0  # fraction of the current turn
-    return float((1.0 - begun + periods * settling.period + 0.25) * settling.turn)
 
 
 def mean_turn(measures: Measures) -> float:

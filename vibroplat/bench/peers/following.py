@@ -19,7 +19,7 @@ import pandas as pd
 
 from vibroplat.flow.motion import Motion
 from vibroplat.hybrid.loop import AT_GUARD, AT_TIME, begin, conclude
-from vibroplat.hybrid.state import RUNNING, Hybrid
+from vibroplat.hybrid.state import RUNNING, Automaton
 from vibroplat.hybrid.steps import rewind
 from vibroplat.integrate.seam import WORK, Integrator
 from vibroplat.integrate.stepwise import Stepwise
@@ -181,7 +181,7 @@ class Legs:
         """Integrate a mode from time ``t`` of the run to its guard or to time ``until``; RuntimeError if it fails."""
         raise NotImplementedError
 
-    def advance(self, h: Hybrid) -> None:
+    def advance(self, h: Automaton) -> None:
         """Carry a run on; see :class:`vibroplat.integrate.seam.Engine`."""
         rewind(h.steps)
         run, used = h.run, h.steps.used

@@ -14,7 +14,7 @@ from vibroplat.bench.scenes import kinds
 from vibroplat.bench.stability.checks import ENERGY, Limit, row
 from vibroplat.flow.motion import Motion
 from vibroplat.hybrid.modes import IMPACT
-from vibroplat.hybrid.state import Hybrid
+from vibroplat.hybrid.state import Automaton
 from vibroplat.integrate.choice import make_engine
 from vibroplat.model.parameters import parameters
 from vibroplat.observe.summary import measured
@@ -84,7 +84,7 @@ class Impacts(NamedTuple):
 
     times: list[float]
 
-    def read(self, h: Hybrid) -> None:
+    def read(self, h: Automaton) -> None:
         """Add those in the list of events."""
         rows = h.events[: h.run["events"]]
         self.times.extend(rows["t"][rows["kind"] == IMPACT].tolist())
