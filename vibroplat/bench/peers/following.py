@@ -9,6 +9,7 @@ to Python for each step, are engines of their own: :class:`Legs`.
 from __future__ import annotations
 
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -147,7 +148,7 @@ def straight(points: list[FloatArray], lengths: list[float], fell: bool) -> Leg:
     return Leg(fell, points[-1], np.array(lengths), np.array(coefficients))
 
 
-class Legs:
+class Legs(ABC):
     """An engine of a library that finds events itself.
 
     Attributes
@@ -177,9 +178,9 @@ class Legs:
     def close(self) -> None:
         """Do nothing: Python frees what the library holds."""
 
+    @abstractmethod
     def leg(self, mode: Mode, t: float, y: FloatArray, until: float) -> Leg:
         """Integrate a mode from time ``t`` of the run to its guard or to time ``until``; RuntimeError if it fails."""
-        raise NotImplementedError
 
     def advance(self, h: Automaton) -> None:
         """Carry a run on; see :class:`vibroplat.integrate.seam.Engine`."""
