@@ -59,7 +59,7 @@ class Frequencies(Section):
         return [float(f"{self.start + i * self.step:.12g}") for i in range(count)]
 
 
-class SweepPlan(Section):
+class SweepPlan(Section, title="Sweep"):
     """Branches side by side: every combination of the grid's values, in each direction."""
 
     supply_frequency_hz: Frequencies

@@ -175,7 +175,7 @@ class Legs(ABC):
         """Nothing is counted."""
         return dict.fromkeys(WORK)
 
-    def close(self) -> None:
+    def close(self) -> None:  # noqa: B027  (most libraries need nothing)
         """Do nothing: Python frees what the library holds."""
 
     @abstractmethod
