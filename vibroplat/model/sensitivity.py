@@ -30,6 +30,9 @@ COMPLEX = np.dtype(
     align=True,
 )
 
+#: Sections of a scene whose numbers enter the equations.
+SECTIONS = ("machine", "motor", "motors", "drive", "material", "contact")
+
 #: Size h of the imaginary part: its square vanishes beside 1.
 IMAGINARY = 1e-30
 
@@ -39,7 +42,7 @@ _WEIGHTS = ((1, 4.0 / 5.0), (2, -1.0 / 5.0), (3, 4.0 / 105.0), (4, -1.0 / 280.0)
 
 
 def parameter_direction(scene: Scene, key: str) -> Parameters:
-    """Differentiate the parameters of a scene by one of its keys, e.g. ``material.mass_ratio`` or ``motors.0.slip``.
+    """Differentiate the parameters of a scene by one of its keys, e.g. ``material.mass_ratio`` or ``motor.critical_slip``.
 
     The difference may pass the end of a key's range, as at R = 0: the parameters are smooth functions there too.
 
@@ -50,8 +53,11 @@ def parameter_direction(scene: Scene, key: str) -> Parameters:
     """
     path = key.split(".")
     value = _value(scene, path)
-    if not isinstance(value, float):
-        raise ConfigError(f"{key} = {value} cannot be varied; allowed: a key of this scene with a continuous value")
+    if path[0] not in SECTIONS or not isinstance(value, float):
+        raise ConfigError(
+            f"{key} = {value} cannot be varied; allowed: a key of this scene with a continuous value, "
+            f"in {', '.join(SECTIONS)}"
+        )
     step = STEP * abs(value) or STEP
     dp = blank()
     for n, weight in _WEIGHTS:
