@@ -42,7 +42,7 @@ _WEIGHTS = ((1, 4.0 / 5.0), (2, -1.0 / 5.0), (3, 4.0 / 105.0), (4, -1.0 / 280.0)
 
 
 def parameter_direction(scene: Scene, key: str) -> Parameters:
-    """Differentiate the parameters of a scene by one of its keys, e.g. ``material.mass_ratio`` or ``motor.critical_slip``.
+    """Differentiate the parameters of a scene by one of its keys, as ``material.mass_ratio``.
 
     The difference may pass the end of a key's range, as at R = 0: the parameters are smooth functions there too.
 
