@@ -204,10 +204,12 @@ import os, signal
 from vibroplat.interrupts import end_at_signals
 from vibroplat.study.execution import pool
 from vibroplat.study.store import Store
-from vibroplat.study.tasks import Task, run_tasks
+from vibroplat.study.tasks import StoredChain, Task, run_stored
 end_at_signals()
+def tasks():
+    yield Task(dict)
 with Store(None, {}) as store, pool(2) as workers:
-    run_tasks([Task(store, k, dict) for k in range(3)], workers)
+    run_stored([StoredChain(tasks(), store, k) for k in range(3)], workers)
     os.kill(0, signal.SIGINT)
 print("lost")
 """
