@@ -35,7 +35,7 @@ def motion_of(scene):
         yield Motion(scene, p, engine)
 
 
-@pytest.fixture(params=["native", "sundae"])
+@pytest.fixture(params=["native", pytest.param("sundae", marks=pytest.mark.long)])
 def engine(request):
     return request.param
 

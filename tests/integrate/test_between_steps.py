@@ -96,7 +96,7 @@ def errors(name, method, engine, tolerance):
     return found
 
 
-@pytest.mark.parametrize("engine", ["native", "sundae"])
+@pytest.mark.parametrize("engine", ["native", pytest.param("sundae", marks=pytest.mark.long)])
 @pytest.mark.parametrize("tolerance", [1e-10, 1e-12])
 @pytest.mark.parametrize(("name", "method"), [("bare", "ida"), ("bare", "adams"), ("attached", "ida")])
 def test_errors_between_steps_are_those_of_their_ends(name, method, tolerance, engine):
