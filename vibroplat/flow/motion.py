@@ -40,7 +40,7 @@ class Observer(Protocol):
     """What reads a motion while it goes on."""
 
     def read(self, h: hy.Automaton) -> None:
-        """Read the closed pieces of ``h.steps`` and the first ``run.events`` of ``h.events``, then left behind."""
+        """Read the closed pieces of ``h.steps`` and the first ``run.events`` of ``h.events``, before they go."""
 
 
 class Motion:

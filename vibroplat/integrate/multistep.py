@@ -1,8 +1,8 @@
 """What a multistep method needs beside its steps: their polynomials, its first step, tolerances in low flights.
 
-Neither IDA's nor CVODE's own interpolant is asked for, which would take a call for each power. The cubic through values
-and rates at both ends of a step is as accurate as IDA's ends; Adams' longer steps need the quintic through three ends,
-which is as accurate as its ends to the tightest tolerance (``python -m pytest tests/integrate -k between``).
+The library's own interpolant would take a call for each power of its polynomial. The cubic through values and rates at
+both ends of a step is as accurate as those ends with IDA. Adams takes longer steps and needs the quintic through three
+ends, which is as accurate as the ends down to the tightest tolerance (``python -m pytest tests/integrate -k between``).
 """
 
 from __future__ import annotations

@@ -71,9 +71,6 @@ if TYPE_CHECKING:
     def call_int(address: int, arguments: tuple[Any, ...]) -> int:
         """Call a C function that returns an int; pointers are passed as integers."""
 
-    def call_double(address: int, arguments: tuple[Any, ...]) -> float:
-        """Call a C function that returns a double."""
-
     def call_address(address: int, arguments: tuple[Any, ...]) -> int:
         """Call a C function that returns a pointer."""
 
@@ -91,7 +88,6 @@ if TYPE_CHECKING:
         """
 else:
     call_int = _caller(types.int32)
-    call_double = _caller(types.float64)
     call_address = _caller(types.intp)
     pointer = _pointer_to(types.CPointer(types.float64))
     void_pointer = _pointer_to(types.voidptr)
