@@ -164,7 +164,7 @@ def run(
 
         result = simulate(scene, progress=report)
     tables = {"trajectory": result.trajectory, "events": result.events}
-    documents = {"provenance": provenance(scene, result.summary["engine"]), "summary": result.summary}
+    documents = {"provenance": provenance(scene, result.summary["engine"], result.origin), "summary": result.summary}
     write_result(directory, tables, documents, format_.value)
     _print_summary(result, directory)
     if result.outcome != "ok":

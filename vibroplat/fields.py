@@ -10,6 +10,9 @@ from pydantic_core import PydanticCustomError
 #: No physical quantity in SI units lies outside these limits; products of numbers inside them stay finite.
 LEAST, LARGEST = 1e-30, 1e30
 
+#: Random change of the rates at the start of a run or of a sweep's point, in the scales of the scene.
+PERTURBATION = 0.01
+
 
 def _not_minute(value: float) -> float:
     if value < LEAST:

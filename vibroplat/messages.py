@@ -70,8 +70,13 @@ def _keys_at(model: type[BaseModel], path: list[str]) -> list[str]:
     for part in path:
         if part.isdigit():
             continue
-        current = _section_type(current.model_fields[part].annotation) or current
-    return list(current.model_fields)
+        current = _section_type(_field(current, part).annotation) or current
+    return [field.alias or name for name, field in current.model_fields.items()]
+
+
+def _field(model: type[BaseModel], key: str) -> Any:
+    """Find a field by its key."""
+    return next(field for name, field in model.model_fields.items() if key in (name, field.alias))
 
 
 def _section_type(annotation: Any) -> type[BaseModel] | None:

@@ -12,10 +12,18 @@ ALTERNATIVES: tuple[tuple[str, frozenset[str]], ...] = (
     ("", frozenset({"motor", "motors"})),
     ("material", frozenset({"natural_frequency_hz", "stiffness_n_per_m"})),
     ("material", frozenset({"damping_ratio", "damping_n_s_per_m"})),
-    ("run.initial", frozenset({"state", "phase_sum_rad"})),
-    ("run.initial", frozenset({"state", "phi1_rad"})),
-    ("run.initial", frozenset({"state", "speed_ratio"})),
+    ("drive", frozenset({"supply_frequency_hz", "program"})),
+    *(
+        ("run.initial", frozenset({way, key}))
+        for way in ("state", "from")
+        for key in ("phase_difference_rad", "phase_sum_rad", "phi1_rad", "speed_ratio")
+    ),
+    ("run.initial", frozenset({"state", "from"})),
+    ("run.initial", frozenset({"phase_difference_rad", "phase_sum_rad"})),
 )
+
+#: Keys of the machine that the section ``exciters`` gives for each exciter instead.
+OF_EXCITERS = ("unbalance_radius_m", "rotor_inertia_kg_m2")
 
 
 #: Sections with free keys: they are replaced as a whole, because merging could never remove a key.
@@ -23,8 +31,19 @@ REPLACED = frozenset({"sweep.grid"})
 
 
 def merge(lower: Mapping[str, Any], upper: Mapping[str, Any], section: str = "") -> dict[str, Any]:
-    """Override ``lower`` with ``upper``: merge sections key by key, replace other values and :data:`REPLACED`."""
+    """Override ``lower`` with ``upper``: merge sections key by key, replace other values and :data:`REPLACED`.
+
+    Exciters are merged one by one, also with a lower layer that gives their numbers in ``motor`` and ``machine``. An
+    entry of any list is overridden by its place, as in ``exciters.1.critical_slip``.
+
+    Raises
+    ------
+    ConfigError
+        A list has no such place.
+    """
     merged = dict(lower)
+    if not section and upper.get("exciters") is not None and merged.get("exciters") is None:
+        merged = _with_exciters(merged)
     for place, group in ALTERNATIVES:
         given = {key for key in group & upper.keys() if upper[key] is not None} if place == section else set()
         for key in (group - given) if given else ():
@@ -32,11 +51,42 @@ def merge(lower: Mapping[str, Any], upper: Mapping[str, Any], section: str = "")
     for key, value in upper.items():
         below = merged.get(key)
         inner = f"{section}.{key}".strip(".")
-        if isinstance(value, Mapping) and inner not in REPLACED:
+        if isinstance(below, list) and isinstance(value, Mapping):
+            merged[key] = _merge_places(below, value, inner)
+        elif inner == "exciters" and isinstance(below, list) and isinstance(value, list) and len(value) == len(below):
+            merged[key] = _merge_places(below, {str(place): of for place, of in enumerate(value)}, inner)
+        elif isinstance(value, Mapping) and inner not in REPLACED:
             merged[key] = merge(below if isinstance(below, Mapping) else {}, value, inner)
         else:
             merged[key] = value
     return merged
+
+
+def _merge_places(below: list[Any], places: Mapping[str, Any], section: str) -> list[Any]:
+    """Override entries of a list by their places."""
+    merged = list(below)
+    for place, value in places.items():
+        if not (place.isdecimal() and int(place) < len(below)):
+            raise ConfigError(f"unknown key {section}.{place}; allowed: {section}.0 to {section}.{len(below) - 1}")
+        old = merged[int(place)]
+        inner = f"{section}.{place}"
+        both = isinstance(value, Mapping) and isinstance(old, Mapping)
+        merged[int(place)] = merge(old, value, inner) if both else value
+    return merged
+
+
+def _with_exciters(tree: Mapping[str, Any]) -> dict[str, Any]:
+    """Move the numbers of the exciters from ``motor``, ``motors`` and ``machine`` to ``exciters``."""
+    moved = {key: value for key, value in tree.items() if key not in ("motor", "motors")}
+    motors = tree.get("motors") or [tree.get("motor") or {}] * 2
+    machine = tree.get("machine") or {}
+    if not (isinstance(machine, Mapping) and all(isinstance(motor, Mapping) for motor in motors)):
+        return dict(tree)  # to be refused when the scene is built
+    own = {key: machine[key] for key in OF_EXCITERS if key in machine}
+    moved["exciters"] = [{**motor, **own} for motor in motors]
+    if own:
+        moved["machine"] = {key: value for key, value in machine.items() if key not in own}
+    return moved
 
 
 def nest(dotted: Mapping[str, Any]) -> dict[str, Any]:

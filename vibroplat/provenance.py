@@ -24,9 +24,10 @@ SCHEMA = 1
 _LIBRARIES = ("scikit-sundae", "numpy", "numba", "llvmlite", "pandas", "pydantic", "pyarrow", "ruamel.yaml")
 
 
-def provenance(scene: Scene, engine: str) -> dict[str, Any]:
-    """Collect versions, the machine and the full configuration of a result."""
-    return {
+def provenance(scene: Scene, engine: str, origin: dict[str, Any] | None = None) -> dict[str, Any]:
+    """Collect versions, the machine and the full configuration of a result, and the run that it goes on from."""
+    begins = {} if origin is None else {"begins_from": origin}
+    return begins | {
         "schema": SCHEMA,
         "vibroplat": vibroplat.__version__,
         "git_commit": _commit(),

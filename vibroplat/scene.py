@@ -14,10 +14,12 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, BeforeValidator, Field, ValidationError, model_validator
 
+from vibroplat.drive import Drive
 from vibroplat.errors import ConfigError
-from vibroplat.fields import NonNegative, Positive, Real, Section, Share, not_bool
+from vibroplat.exciters import ROTATIONS, Exciter, Motor
+from vibroplat.fields import PERTURBATION, NonNegative, Positive, Real, Section, Share, not_bool
 from vibroplat.messages import explain
-from vibroplat.overrides import merge, nest
+from vibroplat.overrides import OF_EXCITERS, merge, nest
 from vibroplat.sweep_plan import SweepPlan
 
 #: Most rows of a trajectory table.
@@ -46,8 +48,8 @@ class Machine(Section):
     platform_mass_kg: Positive = Field(12.42, description="m_0")
     platform_inertia_kg_m2: Positive = Field(0.11, description="J_0")
     unbalance_mass_kg: Positive = Field(0.045, description="m_r, each exciter")
-    unbalance_radius_m: Positive = Field(0.09, description="r")
-    rotor_inertia_kg_m2: Positive = Field(0.8e-3, description="J_d")
+    unbalance_radius_m: Positive = Field(0.09, description="r, both exciters; or in exciters, for each")
+    rotor_inertia_kg_m2: Positive = Field(0.8e-3, description="J_d, both exciters; or in exciters, for each")
     exciter_distance_m: NonNegative = Field(0.128, description="rho, exciter axis to the centre of mass")
     exciter_angle_deg: Real = Field(22.5, description="gamma_1, direction of exciter 1's axis")
     stiffness_x_n_per_m: NonNegative = Field(580e3, description="c_x")
@@ -62,11 +64,6 @@ class Machine(Section):
     def total_mass(self) -> float:
         """M = m_0 + 2 m_r (kg)."""
         return self.platform_mass_kg + 2.0 * self.unbalance_mass_kg
-
-    @property
-    def unbalance(self) -> float:
-        """The static moment k = m_r r of one exciter (kg·m)."""
-        return self.unbalance_mass_kg * self.unbalance_radius_m
 
     @property
     def inertia(self) -> float:
@@ -87,11 +84,6 @@ class Machine(Section):
         return math.sqrt(self.platform_inertia_kg_m2 / exciters) if exciters > 0.0 else math.inf
 
     @property
-    def exciter_inertia(self) -> float:
-        """J_e = J_d + m_r r² (kg·m²)."""
-        return self.rotor_inertia_kg_m2 + self.unbalance_mass_kg * self.unbalance_radius_m**2
-
-    @property
     def exciter_axis(self) -> tuple[float, float]:
         """Axis (X_0, Y_0) of exciter 1 from the common centre of mass (m); exciter 2 is at (−X_0, Y_0)."""
         gamma = math.radians(self.exciter_angle_deg)
@@ -100,15 +92,6 @@ class Machine(Section):
             self.exciter_distance_m * math.cos(gamma),
             share * self.exciter_distance_m * math.sin(gamma),
         )
-
-
-class Motor(Section):
-    """An induction motor (Kloss formula) and its resistance to rotation."""
-
-    critical_torque_n_m: NonNegative = Field(1.2, description="M_c; 0 = supply switched off")
-    critical_slip: Positive = Field(0.15, description="s_c")
-    pole_pairs: Annotated[int, Field(ge=1, le=1000)] = Field(2, description="P")
-    friction_radius_m: NonNegative = Field(5.0e-5, description="k_R, bearing friction times shaft radius")
 
 
 class Material(Section):
@@ -155,12 +138,6 @@ class Contact(Section):
     added_mass_share: Share = Field(0.0, description="share of m_w that moves with the platform, non-impact")
 
 
-class Drive(Section):
-    """The common supply of both motors."""
-
-    supply_frequency_hz: Positive = Field(50.0, description="f_e")
-
-
 class State(Section):
     """A full state. Omitted coordinates are at static rest; omitted rates are 0.
 
@@ -187,20 +164,37 @@ class State(Section):
     contact_force_n: Real | None = None
 
 
-class Initial(Section):
-    """Initial state: platform and material at static rest with rotating exciters, or a full state."""
+class Initial(Section, populate_by_name=True):
+    """Initial state: platform and material at static rest with rotating exciters, a full state, or another run's end."""
 
-    phase_sum_rad: Real = Field(math.pi, description="phi_1 + phi_2")
+    phase_difference_rad: Real | None = Field(
+        None,
+        description="phi_1 + phi_2 of counter-rotating exciters, phi_1 - phi_2 of co-rotating ones; not given: pi",
+    )
+    phase_sum_rad: Real | None = Field(None, description="phase_difference_rad of counter-rotating exciters")
     phi1_rad: Real = 0.0
     speed_ratio: Real = Field(0.98, description="speed of both exciters over the synchronous speed")
     state: State | None = None
+    from_: Annotated[str, Field(min_length=1)] | None = Field(
+        None, alias="from", description="directory of a run; this one begins where it ended, and its times go on"
+    )
 
     @model_validator(mode="after")
-    def _rest_or_state(self) -> Self:
-        extra = sorted(self.model_fields_set - {"state"})
-        if self.state is not None and extra:
-            raise ValueError(f"state and {extra[0]} are both given; allowed: one of the two")
+    def _one_way(self) -> Self:
+        ways = [name for name in ("state", "from_") if getattr(self, name) is not None]
+        extra = sorted(self.model_fields_set - {"state", "from_"}) if ways else []
+        if self.phase_sum_rad is not None and self.phase_difference_rad is not None:
+            extra, ways = ["phase_sum_rad"], ["phase_difference_rad"]
+        if extra or len(ways) > 1:
+            first, second = [name.strip("_") for name in (*ways, *extra)][:2]
+            raise ValueError(f"{first} and {second} are both given; allowed: one of the two")
         return self
+
+    @property
+    def phase_difference(self) -> float:
+        """Phase difference of the exciters (rad)."""
+        given = self.phase_difference_rad if self.phase_sum_rad is None else self.phase_sum_rad
+        return math.pi if given is None else given
 
 
 class Run(Section):
@@ -208,6 +202,19 @@ class Run(Section):
 
     duration_s: Positive = 4.0
     initial: Initial = Initial()
+    perturbation: Share | None = Field(
+        None,
+        description="random change of the rates of platform and exciters at the start, in the scales of the scene; "
+        f"not given: {PERTURBATION:g}, and 0 where initial gives a state or a run",
+    )
+    seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = Field(0, description="seed of the perturbation")
+
+    @property
+    def start_perturbation(self) -> float:
+        """Perturbation of the start: a motion that is symmetric would stay so for ever, even where it is unstable."""
+        if self.perturbation is not None:
+            return self.perturbation
+        return PERTURBATION if self.initial.state is None and self.initial.from_ is None else 0.0
 
 
 class Solver(Section):
@@ -272,6 +279,7 @@ class Scene(Section):
     machine: Machine = Machine()
     motor: Motor | None = None
     motors: Annotated[list[Motor], Field(min_length=2, max_length=2)] | None = None
+    exciters: Annotated[list[Exciter], Field(min_length=2, max_length=2)] | None = None
     material: Material = Material()
     contact: Contact = Contact()
     drive: Drive = Drive()
@@ -283,21 +291,20 @@ class Scene(Section):
     @model_validator(mode="before")
     @classmethod
     def _default_motor(cls, given: Any) -> Any:
-        if isinstance(given, dict) and given.get("motor") is None and given.get("motors") is None:
+        if isinstance(given, dict) and all(given.get(name) is None for name in ("motor", "motors", "exciters")):
             return given | {"motor": Motor()}
         return given
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
-        if self.motor is not None and self.motors is not None:
-            raise ValueError("motor and motors are both given; allowed: one of the two")
+        self._require_one_way()
         rows = self.run.duration_s * self.output.sample_rate_hz
         if rows > MAX_ROWS:
             raise ValueError(
                 f"output.sample_rate_hz = {self.output.sample_rate_hz} asks for {rows:.3g} rows in "
                 f"{self.run.duration_s} s; allowed: at most {MAX_ROWS} rows"
             )
-        self._require_end("run.duration_s", self.run.duration_s, self.drive.supply_frequency_hz)
+        self._require_end("run.duration_s", self.run.duration_s, self.drive.largest_frequency)
         if self.sweep is not None:
             for key in ("settle_s", "max_settle_s", "measure_s"):
                 seconds = getattr(self.sweep, key)
@@ -320,9 +327,22 @@ class Scene(Section):
                 )
         return self
 
+    def _require_one_way(self) -> None:
+        """Refuse keys that say the same twice."""
+        given = [name for name in ("motor", "motors", "exciters") if getattr(self, name) is not None]
+        if self.exciters is not None:
+            given += [f"machine.{name}" for name in OF_EXCITERS if name in self.machine.model_fields_set]
+        if len(given) > 1:
+            raise ValueError(f"{given[0]} and {given[1]} are both given; allowed: one of the two")
+        if self.co_rotating and self.run.initial.phase_sum_rad is not None:
+            raise ValueError(
+                f"run.initial.phase_sum_rad = {self.run.initial.phase_sum_rad} but these exciters turn the same way; "
+                "allowed: phase_difference_rad"
+            )
+
     def _require_end(self, key: str, seconds: float, supply: float) -> None:
         """Refuse durations that no computer would ever finish."""
-        turns = seconds * supply / min(motor.pole_pairs for motor in self.motor_pair)
+        turns = seconds * supply / min(exciter.pole_pairs for exciter in self.exciter_pair)
         if turns > MAX_TURNS:
             raise ValueError(
                 f"{key} = {seconds} takes {turns:.3g} turns at the synchronous speed; allowed: at most {MAX_TURNS:.0e}"
@@ -353,17 +373,57 @@ class Scene(Section):
     # -- derived quantities -------------------------------------------------------------------------
 
     @property
-    def motor_pair(self) -> tuple[Motor, Motor]:
-        """The motors of exciters 1 and 2."""
-        if self.motors is not None:
-            return self.motors[0], self.motors[1]
-        assert self.motor is not None  # ensured by the validator
-        return self.motor, self.motor
+    def exciter_pair(self) -> tuple[Exciter, Exciter]:
+        """Exciters 1 and 2, however the scene gives their numbers."""
+        if self.exciters is not None:
+            pair = self.exciters
+        else:
+            machine = self.machine
+            common = {
+                "unbalance_radius_m": machine.unbalance_radius_m,
+                "rotor_inertia_kg_m2": machine.rotor_inertia_kg_m2,
+            }
+            pair = [Exciter(**motor.model_dump(), **common) for motor in self.motors or [self.motor or Motor()] * 2]
+        first, second = (
+            exciter if exciter.rotation else exciter.model_copy(update={"rotation": rotation})
+            for exciter, rotation in zip(pair, ROTATIONS, strict=True)
+        )
+        return first, second
+
+    @property
+    def co_rotating(self) -> bool:
+        """Whether both exciters are driven the same way."""
+        first, second = self.exciter_pair
+        return first.direction == second.direction
+
+    @property
+    def phase_weights(self) -> tuple[float, float]:
+        """Weights of φ₁ and φ₂ in the phase difference: φ₁ + φ₂ if counter-rotating, φ₁ − φ₂ if co-rotating."""
+        return 1.0, -1.0 if self.co_rotating else 1.0
+
+    @property
+    def unbalances(self) -> tuple[float, float]:
+        """The static moments k_i = m_r r_i of both exciters (kg·m)."""
+        first, second = (self.machine.unbalance_mass_kg * exciter.unbalance_radius_m for exciter in self.exciter_pair)
+        return first, second
+
+    @property
+    def exciter_inertias(self) -> tuple[float, float]:
+        """J_e,i = J_d,i + m_r r_i² (kg·m²)."""
+        first, second = (
+            exciter.rotor_inertia_kg_m2 + self.machine.unbalance_mass_kg * exciter.unbalance_radius_m**2
+            for exciter in self.exciter_pair
+        )
+        return first, second
 
     @property
     def synchronous_speeds(self) -> tuple[float, float]:
-        """ω_0 = 2π f_e / P of both motors (rad/s)."""
-        first, second = (2.0 * math.pi * self.drive.supply_frequency_hz / m.pole_pairs for m in self.motor_pair)
+        """ω_0 = 2π f_e / P of both motors (rad/s), at the largest supply frequency of a program."""
+        return self.synchronous_speeds_at(self.drive.largest_frequency)
+
+    def synchronous_speeds_at(self, frequency: float) -> tuple[float, float]:
+        """ω_0 of both motors (rad/s) at a supply frequency (Hz)."""
+        first, second = (2.0 * math.pi * frequency / exciter.pole_pairs for exciter in self.exciter_pair)
         return first, second
 
     @property
@@ -373,8 +433,8 @@ class Scene(Section):
 
     @property
     def length_scale(self) -> float:
-        """2k/M, the platform's amplitude far above resonance (m)."""
-        return 2.0 * self.machine.unbalance / self.machine.total_mass
+        """(k_1 + k_2)/M, the platform's amplitude far above resonance (m)."""
+        return sum(self.unbalances) / self.machine.total_mass
 
     @property
     def force_scale(self) -> float:
@@ -392,9 +452,10 @@ class Scene(Section):
             (machine.inertia, machine.damping_phi_n_m_s_per_rad, machine.stiffness_phi_n_m_per_rad),
         )
         rates = [_decay(damping / mass, stiffness / mass) for mass, damping, stiffness in springs]
-        for motor, speed in zip(self.motor_pair, self.synchronous_speeds, strict=True):
-            slope = 2.0 * motor.critical_torque_n_m / (motor.critical_slip * speed)
-            rates.append(slope / machine.exciter_inertia)
+        frequency = self.drive.largest_frequency
+        for exciter, inertia in zip(self.exciter_pair, self.exciter_inertias, strict=True):
+            slope = 2.0 * exciter.critical_torque_n_m / exciter.critical_slip_speed(frequency)
+            rates.append(slope / inertia)
         return max(rates)
 
     @property
@@ -456,19 +517,23 @@ class Scene(Section):
         vibroplat.errors.ConfigError
             A key is unknown or a value is not allowed.
         """
-        tree = self.model_dump(exclude_unset=True)
+        tree = self.model_dump(exclude_unset=True, by_alias=True)
         given = {
-            key: value.model_dump(exclude_unset=True) if isinstance(value, BaseModel) else value
+            key: value.model_dump(exclude_unset=True, by_alias=True) if isinstance(value, BaseModel) else value
             for key, value in sections.items()
         }
         return Scene.from_tree(merge(merge(tree, given), nest(changes or {})))
 
     def to_tree(self) -> dict[str, Any]:
         """Return all keys as nested plain values, including defaults; the inverse of :meth:`from_tree`."""
-        tree = self.model_dump(mode="json", exclude_none=True)
+        tree = self.model_dump(mode="json", exclude_none=True, by_alias=True)
         initial = tree["run"]["initial"]
-        if "state" in initial:
-            tree["run"]["initial"] = {"state": initial["state"]}
+        for way in ("state", "from"):
+            if way in initial:
+                tree["run"]["initial"] = {way: initial[way]}
+        if self.exciters is not None:
+            for name in OF_EXCITERS:
+                del tree["machine"][name]
         return tree
 
     @classmethod

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import BeforeValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
-from vibroplat.fields import LARGEST, LEAST, Positive, Section, Share
+from vibroplat.fields import LARGEST, LEAST, PERTURBATION, Positive, Section, Share
 from vibroplat.messages import short
 
 Direction = Literal["up", "down"]
@@ -87,7 +87,7 @@ class SweepPlan(Section, title="Sweep"):
         1e-2, description="largest distance of points of the Poincaré section that repeat, in the scales of the scene"
     )
     perturbation: Share = Field(
-        0.01,
+        PERTURBATION,
         description="random change of the rates of platform and exciters at each point, in the scales of the scene",
     )
     seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = Field(0, description="seed of the perturbations")
@@ -104,7 +104,7 @@ class SweepPlan(Section, title="Sweep"):
         for key, values in self.grid.items():
             if not key.isascii():
                 raise ValueError(f"grid.{key!a} is not a key of a scene; allowed: keys of machine, material, …")
-            if key.split(".")[0] in ("sweep", "name", "output", "run") or key == "drive.supply_frequency_hz":
+            if key.split(".")[0] in ("sweep", "name", "output", "run") or key.startswith("drive."):
                 raise ValueError(f"grid.{key} cannot be swept by the grid; allowed: keys of machine, material, …")
             if any(isinstance(value, int | float) and not abs(value) <= LARGEST for value in values):
                 raise ValueError(f"grid.{key} = {short(values)}; allowed: numbers up to {LARGEST:g}")

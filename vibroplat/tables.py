@@ -104,6 +104,14 @@ def read_table(directory: Path, name: str) -> pd.DataFrame:
     raise TableError(f"{directory} holds no {name} table; allowed: a result directory of vibroplat")
 
 
+def read_last_row(directory: Path, name: str) -> dict[str, Any]:
+    """Read the last row of a table; raises :class:`TableError` like :func:`read_table`, also where it has none."""
+    table = read_table(directory, name)
+    if table.empty:
+        raise TableError(f"{directory} holds no rows in its {name} table")
+    return {str(column): value for column, value in table.iloc[-1].items()}
+
+
 def read_json(directory: Path, name: str) -> Any:
     """Read ``name.json`` of a result; raises :class:`TableError` like :func:`read_table`."""
     path = directory / f"{name}.json"

@@ -8,12 +8,13 @@ from typing import Protocol
 
 from vibroplat.hybrid import state as hy
 from vibroplat.hybrid.automaton import automaton
-from vibroplat.hybrid.loop import first_mode
+from vibroplat.hybrid.jumps import turn_corner
+from vibroplat.hybrid.loop import first_mode, fly
 from vibroplat.hybrid.modes import KINDS
 from vibroplat.hybrid.steps import no_steps
 from vibroplat.integrate.seam import Engine
 from vibroplat.kernels.compiled import FloatArray
-from vibroplat.model.parameters import Parameters
+from vibroplat.model.parameters import Parameters, supply
 from vibroplat.observe.audit import Energies
 from vibroplat.observe.statistics import Measures, Statistics, copied
 from vibroplat.observe.summary import Part
@@ -56,22 +57,39 @@ class Motion:
         An engine made for both, driven by this motion alone; whoever made it closes it.
     state
         Full state to begin with, shape (14,); that of ``run.initial`` without it.
+    time
+        When it begins (s).
+    mode
+        Mode to begin with, where the state alone does not tell: a gap of 0 may be about to open.
 
     Attributes
     ----------
     automaton
         Where the motion is, in the records that the engine changes.
     events
-        Liftoffs, impacts and latches so far.
+        Events so far.
     """
 
-    def __init__(self, scene: Scene, p: Parameters, engine: Engine, state: FloatArray | None = None) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        p: Parameters,
+        engine: Engine,
+        state: FloatArray | None = None,
+        time: float = 0.0,
+        mode: Mode | None = None,
+    ) -> None:
         self.scene = scene
         self.engine = engine
         self.events = 0
         steps = no_steps(engine.rows, engine.degree)
-        self.automaton = automaton(scene, p, steps, engine.turns_per_segment, state)
+        self._p = p
+        self._interval = scene.drive.at(time)
+        supply(p, scene, self._interval)
+        self.automaton = automaton(scene, p, steps, engine.turns_per_segment, state, time)
         first_mode(self.automaton)
+        if mode is Mode.FLIGHT and self.automaton.run["mode"] == Mode.ATTACHED:
+            fly(self.automaton)
 
     def go_on(
         self, seconds: float, *, settle: float = 0.0, blocks: int = 1, observers: Sequence[Observer] = ()
@@ -117,7 +135,28 @@ class Motion:
         return Part(statistics.measures, before, Energies.of(h.run["state"], h.p))
 
     def to_time(self, time: float, observers: Sequence[Observer] = ()) -> None:
-        """Carry the motion on to a time (s), unless it ends early."""
+        """Carry the motion on to a time (s), unless it ends early, through the corners of the drive's program."""
+        run = self.automaton.run
+        awaited = run["awaited"]
+        while True:
+            if self.now >= self._interval.end and time > self.now and self.outcome == "ok":
+                self._turn_corner()
+            end = min(time, self._interval.end)
+            self._within_interval(end, observers)
+            reached = self.outcome == "ok" and run["awaited"] == awaited and self.now >= end
+            if not reached or end >= time:
+                return
+
+    def _turn_corner(self) -> None:
+        """Change the supply of the motors for all who hold the parameters."""
+        h = self.automaton
+        self._interval = self.scene.drive.at(self.now)
+        for p in (self._p, h.p, h.inelastic):
+            supply(p, self.scene, self._interval)
+        turn_corner(h, self._interval.corner)
+
+    def _within_interval(self, time: float, observers: Sequence[Observer]) -> None:
+        """Carry the motion on to a time (s) at which or before which the supply does not change."""
         h = self.automaton
         h.run["end"] = time
         if h.run["outcome"] == hy.OK:
@@ -157,7 +196,7 @@ class Motion:
         Parameters
         ----------
         kind
-            ``liftoff``, ``impact`` or ``latch``.
+            ``liftoff``, ``impact``, ``latch`` or ``drive``.
         longest
             Time after which it stops in any case (s).
 

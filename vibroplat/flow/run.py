@@ -7,6 +7,7 @@ from collections.abc import Callable
 from contextlib import closing
 from typing import Literal
 
+from vibroplat.flow.beginning import beginning
 from vibroplat.flow.motion import Motion, Observer
 from vibroplat.hybrid.state import Automaton
 from vibroplat.integrate.choice import make_engine
@@ -74,6 +75,7 @@ def simulate_with(
     """
     began = time.perf_counter()
     segments, events = Segments(), Events()
+    start = beginning(scene)
     observers: list[Observer] = []
     if keep == "segments":
         observers.append(segments)
@@ -81,15 +83,16 @@ def simulate_with(
         observers.append(events)
     if progress is not None:
         observers.append(_Progress(progress))
-    motion = Motion(scene, p, engine)
+    motion = Motion(scene, p, engine, start.state, start.time, start.mode)
     duration = scene.run.duration_s
     part = motion.go_on(duration, settle=SETTLE_SHARE * duration, observers=observers)
-    run = Trajectory(scene, segments.kept, events.rows, motion.state, part.measures)
+    run = Trajectory(scene, segments.kept, events.rows, motion.state, part.measures, start.origin)
     run.summary = {
         "name": scene.name,
         "outcome": motion.outcome,
         "detail": motion.detail,
-        "simulated_s": motion.now,
+        "simulated_s": motion.now - start.time,
+        "perturbation": scene.run.start_perturbation,
         **measured(part),
         "engine": engine.name,
         "tolerance": scene.solver.tolerance,

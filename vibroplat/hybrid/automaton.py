@@ -21,7 +21,12 @@ _EVENT_ROWS = 4096
 
 
 def automaton(
-    scene: Scene, p: np.record, steps: Steps, turns_per_segment: float, state: FloatArray | None = None
+    scene: Scene,
+    p: np.record,
+    steps: Steps,
+    turns_per_segment: float,
+    state: FloatArray | None = None,
+    time: float = 0.0,
 ) -> Automaton:
     """Build the automaton of a scene at a full state, or at its own initial state.
 
@@ -35,6 +40,8 @@ def automaton(
         Turns of the synchronous speed after which a segment without an event is ended and restarted.
     state
         Full state, shape (14,).
+    time
+        When it begins (s).
     """
     kept, runs = np.array([p, p], PARAMETERS), np.zeros(1, RUN)
     kept["restitution"][1] = 0.0
@@ -43,7 +50,7 @@ def automaton(
         runs["systems"][0, mode] = system.index
         runs["tolerances"][0, mode, : system.size] = absolute_tolerances(scene, system)
     runs["state"] = initial_state(scene) if state is None else state
-    runs["end"] = scene.run.duration_s
+    runs["now"] = runs["end"] = time
     runs["speed"] = speed = scene.speed_scale
     runs["period"] = period = 2.0 * math.pi / speed
     runs["longest"] = turns_per_segment * period

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from vibroplat.hybrid.scales import state_scales
 from vibroplat.model.parameters import FloatArray
 from vibroplat.model.systems import FULL_SIZE
 from vibroplat.scene import COORDINATES, RATES, Scene
@@ -24,15 +25,15 @@ def static_rest(scene: Scene) -> FloatArray:
 
 
 def initial_state(scene: Scene) -> FloatArray:
-    """Full state, shape (14,), that ``run.initial`` asks for."""
+    """Full state, shape (14,), that ``run.initial`` asks for; for one that goes on from another run static rest."""
     initial = scene.run.initial
     state = static_rest(scene)
     if initial.state is None:
-        speeds = scene.synchronous_speeds
+        speeds = scene.synchronous_speeds_at(scene.drive.at(0.0).frequency_at(0.0))
         state[3] = initial.phi1_rad
-        state[4] = initial.phase_sum_rad - initial.phi1_rad
-        state[10] = initial.speed_ratio * speeds[0]
-        state[11] = -initial.speed_ratio * speeds[1]
+        state[4] = scene.phase_weights[1] * (initial.phase_difference - initial.phi1_rad)
+        for i, exciter in enumerate(scene.exciter_pair):
+            state[10 + i] = initial.speed_ratio * exciter.direction * speeds[i]
         return state
     for places, names in ((range(7), COORDINATES), (range(7, FULL_SIZE), RATES)):
         for place, name in zip(places, names, strict=True):
@@ -40,3 +41,23 @@ def initial_state(scene: Scene) -> FloatArray:
             if value is not None:
                 state[place] = value
     return state
+
+
+def perturbed(state: FloatArray, scene: Scene, share: float, key: tuple[int, ...]) -> FloatArray:
+    """Return a state, shape (14,), with the rates of platform and exciters changed by normal random numbers.
+
+    A symmetric motion that has lost stability would otherwise stay symmetric for ever.
+
+    Parameters
+    ----------
+    share
+        Standard deviation, in the scales of the scene.
+    key
+        Numbers that determine the random ones.
+    """
+    if share == 0.0:
+        return state
+    random = np.random.default_rng(key)
+    changed = state.copy()
+    changed[7:12] += share * state_scales(scene)[7:12] * random.standard_normal(5)
+    return changed

@@ -1,4 +1,4 @@
-"""Jumps of the automaton: liftoff, impact, latch."""
+"""Jumps of the automaton: liftoff, impact, latch, and a corner of the drive's program."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from vibroplat.hybrid.modes import ATTACHED, FLIGHT, IMPACT, LATCH, LIFTOFF
+from vibroplat.hybrid.modes import ATTACHED, DRIVE, FLIGHT, IMPACT, LATCH, LIFTOFF
 from vibroplat.hybrid.pieces import close_piece
 from vibroplat.hybrid.rules import ACCUMULATE, ATTACH, FLY, after_impact
 from vibroplat.hybrid.starts import contact_force, forget_starts, prepare, pressing
 from vibroplat.hybrid.state import DIFFERENTIATED, OK, RUNNING, Automaton
-from vibroplat.hybrid.steps import RESTARTED, fill_cubic
+from vibroplat.hybrid.steps import AFTER_EVENT, RESTARTED, fill_cubic
 from vibroplat.kernels.compiled import FloatArray, compiled, copy, inlined
 from vibroplat.model.impact import impact, impacts_left, latch
 from vibroplat.model.systems import FULL_SIZE, GAP, GAP_RATE, SIZES, gather, scatter
@@ -116,6 +116,28 @@ def latch_impacts(h: Automaton) -> None:
     force = contact_force(h)[0] if run.mode == ATTACHED else 0.0
     skipped = math.ceil(min(impacts_left(rebound, h.p), math.log(_EPS) / math.log(h.p.restitution)))
     add_event(h, LATCH, -rebound, 0.0, impulse, loss, force, skipped)
+
+
+@compiled
+def turn_corner(h: Automaton, told: bool) -> None:
+    """Go on under another supply, which the parameters hold already: torques may jump, and with them F_c.
+
+    ``told`` says whether the corner is listed as an event.
+    """
+    run = h.run
+    forget_starts(h)
+    run.joined = AFTER_EVENT
+    force, lifts = 0.0, False
+    if run.mode == ATTACHED:
+        if not prepare(h, ATTACHED, DIFFERENTIATED):
+            return
+        force, lifts = contact_force(h)[0], not pressing(h)
+    if told:
+        add_event(h, DRIVE, 0.0, 0.0, 0.0, 0.0, force, _NONE)
+    if lifts:
+        run.mode = FLIGHT
+        run.zeros = 2  # gap and its rate
+        add_event(h, LIFTOFF, 0.0, 0.0, 0.0, 0.0, 0.0, _NONE)
 
 
 @compiled

@@ -52,6 +52,13 @@ def first_mode(h: Automaton) -> None:
 
 
 @compiled
+def fly(h: Automaton) -> None:
+    """Begin in flight with a gap of 0, as at the end of a run that has just lifted off."""
+    h.run.mode = FLIGHT
+    h.run.zeros = 2
+
+
+@compiled
 def begin(h: Automaton) -> bool:
     """Prepare a segment: its consistent start, its tolerances and how long it may take.
 

@@ -10,7 +10,8 @@ flight     the same, y_w1, y_w2 and rates       gap y_w1   impact: with a reboun
                                                            impacts that accumulate are latched: to attached or flight
 =========  ===================================  =========  ==========================================================
 
-One layer has no y_w2. The equations of a mode with its layers are a :class:`vibroplat.model.systems.System`. What a
+In any mode a corner of the drive's program is an event as well: integration restarts there, and contact ends if the
+jump of the torques leaves no force to hold it. One layer has no y_w2. The equations of a mode with its layers are a :class:`vibroplat.model.systems.System`. What a
 guard's fall means is decided in :mod:`vibroplat.hybrid.rules`, pure functions of numbers; the jumps themselves are in
 :mod:`vibroplat.hybrid.jumps`; :func:`vibroplat.hybrid.loop.conclude` picks a mode's jump.
 """
@@ -26,12 +27,12 @@ from vibroplat.scene import Mode
 
 # Modes as compiled code knows them. Integers of numpy: a function that is called with them is compiled once, not once
 # for each.
-_NUMBERS: Any = np.arange(3)
+_NUMBERS: Any = np.arange(4)
 ATTACHED, FLIGHT, BARE = (_NUMBERS[mode] for mode in (Mode.ATTACHED, Mode.FLIGHT, Mode.BARE))
 
-#: Kinds of events.
-LIFTOFF, IMPACT, LATCH = _NUMBERS
-KINDS = ("liftoff", "impact", "latch")
+#: Kinds of events; that of a drive is a corner of its program.
+LIFTOFF, IMPACT, LATCH, DRIVE = _NUMBERS
+KINDS = ("liftoff", "impact", "latch", "drive")
 
 
 def _guard(mode: Mode, size: int) -> int:

@@ -37,14 +37,14 @@ MOST_HALVINGS = 30
 def state_scales(scene: Scene) -> FloatArray:
     """Scales of the full state, shape (14,).
 
-    With ω₀ the larger synchronous speed: lengths 2k/M (what both unbalances move the platform by far above
-    resonance), and g/ω₀² where larger for gap and upper layer; rotation 2kρ/J; exciters 1 rad; rates ω₀
-    times these.
+    With ω₀ the larger synchronous speed, and the largest of a program: lengths (k₁+k₂)/M (what both unbalances move
+    the platform by far above resonance), and g/ω₀² where larger for gap and upper layer; rotation (k₁+k₂)ρ/J;
+    exciters 1 rad; rates ω₀ times these.
     """
     machine, speed, length = scene.machine, scene.speed_scale, scene.length_scale
     flight = max(length, machine.gravity_m_per_s2 / speed**2)
-    arm = max(machine.exciter_distance_m, machine.unbalance_radius_m)
-    rotation = 2.0 * machine.unbalance * arm / machine.inertia
+    arm = max(machine.exciter_distance_m, *(exciter.unbalance_radius_m for exciter in scene.exciter_pair))
+    rotation = sum(scene.unbalances) * arm / machine.inertia
     coordinates = np.array([length, length, rotation, 1.0, 1.0, flight, flight])
     return np.concatenate([coordinates, speed * coordinates])
 

@@ -13,6 +13,8 @@ def adams_modes(scene: Scene) -> frozenset[Mode]:
     """Return the modes of a scene that Adams' method integrates; contact always needs IDA."""
     choice = scene.solver.smooth_modes
     if not scene.has_contact:
-        stiff = choice == "auto" and scene.fastest_decay > STIFF * scene.speed_scale
+        # a motor is stiff at low supply frequencies, which a program passes through
+        steep = scene.drive.program is not None or scene.fastest_decay > STIFF * scene.speed_scale
+        stiff = choice == "auto" and steep
         return frozenset() if choice == "ida" or stiff else frozenset({Mode.BARE})
     return frozenset({Mode.FLIGHT}) if choice == "adams" else frozenset()

@@ -37,7 +37,7 @@ from vibroplat.integrate.methods import adams_modes
 from vibroplat.integrate.multistep import QUINTIC, no_past
 from vibroplat.integrate.sundials import Library, UnavailableError
 from vibroplat.kernels.compiled import FloatArray
-from vibroplat.model.parameters import PARAMETERS, Parameters, parameters
+from vibroplat.model.parameters import Parameters, parameters
 from vibroplat.model.systems import FULL_SIZE, System, systems
 from vibroplat.scene import Mode, Scene
 
@@ -106,7 +106,7 @@ class NativeEngine:
         self._free: list[Callable[[], object]] = []
         self._finalizer = weakref.finalize(self, _free_all, self._free)
         self._alive: list[Any] = []  # what the library holds addresses of
-        self._p = np.array([p], PARAMETERS)
+        self._p = p  # not a copy: a drive's program changes it in place
         self._status = np.zeros(1, STATUS)
         shape = (3, FULL_SIZE)
         self._n = Native(
@@ -196,7 +196,7 @@ class NativeEngine:
         n, lib = self._n, self._lib
         links = n.links[mode]
         links["vector"] = lib.address("N_VGetArrayPointer")
-        links["parameters"] = self._p.ctypes.data
+        links["parameters"] = self._p.base.ctypes.data
         links["tolerances"] = n.atol[mode].ctypes.data
         links["solver"] = links["condensed"].ctypes.data
         links["system"], links["size"], links["guard"] = system.index, system.size, GUARDS[system.index]

@@ -11,6 +11,7 @@ import numpy as np
 
 from vibroplat.kernels.compiled import FloatArray, compiled
 from vibroplat.model.equations import finite, jacobian, rows
+from vibroplat.model.motor import torque_rate
 from vibroplat.model.parameters import Parameters
 from vibroplat.model.platform import holds, solve_platform, unbalance
 from vibroplat.model.systems import ALGEBRAIC, LAYERS
@@ -84,9 +85,9 @@ def accelerations(system: int, t: float, y: FloatArray, yp: FloatArray, p: Param
 
 @compiled
 def second_derivatives(system: int, t: float, y: FloatArray, yp: FloatArray, ypp: FloatArray, p: Parameters) -> bool:
-    """Find y″ and F_c′ of a consistent (y, y′), by A z′ = −(∂F/∂y) y′, A = ∂F/∂z.
+    """Find y″ and F_c′ of a consistent (y, y′), by A z′ = −(∂F/∂y) y′ − ∂F/∂t, A = ∂F/∂z.
 
-    This is F = 0 differentiated along the motion, under a constant supply (∂F/∂t = 0).
+    This is F = 0 differentiated along the motion; ∂F/∂t is the rate of the motors' torques under a changing supply.
 
     Parameters
     ----------
@@ -108,6 +109,8 @@ def second_derivatives(system: int, t: float, y: FloatArray, yp: FloatArray, ypp
         ypp[i] = 0.0
         for j in range(2 * n):
             ypp[i] -= jac[i, j] * yp[j]
+    for i in range(2):
+        ypp[n + 3 + i] += torque_rate(i, t, y[n + 3 + i], p)
     solve(system, y, ypp, p)
     if ALGEBRAIC[system]:
         yp[2 * n], ypp[2 * n] = ypp[2 * n], 0.0

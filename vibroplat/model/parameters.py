@@ -6,8 +6,11 @@ any type of number in its fields: with complex ones they give derivatives (:mod:
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
+from vibroplat.drive import Interval
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.scene import Scene
 
@@ -33,9 +36,12 @@ PARAMETERS = np.dtype(
         ("direction", float, (2,)),  # σ_i: the motor drives counter-clockwise (+1) or clockwise (−1)
         ("axis_x", float, (2,)),  # exciter's axis in the platform, from the common centre of mass (m)
         ("axis_y", float, (2,)),
-        ("torque", float, (2,)),  # M_c (N·m)
-        ("slip", float, (2,)),  # s_c
+        ("torque", float, (2,)),  # M_c (N·m); 0 for an exciter that is off
+        ("since", float),  # when speed and slip_speed hold (s)
         ("speed", float, (2,)),  # ω_0, synchronous speed (rad/s)
+        ("speed_ramp", float, (2,)),  # its rate (rad/s²)
+        ("slip_speed", float, (2,)),  # s_c ω_0, critical slip speed (rad/s)
+        ("slip_ramp", float, (2,)),  # its rate (rad/s²)
         ("friction", float, (2,)),  # k_R k_i (N·m·s²)
         ("lower_mass", float),  # m_w1 (kg)
         ("upper_mass", float),  # m_w2 (kg)
@@ -59,8 +65,8 @@ def blank() -> Parameters:
     return record
 
 
-def parameters(scene: Scene) -> Parameters:
-    """Fill the record of a scene."""
+def parameters(scene: Scene, time: float = 0.0) -> Parameters:
+    """Fill the record of a scene, with the supply as it is at a time (s)."""
     machine, p = scene.machine, blank()
     p.mass = scene.platform_mass
     p.inertia = machine.inertia
@@ -71,15 +77,15 @@ def parameters(scene: Scene) -> Parameters:
     p.damping_y = scene.damping_y
     p.damping_phi = machine.damping_phi_n_m_s_per_rad
     p.gravity = machine.gravity_m_per_s2
-    p.unbalance = machine.unbalance
-    p.exciter_inertia = machine.exciter_inertia
-    p.direction = 1.0, -1.0
+    p.unbalance = scene.unbalances
+    p.exciter_inertia = scene.exciter_inertias
+    p.direction = [exciter.direction for exciter in scene.exciter_pair]
     axis_x, p.axis_y = machine.exciter_axis
     p.axis_x = axis_x, -axis_x
-    p.torque = [motor.critical_torque_n_m for motor in scene.motor_pair]
-    p.slip = [motor.critical_slip for motor in scene.motor_pair]
-    p.speed = scene.synchronous_speeds
-    p.friction = [motor.friction_radius_m * machine.unbalance for motor in scene.motor_pair]
+    p.friction = [
+        exciter.friction_radius_m * k for exciter, k in zip(scene.exciter_pair, scene.unbalances, strict=True)
+    ]
+    supply(p, scene, scene.drive.at(time))
     p.lower_mass, p.upper_mass = scene.layer_masses
     p.layer_stiffness, p.layer_damping = scene.layer_spring
     p.restitution = scene.contact.restitution
@@ -87,3 +93,23 @@ def parameters(scene: Scene) -> Parameters:
     p.safe_rotation = machine.safe_rotation
     p.impact_law = IMPACT_LAWS.index(scene.contact.impact_law)
     return p
+
+
+def supply(p: Parameters, scene: Scene, interval: Interval) -> None:
+    """Change what the supply says in a record: torque, synchronous and critical slip speed of both motors.
+
+    Parameters
+    ----------
+    p
+        Changed in place, so that all who hold it follow.
+    interval
+        The part of the scene's drive that is to hold.
+    """
+    p["since"] = interval.start if math.isfinite(interval.start) else 0.0
+    p["speed"] = scene.synchronous_speeds_at(interval.frequency)
+    p["speed_ramp"] = scene.synchronous_speeds_at(interval.ramp)
+    frequency, ramp = interval.slip_frequency
+    for i, exciter in enumerate(scene.exciter_pair):
+        p["torque"][i] = exciter.critical_torque_n_m if interval.driven[i] else 0.0
+        p["slip_speed"][i] = exciter.critical_slip_speed(frequency)
+        p["slip_ramp"][i] = exciter.critical_slip_speed(ramp) if exciter.rated_frequency_hz is None else 0.0

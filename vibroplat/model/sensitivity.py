@@ -31,7 +31,7 @@ COMPLEX = np.dtype(
 )
 
 #: Sections of a scene whose numbers enter the equations.
-SECTIONS = ("machine", "motor", "motors", "drive", "material", "contact")
+SECTIONS = ("machine", "motor", "motors", "exciters", "drive", "material", "contact")
 
 #: Size h of the imaginary part: its square vanishes beside 1.
 IMAGINARY = 1e-30

@@ -75,7 +75,7 @@ MARKS = np.dtype(
     align=True,
 )
 
-#: Change of φ₁ + φ₂ within a step (rad) up to which its mean says cosine and sine, to 1/24 of the square.
+#: Change of the phase difference within a step (rad) up to which its mean says cosine and sine, to 1/24 of the square.
 STILL = 1e-3
 
 #: Gauss nodes and weights on [0, 1], by their number.
@@ -322,6 +322,7 @@ def integrate(
     duration = (end - start) * length
     total_x, total_xx, total_y, total_yy, total_phi, total_phi_phi, total_motor = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     total_exchanged, total_phase, drift = 0.0, 0.0, 0.0
+    sense = -p.direction[0] * p.direction[1]  # the phase difference is φ₁ + φ₂, or φ₁ − φ₂ if co-rotating
     for i in range(nodes):
         s, weight = start + (end - start) * NODES[nodes, i], duration * WEIGHTS[nodes, i]
         for j in range(DIFFERENTIAL[system]):
@@ -339,8 +340,8 @@ def integrate(
             total_phi += weight * phi
             total_phi_phi += weight * phi * phi
             total_motor += weight * power[0]
-            total_phase += weight * (full[3] + full[4])
-            drift = max(drift, duration * abs(full[10] + full[11]))
+            total_phase += weight * (full[3] + sense * full[4])
+            drift = max(drift, duration * abs(full[10] + sense * full[11]))
     marks.exchanged += total_exchanged
     if measured:
         sums.x += total_x
@@ -353,7 +354,7 @@ def integrate(
         sums.time += duration
         sums.flying += duration if flying else 0.0
         if drift > STILL:
-            add_phase(sums, c, degree, start, duration / length, duration, nodes)
+            add_phase(sums, c, degree, start, duration / length, duration, sense, nodes)
         elif duration > 0.0:
             sums.cosine += duration * math.cos(total_phase / duration)
             sums.sine += duration * math.sin(total_phase / duration)
@@ -369,11 +370,13 @@ def exchanged(power: FloatArray) -> float:
 
 
 @compiled
-def add_phase(sums: Any, c: FloatArray, degree: int, start: float, share: float, duration: float, nodes: int) -> None:
-    """Add cosine and sine of φ₁ + φ₂ over a share of a step that begins at ``start`` and takes ``duration`` (s)."""
+def add_phase(
+    sums: Any, c: FloatArray, degree: int, start: float, share: float, duration: float, sense: float, nodes: int
+) -> None:
+    """Add cosine and sine of the phase difference over a share of a step that begins at ``start``, ``duration`` (s)."""
     for i in range(nodes):
         s, weight = start + share * NODES[nodes, i], duration * WEIGHTS[nodes, i]
-        phase = value(c, degree, 3, s) + value(c, degree, 4, s)
+        phase = value(c, degree, 3, s) + sense * value(c, degree, 4, s)
         sums.cosine += weight * math.cos(phase)
         sums.sine += weight * math.sin(phase)
 

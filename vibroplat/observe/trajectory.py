@@ -15,6 +15,8 @@ from vibroplat.hybrid.modes import KINDS
 from vibroplat.hybrid.state import EVENT, Automaton
 from vibroplat.kernels.compiled import FloatArray, compiled, copy
 from vibroplat.kernels.polynomial import values
+from vibroplat.model.motor import motor_powers
+from vibroplat.model.parameters import parameters, supply
 from vibroplat.model.systems import FULL_SIZE, SYSTEMS, System
 from vibroplat.observe.statistics import Measures, section_rows
 from vibroplat.scene import COORDINATES, RATES, Mode, Scene
@@ -76,6 +78,10 @@ class Segment:
         states[:, 3:5] += self.turns
         force = unknowns[:, -1] if self.system.algebraic else np.zeros(len(unknowns))
         return states, force
+
+
+#: Rows of a table: a segment, times in it (s), full states and contact forces there.
+Part = tuple[Segment, FloatArray, tuple[FloatArray, FloatArray]]
 
 
 @compiled
@@ -154,6 +160,8 @@ class Trajectory:
         Full state at the end, shape (14,).
     measures
         Sums over the run, of which the summary is made.
+    origin
+        What provenance says of the run that it goes on from, if any.
     summary
         Outcome and measures; see :func:`vibroplat.observe.summary.measured`.
     """
@@ -163,6 +171,7 @@ class Trajectory:
     event_rows: npt.NDArray[np.void]
     final_state: FloatArray
     measures: Measures
+    origin: dict[str, Any] | None = None
     summary: dict[str, Any] = field(default_factory=dict)
 
     @property
@@ -226,7 +235,7 @@ class Trajectory:
         ]
         return self._table(parts).iloc[np.argsort(order, kind="stable")].reset_index(drop=True)
 
-    def _sampled(self) -> Iterable[tuple[Segment, FloatArray, tuple[FloatArray, FloatArray]]]:
+    def _sampled(self) -> Iterable[Part]:
         """Rows of each segment: its first end, the output grid strictly inside, its last end."""
         rate = self.scene.output.sample_rate_hz
         goes_on = False
@@ -243,7 +252,7 @@ class Trajectory:
             if times.size:
                 yield segment, times, segment(times)
 
-    def _table(self, parts: list[tuple[Segment, FloatArray, tuple[FloatArray, FloatArray]]]) -> pd.DataFrame:
+    def _table(self, parts: list[Part]) -> pd.DataFrame:
         places = list(self.scene.coordinates)
         names = [COORDINATES[i] for i in places] + [RATES[i] for i in places]
         places += [7 + i for i in places]
@@ -267,4 +276,20 @@ class Trajectory:
             table[name] = states[:, place]
         if self.scene.has_contact:
             table["contact_force_n"] = force
+        for name, values in self._supply(parts).items():
+            table[name] = values
         return table
+
+    def _supply(self, parts: list[Part]) -> dict[str, FloatArray]:
+        """Power of both motors (W), and the supply frequency (Hz) where a program changes it, in all rows."""
+        drive, p = self.scene.drive, parameters(self.scene)
+        power, frequency = [np.empty((0, 2))], [np.empty(0)]
+        for segment, times, (states, _) in parts:
+            interval = drive.at(0.5 * (segment.start + segment.end))  # no corner lies inside a segment
+            supply(p, self.scene, interval)
+            power.append(motor_powers(times, states[:, 10:12], p))
+            if drive.program is not None:
+                frequency.append(interval.frequency + interval.ramp * (times - interval.start))
+        first, second = np.concatenate(power).T
+        columns = {} if drive.program is None else {"supply_frequency_hz": np.concatenate(frequency)}
+        return columns | {"motor_power_1_w": first, "motor_power_2_w": second}

@@ -76,8 +76,7 @@ def _failed(claim: Claim, evidence: Evidence) -> dict[Key, int]:
     found = {}
     for key, course in evidence.courses.items():
         if _is_about(claim, key):
-            motor = course.branch.scene.motor
-            pairs = motor.pole_pairs if motor else 1
+            pairs = course.branch.scene.exciter_pair[0].pole_pairs
             count = sum(_is_near(claim, supply / pairs) for supply in course.failed)
             if count:
                 found[key] = count

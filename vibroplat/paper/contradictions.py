@@ -24,34 +24,35 @@ LIFTOFF = {0.1: 24.5, 0.2: 24.0}
 LOWEST = 10.0
 
 
-def acceleration(machine: Machine, mass_ratio: float, frequency: float) -> float:
+def acceleration(scene: Scene, mass_ratio: float, frequency: float) -> float:
     """Return the amplitude of the vertical acceleration of the platform with a stiff layer on it (m/s²)."""
-    omega = 2.0 * math.pi * frequency
+    machine, omega = scene.machine, 2.0 * math.pi * frequency
     stiffness = machine.stiffness_y_n_per_m - (1.0 + mass_ratio) * machine.total_mass * omega**2
     resistance = math.hypot(stiffness, machine.damping_y_n_s_per_m * omega)
-    return 2.0 * machine.unbalance * omega**4 / resistance if resistance > 0.0 else math.inf
+    return sum(scene.unbalances) * omega**4 / resistance if resistance > 0.0 else math.inf
 
 
-def stiff_layer_liftoff(machine: Machine, mass_ratio: float) -> float:
+def stiff_layer_liftoff(scene: Scene, mass_ratio: float) -> float:
     """Return the frequency (Hz) at which a stiff layer leaves the platform; nan if there is none below resonance."""
-    gravity = machine.gravity_m_per_s2
+    machine, gravity = scene.machine, scene.machine.gravity_m_per_s2
     mass = (1.0 + mass_ratio) * machine.total_mass
     resonance = math.sqrt(machine.stiffness_y_n_per_m / mass) / (2.0 * math.pi)
-    if not acceleration(machine, mass_ratio, LOWEST) < gravity < acceleration(machine, mass_ratio, resonance):
+    if not acceleration(scene, mass_ratio, LOWEST) < gravity < acceleration(scene, mass_ratio, resonance):
         return math.nan
-    return float(brentq(lambda f: acceleration(machine, mass_ratio, f) - gravity, LOWEST, resonance))
+    return float(brentq(lambda f: acceleration(scene, mass_ratio, f) - gravity, LOWEST, resonance))
 
 
-def unbalance_for_liftoff(machine: Machine, mass_ratio: float, frequency: float) -> float:
+def unbalance_for_liftoff(scene: Scene, mass_ratio: float, frequency: float) -> float:
     """Return the static moment m_r r (kg·m) with which a stiff layer leaves the platform at a frequency (Hz)."""
-    return machine.unbalance * machine.gravity_m_per_s2 / acceleration(machine, mass_ratio, frequency)
+    return scene.unbalances[0] * scene.machine.gravity_m_per_s2 / acceleration(scene, mass_ratio, frequency)
 
 
-def resonance_torque(machine: Machine) -> float:
+def resonance_torque(scene: Scene) -> float:
     """Return the mean torque (N·m) that each motor needs at the vertical resonance."""
+    machine = scene.machine
     omega = math.sqrt(machine.stiffness_y_n_per_m / machine.total_mass)
     damping = machine.damping_y_n_s_per_m
-    return float(machine.unbalance**2 * omega**3 / damping) if damping > 0.0 else math.inf
+    return float(scene.unbalances[0] ** 2 * omega**3 / damping) if damping > 0.0 else math.inf
 
 
 def contradictions(numbers: Mapping[str, Any]) -> pd.DataFrame:
@@ -60,18 +61,17 @@ def contradictions(numbers: Mapping[str, Any]) -> pd.DataFrame:
     The columns are what, unit, figures (the value that the figures require) and machine (the value that it has).
     """
     scene: Scene = paper_scene("fig2", numbers)
-    machine = scene.machine
     rows: list[tuple[str, str, float, float]] = []
     for mass_ratio, frequency in LIFTOFF.items():
         rows += [
-            (f"liftoff of a stiff layer, μ {mass_ratio:g}", "Hz", frequency, stiff_layer_liftoff(machine, mass_ratio)),
+            (f"liftoff of a stiff layer, μ {mass_ratio:g}", "Hz", frequency, stiff_layer_liftoff(scene, mass_ratio)),
             (
                 f"m_r r for liftoff of a stiff layer at {frequency:g} Hz, μ {mass_ratio:g}",
                 "kg·m",
-                unbalance_for_liftoff(machine, mass_ratio, frequency),
-                machine.unbalance,
+                unbalance_for_liftoff(scene, mass_ratio, frequency),
+                scene.unbalances[0],
             ),
         ]
-    critical = min(motor.critical_torque_n_m for motor in scene.motor_pair)
-    rows.append(("torque of each motor at the vertical resonance, at most", "N·m", critical, resonance_torque(machine)))
+    critical = min(exciter.critical_torque_n_m for exciter in scene.exciter_pair)
+    rows.append(("torque of each motor at the vertical resonance, at most", "N·m", critical, resonance_torque(scene)))
     return pd.DataFrame(rows, columns=["what", "unit", "figures", "machine"])

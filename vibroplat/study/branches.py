@@ -58,10 +58,12 @@ def sweep_plan(scene: Scene) -> SweepPlan:
     Raises
     ------
     ConfigError
-        The scene has no section ``sweep``.
+        The scene has no section ``sweep``, or a drive program.
     """
     if scene.sweep is None:
         raise ConfigError("this configuration has no sweep section; add sweep: {supply_frequency_hz: …}")
+    if scene.drive.program is not None:
+        raise ConfigError("drive.program is given, but a sweep sets the supply itself; allowed: supply_frequency_hz")
     return scene.sweep
 
 

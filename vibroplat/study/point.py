@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from vibroplat.flow.motion import Motion, Observer
-from vibroplat.hybrid.initial import initial_state
+from vibroplat.hybrid.initial import initial_state, perturbed
 from vibroplat.hybrid.modes import IMPACT
 from vibroplat.hybrid.scales import state_scales
 from vibroplat.hybrid.state import Automaton
@@ -125,7 +125,7 @@ def measure_point(scene: Scene, plan: SweepPlan, state: list[float] | None, key:
     impacts = _Impacts() if plan.kind == "bifurcation" else None
     with closing(make_engine(scene, p)) as engine:
         start = initial_state(scene) if state is None else np.array(state)
-        motion = Motion(scene, p, engine, perturbed(start, scene, plan, key))
+        motion = Motion(scene, p, engine, perturbed(start, scene, plan.perturbation, (plan.seed, *key)))
         settling, part, kind = _settled_and_measured(motion, plan, [] if impacts is None else [impacts])
         work = engine.work
     row: dict[str, Any] = {
@@ -239,19 +239,6 @@ def folded(state: FloatArray) -> FloatArray:
     found = state.copy()
     found[3:5] %= 2.0 * math.pi
     return found
-
-
-def perturbed(state: FloatArray, scene: Scene, plan: SweepPlan, key: tuple[int, ...]) -> FloatArray:
-    """Return a state, shape (14,), with the rates of platform and exciters changed by normal random numbers.
-
-    A symmetric motion that has lost stability would otherwise stay symmetric for ever.
-    """
-    if plan.perturbation == 0.0:
-        return state
-    random = np.random.default_rng((plan.seed, *key))
-    changed = state.copy()
-    changed[7:12] += plan.perturbation * state_scales(scene)[7:12] * random.standard_normal(5)
-    return changed
 
 
 def mean_turn(measures: Measures) -> float:

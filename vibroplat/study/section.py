@@ -26,7 +26,7 @@ def section_points(measures: Measures, scene: Scene) -> FloatArray:
     """
     states = section_rows(measures)["state"]
     points = states / state_scales(scene)
-    phase = states[:, 3] + states[:, 4]
+    phase = states[:, 3:5] @ scene.phase_weights
     points[:, 3], points[:, 4] = np.cos(phase), np.sin(phase)
     return points
 

@@ -74,7 +74,7 @@ def settle(motion: Motion, plan: SweepPlan, longest: float) -> Settling:
         return Settling("fixed" if motion.outcome == "ok" else "unfinished", motion.now)
     turn = 2.0 * math.pi / motion.scene.speed_scale
     points, times = np.empty((0, 14)), np.empty(0)
-    sums: list[float] = []  # of both exciter angles
+    phases: list[float] = []  # differences
     close = 0
     while (left := longest - motion.now) > 1e-9 * longest:
         block = BLOCK if motion.now < EARLY_LOOKS * BLOCK * turn else LATE_BLOCK
@@ -83,14 +83,14 @@ def settle(motion: Motion, plan: SweepPlan, longest: float) -> Settling:
             return Settling("unfinished", motion.now)
         points = np.concatenate([points, section_points(part.measures, motion.scene)])[-2 * TURNS :]
         times = np.concatenate([times, section_rows(part.measures)["t"]])[-2 * TURNS :]
-        sums = [*sums, float(motion.state[3:5].sum())][-max(WANDERING // block, 1) - 1 :]
+        phases = [*phases, float(motion.state[3:5] @ motion.scene.phase_weights)][-max(WANDERING // block, 1) - 1 :]
         if len(points) < 2 * TURNS:
             continue
         was_close = close
         close = draws_together(points, plan.settle_tolerance, noise(motion.scene, plan))
         if close and was_close:
             return Settling("periodic", motion.now, close, float(times[-1] - times[TURNS]) / (TURNS - 1))
-    return Settling("maximum", motion.now, slip=sums[-1] - sums[0] if sums else 0.0)
+    return Settling("maximum", motion.now, slip=phases[-1] - phases[0] if phases else 0.0)
 
 
 def noise(scene: Scene, plan: SweepPlan) -> float:

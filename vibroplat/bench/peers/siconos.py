@@ -78,7 +78,7 @@ def _request(scene: Scene) -> dict[str, Any]:
     """Parameters and initial state in absolute coordinates, as the program names them."""
     p, state, n = parameters(scene), initial_state(scene), 5 + scene.layers
     lower, upper = p.lower_mass, p.upper_mass
-    motors = [{name: float(p[name][i]) for name in ("torque", "slip", "speed", "friction")} for i in range(2)]
+    motors = [{name: float(p[name][i]) for name in ("torque", "slip_speed", "speed", "friction")} for i in range(2)]
     return {
         "duration": scene.run.duration_s,
         "q": _absolute(state[:7])[:n].tolist(),

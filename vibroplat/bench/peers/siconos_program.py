@@ -97,7 +97,7 @@ class Platform(sk.LagrangianDS):  # type: ignore[misc]
             force[0] += k * cosine * w * w
             force[1] += k * sine * w * w
             force[2] += k * d * w * w
-            s, slip = 1.0 - side * w / motor["speed"], motor["slip"]
+            s, slip = motor["speed"] - side * w, motor["slip_speed"]
             torque = 2.0 * side * motor["torque"] * slip * s / (slip * slip + s * s)
             force.append(torque - motor["friction"] * w * abs(w) - k * (g * cosine + d * v[2] * v[2]))
         force += [-m * g for m in c["layers"]]

@@ -110,13 +110,13 @@ def _platform(u: Any, v: Any, p: Parameters, lower: float, load: Any) -> list[An
         -p.damping_phi * v[2] - p.stiffness_phi * u[2],
     ]
     for i, side in enumerate(p.direction):
-        torque, slip, speed, friction = (p[name][i] for name in ("torque", "slip", "speed", "friction"))
+        torque, slip, speed, friction = (p[name][i] for name in ("torque", "slip_speed", "speed", "friction"))
         angle, w = u[3 + i], v[3 + i]
         sine, cosine = hk.sin(angle), hk.cos(angle)
         x0, y0, k = p.axis_x[i], p.axis_y[i], p.unbalance[i]
         x, y = x0 - u[2] * y0, y0 + u[2] * x0
         b, d = x * cosine + y * sine, x * sine - y * cosine
-        s = 1.0 - side * w / speed
+        s = speed - side * w
         motor = 2.0 * side * torque * slip * s / (slip * slip + s * s)
         forces[0] += k * cosine * w * w
         forces[1] += k * sine * w * w

@@ -48,8 +48,10 @@ def sound(scene: Scene, summary: Mapping[str, Any]) -> dict[str, Limit]:
     if scene.has_contact:
         below = abs(min(summary["gap_min_m"], 0.0)) / state_scales(scene)[GAP]
         limits["gap_below"] = (below, GAP_BELOW * tolerance)
-        pull = abs(min(summary["contact_force_min_n"] or 0.0, 0.0))
-        limits["pull_n"] = (pull, min(PULL * tolerance * force_spread(scene), PULL_MOST * scene.force_scale))
+        limits["pull_n"] = (
+            summary["contact_pull_n"],
+            min(PULL * tolerance * force_spread(scene), PULL_MOST * scene.force_scale),
+        )
     return limits
 
 
@@ -64,7 +66,7 @@ def force_spread(scene: Scene) -> float:
     rates = RATE_SHARE * scales[7:]
     layers = upper * (stiffness * scales[6] + damping * rates[6])
     springs = machine.stiffness_y_n_per_m * scales[1] + scene.damping_y * rates[1]
-    motors = machine.unbalance * scene.fastest_decay * rates[3]
+    motors = max(scene.unbalances) * scene.fastest_decay * rates[3]
     return float(scene.force_scale + layers + lower / machine.total_mass * (springs + motors))
 
 

@@ -86,8 +86,9 @@ def _mirrored(scene: Scene) -> Scene:
     for place in (0, 2, 7, 9):
         state[place] = -start[place]
     state[3], state[4], state[10], state[11] = math.pi - start[4], math.pi - start[3], -start[11], -start[10]
-    motors = [motor.model_dump(exclude_unset=True) for motor in reversed(scene.motor_pair)]
-    changed = scene.replace({"motors": motors})
+    other = {"counter-clockwise": "clockwise", "clockwise": "counter-clockwise"}
+    exciters = [e.model_dump() | {"rotation": other[e.rotation or ""]} for e in reversed(scene.exciter_pair)]
+    changed = scene.replace({"exciters": exciters})
     return changed.replace(run={"duration_s": scene.run.duration_s, "initial": {"state": _named(scene, state)}})
 
 

@@ -123,7 +123,7 @@ class Response:
             [support - OMEGA**2 * (machine.total_mass + m1), -coupling],
             [-(OMEGA**2) * m2, coupling - OMEGA**2 * m2],
         ]
-        y, upper = np.linalg.solve(np.array(matrix), [2.0 * machine.unbalance * OMEGA**2, 0.0])
+        y, upper = np.linalg.solve(np.array(matrix), [sum(scene.unbalances) * OMEGA**2, 0.0])
         return cls(
             platform=complex(y),
             layer=complex(upper),
