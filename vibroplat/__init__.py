@@ -12,15 +12,15 @@ __version__ = "0.1.0"
 
 if TYPE_CHECKING:
     from vibroplat.config import load_config
+    from vibroplat.drive import Drive
+    from vibroplat.exciters import Exciter, Motor
     from vibroplat.flow.run import simulate
     from vibroplat.observe.trajectory import Trajectory
     from vibroplat.scene import (
         Contact,
-        Drive,
         Initial,
         Machine,
         Material,
-        Motor,
         Output,
         Run,
         Scene,
@@ -31,17 +31,18 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "load_config": "vibroplat.config",
+    "Drive": "vibroplat.drive",
+    "Exciter": "vibroplat.exciters",
+    "Motor": "vibroplat.exciters",
     "simulate": "vibroplat.flow.run",
     "Trajectory": "vibroplat.observe.trajectory",
     "sweep": "vibroplat.study.sweep",
     **dict.fromkeys(
         (
             "Contact",
-            "Drive",
             "Initial",
             "Machine",
             "Material",
-            "Motor",
             "Output",
             "Run",
             "Scene",
@@ -55,6 +56,7 @@ _HOMES = {
 __all__ = [
     "Contact",
     "Drive",
+    "Exciter",
     "Initial",
     "Machine",
     "Material",

@@ -165,7 +165,7 @@ class State(Section):
 
 
 class Initial(Section, populate_by_name=True):
-    """Initial state: platform and material at static rest with rotating exciters, a full state, or another run's end."""
+    """Initial state: static rest of platform and material with rotating exciters, a full state, or a run's end."""
 
     phase_difference_rad: Real | None = Field(
         None,
@@ -378,12 +378,9 @@ class Scene(Section):
         if self.exciters is not None:
             pair = self.exciters
         else:
-            machine = self.machine
-            common = {
-                "unbalance_radius_m": machine.unbalance_radius_m,
-                "rotor_inertia_kg_m2": machine.rotor_inertia_kg_m2,
-            }
-            pair = [Exciter(**motor.model_dump(), **common) for motor in self.motors or [self.motor or Motor()] * 2]
+            common = {name: getattr(self.machine, name) for name in OF_EXCITERS}
+            motors = self.motors or [self.motor or Motor()] * 2
+            pair = [Exciter.model_construct(**dict(motor), **common) for motor in motors]
         first, second = (
             exciter if exciter.rotation else exciter.model_copy(update={"rotation": rotation})
             for exciter, rotation in zip(pair, ROTATIONS, strict=True)

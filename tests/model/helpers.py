@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 
+from vibroplat.drive import Drive
+from vibroplat.exciters import Motor
 from vibroplat.model.accelerations import accelerations, second_derivatives
 from vibroplat.model.parameters import parameters
 from vibroplat.model.systems import FULL_SIZE, SYSTEMS
-from vibroplat.scene import Contact, Drive, Machine, Material, Motor, Scene
+from vibroplat.scene import Contact, Machine, Material, Scene
 
 #: The rig of the paper, and one on which no mass, lever or angle is small or round.
 MACHINES = {

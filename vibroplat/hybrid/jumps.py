@@ -126,15 +126,16 @@ def turn_corner(h: Automaton, told: bool) -> None:
     """
     run = h.run
     forget_starts(h)
-    run.joined = AFTER_EVENT
     force, lifts = 0.0, False
     if run.mode == ATTACHED:
         if not prepare(h, ATTACHED, DIFFERENTIATED):
             return
         force, lifts = contact_force(h)[0], not pressing(h)
     if told:
+        run.joined = AFTER_EVENT
         add_event(h, DRIVE, 0.0, 0.0, 0.0, 0.0, force, _NONE)
     if lifts:
+        run.joined = AFTER_EVENT
         run.mode = FLIGHT
         run.zeros = 2  # gap and its rate
         add_event(h, LIFTOFF, 0.0, 0.0, 0.0, 0.0, 0.0, _NONE)

@@ -37,7 +37,7 @@ from vibroplat.integrate.methods import adams_modes
 from vibroplat.integrate.multistep import QUINTIC, no_past
 from vibroplat.integrate.sundials import Library, UnavailableError
 from vibroplat.kernels.compiled import FloatArray
-from vibroplat.model.parameters import Parameters, parameters
+from vibroplat.model.parameters import Parameters, address, parameters
 from vibroplat.model.systems import FULL_SIZE, System, systems
 from vibroplat.scene import Mode, Scene
 
@@ -196,7 +196,7 @@ class NativeEngine:
         n, lib = self._n, self._lib
         links = n.links[mode]
         links["vector"] = lib.address("N_VGetArrayPointer")
-        links["parameters"] = self._p.base.ctypes.data
+        links["parameters"] = address(self._p)
         links["tolerances"] = n.atol[mode].ctypes.data
         links["solver"] = links["condensed"].ctypes.data
         links["system"], links["size"], links["guard"] = system.index, system.size, GUARDS[system.index]

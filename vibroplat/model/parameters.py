@@ -65,6 +65,12 @@ def blank() -> Parameters:
     return record
 
 
+def address(p: Parameters) -> int:
+    """Address of a record that :func:`blank` has made."""
+    assert isinstance(p.base, np.ndarray)
+    return int(p.base.ctypes.data)
+
+
 def parameters(scene: Scene, time: float = 0.0) -> Parameters:
     """Fill the record of a scene, with the supply as it is at a time (s)."""
     machine, p = scene.machine, blank()

@@ -16,7 +16,7 @@ import pandas as pd
 from scipy.optimize import brentq
 
 from vibroplat.paper.trial import paper_scene
-from vibroplat.scene import Machine, Scene
+from vibroplat.scene import Scene
 
 #: Frequencies (Hz) up to which motion is attached in the paper, by mass ratio.
 LIFTOFF = {0.1: 24.5, 0.2: 24.0}
