@@ -250,6 +250,11 @@ def _decay(damping: float, stiffness: float) -> float:
     return half + math.sqrt(max(half * half - stiffness, 0.0))
 
 
+def _set(section: Section) -> dict[str, Any]:
+    """Keys and values of a section that are not None."""
+    return {key: value for key, value in section if value is not None}
+
+
 #: Keys of :class:`State` in the order of the state vector: coordinates, then their rates.
 COORDINATES = ("x_m", "y_m", "phi_rad", "phi1_rad", "phi2_rad", "gap_m", "upper_m")
 RATES = (
@@ -375,15 +380,11 @@ class Scene(Section):
     @property
     def exciter_pair(self) -> tuple[Exciter, Exciter]:
         """Exciters 1 and 2, however the scene gives their numbers."""
-        if self.exciters is not None:
-            pair = self.exciters
-        else:
-            common = {name: getattr(self.machine, name) for name in OF_EXCITERS}
-            motors = self.motors or [self.motor or Motor()] * 2
-            pair = [Exciter.model_construct(**dict(motor), **common) for motor in motors]
+        common = {} if self.exciters is not None else {name: getattr(self.machine, name) for name in OF_EXCITERS}
+        given = self.exciters or self.motors or [self.motor or Motor()] * 2
         first, second = (
-            exciter if exciter.rotation else exciter.model_copy(update={"rotation": rotation})
-            for exciter, rotation in zip(pair, ROTATIONS, strict=True)
+            Exciter.model_construct(**{"rotation": rotation, **_set(numbers), **common})
+            for numbers, rotation in zip(given, ROTATIONS, strict=True)
         )
         return first, second
 

@@ -11,7 +11,9 @@ flight     the same, y_w1, y_w2 and rates       gap y_w1   impact: with a reboun
 =========  ===================================  =========  ==========================================================
 
 In any mode a corner of the drive's program is an event as well: integration restarts there, and contact ends if the
-jump of the torques leaves no force to hold it. One layer has no y_w2. The equations of a mode with its layers are a :class:`vibroplat.model.systems.System`. What a
+jump of the torques leaves no force to hold it.
+
+One layer has no y_w2. The equations of a mode with its layers are a :class:`vibroplat.model.systems.System`. What a
 guard's fall means is decided in :mod:`vibroplat.hybrid.rules`, pure functions of numbers; the jumps themselves are in
 :mod:`vibroplat.hybrid.jumps`; :func:`vibroplat.hybrid.loop.conclude` picks a mode's jump.
 """

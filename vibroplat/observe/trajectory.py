@@ -276,8 +276,8 @@ class Trajectory:
             table[name] = states[:, place]
         if self.scene.has_contact:
             table["contact_force_n"] = force
-        for name, values in self._supply(parts).items():
-            table[name] = values
+        for name, column in self._supply(parts).items():
+            table[name] = column
         return table
 
     def _supply(self, parts: list[Part]) -> dict[str, FloatArray]:
