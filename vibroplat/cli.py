@@ -164,9 +164,11 @@ def run(
 
         result = simulate(scene, progress=report)
     tables = {"trajectory": result.trajectory, "events": result.events}
-    documents = {"provenance": provenance(scene, result.summary["engine"], result.origin), "summary": result.summary}
+    summary = result.summary | {"notes": result.notes}
+    documents = {"provenance": provenance(scene, summary["engine"], result.origin), "summary": summary}
     write_result(directory, tables, documents, format_.value)
     _print_summary(result, directory)
+    _print_notes(result.notes)
     if result.outcome != "ok":
         print(f"vibroplat: {result.outcome}: {result.summary['detail']}", file=sys.stderr)
         raise typer.Exit(1)
@@ -218,6 +220,7 @@ def sweep(
         print(f"{label:<28}{text}")
     print(f"{'wall time':<28}{seconds:.3g} s, {(points - known) / seconds:.3g} points per s{resumed}")
     print(f"{'tables':<28}{directory}")
+    _print_notes(report.notes(planned, table))
     failed = report.failures(table)
     for line in failed[:TOLD]:
         print(f"vibroplat: {line}", file=sys.stderr)
@@ -421,20 +424,25 @@ def _load_kernels(engine: str = "auto") -> None:
 
 
 def _print_summary(result: Trajectory, directory: Path) -> None:
-    """Print the most important results; summary.json holds all of them."""
+    """Print the most important results, first those of the measured part; summary.json holds all of them."""
     summary = result.summary
+    kinds = ("liftoffs", "impacts", "latches")
     rows = [
         ("outcome", summary["outcome"], ""),
         ("simulated", summary["simulated_s"], "s"),
+        ("measured", _window(summary), ""),
         ("excitation frequency", summary["excitation_frequency_hz"], "Hz"),
         ("phase difference", summary["phase_difference_rad"], "rad"),
         ("RMS x, y", [summary["rms_x_m"], summary["rms_y_m"]], "m"),
         ("RMS phi", summary["rms_phi_rad"], "rad"),
         ("contact force, largest", summary["contact_force_max_n"], "N"),
+        ("gap, largest", summary["gap_max_m"] or None, "m"),
         ("impulse, largest", summary["impulse_max_n_s"] or None, "N s"),
         ("flight fraction", summary["flight_fraction"] if result.scene.has_contact else None, ""),
-        ("liftoffs, impacts, latches", [summary[k] for k in ("liftoffs", "impacts", "latches")], ""),
-        ("energy residual", summary["energy_residual"], ""),
+        ("liftoffs, impacts, latches", [summary[f"measured_{kind}"] for kind in kinds], ""),
+        ("whole run: the same", [summary[kind] for kind in kinds], ""),
+        ("whole run: phi, largest", summary["phi_max_rad"], "rad"),
+        ("whole run: energy residual", summary["energy_residual"], ""),
         ("steps, residual calls", [summary["steps"], summary["residual_calls"]], ""),
         ("wall time", summary["wall_s"], "s"),
     ]
@@ -442,6 +450,20 @@ def _print_summary(result: Trajectory, directory: Path) -> None:
         if value is not None:
             print(f"{label:<28}{_number(value)} {unit}".rstrip())
     print(f"{'tables':<28}{directory}")
+
+
+def _window(summary: dict[str, Any]) -> str:
+    """Describe the measured part of a run."""
+    first, last, turns = (summary[f"measured_{key}"] for key in ("from_s", "to_s", "turns"))
+    if last <= first:
+        return f"nothing: the run ended before {_number(first)} s"
+    return f"{_number(first)} … {_number(last)} s, {turns or 'no'} whole turn{'' if turns == 1 else 's'}"
+
+
+def _print_notes(notes: list[str]) -> None:
+    """Print what is to be noted, a line each."""
+    for note in notes:
+        print(f"note: {note}")
 
 
 def _number(value: Any) -> str:

@@ -107,7 +107,7 @@ def test_overview_counts_and_finds_what_is_nearest_to_its_limit():
 
 @pytest.mark.parametrize(
     ("key", "value"),
-    [("energy_residual", 1.0), ("momentum_residual", 1.0), ("gap_min_m", -1e-6), ("contact_force_min_n", -0.1)],
+    [("energy_residual", 1.0), ("momentum_residual", 1.0), ("gap_min_m", -1e-6), ("contact_pull_n", 0.1)],
 )
 def test_sound_runs_are_told_from_others(key, value):
     scene = base(1e-6, 0.2).replace({"drive.supply_frequency_hz": 50.0})

@@ -55,7 +55,7 @@ INTERFACE = [
     "simulated_s",
     "wall_s",
 ]
-TEXTS = {"direction", "sync", "motion", "outcome", "detail"}
+TEXTS = {"direction", "sync", "motion", "outcome", "detail", "notes"}
 COUNTS = {"branch", "period", "steps", "residual_calls", "events"}
 #: What every row has, also of a point that failed.
 OF_THE_OUTCOME = (

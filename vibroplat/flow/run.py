@@ -13,8 +13,10 @@ from vibroplat.hybrid.state import Automaton
 from vibroplat.integrate.choice import make_engine
 from vibroplat.integrate.seam import Engine
 from vibroplat.model.parameters import Parameters, parameters
+from vibroplat.observe.notes import notes_on_measures
 from vibroplat.observe.summary import measured
 from vibroplat.observe.trajectory import Events, Segments, Trajectory
+from vibroplat.plausibility import notes_on_input
 from vibroplat.scene import Scene
 
 #: What a run keeps besides its summary.
@@ -101,6 +103,7 @@ def simulate_with(
         "restarts": motion.restarts,
         "wall_s": time.perf_counter() - began,
     }
+    run.summary["notes"] = notes_on_input(scene) + notes_on_measures(scene, run.summary)
     return run
 
 

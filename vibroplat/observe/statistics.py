@@ -48,6 +48,7 @@ SECTION_ROWS = 1024
 MARKS = np.dtype(
     [
         ("window", np.float64),  # when the measured part begins (s)
+        ("until", np.float64),  # when the last step ended (s)
         ("passed", np.float64),  # whole turns of exciter 1 until now, nan before the first step
         ("turns", np.int64),  # points of the section so far
         ("first_time", np.float64),  # of the section's first and last point (s)
@@ -58,19 +59,24 @@ MARKS = np.dtype(
         ("last_impacts", np.float64),
         ("way", np.float64),  # in which exciter 1 has passed angle 0 the last time
         ("exchanged", np.float64),  # energy that motors and dampers have exchanged, all of it positive (J)
-        ("force_min", np.float64),
+        ("force_min", np.float64),  # of the measured part, like the next four
         ("force_max", np.float64),
-        ("gap_min", np.float64),
         ("gap_max", np.float64),
         ("y_min", np.float64),
         ("y_max", np.float64),
+        ("gap_min", np.float64),  # of the whole: a check, like the next
+        ("pull", np.float64),  # how far F_c fell below 0 before the measured part (N)
+        ("phi_min", np.float64),  # of the whole, because the model's error depends on it
+        ("phi_max", np.float64),
         ("liftoffs", np.int64),
         ("impacts", np.int64),
         ("latches", np.int64),
+        ("measured_liftoffs", np.int64),
         ("measured_impacts", np.int64),
+        ("measured_latches", np.int64),
         ("impact_loss", np.float64),  # (J)
         ("impulse_sum", np.float64),  # (N·s)
-        ("impulse_max", np.float64),
+        ("impulse_max", np.float64),  # of the measured part
     ],
     align=True,
 )
@@ -93,8 +99,8 @@ _COMPLETE = 1e-12
 #: Turns of exciter 1 within a step beyond which none of them is counted: the motion has left all sense.
 _MOST_TURNS = 1000.0
 _FLIGHT = int(Mode.FLIGHT)
-#: Places of y, φ₁ and the gap among the unknowns; integers of numpy, so that functions are compiled once for all.
-_HEIGHT, _ANGLE, _GAP = np.array([1, 3, GAP])
+#: Places of y, φ, φ₁ and the gap among the unknowns; integers of numpy, so that functions are compiled once for all.
+_HEIGHT, _ROTATION, _ANGLE, _GAP = np.array([1, 2, 3, GAP])
 
 
 #: A full state, and the powers at it.
@@ -129,8 +135,8 @@ class Measures(NamedTuple):
 def no_measures(window: float) -> Measures:
     """Make empty sums whose measured part begins at a time (s)."""
     marks = np.zeros(1, MARKS)
-    marks["window"], marks["passed"] = window, math.nan
-    for name in ("force", "y"):
+    marks["window"], marks["until"], marks["passed"] = window, window, math.nan
+    for name in ("force", "y", "phi"):
         marks[f"{name}_min"], marks[f"{name}_max"] = math.inf, -math.inf
     plain, open_turn, whole = np.zeros(3, SUMS)
     return Measures(np.zeros(N_WORK), plain, open_turn, whole, marks[0], np.zeros(SECTION_ROWS, SECTION))
@@ -147,7 +153,7 @@ def copied(ms: Measures) -> Measures:
 
 
 def between(earlier: Measures, later: Measures) -> Measures:
-    """Subtract two copies: sums over the whole turns of exciter 1 between them; extremes are of all before."""
+    """Subtract two copies: sums over whole turns of exciter 1 between them; extremes and counts are of all before."""
     marks = later.marks.copy()
     marks["turns"] += 1 - earlier.marks["turns"]  # the last turn before is the first mark
     for name in ("time", "angles", "impacts"):
@@ -216,6 +222,7 @@ def add_pieces(
         for row in range(piece.first, piece.end):
             if steps.length[row] > 0.0:
                 add_step(ms, steps, row, piece, flying, degree, nodes, full, power, p)
+        ms.marks.until = piece.until
     while counted < events.size:
         count_event(ms.marks, events[counted])
         counted += 1
@@ -223,18 +230,21 @@ def add_pieces(
 
 @compiled
 def count_event(marks: Any, event: Any) -> None:
-    """Add an event to the counts."""
+    """Add an event to the counts of the whole, and to those of the measured part if it lies there."""
+    measured = 1 if event.t >= marks.window else 0
     if event.kind == LIFTOFF:
         marks.liftoffs += 1
+        marks.measured_liftoffs += measured
     elif event.kind == LATCH:
         marks.latches += 1
+        marks.measured_latches += measured
     elif event.kind == IMPACT:
         marks.impacts += 1
-        if event.t >= marks.window:
-            marks.measured_impacts += 1
+        marks.measured_impacts += measured
     marks.impact_loss += event.loss
     marks.impulse_sum += event.impulse
-    marks.impulse_max = max(marks.impulse_max, event.impulse)
+    if measured == 1:
+        marks.impulse_max = max(marks.impulse_max, event.impulse)
 
 
 @inlined
@@ -254,13 +264,13 @@ def add_step(
     marks, c, end = ms.marks, steps.c[row], steps.ends[row]
     system, force = piece.system, DIFFERENTIAL[piece.system]
     begin, length = piece.origin + steps.start[row], steps.length[row]
-    if SIZES[system] > force and may_widen(marks.force_min, marks.force_max, c, degree, force, end[force]):
-        marks.force_min, marks.force_max = widened(marks.force_min, marks.force_max, c, force, 0.0, end[force])
-    if flying and may_widen(marks.gap_min, marks.gap_max, c, degree, GAP, end[GAP]):
-        marks.gap_min, marks.gap_max = widened(marks.gap_min, marks.gap_max, c, _GAP, 0.0, end[GAP])
     since = (marks.window - begin) / length if begin < marks.window else 0.0  # fraction from which it is measured
-    if since < 1.0 and may_widen(marks.y_min, marks.y_max, c, degree, 1, end[1]):
-        marks.y_min, marks.y_max = widened(marks.y_min, marks.y_max, c, _HEIGHT, since, end[1])
+    if since > 0.0:
+        check(marks, c, degree, system, flying, end)
+    if since < 1.0:
+        widen(marks, c, degree, system, flying, since, end)
+    if may_widen(marks.phi_min, marks.phi_max, c, degree, 2, end[2]):
+        marks.phi_min, marks.phi_max = widened(marks.phi_min, marks.phi_max, c, _ROTATION, 0.0, end[2])
     turn, last = marks.passed, whole_turns(end[3], piece.turns[0])
     if math.isnan(turn):
         turn = whole_turns(c[0, 3], piece.turns[0])
@@ -287,6 +297,28 @@ def add_step(
 def whole_turns(angle: float, turns: float) -> float:
     """Whole turns of an exciter; one that a motion was stopped at is complete, though round-off may say less."""
     return math.floor((angle + turns) / _TURN + _COMPLETE)
+
+
+@inlined
+def check(marks: Any, c: FloatArray, degree: int, system: int, flying: bool, end: FloatArray) -> None:
+    """Look for a gap and a contact force below 0 in a step that is not measured from its beginning."""
+    force = DIFFERENTIAL[system]
+    if flying and may_widen(marks.gap_min, math.inf, c, degree, GAP, end[GAP]):
+        marks.gap_min = widened(marks.gap_min, math.inf, c, _GAP, 0.0, end[GAP])[0]
+    if SIZES[system] > force and may_widen(-marks.pull, math.inf, c, degree, force, end[force]):
+        marks.pull = -widened(-marks.pull, math.inf, c, force, 0.0, end[force])[0]
+
+
+@inlined
+def widen(marks: Any, c: FloatArray, degree: int, system: int, flying: bool, since: float, end: FloatArray) -> None:
+    """Let the extremes of the measured part cover a step from fraction ``since`` of it."""
+    force = DIFFERENTIAL[system]
+    if SIZES[system] > force and may_widen(marks.force_min, marks.force_max, c, degree, force, end[force]):
+        marks.force_min, marks.force_max = widened(marks.force_min, marks.force_max, c, force, since, end[force])
+    if flying and may_widen(marks.gap_min, marks.gap_max, c, degree, GAP, end[GAP]):
+        marks.gap_min, marks.gap_max = widened(marks.gap_min, marks.gap_max, c, _GAP, since, end[GAP])
+    if may_widen(marks.y_min, marks.y_max, c, degree, 1, end[1]):
+        marks.y_min, marks.y_max = widened(marks.y_min, marks.y_max, c, _HEIGHT, since, end[1])
 
 
 @compiled

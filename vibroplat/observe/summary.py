@@ -78,18 +78,24 @@ def half_open(angle: float, near: float = 1e-12) -> float:
 
 
 def measured(part: Part) -> dict[str, Any]:
-    """Gather what was measured over a part of a motion.
+    """Gather what was measured over a part of a motion. What has no finite value is None.
 
-    Statistics are of its measured part, cut to whole turns of exciter 1 when there is one; extremes of
-    force and gap, impulses and energies of the whole. What has no finite value is None.
+    Of the measured part, from ``measured_from_s`` to ``measured_to_s``, are the extremes of contact force and impulse,
+    the largest gap and counts that begin with ``measured_``. Statistics are cut to its ``measured_turns`` whole turns
+    of exciter 1 where there are any, which take ``measured_s``. Of the whole are all other counts, the sum of impulses,
+    energies, the largest rotation |φ| and two checks: the least gap, and how far the contact force fell below 0.
     """
     marks = part.measures.marks
     found = {
         **statistics(part.measures),
+        "measured_from_s": float(marks["window"]),
+        "measured_to_s": float(max(marks["until"], marks["window"])),
         "contact_force_min_n": float(marks["force_min"]),
         "contact_force_max_n": float(marks["force_max"]),
+        "contact_pull_n": float(max(marks["pull"], -marks["force_min"])),
         "gap_min_m": float(marks["gap_min"]),
         "gap_max_m": float(marks["gap_max"]),
+        "phi_max_rad": float(max(marks["phi_max"], -marks["phi_min"])),
         "impulse_max_n_s": float(marks["impulse_max"]),
         "impulse_sum_n_s": float(marks["impulse_sum"]),
         **counts(part.measures),
@@ -99,6 +105,9 @@ def measured(part: Part) -> dict[str, Any]:
 
 
 def counts(ms: Measures) -> dict[str, int]:
-    """Count the events, by kind and all of them."""
-    found = {name: int(ms.marks[name]) for name in ("liftoffs", "impacts", "latches")}
-    return found | {"events": sum(found.values())}
+    """Count the events of the whole, by kind and all of them, and events and whole turns of the measured part."""
+    kinds = ("liftoffs", "impacts", "latches")
+    found = {name: int(ms.marks[name]) for name in kinds}
+    found |= {"events": sum(found.values())}
+    turns = max(int(ms.marks["turns"]) - 1, 0)
+    return found | {f"measured_{name}": int(ms.marks[f"measured_{name}"]) for name in kinds} | {"measured_turns": turns}

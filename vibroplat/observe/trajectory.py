@@ -18,6 +18,7 @@ from vibroplat.kernels.polynomial import values
 from vibroplat.model.motor import motor_powers
 from vibroplat.model.parameters import parameters, supply
 from vibroplat.model.systems import FULL_SIZE, SYSTEMS, System
+from vibroplat.observe.notes import notes_on_samples
 from vibroplat.observe.statistics import Measures, section_rows
 from vibroplat.scene import COORDINATES, RATES, Mode, Scene
 
@@ -163,7 +164,7 @@ class Trajectory:
     origin
         What provenance says of the run that it goes on from, if any.
     summary
-        Outcome and measures; see :func:`vibroplat.observe.summary.measured`.
+        Outcome, measures and notes; see :func:`vibroplat.observe.summary.measured`.
     """
 
     scene: Scene
@@ -206,6 +207,12 @@ class Trajectory:
     def trajectory(self) -> pd.DataFrame:
         """Trajectory table at ``output.sample_rate_hz``, with two rows at each event."""
         return self._table(list(self._sampled()))
+
+    @cached_property
+    def notes(self) -> list[str]:
+        """Notes of the summary, and those on peaks that the trajectory table misses, for which it is sampled."""
+        notes: list[str] = self.summary["notes"]
+        return notes + notes_on_samples(self.trajectory, self.summary, self.scene.output.sample_rate_hz)
 
     def __call__(self, times: npt.ArrayLike) -> pd.DataFrame:
         """Dense output at any times of the run, as rows of the trajectory table.

@@ -18,6 +18,7 @@ from vibroplat.hybrid.scales import state_scales
 from vibroplat.hybrid.state import Automaton
 from vibroplat.integrate.choice import make_engine
 from vibroplat.model.parameters import FloatArray, parameters
+from vibroplat.observe.notes import notes_on_measures
 from vibroplat.observe.statistics import Measures, section_rows
 from vibroplat.observe.summary import Part, block_errors, half_open, measured
 from vibroplat.scene import Scene
@@ -211,7 +212,7 @@ def _measure(motion: Motion, least: float, settling: Settling, observers: Sequen
 
 
 def measures_of(part: Part, scene: Scene, slip: float = 0.0) -> dict[str, Any]:
-    """Return the columns of a measured part: measures, their errors and the synchronization.
+    """Return the columns of a measured part: measures, their errors, the notes on them and the synchronization.
 
     ``slip`` is the change of the phase difference while the motion settled (rad), if it has not become periodic.
     """
@@ -223,6 +224,7 @@ def measures_of(part: Part, scene: Scene, slip: float = 0.0) -> dict[str, Any]:
     if row["phase_difference_rad"] is not None:
         error = row[ERRORS["phase_difference_rad"]] or 0.0
         row["phase_difference_rad"] = half_open(row["phase_difference_rad"], max(ANTIPHASE, 2.0 * error))
+    row["notes"] = "; ".join(notes_on_measures(scene, found))
     row["sync"] = "none" if abs(slip) > WANDER else synchronization(found)
     return row
 

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
 from pathlib import Path
 
 import pandas as pd
 
 from vibroplat.integrate.choice import engine_name
+from vibroplat.plausibility import notes_on_inputs
 from vibroplat.provenance import provenance
 from vibroplat.scene import Scene
-from vibroplat.study.branches import sweep_plan
+from vibroplat.study.branches import FREQUENCY, SUPPLY, Branch, sweep_plan
 from vibroplat.study.store import Records
 from vibroplat.study.sweep import impact_tables, section_tables, tables
 from vibroplat.tables import Format, remove_table, write_json, write_tables
@@ -56,6 +59,35 @@ def failures(table: pd.DataFrame) -> list[str]:
         f"{row['outcome']} at {', '.join(f'{key} {row[key]}' for key in swept)}: {row['detail']}"
         for _, row in failed.iterrows()
     ]
+
+
+def notes(planned: Sequence[Branch], table: pd.DataFrame) -> list[str]:
+    """Say in one line each what is to be noted: of the input, then of the points, each kind of note once.
+
+    Parameters
+    ----------
+    planned
+        The branches of the sweep.
+    table
+        Its table.
+    """
+    # what is unusual about a supply frequency is so at the largest
+    largest = (branch.scene.replace({FREQUENCY: max(branch.frequencies)}) for branch in planned)
+    lines = notes_on_inputs(largest)
+    noted = table[[SUPPLY, "notes"]].assign(note=table["notes"].str.split("; ")).explode("note")
+    noted = noted[noted["note"].fillna("") != ""]
+    for _, rows in noted.groupby(noted["note"].map(_kind), sort=False):
+        points, low, high = rows.index.nunique(), rows[SUPPLY].min(), rows[SUPPLY].max()
+        place = "1 point" if points == 1 else f"{points} points"
+        ends = f"{low:g}" if low == high else f"{low:g} … {high:g}"
+        first = ", the first" if points > 1 else ""
+        lines.append(f"{place} at a supply of {ends} Hz{first}: {rows['note'].iloc[0]}")
+    return lines
+
+
+def _kind(note: str) -> str:
+    """Return what notes of one kind have in common: their text without numbers."""
+    return re.sub(r"\d[\d.e+-]*", "", note)
 
 
 def _counts(column: pd.Series) -> str:

@@ -18,7 +18,7 @@ from vibroplat.study.tasks import StoredChain, Tasks
 from vibroplat.sweep_plan import SweepPlan
 
 #: Columns of text and of whole numbers; all others hold floating-point numbers.
-TEXTS = ("direction", "rotation", "sync", "motion", "outcome", "detail")
+TEXTS = ("direction", "rotation", "sync", "motion", "outcome", "detail", "notes")
 COUNTS = ("branch", "period", "steps", "residual_calls", "events")
 #: Columns of the table after the swept keys.
 COLUMNS = (
@@ -36,6 +36,7 @@ COLUMNS = (
     "settle_s",
     "outcome",
     "detail",
+    "notes",
     "steps",
     "residual_calls",
     "events",

@@ -48,8 +48,8 @@ def sound(scene: Scene, summary: Mapping[str, Any]) -> dict[str, Limit]:
     if scene.has_contact:
         below = abs(min(summary["gap_min_m"], 0.0)) / state_scales(scene)[GAP]
         limits["gap_below"] = (below, GAP_BELOW * tolerance)
-        pull = abs(min(summary["contact_force_min_n"] or 0.0, 0.0))
-        limits["pull_n"] = (pull, min(PULL * tolerance * force_spread(scene), PULL_MOST * scene.force_scale))
+        allowed = min(PULL * tolerance * force_spread(scene), PULL_MOST * scene.force_scale)
+        limits["pull_n"] = (summary["contact_pull_n"] or 0.0, allowed)
     return limits
 
 

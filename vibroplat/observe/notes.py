@@ -1,0 +1,111 @@
+"""Notes on what was measured: where the model is inaccurate, where motors are captured, what samples do not resolve.
+
+Each is a short sentence without a semicolon, because the sweep table joins them by one.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import pandas as pd
+
+from vibroplat.plausibility import rounded
+from vibroplat.scene import Scene
+
+#: Rotation of the platform (rad) beyond which a model of first order in φ is inaccurate.
+LARGE_ROTATION = 0.1
+#: Slip over critical slip above which a motor counts as captured: it gives more than 0.6 of its critical torque.
+CAPTURED = 1.0 / 3.0
+#: Share of the largest value that samples may miss.
+MISSED = 0.05
+
+#: Columns of the trajectory table, their largest values in the summary, and what they are.
+_SAMPLED = (
+    ("contact_force_n", "contact_force_max_n", "contact force", "N"),
+    ("gap_m", "gap_max_m", "gap", "m"),
+)
+
+
+def notes_on_measures(scene: Scene, found: Mapping[str, Any]) -> list[str]:
+    """Say where measures are outside what the model or the motors are made for.
+
+    Parameters
+    ----------
+    scene
+        What moved.
+    found
+        Measures of a part of its motion, as :func:`vibroplat.observe.summary.measured` returns them.
+    """
+    return [note for note in (rotation(found["phi_max_rad"]), *_captures(scene, found)) if note]
+
+
+def rotation(largest: float | None) -> str:
+    """Return the note on the largest rotation of a platform (rad), or an empty text if it is small."""
+    if largest is None or largest <= LARGE_ROTATION:
+        return ""
+    return f"the platform turns by up to {rounded(largest, 2)} rad, where a model of first order in phi is inaccurate"
+
+
+def capture(exciter: int, speed: float, synchronous: float, critical_slip: float) -> str:
+    """Return the note on an exciter that does not come near its synchronous speed, or an empty text if it does.
+
+    Parameters
+    ----------
+    exciter
+        Its number, 1 or 2.
+    speed, synchronous
+        Its mean speed, and the synchronous speed of its motor (Hz).
+    critical_slip
+        Slip at which its motor has the largest torque.
+    """
+    slip = 1.0 - speed / synchronous if synchronous > 0.0 else 0.0
+    if slip <= CAPTURED * critical_slip:
+        return ""
+    return (
+        f"exciter {exciter} turns at {rounded(speed)} Hz, {rounded(100.0 * slip, 2)} % below its synchronous speed "
+        f"{rounded(synchronous)} Hz: captured by a resonance, overloaded or still running up"
+    )
+
+
+def notes_on_samples(table: pd.DataFrame, found: Mapping[str, Any], rate: float) -> list[str]:
+    """Say which of the largest values a trajectory table misses.
+
+    Parameters
+    ----------
+    table
+        The trajectory table.
+    found
+        Measures of the run.
+    rate
+        Its ``output.sample_rate_hz``.
+    """
+    notes = []
+    measured = table["t_s"] >= found["measured_from_s"]
+    for column, key, name, unit in _SAMPLED:
+        largest = found[key]
+        if column not in table or not largest or not measured.any():
+            continue
+        missed = 1.0 - float(table.loc[measured, column].max()) / largest
+        if missed > MISSED:
+            notes.append(
+                f"the trajectory table misses the largest {name}, {rounded(largest)} {unit}, by "
+                f"{rounded(100.0 * missed, 2)} %: output.sample_rate_hz = {rate:g} is too low"
+            )
+    return notes
+
+
+def _captures(scene: Scene, found: Mapping[str, Any]) -> list[str]:
+    """List the notes on both exciters, unless their motors are switched off."""
+    motors, synchronous = scene.motor_pair, [speed / (2.0 * math.pi) for speed in scene.synchronous_speeds]
+    driven = [i for i in (0, 1) if motors[i].critical_torque_n_m > 0.0]
+    mean, split = found["excitation_frequency_hz"], found["frequency_split_hz"]
+    if mean is not None:
+        speeds = mean + 0.5 * split, mean - 0.5 * split
+        return [capture(i + 1, speeds[i], synchronous[i], motors[i].critical_slip) for i in driven]
+    seconds = found["measured_to_s"] - found["measured_from_s"]
+    # exciter 1 has turned less than twice
+    if 0 in driven and seconds > 0.0 and capture(1, 2.0 / seconds, synchronous[0], motors[0].critical_slip):
+        return [f"exciter 1 hardly turns, far below its synchronous speed {rounded(synchronous[0])} Hz"]
+    return []
