@@ -156,7 +156,7 @@ class Store:
             raise self._spoiled(_text(found))
 
     def _drop_spoiled(self, finished: int) -> None:
-        """Delete damaged records, and say how many there are and how many are missing.
+        """Delete damaged records, and say how many are damaged or missing.
 
         ``finished`` is how many records there were when the work was finished.
         """
@@ -173,13 +173,8 @@ class Store:
         gaps = sum(max(found) + 1 - len(found) for found in places.values())
         missing = max(gaps - len(spoiled), finished - stored, 0)
         if missing or spoiled:
-            _log.warning(
-                "%s: of %d records %d are damaged and %d missing; they are computed again",
-                self._path,
-                stored + missing,
-                len(spoiled),
-                missing,
-            )
+            lost, total = missing + len(spoiled), stored + missing
+            _log.warning("%s: %d of %d records damaged or missing; computing them again", self._path, lost, total)
 
     def __len__(self) -> int:
         with self._complaints():
@@ -202,7 +197,7 @@ class Store:
             return None
         if _text(row[0]) != task:
             if not self._departed:
-                _log.warning("%s: some records do not follow from those before; they are computed again", self._path)
+                _log.warning("%s: some records do not follow from those before them; computing them again", self._path)
             self._departed = True
             return None
         self.reused += 1
