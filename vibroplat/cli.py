@@ -154,7 +154,8 @@ def run(
     """
     from vibroplat.config import load_config, parse_overrides
     from vibroplat.provenance import provenance
-    from vibroplat.tables import result_directory, write_result
+    from vibroplat.results import write_result
+    from vibroplat.tables import result_directory
 
     scene = load_config(config, parse_overrides(set_ or []))
     directory = result_directory(out, scene.name)
@@ -165,8 +166,8 @@ def run(
         result = simulate(scene, progress=report)
     tables = {"trajectory": result.trajectory, "events": result.events}
     summary = result.summary | {"notes": result.notes}
-    documents = {"provenance": provenance(scene, summary["engine"], result.origin), "summary": summary}
-    write_result(directory, tables, documents, format_.value)
+    origin = provenance(scene, summary["engine"], result.origin)
+    write_result(directory, "run", origin, tables, {"summary": summary}, form=format_.value)
     _print_summary(result, directory)
     _print_notes(result.notes)
     if result.outcome != "ok":
@@ -190,16 +191,16 @@ def sweep(
     Writes a table with one row per point to OUT/NAME.
     """
     from vibroplat.config import load_config, parse_overrides
-    from vibroplat.provenance import read_provenance
+    from vibroplat.results import Result, read_provenance
     from vibroplat.study.branches import branches
     from vibroplat.study.store import Store
-    from vibroplat.tables import read_table, result_directory
+    from vibroplat.tables import result_directory
 
     scene = load_config(config, parse_overrides(set_ or []))
     planned = branches(scene)
     directory = result_directory(out, scene.name)
     if resume and (directory / "provenance.json").exists():
-        read_provenance(directory)
+        read_provenance(directory, "sweep")
     from vibroplat.study import report
     from vibroplat.study.execution import pool
     from vibroplat.study.sweep import conditions, run_sweeps
@@ -207,14 +208,14 @@ def sweep(
     points = sum(len(branch.frequencies) for branch in planned)
     began = time.perf_counter()
     with Store(directory, conditions(scene), resume=resume, overwrite=overwrite) as store:
-        known = len(store)
         _load_kernels()
         with pool(jobs, scheduler) as workers, sweep_progress(scene.name, len(planned), points) as progress:
             run_sweeps([(scene, store)], workers, progress)
         store.finish()
+        known = store.reused
         report.write_sweep(scene, store, directory, format_.value)
     seconds = time.perf_counter() - began
-    table = read_table(directory, "sweep")
+    table = Result(directory, "sweep").table("sweep")
     resumed = f", {known} of the points from before" if known else ""
     for label, text in report.overview(table).items():
         print(f"{label:<28}{text}")
@@ -316,9 +317,10 @@ def calibrate(
         with pool(jobs, scheduler) as workers, calibration_progress(total) as progress:
             found = search.calibrate(fixed, plan, store, workers, progress)
         store.finish()
-    tables = {"evaluations": found.evaluations, "confirmation": found.confirmation}
-    tables |= {"left-out": reading.left_out(found.evaluations, plan), "spread": reading.spread(found.evaluations, plan)}
-    write_calibration(tables, directory)
+        tables = {"evaluations": found.evaluations, "confirmation": found.confirmation}
+        tables["left-out"] = reading.left_out(found.evaluations, plan)
+        tables["spread"] = reading.spread(found.evaluations, plan)
+        write_calibration(tables, directory)  # before the store lets another calibration in
     for label, text in reading.overview(found.evaluations, tables["left-out"], tables["spread"]).items():
         print(f"{label:<40}{text}")
     print(f"{'tables':<40}{directory}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import warnings
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -11,9 +12,9 @@ from typing import Any
 from ruamel.yaml import YAML
 from ruamel.yaml.constructor import DuplicateKeyError
 from ruamel.yaml.error import MarkedYAMLError, ReusedAnchorWarning
+from ruamel.yaml.nodes import MappingNode, ScalarNode
 
 from vibroplat.errors import ConfigError
-from vibroplat.messages import short
 from vibroplat.overrides import merge, nest
 from vibroplat.scene import Scene
 
@@ -21,6 +22,11 @@ from vibroplat.scene import Scene
 MAX_BYTES = 25_000
 MAX_VALUES = 5_000
 MAX_BRACKETS = 200
+#: What a key looks like. Messages quote keys; a file that is no configuration, such as one with passwords, has others.
+KEY = re.compile(r"[^\W\d][\w .-]{0,79}")
+
+#: Quotations in messages of the parser: single characters and the parser's own words, or anything else.
+_QUOTED = re.compile(r"""(["'])(?:(?P<harmless>.|\\.|<[a-z ]+>)|.*)\1""", re.DOTALL)
 
 
 def load_config(path: str | os.PathLike[str], overrides: Mapping[str, Any] | None = None) -> Scene:
@@ -118,7 +124,7 @@ def _read_chain(file: Path, above: tuple[Path, ...]) -> dict[str, Any]:
     if base is None:
         return tree
     if not isinstance(base, str) or not base:
-        raise ConfigError(f"{file}: extends = {short(base)}; allowed: a file name")
+        raise ConfigError(f"{file}: extends is not text; allowed: a file name")
     below = _read_chain(file.parent / base, (*above, place))
     below.pop("name", None)  # a file that extends another describes another scene
     return merge(below, tree)
@@ -148,8 +154,10 @@ def _parse(text: str, source: str) -> Any:
             warnings.simplefilter("ignore", ReusedAnchorWarning)
             if text.count("[") + text.count("{") > MAX_BRACKETS:  # the parser takes quadratic time
                 raise ConfigError(f"{source}: more than {MAX_BRACKETS} brackets; not a configuration")
-            if _values(YAML(typ="safe", pure=True).compose(text), {}) > MAX_VALUES:
+            node = YAML(typ="safe", pure=True).compose(text)
+            if _values(node, {}) > MAX_VALUES:
                 raise ConfigError(f"{source}: more than {MAX_VALUES} values; not a configuration")
+            _require_names(node, source)
             tree = YAML(typ="safe", pure=True).load(text)
             _require_text_keys(tree)
     except ConfigError:
@@ -161,11 +169,11 @@ def _parse(text: str, source: str) -> Any:
     except MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         where = f" in line {mark.line + 1}, column {mark.column + 1}" if mark else ""
-        raise ConfigError(f"{source}: not valid YAML{where}: {_one_line(error.problem)}") from None
+        raise ConfigError(f"{source}: not valid YAML{where}: {_unquoted(error.problem)}") from None
     except RecursionError:
         raise ConfigError(f"{source}: nested too deeply") from None
     except Exception as error:  # on invalid YAML the parser may raise anything: IndexError, AssertionError …
-        raise ConfigError(f"{source}: not valid YAML: {_one_line(error) or type(error).__name__}") from None
+        raise ConfigError(f"{source}: not valid YAML: {_unquoted(error) or type(error).__name__}") from None
     return tree
 
 
@@ -180,12 +188,22 @@ def _values(node: Any, known: dict[int, int]) -> int:
     return known[id(node)]
 
 
+def _require_names(node: Any, source: str) -> None:
+    """Refuse keys that do not look like keys, without quoting them."""
+    for entry in getattr(node, "value", ()) if not isinstance(node, ScalarNode) else ():
+        key, value = entry if isinstance(node, MappingNode) else (None, entry)
+        if isinstance(key, ScalarNode) and key.tag.endswith(":str") and not KEY.fullmatch(key.value):
+            line = key.start_mark.line + 1
+            raise ConfigError(f"{source}: the key in line {line} is no name; allowed: letters, digits and _ . -")
+        _require_names(value, source)
+
+
 def _require_text_keys(tree: Any) -> None:
     """Refuse keys that are not text."""
     if isinstance(tree, dict):
         for key, value in tree.items():
             if not isinstance(key, str):
-                raise ValueError(f"key {key!r} is not text")
+                raise ValueError("a key is not text")
             _require_text_keys(value)
     elif isinstance(tree, list):
         for value in tree:
@@ -194,6 +212,11 @@ def _require_text_keys(tree: Any) -> None:
 
 def _one_line(text: object) -> str:
     return " ".join(str(text).split())[:200]
+
+
+def _unquoted(problem: object) -> str:
+    """Return a message of the parser without what it quotes: the file may be one that nobody should see."""
+    return _QUOTED.sub(lambda found: found[0] if found["harmless"] else "…", _one_line(problem))
 
 
 def _reason(error: OSError | ValueError) -> str:

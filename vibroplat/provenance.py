@@ -12,14 +12,10 @@ from pathlib import Path
 from typing import Any
 
 import vibroplat
-from vibroplat.errors import TableError
 from vibroplat.integrate.methods import adams_modes
 from vibroplat.integrate.sundials import UnavailableError, configuration
+from vibroplat.results import SCHEMA
 from vibroplat.scene import Scene
-from vibroplat.tables import read_json
-
-#: Version of the contents of result directories; increased when an older reader would misread them.
-SCHEMA = 1
 
 _LIBRARIES = ("scikit-sundae", "numpy", "numba", "llvmlite", "pandas", "pydantic", "pyarrow", "ruamel.yaml")
 
@@ -42,15 +38,6 @@ def provenance(scene: Scene, engine: str, origin: dict[str, Any] | None = None) 
         "libraries": {name: _version(name) for name in _LIBRARIES},
         "configuration": scene.to_tree(),
     }
-
-
-def read_provenance(directory: Path) -> dict[str, Any]:
-    """Return the provenance of a result; refuse other schema versions."""
-    origin = read_json(directory, "provenance")
-    found = origin.get("schema") if isinstance(origin, dict) else None
-    if type(found) is not int or found != SCHEMA:
-        raise TableError(f"{directory} holds results of schema {found}; this version reads schema {SCHEMA}")
-    return dict(origin)
 
 
 def configuration_hash(scene: Scene) -> str:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
+import re
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
+from io import BufferedReader
 from pathlib import Path
 from typing import Any, Literal
 
@@ -14,10 +17,16 @@ import pandas as pd
 
 from vibroplat.errors import TableError
 from vibroplat.interrupts import unfinished, watching
+from vibroplat.locks import is_gone, mark
 
 Format = Literal["parquet", "csv"]
 Writer = Callable[[Path], object]
+#: A table, or its parts, with one of them in memory at a time.
+Table = pd.DataFrame | Iterable[pd.DataFrame]
 FORMATS: tuple[Format, ...] = ("parquet", "csv")
+#: Age (s) at which a temporary file is removed whosever it is: its owner may be on another machine. A writer that is
+#: alive changes its file much more often.
+LEFTOVER = 86_400.0
 
 
 def result_directory(out: Path, name: str) -> Path:
@@ -38,89 +47,91 @@ def result_directory(out: Path, name: str) -> Path:
     return directory
 
 
-def write_table(table: pd.DataFrame, directory: Path, name: str, form: Format) -> Path:
+def write_table(table: Table, directory: Path, name: str, form: Format) -> Path:
     """Write a table as ``name.parquet`` or ``name.csv``; a file of the other format is removed.
 
-    In CSV each number has the fewest digits from which it reads back exactly.
+    In CSV each number has the fewest digits from which it reads back exactly. Parts of a table have the same columns
+    and types; each becomes a row group of a Parquet file.
     """
     path = directory / f"{name}.{form}"
-    replace_files({path: _table_writer(table, form)})
-    _drop_other_formats(directory, name, form)
-    return path
-
-
-def write_result(
-    directory: Path, tables: Mapping[str, pd.DataFrame], documents: Mapping[str, Any], form: Format
-) -> None:
-    """Write tables like :func:`write_table` and documents like :func:`write_json`: all of them or none.
-
-    If the process is killed in between, the last files are missing; old and new ones are never mixed.
-    """
-    writers = {directory / f"{name}.{form}": _table_writer(table, form) for name, table in tables.items()}
-    replace_files(writers | {directory / f"{name}.json": _json_writer(value) for name, value in documents.items()})
-    for name in tables:
-        _drop_other_formats(directory, name, form)
-
-
-def write_tables(parts: Iterable[pd.DataFrame], directory: Path, name: str, form: Format) -> Path:
-    """Write a table in parts, with one part in memory at a time, like :func:`write_table`.
-
-    All parts have the same columns and types; each becomes a row group of a Parquet file.
-    """
-    path = directory / f"{name}.{form}"
-    replace_files({path: lambda to: (_write_row_groups if form == "parquet" else _write_lines)(parts, to)})
-    _drop_other_formats(directory, name, form)
+    replace_files({path: table_writer(table, form)})
+    drop_other_formats(directory, name, form)
     return path
 
 
 def remove_table(directory: Path, name: str) -> None:
     """Remove a table of any format if it exists."""
     for form in FORMATS:
-        _remove(directory / f"{name}.{form}")
+        remove_file(directory / f"{name}.{form}")
 
 
 def write_json(value: Any, directory: Path, name: str) -> Path:
     """Write ``name.json``; numbers must be finite."""
     path = directory / f"{name}.json"
-    replace_files({path: _json_writer(value)})
+    replace_files({path: json_writer(value)})
     return path
 
 
-def read_table(directory: Path, name: str) -> pd.DataFrame:
+def read_table(directory: Path, name: str, digests: Mapping[str, str] | None = None) -> pd.DataFrame:
     """Read a table of a result in either format.
+
+    Parameters
+    ----------
+    directory, name
+        Where it is.
+    digests
+        SHA-256 of the files that belong together, by their names; others are refused.
 
     Raises
     ------
     TableError
-        It does not exist or cannot be read.
+        It does not exist, is not the one of the digest, or cannot be read.
     """
-    for form in FORMATS:
-        path = directory / f"{name}.{form}"
-        if path.exists():
-            try:
-                return pd.read_parquet(path) if form == "parquet" else pd.read_csv(path)
-            except (OSError, ValueError) as error:
-                raise TableError(f"{path} cannot be read: {' '.join(str(error).split())}") from None
+    names = [f"{name}.{form}" for form in FORMATS]
+    known = [file for file in names if digests is None or file in digests]
+    for path in (directory / file for file in known or names):
+        with suppress(FileNotFoundError), _opened(path, digests) as file:
+            if path.suffix == ".parquet":
+                return pd.read_parquet(file, page_checksum_verification=True)
+            return pd.read_csv(file)
     raise TableError(f"{directory} holds no {name} table; allowed: a result directory of vibroplat")
 
 
-def read_last_row(directory: Path, name: str) -> dict[str, Any]:
-    """Read the last row of a table; raises :class:`TableError` like :func:`read_table`, also where it has none."""
-    table = read_table(directory, name)
-    if table.empty:
-        raise TableError(f"{directory} holds no rows in its {name} table")
-    return {str(column): value for column, value in table.iloc[-1].items()}
-
-
-def read_json(directory: Path, name: str) -> Any:
+def read_json(directory: Path, name: str, digests: Mapping[str, str] | None = None) -> Any:
     """Read ``name.json`` of a result; raises :class:`TableError` like :func:`read_table`."""
     path = directory / f"{name}.json"
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
+        with _opened(path, digests) as file:
+            return json.loads(file.read().decode("utf-8"))
     except FileNotFoundError:
         raise TableError(f"{directory} holds no {name}.json") from None
-    except (OSError, ValueError, RecursionError) as error:
-        raise TableError(f"{path} cannot be read: {' '.join(str(error).split())}") from None
+
+
+@contextmanager
+def _opened(path: Path, digests: Mapping[str, str] | None) -> Iterator[BufferedReader]:
+    """Open a file of a result; what is wrong with its contents becomes one line.
+
+    What is compared with the digest is what is read, even if the file is replaced meanwhile.
+    """
+    try:
+        with path.open("rb") as file:
+            if digests is not None and sha256(file) != digests.get(path.name):
+                raise TableError(
+                    f"{path} does not belong to this result: it has been changed, or is of another one; "
+                    "repeat the command that wrote it"
+                )
+            file.seek(0)
+            yield file
+    except (TableError, FileNotFoundError):
+        raise
+    except Exception as error:  # on damaged files readers may raise anything: KeyError, OverflowError, MemoryError …
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise TableError(f"{path} cannot be read: {reason}") from None
+
+
+def sha256(file: BufferedReader) -> str:
+    """Return the SHA-256 of the rest of a file."""
+    return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _write_row_groups(parts: Iterable[pd.DataFrame], path: Path) -> None:
@@ -131,7 +142,7 @@ def _write_row_groups(parts: Iterable[pd.DataFrame], path: Path) -> None:
     try:
         for part in parts:
             rows = pa.Table.from_pandas(part, preserve_index=False)
-            writer = writer or pq.ParquetWriter(path, rows.schema)
+            writer = writer or pq.ParquetWriter(path, rows.schema, write_page_checksum=True)
             writer.write_table(rows)
     finally:
         if writer is not None:
@@ -144,13 +155,15 @@ def _write_lines(parts: Iterable[pd.DataFrame], path: Path) -> None:
             part.to_csv(file, index=False, header=number == 0)
 
 
-def _drop_other_formats(directory: Path, name: str, form: Format) -> None:
+def drop_other_formats(directory: Path, name: str, form: Format) -> None:
+    """Remove the file of a table in the other format."""
     for other in FORMATS:
         if other != form:
-            _remove(directory / f"{name}.{other}")
+            remove_file(directory / f"{name}.{other}")
 
 
-def _remove(path: Path) -> None:
+def remove_file(path: Path) -> None:
+    """Remove a file if it exists; raises :class:`TableError`."""
     try:
         path.unlink(missing_ok=True)
     except OSError as error:
@@ -160,28 +173,48 @@ def _remove(path: Path) -> None:
 def replace_files(writers: Mapping[Path, Writer]) -> None:
     """Write files under temporary names next to their final ones, and rename them once all are written.
 
-    All old files but the first are removed before the first new one is renamed.
-
     Raises
     ------
     TableError
         A file cannot be written; all old files are kept.
     """
+    with prepared(writers) as temporaries:
+        put_in_place(temporaries)
+
+
+@contextmanager
+def prepared(writers: Mapping[Path, Writer]) -> Iterator[dict[Path, Path]]:
+    """Write files under temporary names next to their final ones, and yield these by the final ones.
+
+    Temporary files that are left at the end are removed. Raises :class:`TableError` like :func:`replace_files`.
+    """
     temporaries: dict[Path, Path] = {}
-    path = next(iter(writers))
     with ExitStack() as stack:
-        try:
-            for path, write in writers.items():
+        for path, write in writers.items():
+            try:
                 temporaries[path] = stack.enter_context(_temporary(path))
                 write(temporaries[path])
                 temporaries[path].chmod(0o644)
-            with watching():
-                for path in list(writers)[1:]:
-                    path.unlink(missing_ok=True)
-                for path, temporary in temporaries.items():
-                    os.replace(temporary, path)
-        except OSError as error:
-            raise TableError(f"{path} cannot be written: {error.strerror or error}") from None
+            except OSError as error:
+                raise TableError(f"{path} cannot be written: {error.strerror or error}") from None
+        yield temporaries
+
+
+def put_in_place(temporaries: Mapping[Path, Path]) -> None:
+    """Give temporary files their final names.
+
+    All old files but the first are removed before the first new one is renamed, so that the files of two results are
+    never found together if the process is killed in between.
+    """
+    path = next(iter(temporaries))
+    try:
+        with watching():
+            for path in list(temporaries)[1:]:
+                path.unlink(missing_ok=True)
+            for path, temporary in temporaries.items():
+                os.replace(temporary, path)
+    except OSError as error:
+        raise TableError(f"{path} cannot be written: {error.strerror or error}") from None
 
 
 @contextmanager
@@ -199,35 +232,34 @@ def _temporary(path: Path) -> Iterator[Path]:
 
 
 def _empty_file(path: Path) -> Path:
-    """Make an empty file next to another, named after this process; remove those left by killed processes."""
-    for old in path.parent.glob(f".{path.stem}-*-*"):
-        owner = old.name.removeprefix(f".{path.stem}-").partition("-")[0]
-        if owner.isdecimal() and not _runs(int(owner)):
+    """Make an empty file next to another, with the mark of this process; remove those left by killed processes."""
+    handle, name = tempfile.mkstemp(prefix=f".{path.stem}-{mark()}", suffix=path.suffix, dir=path.parent)
+    with os.fdopen(handle) as file:
+        now = os.fstat(file.fileno()).st_mtime  # by the clock of the file system, which may be another machine's
+    for old in path.parent.glob(f".{path.stem}-*"):
+        rest = old.name.removeprefix(f".{path.stem}-")
+        if re.match(r"\d+-\w+\.", rest) and (is_gone(rest) or _is_old(old, now)):
             old.unlink(missing_ok=True)
-    handle, name = tempfile.mkstemp(prefix=f".{path.stem}-{os.getpid()}-", suffix=path.suffix, dir=path.parent)
-    os.close(handle)
     return Path(name)
 
 
-def _runs(process: int) -> bool:
-    """Whether a process exists; assumed where the system offers no harmless way to ask."""
-    if os.name != "posix":
-        return True
+def _is_old(path: Path, now: float) -> bool:
     try:
-        os.kill(process, 0)
-    except ProcessLookupError:
+        return now - path.stat().st_mtime > LEFTOVER
+    except FileNotFoundError:
         return False
-    except OSError:
-        pass
-    return True
 
 
-def _table_writer(table: pd.DataFrame, form: Format) -> Writer:
+def table_writer(table: Table, form: Format) -> Writer:
+    """Return a function that writes a table, whole or in parts, to a path."""
+    if not isinstance(table, pd.DataFrame):
+        return lambda path: (_write_row_groups if form == "parquet" else _write_lines)(table, path)
     if form == "parquet":
-        return lambda path: table.to_parquet(path, index=False)
+        return lambda path: table.to_parquet(path, index=False, write_page_checksum=True)
     return lambda path: table.to_csv(path, index=False)
 
 
-def _json_writer(value: Any) -> Writer:
+def json_writer(value: Any) -> Writer:
+    """Return a function that writes a value to a path; its numbers must be finite."""
     text = json.dumps(value, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
     return lambda path: path.write_text(text, encoding="utf-8")

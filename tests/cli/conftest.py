@@ -5,6 +5,7 @@ import shutil
 import pytest
 from common import commands
 from common.places import QUICKSTART
+from common.results import unproven
 
 
 @pytest.fixture(scope="session", params=["two layers", "one layer", "bare", "bouncing"])
@@ -34,5 +35,6 @@ def written(finished_commands):
 
 @pytest.fixture
 def result(written, tmp_path):
-    """A copy of a result that may be damaged."""
-    return shutil.copytree(written / "quickstart", tmp_path / "result", ignore=shutil.ignore_patterns("*.png"))
+    """A copy of a result whose files may be changed."""
+    copy = shutil.copytree(written / "quickstart", tmp_path / "result", ignore=shutil.ignore_patterns("*.png"))
+    return unproven(copy)

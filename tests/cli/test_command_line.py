@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import platform
 import re
@@ -82,7 +83,7 @@ def test_schema_is_json(vibroplat):
 def test_run_writes_tables_summary_and_provenance(name, form, written):
     directory = written / name
     tables = {f"trajectory.{form}", f"events.{form}", "summary.json", "provenance.json"}
-    assert {file for file in names(directory) if not file.endswith(".png")} == tables
+    assert {file for file in names(directory) if not file.endswith(".png")} == tables | {"files.lock"}
     summary, trajectory = read_json(directory, "summary"), read_table(directory, "trajectory")
     assert (summary["name"], summary["outcome"], summary["simulated_s"]) == (name, "ok", 0.2)
     assert trajectory["t_s"].iloc[-1] == 0.2
@@ -106,7 +107,7 @@ def test_run_that_ends_early_exits_1_and_keeps_what_it_has(command, tmp_path):
     assert done.err.startswith("vibroplat: event-storm: 3 restarts within ")
     assert "raise solver.max_events_per_period to follow them; mode flight, t = " in done.err
     directory = tmp_path / "storm"
-    assert {name.partition(".")[0] for name in names(directory)} == RUN_FILES
+    assert {name.partition(".")[0] for name in names(directory)} == RUN_FILES | {"files"}
     summary, trajectory = read_json(directory, "summary"), read_table(directory, "trajectory")
     assert summary["outcome"] == "event-storm"
     assert trajectory["t_s"].iloc[-1] == summary["simulated_s"] < 1.0
@@ -162,6 +163,9 @@ def test_provenance_says_where_a_result_came_from(written):
         "platform",
         "libraries",
         "configuration",
+        "command",
+        "result",
+        "files",
     ]
     assert (found["schema"], found["vibroplat"]) == (1, __version__)
     assert found["git_commit"] is None or re.fullmatch(r"[0-9a-f]{40}\+?", found["git_commit"])
@@ -175,6 +179,11 @@ def test_provenance_says_where_a_result_came_from(written):
     assert {"numpy", "numba", "scikit-sundae", "pandas", "pyarrow"} <= set(found["libraries"])
     assert found["libraries"] == {name: version(name) for name in found["libraries"]}
     assert Scene.from_tree(found["configuration"]) == scene
+    assert (found["command"], len(found["result"])) == ("run", 32)
+    assert found["files"] == {
+        name: hashlib.sha256((written / "quickstart" / name).read_bytes()).hexdigest()
+        for name in ("trajectory.parquet", "events.parquet", "summary.json")
+    }
 
 
 def test_commit_is_none_outside_of_a_checkout(monkeypatch, tmp_path):

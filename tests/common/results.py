@@ -9,11 +9,13 @@ import sqlite3
 import pandas as pd
 
 #: Files that commands leave under their final names.
-FINAL = re.compile(r"(trajectory|events|sweep|section|impacts)\.(parquet|csv)|(summary|provenance)\.json|\w+\.png")
+FINAL = re.compile(
+    r"(trajectory|events|sweep|section|impacts)\.(parquet|csv)|(summary|(run-|sweep-)?provenance)\.json|\w+\.png"
+)
 #: What the finished points of a sweep are kept in.
-KEPT = {"points.sqlite", "points.sqlite-wal", "points.sqlite-shm", "points.lock"}
+KEPT = {"points.sqlite", "points.sqlite-wal", "points.sqlite-shm", "points.lock", "files.lock"}
 #: Tables that are not finished.
-TEMPORARY = re.compile(r"\.\w+-\d+-\w+\.(parquet|csv|json|png)")
+TEMPORARY = re.compile(r"\.[\w-]+-\d+-\w+\.(parquet|csv|json|png)")
 
 
 def read(path):
@@ -42,6 +44,13 @@ def left(directory):
             assert FINAL.fullmatch(path.name), f"{path.name} is none of ours"
             found[path.name] = read(path)
     return found, temporaries
+
+
+def unproven(directory):
+    """Forget the digests of a result's files, as in results of former versions, so that its tables may be changed."""
+    path = directory / "provenance.json"
+    path.write_text(json.dumps({**json.loads(path.read_text()), "files": None}))
+    return directory
 
 
 def bits(table):

@@ -79,7 +79,7 @@ def test_run_without_room_is_told_in_a_line(text, form, size, here):
     assert len(left(here / "results/c")[0]) == 4
 
 
-@pytest.mark.parametrize(("text", "size", "file"), [(RUN, 3000, "trajectory.csv"), (SPARSE, 1550, "provenance.json")])
+@pytest.mark.parametrize(("text", "size", "file"), [(RUN, 3000, "trajectory.csv"), (SPARSE, 2000, "provenance.json")])
 def test_earlier_run_is_kept_where_there_is_no_room(text, size, file, here):
     (here / "c.yaml").write_text(text)
     assert command("run", "c.yaml", "--format", "csv").code == 0

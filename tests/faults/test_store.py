@@ -18,7 +18,7 @@ from common.results import bits, finished_points
 
 from vibroplat import load_config, sweep
 from vibroplat.errors import ConfigError
-from vibroplat.study.store import FILE, Store
+from vibroplat.study.store import FILE, Store, digest
 from vibroplat.tables import read_table, write_table
 
 POINTS = 44
@@ -150,7 +150,7 @@ def begun(tmp_path_factory):
     assert commands.command("sweep", place / "c.yaml", "--out", place).code == 0
     with sqlite3.connect(place / "c" / FILE) as base:
         base.execute("DELETE FROM records WHERE second = 1")
-        base.execute("UPDATE about SET value = 'false' WHERE key = 'finished'")
+        base.execute("UPDATE about SET value = '0', digest = ? WHERE key = 'finished'", (digest("finished", "0"),))
     base.close()
     (place / "c/sweep.parquet").unlink()
     return place / "c"
@@ -237,8 +237,8 @@ def test_file_that_is_no_database_is_told_in_a_line_and_left_alone(options, comm
     (here / "c.yaml").write_text(SMALL)
     (here / "results/c").mkdir(parents=True)
     (here / "results/c" / FILE).write_text("hello\n" * 1000)
-    line = f"vibroplat: results/c/{FILE} cannot be used: file is not a database\n"
-    assert command("sweep", "c.yaml", *options) == (2, "", line)
+    line = f"vibroplat: results/c/{FILE} is damaged (file is not a database); remove it to start again\n"
+    assert command("sweep", "c.yaml", *options) == (1, "", line)
     assert (here / "results/c" / FILE).read_text() == "hello\n" * 1000
 
 

@@ -15,6 +15,7 @@ from vibroplat.paper import histories, reproduction
 from vibroplat.paper.evidence import Course, Evidence, F, Key
 from vibroplat.paper.narrowing import JUMP_WIDTH, narrow, steps_read
 from vibroplat.paper.nonimpact import LARGEST_BETA, MATCHED, UnknownError, beta_without_excess, match_beta
+from vibroplat.paper.report import write_reproduction
 from vibroplat.paper.scoreboard import FORMER
 from vibroplat.paper.trial import BETA, LAWS, machine_numbers, paper_scene
 from vibroplat.plots.paper import FIGURES, plot_paper
@@ -25,7 +26,6 @@ from vibroplat.study.point import measure_point
 from vibroplat.study.store import Store
 from vibroplat.study.sweep import run_sweeps
 from vibroplat.study.tasks import StoredChain, run_stored
-from vibroplat.tables import write_table
 
 COARSE = {
     "sweep.supply_frequency_hz.start": 42.0,
@@ -282,8 +282,7 @@ def test_paper_is_reproduced_and_resumed(tmp_path, coarse):
     assert len(shown) == (16 if found.beta else 12)
     assert np.isfinite(found.tables["fig4"]["y_m"]).all()
     assert set(found.tables["impact-laws"]["impact_law"]) == {"conservative", "central", "printed"}
-    for name, table in found.tables.items():
-        write_table(table, tmp_path, name, "csv")
+    write_reproduction(found, coarse, tmp_path)
     assert [path.stem for path in plot_paper(tmp_path)] == list(FIGURES)
     # judged again from what is stored
     same(reproduction.reproduce(coarse, place, Refusing(), seeds=seeds, resume=True), found)

@@ -9,6 +9,7 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 from common import commands
+from common.results import unproven
 
 from vibroplat.errors import TableError
 from vibroplat.plots.style import plt
@@ -54,7 +55,7 @@ def tables_of(written, tmp_path):
         directory.mkdir()
         for file in files:
             shutil.copy(file, directory)
-        return directory
+        return unproven(directory)
 
     return copy
 

@@ -10,9 +10,8 @@ import numpy as np
 from vibroplat.errors import ConfigError, TableError
 from vibroplat.hybrid.initial import initial_state, perturbed
 from vibroplat.kernels.compiled import FloatArray
-from vibroplat.provenance import read_provenance
+from vibroplat.results import Result
 from vibroplat.scene import COORDINATES, RATES, Mode, Scene
-from vibroplat.tables import read_json, read_last_row
 
 
 class Beginning(NamedTuple):
@@ -60,20 +59,21 @@ def _end_of(directory: Path, scene: Scene) -> Beginning:
     """Read the last row of a run's trajectory."""
     key = f"run.initial.from = {str(directory)!r}"
     try:
-        origin, summary = read_provenance(directory), read_json(directory, "summary")
-        row = read_last_row(directory, "trajectory")
+        result = Result(directory, "run")
+        origin, summary, table = result.provenance, result.document("summary"), result.table("trajectory")
     except TableError as error:
         raise ConfigError(f"{key}: {error}; allowed: the directory of a finished run") from None
     outcome = summary.get("outcome") if isinstance(summary, dict) else None
     if outcome != "ok":
         raise ConfigError(f"{key}: the run ended early ({outcome}); allowed: the directory of a finished run")
     try:
+        row = dict(table.iloc[-1].items())
         time, mode = float(row["t_s"]), Mode[str(row["mode"]).upper()]
         state = _state_of(row, scene, key)
-    except (KeyError, TypeError, ValueError):
+    except (IndexError, KeyError, TypeError, ValueError):
         raise ConfigError(f"{key}: its trajectory is not as vibroplat writes it") from None
     told = {"directory": str(directory), "t_s": time} | {
-        name: origin.get(name) for name in ("configuration_sha256", "created")
+        name: origin.get(name) for name in ("result", "configuration_sha256", "created")
     }
     return Beginning(state, time, mode if mode in scene.modes else None, told)
 

@@ -14,6 +14,7 @@ from vibroplat.scene import Scene
 from vibroplat.study.branches import EXCITATION, SUPPLY, Branch, branches, sweep_plan
 from vibroplat.study.point import ERRORS
 from vibroplat.study.store import Record, Records
+from vibroplat.study.sweep import branch_records
 from vibroplat.sweep_plan import SweepPlan
 
 #: Row of a sweep table, by column.
@@ -119,7 +120,7 @@ class Evidence:
     def add(self, scene: Scene, records: Records) -> None:
         """Add the branches of a finished sweep from its stored points."""
         for branch in branches(scene):
-            self.add_branch(branch, sweep_plan(scene), [record for _, record in records.read(branch.number)])
+            self.add_branch(branch, sweep_plan(scene), list(branch_records(branch, records)))
 
     def add_branch(self, branch: Branch, plan: SweepPlan, records: Sequence[Record]) -> None:
         """Add a branch by the records of its points; one that is there already, as sweeps share branches, is kept."""

@@ -12,16 +12,15 @@ from vibroplat.integrate.choice import engine_name
 from vibroplat.paper.reproduction import SWEEPS, Reproduction
 from vibroplat.paper.trial import paper_scene
 from vibroplat.provenance import provenance
-from vibroplat.tables import remove_table, write_json, write_table
+from vibroplat.results import write_result
+from vibroplat.tables import remove_table, write_table
 
 
 def write_reproduction(found: Reproduction, numbers: Mapping[str, Any], directory: Path) -> None:
     """Write the tables of a reproduction, and its provenance with the machine's numbers."""
-    for name, table in found.tables.items():
-        write_table(table, directory, name, "csv")
     scene = paper_scene(SWEEPS[0], numbers)
     beta = {"beta_per_s": found.beta, "beta_matched_hz": found.matched_hz}
-    write_json(provenance(scene, engine_name(scene)) | beta, directory, "provenance")
+    write_result(directory, "paper", provenance(scene, engine_name(scene)) | beta, found.tables, form="csv")
 
 
 def overview(name: str, found: Reproduction, seconds: float) -> Iterator[str]:

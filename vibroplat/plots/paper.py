@@ -11,7 +11,7 @@ import pandas as pd
 
 from vibroplat.plots.style import CURVES, plt, save, styled
 from vibroplat.plots.sweep import phase_axis
-from vibroplat.tables import read_table
+from vibroplat.results import Result
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -27,8 +27,9 @@ _MODELS = ("1 – R = 0", "2 – R = 0.3", "3 – R = 0.5", "4 – non-impact")
 
 def plot_paper(directory: Path) -> list[Path]:
     """Draw Figs. 2–7 from the tables of a reproduction into its directory."""
+    result = Result(directory, "paper")
     with styled():
-        return [save(draw(directory), directory / f"{name}.png") for name, draw in FIGURES.items()]
+        return [save(draw(result), directory / f"{name}.png") for name, draw in FIGURES.items()]
 
 
 def _curves(axis: Axes, table: pd.DataFrame, column: str, factor: float, colour: str, label: str) -> None:
@@ -56,8 +57,8 @@ def _curves(axis: Axes, table: pd.DataFrame, column: str, factor: float, colour:
             axis.annotate("", (f[i + 1], values[i + 1]), (f[i], values[i]), arrowprops=arrow)
 
 
-def _fig2(directory: Path) -> Figure:
-    table = read_table(directory, "fig2")
+def _fig2(result: Result) -> Figure:
+    table = result.table("fig2")
     figure, (top, bottom) = plt.subplots(2, 1, figsize=(8, 6.5), sharex=True)
     _curves(top, table, "rms_y_m", 1e3, CURVES[0], "Ã_y")
     _curves(top, table, "rms_x_m", 1e3, CURVES[1], "Ã_x")
@@ -79,8 +80,8 @@ def _fig2(directory: Path) -> Figure:
     return figure
 
 
-def _fig3(directory: Path) -> Figure:
-    table = read_table(directory, "fig3")
+def _fig3(result: Result) -> Figure:
+    table = result.table("fig3")
     figure, (top, bottom) = plt.subplots(2, 1, figsize=(8, 6.5), sharex=True)
     for label, mass_ratio, colour in zip(_MASSES, (0.1, 0.2, 0.0), CURVES, strict=False):
         rows = table[table["material.mass_ratio"] == mass_ratio]
@@ -96,14 +97,14 @@ def _fig3(directory: Path) -> Figure:
     return figure
 
 
-def _fig6(directory: Path) -> Figure:
-    table = read_table(directory, "fig6")
+def _fig6(result: Result) -> Figure:
+    table = result.table("fig6")
     figure, axis = plt.subplots(figsize=(8, 4.6))
     shown = table[table["direction"] == "up"]
     for label, restitution, colour in zip(_MODELS, (0.0, 0.3, 0.5), CURVES, strict=False):
         _curves(axis, shown[shown["contact.restitution"] == restitution], "rms_y_m", 1e3, colour, label)
-    if any(directory.glob("fig6-nonimpact.*")):
-        viscous = read_table(directory, "fig6-nonimpact")
+    if any(result.directory.glob("fig6-nonimpact.*")):
+        viscous = result.table("fig6-nonimpact")
         _curves(axis, viscous[viscous["direction"] == "up"], "rms_y_m", 1e3, CURVES[3], _MODELS[3])
     axis.set_ylabel("Ã_y (mm)")
     axis.set_ylim(bottom=0.0)
@@ -113,11 +114,11 @@ def _fig6(directory: Path) -> Figure:
     return figure
 
 
-def _history(name: str, column: str, label: str, curves: tuple[str, ...], title: str) -> Callable[[Path], Figure]:
+def _history(name: str, column: str, label: str, curves: tuple[str, ...], title: str) -> Callable[[Result], Figure]:
     """Make a drawer of time histories, a panel for each of the paper's frequencies."""
 
-    def draw(directory: Path) -> Figure:
-        table = read_table(directory, name)
+    def draw(result: Result) -> Figure:
+        table = result.table(name)
         panels = list(dict.fromkeys(table["panel"]))
         figure, axes = plt.subplots(len(panels), 1, figsize=(8, 2.4 * len(panels)))
         for letter, axis, panel in zip("abcd", axes, panels, strict=False):
@@ -136,7 +137,7 @@ def _history(name: str, column: str, label: str, curves: tuple[str, ...], title:
 
 
 #: By the name of the file.
-FIGURES: dict[str, Callable[[Path], Figure]] = {
+FIGURES: dict[str, Callable[[Result], Figure]] = {
     "fig2": _fig2,
     "fig3": _fig3,
     "fig4": _history("fig4", "y_m", "y (mm)", _MASSES, "R = 0"),

@@ -4,27 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 
 from vibroplat.errors import TableError
-from vibroplat.provenance import read_provenance
-from vibroplat.tables import read_table
+from vibroplat.results import Command, Result
 
 
-def require_schema(directory: Path) -> dict[str, Any]:
-    """Return the provenance of a result; refuse other schema versions."""
+def read_result(directory: Path, command: Command) -> Result:
+    """Return the result of a command; refuse other schema versions and what is unfinished."""
     if not directory.is_dir():
         raise TableError(f"{directory} is not a directory; allowed: a result directory of vibroplat")
     if (directory / "points.sqlite").exists() and not any(directory.glob("sweep.*")):
         raise TableError(f"{directory} holds an unfinished sweep; continue it with `vibroplat sweep --resume`")
-    return read_provenance(directory)
+    return Result(directory, command)
 
 
-def read_columns(directory: Path, name: str, label: str | Sequence[str], numbers: Sequence[str]) -> pd.DataFrame:
+def read_columns(result: Result, name: str, label: str | Sequence[str], numbers: Sequence[str]) -> pd.DataFrame:
     """Read a table; it must have these columns of labels and of numbers."""
-    table = read_table(directory, name)
+    directory, table = result.directory, result.table(name)
     for column in numbers:
         if column not in table or not (pd.api.types.is_numeric_dtype(table[column]) or table.empty):
             raise TableError(f"the {name} table in {directory} has no numbers in column {column}")

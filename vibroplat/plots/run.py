@@ -11,9 +11,8 @@ import numpy as np
 import pandas as pd
 
 from vibroplat.errors import TableError
-from vibroplat.plots.reading import read_columns, require_schema
+from vibroplat.plots.reading import read_columns, read_result
 from vibroplat.plots.style import CONTACT, FORCE, MATERIAL, PLATFORM, plt, save, styled
-from vibroplat.tables import read_json
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -69,13 +68,13 @@ def plot_run(
 
 
 def _read(directory: Path, start: float | None, stop: float | None) -> _Result:
-    require_schema(directory)
-    summary = read_json(directory, "summary")
+    result = read_result(directory, "run")
+    summary = result.document("summary")
     if not isinstance(summary, dict) or not {"name", "excitation_frequency_hz"} <= summary.keys():
         raise TableError(f"{directory / 'summary.json'} is not the summary of a run")
     angles = ("phi1_rad", "phi2_rad", "phi1_rate_rad_per_s", "phi2_rate_rad_per_s")
-    whole = read_columns(directory, "trajectory", "mode", ("t_s", "y_m", *angles))
-    events = read_columns(directory, "events", "kind", ("t_s", "impulse_n_s"))
+    whole = read_columns(result, "trajectory", "mode", ("t_s", "y_m", *angles))
+    events = read_columns(result, "events", "kind", ("t_s", "impulse_n_s"))
     if whole.empty:
         raise TableError(f"{directory} holds an empty trajectory; there is nothing to plot")
     first, last = float(whole["t_s"].min()), float(whole["t_s"].max())

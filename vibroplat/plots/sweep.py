@@ -14,8 +14,9 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from vibroplat.errors import TableError
-from vibroplat.plots.reading import read_columns, require_schema
+from vibroplat.plots.reading import read_columns, read_result
 from vibroplat.plots.style import CURVES, plt, save, styled
+from vibroplat.results import Result
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -39,7 +40,7 @@ _NUMBERS = (EXCITATION, "rms_x_m", "rms_y_m", "rms_phi_rad", "phase_difference_r
 class Response:
     """Table of a sweep, and the grid keys that have several values."""
 
-    directory: Path
+    result: Result
     name: str
     table: pd.DataFrame
     keys: list[str]
@@ -56,12 +57,12 @@ class Response:
             yield label, numbers.setdefault(label, len(numbers)), str(rows["direction"].iloc[0]), rows
 
 
-def _kind(origin: dict[str, Any], directory: Path) -> str:
+def _kind(result: Result) -> str:
     """Return the kind of a sweep."""
     try:
-        return str(origin["configuration"]["sweep"]["kind"])
+        return str(result.provenance["configuration"]["sweep"]["kind"])
     except (KeyError, TypeError):
-        raise TableError(f"{directory}/provenance.json is not the provenance of a sweep") from None
+        raise TableError(f"{result.directory}/provenance.json is not the provenance of a sweep") from None
 
 
 def plot_sweep(directory: Path, kinds: Sequence[str]) -> list[Path]:
@@ -81,21 +82,21 @@ def plot_sweep(directory: Path, kinds: Sequence[str]) -> list[Path]:
     TableError
         Tables are missing, have another schema version, or lack data that a figure needs.
     """
-    origin = require_schema(directory)
     response = read_response(directory)
     if not kinds:
-        kinds = list(dict.fromkeys(["response", _kind(origin, directory)]))
+        kinds = list(dict.fromkeys(["response", _kind(response.result)]))
     with styled():
         return [save(FIGURES[kind](response), directory / f"{kind}.png") for kind in kinds]
 
 
 def read_response(directory: Path) -> Response:
     """Read the table of a sweep."""
-    table = read_columns(directory, "sweep", ("direction", "sync"), (FREQUENCY, "branch", *_NUMBERS))
+    result = read_result(directory, "sweep")
+    table = read_columns(result, "sweep", ("direction", "sync"), (FREQUENCY, "branch", *_NUMBERS))
     if table.empty:
         raise TableError(f"{directory} holds an empty sweep table; there is nothing to plot")
     grid = list(table.columns[1 : list(table.columns).index("direction")])
-    return Response(directory, directory.resolve().name, table, [key for key in grid if len(table[key].unique()) > 1])
+    return Response(result, directory.resolve().name, table, [key for key in grid if len(table[key].unique()) > 1])
 
 
 def _is_number(column: pd.Series[Any]) -> bool:
@@ -163,8 +164,8 @@ def _response(response: Response) -> Figure:
 
 def _bifurcation(response: Response) -> Figure:
     """Draw points of the Poincaré section and impact speeds over frequency, one column per grid combination."""
-    section = read_columns(response.directory, "section", "direction", (EXCITATION, "branch", "y_m"))
-    impacts = read_columns(response.directory, "impacts", "direction", (EXCITATION, "branch", "impact_speed_m_per_s"))
+    section = read_columns(response.result, "section", "direction", (EXCITATION, "branch", "y_m"))
+    impacts = read_columns(response.result, "impacts", "direction", (EXCITATION, "branch", "impact_speed_m_per_s"))
     curves = list(response.curves())
     columns = 1 + max(number for _, number, _, _ in curves)
     figure, axes = plt.subplots(
@@ -203,7 +204,9 @@ def _map(response: Response) -> Figure:
     """Draw maps of synchronization and period over supply frequency and a grid key."""
     key = _map_key(response)
     if key is None:
-        raise TableError(f"{response.directory} varies {response.keys}; a map needs one grid key with several numbers")
+        raise TableError(
+            f"{response.result.directory} varies {response.keys}; a map needs one grid key with several numbers"
+        )
     directions = list(dict.fromkeys(response.table["direction"]))
     figure, axes = plt.subplots(
         len(directions), 2, figsize=(11, 0.8 + 3.2 * len(directions)), sharex=True, sharey=True, squeeze=False

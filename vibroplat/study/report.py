@@ -11,23 +11,28 @@ import pandas as pd
 from vibroplat.integrate.choice import engine_name
 from vibroplat.plausibility import notes_on_inputs
 from vibroplat.provenance import provenance
+from vibroplat.results import write_result
 from vibroplat.scene import Scene
 from vibroplat.study.branches import FREQUENCY, SUPPLY, Branch, sweep_plan
 from vibroplat.study.store import Records
 from vibroplat.study.sweep import impact_tables, section_tables, tables
-from vibroplat.tables import Format, remove_table, write_json, write_tables
+from vibroplat.tables import Format, Table
 
 
 def write_sweep(scene: Scene, records: Records, directory: Path, form: Format) -> None:
-    """Write the tables and the provenance of a finished sweep into its directory."""
-    write_json(provenance(scene, engine_name(scene)), directory, "provenance")
+    """Write the tables and the provenance of a finished sweep into its directory.
+
+    Raises
+    ------
+    SpoiledError
+        A record is missing or damaged; nothing is written.
+    """
+    found: dict[str, Table] = {}
     if sweep_plan(scene).kind == "bifurcation":
-        write_tables(section_tables(scene, records), directory, "section", form)
-        write_tables(impact_tables(scene, records), directory, "impacts", form)
-    else:
-        for name in ("section", "impacts"):
-            remove_table(directory, name)
-    write_tables(tables(scene, records), directory, "sweep", form)
+        found |= {"section": section_tables(scene, records), "impacts": impact_tables(scene, records)}
+    found["sweep"] = tables(scene, records)
+    absent = {"section", "impacts"} - found.keys()
+    write_result(directory, "sweep", provenance(scene, engine_name(scene)), found, form=form, absent=absent)
 
 
 def overview(table: pd.DataFrame) -> dict[str, str]:

@@ -1,32 +1,53 @@
-"""Results on disk, stored one by one as they are finished, so that a killed process loses none of them."""
+"""Results on disk, stored one by one as they are finished, so that a killed process loses none of them.
+
+What is read back is what was written, or it is said: each record has a digest of its text, its place and its task. A
+record that is damaged is deleted when work is resumed, and its task is done again. A later record of its chain is used
+again only if the task that now follows is the one that it was the record of, with the same arguments.
+"""
 
 from __future__ import annotations
 
+import hashlib
 import json
+import logging
 import sqlite3
+from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Protocol, Self
 
-from filelock import FileLock, Timeout
-
 from vibroplat.errors import ConfigError, TableError
+from vibroplat.locks import Lock
 from vibroplat.overrides import flat
 
 #: Name of the file, next to the tables made from it.
 FILE = "points.sqlite"
+#: Version of its contents; files of other versions are refused.
+FORMAT = 2
 
 #: What is stored of one task: plain values that JSON can hold.
 Record = dict[str, Any]
+
+_log = logging.getLogger(__name__)
+
+
+class SpoiledError(TableError):
+    """Stored records that are damaged or missing."""
+
+    exit_code = 1
 
 
 class Records(Protocol):
     """Where chains of tasks store their records: a :class:`Store` or a part of one."""
 
-    def write(self, chain: int | str, place: int, record: Mapping[str, Any]) -> None:
-        """Store the record at a place of a chain."""
+    def write(self, chain: int | str, place: int, record: Mapping[str, Any], task: str = "") -> None:
+        """Store the record of a task at a place of a chain."""
+        ...
+
+    def find(self, chain: int | str, place: int, task: str) -> Record | None:
+        """Return the record at a place of a chain; None if there is none, or if it is the record of another task."""
         ...
 
     def read(self, chain: int | str) -> Iterator[tuple[int, Record]]:
@@ -50,10 +71,17 @@ class Store:
     overwrite
         Whether records of unfinished work may be deleted.
 
+    Attributes
+    ----------
+    reused
+        How many records have been found for tasks, which were therefore not done again.
+
     Raises
     ------
     ConfigError
         The conditions have changed, or unfinished work would be lost.
+    SpoiledError
+        The file as a whole is damaged.
     TableError
         The file cannot be written, is in use, or is no such file.
     """
@@ -62,14 +90,14 @@ class Store:
         self, directory: Path | None, conditions: Mapping[str, Any], *, resume: bool = False, overwrite: bool = False
     ) -> None:
         self._path = ":memory:" if directory is None else str(directory / FILE)
-        self._lock = FileLock(Path(self._path).with_suffix(".lock"), timeout=0) if directory is not None else None
+        self._lock = None if directory is None else Lock((directory / FILE).with_suffix(".lock"))
         self._connection: sqlite3.Connection | None = None
+        self._departed = False
+        self.reused = 0
         try:
             if self._lock is not None:
                 self._lock.acquire()
             self._open(json.loads(json.dumps(conditions)), resume=resume, overwrite=overwrite)
-        except Timeout:
-            raise TableError(f"{directory} is in use by another process") from None
         except OSError as error:
             raise TableError(f"{self._path} cannot be used: {error.strerror or error}") from None
         except BaseException:
@@ -80,13 +108,14 @@ class Store:
         """Open the file; keep or delete its records, if that is allowed."""
         with self._complaints():
             self._connection = sqlite3.connect(self._path)
+            self._connection.text_factory = bytes  # a damaged text may not be UTF-8
             # with a write-ahead log a record is complete or absent whenever the process dies, and writing is quick
             self._base.execute("PRAGMA journal_mode = WAL")
             self._base.execute("PRAGMA synchronous = NORMAL")
-            self._base.execute("CREATE TABLE IF NOT EXISTS about (key TEXT PRIMARY KEY, value TEXT)")
-            self._base.execute(
-                "CREATE TABLE IF NOT EXISTS records (first, second INTEGER, record TEXT, PRIMARY KEY (first, second))"
-            )
+            if self._number("SELECT COUNT(*) FROM sqlite_master"):
+                self._require_sound()
+            else:
+                self._create()
             found, finished = self._about("conditions"), self._about("finished")
         if found is not None:
             if resume:
@@ -97,27 +126,93 @@ class Store:
                     "allowed: --resume to continue it, --overwrite to start again"
                 )
         with self._complaints(), self._base:
-            if not resume:
+            if resume:
+                self._drop_spoiled(finished or 0)
+            else:
                 self._base.execute("DELETE FROM records")
             self._tell("conditions", wanted)
-            self._tell("finished", finished if resume else False)
+            self._tell("finished", finished if resume else 0)
+
+    def _create(self) -> None:
+        """Create the tables; they are there together with the conditions, or not at all."""
+        self._base.execute("BEGIN")
+        self._base.execute("CREATE TABLE about (key TEXT PRIMARY KEY, value TEXT, digest TEXT)")
+        self._base.execute(
+            "CREATE TABLE records "
+            "(first, second INTEGER, task TEXT, record TEXT, digest TEXT, PRIMARY KEY (first, second))"
+        )
+        self._base.execute(f"PRAGMA user_version = {FORMAT}")
+
+    def _require_sound(self) -> None:
+        """Refuse files of other formats and programs, and those whose pages are damaged."""
+        form = self._number("PRAGMA user_version")
+        if form != FORMAT:
+            raise TableError(
+                f"{self._path} cannot be used: its format is {form}, this version reads {FORMAT}; "
+                "remove it to start again"
+            )
+        (found,) = self._base.execute("PRAGMA integrity_check(1)").fetchone()
+        if found != b"ok":
+            raise self._spoiled(_text(found))
+
+    def _drop_spoiled(self, finished: int) -> None:
+        """Delete damaged records, and say how many are damaged or missing.
+
+        ``finished`` is how many records there were when the work was finished.
+        """
+        places: dict[Any, list[int]] = defaultdict(list)
+        spoiled = []
+        rows = self._base.execute("SELECT rowid, first, second, task, record, digest FROM records NOT INDEXED")
+        for row, chain, place, *content in rows:
+            if _sound(chain, place, *content):
+                places[chain].append(place)
+            else:
+                spoiled.append((row,))
+        self._base.executemany("DELETE FROM records WHERE rowid = ?", spoiled)
+        stored = sum(map(len, places.values())) + len(spoiled)
+        gaps = sum(max(found) + 1 - len(found) for found in places.values())
+        missing = max(gaps - len(spoiled), finished - stored, 0)
+        if missing or spoiled:
+            lost, total = missing + len(spoiled), stored + missing
+            _log.warning("%s: %d of %d records damaged or missing; computing them again", self._path, lost, total)
 
     def __len__(self) -> int:
         with self._complaints():
-            return int(self._base.execute("SELECT COUNT(*) FROM records").fetchone()[0])
+            return self._number("SELECT COUNT(*) FROM records")
 
-    def write(self, chain: int | str, place: int, record: Mapping[str, Any]) -> None:
-        """Store the record at a place of a chain; numbers that are not finite are refused with a ValueError."""
+    def write(self, chain: int | str, place: int, record: Mapping[str, Any], task: str = "") -> None:
+        """Store the record of a task at a place of a chain; numbers that are not finite are refused (ValueError)."""
         text = json.dumps(record, allow_nan=False)
+        row = (chain, place, task, text, digest(chain, place, task, text))
         with self._complaints(), self._base:
-            self._base.execute("INSERT OR REPLACE INTO records VALUES (?, ?, ?)", (chain, place, text))
+            self._base.execute("INSERT OR REPLACE INTO records VALUES (?, ?, ?, ?, ?)", row)
+
+    def find(self, chain: int | str, place: int, task: str) -> Record | None:
+        """Return the record at a place of a chain; None if there is none, or if it is the record of another task."""
+        with self._complaints():
+            row = self._base.execute(
+                "SELECT task, record, digest FROM records WHERE first = ? AND second = ?", (chain, place)
+            ).fetchone()
+        if row is None or not _sound(chain, place, *row):
+            return None
+        if _text(row[0]) != task:
+            if not self._departed:
+                _log.warning("%s: some records do not follow from those before them; computing them again", self._path)
+            self._departed = True
+            return None
+        self.reused += 1
+        return dict(json.loads(row[1]))
 
     def read(self, chain: int | str) -> Iterator[tuple[int, Record]]:
-        """Yield places and records of a chain in their order."""
+        """Yield places and records of a chain in their order; raises :class:`SpoiledError` at a damaged one."""
         with self._complaints():
-            rows = self._base.execute("SELECT second, record FROM records WHERE first = ? ORDER BY second", (chain,))
-            for place, text in rows:
-                yield place, json.loads(text)
+            rows = self._base.execute(
+                "SELECT second, task, record, digest FROM records WHERE first = ? ORDER BY second", (chain,)
+            )
+            for place, *content in rows:
+                if not _sound(chain, place, *content):
+                    raise SpoiledError(f"{self._path}: a record is damaged; --resume computes it again")
+                yield place, json.loads(content[1])
 
     def part(self, name: str) -> Records:
         """Return the part of the store that holds the chains of one purpose."""
@@ -126,7 +221,7 @@ class Store:
     def finish(self) -> None:
         """Mark the work as finished: nothing is missing."""
         with self._complaints(), self._base:
-            self._tell("finished", True)
+            self._tell("finished", len(self))
 
     def close(self) -> None:
         """Close the file and let other processes use it."""
@@ -147,18 +242,34 @@ class Store:
         return self._connection
 
     def _about(self, key: str) -> Any:
-        row = self._base.execute("SELECT value FROM about WHERE key = ?", (key,)).fetchone()
-        return None if row is None else json.loads(row[0])
+        row = self._base.execute("SELECT value, digest FROM about WHERE key = ?", (key,)).fetchone()
+        if row is None:
+            return None
+        value, found = map(_text, row)
+        if digest(key, value) != found:
+            raise self._spoiled("what it says about its records is damaged")
+        return json.loads(value)
 
     def _tell(self, key: str, value: Any) -> None:
-        self._base.execute("INSERT OR REPLACE INTO about VALUES (?, ?)", (key, json.dumps(value)))
+        text = json.dumps(value)
+        self._base.execute("INSERT OR REPLACE INTO about VALUES (?, ?, ?)", (key, text, digest(key, text)))
+
+    def _number(self, query: str) -> int:
+        return int(self._base.execute(query).fetchone()[0])
+
+    def _spoiled(self, reason: str) -> SpoiledError:
+        return SpoiledError(f"{self._path} is damaged ({reason}); remove it to start again")
 
     @contextmanager
     def _complaints(self) -> Iterator[None]:
         try:
             yield
         except sqlite3.Error as error:
+            if getattr(error, "sqlite_errorcode", 0) & 0xFF in (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB):
+                raise self._spoiled(str(error)) from None
             raise TableError(f"{self._path} cannot be used: {error}") from None
+        except UnicodeDecodeError:  # a message of SQLite that quotes damaged names
+            raise self._spoiled("its names are no text") from None
 
 
 class _Part:
@@ -168,11 +279,33 @@ class _Part:
         self._store = store
         self._name = name
 
-    def write(self, chain: int | str, place: int, record: Mapping[str, Any]) -> None:
-        self._store.write(f"{self._name}/{chain}", place, record)
+    def write(self, chain: int | str, place: int, record: Mapping[str, Any], task: str = "") -> None:
+        self._store.write(f"{self._name}/{chain}", place, record, task)
+
+    def find(self, chain: int | str, place: int, task: str) -> Record | None:
+        return self._store.find(f"{self._name}/{chain}", place, task)
 
     def read(self, chain: int | str) -> Iterator[tuple[int, Record]]:
         return self._store.read(f"{self._name}/{chain}")
+
+
+def digest(*values: Any) -> str:
+    """Return the SHA-256 of plain values.
+
+    It takes some microseconds for a record that took milliseconds to compute, and unlike a cyclic checksum it also
+    tells tasks apart that differ anywhere.
+    """
+    return hashlib.sha256(json.dumps(values).encode()).hexdigest()
+
+
+def _sound(chain: Any, place: Any, task: Any, record: Any, found: Any) -> bool:
+    """Whether a row is as it was written."""
+    values = [value if isinstance(value, int) else _text(value) for value in (chain, place, task, record)]
+    return digest(*values) == _text(found)
+
+
+def _text(value: Any) -> str:
+    return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
 
 
 def _require_same(found: Mapping[str, Any], wanted: Mapping[str, Any]) -> None:

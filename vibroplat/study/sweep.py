@@ -13,7 +13,7 @@ from vibroplat.scene import Scene
 from vibroplat.study.branches import EXCITATION, SUPPLY, Branch, branches, sweep_plan
 from vibroplat.study.execution import Pool, pool, run_chains
 from vibroplat.study.point import ERRORS, MEASURED, point_task
-from vibroplat.study.store import Record, Records, Store
+from vibroplat.study.store import Record, Records, SpoiledError, Store
 from vibroplat.study.tasks import StoredChain, Tasks
 from vibroplat.sweep_plan import SweepPlan
 
@@ -142,6 +142,25 @@ def branch_points(branch: Branch, plan: SweepPlan, take: Callable[[Record], obje
         take(record)
 
 
+def branch_records(branch: Branch, records: Records) -> Iterator[Record]:
+    """Yield the records of all points of a branch.
+
+    Raises
+    ------
+    SpoiledError
+        One of them is missing or damaged.
+    """
+    wanted = len(branch.frequencies)
+    found = 0
+    for place, record in records.read(branch.number):
+        if place != found or found == wanted:
+            break
+        yield record
+        found += 1
+    if found < wanted:
+        raise SpoiledError(f"point {found} of branch {branch.number} is not stored; --resume computes it")
+
+
 def tables(scene: Scene, records: Records) -> Iterator[pd.DataFrame]:
     """Yield the sweep table in parts, in the order of branches and points."""
     yield from _parts(scene, records, lambda record: [record["row"]], COLUMNS)
@@ -173,7 +192,7 @@ def _parts(
     rows: list[Record] = []
     yielded = False
     for branch in branches(scene):
-        for point, record in records.read(branch.number):
+        for point, record in enumerate(branch_records(branch, records)):
             place = {SUPPLY: branch.frequencies[point], **branch.grid}
             place |= {"direction": branch.direction, "branch": branch.number}
             rows += [place | row for row in rows_of(record)]

@@ -3,7 +3,8 @@
 A study is planned as generators. Each yields its next :class:`Task` and is sent the record of the result, so that the
 task after it may depend on all results so far; what the generator returns is the result of its chain. Chains run side
 by side in a pool, and each record is stored as soon as it is there. A resumed chain is sent the stored records first:
-it repeats its decisions without computing anything, and goes on where it was interrupted.
+it repeats its decisions without computing anything, and goes on where it was interrupted. A stored record is sent only
+for the very task that it was the record of, so that it does not matter which records are lost.
 """
 
 from __future__ import annotations
@@ -11,8 +12,10 @@ from __future__ import annotations
 from collections.abc import Callable, Generator, Iterable
 from typing import Any, Generic, NamedTuple, TypeVar
 
+from pydantic import BaseModel
+
 from vibroplat.study.execution import Pool, WorkerLostError, run_chains
-from vibroplat.study.store import Record, Records
+from vibroplat.study.store import Record, Records, digest
 
 T = TypeVar("T")
 
@@ -32,13 +35,19 @@ class Task(NamedTuple):
     arguments: tuple[Any, ...] = ()
     if_lost: Callable[[str], Record] | None = None
 
+    @property
+    def digest(self) -> str:
+        """What identifies the task: a digest of the function's name and of all arguments."""
+        name = f"{self.function.__module__}.{getattr(self.function, '__qualname__', type(self.function).__name__)}"
+        return digest(name, *map(_plain, self.arguments))
+
 
 #: A generator of tasks that is sent their records.
 Tasks = Generator[Task, Record, T]
 
 
 class StoredChain(Generic[T]):
-    """A chain that stores its records, and begins with those that are stored.
+    """A chain that stores its records, and does not repeat tasks whose records are stored.
 
     Parameters
     ----------
@@ -55,13 +64,10 @@ class StoredChain(Generic[T]):
         self._records = records
         self._name = name
         self._next: Task | None = None
+        self._digest = ""
+        self._place = -1
         self._result: T
-        self._stored = -1
         self._send(None)
-        for _, record in records.read(name):
-            if self.done:
-                break
-            self._send(record)
 
     @property
     def done(self) -> bool:
@@ -91,15 +97,27 @@ class StoredChain(Generic[T]):
                 raise result
             result = self._next.if_lost(str(result))
         record = result if isinstance(result, dict) else vars(result)
-        self._records.write(self._name, self._stored, record)
+        self._records.write(self._name, self._place, record, self._digest)
         self._send(record)
 
     def _send(self, record: Record | None) -> None:
-        self._stored += 1
-        try:
-            self._next = next(self._tasks) if record is None else self._tasks.send(record)
-        except StopIteration as end:
-            self._next, self._result = None, end.value
+        """Send the record of the last task, and go on to the next one whose record is not stored."""
+        while True:
+            try:
+                self._next = next(self._tasks) if record is None else self._tasks.send(record)
+            except StopIteration as end:
+                self._next, self._result = None, end.value
+                return
+            self._place += 1
+            self._digest = self._next.digest
+            record = self._records.find(self._name, self._place, self._digest)
+            if record is None:
+                return
+
+
+def _plain(argument: Any) -> Any:
+    """Return an argument as plain values."""
+    return argument.model_dump(mode="json") if isinstance(argument, BaseModel) else argument
 
 
 def run_stored(chains: Iterable[StoredChain[T]], workers: Pool) -> list[T]:

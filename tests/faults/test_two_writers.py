@@ -1,0 +1,364 @@
+"""Two commands write into one folder: what is read is of one of them, and nothing of a live process is removed."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import time
+from contextlib import ExitStack, suppress
+
+import pandas as pd
+import pytest
+from common.commands import command, not_a_line
+from common.places import LOADED, ROOT
+from common.results import bits, left
+
+from vibroplat import locks, tables
+from vibroplat.errors import TableError
+from vibroplat.locks import Lock, is_gone, mark
+from vibroplat.results import Result, write_result
+from vibroplat.study.store import Store
+from vibroplat.tables import FORMATS, read_table, write_table
+
+TABLE = pd.DataFrame({"v": [1.0, 2.0]})
+BOTH = (
+    f"extends: {LOADED}\nname: c\nrun: {{duration_s: 0.05}}\n"
+    "sweep: {supply_frequency_hz: {start: 50.0, stop: 50.5}, measure_s: 0.3, settle_s: 0.3, lyapunov: false}\n"
+)
+
+
+def write(directory, mark_, form="parquet", command_="run"):
+    """Write a result all of whose files bear a mark."""
+    table = pd.DataFrame({"v": [float(mark_)] * 200})
+    found = {"trajectory": table, "events": table} if command_ == "run" else {"section": table, "sweep": table}
+    documents = {"summary": {"v": mark_}} if command_ == "run" else {}
+    write_result(directory, command_, {"schema": 1, "v": mark_}, found, documents, form=form)
+
+
+def marks(directory):
+    """The marks of all files of a run, as a reader finds them."""
+    result = Result(directory, "run")
+    found = {result.table(name)["v"].iloc[0] for name in ("trajectory", "events")}
+    return found | {float(result.document("summary")["v"]), float(result.provenance["v"])}
+
+
+# -- a race ---------------------------------------------------------------------------------------------
+
+#: A process that writes one result after the other, and takes its time between two files.
+WRITER = """
+import os, random, sys, time
+sys.path.insert(0, {tests!r})
+from pathlib import Path
+from faults.test_two_writers import write
+from vibroplat.errors import TableError
+from vibroplat import results
+replace = os.replace
+def slowly(*arguments):
+    time.sleep(random.uniform(0.0, 0.003))
+    replace(*arguments)
+os.replace = slowly
+if {alone}:
+    import contextlib
+    results.replacing = lambda directory: contextlib.nullcontext()
+own, number = {own}, 0
+print("ready", flush=True)
+sys.stdin.readline()
+while number < {rounds}:
+    number += 1
+    try:
+        write(Path({place!r}), 1000 * own + number, random.choice(["parquet", "csv"]))
+    except TableError:
+        assert {alone}
+"""
+
+
+def race(place, rounds, *, alone=False):
+    """Let two processes write into a directory; return what readers have found meanwhile, and at the end."""
+    with ExitStack() as stack:
+        return follow(place, [stack.enter_context(writer(place, own, rounds, alone=alone)) for own in (1, 2)])
+
+
+def writer(place, own, rounds, *, alone):
+    """Start a process that writes into a directory when it is told."""
+    text = WRITER.format(tests=str(ROOT / "tests"), place=str(place), own=own, rounds=rounds, alone=alone)
+    return subprocess.Popen([sys.executable, "-c", text], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+
+
+def follow(place, writers):
+    """Let processes write at the same time, and read until they have ended."""
+    for process in writers:
+        assert process.stdout.readline() == "ready\n"
+    for process in writers:
+        process.stdin.write("go\n")
+        process.stdin.flush()
+    found, refused = [], 0
+    while any(process.poll() is None for process in writers):
+        try:
+            found.append(marks(place))
+        except TableError:
+            refused += 1
+    assert [process.wait() for process in writers] == [0, 0]
+    return found, refused
+
+
+@pytest.mark.parametrize("rounds", [10, pytest.param(300, marks=pytest.mark.long)])
+def test_two_runs_into_one_folder_leave_the_files_of_one(rounds, tmp_path):
+    found, refused = race(tmp_path, rounds)
+    print(len(found), "read,", refused, "refused")
+    assert {len(one) for one in [*found, marks(tmp_path)]} == {1}
+    assert not list(tmp_path.glob(".*"))
+
+
+@pytest.mark.parametrize("rounds", [10, pytest.param(300, marks=pytest.mark.long)])
+def test_without_locks_no_mixture_of_two_runs_is_read(rounds, tmp_path):
+    """As on a file system without locks: files may be mixed, but that is seen."""
+    found, _ = race(tmp_path, rounds, alone=True)
+    assert {len(one) for one in found} <= {1}
+
+
+@pytest.mark.parametrize("form", FORMATS)
+@pytest.mark.parametrize("name", ["trajectory", "events", "summary"])
+def test_file_of_another_run_is_refused(name, form, tmp_path):
+    for mark_ in (1, 2):
+        (tmp_path / str(mark_)).mkdir()
+        write(tmp_path / str(mark_), mark_, form)
+    file = "summary.json" if name == "summary" else f"{name}.{form}"
+    shutil.copy(tmp_path / "1" / file, tmp_path / "2" / file)
+    with pytest.raises(TableError) as caught:
+        marks(tmp_path / "2")
+    assert str(caught.value) == (
+        f"{tmp_path}/2/{file} does not belong to this result: it has been changed, or is of another one; "
+        "repeat the command that wrote it"
+    )
+
+
+def test_plot_refuses_the_files_of_two_runs(here, kernels):
+    (here / "c.yaml").write_text(BOTH)
+    for out, duration in (("results", 0.05), ("others", 0.06)):
+        assert command("run", "c.yaml", "--out", out, "--set", f"run.duration_s={duration}").code == 0
+    assert command("plot", "results/c", "--kind", "motion").code == 0
+    shutil.copy("others/c/events.parquet", "results/c/events.parquet")
+    done = command("plot", "results/c", "--kind", "motion")
+    assert not_a_line(done) == ""
+    assert "results/c/events.parquet does not belong to this result" in done.err
+
+
+@pytest.mark.parametrize("form", FORMATS)
+def test_table_in_the_other_format_that_was_left_behind_is_not_read(form, tmp_path):
+    write(tmp_path, 1, FORMATS[form == "parquet"])
+    old = tmp_path / f"trajectory.{FORMATS[form == 'parquet']}"
+    kept = old.read_bytes()
+    write(tmp_path, 2, form)
+    old.write_bytes(kept)
+    assert marks(tmp_path) == {2.0}
+
+
+# -- run and sweep --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("names", [("run", "sweep"), ("sweep", "run")])
+def test_run_and_sweep_of_one_name_keep_their_provenance(names, here, kernels, figures):
+    (here / "c.yaml").write_text(BOTH)
+    for number, name in enumerate([*names, *names]):
+        assert command(name, "c.yaml", "--set", f"contact.restitution=0.{number}").code == 0
+        found = json.loads((here / "results/c/provenance.json").read_text())
+        assert found["command"] == names[0]
+    for number, name in enumerate(names, 2):
+        origin = Result(here / "results/c", name).provenance
+        assert (origin["command"], origin["configuration"]["contact"]["restitution"]) == (name, number / 10)
+    assert {path.name for path in (here / "results/c").glob("*provenance.json")} == {
+        "provenance.json",
+        f"{names[1]}-provenance.json",
+    }
+    assert left(here / "results/c")[1] == []
+    assert command("plot", "results/c").code == 0
+    assert figures.keys() == {"motion", "force", "exciters", "response"}
+
+
+def test_provenance_returns_to_its_name_when_the_other_result_is_gone(tmp_path):
+    write(tmp_path, 1, command_="sweep")
+    write(tmp_path, 2)
+    assert (tmp_path / "run-provenance.json").exists()
+    (tmp_path / "provenance.json").unlink()
+    write(tmp_path, 3)
+    assert not (tmp_path / "run-provenance.json").exists()
+    assert marks(tmp_path) == {3.0}
+
+
+def test_result_of_another_command_is_refused(tmp_path):
+    write(tmp_path, 1, command_="sweep")
+    with pytest.raises(TableError) as caught:
+        Result(tmp_path, "run")
+    assert str(caught.value) == f"{tmp_path} holds a result of sweep; allowed: one of run"
+
+
+# -- damage ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("form", FORMATS)
+def test_no_flipped_bit_of_a_result_is_read(form, tmp_path):
+    write(tmp_path, 1, form)
+    for name in (f"trajectory.{form}", "summary.json"):
+        good = (tmp_path / name).read_bytes()
+        for bit in range(0, 8 * len(good), 1 + len(good) // 40):
+            data = bytearray(good)
+            data[bit // 8] ^= 1 << bit % 8
+            (tmp_path / name).write_bytes(data)
+            with pytest.raises(TableError, match="does not belong to this result"):
+                marks(tmp_path)
+        (tmp_path / name).write_bytes(good)
+    assert marks(tmp_path) == {1.0}
+
+
+def test_flipped_bit_in_a_page_of_a_table_is_told_without_provenance(tmp_path):
+    """Parquet's own checksums cover the pages of data."""
+    table = pd.DataFrame({"v": [0.1 * k for k in range(2000)]})
+    path = write_table(table, tmp_path, "t", "parquet")
+    good = path.read_bytes()
+    for byte in range(100, 7000, 211):
+        data = bytearray(good)
+        data[byte] ^= 1 << byte % 8
+        path.write_bytes(data)
+        with pytest.raises(TableError) as caught:
+            read_table(tmp_path, "t")
+        assert str(caught.value).startswith(f"{path} cannot be read: ")
+        assert len(str(caught.value).splitlines()) == 1
+
+
+@pytest.mark.parametrize("bit", range(1, 4000, 97))
+def test_flipped_bit_at_the_end_of_a_table_is_no_traceback(bit, tmp_path):
+    """Its description there has no checksum: only the digest of the whole file covers it."""
+    path = write_table(TABLE, tmp_path, "t", "parquet")
+    data = bytearray(path.read_bytes())
+    data[-1 - (bit // 8) % (len(data) - 4)] ^= 1 << bit % 8
+    path.write_bytes(data)
+    with suppress(TableError):
+        read_table(tmp_path, "t")
+
+
+def test_result_without_digests_is_read(tmp_path):
+    """As those of former versions."""
+    write(tmp_path, 1)
+    path = tmp_path / "provenance.json"
+    path.write_text(json.dumps({"schema": 1, "v": 1}))
+    assert marks(tmp_path) == {1.0}
+
+
+# -- the lock -------------------------------------------------------------------------------------------
+
+
+def test_lock_names_its_holder(tmp_path, monkeypatch):
+    monkeypatch.setattr(locks, "WAIT", 0.1)
+    with locks.replacing(tmp_path), pytest.raises(TableError) as caught:
+        write(tmp_path, 1)
+    told = f"{tmp_path} is in use by process {os.getpid()} on {os.uname().nodename} since 20"
+    assert str(caught.value).startswith(told)
+    write(tmp_path, 1)
+    assert (tmp_path / locks.NAME).read_text() == ""
+    assert not list(tmp_path.glob(".*"))
+
+
+def test_store_names_the_process_that_uses_it(tmp_path):
+    with Store(tmp_path, {}), pytest.raises(TableError, match=rf"in use by process {os.getpid()} on .* since 20"):
+        Store(tmp_path, {})
+    Store(tmp_path, {}).close()
+
+
+def test_lock_of_a_process_that_was_killed_is_free(tmp_path):
+    text = (
+        f"import os, signal\nfrom pathlib import Path\nfrom vibroplat.locks import Lock\n"
+        f"Lock(Path({str(tmp_path / 'x.lock')!r})).acquire()\nos.kill(os.getpid(), signal.SIGKILL)"
+    )
+    subprocess.run([sys.executable, "-c", text], check=False)
+    assert (tmp_path / "x.lock").read_text() != ""
+    lock = Lock(tmp_path / "x.lock")
+    lock.acquire()
+    lock.release()
+
+
+def test_file_system_without_locks_is_said_and_used(tmp_path, monkeypatch, caplog):
+    def unsupported(*_):
+        raise OSError(37, "No locks available")
+
+    monkeypatch.setattr(Lock, "acquire", unsupported)
+    write(tmp_path, 1)
+    assert [record.getMessage() for record in caplog.records] == [
+        f"the file system of {tmp_path} has no locks; let only one command at a time write there"
+    ]
+    assert marks(tmp_path) == {1.0}
+
+
+# -- temporary files ------------------------------------------------------------------------------------
+
+
+def temporary(directory, owner, age=0.0):
+    """A temporary file of an owner."""
+    path = directory / f".t-{owner}abcd1234.csv"
+    path.write_text("half a tab")
+    os.utime(path, (time.time() - age,) * 2)
+    return path
+
+
+def dead():
+    """The number of a process that has ended."""
+    process = subprocess.Popen([sys.executable, "-c", ""])
+    process.wait()
+    return process.pid
+
+
+def of(process, machine=None, started="1"):
+    own, _, _ = mark().partition("_")
+    return f"{process}-{machine or own.partition('-')[2]}_{started}_"
+
+
+@pytest.mark.parametrize("age", [0.0, 23 * 3600.0])
+@pytest.mark.parametrize("whose", ["mine", "another host's", "of a former version"])
+def test_temporary_file_whose_owner_may_live_is_kept(whose, age, tmp_path):
+    owner = {"mine": mark(), "another host's": of(dead(), "0123456789ab"), "of a former version": f"{dead()}-"}
+    path = temporary(tmp_path, owner[whose], age)
+    write_table(TABLE, tmp_path, "t", "csv")
+    assert path.exists()
+
+
+@pytest.mark.parametrize("whose", ["of a dead process", "of another process with this number"])
+def test_temporary_file_whose_owner_is_gone_is_removed(whose, tmp_path):
+    owner = of(dead()) if whose == "of a dead process" else of(os.getpid())
+    assert is_gone(owner)
+    path = temporary(tmp_path, owner)
+    write_table(TABLE, tmp_path, "t", "csv")
+    assert not path.exists()
+
+
+@pytest.mark.parametrize("whose", ["another host's", "of a former version"])
+def test_temporary_file_that_is_older_than_a_day_is_removed(whose, tmp_path):
+    owner = {"another host's": of(1, "0123456789ab"), "of a former version": "1-"}[whose]
+    path = temporary(tmp_path, owner, tables.LEFTOVER + 60.0)
+    write_table(TABLE, tmp_path, "t", "csv")
+    assert not path.exists()
+
+
+def test_temporary_file_of_a_live_process_in_another_process_namespace_is_kept(tmp_path):
+    """There the number of its owner may be nobody's."""
+    inside = ["unshare", "--fork", "--pid", "--mount-proc"]
+    if (
+        shutil.which("unshare") is None
+        or subprocess.run([*inside, "true"], check=False, capture_output=True).returncode
+    ):
+        pytest.skip("no process namespace can be made")
+    path = temporary(tmp_path, mark())
+    text = (
+        "from pathlib import Path\nimport pandas as pd\nfrom vibroplat.tables import write_table\n"
+        f"write_table(pd.DataFrame({{'v': [1]}}), Path({str(tmp_path)!r}), 't', 'csv')"
+    )
+    subprocess.run([*inside, sys.executable, "-c", text], check=True)
+    assert (path.exists(), (tmp_path / "t.csv").exists()) == (True, True)
+
+
+def test_tables_of_a_sweep_are_read_back_from_their_folder(here, kernels):
+    (here / "c.yaml").write_text(BOTH)
+    for name in ("run", "sweep"):
+        assert command(name, "c.yaml").code == 0
+    assert bits(Result(here / "results/c", "sweep").table("sweep")) == bits(read_table(here / "results/c", "sweep"))

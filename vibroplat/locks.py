@@ -1,0 +1,155 @@
+"""Who works in a directory: locks that name their holder, and marks that name the owner of a temporary file.
+
+Several machines and containers may share a directory of results, where a process number alone says nothing.
+"""
+
+from __future__ import annotations
+
+import errno
+import functools
+import hashlib
+import logging
+import os
+import platform
+import re
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from datetime import UTC, datetime
+from pathlib import Path
+
+from filelock import FileLock, SoftFileLock, Timeout
+
+from vibroplat.errors import TableError
+
+#: Name of the lock that is held while files of a directory are replaced.
+NAME = "files.lock"
+#: Longest time (s) that a command waits for another one to replace its files, which takes milliseconds.
+WAIT = 60.0
+
+#: What a file system answers that knows no locks.
+_WITHOUT_LOCKS = {errno.ENOLCK, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS}
+_MARK = re.compile(r"(\d+)-([0-9a-f]{12})_(\d+)_")
+
+_log = logging.getLogger(__name__)
+
+
+class Lock:
+    """A lock of the operating system on a file, which therefore ends with the process that holds it.
+
+    The file says who holds the lock: process, host, and since when. It stays when the lock is released: if it were
+    removed, a process that waits for it and one that creates it anew would both believe that they hold it.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._lock = FileLock(path)
+
+    def acquire(self, seconds: float = 0.0) -> None:
+        """Take the lock, or wait so long for it.
+
+        Raises
+        ------
+        TableError
+            Another process holds it; the message names it.
+        OSError
+            The file cannot be created, or the file system has no locks.
+        """
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # without locks of the system filelock uses the file's existence
+                self._lock.acquire(timeout=seconds)
+        except Timeout:
+            raise TableError(f"{self._path.parent} is in use by {self._holder()}") from None
+        self._write(f"{os.getpid()}\n{platform.node()}\n{datetime.now(UTC).isoformat(timespec='seconds')}\n")
+
+    def release(self) -> None:
+        """Let others take the lock."""
+        if self._lock.is_locked:
+            self._write("")
+            self._lock.release()
+
+    def _write(self, text: str) -> None:
+        if not isinstance(self._lock, SoftFileLock):  # whose file has contents of its own
+            with suppress(OSError):  # a full disk must not keep anybody from locking
+                self._path.write_text(text, encoding="utf-8")
+
+    def _holder(self) -> str:
+        try:
+            process, host, *since = self._path.read_text(encoding="utf-8").split("\n")[:3]
+        except (OSError, ValueError):
+            return "another process"
+        moment = f" since {since[0]}" if since and since[0][:4].isdecimal() and "T" in since[0] else ""
+        return f"process {process} on {host}{moment}"
+
+
+@contextmanager
+def replacing(directory: Path) -> Iterator[None]:
+    """Hold the lock of a directory while its files are replaced.
+
+    On a file system without locks one line says so. There two commands may mix their files, which readers refuse.
+
+    Raises
+    ------
+    TableError
+        Another process holds it for longer than :data:`WAIT`, or it cannot be created.
+    """
+    lock = Lock(directory / NAME)
+    try:
+        lock.acquire(WAIT)
+    except OSError as error:
+        if error.errno not in _WITHOUT_LOCKS:
+            raise TableError(f"{directory / NAME} cannot be written: {error.strerror or error}") from None
+        _log.warning("the file system of %s has no locks; let only one command at a time write there", directory)
+    try:
+        yield
+    finally:
+        lock.release()
+
+
+# -- owners of temporary files --------------------------------------------------------------------------
+
+
+def mark() -> str:
+    """Return the mark of this process for names of files: its number, where that is valid, and when it started."""
+    return f"{os.getpid()}-{_machine() or '0' * 12}_{_started(os.getpid()) or 0}_"
+
+
+def is_gone(name: str) -> bool:
+    """Whether the process whose mark a name begins with has certainly ended.
+
+    Only a process of the same machine, since the same boot and in the same process namespace can be asked for. A
+    process that has the number but started at another time is another one.
+    """
+    found = _MARK.match(name)
+    if found is None or found[2] != _machine():
+        return False
+    process = int(found[1])
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return True
+    except (OSError, OverflowError):
+        return False  # it runs for another user
+    started = _started(process)
+    return started is not None and started != int(found[3])
+
+
+@functools.cache
+def _machine() -> str:
+    """Return a digest of host, boot and process namespace; nothing where the system does not tell them."""
+    try:
+        boot = Path("/proc/sys/kernel/random/boot_id").read_text(encoding="ascii")
+        namespace = os.readlink("/proc/self/ns/pid")
+    except (OSError, ValueError):
+        return ""
+    return hashlib.sha256(f"{platform.node()}\n{boot}\n{namespace}".encode()).hexdigest()[:12]
+
+
+def _started(process: int) -> int | None:
+    """Return when a process started, in ticks since boot; None where that is not known."""
+    try:
+        text = Path(f"/proc/{process}/stat").read_text(encoding="utf-8", errors="replace")
+        return int(text.rpartition(")")[2].split()[19])
+    except (OSError, ValueError, IndexError):
+        return None
