@@ -429,12 +429,15 @@ def _print_summary(result: Trajectory, directory: Path) -> None:
     """Print the most important results, first those of the measured part; summary.json holds all of them."""
     summary = result.summary
     kinds = ("liftoffs", "impacts", "latches")
+    phases = "phi1 - phi2" if result.scene.co_rotating else "phi1 + phi2"
     rows = [
         ("outcome", summary["outcome"], ""),
+        ("start", _start(result), ""),
         ("simulated", summary["simulated_s"], "s"),
         ("measured", _window(summary), ""),
         ("excitation frequency", summary["excitation_frequency_hz"], "Hz"),
-        ("phase difference", summary["phase_difference_rad"], "rad"),
+        ("speeds of the exciters", _speeds(summary), "Hz"),
+        (f"phase difference {phases}", summary["phase_difference_rad"], "rad"),
         ("RMS x, y", [summary["rms_x_m"], summary["rms_y_m"]], "m"),
         ("RMS phi", summary["rms_phi_rad"], "rad"),
         ("contact force, largest", summary["contact_force_max_n"], "N"),
@@ -452,6 +455,19 @@ def _print_summary(result: Trajectory, directory: Path) -> None:
         if value is not None:
             print(f"{label:<28}{_number(value)} {unit}".rstrip())
     print(f"{'tables':<28}{directory}")
+
+
+def _start(result: Trajectory) -> str:
+    """Describe how a run began."""
+    share, seed, origin = result.summary["perturbation"], result.scene.run.seed, result.origin
+    changed = f"rates perturbed by {share:g} of their scales, seed {seed}" if share else "not perturbed"
+    return changed if origin is None else f"where {origin['directory']} ended, {origin['t_s']:g} s; {changed}"
+
+
+def _speeds(summary: dict[str, Any]) -> list[float] | None:
+    """Return the mean speeds of both exciters (Hz) where they differ."""
+    mean, split = summary["excitation_frequency_hz"], summary["frequency_split_hz"]
+    return [mean + 0.5 * split, mean - 0.5 * split] if mean and abs(split) > 1e-3 * mean else None
 
 
 def _window(summary: dict[str, Any]) -> str:

@@ -6,13 +6,14 @@ A scene with such numbers is simulated like any other; a note points at what may
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import reduce
 from typing import Any
 
 from pydantic import BaseModel
 
+from vibroplat.overrides import OF_EXCITERS
 from vibroplat.scene import Scene
 
 
@@ -113,6 +114,14 @@ OF_SCENES = (
     ),
     Usual("", ("drive.supply_frequency_hz",), 0.0, 400.0, "Hz", lambda s: s.drive.supply_frequency_hz),
     Usual(
+        "drive.program: supply frequency {}",
+        (),
+        0.0,
+        400.0,
+        "Hz",
+        lambda s: s.drive.largest_frequency if s.drive.program else None,
+    ),
+    Usual(
         "acceleration {} of the platform far above resonance",
         ("machine.unbalance_mass_kg", "machine.unbalance_radius_m", "drive.supply_frequency_hz"),
         0.0,
@@ -138,7 +147,9 @@ def notes_on_input(scene: Scene) -> list[str]:
     """Say what is unusual in a scene, and which numbers of machine and motors it takes by default, in one line each."""
     found = [_unusual(usual, scene) for usual in OF_SCENES]
     found += [_unusual(usual, motor, f"{name}.") for name, motor in _motors(scene) for usual in OF_MOTORS]
-    found += [_by_default(name, section) for name, section in (("machine", scene.machine), *_motors(scene))]
+    elsewhere = OF_EXCITERS if scene.exciters is not None else ()
+    found.append(_by_default("machine", scene.machine, elsewhere))
+    found += [_by_default(name, motor) for name, motor in _motors(scene)]
     return [note for note in found if note]
 
 
@@ -154,7 +165,9 @@ def rounded(value: float, digits: int = 3) -> str:
 
 def _motors(scene: Scene) -> Iterator[tuple[str, BaseModel]]:
     """Yield the sections of the motors with their keys."""
-    if scene.motors is not None:
+    if scene.exciters is not None:
+        yield from ((f"exciters.{i}", exciter) for i, exciter in enumerate(scene.exciters))
+    elif scene.motors is not None:
         yield from ((f"motors.{i}", motor) for i, motor in enumerate(scene.motors))
     elif scene.motor is not None:
         yield "motor", scene.motor
@@ -166,15 +179,21 @@ def _unusual(usual: Usual, section: BaseModel, prefix: str = "") -> str:
     if value is None or usual.low <= value <= usual.high:
         return ""
     given = {key: reduce(getattr, key.split("."), section) for key in usual.keys}
+    if getattr(section, "exciters", None) is not None:
+        given = {key: number for key, number in given.items() if key.split(".")[-1] not in OF_EXCITERS}
     named = ", ".join(f"{prefix}{key} = {number:g}" for key, number in given.items() if number)
-    what = f": {usual.text.format(f'{rounded(value)} {usual.unit}'.rstrip())}" if usual.text else ""
+    what = usual.text.format(f"{rounded(value)} {usual.unit}".rstrip())
     ends = f"{usual.low:g} to {usual.high:g}" if usual.low else f"up to {usual.high:g}"
-    return f"{named}{what}; usual: {ends} {usual.unit}".rstrip()
+    return f"{': '.join(part for part in (named, what) if part)}; usual: {ends} {usual.unit}".rstrip()
 
 
-def _by_default(name: str, section: BaseModel) -> str:
-    """Return the note on keys of a section that are not given, or an empty text if there are none."""
-    keys = [key for key in type(section).model_fields if key not in COMMON]
+def _by_default(name: str, section: BaseModel, elsewhere: Sequence[str] = ()) -> str:
+    """Return the note on keys of a section that are not given, or an empty text if there are none.
+
+    Optional keys need not be given, nor those that are given ``elsewhere``.
+    """
+    needed = {key for key, field in type(section).model_fields.items() if field.default is not None}
+    keys = [key for key in type(section).model_fields if key in needed - COMMON - {*elsewhere}]
     missing = [key for key in keys if key not in section.model_fields_set]
     if not missing:
         return ""

@@ -67,7 +67,7 @@ def _end_of(directory: Path, scene: Scene) -> Beginning:
     if outcome != "ok":
         raise ConfigError(f"{key}: the run ended early ({outcome}); allowed: the directory of a finished run")
     try:
-        row = dict(table.iloc[-1].items())
+        row = {str(column): value for column, value in table.iloc[-1].items()}
         time, mode = float(row["t_s"]), Mode[str(row["mode"]).upper()]
         state = _state_of(row, scene, key)
     except (IndexError, KeyError, TypeError, ValueError):

@@ -97,9 +97,13 @@ def notes_on_samples(table: pd.DataFrame, found: Mapping[str, Any], rate: float)
 
 
 def _captures(scene: Scene, found: Mapping[str, Any]) -> list[str]:
-    """List the notes on both exciters, unless their motors are switched off."""
-    motors, synchronous = scene.motor_pair, [speed / (2.0 * math.pi) for speed in scene.synchronous_speeds]
-    driven = [i for i in (0, 1) if motors[i].critical_torque_n_m > 0.0]
+    """List the notes on both exciters, unless their motors are off or their supply changes in the measured part."""
+    supply = scene.drive.at(found["measured_from_s"])
+    if supply.ramp != 0.0 or supply.end < found["measured_to_s"]:
+        return []
+    motors = scene.exciter_pair
+    synchronous = [speed / (2.0 * math.pi) for speed in scene.synchronous_speeds_at(supply.frequency)]
+    driven = [i for i in (0, 1) if supply.driven[i] and motors[i].critical_torque_n_m > 0.0]
     mean, split = found["excitation_frequency_hz"], found["frequency_split_hz"]
     if mean is not None:
         speeds = mean + 0.5 * split, mean - 0.5 * split
