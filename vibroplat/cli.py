@@ -429,7 +429,7 @@ def _print_summary(result: Trajectory, directory: Path) -> None:
     """Print the most important results, first those of the measured part; summary.json holds all of them."""
     summary = result.summary
     kinds = ("liftoffs", "impacts", "latches")
-    phases = "phi1 - phi2" if result.scene.co_rotating else "phi1 + phi2"
+    phases = "phi1-phi2" if result.scene.co_rotating else "phi1+phi2"
     rows = [
         ("outcome", summary["outcome"], ""),
         ("start", _start(result), ""),
