@@ -192,7 +192,7 @@ def _require_names(node: Any, source: str) -> None:
     """Refuse keys that do not look like keys, without quoting them."""
     for entry in getattr(node, "value", ()) if not isinstance(node, ScalarNode) else ():
         key, value = entry if isinstance(node, MappingNode) else (None, entry)
-        if isinstance(key, ScalarNode) and key.tag.endswith(":str") and not KEY.fullmatch(key.value):
+        if isinstance(key, ScalarNode) and str(key.tag).endswith(":str") and not KEY.fullmatch(key.value):
             line = key.start_mark.line + 1
             raise ConfigError(f"{source}: the key in line {line} is no name; allowed: letters, digits and _ . -")
         _require_names(value, source)
