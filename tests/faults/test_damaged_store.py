@@ -239,23 +239,28 @@ def flips(quick, more):
 
 @pytest.mark.parametrize("number", flips(4, 250))
 def test_flipped_bit_in_a_finished_store_never_changes_the_table(number, finished, result, caplog):
-    flip_and_resume(number, finished[0], (FILE,), finished[1], result, caplog)
+    flip_and_resume(number, [(finished[0], FILE)], finished[1], result, caplog)
 
 
 @pytest.mark.faults
 @pytest.mark.parametrize("number", flips(4, 250))
 def test_flipped_bit_in_an_unfinished_store_never_changes_the_table(number, killed, finished, result, caplog):
-    """Half of the bits are in the write-ahead log."""
-    flip_and_resume(number, killed, (FILE, f"{FILE}-wal"), finished[1], result, caplog)
+    """Half of the bits are in the write-ahead log, the others in the file after the log was taken into it."""
+    taken_in = shutil.copytree(killed, killed.with_name("taken in"), dirs_exist_ok=True)
+    with closing(sqlite3.connect(taken_in / FILE)) as base:
+        assert base.execute("SELECT COUNT(*) FROM records").fetchone() == (KILLED,)
+    assert not (taken_in / f"{FILE}-wal").exists()
+    flip_and_resume(number, [(killed, f"{FILE}-wal"), (taken_in, FILE)], finished[1], result, caplog)
 
 
-def flip_and_resume(number, source, files, table, result, caplog):
+def flip_and_resume(number, sources, table, result, caplog):
     """Flip one random bit after the other, each in a fresh copy, and count how a sweep goes on."""
     chance = random.Random(number)
     counts = {"as before": 0, "said": 0, "refused": 0}
     for k in range(number):
+        source, name = sources[k % len(sources)]
         directory = result(source)
-        file = directory / files[k % len(files)]
+        file = directory / name
         data = bytearray(file.read_bytes())
         bit = chance.randrange(8 * len(data))
         data[bit // 8] ^= 1 << bit % 8
