@@ -221,7 +221,7 @@ def sweep(
         print(f"{label:<28}{text}")
     print(f"{'wall time':<28}{seconds:.3g} s, {(points - known) / seconds:.3g} points per s{resumed}")
     print(f"{'tables':<28}{directory}")
-    _print_notes(report.notes(planned, table))
+    _print_notes(report.notes_on_branches(planned) + report.notes_on_points(table))
     failed = report.failures(table)
     for line in failed[:TOLD]:
         print(f"vibroplat: {line}", file=sys.stderr)

@@ -210,4 +210,4 @@ def _natural_frequency(stiffness: float, mass: float) -> float | None:
 
 def _damping_ratio(damping: float, stiffness: float, mass: float) -> float | None:
     """Damping ratio of a mass on a spring and a damper; None without a spring."""
-    return 0.5 * damping / math.sqrt(stiffness * mass) if stiffness > 0.0 else None
+    return 0.5 * damping / (math.sqrt(stiffness) * math.sqrt(mass)) if stiffness > 0.0 else None

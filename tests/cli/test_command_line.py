@@ -96,8 +96,41 @@ def test_run_prints_a_summary_and_where_the_tables_are(name, finished_commands):
     printed = finished_commands[0][name].out
     lines = {line[:28].rstrip(): line[28:] for line in printed.splitlines()}
     assert (lines["outcome"], lines["simulated"], lines["tables"]) == ("ok", "0.2 s", f"results/{name}")
+    assert re.fullmatch(r"0\.1 … 0\.2 s, [12] whole turns?", lines["measured"])
     assert re.fullmatch(r"\S+, \S+ m", lines["RMS x, y"])
     assert ("flight fraction" in lines) == ("contact force, largest" in lines) == (name == "quickstart")
+
+
+def test_run_prints_counts_of_the_measured_part_and_of_the_whole(finished_commands):
+    done, results = finished_commands
+    events = read_table(results / "quickstart", "events")
+    lines = {line[:28].rstrip(): line[28:] for line in done["quickstart"].out.splitlines()}
+    for label, part in (("liftoffs, impacts, latches", events[events["t_s"] >= 0.1]), ("whole run: the same", events)):
+        counts = [str((part["kind"] == kind).sum()) for kind in ("liftoff", "impact", "latch")]
+        assert lines[label] == ", ".join(counts)
+
+
+def test_run_prints_and_keeps_its_notes(command, kernels, here):
+    """Those of the samples as well, which Python's summary does not have."""
+    (here / "own.yaml").write_text("machine: {stiffness_y_n_per_m: 470.0}\n")
+    done = command("run", "own.yaml", *SHORT)
+    notes = read_json(here / "results/own", "summary")["notes"]
+    assert done.out.endswith("".join(f"note: {note}\n" for note in notes))
+    assert [note.partition(":")[0] for note in notes] == [
+        *["machine.stiffness_y_n_per_m = 470"] * 2,
+        "machine",
+        "motor",
+    ]
+    coarse = ("output.sample_rate_hz=1", "run.duration_s=1.0", "name=coarse")
+    done = command("run", QUICKSTART, *settings(*coarse))
+    (note,) = read_json(here / "results/coarse", "summary")["notes"]
+    assert note.startswith("the trajectory table misses the largest gap, ")
+    assert done.out.endswith(f"note: {note}\n")
+
+
+def test_run_that_ends_before_its_measured_part_says_so(command, kernels, here):
+    done = command("run", QUICKSTART, *settings(*STORM, "run.duration_s=10.0", "name=storm"))
+    assert "\nmeasured                    nothing: the run ended before 5 s\n" in done.out
 
 
 def test_run_that_ends_early_exits_1_and_keeps_what_it_has(command, tmp_path):

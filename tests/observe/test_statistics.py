@@ -25,9 +25,74 @@ def test_statistics_agree_with_the_tables(quickstart):
     assert summary["excitation_frequency_hz"] == pytest.approx(
         (len(window) - 1) / (window.iloc[-1] - window.iloc[0]), rel=1e-4
     )
-    assert summary["contact_force_max_n"] == pytest.approx(table["contact_force_n"].max(), rel=1e-4)
-    assert summary["gap_max_m"] == pytest.approx(table["gap_m"].max(), rel=1e-3)
+    late = table[table["t_s"] >= 1.0]
+    assert summary["contact_force_max_n"] == pytest.approx(late["contact_force_n"].max(), rel=1e-4)
+    assert summary["gap_max_m"] == pytest.approx(late["gap_m"].max(), rel=1e-3)
+    assert summary["contact_force_max_n"] < 0.9 * table["contact_force_n"].max()
     assert summary["flight_fraction"] == pytest.approx((part["mode"] == "flight").mean(), abs=2e-3)
+
+
+@pytest.mark.parametrize(("seconds", "at_window"), [(0.132, "max"), (0.172, "min")])
+def test_extremes_begin_where_the_measured_part_begins_within_a_step(quickstart, seconds, at_window):
+    """The force rings down past an extreme, so that its largest or least value is where the measured part begins."""
+    lifted = {"y_m": -0.0006, "phi1_rate_rad_per_s": 0.1, "phi2_rate_rad_per_s": -0.1}
+    still = {"motor.critical_torque_n_m": 0.0, "motor.friction_radius_m": 0.0, "run.initial": {"state": lifted}}
+    run = simulate(quickstart.replace({**still, "run.duration_s": seconds, "solver.tolerance": 1e-8}))
+    dense = run(np.linspace(0.5 * seconds, seconds, 20_001))
+    force = dense["contact_force_n"]
+    assert force.iloc[0] == getattr(force, at_window)()
+    for end in ("max", "min"):
+        assert run.summary[f"contact_force_{end}_n"] == pytest.approx(getattr(force, end)(), rel=1e-6)
+    assert run.summary["amplitude_y_m"] == pytest.approx(0.5 * np.ptp(dense["y_m"]), rel=1e-6)
+
+
+@pytest.mark.parametrize("restitution", [0.0, 0.5])
+def test_events_are_counted_in_the_measured_part_and_in_the_whole(quickstart, restitution):
+    run = simulate(quickstart.replace({"run.duration_s": 1.0, "contact.restitution": restitution}))
+    late = run.events[run.events["t_s"] >= 0.5]
+    assert 0 < len(late) < len(run.events) == run.summary["events"]
+    for kind, name in (("liftoff", "liftoffs"), ("impact", "impacts"), ("latch", "latches")):
+        assert run.summary[name] == (run.events["kind"] == kind).sum()
+        assert run.summary[f"measured_{name}"] == (late["kind"] == kind).sum()
+    assert run.summary["impulse_max_n_s"] == late["impulse_n_s"].max() < run.events["impulse_n_s"].max()
+    assert run.summary["impulse_sum_n_s"] == pytest.approx(run.events["impulse_n_s"].sum(), rel=1e-12)
+
+
+def test_the_measured_part_is_named(quickstart):
+    run = simulate(quickstart.replace({"run.duration_s": 1.0}))
+    summary = run.summary
+    assert (summary["measured_from_s"], summary["measured_to_s"]) == (0.5, 1.0)
+    assert summary["measured_turns"] == len(run.section) - 1 > 10
+    assert summary["measured_s"] == pytest.approx(np.ptp(run.section["t_s"]), abs=1e-9)
+
+
+def test_a_run_that_ends_before_its_measured_part_has_no_extremes_of_it(quickstart):
+    run = simulate(quickstart.replace({"solver.max_events_per_period": 1, "contact.restitution": 0.5}))
+    assert run.summary["simulated_s"] < run.summary["measured_from_s"] == run.summary["measured_to_s"] == 2.0
+    assert run.summary["events"] > 0
+    for name in ("contact_force_max_n", "contact_force_min_n", "rms_y_m", "measured_s"):
+        assert run.summary[name] is None
+    assert [run.summary[f"measured_{name}"] for name in ("liftoffs", "impacts", "latches", "turns")] == [0, 0, 0, 0]
+
+
+def test_the_largest_rotation_is_that_of_the_whole_run(quickstart):
+    """A platform that is let go rings down."""
+    state = {"phi_rad": -0.02, "phi1_rate_rad_per_s": 0.1, "phi2_rate_rad_per_s": -0.1}
+    still = {"motor.critical_torque_n_m": 0.0, "motor.friction_radius_m": 0.0, "run.initial": {"state": state}}
+    run = simulate(quickstart.replace({**still, "run.duration_s": 2.0}))
+    assert run.summary["phi_max_rad"] == pytest.approx(0.02, rel=1e-9)
+    assert run.trajectory["phi_rad"][run.trajectory["t_s"] >= 1.0].abs().max() < 0.01
+
+
+def test_a_contact_force_below_zero_is_found_before_the_measured_part(quickstart):
+    """An upper layer of 1 kHz and a loose tolerance: F_c falls below 0 just before a liftoff."""
+    stiff = {"material.natural_frequency_hz": 1000.0, "material.damping_ratio": 0.02, "solver.tolerance": 1e-3}
+    run = simulate(quickstart.replace({**stiff, "run.duration_s": 0.4, "output.sample_rate_hz": 200_000.0}))
+    table = run.trajectory
+    early, late = (table["contact_force_n"][part].min() for part in (table["t_s"] < 0.2, table["t_s"] >= 0.2))
+    assert early < -1e-7 < late
+    assert run.summary["contact_pull_n"] == pytest.approx(-early, rel=1e-3)
+    assert run.summary["contact_force_min_n"] > -1e-7
 
 
 def test_an_exciter_that_swings_completes_no_turn(printed):

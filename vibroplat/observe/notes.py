@@ -111,5 +111,5 @@ def _captures(scene: Scene, found: Mapping[str, Any]) -> list[str]:
     seconds = found["measured_to_s"] - found["measured_from_s"]
     # exciter 1 has turned less than twice
     if 0 in driven and seconds > 0.0 and capture(1, 2.0 / seconds, synchronous[0], motors[0].critical_slip):
-        return [f"exciter 1 hardly turns, far below its synchronous speed {rounded(synchronous[0])} Hz"]
+        return [f"exciter 1 hardly turns, though its synchronous speed is {rounded(synchronous[0])} Hz"]
     return []

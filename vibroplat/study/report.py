@@ -66,21 +66,18 @@ def failures(table: pd.DataFrame) -> list[str]:
     ]
 
 
-def notes(planned: Sequence[Branch], table: pd.DataFrame) -> list[str]:
-    """Say in one line each what is to be noted: of the input, then of the points, each kind of note once.
+def notes_on_branches(planned: Sequence[Branch]) -> list[str]:
+    """Return the notes on the input of a sweep; supply frequencies are unusual if they are large."""
+    return notes_on_inputs(branch.scene.replace({FREQUENCY: max(branch.frequencies)}) for branch in planned)
 
-    Parameters
-    ----------
-    planned
-        The branches of the sweep.
-    table
-        Its table.
-    """
-    # what is unusual about a supply frequency is so at the largest
-    largest = (branch.scene.replace({FREQUENCY: max(branch.frequencies)}) for branch in planned)
-    lines = notes_on_inputs(largest)
-    noted = table[[SUPPLY, "notes"]].assign(note=table["notes"].str.split("; ")).explode("note")
-    noted = noted[noted["note"].fillna("") != ""]
+
+def notes_on_points(table: pd.DataFrame) -> list[str]:
+    """Sum up the notes in a sweep table: each kind of note once, with its points and an example."""
+    lines: list[str] = []
+    noted = table[table["notes"].notna() & (table["notes"] != "")]
+    if noted.empty:
+        return lines
+    noted = noted[[SUPPLY]].assign(note=noted["notes"].str.split("; ")).explode("note")
     for _, rows in noted.groupby(noted["note"].map(_kind), sort=False):
         points, low, high = rows.index.nunique(), rows[SUPPLY].min(), rows[SUPPLY].max()
         place = "1 point" if points == 1 else f"{points} points"

@@ -1,0 +1,123 @@
+"""Notes on what was measured: rotation, capture, samples."""
+
+from __future__ import annotations
+
+import pytest
+
+from vibroplat import simulate
+from vibroplat.observe.notes import capture, notes_on_samples, rotation
+
+#: Captured by the vertical resonance: with f_e = 66 Hz and b_y = 40 the motors turn at 30.493 Hz (Sommerfeld).
+CAPTURED = {
+    "drive.supply_frequency_hz": 66.0,
+    "motor.friction_radius_m": 0.0,
+    "run.initial.speed_ratio": 0.8,
+    "run.duration_s": 6.0,
+}
+
+
+def of_motion(scene, **changes):
+    return simulate(scene.replace(changes), keep="summary").summary["notes"]
+
+
+# -- rotation -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("phi", "noted"), [(0.15, True), (0.05, False)])
+def test_a_platform_that_turns_far_is_noted(quickstart, phi, noted):
+    state = {"phi_rad": phi, "phi1_rate_rad_per_s": 160.0, "phi2_rate_rad_per_s": -160.0}
+    notes = of_motion(quickstart, **{"run.initial.state": state, "run.duration_s": 0.2})
+    expected = "the platform turns by up to 0.15 rad, where a model of first order in phi is inaccurate"
+    assert notes == ([expected] if noted else [])
+
+
+def test_a_motion_without_a_step_has_no_rotation():
+    assert rotation(None) == ""
+
+
+# -- capture --------------------------------------------------------------------------------------------
+
+
+def test_motors_that_a_resonance_captures_are_noted(printed):
+    assert of_motion(printed, **CAPTURED) == [
+        f"exciter {i} turns at 30.5 Hz, 7.6 % below its synchronous speed 33 Hz: "
+        "captured by a resonance, overloaded or still running up"
+        for i in (1, 2)
+    ]
+
+
+def test_the_quickstart_has_no_notes(quickstart):
+    assert simulate(quickstart).notes == []
+
+
+def test_only_a_motor_that_is_switched_on_can_be_captured(printed):
+    motor = printed.motor.model_dump()
+    off = {"motors": [motor, motor | {"critical_torque_n_m": 0.0}], "drive.supply_frequency_hz": 40.0}
+    notes = of_motion(printed, **off, **{"machine.damping_y_n_s_per_m": 400.0, "run.duration_s": 6.0})
+    assert not [note for note in notes if note.startswith("exciter 2")]
+
+
+@pytest.mark.parametrize(
+    ("speed", "synchronous", "slip", "noted"),
+    [
+        (31.4, 33.0, 0.15, False),  # the limit is 31.35 Hz
+        (31.3, 33.0, 0.15, True),
+        (31.3, 33.0, 0.3, False),
+        (34.0, 33.0, 0.15, False),
+        (0.0, 33.0, 0.15, True),
+        (0.0, 0.0, 0.15, False),
+    ],
+)
+def test_capture_begins_at_a_third_of_the_critical_slip(speed, synchronous, slip, noted):
+    assert bool(capture(1, speed, synchronous, slip)) == noted
+
+
+def test_a_motor_too_weak_to_turn_is_noted(printed):
+    """Its torque does not lift the unbalance over the top."""
+    weak = {"motor.critical_torque_n_m": 0.02, "run.initial": {"speed_ratio": 0.0, "phase_sum_rad": 0.0}}
+    notes = of_motion(printed, **weak, **{"run.duration_s": 4.0})
+    assert notes == ["exciter 1 hardly turns, though its synchronous speed is 25 Hz"]
+
+
+# -- samples --------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("key", "column", "start", "supply", "seconds"),
+    [
+        ("gap_max_m", "gap_m", "the trajectory table misses the largest gap, 0.00138 m, by ", 51.5, 1.0),
+        (
+            "contact_force_max_n",
+            "contact_force_n",
+            "the trajectory table misses the largest contact force, ",
+            44.0,
+            0.98,
+        ),
+    ],
+)
+def test_a_peak_that_samples_miss_is_noted(quickstart, key, column, start, supply, seconds):
+    run = simulate(quickstart.replace({"drive.supply_frequency_hz": supply, "run.duration_s": seconds}))
+    assert run.notes == run.summary["notes"] == []
+    coarse = simulate(run.scene.replace({"output.sample_rate_hz": 1.0}))
+    late = coarse.trajectory[coarse.trajectory["t_s"] >= 0.5 * seconds]
+    missed = 100.0 * (1.0 - late[column].max() / coarse.summary[key])
+    assert coarse.summary["notes"] == []
+    (note,) = coarse.notes
+    assert note.startswith(start)
+    assert note.endswith(f" by {missed:.2g} %: output.sample_rate_hz = 1 is too low")
+
+
+def test_samples_of_the_measured_part_alone_are_compared(quickstart):
+    """A large force before it does not hide that the samples miss the peak in it."""
+    run = simulate(quickstart.replace({"run.duration_s": 1.0}))
+    table = run.trajectory
+    late = table["t_s"] >= 0.5
+    table = table.assign(contact_force_n=table["contact_force_n"].where(~late, 0.5 * table["contact_force_n"]))
+    (note,) = notes_on_samples(table, run.summary, 2000.0)
+    assert "contact force" in note
+
+
+@pytest.mark.parametrize("keep", ["events", "summary"])
+def test_a_run_without_a_trajectory_has_the_notes_of_its_summary(quickstart, keep):
+    run = simulate(quickstart.replace({"run.duration_s": 0.5, "output.sample_rate_hz": 1.0}), keep=keep)
+    assert run.notes == run.summary["notes"] == []
