@@ -141,8 +141,8 @@ class Contact(Section):
 class State(Section):
     """A full state. Omitted coordinates are at static rest; omitted rates are 0.
 
-    ``t_s``, ``mode`` and ``contact_force_n`` are accepted but not used, so that the last row of a trajectory
-    can be given unchanged. Time starts at 0; mode and force follow from the state.
+    ``t_s``, ``mode``, the contact force and what is told of the supply are accepted but not used, so that the last row
+    of a trajectory can be given unchanged. Time starts at 0; mode and force follow from the state.
     """
 
     x_m: Real | None = None
@@ -162,6 +162,9 @@ class State(Section):
     t_s: Real | None = None
     mode: str | None = None
     contact_force_n: Real | None = None
+    supply_frequency_hz: Real | None = None
+    motor_power_1_w: Real | None = None
+    motor_power_2_w: Real | None = None
 
 
 class Initial(Section, populate_by_name=True):

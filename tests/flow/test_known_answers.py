@@ -286,7 +286,7 @@ def test_contact_force_of_the_linear_attached_motion(damped):
             [-(omega**2) * m2, coupling - omega**2 * m2],
         ]
     )
-    y, upper = np.linalg.solve(matrix, [2.0 * machine.unbalance * omega**2, 0.0])
+    y, upper = np.linalg.solve(matrix, [sum(scene.unbalances) * omega**2, 0.0])
     amplitude = abs(-(omega**2) * m1 * y - coupling * upper)
     mean = (m1 + m2) * GRAVITY
     assert late["contact_force_n"].max() == pytest.approx(mean + amplitude, rel=1e-4)

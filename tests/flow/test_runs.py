@@ -60,7 +60,7 @@ def test_non_impact_damping_equals_a_damper(quickstart):
 
 
 def test_unequal_motors_differ_from_equal_ones(quickstart):
-    motor = quickstart.motor_pair[0].model_dump()
+    motor = quickstart.motor.model_dump()
     scene = quickstart.replace(
         {
             "motors": [motor, motor | {"critical_torque_n_m": 0.9}],

@@ -17,7 +17,7 @@ def base(tolerance: float, seconds: float) -> Scene:
         {
             "machine.damping_y_n_s_per_m": 400.0,
             "material": {"mass_ratio": 0.1, "natural_frequency_hz": 18.5, "damping_ratio": 0.05},
-            "run.duration_s": seconds,
+            "run": {"duration_s": seconds, "perturbation": 0.0},
             "solver.tolerance": tolerance,
         }
     )

@@ -50,7 +50,7 @@ def automaton(
         runs["systems"][0, mode] = system.index
         runs["tolerances"][0, mode, : system.size] = absolute_tolerances(scene, system)
     runs["state"] = initial_state(scene) if state is None else state
-    runs["now"] = runs["end"] = time
+    runs["now"], runs["end"] = time, time + scene.run.duration_s
     runs["speed"] = speed = scene.speed_scale
     runs["period"] = period = 2.0 * math.pi / speed
     runs["longest"] = turns_per_segment * period
