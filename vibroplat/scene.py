@@ -405,6 +405,11 @@ class Scene(Section):
         return first.direction == second.direction
 
     @property
+    def rotation(self) -> str:
+        """How the exciters are driven beside each other: ``counter-rotating`` or ``co-rotating``."""
+        return "co-rotating" if self.co_rotating else "counter-rotating"
+
+    @property
     def phase_weights(self) -> tuple[float, float]:
         """Weights of φ₁ and φ₂ in the phase difference: φ₁ + φ₂ if counter-rotating, φ₁ − φ₂ if co-rotating."""
         return 1.0, -1.0 if self.co_rotating else 1.0

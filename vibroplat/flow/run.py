@@ -92,6 +92,7 @@ def simulate_with(
         "outcome": motion.outcome,
         "detail": motion.detail,
         "simulated_s": motion.now - start.time,
+        "rotation": scene.rotation,
         "perturbation": scene.run.start_perturbation,
         **measured(part),
         "engine": engine.name,

@@ -31,6 +31,7 @@ class _Result:
     whole: pd.DataFrame
     shown: pd.DataFrame
     events: pd.DataFrame
+    co_rotating: bool
 
 
 def plot_run(
@@ -84,7 +85,8 @@ def _read(directory: Path, start: float | None, stop: float | None) -> _Result:
     shown = whole[whole["t_s"].between(begin, end)]
     if shown["t_s"].nunique() < 2:
         raise TableError(f"no data between {begin} and {end} s; allowed: an interval within {first} … {last} s")
-    return _Result(summary["name"], whole, shown, events[events["t_s"].between(begin, end)])
+    co_rotating = summary.get("rotation") == "co-rotating"
+    return _Result(summary["name"], whole, shown, events[events["t_s"].between(begin, end)], co_rotating)
 
 
 def _motion(result: _Result) -> Figure:
@@ -141,11 +143,12 @@ def _exciters(result: _Result) -> Figure:
     top.set_ylabel("speed (Hz)")
     top.set_title(result.name, loc="left")
     top.legend(loc="best", ncols=2)
-    phase = np.mod(table["phi1_rad"] + table["phi2_rad"], 2.0 * np.pi)
+    sign = -1.0 if result.co_rotating else 1.0
+    phase = np.mod(table["phi1_rad"] + sign * table["phi2_rad"], 2.0 * np.pi)
     bottom.plot(table["t_s"], phase, ".", ms=1.5, color=PLATFORM)
     bottom.set_ylim(-0.2, 2.0 * np.pi + 0.2)
     bottom.set_yticks([0.0, np.pi, 2.0 * np.pi], ["0 in-phase", "π antiphase", "2π"])
-    bottom.set_ylabel("φ₁ + φ₂")
+    bottom.set_ylabel("φ₁ − φ₂" if result.co_rotating else "φ₁ + φ₂")
     bottom.set_xlabel("t (s)")
     return figure
 

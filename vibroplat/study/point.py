@@ -129,6 +129,7 @@ def measure_point(scene: Scene, plan: SweepPlan, state: list[float] | None, key:
         settling, part, kind = _settled_and_measured(motion, plan, [] if impacts is None else [impacts])
         work = engine.work
     row: dict[str, Any] = {
+        "rotation": scene.rotation,
         "settle_s": settling.seconds,
         "outcome": motion.outcome,
         "detail": motion.detail,

@@ -18,12 +18,13 @@ from vibroplat.study.tasks import StoredChain, Tasks
 from vibroplat.sweep_plan import SweepPlan
 
 #: Columns of text and of whole numbers; all others hold floating-point numbers.
-TEXTS = ("direction", "sync", "motion", "outcome", "detail")
+TEXTS = ("direction", "rotation", "sync", "motion", "outcome", "detail")
 COUNTS = ("branch", "period", "steps", "residual_calls", "events")
 #: Columns of the table after the swept keys.
 COLUMNS = (
     "direction",
     "branch",
+    "rotation",
     *MEASURED[:8],
     "sync",
     "motion",
