@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import Annotated, Any, Literal, NamedTuple, Self
 
@@ -91,13 +92,15 @@ class Drive(Section):
     @model_validator(mode="before")
     @classmethod
     def _default(cls, given: Any) -> Any:
-        if isinstance(given, dict) and given.get("supply_frequency_hz") is None and given.get("program") is None:
+        if isinstance(given, dict) and "supply_frequency_hz" not in given and given.get("program") is None:
             return given | {"supply_frequency_hz": FREQUENCY}
         return given
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
         if self.program is None:
+            if self.supply_frequency_hz is None:
+                raise ValueError("supply_frequency_hz = None; allowed: a number, or a program instead")
             return self
         if not self.program:
             raise ValueError("program is empty; allowed: one entry or more")
@@ -160,8 +163,12 @@ class Drive(Section):
 
     def at(self, time: float) -> Interval:
         """Interval of a time (s); at a corner the one that begins there."""
-        intervals = self.intervals
-        return intervals[max(bisect_right([i.start for i in intervals], time) - 1, 0)]
+        return interval_at(self.intervals, time)
+
+
+def interval_at(intervals: Sequence[Interval], time: float) -> Interval:
+    """Pick the interval of a time (s) among all of a drive; at a corner the one that begins there."""
+    return intervals[max(bisect_right(intervals, time, key=lambda interval: interval.start) - 1, 0)]
 
 
 def _pieces(

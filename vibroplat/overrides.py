@@ -67,7 +67,8 @@ def _merge_places(below: list[Any], places: Mapping[str, Any], section: str) -> 
     merged = list(below)
     for place, value in places.items():
         if not (place.isdecimal() and int(place) < len(below)):
-            raise ConfigError(f"unknown key {section}.{place}; allowed: {section}.0 to {section}.{len(below) - 1}")
+            known = [f"{section}.{number}" for number in sorted({0, len(below) - 1})] if below else ["none"]
+            raise ConfigError(f"unknown key {section}.{place}; allowed: {' to '.join(known)}")
         old = merged[int(place)]
         inner = f"{section}.{place}"
         both = isinstance(value, Mapping) and isinstance(old, Mapping)

@@ -258,6 +258,13 @@ def _set(section: Section) -> dict[str, Any]:
     return {key: value for key, value in section if value is not None}
 
 
+def _plain(value: Any) -> Any:
+    """Turn a section, or a list of some, into the keys and values that it was given."""
+    if isinstance(value, list):
+        return [_plain(entry) for entry in value]
+    return value.model_dump(exclude_unset=True, by_alias=True) if isinstance(value, BaseModel) else value
+
+
 #: Keys of :class:`State` in the order of the state vector: coordinates, then their rates.
 COORDINATES = ("x_m", "y_m", "phi_rad", "phi1_rad", "phi2_rad", "gap_m", "upper_m")
 RATES = (
@@ -524,10 +531,7 @@ class Scene(Section):
             A key is unknown or a value is not allowed.
         """
         tree = self.model_dump(exclude_unset=True, by_alias=True)
-        given = {
-            key: value.model_dump(exclude_unset=True, by_alias=True) if isinstance(value, BaseModel) else value
-            for key, value in sections.items()
-        }
+        given = {key: _plain(value) for key, value in sections.items()}
         return Scene.from_tree(merge(merge(tree, given), nest(changes or {})))
 
     def to_tree(self) -> dict[str, Any]:

@@ -11,14 +11,15 @@ from vibroplat import Contact, Drive, Initial, Material, Motor, Scene, load_conf
 from vibroplat.config import configuration_schema, parse_overrides
 from vibroplat.errors import ConfigError
 
-SECTIONS = "name, machine, motor, motors, material, contact, drive, run, solver, output, sweep"
+SECTIONS = "name, machine, motor, motors, exciters, material, contact, drive, run, solver, output, sweep"
 MACHINE = (
     "platform_mass_kg, platform_inertia_kg_m2, unbalance_mass_kg, unbalance_radius_m, rotor_inertia_kg_m2, "
     "exciter_distance_m, exciter_angle_deg, stiffness_x_n_per_m, stiffness_y_n_per_m, "
     "stiffness_phi_n_m_per_rad, damping_x_n_s_per_m, damping_y_n_s_per_m, damping_phi_n_m_s_per_rad, "
     "gravity_m_per_s2"
 )
-MOTOR = "critical_torque_n_m, critical_slip, pole_pairs, friction_radius_m"
+MOTOR = "critical_torque_n_m, critical_slip, pole_pairs, friction_radius_m, rated_frequency_hz"
+INITIAL = "phase_difference_rad, phase_sum_rad, phi1_rad, speed_ratio, state, from"
 CONTACT = "model, restitution, sticking_speed_m_per_s, impact_law, viscous_per_mass_per_s, added_mass_share"
 NAME = "letters, digits and . _ + -, starting with a letter or digit"
 THIN = "material: {mass_ratio: 0.2, layers: 1}\n"
@@ -88,7 +89,7 @@ MESSAGES = {
     "unknown in a section and like none": ("contact: {zzzz: 1}", f"unknown key contact.zzzz; allowed: {CONTACT}"),
     "unknown two sections deep": (
         "run: {initial: {phi1: 0}}",
-        "unknown key run.initial.phi1; did you mean phi1_rad? allowed: phase_sum_rad, phi1_rad, speed_ratio, state",
+        f"unknown key run.initial.phi1; did you mean phi1_rad? allowed: {INITIAL}",
     ),
     "unknown in a list": (
         "motors: [{pole_pair: 2}, {}]",
@@ -115,7 +116,7 @@ MESSAGES = {
         "drive.supply_frequency_hz = 'fast'; allowed: a number",
     ),
     "bool for a number": ("contact: {restitution: true}", "contact.restitution = True; allowed: a number"),
-    "nothing for a number": ("drive: {supply_frequency_hz: }", "drive.supply_frequency_hz = None; allowed: a number"),
+    "nothing for a number": ("contact: {restitution: }", "contact.restitution = None; allowed: a number"),
     "number for a text": ("name: 3", "name = 3; allowed: text"),
     "date for a text": ("name: 2020-01-01", "name = datetime.date(2020, 1, 1); allowed: text"),
     "fraction for a whole number": ("motor: {pole_pairs: 2.5}", "motor.pole_pairs = 2.5; allowed: a whole number"),
@@ -226,6 +227,30 @@ MESSAGES = {
         "run: {initial: {state: {y_m: 0}, phi1_rad: 0}}",
         "run.initial: state and phi1_rad are both given; allowed: one of the two",
     ),
+    "state and a phase difference": (
+        "run: {initial: {state: {y_m: 0}, phase_difference_rad: 0}}",
+        "run.initial: state and phase_difference_rad are both given; allowed: one of the two",
+    ),
+    "state and a run": (
+        "run: {initial: {state: {y_m: 0}, from: results/c}}",
+        "run.initial: state and from are both given; allowed: one of the two",
+    ),
+    "run and a phase": (
+        "run: {initial: {from: results/c, phi1_rad: 0}}",
+        "run.initial: from and phi1_rad are both given; allowed: one of the two",
+    ),
+    "run and a phase difference": (
+        "run: {initial: {from: results/c, phase_difference_rad: 0}}",
+        "run.initial: from and phase_difference_rad are both given; allowed: one of the two",
+    ),
+    "run without a name": ("run: {initial: {from: ''}}", "run.initial.from = ''; allowed: at least 1 character"),
+    "number for a run": ("run: {initial: {from: 3}}", "run.initial.from = 3; allowed: text"),
+    "misspelt run": (
+        "run: {initial: {form: results/c}}",
+        f"unknown key run.initial.form; did you mean from? allowed: {INITIAL}",
+    ),
+    "perturbation above 1": ("run: {perturbation: 2}", "run.perturbation = 2; allowed: at most 1.0"),
+    "negative seed": ("run: {seed: -1}", "run.seed = -1; allowed: at least 0"),
     "negative gap": (
         f"{THIN}run: {{initial: {{state: {{gap_m: -0.1}}}}}}",
         "run.initial.state.gap_m = -0.1; allowed: at least 0.0",
@@ -311,7 +336,10 @@ def test_message_about_a_file_that_is_not_there(path, line, here):
             {"c": "extends: a.yaml", "a": "extends: b.yaml", "b": "extends: a.yaml"},
             "a.yaml: extends itself through b.yaml",
         ),
-        ({"c": "extends: a.yaml", "a": "drive: {x: 1}"}, "c.yaml: unknown key drive.x; allowed: supply_frequency_hz"),
+        (
+            {"c": "extends: a.yaml", "a": "drive: {x: 1}"},
+            "c.yaml: unknown key drive.x; allowed: supply_frequency_hz, program",
+        ),
         ({"c": "extends: a.yaml", "a": "- 1"}, "a.yaml: holds a list; allowed: keys and values"),
         (
             {"c": "extends: a.yaml", "a": "a: [1"},
@@ -405,7 +433,8 @@ def test_message_about_a_setting(setting, line):
         ({"drive.supply_frequency_hz": "fast"}, "c.yaml: drive.supply_frequency_hz = 'fast'; allowed: a number"),
         (
             {"drive.frequency": 50.0},
-            "c.yaml: unknown key drive.frequency; did you mean supply_frequency_hz? allowed: supply_frequency_hz",
+            "c.yaml: unknown key drive.frequency; did you mean supply_frequency_hz? "
+            "allowed: supply_frequency_hz, program",
         ),
         (
             {"drive": 3, "drive.supply_frequency_hz": 50.0},
@@ -547,6 +576,41 @@ def test_state_and_phases_replace_each_other(here, scene_of):
     assert scene.run.duration_s == 2.0
 
 
+@pytest.mark.parametrize(
+    ("below", "above"),
+    [
+        ("phi1_rad: 1, phase_sum_rad: 2, speed_ratio: 0", "from: results/a"),
+        ("state: {x_m: 0.1}", "from: results/a"),
+        ("from: results/a", "state: {x_m: 0.1}"),
+        ("from: results/a", "from: results/b"),
+        ("from: results/a", "speed_ratio: 0.5"),
+        ("phase_sum_rad: 1", "phase_difference_rad: 2"),
+        ("phase_difference_rad: 1", "phase_sum_rad: 2"),
+    ],
+)
+def test_ways_to_begin_replace_each_other(below, above, here, scene_of):
+    (here / "base.yaml").write_text(f"run: {{duration_s: 2, initial: {{{below}}}}}")
+    scene = scene_of(f"extends: base.yaml\nrun: {{initial: {{{above}}}}}")
+    assert scene.run.initial == scene_of(f"run: {{initial: {{{above}}}}}").run.initial
+    assert scene.run.duration_s == 2.0
+    assert Scene.from_tree(scene.to_tree()) == scene == scene.replace()
+
+
+@pytest.mark.parametrize(
+    ("run", "perturbation"),
+    [
+        ("{}", 0.01),
+        ("{initial: {phase_difference_rad: 1, speed_ratio: 0}}", 0.01),
+        ("{initial: {state: {y_m: 0}}}", 0.0),
+        ("{initial: {from: results/a}}", 0.0),
+        ("{perturbation: 0}", 0.0),
+        ("{perturbation: 0.2, initial: {from: results/a}}", 0.2),
+    ],
+)
+def test_start_is_perturbed_unless_it_is_given_as_a_state_or_a_run(run, perturbation, scene_of):
+    assert scene_of(f"run: {run}").run.start_perturbation == perturbation
+
+
 # -- defaults, names, the repository's own files -------------------------------------------------------
 
 
@@ -657,7 +721,7 @@ def test_settings_are_laid_over_the_file(scene_of):
     assert scene.solver.tolerance == 1e-6
     assert scene.contact == Contact(restitution=0.5, impact_law="central")
     assert scene.material == Material(mass_ratio=0.1, stiffness_n_per_m=200.0)
-    assert [motor.pole_pairs for motor in scene.motor_pair] == [2, 3]
+    assert [exciter.pole_pairs for exciter in scene.exciter_pair] == [2, 3]
     assert scene.run.initial.state.x_m == 0.1
 
 
@@ -730,8 +794,17 @@ def missing(schema, node, tree, path=""):
     for key, value in tree.items():
         if key not in node["properties"]:
             yield f"{path}{key}"
-        elif isinstance(value, dict):
-            yield from missing(schema, resolved(schema, node["properties"][key]), value, f"{path}{key}.")
+            continue
+        inside = resolved(schema, node["properties"][key])
+        for entry in value if isinstance(value, list) else [value]:
+            if isinstance(entry, dict):
+                yield from missing(schema, of_entries(schema, inside), entry, f"{path}{key}.")
+
+
+def of_entries(schema, node):
+    """Schema of the entries of a list, among alternatives too; or the node itself."""
+    lists = [option for option in node.get("anyOf", [node]) if option.get("type") == "array"]
+    return resolved(schema, lists[0]["items"]) if lists else node
 
 
 def test_schema_has_every_key_of_the_example():
@@ -765,3 +838,25 @@ def test_grid_of_a_sweep_is_replaced_as_a_whole(here):
     assert scene.sweep.supply_frequency_hz.stop == 50.0
     assert scene.replace({"sweep.grid": {}}).sweep.grid == {}
     assert scene.replace({"sweep.grid": {}}).sweep.measure_s == 1.0
+
+
+#: Exciters of their own, and a supply over time.
+NEWER = """\
+exciters:
+  - {unbalance_radius_m: 0.09, rotor_inertia_kg_m2: 0.8e-3, rated_frequency_hz: 50}
+  - {critical_torque_n_m: 1.2, critical_slip: 0.15, pole_pairs: 2, friction_radius_m: 5.0e-5, rotation: clockwise}
+drive:
+  program: [{t_s: 0, supply_frequency_hz: 0}, {t_s: 3, supply_frequency_hz: 50, exciter_2: off}, {t_s: 8, off: true}]
+run:
+  initial: {from: results/other}
+  perturbation: 0
+  seed: 3
+"""
+
+
+def test_schema_has_the_keys_of_exciters_program_and_start(scene_of):
+    schema, example = configuration_schema(), YAML(typ="safe").load(NEWER)
+    assert list(missing(schema, schema, example)) == []
+    assert list(missing(schema, schema, example | {"exciters": [{"radius": 1}]})) == ["exciters.radius"]
+    assert list(missing(schema, schema, example | {"drive": {"program": [{"t": 1}]}})) == ["drive.program.t"]
+    assert scene_of(NEWER).run.initial.from_ == "results/other"

@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from pydantic import BaseModel
 
-from vibroplat import Scene, load_config
+from vibroplat import Motor, Scene, load_config
 from vibroplat.config import parse_overrides
 from vibroplat.errors import ConfigError
 
@@ -32,10 +32,11 @@ VALID = {
 def dotted_keys(model, path=()):
     """All keys of a configuration, sections too."""
     for name, field in model.model_fields.items():
-        yield ".".join((*path, name))
+        key = field.alias or name
+        yield ".".join((*path, key))
         for kind in (field.annotation, *typing.get_args(field.annotation)):
             if isinstance(kind, type) and issubclass(kind, BaseModel):
-                yield from dotted_keys(kind, (*path, name))
+                yield from dotted_keys(kind, (*path, key))
 
 
 KEYS = sorted(dotted_keys(Scene))
@@ -71,7 +72,8 @@ def accepted(load, kind=Scene):
 
 
 def test_all_sections_are_drawn_from():
-    assert {"name", "motor.pole_pairs", "run.initial.state.gap_m", "output.sample_rate_hz"} <= set(KEYS)
+    found = {"name", "motor.pole_pairs", "run.initial.state.gap_m", "run.initial.from", "output.sample_rate_hz"}
+    assert found <= set(KEYS)
 
 
 @quick
@@ -139,3 +141,75 @@ def unusable(key, value):
 )
 def test_what_is_accepted_can_be_used(value):
     assert [key for key in KEYS if unusable(key, value)] == []
+
+
+# -- what is accepted is written and read without a change ------------------------------------------------
+
+SIZE = st.floats(1e-3, 10.0)
+NUMBERS_OF_EXCITERS = {
+    "unbalance_radius_m": SIZE,
+    "rotor_inertia_kg_m2": SIZE,
+    "critical_torque_n_m": SIZE,
+    "critical_slip": SIZE,
+    "pole_pairs": st.integers(1, 6),
+    "friction_radius_m": SIZE,
+    "rated_frequency_hz": SIZE,
+    "rotation": st.sampled_from(["counter-clockwise", "clockwise"]),
+}
+MOTORS = st.fixed_dictionaries(
+    {}, optional={name: NUMBERS_OF_EXCITERS[name] for name in Motor.model_fields if name in NUMBERS_OF_EXCITERS}
+)
+EXCITERS = st.lists(st.fixed_dictionaries({}, optional=NUMBERS_OF_EXCITERS), min_size=2, max_size=2)
+COMMON = st.fixed_dictionaries({}, optional={"unbalance_radius_m": SIZE, "rotor_inertia_kg_m2": SIZE})
+GIVEN = st.one_of(
+    st.fixed_dictionaries({"exciters": EXCITERS}),
+    st.fixed_dictionaries({"machine": COMMON, "motor": MOTORS}),
+    st.fixed_dictionaries({"machine": COMMON, "motors": st.lists(MOTORS, min_size=2, max_size=2)}),
+    st.fixed_dictionaries({"machine": COMMON}),
+)
+SWITCH = st.sampled_from(["on", "off", True, False])
+SWITCHES = st.one_of(
+    st.fixed_dictionaries({}, optional={"exciter_1": SWITCH, "exciter_2": SWITCH}),
+    st.fixed_dictionaries({"off": st.booleans()}),
+)
+DRIVES = st.one_of(
+    st.fixed_dictionaries({"supply_frequency_hz": st.floats(1.0, 100.0)}),
+    st.lists(st.tuples(st.one_of(st.none(), st.floats(0.0, 100.0)), SWITCHES), max_size=5).map(
+        lambda rows: {
+            "program": [{"t_s": 0.0, "supply_frequency_hz": 50.0}]
+            + [{"t_s": 1.0 + i // 2, "supply_frequency_hz": f, **switches} for i, (f, switches) in enumerate(rows)]
+        }
+    ),
+)
+
+
+@quick
+@given(given=GIVEN, drive=DRIVES)
+def test_scene_is_written_and_read_without_a_change(given, drive):
+    scene = Scene.from_tree({**given, "drive": drive})
+    assert scene.replace() == scene
+    tree = scene.to_tree()
+    again = Scene.from_tree(json.loads(json.dumps(tree)))
+    assert again.to_tree() == tree
+    assert again.exciter_pair == scene.exciter_pair
+    assert again.drive.intervals == scene.drive.intervals
+
+
+@quick
+@given(given=GIVEN, differences=EXCITERS)
+def test_exciters_are_overridden_number_by_number(given, differences):
+    before, after = (
+        scene.exciter_pair for scene in (Scene.from_tree(given), Scene.from_tree(given).replace(exciters=differences))
+    )
+    for old, new, change in zip(before, after, differences, strict=True):
+        assert new.model_dump() == old.model_dump() | change
+
+
+@quick
+@given(given=GIVEN, place=st.sampled_from([0, 1]), key=st.sampled_from(sorted(NUMBERS_OF_EXCITERS)), data=st.data())
+def test_one_number_of_one_exciter_is_set(given, place, key, data):
+    value = data.draw(NUMBERS_OF_EXCITERS[key])
+    scene = Scene.from_tree(given)
+    after = scene.replace({f"exciters.{place}.{key}": value}).exciter_pair
+    assert after[1 - place] == scene.exciter_pair[1 - place]
+    assert after[place].model_dump() == scene.exciter_pair[place].model_dump() | {key: value}

@@ -3,31 +3,64 @@
 import numpy as np
 import pytest
 
-from vibroplat.drive import Drive
-from vibroplat.exciters import Motor
+from vibroplat.drive import Drive, Entry
+from vibroplat.exciters import Exciter, Motor
 from vibroplat.model.accelerations import accelerations, second_derivatives
 from vibroplat.model.parameters import parameters
 from vibroplat.model.systems import FULL_SIZE, SYSTEMS
 from vibroplat.scene import Contact, Machine, Material, Scene
 
-#: The rig of the paper, and one on which no mass, lever or angle is small or round.
-MACHINES = {
-    "paper": Machine(),
-    "lopsided": Machine(
-        platform_mass_kg=9.3,
-        unbalance_mass_kg=0.8,
-        rotor_inertia_kg_m2=2.0e-3,
-        exciter_distance_m=0.31,
-        exciter_angle_deg=-52.0,
-        damping_y_n_s_per_m=430.0,
-        gravity_m_per_s2=7.3,
-    ),
+#: A machine on which no mass, lever or angle is small or round.
+LOPSIDED = {
+    "platform_mass_kg": 9.3,
+    "unbalance_mass_kg": 0.8,
+    "exciter_distance_m": 0.31,
+    "exciter_angle_deg": -52.0,
+    "damping_y_n_s_per_m": 430.0,
+    "gravity_m_per_s2": 7.3,
 }
 
 UNEQUAL_MOTORS = [
     Motor(),
     Motor(critical_torque_n_m=0.9, critical_slip=0.21, pole_pairs=3, friction_radius_m=8.0e-5),
 ]
+
+
+def exciters(first, second, **changes):
+    """Return exciters that share nothing but their unbalance mass, turned these ways."""
+    return [
+        Exciter(unbalance_radius_m=0.07, rotor_inertia_kg_m2=1.7e-3, rotation=first, **changes),
+        Exciter(
+            unbalance_radius_m=0.12,
+            rotor_inertia_kg_m2=0.9e-3,
+            critical_torque_n_m=0.9,
+            critical_slip=0.21,
+            pole_pairs=3,
+            friction_radius_m=8.0e-5,
+            rotation=second,
+        ),
+    ]
+
+
+#: When residuals, Jacobians and accelerations are evaluated (s); within the rise of :data:`RISING`.
+TIME = 1.7
+
+#: A supply that rises, and had risen slower before.
+RISING = Drive(program=[Entry(t_s=t, supply_frequency_hz=f) for t, f in ((0.0, 10.0), (1.0, 30.0), (3.0, 68.0))])
+
+#: What scenes have besides their material. The rig of the paper, a lopsided machine, one whose unequal exciters turn
+#: the same way, and one on which both turn against the usual, under a rising supply; the critical slip speed of its
+#: first motor does not rise with it.
+SETUPS = {
+    "paper": {"motors": UNEQUAL_MOTORS},
+    "lopsided": {"machine": Machine(**LOPSIDED, rotor_inertia_kg_m2=2.0e-3), "motors": UNEQUAL_MOTORS},
+    "co-rotating": {"machine": Machine(**LOPSIDED), "exciters": exciters("clockwise", "clockwise")},
+    "rising": {
+        "machine": Machine(**LOPSIDED),
+        "exciters": exciters("clockwise", "counter-clockwise", rated_frequency_hz=55.0),
+        "drive": RISING,
+    },
+}
 
 MATERIALS = {
     0: Material(),
@@ -46,9 +79,9 @@ UNEVEN = {
 }
 
 EACH_SYSTEM = pytest.mark.parametrize("system", SYSTEMS, ids=lambda system: f"{system.mode.label}-{system.layers}")
-EACH_MACHINE = pytest.mark.parametrize("machine", MACHINES)
-#: Those of a scene, and one with uneven exciters.
-EACH_RECORD = pytest.mark.parametrize("machine", [*MACHINES, "uneven"])
+EACH_MACHINE = pytest.mark.parametrize("machine", SETUPS)
+#: Those of a scene, and one whose exciters differ in more than a scene allows.
+EACH_RECORD = pytest.mark.parametrize("machine", [*SETUPS, "uneven"])
 
 #: Realistic sizes of the full state: m and rad, then m/s and rad/s; the angles go round several times.
 SIZES = np.array([1e-3, 2e-3, 1e-2, 20.0, 20.0, 1e-3, 1e-3, 0.2, 0.4, 1.0, 150.0, 150.0, 0.4, 0.3])
@@ -56,20 +89,15 @@ SIZES = np.array([1e-3, 2e-3, 1e-2, 20.0, 20.0, 1e-3, 1e-3, 0.2, 0.4, 1.0, 150.0
 
 def scene_of(layers, machine="paper", **contact):
     """Return a scene with this many layers and unequal motors."""
-    return Scene(
-        machine=MACHINES[machine],
-        motors=UNEQUAL_MOTORS,
-        material=MATERIALS[layers],
-        contact=Contact(**contact),
-        drive=Drive(supply_frequency_hz=51.5),
-    )
+    constant = {"drive": Drive(supply_frequency_hz=51.5)}
+    return Scene(**constant | SETUPS[machine], material=MATERIALS[layers], contact=Contact(**contact))
 
 
 def record_of(layers, machine):
-    """Return the parameters of a scene with this many layers, or of a lopsided one with uneven exciters."""
+    """Return the parameters of a scene at :data:`TIME`, or of a lopsided one with uneven exciters."""
     if machine != "uneven":
-        return parameters(scene_of(layers, machine))
-    given, p = MACHINES["lopsided"], parameters(scene_of(layers, "lopsided"))
+        return parameters(scene_of(layers, machine), TIME)
+    given, p = SETUPS["lopsided"]["machine"], parameters(scene_of(layers, "lopsided"))
     mass, radius, axis = (np.array(UNEVEN[name]) for name in ("mass", "radius", "axis"))
     p.mass = given.platform_mass_kg + mass.sum()
     centre = mass @ axis / p.mass
@@ -91,11 +119,11 @@ def random_states(seed, count):
     return states
 
 
-def settled(system, differential, p):
+def settled(system, differential, p, time=TIME):
     """Return (y, y′, y″, whether there are any) of a state; `differential` holds the differential unknowns."""
     y, yp, ypp = np.zeros(system.size), np.empty(system.size), np.empty(system.size)
     y[: system.differential] = differential[: system.differential]
-    found = accelerations(system.index, 0.0, y, yp, p) and second_derivatives(system.index, 0.0, y, yp, ypp, p)
+    found = accelerations(system.index, time, y, yp, p) and second_derivatives(system.index, time, y, yp, ypp, p)
     return y, yp, ypp, found
 
 
@@ -105,14 +133,12 @@ def central_difference(function, step):
     return sum(weight * (function(n * step) - function(-n * step)) for n, weight in weights) / step
 
 
-def mass_matrix(state, machine):
+def mass_matrix(state, scene):
     """Return the 5×5 mass matrix of model.md, in the order (x, y, φ, φ₁, φ₂)."""
-    k = machine.unbalance
-    matrix = np.diag(
-        [machine.total_mass, machine.total_mass, machine.inertia, machine.exciter_inertia, machine.exciter_inertia]
-    )
+    machine = scene.machine
+    matrix = np.diag([machine.total_mass, machine.total_mass, machine.inertia, *scene.exciter_inertias])
     x0, y0 = machine.exciter_axis
-    for i, side in enumerate((1.0, -1.0)):
+    for i, (k, side) in enumerate(zip(scene.unbalances, (1.0, -1.0), strict=True)):
         sine, cosine = np.sin(state[3 + i]), np.cos(state[3 + i])
         axis_x, axis_y = side * x0 - state[2] * y0, y0 + state[2] * side * x0
         coupling = k * np.array([-sine, cosine, axis_x * cosine + axis_y * sine])

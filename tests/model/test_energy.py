@@ -11,7 +11,7 @@ from .helpers import (
     EACH_MACHINE,
     EACH_RECORD,
     EACH_SYSTEM,
-    MACHINES,
+    TIME,
     central_difference,
     mass_matrix,
     random_states,
@@ -38,7 +38,7 @@ def rate_of(energy, state, rates, p):
 
 def powers_of(state, p):
     out = np.empty(FORCE_SIZE + 1)
-    powers(0.0, state, out, p)
+    powers(TIME, state, out, p)
     return dict(zip(POWERS, out, strict=False))
 
 
@@ -117,7 +117,7 @@ def test_kinetic_energy_is_that_of_the_mass_matrix(layers, machine):
     for state in random_states(seed=12, count=10):
         lower = state[8] + state[12]
         rates = state[7:12]
-        expected = 0.5 * rates @ mass_matrix(state, MACHINES[machine]) @ rates
+        expected = 0.5 * rates @ mass_matrix(state, scene) @ rates
         expected += 0.5 * (lower_mass * lower**2 + upper_mass * (lower + state[13]) ** 2)
         assert kinetic_energy(state, parameters(scene)) == pytest.approx(expected, rel=1e-13)
 

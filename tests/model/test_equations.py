@@ -14,6 +14,7 @@ from .helpers import (
     EACH_MACHINE,
     EACH_RECORD,
     EACH_SYSTEM,
+    TIME,
     UNEVEN,
     random_states,
     record_of,
@@ -102,6 +103,21 @@ def contact_direction():
     return np.array(work.jacobian(COORDINATES), dtype=float).ravel()
 
 
+def keys_of_exciters(scene):
+    """Return radii, rotor inertias and directions of both exciters, and their motors, as the scene is given them."""
+    if scene.exciters is None:
+        both = (scene.machine.unbalance_radius_m, scene.machine.rotor_inertia_kg_m2)
+        return *((value, value) for value in both), (1.0, -1.0), scene.motors
+    first, second = scene.exciters
+    signs = {"counter-clockwise": 1.0, "clockwise": -1.0}
+    return (
+        (first.unbalance_radius_m, second.unbalance_radius_m),
+        (first.rotor_inertia_kg_m2, second.rotor_inertia_kg_m2),
+        (signs[first.rotation], signs[second.rotation]),
+        scene.exciters,
+    )
+
+
 def constants(scene, *, uneven=False):
     """Return the values of CONSTANTS, from what the scene is given; its exciters may be the uneven ones."""
     m, material = scene.machine, scene.material
@@ -111,8 +127,8 @@ def constants(scene, *, uneven=False):
     else:
         gamma = np.radians(m.exciter_angle_deg)
         x, y = m.exciter_distance_m * np.array([np.cos(gamma), np.sin(gamma)])
-        both = (m.unbalance_mass_kg, m.unbalance_radius_m, m.rotor_inertia_kg_m2)
-        exciters = (*np.repeat(both, 2), x, y, -x, y)
+        radii, rotors, *_ = keys_of_exciters(scene)
+        exciters = (m.unbalance_mass_kg, m.unbalance_mass_kg, *radii, *rotors, x, y, -x, y)
     share = material.lower_share if material.layers == 2 else 1.0
     masses = material.mass_ratio * (m.platform_mass_kg + 2.0 * m.unbalance_mass_kg)
     lower, upper = share * masses, (1.0 - share) * masses
@@ -127,11 +143,21 @@ def constants(scene, *, uneven=False):
     )
 
 
+def supply_frequency(scene):
+    """Return the supply frequency at TIME, from the keys of the drive."""
+    if scene.drive.program is None:
+        return scene.drive.supply_frequency_hz
+    return np.interp(
+        TIME, *zip(*((entry.t_s, entry.supply_frequency_hz) for entry in scene.drive.program), strict=True)
+    )
+
+
 def net_torque(motor, frequency, direction, speed, unbalance):
     """Return Kloss's torque 2M_c/(s/s_c + s_c/s) less the resistance k_R m_r r φ̇²."""
     synchronous = 2.0 * np.pi * frequency / motor.pole_pairs
     slip = (synchronous - direction * speed) / synchronous
-    ratio = slip / motor.critical_slip
+    # the critical slip speed s_c ω₀ of the rated frequency is that at all others, if there is one
+    ratio = slip / (motor.critical_slip * (motor.rated_frequency_hz or frequency) / frequency)
     driving = direction * 2.0 * motor.critical_torque_n_m / (ratio + 1.0 / ratio)
     return driving - np.sign(speed) * motor.friction_radius_m * unbalance * speed**2
 
@@ -141,9 +167,9 @@ def expected(system, state, scene, *, uneven):
     moving = [int(c) for c in system.places[: system.differential // 2]]
     given = constants(scene, uneven=uneven)
     unbalances = np.multiply(given[13:15], given[15:17])
-    directions = UNEVEN["direction"] if uneven else (1.0, -1.0)
-    exciters = zip(scene.motor_pair, directions, state[10:12], unbalances, strict=True)
-    torques = [net_torque(motor, scene.drive.supply_frequency_hz, *exciter) for motor, *exciter in exciters]
+    _, _, directions, motors = keys_of_exciters(scene)
+    exciters = zip(motors, UNEVEN["direction"] if uneven else directions, state[10:12], unbalances, strict=True)
+    torques = [net_torque(motor, supply_frequency(scene), *exciter) for motor, *exciter in exciters]
     mass, forces = lagrange()(state[:7], state[7:], given, torques)
     rows, columns = moving, mass[:, moving]
     if system.mode is Mode.ATTACHED:
@@ -193,9 +219,10 @@ def test_common_masses_and_inertia_come_out_of_the_derivation(machine):
     scene = scene_of(0, machine)
     mass, _ = lagrange()(np.zeros(7), np.zeros(7), constants(scene), (0.0, 0.0))
     m = scene.machine
-    derived = np.diag(mass)[:5]
-    listed = [m.total_mass, m.total_mass, m.inertia, m.exciter_inertia, m.exciter_inertia]
-    assert derived == pytest.approx(listed, rel=1e-14)
+    listed = [m.total_mass, m.total_mass, m.inertia, *scene.exciter_inertias]
+    assert np.diag(mass)[:5] == pytest.approx(listed, rel=1e-14)
+    # with φ₁ = φ₂ = 0 each unbalance lies beside its axis, and couples with y by its static moment
+    assert mass[1, 3:5] == pytest.approx(scene.unbalances, rel=1e-14)
 
 
 def assert_equal(found, expected):

@@ -9,7 +9,16 @@ from vibroplat.model.equations import residual as evaluate_residual
 from vibroplat.model.parameters import parameters
 from vibroplat.model.systems import GAP, SYSTEMS
 
-from .helpers import EACH_RECORD, EACH_SYSTEM, central_difference, random_states, record_of, scene_of, settled
+from .helpers import (
+    EACH_RECORD,
+    EACH_SYSTEM,
+    TIME,
+    central_difference,
+    random_states,
+    record_of,
+    scene_of,
+    settled,
+)
 
 #: Largest accelerations in the order of the coordinates (m/s², rad/s²), for random y′.
 ACCELERATIONS = np.array([50.0, 80.0, 200.0, 2000.0, 2000.0, 80.0, 80.0])
@@ -32,7 +41,7 @@ def random_point(system, rng):
 
 def residual(system, y, yp, p):
     res = np.empty(system.size)
-    assert evaluate_residual(system.index, 0.0, y, yp, res, p)
+    assert evaluate_residual(system.index, TIME, y, yp, res, p)
     return res
 
 
@@ -57,7 +66,7 @@ def test_jacobian_is_that_of_the_residual(system, machine, cj):
     jac = np.empty((system.size, system.size))
     for _ in range(8):
         y, yp = random_point(system, rng)
-        jacobian(system.index, 0.0, y, yp, cj, jac, p)
+        jacobian(system.index, TIME, y, yp, cj, jac, p)
         expected = numerical_jacobian(system, y, yp, cj, p)
         # relative to the largest entry of the row; what is left is sixth-order terms (0.01 rad)⁶/140 ~ 1e-14
         # and the round-off of the residual's terms over the step
@@ -77,8 +86,8 @@ def test_next_derivative_is_that_along_the_motion(system, machine):
         assert np.array_equal(y[: system.differential], start)
 
         def along(time, start=start, rates=yp[: system.differential]):
-            # y′ and F_c are functions of the state, so their derivative along the tangent is that in time
-            y, yp, _, _ = settled(system, start + time * rates, p)
+            # y′ and F_c are functions of the state and of time, so their derivative along the tangent is that in time
+            y, yp, _, _ = settled(system, start + time * rates, p, TIME + time)
             return np.append(yp[: system.differential], y[system.differential :])
 
         wanted.append(central_difference(along, step=2e-5))
@@ -99,7 +108,7 @@ def test_linearized_accelerations_are_those_of_the_state(system, machine):
         start = full[system.places]
         y, yp, _, _ = settled(system, start, p)
         slopes = np.empty((differential, size))
-        linearize(system.index, 0.0, y, yp, slopes, p)
+        linearize(system.index, TIME, y, yp, slopes, p)
 
         def of(state):
             y, yp, _, _ = settled(system, state, p)
@@ -176,6 +185,6 @@ def test_residual_tells_of_a_value_that_is_not_finite(system):
     p = parameters(scene_of(system.layers))
     y, yp = random_point(system, np.random.default_rng(6))
     res = np.empty(system.size)
-    assert evaluate_residual(system.index, 0.0, y, yp, res, p)
+    assert evaluate_residual(system.index, TIME, y, yp, res, p)
     yp[system.differential // 2] = np.nan
-    assert not evaluate_residual(system.index, 0.0, y, yp, res, p)
+    assert not evaluate_residual(system.index, TIME, y, yp, res, p)

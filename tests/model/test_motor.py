@@ -1,19 +1,41 @@
-"""Kloss's torque and the resistance at points where their values are known."""
+"""Kloss's torque and the resistance at points where their values are known, under a constant and a changing supply."""
 
 import numpy as np
 import pytest
 
-from vibroplat.model.motor import kloss_slope, kloss_torque, resistance, resistance_slope
+from vibroplat import Scene
+from vibroplat.model.accelerations import accelerations, second_derivatives
+from vibroplat.model.equations import jacobian
+from vibroplat.model.motor import (
+    kloss_slope,
+    kloss_torque,
+    motor_powers,
+    motor_torque,
+    net_slope,
+    resistance,
+    resistance_slope,
+    torque_rate,
+)
+from vibroplat.model.parameters import blank, parameters
 
-from .helpers import central_difference
+from .helpers import EACH_SYSTEM, TIME, central_difference, random_states, scene_of
 
 CRITICAL, SLIP, SYNCHRONOUS = 1.2, 0.15, 160.0
 
 each_direction = pytest.mark.parametrize("direction", [1.0, -1.0])
 
 
-def torque(speed, direction):
-    return kloss_torque(speed, direction, CRITICAL, SLIP, SYNCHRONOUS)
+def torque(speed, direction, synchronous=SYNCHRONOUS):
+    """Return the torque of a motor under a constant supply, counter-clockwise."""
+    return motor_torque(0, 0.3, speed, constant_supply(direction, synchronous))
+
+
+def constant_supply(direction, synchronous=SYNCHRONOUS):
+    """Return the parameters of motors without resistance."""
+    p = blank()
+    p.direction = direction, -direction
+    p.torque, p.speed, p.slip_speed = CRITICAL, synchronous, SLIP * synchronous
+    return p
 
 
 def speed_at(slip, direction):
@@ -60,22 +82,154 @@ def test_directions_mirror_each_other():
 @each_direction
 @pytest.mark.parametrize("slip", [-2.0, -SLIP, -0.05, 0.0, 0.02, SLIP, 0.4, 1.0])
 def test_slope_of_torque(direction, slip):
-    speed = speed_at(slip, direction)
-    numerical = central_difference(lambda change: torque(speed + change, direction), step=0.05)
+    speed, p = speed_at(slip, direction), constant_supply(direction)
+    numerical = central_difference(lambda change: motor_torque(0, 0.3, speed + change, p), step=0.05)
     steepest = 2.0 * CRITICAL / (SLIP * SYNCHRONOUS)
     # step / (s_c ω₀) = 0.002: sixth-order error and round-off are both below 1e-12 of the steepest slope
-    assert kloss_slope(speed, direction, CRITICAL, SLIP, SYNCHRONOUS) == pytest.approx(numerical, abs=1e-11 * steepest)
+    assert net_slope(0, 0.3, speed, p) == pytest.approx(numerical, abs=1e-11 * steepest)
 
 
 @each_direction
 def test_slope_at_synchronous_speed_brakes(direction):
-    slope = kloss_slope(direction * SYNCHRONOUS, direction, CRITICAL, SLIP, SYNCHRONOUS)
+    slope = net_slope(0, 0.3, direction * SYNCHRONOUS, constant_supply(direction))
     assert slope == pytest.approx(-2.0 * CRITICAL / (SLIP * SYNCHRONOUS), rel=1e-13)
 
 
-def test_no_critical_torque_is_a_switched_off_supply():
-    assert kloss_torque(50.0, 1.0, 0.0, SLIP, SYNCHRONOUS) == 0.0
-    assert kloss_slope(50.0, 1.0, 0.0, SLIP, SYNCHRONOUS) == 0.0
+@pytest.mark.parametrize(("slip", "critical"), [(30.0, 24.0), (-7.0, 24.0), (0.0, 24.0), (0.0, 0.0)])
+def test_no_critical_torque_is_a_switched_off_supply(slip, critical):
+    assert kloss_torque(slip, critical, 0.0) == 0.0
+    assert kloss_slope(slip, critical, 0.0) == 0.0
+
+
+@pytest.mark.parametrize("slip", [-40.0, -3.0, 5.0, 24.0, 90.0])
+def test_slope_is_that_over_both_speeds(slip):
+    """Slip speed and critical slip speed: the torque depends on their ratio alone."""
+    slope = kloss_slope(slip, 24.0, CRITICAL)
+    by_slip = central_difference(lambda change: kloss_torque(slip + change, 24.0, CRITICAL), step=0.05)
+    by_critical = central_difference(lambda change: kloss_torque(slip, 24.0 + change, CRITICAL), step=0.05)
+    steepest = 2.0 * CRITICAL / 24.0
+    assert 24.0 * slope == pytest.approx(by_slip, abs=1e-11 * steepest)
+    assert -slip * slope == pytest.approx(by_critical, abs=1e-11 * steepest)
+
+
+# -- a supply that changes --------------------------------------------------------------------------------
+
+#: Speeds beyond the synchronous ones, below, at rest, and against them (rad/s).
+SPEEDS = (-210.0, -80.0, -1e-3, 0.0, 1e-3, 95.0, 210.0)
+
+
+def by_quotient(motor, frequency, speed):
+    """Return Kloss's torque 2M_c/(s/s_c + s_c/s) at a supply frequency (Hz)."""
+    direction = -1.0 if motor.rotation == "clockwise" else 1.0
+    synchronous = 2.0 * np.pi * frequency / motor.pole_pairs
+    slip = (synchronous - direction * speed) / synchronous
+    critical = motor.critical_slip
+    if motor.rated_frequency_hz is not None:  # s_c ω₀ stays the same
+        critical *= motor.rated_frequency_hz / frequency
+    return direction * 2.0 * motor.critical_torque_n_m / (slip / critical + critical / slip)
+
+
+@pytest.mark.parametrize("time", [1.0, TIME, 2.9999])
+@pytest.mark.parametrize("speed", SPEEDS)
+def test_torque_under_a_rising_supply_is_that_of_the_frequency_then(time, speed):
+    """The second motor keeps its critical slip, the first the critical slip speed of its rated frequency."""
+    scene = scene_of(0, "rising")
+    p, frequency = parameters(scene, TIME), 30.0 + 19.0 * (time - 1.0)
+    assert p.since == 1.0
+    assert p.slip_ramp[0] == 0.0 < p.slip_ramp[1] < p.speed_ramp[1]
+    for i, motor in enumerate(scene.exciters):
+        assert motor_torque(i, time, speed, p) == pytest.approx(by_quotient(motor, frequency, speed), rel=1e-13)
+
+
+def test_rated_frequency_matters_at_others_alone():
+    rated = {"critical_slip": 0.2, "rated_frequency_hz": 50.0}
+    for frequency, same in ((50.0, True), (25.0, False)):
+        with_it, without = (
+            parameters(Scene(motor=motor, drive={"supply_frequency_hz": frequency}))
+            for motor in (rated, {"critical_slip": 0.2})
+        )
+        assert (with_it.slip_speed == without.slip_speed).all() == same
+    # half the frequency: the same slip speed is twice the slip
+    assert with_it.slip_speed == pytest.approx(2.0 * without.slip_speed, rel=1e-15)
+
+
+@pytest.mark.parametrize("speed", SPEEDS)
+def test_rate_of_torque_under_a_rising_supply(speed):
+    p = parameters(scene_of(0, "rising"), TIME)
+    for i in range(2):
+        numerical = central_difference(lambda change, i=i: motor_torque(i, TIME + change, speed, p), step=1e-3)
+        fastest = 2.0 * p.torque[i] * p.speed_ramp[i] / p.slip_speed[i]
+        assert torque_rate(i, TIME, speed, p) == pytest.approx(numerical, abs=1e-11 * fastest)
+
+
+def test_torque_under_a_constant_supply_does_not_change():
+    p = constant_supply(1.0)
+    assert [torque_rate(i, 0.3, 120.0, p) for i in range(2)] == [0.0, 0.0]
+
+
+def test_powers_of_motors():
+    p = parameters(scene_of(0, "rising"), TIME)
+    times, speeds = np.array([1.2, 2.4]), np.array([[-110.0, 90.0], [-30.0, 70.0]])
+    expected = [
+        [motor_torque(i, time, speed, p) * speed for i, speed in enumerate(pair)]
+        for time, pair in zip(times, speeds, strict=True)
+    ]
+    np.testing.assert_allclose(motor_powers(times, speeds, p), expected, rtol=1e-15)
+
+
+# -- a supply of 0 Hz -------------------------------------------------------------------------------------
+
+
+def start(frequency=0.0, **motor):
+    """Return the parameters at the first moment of a start from 0 Hz; it has been 0 Hz for a second."""
+    entries = [(0.0, frequency), (1.0, frequency), (3.0, 50.0)]
+    program = [{"t_s": t, "supply_frequency_hz": f} for t, f in entries]
+    return parameters(Scene(motor=motor, drive={"program": program}), 0.5)
+
+
+@pytest.mark.parametrize("motor", [{}, {"rated_frequency_hz": 50.0}], ids=["critical slip", "critical slip speed"])
+def test_supply_of_0_hz_brakes_like_direct_current(motor):
+    """Synchronous speed 0: whatever turns is braked, what stands still has no torque."""
+    p = start(**motor)
+    assert (p.speed == 0.0).all()
+    for i in range(2):
+        assert motor_torque(i, 0.5, 0.0, p) == 0.0
+        assert torque_rate(i, 0.5, 0.0, p) == 0.0
+        for speed in (1e-9, 0.02, 3.0, 160.0):
+            assert motor_torque(i, 0.5, speed, p) < 0.0
+            assert motor_torque(i, 0.5, -speed, p) == -motor_torque(i, 0.5, speed, p)
+
+
+def test_critical_slip_speed_stays_above_0():
+    """It follows the frequency to a thousandth of the program's largest; below, a motor would be infinitely stiff."""
+    p, least = start(), start(frequency=0.05)
+    assert (p.slip_speed == least.slip_speed).all()
+    assert p.slip_speed[0] == pytest.approx(0.15 * 2.0 * np.pi * 0.05 / 2, rel=1e-14)
+    assert motor_torque(0, 0.5, -p.slip_speed[0], p) == pytest.approx(1.2, rel=1e-14)
+
+
+def test_nothing_divides_by_a_critical_slip_speed_of_0():
+    assert kloss_torque(0.0, 0.0, CRITICAL) == 0.0
+    assert kloss_slope(0.0, 0.0, CRITICAL) == 0.0
+
+
+@EACH_SYSTEM
+@pytest.mark.parametrize("still", [True, False])
+def test_equations_have_finite_derivatives_at_0_hz(system, still):
+    material = scene_of(system.layers).material
+    program = [{"t_s": 0.0, "supply_frequency_hz": 0.0}, {"t_s": 3.0, "supply_frequency_hz": 50.0}]
+    p = parameters(Scene(material=material, drive={"program": program}))
+    (state,) = random_states(seed=15, count=1)
+    state[7:] *= not still
+    y, yp, ypp = system.unknowns(state), np.empty(system.size), np.empty(system.size)
+    assert accelerations(system.index, 0.0, y, yp, p)
+    assert second_derivatives(system.index, 0.0, y, yp, ypp, p)
+    jac = np.empty((system.size, system.size))
+    jacobian(system.index, 0.0, y, yp, 1e3, jac, p)
+    assert all(np.isfinite(found).all() for found in (y, yp, ypp, jac))
+
+
+# -- resistance -------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("speed", [-150.0, -0.3, 0.3, 150.0])

@@ -37,6 +37,9 @@ KEYS = {
     "machine.gravity_m_per_s2": 0.1,
     "motors.1.critical_slip": 1e-3,
     "motors.0.friction_radius_m": 1e-6,
+    "exciters.0.unbalance_radius_m": 1e-3,
+    "exciters.1.rotor_inertia_kg_m2": 1e-4,
+    "exciters.1.critical_slip": 1e-3,
 }
 
 
@@ -56,14 +59,9 @@ EACH_SYSTEM_AND_KEY = pytest.mark.parametrize(
 )
 
 
-def with_value(scene, key, value):
-    """Return a scene with one key changed, also one of a motor."""
-    if not key.startswith("motors"):
-        return scene.replace({key: value})
-    _, which, name = key.split(".")
-    motors = [motor.model_dump() for motor in scene.motors]
-    motors[int(which)][name] = value
-    return scene.replace({"motors": motors})
+def scene_with(layers, key):
+    """Return a lopsided scene that has a key."""
+    return scene_of(layers, "co-rotating" if key.startswith("exciters") else "lopsided")
 
 
 def value_of(scene, key):
@@ -76,12 +74,12 @@ def value_of(scene, key):
 def by_difference(function, scene, key):
     """Differentiate a function of parameters by a key, through scenes."""
     value = value_of(scene, key)
-    return central_difference(lambda s: function(parameters(with_value(scene, key, value + s))), KEYS[key])
+    return central_difference(lambda s: function(parameters(scene.replace({key: value + s}))), KEYS[key])
 
 
 @EACH_SYSTEM_AND_KEY
 def test_residual_by_a_key(system, key):
-    scene = scene_of(system.layers, "lopsided")
+    scene = scene_with(system.layers, key)
     p, dp = parameters(scene), parameter_direction(scene, key)
     for state, other in random_states(seed=40, count=6).reshape(3, 2, 14):
         y, yp = system.unknowns(state), system.unknowns(other)
@@ -101,7 +99,7 @@ def test_residual_by_a_key(system, key):
 
 @EACH_SYSTEM_AND_KEY
 def test_accelerations_by_a_key(system, key):
-    scene = scene_of(system.layers, "lopsided")
+    scene = scene_with(system.layers, key)
     p, dp = parameters(scene), parameter_direction(scene, key)
     for state in random_states(seed=41, count=3):
 
@@ -119,11 +117,13 @@ def test_accelerations_by_a_key(system, key):
         np.testing.assert_allclose(found, by_difference(rates_and_force, scene, key), rtol=1e-8, atol=round_off)
 
 
-def test_supply_frequency_changes_the_synchronous_speeds_alone():
-    scene = scene_of(2)
+def test_supply_frequency_changes_synchronous_and_critical_slip_speeds_alone():
+    scene = scene_of(2).replace({"motors.1.rated_frequency_hz": 60.0})
     dp = parameter_direction(scene, "drive.supply_frequency_hz")
-    assert dp.speed == pytest.approx([2.0 * math.pi / motor.pole_pairs for motor in scene.motors], rel=1e-13)
-    dp.speed = 0.0
+    speeds = [2.0 * math.pi / motor.pole_pairs for motor in scene.motors]
+    assert dp.speed == pytest.approx(speeds, rel=1e-13)
+    assert dp.slip_speed == pytest.approx([scene.motors[0].critical_slip * speeds[0], 0.0], rel=1e-13)
+    dp.speed = dp.slip_speed = 0.0
     assert dp == blank()
 
 

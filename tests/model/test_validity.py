@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from vibroplat import Machine
+from vibroplat import Machine, Scene
 from vibroplat.model.accelerations import accelerations
 from vibroplat.model.equations import residual as evaluate_residual
 from vibroplat.model.parameters import parameters
@@ -36,11 +36,11 @@ def drawn(seed):
 
 def least_eigenvalue(machine, phi):
     """Least eigenvalue of the mass matrix, its diagonal scaled to 1, over all exciter angles."""
-    least = math.inf
+    scene, least = Scene(machine=machine), math.inf
     for first in np.linspace(0.0, 2.0 * math.pi, 41):
         for second in np.linspace(0.0, 2.0 * math.pi, 41):
             state = np.array([0.0, 0.0, phi, first, second])
-            matrix = mass_matrix(state, machine)
+            matrix = mass_matrix(state, scene)
             scale = np.sqrt(np.diag(matrix))
             least = min(least, np.linalg.eigvalsh(matrix / np.outer(scale, scale))[0])
     return least
@@ -78,12 +78,12 @@ def residual(machine, phi, first, second):
 @pytest.mark.parametrize("seed", SEEDS)
 def test_model_holds_where_the_mass_matrix_is_well_definite_and_nowhere_else(seed):
     machine = drawn(seed)
-    rng = np.random.default_rng(seed)
+    scene, rng = Scene(machine=machine), np.random.default_rng(seed)
     for _ in range(200):
         phi = machine.safe_rotation * rng.uniform(-4.0, 4.0)
         first, second = rng.uniform(0.0, 2.0 * math.pi, 2)
         state = np.array([0.0, 0.0, phi, first, second])
-        definite = np.linalg.eigvalsh(mass_matrix(state, machine))[0] > 0.0
+        definite = np.linalg.eigvalsh(mass_matrix(state, scene))[0] > 0.0
         if not definite:
             assert not residual(machine, phi, first, second)
         elif abs(phi) <= machine.safe_rotation:

@@ -6,12 +6,13 @@ import math
 from collections.abc import Sequence
 from typing import Protocol
 
+from vibroplat.drive import interval_at
 from vibroplat.hybrid import state as hy
 from vibroplat.hybrid.automaton import automaton
 from vibroplat.hybrid.jumps import turn_corner
 from vibroplat.hybrid.loop import first_mode, fly
 from vibroplat.hybrid.modes import KINDS
-from vibroplat.hybrid.steps import no_steps
+from vibroplat.hybrid.steps import no_steps, rewind
 from vibroplat.integrate.seam import Engine
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.parameters import Parameters, supply
@@ -84,7 +85,8 @@ class Motion:
         self.events = 0
         steps = no_steps(engine.rows, engine.degree)
         self._p = p
-        self._interval = scene.drive.at(time)
+        self._intervals = scene.drive.intervals
+        self._interval = interval_at(self._intervals, time)
         supply(p, scene, self._interval)
         self.automaton = automaton(scene, p, steps, engine.turns_per_segment, state, time)
         first_mode(self.automaton)
@@ -140,20 +142,24 @@ class Motion:
         awaited = run["awaited"]
         while True:
             if self.now >= self._interval.end and time > self.now and self.outcome == "ok":
-                self._turn_corner()
+                self._turn_corner(observers)
+            if run["awaited"] != awaited:  # the corner is what the motion waits for
+                return
             end = min(time, self._interval.end)
             self._within_interval(end, observers)
             reached = self.outcome == "ok" and run["awaited"] == awaited and self.now >= end
             if not reached or end >= time:
                 return
 
-    def _turn_corner(self) -> None:
+    def _turn_corner(self, observers: Sequence[Observer]) -> None:
         """Change the supply of the motors for all who hold the parameters."""
         h = self.automaton
-        self._interval = self.scene.drive.at(self.now)
+        self._interval = interval_at(self._intervals, self.now)
         for p in (self._p, h.p, h.inelastic):
             supply(p, self.scene, self._interval)
         turn_corner(h, self._interval.corner)
+        rewind(h.steps)  # they have been read
+        self._tell(observers)
 
     def _within_interval(self, time: float, observers: Sequence[Observer]) -> None:
         """Carry the motion on to a time (s) at which or before which the supply does not change."""
@@ -163,10 +169,15 @@ class Motion:
             h.run["outcome"] = hy.RUNNING
         while h.run["outcome"] == hy.RUNNING:
             self.engine.advance(h)
-            for observer in observers:
-                observer.read(h)
-            self.events += int(h.run["events"])
-            h.run["events"] = 0
+            self._tell(observers)
+
+    def _tell(self, observers: Sequence[Observer]) -> None:
+        """Let observers read the new steps and events."""
+        h = self.automaton
+        for observer in observers:
+            observer.read(h)
+        self.events += int(h.run["events"])
+        h.run["events"] = 0
 
     def to_section(self, turns: int, longest: float, observers: Sequence[Observer] = ()) -> bool:
         """Carry the motion on until exciter 1 has completed so many whole turns more, exactly.

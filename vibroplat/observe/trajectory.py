@@ -283,20 +283,23 @@ class Trajectory:
             table[name] = states[:, place]
         if self.scene.has_contact:
             table["contact_force_n"] = force
-        for name, column in self._supply(parts).items():
+        for name, column in self._supply(parts, times, states[:, 10:12]).items():
             table[name] = column
         return table
 
-    def _supply(self, parts: list[Part]) -> dict[str, FloatArray]:
+    def _supply(self, parts: list[Part], times: FloatArray, speeds: FloatArray) -> dict[str, FloatArray]:
         """Power of both motors (W), and the supply frequency (Hz) where a program changes it, in all rows."""
         drive, p = self.scene.drive, parameters(self.scene)
-        power, frequency = [np.empty((0, 2))], [np.empty(0)]
-        for segment, times, (states, _) in parts:
-            interval = drive.at(0.5 * (segment.start + segment.end))  # no corner lies inside a segment
+        intervals, power, frequency = drive.intervals, np.empty(speeds.shape), np.empty(times.size)
+        starts = [interval.start for interval in intervals[1:]]
+        # no corner lies inside a segment
+        owners = np.searchsorted(starts, [0.5 * (part[0].start + part[0].end) for part in parts], side="right")
+        owner = np.repeat(owners, [len(part[1]) for part in parts])
+        for k in np.unique(owners):
+            interval, mine = intervals[k], owner == k
             supply(p, self.scene, interval)
-            power.append(motor_powers(times, states[:, 10:12], p))
+            power[mine] = motor_powers(times[mine], speeds[mine], p)
             if drive.program is not None:
-                frequency.append(interval.frequency + interval.ramp * (times - interval.start))
-        first, second = np.concatenate(power).T
-        columns = {} if drive.program is None else {"supply_frequency_hz": np.concatenate(frequency)}
-        return columns | {"motor_power_1_w": first, "motor_power_2_w": second}
+                frequency[mine] = interval.frequency + interval.ramp * (times[mine] - interval.start)
+        columns = {} if drive.program is None else {"supply_frequency_hz": frequency}
+        return columns | {"motor_power_1_w": power[:, 0], "motor_power_2_w": power[:, 1]}

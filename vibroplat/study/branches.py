@@ -58,12 +58,14 @@ def sweep_plan(scene: Scene) -> SweepPlan:
     Raises
     ------
     ConfigError
-        The scene has no section ``sweep``, or a drive program.
+        The scene has no section ``sweep``, or a drive program, or begins where a run ended.
     """
     if scene.sweep is None:
         raise ConfigError("this configuration has no sweep section; add sweep: {supply_frequency_hz: …}")
     if scene.drive.program is not None:
         raise ConfigError("drive.program is given, but a sweep sets the supply itself; allowed: supply_frequency_hz")
+    if scene.run.initial.from_ is not None:
+        raise ConfigError("run.initial.from is given, but a sweep does not begin with a run; allowed: state, or phases")
     return scene.sweep
 
 
