@@ -194,7 +194,7 @@ def test_columns_are_those_the_scene_has(run, layers, force, runs):
     coordinates = [*PLATFORM, *(layer[0] for layer in layers)]
     rates = [*PLATFORM_RATES, *(layer[1] for layer in layers)]
     table = runs[run].trajectory
-    assert list(table) == ["t_s", "mode", *coordinates, *rates, *force]
+    assert list(table) == ["t_s", "mode", *coordinates, *rates, *force, "motor_power_1_w", "motor_power_2_w"]
     assert {str(table[column].dtype) for column in table if column != "mode"} == {"float64"}
     assert set(table["mode"]) == ({"attached", "flight"} if layers else {"bare"})
 

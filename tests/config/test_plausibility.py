@@ -41,6 +41,18 @@ SECTIONS = {"machine": load_config(QUICKSTART).machine, "motor": load_config(QUI
             ],
         ),
         (
+            {"drive.program": [{"t_s": 0.0, "supply_frequency_hz": 20.0}, {"t_s": 2.0, "supply_frequency_hz": 500.0}]},
+            [
+                "drive.program: supply frequency 500 Hz; usual: up to 400 Hz",
+                "machine.unbalance_mass_kg = 0.045, machine.unbalance_radius_m = 0.03: acceleration 54.3 g of the "
+                "platform far above resonance; usual: up to 30 g",
+            ],
+        ),
+        (
+            {"exciters.0.friction_radius_m": 0.02},
+            ["exciters.0.friction_radius_m = 0.02; usual: up to 0.01 m"],
+        ),
+        (
             {"machine.stiffness_x_n_per_m": 58e9},
             ["machine.stiffness_x_n_per_m = 5.8e+10: natural frequency 10800 Hz in x; usual: 1 to 150 Hz"],
         ),
@@ -149,13 +161,13 @@ def test_a_scene_without_a_machine_says_which_it_takes():
     ],
 )
 def test_keys_of_a_machine_that_are_left_out_are_noted(left_out, what, tmp_path):
-    given = {key: value for key, value in SECTIONS["machine"].model_dump().items() if key not in left_out}
+    given = SECTIONS["machine"].model_dump(exclude={*left_out})
     expected = [] if what is None else [f"machine: {what}; taken from the paper's test rig"]
     scene = Scene(machine=Machine(**given), motor=SECTIONS["motor"])
     assert notes_on_input(scene) == expected
     assert notes_on_input(scene.replace({"drive.supply_frequency_hz": 46.0})) == expected
     file = tmp_path / "own.yaml"
-    file.write_text(f"machine: {given}\nmotor: {SECTIONS['motor'].model_dump()}\n")
+    file.write_text(f"machine: {given}\nmotor: {SECTIONS['motor'].model_dump(exclude_none=True)}\n")
     assert notes_on_input(load_config(file)) == expected
 
 

@@ -12,7 +12,7 @@ from vibroplat.sweep_plan import Frequencies
 
 from .helpers import planned
 
-SECTIONS = "name, machine, motor, motors, material, contact, drive, run, solver, output, sweep"
+SECTIONS = "name, machine, motor, motors, exciters, material, contact, drive, run, solver, output, sweep"
 PLAN = (
     "supply_frequency_hz, grid, kind, settle_s, max_settle_s, settle_tolerance, measure_s, period_tolerance, "
     "perturbation, seed, lyapunov"

@@ -14,12 +14,12 @@ from common.results import bits
 
 from vibroplat import load_config, simulate, sweep
 from vibroplat.errors import ConfigError
-from vibroplat.hybrid.initial import initial_state
+from vibroplat.hybrid.initial import initial_state, perturbed
 from vibroplat.hybrid.scales import state_scales
 from vibroplat.scene import Scene
 from vibroplat.study.branches import branches
 from vibroplat.study.execution import Inline
-from vibroplat.study.point import Point, measure_point, perturbed, synchronization
+from vibroplat.study.point import Point, measure_point, synchronization
 from vibroplat.study.store import Store
 from vibroplat.study.sweep import impact_tables, run_sweeps, section_tables, tables
 from vibroplat.tables import read_table
@@ -55,7 +55,7 @@ INTERFACE = [
     "simulated_s",
     "wall_s",
 ]
-TEXTS = {"direction", "sync", "motion", "outcome", "detail", "notes"}
+TEXTS = {"direction", "rotation", "sync", "motion", "outcome", "detail", "notes"}
 COUNTS = {"branch", "period", "steps", "residual_calls", "events"}
 #: What every row has, also of a point that failed.
 OF_THE_OUTCOME = (
@@ -92,6 +92,7 @@ def test_columns_are_those_of_the_interface(table):
 def test_types_of_columns(table):
     assert table["supply_frequency_hz"].dtype == float
     assert [table[key].dtype.kind for key in GRID] == ["f", "i"]
+    assert set(table["rotation"]) == {"counter-rotating"}
     for column in table.columns[3:]:
         expected = "str" if column in TEXTS else "Int64" if column in COUNTS else "float64"
         assert str(table[column].dtype) == expected, column
@@ -353,7 +354,7 @@ def test_equal_scenes_have_equal_rows_in_any_sweep():
 def test_perturbation_changes_rates_of_platform_and_exciters_by_its_size():
     scene = planned(LOADED, 50.0, perturbation=0.02, seed=5)
     state, scales = initial_state(scene), state_scales(scene)
-    changes = np.array([perturbed(state, scene, scene.sweep, (0, k)) - state for k in range(400)]) / scales
+    changes = np.array([perturbed(state, scene, 0.02, (5, 0, k)) - state for k in range(400)]) / scales
     assert not changes[:, [0, 1, 2, 3, 4, 5, 6, 12, 13]].any()
     assert changes[:, 7:12].std(axis=0) == pytest.approx([0.02] * 5, rel=0.15)
     assert changes[:, 7:12].mean(axis=0) == pytest.approx([0.0] * 5, abs=0.005)
@@ -365,17 +366,17 @@ def test_perturbations_follow_from_seed_direction_and_frequency():
     scene = planned(LOADED, 50.0)
     state = initial_state(scene)
     draws = {
-        (seed, *key): perturbed(state, scene, scene.sweep.model_copy(update={"seed": seed}), key)[7]
+        (seed, *key): perturbed(state, scene, 0.01, (seed, *key))[7]
         for seed in (0, 1)
         for key in ((0, 0), (0, 1), (1, 0), (1, 1))
     }
     assert len(set(draws.values())) == len(draws)
-    assert perturbed(state, scene, scene.sweep, (1, 0))[7] == draws[0, 1, 0]
+    assert perturbed(state, scene, 0.01, (0, 1, 0))[7] == draws[0, 1, 0]
 
 
 def test_no_perturbation_is_the_same_state():
-    scene = planned(LOADED, 50.0, perturbation=0.0)
-    assert (perturbed(initial_state(scene), scene, scene.sweep, (0, 0)) == initial_state(scene)).all()
+    scene = planned(LOADED, 50.0)
+    assert (perturbed(initial_state(scene), scene, 0.0, (0, 0, 0)) == initial_state(scene)).all()
 
 
 # -- bifurcation ----------------------------------------------------------------------------------------
