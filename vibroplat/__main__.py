@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from vibroplat.interrupts import end_at_signals
+from vibroplat.surroundings import open_streams
 
 
 def main() -> None:
     """Load the command line and run it."""
+    open_streams()
     end_at_signals()
     from vibroplat.cli import main as run  # noqa: PLC0415  (loading it takes a while)
 

@@ -16,7 +16,9 @@ from typer.core import TyperGroup
 
 from vibroplat import __version__
 from vibroplat.errors import VibroplatError
+from vibroplat.interrupts import KEPT
 from vibroplat.progress import calibration_progress, run_progress, sweep_progress
+from vibroplat.surroundings import is_short_of_memory, require_memory
 
 if TYPE_CHECKING:
     from vibroplat.observe.trajectory import Trajectory
@@ -108,7 +110,11 @@ def main() -> None:
         sys.stdout.flush()
     except VibroplatError as error:
         sys.exit(_complain(str(error), error.exit_code))
-    except OSError as error:
+    except (MemoryError, ImportError, RuntimeError, OSError) as error:
+        if is_short_of_memory(error):
+            sys.exit(_complain(f"not enough memory; {KEPT}", 1))
+        if not isinstance(error, OSError):
+            raise
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # the rest of the output has nowhere to go
         sys.exit(_complain(f"standard output cannot be written: {error.strerror or error}", 1))
     except Exception as error:
@@ -139,6 +145,8 @@ def _options(
 ) -> None:
     if context.invoked_subcommand is None:
         print(context.get_help())
+    elif "--help" not in sys.argv:
+        require_memory()
 
 
 @app.command()
@@ -408,12 +416,11 @@ def schema() -> None:
 def _tell_of_compilation() -> None:
     """Say why the first run on a machine takes long."""
     from vibroplat.flow.warm import is_compiled
+    from vibroplat.kernels.cache import notice
 
     if not is_compiled():
-        print(
-            "vibroplat: compiling the numerical kernels; this happens once and takes about half a minute",
-            file=sys.stderr,
-        )
+        told = notice() or "this happens once and takes about half a minute"
+        print(f"vibroplat: compiling the numerical kernels; {told}", file=sys.stderr)
 
 
 def _load_kernels(engine: str = "auto") -> None:

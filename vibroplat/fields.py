@@ -13,6 +13,10 @@ LEAST, LARGEST = 1e-30, 1e30
 #: Random change of the rates at the start of a run or of a sweep's point, in the scales of the scene.
 PERTURBATION = 0.01
 
+#: Largest angle of an exciter (rad): more than the longest run turns by. Numbers there are 2e-6 apart; at 1e16 a turn
+#: falls between two of them.
+LARGEST_ANGLE = 1e10
+
 
 def _not_minute(value: float) -> float:
     if value < LEAST:
@@ -30,6 +34,7 @@ def not_bool(value: Any) -> Any:
 Positive = Annotated[float, Field(gt=0.0, le=LARGEST, allow_inf_nan=False), AfterValidator(_not_minute)]
 NonNegative = Annotated[float, Field(ge=0.0, le=LARGEST, allow_inf_nan=False)]
 Real = Annotated[float, Field(ge=-LARGEST, le=LARGEST, allow_inf_nan=False)]
+Angle = Annotated[float, Field(ge=-LARGEST_ANGLE, le=LARGEST_ANGLE, allow_inf_nan=False)]
 Share = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
 
 

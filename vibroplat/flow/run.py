@@ -9,10 +9,12 @@ from typing import Literal
 
 from vibroplat.flow.beginning import beginning
 from vibroplat.flow.motion import Motion, Observer
+from vibroplat.hybrid.scales import force_round_off
 from vibroplat.hybrid.state import Automaton
 from vibroplat.integrate.choice import make_engine
 from vibroplat.integrate.seam import Engine
 from vibroplat.model.parameters import Parameters, parameters
+from vibroplat.observe.audit import INACCURATE, inaccuracy
 from vibroplat.observe.notes import notes_on_measures
 from vibroplat.observe.summary import measured
 from vibroplat.observe.trajectory import Events, Segments, Trajectory
@@ -48,7 +50,8 @@ def simulate(
         (the integrator gave up), ``non-finite`` (a state or residual is not finite), ``event-storm``
         (more events within a turn of the synchronous speed than ``solver.max_events_per_period``),
         ``beyond-model`` (the platform has turned so far that the model, of first order in φ, breaks down).
-        What was computed until then is kept; ``summary["detail"]`` has mode, time and state.
+        What was computed until then is kept; ``summary["detail"]`` has mode, time and state. A run that ended on time
+        but whose energy or momentum residual is beyond its limit is ``inaccurate``, and the detail says by how much.
     """
     p = parameters(scene)
     began = time.perf_counter()
@@ -89,14 +92,17 @@ def simulate_with(
     duration = scene.run.duration_s
     part = motion.go_on(duration, settle=SETTLE_SHARE * duration, observers=observers)
     run = Trajectory(scene, segments.kept, events.rows, motion.state, part.measures, start.origin)
+    found = measured(part)
+    doubt = inaccuracy(found, scene) if motion.outcome == "ok" else ""
     run.summary = {
         "name": scene.name,
-        "outcome": motion.outcome,
-        "detail": motion.detail,
+        "outcome": INACCURATE if doubt else motion.outcome,
+        "detail": doubt or motion.detail,
         "simulated_s": motion.now - start.time,
         "rotation": scene.rotation,
         "perturbation": scene.run.start_perturbation,
-        **measured(part),
+        **found,
+        "contact_force_noise_n": force_round_off(scene) if scene.has_contact else None,
         "engine": engine.name,
         "tolerance": scene.solver.tolerance,
         **engine.work,

@@ -22,4 +22,5 @@ def load_kernels(engine: str = "auto") -> None:
 
 def is_compiled() -> bool:
     """Whether compiled kernels are kept on disk, so that a run need not wait for them."""
-    return any(Path(drive.stats.cache_path).glob("drive.drive-*.nbi"))  # type: ignore[attr-defined]
+    folder = drive.stats.cache_path  # type: ignore[attr-defined]
+    return folder is not None and any(Path(folder).glob("drive.drive-*.nbi"))

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from vibroplat.hybrid.initial import initial_state
-from vibroplat.hybrid.scales import ROUND_OFF, absolute_tolerances, state_scales
+from vibroplat.hybrid.scales import FORCE_NOISE, ROUND_OFF, absolute_tolerances, state_scales
 from vibroplat.hybrid.starts import start_callback
 from vibroplat.hybrid.state import EVENT, RUN, Automaton
 from vibroplat.hybrid.steps import Steps
@@ -55,7 +55,7 @@ def automaton(
     runs["period"] = period = 2.0 * math.pi / speed
     runs["longest"] = turns_per_segment * period
     runs["tolerance"] = scene.solver.tolerance
-    runs["force_noise"] = 1e-12 * scene.force_scale
+    runs["force_noise"] = FORCE_NOISE * scene.force_scale
     runs["gap_scale"] = scale = state_scales(scene)[GAP]
     runs["slowest"] = math.sqrt(ROUND_OFF) * scale * speed
     runs["target"], runs["awaited"] = math.nan, -1

@@ -30,6 +30,9 @@ FLIGHT_SHARE = 0.1
 #: Relative error that round-off leaves of what is integrated: the least relative tolerance.
 ROUND_OFF = 100.0 * float(np.finfo(float).eps)
 
+#: Round-off of F_c in units of its scale.
+FORCE_NOISE = 1e-12
+
 #: Most halvings of a tolerance in low flights; those lower than 4⁻³⁰ of the scale are not followed.
 MOST_HALVINGS = 30
 
@@ -58,6 +61,26 @@ def absolute_tolerances(scene: Scene, system: System) -> FloatArray:
     if system.mode is Mode.FLIGHT:
         atol *= FLIGHT_SHARE
     return scene.solver.tolerance * atol
+
+
+def force_spread(scene: Scene) -> float:
+    """Change of F_c (N) when the state changes by its scales: the effect of state errors on the force.
+
+    With layers or motors that are stiff compared with the excitation it is much larger than the forces themselves.
+    """
+    machine, scales = scene.machine, state_scales(scene)
+    lower, upper = scene.layer_masses
+    stiffness, damping = scene.layer_spring
+    rates = RATE_SHARE * scales[7:]
+    layers = upper * (stiffness * scales[6] + damping * rates[6])
+    springs = machine.stiffness_y_n_per_m * scales[1] + scene.damping_y * rates[1]
+    motors = max(scene.unbalances) * scene.fastest_decay * rates[3]
+    return float(scene.force_scale + layers + lower / machine.total_mass * (springs + motors))
+
+
+def force_round_off(scene: Scene) -> float:
+    """Contact forces up to this (N) are round-off of larger forces, those of stiff layers included."""
+    return max(FORCE_NOISE * scene.force_scale, float(np.finfo(float).eps) * force_spread(scene))
 
 
 @compiled

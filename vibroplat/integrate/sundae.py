@@ -48,8 +48,9 @@ _ROOT = 2
 #: What scikit-sundae counts.
 COUNTED = WORK[:3]
 
-#: Residual calls within a period after which the integrator is taken to be stuck; usual are some 10³.
-MAX_CALLS = 300_000
+#: Residual calls within a period after which the integrator is taken to be stuck, usual are some 10³, and those that
+#: each segment adds to what is left of them. A call takes 60 µs, so that it is found in some seconds.
+MAX_CALLS, CALLS_PER_SEGMENT = 100_000, 60
 
 #: Share of the way to a failure that is gone again, to have what was before it.
 ALMOST = 0.999
@@ -195,6 +196,7 @@ class SundaeEngine:
         integrator = self._integrator(system, h.run["atol"][: system.size].copy(), first_step)
         t, y, yp = np.zeros(1), start[np.newaxis], slope[np.newaxis]
         budget = self._budget
+        budget.left = min(budget.left + CALLS_PER_SEGMENT, MAX_CALLS)
         budget.period, budget.origin, budget.reached = float(h.run["period"]), float(h.run["origin"]), 0.0
         result = None
         try:

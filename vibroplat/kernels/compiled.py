@@ -9,7 +9,14 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-from vibroplat.kernels import cache  # noqa: F401  (tells numba where to keep the machine code)
+from vibroplat.errors import VibroplatError
+from vibroplat.kernels.cache import kept
+
+if getattr(numba.config, "DISABLE_JIT", 0):
+    raise VibroplatError(
+        "NUMBA_DISABLE_JIT is set, but SUNDIALS calls the kernels by their addresses, which only compiled ones have; "
+        "unset it"
+    )
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -19,7 +26,8 @@ T = TypeVar("T")
 
 def compiled(function: Callable[P, T]) -> Callable[P, T]:
     """Compile a kernel; division by zero gives inf or nan, as in C, instead of an exception."""
-    return cast("Callable[P, T]", numba.njit(function, nogil=True, cache=True, error_model="numpy", fastmath=False))
+    keep = kept(function)
+    return cast("Callable[P, T]", numba.njit(function, nogil=True, cache=keep, error_model="numpy", fastmath=False))
 
 
 def inlined(function: Callable[P, T]) -> Callable[P, T]:
@@ -29,7 +37,11 @@ def inlined(function: Callable[P, T]) -> Callable[P, T]:
 
 def callback(signature: str) -> Callable[[Callable[P, T]], Any]:
     """Compile a kernel to a C function of a fixed signature, kept on disk; its ``address`` is callable from C."""
-    return cast("Callable[[Callable[P, T]], Any]", numba.cfunc(signature, cache=True, error_model="numpy"))
+
+    def compiled_to(function: Callable[P, T]) -> Any:
+        return numba.cfunc(signature, cache=kept(function), error_model="numpy")(function)
+
+    return compiled_to
 
 
 @compiled

@@ -20,13 +20,24 @@ def read_result(directory: Path, command: Command) -> Result:
     return Result(directory, command)
 
 
-def read_columns(result: Result, name: str, label: str | Sequence[str], numbers: Sequence[str]) -> pd.DataFrame:
-    """Read a table; it must have these columns of labels and of numbers."""
+def read_columns(
+    result: Result, name: str, label: str | Sequence[str], numbers: Sequence[str], optional: Sequence[str] = ()
+) -> pd.DataFrame:
+    """Read a table; it must have these columns of labels and of numbers, and numbers in optional ones it has."""
     directory, table = result.directory, result.table(name)
-    for column in numbers:
-        if column not in table or not (pd.api.types.is_numeric_dtype(table[column]) or table.empty):
+    for column in (*numbers, *(column for column in optional if column in table)):
+        if column not in table or not _holds_numbers(table[column]):
             raise TableError(f"the {name} table in {directory} has no numbers in column {column}")
     for column in (label,) if isinstance(label, str) else label:
         if column not in table:
             raise TableError(f"the {name} table in {directory} has no column {column}")
+        if pd.api.types.is_numeric_dtype(table[column]) and table[column].notna().any():
+            raise TableError(f"the {name} table in {directory} has no names in column {column}")
     return table
+
+
+def _holds_numbers(column: pd.Series) -> bool:
+    """Whether a column has real numbers, or nothing at all."""
+    types = pd.api.types
+    real = not (types.is_bool_dtype(column) or types.is_complex_dtype(column))
+    return (types.is_numeric_dtype(column) and real) or column.empty

@@ -12,7 +12,7 @@ import pandas as pd
 
 from vibroplat.errors import TableError
 from vibroplat.plots.reading import read_columns, read_result
-from vibroplat.plots.style import CONTACT, FORCE, MATERIAL, PLATFORM, plt, save, styled
+from vibroplat.plots.style import CONTACT, FORCE, MATERIAL, PLATFORM, plain, plt, save, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -70,10 +70,11 @@ def plot_run(
 def _read(directory: Path, start: float | None, stop: float | None) -> _Result:
     result = read_result(directory, "run")
     summary = result.document("summary")
-    if not isinstance(summary, dict) or not {"name", "excitation_frequency_hz"} <= summary.keys():
+    if not _is_summary(summary):
         raise TableError(f"{directory / 'summary.json'} is not the summary of a run")
     angles = ("phi1_rad", "phi2_rad", "phi1_rate_rad_per_s", "phi2_rate_rad_per_s")
-    whole = read_columns(result, "trajectory", "mode", ("t_s", "y_m", *angles))
+    numbers = ("t_s", "y_m", *angles)
+    whole = read_columns(result, "trajectory", "mode", numbers, optional=("gap_m", "contact_force_n"))
     events = read_columns(result, "events", "kind", ("t_s", "impulse_n_s"))
     if whole.empty:
         raise TableError(f"{directory} holds an empty trajectory; there is nothing to plot")
@@ -88,6 +89,14 @@ def _read(directory: Path, start: float | None, stop: float | None) -> _Result:
     return _Result(summary["name"], whole, shown, events[events["t_s"].between(begin, end)], co_rotating)
 
 
+def _is_summary(found: object) -> bool:
+    """Whether a document has what figures need of the summary of a run."""
+    if not isinstance(found, dict) or not isinstance(found.get("name"), str) or "excitation_frequency_hz" not in found:
+        return False
+    frequency = found["excitation_frequency_hz"]
+    return frequency is None or (type(frequency) in (int, float) and frequency >= 0.0)
+
+
 def _motion(result: _Result) -> Figure:
     """Draw the platform's y and below it the gap; contact is shaded, impacts are marked."""
     table = result.shown
@@ -96,7 +105,7 @@ def _motion(result: _Result) -> Figure:
     top: Axes = axes[0, 0]
     top.plot(table["t_s"], 1e3 * table["y_m"], color=PLATFORM)
     top.set_ylabel("platform y (mm)")
-    top.set_title(result.name, loc="left")
+    top.set_title(plain(result.name), loc="left")
     if has_gap:
         bottom: Axes = axes[1, 0]
         bottom.plot(table["t_s"], 1e3 * table["gap_m"], color=MATERIAL)
@@ -118,7 +127,7 @@ def _force(result: _Result) -> Figure:
     axis.plot(table["t_s"], table["contact_force_n"], color=FORCE)
     axis.set_xlabel("t (s)")
     axis.set_ylabel("contact force (N)", color=FORCE)
-    axis.set_title(result.name, loc="left")
+    axis.set_title(plain(result.name), loc="left")
     strikes = events[events["impulse_n_s"] > 0.0]
     if len(strikes):
         other = axis.twinx()
@@ -140,7 +149,7 @@ def _exciters(result: _Result) -> Figure:
         speed = table[f"phi{number}_rate_rad_per_s"].abs() / (2.0 * np.pi)
         top.plot(table["t_s"], speed, style, lw=0.9, label=f"exciter {number}")
     top.set_ylabel("speed (Hz)")
-    top.set_title(result.name, loc="left")
+    top.set_title(plain(result.name), loc="left")
     top.legend(loc="best", ncols=2)
     sign = -1.0 if result.co_rotating else 1.0
     phase = np.mod(table["phi1_rad"] + sign * table["phi2_rad"], 2.0 * np.pi)

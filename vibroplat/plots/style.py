@@ -18,7 +18,7 @@ import matplotlib.pyplot as plt
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["CONTACT", "CURVES", "FORCE", "MATERIAL", "PLATFORM", "plt", "save", "styled"]
+__all__ = ["CONTACT", "CURVES", "FORCE", "MATERIAL", "PLATFORM", "plain", "plt", "save", "styled"]
 
 PLATFORM, MATERIAL, FORCE, CONTACT = "#1f4e79", "#c05a1c", "#2a7f4f", "#dfe8f1"
 #: Colours of curves in one figure.
@@ -42,6 +42,11 @@ def styled() -> Iterator[None]:
     """Use the common style."""
     with mpl.rc_context(_STYLE):
         yield
+
+
+def plain(text: str) -> str:
+    """Return a text of a user's to be drawn as it is: between two dollar signs, matplotlib would read mathematics."""
+    return text.replace("$", r"\$")
 
 
 def save(figure: Figure, path: Path) -> Path:

@@ -15,7 +15,7 @@ from matplotlib.patches import Patch
 
 from vibroplat.errors import TableError
 from vibroplat.plots.reading import read_columns, read_result
-from vibroplat.plots.style import CURVES, plt, save, styled
+from vibroplat.plots.style import CURVES, plain, plt, save, styled
 from vibroplat.results import Result
 
 if TYPE_CHECKING:
@@ -54,7 +54,7 @@ class Response:
             )
             others = ", ".join(str(rows[key].iloc[0]) for key in self.keys if not _is_number(rows[key]))
             label = ", ".join(part for part in (label, others) if part)
-            yield label, numbers.setdefault(label, len(numbers)), str(rows["direction"].iloc[0]), rows
+            yield plain(label), numbers.setdefault(label, len(numbers)), str(rows["direction"].iloc[0]), rows
 
 
 def _kind(result: Result) -> str:
@@ -92,7 +92,7 @@ def plot_sweep(directory: Path, kinds: Sequence[str]) -> list[Path]:
 def read_response(directory: Path) -> Response:
     """Read the table of a sweep."""
     result = read_result(directory, "sweep")
-    table = read_columns(result, "sweep", ("direction", "sync"), (FREQUENCY, "branch", *_NUMBERS))
+    table = read_columns(result, "sweep", ("direction", "sync"), (FREQUENCY, "branch", *_NUMBERS), ("flight_fraction",))
     if table.empty:
         raise TableError(f"{directory} holds an empty sweep table; there is nothing to plot")
     grid = list(table.columns[1 : list(table.columns).index("direction")])
@@ -155,7 +155,7 @@ def _response(response: Response) -> Figure:
         axes[4].set_ylabel("flight fraction")
         axes[4].set_ylim(-0.05, 1.05)
     axes[-1].set_xlabel("excitation frequency f (Hz)")
-    axes[0].set_title(response.name, loc="left")
+    axes[0].set_title(plain(response.name), loc="left")
     handles, labels = axes[0].get_legend_handles_labels()
     if len(handles) > 1:
         figure.legend(handles, labels, loc="outside lower center", ncols=min(len(handles), 4), fontsize=8)
@@ -181,7 +181,7 @@ def _bifurcation(response: Response) -> Figure:
         ):
             points = table[table["branch"] == branch]
             axis.plot(points[EXCITATION], factor * points[column], ".", **style)
-        axes[0, number].set_title(label or response.name, loc="left")
+        axes[0, number].set_title(label or plain(response.name), loc="left")
         axes[1, number].set_xlabel("excitation frequency f (Hz)")
     axes[0, 0].set_ylabel("y at whole turns of exciter 1 (mm)")
     axes[1, 0].set_ylabel("impact speed (m/s)")
@@ -222,7 +222,7 @@ def _map(response: Response) -> Figure:
         _tiles(row[1], table.assign(value=np.where(ended, classes, np.nan)), key, periods)
         row[0].set_title(f"synchronization, {direction}", loc="left")
         row[1].set_title(f"period, {direction}", loc="left")
-        row[0].set_ylabel(key)
+        row[0].set_ylabel(plain(key))
         row[0].set_yticks(sorted(table[key].unique())[:: max(1, len(table[key].unique()) // 8)])
     labels = ([*SYNC.items()], [(name, c) for c, (_, name) in zip(_PERIOD_COLOURS, _PERIODS, strict=True)])
     for axis, entries in zip(axes[-1], labels, strict=True):

@@ -18,6 +18,7 @@ from vibroplat.hybrid.scales import state_scales
 from vibroplat.hybrid.state import Automaton
 from vibroplat.integrate.choice import make_engine
 from vibroplat.model.parameters import FloatArray, parameters
+from vibroplat.observe.audit import INACCURATE, inaccuracy
 from vibroplat.observe.notes import notes_on_measures
 from vibroplat.observe.statistics import Measures, section_rows
 from vibroplat.observe.summary import Part, block_errors, half_open, measured
@@ -86,7 +87,8 @@ class Point:
     row
         Values by column of the sweep table.
     state
-        Full state at its end, with which the next point begins, shape (14,); None if the motion ended early.
+        Full state at its end, with which the next point begins, shape (14,); None if the motion ended early or is
+        inaccurate.
     section_y, impact_speeds
         y at whole turns of exciter 1 (m) and speeds of the impacts (m/s), for a bifurcation diagram.
     """
@@ -141,7 +143,11 @@ def measure_point(scene: Scene, plan: SweepPlan, state: list[float] | None, key:
     }
     final: list[float] | None = None
     heights: list[float] = []
-    if kind is not None:
+    found = measured(part)
+    doubt = inaccuracy(found, scene) if kind is not None else ""
+    if doubt:
+        row |= {"outcome": INACCURATE, "detail": doubt, "energy_residual": found["energy_residual"]}
+    elif kind is not None:
         final = folded(motion.state).tolist()
         row |= measures_of(part, scene, settling.slip) | columns_of(kind)
         if impacts is not None:

@@ -11,10 +11,11 @@ import numpy as np
 import pandas as pd
 
 from vibroplat.flow.motion import OUTCOMES, Motion
-from vibroplat.hybrid.scales import RATE_SHARE, state_scales
+from vibroplat.hybrid.scales import force_spread, state_scales
 from vibroplat.integrate.choice import make_engine
 from vibroplat.model.parameters import parameters
 from vibroplat.model.systems import GAP
+from vibroplat.observe.audit import INACCURATE
 from vibroplat.observe.summary import measured
 from vibroplat.scene import Scene
 
@@ -53,21 +54,6 @@ def sound(scene: Scene, summary: Mapping[str, Any]) -> dict[str, Limit]:
     return limits
 
 
-def force_spread(scene: Scene) -> float:
-    """Change of F_c (N) when the state changes by its scales: the effect of state errors on the force.
-
-    With layers or motors that are stiff compared with the excitation it is much larger than the forces themselves.
-    """
-    machine, scales = scene.machine, state_scales(scene)
-    lower, upper = scene.layer_masses
-    stiffness, damping = scene.layer_spring
-    rates = RATE_SHARE * scales[7:]
-    layers = upper * (stiffness * scales[6] + damping * rates[6])
-    springs = machine.stiffness_y_n_per_m * scales[1] + scene.damping_y * rates[1]
-    motors = max(scene.unbalances) * scene.fastest_decay * rates[3]
-    return float(scene.force_scale + layers + lower / machine.total_mass * (springs + motors))
-
-
 def steady(scene: Scene, settle: float, measure: float) -> dict[str, Any]:
     """Let a scene settle (s) and then measure (s); return the measures with outcome and steps."""
     p = parameters(scene)
@@ -96,7 +82,7 @@ def row(name: str, outcome: str, limits: Mapping[str, Limit], *, allowed: Iterab
 
 
 #: Named outcomes.
-NAMED = frozenset(OUTCOMES.values())
+NAMED = frozenset((*OUTCOMES.values(), INACCURATE))
 
 
 def overview(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:

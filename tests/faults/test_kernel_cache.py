@@ -1,0 +1,344 @@
+"""Where the machine code of kernels is kept, and that it is never out of date."""
+
+from __future__ import annotations
+
+import ast
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numba
+import numpy as np
+import pytest
+from numba.core.caching import CacheImpl
+
+import vibroplat
+from vibroplat.kernels import cache
+from vibroplat.kernels.compiled import copy
+
+PACKAGE = Path(vibroplat.__file__).parent
+
+
+@pytest.fixture
+def package(tmp_path, monkeypatch):
+    """A package with one source in each room, in place of ours, as a new process finds it."""
+    found = tmp_path / "site/vibroplat"
+    for room in cache.ROOMS:
+        (found / room).mkdir(parents=True)
+        (found / room / "source.py").write_text("one = 1\n")
+    for name in cache.SHARED:
+        (found / name).write_text("two = 2\n")
+    monkeypatch.setattr(cache, "PACKAGE", found)
+    for variable in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME", "HOME"):
+        monkeypatch.delenv(variable, raising=False)
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "temporary"))
+    (tmp_path / "temporary").mkdir()
+    yield found
+    forget()
+
+
+def forget():
+    """Forget what this process has found, as a new one would not know it."""
+    cache.digest.cache_clear()
+    cache.folder_of.cache_clear()
+
+
+def found(package):
+    """Folder of the machine code of a room, found anew; None where there is none."""
+    forget()
+    return cache.folder_of(package / "model")
+
+
+def block(folder):
+    """Let a folder be one that cannot be written, for root as well."""
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    folder.write_text("in the way")
+
+
+# -- where it lies --------------------------------------------------------------------------------------
+
+
+def test_installation_that_can_be_written_keeps_its_own(package):
+    assert found(package).parent == package / "model/__pycache__"
+    assert cache.notice() == ""
+
+
+def test_chosen_folder_comes_first(package, tmp_path, monkeypatch):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "chosen"))
+    assert found(package).is_relative_to(tmp_path / "chosen")
+    assert cache.notice() == ""
+
+
+@pytest.mark.parametrize("variable", ["XDG_CACHE_HOME", "HOME"])
+def test_installation_that_is_read_only_uses_the_users_cache(variable, package, tmp_path, monkeypatch):
+    block_all(package)
+    monkeypatch.setenv(variable, str(tmp_path / "home"))
+    assert found(package).is_relative_to(tmp_path / "home")
+    assert cache.notice() == ""
+
+
+def block_all(package):
+    for room in cache.ROOMS:
+        block(package / room / "__pycache__")
+
+
+def test_read_only_installation_without_a_home_uses_a_temporary_folder_and_says_so(package, tmp_path):
+    block_all(package)
+    assert found(package).is_relative_to(tmp_path / "temporary")
+    own = tmp_path / f"temporary/numba-{os.getuid()}"
+    assert own.stat().st_mode & 0o777 == 0o700
+    told = cache.notice()
+    assert told == f"they are kept in {own}, the only folder that can be written; NUMBA_CACHE_DIR names another"
+
+
+def test_user_without_an_entry_in_the_list_of_users_has_a_place(package, tmp_path, monkeypatch):
+    def unknown(_user):
+        raise KeyError("getpwuid(): uid not found")
+
+    monkeypatch.setattr("pwd.getpwuid", unknown)
+    monkeypatch.setattr(os, "getuid", lambda: os.stat(tmp_path).st_uid)
+    monkeypatch.setenv("HOME", "/proc/nowhere")
+    block_all(package)
+    assert found(package).is_relative_to(tmp_path / "temporary")
+
+
+@pytest.mark.parametrize("mode", [0o777, 0o720])
+def test_temporary_folder_that_others_can_write_is_not_trusted(mode, package, tmp_path):
+    block_all(package)
+    planted = tmp_path / f"temporary/numba-{os.getuid()}"
+    planted.mkdir()
+    planted.chmod(mode)
+    assert found(package) is None
+
+
+def test_temporary_folder_of_somebody_else_is_not_trusted(package, tmp_path, monkeypatch):
+    block_all(package)
+    planted = tmp_path / "temporary/numba-12345"
+    planted.mkdir(mode=0o700)
+    monkeypatch.setattr(os, "getuid", lambda: 12345)
+    assert found(package) is None
+
+
+def test_temporary_folder_that_is_a_link_is_not_trusted(package, tmp_path):
+    block_all(package)
+    (tmp_path / "elsewhere").mkdir(mode=0o700)
+    (tmp_path / f"temporary/numba-{os.getuid()}").symlink_to(tmp_path / "elsewhere")
+    assert found(package) is None
+
+
+@pytest.mark.parametrize("why", ["none", "blocked"])
+def test_without_any_place_nothing_is_kept_and_the_notice_says_so(why, package, tmp_path, monkeypatch):
+    block_all(package)
+    if why == "none":
+
+        def nowhere():
+            raise FileNotFoundError(2, "No usable temporary directory found")
+
+        monkeypatch.setattr(tempfile, "gettempdir", nowhere)
+    else:
+        block(tmp_path / f"temporary/numba-{os.getuid()}")
+    assert found(package) is None
+    told = "no folder can be written to keep them, so each process compiles them; NUMBA_CACHE_DIR names one"
+    assert cache.notice() == told
+
+
+_UNKEPT = """
+import os, sys, tempfile
+from pathlib import Path
+def nowhere(): raise FileNotFoundError(2, "No usable temporary directory found")
+tempfile.gettempdir = nowhere
+made = Path.mkdir
+def refusing(path, *arguments, **options):
+    if "kernels-" in path.name: raise PermissionError(13, "Permission denied")
+    return made(path, *arguments, **options)
+Path.mkdir = refusing
+"""
+
+
+def test_kernels_run_where_nothing_can_be_kept():
+    """One of them is compiled in a process that finds no place for its machine code."""
+    code = f"{_UNKEPT}\nfrom vibroplat.kernels.compiled import copy\nimport numpy as np\n"
+    code += "y = np.zeros(2); copy(np.ones(2), y); print(y.sum(), copy.stats.cache_path)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "2.0 None\n", "")
+
+
+def test_command_says_once_that_nothing_can_be_kept(command, here, monkeypatch, kernels):
+    monkeypatch.setattr("vibroplat.flow.warm.is_compiled", lambda: False)
+    monkeypatch.setattr(cache, "folder_of", lambda _room: None)
+    (here / "short.yaml").write_text("run: {duration_s: 0.01}\n")
+    done = command("run", "short.yaml")
+    assert (done.code, len(done.err.splitlines())) == (0, 1)
+    assert done.err.startswith("vibroplat: compiling the numerical kernels; no folder can be written to keep them, ")
+
+
+# -- when it is out of date -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("place", [f"{room}/source.py" for room in cache.ROOMS] + list(cache.SHARED))
+def test_change_of_any_source_is_another_folder(place, package):
+    before = found(package)
+    (package / place).write_text("three = 3\n")
+    after = found(package)
+    assert after != before
+    assert after.parent == before.parent
+
+
+@pytest.mark.parametrize(
+    ("holder", "name", "value"), [(numba, "__version__", "0.0"), (cache.llvmlite, "__version__", "0.0")]
+)
+def test_other_version_of_the_compiler_is_another_folder(holder, name, value, package, monkeypatch):
+    before = found(package)
+    monkeypatch.setattr(holder, name, value)
+    assert found(package) != before
+
+
+@pytest.mark.parametrize("setting", cache.SETTINGS)
+def test_other_setting_of_the_compiler_is_another_folder(setting, package, monkeypatch):
+    before = found(package)
+    monkeypatch.setattr(numba.core.config, setting, 77)
+    assert found(package) != before
+
+
+def test_features_of_the_processor_are_in_numbas_index():
+    copy(np.ones(1), np.ones(1))
+    codegen = copy.targetdescr.target_context.codegen()
+    assert codegen.magic_tuple() in copy._cache._index_key(copy.signatures[0], codegen)
+    assert numba.core.codegen.get_host_cpu_features() in codegen.magic_tuple()
+
+
+def test_our_place_comes_before_numbas_own():
+    assert CacheImpl._locator_classes[0] is cache.KernelLocator
+
+
+def test_list_of_places_from_the_environment_does_not_replace_ours():
+    code = "from vibroplat.kernels.compiled import copy; print(copy.stats.cache_path)"
+    environment = os.environ | {"NUMBA_CACHE_LOCATOR_CLASSES": "InTreeCacheLocator"}
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+    assert Path(done.stdout.strip()).name.startswith("kernels-")
+
+
+def sources_with_kernels():
+    decorators = {"compiled", "inlined", "callback", "numba.njit", "numba.cfunc"}
+    for path in PACKAGE.rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            for decorator in getattr(node, "decorator_list", ()):
+                if ast.unparse(decorator).partition("(")[0] in decorators:
+                    yield path
+
+
+def test_every_kernel_is_in_a_room_that_the_digest_covers():
+    kernels = set(sources_with_kernels())
+    assert len(kernels) > 20
+    assert {path.relative_to(PACKAGE).as_posix() for path in kernels if path.parent.name not in cache.ROOMS} == set()
+    assert {path.parent.parent for path in kernels} == {PACKAGE}
+
+
+def test_what_rooms_of_kernels_import_is_covered_by_the_digest():
+    """A constant from elsewhere would stay compiled into kernels; of errors, kernels take nothing."""
+    covered = {*cache.ROOMS, *(name.removesuffix(".py") for name in cache.SHARED), "errors"}
+    imported = set()
+    for room in cache.ROOMS:
+        for path in (PACKAGE / room).glob("*.py"):
+            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+                if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("vibroplat."):
+                    imported.add(node.module.split(".")[1])
+    assert "scene" in imported
+    assert imported - covered == set()
+
+
+_CALLED = "from vibroplat.kernels.compiled import compiled\n@compiled\ndef torque(x):\n    return {factor} * x\n"
+_CALLING = """
+from vibroplat.kernels.compiled import compiled
+from vibroplat.model.motor import torque
+@compiled
+def platform(x):
+    return torque(x) + 1.0
+print(platform(1.0), sum(platform.stats.cache_hits.values()), platform.stats.cache_path)
+"""
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("place", ["NUMBA_CACHE_DIR", "HOME", "its own"])
+def test_edit_of_a_called_function_is_in_the_next_run(place, tmp_path):
+    """Two kernels in two files, compiled by real processes."""
+    package = tmp_path / "site/vibroplat"
+    shutil.copytree(PACKAGE / "kernels", package / "kernels", ignore=shutil.ignore_patterns("__pycache__"))
+    for name in ("__init__.py", "errors.py", "scene.py"):
+        shutil.copy(PACKAGE / name, package / name)
+    for room in ("model", "hybrid"):
+        (package / room).mkdir()
+    (package / "hybrid/automaton.py").write_text(_CALLING)
+    environment = {name: value for name, value in os.environ.items() if name not in ("NUMBA_CACHE_DIR", "HOME")}
+    environment |= {"PYTHONPATH": str(package.parent), "PYTHONDONTWRITEBYTECODE": "1"}
+    environment |= {} if place == "its own" else {place: str(tmp_path / "chosen")}
+    if place == "HOME":
+        for room in ("model", "hybrid", "kernels"):
+            block(package / room / "__pycache__")
+
+    def run(factor):
+        (package / "model/motor.py").write_text(_CALLED.format(factor=factor))
+        line = [sys.executable, "-c", "import vibroplat.hybrid.automaton"]
+        done = subprocess.run(line, env=environment, capture_output=True, text=True, check=True, cwd=tmp_path)
+        number, hits, folder = done.stdout.split()
+        return float(number), int(hits), Path(folder)
+
+    number, hits, folder = run(2.0)
+    assert (number, hits) == (3.0, 0)
+    assert folder.is_relative_to(package if place == "its own" else tmp_path / "chosen")
+    assert run(2.0)[:2] == (3.0, 1)
+    assert run(5.0)[:2] == (6.0, 0)
+
+
+# -- what becomes of old machine code -------------------------------------------------------------------
+
+
+def digests(folder, *ages):
+    """Make folders of other digests, last used so many days ago."""
+    for number, age in enumerate(ages):
+        other = folder / f"kernels-{number:016d}"
+        other.mkdir(parents=True)
+        (other / "kernel.nbi").write_text("machine code")
+        used = time.time() - age * 86_400.0
+        os.utime(other, (used, used))
+
+
+def test_unused_machine_code_does_not_pile_up(package):
+    room = package / "model/__pycache__"
+    digests(room, *range(2, 30))
+    current = found(package)
+    left = sorted(path.name for path in room.iterdir())
+    assert left == sorted([current.name, *(f"kernels-{number:016d}" for number in range(cache.SPARE))])
+
+
+def test_machine_code_that_a_running_process_may_use_is_left_alone(package):
+    room = package / "model/__pycache__"
+    digests(room, *[0.5] * 10)
+    found(package)
+    assert len(list(room.iterdir())) == 11
+
+
+def test_removal_that_was_killed_is_completed_by_the_next_process(package):
+    left = package / "model/__pycache__/.old-kernels-0-1"
+    left.mkdir(parents=True)
+    (left / "kernel.nbi").write_text("machine code")
+    found(package)
+    assert not left.exists()
+
+
+def test_machine_code_in_use_counts_as_used(package):
+    folder = found(package)
+    os.utime(folder, (0.0, 0.0))
+    assert found(package).stat().st_mtime == pytest.approx(time.time(), abs=60.0)
+
+
+def test_files_that_a_crash_left_empty_are_compiled_anew(package):
+    folder = found(package)
+    (folder / "kernel.nbi").write_text("")
+    (folder / "kernel.1.nbc").write_text("machine code")
+    found(package)
+    assert [path.name for path in folder.iterdir()] == ["kernel.1.nbc"]
