@@ -161,11 +161,13 @@ def run(
     Writes trajectory, events, summary and provenance to OUT/NAME and prints the summary.
     """
     from vibroplat.config import load_config, parse_overrides
+    from vibroplat.flow.beginning import beginning
     from vibroplat.provenance import provenance
     from vibroplat.results import write_result
     from vibroplat.tables import result_directory
 
     scene = load_config(config, parse_overrides(set_ or []))
+    beginning(scene)  # what is wrong with it is told before anything is written or compiled
     directory = result_directory(out, scene.name)
     _load_kernels(scene.solver.engine)
     with run_progress(scene.name, scene.run.duration_s) as report:

@@ -62,7 +62,8 @@ def _end_of(directory: Path, scene: Scene) -> Beginning:
         result = Result(directory, "run")
         origin, summary, table = result.provenance, result.document("summary"), result.table("trajectory")
     except TableError as error:
-        raise ConfigError(f"{key}: {error}; allowed: the directory of a finished run") from None
+        wrong = str(error).partition("; allowed: ")[0]
+        raise ConfigError(f"{key}: {wrong}; allowed: the directory of a finished run") from None
     outcome = summary.get("outcome") if isinstance(summary, dict) else None
     if outcome != "ok":
         raise ConfigError(f"{key}: the run ended early ({outcome}); allowed: the directory of a finished run")
@@ -89,6 +90,6 @@ def _state_of(row: dict[str, Any], scene: Scene, key: str) -> FloatArray:
                 raise ConfigError(f"{key} ends with {name} = {row[name]:g} but this scene has no such coordinate")
             if place in scene.coordinates:
                 state[half + place] = row[name]
-    if not np.isfinite(state).all():
+    if not np.isfinite([*state, row["t_s"]]).all():
         raise ValueError
     return state

@@ -76,7 +76,7 @@ def simulate_with(
     engine
         Made for the scene and used for nothing else; whoever made it closes it.
     p
-        Parameters of the scene.
+        Parameters of the scene: the record that the engine was made with, which a drive's program changes in place.
     """
     began = time.perf_counter()
     segments, events = Segments(), Events()
