@@ -637,7 +637,9 @@ def test_stem_that_cannot_be_a_name_is_refused(here):
     assert str(caught.value) == f"my scene.yaml: name = 'my scene'; allowed: {NAME}"
 
 
-SCENES = [path for room in ("", "machines", "paper") for path in sorted((ROOT / "configs" / room).glob("*.yaml"))]
+SCENES = [
+    path for room in ("", "machines", "paper", "examples") for path in sorted((ROOT / "configs" / room).glob("*.yaml"))
+]
 
 
 @pytest.mark.parametrize("path", SCENES, ids=lambda p: p.stem)
