@@ -130,7 +130,8 @@ def turn_corner(h: Automaton, told: bool) -> None:
     if run.mode == ATTACHED:
         if not prepare(h, ATTACHED, DIFFERENTIATED):
             return
-        force, lifts = contact_force(h)[0], not pressing(h)
+        lifts = not pressing(h)
+        force = 0.0 if lifts else contact_force(h)[0]
     if told:
         run.joined = AFTER_EVENT
         add_event(h, DRIVE, 0.0, 0.0, 0.0, 0.0, force, _NONE)
