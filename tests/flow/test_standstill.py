@@ -5,8 +5,8 @@ whatever the tolerance; a restart at the very moment makes one as large. Medians
 and scale, at 1e-6, 1e-9, 1e-12: IDA 0.04, 0.7, 4 (restarted 0.2, 1, 5), Adams 0.02, 0.6, 9 (restarted 0.04, 0.2, 4).
 
 Errors of whole swings (geometric means of ten, eight standstills each) fall with IDA as those of the same swings
-without resistance, like tolerance to the power of 0.83 and 0.89. Adams is more accurate in smooth motion (power 0.96; at
-1e-12 an error of 8e-11) and loses this here: power 0.76, at 1e-12 2.0e-9; restarted 0.79, 1.2e-9; IDA has 5e-10.
+without resistance, like tolerance to the power of 0.83 and 0.89. Adams is more accurate in smooth motion (power 0.96;
+at 1e-12 an error of 8e-11) and loses this here: power 0.76, at 1e-12 2.0e-9; restarted 0.79, 1.2e-9; IDA has 5e-10.
 """
 
 from __future__ import annotations
