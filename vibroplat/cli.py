@@ -17,6 +17,7 @@ from typer.core import TyperGroup
 from vibroplat import __version__
 from vibroplat.errors import VibroplatError
 from vibroplat.progress import calibration_progress, run_progress, sweep_progress
+from vibroplat.study import WAIT
 
 if TYPE_CHECKING:
     from vibroplat.observe.trajectory import Trajectory
@@ -81,8 +82,6 @@ class BenchName(StrEnum):
     peers = "peers"
 
 
-CORES = os.cpu_count() or 1
-
 # Options shared by several commands.
 Settings = Annotated[
     list[str] | None,
@@ -95,6 +94,12 @@ Resume = Annotated[bool, typer.Option("--resume", help="Resume an interrupted co
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Discard an unfinished command's points and start over.")]
 Scheduler = Annotated[
     str | None, typer.Option(help="Run on a dask cluster: address of its scheduler, e.g. tcp://host:8786.")
+]
+Wait = Annotated[
+    float,
+    typer.Option(
+        min=0.0, metavar="S", help="With --scheduler: end after S seconds without a worker. After 5 s a line says so."
+    ),
 ]
 
 
@@ -181,6 +186,7 @@ def sweep(
     resume: Resume = False,
     overwrite: Overwrite = False,
     scheduler: Scheduler = None,
+    wait: Wait = WAIT,
     format_: Format = TableFormat.parquet,
 ) -> None:
     """Sweep over supply frequencies and a grid of values.
@@ -206,8 +212,12 @@ def sweep(
     began = time.perf_counter()
     with Store(directory, conditions(scene), resume=resume, overwrite=overwrite) as store:
         known = len(store)
+        stored = store.lengths()
+        left = sum(stored.get(branch.number, 0) < len(branch.frequencies) for branch in planned)
+        _require_scheduler(scheduler)
         _load_kernels()
-        with pool(jobs, scheduler) as workers, sweep_progress(scene.name, len(planned), points) as progress:
+        opened = pool(jobs, scheduler, wait=wait, chains=left)
+        with opened as workers, sweep_progress(scene.name, len(planned), points) as progress:
             run_sweeps([(scene, store)], workers, progress)
         store.finish()
         report.write_sweep(scene, store, directory, format_.value)
@@ -233,10 +243,11 @@ def paper(
     ] = None,
     set_: Settings = None,
     out: Out = Path("results"),
-    jobs: Jobs = CORES,
+    jobs: Annotated[int | None, typer.Option(min=1, help="Number of worker processes. Default: all cores.")] = None,
     resume: Resume = False,
     overwrite: Overwrite = False,
     scheduler: Scheduler = None,
+    wait: Wait = WAIT,
     seeds: Annotated[int, typer.Option(min=1, help="Number of perturbation seeds that each claim is judged with.")] = 3,
     seed: Annotated[int, typer.Option(min=0, help="The first seed; figures are drawn with it.")] = 0,
 ) -> None:
@@ -249,11 +260,14 @@ def paper(
 
     changes = parse_overrides(set_ or [])
     chosen = {name: {**machine_numbers(name), **changes} for name in machine or ("printed", "calibrated")}
+    from vibroplat.paper.reproduction import planned
     from vibroplat.study.execution import pool
 
+    _require_scheduler(scheduler)
     _load_kernels()
     tried = range(seed, seed + seeds)
-    with pool(jobs, scheduler) as workers:
+    chains = max(planned(numbers, tried)[0] for numbers in chosen.values())
+    with pool(jobs, scheduler, wait=wait, chains=chains) as workers:
         for name, numbers in chosen.items():
             _reproduce(name, numbers, out, workers, tried, resume=resume, overwrite=overwrite)
 
@@ -291,6 +305,7 @@ def calibrate(
     resume: Resume = False,
     overwrite: Overwrite = False,
     scheduler: Scheduler = None,
+    wait: Wait = WAIT,
 ) -> None:
     """Fit the numbers the paper does not print to its claims.
 
@@ -309,8 +324,10 @@ def calibrate(
     directory = result_directory(out, "calibration")
     total = plan.evaluations + plan.confirmations
     with Store(directory, search.conditions(fixed), resume=resume, overwrite=overwrite) as store:
+        _require_scheduler(scheduler)
         _load_kernels()
-        with pool(jobs, scheduler) as workers, calibration_progress(total) as progress:
+        opened = pool(jobs, scheduler, wait=wait, chains=plan.side_by_side)
+        with opened as workers, calibration_progress(total) as progress:
             found = search.calibrate(fixed, plan, store, workers, progress)
         store.finish()
     tables = {"evaluations": found.evaluations, "confirmation": found.confirmation}
@@ -418,6 +435,14 @@ def _load_kernels(engine: str = "auto") -> None:
 
     load_kernels(engine)
     gc.freeze()  # what is loaded stays: the garbage collector need not look at it
+
+
+def _require_scheduler(address: str | None) -> None:
+    """Refuse an address without a scheduler before the kernels are loaded, which may take long."""
+    if address is not None:
+        from vibroplat.study.cluster import require_scheduler
+
+        require_scheduler(address)
 
 
 def _print_summary(result: Trajectory, directory: Path) -> None:

@@ -106,6 +106,11 @@ class Store:
         with self._complaints():
             return int(self._base.execute("SELECT COUNT(*) FROM records").fetchone()[0])
 
+    def lengths(self) -> dict[int | str, int]:
+        """Return the number of records of each chain that has one."""
+        with self._complaints():
+            return dict(self._base.execute("SELECT first, COUNT(*) FROM records GROUP BY first"))
+
     def write(self, chain: int | str, place: int, record: Mapping[str, Any]) -> None:
         """Store the record at a place of a chain; numbers that are not finite are refused with a ValueError."""
         text = json.dumps(record, allow_nan=False)
