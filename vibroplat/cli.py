@@ -194,13 +194,15 @@ def sweep(
     Writes a table with one row per point to OUT/NAME.
     """
     from vibroplat.config import load_config, parse_overrides
-    from vibroplat.provenance import read_provenance
     from vibroplat.study.branches import branches
-    from vibroplat.study.store import Store
-    from vibroplat.tables import read_table, result_directory
 
     scene = load_config(config, parse_overrides(set_ or []))
     planned = branches(scene)
+    _require_scheduler(scheduler)
+    from vibroplat.provenance import read_provenance
+    from vibroplat.study.store import Store
+    from vibroplat.tables import read_table, result_directory
+
     directory = result_directory(out, scene.name)
     if resume and (directory / "provenance.json").exists():
         read_provenance(directory)
@@ -214,7 +216,6 @@ def sweep(
         known = len(store)
         stored = store.lengths()
         left = sum(stored.get(branch.number, 0) < len(branch.frequencies) for branch in planned)
-        _require_scheduler(scheduler)
         _load_kernels()
         opened = pool(jobs, scheduler, wait=wait, chains=left)
         with opened as workers, sweep_progress(scene.name, len(planned), points) as progress:
@@ -260,10 +261,10 @@ def paper(
 
     changes = parse_overrides(set_ or [])
     chosen = {name: {**machine_numbers(name), **changes} for name in machine or ("printed", "calibrated")}
+    _require_scheduler(scheduler)
     from vibroplat.paper.reproduction import planned
     from vibroplat.study.execution import pool
 
-    _require_scheduler(scheduler)
     _load_kernels()
     tried = range(seed, seed + seeds)
     chains = max(planned(numbers, tried)[0] for numbers in chosen.values())
@@ -312,19 +313,20 @@ def calibrate(
     Writes a table with one row per evaluation to OUT/calibration.
     """
     from vibroplat.config import configurations
-    from vibroplat.paper.calibration import reading, search
     from vibroplat.paper.calibration.plan import load_plan
+
+    overrides = {} if generations is None else {"generations": generations}
+    fixed, plan = load_plan(config or configurations() / "claims" / "calibration.yaml", overrides)
+    _require_scheduler(scheduler)
+    from vibroplat.paper.calibration import reading, search
     from vibroplat.paper.report import write_calibration
     from vibroplat.study.execution import pool
     from vibroplat.study.store import Store
     from vibroplat.tables import result_directory
 
-    overrides = {} if generations is None else {"generations": generations}
-    fixed, plan = load_plan(config or configurations() / "claims" / "calibration.yaml", overrides)
     directory = result_directory(out, "calibration")
     total = plan.evaluations + plan.confirmations
     with Store(directory, search.conditions(fixed), resume=resume, overwrite=overwrite) as store:
-        _require_scheduler(scheduler)
         _load_kernels()
         opened = pool(jobs, scheduler, wait=wait, chains=plan.side_by_side)
         with opened as workers, calibration_progress(total) as progress:

@@ -20,7 +20,7 @@ from vibroplat.study import WAIT
 #: Seconds without a worker after which the user is told what is waited for.
 NOTICE = 5.0
 #: Seconds in which a scheduler must answer when it is first called, and when it is asked for its workers.
-FIRST_ANSWER, ANSWER = 8.0, 2.0
+FIRST_ANSWER, ANSWER = 5.0, 2.0
 #: Seconds after which workers are counted again.
 RECOUNT = 5.0
 #: Seconds in which a lost connection to the scheduler must be there again, and in which workers say what they have.
@@ -220,12 +220,11 @@ def _let_speak(silenced: list[logging.Logger]) -> None:
 
 def _lacking(error: Exception) -> str:
     """Say what a worker lacks that could not load the package."""
-    missing = getattr(error, "name", None) if isinstance(error, ImportError) else None
-    if missing == "vibroplat":
+    missing = getattr(error, "name", None)
+    if isinstance(error, ImportError) and missing == "vibroplat":
         return "it has no vibroplat"
-    if missing is None or missing.startswith("vibroplat."):
-        return f"it has another vibroplat ({error})"
-    return f"its vibroplat cannot be loaded ({error})"
+    is_other = isinstance(error, AttributeError) or str(missing).startswith("vibroplat.")
+    return f"{'it has another vibroplat' if is_other else 'its vibroplat cannot be loaded'} ({error})"
 
 
 # -- is there a scheduler? ----------------------------------------------------------------------------------
@@ -264,11 +263,15 @@ async def _kind(address: str) -> str:
 
     options = Security().get_connection_args("client")
     async with rpc(address, timeout=FIRST_ANSWER, connection_args=options) as remote:
-        found = await asyncio.wait_for(remote.identity(), FIRST_ANSWER)
+        found = await asyncio.wait_for(remote.identity(), FIRST_ANSWER + 1.0)  # rpc knows better why it failed
     return str(found["type"])
 
 
 def _no_scheduler(address: str, error: Exception) -> ConfigError:
-    cause = error.__cause__ or error
+    cause: BaseException = error
+    while cause.__cause__:
+        cause = cause.__cause__
     reason = " ".join(str(cause).split()) or f"no answer within {FIRST_ANSWER:g} s"
+    if isinstance(cause, MemoryError):  # the first bytes of another protocol were read as a length
+        reason = "the answer is not dask's"
     return ConfigError(f"--scheduler {address}: no scheduler answers there ({reason})")
