@@ -18,6 +18,7 @@ from vibroplat import __version__
 from vibroplat.errors import VibroplatError
 from vibroplat.interrupts import KEPT
 from vibroplat.progress import calibration_progress, run_progress, sweep_progress
+from vibroplat.study import WAIT
 from vibroplat.surroundings import is_short_of_memory, require_memory
 
 if TYPE_CHECKING:
@@ -83,8 +84,6 @@ class BenchName(StrEnum):
     peers = "peers"
 
 
-CORES = os.cpu_count() or 1
-
 # Options shared by several commands.
 Settings = Annotated[
     list[str] | None,
@@ -97,6 +96,12 @@ Resume = Annotated[bool, typer.Option("--resume", help="Resume an interrupted co
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Discard an unfinished command's points and start over.")]
 Scheduler = Annotated[
     str | None, typer.Option(help="Run on a dask cluster: address of its scheduler, e.g. tcp://host:8786.")
+]
+Wait = Annotated[
+    float,
+    typer.Option(
+        min=0.0, metavar="S", help="With --scheduler: end after S seconds without a worker. After 5 s a line says so."
+    ),
 ]
 
 
@@ -194,6 +199,7 @@ def sweep(
     resume: Resume = False,
     overwrite: Overwrite = False,
     scheduler: Scheduler = None,
+    wait: Wait = WAIT,
     format_: Format = TableFormat.parquet,
 ) -> None:
     """Sweep over supply frequencies and a grid of values.
@@ -201,13 +207,15 @@ def sweep(
     Writes a table with one row per point to OUT/NAME.
     """
     from vibroplat.config import load_config, parse_overrides
-    from vibroplat.results import Result, read_provenance
     from vibroplat.study.branches import branches
-    from vibroplat.study.store import Store
-    from vibroplat.tables import result_directory
 
     scene = load_config(config, parse_overrides(set_ or []))
     planned = branches(scene)
+    _require_scheduler(scheduler)
+    from vibroplat.results import Result, read_provenance
+    from vibroplat.study.store import Store
+    from vibroplat.tables import result_directory
+
     directory = result_directory(out, scene.name)
     if resume and (directory / "provenance.json").exists():
         read_provenance(directory, "sweep")
@@ -218,8 +226,11 @@ def sweep(
     points = sum(len(branch.frequencies) for branch in planned)
     began = time.perf_counter()
     with Store(directory, conditions(scene), resume=resume, overwrite=overwrite) as store:
+        stored = store.lengths()
+        left = sum(stored.get(branch.number, 0) < len(branch.frequencies) for branch in planned)
         _load_kernels()
-        with pool(jobs, scheduler) as workers, sweep_progress(scene.name, len(planned), points) as progress:
+        opened = pool(jobs, scheduler, wait=wait, chains=left)
+        with opened as workers, sweep_progress(scene.name, len(planned), points) as progress:
             run_sweeps([(scene, store)], workers, progress)
         store.finish()
         known = store.reused
@@ -247,10 +258,11 @@ def paper(
     ] = None,
     set_: Settings = None,
     out: Out = Path("results"),
-    jobs: Jobs = CORES,
+    jobs: Annotated[int | None, typer.Option(min=1, help="Number of worker processes. Default: all cores.")] = None,
     resume: Resume = False,
     overwrite: Overwrite = False,
     scheduler: Scheduler = None,
+    wait: Wait = WAIT,
     seeds: Annotated[int, typer.Option(min=1, help="Number of perturbation seeds that each claim is judged with.")] = 3,
     seed: Annotated[int, typer.Option(min=0, help="The first seed; figures are drawn with it.")] = 0,
 ) -> None:
@@ -263,11 +275,14 @@ def paper(
 
     changes = parse_overrides(set_ or [])
     chosen = {name: {**machine_numbers(name), **changes} for name in machine or ("printed", "calibrated")}
+    _require_scheduler(scheduler)
+    from vibroplat.paper.reproduction import planned
     from vibroplat.study.execution import pool
 
     _load_kernels()
     tried = range(seed, seed + seeds)
-    with pool(jobs, scheduler) as workers:
+    chains = max(planned(numbers, tried)[0] for numbers in chosen.values())
+    with pool(jobs, scheduler, wait=wait, chains=chains) as workers:
         for name, numbers in chosen.items():
             _reproduce(name, numbers, out, workers, tried, resume=resume, overwrite=overwrite)
 
@@ -305,26 +320,30 @@ def calibrate(
     resume: Resume = False,
     overwrite: Overwrite = False,
     scheduler: Scheduler = None,
+    wait: Wait = WAIT,
 ) -> None:
     """Fit the numbers the paper does not print to its claims.
 
     Writes a table with one row per evaluation to OUT/calibration.
     """
     from vibroplat.config import configurations
-    from vibroplat.paper.calibration import reading, search
     from vibroplat.paper.calibration.plan import load_plan
+
+    overrides = {} if generations is None else {"generations": generations}
+    fixed, plan = load_plan(config or configurations() / "claims" / "calibration.yaml", overrides)
+    _require_scheduler(scheduler)
+    from vibroplat.paper.calibration import reading, search
     from vibroplat.paper.report import write_calibration
     from vibroplat.study.execution import pool
     from vibroplat.study.store import Store
     from vibroplat.tables import result_directory
 
-    overrides = {} if generations is None else {"generations": generations}
-    fixed, plan = load_plan(config or configurations() / "claims" / "calibration.yaml", overrides)
     directory = result_directory(out, "calibration")
     total = plan.evaluations + plan.confirmations
     with Store(directory, search.conditions(fixed), resume=resume, overwrite=overwrite) as store:
         _load_kernels()
-        with pool(jobs, scheduler) as workers, calibration_progress(total) as progress:
+        opened = pool(jobs, scheduler, wait=wait, chains=plan.side_by_side)
+        with opened as workers, calibration_progress(total) as progress:
             found = search.calibrate(fixed, plan, store, workers, progress)
         store.finish()
         tables = {"evaluations": found.evaluations, "confirmation": found.confirmation}
@@ -432,6 +451,14 @@ def _load_kernels(engine: str = "auto") -> None:
 
     load_kernels(engine)
     gc.freeze()  # what is loaded stays: the garbage collector need not look at it
+
+
+def _require_scheduler(address: str | None) -> None:
+    """Refuse an address without a scheduler before the kernels are loaded, which may take long."""
+    if address is not None:
+        from vibroplat.study.cluster import require_scheduler
+
+        require_scheduler(address)
 
 
 def _print_summary(result: Trajectory, directory: Path) -> None:

@@ -58,12 +58,12 @@ def bits(table):
     return table.drop(columns="wall_s", errors="ignore").to_csv(index=False)
 
 
-def finished_points(directory):
-    """Number of points that a running sweep has on disk."""
+def finished_points(directory, text=""):
+    """Number of points that a running sweep has on disk, of those with a text in them."""
     try:
         base = sqlite3.connect(f"file:{directory}/points.sqlite?mode=ro", uri=True)
         try:
-            return base.execute("SELECT COUNT(*) FROM records").fetchone()[0]
+            return base.execute("SELECT COUNT(*) FROM records WHERE instr(record, ?)", (text,)).fetchone()[0]
         finally:
             base.close()
     except sqlite3.OperationalError:

@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 import os
 import signal
+import sqlite3
 import sys
 import threading
 import time
+import warnings
 from concurrent.futures import BrokenExecutor, Future
 
 import pytest
@@ -16,6 +18,7 @@ from common.results import bits
 
 from vibroplat import sweep
 from vibroplat.errors import ConfigError
+from vibroplat.study import execution
 from vibroplat.study.execution import LIVES, PINNED, Cluster, Inline, Processes, WorkerLostError, pool, run_chains
 from vibroplat.study.point import Point
 from vibroplat.study.store import Store
@@ -430,3 +433,74 @@ def test_pool_may_be_opened_after_another_was_closed():
         with pool(jobs=2) as workers:
             assert isinstance(workers, Processes)
             assert finish([Tasks((abs, (-3,)))], workers) == [[3]]
+
+
+# -- no more processes than are of use --------------------------------------------------------------------
+
+
+@pytest.fixture
+def cores(monkeypatch):
+    """Give the machine a number of cores."""
+
+    def give(number):
+        monkeypatch.setattr("loky.cpu_count", lambda: number)
+
+    return give
+
+
+@pytest.mark.parametrize(
+    ("jobs", "available", "chains", "used"),
+    [(8, 4, 100, 4), (8, 16, 3, 3), (8, 16, 8, 8), (8, 16, None, 8), (None, 4, None, 4), (None, 4, 2, 2), (3, 4, 0, 1)],
+)
+def test_processes_have_a_core_and_a_chain(jobs, available, chains, used, cores):
+    cores(available)
+    assert execution._useful(jobs, chains) == used
+
+
+@pytest.mark.parametrize(
+    ("jobs", "available", "chains", "told"),
+    [
+        (8, 4, 100, ["--jobs 8: 4 processes are used, as there are no more cores"]),
+        (8, 16, 3, ["--jobs 8: 3 processes are used, as there is no work for more at a time"]),
+        (2, 16, 1, ["--jobs 2: one process is used, as there is no work for more at a time"]),
+        (2, 1, 5, ["--jobs 2: one process is used, as there are no more cores"]),
+        (2, 2, 2, []),
+        (8, 16, 0, []),
+        (None, 4, 2, []),
+    ],
+)
+def test_processes_that_are_not_started_are_told(jobs, available, chains, told, cores, caplog):
+    cores(available)
+    execution._useful(jobs, chains)
+    assert [record.getMessage() for record in caplog.records] == told
+
+
+def test_one_branch_is_swept_in_this_process(command, kernels, here, monkeypatch, caplog):
+    monkeypatch.delattr(execution, "Processes")
+    (here / "c.yaml").write_text(SMALL)
+    assert command("sweep", "c.yaml", "--jobs", "2").code == 0
+    assert [r.getMessage() for r in caplog.records] == [
+        "--jobs 2: one process is used, as there is no work for more at a time"
+    ]
+
+
+@pytest.mark.long
+def test_finished_branches_need_no_processes(vibroplat, here):
+    """Two of three branches are finished: the third is resumed in one process."""
+    (here / "c.yaml").write_text(f"{SMALL.rstrip()[:-1]}, grid: {{contact.restitution: [0.0, 0.1, 0.2]}}}}\n")
+    assert vibroplat("sweep", "c.yaml").code == 0
+    with sqlite3.connect(here / "results/c/points.sqlite") as base:
+        base.execute("DELETE FROM records WHERE first = 1")
+    done = vibroplat("sweep", "c.yaml", "--jobs", "2", "--resume")
+    assert done.err == "vibroplat: --jobs 2: one process is used, as there is no work for more at a time\n"
+    assert done.code == 0
+
+
+@pytest.mark.long
+def test_workers_that_end_because_they_were_idle_are_replaced_without_a_word(monkeypatch):
+    monkeypatch.setattr(execution, "IDLE", 0.001)
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        with pool(jobs=2) as workers:
+            finish([Tasks(*[NAP] * 40) for _ in range(3)], workers)
+    assert [str(warning.message) for warning in told] == []

@@ -4,3 +4,6 @@
 * Any study simulates by chains of stored tasks: :mod:`~vibroplat.study.tasks`, which run in a pool
   (:mod:`~vibroplat.study.execution`) and keep their results in a :mod:`~vibroplat.study.store`.
 """
+
+#: Seconds for which workers of a scheduler are waited for, unless the user says otherwise.
+WAIT = 60.0

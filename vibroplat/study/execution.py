@@ -7,7 +7,8 @@ over workers.
 
 from __future__ import annotations
 
-import re
+import logging
+import warnings
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, wait
@@ -15,13 +16,15 @@ from contextlib import contextmanager, nullcontext
 from multiprocessing import resource_tracker
 from typing import Any, Protocol, TypeVar
 
-from vibroplat.errors import ConfigError, VibroplatError
+from vibroplat.errors import VibroplatError
 from vibroplat.interrupts import stop_if_asked, unheard, unwinding, watching
+from vibroplat.study import WAIT
+from vibroplat.study.cluster import Cluster
 
 #: Environment of workers: without it numerical libraries would start a pool of threads in each process.
 PINNED = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA")}
 #: Seconds without a result after which the pool is checked for workers.
-PATIENCE = 5.0
+PATIENCE = 1.0
 #: Longest time (s) until Ctrl-C is noticed while workers run.
 TICK = 0.1
 #: Seconds without a task after which a worker process exits.
@@ -29,13 +32,7 @@ IDLE = 20
 #: How many times a task that runs alone may lose its worker before it is given up.
 LIVES = 2
 
-_ADDRESS = re.compile(r"^(tcp|tls|ws|wss|ucx|inproc)://.+:\d+")
-
-
-class LostError(VibroplatError):
-    """All workers are gone."""
-
-    exit_code = 1
+_LOG = logging.getLogger("vibroplat")
 
 
 class WorkerLostError(VibroplatError):
@@ -76,7 +73,7 @@ class Pool(Protocol):
         ...
 
     def check(self) -> None:
-        """Raise :class:`LostError` if no worker can answer any more."""
+        """Raise :class:`.LostError` if no worker can answer any more."""
         ...
 
     def close(self) -> None:
@@ -112,13 +109,15 @@ def _run(chains: Iterable[C], workers: Pool, *, in_turn: bool) -> Iterator[C]:
         if not running:
             continue
         lost: list[C] = []
+        killed = False
         done = _finished(running, workers)
         for future in done:
             chain = running.pop(future)
             try:
                 chain.take(future.result())
-            except (BrokenExecutor, CancelledError):
+            except (BrokenExecutor, CancelledError) as error:
                 lost.append(chain)
+                killed = killed or isinstance(error, BrokenExecutor)  # rather than lost with the connection
                 continue
             except workers.given_up as error:
                 chain.take(WorkerLostError(" ".join(str(error).split())))
@@ -126,7 +125,7 @@ def _run(chains: Iterable[C], workers: Pool, *, in_turn: bool) -> Iterator[C]:
             (waiting.append if in_turn else waiting.appendleft)(chain)
             yield chain
         if lost:
-            yield from _deal_with(lost, running, suspects, losses, waiting, workers)
+            yield from _deal_with(lost, running, suspects, losses, waiting, workers, killed=killed)
 
 
 def _finished(running: dict[Future[Any], C], workers: Pool) -> set[Future[Any]]:
@@ -147,9 +146,11 @@ def _deal_with(
     losses: dict[int, int],
     waiting: deque[C],
     workers: Pool,
+    *,
+    killed: bool,
 ) -> Iterator[C]:
     """Renew the pool after a worker has died; give up a task that ran alone and has no life left."""
-    alone = len(lost) == 1 and not running
+    alone = killed and len(lost) == 1 and not running
     lost += running.values()
     running.clear()
     workers.renew()
@@ -214,6 +215,8 @@ class Processes:
         """Start new workers if the old ones are broken."""
         from loky import get_reusable_executor  # noqa: PLC0415  (not needed for one job)
 
+        # a worker that has been idle for long ends, and is replaced when there is work
+        warnings.filterwarnings("ignore", message="A worker stopped while some jobs were given", category=UserWarning)
         self._executor: Executor = get_reusable_executor(self._jobs, timeout=IDLE, env=PINNED)
 
     def check(self) -> None:
@@ -224,76 +227,51 @@ class Processes:
         self._executor.shutdown(wait=True, kill_workers=True)  # type: ignore[call-arg]
 
 
-class Cluster:
-    """Workers of a dask scheduler, possibly on many machines; vibroplat must be installed there.
-
-    Raises
-    ------
-    ConfigError
-        dask.distributed is not installed, or the scheduler does not answer.
-    """
-
-    def __init__(self, address: str) -> None:
-        try:
-            from distributed import Client, KilledWorker  # noqa: PLC0415  (optional)
-        except ImportError:
-            raise ConfigError("--scheduler needs dask.distributed; pip install 'vibroplat[cluster]' has it") from None
-        if not _ADDRESS.match(address):
-            raise ConfigError(f"--scheduler {address}: not an address; allowed: tcp://host:port")
-        self._address = address
-        try:
-            self._client = Client(address, timeout=10, set_as_default=False)
-        except (OSError, ValueError, TypeError) as error:
-            reason = " ".join(str(error).split()) or type(error).__name__
-            raise ConfigError(f"--scheduler {address}: no scheduler answers there ({reason})") from None
-        self._executor: Executor = self._client.get_executor(pure=False)
-        self.given_up: tuple[type[Exception], ...] = (KilledWorker,)
-        self.slots = 2 * max(1, sum(self._client.nthreads().values()))
-
-    def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
-        """Start a task; dask repeats it if its worker dies, and gives it up after some times."""
-        future: Future[Any] = self._executor.submit(function, *arguments)
-        return future
-
-    def renew(self) -> None:
-        """Nothing to replace: the scheduler looks after its workers."""
-
-    def check(self) -> None:
-        """Raise :class:`LostError` if the scheduler is gone."""
-        if self._client.status not in ("running", "connecting"):
-            raise LostError(
-                f"the scheduler at {self._address} is gone; finished points are kept: continue with --resume"
-            )
-
-    def close(self) -> None:
-        """Leave the cluster."""
-        if self._client.status == "running":  # a scheduler that is gone has nothing to cancel
-            self._executor.shutdown(wait=False)
-        self._client.close()
-
-
 @contextmanager
-def pool(jobs: int = 1, scheduler: str | None = None) -> Iterator[Pool]:
+def pool(
+    jobs: int | None = 1, scheduler: str | None = None, *, wait: float = WAIT, chains: int | None = None
+) -> Iterator[Pool]:
     """Open a pool: this process for one job, worker processes for more, or the workers of a dask scheduler.
 
     Parameters
     ----------
     jobs
-        Worker processes.
+        Worker processes; None for as many as there are cores. Processes without a chain or a core are not started.
     scheduler
         Address of a dask scheduler, whose workers are used instead.
+    wait
+        Seconds after which a scheduler without workers is given up.
+    chains
+        The most chains that are run side by side, if that is known.
 
     Raises
     ------
     ConfigError
         The scheduler does not answer, or dask.distributed is not installed.
     """
-    if scheduler is None and jobs == 1:
+    processes = 1 if scheduler is not None else _useful(jobs, chains)
+    if scheduler is None and processes == 1:
         yield Inline()
         return
     with unwinding():
-        opened = Processes(jobs) if scheduler is None else Cluster(scheduler)
+        opened = Processes(processes) if scheduler is None else Cluster(scheduler, wait)
         try:
             yield opened
         finally:
             opened.close()
+
+
+def _useful(jobs: int | None, chains: int | None) -> int:
+    """Return how many of the processes have something to do and a core to do it on; say so where not all have."""
+    if jobs == 1:
+        return 1
+    from loky import cpu_count  # noqa: PLC0415  (not needed for one job)
+
+    cores = int(cpu_count())
+    wanted = cores if jobs is None else jobs
+    useful = max(1, min(wanted, cores, wanted if chains is None else chains))
+    if jobs is not None and useful < jobs and chains != 0:
+        used = f"{useful} processes are" if useful > 1 else "one process is"
+        why = "there are no more cores" if useful == cores else "there is no work for more at a time"
+        _LOG.warning("--jobs %d: %s used, as %s", jobs, used, why)
+    return useful

@@ -180,6 +180,11 @@ class Store:
         with self._complaints():
             return self._number("SELECT COUNT(*) FROM records")
 
+    def lengths(self) -> dict[int | str, int]:
+        """Return the number of records of each chain that has one."""
+        with self._complaints():
+            return dict(self._base.execute("SELECT first, COUNT(*) FROM records GROUP BY first"))
+
     def write(self, chain: int | str, place: int, record: Mapping[str, Any], task: str = "") -> None:
         """Store the record of a task at a place of a chain; numbers that are not finite are refused (ValueError)."""
         text = json.dumps(record, allow_nan=False)

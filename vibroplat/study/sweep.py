@@ -10,6 +10,7 @@ import pandas as pd
 import vibroplat
 from vibroplat.integrate.choice import engine_name
 from vibroplat.scene import Scene
+from vibroplat.study import WAIT
 from vibroplat.study.branches import EXCITATION, SUPPLY, Branch, branches, sweep_plan
 from vibroplat.study.execution import Pool, pool, run_chains
 from vibroplat.study.point import ERRORS, MEASURED, point_task
@@ -56,6 +57,7 @@ def sweep(
     *,
     jobs: int = 1,
     scheduler: str | None = None,
+    wait: float = WAIT,
     progress: Progress | None = None,
 ) -> pd.DataFrame:
     """Sweep a scene over the supply frequencies and the grid of its ``sweep`` section.
@@ -68,6 +70,8 @@ def sweep(
         Worker processes; with 1 the points are measured in this process.
     scheduler
         Address of a dask scheduler; its workers are used instead.
+    wait
+        Seconds after which a scheduler without workers is given up.
     progress
         Called after each point with the numbers of finished branches, points and events.
 
@@ -80,6 +84,10 @@ def sweep(
     ------
     ConfigError
         The scene has no sweep, a value of its grid is not allowed, or the scheduler does not answer.
+    LostError
+        The scheduler has no workers, or has gone.
+    ForeignWorkerError
+        A worker would give other bits than this process.
 
     Examples
     --------
@@ -88,7 +96,8 @@ def sweep(
     >>> sweep(scene)["outcome"].tolist()
     ['ok', 'ok', 'ok']
     """
-    with Store(None, {}) as store, pool(jobs, scheduler) as workers:
+    opened = pool(jobs, scheduler, wait=wait, chains=len(branches(scene)))
+    with Store(None, {}) as store, opened as workers:
         run_sweeps([(scene, store)], workers, progress)
         return pd.concat(tables(scene, store), ignore_index=True)
 

@@ -110,6 +110,11 @@ class CalibrationPlan(Section):
         """Largest number of evaluations in the confirmation."""
         return min(self.confirm.sets, self.evaluations) * self.confirm.seeds
 
+    @property
+    def side_by_side(self) -> int:
+        """Largest number of evaluations that do not depend on one another."""
+        return max(self.population, self.confirmations)
+
 
 def load_plan(path: Path, overrides: Mapping[str, Any]) -> tuple[dict[str, Any], CalibrationPlan]:
     """Read the machine's fixed numbers (dotted keys and values) and the plan from a YAML file.

@@ -1,0 +1,491 @@
+"""Schedulers and workers of dask that are none, are others, or go: one line, and what is finished is kept."""
+
+from __future__ import annotations
+
+import contextlib
+import http.server
+import logging
+import math
+import os
+import shutil
+import signal
+import socket
+import threading
+import time
+
+import pandas as pd
+import pytest
+from common import clusters
+from common.commands import Child, ended, not_a_line
+from common.places import LOADED
+from common.results import bits, finished_points
+
+from vibroplat.errors import ConfigError
+from vibroplat.study import cluster
+from vibroplat.study.cluster import ForeignWorkerError, LostError, require_scheduler
+from vibroplat.study.execution import pool, run_chains
+
+#: Seconds in which an address without a scheduler is refused after the start of the program, whose time varies
+#: with what else the machine does.
+SOON = 9.0
+#: A sweep of some seconds with four branches.
+SWEEP = (
+    f"extends: {LOADED}\nname: c\n"
+    "sweep:\n"
+    "  supply_frequency_hz: {start: 46.0, stop: 51.0, step: 0.5, direction: [up, down]}\n"
+    "  grid: {contact.restitution: [0.0, 0.3]}\n"
+)
+#: The same with one branch.
+BRANCH = f"extends: {LOADED}\nname: c\nsweep: {{supply_frequency_hz: {{start: 46.0, stop: 61.0, step: 0.25}}}}\n"
+#: A change of one line that changes all points: its file, the old text and the new one.
+CHANGE = ("study/point.py", "changed[7:12] += ", "changed[7:12] += 1.01 * ")
+#: How what is given up ends.
+KEPT = "finished points are kept: continue with --resume"
+
+
+class Tasks:
+    """A chain of calls."""
+
+    def __init__(self, *calls):
+        self.calls = calls
+        self.results = []
+
+    def task(self):
+        return self.calls[len(self.results)] if len(self.results) < len(self.calls) else None
+
+    def take(self, result):
+        self.results.append(result)
+
+
+# -- addresses where no scheduler is ----------------------------------------------------------------------
+
+
+@contextlib.contextmanager
+def server(answer):
+    """The port of a server that treats connections as a function says."""
+
+    def serve():
+        with contextlib.suppress(OSError):
+            while True:
+                kept.append(listening.accept()[0])
+                answer(kept[-1])
+
+    kept = []
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+        thread = threading.Thread(target=serve, daemon=True)
+        thread.start()
+        yield listening.getsockname()[1]
+        listening.shutdown(socket.SHUT_RDWR)
+        thread.join()
+    for connection in kept:
+        connection.close()
+
+
+@contextlib.contextmanager
+def web():
+    """The port of an HTTP server."""
+
+    class Handler(http.server.SimpleHTTPRequestHandler):
+        def log_message(self, *_):
+            """Say nothing."""
+
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), Handler) as found:
+        threading.Thread(target=found.serve_forever, daemon=True).start()
+        yield found.server_port
+        found.shutdown()
+
+
+def closed():
+    """A port that nothing listens at."""
+    return contextlib.nullcontext(clusters.free_port())
+
+
+#: Dask leaves sockets of connections that it gave up to the garbage collector.
+pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+
+SERVERS = {
+    "closed": closed,
+    "silent": lambda: server(lambda connection: None),
+    "closes at once": lambda: server(lambda connection: connection.close()),
+    "ssh": lambda: server(lambda connection: connection.sendall(b"SSH-2.0-OpenSSH_9.2p1\r\n")),
+    "web": web,
+}
+FOREIGN = [(kind, place) for kind in ("tcp", "ws", "tls") for place in SERVERS]
+
+
+@pytest.mark.parametrize(("kind", "place"), FOREIGN)
+def test_no_scheduler_at_an_address(kind, place, monkeypatch):
+    monkeypatch.setattr(cluster, "FIRST_ANSWER", 0.3)
+    with SERVERS[place]() as port:
+        address = f"{kind}://127.0.0.1:{port}"
+        began = time.monotonic()
+        with pytest.raises(ConfigError) as caught:
+            require_scheduler(address)
+        assert time.monotonic() - began < 3.0
+    assert str(caught.value).startswith(f"--scheduler {address}: no scheduler answers there (")
+
+
+def refused_soon(vibroplat, address, *command):
+    """Whether a command refuses an address in a line, soon after it has started."""
+    began = time.monotonic()
+    assert not_a_line(vibroplat(*command, "--scheduler", "nonsense")) == ""
+    start = time.monotonic() - began
+    assert not_a_line(vibroplat(*command, "--scheduler", address)) == ""
+    return time.monotonic() - began - start < 2.0 * start + SOON
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("kind", "place"), [(k, p) for k, p in FOREIGN if k == "tcp" or p in ("silent", "web")])
+def test_no_scheduler_at_an_address_is_told_in_a_line(kind, place, vibroplat, here):
+    (here / "c.yaml").write_text(SWEEP)
+    with SERVERS[place]() as port:
+        assert refused_soon(vibroplat, f"{kind}://127.0.0.1:{port}", "sweep", "c.yaml")
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("command", [("paper",), ("calibrate",)])
+def test_every_command_refuses_an_address_without_a_scheduler(command, vibroplat, here):
+    with SERVERS["silent"]() as port:
+        assert refused_soon(vibroplat, f"tcp://127.0.0.1:{port}", *command, "--wait", "1")
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("kind", ["tls", "ws"])
+def test_scheduler_of_another_protocol_is_told_in_a_line(kind, vibroplat, here):
+    (here / "c.yaml").write_text(SWEEP)
+    with clusters.scheduler(here) as (address, _):
+        done = vibroplat("sweep", "c.yaml", "--scheduler", address.replace("tcp", kind))
+    assert not_a_line(done) == ""
+
+
+def test_address_of_a_worker_is_refused(threads):
+    (worker,) = threads.workers.values()
+    with pytest.raises(ConfigError, match="a dask worker answers there, not a scheduler"):
+        require_scheduler(worker.address)
+
+
+@pytest.mark.parametrize("wait", ["-1", "soon"])
+def test_time_to_wait_is_checked(wait, command, here):
+    (here / "c.yaml").write_text(SWEEP)
+    done = command("sweep", "c.yaml", "--wait", wait)
+    assert not_a_line(done) == ""
+    assert "'--wait'" in done.err
+
+
+# -- in this process: a scheduler and workers that are threads --------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def threads(kernels):
+    """A scheduler with a worker."""
+    from distributed import LocalCluster
+
+    with LocalCluster(
+        n_workers=1, threads_per_worker=1, processes=False, protocol="tcp", dashboard_address=":0"
+    ) as found:
+        yield found
+
+
+@pytest.fixture
+def workers(threads):
+    with pool(scheduler=threads.scheduler_address) as found:
+        yield found
+
+
+def test_worker_with_the_same_fingerprint_works(workers):
+    chain = Tasks((math.sqrt, (4.0,)), (math.sqrt, (9.0,)))
+    list(run_chains([chain], workers))
+    assert chain.results == [2.0, 3.0]
+
+
+def test_worker_with_another_fingerprint_gives_no_result(workers, threads):
+    workers._expected = {**workers._expected, "numpy": "1.0"}
+    chain = Tasks((math.sqrt, (4.0,)))
+    with pytest.raises(ForeignWorkerError) as caught:
+        list(run_chains([chain], workers))
+    (worker,) = threads.workers.values()
+    assert str(caught.value).startswith(f"worker {worker.address}: numpy ")
+    assert str(caught.value).endswith(f" (here 1.0); all must have what this process has; {KEPT}")
+    assert (chain.results, caught.value.exit_code) == ([], 1)
+
+
+@pytest.mark.parametrize(
+    ("error", "text"),
+    [
+        (ModuleNotFoundError("No module named 'vibroplat'", name="vibroplat"), "it has no vibroplat"),
+        (AttributeError("no checked"), "it has another vibroplat (no checked)"),
+        (ModuleNotFoundError("No module named 'numba'", name="numba"), "its vibroplat cannot be loaded (No module"),
+        (RuntimeError("no cache"), "its vibroplat cannot be loaded (no cache)"),
+    ],
+)
+def test_worker_that_cannot_load_the_package_is_named(error, text, workers, threads, monkeypatch):
+    def fail(*_):
+        raise error
+
+    monkeypatch.setattr("vibroplat.study.fingerprint.checked", fail)
+    monkeypatch.setattr("vibroplat.study.fingerprint.code", fail)
+    monkeypatch.setattr(fail, "__module__", "vibroplat.study.fingerprint", raising=False)
+    monkeypatch.setattr(fail, "__qualname__", "checked")
+    with pytest.raises(ForeignWorkerError) as caught:
+        list(run_chains([Tasks((math.sqrt, (4.0,)))], workers))
+    (worker,) = threads.workers.values()
+    assert str(caught.value).startswith(f"worker {worker.address}: {text}")
+
+
+def test_no_worker_is_told_and_given_up(kernels, monkeypatch, caplog):
+    from distributed import LocalCluster
+
+    monkeypatch.setattr(cluster, "NOTICE", 0.5)
+    with (
+        LocalCluster(n_workers=0, processes=False, protocol="tcp", dashboard_address=":0") as empty,
+        pool(scheduler=empty.scheduler_address, wait=1.5) as workers,
+        caplog.at_level(logging.WARNING, "vibroplat"),
+        pytest.raises(LostError) as caught,
+    ):
+        list(run_chains([Tasks((math.sqrt, (4.0,)))], workers))
+    what = f"a worker of the scheduler at {empty.scheduler_address}"
+    assert str(caught.value) == f"waited 1.5 s for {what}; {KEPT}"
+    told = [record.getMessage() for record in caplog.records if record.name == "vibroplat"]
+    assert told == [f"waiting for {what}, up to 1.5 s"]
+
+
+def test_dask_may_speak_again_when_the_pool_is_closed(threads):
+    logger = logging.getLogger("distributed.client")
+    with pool(scheduler=threads.scheduler_address):
+        assert logger.disabled
+    assert not logger.disabled
+
+
+# -- in processes of their own ----------------------------------------------------------------------------
+
+
+@pytest.fixture
+def place(here, kernels):
+    """A directory with a sweep, and its table as this process makes it."""
+    (here / "c.yaml").write_text(SWEEP)
+    (here / "one.yaml").write_text(BRANCH)
+    return here
+
+
+@pytest.fixture(scope="module")
+def table(tmp_path_factory, kernels):
+    """The sweep's table, made without a cluster."""
+    place = tmp_path_factory.mktemp("alone")
+    (place / "c.yaml").write_text(SWEEP)
+    assert ended(place, "sweep", "c.yaml").code == 0
+    return bits(pd.read_parquet(place / "results/c/sweep.parquet"))
+
+
+def made(place):
+    return bits(pd.read_parquet(place / "results/c/sweep.parquet"))
+
+
+def new(place, name):
+    (place / name).mkdir()
+    return place / name
+
+
+def await_points(place, number, child):
+    """Wait until a sweep has so many points on disk."""
+    for _ in range(1200):
+        if finished_points(place / "results/c") >= number:
+            return
+        assert child.process.poll() is None, "the sweep has ended"
+        time.sleep(0.05)
+    raise AssertionError("no points")
+
+
+def resumed(place, table):
+    """Resume without a cluster: the table is that of a sweep that was never interrupted."""
+    done = ended(place, "sweep", "c.yaml", "--resume")
+    assert done.code == 0, done.err
+    assert made(place) == table
+
+
+def refused(done, text):
+    """Whether a command has ended with one line about a worker."""
+    assert not_a_line(done, codes=(1,)) == ""
+    assert done.err.startswith("vibroplat: worker tcp://127.0.0.1:")
+    assert text in done.err
+    assert KEPT in done.err
+
+
+@pytest.mark.long
+def test_worker_with_other_code_is_refused_before_any_of_its_points_count(place, table):
+    other = clusters.other_package(new(place, "other"), *CHANGE)
+    with clusters.scheduler(place) as (address, _), clusters.worker(place, address, path=other):
+        refused(ended(place, "sweep", "c.yaml", "--scheduler", address), ": source files ")
+        assert finished_points(place / "results/c") == 0
+    resumed(place, table)
+
+
+@pytest.mark.long
+def test_worker_with_other_code_among_good_ones_is_refused(place, table):
+    other = clusters.other_package(new(place, "other"), *CHANGE)
+    with (
+        clusters.scheduler(place) as (address, _),
+        clusters.worker(place, address),
+        clusters.worker(place, address, path=other),
+    ):
+        refused(ended(place, "sweep", "c.yaml", "--scheduler", address), ": source files ")
+    resumed(place, table)
+
+
+@pytest.mark.long
+def test_worker_with_other_code_that_joins_late_is_refused(place, table):
+    other = clusters.other_package(new(place, "other"), *CHANGE)
+    with contextlib.ExitStack() as stack:
+        address, _ = stack.enter_context(clusters.scheduler(place))
+        stack.enter_context(clusters.worker(place, address))
+        child = stack.enter_context(Child(place, "sweep", "c.yaml", "--scheduler", address, "--set", "name=c"))
+        await_points(place, 2, child)
+        os.kill(child.process.pid, signal.SIGSTOP)  # the other worker's start takes longer than the sweep
+        stack.enter_context(clusters.worker(place, address, path=other))
+        clusters.await_workers(address, 2)
+        os.kill(child.process.pid, signal.SIGCONT)
+        refused(child.end(), ": source files ")
+    assert finished_points(place / "results/c") >= 2
+    resumed(place, table)
+
+
+@pytest.mark.long
+def test_worker_that_comes_back_with_other_code_is_refused(place, table):
+    """Its nanny starts it anew, from files that have been edited meanwhile."""
+    same = new(place, "same")
+    shutil.copytree(clusters.PACKAGE, same / "vibroplat")
+    with (
+        clusters.scheduler(place) as (address, _),
+        clusters.worker(place, address, path=same),
+        Child(place, "sweep", "c.yaml", "--scheduler", address) as child,
+    ):
+        await_points(place, 2, child)
+        file = same / "vibroplat" / CHANGE[0]
+        file.write_text(file.read_text(encoding="utf-8").replace(*CHANGE[1:]), encoding="utf-8")
+        clusters.kill_workers(address)
+        refused(child.end(), ": source files ")
+    resumed(place, table)
+
+
+@pytest.mark.long
+def test_copy_of_the_package_elsewhere_works(place, table):
+    same = new(place, "same")
+    shutil.copytree(clusters.PACKAGE, same / "vibroplat")
+    with (
+        clusters.scheduler(place) as (address, _),
+        clusters.worker(place, address),
+        clusters.worker(place, address, path=same),
+    ):
+        done = ended(place, "sweep", "c.yaml", "--scheduler", address)
+    assert (done.code, done.err) == (0, "")
+    assert made(place) == table
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("missing", ["vibroplat", "vibroplat.study.fingerprint"])
+def test_worker_without_the_package_or_with_an_older_one_is_refused(missing, place):
+    other = new(place, "other")
+    if missing == "vibroplat":
+        clusters.no_package(other)
+    else:
+        shutil.copytree(clusters.PACKAGE, other / "vibroplat")
+        (other / "vibroplat/study/fingerprint.py").unlink()
+    text = "it has no vibroplat" if missing == "vibroplat" else f"another vibroplat (No module named '{missing}')"
+    with clusters.scheduler(place) as (address, _), clusters.worker(place, address, path=other):
+        refused(ended(place, "sweep", "c.yaml", "--scheduler", address), text)
+
+
+@pytest.mark.long
+def test_scheduler_needs_no_package(place, table):
+    empty = clusters.no_package(new(place, "empty"))
+    with clusters.scheduler(place, path=empty) as (address, _), clusters.worker(place, address):
+        done = ended(place, "sweep", "c.yaml", "--scheduler", address)
+    assert (done.code, done.err) == (0, "")
+    assert made(place) == table
+
+
+def given_up(done, what, seconds):
+    """Whether a command has told what it waited for, and then ended."""
+    notice, end = done.err.splitlines()
+    assert notice == f"vibroplat: waiting for {what}, up to {seconds} s"
+    assert end == f"vibroplat: waited {seconds} s for {what}; {KEPT}"
+    assert (done.code, done.out) == (1, "")
+
+
+@pytest.mark.long
+def test_no_workers_are_told_and_given_up(place):
+    with clusters.scheduler(place) as (address, _):
+        done = ended(place, "sweep", "c.yaml", "--scheduler", address, "--wait", "7")
+    given_up(done, f"a worker of the scheduler at {address}", 7)
+
+
+@pytest.mark.long
+def test_first_worker_may_be_late(place, table):
+    with (
+        clusters.scheduler(place) as (address, _),
+        Child(place, "sweep", "c.yaml", "--scheduler", address) as child,
+    ):
+        time.sleep(10.0)
+        with clusters.worker(place, address):
+            done = child.end()
+    what = f"a worker of the scheduler at {address}"
+    assert (done.code, done.err) == (0, f"vibroplat: waiting for {what}, up to 60 s\n")
+    assert made(place) == table
+
+
+@pytest.mark.faults
+def test_last_worker_killed_is_told_and_given_up(place, table):
+    with (
+        clusters.scheduler(place) as (address, _),
+        clusters.worker(place, address) as worker,
+        Child(place, "sweep", "c.yaml", "--scheduler", address, "--wait", "7") as child,
+    ):
+        await_points(place, 3, child)
+        clusters.kill(worker)
+        given_up(child.end(), f"a worker of the scheduler at {address}", 7)
+    assert finished_points(place / "results/c") >= 3
+    resumed(place, table)
+
+
+@pytest.mark.faults
+@pytest.mark.parametrize("signal_", [signal.SIGKILL, signal.SIGTERM], ids=["killed", "terminated"])
+@pytest.mark.parametrize("config", ["c.yaml", "one.yaml"])
+def test_scheduler_that_dies_is_one_line_and_costs_no_point(config, signal_, place):
+    with (
+        clusters.scheduler(place) as (address, scheduler),
+        clusters.worker(place, address),
+        Child(place, "sweep", config, "--scheduler", address) as child,
+    ):
+        await_points(place, 3, child)
+        scheduler.send_signal(signal_)
+        done = child.end()
+    assert (done.code, done.out) == (1, "")
+    assert done.err == f"vibroplat: the scheduler at {address} is gone; {KEPT}\n"
+    assert finished_points(place / "results/c", "worker-lost") == 0
+
+
+@pytest.mark.faults
+def test_frozen_scheduler_is_told_and_given_up(place):
+    with (
+        clusters.scheduler(place) as (address, scheduler),
+        clusters.worker(place, address),
+        Child(place, "sweep", "c.yaml", "--scheduler", address, "--wait", "7") as child,
+    ):
+        await_points(place, 3, child)
+        scheduler.send_signal(signal.SIGSTOP)
+        given_up(child.end(), f"an answer of the scheduler at {address}", 7)
+
+
+@pytest.mark.long
+def test_two_sweeps_at_once_share_the_workers(place, table):
+    second = new(place, "second")
+    (second / "c.yaml").write_text(SWEEP)
+    with (
+        clusters.scheduler(place) as (address, _),
+        clusters.worker(place, address),
+        clusters.worker(place, address),
+        Child(place, "sweep", "c.yaml", "--scheduler", address) as child,
+        Child(second, "sweep", "c.yaml", "--scheduler", address) as other,
+    ):
+        ends = child.end(), other.end()
+    assert [(done.code, done.err) for done in ends] == [(0, "")] * 2
+    assert made(place) == made(second) == table

@@ -1,0 +1,113 @@
+"""What a worker must have in common with the process that sends it tasks."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import pickle
+import shutil
+import subprocess
+import sys
+
+import pytest
+from common.clusters import PACKAGE, other_package
+
+import vibroplat
+from vibroplat.study import fingerprint
+
+#: Prints what a process of its own has.
+TELL = "import json; from vibroplat.study.fingerprint import *; print(json.dumps(fingerprint() | code()))"
+#: Changes of the environment that make libraries choose what they have for lesser processors.
+LESSER = {"C library": {"GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA"}, "BLAS": {"OPENBLAS_CORETYPE": "Prescott"}}
+
+
+def work(function, *arguments):
+    return pickle.dumps((function, arguments))
+
+
+def of_a_process(path=PACKAGE.parent, **environment):
+    """The fingerprint of a process with the package of a directory."""
+    environment = os.environ | {"PYTHONPATH": str(path)} | environment
+    line = [sys.executable, "-c", TELL]
+    return json.loads(
+        subprocess.run(line, cwd=path, env=environment, capture_output=True, text=True, check=True).stdout
+    )
+
+
+@pytest.fixture(scope="module")
+def mine(kernels):
+    return fingerprint.fingerprint()
+
+
+def test_same_fingerprint_gives_the_result(mine):
+    assert fingerprint.checked(mine, work(math.sqrt, 4.0)) == {"result": 2.0}
+
+
+def test_error_of_the_task_is_passed_on(mine):
+    error = fingerprint.checked(mine, work(math.sqrt, -1.0))["error"]
+    assert (type(error), str(error)) == (ValueError, "math domain error")
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("vibroplat", "source files", "Python", "platform", "SUNDIALS", "scikit-sundae"),
+        *("numpy", "numba", "llvmlite", "engine", "arithmetic"),
+    ],
+)
+def test_each_difference_is_refused_by_name_before_the_task_is_read(name, mine):
+    assert set(mine) >= {name}
+    found = fingerprint.checked({**mine, name: "other"}, b"not a pickle")
+    assert found == {"refused": f"this process: {name} {mine[name]} (here other)"}
+
+
+def test_names_that_only_one_of_them_knows_are_not_compared():
+    assert fingerprint.difference({"a": "1", "b": "1"}, {"a": "1", "c": "2"}) == ""
+
+
+def test_all_differences_are_named():
+    assert fingerprint.difference({"a": "1", "b": "2"}, {"a": "3", "b": "4"}) == "a 3 (here 1), b 4 (here 2)"
+
+
+@pytest.mark.parametrize("file", ["study/point.py", "paper/claims.py", "model/motor.py", "__init__.py"])
+def test_a_changed_line_anywhere_changes_the_source_files(file, tmp_path, monkeypatch):
+    shutil.copytree(PACKAGE, tmp_path / "vibroplat", ignore=shutil.ignore_patterns("__pycache__"))
+    monkeypatch.setattr(vibroplat, "__file__", str(tmp_path / "vibroplat/__init__.py"))
+    before = fingerprint._sources()
+    with (tmp_path / "vibroplat" / file).open("a") as source:
+        source.write("# changed\n")
+    assert before != fingerprint._sources()
+
+
+def test_source_files_count_wherever_they_lie(tmp_path, monkeypatch):
+    before = fingerprint._sources()
+    shutil.copytree(PACKAGE, tmp_path / "vibroplat", ignore=shutil.ignore_patterns("__pycache__"))
+    monkeypatch.setattr(vibroplat, "__file__", str(tmp_path / "vibroplat/__init__.py"))
+    assert fingerprint._sources() == before
+
+
+def test_reference_motion_has_impacts(kernels):
+    outcome, events, _, measures = fingerprint._motion()
+    assert (outcome, measures["impacts"] > 5) == ("ok", True)
+    assert events > measures["impacts"]
+
+
+@pytest.mark.long
+def test_another_process_has_the_same_fingerprint(mine):
+    assert of_a_process() == mine
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("library", LESSER)
+def test_library_that_computes_otherwise_is_another_arithmetic(library, mine):
+    found = of_a_process(**LESSER[library])
+    if found == mine:
+        pytest.skip("this machine's library has no other variant")
+    assert [name for name in mine if found[name] != mine[name]] == ["arithmetic"]
+
+
+@pytest.mark.long
+def test_package_with_another_line_is_other_source_files(mine, tmp_path):
+    found = of_a_process(other_package(tmp_path, "study/point.py", "BLOCKS = 8\n", "BLOCKS = 9\n"))
+    assert [name for name in mine if found[name] != mine[name]] == ["source files"]

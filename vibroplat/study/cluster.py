@@ -1,0 +1,277 @@
+"""Workers of a dask scheduler, possibly on many machines."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import math
+import pickle
+import re
+import time
+import warnings
+from collections.abc import Callable
+from concurrent.futures import CancelledError, Executor, Future, ThreadPoolExecutor
+from contextlib import suppress
+from typing import Any
+
+from vibroplat.errors import ConfigError, VibroplatError
+from vibroplat.study import WAIT
+
+#: Seconds without a worker after which the user is told what is waited for.
+NOTICE = 5.0
+#: Seconds in which a scheduler must answer when it is first called, and when it is asked for its workers.
+FIRST_ANSWER, ANSWER = 5.0, 2.0
+#: Seconds after which workers are counted again.
+RECOUNT = 5.0
+#: Seconds in which a lost connection to the scheduler must be there again, and in which workers say what they have.
+RECONNECT, REPORT = 10.0, 10.0
+
+_ADDRESS = re.compile(r"^(tcp|tls|ws|wss|ucx|inproc)://.+:\d+")
+#: What is left of work that is given up.
+KEPT = "finished points are kept: continue with --resume"
+_LOG = logging.getLogger("vibroplat")
+#: Libraries that report on their own, in tracebacks, what is told here in one line.
+_TALKATIVE = ("distributed", "tornado", "asyncio")
+#: States of a client that may go on.
+_ALIVE = ("running", "connecting")
+
+
+class LostError(VibroplatError):
+    """All workers are gone."""
+
+    exit_code = 1
+
+
+class ForeignWorkerError(VibroplatError):
+    """A worker would give other bits than this process."""
+
+    exit_code = 1
+
+    def __init__(self, difference: str) -> None:
+        super().__init__(f"worker {difference}; all must have what this process has; {KEPT}")
+
+
+class _Call:
+    """What calls a function where it is unpickled."""
+
+    def __init__(self, function: Callable[..., Any], *arguments: Any) -> None:
+        self._parts = function, arguments
+
+    def __reduce__(self) -> tuple[Callable[..., Any], tuple[Any, ...]]:
+        return self._parts
+
+
+class Cluster:
+    """Workers of a dask scheduler; vibroplat must be installed there as it is here.
+
+    Parameters
+    ----------
+    address
+        Of the scheduler.
+    wait
+        Seconds after which a cluster without workers is given up.
+
+    Raises
+    ------
+    ConfigError
+        dask.distributed is not installed, or no scheduler answers.
+    """
+
+    def __init__(self, address: str, wait: float = WAIT) -> None:
+        require_scheduler(address)
+        if math.isnan(wait) or wait < 0.0:
+            raise ConfigError(f"--wait {wait}; allowed: a number of seconds, at least 0")
+        from distributed import Client, KilledWorker  # noqa: PLC0415  (optional)
+
+        from vibroplat.study import fingerprint  # noqa: PLC0415  (machine code is loaded for it)
+
+        self._address, self._wait = address, wait
+        self._fingerprint = fingerprint
+        self._expected = fingerprint.fingerprint()
+        self._since: float | None = None
+        self._told = False
+        self._silenced = _silence()
+        try:
+            self._client: Any = Client(address, timeout=RECONNECT, set_as_default=False)
+            self._executor: Executor = self._client.get_executor(pure=False)
+            self._count()
+        except Exception as error:
+            _let_speak(self._silenced)
+            raise _no_scheduler(address, error) from None
+        self.given_up: tuple[type[Exception], ...] = (KilledWorker,)
+
+    def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
+        """Start a task; dask repeats it if its worker dies, and gives it up after some times.
+
+        Dask is given bytes, which the worker unpickles as the task: what the worker lacks is an error of that task.
+        Objects that dask itself cannot unpickle there are lost without a word, and the task never ends.
+        """
+        from distributed.protocol.pickle import dumps  # noqa: PLC0415  (optional)
+
+        self._since = None
+        work = pickle.dumps(_Call(self._fingerprint.checked, self._expected, dumps((function, arguments))))
+        answer: Future[Any] = Future()
+        try:
+            if time.monotonic() - self._counted > RECOUNT:
+                self._count()
+            sent = self._executor.submit(pickle.loads, work)
+        except Exception:
+            if self._client.status not in _ALIVE:
+                raise self._gone() from None
+            raise
+        sent.add_done_callback(lambda done: self._deliver(done, answer))
+        return answer
+
+    def _count(self) -> None:
+        """Count the workers, so that each has a task, and another one to go on with."""
+        self.slots = 2 * max(1, sum(self._workers().values()))
+        self._counted = time.monotonic()
+
+    def _workers(self) -> dict[str, int]:
+        """Ask the scheduler for its workers, and how many threads each has."""
+        ask = self._client.scheduler.ncores
+        return dict(self._client.sync(ask, workers=None, callback_timeout=ANSWER))
+
+    def _deliver(self, done: Future[Any], answer: Future[Any]) -> None:
+        """Pass on how a task ended; this runs in the thread of the connection."""
+        error = CancelledError() if done.cancelled() else done.exception()
+        if isinstance(error, (CancelledError, *self.given_up)):
+            answer.set_exception(error)
+        elif error is not None:  # an error of the function would have been an answer
+            self._client.loop.add_callback(self._explain, error, answer)
+        elif "refused" in (found := done.result()):
+            answer.set_exception(ForeignWorkerError(found["refused"]))
+        elif "error" in found:
+            answer.set_exception(found["error"])
+        else:
+            answer.set_result(found["result"])
+
+    async def _explain(self, error: Exception, answer: Future[Any]) -> None:
+        """Find the worker that cannot load what it is sent, and say why."""
+        reports: dict[str, Any] = {}
+        with suppress(Exception):
+            ask = self._client._run(pickle.loads, pickle.dumps(_Call(self._fingerprint.code)), on_error="return")
+            reports = await asyncio.wait_for(ask, REPORT)
+        for worker, report in reports.items():
+            is_error = isinstance(report, Exception)
+            other = _lacking(report) if is_error else self._fingerprint.difference(self._expected, report)
+            if other:
+                answer.set_exception(ForeignWorkerError(f"{worker}: {other}"))
+                return
+        left = isinstance(error, (ImportError, AttributeError))
+        answer.set_exception(ForeignWorkerError(f"that has left: {_lacking(error)}") if left else error)
+
+    def renew(self) -> None:
+        """Nothing to replace: the scheduler looks after its workers."""
+
+    def check(self) -> None:
+        """Raise :class:`LostError` if the scheduler is gone, or there has been no worker for as long as is waited."""
+        if self._client.status not in _ALIVE:
+            raise self._gone()
+        missing = self._missing()
+        now = time.monotonic()
+        if not missing:
+            self._since, self._told = None, False
+            return
+        self._since = now if self._since is None else self._since
+        if now - self._since >= self._wait:
+            raise LostError(f"waited {self._wait:g} s for {missing}; {KEPT}")
+        if now - self._since >= NOTICE and not self._told and self._client.status == "running":
+            _LOG.warning("waiting for %s, up to %g s", missing, self._wait)
+            self._told = True
+
+    def _missing(self) -> str:
+        """Name what is missing for work to go on; "" where nothing is."""
+        try:
+            workers = self._workers() if self._client.status == "running" else None
+        except Exception:  # whatever dask raises where it gets no answer
+            workers = None
+        if workers is None:
+            return f"an answer of the scheduler at {self._address}"
+        return "" if workers else f"a worker of the scheduler at {self._address}"
+
+    def _gone(self) -> LostError:
+        return LostError(f"the scheduler at {self._address} is gone; {KEPT}")
+
+    def close(self) -> None:
+        """Leave the cluster; a scheduler that does not answer is left without a word."""
+        with suppress(Exception):
+            self._client.close(timeout=ANSWER)
+        _let_speak(self._silenced)
+
+
+def _silence() -> list[logging.Logger]:
+    """Silence dask, which reports in tracebacks what is told here in a line; return the loggers that could speak."""
+    from distributed.versions import VersionMismatchWarning  # noqa: PLC0415  (optional)
+
+    # what changes results is compared by fingerprints
+    warnings.filterwarnings("ignore", category=VersionMismatchWarning)
+    names = [name for name in logging.root.manager.loggerDict if name.partition(".")[0] in _TALKATIVE]
+    speaking = [logger for logger in map(logging.getLogger, names) if not logger.disabled]
+    for logger in speaking:
+        logger.disabled = True
+    return speaking
+
+
+def _let_speak(silenced: list[logging.Logger]) -> None:
+    for logger in silenced:
+        logger.disabled = False
+
+
+def _lacking(error: Exception) -> str:
+    """Say what a worker lacks that could not load the package."""
+    missing = getattr(error, "name", None)
+    if isinstance(error, ImportError) and missing == "vibroplat":
+        return "it has no vibroplat"
+    is_other = isinstance(error, AttributeError) or str(missing).startswith("vibroplat.")
+    return f"{'it has another vibroplat' if is_other else 'its vibroplat cannot be loaded'} ({error})"
+
+
+# -- is there a scheduler? ----------------------------------------------------------------------------------
+
+
+def require_scheduler(address: str) -> None:
+    """Ask the scheduler at an address who it is.
+
+    Raises
+    ------
+    ConfigError
+        dask.distributed is not installed, or no scheduler answers there within :data:`FIRST_ANSWER` seconds.
+    """
+    try:
+        import distributed  # noqa: F401, PLC0415  (optional)
+    except ImportError:
+        raise ConfigError("--scheduler needs dask.distributed; pip install 'vibroplat[cluster]' has it") from None
+    if not _ADDRESS.match(address):
+        raise ConfigError(f"--scheduler {address}: not an address; allowed: tcp://host:port")
+    silenced = _silence()
+    with ThreadPoolExecutor(1) as thread:  # a notebook has a loop running in its own
+        try:
+            kind = thread.submit(asyncio.run, _kind(address)).result()
+        except Exception as error:
+            raise _no_scheduler(address, error) from None
+        finally:
+            _let_speak(silenced)
+    if kind != "Scheduler":
+        raise ConfigError(f"--scheduler {address}: a dask {kind.lower()} answers there, not a scheduler")
+
+
+async def _kind(address: str) -> str:
+    """Return what a dask process calls itself."""
+    from distributed.core import rpc  # noqa: PLC0415  (optional)
+    from distributed.security import Security  # noqa: PLC0415
+
+    options = Security().get_connection_args("client")
+    async with rpc(address, timeout=FIRST_ANSWER, connection_args=options) as remote:
+        found = await asyncio.wait_for(remote.identity(), FIRST_ANSWER + 1.0)  # rpc knows better why it failed
+    return str(found["type"])
+
+
+def _no_scheduler(address: str, error: Exception) -> ConfigError:
+    cause: BaseException = error
+    while cause.__cause__:
+        cause = cause.__cause__
+    reason = " ".join(str(cause).split()) or f"no answer within {FIRST_ANSWER:g} s"
+    if isinstance(cause, MemoryError):  # the first bytes of another protocol were read as a length
+        reason = "the answer is not dask's"
+    return ConfigError(f"--scheduler {address}: no scheduler answers there ({reason})")

@@ -1,0 +1,155 @@
+"""What the bits of a result depend on besides its task: code, libraries, and the arithmetic of the machine.
+
+Points that two versions of the package have measured look alike and differ. Each task therefore travels with the
+fingerprint of the process that sent it, and a worker with another one refuses it, whenever that worker has joined.
+
+Machines are compared by what they compute, not by the names of their processors. Machine code of the kernels gives
+the same bits on all of them, as the compiler may neither contract a product and a sum nor reorder sums; but the C
+library, numpy and BLAS choose variants of their functions by processor, and these differ in the last bits.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.metadata
+import json
+import math
+import pickle
+import platform
+import sys
+from collections.abc import Mapping
+from contextlib import closing
+from functools import cache
+from pathlib import Path
+from typing import Any, Final, TypedDict
+
+import numpy as np
+from llvmlite.binding import get_host_cpu_name
+
+import vibroplat
+from vibroplat.flow.motion import Motion
+from vibroplat.integrate.choice import make_engine, native_library
+from vibroplat.integrate.sundials import UnavailableError, configuration
+from vibroplat.model.parameters import parameters
+from vibroplat.observe.summary import measured
+from vibroplat.scene import Scene
+
+Fingerprint = Mapping[str, str]
+
+#: Libraries that compute.
+LIBRARIES: Final = ("scikit-sundae", "numpy", "numba", "llvmlite")
+#: A motion with impacts, which multiply a change of the last bit, and how long it is followed (s).
+REFERENCE: Final = {
+    "material": {"mass_ratio": 0.2, "layers": 1},
+    "contact.restitution": 0.3,
+    "drive.supply_frequency_hz": 55.0,
+}
+FOLLOWED = 0.5
+#: How many numbers each function is tried with.
+TRIED = 2000
+
+
+class Answer(TypedDict, total=False):
+    """What a worker makes of a task: its result, the error that it raised, or why it was refused."""
+
+    result: Any
+    error: Exception
+    refused: str
+
+
+def checked(expected: Fingerprint, work: bytes) -> Answer:
+    """Do a task on a worker, if it would give the same bits in the process that sent it.
+
+    ``work`` is the pickled task, function and arguments. It is opened last: only what has the same fingerprint can
+    read it.
+    """
+    # machine code is compiled and run for the arithmetic, which is not worth the time where anything else differs
+    other = difference(expected, code()) or difference(expected, code() | arithmetic())
+    if other:
+        return {"refused": f"{_here()}: {other}"}
+    try:
+        function, arguments = pickle.loads(work)
+        return {"result": function(*arguments)}
+    except Exception as error:
+        return {"error": error}
+
+
+def fingerprint() -> Fingerprint:
+    """Return all that the bits of a result depend on besides its task, by name."""
+    return code() | arithmetic()
+
+
+def difference(expected: Fingerprint, found: Fingerprint) -> str:
+    """Say what differs among the names that both have; "" where nothing does."""
+    differing = [name for name in expected if name in found and found[name] != expected[name]]
+    return ", ".join(f"{name} {found[name]} (here {expected[name]})" for name in differing)
+
+
+@cache
+def code() -> dict[str, str]:
+    """Return versions of code, libraries and platform, by name."""
+    return {
+        "vibroplat": vibroplat.__version__,
+        "source files": _sources()[:16],
+        "Python": f"{platform.python_implementation()} {sys.version_info.major}.{sys.version_info.minor}",
+        "platform": f"{platform.system()} {platform.machine()}",
+        "SUNDIALS": _sundials(),
+        **{name: importlib.metadata.version(name) for name in LIBRARIES},
+        "engine": "sundae" if native_library() is None else "native",
+    }
+
+
+@cache
+def arithmetic() -> dict[str, str]:
+    """Return a digest of what this machine computes: a short motion, and the functions of libraries."""
+    found = hashlib.sha256()
+    found.update(json.dumps([_motion(), _functions()]).encode())  # text of a number gives back its bits
+    return {"arithmetic": f"{found.hexdigest()[:16]} of processor {get_host_cpu_name()}"}
+
+
+def _sources() -> str:
+    """Digest of the package's source files."""
+    package = Path(vibroplat.__file__).parent
+    found = hashlib.sha256()
+    for source in sorted(package.rglob("*.py")):
+        text = source.read_bytes()
+        found.update(f"{source.relative_to(package).as_posix()} {len(text)} ".encode() + text)
+    return found.hexdigest()
+
+
+def _sundials() -> str:
+    try:
+        return configuration().get("SUNDIALS_VERSION", "unknown")
+    except UnavailableError:
+        return "unknown"
+
+
+def _motion() -> list[Any]:
+    """Return what is measured of the reference motion, and its last state."""
+    scene = Scene().replace(REFERENCE)
+    p = parameters(scene)
+    with closing(make_engine(scene, p)) as engine:
+        motion = Motion(scene, p, engine)
+        part = motion.go_on(FOLLOWED)
+        return [motion.outcome, motion.events, motion.state.tolist(), measured(part)]
+
+
+def _functions() -> list[Any]:
+    """Return values of the functions of libraries that tasks use."""
+    x = np.random.default_rng(0).uniform(0.0, 10.0, TRIED)
+    pairs = list(zip(x.tolist(), x[::-1].tolist(), strict=True))
+    one = [[f(a) for a, _ in pairs] for f in (math.sin, math.cos, math.exp, math.log, math.log2)]
+    two = [[f(a, b) for a, b in pairs] for f in (math.pow, math.atan2, math.hypot)]
+    arrays = [f(x).tolist() for f in (np.sin, np.cos, np.exp, lambda a: np.angle(np.exp(1j * a)))]
+    norms = [float(np.linalg.norm(row)) for row in x.reshape(-1, 10)]
+    return [one, two, arrays, norms, np.linalg.inv(x[:196].reshape(14, 14)).tolist(), float(x.sum())]
+
+
+def _here() -> str:
+    """Name the worker that this process is."""
+    from distributed import get_worker  # noqa: PLC0415  (optional)
+
+    try:
+        return str(get_worker().address)
+    except ValueError:  # no worker
+        return "this process"
