@@ -1,12 +1,20 @@
 """Exciters at rest: starts, coast-downs and swings, where the second derivative of the resistance ω|ω| jumps.
 
-No event is needed there. Over a standstill the integrators make an error of the speed of some ten tolerances at most,
-whatever the tolerance; a restart at the very moment makes one as large. Medians of 20 standstills in units of tolerance
-and scale, at 1e-6, 1e-9, 1e-12: IDA 0.04, 0.7, 4 (restarted 0.2, 1, 5), Adams 0.02, 0.6, 9 (restarted 0.04, 0.2, 4).
+No event is placed there. What that costs was measured with swings of both exciters, also restarted at the very moments
+of standstill, as an event would. Errors of ten swings, eight standstills each (geometric means): their power of
+tolerance over 1e-4 … 1e-12, and the error at 1e-12.
 
-Errors of whole swings (geometric means of ten, eight standstills each) fall with IDA as those of the same swings
-without resistance, like tolerance to the power of 0.83 and 0.89. Adams is more accurate in smooth motion (power 0.96;
-at 1e-12 an error of 8e-11) and loses this here: power 0.76, at 1e-12 2.0e-9; restarted 0.79, 1.2e-9; IDA has 5e-10.
+========================  ============  ==============
+resistance                IDA           Adams
+========================  ============  ==============
+none, smooth              0.89, 6e-10   0.96, 8e-11
+ω|ω|                      0.83, 5e-10   0.76, 2.0e-9
+ω|ω|, restarted           0.83, 7e-10   0.79, 1.2e-9
+========================  ============  ==============
+
+IDA loses nothing. Adams loses order below 1e-8 (0.53 instead of 0.92), most of which a restart does not bring back. The
+error that a standstill adds to a speed, in tolerances: at 1e-12 the median of 20 is 9 and the largest 90 with Adams (4
+and 53 restarted), 4 and 14 with IDA; at 1e-10 a restart makes Adams' median 0.5 instead of 4.
 """
 
 from __future__ import annotations
@@ -158,8 +166,8 @@ def test_exciters_stand_still_as_often_as_meant(motion):
 
 @pytest.mark.parametrize("smooth_modes", ["ida", "adams"])
 @EACH
-def test_errors_fall_with_the_tolerance_as_in_smooth_motion(motion, smooth_modes):
-    """The bound is the same for all; IDA comes within a third of it in the smooth motion."""
+def test_errors_fall_with_the_tolerance(motion, smooth_modes):
+    """The bound is the same for all, also for the smooth motion, of which IDA has errors of a third of it."""
     tolerances = np.array(TOLERANCES)
     found = errors(motion, smooth_modes, TOLERANCES)
     assert (found <= 30.0 * tolerances**0.8).all()
@@ -170,7 +178,7 @@ def test_errors_fall_with_the_tolerance_as_in_smooth_motion(motion, smooth_modes
 @pytest.mark.parametrize(
     "motion", [pytest.param(m, marks=pytest.mark.long) for m in ("swing", "coast-down to standstill")]
 )
-def test_error_over_a_standstill_is_a_few_tolerances(motion, smooth_modes):
+def test_error_over_a_standstill_is_bounded_in_tolerances(motion, smooth_modes):
     """The error of the speed 20 ms after a standstill, less that 10 ms before."""
     stops = [t for t in reference(motion)[2] if 0.01 < t < 0.88]
     times = sorted({0.0, *(t - 0.01 for t in stops), *(t + 0.02 for t in stops)})

@@ -76,7 +76,8 @@ def torque_rate(i: int, t: float, speed: float, p: Parameters) -> float:
 def resistance(speed: float, friction: float) -> float:
     """Resistance L_R = k_R k φ̇|φ̇| (N·m), proportional to the centrifugal force.
 
-    Its second derivative jumps where the exciter stops; :mod:`tests.flow.test_standstill` shows that it needs no event.
+    Its second derivative jumps where the exciter stops, without an event; ``tests/flow/test_standstill.py`` says what
+    that costs.
     """
     return friction * speed * abs(speed)
 
