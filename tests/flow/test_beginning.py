@@ -11,6 +11,7 @@ import pandas as pd
 import pytest
 from common.commands import not_a_line
 from common.places import QUICKSTART
+from common.results import unproven
 
 from vibroplat import load_config, simulate
 from vibroplat.flow.beginning import beginning
@@ -247,7 +248,7 @@ SPOILT = {
     ),
     "no time": (without("t_s"), ": its trajectory is not as vibroplat writes it"),
     "not finite": (not_finite, ": its trajectory is not as vibroplat writes it"),
-    "no rows": (no_rows, f": results/first holds no rows in its trajectory table{FINISHED}"),
+    "no rows": (no_rows, ": its trajectory is not as vibroplat writes it"),
 }
 
 
@@ -255,8 +256,15 @@ SPOILT = {
 def test_run_that_cannot_be_gone_on_from(case, first, command, here):
     spoil, line = SPOILT[case]
     scene = first({}, seconds=0.05)
-    spoil(here / "results/first")
+    spoil(unproven(here / "results/first"))
     assert lines_of(going_on(scene), command, here) == line
+
+
+def test_run_whose_files_were_changed_cannot_be_gone_on_from(first, command, here):
+    scene = first({}, seconds=0.05)
+    not_finite(here / "results/first")
+    line = ": results/first/trajectory.parquet does not belong to this result: it has been changed, or is of another one"
+    assert lines_of(going_on(scene), command, here).startswith(line)
 
 
 def test_sweep_cannot_be_gone_on_from(first, command, here):
@@ -265,7 +273,7 @@ def test_sweep_cannot_be_gone_on_from(first, command, here):
     plan = {"supply_frequency_hz": {"start": 46, "stop": 46}, "settle_s": 0.1, "measure_s": 0.1, "lyapunov": False}
     write(scene.replace({"sweep": plan}), "first")
     assert command("sweep", "first.yaml").code == 0
-    assert lines_of(going_on(scene), command, here) == f": results/first holds no summary.json{FINISHED}"
+    assert lines_of(going_on(scene), command, here) == f": results/first holds a result of sweep; allowed: one of run{FINISHED}"
 
 
 def test_coordinates_that_the_scene_does_not_have(first, command, here):

@@ -122,7 +122,7 @@ def test_state_without_finite_accelerations_is_named(quickstart, monkeypatch):
 @pytest.mark.parametrize(("key", "value"), [("phi1_rate_rad_per_s", 1e30), ("y_m", 1e25), ("gap_m", 1e30)])
 def test_absurd_states_end_with_an_outcome(quickstart, key, value):
     run = simulate(quickstart.replace({"run.initial": {"state": {key: value}}, "run.duration_s": 0.01}))
-    assert run.outcome in ("ok", "solver-failure", "non-finite", "event-storm")
+    assert run.outcome in ("ok", "solver-failure", "non-finite", "event-storm", "inaccurate")
     assert all(np.isfinite(v) for v in run.summary.values() if isinstance(v, float))
 
 
