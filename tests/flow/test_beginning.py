@@ -263,7 +263,9 @@ def test_run_that_cannot_be_gone_on_from(case, first, command, here):
 def test_run_whose_files_were_changed_cannot_be_gone_on_from(first, command, here):
     scene = first({}, seconds=0.05)
     not_finite(here / "results/first")
-    line = ": results/first/trajectory.parquet does not belong to this result: it has been changed, or is of another one"
+    line = (
+        ": results/first/trajectory.parquet does not belong to this result: it has been changed, or is of another one"
+    )
     assert lines_of(going_on(scene), command, here).startswith(line)
 
 
@@ -273,7 +275,10 @@ def test_sweep_cannot_be_gone_on_from(first, command, here):
     plan = {"supply_frequency_hz": {"start": 46, "stop": 46}, "settle_s": 0.1, "measure_s": 0.1, "lyapunov": False}
     write(scene.replace({"sweep": plan}), "first")
     assert command("sweep", "first.yaml").code == 0
-    assert lines_of(going_on(scene), command, here) == f": results/first holds a result of sweep; allowed: one of run{FINISHED}"
+    assert (
+        lines_of(going_on(scene), command, here)
+        == f": results/first holds a result of sweep; allowed: one of run{FINISHED}"
+    )
 
 
 def test_coordinates_that_the_scene_does_not_have(first, command, here):
