@@ -9,6 +9,18 @@ from common.places import QUICKSTART
 from vibroplat import load_config, simulate
 from vibroplat.tables import write_json, write_table
 
+RISE = {"t_s": 0.0, "supply_frequency_hz": 0.0}
+PROGRAMS = {
+    "of 1e-30 Hz": [{"t_s": 0.0, "supply_frequency_hz": 1e-30}],
+    "that rises within 5e-324 s": [RISE, {"t_s": 5e-324, "supply_frequency_hz": 50.0}],
+    "that rises within 1e-30 s": [RISE, {"t_s": 1e-30, "supply_frequency_hz": 50.0}],
+    "that rises for 1e30 s": [RISE, {"t_s": 1e30, "supply_frequency_hz": 50.0}],
+    "that rises to 1e6 Hz": [RISE, {"t_s": 0.01, "supply_frequency_hz": 1e6}],
+    "that rises to 1e-30 Hz": [RISE, {"t_s": 0.01, "supply_frequency_hz": 1e-30}],
+    "of entries 1e-17 s apart": [RISE, {"t_s": 0.01, "supply_frequency_hz": 50.0}, {"t_s": 0.01 + 1e-17, "off": True}],
+    "of 400 corners": [{"t_s": 5e-5 * i, "supply_frequency_hz": i % 2, "off": i % 3 == 0} for i in range(400)],
+}
+
 OUTCOMES = {"ok", "solver-failure", "non-finite", "event-storm", "beyond-model"}
 
 
@@ -38,6 +50,12 @@ OUTCOMES = {"ok", "solver-failure", "non-finite", "event-storm", "beyond-model"}
         ("motor.critical_slip", 1e30),
         ("motor.pole_pairs", 1000),
         ("motor.friction_radius_m", 1e30),
+        ("motor.rated_frequency_hz", 1e-30),
+        ("motor.rated_frequency_hz", 1e30),
+        ("exciters.0.unbalance_radius_m", 1e30),
+        ("exciters.1.unbalance_radius_m", 1e-30),
+        ("exciters.1.rotor_inertia_kg_m2", 1e-30),
+        ("exciters.0.rated_frequency_hz", 1e-30),
         ("material.mass_ratio", 5e-324),
         ("material.mass_ratio", 1e30),
         ("material.lower_share", 5e-324),
@@ -51,6 +69,9 @@ OUTCOMES = {"ok", "solver-failure", "non-finite", "event-storm", "beyond-model"}
         ("contact.restitution", 1.0 - 2e-16),
         ("drive.supply_frequency_hz", 1e-30),
         ("drive.supply_frequency_hz", 1e6),
+        *(pytest.param("drive.program", program, id=f"program {name}") for name, program in PROGRAMS.items()),
+        ("run.perturbation", 1.0),
+        ("run.seed", 2**63 - 1),
         ("run.duration_s", 1e-30),
         ("run.duration_s", 1e-12),
         ("run.initial.speed_ratio", 0.0),
