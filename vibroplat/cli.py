@@ -19,7 +19,7 @@ from vibroplat.errors import VibroplatError
 from vibroplat.interrupts import KEPT
 from vibroplat.progress import calibration_progress, run_progress, sweep_progress
 from vibroplat.study import WAIT
-from vibroplat.surroundings import is_short_of_memory, require_memory
+from vibroplat.surroundings import COMPILING, is_short_of_memory, require_memory
 
 if TYPE_CHECKING:
     from vibroplat.observe.trajectory import Trajectory
@@ -441,6 +441,7 @@ def _tell_of_compilation() -> None:
 
     if not is_compiled():
         told = notice() or "this happens once and takes about half a minute"
+        require_memory(COMPILING, "compiling the kernels for the first time")
         print(f"vibroplat: compiling the numerical kernels; {told}", file=sys.stderr)
 
 

@@ -11,6 +11,8 @@ from vibroplat.errors import VibroplatError
 #: Address space (bytes) below which libraries cannot be loaded: with one thread of OpenBLAS a run needs 0.9 GB. With
 #: less it waits for memory for ever or ends the process, without a word.
 LEAST_ADDRESSES = 950_000_000
+#: The same where kernels have to be compiled: with 1.13 GB Python runs out of memory, with 0.95 GB LLVM aborts.
+COMPILING = 1_330_000_000
 
 #: How the loader and libraries describe a lack of memory.
 _LACKS = ("failed to map segment", "cannot allocate", "out of memory")
@@ -40,8 +42,13 @@ def open_streams() -> None:
             stream.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
 
 
-def require_memory() -> None:
-    """Refuse to begin where libraries cannot be loaded.
+def require_memory(need: int = LEAST_ADDRESSES, what: str = "loading the libraries") -> None:
+    """Refuse to begin what will not end well.
+
+    Parameters
+    ----------
+    need, what
+        Address space (bytes) that something needs, and what that is.
 
     Raises
     ------
@@ -56,10 +63,10 @@ def require_memory() -> None:
     if limit == resource.RLIM_INFINITY:
         return
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # each further thread takes 0.3 GB, and none is of use
-    if limit < LEAST_ADDRESSES:
+    if limit < need:
         raise MemoryShortError(
-            f"memory is limited to {limit / 1e6:.0f} MB of addresses (ulimit -v {limit // 1024}); loading the "
-            f"libraries takes {LEAST_ADDRESSES / 1e6:.0f} MB: raise the limit, or limit resident memory instead"
+            f"memory is limited to {limit / 1e6:.0f} MB of addresses (ulimit -v {limit // 1024}); {what} takes "
+            f"{need / 1e6:.0f} MB: raise the limit, or limit resident memory instead"
         )
 
 

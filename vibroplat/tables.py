@@ -35,9 +35,13 @@ def result_directory(out: Path, name: str) -> Path:
     Raises
     ------
     TableError
-        It cannot be created or is not writable.
+        It cannot be created or is not writable, or the encoding of the system has not understood its name.
     """
     directory = out / name
+    try:
+        str(directory).encode()
+    except UnicodeEncodeError:  # pyarrow could not open files in it
+        raise TableError(f"output {directory} is no text in the encoding of this system; allowed: UTF-8") from None
     try:
         directory.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=directory):

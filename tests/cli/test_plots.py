@@ -5,7 +5,9 @@ from __future__ import annotations
 import json
 
 import numpy as np
+import pandas as pd
 import pytest
+from matplotlib.text import Text
 
 from vibroplat.errors import TableError
 from vibroplat.plots.run import plot_run
@@ -157,6 +159,44 @@ def test_plot_names_the_column_it_misses(table, column, figures, result):
     write_table(read_table(result, table).drop(columns=column), result, table, "parquet")
     with pytest.raises(TableError, match=column):
         plot_run(result, ["motion", "force", "exciters"])
+
+
+@pytest.mark.parametrize("column", ["y_m", "gap_m", "contact_force_n"])
+@pytest.mark.parametrize("values", ["text", True, 1j], ids=["text", "truth", "complex"])
+def test_plot_names_the_column_that_has_no_numbers(column, values, result):
+    table = read_table(result, "trajectory").assign(**{column: values})
+    (result / "trajectory.parquet").unlink()
+    table.to_csv(result / "trajectory.csv", index=False)
+    assert refusal(result) == f"the trajectory table in DIR has no numbers in column {column}"
+
+
+def test_plot_names_the_column_that_has_no_names(result):
+    write_table(read_table(result, "trajectory").assign(mode=1.5), result, "trajectory", "parquet")
+    assert refusal(result) == "the trajectory table in DIR has no names in column mode"
+
+
+def test_plot_of_a_parquet_file_of_something_else_is_refused(result):
+    write_table(pd.DataFrame({"city": ["Omsk"], "people": [1]}), result, "trajectory", "parquet")
+    assert refusal(result) == "the trajectory table in DIR has no numbers in column t_s"
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{"name": None}, {"name": 5}, {"excitation_frequency_hz": "fast"}, {"excitation_frequency_hz": [25.0]}],
+    ids=str,
+)
+def test_plot_of_a_summary_of_something_else_is_refused(change, result):
+    (result / "summary.json").write_text(json.dumps(read_json(result, "summary") | change))
+    assert refusal(result) == "DIR/summary.json is not the summary of a run"
+
+
+@pytest.mark.parametrize("name", ["a$b", "10 $ and 20 $", r"cost $\frac$ x", r"\$5 $"])
+def test_dollar_signs_in_names_are_drawn_as_they_are(name, command, figures, result):
+    (result / "summary.json").write_text(json.dumps(read_json(result, "summary") | {"name": name}))
+    plot_run(result, ["motion"])
+    title = figures["motion"].axes[0].get_title(loc="left")
+    shown, mathematics = Text()._preprocess_math(title)
+    assert (shown, mathematics) == (name, False)
 
 
 def test_plot_where_a_figure_cannot_be_written_is_told_in_a_line(result):

@@ -7,7 +7,11 @@ from common.limits import cpu_seconds
 from common.places import QUICKSTART
 
 from vibroplat import load_config, simulate
+from vibroplat.errors import ConfigError
 from vibroplat.tables import write_json, write_table
+
+FINISHED = {"ok", "inaccurate"}
+OUTCOMES = FINISHED | {"solver-failure", "non-finite", "event-storm", "beyond-model"}
 
 RISE = {"t_s": 0.0, "supply_frequency_hz": 0.0}
 PROGRAMS = {
@@ -20,8 +24,6 @@ PROGRAMS = {
     "of entries 1e-17 s apart": [RISE, {"t_s": 0.01, "supply_frequency_hz": 50.0}, {"t_s": 0.01 + 1e-17, "off": True}],
     "of 400 corners": [{"t_s": 5e-5 * i, "supply_frequency_hz": i % 2, "off": i % 3 == 0} for i in range(400)],
 }
-
-OUTCOMES = {"ok", "solver-failure", "non-finite", "event-storm", "beyond-model"}
 
 
 @pytest.mark.parametrize(
@@ -76,7 +78,7 @@ OUTCOMES = {"ok", "solver-failure", "non-finite", "event-storm", "beyond-model"}
         ("run.duration_s", 1e-12),
         ("run.initial.speed_ratio", 0.0),
         ("run.initial.speed_ratio", 1e30),
-        ("run.initial.phi1_rad", 1e30),
+        ("run.initial.phi1_rad", 1e10),
         ("run.initial.state.y_m", 1e30),
         ("run.initial.state.gap_m", 5e-324),
         ("run.initial.state.gap_m", 1e30),
@@ -95,7 +97,7 @@ def test_extreme_value_ends_without_a_traceback(key, value, tmp_path):
     with cpu_seconds(30.0):
         run = simulate(scene)
     assert run.outcome in OUTCOMES
-    assert (run.outcome == "ok") == (run.summary["simulated_s"] == scene.run.duration_s)
+    assert (run.outcome in FINISHED) == (run.summary["simulated_s"] == scene.run.duration_s)
     assert len(run.summary["detail"].splitlines()) == (run.outcome != "ok")
     write_json(run.summary, tmp_path, "summary")
     write_table(run.trajectory, tmp_path, "trajectory", "parquet")
@@ -122,3 +124,30 @@ def test_everything_may_be_released_from_unstressed_springs(layers):
     release = {"run.initial.state": zeros, "material.layers": layers, "solver.max_events_per_period": 50}
     run = simulate(load_config(QUICKSTART, {"run.duration_s": 0.02, **release}))
     assert run.outcome == "ok", run.summary["detail"]
+
+
+@pytest.mark.parametrize("key", ["phi1_rad", "phase_sum_rad", "state.phi1_rad", "state.phi2_rad"])
+@pytest.mark.parametrize("angle", [1e20, -1.1e10])
+def test_angle_without_digits_for_its_turns_is_refused(key, angle):
+    with pytest.raises(ConfigError) as caught:
+        load_config(QUICKSTART, {f"run.initial.{key}": angle})
+    bound = "at most 10000000000.0" if angle > 0.0 else "at least -10000000000.0"
+    assert str(caught.value).endswith(f"run.initial.{key} = {angle}; allowed: {bound}")
+
+
+def test_engine_of_callbacks_is_not_given_what_takes_it_days():
+    long = {"run.duration_s": 2.0, "output.sample_rate_hz": 1.0, "drive.supply_frequency_hz": 1e8}
+    load_config(QUICKSTART, long)
+    with pytest.raises(ConfigError, match=r"1e\+08 turns .*; allowed with engine sundae: at most 5e\+07$"):
+        load_config(QUICKSTART, {**long, "solver.engine": "sundae"})
+
+
+@pytest.mark.long
+def test_engine_of_callbacks_gives_up_at_absurd_speeds():
+    absurd = {"run.duration_s": 0.1, "run.initial.speed_ratio": 1e6, "solver.engine": "sundae"}
+    scene = load_config(QUICKSTART, absurd)
+    with cpu_seconds(30.0):
+        run = simulate(scene)
+    assert run.outcome == "solver-failure"
+    assert "more than 100000 residual calls within a period" in run.summary["detail"]
+    assert run.summary["steps"] < 100_000

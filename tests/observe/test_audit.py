@@ -1,10 +1,13 @@
-"""Energy balance of whole runs."""
+"""Energy balance of whole runs, and the outcome of those that do not keep it."""
 
 from __future__ import annotations
 
 import pytest
+from common.places import QUICKSTART, ROOT
 
-from vibroplat import simulate
+from vibroplat import load_config, simulate
+from vibroplat.bench.stability.campaign import random_scene
+from vibroplat.observe.audit import inaccuracy
 
 LAWS = ("conservative", "central", "printed")
 
@@ -111,3 +114,102 @@ def test_momentum_of_a_latch_is_that_of_its_impacts(quickstart):
     summary = simulate(quickstart.replace(changes), keep="summary").summary
     assert summary["latches"] > 0
     assert summary["momentum_residual"] <= 1e-7
+
+
+# -- motions that do not keep their balances ------------------------------------------------------------
+
+
+def with_angle(scene, angle):
+    """Let exciter 1 begin at an angle that a configuration may not have."""
+    initial = scene.run.initial.model_copy(update={"phi1_rad": angle})
+    return scene.model_copy(update={"run": scene.run.model_copy(update={"initial": initial})})
+
+
+def test_run_whose_angles_have_no_digits_left_is_inaccurate(quickstart):
+    run = simulate(with_angle(quickstart, 1e20))
+    residual = run.summary["energy_residual"]
+    assert residual > 0.1
+    assert run.outcome == "inaccurate"
+    assert run.summary["simulated_s"] == quickstart.run.duration_s
+    assert run.summary["detail"] == (
+        f"energy residual {residual:.3g} is beyond 0.05, the limit at tolerance 1e-06; lower solver.tolerance, and "
+        "check the scene for sizes that are far apart"
+    )
+    assert run.trajectory["t_s"].iloc[-1] == quickstart.run.duration_s
+
+
+def test_random_scene_that_loses_its_energy_at_a_coarse_tolerance_is_ok_at_a_finer_one():
+    scene = random_scene(467)
+    assert simulate(scene.replace({"solver.tolerance": 1e-2}), keep="summary").outcome == "inaccurate"
+    assert simulate(scene.replace({"solver.tolerance": 1e-5}), keep="summary").outcome == "ok"
+
+
+@pytest.mark.parametrize(
+    ("tolerance", "energy", "momentum", "named"),
+    [
+        (1e-2, 0.49, 0.099, ""),
+        (1e-2, 0.51, 0.0, "energy"),
+        (1e-2, 0.0, 0.11, "momentum"),
+        (1e-3, 0.15, 0.031, ""),
+        (1e-3, 0.16, 0.0, "energy"),
+        (1e-12, 0.049, 0.0099, ""),
+        (1e-12, 0.051, 0.011, "energy"),
+        (1e-12, 0.049, 0.011, "momentum"),
+        (1e-6, None, None, ""),
+    ],
+)
+def test_limits_of_the_residuals(tolerance, energy, momentum, named, quickstart):
+    scene = quickstart.replace({"solver.tolerance": tolerance})
+    told = inaccuracy({"energy_residual": energy, "momentum_residual": momentum}, scene)
+    assert told.partition(" ")[0] == named
+
+
+def test_impact_law_that_does_not_keep_momentum_is_judged_by_energy_alone(quickstart):
+    scene = quickstart.replace({"contact.impact_law": "printed"})
+    assert inaccuracy({"energy_residual": 0.0, "momentum_residual": 1.0}, scene) == ""
+    assert inaccuracy({"energy_residual": 0.1, "momentum_residual": 1.0}, scene).startswith("energy residual 0.1 ")
+
+
+HONEST = [*sorted((ROOT / "tests/reference").glob("*.yaml")), ROOT / "configs/paper/f30.7-mu0.yaml", QUICKSTART]
+
+
+@pytest.mark.parametrize("path", HONEST, ids=lambda path: path.stem)
+@pytest.mark.parametrize("tolerance", [1e-2, 1e-3])
+def test_honest_runs_at_coarse_tolerances_stay_well_within_the_limits(tolerance, path):
+    scene = load_config(path, {"solver.tolerance": tolerance})
+    summary = simulate(scene, keep="summary").summary
+    assert summary["outcome"] == "ok"
+    doubled = {name: 2.0 * summary[name] for name in ("energy_residual", "momentum_residual")}
+    assert inaccuracy(doubled, scene) == ""
+
+
+# -- the noise of the contact force ---------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("mass_ratio", [0.2, 1e-6])
+@pytest.mark.parametrize("share", [0.75, 1e-6])
+@pytest.mark.parametrize("frequency", [18.5, 1e4])
+def test_contact_force_below_zero_is_within_the_noise_that_the_summary_tells(mass_ratio, share, frequency, quickstart):
+    material = {"mass_ratio": mass_ratio, "lower_share": share, "natural_frequency_hz": frequency}
+    changes = {f"material.{key}": value for key, value in material.items()}
+    run = simulate(quickstart.replace({**changes, "run.duration_s": 0.2}))
+    noise, least = run.summary["contact_force_noise_n"], run.summary["contact_force_min_n"]
+    assert 0.0 < noise < 0.1 * run.scene.force_scale
+    assert run.outcome == "ok"
+    assert least > -noise
+    force = run.trajectory["contact_force_n"]
+    assert force.min() > -noise
+    touching = force[(run.trajectory["mode"] == "attached") & ~run.trajectory["t_s"].isin(run.events["t_s"])]
+    assert touching.min() > 0.0
+
+
+def test_small_forces_are_not_clipped(runs):
+    """At liftoffs F_c falls through zero; what round-off makes of it is in the table as it is."""
+    table, events = runs["two layers"].trajectory, runs["two layers"].events
+    falls = table[table["t_s"].isin(events["t_s"][events["kind"] == "liftoff"]) & (table["mode"] == "attached")]
+    assert len(falls) > 1
+    assert (falls["contact_force_n"] != 0.0).any()
+
+
+def test_scene_without_contact_has_no_noise_of_its_force(runs):
+    assert runs["bare"].summary["contact_force_noise_n"] is None

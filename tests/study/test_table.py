@@ -16,6 +16,7 @@ from vibroplat import load_config, simulate, sweep
 from vibroplat.errors import ConfigError
 from vibroplat.hybrid.initial import initial_state, perturbed
 from vibroplat.hybrid.scales import state_scales
+from vibroplat.observe import audit
 from vibroplat.scene import Scene
 from vibroplat.study.branches import branches
 from vibroplat.study.execution import Inline
@@ -197,6 +198,21 @@ def test_failed_points_have_not_settled():
 def test_good_points_of_an_elastic_layer_that_presses_storm():
     table = swept(LOADED, 44.0, 45.0, changes={"contact.restitution": 1.0, "solver.max_events_per_period": 3})
     assert table["outcome"].tolist() == ["event-storm"] * 3
+
+
+def test_points_that_do_not_keep_their_balances_are_inaccurate_and_not_gone_on_from(monkeypatch):
+    scene = planned(LOADED, 50.0, 50.5, settle_s=0.1, measure_s=0.1)
+    good = sweep(scene)
+    monkeypatch.setattr(audit, "LEAST_ENERGY", 0.0)
+    monkeypatch.setattr(audit, "ENERGY", 1e-9)
+    table = sweep(scene)
+    assert good["outcome"].tolist() == ["ok", "ok"]
+    assert table["outcome"].tolist() == ["inaccurate", "inaccurate"]
+    assert table["detail"].str.match(r"energy residual \S+ is beyond 1e-12, the limit at tolerance 1e-06; lower ").all()
+    assert (table["energy_residual"] > 1e-12).all()
+    assert table["energy_residual"][0] == good["energy_residual"][0]
+    assert table[["rms_y_m", "sync", "period", "excitation_frequency_hz"]].isna().all(axis=None)
+    assert (table["simulated_s"] == good["simulated_s"])[0]
 
 
 class Recorder:

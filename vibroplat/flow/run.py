@@ -9,7 +9,7 @@ from typing import Literal
 
 from vibroplat.flow.beginning import beginning
 from vibroplat.flow.motion import Motion, Observer
-from vibroplat.hybrid.scales import force_round_off
+from vibroplat.hybrid.scales import force_noise
 from vibroplat.hybrid.state import Automaton
 from vibroplat.integrate.choice import make_engine
 from vibroplat.integrate.seam import Engine
@@ -102,7 +102,7 @@ def simulate_with(
         "rotation": scene.rotation,
         "perturbation": scene.run.start_perturbation,
         **found,
-        "contact_force_noise_n": force_round_off(scene) if scene.has_contact else None,
+        "contact_force_noise_n": force_noise(scene) if scene.has_contact else None,
         "engine": engine.name,
         "tolerance": scene.solver.tolerance,
         **engine.work,

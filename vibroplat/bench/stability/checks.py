@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from vibroplat.flow.motion import OUTCOMES, Motion
-from vibroplat.hybrid.scales import force_spread, state_scales
+from vibroplat.hybrid.scales import FORCE_ERROR, force_spread, state_scales
 from vibroplat.integrate.choice import make_engine
 from vibroplat.model.parameters import parameters
 from vibroplat.model.systems import GAP
@@ -31,8 +31,6 @@ ENERGY = 5.0
 MOMENTUM = 5.0
 #: Largest gap and contact force below zero, in units of their scales, over the tolerance.
 GAP_BELOW, PULL = 1.0, 10.0
-#: Largest contact force below zero, over the force scale, at any tolerance.
-PULL_MOST = 0.05
 
 
 def sound(scene: Scene, summary: Mapping[str, Any]) -> dict[str, Limit]:
@@ -49,7 +47,7 @@ def sound(scene: Scene, summary: Mapping[str, Any]) -> dict[str, Limit]:
     if scene.has_contact:
         below = abs(min(summary["gap_min_m"], 0.0)) / state_scales(scene)[GAP]
         limits["gap_below"] = (below, GAP_BELOW * tolerance)
-        allowed = min(PULL * tolerance * force_spread(scene), PULL_MOST * scene.force_scale)
+        allowed = min(PULL * tolerance * force_spread(scene), FORCE_ERROR * scene.force_scale)
         limits["pull_n"] = (summary["contact_pull_n"] or 0.0, allowed)
     return limits
 

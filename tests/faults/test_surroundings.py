@@ -1,0 +1,200 @@
+"""Commands in poor surroundings: closed streams, narrow encodings, little memory, kernels that may not be compiled."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import shlex
+import subprocess
+import sys
+
+import pytest
+from common.commands import PROGRAM, Done
+from common.places import FLYING, QUICKSTART
+
+from vibroplat import surroundings
+from vibroplat.interrupts import KEPT
+from vibroplat.tables import read_table
+
+SHORT = ("--set", "run.duration_s=0.05")
+SWEEP = FLYING + "name: few\nsweep: {supply_frequency_hz: {start: 50.0, stop: 52.0, step: 1.0}, settle_s: 0.1}\n"
+
+
+def shell(*arguments, redirect="", before="", **environment):
+    """Run the command line from a shell, in its own way with streams and limits."""
+    line = f"{before} exec {shlex.join([str(PROGRAM), *map(str, arguments)])} {redirect}"
+    options = {"env": os.environ | environment, "capture_output": True, "text": True, "timeout": 120}
+    done = subprocess.run(["sh", "-c", line], check=False, **options)
+    return Done(done.returncode, done.stdout, done.stderr)
+
+
+# -- streams --------------------------------------------------------------------------------------------
+
+_NUMBERS = """
+import os, sys
+from vibroplat.surroundings import open_streams
+open_streams()
+print("out \\u2026 \\udc80"); print("err \\u2026", file=sys.stderr); sys.stdin.read()
+file = os.open(os.devnull, os.O_RDONLY)
+assert file > 2, file
+"""
+
+
+@pytest.mark.parametrize("redirect", ["<&-", ">&-", "2>&-", ">&- 2>&-", "<&- >&- 2>&-"])
+def test_files_never_get_the_number_of_a_closed_stream(redirect):
+    line = f"exec {shlex.join([sys.executable, '-c', _NUMBERS])} {redirect}"
+    done = subprocess.run(["sh", "-c", line], capture_output=True, text=True, check=False, stdin=subprocess.DEVNULL)
+    assert done.returncode == 0, done.stderr
+    assert ("err" in done.stderr) == ("2>&-" not in redirect)
+    assert ("out" in done.stdout) == (" >&-" not in f" {redirect}")
+
+
+@pytest.mark.parametrize("stream", ["stdout", "stderr"])
+def test_characters_that_a_stream_does_not_have_are_escaped(stream):
+    code = f"import sys\nfrom vibroplat.surroundings import open_streams\nopen_streams()\nprint('…', file=sys.{stream})"
+    environment = os.environ | {"PYTHONIOENCODING": "ascii"}
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+    assert getattr(done, stream) == "\\u2026\n"
+
+
+@pytest.mark.parametrize("arguments", [("paper", "--help"), ("bench", "--help"), ("run", "--help")], ids=" ".join)
+@pytest.mark.parametrize("redirect", [">&-", "2>&-", ">&- 2>&-"])
+def test_help_with_closed_streams_is_done(arguments, redirect):
+    done = shell(*arguments, redirect=redirect)
+    assert (done.code, done.err) == (0, "")
+    assert ("Usage: " in done.out) == (redirect == "2>&-")
+
+
+@pytest.mark.parametrize("redirect", [">&-", "2>&-", ">&- 2>&-"])
+def test_refusal_with_closed_streams_keeps_its_exit_code_and_its_stream(redirect, here):
+    done = shell("run", "nope.yaml", redirect=redirect)
+    assert done == (2, "", "" if "2>&-" in redirect else "vibroplat: nope.yaml: no such file\n")
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("redirect", [">&-", "2>&-", ">&- 2>&-"])
+def test_commands_with_closed_streams_do_their_work(redirect, here, kernels):
+    (here / "few.yaml").write_text(SWEEP)
+    assert shell("run", QUICKSTART, *SHORT, redirect=redirect)[::2] == (0, "")
+    assert shell("sweep", "few.yaml", redirect=redirect)[::2] == (0, "")
+    assert shell("plot", "results/quickstart", "--kind", "motion", redirect=redirect)[::2] == (0, "")
+    assert len(read_table(here / "results/few", "sweep")) == 3
+    assert json.loads((here / "results/quickstart/summary.json").read_text())["outcome"] == "ok"
+    assert (here / "results/quickstart/motion.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.long
+def test_failed_run_without_standard_error_exits_1(here, kernels):
+    storm = ("contact.restitution=1.0", "contact.sticking_speed_m_per_s=0.0", "solver.max_events_per_period=3")
+    done = shell("run", QUICKSTART, *(part for text in storm for part in ("--set", text)), redirect="2>&-")
+    assert done.code == 1
+    assert done.out.startswith("outcome                     event-storm\n")
+
+
+C = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("environment", "out"), [({"PYTHONIOENCODING": "ascii"}, "schön"), (C, "plain")], ids=["ascii", "C"]
+)
+def test_commands_print_to_narrow_encodings(environment, out, here, kernels):
+    (here / "few.yaml").write_text(SWEEP)
+    runs = (("run", QUICKSTART, *SHORT, "--out", out), ("sweep", "few.yaml"), ("plot", f"{out}/quickstart"))
+    for arguments in runs:
+        done = shell(*arguments, **environment)
+        assert (done.code, done.err) == (0, ""), arguments
+        assert done.out.isascii()
+    assert len(read_table(here / "results/few", "sweep")) == 3
+
+
+def test_directory_whose_name_the_locale_does_not_understand_is_refused(here):
+    done = shell("run", QUICKSTART, "--out", "schön", **C)
+    told = r"output sch\udcc3\udcb6n/quickstart is no text in the encoding of this system; allowed: UTF-8"
+    assert done == (2, "", f"vibroplat: {told}\n")
+
+
+# -- kernels that may not be compiled -------------------------------------------------------------------
+
+
+def test_run_without_compilation_is_refused_with_the_name_of_the_setting(here):
+    done = shell("run", QUICKSTART, NUMBA_DISABLE_JIT="1")
+    assert (done.code, done.out, len(done.err.splitlines())) == (2, "", 1)
+    assert done.err.startswith("vibroplat: NUMBA_DISABLE_JIT is set, ")
+
+
+# -- memory ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("command", [("run", QUICKSTART), ("plot", "."), ("sweep", QUICKSTART)], ids=str)
+def test_too_little_address_space_is_told_before_anything_is_loaded(command, here):
+    done = shell(*command, before="ulimit -v 600000;")
+    assert (done.code, done.out) == (1, "")
+    told = "memory is limited to 614 MB of addresses (ulimit -v 600000); loading the libraries takes 950 MB: "
+    assert done.err == f"vibroplat: {told}raise the limit, or limit resident memory instead\n"
+
+
+@pytest.mark.long
+def test_first_start_without_the_memory_to_compile_is_told_before_it_compiles(here, tmp_path):
+    limit = surroundings.LEAST_ADDRESSES // 1024 + 1
+    done = shell("run", QUICKSTART, before=f"ulimit -v {limit};", NUMBA_CACHE_DIR=str(tmp_path / "empty"))
+    assert (done.code, done.out, len(done.err.splitlines())) == (1, "", 1)
+    assert "; compiling the kernels for the first time takes 1330 MB: " in done.err
+
+
+def test_help_needs_little_address_space(here):
+    assert shell("run", "--help", before="ulimit -v 600000;").code == 0
+
+
+@pytest.mark.long
+def test_run_in_the_least_address_space_is_done(here, kernels):
+    limit = surroundings.LEAST_ADDRESSES // 1024 + 1
+    done = shell("run", QUICKSTART, *SHORT, before=f"ulimit -v {limit};")
+    assert (done.code, done.err) == (0, "")
+
+
+SHORTAGES = [
+    MemoryError(),
+    MemoryError("Unable to allocate 7.28 TiB for an array"),
+    OSError(errno.ENOMEM, "Cannot allocate memory"),
+    ImportError("libopenblas.so: failed to map segment from shared object"),
+]
+
+
+def raising(error):
+    def fail(*_arguments, **_options):
+        raise error
+
+    return fail
+
+
+@pytest.mark.parametrize("error", SHORTAGES, ids=repr)
+def test_run_that_runs_out_of_memory_exits_1_with_one_line(error, command, here, kernels, monkeypatch):
+    monkeypatch.setattr("vibroplat.flow.run.simulate", raising(error))
+    assert command("run", QUICKSTART) == (1, "", f"vibroplat: not enough memory; {KEPT}\n")
+
+
+@pytest.mark.parametrize("error", [ImportError("No module named 'x'"), RuntimeError("a mistake")], ids=repr)
+def test_other_errors_are_not_taken_for_a_lack_of_memory(error):
+    assert not surroundings.is_short_of_memory(error)
+
+
+def test_sweep_that_runs_out_of_memory_keeps_its_finished_points(command, here, kernels, monkeypatch):
+    from vibroplat.study import point
+
+    (here / "few.yaml").write_text(SWEEP)
+    measure, calls = point.measure_point, []
+
+    def second_fails(*arguments):
+        calls.append(1)
+        if len(calls) == 2:
+            raise MemoryError
+        return measure(*arguments)
+
+    monkeypatch.setattr(point, "measure_point", second_fails)
+    assert command("sweep", "few.yaml") == (1, "", f"vibroplat: not enough memory; {KEPT}\n")
+    done = command("sweep", "few.yaml", "--resume")
+    assert (done.code, done.err) == (0, "")
+    assert "1 of the points from before" in done.out
+    assert len(calls) == 4
