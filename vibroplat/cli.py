@@ -169,20 +169,27 @@ def run(
     from vibroplat.flow.beginning import beginning
     from vibroplat.provenance import provenance
     from vibroplat.results import write_result
-    from vibroplat.tables import result_directory
+    from vibroplat.tables import GrowingTable, result_directory
 
     scene = load_config(config, parse_overrides(set_ or []))
     beginning(scene)  # what is wrong with it is told before anything is written or compiled
     directory = result_directory(out, scene.name)
-    _load_kernels(scene.solver.engine)
-    with run_progress(scene.name, scene.run.duration_s) as report:
-        from vibroplat.flow.run import simulate
+    from vibroplat.flow.keeping import Sink
+    from vibroplat.flow.space import require_disk
 
-        result = simulate(scene, progress=report)
-    tables = {"trajectory": result.trajectory, "events": result.events}
-    summary = result.summary | {"notes": result.notes}
-    origin = provenance(scene, summary["engine"], result.origin)
-    write_result(directory, "run", origin, tables, {"summary": summary}, form=format_.value)
+    require_disk(scene, directory, format_.value)
+    _load_kernels(scene.solver.engine)
+    trajectory, events = (GrowingTable(directory, name, format_.value) for name in ("trajectory", "events"))
+    with trajectory, events:
+        with run_progress(scene.name, scene.run.duration_s) as report:
+            from vibroplat.flow.run import simulate
+
+            sink = Sink(trajectory.append, events.append)
+            result = simulate(scene, keep="summary", sink=sink, progress=report)
+        summary = result.summary | {"notes": result.notes}
+        origin = provenance(scene, summary["engine"], result.origin)
+        tables = {"trajectory": trajectory, "events": events}
+        write_result(directory, "run", origin, tables, {"summary": summary}, form=format_.value)
     _print_summary(result, directory)
     _print_notes(result.notes)
     if result.outcome != "ok":

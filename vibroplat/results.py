@@ -21,6 +21,7 @@ from vibroplat.errors import TableError
 from vibroplat.locks import replacing
 from vibroplat.tables import (
     Format,
+    GrowingTable,
     Table,
     drop_other_formats,
     json_writer,
@@ -43,7 +44,7 @@ def write_result(
     directory: Path,
     command: Command,
     origin: Mapping[str, Any],
-    tables: Mapping[str, Table],
+    tables: Mapping[str, Table | GrowingTable],
     documents: Mapping[str, Any] | None = None,
     *,
     form: Format,
@@ -62,7 +63,8 @@ def write_result(
     origin
         Its provenance, to which the command, the id and the digests are added.
     tables, documents
-        Tables, whole or in parts, and contents of JSON files, by name. The last of them is renamed last.
+        Tables, whole, in parts or written already, and contents of JSON files, by name. Tables that are written come
+        first; the last of all is renamed last.
     form
         Format of the tables.
     absent
@@ -73,9 +75,15 @@ def write_result(
     TableError
         A file cannot be written, or another process holds the lock.
     """
-    writers = {directory / f"{name}.{form}": table_writer(table, form) for name, table in tables.items()}
+    written = [table for table in tables.values() if isinstance(table, GrowingTable)]
+    writers = {
+        directory / f"{name}.{form}": table_writer(table, form)
+        for name, table in tables.items()
+        if not isinstance(table, GrowingTable)
+    }
     writers |= {directory / f"{name}.json": json_writer(value) for name, value in (documents or {}).items()}
-    with prepared(writers) as files:
+    with prepared(writers) as made:
+        files = {table.path: table.finish() for table in written} | made
         digests = {path.name: _sha256(temporary) for path, temporary in files.items()}
         proof = dict(origin) | {"command": command, "result": uuid.uuid4().hex, "files": digests}
         with replacing(directory):

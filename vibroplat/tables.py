@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from io import BufferedReader
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, Self
 
 import pandas as pd
 
@@ -138,25 +138,107 @@ def sha256(file: BufferedReader) -> str:
     return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def _write_row_groups(parts: Iterable[pd.DataFrame], path: Path) -> None:
-    import pyarrow as pa  # noqa: PLC0415  (a run of one scene does not need it)
+class GrowingTable:
+    """A table that is written part by part, with one of them in memory at a time.
+
+    It is a file with a temporary name next to its final one, which is made with the first part and removed when the
+    context is left, unless it has got its final name; see :func:`vibroplat.results.write_result`.
+
+    Parameters
+    ----------
+    directory, name, form
+        As of :func:`write_table`. Parts have the same columns and types; each becomes a row group of a Parquet file.
+
+    Attributes
+    ----------
+    path
+        The file's final name.
+    """
+
+    def __init__(self, directory: Path, name: str, form: Format) -> None:
+        self.path = directory / f"{name}.{form}"
+        self._form = form
+        self._file = ExitStack()
+        self._writing = ExitStack()
+        self._temporary: Path | None = None
+        self._append: Callable[[pd.DataFrame], object]
+
+    def append(self, part: pd.DataFrame) -> None:
+        """Write the next part; raises :class:`TableError`."""
+        with _complaints(self.path):
+            if self._temporary is None:
+                self._temporary = self._file.enter_context(_temporary(self.path))
+                self._append = self._writing.enter_context(_appending(self._temporary, self._form))
+            self._append(part)
+
+    def finish(self) -> Path:
+        """Complete the file and return its temporary name; raises :class:`TableError`."""
+        assert self._temporary is not None, "a table has one part at least"
+        with _complaints(self.path):
+            self._writing.close()
+            self._temporary.chmod(0o644)
+        return self._temporary
+
+    def __enter__(self) -> Self:
+        if self._form == "parquet":
+            import pyarrow.parquet  # noqa: F401, PLC0415  (before memory is short)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        with suppress(Exception):  # a file that could not be written cannot be completed either
+            self._writing.close()
+        self._file.close()
+
+
+@contextmanager
+def _appending(path: Path, form: Format) -> Iterator[Callable[[pd.DataFrame], object]]:
+    """Yield a function that appends parts of a table to an empty file."""
+    yield from (_row_groups if form == "parquet" else _lines)(path)
+
+
+def _row_groups(path: Path) -> Iterator[Callable[[pd.DataFrame], object]]:
+    import pyarrow as pa  # noqa: PLC0415  (a table in CSV does not need it)
     import pyarrow.parquet as pq  # noqa: PLC0415
 
     writer: pq.ParquetWriter | None = None
+
+    def append(part: pd.DataFrame) -> None:
+        nonlocal writer
+        rows = pa.Table.from_pandas(part, preserve_index=False)
+        writer = writer or pq.ParquetWriter(path, rows.schema, write_page_checksum=True)
+        writer.write_table(rows)
+
     try:
-        for part in parts:
-            rows = pa.Table.from_pandas(part, preserve_index=False)
-            writer = writer or pq.ParquetWriter(path, rows.schema, write_page_checksum=True)
-            writer.write_table(rows)
+        yield append
     finally:
         if writer is not None:
             writer.close()
 
 
-def _write_lines(parts: Iterable[pd.DataFrame], path: Path) -> None:
-    with path.open("w", encoding="utf-8", newline="") as file:
-        for number, part in enumerate(parts):
-            part.to_csv(file, index=False, header=number == 0)
+def _lines(path: Path) -> Iterator[Callable[[pd.DataFrame], object]]:
+    begun = False
+
+    def append(part: pd.DataFrame) -> None:
+        nonlocal begun
+        part.to_csv(path, mode="a", index=False, header=not begun)
+        begun = True
+
+    yield append
+
+
+def _write_parts(parts: Iterable[pd.DataFrame], path: Path, form: Format) -> None:
+    with _appending(path, form) as append:
+        for part in parts:
+            append(part)
+
+
+@contextmanager
+def _complaints(path: Path) -> Iterator[None]:
+    """Turn errors of the system into one line."""
+    try:
+        yield
+    except OSError as error:
+        raise TableError(f"{path} cannot be written: {error.strerror or error}") from None
 
 
 def drop_other_formats(directory: Path, name: str, form: Format) -> None:
@@ -195,12 +277,10 @@ def prepared(writers: Mapping[Path, Writer]) -> Iterator[dict[Path, Path]]:
     temporaries: dict[Path, Path] = {}
     with ExitStack() as stack:
         for path, write in writers.items():
-            try:
+            with _complaints(path):
                 temporaries[path] = stack.enter_context(_temporary(path))
                 write(temporaries[path])
                 temporaries[path].chmod(0o644)
-            except OSError as error:
-                raise TableError(f"{path} cannot be written: {error.strerror or error}") from None
         yield temporaries
 
 
@@ -257,7 +337,7 @@ def _is_old(path: Path, now: float) -> bool:
 def table_writer(table: Table, form: Format) -> Writer:
     """Return a function that writes a table, whole or in parts, to a path."""
     if not isinstance(table, pd.DataFrame):
-        return lambda path: (_write_row_groups if form == "parquet" else _write_lines)(table, path)
+        return lambda path: _write_parts(table, path, form)
     if form == "parquet":
         return lambda path: table.to_parquet(path, index=False, write_page_checksum=True)
     return lambda path: table.to_csv(path, index=False)

@@ -17,8 +17,9 @@ from vibroplat.integrate.choice import make_engine
 from vibroplat.model.energy import FORCE_SIZE
 from vibroplat.model.parameters import parameters
 from vibroplat.model.systems import GAP, GAP_RATE
+from vibroplat.observe.events import Events
+from vibroplat.observe.segments import Segments
 from vibroplat.observe.statistics import Statistics, section_rows
-from vibroplat.observe.trajectory import Events, Segments
 from vibroplat.scene import Mode
 
 TURN = 2.0 * math.pi

@@ -25,7 +25,7 @@ from vibroplat.integrate.multistep import (
 )
 from vibroplat.kernels.polynomial import extremes, first_fall, slopes, values
 from vibroplat.model.parameters import parameters
-from vibroplat.observe.trajectory import sample
+from vibroplat.observe.segments import sample
 from vibroplat.scene import Scene
 
 #: Unknowns of a step that are none of its own, as many as the exciters' angle 1 asks for.

@@ -15,6 +15,7 @@ from vibroplat.hybrid.modes import KINDS
 from vibroplat.hybrid.steps import no_steps, rewind
 from vibroplat.integrate.seam import Engine
 from vibroplat.kernels.compiled import FloatArray
+from vibroplat.memory import OutOfMemoryError
 from vibroplat.model.parameters import Parameters, supply
 from vibroplat.observe.audit import Energies
 from vibroplat.observe.statistics import Measures, Statistics, copied
@@ -30,6 +31,7 @@ OUTCOMES = {
     hy.INCONSISTENT: "non-finite",
     hy.EVENT_STORM: "event-storm",
     hy.BEYOND_MODEL: "beyond-model",
+    hy.OUT_OF_MEMORY: "out-of-memory",
 }
 
 _TURN = 2.0 * math.pi
@@ -83,6 +85,7 @@ class Motion:
         self.scene = scene
         self.engine = engine
         self.events = 0
+        self._lack = ""
         steps = no_steps(engine.rows, engine.degree)
         self._p = p
         self._intervals = scene.drive.intervals
@@ -168,16 +171,29 @@ class Motion:
         if h.run["outcome"] == hy.OK:
             h.run["outcome"] = hy.RUNNING
         while h.run["outcome"] == hy.RUNNING:
-            self.engine.advance(h)
+            rewind(h.steps)  # should memory run out before the engine does so
+            try:
+                self.engine.advance(h)
+            except MemoryError as error:
+                self._end_without_memory(error)
             self._tell(observers)
 
     def _tell(self, observers: Sequence[Observer]) -> None:
-        """Let observers read the new steps and events."""
+        """Let observers read the new steps and events, all of them even if one runs out of memory."""
         h = self.automaton
         for observer in observers:
-            observer.read(h)
+            try:
+                observer.read(h)
+            except MemoryError as error:
+                self._end_without_memory(error)
         self.events += int(h.run["events"])
         h.run["events"] = 0
+
+    def _end_without_memory(self, error: MemoryError) -> None:
+        """End the motion early; what was computed is kept."""
+        self.automaton.run["outcome"] = hy.OUT_OF_MEMORY
+        told = isinstance(error, OutOfMemoryError)
+        self._lack = str(error) if told else "the system gave no more memory; let other programs end, or give it more"
 
     def to_section(self, turns: int, longest: float, observers: Sequence[Observer] = ()) -> bool:
         """Carry the motion on until exciter 1 has completed so many whole turns more, exactly.
@@ -266,6 +282,7 @@ class Motion:
             "the mass matrix of the model, of first order in phi, need not be positive definite",
             hy.EVENT_STORM: f"{h.recent.size} restarts within {run['now'] - oldest:.3g} s, less than one period; "
             "raise solver.max_events_per_period to follow them",
+            hy.OUT_OF_MEMORY: self._lack,
         }.get(int(run["outcome"]), self.engine.detail)
         state = ", ".join(f"{v:.6g}" for v in run["state"])
         return f"{why}; mode {Mode(int(run['mode'])).label}, t = {run['now']:.9g} s, state [{state}]"

@@ -5,10 +5,11 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from contextlib import closing
-from typing import Literal
 
 from vibroplat.flow.beginning import beginning
+from vibroplat.flow.keeping import Keep, Kept, Sink
 from vibroplat.flow.motion import Motion, Observer
+from vibroplat.flow.space import require_memory
 from vibroplat.hybrid.scales import force_noise
 from vibroplat.hybrid.state import Automaton
 from vibroplat.integrate.choice import make_engine
@@ -17,19 +18,20 @@ from vibroplat.model.parameters import Parameters, parameters
 from vibroplat.observe.audit import INACCURATE, inaccuracy
 from vibroplat.observe.notes import notes_on_measures
 from vibroplat.observe.summary import measured
-from vibroplat.observe.trajectory import Events, Segments, Trajectory
+from vibroplat.observe.trajectory import Trajectory
 from vibroplat.plausibility import notes_on_input
 from vibroplat.scene import Scene
-
-#: What a run keeps besides its summary.
-Keep = Literal["segments", "events", "summary"]
 
 #: The measured part is what follows this share of the duration, cut to whole turns of exciter 1.
 SETTLE_SHARE = 0.5
 
 
 def simulate(
-    scene: Scene, *, keep: Keep = "segments", progress: Callable[[float, int], None] | None = None
+    scene: Scene,
+    *,
+    keep: Keep = "segments",
+    progress: Callable[[float, int], None] | None = None,
+    sink: Sink | None = None,
 ) -> Trajectory:
     """Integrate a scene in time.
 
@@ -38,10 +40,12 @@ def simulate(
     scene
         What to simulate, how long and how accurately.
     keep
-        ``segments``: all that tables and dense output need; ``events``: the event table and the summary;
-        ``summary``: the summary alone, in memory that does not grow with the length of the run.
+        ``segments``: all that tables and dense output need; ``table``: both tables; ``events``: the event table;
+        ``summary``: neither, in memory that does not grow with the length of the run. All have the summary.
     progress
         Called now and then with the time reached (s) and the number of events so far.
+    sink
+        Takes both tables part by part while the run goes on, whatever it keeps.
 
     Returns
     -------
@@ -50,13 +54,21 @@ def simulate(
         (the integrator gave up), ``non-finite`` (a state or residual is not finite), ``event-storm``
         (more events within a turn of the synchronous speed than ``solver.max_events_per_period``),
         ``beyond-model`` (the platform has turned so far that the model, of first order in φ, breaks down).
+        ``out-of-memory`` (what is kept would take more than half of the memory available, or there is none left).
         What was computed until then is kept; ``summary["detail"]`` has mode, time and state. A run that ended on time
         but whose energy or momentum residual is beyond its limit is ``inaccurate``, and the detail says by how much.
+
+    Raises
+    ------
+    ConfigError
+        The table that is to be kept does not fit into memory, or the run cannot begin as the scene says.
     """
+    if keep == "table":
+        require_memory(scene)
     p = parameters(scene)
     began = time.perf_counter()
     with closing(make_engine(scene, p)) as engine:
-        run = simulate_with(engine, scene, p, keep=keep, progress=progress)
+        run = simulate_with(engine, scene, p, keep=keep, progress=progress, sink=sink)
     run.summary["wall_s"] = time.perf_counter() - began
     return run
 
@@ -68,6 +80,7 @@ def simulate_with(
     *,
     keep: Keep = "segments",
     progress: Callable[[float, int], None] | None = None,
+    sink: Sink | None = None,
 ) -> Trajectory:
     """Integrate a scene in time with an engine of one's own; see :func:`simulate`.
 
@@ -79,19 +92,19 @@ def simulate_with(
         Parameters of the scene: the record that the engine was made with, which a drive's program changes in place.
     """
     began = time.perf_counter()
-    segments, events = Segments(), Events()
     start = beginning(scene)
-    observers: list[Observer] = []
-    if keep == "segments":
-        observers.append(segments)
-    if keep != "summary":
-        observers.append(events)
-    if progress is not None:
-        observers.append(_Progress(progress))
     motion = Motion(scene, p, engine, start.state, start.time, start.mode)
     duration = scene.run.duration_s
-    part = motion.go_on(duration, settle=SETTLE_SHARE * duration, observers=observers)
-    run = Trajectory(scene, segments.kept, events.rows, motion.state, part.measures, start.origin)
+    settle = SETTLE_SHARE * duration
+    kept = Kept(scene, keep, sink, motion.now + settle)
+    observers: list[Observer] = [*kept.observers]
+    if progress is not None:
+        observers.append(_Progress(progress))
+    part = motion.go_on(duration, settle=settle, observers=observers)
+    kept.finish()
+    run = Trajectory(
+        scene, kept.segments, kept.events, motion.state, part.measures, start.origin, table=kept.table, peaks=kept.peaks
+    )
     found = measured(part)
     doubt = inaccuracy(found, scene) if motion.outcome == "ok" else ""
     run.summary = {

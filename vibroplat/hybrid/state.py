@@ -12,7 +12,7 @@ from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.systems import FULL_SIZE
 
 # Outcomes of a run.
-RUNNING, OK, SOLVER_FAILURE, NON_FINITE, INCONSISTENT, EVENT_STORM, BEYOND_MODEL = range(7)
+RUNNING, OK, SOLVER_FAILURE, NON_FINITE, INCONSISTENT, EVENT_STORM, BEYOND_MODEL, OUT_OF_MEMORY = range(8)
 
 # How far the start of a mode at the present state is prepared; integers of numpy, see :mod:`vibroplat.hybrid.modes`.
 _NUMBERS: Any = np.arange(3)

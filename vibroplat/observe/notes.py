@@ -9,6 +9,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from vibroplat.plausibility import rounded
@@ -69,25 +70,52 @@ def capture(exciter: int, speed: float, synchronous: float, critical_slip: float
     )
 
 
-def notes_on_samples(table: pd.DataFrame, found: Mapping[str, Any], rate: float) -> list[str]:
+class Peaks:
+    """Largest values of the measured part of a trajectory table, found part by part.
+
+    Parameters
+    ----------
+    since
+        When the measured part begins (s).
+
+    Attributes
+    ----------
+    largest
+        By column; one without a number in the measured part is left out.
+    """
+
+    def __init__(self, since: float) -> None:
+        self._since = since
+        self.largest: dict[str, float] = {}
+
+    def add(self, table: pd.DataFrame) -> None:
+        """Look at the next rows of the table."""
+        measured = (table["t_s"] >= self._since).to_numpy()
+        for column, *_ in _SAMPLED:
+            if column in table:
+                found = np.fmax.reduce(table[column].to_numpy()[measured], initial=-math.inf)
+                if found > self.largest.get(column, -math.inf):
+                    self.largest[column] = float(found)
+
+
+def notes_on_samples(peaks: Mapping[str, float], found: Mapping[str, Any], rate: float) -> list[str]:
     """Say which of the largest values a trajectory table misses.
 
     Parameters
     ----------
-    table
-        The trajectory table.
+    peaks
+        Largest values of its measured part, by column; see :class:`Peaks`.
     found
         Measures of the run.
     rate
         Its ``output.sample_rate_hz``.
     """
     notes = []
-    measured = table["t_s"] >= found["measured_from_s"]
     for column, key, name, unit in _SAMPLED:
         largest = found[key]
-        if column not in table or not largest or not measured.any():
+        if column not in peaks or not largest:
             continue
-        missed = 1.0 - float(table.loc[measured, column].max()) / largest
+        missed = 1.0 - peaks[column] / largest
         if missed > MISSED:
             notes.append(
                 f"the trajectory table misses the largest {name}, {rounded(largest)} {unit}, by "

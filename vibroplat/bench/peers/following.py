@@ -28,8 +28,10 @@ from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.accelerations import accelerations, explicit, linearize
 from vibroplat.model.parameters import Parameters, parameters
 from vibroplat.model.systems import FULL_SIZE, GAP, SYSTEMS, System
+from vibroplat.observe.events import Events
+from vibroplat.observe.segments import Segments
 from vibroplat.observe.statistics import no_measures
-from vibroplat.observe.trajectory import Events, Segments, Trajectory
+from vibroplat.observe.trajectory import Trajectory
 from vibroplat.scene import COORDINATES, RATES, Mode, Scene
 
 

@@ -1,0 +1,134 @@
+"""Memory: how much of it there is, and how much of that a run may keep."""
+
+from __future__ import annotations
+
+import os
+from contextlib import suppress
+from pathlib import Path
+
+#: Part of the available memory that a run may keep. The rest is for tables made of it, and for other programs.
+SHARE = 0.5
+#: Memory (bytes) after which a run looks again how much is available.
+INTERVAL = 16 * 2**20
+
+_UNITS = ("bytes", "KiB", "MiB", "GiB", "TiB", "PiB", "EiB")
+
+
+class OutOfMemoryError(MemoryError):
+    """More would be kept than memory allows; the message says what takes it and what to change."""
+
+
+def amount(size: float) -> str:
+    """Format a number of bytes.
+
+    >>> amount(3.2 * 2**30)
+    '3.2 GiB'
+    """
+    place = 0
+    while size >= 1000.0 and place < len(_UNITS) - 1:
+        size, place = size / 1024.0, place + 1
+    return f"{size:.3g} {_UNITS[place]}"
+
+
+def available() -> float:
+    """Return the memory (bytes) that this process may still take without swapping; infinity if nothing tells.
+
+    It is the least of what the machine has, what its control group leaves (a container's limit), and what the limit of
+    the process's address space leaves.
+    """
+    return max(min(_of_machine(), _of_group(), _of_address_space()), 0.0)
+
+
+def _of_machine() -> float:
+    with suppress(OSError, ValueError, IndexError):
+        for line in Path("/proc/meminfo").read_text(encoding="ascii").splitlines():
+            if line.startswith("MemAvailable:"):
+                return 1024.0 * int(line.split()[1])
+    with suppress(OSError, ValueError, AttributeError):  # what is free is not told, but what there is
+        return float(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
+    return float("inf")
+
+
+def _of_group() -> float:
+    """Return what the control group of this process leaves, of version 2 or 1, as seen in a container or outside."""
+    least = float("inf")
+    for limit, used in (
+        ("memory.max", "memory.current"),
+        ("memory/memory.limit_in_bytes", "memory/memory.usage_in_bytes"),
+    ):
+        for group in _groups():
+            with suppress(OSError, ValueError):  # "max" is no number
+                most = int((group / limit).read_text(encoding="ascii"))
+                least = min(least, most - int((group / used).read_text(encoding="ascii")) + _cache(group / limit))
+    return least
+
+
+def _groups() -> list[Path]:
+    """List the directories of the process's control group and of those it is in."""
+    root = Path("/sys/fs/cgroup")
+    with suppress(OSError):
+        for line in Path("/proc/self/cgroup").read_text(encoding="utf-8").splitlines():
+            if line.startswith("0::"):
+                own = root / line[3:].lstrip("/")
+                return [own, *(path for path in own.parents if root in (path, *path.parents))]
+    return [root]
+
+
+def _cache(limit: Path) -> int:
+    """Return the part of a control group's memory that holds copies of files and can be dropped."""
+    for line in (limit.parent / "memory.stat").read_text(encoding="ascii").splitlines():
+        name, _, number = line.partition(" ")
+        if name in ("inactive_file", "total_inactive_file"):
+            return int(number)
+    return 0
+
+
+def _of_address_space() -> float:
+    try:
+        import resource  # noqa: PLC0415  (not on Windows)
+    except ImportError:
+        return float("inf")
+    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
+    if limit == resource.RLIM_INFINITY:
+        return float("inf")
+    with suppress(OSError, ValueError):
+        pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
+        return float(limit - pages * os.sysconf("SC_PAGE_SIZE"))
+    return float(limit)
+
+
+class Share:
+    """The share of memory that a run may keep, for all that it keeps.
+
+    Parameters
+    ----------
+    advice
+        What to change if it is not enough.
+    bounded
+        Whether there is a bound at all.
+    """
+
+    def __init__(self, advice: str = "", *, bounded: bool = True) -> None:
+        self.taken = 0
+        self._bounded = bounded
+        self._advice = advice
+        self._checked = 0
+
+    def take(self, size: int) -> None:
+        """Count memory that is about to be kept (bytes).
+
+        Raises
+        ------
+        OutOfMemoryError
+            All that is kept would be more than :data:`SHARE` of what is available to it.
+        """
+        taken = self.taken + size
+        if self._bounded and taken - self._checked > INTERVAL:
+            most = SHARE * (available() + self.taken)
+            if taken > most:
+                raise OutOfMemoryError(
+                    f"what the run keeps would take more than {amount(most)}, {SHARE:g} of the memory that is "
+                    f"available{self._advice and '; '}{self._advice}"
+                )
+            self._checked = taken
+        self.taken = taken

@@ -1,0 +1,102 @@
+"""The events of a run and their table."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from vibroplat.hybrid.modes import KINDS
+from vibroplat.hybrid.state import EVENT, Automaton
+from vibroplat.memory import Share
+from vibroplat.scene import Mode
+
+#: Columns of the event table and the fields they hold. ``gap_rate_before`` of a latch is that of the first impact which
+#: was not followed; ``impacts`` is 1 for an impact, 0 for a liftoff, and for a latch the number of impacts it stands
+#: for, counted until their speed is below round-off of the first.
+EVENT_COLUMNS = {
+    "t_s": "t",
+    "kind": "kind",
+    "gap_rate_before_m_per_s": "rate_before",
+    "gap_rate_after_m_per_s": "rate_after",
+    "impulse_n_s": "impulse",
+    "energy_loss_j": "loss",
+    "contact_force_after_n": "force_after",
+    "mode_after": "mode_after",
+    "impacts": "impacts",
+}
+
+#: Events that are written at a time.
+BLOCK = 2**15
+
+
+def event_table(rows: npt.NDArray[np.void]) -> pd.DataFrame:
+    """Make an event table of records of :data:`vibroplat.hybrid.state.EVENT`."""
+    table = pd.DataFrame({column: rows[field] for column, field in EVENT_COLUMNS.items()})
+    table["kind"] = np.array(KINDS, dtype=object)[rows["kind"]]
+    table["mode_after"] = np.array([mode.label for mode in Mode], dtype=object)[rows["mode_after"]]
+    return table
+
+
+class Events:
+    """Observes a run: keeps its events, records of :data:`vibroplat.hybrid.state.EVENT`.
+
+    Parameters
+    ----------
+    share
+        Bounds the memory that they take.
+    """
+
+    def __init__(self, share: Share | None = None) -> None:
+        self._kept: list[npt.NDArray[np.void]] = [np.zeros(0, EVENT)]
+        self._share = Share() if share is None else share
+
+    def read(self, h: Automaton) -> None:
+        """Copy the list of events; MemoryError if they would take too much memory."""
+        if h.run["events"]:
+            found = h.events[: h.run["events"]].copy()
+            self._share.take(found.nbytes)
+            self._kept.append(found)
+
+    @property
+    def rows(self) -> npt.NDArray[np.void]:
+        """All events so far."""
+        return np.concatenate(self._kept)
+
+
+class EventParts:
+    """Observes a run: hands over its event table in parts, and keeps none of them.
+
+    Parameters
+    ----------
+    take
+        Called with each part, the last of which may be shorter.
+    """
+
+    def __init__(self, take: Callable[[pd.DataFrame], object]) -> None:
+        self._take = take
+        self._block = np.zeros(BLOCK, EVENT)
+        self._filled = 0
+        self._handed_over = False
+
+    def read(self, h: Automaton) -> None:
+        """Copy the list of events."""
+        found = h.events[: h.run["events"]]
+        while found.size:
+            added = found[: BLOCK - self._filled]
+            self._block[self._filled : self._filled + added.size] = added
+            self._filled += added.size
+            found = found[added.size :]
+            if self._filled == BLOCK:
+                self._hand_over()
+
+    def finish(self) -> None:
+        """Hand over the rest; a run without events has one part without rows."""
+        if self._filled or not self._handed_over:
+            self._hand_over()
+
+    def _hand_over(self) -> None:
+        self._take(event_table(self._block[: self._filled]))
+        self._filled, self._handed_over = 0, True
