@@ -209,6 +209,24 @@ def test_worker_with_another_fingerprint_gives_no_result(workers, threads):
     assert (chain.results, caught.value.exit_code) == ([], 1)
 
 
+def test_workers_that_join_are_given_tasks(workers, threads, monkeypatch):
+    monkeypatch.setattr(cluster, "RECOUNT", 0.0)
+    monkeypatch.setattr(workers, "_workers", lambda: {"one": 4, "another": 2})
+    list(run_chains([Tasks((math.sqrt, (4.0,)))], workers))
+    assert workers.slots == 12
+
+
+def test_scheduler_that_cannot_count_its_workers_in_time_is_given_tasks(workers, monkeypatch):
+    def late():
+        raise TimeoutError
+
+    monkeypatch.setattr(cluster, "RECOUNT", 0.0)
+    monkeypatch.setattr(workers, "_workers", late)
+    chain = Tasks((math.sqrt, (4.0,)))
+    list(run_chains([chain], workers))
+    assert chain.results == [2.0]
+
+
 @pytest.mark.parametrize(
     ("error", "text"),
     [

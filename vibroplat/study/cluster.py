@@ -90,6 +90,7 @@ class Cluster:
         self._expected = fingerprint.fingerprint()
         self._since: float | None = None
         self._told = False
+        self.slots, self._counted = 2, -math.inf
         self._silenced = _silence()
         try:
             self._client: Any = Client(address, timeout=RECONNECT, set_as_default=False)
@@ -112,8 +113,7 @@ class Cluster:
         work = pickle.dumps(_Call(self._fingerprint.checked, self._expected, dumps((function, arguments))))
         answer: Future[Any] = Future()
         try:
-            if time.monotonic() - self._counted > RECOUNT:
-                self._count()
+            self._count()
             sent = self._executor.submit(pickle.loads, work)
         except Exception:
             if self._client.status not in _ALIVE:
@@ -123,9 +123,11 @@ class Cluster:
         return answer
 
     def _count(self) -> None:
-        """Count the workers, so that each has a task, and another one to go on with."""
-        self.slots = 2 * max(1, sum(self._workers().values()))
-        self._counted = time.monotonic()
+        """Count the workers from time to time, so that each has a task, and another one to go on with."""
+        if time.monotonic() - self._counted > RECOUNT:
+            with suppress(Exception):  # a scheduler that does not answer is found out by check
+                self.slots = 2 * max(1, sum(self._workers().values()))
+            self._counted = time.monotonic()
 
     def _workers(self) -> dict[str, int]:
         """Ask the scheduler for its workers, and how many threads each has."""
