@@ -19,7 +19,8 @@ from vibroplat.integrate.stepwise import Stepwise
 from vibroplat.model.accelerations import accelerations
 from vibroplat.model.parameters import parameters
 from vibroplat.model.systems import systems
-from vibroplat.observe.trajectory import Events, Segments
+from vibroplat.observe.events import Events
+from vibroplat.observe.segments import Segments
 from vibroplat.scene import COORDINATES, RATES, Mode
 
 #: A ramp, a jump, and switching; the first entry is the run's beginning.
