@@ -178,6 +178,7 @@ def run(
     from vibroplat.flow.space import require_disk
 
     require_disk(scene, directory, format_.value)
+    _tell_of_compilation()
     _load_kernels(scene.solver.engine)
     trajectory, events = (GrowingTable(directory, name, format_.value) for name in ("trajectory", "events"))
     with trajectory, events:
@@ -226,6 +227,7 @@ def sweep(
     directory = result_directory(out, scene.name)
     if resume and (directory / "provenance.json").exists():
         read_provenance(directory, "sweep")
+    _tell_of_compilation()
     from vibroplat.study import report
     from vibroplat.study.execution import pool
     from vibroplat.study.sweep import conditions, run_sweeps
@@ -277,6 +279,7 @@ def paper(
 
     Computes figures 2-7 and their tables, and compares each claim of the paper with what was measured.
     """
+    _tell_of_compilation()
     from vibroplat.config import parse_overrides
     from vibroplat.paper.trial import machine_numbers
 
@@ -333,6 +336,7 @@ def calibrate(
 
     Writes a table with one row per evaluation to OUT/calibration.
     """
+    _tell_of_compilation()
     from vibroplat.config import configurations
     from vibroplat.paper.calibration.plan import load_plan
 
@@ -414,6 +418,7 @@ def bench(
 
     Writes tables and plots to OUT/benchmarks. Without a name it compares peers at equal error, in two minutes.
     """
+    _tell_of_compilation()
     from vibroplat.bench import report
     from vibroplat.bench.timing import machine
     from vibroplat.tables import result_directory
@@ -442,9 +447,9 @@ def schema() -> None:
 
 
 def _tell_of_compilation() -> None:
-    """Say why the first run on a machine takes long."""
-    from vibroplat.flow.warm import is_compiled
-    from vibroplat.kernels.cache import notice
+    """Say why the first run on a machine takes long; some kernels are compiled as soon as they are imported."""
+    import vibroplat.kernels.compiled  # noqa: F401  (refuses where compilation is switched off)
+    from vibroplat.kernels.cache import is_compiled, notice
 
     if not is_compiled():
         told = notice() or "this happens once and takes about half a minute"
@@ -454,7 +459,6 @@ def _tell_of_compilation() -> None:
 
 def _load_kernels(engine: str = "auto") -> None:
     """Compile or load what a motion needs, once, before workers would each do so."""
-    _tell_of_compilation()
     from vibroplat.flow.warm import load_kernels
 
     load_kernels(engine)

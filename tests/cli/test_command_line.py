@@ -18,7 +18,7 @@ from common.places import QUICKSTART
 from vibroplat import __version__, load_config
 from vibroplat.cli import main
 from vibroplat.config import configuration_schema
-from vibroplat.flow.warm import is_compiled
+from vibroplat.kernels.cache import is_compiled
 from vibroplat.provenance import configuration_hash, provenance
 from vibroplat.scene import Scene
 from vibroplat.tables import read_json, read_table
@@ -161,7 +161,7 @@ def test_run_without_a_first_step_exits_1_and_writes_empty_tables(command, tmp_p
 
 
 def test_the_first_run_says_why_it_takes_long(here, monkeypatch, capsys, kernels):
-    monkeypatch.setattr("vibroplat.flow.warm.is_compiled", lambda: False)
+    monkeypatch.setattr("vibroplat.kernels.cache.is_compiled", lambda: False)
     monkeypatch.setattr("sys.argv", ["vibroplat", "run", str(QUICKSTART), "--set", "run.duration_s=0.01"])
     with pytest.raises(SystemExit) as ended:
         main()

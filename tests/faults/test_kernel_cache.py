@@ -168,7 +168,7 @@ def test_kernels_run_where_nothing_can_be_kept():
 
 
 def test_command_says_once_that_nothing_can_be_kept(command, here, monkeypatch, kernels):
-    monkeypatch.setattr("vibroplat.flow.warm.is_compiled", lambda: False)
+    monkeypatch.setattr("vibroplat.kernels.cache.is_compiled", lambda: False)
     monkeypatch.setattr(cache, "folder_of", lambda _room: None)
     (here / "short.yaml").write_text("run: {duration_s: 0.01}\n")
     done = command("run", "short.yaml")

@@ -118,8 +118,9 @@ def test_directory_whose_name_the_locale_does_not_understand_is_refused(here):
 # -- kernels that may not be compiled -------------------------------------------------------------------
 
 
-def test_run_without_compilation_is_refused_with_the_name_of_the_setting(here):
-    done = shell("run", QUICKSTART, NUMBA_DISABLE_JIT="1")
+@pytest.mark.parametrize("arguments", [("run", QUICKSTART), ("sweep", QUICKSTART), ("bench", "runtime")])
+def test_run_without_compilation_is_refused_with_the_name_of_the_setting(arguments, here):
+    done = shell(*arguments, NUMBA_DISABLE_JIT="1", NUMBA_CACHE_DIR=str(here / "empty"))
     assert (done.code, done.out, len(done.err.splitlines())) == (2, "", 1)
     assert done.err.startswith("vibroplat: NUMBA_DISABLE_JIT is set, ")
 
@@ -135,12 +136,13 @@ def test_too_little_address_space_is_told_before_anything_is_loaded(command, her
     assert done.err == f"vibroplat: {told}raise the limit, or limit resident memory instead\n"
 
 
-@pytest.mark.long
-def test_first_start_without_the_memory_to_compile_is_told_before_it_compiles(here, tmp_path):
+@pytest.mark.parametrize("arguments", [("run", QUICKSTART), ("sweep", QUICKSTART), ("paper",), ("bench", "runtime")])
+def test_first_start_without_the_memory_to_compile_is_told_before_it_compiles(arguments, here, tmp_path):
     limit = surroundings.LEAST_ADDRESSES // 1024 + 1
-    done = shell("run", QUICKSTART, before=f"ulimit -v {limit};", NUMBA_CACHE_DIR=str(tmp_path / "empty"))
+    done = shell(*arguments, before=f"ulimit -v {limit};", NUMBA_CACHE_DIR=str(tmp_path / "empty"))
     assert (done.code, done.out, len(done.err.splitlines())) == (1, "", 1)
     assert "; compiling the kernels for the first time takes 1330 MB: " in done.err
+    assert not list((tmp_path / "empty").rglob("*.nb[ci]"))
 
 
 def test_help_needs_little_address_space(here):

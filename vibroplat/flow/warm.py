@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from contextlib import closing
-from pathlib import Path
 
 from vibroplat.flow.motion import Motion
 from vibroplat.integrate.choice import make_engine
-from vibroplat.integrate.drive import drive
 from vibroplat.model.parameters import parameters
 from vibroplat.scene import Scene
 
@@ -18,9 +16,3 @@ def load_kernels(engine: str = "auto") -> None:
     p = parameters(scene)
     with closing(make_engine(scene, p)) as made:
         Motion(scene, p, made).go_on(1e-3)
-
-
-def is_compiled() -> bool:
-    """Whether compiled kernels are kept on disk, so that a run need not wait for them."""
-    folder = drive.stats.cache_path  # type: ignore[attr-defined]
-    return folder is not None and any(Path(folder).glob("drive.drive-*.nbi"))

@@ -34,6 +34,8 @@ PACKAGE = Path(__file__).parents[1]
 ROOMS = ("kernels", "model", "hybrid", "integrate", "observe", "flow")
 #: Files besides, with constants that are compiled into kernels: the numbers of the modes and of the coordinates.
 SHARED = ("scene.py",)
+#: The kernel that is compiled last, as it calls the others: its room, and its name in numba's index.
+LAST = ("integrate", "drive.drive")
 #: Settings of numba that change machine code and are not in its index.
 SETTINGS = ("OPT", "LOOP_VECTORIZE", "SLP_VECTORIZE", "BOUNDSCHECK", "DISABLE_INTEL_SVML")
 
@@ -129,6 +131,13 @@ def kept(function: Callable[..., Any]) -> bool:
     Numba's own places would keep that of functions elsewhere beyond changes of the kernels that they call.
     """
     return KernelLocator.from_function(function, inspect.getfile(function)) is not None
+
+
+def is_compiled() -> bool:
+    """Whether compiled kernels are kept on disk, so that a run need not wait for them; it loads none of them."""
+    room, name = LAST
+    folder = folder_of(PACKAGE / room)
+    return folder is not None and any(folder.glob(f"{name}-*.nbi"))
 
 
 def notice() -> str:
