@@ -15,7 +15,7 @@ import typer
 from typer.core import TyperGroup
 
 from vibroplat import __version__
-from vibroplat.errors import VibroplatError
+from vibroplat.errors import ConfigError, VibroplatError
 from vibroplat.interrupts import KEPT
 from vibroplat.progress import calibration_progress, run_progress, sweep_progress
 from vibroplat.study import WAIT
@@ -173,6 +173,9 @@ def run(
 
     scene = load_config(config, parse_overrides(set_ or []))
     beginning(scene)  # what is wrong with it is told before anything is written or compiled
+    source = scene.run.initial.from_
+    if source is not None and Path(source).resolve() == (out / scene.name).resolve():
+        raise ConfigError(f"run.initial.from = {source!r} is where this run would be written; allowed: another name")
     directory = result_directory(out, scene.name)
     from vibroplat.flow.keeping import Sink
     from vibroplat.flow.space import require_disk
@@ -485,7 +488,7 @@ def _print_summary(result: Trajectory, directory: Path) -> None:
         ("measured", _window(summary), ""),
         ("excitation frequency", summary["excitation_frequency_hz"], "Hz"),
         ("speeds of the exciters", _speeds(summary), "Hz"),
-        (f"phase difference {phases}", summary["phase_difference_rad"], "rad"),
+        (f"phase difference {phases}", *_phase(summary)),
         ("RMS x, y", [summary["rms_x_m"], summary["rms_y_m"]], "m"),
         ("RMS phi", summary["rms_phi_rad"], "rad"),
         ("contact force, largest", summary["contact_force_max_n"], "N"),
@@ -493,7 +496,7 @@ def _print_summary(result: Trajectory, directory: Path) -> None:
         ("impulse, largest", summary["impulse_max_n_s"] or None, "N s"),
         ("flight fraction", summary["flight_fraction"] if result.scene.has_contact else None, ""),
         ("liftoffs, impacts, latches", [summary[f"measured_{kind}"] for kind in kinds], ""),
-        ("whole run: the same", [summary[kind] for kind in kinds], ""),
+        ("whole run: these counts", [summary[kind] for kind in kinds], ""),
         ("whole run: phi, largest", summary["phi_max_rad"], "rad"),
         ("whole run: energy residual", summary["energy_residual"], ""),
         ("steps, residual calls", [summary["steps"], summary["residual_calls"]], ""),
@@ -516,6 +519,14 @@ def _speeds(summary: dict[str, Any]) -> list[float] | None:
     """Return the mean speeds of both exciters (Hz) where they differ."""
     mean, split = summary["excitation_frequency_hz"], summary["frequency_split_hz"]
     return [mean + 0.5 * split, mean - 0.5 * split] if mean and abs(split) > 1e-3 * mean else None
+
+
+def _phase(summary: dict[str, Any]) -> tuple[float | str | None, str]:
+    """Return the mean phase difference with its unit, unless it drifts so much that it has no mean."""
+    from vibroplat.observe.summary import COHERENCE
+
+    drifts = summary["phase_coherence"] is not None and summary["phase_coherence"] < COHERENCE
+    return ("drifts", "") if drifts else (summary["phase_difference_rad"], "rad")
 
 
 def _window(summary: dict[str, Any]) -> str:

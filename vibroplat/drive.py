@@ -20,6 +20,9 @@ FREQUENCY = 50.0
 #: way one gets there, and a motor infinitely stiff.
 LEAST_SHARE = 1e-3
 
+#: Least supply frequency of a program above 0 (Hz).
+LEAST_FREQUENCY = 1e-3
+
 #: Most entries of a program.
 MOST_ENTRIES = 1000
 
@@ -37,11 +40,21 @@ class Entry(Section):
 
     t_s: NonNegative = Field(description="time of the entry (s)")
     supply_frequency_hz: NonNegative | None = Field(
-        None, description="f_e then; it changes linearly between entries, and jumps where two share a time"
+        None,
+        description="f_e then; it changes linearly between entries, and jumps where two share a time; scales and tolerances "
+        "follow the largest one, and below a thousandth of it critical slip speeds fall no more",
     )
     exciter_1: Switch | None = Field(None, description="on or off from then on; off: no torque, resistance alone")
     exciter_2: Switch | None = None
     off: bool | None = Field(None, description="true: both exciters off from then on; false: both on")
+
+    @model_validator(mode="after")
+    def _no_minute_frequency(self) -> Self:
+        if self.supply_frequency_hz is not None and 0.0 < self.supply_frequency_hz < LEAST_FREQUENCY:
+            raise ValueError(
+                f"supply_frequency_hz = {self.supply_frequency_hz}; allowed: 0, or at least {LEAST_FREQUENCY:g}"
+            )
+        return self
 
     @model_validator(mode="after")
     def _one_way(self) -> Self:

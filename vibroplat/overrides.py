@@ -44,6 +44,8 @@ def merge(lower: Mapping[str, Any], upper: Mapping[str, Any], section: str = "")
     merged = dict(lower)
     if not section and upper.get("exciters") is not None and merged.get("exciters") is None:
         merged = _with_exciters(merged)
+    if not section and isinstance(upper.get("motors"), Mapping) and merged.get("motors") is None:
+        merged["motors"] = [dict(merged.get("motor") or {}) for _ in range(2)]
     for place, group in ALTERNATIVES:
         given = {key for key in group & upper.keys() if upper[key] is not None} if place == section else set()
         for key in (group - given) if given else ():

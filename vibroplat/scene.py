@@ -528,7 +528,8 @@ class Scene(Section):
             Dotted keys and their values, e.g. ``{"drive.supply_frequency_hz": 46.0}``.
         **sections
             Nested values by section, e.g. ``drive={"supply_frequency_hz": 46.0}``. If two keys exclude
-            each other (stiffness and natural frequency), the new one replaces the old one.
+            each other (stiffness and natural frequency), the new one replaces the old one. The numbers of exciters
+            are changed by their places, as ``{"exciters.1.critical_slip": 0.1}``.
 
         Raises
         ------

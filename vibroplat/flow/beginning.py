@@ -87,7 +87,10 @@ def _state_of(row: dict[str, Any], scene: Scene, key: str) -> FloatArray:
             if name not in row:
                 continue
             if place not in scene.coordinates and row[name] != 0.0:
-                raise ConfigError(f"{key} ends with {name} = {row[name]:g} but this scene has no such coordinate")
+                raise ConfigError(
+                    f"{key} ends with {name} = {row[name]:g} but this scene has no such coordinate; "
+                    "allowed: a run with the same layers"
+                )
             if place in scene.coordinates:
                 state[half + place] = row[name]
     if not np.isfinite([*state, row["t_s"]]).all():

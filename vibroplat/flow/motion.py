@@ -9,7 +9,7 @@ from typing import Protocol
 from vibroplat.drive import interval_at
 from vibroplat.hybrid import state as hy
 from vibroplat.hybrid.automaton import automaton
-from vibroplat.hybrid.jumps import turn_corner
+from vibroplat.hybrid.jumps import join, turn_corner
 from vibroplat.hybrid.loop import first_mode, fly
 from vibroplat.hybrid.modes import KINDS
 from vibroplat.hybrid.steps import no_steps, rewind
@@ -95,6 +95,8 @@ class Motion:
         first_mode(self.automaton)
         if mode is Mode.FLIGHT and self.automaton.run["mode"] == Mode.ATTACHED:
             fly(self.automaton)
+        if mode is not None:
+            join(self.automaton, mode is Mode.ATTACHED, self._interval.start == time and self._interval.corner)
 
     def go_on(
         self, seconds: float, *, settle: float = 0.0, blocks: int = 1, observers: Sequence[Observer] = ()

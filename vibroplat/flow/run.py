@@ -99,7 +99,7 @@ def simulate_with(
     kept = Kept(scene, keep, sink, motion.now + settle)
     observers: list[Observer] = [*kept.observers]
     if progress is not None:
-        observers.append(_Progress(progress))
+        observers.append(_Progress(progress, motion.now))
     part = motion.go_on(duration, settle=settle, observers=observers)
     kept.finish()
     run = Trajectory(
@@ -129,11 +129,12 @@ def simulate_with(
 class _Progress:
     """Tells how far a run is."""
 
-    def __init__(self, tell: Callable[[float, int], None]) -> None:
+    def __init__(self, tell: Callable[[float, int], None], start: float) -> None:
         self._tell = tell
+        self._start = start
         self._events = 0
 
     def read(self, h: Automaton) -> None:
-        """Tell the time reached (s) and the number of events so far."""
+        """Tell the time since the start (s) and the number of events so far."""
         self._events += int(h.run["events"])
-        self._tell(float(h.run["now"]), self._events)
+        self._tell(float(h.run["now"]) - self._start, self._events)

@@ -143,6 +143,18 @@ def turn_corner(h: Automaton, told: bool) -> None:
 
 
 @compiled
+def join(h: Automaton, attached: bool, corner: bool) -> None:
+    """List what happens where a run goes on from another: a corner of the supply, the end of contact."""
+    run = h.run
+    lifts = attached and run.mode == FLIGHT
+    force = contact_force(h)[0] if run.mode == ATTACHED else 0.0
+    if corner:
+        add_event(h, DRIVE, 0.0, 0.0, 0.0, 0.0, force, _NONE)
+    if lifts:
+        add_event(h, LIFTOFF, 0.0, 0.0, 0.0, 0.0, 0.0, _NONE)
+
+
+@compiled
 def add_event(
     h: Automaton, kind: int, before: float, after: float, impulse: float, loss: float, force: float, impacts: int
 ) -> None:

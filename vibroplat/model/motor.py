@@ -13,7 +13,7 @@ def kloss_torque(slip: float, critical: float, torque: float) -> float:
     """Motor torque in its own direction L = 2 M_c Δ u/(Δ² + u²) (N·m), with slip speed u and critical slip speed Δ.
 
     This is the formula of Kloss (1901) with the slip s = u/ω₀ and s_c = Δ/ω₀, multiplied out so that a supply of 0 Hz
-    divides nothing. The paper's (1) has lost the slip in the denominator (`model.md`, first row of departures).
+    divides nothing. The paper's (1) has lost the slip in the denominator.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def motor_powers(times: FloatArray, speeds: FloatArray, p: Parameters) -> FloatA
     found = np.empty(speeds.shape)
     for k in range(times.size):
         for i in range(2):
-            found[k, i] = motor_torque(i, times[k], speeds[k, i], p) * speeds[k, i]
+            found[k, i] = motor_torque(i, times[k], speeds[k, i], p) * speeds[k, i] + 0.0  # never −0
     return found
 
 

@@ -19,6 +19,8 @@ from vibroplat.scene import Scene
 LARGE_ROTATION = 0.1
 #: Slip over critical slip above which a motor counts as captured: it gives more than 0.6 of its critical torque.
 CAPTURED = 1.0 / 3.0
+#: Change of the phase difference over the measured part (rad) above which it is noted.
+DRIFTING = 0.1
 #: Share of the largest value that samples may miss.
 MISSED = 0.05
 
@@ -39,7 +41,8 @@ def notes_on_measures(scene: Scene, found: Mapping[str, Any]) -> list[str]:
     found
         Measures of a part of its motion, as :func:`vibroplat.observe.summary.measured` returns them.
     """
-    return [note for note in (rotation(found["phi_max_rad"]), *_captures(scene, found)) if note]
+    notes = (rotation(found["phi_max_rad"]), *_captures(scene, found), drift(found))
+    return [note for note in notes if note]
 
 
 def rotation(largest: float | None) -> str:
@@ -47,6 +50,19 @@ def rotation(largest: float | None) -> str:
     if largest is None or largest <= LARGE_ROTATION:
         return ""
     return f"the platform turns by up to {rounded(largest, 2)} rad, where a model of first order in phi is inaccurate"
+
+
+def drift(found: Mapping[str, Any]) -> str:
+    """Return the note on a phase difference that changes while it is measured, or an empty text if it does not."""
+    if found["frequency_split_hz"] is None:
+        return ""
+    change = abs(2.0 * math.pi * found["frequency_split_hz"] * found["measured_s"])
+    if change <= DRIFTING:
+        return ""
+    return (
+        f"the phase difference changes by {rounded(change, 2)} rad while it is measured: the motion has not settled, "
+        "or the exciters do not synchronize"
+    )
 
 
 def capture(exciter: int, speed: float, synchronous: float, critical_slip: float) -> str:
@@ -131,13 +147,15 @@ def _captures(scene: Scene, found: Mapping[str, Any]) -> list[str]:
         return []
     motors = scene.exciter_pair
     synchronous = [speed / (2.0 * math.pi) for speed in scene.synchronous_speeds_at(supply.frequency)]
+    critical = [exciter.critical_slip_speed(supply.frequency) / (2.0 * math.pi) for exciter in motors]
+    slips = [c / s if s > 0.0 else math.inf for c, s in zip(critical, synchronous, strict=True)]
     driven = [i for i in (0, 1) if supply.driven[i] and motors[i].critical_torque_n_m > 0.0]
     mean, split = found["excitation_frequency_hz"], found["frequency_split_hz"]
     if mean is not None:
         speeds = mean + 0.5 * split, mean - 0.5 * split
-        return [capture(i + 1, speeds[i], synchronous[i], motors[i].critical_slip) for i in driven]
+        return [capture(i + 1, speeds[i], synchronous[i], slips[i]) for i in driven]
     seconds = found["measured_to_s"] - found["measured_from_s"]
     # exciter 1 has turned less than twice
-    if 0 in driven and seconds > 0.0 and capture(1, 2.0 / seconds, synchronous[0], motors[0].critical_slip):
+    if 0 in driven and seconds > 0.0 and capture(1, 2.0 / seconds, synchronous[0], slips[0]):
         return [f"exciter 1 hardly turns, though its synchronous speed is {rounded(synchronous[0])} Hz"]
     return []

@@ -12,6 +12,9 @@ import numpy as np
 from vibroplat.observe.audit import Energies, audit
 from vibroplat.observe.statistics import SUMS, Measures, between, numbers
 
+#: Phase coherence below which exciters are not synchronous: their phase difference has no mean that says anything.
+COHERENCE = 0.8
+
 
 class Part(NamedTuple):
     """A part of a motion: what was summed over it, the energies at its ends, and the sums at the ends of its blocks."""

@@ -21,7 +21,7 @@ from vibroplat.model.parameters import FloatArray, parameters
 from vibroplat.observe.audit import INACCURATE, inaccuracy
 from vibroplat.observe.notes import notes_on_measures
 from vibroplat.observe.statistics import Measures, section_rows
-from vibroplat.observe.summary import Part, block_errors, half_open, measured
+from vibroplat.observe.summary import COHERENCE, Part, block_errors, half_open, measured
 from vibroplat.scene import Scene
 from vibroplat.study.classification import Kind, classify
 from vibroplat.study.section import period, section_points
@@ -34,8 +34,6 @@ from vibroplat.sweep_plan import SweepPlan
 SYNCHRONOUS = math.pi / 3.0
 #: Drift of the phase difference over the measured part (rad) above which exciters are not synchronous.
 WANDER = math.pi / 2.0
-#: Phase coherence below which exciters are not synchronous.
-COHERENCE = 0.8
 #: Distance from −π (rad) up to which a phase difference is reported as π: a few times the error left by settling.
 ANTIPHASE = 5e-3
 #: Number of blocks in which motion that does not repeat is measured, each as long as the plan's ``measure_s``.
