@@ -41,8 +41,8 @@ class Entry(Section):
     t_s: NonNegative = Field(description="time of the entry (s)")
     supply_frequency_hz: NonNegative | None = Field(
         None,
-        description="f_e then; linear between entries, with a jump where two share a time; scales and tolerances follow "
-        "the largest one, and below a thousandth of it critical slip speeds fall no more",
+        description="f_e then; linear between entries, with a jump where two share a time; scales and tolerances "
+        "follow the largest one, and below a thousandth of it critical slip speeds fall no more",
     )
     exciter_1: Switch | None = Field(None, description="on or off from then on; off: no torque, resistance alone")
     exciter_2: Switch | None = None

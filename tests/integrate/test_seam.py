@@ -110,7 +110,10 @@ def test_statistics_of_long_steps(bouncing, change, tolerance):
     found = run(scene.replace({"solver.tolerance": tolerance}), keep="summary").summary
     assert found["measured_s"] == pytest.approx(own["measured_s"], rel=100.0 * tolerance + 1e-7)
     for name in STATISTICS + OF_CONTACT * (scene.layers > 0):
-        assert found[name] == pytest.approx(own[name], rel=100.0 * tolerance + 1e-6), name
+        if own[name] is None:  # nothing flies in the measured part
+            assert found[name] is None, name
+        else:
+            assert found[name] == pytest.approx(own[name], rel=100.0 * tolerance + 1e-6), name
     assert found["liftoffs"] == own["liftoffs"]
 
 
