@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import pandas as pd
@@ -22,11 +22,31 @@ def read_result(directory: Path, command: Command) -> Result:
 
 def read_columns(result: Result, name: str, label: str | Sequence[str], numbers: Sequence[str]) -> pd.DataFrame:
     """Read a table; it must have these columns of labels and of numbers."""
-    directory, table = result.directory, result.table(name)
+    table = result.table(name)
+    _require(result, name, table, label, numbers)
+    return table
+
+
+def read_parts(
+    result: Result, name: str, label: str | Sequence[str], numbers: Sequence[str], others: Sequence[str] = ()
+) -> Iterator[pd.DataFrame]:
+    """Read these columns of a table in parts, which must have labels and numbers as in :func:`read_columns`.
+
+    ``others`` are columns that it may lack.
+    """
+    labels = (label,) if isinstance(label, str) else tuple(label)
+    for part in result.parts(name, (*labels, *numbers, *others)):
+        _require(result, name, part, label, numbers)
+        yield part
+
+
+def _require(
+    result: Result, name: str, table: pd.DataFrame, label: str | Sequence[str], numbers: Sequence[str]
+) -> None:
+    directory = result.directory
     for column in numbers:
         if column not in table or not (pd.api.types.is_numeric_dtype(table[column]) or table.empty):
             raise TableError(f"the {name} table in {directory} has no numbers in column {column}")
     for column in (label,) if isinstance(label, str) else label:
         if column not in table:
             raise TableError(f"the {name} table in {directory} has no column {column}")
-    return table
