@@ -11,6 +11,11 @@ SHARE = 0.5
 #: Memory (bytes) after which a run looks again how much is available.
 INTERVAL = 16 * 2**20
 
+#: Where control groups are.
+GROUPS = Path("/sys/fs/cgroup")
+#: What is told where the system has refused memory.
+NO_MORE = "the system gave no more memory; end other programs, or run on a machine with more"
+
 _UNITS = ("bytes", "KiB", "MiB", "GiB", "TiB", "PiB", "EiB")
 
 
@@ -65,7 +70,7 @@ def _of_group() -> float:
 
 def _groups() -> list[Path]:
     """List the directories of the process's control group and of those it is in."""
-    root = Path("/sys/fs/cgroup")
+    root = GROUPS
     with suppress(OSError):
         for line in Path("/proc/self/cgroup").read_text(encoding="utf-8").splitlines():
             if line.startswith("0::"):

@@ -11,7 +11,7 @@ then ``run-provenance.json`` or ``sweep-provenance.json``, so that none overwrit
 from __future__ import annotations
 
 import uuid
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Literal
 
@@ -28,6 +28,7 @@ from vibroplat.tables import (
     prepared,
     put_in_place,
     read_json,
+    read_parts,
     read_table,
     remove_file,
     remove_table,
@@ -134,6 +135,10 @@ class Result:
     def table(self, name: str) -> pd.DataFrame:
         """Read a table; raises :class:`TableError` if it is missing, damaged or of another result."""
         return read_table(self.directory, name, self._digests)
+
+    def parts(self, name: str, columns: Collection[str] | None = None, *, last: bool = False) -> Iterator[pd.DataFrame]:
+        """Read a table in parts; see :func:`vibroplat.tables.read_parts`."""
+        return read_parts(self.directory, name, self._digests, columns, last=last)
 
     def document(self, name: str) -> Any:
         """Read a JSON file; raises :class:`TableError` if it is missing, damaged or of another result."""

@@ -22,7 +22,7 @@ from vibroplat.messages import explain
 from vibroplat.overrides import OF_EXCITERS, merge, nest
 from vibroplat.sweep_plan import SweepPlan
 
-#: Most rows of a trajectory table.
+#: Most rows of a trajectory table, some 15 GB; whether so many fit is found out before a run begins.
 MAX_ROWS = 100_000_000
 
 #: Most turns at the synchronous speed that a run may take: half a day of computing.

@@ -7,7 +7,7 @@ import json
 import os
 import re
 import tempfile
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from io import BufferedReader
 from pathlib import Path
@@ -24,6 +24,8 @@ Writer = Callable[[Path], object]
 #: A table, or its parts, with one of them in memory at a time.
 Table = pd.DataFrame | Iterable[pd.DataFrame]
 FORMATS: tuple[Format, ...] = ("parquet", "csv")
+#: Most rows that are read at a time.
+PART = 2**15
 #: Age (s) at which a temporary file is removed whosever it is: its owner may be on another machine. A writer that is
 #: alive changes its file much more often.
 LEFTOVER = 86_400.0
@@ -91,14 +93,73 @@ def read_table(directory: Path, name: str, digests: Mapping[str, str] | None = N
     TableError
         It does not exist, is not the one of the digest, or cannot be read.
     """
+    with _opened_table(directory, name, digests) as file:
+        if file.name.endswith(".parquet"):
+            return pd.read_parquet(file, page_checksum_verification=True)
+        return pd.read_csv(file)
+
+
+def read_parts(
+    directory: Path,
+    name: str,
+    digests: Mapping[str, str] | None = None,
+    columns: Collection[str] | None = None,
+    *,
+    last: bool = False,
+) -> Iterator[pd.DataFrame]:
+    """Read a table of a result in parts, with one of them in memory at a time; at least one, without rows if need be.
+
+    Parameters
+    ----------
+    directory, name, digests
+        As of :func:`read_table`, which raises the same errors.
+    columns
+        Columns that are read if the table has them; all of them by default.
+    last
+        Whether only the end of the table is wanted.
+    """
+    with _opened_table(directory, name, digests) as file:
+        read = _read_row_groups if file.name.endswith(".parquet") else _read_lines
+        yield from read(file, columns, last=last)
+
+
+def _read_row_groups(file: BufferedReader, columns: Collection[str] | None, *, last: bool) -> Iterator[pd.DataFrame]:
+    import pyarrow as pa  # noqa: PLC0415  (a table in CSV does not need it)
+    import pyarrow.parquet as pq  # noqa: PLC0415
+
+    source = pq.ParquetFile(file, page_checksum_verification=True)
+    wanted = [name for name in source.schema_arrow.names if columns is None or name in columns]
+    groups = list(range(source.num_row_groups))
+    found = False
+    for rows in source.iter_batches(PART, groups[-1:] if last else groups, wanted):
+        found = True
+        yield pa.Table.from_batches([rows]).to_pandas()
+    if not found:
+        yield source.schema_arrow.empty_table().select(wanted).to_pandas()
+
+
+def _read_lines(file: BufferedReader, columns: Collection[str] | None, *, last: bool) -> Iterator[pd.DataFrame]:
+    part = None
+    for part in pd.read_csv(file, usecols=None if columns is None else columns.__contains__, chunksize=PART):
+        if not last:
+            yield part
+    if last and part is not None:
+        yield part
+
+
+@contextmanager
+def _opened_table(directory: Path, name: str, digests: Mapping[str, str] | None) -> Iterator[BufferedReader]:
+    """Open a table of a result in either format."""
     names = [f"{name}.{form}" for form in FORMATS]
     known = [file for file in names if digests is None or file in digests]
-    for path in (directory / file for file in known or names):
-        with suppress(FileNotFoundError), _opened(path, digests) as file:
-            if path.suffix == ".parquet":
-                return pd.read_parquet(file, page_checksum_verification=True)
-            return pd.read_csv(file)
-    raise TableError(f"{directory} holds no {name} table; allowed: a result directory of vibroplat")
+    with ExitStack() as stack:
+        for path in (directory / file for file in known or names):
+            with suppress(FileNotFoundError):
+                file = stack.enter_context(_opened(path, digests))
+                break
+        else:
+            raise TableError(f"{directory} holds no {name} table; allowed: a result directory of vibroplat")
+        yield file
 
 
 def read_json(directory: Path, name: str, digests: Mapping[str, str] | None = None) -> Any:

@@ -72,6 +72,21 @@ def test_exciters_show_both_speeds_and_their_phase_over_the_whole_run(figures, r
     np.testing.assert_allclose(phase.lines[0].get_ydata(), (table["phi1_rad"] + table["phi2_rad"]) % TURN)
 
 
+def test_plot_of_a_long_table_reads_it_in_parts_and_thins_out_what_shows_all_of_it(figures, result, monkeypatch):
+    plot_run(result, ["motion"])
+    (whole,) = (points(figures["motion"].axes[0].lines[0]),)
+    monkeypatch.setattr("vibroplat.tables.PART", 50)
+    monkeypatch.setattr("vibroplat.plots.run.POINTS", 100)
+    monkeypatch.setattr("vibroplat.results.read_table", None)
+    plot_run(result, ["motion", "exciters"])
+    np.testing.assert_array_equal(points(figures["motion"].axes[0].lines[0]), whole)
+    table = read_table(result, "trajectory")
+    every = -(-len(table) // 100)
+    shown = figures["exciters"].axes[0].lines[0].get_xdata()
+    np.testing.assert_array_equal(shown, table["t_s"].iloc[::every])
+    assert 50 < len(shown) <= 100
+
+
 def test_plot_leaves_out_what_a_scene_without_contact_has_not(figures, written):
     paths = plot_run(written / "bare", ["motion", "force", "exciters"])
     assert [path.name for path in paths] == ["motion.png", "exciters.png"]

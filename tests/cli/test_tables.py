@@ -8,7 +8,16 @@ import pytest
 
 from vibroplat import simulate
 from vibroplat.errors import TableError
-from vibroplat.tables import FORMATS, read_json, read_table, result_directory, write_json, write_table
+from vibroplat.tables import (
+    FORMATS,
+    GrowingTable,
+    read_json,
+    read_parts,
+    read_table,
+    result_directory,
+    write_json,
+    write_table,
+)
 
 OLD, NEW = pd.DataFrame({"v": [1.0, 2.0]}), pd.DataFrame({"v": [3.0]})
 
@@ -96,6 +105,55 @@ def test_tables_of_a_run_read_back_bit_for_bit(form, name, finished, tmp_path):
     assert list(back.columns) == list(table.columns)
     for column in table:
         np.testing.assert_array_equal(back[column].to_numpy(table[column].to_numpy().dtype), table[column].to_numpy())
+
+
+@pytest.mark.parametrize("form", FORMATS)
+@pytest.mark.parametrize("columns", [None, ("mode", "y_m", "unknown")])
+def test_table_in_parts_reads_back_bit_for_bit(form, columns, runs, tmp_path, monkeypatch):
+    table = runs["two layers"].trajectory
+    with GrowingTable(tmp_path, "t", form) as grown:
+        for first in range(0, len(table), 100):
+            grown.append(table.iloc[first : first + 100])
+        assert not (tmp_path / f"t.{form}").exists()
+        grown.finish().rename(tmp_path / f"t.{form}")
+    write_table(table, tmp_path, "whole", form)
+    pd.testing.assert_frame_equal(read_table(tmp_path, "t"), read_table(tmp_path, "whole"), check_exact=True)
+    monkeypatch.setattr("vibroplat.tables.PART", 64)
+    parts = list(read_parts(tmp_path, "t", columns=columns))
+    assert max(map(len, parts)) <= 64
+    wanted = table if columns is None else table[["mode", "y_m"]]
+    found = pd.concat(parts, ignore_index=True).astype({"mode": "str"})
+    pd.testing.assert_frame_equal(found, wanted.astype({"mode": "str"}), check_exact=True)
+    (*_, end) = read_parts(tmp_path, "t", last=True)
+    assert end["t_s"].iloc[-1] == table["t_s"].iloc[-1]
+
+
+@pytest.mark.parametrize("form", FORMATS)
+def test_table_without_rows_is_one_part(form, runs, tmp_path):
+    table = runs["bare"].events
+    with GrowingTable(tmp_path, "t", form) as grown:
+        grown.append(table)
+        grown.finish().rename(tmp_path / f"t.{form}")
+    for last in (False, True):
+        (part,) = read_parts(tmp_path, "t", last=last)
+        assert (len(part), list(part)) == (0, list(table))
+
+
+@pytest.mark.parametrize("form", FORMATS)
+def test_table_whose_next_part_cannot_be_written_leaves_the_old_one(form, tmp_path, monkeypatch):
+    def full(*_arguments, **_options):
+        raise OSError(28, "No space left on device")
+
+    write_table(OLD, tmp_path, "t", form)
+    with GrowingTable(tmp_path, "t", form) as grown:
+        grown.append(NEW)
+        monkeypatch.setattr(pd.DataFrame, "to_csv", full)
+        monkeypatch.setattr("pyarrow.parquet.ParquetWriter.write_table", full)
+        with pytest.raises(TableError) as caught:
+            grown.append(NEW)
+    assert str(caught.value) == f"{tmp_path}/t.{form} cannot be written: No space left on device"
+    assert files(tmp_path) == [f"t.{form}"]
+    pd.testing.assert_frame_equal(read_table(tmp_path, "t"), OLD)
 
 
 @pytest.mark.parametrize("name", ["scene", "deep/er"])

@@ -133,6 +133,29 @@ pd.DataFrame.to_csv = half
 """
 
 
+#: A program that gets Ctrl-C when a run writes the third part of its table.
+GROWING = """
+import os, signal
+import pandas as pd
+import vibroplat.observe.table
+vibroplat.observe.table.BLOCK = 64
+to_csv, parts = pd.DataFrame.to_csv, []
+def interrupted(table, path, **options):
+    to_csv(table, path, **options)
+    parts.append(path)
+    assert path.stat().st_size > 1000
+    if len(parts) == 3:
+        os.kill(0, signal.SIGINT)
+pd.DataFrame.to_csv = interrupted
+"""
+
+
+@pytest.mark.faults
+def test_ctrl_c_while_a_table_grows_leaves_no_part_of_it(place):
+    assert problem(ended(place, *RUN, "--set", "output.sample_rate_hz=1000", "--format", "csv", before=GROWING)) == ""
+    assert left(place / "results/c") == ({}, [])
+
+
 #: A program that gets Ctrl-C when it renames the second file of a result.
 RENAMING = """
 import os, signal

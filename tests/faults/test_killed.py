@@ -8,7 +8,7 @@ import time
 
 import numpy as np
 import pytest
-from common.commands import Child, command, ended, not_a_line
+from common.commands import Child, command, ended, not_a_line, sending
 from common.places import LOADED
 from common.results import bits, left
 
@@ -144,6 +144,20 @@ def test_temporaries_do_not_pile_up(signal_, here):
         assert len(list((here / "results/c").glob(".trajectory-*"))) == (signal_ == signal.SIGKILL)
     assert command("run", "c.yaml").code == 0
     assert left(here / "results/c")[1] == []
+
+
+def test_run_killed_while_its_table_grows_leaves_the_old_result(here):
+    (here / "c.yaml").write_text(RUN)
+    assert command("run", "c.yaml").code == 0
+    wanted = tables(here / "results/c")[0]
+    small = "import vibroplat.observe.table\nvibroplat.observe.table.BLOCK = 64\n"
+    before = small + sending(signal.SIGKILL, "pyarrow.parquet:ParquetWriter.write_table", 3)
+    assert ended(here, "run", "c.yaml", "--set", "run.duration_s=0.5", before=before).code == -signal.SIGKILL
+    found, temporaries = tables(here / "results/c")
+    assert found == wanted
+    assert [name.partition("-")[0] for name in temporaries] == [".trajectory"]
+    completes(here, wanted, "run", "c.yaml")
+    assert tables(here / "results/c")[1] == []
 
 
 @pytest.mark.parametrize("number", [1, 2, 3, 4])

@@ -16,6 +16,7 @@ from vibroplat import load_config, simulate, sweep
 from vibroplat.errors import ConfigError
 from vibroplat.hybrid.initial import initial_state, perturbed
 from vibroplat.hybrid.scales import state_scales
+from vibroplat.integrate.choice import make_engine
 from vibroplat.observe import audit
 from vibroplat.scene import Scene
 from vibroplat.study.branches import branches
@@ -519,3 +520,19 @@ def test_another_kind_removes_what_the_one_before_wrote(command, here):
     for kind, written in zip(kinds, ({"section.csv", "impacts.csv", "sweep.csv"}, {"sweep.parquet"}), strict=True):
         assert command("sweep", "c.yaml", *kind).code == 0
         assert {path.name for path in directory.glob("*.[pc]*")} == written
+
+
+def test_point_without_memory_has_an_outcome_and_the_next_one_goes_on(monkeypatch):
+    made = []
+
+    def without(scene, p):
+        made.append(scene)
+        if len(made) == 2:
+            raise MemoryError
+        return make_engine(scene, p)
+
+    monkeypatch.setattr("vibroplat.study.point.make_engine", without)
+    table = swept(LOADED, 50.0, 51.0, settle_s=0.3, measure_s=0.3)
+    assert table["outcome"].tolist() == ["ok", "out-of-memory", "ok"]
+    assert table["detail"].tolist()[1].startswith("the system gave no more memory; ")
+    assert table["steps"].tolist()[1] == 0

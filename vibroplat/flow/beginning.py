@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -60,7 +61,8 @@ def _end_of(directory: Path, scene: Scene) -> Beginning:
     key = f"run.initial.from = {str(directory)!r}"
     try:
         result = Result(directory, "run")
-        origin, summary, table = result.provenance, result.document("summary"), result.table("trajectory")
+        origin, summary = result.provenance, result.document("summary")
+        table = deque(result.parts("trajectory", last=True), maxlen=1)[0]  # its last rows
     except TableError as error:
         wrong = str(error).partition("; allowed: ")[0]
         raise ConfigError(f"{key}: {wrong}; allowed: the directory of a finished run") from None

@@ -15,7 +15,7 @@ from vibroplat.hybrid.modes import KINDS
 from vibroplat.hybrid.steps import no_steps, rewind
 from vibroplat.integrate.seam import Engine
 from vibroplat.kernels.compiled import FloatArray
-from vibroplat.memory import OutOfMemoryError
+from vibroplat.memory import NO_MORE, OutOfMemoryError
 from vibroplat.model.parameters import Parameters, supply
 from vibroplat.observe.audit import Energies
 from vibroplat.observe.statistics import Measures, Statistics, copied
@@ -194,8 +194,7 @@ class Motion:
     def _end_without_memory(self, error: MemoryError) -> None:
         """End the motion early; what was computed is kept."""
         self.automaton.run["outcome"] = hy.OUT_OF_MEMORY
-        told = isinstance(error, OutOfMemoryError)
-        self._lack = str(error) if told else "the system gave no more memory; let other programs end, or give it more"
+        self._lack = str(error) if isinstance(error, OutOfMemoryError) else NO_MORE
 
     def to_section(self, turns: int, longest: float, observers: Sequence[Observer] = ()) -> bool:
         """Carry the motion on until exciter 1 has completed so many whole turns more, exactly.

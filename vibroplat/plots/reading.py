@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import pandas as pd
@@ -24,7 +24,30 @@ def read_columns(
     result: Result, name: str, label: str | Sequence[str], numbers: Sequence[str], optional: Sequence[str] = ()
 ) -> pd.DataFrame:
     """Read a table; it must have these columns of labels and of numbers, and numbers in optional ones it has."""
-    directory, table = result.directory, result.table(name)
+    table = result.table(name)
+    _require(result, name, table, label, numbers, optional)
+    return table
+
+
+def read_parts(
+    result: Result, name: str, label: str | Sequence[str], numbers: Sequence[str], optional: Sequence[str] = ()
+) -> Iterator[pd.DataFrame]:
+    """Read these columns of a table in parts, which must be as in :func:`read_columns`."""
+    labels = (label,) if isinstance(label, str) else tuple(label)
+    for part in result.parts(name, (*labels, *numbers, *optional)):
+        _require(result, name, part, label, numbers, optional)
+        yield part
+
+
+def _require(
+    result: Result,
+    name: str,
+    table: pd.DataFrame,
+    label: str | Sequence[str],
+    numbers: Sequence[str],
+    optional: Sequence[str],
+) -> None:
+    directory = result.directory
     for column in (*numbers, *(column for column in optional if column in table)):
         if column not in table or not _holds_numbers(table[column]):
             raise TableError(f"the {name} table in {directory} has no numbers in column {column}")
@@ -33,7 +56,6 @@ def read_columns(
             raise TableError(f"the {name} table in {directory} has no column {column}")
         if pd.api.types.is_numeric_dtype(table[column]) and table[column].notna().any():
             raise TableError(f"the {name} table in {directory} has no names in column {column}")
-    return table
 
 
 def _holds_numbers(column: pd.Series) -> bool:

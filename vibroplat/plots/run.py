@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,20 +12,22 @@ import numpy as np
 import pandas as pd
 
 from vibroplat.errors import TableError
-from vibroplat.plots.reading import read_columns, read_result
+from vibroplat.plots.reading import read_parts, read_result
 from vibroplat.plots.style import CONTACT, FORCE, MATERIAL, PLATFORM, plain, plt, save, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+#: Most points of a line over the whole run, more than a figure can show.
+POINTS = 20_000
 #: Turns of the exciters shown by motion and force if no interval is given.
 SHOWN_TURNS = 10
 
 
 @dataclass(frozen=True)
 class _Result:
-    """Tables of a run, cut to the interval shown."""
+    """Tables of a run: the trajectory thinned out, and both tables cut to the interval shown."""
 
     name: str
     whole: pd.DataFrame
@@ -73,20 +76,33 @@ def _read(directory: Path, start: float | None, stop: float | None) -> _Result:
     if not _is_summary(summary):
         raise TableError(f"{directory / 'summary.json'} is not the summary of a run")
     angles = ("phi1_rad", "phi2_rad", "phi1_rate_rad_per_s", "phi2_rate_rad_per_s")
-    numbers = ("t_s", "y_m", *angles)
-    whole = read_columns(result, "trajectory", "mode", numbers, optional=("gap_m", "contact_force_n"))
-    events = read_columns(result, "events", "kind", ("t_s", "impulse_n_s"))
-    if whole.empty:
+    parts = (part["t_s"] for part in read_parts(result, "trajectory", (), ("t_s",)))
+    times = [(len(part), part.min(), part.max()) for part in parts if len(part)]
+    if not times:
         raise TableError(f"{directory} holds an empty trajectory; there is nothing to plot")
-    first, last = float(whole["t_s"].min()), float(whole["t_s"].max())
+    rows, first, last = sum(n for n, *_ in times), float(min(t for _, t, _ in times)), float(max(t for *_, t in times))
     end = last if stop is None else stop
     frequency = summary["excitation_frequency_hz"]
     begin = start if start is not None else max(first, end - SHOWN_TURNS / frequency) if frequency else first
-    shown = whole[whole["t_s"].between(begin, end)]
+    trajectory = read_parts(result, "trajectory", "mode", ("t_s", "y_m", *angles), ("gap_m", "contact_force_n"))
+    whole, shown = _thinned_and_cut(trajectory, math.ceil(rows / POINTS), begin, end)
+    _, events = _thinned_and_cut(read_parts(result, "events", "kind", ("t_s", "impulse_n_s")), 1, begin, end)
     if shown["t_s"].nunique() < 2:
         raise TableError(f"no data between {begin} and {end} s; allowed: an interval within {first} … {last} s")
     co_rotating = summary.get("rotation") == "co-rotating"
-    return _Result(summary["name"], whole, shown, events[events["t_s"].between(begin, end)], co_rotating)
+    return _Result(summary["name"], whole, shown, events, co_rotating)
+
+
+def _thinned_and_cut(
+    parts: Iterable[pd.DataFrame], every: int, begin: float, end: float
+) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Return every so manieth row of a table in parts, and its rows in an interval (s)."""
+    thinned, cut, rows = [], [], 0
+    for part in parts:
+        thinned.append(part.iloc[-rows % every :: every])
+        cut.append(part[part["t_s"].between(begin, end)])
+        rows += len(part)
+    return pd.concat(thinned, ignore_index=True), pd.concat(cut, ignore_index=True)
 
 
 def _is_summary(found: object) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections import deque
 from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
@@ -17,6 +18,7 @@ from vibroplat.hybrid.modes import IMPACT
 from vibroplat.hybrid.scales import state_scales
 from vibroplat.hybrid.state import Automaton
 from vibroplat.integrate.choice import make_engine
+from vibroplat.memory import NO_MORE
 from vibroplat.model.parameters import FloatArray, parameters
 from vibroplat.observe.audit import INACCURATE, inaccuracy
 from vibroplat.observe.notes import notes_on_measures
@@ -103,8 +105,13 @@ def point_task(scene: Scene, plan: SweepPlan, state: list[float] | None, key: tu
 
 
 def _lost(reason: str) -> Record:
+    return vars(_without_work("worker-lost", reason))
+
+
+def _without_work(outcome: str, reason: str) -> Point:
+    """Return a point of which nothing is known but why."""
     work = {"steps": 0, "residual_calls": 0, "events": 0, "simulated_s": 0.0, "settle_s": 0.0, "wall_s": 0.0}
-    return vars(Point({"outcome": "worker-lost", "detail": reason} | work, None))
+    return Point({"outcome": outcome, "detail": reason} | work, None)
 
 
 def measure_point(scene: Scene, plan: SweepPlan, state: list[float] | None, key: tuple[int, ...]) -> Point:
@@ -120,7 +127,19 @@ def measure_point(scene: Scene, plan: SweepPlan, state: list[float] | None, key:
         Full state at the end of the point before, shape (14,); without it the point begins with ``run.initial``.
     key
         Numbers that, with the plan's seed, determine the perturbation; see :meth:`Branch.key`.
+
+    Returns
+    -------
+    Point
+        With outcome ``out-of-memory`` if there is not enough for it.
     """
+    try:
+        return _measured_point(scene, plan, state, key)
+    except MemoryError:
+        return _without_work("out-of-memory", NO_MORE)
+
+
+def _measured_point(scene: Scene, plan: SweepPlan, state: list[float] | None, key: tuple[int, ...]) -> Point:
     began = time.perf_counter()
     p = parameters(scene)
     impacts = _Impacts() if plan.kind == "bifurcation" else None
@@ -152,14 +171,14 @@ def measure_point(scene: Scene, plan: SweepPlan, state: list[float] | None, key:
             points = section_points(part.measures, scene)
             heights = (points[-SHOWN:, 1] * state_scales(scene)[1]).tolist()
     row["wall_s"] = time.perf_counter() - began
-    return Point(row, final, heights, impacts.speeds[-SHOWN:] if final and impacts else [])
+    return Point(row, final, heights, list(impacts.speeds) if final and impacts else [])
 
 
 class _Impacts:
-    """Collects the speeds of impacts (m/s) while a motion advances."""
+    """Collects the speeds of the last impacts (m/s) while a motion advances."""
 
     def __init__(self) -> None:
-        self.speeds: list[float] = []
+        self.speeds: deque[float] = deque(maxlen=SHOWN)
 
     def read(self, h: Automaton) -> None:
         """Take the impacts from the list of events."""
