@@ -53,7 +53,7 @@ def write(scene, name):
 
 
 @pytest.fixture
-def first(here, command, quickstart):
+def first(here, command, quickstart, kernels):
     """Make a command leave a run of one second in results/first; return its scene."""
 
     def run(changes, form="parquet", seconds=1.0):
@@ -154,12 +154,13 @@ def test_provenance_says_where_a_run_begins(first, command):
     assert "begins_from" not in read_json(Path("results/first"), "provenance")
 
 
-def test_a_run_may_go_on_in_its_own_directory(first, command):
-    """The second replaces the first, whose end it has read before."""
-    scene = first({})
+def test_a_run_that_goes_on_does_not_replace_the_one_before(first, command):
+    scene = first({}, seconds=0.05)
     write(going_on(scene), "first")
-    assert command("run", "first.yaml").code == 0
-    assert read_table(Path("results/first"), "trajectory")["t_s"].iloc[-1] == 2.0
+    done = command("run", "first.yaml")
+    line = "run.initial.from = 'results/first' is where this run would be written; allowed: another name"
+    assert (done.code, done.err) == (2, f"vibroplat: {line}\n")
+    assert read_table(Path("results/first"), "trajectory")["t_s"].iloc[-1] == 0.05
 
 
 def test_a_run_that_goes_on_is_not_perturbed_unless_asked(first):
@@ -282,7 +283,7 @@ def test_coordinates_that_the_scene_does_not_have(first, command, here):
     scene = first({}, seconds=0.05)
     line = lines_of(going_on(scene, **{"material.mass_ratio": 0.0}), command, here)
     assert line.startswith(" ends with ")
-    assert line.endswith(" but this scene has no such coordinate")
+    assert line.endswith(" but this scene has no such coordinate; allowed: a run with the same layers")
 
 
 def test_program_that_begins_later(first, command, here):
