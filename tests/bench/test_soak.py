@@ -24,7 +24,7 @@ def row(number, failed=""):
     return {
         "round": number,
         "seed": number + 1,
-        "scenes": 4,
+        "runs": 4,
         "points": 3,
         "sweep_kills": 1,
         "worker_kills": 0,
@@ -61,6 +61,7 @@ def test_finished_round_is_not_done_again(tmp_path, done):
 def test_rounds_until_their_processor_time_is_reached(tmp_path, done):
     assert soak.soak(tmp_path, seconds=25.0)["processor_s"].sum() == 30.0
     assert soak.soak(tmp_path, seconds=35.0)["processor_s"].sum() == 40.0
+    assert soak.soak(tmp_path, seconds=35.0)["processor_s"].sum() == 40.0  # nothing is left to do
     assert done == [0, 1, 2, 3]
 
 
@@ -101,13 +102,15 @@ def test_killed_soak_goes_on_with_its_round(tmp_path, done):
 
 
 def test_each_failure_is_a_line_and_the_table_is_written(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(soak, "run_round", lambda number, *_: row(number, "scene 3, native: outcome bad; run: late"))
+    monkeypatch.setattr(
+        soak, "run_round", lambda number, *_: row(number, "scene 3, native: outcome bad; steps 9 | run: late")
+    )
     with pytest.raises(report.FailedRoundsError, match="1 of 1 rounds failed") as raised:
         report.report_soak(tmp_path, tmp_path, 1)
     assert raised.value.exit_code == 1
     assert capsys.readouterr().err.splitlines() == [
         "left out: dask",
-        "vibroplat: round 0: scene 3, native: outcome bad",
+        "vibroplat: round 0: scene 3, native: outcome bad; steps 9",
         "vibroplat: round 0: run: late",
     ]
     assert pd.read_csv(tmp_path / "soak.csv")["processor_s"].tolist() == [10.0]
@@ -191,7 +194,7 @@ def test_rounds_are_drawn_from_their_numbers():
 def test_round_with_a_sweep_that_is_killed_and_resumed(tmp_path):
     found = rounds.run_round(0, TINY, tmp_path)
     assert found["failed"] == ""
-    assert (found["scenes"], found["points"], found["worker_kills"]) == (4, 3, 0)
+    assert (found["runs"], found["points"], found["worker_kills"]) == (4, 3, 0)
     assert found["steps"] > 0
     assert found["processor_s"] > 0.0
 

@@ -96,13 +96,13 @@ def report_soak(directory: Path, reference: Path, repeats: int, seconds: float =
     FailedRoundsError
         Something failed in these rounds or in stored ones; each failure is printed first.
     """
-    from vibroplat.bench.soak.rounds import Row  # noqa: PLC0415  (imports all that it tries)
+    from vibroplat.bench.soak.rounds import SEPARATOR, Row  # noqa: PLC0415  (imports all that it tries)
     from vibroplat.bench.soak.soak import soak  # noqa: PLC0415
 
     def tell(row: Row) -> None:
         kills = row["sweep_kills"] + row["worker_kills"]
         print(
-            f"round {row['round']}: {row['scenes']} runs, {row['points']} points, {kills} kills, "
+            f"round {row['round']}: {row['runs']} runs, {row['points']} points, {kills} kills, "
             f"{row['processor_s']:.3g} s of processor time",
             flush=True,
         )
@@ -114,7 +114,7 @@ def report_soak(directory: Path, reference: Path, repeats: int, seconds: float =
     print(f"{table['processor_s'].sum() / 3600.0:.3g} hours of processor time in {len(table)} rounds")
     failed = table[table["failed"] != ""]
     for number, text in zip(failed["round"], failed["failed"], strict=True):
-        for line in text.split("; "):
+        for line in text.split(SEPARATOR):
             print(f"vibroplat: round {number}: {line}", file=sys.stderr)
     if len(failed):
         raise FailedRoundsError(f"{len(failed)} of {len(table)} rounds failed")

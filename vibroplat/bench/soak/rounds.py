@@ -25,6 +25,9 @@ SETTLE, MEASURE = 40.0, 4.0
 #: Most kills of a sweep that is resumed.
 MOST_KILLS = 3
 
+#: Between failures in a row; a failure may have semicolons.
+SEPARATOR = " | "
+
 #: A row of the table: what was done in a round.
 Row = dict[str, Any]
 
@@ -66,7 +69,7 @@ def run_round(number: int, size: Size, directory: Path) -> Row:
     for part in parts:
         row |= part
     row |= {"processor_s": processor_time() - used, "wall_s": time.perf_counter() - began}
-    return row | {"failed": "; ".join(failed)}
+    return row | {"failed": SEPARATOR.join(failed)}
 
 
 def seed(number: int) -> int:
@@ -89,7 +92,7 @@ def processor_time() -> float:
 def _scenes(number: int, size: Size) -> tuple[Row, Scene]:
     """Judge random scenes as the campaign does; also return one of them that reaches its end, to be drawn."""
     tame = None
-    row: Row = {"scenes": 0, "ended_early": 0, "steps": 0, "events": 0, "failed": []}
+    row: Row = {"runs": 0, "ended_early": 0, "steps": 0, "events": 0, "failed": []}
     for place in range(size.scenes):
         scene = random_scene(place, seed(number))
         for engine in ENGINES:
@@ -98,7 +101,7 @@ def _scenes(number: int, size: Size) -> tuple[Row, Scene]:
             except Exception as error:  # the soak is to find any of them, and goes on
                 row["failed"].append(f"scene {place}, {engine}: {type(error).__name__}: {error}")
                 continue
-            row["scenes"] += 1
+            row["runs"] += 1
             row["ended_early"] += found["outcome"] != "ok"
             row["steps"] += int(found["steps"] or 0)
             row["events"] += int(found["events"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator
@@ -32,7 +33,7 @@ def soak(
     directory
         Where rounds are stored, in a directory for each version of the code and libraries.
     seconds
-        Processor time of all rounds together until which it goes on; at least one round is done.
+        Processor time of all rounds together until which it goes on; with 0 one more round is done.
     size
         How much is done in a round.
     tell
@@ -47,16 +48,20 @@ def soak(
     with Store(_place(directory, size), {"code": code(), "size": size._asdict()}, resume=True) as store:
         place = _place(directory, size)
         rows = dict(store.read(ROUNDS))
-        while True:
+        enough = seconds or math.nextafter(_used(rows), math.inf)
+        while _used(rows) < enough:
             number = next(n for n in range(len(rows) + 1) if n not in rows)
             with _work(place) as work:
                 rows[number] = run_round(number, size, work)
             store.write(ROUNDS, number, rows[number])
             if tell is not None:
                 tell(rows[number])
-            if sum(row["processor_s"] for row in rows.values()) >= seconds:
-                break
     return pd.DataFrame([rows[number] for number in sorted(rows)])
+
+
+def _used(rows: dict[int, Row]) -> float:
+    """Return the processor time (s) of rounds."""
+    return float(sum(row["processor_s"] for row in rows.values()))
 
 
 def _place(directory: Path, size: Size) -> Path:
