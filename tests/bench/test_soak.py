@@ -189,8 +189,15 @@ def test_rounds_are_drawn_from_their_numbers():
 # -- whole rounds ---------------------------------------------------------------------------------------
 
 
+@pytest.fixture
+def short_points(monkeypatch):
+    """Points that take a second or two instead of ten."""
+    monkeypatch.setattr(rounds, "SETTLE", 4.0)
+    monkeypatch.setattr(rounds, "MEASURE", 1.0)
+
+
 @pytest.mark.faults
-@pytest.mark.usefixtures("kernels")
+@pytest.mark.usefixtures("kernels", "short_points")
 def test_round_with_a_sweep_that_is_killed_and_resumed(tmp_path):
     found = rounds.run_round(0, TINY, tmp_path)
     assert found["failed"] == ""
@@ -201,7 +208,7 @@ def test_round_with_a_sweep_that_is_killed_and_resumed(tmp_path):
 
 @pytest.mark.faults
 @pytest.mark.long
-@pytest.mark.usefixtures("kernels")
+@pytest.mark.usefixtures("kernels", "short_points")
 def test_round_with_workers_that_come_and_go(tmp_path):
     pytest.importorskip("distributed")
     found = rounds.run_round(0, TINY._replace(dask=True), tmp_path)
