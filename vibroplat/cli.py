@@ -81,6 +81,7 @@ class BenchName(StrEnum):
     engines = "engines"
     sweeps = "sweeps"
     stability = "stability"
+    soak = "soak"
     peers = "peers"
 
 
@@ -410,10 +411,17 @@ def plot(
 def bench(
     names: Annotated[
         list[BenchName] | None,
-        typer.Argument(metavar="[NAME]...", help="runtime, precision, engines, sweeps, stability, peers."),
+        typer.Argument(metavar="[NAME]...", help="runtime, precision, engines, sweeps, stability, soak, peers."),
     ] = None,
     out: Out = Path("results"),
-    long: Annotated[bool, typer.Option("--long", help="Run all benchmarks.")] = False,
+    long: Annotated[
+        bool,
+        typer.Option(
+            "--long",
+            help="Run all benchmarks, the soak with one round. Soak --long: rounds until they have taken 24 hours of "
+            "processor time; one that was stopped is resumed.",
+        ),
+    ] = False,
     reference: Annotated[Path, typer.Option(help="Directory of the reference tables.")] = Path("tests/reference"),
     repeats: Annotated[int, typer.Option(min=1, help="Number of runs; their median is reported.")] = 5,
 ) -> None:
@@ -426,15 +434,21 @@ def bench(
     from vibroplat.bench.timing import machine
     from vibroplat.tables import result_directory
 
-    if names and long:
-        raise VibroplatError(f"{names[0].value} --long: --long runs every bench; allowed: names or --long")
-    if long or not names or BenchName.peers in names:
+    soaking = long and names == [BenchName.soak]
+    if names and long and not soaking:
+        raise VibroplatError(f"{names[0].value} --long: --long runs every bench; allowed: names, --long, soak --long")
+    if (long and not soaking) or not names or BenchName.peers in names:
         report.require_oracle()
     _load_kernels()
     directory = result_directory(out, "benchmarks")
     print(machine())
     if not (names or long):
         report.report_summary(directory, reference, repeats)
+    if soaking:
+        from vibroplat.bench.soak.soak import LONG
+
+        report.report_soak(directory, reference, repeats, LONG)
+        return
     for name in BenchName if long else names or []:
         report.REPORTS[name.value](directory, reference, repeats)
 

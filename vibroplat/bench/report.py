@@ -88,6 +88,44 @@ def report_stability(directory: Path, reference: Path, repeats: int) -> None:
     _show(overview(tables), directory, "stability")
 
 
+def report_soak(directory: Path, reference: Path, repeats: int, seconds: float = 0.0) -> None:
+    """Do a round of random work that is disturbed, or rounds until so many seconds of processor time are stored.
+
+    Raises
+    ------
+    FailedRoundsError
+        Something failed in these rounds or in stored ones; each failure is printed first.
+    """
+    from vibroplat.bench.soak.rounds import SEPARATOR, Row  # noqa: PLC0415  (imports all that it tries)
+    from vibroplat.bench.soak.soak import soak  # noqa: PLC0415
+
+    def tell(row: Row) -> None:
+        kills = row["sweep_kills"] + row["worker_kills"]
+        print(
+            f"round {row['round']}: {row['runs']} runs, {row['points']} points, {kills} kills, "
+            f"{row['processor_s']:.3g} s of processor time",
+            flush=True,
+        )
+        if row["left_out"]:
+            print(f"left out: {row['left_out']}", file=sys.stderr)
+
+    table = soak(directory / "soak", seconds=seconds, tell=tell)
+    _show(table, directory, "soak")
+    print(f"{table['processor_s'].sum() / 3600.0:.3g} hours of processor time in {len(table)} rounds")
+    failed = table[table["failed"] != ""]
+    for number, text in zip(failed["round"], failed["failed"], strict=True):
+        for line in text.split(SEPARATOR):
+            print(f"vibroplat: round {number}: {line}", file=sys.stderr)
+    if len(failed):
+        raise FailedRoundsError(f"{len(failed)} of {len(table)} rounds failed")
+
+
+class FailedRoundsError(VibroplatError):
+    """Something failed in a soak."""
+
+    exit_code = 1
+
+
 def report_summary(directory: Path, reference: Path, repeats: int) -> None:
     """Compare run times of the installed peers at equal error, on scenes with and without events, in two minutes."""
     _compare(directory, reference, repeats, "summary", quick=True)
@@ -161,6 +199,7 @@ REPORTS: dict[str, Callable[[Path, Path, int], None]] = {
     "engines": report_engines,
     "sweeps": report_sweeps,
     "stability": report_stability,
+    "soak": report_soak,
     "peers": report_peers,
 }
 

@@ -33,13 +33,14 @@ def campaign(count: int) -> list[dict[str, Any]]:
     rows = []
     for number in range(count):
         scene = random_scene(number)
-        rows.append(_judged(scene))
+        rows.append(judged(scene))
         if number % RARE == 0:
-            rows.append(_judged(scene.replace({"solver.engine": "sundae"})))
+            rows.append(judged(scene.replace({"solver.engine": "sundae"})))
     return [*rows, _all(rows, [random_scene(number).solver.tolerance for number in range(count)])]
 
 
-def _judged(scene: Scene) -> dict[str, Any]:
+def judged(scene: Scene) -> dict[str, Any]:
+    """Run a scene with its engine; return its row, in which ``failed`` says what is beyond its limit."""
     began = time.perf_counter()
     thorough = scene.solver.engine == "sundae"
     run = simulate(scene, keep="segments" if thorough else "summary")
@@ -56,7 +57,7 @@ def _judged(scene: Scene) -> dict[str, Any]:
         limits["steps"] = (summary["steps"], MAX_STEPS * (TURNS + 1.0))
     if summary["outcome"] in ("ok", INACCURATE):
         limits["left_out_s"] = (abs(summary["simulated_s"] - scene.run.duration_s), 0.0)
-    figures = {"events": summary["events"], "seconds": seconds, "detail": summary["detail"]}
+    figures = {"steps": summary["steps"], "events": summary["events"], "seconds": seconds, "detail": summary["detail"]}
     name = f"{scene.name}, {summary['engine']}"
     return row(name, summary["outcome"], limits, allowed=GIVEN_UP | {"ok", INACCURATE}) | figures
 
