@@ -178,11 +178,11 @@ def run(
     if source is not None and Path(source).resolve() == (out / scene.name).resolve():
         raise ConfigError(f"run.initial.from = {source!r} is where this run would be written; allowed: another name")
     directory = result_directory(out, scene.name)
+    _tell_of_compilation()
     from vibroplat.flow.keeping import Sink
     from vibroplat.flow.space import require_disk
 
     require_disk(scene, directory, format_.value)
-    _tell_of_compilation()
     _load_kernels(scene.solver.engine)
     trajectory, events = (GrowingTable(directory, name, format_.value) for name in ("trajectory", "events"))
     with trajectory, events:

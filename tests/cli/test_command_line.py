@@ -105,7 +105,10 @@ def test_run_prints_counts_of_the_measured_part_and_of_the_whole(finished_comman
     done, results = finished_commands
     events = read_table(results / "quickstart", "events")
     lines = {line[:28].rstrip(): line[28:] for line in done["quickstart"].out.splitlines()}
-    for label, part in (("liftoffs, impacts, latches", events[events["t_s"] >= 0.1]), ("whole run: the same", events)):
+    for label, part in (
+        ("liftoffs, impacts, latches", events[events["t_s"] >= 0.1]),
+        ("whole run: these counts", events),
+    ):
         counts = [str((part["kind"] == kind).sum()) for kind in ("liftoff", "impact", "latch")]
         assert lines[label] == ", ".join(counts)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 from common.limits import cpu_seconds
 from common.places import ROOT
@@ -440,7 +442,7 @@ def test_message_about_a_setting(setting, line):
             {"drive": 3, "drive.supply_frequency_hz": 50.0},
             "drive.supply_frequency_hz lies inside drive, which already has a value",
         ),
-        ({"motors.0.pole_pairs": 3}, "c.yaml: motors = {'0': {'pole_pairs': 3}}; allowed: a list"),
+        ({"motors.0.pole_pairs": "3"}, "c.yaml: motors.0.pole_pairs = '3'; allowed: a whole number"),
     ],
     ids=["value", "key", "inside a value", "inside a list"],
 )
@@ -652,7 +654,7 @@ def test_example_of_the_interface_loads(scene_of, here):
     scene = scene_of(EXAMPLE)
     assert scene.sweep.settle_s == 6.0
     calibrated = {"machine.unbalance_radius_m": 0.09, "machine.damping_y_n_s_per_m": 400.0}
-    calibrated |= {"motor.friction_radius_m": 5e-5}
+    calibrated |= {"motor.friction_radius_m": 5e-5, "run.initial.phase_sum_rad": math.pi}
     calibrated |= {"material.natural_frequency_hz": 18.5, "material.damping_ratio": 0.05}
     assert scene.replace(name="x", sweep=None) == load_config(ROOT / "configs/quickstart.yaml", calibrated).replace(
         {

@@ -174,7 +174,7 @@ SWITCHES = st.one_of(
 )
 DRIVES = st.one_of(
     st.fixed_dictionaries({"supply_frequency_hz": st.floats(1.0, 100.0)}),
-    st.lists(st.tuples(st.one_of(st.none(), st.floats(0.0, 100.0)), SWITCHES), max_size=5).map(
+    st.lists(st.tuples(st.one_of(st.none(), st.just(0.0), st.floats(1e-3, 100.0)), SWITCHES), max_size=5).map(
         lambda rows: {
             "program": [{"t_s": 0.0, "supply_frequency_hz": 50.0}]
             + [{"t_s": 1.0 + i // 2, "supply_frequency_hz": f, **switches} for i, (f, switches) in enumerate(rows)]

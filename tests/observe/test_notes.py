@@ -125,3 +125,12 @@ def test_samples_of_the_measured_part_alone_are_compared(quickstart):
 def test_a_run_without_a_trajectory_has_the_notes_of_its_summary(quickstart, keep):
     run = simulate(quickstart.replace({"run.duration_s": 0.5, "output.sample_rate_hz": 1.0}), keep=keep)
     assert run.notes == run.summary["notes"] == []
+
+
+def test_a_run_that_has_not_settled_says_so(quickstart):
+    """At 65 Hz antiphase is unstable: the exciters are on their way to in-phase when a short run ends."""
+    scene = quickstart.replace({"drive.supply_frequency_hz": 65.0, "run": {"duration_s": 3.0, "perturbation": 0.01}})
+    (note,) = (note for note in simulate(scene, keep="summary").summary["notes"] if "phase" in note)
+    assert note.startswith("the phase difference changes by ")
+    settled = quickstart.replace({"run": {"duration_s": 3.0, "perturbation": 0.01}})
+    assert not any("phase" in note for note in simulate(settled, keep="summary").summary["notes"])

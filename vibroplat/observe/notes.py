@@ -41,8 +41,7 @@ def notes_on_measures(scene: Scene, found: Mapping[str, Any]) -> list[str]:
     found
         Measures of a part of its motion, as :func:`vibroplat.observe.summary.measured` returns them.
     """
-    notes = (rotation(found["phi_max_rad"]), *_captures(scene, found), drift(found))
-    return [note for note in notes if note]
+    return [note for note in (rotation(found["phi_max_rad"]), *_captures(scene, found)) if note]
 
 
 def rotation(largest: float | None) -> str:
@@ -53,7 +52,10 @@ def rotation(largest: float | None) -> str:
 
 
 def drift(found: Mapping[str, Any]) -> str:
-    """Return the note on a phase difference that changes while it is measured, or an empty text if it does not."""
+    """Return the note on a phase difference that changes while it is measured, or an empty text if it does not.
+
+    It is for runs: points of a sweep have settled, and say by their synchronization what did not.
+    """
     if found["frequency_split_hz"] is None:
         return ""
     change = abs(2.0 * math.pi * found["frequency_split_hz"] * found["measured_s"])
