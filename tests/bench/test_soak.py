@@ -196,7 +196,7 @@ def short_points(monkeypatch):
     monkeypatch.setattr(rounds, "MEASURE", 1.0)
 
 
-@pytest.mark.faults
+@pytest.mark.campaign
 @pytest.mark.usefixtures("kernels", "short_points")
 def test_round_with_a_sweep_that_is_killed_and_resumed(tmp_path):
     found = rounds.run_round(0, TINY, tmp_path)
@@ -206,8 +206,7 @@ def test_round_with_a_sweep_that_is_killed_and_resumed(tmp_path):
     assert found["processor_s"] > 0.0
 
 
-@pytest.mark.faults
-@pytest.mark.long
+@pytest.mark.campaign
 @pytest.mark.usefixtures("kernels", "short_points")
 def test_round_with_workers_that_come_and_go(tmp_path):
     pytest.importorskip("distributed")
