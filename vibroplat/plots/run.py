@@ -96,7 +96,7 @@ def _read(directory: Path, start: float | None, stop: float | None) -> _Result:
 def _thinned_and_cut(
     parts: Iterable[pd.DataFrame], every: int, begin: float, end: float
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Return every so manieth row of a table in parts, and its rows in an interval (s)."""
+    """Return one row in so many of a table in parts, and its rows in an interval (s)."""
     thinned, cut, rows = [], [], 0
     for part in parts:
         thinned.append(part.iloc[-rows % every :: every])
