@@ -154,6 +154,8 @@ def _parse(text: str, source: str) -> Any:
             warnings.simplefilter("ignore", ReusedAnchorWarning)
             if text.count("[") + text.count("{") > MAX_BRACKETS:  # the parser takes quadratic time
                 raise ConfigError(f"{source}: more than {MAX_BRACKETS} brackets; not a configuration")
+            if text.count(",") > MAX_VALUES:  # of a list in one line; the parser takes a second for as many
+                raise ConfigError(f"{source}: more than {MAX_VALUES} values; not a configuration")
             node = YAML(typ="safe", pure=True).compose(text)
             if _values(node, {}) > MAX_VALUES:
                 raise ConfigError(f"{source}: more than {MAX_VALUES} values; not a configuration")
