@@ -30,6 +30,14 @@ def compiled(function: Callable[P, T]) -> Callable[P, T]:
     return cast("Callable[P, T]", numba.njit(function, nogil=True, cache=keep, error_model="numpy", fastmath=False))
 
 
+def fused(function: Callable[P, T]) -> Callable[P, T]:
+    """Compile a kernel whose products may be added without being rounded first, which shortens long chains of sums."""
+    keep = kept(function)
+    return cast(
+        "Callable[P, T]", numba.njit(function, nogil=True, cache=keep, error_model="numpy", fastmath={"contract"})
+    )
+
+
 def inlined(function: Callable[P, T]) -> Callable[P, T]:
     """Compile a kernel into its callers instead of on its own, which for one of few callers is quicker."""
     return cast("Callable[P, T]", numba.njit(function, nogil=True, error_model="numpy", inline="always"))

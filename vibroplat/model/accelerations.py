@@ -1,7 +1,7 @@
 """Accelerations and contact force by a direct solve, their derivatives along the motion and by the state.
 
 The dynamic rows of F are linear in z, the n accelerations and, attached, F_c. What multiplies z is constant in a state,
-so that everything here is a solve with :func:`solve`, whose right-hand sides come from the rows of
+so that everything here is a solve with :func:`solve_rows`, whose right-hand sides come from the rows of
 :mod:`vibroplat.model.equations` and their Jacobian.
 """
 
@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from vibroplat.kernels.compiled import FloatArray, compiled
+from vibroplat.kernels.compiled import FloatArray, compiled, inlined
 from vibroplat.model.equations import finite, jacobian, rows
 from vibroplat.model.motor import torque_rate
 from vibroplat.model.parameters import Parameters
-from vibroplat.model.platform import holds, solve_platform, unbalance
+from vibroplat.model.platform import Compliance, Five, Three, compliance, holds, solve_platform, unbalance
 from vibroplat.model.systems import ALGEBRAIC, LAYERS
 
 
@@ -34,22 +34,53 @@ def solve(system: int, y: FloatArray, z: FloatArray, p: Parameters) -> None:
     """
     n = y.size // 2
     layers, attached = LAYERS[system], ALGEBRAIC[system]
-    pressed, carried = 0.0 * z[n], 0.0 * p.lower_mass
-    if attached:
-        pressed, carried = z[2 * n], p.lower_mass
-    mobility = (1.0 / p.mass, 1.0 / (p.mass + carried), 1.0 / p.inertia)
-    b = (z[n], z[n + 1] + pressed, z[n + 2], z[n + 3], z[n + 4])
-    a = solve_platform(b, unbalance(0, y, p), unbalance(1, y, p), mobility, p)
+    lower = upper = 0.0 * z[n]
+    if layers > 0:
+        lower = z[2 * n] if attached else z[n + 5]
+    if layers == 2:
+        upper = z[2 * n - 1]
+    inverse = compliance(unbalance(0, y, p), unbalance(1, y, p), mobility(attached, p), p)
+    a, lower, upper = solve_rows(attached, (z[n], z[n + 1], z[n + 2], z[n + 3], z[n + 4]), lower, upper, inverse, p)
     for i in range(5):
         z[n + i] = a[i]
-    lower = z[n + 1]
-    if attached:
-        z[2 * n] = p.lower_mass * lower - pressed
-    elif layers > 0:
-        lower = z[n + 5] / p.lower_mass
-        z[n + 5] = lower - z[n + 1]
     if layers == 2:
-        z[2 * n - 1] -= lower
+        z[2 * n - 1] = upper
+    if layers > 0:
+        z[2 * n if attached else n + 5] = lower
+
+
+@inlined
+def mobility(attached: bool, p: Parameters) -> Three:
+    """One over the inertias of x, y, φ; attached, the platform's y carries the lower layer."""
+    carried = p.lower_mass if attached else 0.0 * p.lower_mass
+    return 1.0 / p.mass, 1.0 / (p.mass + carried), 1.0 / p.inertia
+
+
+@inlined
+def solve_rows(
+    attached: bool, b: Five, lower: float, upper: float, inverse: Compliance, p: Parameters
+) -> tuple[Five, float, float]:
+    """Solve the dynamic rows for accelerations and F_c.
+
+    Parameters
+    ----------
+    b, lower, upper
+        Right-hand sides of the rows of platform and exciters, lower and upper layer; without layers the last two are
+        of no use.
+    inverse
+        That of the mass matrix of platform and exciters, with :func:`mobility`.
+
+    Returns
+    -------
+    a, contact, upper
+        Accelerations of x, y, φ, φ₁, φ₂; F_c if attached, else the gap's acceleration; acceleration of y_w2.
+    """
+    pressed = lower if attached else 0.0 * b[1]
+    a = solve_platform((b[0], b[1] + pressed, b[2], b[3], b[4]), inverse)
+    if attached:
+        return a, p.lower_mass * a[1] - lower, upper - a[1]
+    carried = lower / p.lower_mass  # the lower layer's own acceleration
+    return a, carried - a[1], upper - carried
 
 
 @compiled

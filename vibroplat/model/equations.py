@@ -18,7 +18,7 @@ its equation (paper (5), (6); there the damper of (6b) has the wrong sign).
 
 from __future__ import annotations
 
-from vibroplat.kernels.compiled import FloatArray, compiled
+from vibroplat.kernels.compiled import FloatArray, compiled, inlined
 from vibroplat.model.motor import net_slope
 from vibroplat.model.parameters import Parameters
 from vibroplat.model.platform import forces, holds, inertial, unbalance
@@ -71,9 +71,15 @@ def rows(system: int, t: float, y: FloatArray, yp: FloatArray, res: FloatArray, 
     if layers > 0:
         spring = 0.0 * p.layer_stiffness
         if layers == 2:
-            spring = p.layer_stiffness * y[n - 1] + p.layer_damping * y[2 * n - 1]
+            spring = layer_spring(y[n - 1], y[2 * n - 1], p)
             res[2 * n - 1] = upper + spring
         res[2 * n if attached else n + 5] = p.lower_mass * lower - p.upper_mass * spring - force
+
+
+@inlined
+def layer_spring(y: float, rate: float, p: Parameters) -> float:
+    """S/m_w2 of the spring and damper between the layers (N/kg); linear, so that it gives terms of series as well."""
+    return p.layer_stiffness * y + p.layer_damping * rate
 
 
 @compiled

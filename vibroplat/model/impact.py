@@ -22,7 +22,7 @@ import numpy as np
 from vibroplat.kernels.compiled import FloatArray, compiled
 from vibroplat.model.energy import inertia_product
 from vibroplat.model.parameters import CONSERVATIVE, PRINTED, Parameters
-from vibroplat.model.platform import solve_platform, unbalance
+from vibroplat.model.platform import compliance, solve_platform, unbalance
 from vibroplat.model.systems import GAP, GAP_RATE
 
 
@@ -44,7 +44,8 @@ def impulse_response(state: FloatArray, response: FloatArray, p: Parameters) -> 
         The reduced mass m_red = k_eff m_w1 / (k_eff + m_w1), k_eff = 1/e_y (kg).
     """
     mobility = (1.0 / p.mass, 1.0 / p.mass, 1.0 / p.inertia if p.impact_law == CONSERVATIVE else 0.0 / p.inertia)
-    jumps = solve_platform((0.0, -1.0, 0.0, 0.0, 0.0), unbalance(0, state, p), unbalance(1, state, p), mobility, p)
+    inverse = compliance(unbalance(0, state, p), unbalance(1, state, p), mobility, p)
+    jumps = solve_platform((0.0, -1.0, 0.0, 0.0, 0.0), inverse)
     for i in range(5):
         response[i] = jumps[i]
     response[5] = 1.0 / p.lower_mass - response[1]

@@ -1,6 +1,8 @@
-"""Torque of the induction motors and resistance to rotation."""
+"""Torque of the induction motors and resistance to rotation, and the terms of their Taylor series."""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 
@@ -28,6 +30,62 @@ def kloss_torque(slip: float, critical: float, torque: float) -> float:
     if square == 0.0:  # at rest at 0 Hz, where the torque has no limit: none
         return 0.0 * torque
     return 2.0 * torque * critical * slip / square
+
+
+class Motor(NamedTuple):
+    """What the terms of a motor's torque are made of: slip speed u and critical slip speed Δ, linear in time.
+
+    Attributes
+    ----------
+    slip, critical
+        u and Δ now (rad/s).
+    slip_ramp, critical_ramp
+        Rates of the supply in them (rad/s²): u′ = slip_ramp − σφ̈.
+    square, share
+        Δ² + u² (rad²/s²) and one over it; 0 for a motor at rest at 0 Hz, which has no torque.
+    """
+
+    slip: float
+    critical: float
+    slip_ramp: float
+    critical_ramp: float
+    square: float
+    share: float
+
+
+@inlined
+def motor_at(i: int, t: float, speed: float, p: Parameters) -> Motor:
+    """Prepare the terms of exciter i's torque at a time and a speed (rad/s)."""
+    slip, critical = slip_speeds(i, t, speed, p)
+    square = critical * critical + slip * slip
+    return Motor(slip, critical, p.speed_ramp[i], p.slip_ramp[i], square, 1.0 / square if square > 0.0 else 0.0)
+
+
+@inlined
+def square_term(k: int, slip_square: float, motor: Motor) -> float:
+    """Term k of Δ² + u² from that of u²."""
+    if k == 0:
+        return motor.square
+    if k == 1:
+        return slip_square + 2.0 * motor.critical * motor.critical_ramp
+    return slip_square + motor.critical_ramp * motor.critical_ramp if k == 2 else slip_square
+
+
+@inlined
+def kloss_term(slip: float, slip_before: float, products: float, motor: Motor, torque: float) -> float:
+    """Term k of :func:`kloss_torque`, by (Δ² + u²) L = 2 M_c Δ u.
+
+    Parameters
+    ----------
+    slip, slip_before
+        Terms k and k − 1 of u.
+    products
+        Sum of the terms j of Δ² + u² times k − j of L, j from 1 to k.
+    torque
+        M_c (N·m).
+    """
+    driving = 2.0 * torque * (motor.critical * slip + motor.critical_ramp * slip_before)
+    return (driving - products) * motor.share
 
 
 @compiled
@@ -76,10 +134,16 @@ def torque_rate(i: int, t: float, speed: float, p: Parameters) -> float:
 def resistance(speed: float, friction: float) -> float:
     """Resistance L_R = k_R k φ̇|φ̇| (N·m), proportional to the centrifugal force.
 
-    Its second derivative jumps where the exciter stops, without an event; ``tests/flow/test_standstill.py`` says what
-    that costs.
+    Its second derivative jumps where the exciter stops: multistep methods pass that without an event, and
+    ``tests/flow/test_standstill.py`` says what it costs; the Taylor series ends a step there.
     """
     return friction * speed * abs(speed)
+
+
+@inlined
+def resistance_term(square: float, sense: float, friction: float) -> float:
+    """Term of :func:`resistance` from that of φ̇², while the exciter turns in a sense (±1)."""
+    return friction * sense * square
 
 
 @compiled

@@ -22,6 +22,9 @@ from vibroplat.model.parameters import Parameters
 #: Least share of an exciter's own inertia that the platform's yielding may leave of it.
 DEFINITE = 1e-3
 
+#: One number for each of x, y, φ.
+Three = tuple[float, float, float]
+
 #: One number for each of x, y, φ, φ₁, φ₂.
 Five = tuple[float, float, float, float, float]
 
@@ -58,6 +61,19 @@ def unbalance(i: int, y: FloatArray, p: Parameters) -> Unbalance:
 
 
 @inlined
+def suspension(q: Three, v: Three, p: Parameters) -> Three:
+    """Forces of springs and dampers on x, y, φ at these coordinates and rates (N, N, N·m).
+
+    Linear, so that it gives the terms of their series as well.
+    """
+    return (
+        -p.damping_x * v[0] - p.stiffness_x * q[0],
+        -p.damping_y * v[1] - p.stiffness_y * q[1],
+        -p.damping_phi * v[2] - p.stiffness_phi * q[2],
+    )
+
+
+@inlined
 def forces(t: float, y: FloatArray, n: int, first: Unbalance, second: Unbalance, load: float, p: Parameters) -> Five:
     """Generalized forces on x, y, φ, φ₁, φ₂: all of the paper's (2), (3) without accelerations (N, N·m).
 
@@ -66,10 +82,11 @@ def forces(t: float, y: FloatArray, n: int, first: Unbalance, second: Unbalance,
     """
     vphi, w1, w2 = y[n + 2], y[n + 3], y[n + 4]
     q1, q2, turning = w1 * w1, w2 * w2, vphi * vphi
+    held = suspension((y[0], y[1], y[2]), (y[n], y[n + 1], vphi), p)
     return (
-        first.y * q1 + second.y * q2 - p.damping_x * y[n] - p.stiffness_x * y[0],
-        -first.x * q1 - second.x * q2 - p.damping_y * y[n + 1] - p.stiffness_y * y[1] - p.mass * p.gravity - load,
-        first.lever * q1 + second.lever * q2 - p.damping_phi * vphi - p.stiffness_phi * y[2],
+        first.y * q1 + second.y * q2 + held[0],
+        -first.x * q1 - second.x * q2 + held[1] - p.mass * p.gravity - load,
+        first.lever * q1 + second.lever * q2 + held[2],
         motor_torque(0, t, w1, p) - resistance(w1, p.friction[0]) - first.y * p.gravity - first.lever * turning,
         motor_torque(1, t, w2, p) - resistance(w2, p.friction[1]) - second.y * p.gravity - second.lever * turning,
     )
@@ -88,14 +105,34 @@ def inertial(a: FloatArray, n: int, first: Unbalance, second: Unbalance, p: Para
     )
 
 
+class Compliance(NamedTuple):
+    """The inverse of the mass matrix, by its parts.
+
+    x, y, φ are diagonal among themselves; eliminating them leaves two equations for the exciters (Schur complement).
+
+    Attributes
+    ----------
+    mobility
+        One over the inertias of x, y, φ: 0 for what cannot move.
+    first, second
+        Couplings of the exciters.
+    own_1, mutual, own_2
+        Entries (11, 12, 22) of the inverse of the exciters' mass matrix after that; not finite where it is singular.
+    """
+
+    mobility: tuple[float, float, float]
+    first: Unbalance
+    second: Unbalance
+    own_1: float
+    mutual: float
+    own_2: float
+
+
 @compiled
 def exciter_masses(
     first: Unbalance, second: Unbalance, mobility: tuple[float, float, float], p: Parameters
 ) -> tuple[float, float, float]:
-    """Entries (11, 12, 22) of the exciters' mass matrix after the platform's x, y, φ have been eliminated.
-
-    ``mobility`` is one over the inertias of x, y, φ: 0 for what cannot move.
-    """
+    """Entries (11, 12, 22) of the exciters' mass matrix after the platform's x, y, φ have been eliminated."""
     mx, my, mphi = mobility
     return (
         p.exciter_inertia[0] - mx * first.x * first.x - my * first.y * first.y - mphi * first.phi * first.phi,
@@ -104,23 +141,26 @@ def exciter_masses(
     )
 
 
-@inlined
-def solve_platform(
-    b: Five, first: Unbalance, second: Unbalance, mobility: tuple[float, float, float], p: Parameters
-) -> Five:
-    """Accelerations of x, y, φ, φ₁, φ₂ under five generalized forces, or jumps of rates under impulses.
-
-    x, y, φ are diagonal among themselves; eliminating them leaves two equations for the exciters (Schur complement).
-    The result of a singular mass matrix is not finite.
-    """
-    mx, my, mphi = mobility
-    bx, by, bphi, b1, b2 = b
+@compiled
+def compliance(
+    first: Unbalance, second: Unbalance, mobility: tuple[float, float, float], p: Parameters
+) -> Compliance:
+    """Invert the mass matrix in a state, from its couplings and the mobility of x, y, φ."""
     m11, m12, m22 = exciter_masses(first, second, mobility, p)
+    determinant = m11 * m22 - m12 * m12
+    return Compliance(mobility, first, second, m22 / determinant, -m12 / determinant, m11 / determinant)
+
+
+@inlined
+def solve_platform(b: Five, c: Compliance) -> Five:
+    """Accelerations of x, y, φ, φ₁, φ₂ under five generalized forces, or jumps of rates under impulses."""
+    mx, my, mphi = c.mobility
+    first, second = c.first, c.second
+    bx, by, bphi, b1, b2 = b
     r1 = b1 - mx * first.x * bx - my * first.y * by - mphi * first.phi * bphi
     r2 = b2 - mx * second.x * bx - my * second.y * by - mphi * second.phi * bphi
-    determinant = m11 * m22 - m12 * m12
-    a1 = (m22 * r1 - m12 * r2) / determinant
-    a2 = (m11 * r2 - m12 * r1) / determinant
+    a1 = c.own_1 * r1 + c.mutual * r2
+    a2 = c.mutual * r1 + c.own_2 * r2
     return (
         mx * (bx - first.x * a1 - second.x * a2),
         my * (by - first.y * a1 - second.y * a2),

@@ -1,0 +1,360 @@
+"""Taylor series of a motion: the rows of the equations, order by order.
+
+The coefficients of order k of all accelerations and of F_c solve the dynamic rows of
+:mod:`vibroplat.model.equations` with the mass matrix of the state, which is inverted once; what the rows hold besides
+comes from lower orders. This is the index-reduced DAE itself with F_c as an unknown of every order. Recurrences of
+linear forces are the forces themselves; those of motors and resistance stand beside their formulas in
+:mod:`vibroplat.model.motor`.
+
+With s, c = sin φᵢ, cos φᵢ the platform's rows hold k c″ and k s″, and k (X s″ − Y c″) for the rotation. Exciter i's
+row holds k (c aʸ − s aˣ), with the acceleration a of its axis (X, Y) = (X₀ − φY₀, Y₀ + φX₀), turned to first order:
+
+    aˣ = ẍ − Y₀ φ̈ − X₀ (φφ̈ + φ̇²) + Y₀ φφ̇²,    aʸ = ÿ + g + X₀ φ̈ − Y₀ (φφ̈ + φ̇²) − X₀ φφ̇².
+
+Products of series are sums over two lists of coefficients (Cauchy). All of them are formed at once, as vectors of 16
+numbers: :class:`Room` says which. Of a sum at order k the rows have the middle terms; those with the newest
+coefficients are added by themselves, from numbers that have not been stored yet.
+
+Literature: Jorba and Zou, A software package for the numerical integration of ODEs by means of high-order Taylor
+methods, 2005; Pryce, Solving high-index DAEs by Taylor series, 1998.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from vibroplat.kernels.compiled import FloatArray, fused, inlined
+from vibroplat.kernels.lanes import products_2, products_16, put_row
+from vibroplat.model.accelerations import mobility, solve_rows
+from vibroplat.model.equations import layer_spring
+from vibroplat.model.motor import Motor, kloss_term, motor_at, resistance_term, square_term
+from vibroplat.model.parameters import Parameters
+from vibroplat.model.platform import Five, Unbalance, compliance, suspension, unbalance
+from vibroplat.model.systems import ALGEBRAIC, DIFFERENTIAL, LAYERS
+
+#: Highest degree of a series.
+HIGHEST = 32
+
+#: Column of F_c among the coefficients; coordinates stand before it in the order of the system's unknowns.
+FORCE = 7
+
+_ROWS = HIGHEST + 2
+_WIDTH = 16  # products at once
+_LINE = 64  # bytes: rows that begin with a line of the processor's cache are loaded faster
+
+#: 1/k; of k = 0 nothing is asked.
+_SHARE = np.concatenate([[0.0], 1.0 / np.arange(1.0, HIGHEST + 2.0)])
+
+
+class Room(NamedTuple):
+    """Where a series is formed.
+
+    Row k + 2 of ``early`` and row k of ``late`` hold what is known after order k. Columns 0–1: c and φ̇ᵢ, their product
+    is s′. 2–3: s and φ̇ᵢ, −c′. 4–5: s and aˣ. 6–7: c and aʸ. 8–9: slip speed u with itself, one order later; 10–11: the
+    same of φ̇ᵢ. 12: φ and Σ k (Y₀ s″ + X₀ c″). 13: φ and φ̈. 14: φ and φ̇². 15: φ̇ with itself, one order later. Pairs are
+    of exciters 1 and 2.
+
+    Attributes
+    ----------
+    early, late
+        Factors of the products, shape (rows, 16).
+    squares, torques
+        Terms of both motors' Δ² + u² and torques, shape (rows, 2).
+    sums, torque_sums
+        What a sum over rows is written to, shape (16,) and (2,).
+    q
+        Coefficients in powers of time (SI units), shape (rows, 8): coordinates in the order of the system's unknowns,
+        and F_c in column FORCE, which has two orders less.
+    """
+
+    early: FloatArray
+    late: FloatArray
+    squares: FloatArray
+    torques: FloatArray
+    sums: FloatArray
+    torque_sums: FloatArray
+    q: FloatArray
+
+
+def room() -> Room:
+    """Make room for a series, in lines of the processor's cache."""
+    shapes = ((_ROWS, _WIDTH), (_ROWS, _WIDTH), (_ROWS, 2), (_ROWS, 2), (_WIDTH,), (8,), (_ROWS, FORCE + 1))
+    sizes = [-(-int(np.prod(shape)) // 8) * 8 for shape in shapes]
+    whole = np.zeros(sum(sizes) + 8)
+    first = -(whole.ctypes.data // 8) % 8
+    parts, begin = [], first
+    for shape, size in zip(shapes, sizes, strict=True):
+        parts.append(whole[begin : begin + int(np.prod(shape))].reshape(shape))
+        begin += size
+    return Room(*parts)
+
+
+class Fixed(NamedTuple):
+    """What of an exciter is the same in all orders.
+
+    Attributes
+    ----------
+    x0, y0, x, y
+        Its axis in the platform, not turned and turned (m).
+    sine, cosine
+        Of its angle now.
+    speed, direction, friction, critical_torque
+        φ̇ᵢ now (rad/s); σ, k_R k and M_c of :mod:`vibroplat.model.parameters`.
+    unbalance
+        k (kg·m).
+    couplings, motor
+        How it pulls at the platform; its motor.
+    """
+
+    x0: float
+    y0: float
+    x: float
+    y: float
+    sine: float
+    cosine: float
+    speed: float
+    direction: float
+    friction: float
+    critical_torque: float
+    unbalance: float
+    couplings: Unbalance
+    motor: Motor
+
+
+class Newest(NamedTuple):
+    """The newest coefficients of an exciter's series at the beginning of order k.
+
+    Attributes
+    ----------
+    sine, cosine
+        Of order k + 1; ``sine_1`` and ``cosine_1`` of order 1, 0 while k = 0.
+    speed
+        φ̇ᵢ, of order k.
+    slip, slip_before
+        u of order k and k − 1.
+    ax, ay
+        a of order k − 1.
+    torque
+        Of order k − 1; ``torque_0`` of order 0, 0 while k = 0.
+    square_1
+        Δ² + u² of order 1, 0 while k < 2.
+    sense
+        In which it turns (±1), 0 while all coefficients of φ̇ᵢ are 0.
+    """
+
+    sine: float
+    cosine: float
+    sine_1: float
+    cosine_1: float
+    speed: float
+    slip: float
+    slip_before: float
+    ax: float
+    ay: float
+    torque: float
+    torque_0: float
+    square_1: float
+    sense: float
+
+
+class Known(NamedTuple):
+    """What lower orders say of an exciter's terms of order k.
+
+    Attributes
+    ----------
+    sine, cosine
+        s″ and c″ without φ̈ᵢ.
+    ax, ay
+        a without ẍ, ÿ, φ̈.
+    moment
+        Right-hand side of its row (N·m).
+    square, torque
+        Δ² + u² (rad²/s²) and the motor's torque (N·m).
+    """
+
+    sine: float
+    cosine: float
+    ax: float
+    ay: float
+    moment: float
+    square: float
+    torque: float
+
+
+class Rotation(NamedTuple):
+    """Terms of order k of what the platform's turning adds to the accelerations of the axes: φφ̈ + φ̇², φφ̇², and g."""
+
+    centre: float
+    lifted: float
+    weight: float
+
+
+@fused
+def expand(system: int, t: float, y: FloatArray, degree: int, room: Room, p: Parameters) -> None:
+    """Fill ``room.q`` with the coefficients of a motion at a state, coordinates to this degree and F_c to degree − 2.
+
+    Where an exciter is at rest, its resistance is that of the sense in which it is about to turn.
+
+    Parameters
+    ----------
+    system, t, y
+        Number of the system, time of the run (s), and its unknowns; the differential ones are read.
+    degree
+        From 2 to HIGHEST.
+    """
+    n = DIFFERENTIAL[system] // 2
+    attached, layers = ALGEBRAIC[system], LAYERS[system]
+    fixed_1, fixed_2 = fixed(0, t, y, n, p), fixed(1, t, y, n, p)
+    inverse = compliance(fixed_1.couplings, fixed_2.couplings, mobility(attached, p), p)
+    first, second = at_order_0(fixed_1), at_order_0(fixed_2)
+    q, rate = (y[0], y[1], y[2]), (y[n], y[n + 1], y[n + 2])
+    upper, upper_rate = 0.0, 0.0
+    if layers == 2:
+        upper, upper_rate = y[n - 1], y[2 * n - 1]
+    phi_1, unbalances, turning, square = 0.0, 0.0, 0.0, 0.0
+    sums, torque_sums = room.sums, room.torque_sums
+    for i in range(n):
+        room.q[0, i], room.q[1, i] = y[i], y[n + i]
+    for k in range(degree - 1):
+        products_16(room.early, room.late, k, k, sums)
+        products_2(room.squares, room.torques, k, k - 1, torque_sums)
+        weight, twice = 0.0, 2.0
+        if k == 0:
+            weight, twice = p.gravity, 1.0
+        moment = sums[12] + phi_1 * unbalances
+        centre, lifted = sums[13] + phi_1 * turning, sums[14] + phi_1 * square
+        square = sums[15] + twice * y[n + 2] * rate[2]
+        rotation = Rotation(centre + square, lifted + y[2] * square, weight)
+        known_1 = from_lower_orders(0, k, twice, rotation, first, fixed_1, sums, torque_sums)
+        known_2 = from_lower_orders(1, k, twice, rotation, second, fixed_2, sums, torque_sums)
+        held = suspension(q, rate, p)
+        b = (
+            held[0] - fixed_1.unbalance * known_1.cosine - fixed_2.unbalance * known_2.cosine,
+            held[1] - fixed_1.unbalance * known_1.sine - fixed_2.unbalance * known_2.sine - p.mass * weight,
+            held[2] - about_centre(known_1, fixed_1) - about_centre(known_2, fixed_2) + moment,
+            known_1.moment,
+            known_2.moment,
+        )
+        spring = layer_spring(upper, upper_rate, p) if layers == 2 else 0.0
+        lower = p.upper_mass * spring - p.lower_mass * weight
+        a, contact, above = solve_rows(attached, b, lower, -weight - spring, inverse, p)
+        share = _SHARE[k + 1]
+        twofold = share * _SHARE[k + 2]
+        q = (rate[0] * share, rate[1] * share, rate[2] * share)
+        rate = (a[0] * share, a[1] * share, a[2] * share)
+        if layers == 2:
+            upper, upper_rate = upper_rate * share, above * share
+        phi, w1, w2 = a[2] * twofold, a[3] * share, a[4] * share
+        sixth = (contact if layers > 0 and not attached else above) * twofold
+        coordinates = (a[0] * twofold, a[1] * twofold, phi, a[3] * twofold, a[4] * twofold, sixth, above * twofold)
+        put_row(room.q, k + 2, (*coordinates, 0.0))
+        room.q[k, FORCE] = contact
+        if k == 0:
+            phi_1 = y[n + 2]
+        unbalances = curvature(a[3], known_1, fixed_1) + curvature(a[4], known_2, fixed_2)
+        turning = a[2]
+        first, second = following(k, share, a, a[3], known_1, first, fixed_1), following(
+            k, share, a, a[4], known_2, second, fixed_2
+        )
+        c1, c2, s1, s2, u1, u2 = first.cosine, second.cosine, first.sine, second.sine, first.slip, second.slip
+        put_row(room.early, k + 2, (c1, c2, s1, s2, s1, s2, c1, c2, u1, u2, w1, w2, phi, phi, phi, rate[2]))
+        accelerations = (first.ax, second.ax, first.ay, second.ay)
+        put_row(room.late, k, (w1, w2, w1, w2, *accelerations, u1, u2, w1, w2, unbalances, turning, square, rate[2]))
+        put_row(room.squares, k, (known_1.square, known_2.square))
+        put_row(room.torques, k, (known_1.torque, known_2.torque))
+
+
+@inlined
+def fixed(i: int, t: float, y: FloatArray, n: int, p: Parameters) -> Fixed:
+    """Gather what of an exciter is the same in all orders."""
+    phi, speed, x0, y0 = y[2], y[n + 3 + i], p.axis_x[i], p.axis_y[i]
+    return Fixed(
+        x0,
+        y0,
+        x0 - phi * y0,
+        y0 + phi * x0,
+        np.sin(y[3 + i]),
+        np.cos(y[3 + i]),
+        speed,
+        p.direction[i],
+        p.friction[i],
+        p.torque[i],
+        p.unbalance[i],
+        unbalance(i, y, p),
+        motor_at(i, t, speed, p),
+    )
+
+
+@inlined
+def at_order_0(f: Fixed) -> Newest:
+    """Begin an exciter's series."""
+    w = f.speed
+    sense = 1.0 if w > 0.0 else (-1.0 if w < 0.0 else 0.0)
+    return Newest(f.cosine * w, -f.sine * w, 0.0, 0.0, w, f.motor.slip, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, sense)
+
+
+@inlined
+def from_lower_orders(
+    i: int, k: int, twice: float, rotation: Rotation, e: Newest, f: Fixed, sums: FloatArray, torque_sums: FloatArray
+) -> Known:
+    """Terms of order k of exciter i, without those of the accelerations of order k.
+
+    ``twice`` is how often a product of a series with itself has its first and last term: 1 if they are the same.
+    """
+    order = k + 1.0
+    sine = order * (sums[i] + e.cosine_1 * e.speed + e.cosine * f.speed)
+    cosine = -order * (sums[2 + i] + e.sine_1 * e.speed + e.sine * f.speed)
+    ax = f.y0 * rotation.lifted - f.x0 * rotation.centre
+    ay = rotation.weight - f.x0 * rotation.lifted - f.y0 * rotation.centre
+    pulled = sums[6 + i] + e.cosine_1 * e.ay - sums[4 + i] - e.sine_1 * e.ax
+    square = square_term(k, sums[8 + i] + twice * f.motor.slip * e.slip, f.motor)
+    products = torque_sums[i] + square * e.torque_0 + e.square_1 * e.torque
+    torque = f.direction * kloss_term(e.slip, e.slip_before, products, f.motor, f.critical_torque)
+    resistance = resistance_term(sums[10 + i] + twice * f.speed * e.speed, e.sense, f.friction)
+    moment = torque - resistance - f.unbalance * pulled - f.couplings.x * ax - f.couplings.y * ay
+    return Known(sine, cosine, ax, ay, moment, square, f.direction * torque)
+
+
+@inlined
+def about_centre(known: Known, f: Fixed) -> float:
+    """Term of k (X s″ − Y c″), without φ̈ᵢ and without what of X and Y turns (N·m)."""
+    return f.unbalance * (f.x * known.sine - f.y * known.cosine)
+
+
+@inlined
+def curvature(a: float, known: Known, f: Fixed) -> float:
+    """Term of k (Y₀ s″ + X₀ c″) under an acceleration φ̈ᵢ."""
+    return f.unbalance * (f.y0 * (known.sine + f.cosine * a) + f.x0 * (known.cosine - f.sine * a))
+
+
+@inlined
+def following(k: int, share: float, a: Five, own: float, known: Known, e: Newest, f: Fixed) -> Newest:
+    """Newest coefficients of an exciter at the beginning of order k + 1, under accelerations of order k."""
+    twofold = share * _SHARE[k + 2]
+    speed = own * share
+    slip = -f.direction * speed
+    sine_1, cosine_1, torque_0, square_1, sense = e.sine_1, e.cosine_1, e.torque_0, e.square_1, e.sense
+    if k == 0:
+        sine_1, cosine_1, torque_0 = e.sine, e.cosine, known.torque
+        slip += f.motor.slip_ramp
+    elif k == 1:
+        square_1 = known.square
+    if sense == 0.0 and speed != 0.0:
+        sense = 1.0 if speed > 0.0 else -1.0
+    return Newest(
+        (known.sine + f.cosine * own) * twofold,
+        (known.cosine - f.sine * own) * twofold,
+        sine_1,
+        cosine_1,
+        speed,
+        slip,
+        e.slip,
+        known.ax + a[0] - f.y * a[2],
+        known.ay + a[1] + f.x * a[2],
+        known.torque,
+        torque_0,
+        square_1,
+        sense,
+    )
