@@ -14,11 +14,15 @@ import numpy as np
 import numpy.typing as npt
 
 from vibroplat.kernels.compiled import FloatArray, compiled, copy
+from vibroplat.kernels.lanes import in_lines
 from vibroplat.kernels.polynomial import stretch
 from vibroplat.model.systems import FULL_SIZE
 
 #: Steps that one segment may need after its last one: that of a latch, and one to spare.
 MARGIN = 2
+
+#: Columns of polynomials: as many as the largest system has unknowns, made up to whole vectors of the processor.
+WIDTH = 16
 
 #: Least degree of the polynomials, that of a latch.
 CUBIC = 3
@@ -54,8 +58,8 @@ class Steps(NamedTuple):
     start, length
         Beginning of each step since the origin of its piece, and its duration (s), shape (rows,).
     c
-        Coefficients of each step's polynomial in s = (t − start)/length, shape (rows, degree + 1, 14); a system of
-        fewer unknowns uses the first columns.
+        Coefficients of each step's polynomial in s = (t − start)/length, shape (rows, degree + 1, WIDTH); a system
+        uses the first columns, and what is in the others means nothing.
     ends
         Unknowns at the ends of the steps, shape (rows, 14).
     pieces
@@ -82,7 +86,7 @@ def no_steps(rows: int, degree: int) -> Steps:
     return Steps(
         np.zeros(rows),
         np.zeros(rows),
-        np.zeros((rows, degree + 1, FULL_SIZE)),
+        in_lines((rows, degree + 1, WIDTH)),
         np.zeros((rows, FULL_SIZE)),
         np.zeros(rows, PIECE),
         np.zeros(1, USED)[0],

@@ -7,9 +7,9 @@ stored number by number cannot be loaded as a vector before all of it has left t
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from llvmlite import ir
 from numba.core import cgutils, types
 from numba.extending import intrinsic
@@ -21,6 +21,17 @@ _PLACE = ir.IntType(32)
 #: A product may be added to a sum without being rounded in between.
 _FUSED = ("contract",)
 _BYTES = 8
+
+
+_LINE = 64  # bytes of a line of the processor's cache
+
+
+def in_lines(shape: tuple[int, ...]) -> FloatArray:
+    """Make an array of zeros that begins with a line of the processor's cache: its rows are loaded faster."""
+    size = int(np.prod(shape))
+    whole = np.zeros(size + _LINE // _BYTES)
+    first = -(whole.ctypes.data // _BYTES) % (_LINE // _BYTES)
+    return whole[first : first + size].reshape(shape)
 
 
 class _Rows:
@@ -36,15 +47,18 @@ class _Rows:
             self._length = ir.Constant(_INDEX, 0)
         self._base = builder.ptrtoint(array.data, _INDEX)
 
-    def _place(self, row: Any) -> Any:
+    def _place(self, row: Any, column: Any, kind: Any) -> Any:
         b = self._builder
-        return b.inttoptr(b.add(self._base, b.mul(row, self._length)), self.vector.as_pointer())
+        address = b.add(self._base, b.mul(row, self._length))
+        if column is not None:
+            address = b.add(address, b.mul(column, ir.Constant(_INDEX, _BYTES)))
+        return b.inttoptr(address, kind.as_pointer())
 
     def load(self, row: Any) -> Any:
-        return self._builder.load(self._place(row), align=_BYTES)
+        return self._builder.load(self._place(row, None, self.vector), align=_BYTES)
 
-    def store(self, row: Any, numbers: Any) -> None:
-        self._builder.store(numbers, self._place(row), align=_BYTES)
+    def store(self, row: Any, numbers: Any, column: Any = None) -> None:
+        self._builder.store(numbers, self._place(row, column, numbers.type), align=_BYTES)
 
 
 def _repeated(builder: Any, number: Any, vector: Any) -> Any:
@@ -116,32 +130,40 @@ def _put_row(typing_context: Any, a: Any, row: Any, numbers: Any) -> Any:
     return types.void(a, types.int64, numbers), generate
 
 
-def _horner(numbers: int) -> Any:
-    """Make the intrinsic for rows of so many numbers."""
+def _horner(numbers: int, derivatives: int) -> Any:
+    """Make the intrinsic for rows of so many numbers; ``out`` has one row more than derivatives."""
 
     @intrinsic
     def evaluate(typing_context: Any, c: Any, degree: Any, s: Any, out: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-            rows, out_row = (_Rows(context, builder, signature.args[i], values[i], numbers) for i in (0, 3))
+            rows, out_rows = (_Rows(context, builder, signature.args[i], values[i], numbers) for i in (0, 3))
             one, zero = ir.Constant(_INDEX, 1), ir.Constant(_INDEX, 0)
-            share, top = _repeated(builder, values[2], rows.vector), rows.load(values[1])
-            entry = builder.block
+            share, none = _repeated(builder, values[2], rows.vector), ir.Constant(rows.vector, [0.0] * numbers)
+            before = [rows.load(values[1]), *[none] * derivatives]
+            entry, first = builder.block, builder.sub(values[1], one)
             loop, end = builder.append_basic_block("horner"), builder.append_basic_block("horner.end")
-            first = builder.sub(values[1], one)
             builder.cbranch(builder.icmp_signed(">=", first, zero), loop, end)
             builder.position_at_end(loop)
-            k, total = builder.phi(_INDEX), builder.phi(rows.vector)
-            found = builder.fadd(builder.fmul(total, share, flags=_FUSED), rows.load(k), flags=_FUSED)
+            k, totals = builder.phi(_INDEX), [builder.phi(rows.vector) for _ in before]
+            after = [
+                builder.fadd(builder.fmul(total, share, flags=_FUSED), added, flags=_FUSED)
+                for total, added in zip(totals, [rows.load(k), *totals], strict=False)
+            ]
             following = builder.sub(k, one)
-            for phi, before, after in ((k, first, following), (total, top, found)):
-                phi.add_incoming(before, entry)
-                phi.add_incoming(after, loop)
             builder.cbranch(builder.icmp_signed(">=", following, zero), loop, end)
             builder.position_at_end(end)
-            result = builder.phi(rows.vector)
-            result.add_incoming(top, entry)
-            result.add_incoming(found, loop)
-            out_row.store(zero, result)
+            for phi, begun, found in ((k, first, following), *zip(totals, before, after, strict=True)):
+                phi.add_incoming(begun, entry)
+                phi.add_incoming(found, loop)
+            results = [builder.phi(rows.vector) for _ in before]
+            factorial = 1.0
+            for result, begun, found in zip(results, before, after, strict=True):
+                result.add_incoming(begun, entry)
+                result.add_incoming(found, loop)
+            for i, result in enumerate(results):  # what nested products give is a derivative over its factorial
+                factorial *= max(i, 1)
+                times = ir.Constant(rows.vector, [factorial] * numbers)
+                out_rows.store(ir.Constant(_INDEX, i), builder.fmul(result, times))
             return context.get_dummy_value()
 
         return types.void(c, types.int64, types.float64, out), generate
@@ -149,9 +171,36 @@ def _horner(numbers: int) -> Any:
     return evaluate
 
 
-if TYPE_CHECKING:
-    Products = Callable[[FloatArray, FloatArray, int, int, FloatArray], None]
+@intrinsic
+def _put_step(typing_context: Any, q: Any, degree: Any, length: Any, n: Any, c: Any) -> Any:
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        rows, out_rows = (_Rows(context, builder, signature.args[i], values[i], 8) for i in (0, 4))
+        _, degree, length, n, _ = values
+        one, zero = ir.Constant(_INDEX, 1), ir.Constant(_INDEX, 0)
+        entry = builder.block
+        loop, end = builder.append_basic_block("step"), builder.append_basic_block("step.end")
+        unit, last = ir.Constant(ir.DoubleType(), 1.0), builder.add(n, n)
+        builder.branch(loop)
+        builder.position_at_end(loop)
+        k, power = builder.phi(_INDEX), builder.phi(ir.DoubleType())
+        following, scale = builder.add(k, one), _repeated(builder, power, rows.vector)
+        order = _repeated(builder, builder.fmul(power, builder.sitofp(following, ir.DoubleType())), rows.vector)
+        coordinates, rates = builder.fmul(rows.load(k), scale), builder.fmul(rows.load(following), order)
+        out_rows.store(k, coordinates, zero)
+        out_rows.store(k, rates, n)
+        out_rows.store(k, builder.extract_element(coordinates, ir.Constant(_PLACE, 7)), last)
+        next_power = builder.fmul(power, length)
+        for phi, begun, found in ((k, zero, following), (power, unit, next_power)):
+            phi.add_incoming(begun, entry)
+            phi.add_incoming(found, loop)
+        builder.cbranch(builder.icmp_signed("<=", following, degree), loop, end)
+        builder.position_at_end(end)
+        return context.get_dummy_value()
 
+    return types.void(q, types.int64, types.float64, types.int64, c), generate
+
+
+if TYPE_CHECKING:
     def put_row(a: FloatArray, row: int, numbers: tuple[float, ...]) -> None:
         """Store numbers at the beginning of a row."""
 
@@ -161,9 +210,27 @@ if TYPE_CHECKING:
     def products_16(a: FloatArray, b: FloatArray, n: int, last: int, out: FloatArray) -> None:
         """Fill, for each of the 16 numbers of rows, the sum of a[j] b[n − j] from j = 2 to ``last``."""
 
-    def horner_14(c: FloatArray, degree: int, s: float, out: FloatArray) -> None:
-        """Evaluate the polynomials of all 14 columns at s; ``out`` has room for 14 numbers."""
+    def horner_16(c: FloatArray, degree: int, s: float, out: FloatArray) -> None:
+        """Evaluate the polynomials of all 16 columns at s; ``out`` has room for 16 numbers."""
+
+    def horner_8(c: FloatArray, degree: int, s: float, out: FloatArray) -> None:
+        """Evaluate polynomials of 8 columns at s, with first and second derivatives: ``out`` has shape (3, 8)."""
+
+    def put_step(q: FloatArray, degree: int, length: float, n: int, c: FloatArray) -> None:
+        """Write series in powers of time as a step's polynomials in its fraction: coordinates, rates, F_c.
+
+        Parameters
+        ----------
+        q
+            Coefficients, shape (degree + 2 or more, 8): n coordinates, then 0 up to column 7, F_c. The row after the
+            last is 0.
+        length
+            Duration of the step (s).
+        c
+            Filled, shape (degree + 1, 16): coordinates, their rates from column n on, F_c in column 2n, then numbers of
+            no meaning.
+        """
 else:
     products_2, products_16 = _cauchy(2), _cauchy(16)
-    put_row = _put_row
-    horner_14 = _horner(14)
+    put_row, put_step = _put_row, _put_step
+    horner_16, horner_8 = _horner(16, derivatives=0), _horner(8, derivatives=2)

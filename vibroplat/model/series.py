@@ -26,7 +26,7 @@ from typing import NamedTuple
 import numpy as np
 
 from vibroplat.kernels.compiled import FloatArray, fused, inlined
-from vibroplat.kernels.lanes import products_2, products_16, put_row
+from vibroplat.kernels.lanes import in_lines, products_2, products_16, put_row
 from vibroplat.model.accelerations import mobility, solve_rows
 from vibroplat.model.equations import layer_spring
 from vibroplat.model.motor import Motor, kloss_term, motor_at, resistance_term, square_term
@@ -42,7 +42,6 @@ FORCE = 7
 
 _ROWS = HIGHEST + 2
 _WIDTH = 16  # products at once
-_LINE = 64  # bytes: rows that begin with a line of the processor's cache are loaded faster
 
 #: 1/k; of k = 0 nothing is asked.
 _SHARE = np.concatenate([[0.0], 1.0 / np.arange(1.0, HIGHEST + 2.0)])
@@ -66,7 +65,7 @@ class Room(NamedTuple):
         What a sum over rows is written to, shape (16,) and (2,).
     q
         Coefficients in powers of time (SI units), shape (rows, 8): coordinates in the order of the system's unknowns,
-        and F_c in column FORCE, which has two orders less.
+        and F_c in column FORCE, which has two orders less; 0 in the columns between.
     """
 
     early: FloatArray
@@ -79,16 +78,9 @@ class Room(NamedTuple):
 
 
 def room() -> Room:
-    """Make room for a series, in lines of the processor's cache."""
-    shapes = ((_ROWS, _WIDTH), (_ROWS, _WIDTH), (_ROWS, 2), (_ROWS, 2), (_WIDTH,), (8,), (_ROWS, FORCE + 1))
-    sizes = [-(-int(np.prod(shape)) // 8) * 8 for shape in shapes]
-    whole = np.zeros(sum(sizes) + 8)
-    first = -(whole.ctypes.data // 8) % 8
-    parts, begin = [], first
-    for shape, size in zip(shapes, sizes, strict=True):
-        parts.append(whole[begin : begin + int(np.prod(shape))].reshape(shape))
-        begin += size
-    return Room(*parts)
+    """Make room for a series."""
+    shapes = ((_ROWS, _WIDTH), (_ROWS, _WIDTH), (_ROWS, 2), (_ROWS, 2), (_WIDTH,), (2,), (_ROWS, FORCE + 1))
+    return Room(*(in_lines(shape) for shape in shapes))
 
 
 class Fixed(NamedTuple):
@@ -215,8 +207,8 @@ def expand(system: int, t: float, y: FloatArray, degree: int, room: Room, p: Par
         upper, upper_rate = y[n - 1], y[2 * n - 1]
     phi_1, unbalances, turning, square = 0.0, 0.0, 0.0, 0.0
     sums, torque_sums = room.sums, room.torque_sums
-    for i in range(n):
-        room.q[0, i], room.q[1, i] = y[i], y[n + i]
+    for i in range(FORCE):
+        room.q[0, i], room.q[1, i] = (y[i], y[n + i]) if i < n else (0.0, 0.0)
     for k in range(degree - 1):
         products_16(room.early, room.late, k, k, sums)
         products_2(room.squares, room.torques, k, k - 1, torque_sums)
@@ -247,10 +239,13 @@ def expand(system: int, t: float, y: FloatArray, degree: int, room: Room, p: Par
         if layers == 2:
             upper, upper_rate = upper_rate * share, above * share
         phi, w1, w2 = a[2] * twofold, a[3] * share, a[4] * share
-        sixth = (contact if layers > 0 and not attached else above) * twofold
-        coordinates = (a[0] * twofold, a[1] * twofold, phi, a[3] * twofold, a[4] * twofold, sixth, above * twofold)
+        sixth = contact * twofold if n > 5 and not attached else 0.0
+        seventh = above * twofold if n == 7 else 0.0
+        if n == 6 and attached:
+            sixth = above * twofold
+        coordinates = (a[0] * twofold, a[1] * twofold, phi, a[3] * twofold, a[4] * twofold, sixth, seventh)
         put_row(room.q, k + 2, (*coordinates, 0.0))
-        room.q[k, FORCE] = contact
+        room.q[k, FORCE] = contact if attached else 0.0
         if k == 0:
             phi_1 = y[n + 2]
         unbalances = curvature(a[3], known_1, fixed_1) + curvature(a[4], known_2, fixed_2)

@@ -1,0 +1,332 @@
+"""The compiled loop of engine ``taylor``: segments, steps of a series and jumps without the interpreter.
+
+A step is the series at its beginning, as far as its last coefficients allow (:func:`longest_step`); it ends earlier
+where the guard falls, where an exciter comes to rest or reaches the angle that the run waits for. Each finished step is
+checked: its polynomial's accelerations at the end against those of the equations there, which the next series begins
+with. One that fails is halved.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from vibroplat.hybrid import loop
+from vibroplat.hybrid.loop import AT_GUARD, AT_TARGET, AT_TIME, FAILED, NOT_FINITE
+from vibroplat.hybrid.modes import GUARDS
+from vibroplat.hybrid.pieces import cut_piece
+from vibroplat.hybrid.state import RUNNING, Automaton
+from vibroplat.hybrid.steps import MARGIN, rewind
+from vibroplat.kernels.compiled import FloatArray, compiled, inlined
+from vibroplat.kernels.foreign import borrow
+from vibroplat.kernels.lanes import horner_8, put_step
+from vibroplat.kernels.polynomial import crossing, first_fall
+from vibroplat.model.equations import finite
+from vibroplat.model.platform import holds
+from vibroplat.model.series import FORCE, Room, expand
+from vibroplat.model.systems import ALGEBRAIC, DIFFERENTIAL
+
+#: Coefficients at the end of a series that choose its step. Kloss' torque has complex poles, which let pairs of them
+#: vanish by turns: of the last two, an error of 1e-6 becomes 2e-5.
+LAST = 4
+
+#: Largest difference of accelerations at the end of a step, times its length over its degree, in tolerances of rates.
+AGREED = 30.0
+
+#: Round-off of an acceleration over the sum of its polynomial's terms.
+_NOISE = 1e3 * float(np.finfo(float).eps)
+#: Truncation of a guard that is round-off beside the sum of its polynomial's terms.
+_NOTHING = 4.0 * float(np.finfo(float).eps)
+
+#: Shortest step, as a part of a period.
+SHORTEST = 1e-13
+
+#: Why a segment ends, besides the reasons of the loop: it does not; there is no room for more steps.
+_ON, _FULL = -1, 9
+
+#: Whether a segment is open, its time (s), steps and rejected ones so far, steps since the time of the run
+#: ``counted_from`` (s) and most of them in a period, degree of the series, whether steps became too short, exciter that
+#: comes to rest at the end of a step or −1.
+STATUS = np.dtype(
+    [(name, np.int64) for name in ("open", "steps", "rejected", "counted", "most", "degree", "short", "resting")]
+    + [("done", np.float64), ("counted_from", np.float64)],
+    align=True,
+)
+
+
+class Expansion(NamedTuple):
+    """What compiled code needs of the engine.
+
+    Attributes
+    ----------
+    room
+        Where series are formed.
+    y, ahead
+        Unknowns at the beginning of a step and at its end, shape (14,).
+    weights
+        One over the tolerances of rates, then 0, and in column FORCE of F_c; shape (8,).
+    at_end
+        Coordinates, rates and accelerations at the end of a step by its polynomial, shape (3, 8).
+    guard, bound
+        A guard's polynomial, and one that bounds it; shape (degree + 1, 1).
+    status
+        A record of :data:`STATUS`.
+    """
+
+    room: Room
+    y: FloatArray
+    ahead: FloatArray
+    weights: FloatArray
+    at_end: FloatArray
+    guard: FloatArray
+    bound: FloatArray
+    status: Any
+
+
+@compiled
+def drive(owned_h: Automaton, owned_e: Expansion) -> None:
+    """Go through segments and jumps until there is no room for more steps or the run has ended."""
+    h, e = borrow(owned_h), borrow(owned_e)
+    rewind(h.steps)
+    while h.run.outcome == RUNNING:
+        if e.status.open == 0:
+            full = h.steps.used.steps + 1 + MARGIN > h.steps.start.size or h.run.events + 2 > h.events.size
+            if full or not loop.begin(h):
+                return
+            start(h, e)
+        stop = _ON
+        while stop == _ON:
+            if h.steps.used.steps + MARGIN >= h.steps.start.size:
+                stop = _FULL
+            else:
+                stop = step(h, e)
+        if stop == _FULL:
+            cut_piece(h)
+            return
+        e.status.open = 0
+        loop.conclude(h, stop)
+
+
+@compiled
+def start(h: Automaton, e: Expansion) -> None:
+    """Begin a segment: its unknowns, the tolerances of its rates, its series."""
+    run, status = h.run, e.status
+    system = run.systems[run.mode]
+    n = DIFFERENTIAL[system] // 2
+    for i in range(2 * n):
+        e.y[i] = run.y[run.mode, i]
+    for i in range(FORCE):
+        e.weights[i] = 1.0 / run.atol[n + i] if i < n else 0.0
+    e.weights[FORCE] = 1.0 / run.atol[2 * n] if ALGEBRAIC[system] else 0.0
+    status.open, status.done = 1, 0.0
+    expand(system, run.origin, e.y, status.degree, e.room, h.p)
+
+
+@compiled
+def step(h: Automaton, e: Expansion) -> int:
+    """Take a step by the series at its beginning; why the segment ends with it, or _ON."""
+    run, steps, status = h.run, h.steps, e.status
+    system, row, degree = run.systems[run.mode], steps.used.steps, status.degree
+    c = steps.c[row]
+    length = longest_step(e.room.q, degree, e.weights)
+    while True:
+        if not length >= SHORTEST * run.period:
+            status.short = 1 if length > 0.0 else 0
+            return FAILED if length > 0.0 else NOT_FINITE
+        stop, length = end_of_step(h, e, c, min(length, run.until - status.done))
+        status.steps += 1
+        horner_8(e.room.q, degree, length, e.at_end)
+        if confirmed(h, e, system, stop, length):
+            break
+        status.rejected += 1
+        expand(system, run.origin + status.done, e.y, degree, e.room, h.p)
+        length *= 0.5
+    keep_step(h, e, system, stop, length)
+    if stop == _ON and stuck(run, status):
+        return FAILED
+    return stop
+
+
+@inlined
+def longest_step(q: FloatArray, degree: int, weights: FloatArray) -> float:
+    """Longest step with which none of the last coefficients of rates, and of F_c, is above its tolerance (s).
+
+    What is not finite makes it nan or 0.
+    """
+    least = -np.inf
+    for m in range(LAST):
+        k = degree - m
+        largest, force = 0.0, abs(q[k - 2, FORCE]) * weights[FORCE]
+        for i in range(FORCE):
+            largest = max(largest, abs(q[k, i]) * weights[i])
+        largest *= k
+        if largest > 0.0:
+            least = max(least, math.log(largest) / (k - 1))
+        if force > 0.0:
+            least = max(least, math.log(force) / (k - 2))
+        elif not (force == 0.0 and largest >= 0.0):
+            return np.nan
+    return math.exp(-least)
+
+
+@compiled
+def end_of_step(h: Automaton, e: Expansion, c: FloatArray, length: float) -> tuple[int, float]:
+    """Write the series as a step's polynomials, and find where the step ends: why the segment does, and its length."""
+    run, degree = h.run, e.status.degree
+    system = run.systems[run.mode]
+    n, guard = DIFFERENTIAL[system] // 2, GUARDS[system]
+    stop, share = AT_TIME if length >= run.until - e.status.done else _ON, 1.0
+    put_step(e.room.q, degree, length, n, c)
+    if guard >= 0:
+        fall, sure = guard_fall(c, degree, guard, run.zeros, ALGEBRAIC[system], e)
+        while not sure:
+            stop, length = _ON, 0.5 * length
+            put_step(e.room.q, degree, length, n, c)
+            fall, sure = guard_fall(c, degree, guard, run.zeros, ALGEBRAIC[system], e)
+        if fall >= 0.0:
+            stop, share = AT_GUARD, fall
+    e.status.resting = -1
+    for i in range(2):
+        rest = comes_to_rest(c, degree, n + 3 + i, e.guard)
+        if 0.0 <= rest < share:
+            stop, share, e.status.resting = _ON, rest, i
+    if share < 1.0:
+        length *= share
+        put_step(e.room.q, degree, length, n, c)
+    target = run.target - run.turns[0]
+    if reaches(c, degree, target):
+        stop, e.status.resting = AT_TARGET, -1
+        length *= crossing(c, degree, 3, target)
+        put_step(e.room.q, degree, length, n, c)
+    return stop, length
+
+
+@inlined
+def reaches(c: FloatArray, degree: int, target: float) -> bool:
+    """Whether exciter 1 ends a step at an angle (rad), or beyond; nan is never reached."""
+    angle = c[degree, 3]
+    for k in range(degree - 1, -1, -1):
+        angle += c[k, 3]
+    return bool(angle >= target)
+
+
+@compiled
+def guard_fall(
+    c: FloatArray, degree: int, guard: int, zeros: int, algebraic: bool, e: Expansion
+) -> tuple[float, bool]:
+    """Fraction of a step at which its guard falls through zero, −1 if it does not, and whether that is sure.
+
+    A guard is its polynomial of degree d and a remainder, which is taken to be within T sᵈ at fraction s of the step; T
+    is the sum of the sizes of the last four coefficients, as much as is left where coefficients halve every four. No
+    fall of the polynomial is missed (:func:`vibroplat.kernels.polynomial.first_fall`). Within these bounds none of the
+    guard is, either, and none is made up: the answer is sure if polynomial − T sᵈ does not fall, or polynomial + T sᵈ
+    does as well. If it is not, as near a touch, a shorter step will be, for T shrinks with sᵈ; where T is round-off the
+    polynomial decides.
+    """
+    used = degree - 2 if algebraic else degree
+    rest, size = 0.0, 0.0
+    for k in range(used + 1):
+        size += abs(c[k, guard])
+        if k > used - LAST:
+            rest += abs(c[k, guard])
+    first = 0
+    while first < zeros and c[first, guard] <= 0.0:
+        first += 1
+    lowest, at_end = c[first, guard] - rest, c[first, guard]
+    for k in range(max(first + 1, zeros), used + 1):
+        lowest += min(c[k, guard], 0.0)
+        at_end += c[k, guard]
+    if lowest > 0.0:
+        return -1.0, True
+    for k in range(used + 1):
+        e.guard[k, 0] = e.bound[k, 0] = c[k, guard]
+    fall = first_fall(e.guard, used, 0, zeros)
+    if rest <= _NOTHING * size or (fall >= 0.0 and at_end < -rest):
+        return fall, True
+    e.bound[used, 0] += rest if fall >= 0.0 else -rest
+    return fall, (first_fall(e.bound, used, 0, zeros) >= 0.0) == (fall >= 0.0)
+
+
+@compiled
+def comes_to_rest(c: FloatArray, degree: int, j: int, room: FloatArray) -> float:
+    """Fraction of a step at which the rate in column j passes zero, −1 if it does not; not at the step's beginning."""
+    size, first = 0.0, 0
+    for k in range(1, degree + 1):
+        size += abs(c[k, j])
+    if abs(c[0, j]) > size:
+        return -1.0
+    while first < degree and c[first, j] == 0.0:
+        first += 1
+    sense = 1.0 if c[first, j] > 0.0 else -1.0
+    for k in range(degree + 1):
+        room[k, 0] = sense * c[k, j]
+    return first_fall(room, degree, 0, first)
+
+
+@compiled
+def confirmed(h: Automaton, e: Expansion, system: int, stop: int, length: float) -> bool:
+    """Whether a step ends where the model holds, with the accelerations and the contact force of the equations there.
+
+    Leaves the unknowns there in ``ahead``, and their series.
+    """
+    run, n, ahead, at_end = h.run, DIFFERENTIAL[system] // 2, e.ahead, e.at_end
+    for i in range(n):
+        ahead[i], ahead[n + i] = at_end[0, i], at_end[1, i]
+    if e.status.resting >= 0:
+        ahead[n + 3 + e.status.resting] = 0.0
+    if not (finite(ahead[: 2 * n]) and holds(ahead, h.p)):
+        return False
+    degree = e.status.degree
+    force = at_end[0, FORCE]
+    expand(system, run.origin + e.status.done + length, ahead, degree if stop == _ON else 2, e.room, h.p)
+    q, weights, worst = e.room.q, e.weights, abs(force - e.room.q[0, FORCE]) * e.weights[FORCE]
+    for i in range(n):
+        difference = abs(at_end[2, i] - 2.0 * q[2, i])
+        worst = max(worst, difference * length / degree * weights[i])
+        if not difference < np.inf:
+            return False
+    return worst <= AGREED or rounded(h.steps.c[h.steps.used.steps], n, worst, e)
+
+
+@compiled
+def rounded(c: FloatArray, n: int, worst: float, e: Expansion) -> bool:
+    """Whether a difference at the end of a step is round-off of the sums that made it."""
+    size = 0.0
+    for i in range(n):
+        terms = 0.0
+        for k in range(1, e.status.degree + 1):
+            terms += k * abs(c[k, n + i])
+        size = max(size, terms / e.status.degree * e.weights[i])
+    force = 0.0
+    for k in range(e.status.degree + 1):
+        force += abs(c[k, 2 * n])
+    return worst <= _NOISE * max(size, force * e.weights[FORCE])
+
+
+@inlined
+def keep_step(h: Automaton, e: Expansion, system: int, stop: int, length: float) -> None:
+    """Add a step to the steps, and move to its end."""
+    run, steps, status = h.run, h.steps, e.status
+    row, n = steps.used.steps, DIFFERENTIAL[system] // 2
+    steps.start[row], steps.length[row] = status.done, length
+    for i in range(2 * n):
+        steps.ends[row, i] = e.y[i] = e.ahead[i]
+    if ALGEBRAIC[system]:
+        steps.ends[row, 2 * n] = e.at_end[0, FORCE]
+    if stop == AT_TARGET:
+        steps.ends[row, 3] = run.target - run.turns[0]
+    steps.used.steps = row + 1
+    status.done += length
+    run.zeros = 0  # they were of the segment's start
+
+
+@inlined
+def stuck(run: Any, status: Any) -> bool:
+    """Whether more steps were taken within a period than any motion needs."""
+    status.counted += 1
+    now = run.origin + status.done
+    if now - status.counted_from >= run.period:
+        status.counted, status.counted_from = 0, now
+    return bool(status.counted > status.most)
