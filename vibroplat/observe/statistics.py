@@ -7,8 +7,6 @@ part is cut to whole turns of exciter 1 where there is one.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,10 +14,11 @@ import numpy.typing as npt
 
 from vibroplat.hybrid.modes import IMPACT, LATCH, LIFTOFF, MODES
 from vibroplat.hybrid.state import Automaton
-from vibroplat.hybrid.steps import Steps
+from vibroplat.hybrid.steps import WIDTH, Steps
 from vibroplat.kernels.compiled import FloatArray, compiled, copy, inlined
 from vibroplat.kernels.foreign import borrow
-from vibroplat.kernels.polynomial import bend, crossing, extremes, slope, value
+from vibroplat.kernels.lanes import horner_16, in_lines
+from vibroplat.kernels.polynomial import bend, crossing, extremes, slope
 from vibroplat.model.energy import FORCE_SIZE, POWERS, powers
 from vibroplat.model.parameters import Parameters
 from vibroplat.model.systems import DIFFERENTIAL, FULL_SIZE, GAP, PLACES, SIZES
@@ -81,8 +80,9 @@ MARKS = np.dtype(
     align=True,
 )
 
-#: Change of the phase difference within a step (rad) up to which its mean says cosine and sine, to 1/24 of the square.
-STILL = 1e-3
+#: Change of the phase difference within a step (rad) up to which its mean and variance say cosine and sine: what they
+#: leave out, the third moment, is below 1e-7 there.
+STILL = 0.02
 
 #: Gauss nodes and weights on [0, 1], by their number.
 _MOST_NODES = 16
@@ -103,8 +103,13 @@ _FLIGHT = int(Mode.FLIGHT)
 _HEIGHT, _ROTATION, _ANGLE, _GAP = np.array([1, 2, 3, GAP])
 
 
-#: A full state, and the powers at it.
-Room = tuple[FloatArray, FloatArray]
+class Room(NamedTuple):
+    """What is overwritten at each node: unknowns with what is behind them, shape (16,), full state, powers, phases."""
+
+    unknowns: FloatArray
+    full: FloatArray
+    power: FloatArray
+    phases: FloatArray
 
 
 class Measures(NamedTuple):
@@ -185,32 +190,26 @@ class Statistics:
 
     def __init__(self, window: float) -> None:
         self.measures = no_measures(window)
-        self._room = np.zeros(FULL_SIZE), np.zeros(N_WORK)
+        self._room = Room(in_lines((WIDTH,)), np.zeros(FULL_SIZE), np.zeros(N_WORK), np.zeros(_MOST_NODES))
 
     def read(self, h: Automaton) -> None:
         """Add the steps and events since the last reading."""
-        adder(h.steps.degree)(self.measures, h.steps, h.events[: h.run["events"]], self._room, h.p)
+        nodes = node_count(h.steps.degree)
+        add_pieces(self.measures, h.steps, h.events[: h.run["events"]], self._room, nodes, h.p)
 
 
-@cache
-def adder(degree: int) -> Callable[[Measures, Steps, npt.NDArray[np.void], Room, Parameters], None]:
-    """Compile :func:`add_pieces` for polynomials of one degree, known to the compiler: it takes half the time."""
-    nodes = node_count(degree)
-
-    @compiled
-    def add_all(ms: Measures, steps: Steps, events: npt.NDArray[np.void], room: Room, p: Parameters) -> None:
-        add_pieces(borrow(ms), borrow(steps), borrow(events), borrow(room), degree, nodes, p)
-
-    return add_all
-
-
-@inlined
+@compiled
 def add_pieces(
-    ms: Measures, steps: Steps, events: npt.NDArray[np.void], room: Room, degree: int, nodes: int, p: Parameters
+    owned_ms: Measures,
+    owned_steps: Steps,
+    owned_events: npt.NDArray[np.void],
+    owned_room: Room,
+    nodes: int,
+    p: Parameters,
 ) -> None:
     """Add all closed pieces and events in the order of time; ``room`` is overwritten."""
-    counted = 0
-    full, power = room
+    ms, steps, events, room = borrow(owned_ms), borrow(owned_steps), borrow(owned_events), borrow(owned_room)
+    counted, degree, full = 0, steps.c.shape[1] - 1, room.full
     for i in range(steps.used.pieces):
         piece = steps.pieces[i]
         while counted < piece.events:
@@ -221,7 +220,7 @@ def add_pieces(
             full[j] = 0.0
         for row in range(piece.first, piece.end):
             if steps.length[row] > 0.0:
-                add_step(ms, steps, row, piece, flying, degree, nodes, full, power, p)
+                add_step(ms, steps, row, piece, flying, degree, nodes, room, p)
         ms.marks.until = piece.until
     while counted < events.size:
         count_event(ms.marks, events[counted])
@@ -256,8 +255,7 @@ def add_step(
     flying: bool,
     degree: int,
     nodes: int,
-    full: FloatArray,
-    power: FloatArray,
+    room: Room,
     p: Parameters,
 ) -> None:
     """Add a step, in parts where the measured part begins and where exciter 1 completes turns within it."""
@@ -285,12 +283,19 @@ def add_step(
             cut = crossing(c, degree, _ANGLE, _TURN * max(turn, turn + way) - piece.turns[0])
         if begun < since < cut:
             cut, way = since, 0.0
-        integrate(ms, c, degree, begun, cut, begin, length, system, flying, begun >= since, nodes, full, power, p)
+        integrate(ms, c, degree, begun, cut, begin, length, system, flying, begun >= since, nodes, room, p)
         begun, turn, now = cut, turn + way, begin + cut * length
         if way != 0.0 and goes_on(marks, slope(c, degree, 3, cut)) and now >= marks.window:
-            for j in range(force):
-                full[PLACES[system, j]] = value(c, degree, j, cut)
-            close_turn(ms, now, piece.turns, full, value(c, degree, force, cut) if SIZES[system] > force else 0.0)
+            evaluate(c, degree, cut, system, room)
+            close_turn(ms, now, piece.turns, room.full, room.unknowns[force] if SIZES[system] > force else 0.0)
+
+
+@inlined
+def evaluate(c: FloatArray, degree: int, s: float, system: int, room: Room) -> None:
+    """Fill the unknowns and the full state at fraction s of a step."""
+    horner_16(c, degree, s, room.unknowns)
+    for j in range(DIFFERENTIAL[system]):
+        room.full[PLACES[system, j]] = room.unknowns[j]
 
 
 @inlined
@@ -341,24 +346,22 @@ def integrate(
     flying: bool,
     measured: bool,
     nodes: int,
-    full: FloatArray,
-    power: FloatArray,
+    room: Room,
     p: Parameters,
 ) -> None:
     """Add the part [start, end] of a step: its work and, if it is measured, its statistics.
 
     ``start`` and ``end`` are fractions of the step, which begins at time ``begin`` and takes ``length`` (s);
-    ``full`` and ``power`` are overwritten.
+    ``room`` is overwritten.
     """
-    marks, sums, work = ms.marks, ms.open_turn, ms.work
+    marks, sums, work, full, power, phases = ms.marks, ms.open_turn, ms.work, room.full, room.power, room.phases
     duration = (end - start) * length
     total_x, total_xx, total_y, total_yy, total_phi, total_phi_phi, total_motor = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     total_exchanged, total_phase, drift = 0.0, 0.0, 0.0
     sense = -p.direction[0] * p.direction[1]  # the phase difference is φ₁ + φ₂, or φ₁ − φ₂ if co-rotating
     for i in range(nodes):
         s, weight = start + (end - start) * NODES[nodes, i], duration * WEIGHTS[nodes, i]
-        for j in range(DIFFERENTIAL[system]):
-            full[PLACES[system, j]] = value(c, degree, j, s)
+        evaluate(c, degree, s, system, room)
         powers(begin + s * length, full, power, p)
         for j in range(N_WORK):
             work[j] += weight * power[j]
@@ -372,10 +375,11 @@ def integrate(
             total_phi += weight * phi
             total_phi_phi += weight * phi * phi
             total_motor += weight * power[0]
-            total_phase += weight * (full[3] + sense * full[4])
+            phases[i] = full[3] + sense * full[4]
+            total_phase += weight * phases[i]
             drift = max(drift, duration * abs(full[10] + sense * full[11]))
     marks.exchanged += total_exchanged
-    if measured:
+    if measured and duration > 0.0:
         sums.x += total_x
         sums.xx += total_xx
         sums.y += total_y
@@ -385,11 +389,7 @@ def integrate(
         sums.motor += total_motor
         sums.time += duration
         sums.flying += duration if flying else 0.0
-        if drift > STILL:
-            add_phase(sums, c, degree, start, duration / length, duration, sense, nodes)
-        elif duration > 0.0:
-            sums.cosine += duration * math.cos(total_phase / duration)
-            sums.sine += duration * math.sin(total_phase / duration)
+        add_phase(sums, phases, total_phase / duration, drift, duration, nodes)
 
 
 @inlined
@@ -401,16 +401,23 @@ def exchanged(power: FloatArray) -> float:
     return total
 
 
-@compiled
-def add_phase(
-    sums: Any, c: FloatArray, degree: int, start: float, share: float, duration: float, sense: float, nodes: int
-) -> None:
-    """Add cosine and sine of the phase difference over a share of a step that begins at ``start``, ``duration`` (s)."""
-    for i in range(nodes):
-        s, weight = start + share * NODES[nodes, i], duration * WEIGHTS[nodes, i]
-        phase = value(c, degree, 3, s) + sense * value(c, degree, 4, s)
-        sums.cosine += weight * math.cos(phase)
-        sums.sine += weight * math.sin(phase)
+@inlined
+def add_phase(sums: Any, phases: FloatArray, mean: float, drift: float, duration: float, nodes: int) -> None:
+    """Add cosine and sine of the phase difference over a part of a step (s), from its values at the nodes (rad).
+
+    Where it changes little, they follow from its mean and its variance.
+    """
+    cosine, sine, variance = 0.0, 0.0, 0.0
+    if drift > STILL:
+        for i in range(nodes):
+            cosine += WEIGHTS[nodes, i] * math.cos(phases[i])
+            sine += WEIGHTS[nodes, i] * math.sin(phases[i])
+    else:
+        for i in range(nodes):
+            variance += WEIGHTS[nodes, i] * (phases[i] - mean) ** 2
+        cosine, sine = (1.0 - 0.5 * variance) * math.cos(mean), (1.0 - 0.5 * variance) * math.sin(mean)
+    sums.cosine += duration * cosine
+    sums.sine += duration * sine
 
 
 @inlined
