@@ -30,6 +30,9 @@ MAX_TURNS = 1e9
 #: The same with engine ``sundae``, which is ten to twenty times slower.
 MAX_TURNS_SUNDAE = 5e7
 
+#: Least tolerances: what the engines can reach.
+LEAST_TOLERANCE, LEAST_TOLERANCE_SUNDIALS = 1e-14, 1e-12
+
 
 class Mode(IntEnum):
     """Modes of smooth motion; compiled code uses the numbers."""
@@ -225,13 +228,16 @@ class Run(Section):
 class Solver(Section):
     """Accuracy and integrator."""
 
-    tolerance: Annotated[float, Field(ge=1e-12, le=1e-2, allow_inf_nan=False)] = Field(
-        1.0e-6, description="local error, relative to the scales of the scene"
+    tolerance: Annotated[float, Field(ge=LEAST_TOLERANCE, le=1e-2, allow_inf_nan=False)] = Field(
+        1.0e-6,
+        description="local error, relative to the scales of the scene; at least "
+        f"{LEAST_TOLERANCE_SUNDIALS:g}, with engine taylor {LEAST_TOLERANCE:g}",
     )
-    engine: Literal["auto", "native", "sundae"] = Field(
+    engine: Literal["auto", "native", "sundae", "taylor"] = Field(
         "auto",
         description="native: SUNDIALS driven from compiled code; sundae: through scikit-sundae's Python callbacks; "
-        "auto: native, or sundae if the library is not as expected",
+        "auto: native, or sundae if the library is not as expected; taylor: Taylor series of high order, several times "
+        "faster unless a layer or a motor is stiff",
     )
     smooth_modes: Literal["auto", "ida", "adams"] = Field(
         "auto",
@@ -241,6 +247,16 @@ class Solver(Section):
     max_events_per_period: Annotated[int, Field(ge=1, le=10_000_000)] = Field(
         5_000, description="a run ends if it has more events within one turn at the synchronous speed"
     )
+
+
+    @model_validator(mode="after")
+    def _require_reachable_tolerance(self) -> Self:
+        if self.engine != "taylor" and self.tolerance < LEAST_TOLERANCE_SUNDIALS:
+            raise ValueError(
+                f"solver.tolerance = {self.tolerance:g} with engine {self.engine}; "
+                f"allowed: at least {LEAST_TOLERANCE_SUNDIALS:g}, or {LEAST_TOLERANCE:g} with engine taylor"
+            )
+        return self
 
 
 class Output(Section):

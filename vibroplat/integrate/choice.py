@@ -7,11 +7,12 @@ import threading
 from contextlib import closing
 from functools import cache
 
-from vibroplat.integrate.native import NativeEngine, self_check
 from vibroplat.integrate.seam import Engine
 from vibroplat.integrate.sundials import Library, UnavailableError, library
 from vibroplat.model.parameters import Parameters, parameters
 from vibroplat.scene import Scene
+
+# Each engine's module is imported where it is asked for: its kernels are compiled or loaded then.
 
 _FINDING = threading.Lock()
 _LOG = logging.getLogger("vibroplat")
@@ -19,13 +20,19 @@ _LOG = logging.getLogger("vibroplat")
 
 def make_engine(scene: Scene, p: Parameters) -> Engine:
     """Make the engine that ``solver.engine`` asks for, or ``sundae`` where ``native`` cannot be had."""
+    if scene.solver.engine == "taylor":
+        from vibroplat.integrate.taylor import TaylorEngine  # noqa: PLC0415
+
+        return TaylorEngine(scene, p)
     found = None
     if scene.solver.engine != "sundae":
         with _FINDING:
             found = native_library()
     if found is not None:
+        from vibroplat.integrate.native import NativeEngine  # noqa: PLC0415
+
         return NativeEngine(scene, p, found)
-    from vibroplat.integrate.sundae import SundaeEngine  # noqa: PLC0415  (not needed elsewhere)
+    from vibroplat.integrate.sundae import SundaeEngine  # noqa: PLC0415
 
     return SundaeEngine(scene, p)
 
@@ -33,6 +40,8 @@ def make_engine(scene: Scene, p: Parameters) -> Engine:
 @cache
 def native_library() -> Library | None:
     """Open and check the library of engine ``native``, once; None, with a notice, where it is not as expected."""
+    from vibroplat.integrate.native import self_check  # noqa: PLC0415
+
     try:
         found = library()
         self_check(found)

@@ -98,10 +98,7 @@ def drive(owned_h: Automaton, owned_e: Expansion) -> None:
             start(h, e)
         stop = _ON
         while stop == _ON:
-            if h.steps.used.steps + MARGIN >= h.steps.start.size:
-                stop = _FULL
-            else:
-                stop = step(h, e)
+            stop = _FULL if h.steps.used.steps + MARGIN >= h.steps.start.size else step(h, e)
         if stop == _FULL:
             cut_piece(h)
             return

@@ -1,8 +1,8 @@
 """Engine ``taylor``: the Taylor series of the index-reduced DAE itself, in compiled code.
 
-A one-step method of high order. It has its full order at once after an impact, its steps are polynomials without
-further work, and it takes some seven of them a turn; where IDA, of order 5, takes hundreds. It is explicit: a layer or a
-motor that is stiff against the excitation and does not move makes its steps short for nothing, which the run then says.
+A one-step method of high order: it has its full order at once after an impact, its steps are polynomials without
+further work, and it takes some seven of them a turn where IDA, of order 5, takes hundreds. It is explicit: a layer or
+motor that is stiff against the excitation makes its steps short even where it does not move, which the run then says.
 """
 
 from __future__ import annotations

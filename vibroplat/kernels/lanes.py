@@ -87,7 +87,7 @@ def _cauchy(numbers: int) -> Any:
 
             # two sums side by side: an addition need not wait for the one before
             entry = builder.block
-            loop, rest, odd, end = (builder.append_basic_block(f"products.{name}") for name in ("", "rest", "odd", "end"))
+            loop, rest, odd, end = (builder.append_basic_block(name) for name in ("pairs", "rest", "odd", "end"))
             builder.cbranch(builder.icmp_signed("<", two, last), loop, rest)
             builder.position_at_end(loop)
             phis = [builder.phi(kind) for kind in (_INDEX, first_rows.vector, first_rows.vector)]

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibroplat.kernels.compiled import FloatArray, compiled, inlined
+from vibroplat.kernels.compiled import FloatArray, compiled, copy, inlined
 
 #: Halvings until a fraction of a step is found to round-off.
 HALVINGS = 54
@@ -121,37 +121,85 @@ def first_change(b: FloatArray, sign: float) -> float:
     The polynomial is not below zero at 0. Its Bernstein coefficients ``b`` are kept.
     """
     n = b.size
-    part = b.copy()
-    low, level, index = 0.0, 0, 0  # the part is [index, index + 1] times 2 to the power of −level
+    part, room, waiting = np.empty(n), np.empty(n), np.empty((HALVINGS + 1, n))
+    lows, sizes = np.empty(HALVINGS + 1), np.empty(HALVINGS + 1)
+    for i in range(n):
+        part[i] = sign * b[i]
+    low, size, parts = 0.0, 1.0, 0  # of the part [low, low + size]; parts further right are waiting
     while True:
-        below = False
-        for i in range(n):
-            below = below or sign * part[i] < 0.0
-        size = 0.5**level
-        low = index * size
-        if below and level >= HALVINGS:
+        leading, changes = sign_changes(part)
+        if leading < 0.0 or (changes > 0 and size <= 2.0**-HALVINGS):
             return low
-        if below:  # halve: its left half first
-            level, index = level + 1, 2 * index
-        else:  # on to the next part to the right, the largest that begins there
-            index += 1
-            while level > 0 and index % 2 == 0:
-                level, index = level - 1, index // 2
-            if index >= 2**level:
-                return -1.0
-        restrict(b, index * 0.5**level, (index + 1) * 0.5**level, part)
+        if changes == 1:
+            return low + size * only_change(part, room)
+        if changes > 1:  # halve: its left half first
+            size *= 0.5
+            lows[parts], sizes[parts] = low + size, size
+            halve(part, waiting[parts])
+            parts += 1
+        elif parts == 0:
+            return -1.0
+        else:  # on to the next part to the right
+            parts -= 1
+            low, size = lows[parts], sizes[parts]
+            copy(waiting[parts], part)
 
 
 @compiled
-def restrict(b: FloatArray, low: float, high: float, part: FloatArray) -> None:
-    """Fill the Bernstein coefficients of a polynomial's part [low, high]."""
+def sign_changes(b: FloatArray) -> tuple[float, int]:
+    """First number that is not 0, or 0 without one, and how often the sign changes from one number to the next."""
+    leading, last, changes = 0.0, 0.0, 0
+    for number in b:
+        if number != 0.0:
+            if last == 0.0:
+                leading = number
+            elif (number > 0.0) != (last > 0.0):
+                changes += 1
+            last = number
+    return leading, changes
+
+
+@compiled
+def halve(b: FloatArray, right: FloatArray) -> None:
+    """Replace Bernstein coefficients by those of the left half, and fill those of the right one (de Casteljau)."""
     n = b.size
-    for i in range(n):
-        part[i] = b[n - 1 - i]
-    split_right(part, 1.0 - high)  # of the mirror image: the part [0, high]
-    for i in range(n // 2):
-        part[i], part[n - 1 - i] = part[n - 1 - i], part[i]
-    split_right(part, low / high)
+    copy(b, right)
+    for level in range(1, n):
+        b[level - 1] = right[0]
+        for i in range(n - level):
+            right[i] = 0.5 * (right[i] + right[i + 1])
+    b[n - 1] = right[0]
+
+
+@compiled
+def only_change(b: FloatArray, room: FloatArray) -> float:
+    """Fraction at which a polynomial falls through zero whose Bernstein coefficients change their sign once, to −.
+
+    By Newton's iteration, and halving where it leaves the interval.
+    """
+    n = b.size
+    low, high = 0.0, 1.0
+    i = 1
+    while b[i] >= 0.0:
+        i += 1
+    s = (i - 1 + b[i - 1] / (b[i - 1] - b[i])) / (n - 1)  # where the control polygon does
+    for _ in range(HALVINGS):
+        copy(b, room)
+        for level in range(1, n - 1):
+            for k in range(n - level):
+                room[k] += s * (room[k + 1] - room[k])
+        rate = room[1] - room[0]
+        found = room[0] + s * rate
+        if found >= 0.0:
+            low = s
+        else:
+            high = s
+        rate *= n - 1
+        following = s - found / rate if rate < 0.0 else low
+        if abs(following - s) <= 2.0**-HALVINGS:
+            return following
+        s = following if low < following < high else 0.5 * (low + high)
+    return s
 
 
 @inlined
@@ -221,16 +269,25 @@ def turning_value(c: FloatArray, degree: int, j: int, s: float, first: float, at
 
 @compiled
 def crossing(c: FloatArray, degree: int, j: int, level: float) -> float:
-    """Fraction of a step at which unknown j passes a level between its values at both ends, or next to one of them."""
+    """Fraction of a step at which unknown j passes a level between its values at both ends, or next to one of them.
+
+    By Newton's iteration, and halving where it leaves the interval.
+    """
     low, high = 0.0, 1.0
-    rising = value(c, degree, j, 0.0) < value(c, degree, j, 1.0)
+    begin, end = value(c, degree, j, 0.0), value(c, degree, j, 1.0)
+    rising = begin < end
+    s = min(max((level - begin) / (end - begin), 0.0), 1.0) if begin != end else 0.5
     for _ in range(HALVINGS):
-        middle = 0.5 * (low + high)
-        if (value(c, degree, j, middle) < level) == rising:
-            low = middle
+        found, rate = value(c, degree, j, s), slope(c, degree, j, s)
+        if (found < level) == rising:
+            low = s
         else:
-            high = middle
-    return high
+            high = s
+        following = s - (found - level) / rate if rate != 0.0 else -1.0
+        if abs(following - s) <= 2.0**-HALVINGS:
+            break
+        s = following if low < following < high else 0.5 * (low + high)
+    return s
 
 
 class Fit(NamedTuple):

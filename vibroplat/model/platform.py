@@ -62,7 +62,7 @@ def unbalance(i: int, y: FloatArray, p: Parameters) -> Unbalance:
 
 @inlined
 def suspension(q: Three, v: Three, p: Parameters) -> Three:
-    """Forces of springs and dampers on x, y, φ at these coordinates and rates (N, N, N·m).
+    """Evaluate the forces of springs and dampers on x, y, φ at their coordinates and rates (N, N, N·m).
 
     Linear, so that it gives the terms of their series as well.
     """
