@@ -253,7 +253,7 @@ class Solver(Section):
     def _require_reachable_tolerance(self) -> Self:
         if self.engine != "taylor" and self.tolerance < LEAST_TOLERANCE_SUNDIALS:
             raise ValueError(
-                f"solver.tolerance = {self.tolerance:g} with engine {self.engine}; "
+                f"tolerance = {self.tolerance:g} with engine {self.engine}; "
                 f"allowed: at least {LEAST_TOLERANCE_SUNDIALS:g}, or {LEAST_TOLERANCE:g} with engine taylor"
             )
         return self
