@@ -18,15 +18,15 @@ from vibroplat.hybrid.loop import AT_GUARD, AT_TARGET, AT_TIME, FAILED, NOT_FINI
 from vibroplat.hybrid.modes import GUARDS
 from vibroplat.hybrid.pieces import cut_piece
 from vibroplat.hybrid.state import RUNNING, Automaton
-from vibroplat.hybrid.steps import MARGIN, rewind
+from vibroplat.hybrid.steps import MARGIN, WIDTH, rewind
 from vibroplat.kernels.compiled import FloatArray, compiled, inlined
 from vibroplat.kernels.foreign import borrow
-from vibroplat.kernels.lanes import horner_8, put_step
+from vibroplat.kernels.lanes import horner_8, put_step, sizes_16
 from vibroplat.kernels.polynomial import crossing, first_fall
 from vibroplat.model.equations import finite
 from vibroplat.model.platform import holds
-from vibroplat.model.series import FORCE, Room, expand
-from vibroplat.model.systems import ALGEBRAIC, DIFFERENTIAL
+from vibroplat.model.series import FORCE, HIGHEST, expand
+from vibroplat.model.systems import ALGEBRAIC, DIFFERENTIAL, FULL_SIZE
 
 #: Coefficients at the end of a series that choose its step. Kloss' torque has complex poles, which let pairs of them
 #: vanish by turns: of the last two, an error of 1e-6 becomes 2e-5.
@@ -46,42 +46,35 @@ SHORTEST = 1e-13
 #: Why a segment ends, besides the reasons of the loop: it does not; there is no room for more steps.
 _ON, _FULL = -1, 9
 
-#: Whether a segment is open, its time (s), steps and rejected ones so far, steps since the time of the run
-#: ``counted_from`` (s) and most of them in a period, degree of the series, whether steps became too short, exciter that
-#: comes to rest at the end of a step or −1.
+#: What the engine remembers.
 STATUS = np.dtype(
-    [(name, np.int64) for name in ("open", "steps", "rejected", "counted", "most", "degree", "short", "resting")]
-    + [("done", np.float64), ("counted_from", np.float64)],
+    [
+        ("at_end", float, (3, 8)),  # coordinates, rates and accelerations at the end of a step by its polynomial
+        ("sizes", float, WIDTH),  # sums of the sizes of a step's coefficients but the first
+        ("y", float, FULL_SIZE),  # unknowns at the beginning of a step, and at its end
+        ("ahead", float, FULL_SIZE),
+        ("weights", float, 8),  # one over the tolerances of rates, then 0, and in column FORCE of F_c
+        ("guard", float, (HIGHEST + 1, 1)),  # a guard's polynomial, and one that bounds it
+        ("bound", float, (HIGHEST + 1, 1)),
+        ("done", float),  # time of the segment (s)
+        ("counted_from", float),  # when the counted steps began (s)
+        ("open", int),  # whether a segment is
+        ("degree", int),  # of the series
+        ("steps", int),
+        ("rejected", int),
+        ("counted", int),  # steps in this period, and most of them
+        ("most", int),
+        ("short", int),  # whether steps have become too short
+        ("resting", int),  # exciter that comes to rest at the end of a step, or −1
+    ],
     align=True,
 )
 
 
 class Expansion(NamedTuple):
-    """What compiled code needs of the engine.
+    """What compiled code needs of the engine: a series' :data:`vibroplat.model.series.ROOM`, and a :data:`STATUS`."""
 
-    Attributes
-    ----------
-    room
-        Where series are formed.
-    y, ahead
-        Unknowns at the beginning of a step and at its end, shape (14,).
-    weights
-        One over the tolerances of rates, then 0, and in column FORCE of F_c; shape (8,).
-    at_end
-        Coordinates, rates and accelerations at the end of a step by its polynomial, shape (3, 8).
-    guard, bound
-        A guard's polynomial, and one that bounds it; shape (degree + 1, 1).
-    status
-        A record of :data:`STATUS`.
-    """
-
-    room: Room
-    y: FloatArray
-    ahead: FloatArray
-    weights: FloatArray
-    at_end: FloatArray
-    guard: FloatArray
-    bound: FloatArray
+    room: Any
     status: Any
 
 
@@ -113,12 +106,12 @@ def start(h: Automaton, e: Expansion) -> None:
     system = run.systems[run.mode]
     n = DIFFERENTIAL[system] // 2
     for i in range(2 * n):
-        e.y[i] = run.y[run.mode, i]
+        e.status.y[i] = run.y[run.mode, i]
     for i in range(FORCE):
-        e.weights[i] = 1.0 / run.atol[n + i] if i < n else 0.0
-    e.weights[FORCE] = 1.0 / run.atol[2 * n] if ALGEBRAIC[system] else 0.0
+        e.status.weights[i] = 1.0 / run.atol[n + i] if i < n else 0.0
+    e.status.weights[FORCE] = 1.0 / run.atol[2 * n] if ALGEBRAIC[system] else 0.0
     status.open, status.done = 1, 0.0
-    expand(system, run.origin, e.y, status.degree, e.room, h.p)
+    expand(system, run.origin, e.status.y, status.degree, e.room, h.p)
 
 
 @compiled
@@ -127,18 +120,18 @@ def step(h: Automaton, e: Expansion) -> int:
     run, steps, status = h.run, h.steps, e.status
     system, row, degree = run.systems[run.mode], steps.used.steps, status.degree
     c = steps.c[row]
-    length = longest_step(e.room.q, degree, e.weights)
+    length = longest_step(e.room.q, degree, e.status.weights)
     while True:
         if not length >= SHORTEST * run.period:
             status.short = 1 if length > 0.0 else 0
             return FAILED if length > 0.0 else NOT_FINITE
         stop, length = end_of_step(h, e, c, min(length, run.until - status.done))
         status.steps += 1
-        horner_8(e.room.q, degree, length, e.at_end)
+        horner_8(e.room.q, degree, length, e.status.at_end)
         if confirmed(h, e, system, stop, length):
             break
         status.rejected += 1
-        expand(system, run.origin + status.done, e.y, degree, e.room, h.p)
+        expand(system, run.origin + status.done, e.status.y, degree, e.room, h.p)
         length *= 0.5
     keep_step(h, e, system, stop, length)
     if stop == _ON and stuck(run, status):
@@ -148,23 +141,19 @@ def step(h: Automaton, e: Expansion) -> int:
 
 @inlined
 def longest_step(q: FloatArray, degree: int, weights: FloatArray) -> float:
-    """Longest step with which none of the last coefficients of rates, and of F_c, is above its tolerance (s).
-
-    What is not finite makes it nan or 0.
-    """
+    """Longest step with which none of the last coefficients of rates, and of F_c, is above its tolerance (s)."""
     least = -np.inf
-    for m in range(LAST):
-        k = degree - m
-        largest, force = 0.0, abs(q[k - 2, FORCE]) * weights[FORCE]
-        for i in range(FORCE):
-            largest = max(largest, abs(q[k, i]) * weights[i])
-        largest *= k
+    for m in range(LAST + 1):
+        k = degree - m  # rates have k times the coefficient of their coordinate, and the exponent of F_c before it
+        largest = 0.0
+        if m < LAST:
+            for i in range(FORCE):
+                largest = max(largest, abs(q[k, i]) * weights[i])
+            largest *= k
+        if m > 0:
+            largest = max(largest, abs(q[k - 1, FORCE]) * weights[FORCE])
         if largest > 0.0:
             least = max(least, math.log(largest) / (k - 1))
-        if force > 0.0:
-            least = max(least, math.log(force) / (k - 2))
-        elif not (force == 0.0 and largest >= 0.0):
-            return np.nan
     return math.exp(-least)
 
 
@@ -176,24 +165,28 @@ def end_of_step(h: Automaton, e: Expansion, c: FloatArray, length: float) -> tup
     n, guard = DIFFERENTIAL[system] // 2, GUARDS[system]
     stop, share = AT_TIME if length >= run.until - e.status.done else _ON, 1.0
     put_step(e.room.q, degree, length, n, c)
+    sizes_16(c, 1, degree, e.status.sizes)
     if guard >= 0:
         fall, sure = guard_fall(c, degree, guard, run.zeros, ALGEBRAIC[system], e)
         while not sure:
             stop, length = _ON, 0.5 * length
             put_step(e.room.q, degree, length, n, c)
+            sizes_16(c, 1, degree, e.status.sizes)
             fall, sure = guard_fall(c, degree, guard, run.zeros, ALGEBRAIC[system], e)
         if fall >= 0.0:
             stop, share = AT_GUARD, fall
     e.status.resting = -1
     for i in range(2):
-        rest = comes_to_rest(c, degree, n + 3 + i, e.guard)
-        if 0.0 <= rest < share:
-            stop, share, e.status.resting = _ON, rest, i
+        j = n + 3 + i
+        if abs(c[0, j]) <= e.status.sizes[j]:
+            rest = comes_to_rest(c, degree, j, e.status.guard)
+            if 0.0 <= rest < share:
+                stop, share, e.status.resting = _ON, rest, i
     if share < 1.0:
         length *= share
         put_step(e.room.q, degree, length, n, c)
     target = run.target - run.turns[0]
-    if reaches(c, degree, target):
+    if target == target and reaches(c, degree, target):
         stop, e.status.resting = AT_TARGET, -1
         length *= crossing(c, degree, 3, target)
         put_step(e.room.q, degree, length, n, c)
@@ -202,7 +195,7 @@ def end_of_step(h: Automaton, e: Expansion, c: FloatArray, length: float) -> tup
 
 @inlined
 def reaches(c: FloatArray, degree: int, target: float) -> bool:
-    """Whether exciter 1 ends a step at an angle (rad), or beyond; nan is never reached."""
+    """Whether exciter 1 ends a step at an angle (rad), or beyond."""
     angle = c[degree, 3]
     for k in range(degree - 1, -1, -1):
         angle += c[k, 3]
@@ -223,12 +216,11 @@ def guard_fall(
     polynomial decides.
     """
     used = degree - 2 if algebraic else degree
-    rest, size = 0.0, 0.0
-    for k in range(used + 1):
-        size += abs(c[k, guard])
-        if k > used - LAST:
-            rest += abs(c[k, guard])
-    first = 0
+    rest, first = 0.0, 0
+    for k in range(used - LAST + 1, used + 1):
+        rest += abs(c[k, guard])
+    if c[0, guard] > e.status.sizes[guard] + rest:
+        return -1.0, True
     while first < zeros and c[first, guard] <= 0.0:
         first += 1
     lowest, at_end = c[first, guard] - rest, c[first, guard]
@@ -238,22 +230,18 @@ def guard_fall(
     if lowest > 0.0:
         return -1.0, True
     for k in range(used + 1):
-        e.guard[k, 0] = e.bound[k, 0] = c[k, guard]
-    fall = first_fall(e.guard, used, 0, zeros)
-    if rest <= _NOTHING * size or (fall >= 0.0 and at_end < -rest):
+        e.status.guard[k, 0] = e.status.bound[k, 0] = c[k, guard]
+    fall = first_fall(e.status.guard, used, 0, zeros)
+    if rest <= _NOTHING * (abs(c[0, guard]) + e.status.sizes[guard]) or (fall >= 0.0 and at_end < -rest):
         return fall, True
-    e.bound[used, 0] += rest if fall >= 0.0 else -rest
-    return fall, (first_fall(e.bound, used, 0, zeros) >= 0.0) == (fall >= 0.0)
+    e.status.bound[used, 0] += rest if fall >= 0.0 else -rest
+    return fall, (first_fall(e.status.bound, used, 0, zeros) >= 0.0) == (fall >= 0.0)
 
 
 @compiled
 def comes_to_rest(c: FloatArray, degree: int, j: int, room: FloatArray) -> float:
     """Fraction of a step at which the rate in column j passes zero, −1 if it does not; not at the step's beginning."""
-    size, first = 0.0, 0
-    for k in range(1, degree + 1):
-        size += abs(c[k, j])
-    if abs(c[0, j]) > size:
-        return -1.0
+    first = 0
     while first < degree and c[first, j] == 0.0:
         first += 1
     sense = 1.0 if c[first, j] > 0.0 else -1.0
@@ -268,7 +256,7 @@ def confirmed(h: Automaton, e: Expansion, system: int, stop: int, length: float)
 
     Leaves the unknowns there in ``ahead``, and their series.
     """
-    run, n, ahead, at_end = h.run, DIFFERENTIAL[system] // 2, e.ahead, e.at_end
+    run, n, ahead, at_end = h.run, DIFFERENTIAL[system] // 2, e.status.ahead, e.status.at_end
     for i in range(n):
         ahead[i], ahead[n + i] = at_end[0, i], at_end[1, i]
     if e.status.resting >= 0:
@@ -278,7 +266,7 @@ def confirmed(h: Automaton, e: Expansion, system: int, stop: int, length: float)
     degree = e.status.degree
     force = at_end[0, FORCE]
     expand(system, run.origin + e.status.done + length, ahead, degree if stop == _ON else 2, e.room, h.p)
-    q, weights, worst = e.room.q, e.weights, abs(force - e.room.q[0, FORCE]) * e.weights[FORCE]
+    q, weights, worst = e.room.q, e.status.weights, abs(force - e.room.q[0, FORCE]) * e.status.weights[FORCE]
     for i in range(n):
         difference = abs(at_end[2, i] - 2.0 * q[2, i])
         worst = max(worst, difference * length / degree * weights[i])
@@ -295,11 +283,11 @@ def rounded(c: FloatArray, n: int, worst: float, e: Expansion) -> bool:
         terms = 0.0
         for k in range(1, e.status.degree + 1):
             terms += k * abs(c[k, n + i])
-        size = max(size, terms / e.status.degree * e.weights[i])
+        size = max(size, terms / e.status.degree * e.status.weights[i])
     force = 0.0
     for k in range(e.status.degree + 1):
         force += abs(c[k, 2 * n])
-    return worst <= _NOISE * max(size, force * e.weights[FORCE])
+    return worst <= _NOISE * max(size, force * e.status.weights[FORCE])
 
 
 @inlined
@@ -309,9 +297,9 @@ def keep_step(h: Automaton, e: Expansion, system: int, stop: int, length: float)
     row, n = steps.used.steps, DIFFERENTIAL[system] // 2
     steps.start[row], steps.length[row] = status.done, length
     for i in range(2 * n):
-        steps.ends[row, i] = e.y[i] = e.ahead[i]
+        steps.ends[row, i] = e.status.y[i] = e.status.ahead[i]
     if ALGEBRAIC[system]:
-        steps.ends[row, 2 * n] = e.at_end[0, FORCE]
+        steps.ends[row, 2 * n] = e.status.at_end[0, FORCE]
     if stop == AT_TARGET:
         steps.ends[row, 3] = run.target - run.turns[0]
     steps.used.steps = row + 1

@@ -9,14 +9,11 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from vibroplat.hybrid.state import Automaton
 from vibroplat.integrate.expansion import STATUS, Expansion, drive
 from vibroplat.kernels.lanes import in_lines
 from vibroplat.model.parameters import Parameters
-from vibroplat.model.series import FORCE, HIGHEST, room
-from vibroplat.model.systems import FULL_SIZE
+from vibroplat.model.series import HIGHEST, room
 from vibroplat.scene import Scene
 
 #: Degree of the series at tolerance 1e-6, and degrees more for each power of ten below it. Degrees from 14 to 24 take
@@ -54,19 +51,10 @@ class TaylorEngine:
     def __init__(self, scene: Scene, p: Parameters) -> None:
         self.degree = degree_of(scene.solver.tolerance)
         self._p = p  # not a copy: a drive's program changes it in place
-        self._status = np.zeros(1, STATUS)
+        self._status = in_lines((STATUS.itemsize // 8,)).view(STATUS)
         self._status["degree"] = self.degree
         self._status["most"] = max(MAX_STEPS, STEPS_PER_EVENT * scene.solver.max_events_per_period)
-        self._e = Expansion(
-            room=room(),
-            y=np.zeros(FULL_SIZE),
-            ahead=np.zeros(FULL_SIZE),
-            weights=np.zeros(FORCE + 1),
-            at_end=in_lines((3, FORCE + 1)),
-            guard=np.zeros((self.degree + 1, 1)),
-            bound=np.zeros((self.degree + 1, 1)),
-            status=self._status[0],
-        )
+        self._e = Expansion(room(), self._status[0])
 
     @property
     def work(self) -> dict[str, int | None]:

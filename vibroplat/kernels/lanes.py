@@ -68,6 +68,12 @@ def _repeated(builder: Any, number: Any, vector: Any) -> Any:
     return builder.shuffle_vector(single, ir.Constant(vector, ir.Undefined), first)
 
 
+def _elementwise(builder: Any, name: str, vector: Any) -> Any:
+    """Return LLVM's function of that name for all numbers of a vector."""
+    kind = ir.FunctionType(vector, [vector])
+    return cgutils.get_or_insert_function(builder.module, kind, f"llvm.{name}.v{vector.count}f64")
+
+
 def _cauchy(numbers: int) -> Any:
     """Make the intrinsic for rows of so many numbers."""
 
@@ -172,6 +178,125 @@ def _horner(numbers: int, derivatives: int) -> Any:
 
 
 @intrinsic
+def _horner_pair(typing_context: Any, c: Any, degree: Any, s: Any, following: Any, out: Any) -> Any:
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        rows, out_rows = (_Rows(context, builder, signature.args[i], values[i], 16) for i in (0, 4))
+        one, zero = ir.Constant(_INDEX, 1), ir.Constant(_INDEX, 0)
+        shares = [_repeated(builder, values[i], rows.vector) for i in (2, 3)]
+        top, entry = rows.load(values[1]), builder.block
+        loop, end = builder.append_basic_block("pair"), builder.append_basic_block("pair.end")
+        first = builder.sub(values[1], one)
+        builder.branch(loop)
+        builder.position_at_end(loop)
+        k, totals = builder.phi(_INDEX), [builder.phi(rows.vector) for _ in shares]
+        row = rows.load(k)
+        after = [
+            builder.fadd(builder.fmul(total, share, flags=_FUSED), row, flags=_FUSED)
+            for total, share in zip(totals, shares, strict=True)
+        ]
+        lower = builder.sub(k, one)
+        for phi, begun, found in ((k, first, lower), *zip(totals, (top, top), after, strict=True)):
+            phi.add_incoming(begun, entry)
+            phi.add_incoming(found, loop)
+        builder.cbranch(builder.icmp_signed(">=", lower, zero), loop, end)
+        builder.position_at_end(end)
+        for i, found in enumerate(after):
+            out_rows.store(ir.Constant(_INDEX, i), found)
+        return context.get_dummy_value()
+
+    return types.void(c, types.int64, types.float64, types.float64, out), generate
+
+
+@intrinsic
+def _sizes(typing_context: Any, c: Any, first: Any, degree: Any, out: Any) -> Any:
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        rows, out_rows = (_Rows(context, builder, signature.args[i], values[i], 16) for i in (0, 3))
+        size = _elementwise(builder, "fabs", rows.vector)
+        none, entry = ir.Constant(rows.vector, [0.0] * 16), builder.block
+        loop, end = builder.append_basic_block("sizes"), builder.append_basic_block("sizes.end")
+        builder.cbranch(builder.icmp_signed("<=", values[1], values[2]), loop, end)
+        builder.position_at_end(loop)
+        k, total = builder.phi(_INDEX), builder.phi(rows.vector)
+        sums = builder.fadd(total, builder.call(size, [rows.load(k)]))
+        following = builder.add(k, ir.Constant(_INDEX, 1))
+        for phi, begun, found in ((k, values[1], following), (total, none, sums)):
+            phi.add_incoming(begun, entry)
+            phi.add_incoming(found, loop)
+        builder.cbranch(builder.icmp_signed("<=", following, values[2]), loop, end)
+        builder.position_at_end(end)
+        result = builder.phi(rows.vector)
+        result.add_incoming(none, entry)
+        result.add_incoming(sums, loop)
+        out_rows.store(ir.Constant(_INDEX, 0), result)
+        return context.get_dummy_value()
+
+    return types.void(c, types.int64, types.int64, out), generate
+
+
+#: π/2 in three parts, the first ones with so many zeros at their ends that their products with a number of quarter
+#: turns are exact, and coefficients of sine and cosine on [−π/4, π/4], highest first (Moshier, Cephes, 1989).
+_QUARTER = (1.57079625129699707031, 7.54978941586159635335e-8, 5.39030285815811905290e-15)
+_SINE = (
+    1.58962301576546568060e-10,
+    -2.50507477628578072866e-8,
+    2.75573136213857245213e-6,
+    -1.98412698295895385996e-4,
+    8.33333333332211858878e-3,
+    -1.66666666666666307295e-1,
+)
+_COSINE = (
+    -1.13585365213876817300e-11,
+    2.08757008419747316778e-9,
+    -2.75573141792967388112e-7,
+    2.48015872888517045348e-5,
+    -1.38888888888730564116e-3,
+    4.16666666666665929218e-2,
+)
+
+
+@intrinsic
+def _sines(typing_context: Any, first: Any, second: Any) -> Any:
+    four = ir.VectorType(ir.DoubleType(), 4)
+    whole = ir.VectorType(_INDEX, 4)
+
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        def constant(number: float) -> Any:
+            return ir.Constant(four, [number] * 4)
+
+        def fused(a: Any, b: Any, c: Any) -> Any:
+            return builder.fadd(builder.fmul(a, b, flags=_FUSED), c, flags=_FUSED)
+
+        def polynomial(z: Any, coefficients: tuple[float, ...]) -> Any:
+            total = constant(coefficients[0])
+            for coefficient in coefficients[1:]:
+                total = fused(total, z, constant(coefficient))
+            return total
+
+        x = ir.Constant(four, ir.Undefined)
+        for i in range(4):
+            x = builder.insert_element(x, values[i // 2], ir.Constant(_PLACE, i))
+        rint = _elementwise(builder, "rint", four)
+        quarters = builder.call(rint, [builder.fmul(x, constant(0.63661977236758134308))])
+        r = x
+        for part in _QUARTER:
+            r = fused(quarters, constant(-part), r)
+        z = builder.fmul(r, r)
+        sine = fused(builder.fmul(r, z), polynomial(z, _SINE), r)
+        cosine = fused(builder.fmul(z, z), polynomial(z, _COSINE), fused(z, constant(-0.5), constant(1.0)))
+        # the cosine is the sine a quarter turn later
+        turn = builder.add(builder.fptosi(quarters, whole), ir.Constant(whole, [0, 1, 0, 1]))
+        none = ir.Constant(whole, [0] * 4)
+        odd = builder.icmp_signed("!=", builder.and_(turn, ir.Constant(whole, [1] * 4)), none)
+        below = builder.icmp_signed("!=", builder.and_(turn, ir.Constant(whole, [2] * 4)), none)
+        found = builder.select(odd, cosine, sine)
+        found = builder.select(below, builder.fmul(found, constant(-1.0)), found)
+        numbers = [builder.extract_element(found, ir.Constant(_PLACE, i)) for i in range(4)]
+        return context.make_tuple(builder, signature.return_type, numbers)
+
+    return types.UniTuple(types.float64, 4)(types.float64, types.float64), generate
+
+
+@intrinsic
 def _put_step(typing_context: Any, q: Any, degree: Any, length: Any, n: Any, c: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         rows, out_rows = (_Rows(context, builder, signature.args[i], values[i], 8) for i in (0, 4))
@@ -213,6 +338,15 @@ if TYPE_CHECKING:
     def horner_16(c: FloatArray, degree: int, s: float, out: FloatArray) -> None:
         """Evaluate the polynomials of all 16 columns at s; ``out`` has room for 16 numbers."""
 
+    def horner_pair_16(c: FloatArray, degree: int, s: float, following: float, out: FloatArray) -> None:
+        """Do as :func:`horner_16` at two places in the time of one; degree above 0, ``out`` of shape (2, 16)."""
+
+    def sizes_16(c: FloatArray, first: int, degree: int, out: FloatArray) -> None:
+        """Sum up the sizes of all 16 columns over rows ``first`` to ``degree``."""
+
+    def sines(first: float, second: float) -> tuple[float, float, float, float]:
+        """Sine and cosine of an angle, then of another, in the time of one of them; to round-off below 1e5 rad."""
+
     def horner_8(c: FloatArray, degree: int, s: float, out: FloatArray) -> None:
         """Evaluate polynomials of 8 columns at s, with first and second derivatives: ``out`` has shape (3, 8)."""
 
@@ -232,5 +366,5 @@ if TYPE_CHECKING:
         """
 else:
     products_2, products_16 = _cauchy(2), _cauchy(16)
-    put_row, put_step = _put_row, _put_step
+    put_row, put_step, horner_pair_16, sizes_16, sines = _put_row, _put_step, _horner_pair, _sizes, _sines
     horner_16, horner_8 = _horner(16, derivatives=0), _horner(8, derivatives=2)

@@ -202,18 +202,6 @@ def only_change(b: FloatArray, room: FloatArray) -> float:
     return s
 
 
-@inlined
-def bend(c: FloatArray, degree: int, j: int) -> float:
-    """Bound of the distance between unknown j and the straight line between its values at both ends of a step.
-
-    c₀ + s Σ cₖ is that line, and |sᵏ − s| is at most 1/4 for k = 2 and below 1 for all k.
-    """
-    total = 0.25 * abs(c[2, j]) if degree > 1 else 0.0
-    for k in range(3, degree + 1):
-        total += abs(c[k, j])
-    return total
-
-
 @compiled
 def extremes(c: FloatArray, degree: int, j: int, first: float, last: float) -> tuple[float, float]:
     """Least and largest value of unknown j from fraction ``first`` of a step to its end, where it is ``last``.
@@ -230,8 +218,11 @@ def extremes(c: FloatArray, degree: int, j: int, first: float, last: float) -> t
             least, at_least = found, s
         if found > largest:
             largest, at_largest = found, s
-    least = min(least, turning_value(c, degree, j, at_least, first, least))
-    return least, max(largest, turning_value(c, degree, j, at_largest, first, largest))
+    apart = 0.5 / degree
+    around_least = max(at_least - apart, first), min(at_least + apart, 1.0)
+    around_largest = max(at_largest - apart, first), min(at_largest + apart, 1.0)
+    least = min(least, turning_value(c, degree, j, at_least, *around_least, least))
+    return least, max(largest, turning_value(c, degree, j, at_largest, *around_largest, largest))
 
 
 @compiled
@@ -254,17 +245,19 @@ def at_highest(c: FloatArray, degree: int, j: int) -> float:
 
 
 @compiled
-def turning_value(c: FloatArray, degree: int, j: int, s: float, first: float, at_end: float) -> float:
-    """Value of unknown j near a fraction of a step, where its slope is zero, or ``at_end`` if the step ends there."""
-    low, high = max(s - 0.5 / degree, first), min(s + 0.5 / degree, 1.0)
+def turning_value(c: FloatArray, degree: int, j: int, s: float, low: float, high: float, otherwise: float) -> float:
+    """Value of unknown j at a fraction of a step near s where its slope is zero, or ``otherwise``.
+
+    By Newton's iteration between ``low`` and ``high``; at the ends of the step there is nothing to look for.
+    """
     for _ in range(4):
         curvature = 0.0
         for k in range(degree, 1, -1):
             curvature = curvature * s + k * (k - 1) * c[k, j]
         if curvature == 0.0:
-            return at_end
+            return otherwise
         s = min(max(s - slope(c, degree, j, s) / curvature, low), high)
-    return value(c, degree, j, s) if first < s < 1.0 else at_end
+    return value(c, degree, j, s) if 0.0 < s < 1.0 else otherwise
 
 
 @compiled

@@ -10,9 +10,10 @@ from __future__ import annotations
 import numpy as np
 
 from vibroplat.kernels.compiled import FloatArray, compiled, inlined
+from vibroplat.kernels.lanes import sines
 from vibroplat.model.motor import motor_torque, resistance
 from vibroplat.model.parameters import Parameters
-from vibroplat.model.platform import inertial, unbalance
+from vibroplat.model.platform import couplings, inertial, unbalance
 
 #: Powers in the order of :func:`powers`; those of motor and truncation feed the system, the dissipations
 #: after them take from it.
@@ -55,7 +56,11 @@ def truncation(state: FloatArray, beside: float, p: Parameters) -> float:
         largest += p.unbalance[i] * (abs(p.axis_x[i]) + abs(p.axis_y[i])) * abs(state[10 + i])
     if abs(turning) * largest <= 1e-16 * beside:
         return 0.0  # a platform that does not rock pays for no sines
-    return turning * (state[10] * unbalance(0, state, p).phi_still + state[11] * unbalance(1, state, p).phi_still)
+    s1, c1, s2, c2 = sines(state[3], state[4])
+    phi = state[2]
+    return turning * (
+        state[10] * couplings(0, phi, s1, c1, p).phi_still + state[11] * couplings(1, phi, s2, c2, p).phi_still
+    )
 
 
 @compiled

@@ -53,8 +53,13 @@ class Unbalance(NamedTuple):
 @compiled
 def unbalance(i: int, y: FloatArray, p: Parameters) -> Unbalance:
     """Evaluate the couplings of exciter i at unknowns or a full state; numpy's sine takes complex angles as well."""
-    phi, angle, k = y[2], y[3 + i], p.unbalance[i]
-    sine, cosine = k * np.sin(angle), k * np.cos(angle)
+    return couplings(i, y[2], np.sin(y[3 + i]), np.cos(y[3 + i]), p)
+
+
+@inlined
+def couplings(i: int, phi: float, sine: float, cosine: float, p: Parameters) -> Unbalance:
+    """Evaluate the couplings of exciter i from sine and cosine of its angle."""
+    sine, cosine = p.unbalance[i] * sine, p.unbalance[i] * cosine
     b = p.axis_x[i] * cosine + p.axis_y[i] * sine
     d = p.axis_x[i] * sine - p.axis_y[i] * cosine
     return Unbalance(-sine, cosine, b + phi * d, d - phi * b, b, d)

@@ -12,7 +12,7 @@ row holds k (c aʸ − s aˣ), with the acceleration a of its axis (X, Y) = (X�
     aˣ = ẍ − Y₀ φ̈ − X₀ (φφ̈ + φ̇²) + Y₀ φφ̇²,    aʸ = ÿ + g + X₀ φ̈ − Y₀ (φφ̈ + φ̇²) − X₀ φφ̇².
 
 Products of series are sums over two lists of coefficients (Cauchy). All of them are formed at once, as vectors of 16
-numbers: :class:`Room` says which. Of a sum at order k the rows have the middle terms; those with the newest
+numbers: :data:`ROOM` says which. Of a sum at order k the rows have the middle terms; those with the newest
 coefficients are added by themselves, from numbers that have not been stored yet.
 
 Literature: Jorba and Zou, A software package for the numerical integration of ODEs by means of high-order Taylor
@@ -21,17 +21,17 @@ methods, 2005; Pryce, Solving high-index DAEs by Taylor series, 1998.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from vibroplat.kernels.compiled import FloatArray, fused, inlined
-from vibroplat.kernels.lanes import in_lines, products_2, products_16, put_row
+from vibroplat.kernels.lanes import in_lines, products_2, products_16, put_row, sines
 from vibroplat.model.accelerations import mobility, solve_rows
 from vibroplat.model.equations import layer_spring
 from vibroplat.model.motor import Motor, kloss_term, motor_at, resistance_term, square_term
 from vibroplat.model.parameters import Parameters
-from vibroplat.model.platform import Five, Unbalance, compliance, suspension, unbalance
+from vibroplat.model.platform import Five, Unbalance, compliance, couplings, suspension
 from vibroplat.model.systems import ALGEBRAIC, DIFFERENTIAL, LAYERS
 
 #: Highest degree of a series.
@@ -41,46 +41,34 @@ HIGHEST = 32
 FORCE = 7
 
 _ROWS = HIGHEST + 2
-_WIDTH = 16  # products at once
 
 #: 1/k; of k = 0 nothing is asked.
 _SHARE = np.concatenate([[0.0], 1.0 / np.arange(1.0, HIGHEST + 2.0)])
 
 
-class Room(NamedTuple):
-    """Where a series is formed.
-
-    Row k + 2 of ``early`` and row k of ``late`` hold what is known after order k. Columns 0–1: c and φ̇ᵢ, their product
-    is s′. 2–3: s and φ̇ᵢ, −c′. 4–5: s and aˣ. 6–7: c and aʸ. 8–9: slip speed u with itself, one order later; 10–11: the
-    same of φ̇ᵢ. 12: φ and Σ k (Y₀ s″ + X₀ c″). 13: φ and φ̈. 14: φ and φ̇². 15: φ̇ with itself, one order later. Pairs are
-    of exciters 1 and 2.
-
-    Attributes
-    ----------
-    early, late
-        Factors of the products, shape (rows, 16).
-    squares, torques
-        Terms of both motors' Δ² + u² and torques, shape (rows, 2).
-    sums, torque_sums
-        What a sum over rows is written to, shape (16,) and (2,).
-    q
-        Coefficients in powers of time (SI units), shape (rows, 8): coordinates in the order of the system's unknowns,
-        and F_c in column FORCE, which has two orders less; 0 in the columns between.
-    """
-
-    early: FloatArray
-    late: FloatArray
-    squares: FloatArray
-    torques: FloatArray
-    sums: FloatArray
-    torque_sums: FloatArray
-    q: FloatArray
+#: Where a series is formed. Row k + 2 of ``early`` and row k of ``late`` hold what is known after order k. Columns 0–1:
+#: c and φ̇ᵢ, their product is s′. 2–3: s and φ̇ᵢ, −c′. 4–5: s and aˣ. 6–7: c and aʸ. 8–9: slip speed u with itself, one
+#: order later; 10–11: the same of φ̇ᵢ. 12: φ and Σ k (Y₀ s″ + X₀ c″). 13: φ and φ̈. 14: φ and φ̇². 15: φ̇ with itself, one
+#: order later. Pairs are of exciters 1 and 2.
+ROOM = np.dtype(
+    [
+        ("early", float, (_ROWS, 16)),
+        ("late", float, (_ROWS, 16)),
+        # coefficients in powers of time (SI units): coordinates in the order of the system's unknowns, F_c in column
+        # FORCE, which has two orders less; 0 in the columns between
+        ("q", float, (_ROWS, 8)),
+        ("sums", float, 16),  # what sums of products are written to
+        ("squares", float, (_ROWS, 2)),  # terms of both motors' Δ² + u², and of their torques
+        ("torques", float, (_ROWS, 2)),
+        ("torque_sums", float, 2),
+    ],
+    align=True,
+)
 
 
-def room() -> Room:
-    """Make room for a series."""
-    shapes = ((_ROWS, _WIDTH), (_ROWS, _WIDTH), (_ROWS, 2), (_ROWS, 2), (_WIDTH,), (2,), (_ROWS, FORCE + 1))
-    return Room(*(in_lines(shape) for shape in shapes))
+def room() -> Any:
+    """Make room for a series: a record of :data:`ROOM` that begins with a line of the processor's cache."""
+    return in_lines((ROOM.itemsize // 8,)).view(ROOM)[0]
 
 
 class Fixed(NamedTuple):
@@ -184,7 +172,7 @@ class Rotation(NamedTuple):
 
 
 @fused
-def expand(system: int, t: float, y: FloatArray, degree: int, room: Room, p: Parameters) -> None:
+def expand(system: int, t: float, y: FloatArray, degree: int, room: Any, p: Parameters) -> None:
     """Fill ``room.q`` with the coefficients of a motion at a state, coordinates to this degree and F_c to degree − 2.
 
     Where an exciter is at rest, its resistance is that of the sense in which it is about to turn.
@@ -198,7 +186,8 @@ def expand(system: int, t: float, y: FloatArray, degree: int, room: Room, p: Par
     """
     n = DIFFERENTIAL[system] // 2
     attached, layers = ALGEBRAIC[system], LAYERS[system]
-    fixed_1, fixed_2 = fixed(0, t, y, n, p), fixed(1, t, y, n, p)
+    s1, c1, s2, c2 = sines(y[3], y[4])
+    fixed_1, fixed_2 = fixed(0, t, y, n, s1, c1, p), fixed(1, t, y, n, s2, c2, p)
     inverse = compliance(fixed_1.couplings, fixed_2.couplings, mobility(attached, p), p)
     first, second = at_order_0(fixed_1), at_order_0(fixed_2)
     q, rate = (y[0], y[1], y[2]), (y[n], y[n + 1], y[n + 2])
@@ -262,7 +251,7 @@ def expand(system: int, t: float, y: FloatArray, degree: int, room: Room, p: Par
 
 
 @inlined
-def fixed(i: int, t: float, y: FloatArray, n: int, p: Parameters) -> Fixed:
+def fixed(i: int, t: float, y: FloatArray, n: int, sine: float, cosine: float, p: Parameters) -> Fixed:
     """Gather what of an exciter is the same in all orders."""
     phi, speed, x0, y0 = y[2], y[n + 3 + i], p.axis_x[i], p.axis_y[i]
     return Fixed(
@@ -270,14 +259,14 @@ def fixed(i: int, t: float, y: FloatArray, n: int, p: Parameters) -> Fixed:
         y0,
         x0 - phi * y0,
         y0 + phi * x0,
-        np.sin(y[3 + i]),
-        np.cos(y[3 + i]),
+        sine,
+        cosine,
         speed,
         p.direction[i],
         p.friction[i],
         p.torque[i],
         p.unbalance[i],
-        unbalance(i, y, p),
+        couplings(i, phi, sine, cosine, p),
         motor_at(i, t, speed, p),
     )
 

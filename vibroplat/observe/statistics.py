@@ -17,8 +17,8 @@ from vibroplat.hybrid.state import Automaton
 from vibroplat.hybrid.steps import WIDTH, Steps
 from vibroplat.kernels.compiled import FloatArray, compiled, copy, inlined
 from vibroplat.kernels.foreign import borrow
-from vibroplat.kernels.lanes import horner_16, in_lines
-from vibroplat.kernels.polynomial import bend, crossing, extremes, slope
+from vibroplat.kernels.lanes import horner_16, horner_pair_16, in_lines
+from vibroplat.kernels.polynomial import crossing, extremes, slope, turning_value
 from vibroplat.model.energy import FORCE_SIZE, POWERS, powers
 from vibroplat.model.parameters import Parameters
 from vibroplat.model.systems import DIFFERENTIAL, FULL_SIZE, GAP, PLACES, SIZES
@@ -103,13 +103,16 @@ _FLIGHT = int(Mode.FLIGHT)
 _HEIGHT, _ROTATION, _ANGLE, _GAP = np.array([1, 2, 3, GAP])
 
 
-class Room(NamedTuple):
-    """What is overwritten at each node: unknowns with what is behind them, shape (16,), full state, powers, phases."""
-
-    unknowns: FloatArray
-    full: FloatArray
-    power: FloatArray
-    phases: FloatArray
+#: What is overwritten at each step: unknowns at the nodes, full state and powers at one, phase differences at all.
+ROOM = np.dtype(
+    [
+        ("samples", float, (_MOST_NODES, WIDTH)),
+        ("full", float, FULL_SIZE),
+        ("power", float, N_WORK),
+        ("phases", float, _MOST_NODES),
+    ],
+    align=True,
+)
 
 
 class Measures(NamedTuple):
@@ -175,8 +178,9 @@ def section_rows(ms: Measures) -> npt.NDArray[np.void]:
 
 
 def node_count(degree: int) -> int:
-    """Gauss nodes a step: as many as keep the order of its polynomials, fewer where these are of high degree."""
-    return min((degree + 1) // 2 if degree <= 8 else degree // 3 + 2, _MOST_NODES)
+    """Gauss nodes a step, in pairs: as many as keep the order of its polynomials, fewer where their degree is high."""
+    nodes = (degree + 1) // 2 if degree <= 8 else (degree + 1) // 3
+    return min(nodes + nodes % 2, _MOST_NODES)
 
 
 class Statistics:
@@ -190,7 +194,7 @@ class Statistics:
 
     def __init__(self, window: float) -> None:
         self.measures = no_measures(window)
-        self._room = Room(in_lines((WIDTH,)), np.zeros(FULL_SIZE), np.zeros(N_WORK), np.zeros(_MOST_NODES))
+        self._room = in_lines((ROOM.itemsize // 8,)).view(ROOM)[0]
 
     def read(self, h: Automaton) -> None:
         """Add the steps and events since the last reading."""
@@ -203,12 +207,12 @@ def add_pieces(
     owned_ms: Measures,
     owned_steps: Steps,
     owned_events: npt.NDArray[np.void],
-    owned_room: Room,
+    room: Any,
     nodes: int,
     p: Parameters,
 ) -> None:
     """Add all closed pieces and events in the order of time; ``room`` is overwritten."""
-    ms, steps, events, room = borrow(owned_ms), borrow(owned_steps), borrow(owned_events), borrow(owned_room)
+    ms, steps, events = borrow(owned_ms), borrow(owned_steps), borrow(owned_events)
     counted, degree, full = 0, steps.c.shape[1] - 1, room.full
     for i in range(steps.used.pieces):
         piece = steps.pieces[i]
@@ -255,7 +259,7 @@ def add_step(
     flying: bool,
     degree: int,
     nodes: int,
-    room: Room,
+    room: Any,
     p: Parameters,
 ) -> None:
     """Add a step, in parts where the measured part begins and where exciter 1 completes turns within it."""
@@ -263,12 +267,15 @@ def add_step(
     system, force = piece.system, DIFFERENTIAL[piece.system]
     begin, length = piece.origin + steps.start[row], steps.length[row]
     since = (marks.window - begin) / length if begin < marks.window else 0.0  # fraction from which it is measured
+    fill_nodes(c, degree, 0.0, 1.0, nodes, room)
+    samples = room.samples
     if since > 0.0:
-        check(marks, c, degree, system, flying, end)
-    if since < 1.0:
-        widen(marks, c, degree, system, flying, since, end)
-    if may_widen(marks.phi_min, marks.phi_max, c, degree, 2, end[2]):
-        marks.phi_min, marks.phi_max = widened(marks.phi_min, marks.phi_max, c, _ROTATION, 0.0, end[2])
+        check(marks, c, samples, nodes, system, flying, end)
+    if 0.0 < since < 1.0:
+        widen_from(marks, c, degree, since, system, flying, end)
+    elif since == 0.0:
+        widen(marks, c, samples, nodes, system, flying, end)
+    marks.phi_min, marks.phi_max = widened(marks.phi_min, marks.phi_max, c, samples, nodes, _ROTATION, end[2])
     turn, last = marks.passed, whole_turns(end[3], piece.turns[0])
     if math.isnan(turn):
         turn = whole_turns(c[0, 3], piece.turns[0])
@@ -286,16 +293,19 @@ def add_step(
         integrate(ms, c, degree, begun, cut, begin, length, system, flying, begun >= since, nodes, room, p)
         begun, turn, now = cut, turn + way, begin + cut * length
         if way != 0.0 and goes_on(marks, slope(c, degree, 3, cut)) and now >= marks.window:
-            evaluate(c, degree, cut, system, room)
-            close_turn(ms, now, piece.turns, room.full, room.unknowns[force] if SIZES[system] > force else 0.0)
+            horner_16(c, degree, cut, room.samples[0])
+            for j in range(force):
+                room.full[PLACES[system, j]] = room.samples[0, j]
+            close_turn(ms, now, piece.turns, room.full, room.samples[0, force] if SIZES[system] > force else 0.0)
 
 
 @inlined
-def evaluate(c: FloatArray, degree: int, s: float, system: int, room: Room) -> None:
-    """Fill the unknowns and the full state at fraction s of a step."""
-    horner_16(c, degree, s, room.unknowns)
-    for j in range(DIFFERENTIAL[system]):
-        room.full[PLACES[system, j]] = room.unknowns[j]
+def fill_nodes(c: FloatArray, degree: int, start: float, end: float, nodes: int, room: Any) -> None:
+    """Fill the samples: unknowns at the nodes of a part of a step."""
+    for i in range(0, nodes, 2):  # they are even in number
+        width = end - start
+        first, second = start + width * NODES[nodes, i], start + width * NODES[nodes, i + 1]
+        horner_pair_16(c, degree, first, second, room.samples[i : i + 2])
 
 
 @inlined
@@ -305,32 +315,97 @@ def whole_turns(angle: float, turns: float) -> float:
 
 
 @inlined
-def check(marks: Any, c: FloatArray, degree: int, system: int, flying: bool, end: FloatArray) -> None:
+def check(
+    marks: Any, c: FloatArray, samples: FloatArray, nodes: int, system: int, flying: bool, end: FloatArray
+) -> None:
     """Look for a gap and a contact force below 0 in a step that is not measured from its beginning."""
     force = DIFFERENTIAL[system]
-    if flying and may_widen(marks.gap_min, math.inf, c, degree, GAP, end[GAP]):
-        marks.gap_min = widened(marks.gap_min, math.inf, c, _GAP, 0.0, end[GAP])[0]
-    if SIZES[system] > force and may_widen(-marks.pull, math.inf, c, degree, force, end[force]):
-        marks.pull = -widened(-marks.pull, math.inf, c, force, 0.0, end[force])[0]
+    if flying:
+        marks.gap_min = widened(marks.gap_min, math.inf, c, samples, nodes, _GAP, end[GAP])[0]
+    if SIZES[system] > force:
+        marks.pull = -widened(-marks.pull, math.inf, c, samples, nodes, force, end[force])[0]
 
 
 @inlined
-def widen(marks: Any, c: FloatArray, degree: int, system: int, flying: bool, since: float, end: FloatArray) -> None:
-    """Let the extremes of the measured part cover a step from fraction ``since`` of it."""
+def widen(
+    marks: Any, c: FloatArray, samples: FloatArray, nodes: int, system: int, flying: bool, end: FloatArray
+) -> None:
+    """Let the extremes of the measured part cover a step."""
     force = DIFFERENTIAL[system]
-    if SIZES[system] > force and may_widen(marks.force_min, marks.force_max, c, degree, force, end[force]):
-        marks.force_min, marks.force_max = widened(marks.force_min, marks.force_max, c, force, since, end[force])
-    if flying and may_widen(marks.gap_min, marks.gap_max, c, degree, GAP, end[GAP]):
-        marks.gap_min, marks.gap_max = widened(marks.gap_min, marks.gap_max, c, _GAP, since, end[GAP])
-    if may_widen(marks.y_min, marks.y_max, c, degree, 1, end[1]):
-        marks.y_min, marks.y_max = widened(marks.y_min, marks.y_max, c, _HEIGHT, since, end[1])
+    if SIZES[system] > force:
+        marks.force_min, marks.force_max = widened(
+            marks.force_min, marks.force_max, c, samples, nodes, force, end[force]
+        )
+    if flying:
+        marks.gap_min, marks.gap_max = widened(marks.gap_min, marks.gap_max, c, samples, nodes, _GAP, end[GAP])
+    marks.y_min, marks.y_max = widened(marks.y_min, marks.y_max, c, samples, nodes, _HEIGHT, end[1])
 
 
 @compiled
-def widened(least: float, largest: float, c: FloatArray, j: int, first: float, last: float) -> tuple[float, float]:
-    """Return extremes that also cover unknown j from fraction ``first`` of a step to its end, where it is ``last``."""
-    low, high = extremes(c, c.shape[0] - 1, j, first, last)
+def widen_from(
+    marks: Any, c: FloatArray, degree: int, since: float, system: int, flying: bool, end: FloatArray
+) -> None:
+    """Let the extremes of the measured part cover a step from fraction ``since`` of it; this happens once."""
+    force = DIFFERENTIAL[system]
+    if SIZES[system] > force:
+        low, high = extremes(c, degree, force, since, end[force])
+        marks.force_min, marks.force_max = min(marks.force_min, low), max(marks.force_max, high)
+    if flying:
+        low, high = extremes(c, degree, _GAP, since, end[GAP])
+        marks.gap_min, marks.gap_max = min(marks.gap_min, low), max(marks.gap_max, high)
+    low, high = extremes(c, degree, _HEIGHT, since, end[1])
+    marks.y_min, marks.y_max = min(marks.y_min, low), max(marks.y_max, high)
+
+
+@compiled
+def widened(
+    least: float, largest: float, c: FloatArray, samples: FloatArray, nodes: int, j: int, last: float
+) -> tuple[float, float]:
+    """Return extremes that also cover unknown j in a step, at whose end it is ``last``.
+
+    Found among the samples and the ends; one that may lie between them is looked for where it would be a new extreme:
+    beyond the sample by less than its neighbours are on this side of it.
+    """
+    low = high = c[0, j]
+    low_at, high_at = 0, 0
+    for i in range(1, nodes + 2):
+        found = samples[i - 1, j] if i <= nodes else last
+        if found < low:
+            low, low_at = found, i
+        if found > high:
+            high, high_at = found, i
+    if low - step_beside(c, samples, nodes, j, last, low_at) < least:
+        low = min(low, turning_near(c, nodes, j, low_at, low, -1.0))
+    if high + step_beside(c, samples, nodes, j, last, high_at) > largest:
+        high = max(high, turning_near(c, nodes, j, high_at, high, 1.0))
     return min(least, low), max(largest, high)
+
+
+@inlined
+def step_beside(c: FloatArray, samples: FloatArray, nodes: int, j: int, last: float, at: int) -> float:
+    """Largest change of unknown j from sample number ``at`` to its neighbours; 0 is the beginning of the step."""
+    here = c[0, j] if at == 0 else (samples[at - 1, j] if at <= nodes else last)
+    change = 0.0
+    if at > 0:
+        change = abs(here - (samples[at - 2, j] if at > 1 else c[0, j]))
+    if at <= nodes:
+        change = max(change, abs(here - (samples[at, j] if at < nodes else last)))
+    return change
+
+
+@compiled
+def turning_near(c: FloatArray, nodes: int, j: int, at: int, here: float, sense: float) -> float:
+    """Extreme value of unknown j between the neighbours of sample ``at``, where it is ``here``.
+
+    ``sense`` is 1 for a largest value, −1 for a least. At an end that the unknown comes to straight there is no other.
+    """
+    degree = c.shape[0] - 1
+    if (at == 0 and sense * c[1, j] <= 0.0) or (at > nodes and sense * slope(c, degree, j, 1.0) >= 0.0):
+        return here
+    s = 0.0 if at == 0 else (1.0 if at > nodes else NODES[nodes, at - 1])
+    low = 0.0 if at <= 1 else NODES[nodes, at - 2]
+    high = 1.0 if at >= nodes else NODES[nodes, at]
+    return turning_value(c, degree, j, s, low, high, here)
 
 
 @inlined
@@ -346,7 +421,7 @@ def integrate(
     flying: bool,
     measured: bool,
     nodes: int,
-    room: Room,
+    room: Any,
     p: Parameters,
 ) -> None:
     """Add the part [start, end] of a step: its work and, if it is measured, its statistics.
@@ -359,9 +434,12 @@ def integrate(
     total_x, total_xx, total_y, total_yy, total_phi, total_phi_phi, total_motor = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     total_exchanged, total_phase, drift = 0.0, 0.0, 0.0
     sense = -p.direction[0] * p.direction[1]  # the phase difference is φ₁ + φ₂, or φ₁ − φ₂ if co-rotating
+    if end - start < 1.0:  # otherwise they are those of the whole step
+        fill_nodes(c, degree, start, end, nodes, room)
     for i in range(nodes):
         s, weight = start + (end - start) * NODES[nodes, i], duration * WEIGHTS[nodes, i]
-        evaluate(c, degree, s, system, room)
+        for j in range(DIFFERENTIAL[system]):
+            full[PLACES[system, j]] = room.samples[i, j]
         powers(begin + s * length, full, power, p)
         for j in range(N_WORK):
             work[j] += weight * power[j]
@@ -418,13 +496,6 @@ def add_phase(sums: Any, phases: FloatArray, mean: float, drift: float, duration
         cosine, sine = (1.0 - 0.5 * variance) * math.cos(mean), (1.0 - 0.5 * variance) * math.sin(mean)
     sums.cosine += duration * cosine
     sums.sine += duration * sine
-
-
-@inlined
-def may_widen(least: float, largest: float, c: FloatArray, degree: int, j: int, last: float) -> bool:
-    """Whether a step may hold a value of unknown j beyond the extremes so far; most cannot."""
-    reach, first = bend(c, degree, j), c[0, j]
-    return not (least < min(first, last) - reach and max(first, last) + reach < largest)
 
 
 @compiled
