@@ -32,57 +32,54 @@ Progress = Callable[[float, int], None]
 class Course:
     """What is compared of a run: samples of its trajectory, and its events. It is collected while the run goes on.
 
-    Attributes
+    Parameters
     ----------
     scene
         What is run.
+    also
+        Is given all of both tables.
+
+    Attributes
+    ----------
     names
         The sampled quantities: coordinates and contact force.
-    result
-        The run when it has ended; its tables are not kept.
     """
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Scene, also: Sink | None = None) -> None:
         self.scene = scene
+        self._also = also
         self.names = tuple(COORDINATES[i] for i in scene.coordinates) + ((_FORCE,) if scene.has_contact else ())
-        self.result: Trajectory | None = None
+        self._result: Trajectory | None = None
         samples = scene.run.duration_s * scene.output.sample_rate_hz
         self._every = max(1, math.ceil(samples / MOST))
         self._share = Share(_ADVICE)
         self._samples: list[pd.DataFrame] = []
         self._events: list[pd.DataFrame] = []
 
-    def sink(self, also: Sink | None = None) -> Sink:
-        """Return a sink that collects what is compared and gives ``also`` everything."""
+    def run(self, progress: Progress | None = None) -> Course:
+        """Run the scene."""
+        sink = Sink(self._take_trajectory, self._take_events)
+        self._result = simulate(self.scene, keep="summary", sink=sink, progress=progress)
+        return self
 
-        def trajectory(part: pd.DataFrame) -> None:
-            if also is not None:
-                also.trajectory(part)
-            self._sample(part)
-
-        def events(part: pd.DataFrame) -> None:
-            if also is not None:
-                also.events(part)
-            self._keep(self._events, part[["t_s", "kind", "gap_rate_before_m_per_s"]])
-
-        return Sink(trajectory, events)
-
-    def _sample(self, part: pd.DataFrame) -> None:
+    def _take_trajectory(self, part: pd.DataFrame) -> None:
         """Keep the rows on the output grid, and the last one."""
+        if self._also is not None:
+            self._also.trajectory(part)
         rate, times = self.scene.output.sample_rate_hz, part["t_s"].to_numpy()
         numbers = np.rint(times * rate)
         wanted = (numbers / rate == times) & (numbers % self._every == 0)
         wanted[-1:] = True
         self._keep(self._samples, part.loc[wanted, ["t_s", "mode", *self.names]])
 
+    def _take_events(self, part: pd.DataFrame) -> None:
+        if self._also is not None:
+            self._also.events(part)
+        self._keep(self._events, part[["t_s", "kind", "gap_rate_before_m_per_s"]])
+
     def _keep(self, parts: list[pd.DataFrame], part: pd.DataFrame) -> None:
         self._share.take(int(part.memory_usage(index=False).sum()))
         parts.append(part)
-
-    def run(self, progress: Progress | None = None) -> Course:
-        """Run the scene."""
-        self.result = simulate(self.scene, keep="summary", sink=self.sink(), progress=progress)
-        return self
 
     @cached_property
     def samples(self) -> pd.DataFrame:
@@ -98,15 +95,19 @@ class Course:
         return found[found["kind"].isin(["liftoff", "impact"])].reset_index(drop=True)
 
     @property
+    def result(self) -> Trajectory:
+        """The run, when it has ended; its tables are not kept."""
+        assert self._result is not None
+        return self._result
+
+    @property
     def outcome(self) -> str:
         """How the run ended; energy that was lost is not what is compared."""
-        assert self.result is not None
         return "ok" if self.result.outcome == INACCURATE else self.result.outcome
 
     @property
     def engine(self) -> str:
         """Name of the engine that ran it."""
-        assert self.result is not None
         return str(self.result.summary["engine"])
 
     @property
@@ -127,7 +128,7 @@ def differences(one: Course, two: Course, times: pd.Index) -> FloatArray:
     They are nan where the second has no sample, and those of the contact force where not both are in contact.
     """
     a, b = one.samples.reindex(times), two.samples.reindex(times)
-    found = np.abs(a[list(one.names)].to_numpy() - b[list(one.names)].to_numpy())
+    found: FloatArray = np.abs(a[list(one.names)].to_numpy() - b[list(one.names)].to_numpy())
     if _FORCE in one.names:
         apart = ~((a["mode"] == "attached") & (b["mode"] == "attached")).to_numpy()
         found[apart, one.names.index(_FORCE)] = math.nan

@@ -68,9 +68,7 @@ def class_of(row: Row) -> tuple[Any, ...]:
     return tuple(row.get(column) for column in CLASS)
 
 
-def compared(
-    scene: Scene, plan: SweepPlan, first: Sequence[Row], other: Sequence[Row]
-) -> list[Difference]:
+def compared(scene: Scene, plan: SweepPlan, first: Sequence[Row], other: Sequence[Row]) -> list[Difference]:
     """Compare two rows of one class, each with repetitions of the class, which show what is allowed.
 
     Means over blocks of motion that does not repeat may differ by SIGMAS of their standard errors; its extremes have

@@ -188,6 +188,7 @@ class _Comparison:
         self._until = min(self._lost, *(course.end for course in (first, other, *changed)))
         within = (times <= self._until) & (times < self._lost)
         self._times = times[within].to_numpy()
+        self._samples = [course.samples.reindex(times)[within] for course in (first, other)]
         self._allowed, self._change = allowed[within], change[within]
         self._found = differences(first, other, times)[within]
 
@@ -222,11 +223,10 @@ class _Comparison:
         """Describe the difference of a quantity in a sample."""
         name, time = self._first.names[column], float(self._times[row])
         scale = scales_of(self._scene)[name]
-        values = (float(course.samples.loc[time, name]) * scale for course in (self._first, self._other))
-        mode = str(self._first.samples.loc[time, "mode"])
-        return Difference(
-            name, time, mode, *values, float(self._found[row, column]), float(self._allowed[row, column]), scale
-        )
+        one, two = (float(samples[name].iloc[row]) * scale for samples in self._samples)
+        mode = str(self._samples[0]["mode"].iloc[row])
+        difference, allowed = float(self._found[row, column]), float(self._allowed[row, column])
+        return Difference(name, time, mode, one, two, difference, allowed, scale)
 
     def _events(self) -> tuple[Pairs, list[Difference]]:
         """Pair the events of both, and compare their times."""

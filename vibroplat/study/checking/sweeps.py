@@ -2,43 +2,23 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, Final, NamedTuple
+from typing import Any, NamedTuple
 
-import numpy as np
-
-from vibroplat.errors import ConfigError
 from vibroplat.integrate.choice import engine_name
 from vibroplat.scene import Scene
 from vibroplat.study import WAIT
-from vibroplat.study.branches import SUPPLY, Branch, branches, sweep_plan
+from vibroplat.study.branches import Branch, branches, sweep_plan
 from vibroplat.study.checking.changes import Other, by_other_engine, require_other_engine, with_other_tolerance
 from vibroplat.study.checking.measures import CLASS, Difference, Row, class_of, compared
+from vibroplat.study.choice import Place, chosen, require_share
 from vibroplat.study.execution import Pool, pool, run_chains
 from vibroplat.study.point import point_task
 from vibroplat.study.store import Record, Records, Store
 from vibroplat.study.sweep import Progress, branch_records, run_sweeps
 from vibroplat.study.tasks import StoredChain, Task, Tasks
 from vibroplat.sweep_plan import SweepPlan
-
-#: With the seed of a sweep, the seed of the choice of its points.
-_CHOICE: Final = 0xC4EC
-
-
-class Place(NamedTuple):
-    """A point of a sweep: its branch, and its place in the branch."""
-
-    branch: Branch
-    point: int
-
-    @property
-    def text(self) -> str:
-        """The swept keys and their values, and the branch."""
-        keys = {SUPPLY: self.branch.frequencies[self.point], **self.branch.grid}
-        swept = ", ".join(f"{key} = {value}" for key, value in keys.items())
-        return f"{swept}, branch {self.branch.number} ({self.branch.direction})"
 
 
 class PointCheck(NamedTuple):
@@ -115,23 +95,20 @@ class SweepCheck:
     def _told(self, point: PointCheck) -> str:
         if not point.explained:
             pairs = zip(CLASS, point.first, point.other, strict=True)
-            column, one, two = next(pair for pair in pairs if pair[1] != pair[2])
-            return (
-                f"at {point.place.text}: {column} = {one} ({self.engine}) and {two} ({self.other}); allowed: the same, "
-                "or some repetition with it"
-            )
-        d = max(point.differences, key=lambda d: d.difference / d.allowed)
-        return (
-            f"at {point.place.text}: {d.column} = {d.first:.12g} ({self.engine}) and {d.other:.12g} ({self.other}); "
-            f"allowed difference {d.allowed:.2g}"
-        )
+            name, one, two = next(pair for pair in pairs if pair[1] != pair[2])
+            values, most = (str(one), str(two)), "the same in some repetitions"
+        else:
+            d = max(point.differences, key=lambda d: d.difference / d.allowed)
+            name, values, most = d.column, (f"{d.first:.12g}", f"{d.other:.12g}"), f"a difference of {d.allowed:.2g}"
+        told = f"{name} = {values[0]} ({self.engine}) and {values[1]} ({self.other})"
+        return f"engines disagree at {point.place.text}: {told}; allowed: {most}"
 
     @property
     def reclassified(self) -> list[str]:
         """The rows that both engines classify differently, a line for each."""
         return [
             f"{point.place.text}: {_class_text(point.first)} ({self.engine}), {_class_text(point.other)} "
-            f"({self.other}){'; so do repetitions' if point.explained else ''}"
+            f"({self.other}){', but some repetitions alike' if point.explained else ''}"
             for point in self.checked
             if point.reclassified
         ]
@@ -162,20 +139,6 @@ class SweepCheck:
 
 def _class_text(found: Iterable[Any]) -> str:
     return ", ".join("none" if value is None else str(value) for value in found)
-
-
-def require_share(share: float) -> None:
-    """Refuse a share of points that is none (ConfigError)."""
-    if not 0.0 < share <= 1.0:
-        raise ConfigError(f"--check {share:g}; allowed: more than 0, at most 1")
-
-
-def chosen(scene: Scene, share: float) -> list[Place]:
-    """Choose a share of the points of a sweep, at least one; the sweep's seed determines which."""
-    places = [Place(branch, point) for branch in branches(scene) for point in range(len(branch.frequencies))]
-    count = max(1, round(share * len(places)))
-    random = np.random.default_rng((_CHOICE, sweep_plan(scene).seed))
-    return [places[k] for k in sorted(random.choice(len(places), count, replace=False))]
 
 
 def check_sweep(
