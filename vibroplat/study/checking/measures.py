@@ -17,6 +17,9 @@ from vibroplat.sweep_plan import SweepPlan
 #: Standard errors of the difference of two means over blocks that are allowed. With eight blocks each it follows
 #: Student's distribution with 14 degrees of freedom, beyond six of them once in 30 000 cases.
 SIGMAS: Final = 6.0
+#: Change under repetitions, over the standard error, from which on errors of the tolerance have become those of chance:
+#: of independent motions, one in 10 000 times all repetitions stay below it.
+CHANCE: Final = 0.1
 #: Columns that say what kind of motion a row is.
 CLASS: Final = ("outcome", "sync", "motion", "period")
 
@@ -71,9 +74,11 @@ def class_of(row: Row) -> tuple[Any, ...]:
 def compared(scene: Scene, plan: SweepPlan, first: Sequence[Row], other: Sequence[Row]) -> list[Difference]:
     """Compare two rows of one class, each with repetitions of the class, which show what is allowed.
 
-    Means over blocks of motion that does not repeat may differ by SIGMAS of their standard errors; its extremes have
-    none and are not compared. Motions that settled for different times are compared to the settling tolerance, which is
-    how far from the steady motion either may be.
+    Means over blocks of chaotic motion may differ by SIGMAS of their standard errors; so may those of other motion that
+    does not repeat if repetitions differ by a share of them. Otherwise both motions are the same from start to end, and
+    so are their means, whatever scatters from block to block. Extremes of motion that does not repeat have no standard
+    error and are not compared. Motions that settled for different times are compared to the settling tolerance, which
+    is how far from the steady motion either may be.
 
     Parameters
     ----------
@@ -91,12 +96,11 @@ def compared(scene: Scene, plan: SweepPlan, first: Sequence[Row], other: Sequenc
     for column, scale in scales_of(scene).items():
         if scale == 0.0 or _absent(one, column) or _absent(two, column):
             continue
-        allowed = floor * scale
-        changes = [(rows[0], row) for rows in (first, other) for row in rows[1:] if not _absent(row, column)]
-        allowed += MULTIPLE * max((_apart(column, *pair) for pair in changes), default=0.0)
-        if column in _ERRORS:
-            errors = [row.get(_ERRORS[column]) or 0.0 for row in (one, two)]
-            allowed += SIGMAS * math.hypot(*errors)
+        pairs = [(rows[0], row) for rows in (first, other) for row in rows[1:] if not _absent(row, column)]
+        change = max((_apart(column, *pair) for pair in pairs), default=0.0)
+        error = math.hypot(*(row.get(_ERRORS.get(column, "")) or 0.0 for row in (one, two)))
+        by_chance = one.get("motion") == "chaotic" or column == _EXPONENT or change > CHANCE * error
+        allowed = floor * scale + MULTIPLE * change + (SIGMAS * error if by_chance else 0.0)
         found.append(Difference(column, one[column], two[column], _apart(column, one, two), allowed, scale))
     return found
 
