@@ -398,7 +398,6 @@ def calibrate(
     config: Annotated[
         Path | None, typer.Argument(help="Configuration of a machine with a calibration section.")
     ] = None,
-    engine: EngineName = None,
     out: Out = Path("results"),
     jobs: Jobs = 1,
     generations: Annotated[int | None, typer.Option(min=0, help="Number of generations of the search.")] = None,
@@ -406,6 +405,7 @@ def calibrate(
     overwrite: Overwrite = False,
     scheduler: Scheduler = None,
     wait: Wait = WAIT,
+    engine: EngineName = None,
 ) -> None:
     """Fit the numbers the paper does not print to its claims.
 

@@ -13,8 +13,9 @@ from vibroplat.study.checking.sweeps import check_points
 from vibroplat.tables import read_json
 
 SHORT = ("--set", "run.duration_s=0.1")
-POINTS = "{supply_frequency_hz: {start: 44.0, stop: 46.0, step: 1.0, direction: up}, settle_s: 0.4, measure_s: 0.2, lyapunov: false"
-SWEEP = ("--set", f"sweep={POINTS}, grid: {{}}}}", "--engine", "native")
+FREQUENCIES = "{start: 44.0, stop: 46.0, step: 1.0, direction: up}"
+PLAN = f"{{supply_frequency_hz: {FREQUENCIES}, settle_s: 0.4, measure_s: 0.2, lyapunov: false, grid: {{}}}}"
+SWEEP = ("--set", f"sweep={PLAN}", "--engine", "native")
 
 
 def wrong(scene):
