@@ -282,15 +282,14 @@ def sweep(
     from vibroplat.study.execution import pool
     from vibroplat.study.sweep import conditions, run_sweeps
 
-    if places:
-        require_other_engine(scene)
+    engines = [scene.solver.engine, *([require_other_engine(scene)] if places else [])]
 
     points = sum(len(branch.frequencies) for branch in planned)
     began = time.perf_counter()
     with Store(directory, conditions(scene), resume=resume, overwrite=overwrite) as store:
         stored = store.lengths()
         left = sum(stored.get(branch.number, 0) < len(branch.frequencies) for branch in planned)
-        _load_kernels(scene.solver.engine)
+        _load_kernels(*engines)
         found = None
         with pool(jobs, scheduler, wait=wait, chains=max(left, len(places))) as workers:
             with sweep_progress(scene.name, len(planned), points) as progress:
@@ -364,8 +363,7 @@ def paper(
 
     tried = range(seed, seed + seeds)
     chains = max(planned(numbers, tried)[0] for numbers in chosen.values())
-    for used in {paper_scene(SWEEPS[0], numbers).solver.engine for numbers in chosen.values()}:
-        _load_kernels(used)
+    _load_kernels(*sorted({paper_scene(SWEEPS[0], numbers).solver.engine for numbers in chosen.values()}))
     with pool(jobs, scheduler, wait=wait, chains=chains) as workers:
         for name, numbers in chosen.items():
             _reproduce(name, numbers, out, workers, tried, resume=resume, overwrite=overwrite)
@@ -546,11 +544,12 @@ def _tell_of_compilation() -> None:
         print(f"vibroplat: compiling the numerical kernels; {told}", file=sys.stderr)
 
 
-def _load_kernels(engine: str = "auto") -> None:
-    """Compile or load what a motion needs, once, before workers would each do so."""
+def _load_kernels(*engines: str) -> None:
+    """Compile or load what a motion needs by these engines, once, before workers would each do so."""
     from vibroplat.flow.warm import load_kernels
 
-    load_kernels(engine)
+    for engine in engines or ("auto",):
+        load_kernels(engine)
     gc.freeze()  # what is loaded stays: the garbage collector need not look at it
 
 

@@ -10,8 +10,8 @@ from vibroplat.integrate.choice import engine_name, other_engine
 from vibroplat.scene import Scene
 
 #: How many times the largest change under repetitions is allowed between engines. In runs of fourteen kinds (with and
-#: without flights, impacts, a stall, a coast-down; tolerances 1e-8 … 1e-4) ``native`` and ``sundae`` differed by at most
-#: 1.5 times that change and five tolerances: a third of what is allowed.
+#: without flights, impacts, a stall, a coast-down; tolerances 1e-8 … 1e-4), ``native`` and ``sundae`` differed by at
+#: most 1.5 times that change and five tolerances: a third of what is allowed.
 MULTIPLE: Final = 5.0
 #: What is allowed in any case, over the tolerance, in the scales of the scene.
 FLOOR: Final = 20.0
@@ -27,8 +27,8 @@ def by_other_engine(scene: Scene) -> Scene:
     return scene.replace({"solver.engine": other_engine(scene.solver.engine)})
 
 
-def require_other_engine(scene: Scene) -> None:
-    """Refuse to check a scene that no other engine can compute.
+def require_other_engine(scene: Scene) -> str:
+    """Return the name of the engine that checks a scene; refuse a scene that no other engine can compute.
 
     Raises
     ------
@@ -41,6 +41,7 @@ def require_other_engine(scene: Scene) -> None:
         raise ConfigError(f"--check with engine {other_engine(scene.solver.engine)}: {error}") from None
     if engine_name(other) == engine_name(scene):
         raise ConfigError(f"--check: engine {engine_name(scene)} is the only one here; allowed: to leave it out")
+    return other.solver.engine
 
 
 def with_other_tolerance(scene: Scene) -> Scene:

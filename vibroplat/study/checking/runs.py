@@ -13,7 +13,14 @@ from vibroplat.hybrid.scales import force_spread, state_scales
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.systems import GAP_RATE
 from vibroplat.scene import Scene
-from vibroplat.study.checking.changes import FLOOR, MULTIPLE, Other, by_other_engine, with_other_tolerance
+from vibroplat.study.checking.changes import (
+    FLOOR,
+    MULTIPLE,
+    Other,
+    by_other_engine,
+    require_other_engine,
+    with_other_tolerance,
+)
 from vibroplat.study.checking.courses import Course, Progress, differences, scales_of
 from vibroplat.study.checking.events import Errors, Pairs, paired, slight
 
@@ -137,6 +144,8 @@ def check_run(scene: Scene, *, other: Other = by_other_engine, progress: Progres
     >>> check_run(Scene().replace({"run.duration_s": 0.1})).agrees
     True
     """
+    if other is by_other_engine:
+        require_other_engine(scene)
     return compared(Course(scene).run(progress), other=other, progress=_later(progress, scene.run.duration_s))
 
 
