@@ -9,6 +9,7 @@ import pytest
 import vibroplat
 from study.helpers import CHAOTIC, planned
 from vibroplat import check_run, check_sweep, load_config
+from vibroplat.bench.stability.campaign import random_scene
 from vibroplat.config import configurations
 from vibroplat.errors import ConfigError
 from vibroplat.integrate import choice as engines
@@ -140,6 +141,14 @@ def test_an_engine_that_gives_up_is_found():
     scene = run_scene(0.2, **{"contact.restitution": 0.3})
     found = check_run(scene, other=lambda s: s.replace({"solver.max_events_per_period": 3}))
     assert found.disagreement.endswith("outcome ok (native) and event-storm (native); allowed: the same")
+
+
+def test_a_run_that_ends_at_once_is_checked():
+    ending = random_scene(164).replace(NATIVE)  # it begins beyond the model
+    found = check_run(ending, other=honest)
+    assert (found.agrees, found.compared_until_s, found.largest) == (True, 0.0, ())
+    found = check_run(run_scene(0.1), other=lambda scene: honest(ending))
+    assert found.disagreement == "at 0 s: outcome ok (native) and beyond-model (native); allowed: the same"
 
 
 def test_a_run_that_amplifies_errors_is_compared_while_that_makes_sense():

@@ -112,8 +112,8 @@ class Course:
 
     @property
     def end(self) -> float:
-        """When it ended (s)."""
-        return float(self.samples.index[-1])
+        """When it ended (s); 0 if it has no sample, as it gave up at once."""
+        return float(self.samples.index[-1]) if len(self.samples) else 0.0
 
 
 def scales_of(scene: Scene) -> dict[str, float]:
