@@ -23,8 +23,8 @@ from vibroplat.surroundings import COMPILING, is_short_of_memory, require_memory
 
 if TYPE_CHECKING:
     from vibroplat.observe.trajectory import Trajectory
+    from vibroplat.study.checking.agreement import RunCheck
     from vibroplat.study.checking.courses import Course
-    from vibroplat.study.checking.runs import RunCheck
     from vibroplat.study.checking.sweeps import SweepCheck
     from vibroplat.study.execution import Pool
 

@@ -14,10 +14,11 @@ from vibroplat.config import configurations
 from vibroplat.errors import ConfigError
 from vibroplat.integrate import choice as engines
 from vibroplat.study.checking import changes, measures
+from vibroplat.study.checking.agreement import EVENT_TIME
 from vibroplat.study.checking.changes import by_other_engine, require_other_engine, with_other_tolerance
 from vibroplat.study.checking.courses import Course
 from vibroplat.study.checking.events import Errors, paired
-from vibroplat.study.checking.runs import EVENT_TIME, repetitions
+from vibroplat.study.checking.runs import repetitions
 from vibroplat.study.checking.sweeps import check_points
 from vibroplat.study.choice import chosen
 from vibroplat.study.execution import Inline
