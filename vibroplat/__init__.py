@@ -27,6 +27,8 @@ if TYPE_CHECKING:
         Solver,
         State,
     )
+    from vibroplat.study.checking.runs import check_run
+    from vibroplat.study.checking.sweeps import check_sweep
     from vibroplat.study.sweep import sweep
 
 _HOMES = {
@@ -36,6 +38,8 @@ _HOMES = {
     "Motor": "vibroplat.exciters",
     "simulate": "vibroplat.flow.run",
     "Trajectory": "vibroplat.observe.trajectory",
+    "check_run": "vibroplat.study.checking.runs",
+    "check_sweep": "vibroplat.study.checking.sweeps",
     "sweep": "vibroplat.study.sweep",
     **dict.fromkeys(
         (
@@ -68,6 +72,8 @@ __all__ = [
     "State",
     "Trajectory",
     "__version__",
+    "check_run",
+    "check_sweep",
     "load_config",
     "simulate",
     "sweep",

@@ -23,6 +23,9 @@ from vibroplat.surroundings import COMPILING, is_short_of_memory, require_memory
 
 if TYPE_CHECKING:
     from vibroplat.observe.trajectory import Trajectory
+    from vibroplat.study.checking.agreement import RunCheck
+    from vibroplat.study.checking.courses import Course
+    from vibroplat.study.checking.sweeps import SweepCheck
     from vibroplat.study.execution import Pool
 
 #: Failed points of a sweep that are reported one by one.
@@ -89,6 +92,9 @@ class BenchName(StrEnum):
 Settings = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="Override a key, e.g. run.duration_s=2. May be repeated."),
+]
+EngineName = Annotated[
+    str | None, typer.Option("--engine", metavar="NAME", help="Integrator, short for --set solver.engine=NAME.")
 ]
 Out = Annotated[Path, typer.Option(help="Directory for the results.")]
 Format = Annotated[TableFormat, typer.Option("--format", help="File format of the tables.")]
@@ -159,12 +165,17 @@ def _options(
 def run(
     config: Annotated[Path, typer.Argument(help="Configuration file (YAML).")],
     set_: Settings = None,
+    engine: EngineName = None,
+    check: Annotated[
+        bool, typer.Option("--check", help="Run the scene with another engine too, and compare both; six runs in all.")
+    ] = False,
     out: Out = Path("results"),
     format_: Format = TableFormat.parquet,
 ) -> None:
     """Simulate one scene in time.
 
-    Writes trajectory, events, summary and provenance to OUT/NAME and prints the summary.
+    Writes trajectory, events, summary and provenance to OUT/NAME and prints the summary. With --check, exit code 1 says
+    that two engines disagree.
     """
     from vibroplat.config import load_config, parse_overrides
     from vibroplat.flow.beginning import beginning
@@ -172,7 +183,7 @@ def run(
     from vibroplat.results import write_result
     from vibroplat.tables import GrowingTable, result_directory
 
-    scene = load_config(config, parse_overrides(set_ or []))
+    scene = load_config(config, parse_overrides(set_ or [], engine))
     beginning(scene)  # what is wrong with it is told before anything is written or compiled
     source = scene.run.initial.from_
     if source is not None and Path(source).resolve() == (out / scene.name).resolve():
@@ -183,6 +194,10 @@ def run(
     from vibroplat.flow.space import require_disk
 
     require_disk(scene, directory, format_.value)
+    if check:
+        from vibroplat.study.checking.changes import require_other_engine
+
+        require_other_engine(scene)
     _load_kernels(scene.solver.engine)
     trajectory, events = (GrowingTable(directory, name, format_.value) for name in ("trajectory", "events"))
     with trajectory, events:
@@ -190,22 +205,47 @@ def run(
             from vibroplat.flow.run import simulate
 
             sink = Sink(trajectory.append, events.append)
-            result = simulate(scene, keep="summary", sink=sink, progress=report)
-        summary = result.summary | {"notes": result.notes}
+            if check:
+                from vibroplat.study.checking.courses import Course
+
+                course = Course(scene, sink).run(report)
+            result = course.result if check else simulate(scene, keep="summary", sink=sink, progress=report)
+        found = _check_run(course) if check and result.outcome != "out-of-memory" else None
+        summary = result.summary | {"notes": result.notes} | ({} if found is None else {"check": found.to_tree()})
         origin = provenance(scene, summary["engine"], result.origin)
         tables = {"trajectory": trajectory, "events": events}
         write_result(directory, "run", origin, tables, {"summary": summary}, form=format_.value)
     _print_summary(result, directory)
     _print_notes(result.notes)
+    if found is not None:
+        for label, text in found.lines().items():
+            print(f"{label:<28}{text}")
     if result.outcome != "ok":
         print(f"vibroplat: {result.outcome}: {result.summary['detail']}", file=sys.stderr)
+    if found is not None and not found.agrees:
+        print(f"vibroplat: engines disagree {found.disagreement}", file=sys.stderr)
+    if result.outcome != "ok" or (found is not None and not found.agrees):
         raise typer.Exit(1)
+
+
+def _check_run(course: Course) -> RunCheck:
+    """Compare a finished run with that of another engine."""
+    from vibroplat.study.checking.runs import RUNS, compared
+
+    scene = course.scene
+    with run_progress(f"{scene.name}, check", RUNS * scene.run.duration_s) as report:
+        return compared(course, progress=report)
 
 
 @app.command()
 def sweep(
     config: Annotated[Path, typer.Argument(help="Configuration file with a sweep section.")],
     set_: Settings = None,
+    engine: EngineName = None,
+    check: Annotated[
+        float | None,
+        typer.Option(metavar="SHARE", help="Repeat this share of the points with another engine, and compare both."),
+    ] = None,
     out: Out = Path("results"),
     jobs: Jobs = 1,
     resume: Resume = False,
@@ -216,13 +256,17 @@ def sweep(
 ) -> None:
     """Sweep over supply frequencies and a grid of values.
 
-    Writes a table with one row per point to OUT/NAME.
+    Writes a table with one row per point to OUT/NAME. With --check, exit code 1 says that two engines disagree.
     """
     from vibroplat.config import load_config, parse_overrides
     from vibroplat.study.branches import branches
+    from vibroplat.study.choice import chosen, require_share
 
-    scene = load_config(config, parse_overrides(set_ or []))
+    if check is not None:
+        require_share(check)
+    scene = load_config(config, parse_overrides(set_ or [], engine))
     planned = branches(scene)
+    places = [] if check is None else chosen(scene, check)
     _require_scheduler(scheduler)
     from vibroplat.results import Result, read_provenance
     from vibroplat.study.store import Store
@@ -233,22 +277,29 @@ def sweep(
         read_provenance(directory, "sweep")
     _tell_of_compilation()
     from vibroplat.study import report
+    from vibroplat.study.checking.changes import require_other_engine
+    from vibroplat.study.checking.sweeps import check_points
     from vibroplat.study.execution import pool
     from vibroplat.study.sweep import conditions, run_sweeps
+
+    engines = [scene.solver.engine, *([require_other_engine(scene)] if places else [])]
 
     points = sum(len(branch.frequencies) for branch in planned)
     began = time.perf_counter()
     with Store(directory, conditions(scene), resume=resume, overwrite=overwrite) as store:
         stored = store.lengths()
         left = sum(stored.get(branch.number, 0) < len(branch.frequencies) for branch in planned)
-        _load_kernels()
-        opened = pool(jobs, scheduler, wait=wait, chains=left)
-        with opened as workers, sweep_progress(scene.name, len(planned), points) as progress:
-            run_sweeps([(scene, store)], workers, progress)
+        _load_kernels(*engines)
+        found = None
+        with pool(jobs, scheduler, wait=wait, chains=max(left, len(places))) as workers:
+            with sweep_progress(scene.name, len(planned), points) as progress:
+                run_sweeps([(scene, store)], workers, progress)
+            known, seconds = store.reused, time.perf_counter() - began
+            if places:
+                with sweep_progress(f"{scene.name}, check", len(places), len(places)) as progress:
+                    found = check_points(scene, places, store, store.part("check"), workers, progress=progress)
         store.finish()
-        known = store.reused
-        report.write_sweep(scene, store, directory, format_.value)
-    seconds = time.perf_counter() - began
+        report.write_sweep(scene, store, directory, format_.value, check=None if found is None else found.to_tree())
     table = Result(directory, "sweep").table("sweep")
     resumed = f", {known} of the points from before" if known else ""
     for label, text in report.overview(table).items():
@@ -257,11 +308,27 @@ def sweep(
     print(f"{'tables':<28}{directory}")
     _print_notes(report.notes_on_branches(planned) + report.notes_on_points(table))
     failed = report.failures(table)
-    for line in failed[:TOLD]:
-        print(f"vibroplat: {line}", file=sys.stderr)
-    if failed:
-        print(f"vibroplat: {len(failed)} of {points} points failed", file=sys.stderr)
+    _complain_of(failed, f"{len(failed)} of {points} points failed")
+    if (found is not None and not _print_check(found)) or failed:
         raise typer.Exit(1)
+
+
+def _print_check(found: SweepCheck) -> bool:
+    """Print what the check of a sweep has found; return whether the engines agree."""
+    for label, text in found.lines():
+        print(f"{label:<28}{text}")
+    for row in found.reclassified[:TOLD]:
+        print(f"  {row}")
+    _complain_of(found.disagreements, f"engines disagree at {len(found.disagreements)} of {len(found.checked)} points")
+    return found.agrees
+
+
+def _complain_of(lines: list[str], total: str) -> None:
+    """Print the first of some lines and their total, if there are any."""
+    for line in lines[:TOLD]:
+        print(f"vibroplat: {line}", file=sys.stderr)
+    if lines:
+        print(f"vibroplat: {total}", file=sys.stderr)
 
 
 @app.command()
@@ -270,6 +337,7 @@ def paper(
         list[str] | None, typer.Option(help="A machine from configs/machines. Default: printed and calibrated.")
     ] = None,
     set_: Settings = None,
+    engine: EngineName = None,
     out: Out = Path("results"),
     jobs: Annotated[int | None, typer.Option(min=1, help="Number of worker processes. Default: all cores.")] = None,
     resume: Resume = False,
@@ -285,17 +353,17 @@ def paper(
     """
     _tell_of_compilation()
     from vibroplat.config import parse_overrides
-    from vibroplat.paper.trial import machine_numbers
+    from vibroplat.paper.trial import machine_numbers, paper_scene
 
-    changes = parse_overrides(set_ or [])
+    changes = parse_overrides(set_ or [], engine)
     chosen = {name: {**machine_numbers(name), **changes} for name in machine or ("printed", "calibrated")}
     _require_scheduler(scheduler)
-    from vibroplat.paper.reproduction import planned
+    from vibroplat.paper.reproduction import SWEEPS, planned
     from vibroplat.study.execution import pool
 
-    _load_kernels()
     tried = range(seed, seed + seeds)
     chains = max(planned(numbers, tried)[0] for numbers in chosen.values())
+    _load_kernels(*sorted({paper_scene(SWEEPS[0], numbers).solver.engine for numbers in chosen.values()}))
     with pool(jobs, scheduler, wait=wait, chains=chains) as workers:
         for name, numbers in chosen.items():
             _reproduce(name, numbers, out, workers, tried, resume=resume, overwrite=overwrite)
@@ -335,17 +403,19 @@ def calibrate(
     overwrite: Overwrite = False,
     scheduler: Scheduler = None,
     wait: Wait = WAIT,
+    engine: EngineName = None,
 ) -> None:
     """Fit the numbers the paper does not print to its claims.
 
     Writes a table with one row per evaluation to OUT/calibration.
     """
     _tell_of_compilation()
-    from vibroplat.config import configurations
+    from vibroplat.config import ENGINE, configurations, parse_overrides
     from vibroplat.paper.calibration.plan import load_plan
 
     overrides = {} if generations is None else {"generations": generations}
-    fixed, plan = load_plan(config or configurations() / "claims" / "calibration.yaml", overrides)
+    path = config or configurations() / "claims" / "calibration.yaml"
+    fixed, plan = load_plan(path, overrides, parse_overrides([], engine))
     _require_scheduler(scheduler)
     from vibroplat.paper.calibration import reading, search
     from vibroplat.paper.report import write_calibration
@@ -356,7 +426,7 @@ def calibrate(
     directory = result_directory(out, "calibration")
     total = plan.evaluations + plan.confirmations
     with Store(directory, search.conditions(fixed), resume=resume, overwrite=overwrite) as store:
-        _load_kernels()
+        _load_kernels(fixed.get(ENGINE, "auto"))
         opened = pool(jobs, scheduler, wait=wait, chains=plan.side_by_side)
         with opened as workers, calibration_progress(total) as progress:
             found = search.calibrate(fixed, plan, store, workers, progress)
@@ -474,11 +544,12 @@ def _tell_of_compilation() -> None:
         print(f"vibroplat: compiling the numerical kernels; {told}", file=sys.stderr)
 
 
-def _load_kernels(engine: str = "auto") -> None:
-    """Compile or load what a motion needs, once, before workers would each do so."""
+def _load_kernels(*engines: str) -> None:
+    """Compile or load what a motion needs by these engines, once, before workers would each do so."""
     from vibroplat.flow.warm import load_kernels
 
-    load_kernels(engine)
+    for engine in engines or ("auto",):
+        load_kernels(engine)
     gc.freeze()  # what is loaded stays: the garbage collector need not look at it
 
 

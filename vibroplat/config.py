@@ -15,8 +15,11 @@ from ruamel.yaml.error import MarkedYAMLError, ReusedAnchorWarning
 from ruamel.yaml.nodes import MappingNode, ScalarNode
 
 from vibroplat.errors import ConfigError
-from vibroplat.overrides import merge, nest
+from vibroplat.overrides import flat, merge, nest
 from vibroplat.scene import Scene
+
+#: Key that ``--engine`` is short for.
+ENGINE = "solver.engine"
 
 #: A configuration has about sixty keys; anything much larger is something else.
 MAX_BYTES = 25_000
@@ -84,13 +87,15 @@ def configurations() -> Path:
     return inside if inside.is_dir() else Path(__file__).parents[1] / "configs"
 
 
-def parse_overrides(settings: Iterable[str]) -> dict[str, Any]:
+def parse_overrides(settings: Iterable[str], engine: str | None = None) -> dict[str, Any]:
     """Parse ``key.sub=value`` into dotted keys and values, typed as in YAML.
+
+    ``engine`` is that of ``--engine``, short for ``solver.engine=…``.
 
     Raises
     ------
     vibroplat.errors.ConfigError
-        A setting has no ``=``, or its value is not YAML.
+        A setting has no ``=``, its value is not YAML, or two engines are given.
     """
     overrides: dict[str, Any] = {}
     for setting in settings:
@@ -98,6 +103,11 @@ def parse_overrides(settings: Iterable[str]) -> dict[str, Any]:
         if not equals or not all(key.strip().split(".")):
             raise ConfigError(f"--set {setting!r}; allowed: key.sub=value")
         overrides[key.strip()] = _parse(text, f"--set {key.strip()}")
+    if engine is not None:
+        named, given = _parse(engine, "--engine"), flat(overrides)
+        if given.get(ENGINE, named) != named:
+            raise ConfigError(f"--engine {engine} and --set {ENGINE}={given[ENGINE]} differ; allowed: one of the two")
+        overrides[ENGINE] = named
     return overrides
 
 

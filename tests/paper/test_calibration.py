@@ -166,6 +166,18 @@ def test_other_machine_does_not_go_on(valley, tmp_path):
     other = {"machine.gravity_m_per_s2": 1.62}
     with pytest.raises(ConfigError, match=r"cannot resume: machine\.machine\.gravity_m_per_s2 = 1\.62; allowed: 9\.81"):
         Store(tmp_path, conditions(other), resume=True)
+    engine = {**FIXED, "solver.engine": "sundae"}
+    with pytest.raises(ConfigError, match=r"cannot resume: .*engine = sundae; allowed: "):
+        Store(tmp_path, conditions(engine), resume=True)
+    assert {found["engine"] for name, found in conditions(engine).items() if name != "machine"} == {"sundae"}
+
+
+def test_engine_reaches_what_is_evaluated(tmp_path):
+    (tmp_path / "c.yaml").write_text("calibration: {parameters: {contact.restitution: {low: 0, high: 1}}}")
+    fixed, _ = load_plan(tmp_path / "c.yaml", {}, {"solver.engine": "sundae"})
+    first = next(evaluation(fixed))
+    assert first.arguments[0].solver.engine == "sundae"
+    assert first.digest != next(evaluation({})).digest
 
 
 def test_claim_that_holds_is_worth_more_than_one_that_nearly_does():
@@ -290,7 +302,7 @@ def test_overview_says_what_the_seeds_make_of_the_best_set(lucky):
 
 
 def test_command_writes_four_tables_and_tells_what_they_say(valley, monkeypatch, tmp_path, capsys):
-    monkeypatch.setattr(cli, "_load_kernels", lambda: None)
+    monkeypatch.setattr(cli, "_load_kernels", lambda *_: None)
     (tmp_path / "c.yaml").write_text(
         "machine: {gravity_m_per_s2: 9.81}\n"
         "calibration:\n"

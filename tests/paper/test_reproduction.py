@@ -106,16 +106,18 @@ def test_no_beta_where_the_frequency_is_not_reached():
 
 
 class Counting(Inline):
-    """This process; counts tasks, and may be interrupted after some."""
+    """This process; counts tasks and notes their engines, and may be interrupted after some."""
 
     def __init__(self, most=math.inf):
         self.count = 0
         self.most = most
+        self.engines = set()
 
     def submit(self, function, *arguments):
         if self.count >= self.most:
             raise Interrupted
         self.count += 1
+        self.engines.add(arguments[0].solver.engine)
         return super().submit(function, *arguments)
 
 
@@ -255,7 +257,7 @@ def coarse(monkeypatch):
     """The numbers of a coarse reproduction with one alternative."""
     monkeypatch.setattr(reproduction, "QUICK", COARSE)
     monkeypatch.setattr(reproduction, "load_list", lambda path: [{"material.damping_ratio": 0.3}])
-    return flat(load_tree(MACHINE)) | COARSE
+    return flat(load_tree(MACHINE)) | COARSE | {"solver.engine": "native"}
 
 
 @pytest.mark.long
@@ -265,6 +267,7 @@ def test_paper_is_reproduced_and_resumed(tmp_path, coarse):
     place = tmp_path / "points"
     pool = Counting()
     found = reproduction.reproduce(coarse, place, pool, seeds=seeds, progress=lambda *counts: told.append(counts))
+    assert pool.engines == {"native"}
     assert told[-1][:2] == reproduction.planned(coarse, seeds)
     assert found.points >= told[-1][1]
     viscous = {"fig6-nonimpact"} if found.beta else set()
@@ -317,6 +320,9 @@ def test_unfinished_reproduction_is_refused_before_anything_is_simulated(tmp_pat
     changed = {**coarse, "machine.unbalance_radius_m": 0.01}
     with pytest.raises(ConfigError, match=r"cannot resume: .*unbalance_radius_m = 0\.01; allowed: "):
         reproduction.reproduce(changed, tmp_path, Refusing(), resume=True)
+    other = {**coarse, "solver.engine": "sundae"}
+    with pytest.raises(ConfigError, match=r"cannot resume: \w+\.engine = sundae; allowed: native"):
+        reproduction.reproduce(other, tmp_path, Refusing(), resume=True)
 
 
 def test_history_begins_at_a_whole_turn():

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
@@ -19,8 +20,12 @@ from vibroplat.study.sweep import impact_tables, section_tables, tables
 from vibroplat.tables import Format, Table
 
 
-def write_sweep(scene: Scene, records: Records, directory: Path, form: Format) -> None:
+def write_sweep(
+    scene: Scene, records: Records, directory: Path, form: Format, *, check: dict[str, Any] | None = None
+) -> None:
     """Write the tables and the provenance of a finished sweep into its directory.
+
+    ``check`` is what another engine has found.
 
     Raises
     ------
@@ -32,7 +37,8 @@ def write_sweep(scene: Scene, records: Records, directory: Path, form: Format) -
         found |= {"section": section_tables(scene, records), "impacts": impact_tables(scene, records)}
     found["sweep"] = tables(scene, records)
     absent = {"section", "impacts"} - found.keys()
-    write_result(directory, "sweep", provenance(scene, engine_name(scene)), found, form=form, absent=absent)
+    origin = provenance(scene, engine_name(scene)) | ({} if check is None else {"check": check})
+    write_result(directory, "sweep", origin, found, form=form, absent=absent)
 
 
 def overview(table: pd.DataFrame) -> dict[str, str]:

@@ -116,8 +116,12 @@ class CalibrationPlan(Section):
         return max(self.population, self.confirmations)
 
 
-def load_plan(path: Path, overrides: Mapping[str, Any]) -> tuple[dict[str, Any], CalibrationPlan]:
+def load_plan(
+    path: Path, overrides: Mapping[str, Any], changes: Mapping[str, Any] | None = None
+) -> tuple[dict[str, Any], CalibrationPlan]:
     """Read the machine's fixed numbers (dotted keys and values) and the plan from a YAML file.
+
+    ``overrides`` are keys of the plan, ``changes`` dotted keys of the machine.
 
     Raises
     ------
@@ -130,7 +134,7 @@ def load_plan(path: Path, overrides: Mapping[str, Any]) -> tuple[dict[str, Any],
         raise ConfigError(f"{path}: no section calibration; allowed: calibration: {{parameters: …}}")
     if not isinstance(section, dict):
         raise ConfigError(f"{path}: calibration = {section!r}; allowed: a section of keys and values")
-    fixed = flat(tree)
+    fixed = {**flat(tree), **(changes or {})}
     try:
         plan = CalibrationPlan.model_validate({**section, **overrides})
     except ValidationError as error:

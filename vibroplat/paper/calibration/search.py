@@ -19,6 +19,7 @@ import pandas as pd
 from scipy.optimize import differential_evolution
 from scipy.stats import qmc
 
+from vibroplat.config import ENGINE
 from vibroplat.model.parameters import FloatArray
 from vibroplat.paper.calibration.plan import CalibrationPlan
 from vibroplat.paper.claims import judge
@@ -35,7 +36,8 @@ Progress = Callable[[int, int, float], None]
 
 def conditions(fixed: Mapping[str, Any]) -> dict[str, Any]:
     """Return what the points depend on besides the parameters that are searched."""
-    scenes = {name: paper_scene(name, {}, QUICK | SHARED.get(name, {})) for name in (*IMPACT, NON_IMPACT)}
+    engine = {ENGINE: fixed[ENGINE]} if ENGINE in fixed else {}  # other numbers may not fit without those searched
+    scenes = {name: paper_scene(name, engine, QUICK | SHARED.get(name, {})) for name in (*IMPACT, NON_IMPACT)}
     return {"machine": dict(fixed), **{name: sweep.conditions(scene) for name, scene in scenes.items()}}
 
 

@@ -1,0 +1,156 @@
+"""``--engine`` and ``--check`` on the command line."""
+
+from __future__ import annotations
+
+import pytest
+from common.commands import not_a_line
+from common.places import QUICKSTART
+
+from vibroplat.paper import reproduction
+from vibroplat.paper.calibration import search
+from vibroplat.study.checking.runs import compared
+from vibroplat.study.checking.sweeps import check_points
+from vibroplat.tables import read_json
+
+SHORT = ("--set", "run.duration_s=0.1")
+FREQUENCIES = "{start: 44.0, stop: 46.0, step: 1.0, direction: up}"
+PLAN = f"{{supply_frequency_hz: {FREQUENCIES}, settle_s: 0.4, measure_s: 0.2, lyapunov: false, grid: {{}}}}"
+SWEEP = ("--set", f"sweep={PLAN}", "--engine", "native")
+
+
+def wrong(scene):
+    return scene.replace({"motor.friction_radius_m": 1.0001 * scene.motor.friction_radius_m})
+
+
+@pytest.mark.parametrize("name", ["run", "sweep"])
+def test_engine_is_short_for_the_key(command, kernels, here, name):
+    extra = SHORT if name == "run" else SWEEP[:2]
+    for number, engine in enumerate((("--engine", "sundae"), ("--set", "solver.engine=sundae"))):
+        assert command(name, QUICKSTART, *extra, *engine, "--out", str(number)).code == 0
+    first, second = (read_json(here / n / "quickstart", "provenance") for n in "01")
+    assert first["engine"] == second["engine"] == "sundae"
+    assert first["configuration_sha256"] == second["configuration_sha256"]
+
+
+@pytest.mark.parametrize("name", ["run", "sweep", "paper"])
+def test_engine_and_its_key_must_not_differ(command, kernels, here, name):
+    arguments = () if name == "paper" else (QUICKSTART,)
+    done = command(name, *arguments, "--engine", "native", "--set", "solver.engine=sundae")
+    assert not_a_line(done) == ""
+    assert "--engine native and --set solver.engine=sundae differ; allowed: one of the two" in done.err
+    same = command("run", QUICKSTART, *SHORT, "--engine", "native", "--set", "solver.engine=native")
+    assert (same.code, same.err) == (0, "")
+
+
+@pytest.mark.parametrize("name", ["run", "sweep", "paper"])
+def test_a_bad_engine_is_told_as_a_bad_key_is(command, kernels, here, name):
+    arguments = () if name == "paper" else (QUICKSTART,)
+    done = command(name, *arguments, "--engine", "heun")
+    assert not_a_line(done) == ""
+    assert "solver.engine = 'heun'; allowed: 'auto', 'native'" in done.err
+    assert done.err == command(name, *arguments, "--set", "solver.engine=heun").err
+
+
+def test_a_bad_engine_of_a_calibration_is_told(command, kernels, here):
+    done = command("calibrate", "--engine", "heun")
+    assert not_a_line(done) == ""
+    assert "solver.engine = 'heun'; allowed: 'auto', 'native'" in done.err
+
+
+class _Caught(BaseException):
+    """Ends a command where it would begin its work."""
+
+
+def test_engine_reaches_the_paper(command, kernels, here, monkeypatch):
+    found = []
+
+    def caught(numbers, *_, seeds, **__):
+        trials = reproduction._trials(numbers, seeds)
+        found.extend(trial.scene(name) for trial in trials for name in (*trial.names, reproduction.NON_IMPACT))
+        found.extend(trial.conditions() for trial in trials)
+        raise _Caught
+
+    monkeypatch.setattr(reproduction, "reproduce", caught)
+    with pytest.raises(_Caught):
+        command("paper", "--machine", "calibrated", "--engine", "sundae", "--jobs", "1", "--seeds", "2")
+    conditions = [one for entry in found if isinstance(entry, dict) for one in entry.values()]
+    assert {one["engine"] for one in conditions} == {"sundae"}
+    assert {one["configuration"]["solver"]["engine"] for one in conditions} == {"sundae"}
+    assert {scene.solver.engine for scene in found if not isinstance(scene, dict)} == {"sundae"}
+
+
+def test_engine_reaches_a_calibration(command, kernels, here, monkeypatch):
+    found = {}
+
+    def caught(fixed, *_):
+        found.update(fixed)
+        raise _Caught
+
+    monkeypatch.setattr(search, "calibrate", caught)
+    with pytest.raises(_Caught):
+        command("calibrate", "--engine", "sundae")
+    assert found["solver.engine"] == "sundae"
+
+
+@pytest.mark.parametrize("share", ["0", "-0.1", "1.01", "nan", "half"])
+def test_a_bad_share_is_told(command, kernels, here, share):
+    done = command("sweep", QUICKSTART, *SWEEP, "--check", share)
+    assert not_a_line(done) == ""
+    assert "--check" in done.err
+
+
+def test_a_checked_run_is_the_run(command, kernels, here):
+    assert command("run", QUICKSTART, *SHORT, "--engine", "native", "--out", "plain").code == 0
+    done = command("run", QUICKSTART, *SHORT, "--engine", "native", "--check")
+    assert (done.code, done.err) == (0, "")
+    lines = done.out.splitlines()
+    (start,) = (n for n, line in enumerate(lines) if line.startswith("checked by  "))
+    assert len(lines) - start <= 5
+    summary = read_json(here / "results/quickstart", "summary")
+    plain = read_json(here / "plain/quickstart", "summary")
+    assert summary["check"]["agrees"] is True
+    assert {k: v for k, v in summary.items() if k not in ("check", "wall_s")} == {
+        k: v for k, v in plain.items() if k != "wall_s"
+    }
+    proof, before = (read_json(here / place / "quickstart", "provenance")["files"] for place in ("results", "plain"))
+    for name in ("trajectory.parquet", "events.parquet"):
+        assert proof[name] == before[name]
+
+
+def test_a_run_that_engines_disagree_on_has_exit_code_1(command, kernels, here, monkeypatch):
+    monkeypatch.setitem(compared.__kwdefaults__, "other", wrong)
+    done = command("run", QUICKSTART, *SHORT, "--engine", "native", "--check", "--set", "solver.tolerance=1e-10")
+    assert done.code == 1
+    assert done.err.startswith("vibroplat: engines disagree at 0.0")
+    assert len(done.err.splitlines()) == 1
+    check = read_json(here / "results/quickstart", "summary")["check"]
+    assert (check["agrees"], check["disagreement"] in done.err) == (False, True)
+
+
+def test_a_sweep_is_checked_and_resumed(command, kernels, here):
+    done = command("sweep", QUICKSTART, *SWEEP, "--check", "0.3")
+    assert (done.code, done.err) == (0, "")
+    assert ", 1 of 3 points" in done.out
+    done = command("sweep", QUICKSTART, *SWEEP, "--check", "1", "--resume", "--jobs", "2")
+    assert done.code == 0
+    assert "3 of the points from before" in done.out
+    assert ", 3 of 3 points" in done.out
+    check = read_json(here / "results/quickstart", "provenance")["check"]
+    assert (check["agrees"], check["checked"]) == (True, 3)
+
+
+def test_a_sweep_that_engines_disagree_on_has_exit_code_1(command, kernels, here, monkeypatch):
+    monkeypatch.setitem(check_points.__kwdefaults__, "other", wrong)
+    done = command("sweep", QUICKSTART, *SWEEP, "--check", "0.5", "--set", "solver.tolerance=1e-10")
+    assert done.code == 1
+    first, *_, last = done.err.splitlines()
+    assert first.startswith("vibroplat: engines disagree at supply_frequency_hz = 4")
+    assert "branch 0 (up): motor_power_w = " in first
+    assert last == "vibroplat: engines disagree at 2 of 2 points"
+
+
+def test_help_tells_of_both(command):
+    for name in ("run", "sweep", "paper", "calibrate"):
+        assert "--engine" in command(name, "--help").out
+    for name in ("run", "sweep"):
+        assert "--check" in command(name, "--help").out
