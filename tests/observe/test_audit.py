@@ -33,7 +33,7 @@ def test_energy_residual_with_impacts(quickstart, restitution, law):
 @pytest.mark.parametrize("restitution", [0.5, 0.9, 1.0])
 def test_residuals_with_impacts_that_stick(quickstart, restitution, law):
     contact = {"restitution": restitution, "sticking_speed_m_per_s": 0.15, "impact_law": law}
-    scene = quickstart.replace({"contact": contact, "run.duration_s": 2.0, "solver.tolerance": 1e-8})
+    scene = quickstart.replace({"contact": contact, "run.duration_s": 4.0, "solver.tolerance": 1e-8})
     run = simulate(scene, keep="events")
     stuck = (run.events["kind"] == "impact") & (run.events["gap_rate_after_m_per_s"] == 0.0)
     assert stuck.any()
