@@ -16,9 +16,9 @@ from vibroplat.model.parameters import Parameters
 from vibroplat.model.series import HIGHEST, room
 from vibroplat.scene import Scene
 
-#: Degree of the series at tolerance 1e-6, and degrees more for each power of ten below it. Degrees from 14 to 24 take
-#: equal times within a tenth at the errors they are meant for.
-DEGREE, MORE = 14, 10.0 / 6.0
+#: Degree of the series at tolerance 1e-6, and degrees more for each power of ten below it. At equal errors degrees from
+#: 14 to 22 take equal times within a tenth at this tolerance, and higher ones at tighter tolerances.
+DEGREE, MORE = 17, 1.5
 LEAST = 10
 
 #: Steps within a period after which the integrator is taken to be stuck, and those for each event that a scene allows
