@@ -233,11 +233,6 @@ class Solver(Section):
         description="native: SUNDIALS driven from compiled code; sundae: through scikit-sundae's Python callbacks; "
         "auto: native, or sundae if the library is not as expected",
     )
-    smooth_modes: Literal["auto", "ida", "adams"] = Field(
-        "auto",
-        description="integrator of modes without contact force: IDA of SUNDIALS, or Adams' method of its CVODE; "
-        "auto: ida if a guard is watched or a motion decays fast, otherwise adams in scenes without contact",
-    )
     max_events_per_period: Annotated[int, Field(ge=1, le=10_000_000)] = Field(
         5_000, description="a run ends if it has more events within one turn at the synchronous speed"
     )
