@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from vibroplat.errors import VibroplatError
 from vibroplat.kernels.cache import kept
+from vibroplat.kernels.inside import Kernel
 
 if getattr(numba.config, "DISABLE_JIT", 0):
     raise VibroplatError(
@@ -26,8 +27,7 @@ T = TypeVar("T")
 
 def compiled(function: Callable[P, T]) -> Callable[P, T]:
     """Compile a kernel; division by zero gives inf or nan, as in C, instead of an exception."""
-    keep = kept(function)
-    return cast("Callable[P, T]", numba.njit(function, nogil=True, cache=keep, error_model="numpy", fastmath=False))
+    return cast("Callable[P, T]", Kernel(function))
 
 
 def inlined(function: Callable[P, T]) -> Callable[P, T]:
