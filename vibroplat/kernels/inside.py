@@ -8,12 +8,14 @@ becomes machine code into each of them and optimizes it there. Without both a fi
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cached_property
 from types import FunctionType
 from typing import Any
 
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 from numba.core.registry import CPUDispatcher
+from numba.core.types import unliteral
 
 from vibroplat.kernels.cache import kept
 
@@ -24,20 +26,32 @@ OPTIONS = {"nopython": True, "nogil": True, "error_model": "numpy", "no_cfunc_wr
 class Kernel(CPUDispatcher):
     """A kernel that Python and other kernels call, each what is compiled for it; most have only one kind of caller."""
 
-    def __init__(self, function: Callable[..., Any]) -> None:
+    def __init__(self, function: Callable[..., Any], *, inline: bool = False) -> None:
         super().__init__(function, targetoptions=OPTIONS)
+        self._inline, self._kept = inline, kept(function)
+        if self._kept:
+            self.enable_caching()
+
+    @cached_property
+    def _inside(self) -> Any:
+        """The kernel as others call it; where all are on disk, none is needed."""
+        function = self.py_func
         twin = FunctionType(function.__code__, function.__globals__, closure=function.__closure__)
         # numba keeps a function by its name
         twin.__module__, twin.__qualname__ = function.__module__, f"{function.__qualname__}.inside"
-        options = OPTIONS | {"no_cpython_wrapper": True}
-        self._inside = CPUDispatcher(twin, targetoptions=options, pipeline_class=_InsideCompiler)
-        if kept(function):
-            self.enable_caching()
-            self._inside.enable_caching()
+        options = OPTIONS | {"no_cpython_wrapper": True, "forceinline": self._inline}
+        found = CPUDispatcher(twin, targetoptions=options, pipeline_class=_InsideCompiler)
+        if self._kept:
+            found.enable_caching()
+        return found
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
-        """Say how other kernels call it, and compile it for them."""
-        return self._inside.get_call_template(args, kws)
+        """Say how other kernels call it, and compile it for them, for all numbers of a type at once.
+
+        What is known of a number, as of a degree, LLVM sees where it puts the kernel into its caller.
+        """
+        named = {name: unliteral(kind) for name, kind in kws.items()}
+        return self._inside.get_call_template(tuple(unliteral(kind) for kind in args), named)
 
     def get_overload(self, sig: Any) -> Any:
         """Return what other kernels call."""
