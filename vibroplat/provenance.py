@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import vibroplat
-from vibroplat.integrate.methods import adams_modes
 from vibroplat.integrate.sundials import UnavailableError, configuration
 from vibroplat.results import SCHEMA
 from vibroplat.scene import Scene
@@ -31,7 +30,6 @@ def provenance(scene: Scene, engine: str, origin: dict[str, Any] | None = None) 
         "configuration_sha256": configuration_hash(scene),
         "engine": engine,
         "sundials": _sundials(),
-        "integrators": {mode.label: "adams" if mode in adams_modes(scene) else "ida" for mode in scene.modes},
         "tolerance": scene.solver.tolerance,
         "python": platform.python_version(),
         "platform": platform.platform(),

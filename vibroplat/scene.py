@@ -239,11 +239,6 @@ class Solver(Section):
         "auto: native, or sundae if the library is not as expected; taylor: Taylor series of high order, several times "
         "faster unless a layer or a motor is stiff",
     )
-    smooth_modes: Literal["auto", "ida", "adams"] = Field(
-        "auto",
-        description="integrator of modes without contact force: IDA of SUNDIALS, or Adams' method of its CVODE; "
-        "auto: ida if a guard is watched or a motion decays fast, otherwise adams in scenes without contact",
-    )
     max_events_per_period: Annotated[int, Field(ge=1, le=10_000_000)] = Field(
         5_000, description="a run ends if it has more events within one turn at the synchronous speed"
     )

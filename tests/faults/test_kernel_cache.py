@@ -343,3 +343,37 @@ def test_files_that_a_crash_left_empty_are_compiled_anew(package):
     (folder / "kernel.1.nbc").write_text("machine code")
     found(package)
     assert [path.name for path in folder.iterdir()] == ["kernel.1.nbc"]
+
+
+# -- callers from Python and from other kernels ---------------------------------------------------------
+
+#: Calls a kernel of polynomials from Python, and prints what it gives and what was found on disk of another one.
+CALL = """
+import numpy as np
+from vibroplat.kernels.polynomial import {name}, split_right
+
+b, part = np.array([1.0, -0.5, 0.2, 1.0]), np.zeros(4)
+found = {name}({arguments})
+hits, misses = split_right._inside.stats.cache_hits, split_right.stats.cache_misses
+print(found, part.round(12).tolist(), sum(hits.values()), sum(misses.values()))
+"""
+
+
+def called(tmp_path, name, arguments):
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path), "PYTHONPATH": str(PACKAGE.parent)}
+    line = [sys.executable, "-c", CALL.format(name=name, arguments=arguments)]
+    return subprocess.run(line, env=environment, capture_output=True, text=True, check=True).stdout.strip()
+
+
+def test_what_kernels_call_is_kept_for_kernels_of_later_processes(tmp_path):
+    """``split_right`` is compiled for ``restrict``, and taken from disk for ``first_change``."""
+    first = called(tmp_path, "restrict", "b, 0.5, 1.0, part")
+    assert first == "None [0.1375, 0.225, 0.6, 1.0] 0 0"
+    assert called(tmp_path, "restrict", "b, 0.5, 1.0, part") == first
+    assert called(tmp_path, "first_change", "b, 1.0") == "-1.0 [0.0, 0.0, 0.0, 0.0] 1 0"
+
+
+def test_a_kernel_is_compiled_for_its_kinds_of_callers_alone(tmp_path):
+    called(tmp_path, "restrict", "b, 0.5, 1.0, part")
+    names = {path.name.split("-")[0] for path in tmp_path.rglob("*.nbi")}
+    assert names == {"polynomial.restrict", "polynomial.split_right.inside"}

@@ -47,7 +47,7 @@ def apart(angle, other):
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
 def test_energy_of_an_example_balances(path):
-    summary = simulate(load_config(path, {"solver.tolerance": 1e-8}), keep="summary").summary
+    summary = simulate(load_config(path, {"solver.tolerance": 1e-10}), keep="summary").summary
     assert (summary["outcome"], summary["name"]) == ("ok", path.stem)
     assert summary["energy_residual"] <= 1e-6
 

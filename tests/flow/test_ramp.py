@@ -24,7 +24,7 @@ def machine(difference=0.0, **changes):
     """Build the calibrated machine without material, the radii of its exciters different by a share."""
     radii = [{"unbalance_radius_m": 0.03}, {"unbalance_radius_m": 0.03 * (1.0 + difference)}]
     plain = {"material.mass_ratio": 0.0, "exciters": radii, "run.perturbation": 0.0}
-    solver = {"solver.smooth_modes": "adams", "solver.tolerance": 1e-8, "output.sample_rate_hz": 200.0}
+    solver = {"solver.tolerance": 1e-8, "output.sample_rate_hz": 200.0}
     return load_config(ROOT / "configs/machines/calibrated.yaml", {**plain, **solver, **changes})
 
 

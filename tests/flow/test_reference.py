@@ -47,16 +47,16 @@ GROWTH = {
     ),
 }
 
-#: Where the motion amplifies errors, what counts is how many steps they are made in: at this tolerance engine
-#: ``native``, whose steps follow the tolerance more closely, takes as many as ``sundae`` does at 1e-8.
-LATCH_TOLERANCE = {"native": 3e-9, "sundae": 1e-8}
+#: Where the motion amplifies errors, what counts is how many steps they are made in: at these tolerances engine
+#: ``native``, whose steps follow the tolerance more closely, takes as many as ``sundae`` does at 1e-8, or more.
+TOLERANCES = {"native": dict.fromkeys(LATCH_CASES, 3e-9) | {"bare-printed-fe60": 1e-9}, "sundae": {}}
 
 
 @pytest.fixture(scope="module", params=["native", "sundae"])
 def runs(request):
     scenes = {name: load_config(REFERENCE / f"{name}.yaml") for name in PLAIN_CASES + LATCH_CASES}
-    for name in LATCH_CASES:
-        scenes[name] = scenes[name].replace({"solver.tolerance": LATCH_TOLERANCE[request.param]})
+    for name, tolerance in TOLERANCES[request.param].items():
+        scenes[name] = scenes[name].replace({"solver.tolerance": tolerance})
     found = {name: simulate(scene.replace({"solver.engine": request.param})) for name, scene in scenes.items()}
     assert all(run.summary["engine"] == request.param for run in found.values())
     return found

@@ -54,12 +54,12 @@ def truth(name):
     return system, solution.sol, lambda u: unknowns(u)[0][-1]
 
 
-def bend(name, method, engine, tolerance):
+def bend(name, engine, tolerance):
     """Largest distance between the error within a step and the straight line between its errors at both ends.
 
     What a motion has gathered in errors is nearly straight within a step; what bends is the polynomial's own error.
     """
-    scene = scene_of(name).replace({"solver": {"tolerance": tolerance, "engine": engine, "smooth_modes": method}})
+    scene = scene_of(name).replace({"solver": {"tolerance": tolerance, "engine": engine}})
     system, exact, _ = truth(name)
     half = system.differential // 2
     places, fractions, largest = system.places[:half], np.array([0.0, 0.2, 0.5, 0.8, 1.0]), 0.0
@@ -72,9 +72,9 @@ def bend(name, method, engine, tolerance):
     return largest
 
 
-def errors(name, method, engine, tolerance):
+def errors(name, engine, tolerance):
     """Largest error over scales at ends of steps and between them, of coordinates and, over its largest value, F_c."""
-    scene = scene_of(name).replace({"solver": {"tolerance": tolerance, "engine": engine, "smooth_modes": method}})
+    scene = scene_of(name).replace({"solver": {"tolerance": tolerance, "engine": engine}})
     system, exact, force = truth(name)
     run = simulate(scene)
     assert run.summary["events"] == 0
@@ -98,9 +98,9 @@ def errors(name, method, engine, tolerance):
 
 @pytest.mark.parametrize("engine", ["native", pytest.param("sundae", marks=pytest.mark.long)])
 @pytest.mark.parametrize("tolerance", [1e-10, 1e-12])
-@pytest.mark.parametrize(("name", "method"), [("bare", "ida"), ("bare", "adams"), ("attached", "ida")])
-def test_errors_between_steps_are_those_of_their_ends(name, method, tolerance, engine):
-    (at_ends, force_at_ends), (between, force_between) = errors(name, method, engine, tolerance)
+@pytest.mark.parametrize("name", SCENES)
+def test_errors_between_steps_are_those_of_their_ends(name, tolerance, engine):
+    (at_ends, force_at_ends), (between, force_between) = errors(name, engine, tolerance)
     assert 0.0 < between <= 3.0 * at_ends
     assert force_between <= 3.0 * force_at_ends
-    assert 0.0 < bend(name, method, engine, tolerance) <= 0.5 * at_ends
+    assert 0.0 < bend(name, engine, tolerance) <= 0.5 * at_ends

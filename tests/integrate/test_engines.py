@@ -1,4 +1,4 @@
-"""Both engines and both integrators: agreement, fallback, threads, counters, what is freed."""
+"""Both engines: agreement, fallback, threads, counters, what is freed."""
 
 from __future__ import annotations
 
@@ -21,24 +21,22 @@ from vibroplat.hybrid.loop import first_mode
 from vibroplat.hybrid.state import NON_FINITE, RUNNING
 from vibroplat.hybrid.steps import no_steps
 from vibroplat.integrate import choice as engines
-from vibroplat.integrate.methods import adams_modes
 from vibroplat.integrate.native import NativeEngine, self_check
 from vibroplat.integrate.sundials import Library, UnavailableError, library
 from vibroplat.model.parameters import parameters
-from vibroplat.scene import Mode
 
 CASES = ("attached-mu01-fe46", "bare-printed-fe60", "inelastic-mu02-fe51.5")
 COUNTERS = ("steps", "residual_calls", "jacobian_calls", "error_test_failures", "newton_failures", "restarts")
 
 
-def with_engine(scene, engine, smooth="auto"):
-    return scene.replace({"solver.engine": engine, "solver.smooth_modes": smooth})
+def with_engine(scene, engine):
+    return scene.replace({"solver.engine": engine})
 
 
 # -- agreement ------------------------------------------------------------------------------------------
 
 #: Errors over tolerance, for lengths in units of the scale 2k/M, angles in rad, event times over 1/ω₀: the
-#: largest that `vibroplat bench engines` shows over 1e-6 … 1e-8 for either engine and integrator, doubled.
+#: largest that `vibroplat bench engines` shows over 1e-6 … 1e-8 for either engine, doubled.
 AMPLIFICATION = {"attached-mu01-fe46": 300.0, "bare-printed-fe60": 5e4, "inelastic-mu02-fe51.5": 500.0}
 
 
@@ -53,14 +51,13 @@ def scaled_errors(run, name):
     return {quantity: error / scene.solver.tolerance for quantity, error in scaled.items()}
 
 
-@pytest.mark.parametrize("smooth", ["ida", "adams"])
 @pytest.mark.parametrize(
     ("engine", "tolerance"),
     [("native", 1e-6), ("native", 1e-8), *(pytest.param("sundae", t, marks=pytest.mark.long) for t in (1e-6, 1e-8))],
 )
 @pytest.mark.parametrize("name", CASES)
-def test_errors_follow_the_tolerance(name, tolerance, engine, smooth):
-    scene = with_engine(load_config(REFERENCE / f"{name}.yaml"), engine, smooth)
+def test_errors_follow_the_tolerance(name, tolerance, engine):
+    scene = with_engine(load_config(REFERENCE / f"{name}.yaml"), engine)
     run = simulate(scene.replace({"solver.tolerance": tolerance}))
     assert (run.outcome, run.summary["engine"]) == ("ok", engine)
     for quantity, error in scaled_errors(run, name).items():
@@ -88,45 +85,11 @@ def test_engines_agree_event_by_event(name):
         assert (np.abs(values - expected) <= 1e-5 * np.abs(expected).max()).all() or not impacts.any()
 
 
-@pytest.mark.parametrize("engine", ["native", "sundae"])
-def test_integrators_agree_in_flight(quickstart, engine):
-    scene = quickstart.replace({"contact.restitution": 0.3, "run.duration_s": 0.3, "solver.tolerance": 1e-8})
-    ida, adams = (simulate(with_engine(scene, engine, smooth)) for smooth in ("ida", "adams"))
-    assert list(ida.events["kind"]) == list(adams.events["kind"])
-    assert np.abs(ida.events["t_s"] - adams.events["t_s"]).max() <= 1e-7
-    assert adams.summary["steps"] < ida.summary["steps"]
-
-
-def test_smooth_modes_default_to_the_better_integrator(quickstart):
-    assert adams_modes(quickstart) == frozenset()
-    assert adams_modes(with_engine(quickstart, "native", "adams")) == {Mode.FLIGHT}
-    bare = quickstart.replace({"material.mass_ratio": 0.0})
-    assert adams_modes(bare) == {Mode.BARE}
-    assert adams_modes(with_engine(bare, "native", "ida")) == frozenset()
-
-
-@pytest.mark.parametrize(
-    "stiff",
-    [
-        {"machine.damping_y_n_s_per_m": 1e5},
-        {"machine.damping_phi_n_m_s_per_rad": 200.0},
-        {"motor.critical_torque_n_m": 20.0, "motor.critical_slip": 0.02},
-    ],
-)
-def test_stiff_scenes_without_contact_are_left_to_ida(quickstart, stiff):
-    bare = quickstart.replace({"material.mass_ratio": 0.0, "run.duration_s": 1.0, **stiff})
-    assert adams_modes(bare) == frozenset()
-    assert adams_modes(with_engine(bare, "native", "adams")) == {Mode.BARE}
-    steps = {m: simulate(with_engine(bare, "native", m), keep="summary").summary["steps"] for m in ("auto", "adams")}
-    assert steps["auto"] < steps["adams"]
-
-
 def test_a_scene_without_a_guard_is_integrated_in_one_piece(quickstart):
     scene = quickstart.replace({"contact.model": "non-impact", "run.duration_s": 10.0})
-    for smooth in ("ida", "adams"):
-        run = simulate(with_engine(scene, "native", smooth))
-        assert run.summary["restarts"] == 1
-        assert (run.trajectory["t_s"].diff().dropna() > 0.0).all()
+    run = simulate(with_engine(scene, "native"))
+    assert run.summary["restarts"] == 1
+    assert (run.trajectory["t_s"].diff().dropna() > 0.0).all()
 
 
 @pytest.mark.parametrize("engine", ["native", pytest.param("sundae", marks=pytest.mark.long)])
@@ -140,12 +103,11 @@ def test_a_run_may_end_at_an_event(quickstart, engine):
 
 @pytest.mark.parametrize("rows", [8, 20])
 @pytest.mark.parametrize("engine", ["NativeEngine", "SundaeEngine"])
-@pytest.mark.parametrize("smooth", ["ida", "adams"])
-def test_pieces_of_a_few_steps_do_not_show(quickstart, monkeypatch, engine, rows, smooth):
+def test_pieces_of_a_few_steps_do_not_show(quickstart, monkeypatch, engine, rows):
     """Room for a few steps cuts a run into many pieces; nothing but round-off of sums tells."""
     name = engine.removesuffix("Engine").lower()
     changes = {"contact.restitution": 0.5, "run.duration_s": 0.5, "solver.tolerance": 1e-8}
-    scene = with_engine(quickstart.replace(changes), name, smooth)
+    scene = with_engine(quickstart.replace(changes), name)
     whole = simulate(scene)
     monkeypatch.setattr(f"vibroplat.integrate.{name}.{engine}.rows", rows)
     cut = simulate(scene)
@@ -174,8 +136,8 @@ def test_work_is_counted(quickstart):
 def test_every_handle_is_freed(quickstart, monkeypatch):
     """Each object that SUNDIALS makes goes back to its own function, vectors and solvers before the context."""
     found, freed = library(), []
-    made = {"N_VMake_Serial": 0, "SUNDenseMatrix": 0, "SUNLinSol_Dense": 0, "IDACreate": 0, "CVodeCreate": 0}
-    frees = {"N_VDestroy", "SUNMatDestroy", "SUNLinSolFree", "IDAFree", "CVodeFree", "SUNContext_Free"}
+    made = {"N_VMake_Serial": 0, "SUNDenseMatrix": 0, "SUNLinSol_Dense": 0, "IDACreate": 0}
+    frees = {"N_VDestroy", "SUNMatDestroy", "SUNLinSolFree", "IDAFree", "SUNContext_Free"}
 
     def watched(name):
         function = found._functions[name]
@@ -196,9 +158,9 @@ def test_every_handle_is_freed(quickstart, monkeypatch):
         def address(self, name):
             return found.address(name)
 
-    scene = with_engine(quickstart, "native", "adams")
+    scene = with_engine(quickstart, "native")
     NativeEngine(scene, parameters(scene), Watched()).close()
-    assert made == {"N_VMake_Serial": 5, "SUNDenseMatrix": 2, "SUNLinSol_Dense": 2, "IDACreate": 1, "CVodeCreate": 1}
+    assert made == {"N_VMake_Serial": 5, "SUNDenseMatrix": 2, "SUNLinSol_Dense": 2, "IDACreate": 2}
     assert len(freed) == sum(made.values()) + 1
     assert freed[-1] == "SUNContext_Free"
     # an engine that nobody closes is freed with its object
@@ -257,9 +219,8 @@ def ready(scene):
     return engine, h
 
 
-@pytest.mark.parametrize("smooth", ["ida", "adams"])
-def test_residual_that_is_not_finite_ends_the_run(quickstart, smooth):
-    scene = with_engine(quickstart.replace({"material.mass_ratio": 0.0, "run.duration_s": 1000.0}), "native", smooth)
+def test_residual_that_is_not_finite_ends_the_run(quickstart):
+    scene = with_engine(quickstart.replace({"material.mass_ratio": 0.0, "run.duration_s": 1000.0}), "native")
     engine, h = ready(scene)
     engine.advance(h)
     assert h.run["outcome"] == RUNNING
@@ -296,14 +257,9 @@ def fresh_choice():
 
 BREAKAGES = {
     "symbol": (
-        "vibroplat.integrate.sundials._IDA",
+        "vibroplat.integrate.sundials._FUNCTIONS",
         {"IDANoSuchFunction": "ip"},
         "SUNDIALS function IDANoSuchFunction is missing",
-    ),
-    "symbol of the other solver": (
-        "vibroplat.integrate.sundials._CVODE",
-        {"CVodeNoSuchFunction": "ip"},
-        "SUNDIALS function CVodeNoSuchFunction is missing",
     ),
     "configuration": (
         "vibroplat.integrate.sundials.package",
@@ -349,9 +305,7 @@ class Spoiled(Library):
     """A library that does not integrate: what is taken for its solver returns at once without an error."""
 
     def address(self, name):
-        return super().address(
-            {"IDASolve": "IDAGetNumErrTestFails", "CVode": "CVodeGetNumErrTestFails"}.get(name, name)
-        )
+        return super().address({"IDASolve": "IDAGetNumErrTestFails"}.get(name, name))
 
 
 def test_threads_share_one_notice(quickstart, monkeypatch, caplog, fresh_choice):
@@ -364,5 +318,5 @@ def test_threads_share_one_notice(quickstart, monkeypatch, caplog, fresh_choice)
 
 def test_self_check_notices_a_library_that_does_not_integrate():
     self_check(library())
-    with pytest.raises(UnavailableError, match=r"its ida fails the self-check \(error "):
+    with pytest.raises(UnavailableError, match=r"it fails the self-check \(error "):
         self_check(Spoiled())

@@ -43,7 +43,7 @@ def test_more_random_scenes_pass():
         pytest.param(6550, id="a stiff layer, loosely"),
         pytest.param(9870, id="a layer of 18 kHz, overdamped"),
         pytest.param(4637, id="stiff motors, one layer"),
-        pytest.param(493, id="an overdamped bare platform, by Adams"),
+        pytest.param(493, id="an overdamped bare platform"),
     ],
 )
 def test_scenes_that_were_not_sound_once(number):

@@ -18,7 +18,7 @@ import pandas as pd
 
 from vibroplat.bench.reference import Reference
 from vibroplat.bench.scenes import base, kinds, regimes
-from vibroplat.bench.timing import TOLERANCES, with_variant
+from vibroplat.bench.timing import TOLERANCES, with_engine
 from vibroplat.flow.motion import Motion
 from vibroplat.flow.run import simulate
 from vibroplat.hybrid.scales import absolute_tolerances
@@ -40,7 +40,7 @@ def restart_costs(tolerances: Sequence[float] = TOLERANCES, seconds: float = 4.0
     rows = []
     for name in ("attached, f_e 46", "bare, f_e 50"):
         for tolerance in tolerances:
-            scene = with_variant(kinds(tolerance, seconds)[name], ("native", "ida"))
+            scene = with_engine(kinds(tolerance, seconds)[name], "native")
             steps, calls, restarts = _work(scene, 1e9)
             for turns in _TURNS:
                 more_steps, more_calls, more_restarts = _work(scene, turns)
@@ -70,22 +70,18 @@ def _work(scene: Scene, turns: float) -> tuple[int, int, int]:
 
 
 def regime_references(seconds: float = 1.0) -> list[Reference]:
-    """Make references for the paper's regimes: runs at tolerance 1e-12, with Adams in flight and without contact.
-
-    Their distance from IDA at the same tolerance shows how accurate they are; ``vibroplat bench engines`` includes
-    that tolerance.
-    """
+    """Make references for the paper's regimes: runs at tolerance 1e-12."""
     times = np.linspace(0.0, seconds, 401)
     found = []
     for name, scene in regimes(seconds).items():
-        run = simulate(with_variant(scene.replace({"solver.tolerance": 1e-12}), ("native", "adams")))
+        run = simulate(with_engine(scene.replace({"solver.tolerance": 1e-12}), "native"))
         found.append(Reference(name, scene, run(times), run.events))
     return found
 
 
 def endurance(restarts: float = 1e6, tolerance: float = 1e-6) -> pd.DataFrame:
     """Run a scene with impacts for very many restarts without a trajectory: time, memory, gap, energy."""
-    scene = with_variant(base(tolerance, 1.0).replace({"drive.supply_frequency_hz": 50.0}), ("native", "ida"))
+    scene = with_engine(base(tolerance, 1.0).replace({"drive.supply_frequency_hz": 50.0}), "native")
     flight = systems(scene)[Mode.FLIGHT]
     rate = simulate(scene.replace({"run.duration_s": 100.0}), keep="summary").summary["restarts"] / 100.0
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
@@ -138,7 +134,7 @@ def targets(speed: pd.DataFrame, restarts: pd.DataFrame, long_run: pd.DataFrame,
     """Compare the measurements with the design targets of engine ``native``."""
 
     def of(scene: str, engine: str, column: str) -> float:
-        rows = speed[(speed["scene"] == scene) & (speed["engine"] == engine) & (speed["smooth_modes"] == "ida")]
+        rows = speed[(speed["scene"] == scene) & (speed["engine"] == engine)]
         return float(rows[column].iloc[0])
 
     impacts, attached = "impacts, f_e 50", "attached, f_e 46"

@@ -13,7 +13,7 @@ import pandas as pd
 
 from vibroplat.bench import engines, sweeps
 from vibroplat.bench.reference import load_references
-from vibroplat.bench.timing import TOLERANCES, VARIANTS, precision, runtime
+from vibroplat.bench.timing import ENGINES, precision, runtime
 from vibroplat.errors import VibroplatError
 from vibroplat.plots.bench import OWN, SCALED, plot_precision, plot_scaling
 from vibroplat.tables import write_table
@@ -27,9 +27,6 @@ TOLD = 5
 #: Number of scenes in the summary; later ones amplify errors most.
 QUICK = 4
 
-#: Columns that identify a variant of vibroplat.
-_VARIANT = ["engine", "smooth_modes"]
-
 
 def report_runtime(directory: Path, reference: Path, repeats: int) -> None:
     """Time each kind of scene with the default engine."""
@@ -40,24 +37,24 @@ def report_precision(directory: Path, reference: Path, repeats: int) -> None:
     """Measure run time against error on the reference cases, with the default engine."""
     table = precision(load_references(reference), repeats=repeats)
     _show(table, directory, "precision")
-    print(plot_precision(table, directory, "precision", OWN, _VARIANT))
+    print(plot_precision(table, directory, "precision", OWN, ["engine"]))
 
 
 def report_engines(directory: Path, reference: Path, repeats: int) -> None:
-    """Compare both engines and both integrators: speed, restarts, work against error, endurance, start-up, targets."""
+    """Compare both engines: speed, restarts, work against error, endurance, start-up, targets."""
     cases = load_references(reference)
     starts = engines.start_times()
     _show(starts, directory, "engines-start")
-    speed = runtime(seconds=10.0, repeats=repeats, variants=VARIANTS)
+    speed = runtime(seconds=10.0, repeats=repeats, engines=ENGINES)
     _show(speed, directory, "engines-speed")
     restarts = engines.restart_costs()
     _show(restarts, directory, "engines-restarts")
-    work = precision(cases, repeats=min(repeats, 3), variants=VARIANTS)
+    work = precision(cases, repeats=min(repeats, 3), engines=ENGINES)
     _show(work, directory, "engines-precision")
-    print(plot_precision(work, directory, "engines-precision", OWN, _VARIANT))
-    regimes = precision(engines.regime_references(), (*TOLERANCES, 1e-12), min(repeats, 3), VARIANTS[:2])
+    print(plot_precision(work, directory, "engines-precision", OWN, ["engine"]))
+    regimes = precision(engines.regime_references(), repeats=min(repeats, 3))
     _show(regimes, directory, "engines-regimes")
-    print(plot_precision(regimes, directory, "engines-regimes", OWN, _VARIANT))
+    print(plot_precision(regimes, directory, "engines-regimes", OWN, ["engine"]))
     long_run = engines.endurance()
     _show(long_run, directory, "engines-endurance")
     _show(engines.targets(speed, restarts, long_run, starts), directory, "engines-targets")

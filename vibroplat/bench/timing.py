@@ -18,15 +18,14 @@ from vibroplat.scene import Scene
 
 TOLERANCES = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10)
 
-#: Engine and integrator of modes without contact force, as named in a configuration.
-Variant = tuple[str, str]
-DEFAULT: tuple[Variant, ...] = (("auto", "auto"),)
-VARIANTS: tuple[Variant, ...] = (("native", "ida"), ("native", "adams"), ("sundae", "ida"), ("sundae", "adams"))
+#: Engines, as named in a configuration.
+DEFAULT = ("auto",)
+ENGINES = ("native", "sundae")
 
 
-def with_variant(scene: Scene, variant: Variant) -> Scene:
-    """Return a scene for another engine and integrator."""
-    return scene.replace({"solver.engine": variant[0], "solver.smooth_modes": variant[1]})
+def with_engine(scene: Scene, engine: str) -> Scene:
+    """Return a scene for another engine."""
+    return scene.replace({"solver.engine": engine})
 
 
 def side_by_side(scenes: Mapping[Any, Scene], repeats: int) -> dict[Any, tuple[list[float], dict[str, Any]]]:
@@ -48,29 +47,28 @@ def side_by_side(scenes: Mapping[Any, Scene], repeats: int) -> dict[Any, tuple[l
 
 
 def runtime(
-    tolerance: float = 1e-6, seconds: float = 2.0, repeats: int = 5, variants: Sequence[Variant] = DEFAULT
+    tolerance: float = 1e-6, seconds: float = 2.0, repeats: int = 5, engines: Sequence[str] = DEFAULT
 ) -> pd.DataFrame:
     """Time each kind of scene and count unknowns, steps, residual calls and events.
 
-    If engine ``native`` is among the variants, the column ``ratio`` of the others is their time over that of ``native``
-    with the same integrator (median over repeats).
+    If ``native`` is among the engines, the column ``ratio`` of the others is their time over that of ``native`` (median
+    over repeats).
     """
     scenes = {
-        (name, variant): with_variant(scene, variant)
+        (name, engine): with_engine(scene, engine)
         for name, scene in kinds(tolerance, seconds).items()
-        for variant in variants
+        for engine in engines
     }
     measured = side_by_side(scenes, repeats)
     rows = []
-    for (name, variant), (times, summary) in measured.items():
+    for (name, engine), (times, summary) in measured.items():
         per_second = [1e3 * t / seconds for t in times]
-        native = measured.get((name, ("native", variant[1])))
+        native = measured.get((name, "native"))
         row = {
             "scene": name,
             "engine": summary["engine"],
-            "smooth_modes": variant[1],
             "tolerance": tolerance,
-            "unknowns": unknowns(scenes[name, variant]),
+            "unknowns": unknowns(scenes[name, engine]),
             "ms_per_s_median": statistics.median(per_second),
             "ms_per_s_min": min(per_second),
             "ms_per_s_max": max(per_second),
@@ -88,23 +86,22 @@ def precision(
     cases: Iterable[Reference],
     tolerances: Sequence[float] = TOLERANCES,
     repeats: int = 3,
-    variants: Sequence[Variant] = DEFAULT,
+    engines: Sequence[str] = DEFAULT,
 ) -> pd.DataFrame:
     """Measure errors against references, run time and work for a range of tolerances."""
     rows = []
     for case in cases:
         scenes = {
-            (tolerance, variant): with_variant(case.scene.replace({"solver.tolerance": tolerance}), variant)
+            (tolerance, engine): with_engine(case.scene.replace({"solver.tolerance": tolerance}), engine)
             for tolerance in tolerances
-            for variant in variants
+            for engine in engines
         }
-        for (tolerance, variant), (times, summary) in side_by_side(scenes, repeats).items():
-            run = simulate(scenes[tolerance, variant])
+        for (tolerance, engine), (times, summary) in side_by_side(scenes, repeats).items():
+            run = simulate(scenes[tolerance, engine])
             rows.append(
                 {
                     "case": case.name,
                     "engine": summary["engine"],
-                    "smooth_modes": variant[1],
                     "tolerance": tolerance,
                     "ms_per_s_median": 1e3 * statistics.median(times) / case.scene.run.duration_s,
                     "steps": summary["steps"],

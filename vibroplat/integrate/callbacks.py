@@ -1,4 +1,4 @@
-"""What SUNDIALS calls back: residual, Jacobian and its solutions, weights, right-hand side, guard as C functions.
+"""What SUNDIALS calls back: residual, Jacobian and its solutions, weights, guard as C functions.
 
 Their user data are a record of addresses and what else a callback must know of its system. The kernels
 are those of :mod:`vibroplat.model`; a callback only finds the arrays behind the vectors.
@@ -14,15 +14,14 @@ from numba import carray  # type: ignore[attr-defined]
 from vibroplat.hybrid.scales import ROUND_OFF
 from vibroplat.kernels.compiled import FloatArray, callback, compiled, inlined
 from vibroplat.kernels.foreign import call_address, pointer, void_pointer
-from vibroplat.kernels.linear import condense, condense_explicit, solve_condensed
-from vibroplat.model.accelerations import accelerations
+from vibroplat.kernels.linear import condense, solve_condensed
 from vibroplat.model.equations import jacobian as fill_jacobian
 from vibroplat.model.equations import residual as fill_residual
 from vibroplat.model.parameters import PARAMETERS
 from vibroplat.model.systems import FULL_SIZE
 
 #: What a callback knows of its mode: addresses, the system with its size and guard, calls counted, and matrices of
-#: the Jacobian's last evaluation with their c_j and the share of coordinates' right-hand sides.
+#: the Jacobian's last evaluation with their c_j.
 LINKS = np.dtype(
     [
         ("vector", np.int64),  # N_VGetArrayPointer
@@ -36,10 +35,8 @@ LINKS = np.dtype(
         ("jacobians", np.int64),
         ("solver", np.int64),  # of ``condensed``
         ("cj", np.float64),
-        ("share", np.float64),
         ("condensed", np.float64, FULL_SIZE * FULL_SIZE),
         ("rows", np.float64, FULL_SIZE * FULL_SIZE),
-        ("partial", np.float64, FULL_SIZE * FULL_SIZE),
         ("dynamic", np.float64, FULL_SIZE * FULL_SIZE),
     ],
     align=True,
@@ -79,13 +76,12 @@ def _condensed(links: Any) -> FloatArray:
 
 
 @compiled
-def _matrices(links: Any) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Two matrices of full size and one of the dynamic rows."""
+def _matrices(links: Any) -> tuple[FloatArray, FloatArray]:
+    """Matrices of full size and of the dynamic rows."""
     size = links.size
     m = size - size // 2
     rows = links.rows[: size * size].reshape((size, size))
-    partial = links.partial[: size * size].reshape((size, size))
-    return rows, partial, links.dynamic[: m * m].reshape((m, m))
+    return rows, links.dynamic[: m * m].reshape((m, m))
 
 
 @callback("int32(float64, float64, intp, intp, intp, intp, voidptr, intp, intp, intp)")
@@ -95,38 +91,11 @@ def jacobian(
     """IDALsJacFn; leaves the library's matrix alone and prepares :func:`solve`."""
     links = carray(data, (1,), dtype=LINKS)[0]
     links.jacobians += 1
-    rows, _, dynamic = _matrices(links)
+    rows, dynamic = _matrices(links)
     p = _parameters(links)
     fill_jacobian(links.system, links.origin + t, _values(y, links), _values(yp, links), cj, rows, p)
-    links.cj, links.share = cj, 1.0
+    links.cj = cj
     return _OK if condense(rows, cj, dynamic, _condensed(links)) else _SINGULAR
-
-
-@callback("int32(float64, intp, intp, intp, int32, CPointer(int32), float64, voidptr, intp, intp, intp)")
-def linear_system(
-    t: float,
-    y: int,
-    yp: int,
-    matrix: int,
-    reusable: int,
-    renewed: Any,
-    gamma: float,
-    data: Any,
-    work_1: int,
-    work_2: int,
-    work_3: int,
-) -> int:
-    """CVLsLinSysFn, as :func:`jacobian`."""
-    links = carray(data, (1,), dtype=LINKS)[0]
-    links.jacobians += 2
-    rows, partial, dynamic = _matrices(links)
-    p, cj, now = _parameters(links), 1.0 / gamma, links.origin + t
-    values, slopes = _values(y, links), _values(yp, links)
-    fill_jacobian(links.system, now, values, slopes, cj, rows, p)
-    fill_jacobian(links.system, now, values, slopes, 0.0, partial, p)
-    links.cj, links.share = cj, cj
-    carray(renewed, (1,))[0] = 1
-    return _OK if condense_explicit(rows, partial, cj, dynamic, _condensed(links)) else _SINGULAR
 
 
 @callback("int32(CPointer(intp), intp)")
@@ -140,7 +109,7 @@ def solve(solver: Any, matrix: int, solution: int, right: int, tolerance: float)
     """Solve, as a SUNLinearSolver whose content ends with the address of the links."""
     content = carray(pointer(solver[0]), (USER_DATA + 1,)).view(np.int64)
     links = carray(void_pointer(content[USER_DATA]), (1,), dtype=LINKS)[0]
-    solve_condensed(_condensed(links), links.cj, links.share, _values(right, links), _values(solution, links))
+    solve_condensed(_condensed(links), links.cj, _values(right, links), _values(solution, links))
     return _OK
 
 
@@ -155,27 +124,9 @@ def weights(y: int, ewt: int, data: Any) -> int:
     return _OK
 
 
-@callback("int32(float64, intp, intp, voidptr)")
-def right_hand_side(t: float, y: int, yp: int, data: Any) -> int:
-    """CVRhsFn."""
-    links = carray(data, (1,), dtype=LINKS)[0]
-    links.residuals += 1
-    p = _parameters(links)
-    whole = accelerations(links.system, links.origin + t, _values(y, links), _values(yp, links), p)
-    return _OK if whole else _NOT_FINITE
-
-
 @callback("int32(float64, intp, intp, CPointer(float64), voidptr)")
-def ida_guard(t: float, y: int, yp: int, value: Any, data: Any) -> int:
+def guard(t: float, y: int, yp: int, value: Any, data: Any) -> int:
     """IDARootFn: the unknown whose fall through zero ends the mode."""
-    links = carray(data, (1,), dtype=LINKS)[0]
-    value[0] = _values(y, links)[links.guard]
-    return _OK
-
-
-@callback("int32(float64, intp, CPointer(float64), voidptr)")
-def cvode_guard(t: float, y: int, value: Any, data: Any) -> int:
-    """CVRootFn: as :func:`ida_guard`."""
     links = carray(data, (1,), dtype=LINKS)[0]
     value[0] = _values(y, links)[links.guard]
     return _OK

@@ -38,7 +38,7 @@ def make_engine(scene: Scene, p: Parameters) -> Engine:
         return NativeEngine(scene, p, found)
     from vibroplat.integrate.sundae import SundaeEngine  # noqa: PLC0415
 
-    return SundaeEngine(scene, p)
+    return SundaeEngine(p)
 
 
 @cache

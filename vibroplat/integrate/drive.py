@@ -22,22 +22,19 @@ from vibroplat.model.systems import DIFFERENTIAL, SIZES
 IntArray = npt.NDArray[np.int64]
 Records = npt.NDArray[np.void]
 
-# Methods.
-IDA, ADAMS = 0, 1
-
-#: Addresses of the functions of a method, by their names in IDA and CVODE.
+#: Functions of IDA whose addresses are called, by what they do.
 NAMES = {
-    "solve": ("IDASolve", "CVode"),
-    "reinit": ("IDAReInit", "CVodeReInit"),
-    "set_first_step": ("IDASetInitStep", "CVodeSetInitStep"),
-    "derivative": ("IDAGetDky", "CVodeGetDky"),
-    "error_failures": ("IDAGetNumErrTestFails", "CVodeGetNumErrTestFails"),
-    "newton_failures": ("IDAGetNumNonlinSolvConvFails", "CVodeGetNumNonlinSolvConvFails"),
+    "solve": "IDASolve",
+    "reinit": "IDAReInit",
+    "set_first_step": "IDASetInitStep",
+    "derivative": "IDAGetDky",
+    "error_failures": "IDAGetNumErrTestFails",
+    "newton_failures": "IDAGetNumNonlinSolvConvFails",
 }
 FUNCTIONS = np.dtype([(name, np.int64) for name in NAMES], align=True)
 
-#: Method of a mode, its solver memory, and its vectors of unknowns and derivatives.
-HANDLES = np.dtype([(name, np.int64) for name in ("method", "memory", "y", "yp")], align=True)
+#: A mode's solver memory, and its vectors of unknowns and derivatives.
+HANDLES = np.dtype([(name, np.int64) for name in ("memory", "y", "yp")], align=True)
 
 #: Whether a segment is open, the last flag, what was counted, steps since the time of the run ``counted_from`` (s).
 STATUS = np.dtype(
@@ -46,11 +43,11 @@ STATUS = np.dtype(
     align=True,
 )
 
-# Of ida.h and cvode.h.
+# Of ida.h.
 _ONE_STEP = 2
 _ROOT_RETURN = 2
-#: IDA_RES_FAIL or CV_RHSFUNC_FAIL, and CV_FIRST_RHSFUNC_ERR: a callback said that something is not finite.
-CALLBACK_FAILURES = (-8, -9)
+#: IDA_RES_FAIL: the residual said that something is not finite.
+RESIDUAL_FAILURE = -8
 
 #: Why ``advance`` stopped, besides the reasons of the loop: there is no room for more steps.
 _FULL = 9
@@ -62,7 +59,7 @@ class Native(NamedTuple):
     Attributes
     ----------
     functions
-        Records of :data:`FUNCTIONS` by method.
+        A record of :data:`FUNCTIONS`.
     handles
         Records of :data:`HANDLES` by mode.
     links
@@ -70,14 +67,14 @@ class Native(NamedTuple):
     y, yp, atol
         What is behind the vectors, shape (3, 14).
     past
-        The last ends of steps.
+        The last end of a step.
     status
         A record of :data:`STATUS`.
     time, number
         What the library writes times (s) and counters to, shape (1,).
     """
 
-    functions: Records
+    functions: Any
     handles: Records
     links: Records
     y: FloatArray
@@ -118,15 +115,11 @@ def start(h: Automaton, n: Native) -> bool:
     first_step = prepare_first_step(h)
     if first_step < 0.0:
         return False
-    size, handle = SIZES[h.run.systems[mode]], n.handles[mode]
-    functions = n.functions[handle.method]
+    size, handle, functions = SIZES[h.run.systems[mode]], n.handles[mode], n.functions
     for i in range(size):
         n.y[mode, i], n.yp[mode, i], n.atol[mode, i] = h.run.y[mode, i], h.run.yp[mode, i], h.run.atol[i]
     n.links[mode].origin = h.run.origin
-    if handle.method == IDA:
-        n.status.flag = call_int(functions.reinit, (handle.memory, 0.0, handle.y, handle.yp))
-    else:
-        n.status.flag = call_int(functions.reinit, (handle.memory, 0.0, handle.y))
+    n.status.flag = call_int(functions.reinit, (handle.memory, 0.0, handle.y, handle.yp))
     call_int(functions.set_first_step, (handle.memory, first_step))
     n.status.open = 1
     n.time[0] = 0.0
@@ -149,10 +142,9 @@ def advance(h: Automaton, n: Native) -> int:
     y, yp = all_y[:size], all_yp[:size]
     handle = n.handles[mode]
     handles = (handle.memory, handle.y, handle.yp)
-    method, clock = handle.method, time.ctypes.data
-    solve, derivative = n.functions[method].solve, n.functions[method].derivative
+    clock, solve, derivative = time.ctypes.data, n.functions.solve, n.functions.derivative
     while status.flag >= 0 and used.steps + MARGIN < rows:
-        flag = step(method, solve, derivative, handles, until, clock, time)
+        flag = call_int(solve, (handle.memory, until, clock, handle.y, handle.yp, np.int32(_ONE_STEP)))
         status.flag = flag
         status.steps += 1
         status.counted += 1
@@ -187,27 +179,7 @@ def advance(h: Automaton, n: Native) -> int:
             return FAILED
     if status.flag >= 0:
         return _FULL
-    return NOT_FINITE if status.flag in CALLBACK_FAILURES else FAILED
-
-
-@compiled
-def step(
-    method: int,
-    solve: int,
-    derivative: int,
-    handles: tuple[int, int, int],
-    until: float,
-    clock: int,
-    time: FloatArray,
-) -> int:
-    """Take one step; leaves time, unknowns and derivatives at its end, or at the guard's root in it."""
-    memory, y, yp = handles
-    if method == IDA:
-        return call_int(solve, (memory, until, clock, y, yp, np.int32(_ONE_STEP)))
-    flag = call_int(solve, (memory, until, y, clock, np.int32(_ONE_STEP)))
-    if flag >= 0:
-        call_int(derivative, (memory, time[0], np.int32(1), yp))
-    return flag
+    return NOT_FINITE if status.flag == RESIDUAL_FAILURE else FAILED
 
 
 @compiled
@@ -254,8 +226,7 @@ def interpolate_at(t: float, derivative: int, handles: tuple[int, int, int]) -> 
 @compiled
 def count(mode: int, n: Native) -> None:
     """Add what the integrator has counted since its restart."""
-    handle = n.handles[mode]
-    functions, number = n.functions[handle.method], n.number.ctypes.data
+    handle, functions, number = n.handles[mode], n.functions, n.number.ctypes.data
     call_int(functions.error_failures, (handle.memory, number))
     n.status.errors += n.number[0]
     call_int(functions.newton_failures, (handle.memory, number))

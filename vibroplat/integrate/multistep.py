@@ -1,8 +1,7 @@
 """What a multistep method needs beside its steps: their polynomials, its first step, tolerances in low flights.
 
 The library's own interpolant would take a call for each power of its polynomial. The cubic through values and rates at
-both ends of a step is as accurate as those ends with IDA. Adams takes longer steps and needs the quintic through three
-ends, which is as accurate as the ends down to the tightest tolerance (``python -m pytest tests/integrate -k between``).
+both ends of a step is as accurate as those ends (``python -m pytest tests/integrate -k between``).
 """
 
 from __future__ import annotations
@@ -22,12 +21,6 @@ from vibroplat.kernels.compiled import FloatArray, compiled, copy, inlined
 from vibroplat.kernels.polynomial import crossing, first_fall, slope, values
 from vibroplat.model.systems import FULL_SIZE, GAP, SIZES
 
-#: Degree of the polynomials where steps are long.
-QUINTIC = 5
-
-#: Least length of the step before, over that of a step, with which the quintic is taken.
-LEAST_RATIO = 0.2
-
 #: First step over the time until the gap closes again, by its Taylor polynomial.
 RETURN_SHARE = 0.05
 
@@ -36,14 +29,14 @@ STEADY = 0.1
 
 
 class Past(NamedTuple):
-    """The last two ends of steps, the last one first.
+    """The last end of a step.
 
     Attributes
     ----------
     t
-        Times in the segment (s), shape (2,).
+        Time in the segment (s), shape (1,).
     y, yp
-        Unknowns and derivatives, shape (2, 14).
+        Unknowns and derivatives, shape (14,).
     """
 
     t: FloatArray
@@ -52,16 +45,16 @@ class Past(NamedTuple):
 
 
 def no_past() -> Past:
-    """Make room for ends of steps."""
-    return Past(np.zeros(2), np.zeros((2, FULL_SIZE)), np.zeros((2, FULL_SIZE)))
+    """Make room for an end."""
+    return Past(np.zeros(1), np.zeros(FULL_SIZE), np.zeros(FULL_SIZE))
 
 
 @compiled
 def begin_steps(past: Past, y: FloatArray, yp: FloatArray) -> None:
     """Begin a segment at time 0."""
-    past.t[0] = past.t[1] = 0.0
-    copy(y, past.y[0])
-    copy(yp, past.yp[0])
+    past.t[0] = 0.0
+    copy(y, past.y)
+    copy(yp, past.yp)
 
 
 @inlined
@@ -86,57 +79,17 @@ def add_step(
     length = t - start
     starts[row], lengths[row] = start, length
     for j in range(FULL_SIZE):  # the cubic of fill_cubic
-        y0, rate_0, rate_1 = past_y[0, j], length * past_yp[0, j], length * yp[j]
+        y0, rate_0, rate_1 = past_y[j], length * past_yp[j], length * yp[j]
         rise = y[j] - y0
         c[row, 0, j] = y0
         c[row, 1, j] = rate_0
         c[row, 2, j] = 3.0 * rise - 2.0 * rate_0 - rate_1
         c[row, 3, j] = rate_0 + rate_1 - 2.0 * rise
-    if c.shape[1] > QUINTIC:
-        add_quintic_terms(c[row], length, past_t, past_y, past_yp)
     for j in range(FULL_SIZE):
         ends[row, j] = y[j]
-        past_y[0, j] = y[j]
-        past_yp[0, j] = yp[j]
-    past_t[1], past_t[0] = start, t
-
-
-@compiled
-def add_quintic_terms(
-    c: FloatArray, length: float, past_t: FloatArray, past_y: FloatArray, past_yp: FloatArray
-) -> None:
-    """Raise a step's cubic to a quintic, where the ends before allow it, and keep its beginning for the next one."""
-    for k in range(QUINTIC - 1, c.shape[0]):
-        for j in range(FULL_SIZE):
-            c[k, j] = 0.0
-    ratio = (past_t[0] - past_t[1]) / length if length > 0.0 else 0.0
-    if ratio >= LEAST_RATIO:  # not in the first step of a segment: both times are 0
-        raise_to_quintic(c, length, ratio, past_y[1], past_yp[1])
-    for j in range(FULL_SIZE):
-        past_y[1, j] = past_y[0, j]
-        past_yp[1, j] = past_yp[0, j]
-
-
-@compiled
-def raise_to_quintic(c: FloatArray, length: float, ratio: float, y: FloatArray, yp: FloatArray) -> None:
-    """Let a step's cubic also have the values and rates at the end before, ``ratio`` of its length back.
-
-    With w = s²(1 − s)² the quintic is cubic + w (a + b s): w and its slope vanish at both ends of the step, and
-    a, b follow from value and rate at s = −ratio.
-    """
-    s = -ratio
-    weight = s * s * (1.0 - s) * (1.0 - s)
-    slope_share = -2.0 * s * (1.0 - s) * (1.0 - 2.0 * s) / -weight
-    for j in range(y.size):
-        missed = y[j] - (c[0, j] + s * (c[1, j] + s * (c[2, j] + s * c[3, j])))
-        rate = length * yp[j] - (c[1, j] + s * (2.0 * c[2, j] + 3.0 * s * c[3, j]))
-        at_end = missed / weight
-        b = rate / weight - slope_share * at_end
-        a = at_end + ratio * b
-        c[2, j] += a
-        c[3, j] += b - 2.0 * a
-        c[4, j] = a - 2.0 * b
-        c[5, j] = b
+        past_y[j] = y[j]
+        past_yp[j] = yp[j]
+    past_t[0] = t
 
 
 @compiled
@@ -160,7 +113,6 @@ def transcribe(
         AT_GUARD for a fall that the integrator has not found, AT_TARGET for the angle, −1 if all ends were added.
     """
     end, full, slopes = np.empty(y.shape[1]), np.zeros(FULL_SIZE), np.zeros(FULL_SIZE)
-    degree = steps.c.shape[1] - 1
     for k in range(t.size):
         copy(y[k], full)
         copy(yp[k], slopes)
@@ -171,7 +123,7 @@ def transcribe(
         stop, share = stop_within(steps, guard, found, target, y[k], yp[k])
         if stop == AT_TARGET or (stop == AT_GUARD and not found):
             row = steps.used.steps - 1
-            values(steps.c[row], degree, share, end)
+            values(steps.c[row], CUBIC, share, end)
             if stop == AT_TARGET:
                 end[3] = target
             end_at(steps, row, share, end)
@@ -196,7 +148,7 @@ def stop_within(
     """
     passed, fall = np.inf, 1.0 if found else np.inf
     if y[3] >= target:
-        passed = crossing(steps.c[steps.used.steps - 1], steps.c.shape[1] - 1, 3, target)
+        passed = crossing(steps.c[steps.used.steps - 1], CUBIC, 3, target)
     if guard >= 0 and not found and (y[guard] < 0.0 or yp[guard] > 0.0):
         share = fall_within(steps, guard)
         fall = share if share >= 0.0 else np.inf
@@ -212,10 +164,10 @@ def fall_within(steps: Steps, guard: int) -> float:
     Steps are short against the guard's changes, and rates of F_c carry the errors of a stiff layer: a step is looked
     into where the guard ends below zero, or falls at its beginning and rises at its end.
     """
-    row, degree = steps.used.steps - 1, steps.c.shape[1] - 1
+    row = steps.used.steps - 1
     c = steps.c[row]
-    if steps.ends[row, guard] < 0.0 or c[1, guard] < 0.0 < slope(c, degree, guard, 1.0):
-        return first_fall(c, degree, guard, 0)
+    if steps.ends[row, guard] < 0.0 or c[1, guard] < 0.0 < slope(c, CUBIC, guard, 1.0):
+        return first_fall(c, CUBIC, guard, 0)
     return -1.0
 
 
@@ -233,13 +185,13 @@ def calm(h: Automaton, cut: bool) -> None:
     steps = h.steps
     system = h.run.systems[h.run.mode]
     force = SIZES[system] - 1
-    first, end, degree = steps.used.first, steps.used.steps, steps.c.shape[1] - 1
+    first, end = steps.used.first, steps.used.steps
     for row in range(first, end):
         c, length = steps.c[row], steps.length[row]
         if length <= 0.0:
             continue
         f0, f1 = c[0, force], steps.ends[row, force]
-        rate_0, rate_1 = c[1, force], slope(c, degree, force, 1.0)  # over the fraction of the step, as all rates here
+        rate_0, rate_1 = c[1, force], slope(c, CUBIC, force, 1.0)  # over the fraction of the step, as all rates here
         here = f1 - f0
         limit_0 = limit_1 = 3.0 * abs(here)
         least_0, most_0 = -3.0 * max(f0, 0.0), np.inf
@@ -258,12 +210,10 @@ def calm(h: Automaton, cut: bool) -> None:
             limit_1 = np.inf
         calm_0 = max(min(rate_0, most_0, limit_0), -limit_0, least_0)
         calm_1 = min(max(rate_1, least_1, -limit_1), limit_1, most_1)
-        if degree > CUBIC or calm_0 != rate_0 or calm_1 != rate_1:
+        if calm_0 != rate_0 or calm_1 != rate_1:
             c[1, force] = calm_0
             c[2, force] = 3.0 * here - 2.0 * calm_0 - calm_1
             c[3, force] = calm_0 + calm_1 - 2.0 * here
-            for k in range(4, degree + 1):
-                c[k, force] = 0.0
 
 
 @compiled

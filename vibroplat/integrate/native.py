@@ -1,4 +1,4 @@
-"""Engine ``native``: SUNDIALS IDA and CVODE without the interpreter in the loop.
+"""Engine ``native``: SUNDIALS IDA without the interpreter in the loop.
 
 The library of :mod:`vibroplat.integrate.sundials` is driven from compiled code through the addresses of its
 functions; it calls back the C functions of :mod:`vibroplat.integrate.callbacks`. Between two readings of the
@@ -22,19 +22,16 @@ from vibroplat.hybrid.state import OK, Automaton
 from vibroplat.hybrid.steps import CUBIC, no_steps
 from vibroplat.integrate import callbacks as cb
 from vibroplat.integrate.drive import (
-    ADAMS,
-    CALLBACK_FAILURES,
     FUNCTIONS,
     HANDLES,
-    IDA,
     NAMES,
+    RESIDUAL_FAILURE,
     STATUS,
     IntArray,
     Native,
     drive,
 )
-from vibroplat.integrate.methods import adams_modes
-from vibroplat.integrate.multistep import QUINTIC, no_past
+from vibroplat.integrate.multistep import no_past
 from vibroplat.integrate.sundials import Library, UnavailableError
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.parameters import Parameters, address, parameters
@@ -43,8 +40,6 @@ from vibroplat.scene import Mode, Scene
 
 #: Steps between two returns to Python: many against what a return costs, few against the processor's cache.
 ROWS = 2048
-#: Tolerance below which Adams' steps are too long for cubics.
-LONG_STEPS = 1e-7
 #: Steps within a turn of the synchronous speed after which the integrator is taken to be stuck, and those for each
 #: event that a scene allows within a turn, where that is more.
 MAX_STEPS, STEPS_PER_EVENT = 300_000, 60
@@ -63,8 +58,6 @@ DELTA_CJ = 0.1
 # table of operations. Copies have room for more, which a later version would find empty: "not implemented".
 _SOLVER_WORDS, _SOLVER_OPERATIONS, _SPARE = 4, 16, 48
 
-_ADAMS_METHOD = 1  # of cvode.h
-
 _MEANINGS = {
     -2: "too much accuracy asked for",
     -3: "error test failed too often",
@@ -76,7 +69,7 @@ _MEANINGS = {
 
 
 class NativeEngine:
-    """IDA and CVODE driven from compiled code.
+    """IDA driven from compiled code.
 
     One context and one solver for each mode belong to a run, and with them to its thread; :meth:`close`
     frees them.
@@ -84,7 +77,7 @@ class NativeEngine:
     Parameters
     ----------
     scene
-        Its modes, and which of them Adams' method integrates.
+        Its modes.
     p
         Parameter vector of the scene.
     library
@@ -97,7 +90,7 @@ class NativeEngine:
     """
 
     name = "native"
-    rows = ROWS
+    rows, degree = ROWS, CUBIC
     #: Long, for a restart costs some thirty steps; not for ever, for angles lose digits as they grow.
     turns_per_segment: float = 1000
 
@@ -110,10 +103,7 @@ class NativeEngine:
         self._status = np.zeros(1, STATUS)
         shape = (3, FULL_SIZE)
         self._n = Native(
-            functions=np.array(
-                [tuple(library.address(names[method]) for names in NAMES.values()) for method in (IDA, ADAMS)],
-                FUNCTIONS,
-            ),
+            functions=np.array([tuple(library.address(name) for name in NAMES.values())], FUNCTIONS)[0],
             handles=np.zeros(3, HANDLES),
             links=np.zeros(3, cb.LINKS),
             y=np.zeros(shape),
@@ -128,9 +118,7 @@ class NativeEngine:
         self._direction = np.array([-1], dtype=np.int32)
         self._context = self._make_context()
         for mode, system in systems(scene).items():
-            (self._make_adams if mode in adams_modes(scene) else self._make_ida)(mode, system)
-        long_steps = bool(adams_modes(scene)) and scene.solver.tolerance < LONG_STEPS
-        self.degree = QUINTIC if long_steps else CUBIC
+            self._make_solver(mode, system)
 
     @property
     def work(self) -> dict[str, int | None]:
@@ -153,7 +141,7 @@ class NativeEngine:
             most = int(status["most"])
             stuck = status["counted"] > most
             return f"SUNDIALS: more than {most} steps within a period" if stuck else "the state is not finite"
-        if flag in CALLBACK_FAILURES:
+        if flag == RESIDUAL_FAILURE:
             return "the residual is not finite"
         return f"SUNDIALS: {_MEANINGS.get(flag, 'failure')} (flag {flag})"
 
@@ -226,7 +214,7 @@ class NativeEngine:
         self._alive += [head, content, operations]
         return head.ctypes.data, matrix
 
-    def _make_ida(self, mode: Mode, system: System) -> None:
+    def _make_solver(self, mode: Mode, system: System) -> None:
         lib, n = self._lib, self._n
         y, yp = self._vectors(mode, system)
         memory = self._made(lib.IDACreate(self._context), lib.IDAFree, by_reference=True)
@@ -246,31 +234,14 @@ class NativeEngine:
             # F_c stays in the Newton norm and leaves the error test: its error is that of the state
             _check(lib.IDASetSuppressAlg(memory, 1))
         if GUARDS[system.index] >= 0:
-            _check(lib.IDARootInit(memory, 1, cb.ida_guard.address))
+            _check(lib.IDARootInit(memory, 1, cb.guard.address))
             _check(lib.IDASetRootDirection(memory, self._direction.ctypes.data))
             _check(lib.IDASetNoInactiveRootWarn(memory))
-        n.handles[mode] = (IDA, memory, y, yp)
-
-    def _make_adams(self, mode: Mode, system: System) -> None:
-        lib, n = self._lib, self._n
-        y, yp = self._vectors(mode, system)
-        memory = self._made(lib.CVodeCreate(_ADAMS_METHOD, self._context), lib.CVodeFree, by_reference=True)
-        _check(lib.CVodeInit(memory, cb.right_hand_side.address, 0.0, y))
-        _check(lib.CVodeWFtolerances(memory, cb.weights.address))
-        _check(lib.CVodeSetUserData(memory, self._links(mode)))
-        # Newton's iteration: fixed-point iteration, which needs no Jacobian, takes half as many steps again and more
-        # than twice the right-hand sides
-        _check(lib.CVodeSetLinearSolver(memory, *self._linear_solver(mode, system, y)))
-        _check(lib.CVodeSetLinSysFn(memory, cb.linear_system.address))
-        if GUARDS[system.index] >= 0:
-            _check(lib.CVodeRootInit(memory, 1, cb.cvode_guard.address))
-            _check(lib.CVodeSetRootDirection(memory, self._direction.ctypes.data))
-            _check(lib.CVodeSetNoInactiveRootWarn(memory))
-        n.handles[mode] = (ADAMS, memory, y, yp)
+        n.handles[mode] = (memory, y, yp)
 
 
 def self_check(library: Library) -> None:
-    """Take a few steps with both methods and compare them with the motion's Taylor polynomial.
+    """Take a few steps and compare them with the motion's Taylor polynomial.
 
     Raises
     ------
@@ -278,19 +249,18 @@ def self_check(library: Library) -> None:
         The library does not integrate as it should.
     """
     duration = 1e-5
-    for method in ("ida", "adams"):
-        scene = Scene().replace({"solver": {"tolerance": 1e-11, "smooth_modes": method}})
-        p = parameters(scene)
-        with closing(NativeEngine(scene, p, library)) as engine:
-            h = automaton(scene, p, no_steps(engine.rows, engine.degree), engine.turns_per_segment)
-            loop.first_mode(h)
-            h.run["end"] = duration
-            engine.advance(h)
-        y, yp, ypp = (h.run[name][Mode.BARE, :10] for name in ("y", "yp", "ypp"))
-        expected = y + duration * yp + 0.5 * duration**2 * ypp
-        error = np.abs(h.run["state"][systems(scene)[Mode.BARE].places] - expected).max()
-        if h.run["outcome"] != OK or not error < 1e-7:
-            raise UnavailableError(f"its {method} fails the self-check (error {error:.3g})")
+    scene = Scene().replace({"solver.tolerance": 1e-11})
+    p = parameters(scene)
+    with closing(NativeEngine(scene, p, library)) as engine:
+        h = automaton(scene, p, no_steps(engine.rows, engine.degree), engine.turns_per_segment)
+        loop.first_mode(h)
+        h.run["end"] = duration
+        engine.advance(h)
+    y, yp, ypp = (h.run[name][Mode.BARE, :10] for name in ("y", "yp", "ypp"))
+    expected = y + duration * yp + 0.5 * duration**2 * ypp
+    error = np.abs(h.run["state"][systems(scene)[Mode.BARE].places] - expected).max()
+    if h.run["outcome"] != OK or not error < 1e-7:
+        raise UnavailableError(f"it fails the self-check (error {error:.3g})")
 
 
 def _words(address: int, count: int) -> IntArray:

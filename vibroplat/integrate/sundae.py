@@ -1,4 +1,4 @@
-"""Engine ``sundae``: SUNDIALS through scikit-sundae. The one module that imports its IDA and CVODE."""
+"""Engine ``sundae``: SUNDIALS through scikit-sundae. The one module that imports its IDA."""
 
 from __future__ import annotations
 
@@ -16,7 +16,6 @@ import numpy as np
 # A guard that is zero throughout (no weight, no motion) makes SUNDIALS warn on the C standard error.
 os.environ.setdefault("SUNLOGGER_WARNING_FILENAME", os.devnull)
 
-from sksundae.cvode import CVODE
 from sksundae.ida import IDA
 
 from vibroplat.hybrid.loop import (
@@ -31,17 +30,14 @@ from vibroplat.hybrid.modes import GUARDS
 from vibroplat.hybrid.pieces import cut_piece
 from vibroplat.hybrid.scales import ROUND_OFF
 from vibroplat.hybrid.state import Automaton
-from vibroplat.hybrid.steps import MARGIN, rewind
-from vibroplat.integrate.methods import adams_modes
-from vibroplat.integrate.multistep import QUINTIC, begin_steps, calm, no_past, prepare_first_step, transcribe
+from vibroplat.hybrid.steps import CUBIC, MARGIN, rewind
+from vibroplat.integrate.multistep import begin_steps, calm, no_past, prepare_first_step, transcribe
 from vibroplat.integrate.seam import WORK
 from vibroplat.kernels.compiled import FloatArray
-from vibroplat.model.accelerations import accelerations
 from vibroplat.model.equations import jacobian as fill_jacobian
 from vibroplat.model.equations import residual as fill_residual
 from vibroplat.model.parameters import Parameters
 from vibroplat.model.systems import SYSTEMS, System
-from vibroplat.scene import Scene
 
 _ROOT = 2
 
@@ -101,26 +97,14 @@ class _Ends(NamedTuple):
 
 @dataclass(frozen=True)
 class _Integrator:
-    """One IDA or CVODE object, the event function whose buffers it fills, and a right-hand side."""
+    """An IDA object and the event function whose buffers it fills."""
 
-    solver: IDA | CVODE
+    solver: IDA
     guard: Callable[..., None] | None
-    right_hand_side: Callable[..., None] | None = None
 
     def solve(self, until: float, y: FloatArray, yp: FloatArray) -> Any:
         """Integrate from 0 until a time, or the guard."""
-        start = (y,) if self.right_hand_side is not None else (y, yp)
-        return self.solver.solve([0.0, until], *start)
-
-    def slopes(self, result: Any) -> FloatArray:
-        """Return the derivatives at the ends of the steps."""
-        if self.right_hand_side is None:
-            slopes: FloatArray = result.yp
-            return slopes
-        slopes = np.empty_like(result.y)
-        for t, y, yp in zip(result.t, result.y, slopes, strict=True):
-            self.right_hand_side(t, y, yp)
-        return slopes
+        return self.solver.solve([0.0, until], y, yp)
 
     def forget_events(self) -> None:
         # scikit-sundae 1.2 keeps every event on the function object and never clears it: the next
@@ -128,12 +112,12 @@ class _Integrator:
         if self.guard is not None:
             buffers: Any = self.guard
             for name in ("_i", "_t", "_y", "_yp"):
-                getattr(buffers, name, []).clear()  # CVODE keeps no derivatives
+                getattr(buffers, name).clear()
             buffers._i_cnt[:] = 0
 
 
 class SundaeEngine:
-    """IDA and CVODE through scikit-sundae with compiled residual, Jacobian and right-hand side.
+    """IDA through scikit-sundae with compiled residual and Jacobian.
 
     scikit-sundae fixes tolerances and first step when an IDA object is made, so there is one for each
     combination of system, tolerances and first step that occurs (the latter two in powers of 4, so
@@ -141,22 +125,19 @@ class SundaeEngine:
 
     Parameters
     ----------
-    scene
-        Which of its modes Adams' method integrates.
     p
         Parameter vector of the scene.
     """
 
     name = "sundae"
-    rows, degree = 4096, QUINTIC
+    rows, degree = 4096, CUBIC
     #: A segment's steps are all held in memory, and its progress is told at its end.
     turns_per_segment: float = 100
 
-    def __init__(self, scene: Scene, p: Parameters) -> None:
+    def __init__(self, p: Parameters) -> None:
         self._counts = dict.fromkeys(COUNTED, 0)
         self.detail = ""
         self._p = p
-        self._adams = adams_modes(scene)
         self._budget = _Budget()
         self._integrators: dict[tuple[int, bytes, float], _Integrator] = {}
         self._past = no_past()
@@ -207,7 +188,7 @@ class SundaeEngine:
         else:
             stop, self.detail = _stop(result)
         if result is not None:
-            t, y, yp = result.t, result.y, integrator.slopes(result)
+            t, y, yp = result.t, result.y, result.yp
             self._count(result)
         whole = np.isfinite(y.sum(axis=1)) & np.isfinite(yp.sum(axis=1))
         rows = len(t) if whole.all() else int(np.argmin(whole))
@@ -250,11 +231,10 @@ class SundaeEngine:
         first_step = 4.0 ** round(math.log(first_step, 4.0))
         key = (system.index, atol.tobytes(), first_step)
         if key not in self._integrators:
-            make = self._make_adams if system.mode in self._adams else self._make_ida
-            self._integrators[key] = make(system, atol, first_step)
+            self._integrators[key] = self._make_integrator(system, atol, first_step)
         return self._integrators[key]
 
-    def _make_ida(self, system: System, atol: FloatArray, first_step: float) -> _Integrator:
+    def _make_integrator(self, system: System, atol: FloatArray, first_step: float) -> _Integrator:
         p, budget = self._p, self._budget
         number = system.index
 
@@ -275,61 +255,24 @@ class SundaeEngine:
         }
         if system.algebraic:
             options["algebraic_idx"] = [system.differential]
-        guard = _guard_of(system, _ida_guard)
+        guard = _guard_of(system)
         if guard is not None:
-            _watch(guard, options)
+            options |= {"eventsfn": guard, "num_events": 1}
         return _Integrator(IDA(residual, **options), guard)
 
-    def _make_adams(self, system: System, atol: FloatArray, first_step: float) -> _Integrator:
-        p, budget, number = self._p, self._budget, system.index
 
-        def right_hand_side(t: float, y: FloatArray, yp: FloatArray) -> None:
-            if not accelerations(number, budget.origin + t, y.copy(), yp, p):  # y is read-only
-                raise _NonFiniteError
-            budget.count(t)
-
-        options: dict[str, Any] = {
-            "method": "Adams",
-            "rtol": ROUND_OFF,
-            "atol": atol,
-            "first_step": first_step,
-            "max_num_steps": MAX_CALLS,
-        }
-        guard = _guard_of(system, _cvode_guard)
-        if guard is not None:
-            _watch(guard, options)
-        return _Integrator(CVODE(right_hand_side, **options), guard, right_hand_side)
-
-
-def _guard_of(system: System, make: Callable[[int], Callable[..., None]]) -> Callable[..., None] | None:
-    """Make the event function of a system that has a guard."""
+def _guard_of(system: System) -> Callable[..., None] | None:
+    """Make the event function of a system that has a guard: an unknown whose fall through zero ends the solution."""
     index = int(GUARDS[system.index])
-    return make(index) if index >= 0 else None
-
-
-def _ida_guard(index: int) -> Callable[..., None]:
-    """Make an event function of IDA: an unknown that falls through zero."""
+    if index < 0:
+        return None
 
     def guard(t: float, y: FloatArray, yp: FloatArray, events: FloatArray) -> None:
         events[0] = y[index]
 
-    return guard
-
-
-def _cvode_guard(index: int) -> Callable[..., None]:
-    """Make an event function of CVODE, as :func:`_ida_guard`."""
-
-    def guard(t: float, y: FloatArray, events: FloatArray) -> None:
-        events[0] = y[index]
-
-    return guard
-
-
-def _watch(guard: Callable[..., None], options: dict[str, Any]) -> None:
-    """Let one solver object end at an event function's fall through zero."""
     guard.terminal = [True]  # type: ignore[attr-defined]
     guard.direction = [-1]  # type: ignore[attr-defined]
-    options |= {"eventsfn": guard, "num_events": 1}
+    return guard
 
 
 def _stop(result: Any) -> tuple[int, str]:

@@ -1,8 +1,8 @@
 """The SUNDIALS library inside the scikit-sundae wheel, opened directly.
 
-scikit-sundae's extension modules are linked with the shared libraries of IDA and CVODE, and the
-loader resolves their public functions through them. Only public functions are declared here, with the
-types of SUNDIALS 7 and of the configuration that scikit-sundae reports.
+scikit-sundae's extension module for IDA is linked with IDA's shared library, and the loader resolves its public
+functions through it. Only public functions are declared here, with the types of SUNDIALS 7 and of the configuration
+that scikit-sundae reports.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from importlib.machinery import EXTENSION_SUFFIXES
 from pathlib import Path
 from typing import Any
 
+_MODULE = "_cy_ida"
 _MAJOR = "7."
 _TYPES = {"SUNDIALS_FLOAT_TYPE": "double", "SUNDIALS_INT_TYPE": "int"}
 
@@ -22,7 +23,7 @@ _POINTER, _INT, _REAL, _INDEX = ctypes.c_void_p, ctypes.c_int, ctypes.c_double, 
 
 # Result and arguments of every function that is used: p pointer, i int, r real, n index, v nothing.
 _KINDS = {"p": _POINTER, "i": _INT, "r": _REAL, "n": _INDEX, "v": None}
-_SHARED = {
+_FUNCTIONS = {
     "SUNContext_Create": "iip",
     "SUNContext_Free": "ip",
     "SUNContext_ClearErrHandlers": "ip",
@@ -40,8 +41,6 @@ _SHARED = {
     "SUNLinSolFree": "ip",
     "SUNLinSolSetup_Dense": "ipp",
     "SUNLinSolSolve_Dense": "ippppr",
-}
-_IDA = {
     "IDACreate": "pp",
     "IDAFree": "vp",
     "IDAInit": "ipprpp",
@@ -63,24 +62,6 @@ _IDA = {
     "IDAGetDky": "iprip",
     "IDAGetNumErrTestFails": "ipp",
     "IDAGetNumNonlinSolvConvFails": "ipp",
-}
-_CVODE = {
-    "CVodeCreate": "pip",
-    "CVodeFree": "vp",
-    "CVodeInit": "ipprp",
-    "CVodeReInit": "iprp",
-    "CVodeRootInit": "ipip",
-    "CVodeWFtolerances": "ipp",
-    "CVodeSetInitStep": "ipr",
-    "CVodeSetNoInactiveRootWarn": "ip",
-    "CVodeSetLinearSolver": "ippp",
-    "CVodeSetLinSysFn": "ipp",
-    "CVodeSetRootDirection": "ipp",
-    "CVodeSetUserData": "ipp",
-    "CVode": "iprppi",
-    "CVodeGetDky": "iprip",
-    "CVodeGetNumErrTestFails": "ipp",
-    "CVodeGetNumNonlinSolvConvFails": "ipp",
 }
 
 
@@ -117,19 +98,32 @@ def configuration() -> dict[str, str]:
     return dict(re.findall(r'^(\w+) = "(.*)"$', text, flags=re.MULTILINE))
 
 
-def _open(module: str) -> ctypes.CDLL:
-    """Open an extension module as a library; its dependencies' functions are found through it."""
-    paths = [path for suffix in EXTENSION_SUFFIXES if (path := package() / f"{module}{suffix}").exists()]
+def _open() -> ctypes.CDLL:
+    """Open the extension module as a library; its dependencies' functions are found through it."""
+    paths = [path for suffix in EXTENSION_SUFFIXES if (path := package() / f"{_MODULE}{suffix}").exists()]
     if not paths:
-        raise UnavailableError(f"scikit-sundae has no {module}")
+        raise UnavailableError(f"scikit-sundae has no {_MODULE}")
     try:
         return ctypes.CDLL(str(paths[0]))
     except OSError as error:
         raise UnavailableError(f"{paths[0].name} cannot be opened ({error})") from None
 
 
+def _declared(opened: ctypes.CDLL) -> dict[str, Any]:
+    """Declare the functions that are used, and return them by name."""
+    functions: dict[str, Any] = {}
+    for name, kinds in _FUNCTIONS.items():
+        try:
+            function = getattr(opened, name)
+        except AttributeError:
+            raise UnavailableError(f"SUNDIALS function {name} is missing") from None
+        function.restype, *function.argtypes = (_KINDS[kind] for kind in kinds)
+        functions[name] = function
+    return functions
+
+
 class Library:
-    """Functions of IDA and CVODE by name, with their addresses.
+    """Functions of IDA by name, with their addresses.
 
     Attributes
     ----------
@@ -147,10 +141,7 @@ class Library:
         types = {name: found.get(name) for name in _TYPES}
         if types != _TYPES:
             raise UnavailableError(f"its number types are {', '.join(map(str, types.values()))}; known: double, int")
-        ida, cvode = (_open(name) for name in ("_cy_ida", "_cy_cvode"))
-        self._functions: dict[str, Any] = {}
-        for library, table in ((ida, _SHARED | _IDA), (cvode, _CVODE)):
-            self._declare(library, table)
+        self._functions = _declared(_open())
         self.version = self._version()
         if not self.version.startswith(_MAJOR):
             raise UnavailableError(f"SUNDIALS {self.version} is not known; known: {_MAJOR}x")
@@ -164,15 +155,6 @@ class Library:
     def address(self, name: str) -> int:
         """Address of a function, for calls from compiled code."""
         return ctypes.cast(self._functions[name], _POINTER).value or 0
-
-    def _declare(self, library: ctypes.CDLL, table: dict[str, str]) -> None:
-        for name, kinds in table.items():
-            try:
-                function = getattr(library, name)
-            except AttributeError:
-                raise UnavailableError(f"SUNDIALS function {name} is missing") from None
-            function.restype, *function.argtypes = (_KINDS[kind] for kind in kinds)
-            self._functions[name] = function
 
     def _version(self) -> str:
         text = ctypes.create_string_buffer(64)

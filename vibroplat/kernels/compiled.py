@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from vibroplat.errors import VibroplatError
 from vibroplat.kernels.cache import kept
+from vibroplat.kernels.inside import Kernel
 
 if getattr(numba.config, "DISABLE_JIT", 0):
     raise VibroplatError(
@@ -26,8 +27,7 @@ T = TypeVar("T")
 
 def compiled(function: Callable[P, T]) -> Callable[P, T]:
     """Compile a kernel; division by zero gives inf or nan, as in C, instead of an exception."""
-    keep = kept(function)
-    return cast("Callable[P, T]", numba.njit(function, nogil=True, cache=keep, error_model="numpy", fastmath=False))
+    return cast("Callable[P, T]", Kernel(function))
 
 
 def fused(function: Callable[P, T]) -> Callable[P, T]:
@@ -39,8 +39,11 @@ def fused(function: Callable[P, T]) -> Callable[P, T]:
 
 
 def inlined(function: Callable[P, T]) -> Callable[P, T]:
-    """Compile a kernel into its callers instead of on its own, which for one of few callers is quicker."""
-    return cast("Callable[P, T]", numba.njit(function, nogil=True, error_model="numpy", inline="always"))
+    """Compile a kernel into its callers.
+
+    LLVM does so. Numba's own way, by source, copies the whole caller for each call: it took a fifth of the first run.
+    """
+    return cast("Callable[P, T]", Kernel(function, inline=True))
 
 
 def callback(signature: str) -> Callable[[Callable[P, T]], Any]:

@@ -100,39 +100,8 @@ def condense(jac: FloatArray, cj: float, dynamic: FloatArray, condensed: FloatAr
 
 
 @compiled
-def condense_explicit(
-    jac: FloatArray, partial: FloatArray, cj: float, dynamic: FloatArray, condensed: FloatArray
-) -> bool:
-    """Prepare solutions of (I − γ ∂f/∂y) δ = r of the same system in explicit form y′ = f(y), γ = 1/c_j.
-
-    With ∂f/∂y = −(∂F/∂y′)⁻¹ ∂F/∂y it is the system of :func:`condense` with c_j ∂F/∂y′ r on its right.
-
-    Parameters
-    ----------
-    jac, partial
-        ∂F/∂y + c_j ∂F/∂y′ and ∂F/∂y, shape (size, size).
-    """
-    if not condense(jac, cj, dynamic, condensed):
-        return False
-    m, size = condensed.shape
-    n = size - m
-    for i in range(m):
-        for j in range(n):
-            condensed[i, j] *= cj
-        for j in range(m):
-            condensed[i, n + j] = 0.0
-    for k in range(m):
-        for j in range(m):
-            inertia = jac[n + k, n + j] - partial[n + k, n + j]
-            if inertia != 0.0:
-                for i in range(m):
-                    condensed[i, n + j] += dynamic[i, k] * inertia
-    return True
-
-
-@compiled
-def solve_condensed(condensed: FloatArray, cj: float, share: float, right: FloatArray, solution: FloatArray) -> None:
-    """Solve a system that :func:`condense` (share 1) or :func:`condense_explicit` (share c_j) has prepared."""
+def solve_condensed(condensed: FloatArray, cj: float, right: FloatArray, solution: FloatArray) -> None:
+    """Solve a system that :func:`condense` has prepared."""
     m, size = condensed.shape
     n = size - m
     for i in range(m):
@@ -141,4 +110,4 @@ def solve_condensed(condensed: FloatArray, cj: float, share: float, right: Float
             total += condensed[i, j] * right[j]
         solution[n + i] = total
     for i in range(n):
-        solution[i] = (share * right[i] + solution[n + i]) / cj
+        solution[i] = (right[i] + solution[n + i]) / cj

@@ -61,9 +61,9 @@ class Peer:
 _UNTOLD = (np.nan, "", np.nan)
 
 
-def _vibroplat(scene: Scene, tolerance: float, engine: str = "native", smooth_modes: str = "auto") -> Runner:
+def _vibroplat(scene: Scene, tolerance: float, engine: str = "native") -> Runner:
     """Our own; as for the others, a run does not include making the integrators, but does include its statistics."""
-    scene = scene.replace({"solver": {"tolerance": tolerance, "engine": engine, "smooth_modes": smooth_modes}})
+    scene = scene.replace({"solver": {"tolerance": tolerance, "engine": engine}})
     p, duration = parameters(scene), scene.run.duration_s
 
     def timed() -> Followed:
@@ -110,7 +110,6 @@ def _powers(first: int, last: int) -> tuple[float, ...]:
 PEERS = (
     Peer("vibroplat", _powers(4, 11), _powers(6, 10), _vibroplat),
     Peer("vibroplat, Taylor", _powers(3, 13), _powers(3, 8), partial(_vibroplat, engine="taylor")),
-    Peer("vibroplat, Adams in flight", _powers(4, 11), (), partial(_vibroplat, smooth_modes="adams")),
     _peer("scikit-sundae, Python callbacks", "callbacks", "Callbacks", _powers(4, 9), _powers(7, 9)),
     _peer("scipy DOP853", "ivp", "DOP853", _powers(4, 10), _powers(6, 9)),
     _peer("scipy LSODA", "ivp", "LSODA", _powers(5, 11), _powers(6, 9)),

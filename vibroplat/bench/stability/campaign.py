@@ -184,9 +184,10 @@ class Draw:
 
     def solver(self) -> dict[str, Any]:
         """Draw the solver's settings."""
+        tolerance = self.size(1e-6, 3.0)
+        self._rng.integers(4)  # not used: without it all numbered scenes would be others
         return {
-            "solver.tolerance": self.size(1e-6, 3.0),
-            "solver.smooth_modes": self.one_of("auto", "auto", "ida", "adams"),
+            "solver.tolerance": tolerance,
             "solver.max_events_per_period": STORM,
         }
 

@@ -108,7 +108,7 @@ def _resident() -> float:
 def _growth(parts: list[dict[str, Any]]) -> float:
     """Median energy residual of the last half of the parts over that of the first.
 
-    Medians are used because single parts, in which Adams' method switches between two step sizes, are outliers.
+    Medians are used because single parts may be outliers.
     """
     residuals = np.array([found["energy_residual"] for found in parts])
     return float(np.median(residuals[PARTS // 2 :]) / np.median(residuals[: PARTS // 2]))

@@ -38,7 +38,7 @@ DIMENSIONS = {
     "impacts": (0, 0, 0),
 }
 #: Relative difference that rounding may cause in a statistic within a second, and in the number of steps: the order of
-#: Adams' method may depend on the last digit.
+#: the method may depend on the last digit.
 ROUNDING, STEPS = 1e-6, 0.1
 TOLERANCE = 1e-8
 
