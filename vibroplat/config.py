@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import copy
 import os
 import re
 import warnings
 from collections.abc import Iterable, Mapping
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -159,6 +161,12 @@ def _text(file: Path) -> str:
 
 def _parse(text: str, source: str) -> Any:
     """Load YAML without building objects; every error becomes one line."""
+    return copy.deepcopy(_parsed(text, source))
+
+
+@lru_cache(maxsize=64)
+def _parsed(text: str, source: str) -> Any:
+    """Parse a text once: a study builds hundreds of scenes from a few files, and parsing takes longer than a run."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", ReusedAnchorWarning)

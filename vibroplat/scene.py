@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from enum import IntEnum
+from functools import cached_property
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, BeforeValidator, Field, ValidationError, model_validator
@@ -403,7 +404,13 @@ class Scene(Section):
 
     # -- derived quantities -------------------------------------------------------------------------
 
-    @property
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """Copy the scene, with some sections changed; what follows from them is found anew."""
+        copied = super().model_copy(update=update, deep=deep)
+        copied.__dict__.pop("exciter_pair", None)
+        return copied
+
+    @cached_property
     def exciter_pair(self) -> tuple[Exciter, Exciter]:
         """Exciters 1 and 2, however the scene gives their numbers."""
         common = {} if self.exciters is not None else {name: getattr(self.machine, name) for name in OF_EXCITERS}

@@ -32,10 +32,7 @@ def compiled(function: Callable[P, T]) -> Callable[P, T]:
 
 def fused(function: Callable[P, T]) -> Callable[P, T]:
     """Compile a kernel whose products may be added without being rounded first, which shortens long chains of sums."""
-    keep = kept(function)
-    return cast(
-        "Callable[P, T]", numba.njit(function, nogil=True, cache=keep, error_model="numpy", fastmath={"contract"})
-    )
+    return cast("Callable[P, T]", Kernel(function, fused=True))
 
 
 def inlined(function: Callable[P, T]) -> Callable[P, T]:

@@ -26,8 +26,9 @@ OPTIONS = {"nopython": True, "nogil": True, "error_model": "numpy", "no_cfunc_wr
 class Kernel(CPUDispatcher):
     """A kernel that Python and other kernels call, each what is compiled for it; most have only one kind of caller."""
 
-    def __init__(self, function: Callable[..., Any], *, inline: bool = False) -> None:
-        super().__init__(function, targetoptions=OPTIONS)
+    def __init__(self, function: Callable[..., Any], *, inline: bool = False, fused: bool = False) -> None:
+        self._options = OPTIONS | ({"fastmath": {"contract"}} if fused else {})
+        super().__init__(function, targetoptions=self._options)
         self._inline, self._kept = inline, kept(function)
         if self._kept:
             self.enable_caching()
@@ -39,7 +40,7 @@ class Kernel(CPUDispatcher):
         twin = FunctionType(function.__code__, function.__globals__, closure=function.__closure__)
         # numba keeps a function by its name
         twin.__module__, twin.__qualname__ = function.__module__, f"{function.__qualname__}.inside"
-        options = OPTIONS | {"no_cpython_wrapper": True, "forceinline": self._inline}
+        options = self._options | {"no_cpython_wrapper": True, "forceinline": self._inline}
         found = CPUDispatcher(twin, targetoptions=options, pipeline_class=_InsideCompiler)
         if self._kept:
             found.enable_caching()

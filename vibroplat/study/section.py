@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from vibroplat.hybrid.scales import state_scales
@@ -31,21 +29,19 @@ def section_points(measures: Measures, scene: Scene) -> FloatArray:
     return points
 
 
-def spread(points: FloatArray, n: int) -> float:
-    """Largest distance, in any coordinate, between points that are a multiple of n turns apart, the last one fixed.
-
-    It is inf if there are fewer than 2 n points.
-    """
-    if len(points) < 2 * n:
-        return math.inf
-    backwards = points[::-1]
-    last = backwards[:n][np.arange(len(points)) % n]
-    return float(np.abs(backwards - last).max())
-
-
 def spreads(points: FloatArray, first: int = 1, last: int = MAX_PERIOD) -> FloatArray:
-    """Spread for each number of turns from the first to the last, shape (last − first + 1,)."""
-    return np.array([spread(points, n) for n in range(first, last + 1)])
+    """Spread for each number of turns n from the first to the last, shape (last − first + 1,).
+
+    A spread is the largest distance, in any coordinate, between points that are a multiple of n turns apart, the last
+    one fixed. It is inf if there are fewer than 2 n points.
+    """
+    found = np.full(last - first + 1, np.inf)
+    turns = np.arange(first, min(last, len(points) // 2) + 1)
+    if turns.size:
+        backwards = points[::-1]
+        same = np.arange(len(points)) % turns[:, np.newaxis]  # where the last point stands that each belongs to
+        found[: turns.size] = np.abs(backwards - backwards[same]).max(axis=(1, 2))
+    return found
 
 
 def period(points: FloatArray, tolerance: float, first: int = 1, last: int = MAX_PERIOD) -> int:
