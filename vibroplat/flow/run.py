@@ -16,7 +16,7 @@ from vibroplat.integrate.choice import make_engine
 from vibroplat.integrate.seam import Engine
 from vibroplat.model.parameters import Parameters, parameters
 from vibroplat.observe.audit import INACCURATE, inaccuracy
-from vibroplat.observe.notes import drift, notes_on_measures
+from vibroplat.observe.notes import drift, notes_on_measures, stiffness
 from vibroplat.observe.summary import measured
 from vibroplat.observe.trajectory import Trajectory
 from vibroplat.plausibility import notes_on_input
@@ -122,7 +122,8 @@ def simulate_with(
         "restarts": motion.restarts,
         "wall_s": time.perf_counter() - began,
     }
-    notes = [*notes_on_input(scene), *notes_on_measures(scene, run.summary), drift(run.summary)]
+    stiff = stiffness(scene, engine.name, engine.work["steps"], motion.restarts, motion.now - start.time)
+    notes = [*notes_on_input(scene), *notes_on_measures(scene, run.summary), drift(run.summary), stiff]
     run.summary["notes"] = [note for note in notes if note]
     return run
 

@@ -186,7 +186,7 @@ def end_of_step(h: Automaton, e: Expansion, c: FloatArray, length: float) -> tup
         length *= share
         put_step(e.room.q, degree, length, n, c)
     target = run.target - run.turns[0]
-    if target == target and reaches(c, degree, target):
+    if not math.isnan(target) and reaches(c, degree, target):
         stop, e.status.resting = AT_TARGET, -1
         length *= crossing(c, degree, 3, target)
         put_step(e.room.q, degree, length, n, c)
@@ -203,9 +203,7 @@ def reaches(c: FloatArray, degree: int, target: float) -> bool:
 
 
 @compiled
-def guard_fall(
-    c: FloatArray, degree: int, guard: int, zeros: int, algebraic: bool, e: Expansion
-) -> tuple[float, bool]:
+def guard_fall(c: FloatArray, degree: int, guard: int, zeros: int, algebraic: bool, e: Expansion) -> tuple[float, bool]:
     """Fraction of a step at which its guard falls through zero, −1 if it does not, and whether that is sure.
 
     A guard is its polynomial of degree d and a remainder, which is taken to be within T sᵈ at fraction s of the step; T

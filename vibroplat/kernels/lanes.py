@@ -7,6 +7,7 @@ stored number by number cannot be loaded as a vector before all of it has left t
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -28,7 +29,7 @@ _LINE = 64  # bytes of a line of the processor's cache
 
 def in_lines(shape: tuple[int, ...]) -> FloatArray:
     """Make an array of zeros that begins with a line of the processor's cache: its rows are loaded faster."""
-    size = int(np.prod(shape))
+    size = math.prod(shape)
     whole = np.zeros(size + _LINE // _BYTES)
     first = -(whole.ctypes.data // _BYTES) % (_LINE // _BYTES)
     return whole[first : first + size].reshape(shape)
@@ -326,6 +327,7 @@ def _put_step(typing_context: Any, q: Any, degree: Any, length: Any, n: Any, c: 
 
 
 if TYPE_CHECKING:
+
     def put_row(a: FloatArray, row: int, numbers: tuple[float, ...]) -> None:
         """Store numbers at the beginning of a row."""
 

@@ -107,3 +107,15 @@ def vertical_momentum(state: FloatArray, p: Parameters) -> float:
 def unbalance_momentum(state: FloatArray, p: Parameters) -> float:
     """Sum of the sizes of both unbalances' momenta beside their axes (N·s)."""
     return p.unbalance[0] * abs(state[10]) + p.unbalance[1] * abs(state[11])
+
+
+@compiled
+def energies(state: FloatArray, p: Parameters) -> tuple[float, float, float, float, float]:
+    """Return kinetic and elastic energy, that in gravity (J), vertical momentum and the unbalances' momenta (N·s)."""
+    return (
+        kinetic_energy(state, p),
+        elastic_energy(state, p),
+        gravity_energy(state, p),
+        vertical_momentum(state, p),
+        unbalance_momentum(state, p),
+    )

@@ -42,6 +42,8 @@ FORCE = 7
 
 _ROWS = HIGHEST + 2
 
+Four = tuple[float, float, float, float]
+
 #: 1/k; of k = 0 nothing is asked.
 _SHARE = np.concatenate([[0.0], 1.0 / np.arange(1.0, HIGHEST + 2.0)])
 
@@ -227,27 +229,36 @@ def expand(system: int, t: float, y: FloatArray, degree: int, room: Any, p: Para
         rate = (a[0] * share, a[1] * share, a[2] * share)
         if layers == 2:
             upper, upper_rate = upper_rate * share, above * share
-        phi, w1, w2 = a[2] * twofold, a[3] * share, a[4] * share
-        sixth = contact * twofold if n > 5 and not attached else 0.0
-        seventh = above * twofold if n == 7 else 0.0
-        if n == 6 and attached:
-            sixth = above * twofold
-        coordinates = (a[0] * twofold, a[1] * twofold, phi, a[3] * twofold, a[4] * twofold, sixth, seventh)
+        sixth, seventh = material_columns(attached, layers, contact * twofold, above * twofold)
+        coordinates = (a[0] * twofold, a[1] * twofold, a[2] * twofold, a[3] * twofold, a[4] * twofold, sixth, seventh)
         put_row(room.q, k + 2, (*coordinates, 0.0))
         room.q[k, FORCE] = contact if attached else 0.0
         if k == 0:
             phi_1 = y[n + 2]
         unbalances = curvature(a[3], known_1, fixed_1) + curvature(a[4], known_2, fixed_2)
         turning = a[2]
-        first, second = following(k, share, a, a[3], known_1, first, fixed_1), following(
-            k, share, a, a[4], known_2, second, fixed_2
-        )
-        c1, c2, s1, s2, u1, u2 = first.cosine, second.cosine, first.sine, second.sine, first.slip, second.slip
-        put_row(room.early, k + 2, (c1, c2, s1, s2, s1, s2, c1, c2, u1, u2, w1, w2, phi, phi, phi, rate[2]))
-        accelerations = (first.ax, second.ax, first.ay, second.ay)
-        put_row(room.late, k, (w1, w2, w1, w2, *accelerations, u1, u2, w1, w2, unbalances, turning, square, rate[2]))
+        first = following(k, share, a, a[3], known_1, first, fixed_1)
+        second = following(k, share, a, a[4], known_2, second, fixed_2)
+        put_factors(room, k, first, second, a[2] * twofold, (unbalances, turning, square, rate[2]))
         put_row(room.squares, k, (known_1.square, known_2.square))
         put_row(room.torques, k, (known_1.torque, known_2.torque))
+
+
+@inlined
+def material_columns(attached: bool, layers: int, gap: float, upper: float) -> tuple[float, float]:
+    """Put the coefficients of the gap and of y_w2 where a system has them, and 0 where it has none."""
+    if attached:
+        return (upper if layers == 2 else 0.0), 0.0
+    return (gap if layers > 0 else 0.0), (upper if layers == 2 else 0.0)
+
+
+@inlined
+def put_factors(room: Any, k: int, first: Newest, second: Newest, phi: float, turned: Four) -> None:
+    """Store what is known after order k for products to come; ``turned`` is columns 12 to 15 of ``late``."""
+    c1, c2, s1, s2 = first.cosine, second.cosine, first.sine, second.sine
+    u1, u2, w1, w2 = first.slip, second.slip, first.speed, second.speed
+    put_row(room.early, k + 2, (c1, c2, s1, s2, s1, s2, c1, c2, u1, u2, w1, w2, phi, phi, phi, turned[3]))
+    put_row(room.late, k, (w1, w2, w1, w2, first.ax, second.ax, first.ay, second.ay, u1, u2, w1, w2, *turned))
 
 
 @inlined

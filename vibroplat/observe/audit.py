@@ -8,16 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from vibroplat.kernels.compiled import FloatArray
-from vibroplat.model.energy import (
-    FORCE,
-    FORCE_SIZE,
-    POWERS,
-    elastic_energy,
-    gravity_energy,
-    kinetic_energy,
-    unbalance_momentum,
-    vertical_momentum,
-)
+from vibroplat.model.energy import FORCE, FORCE_SIZE, POWERS, energies
 from vibroplat.model.parameters import Parameters
 from vibroplat.observe.statistics import DISSIPATIONS, N_POWERS, Measures
 from vibroplat.scene import Scene
@@ -48,8 +39,7 @@ class Energies:
     @classmethod
     def of(cls, state: FloatArray, p: Parameters) -> Energies:
         """Evaluate them at a full state."""
-        terms = (kinetic_energy, elastic_energy, gravity_energy, vertical_momentum, unbalance_momentum)
-        return cls(*(of(state, p) for of in terms))
+        return cls(*energies(state, p))
 
 
 def audit(ms: Measures, before: Energies, after: Energies) -> dict[str, float]:

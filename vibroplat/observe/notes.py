@@ -21,6 +21,11 @@ LARGE_ROTATION = 0.1
 CAPTURED = 1.0 / 3.0
 #: Change of the phase difference over the measured part (rad) above which it is noted.
 DRIFTING = 0.1
+#: Steps of engine ``taylor`` that a turn of the synchronous speed needs, and a restart.
+STEPS_A_TURN, STEPS_A_RESTART = 5.0, 2.0
+#: Multiple of them above which a scene counts as stiff for it. Engine ``native`` is as fast at 10 to 11, with a damped
+#: layer of 1 kHz in calm contact as with a critical slip of 0.001.
+STIFF = 10.0
 #: Share of the largest value that samples may miss.
 MISSED = 0.05
 
@@ -85,6 +90,25 @@ def capture(exciter: int, speed: float, synchronous: float, critical_slip: float
     return (
         f"exciter {exciter} turns at {rounded(speed)} Hz, {rounded(100.0 * slip, 2)} % below its synchronous speed "
         f"{rounded(synchronous)} Hz: captured by a resonance, overloaded or still running up"
+    )
+
+
+def stiffness(scene: Scene, engine: str, steps: int | None, restarts: int, seconds: float) -> str:
+    """Return the note on a scene that makes the steps of engine ``taylor`` short, or an empty text if it does not.
+
+    Parameters
+    ----------
+    engine
+        Which engine took the steps; the others are implicit.
+    steps, restarts, seconds
+        How many of them it took in which time of the motion (s).
+    """
+    needed = STEPS_A_TURN * seconds * scene.speed_scale / (2.0 * math.pi) + STEPS_A_RESTART * restarts
+    if engine != "taylor" or not steps or steps <= STIFF * needed:
+        return ""
+    return (
+        f"engine taylor takes {rounded(steps / needed, 2)} times the steps that the excitation needs, because a layer "
+        "or a motor is stiff: engine native is likely to be faster"
     )
 
 

@@ -21,7 +21,7 @@ from vibroplat.integrate.choice import make_engine
 from vibroplat.memory import NO_MORE
 from vibroplat.model.parameters import FloatArray, parameters
 from vibroplat.observe.audit import INACCURATE, inaccuracy
-from vibroplat.observe.notes import notes_on_measures
+from vibroplat.observe.notes import notes_on_measures, stiffness
 from vibroplat.observe.statistics import Measures, section_rows
 from vibroplat.observe.summary import COHERENCE, Part, block_errors, half_open, measured
 from vibroplat.scene import Scene
@@ -148,6 +148,7 @@ def _measured_point(scene: Scene, plan: SweepPlan, state: list[float] | None, ke
         motion = Motion(scene, p, engine, perturbed(start, scene, plan.perturbation, (plan.seed, *key)))
         settling, part, kind = _settled_and_measured(motion, plan, [] if impacts is None else [impacts])
         work = engine.work
+        stiff = stiffness(scene, engine.name, work["steps"], motion.restarts, motion.now)
     row: dict[str, Any] = {
         "rotation": scene.rotation,
         "settle_s": settling.seconds,
@@ -167,6 +168,7 @@ def _measured_point(scene: Scene, plan: SweepPlan, state: list[float] | None, ke
     elif kind is not None:
         final = folded(motion.state).tolist()
         row |= measures_of(part, scene, settling.slip) | columns_of(kind)
+        row["notes"] = "; ".join(note for note in (row["notes"], stiff) if note)
         if impacts is not None:
             points = section_points(part.measures, scene)
             heights = (points[-SHOWN:, 1] * state_scales(scene)[1]).tolist()

@@ -67,8 +67,8 @@ def _vibroplat(scene: Scene, tolerance: float, engine: str = "native") -> Runner
     p, duration = parameters(scene), scene.run.duration_s
 
     def timed() -> Followed:
-        with closing(make_engine(scene, p)) as engine:
-            motion = Motion(scene, p, engine)
+        with closing(make_engine(scene, p)) as made:
+            motion = Motion(scene, p, made)
             began = time.perf_counter()
             motion.go_on(duration, settle=SETTLE_SHARE * duration)
             wall = time.perf_counter() - began

@@ -1,0 +1,145 @@
+"""The Taylor series against the model: accelerations and contact force evaluated again along their polynomials."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from model.helpers import EACH_MACHINE, EACH_SYSTEM, TIME, random_states, record_of, settled
+from vibroplat.model.accelerations import accelerations
+from vibroplat.model.parameters import PARAMETERS, blank
+from vibroplat.model.series import FORCE, HIGHEST, expand, room
+from vibroplat.model.systems import SYSTEMS
+
+#: Degree at which the series of these states has converged to round-off over the times below.
+DEGREE = 24
+
+#: Forces by the fields of the parameters that switch them off, and which systems have them.
+TERMS = {
+    "stiffness_x": 0.0,
+    "stiffness_y": 0.0,
+    "stiffness_phi": 0.0,
+    "damping_x": 0.0,
+    "damping_y": 0.0,
+    "damping_phi": 0.0,
+    "gravity": 0.0,
+    "torque": 0.0,
+    "speed_ramp": 0.0,
+    "slip_ramp": 0.0,
+    "friction": 0.0,
+    "layer_stiffness": 0.0,
+    "layer_damping": 0.0,
+}
+
+
+def series(system, y, p, degree=DEGREE):
+    """Coefficients (degree + 1, n) of coordinates and (degree − 1,) of F_c."""
+    formed = room()
+    expand(system.index, TIME, y, degree, formed, p)
+    n = system.differential // 2
+    return formed["q"][: degree + 1, :n].copy(), formed["q"][: degree - 1, FORCE].copy()
+
+
+def along(coefficients, elapsed, derivative=0):
+    """Values of polynomials, or of their derivatives, at a time since their beginning (s)."""
+    for _ in range(derivative):
+        coefficients = coefficients[1:] * np.arange(1, len(coefficients)).reshape(-1, *[1] * (coefficients.ndim - 1))
+    return np.polynomial.polynomial.polyval(elapsed, coefficients)
+
+
+def missed(system, y, p, elapsed):
+    """Largest difference between series and model at a time (s): accelerations and F_c over their largest values."""
+    q, force = series(system, y, p)
+    n = system.differential // 2
+    there, rates = np.zeros(system.size), np.zeros(system.size)
+    there[:n], there[n : 2 * n] = along(q, elapsed), along(q, elapsed, 1)
+    assert accelerations(system.index, TIME + elapsed, there, rates, p)
+    a = along(q, elapsed, 2)
+    error = np.abs(a - rates[n : 2 * n]).max() / np.abs(rates[n : 2 * n]).max()
+    if system.algebraic:
+        error = max(error, abs(along(force, elapsed) - there[-1]) / max(abs(there[-1]), np.abs(force[0])))
+    return error
+
+
+def radius(system, y, p):
+    """Time within which terms shrink by a half from one to the next (s)."""
+    q, _ = series(system, y, p)
+    last = np.abs(q[-4:]) / np.abs(q[1]).max()
+    return 0.5 * float(
+        np.min(np.where(last > 0.0, last, np.finfo(float).tiny).max(axis=1) ** (-1.0 / np.arange(DEGREE - 4, DEGREE)))
+    )
+
+
+@EACH_MACHINE
+@EACH_SYSTEM
+def test_series_is_the_motion(system, machine):
+    p = record_of(system.layers, machine)
+    for state in random_states(seed=5, count=20):
+        y, *_ = settled(system, state[system.places], p)
+        assert missed(system, y, p, 0.3 * radius(system, y, p)) < 1e-12
+
+
+@EACH_MACHINE
+@EACH_SYSTEM
+def test_first_coefficients_are_accelerations_and_their_derivatives(system, machine):
+    p, n = record_of(system.layers, machine), system.differential // 2
+    for state in random_states(seed=6, count=20):
+        y, yp, ypp, found = settled(system, state[system.places], p)
+        assert found
+        q, force = series(system, y, p)
+        for order, expected in ((2, yp), (3, ypp)):
+            of = expected[n : 2 * n]
+            np.testing.assert_allclose(
+                q[order] * order * (order - 1) * max(order - 2, 1), of, atol=1e-12 * abs(of).max()
+            )
+        if system.algebraic:
+            assert force[0] == pytest.approx(y[-1], rel=1e-12)
+            assert force[1] == pytest.approx(yp[-1], rel=1e-10)
+
+
+@pytest.mark.parametrize("term", TERMS)
+@EACH_SYSTEM
+def test_each_force_has_its_recurrence(system, term):
+    """A series without a force misses the motion with it; the tests above are as sharp as that for each of them."""
+    p, without = record_of(system.layers, "rising"), blank()
+    for name in PARAMETERS.names:
+        without[name] = TERMS[term] if name == term else p[name]
+    state = random_states(seed=8, count=1)[0]
+    y, *_ = settled(system, state[system.places], p)
+    n, elapsed = system.differential // 2, 0.3 * radius(system, y, p)
+    with_force, without_it = series(system, y, p)[0], series(system, y, without)[0]
+    differs = np.abs(along(with_force - without_it, elapsed, 2)).max() / np.abs(along(with_force, elapsed, 2)).max()
+    absent = system.layers < 2 and term.startswith("layer")
+    assert absent or n == 0 or differs > 1e-10
+    assert missed(system, y, without, elapsed) < 1e-12
+
+
+def test_exciter_at_rest_resists_where_it_is_about_to_turn():
+    system = SYSTEMS[0]
+    p = record_of(0, "uneven")
+    state = random_states(seed=9, count=1)[0]
+    for speeds in ((0.0, -90.0), (150.0, 0.0), (0.0, 0.0)):
+        y, *_ = settled(system, np.concatenate([state[:10], speeds, state[12:]])[system.places], p)
+        assert missed(system, y, p, 0.1 * radius(system, y, p)) < 1e-12
+
+
+def test_motor_without_supply_and_speed_has_no_torque():
+    system, p = SYSTEMS[0], blank()
+    given = record_of(0, "uneven")
+    for name in PARAMETERS.names:
+        p[name] = given[name]
+    p["speed"], p["slip_speed"] = 0.0, 0.0
+    state = random_states(seed=9, count=1)[0]
+    state[10:12] = 0.0
+    q, _ = series(system, settled(system, state[system.places], p)[0], p, 6)
+    assert np.isfinite(q).all()
+
+
+@pytest.mark.parametrize("degree", [2, 3, 12, HIGHEST])
+def test_degree_only_cuts_the_series(degree):
+    system, p = SYSTEMS[2], record_of(2, "rising")
+    y, *_ = settled(system, random_states(seed=4, count=1)[0][system.places], p)
+    longest, force = series(system, y, p, HIGHEST)
+    q, forces = series(system, y, p, degree)
+    np.testing.assert_array_equal(q, longest[: degree + 1])
+    np.testing.assert_array_equal(forces, force[: degree - 1])
