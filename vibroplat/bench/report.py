@@ -186,6 +186,8 @@ def _compare(directory: Path, reference: Path, repeats: int, name: str, *, quick
         _show(table, directory, f"{name}-precision")
         print(plot_precision(table, directory, f"{name}-precision", SCALED, ["peer"]))
     _show(precision.at_equal_error(table, compared), directory, f"{name}-equal")
+    measured = [case for case in compared if case.name in set(table["case"])]
+    _show(precision.beside_taylor(table, measured), directory, f"{name}-taylor")
     return here
 
 

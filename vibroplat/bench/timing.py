@@ -20,7 +20,7 @@ TOLERANCES = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10)
 
 #: Engines, as named in a configuration.
 DEFAULT = ("auto",)
-ENGINES = ("native", "sundae")
+ENGINES = ("native", "taylor", "sundae")
 
 
 def with_engine(scene: Scene, engine: str) -> Scene:

@@ -23,6 +23,21 @@ from vibroplat.scene import Mode, Scene
 
 Key = TypeVar("Key")
 
+#: Our engine ``taylor`` among the peers.
+TAYLOR = "vibroplat, Taylor"
+
+#: Level of tight comparisons over the usual one.
+FINE = 1e-3
+
+#: What is compared with engine ``taylor``: peer, its run or its integrator alone, column, and least ratio.
+BESIDE_TAYLOR = (
+    ("heyoka", "ms_per_s", "heyoka", 1.6),
+    ("heyoka", "core_ms_per_s", "heyoka_alone", 1.2),
+    ("vibroplat", "ms_per_s", "native", 7.0),
+    ("scipy DOP853", "ms_per_s", "dop853", None),
+    ("scipy DOP853", "core_ms_per_s", "dop853_alone", None),
+)
+
 #: Runs longer than this are timed once (s).
 LONG = 1.0
 
@@ -158,6 +173,31 @@ def at_equal_error(table: pd.DataFrame, compared: Sequence[Case]) -> pd.DataFram
             of = "coordinates" if column == "core" else column
             found[f"{column}_ratio"] = found[column] / found["case"].map(own[of])
     return found
+
+
+def beside_taylor(table: pd.DataFrame, compared: Sequence[Case]) -> pd.DataFrame:
+    """Run times over that of engine ``taylor`` at equal errors of coordinates, beside the targets.
+
+    Errors are those of :func:`at_equal_error`, and a thousandth of them.
+    """
+    rows = []
+    for case in compared:
+        runs = {str(name): of for name, of in table[table["case"] == case.name].groupby("peer")}
+        for level in (case.levels["coordinates"], FINE * case.levels["coordinates"]):
+            times = {
+                (name, column): time_at(of["coordinates"], of[column], level)
+                for name, of in runs.items()
+                for column in ("ms_per_s", "core_ms_per_s")
+            }
+            own = times[TAYLOR, "ms_per_s"]
+            row: dict[str, Any] = {"case": case.name, "coordinates": level, "taylor_ms_per_s": own}
+            for peer, column, name, least in BESIDE_TAYLOR:
+                ratio = times.get((peer, column), np.nan) / own
+                row[name] = ratio
+                if least is not None:
+                    row[f"{name}_met"] = "" if np.isnan(ratio) else str(ratio >= least)
+            rows.append(row)
+    return pd.DataFrame(rows)
 
 
 def statistics_of(case: Case, peers: Sequence[Peer], setting: float) -> pd.DataFrame:
