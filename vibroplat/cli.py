@@ -86,6 +86,7 @@ class BenchName(StrEnum):
     stability = "stability"
     soak = "soak"
     peers = "peers"
+    taylor = "taylor"
 
 
 # Options shared by several commands.
@@ -481,7 +482,9 @@ def plot(
 def bench(
     names: Annotated[
         list[BenchName] | None,
-        typer.Argument(metavar="[NAME]...", help="runtime, precision, engines, sweeps, stability, soak, peers."),
+        typer.Argument(
+            metavar="[NAME]...", help="runtime, precision, engines, sweeps, stability, soak, peers, taylor."
+        ),
     ] = None,
     out: Out = Path("results"),
     long: Annotated[
@@ -507,7 +510,7 @@ def bench(
     soaking = long and names == [BenchName.soak]
     if names and long and not soaking:
         raise VibroplatError(f"{names[0].value} --long: --long runs every bench; allowed: names, --long, soak --long")
-    if (long and not soaking) or not names or BenchName.peers in names:
+    if (long and not soaking) or not names or {BenchName.peers, BenchName.taylor} & {*names}:
         report.require_oracle()
     _load_kernels()
     directory = result_directory(out, "benchmarks")

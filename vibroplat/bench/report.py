@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib.util
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 
 #: Failed scenes of a situation that are listed one by one.
 TOLD = 5
+
+#: Repeats at least, of which medians are taken where engines are compared closely.
+MEDIAN_OF = 7
 
 #: Number of scenes in the summary; later ones amplify errors most.
 QUICK = 4
@@ -149,6 +152,15 @@ def report_peers(directory: Path, reference: Path, repeats: int) -> None:
     _show(scaling.paper(), directory, "scaling-paper")
 
 
+def report_taylor(directory: Path, reference: Path, repeats: int) -> None:
+    """Compare engine ``taylor`` with ``native``, heyoka and DOP853 at equal errors, and both engines on Fig. 3."""
+    from vibroplat.bench.peers import precision, scaling  # noqa: PLC0415
+
+    beside = {precision.TAYLOR, *(peer for peer, *_ in precision.BESIDE_TAYLOR)}
+    _compare(directory, reference, max(repeats, MEDIAN_OF), "taylor", quick=False, only=beside)
+    _show(scaling.paper([scaling.FIG_3]), directory, "taylor-fig3")
+
+
 def require_oracle() -> None:
     """Check early that the oracle, against which errors are measured, is installed.
 
@@ -161,14 +173,16 @@ def require_oracle() -> None:
         raise VibroplatError("heyoka is the oracle of this bench; pip install 'vibroplat[bench]' has it")
 
 
-def _compare(directory: Path, reference: Path, repeats: int, name: str, *, quick: bool) -> list[Peer]:
-    """Measure work–precision of all installed peers; write and return the tables."""
+def _compare(
+    directory: Path, reference: Path, repeats: int, name: str, *, quick: bool, only: Collection[str] = ()
+) -> list[Peer]:
+    """Measure work–precision of all installed peers, or of those named only; write the tables, return the peers."""
     from vibroplat.bench.peers import cases, precision  # noqa: PLC0415
     from vibroplat.bench.peers.peers import PEERS  # noqa: PLC0415
 
     here = []
     for peer in PEERS:
-        if quick and not peer.quick:
+        if (quick and not peer.quick) or (only and peer.name not in only):
             continue
         if reason := peer.missing:
             print(f"left out: {peer.name}: {reason}", file=sys.stderr)
@@ -187,7 +201,7 @@ def _compare(directory: Path, reference: Path, repeats: int, name: str, *, quick
         print(plot_precision(table, directory, f"{name}-precision", SCALED, ["peer"]))
     _show(precision.at_equal_error(table, compared), directory, f"{name}-equal")
     measured = [case for case in compared if case.name in set(table["case"])]
-    _show(precision.beside_taylor(table, measured), directory, f"{name}-taylor")
+    _show(precision.beside_taylor(table, measured), directory, f"{name}-ratios")
     return here
 
 
@@ -200,6 +214,7 @@ REPORTS: dict[str, Callable[[Path, Path, int], None]] = {
     "stability": report_stability,
     "soak": report_soak,
     "peers": report_peers,
+    "taylor": report_taylor,
 }
 
 

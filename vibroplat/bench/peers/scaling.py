@@ -109,21 +109,26 @@ def memory(peers: Sequence[Peer], seconds: Sequence[float] = (10.0, 50.0)) -> pd
     return pd.DataFrame(rows)
 
 
-def paper() -> pd.DataFrame:
-    """Wall time of the paper's commands as a user gives them, on all cores."""
+#: The paper's commands.
+FIG_3 = ("Fig. 3: three masses, up and down", ("sweep", str(configurations() / "paper" / "fig3.yaml")))
+WHOLE_PAPER = ("whole paper, calibrated machine", ("paper", "--machine", "calibrated"))
+
+
+def paper(
+    commands: Sequence[tuple[str, tuple[str, ...]]] = (FIG_3, WHOLE_PAPER),
+    engines: Sequence[str] = ("native", "taylor"),
+) -> pd.DataFrame:
+    """Wall time of the paper's commands as a user gives them, on all cores, with each engine."""
     jobs = str(os.cpu_count() or 1)
-    vibroplat = (sys.executable, "-m", "vibroplat")
     rows = []
-    with tempfile.TemporaryDirectory() as room:
-        for name, arguments in (
-            ("Fig. 3: three masses, up and down", ("sweep", str(configurations() / "paper" / "fig3.yaml"))),
-            ("whole paper, calibrated machine", ("paper", "--machine", "calibrated")),
-        ):
-            began = time.perf_counter()
-            done = subprocess.run(
-                [*vibroplat, *arguments, "--jobs", jobs, "--out", room], capture_output=True, check=False
-            )
+    for name, arguments in commands:
+        for engine in engines:
+            with tempfile.TemporaryDirectory() as room:
+                given = (*arguments, "--engine", engine, "--jobs", jobs, "--out", room)
+                began = time.perf_counter()
+                done = subprocess.run([sys.executable, "-m", "vibroplat", *given], capture_output=True, check=False)
+                wall = time.perf_counter() - began
             rows.append(
-                {"what": name, "jobs": int(jobs), "wall_s": time.perf_counter() - began, "exit_code": done.returncode}
+                {"what": name, "engine": engine, "jobs": int(jobs), "wall_s": wall, "exit_code": done.returncode}
             )
     return pd.DataFrame(rows)
