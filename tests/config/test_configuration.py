@@ -156,7 +156,11 @@ MESSAGES = {
     ),
     "infinite": ("machine: {platform_mass_kg: -.inf}", "machine.platform_mass_kg = -inf; allowed: a finite number"),
     "beyond floats": ("machine: {platform_mass_kg: 1e999}", "machine.platform_mass_kg = inf; allowed: a finite number"),
-    "tolerance 0": ("solver: {tolerance: 0}", "solver.tolerance = 0; allowed: at least 1e-12"),
+    "tolerance 0": ("solver: {tolerance: 0}", "solver.tolerance = 0; allowed: at least 1e-14"),
+    "tolerance of taylor": (
+        "solver: {tolerance: 1e-13}",
+        "solver: tolerance = 1e-13 with engine auto; allowed: at least 1e-12, or 1e-14 with engine taylor",
+    ),
     "tolerance 1": ("solver: {tolerance: 1}", "solver.tolerance = 1; allowed: at most 0.01"),
     "beyond physics": (
         "machine: {platform_mass_kg: 1e31}",

@@ -33,7 +33,7 @@ from vibroplat.model.systems import ALGEBRAIC, DIFFERENTIAL, FULL_SIZE
 LAST = 4
 
 #: Largest difference of accelerations at the end of a step, times its length over its degree, in tolerances of rates.
-AGREED = 30.0
+AGREED = 5.0
 
 #: Round-off of an acceleration over the sum of its polynomial's terms.
 _NOISE = 1e3 * float(np.finfo(float).eps)

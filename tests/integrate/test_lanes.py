@@ -1,0 +1,136 @@
+"""Loops over rows as vectors, against numpy."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from vibroplat.kernels import lanes
+from vibroplat.kernels.compiled import compiled
+
+
+@compiled
+def products(a, b, n, last, out):
+    lanes.products_16(a, b, n, last, out)
+
+
+@compiled
+def products_of_two(a, b, n, last, out):
+    lanes.products_2(a, b, n, last, out)
+
+
+@compiled
+def evaluate(c, degree, s, out):
+    lanes.horner_16(c, degree, s, out)
+
+
+@compiled
+def evaluate_pair(c, degree, s, following, out):
+    lanes.horner_pair_16(c, degree, s, following, out)
+
+
+@compiled
+def differentiate(c, degree, s, out):
+    lanes.horner_8(c, degree, s, out)
+
+
+@compiled
+def sizes(c, first, degree, out):
+    lanes.sizes_16(c, first, degree, out)
+
+
+@compiled
+def fill_step(q, degree, length, n, c):
+    lanes.put_step(q, degree, length, n, c)
+
+
+@compiled
+def fill_row(a, row, first, second):
+    lanes.put_row(a, row, (first, second))
+
+
+@compiled
+def sines(x, y, out):
+    for i in range(x.size):
+        out[i, 0], out[i, 1], out[i, 2], out[i, 3] = lanes.sines(x[i], y[i])
+
+
+def rows(count, width, seed=0):
+    found = lanes.in_lines((count, width))
+    found[:] = np.random.default_rng(seed).normal(size=(count, width))
+    return found
+
+
+@pytest.mark.parametrize("n", [0, 1, 2, 3, 4, 9, 20])
+@pytest.mark.parametrize("short", [0, 1])
+def test_products(n, short):
+    for width, kernel in ((16, products), (2, products_of_two)):
+        a, b, out = rows(24, width), rows(24, width, 1), np.full(width, np.nan)
+        kernel(a, b, n, n - short, out)
+        expected = sum((a[j] * b[n - j] for j in range(2, n - short + 1)), np.zeros(width))
+        np.testing.assert_allclose(out, expected, rtol=1e-14, atol=1e-13)
+
+
+@pytest.mark.parametrize("degree", [1, 3, 17])
+def test_values_of_polynomials(degree):
+    c, powers = rows(degree + 1, 16), np.arange(degree + 1.0)[:, np.newaxis]
+    one, two = np.empty(16), np.empty((2, 16))
+    evaluate(c, degree, 0.3, one)
+    evaluate_pair(c, degree, 0.3, 1.0, two)
+    np.testing.assert_allclose(one, (c * 0.3**powers).sum(axis=0), atol=1e-13)
+    np.testing.assert_allclose(two, [one, c.sum(axis=0)], atol=1e-13)
+
+
+def test_derivatives_of_polynomials():
+    c, k, out = rows(18, 8), np.arange(18.0)[:, np.newaxis], np.empty((3, 8))
+    differentiate(c, 17, 0.4, out)
+    terms = (c * 0.4**k, k * c * 0.4 ** (k - 1.0), k * (k - 1.0) * c * 0.4 ** (k - 2.0))
+    np.testing.assert_allclose(out, [of.sum(axis=0) for of in terms], atol=1e-12)
+
+
+def test_sums_of_sizes():
+    c, out = rows(12, 16), np.empty(16)
+    sizes(c, 2, 9, out)
+    np.testing.assert_allclose(out, np.abs(c[2:10]).sum(axis=0))
+    sizes(c, 5, 4, out)
+    assert not out.any()
+
+
+@pytest.mark.parametrize("n", [5, 6, 7])
+def test_step_of_a_series(n):
+    q, c, k = rows(12, 8), lanes.in_lines((11, 16)), np.arange(11.0)[:, np.newaxis]
+    q[:, n:7] = 0.0
+    q[11] = 0.0
+    fill_step(q, 10, 0.25, n, c)
+    np.testing.assert_allclose(c[:, :n], q[:11, :n] * 0.25**k)
+    np.testing.assert_allclose(c[:, n : 2 * n], (k + 1.0) * q[1:, :n] * 0.25**k)
+    np.testing.assert_allclose(c[:, 2 * n], q[:11, 7] * 0.25 ** k[:, 0])
+
+
+def test_row_is_stored_alone():
+    a = rows(4, 4)
+    before = a.copy()
+    fill_row(a, 2, 7.0, 8.0)
+    before[2, :2] = 7.0, 8.0
+    np.testing.assert_array_equal(a, before)
+
+
+@pytest.mark.parametrize("largest", [1e-8, 1.0, 10.0, 1e3, 1e5])
+def test_sines_are_right_to_round_off(largest):
+    rng = np.random.default_rng(1)
+    x, y = rng.uniform(-largest, largest, (2, 10_000))
+    x[:9] = np.arange(-4, 5) * 0.25 * np.pi
+    out = np.empty((10_000, 4))
+    sines(x, y, out)
+    np.testing.assert_allclose(
+        out, np.stack([np.sin(x), np.cos(x), np.sin(y), np.cos(y)], axis=1), atol=2.3e-16, rtol=0
+    )
+
+
+def test_arrays_begin_with_a_line_of_the_cache():
+    for shape in ((3,), (5, 7), (2, 3, 16)):
+        array = lanes.in_lines(shape)
+        assert array.shape == shape
+        assert not array.any()
+        assert array.ctypes.data % 64 == 0
+        assert array.flags.c_contiguous

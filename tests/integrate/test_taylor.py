@@ -1,0 +1,140 @@
+"""Engine taylor: where steps end, how sure a guard is, rest of exciters, ends without a motion."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from vibroplat import Scene, simulate
+from vibroplat.bench.stability.campaign import random_scene
+from vibroplat.integrate.expansion import LAST, comes_to_rest, guard_fall
+from vibroplat.integrate.taylor import TaylorEngine, degree_of
+from vibroplat.kernels.lanes import in_lines
+from vibroplat.model.parameters import parameters
+from vibroplat.model.series import HIGHEST
+
+TAYLOR = {"solver.engine": "taylor"}
+DEGREE, GUARD = 17, 5
+
+
+@pytest.fixture(scope="module")
+def engine():
+    scene = Scene().replace(TAYLOR)
+    with_room = TaylorEngine(scene, parameters(scene))
+    assert with_room.degree == DEGREE
+    return with_room
+
+
+def fall(engine, coefficients, zeros=0):
+    """Fraction at which a guard falls, and whether that is sure; as in a step in flight."""
+    c = in_lines((DEGREE + 1, 16))
+    c[: len(coefficients), GUARD] = coefficients
+    e = engine._e
+    e.status["sizes"][GUARD] = np.abs(c[1:, GUARD]).sum()
+    return guard_fall(c, DEGREE, GUARD, zeros, False, e)
+
+
+def series_of(function, degree=DEGREE):
+    """Coefficients of a function on [0, 1] as a step has them."""
+    fit = np.polynomial.Chebyshev.interpolate(function, degree, domain=[0.0, 1.0])
+    return fit.convert(kind=np.polynomial.Polynomial).coef
+
+
+def with_rest(coefficients, size):
+    """The same with so much in the last coefficients, which bound the remainder, and nothing of it in the sum."""
+    c = np.zeros(DEGREE + 1)
+    c[: len(coefficients)] = coefficients
+    c[-LAST:] = 0.25 * size * np.array([1.0, -1.0, 1.0, -1.0])
+    return c
+
+
+def test_clear_falls_are_sure(engine):
+    assert fall(engine, [1.0, -2.0]) == (pytest.approx(0.5), True)
+    assert fall(engine, [1.0, 2.0]) == (-1.0, True)
+    found, sure = fall(engine, with_rest([1.0, -2.0], 1e-6))
+    assert sure
+    assert found == pytest.approx(0.5, abs=1e-6)
+
+
+@pytest.mark.parametrize(("depth", "sure"), [(1e-3, True), (1e-7, False), (-1e-7, False), (-1e-3, True)])
+def test_near_a_touch_the_answer_is_sure_beyond_the_remainder(engine, depth, sure):
+    """(s − 0.9)² − depth: a remainder of up to 1e-5 decides where the depth is smaller."""
+    touching = with_rest([0.81 - depth, -1.8, 1.0], 1e-5)
+    found, decided = fall(engine, touching)
+    assert decided == sure
+    if sure:
+        assert (found >= 0.0) == (depth > 0.0)
+
+
+def test_half_a_step_is_sure_where_the_whole_is_not(engine):
+    touching = with_rest([0.81 - 1e-7, -1.8, 1.0], 1e-5)
+    half = touching * 0.5 ** np.arange(DEGREE + 1)
+    assert not fall(engine, touching)[1]
+    assert fall(engine, half) == (-1.0, True)
+
+
+@pytest.mark.parametrize("zeros", [1, 2, 3])
+def test_known_zeros_at_the_start_are_no_falls(engine, zeros):
+    c = np.zeros(DEGREE + 1)
+    c[zeros], c[zeros + 1] = 1.0, -2.0
+    c[:zeros] = -1e-18
+    assert fall(engine, c, zeros) == (pytest.approx(0.5), True)
+
+
+def test_rest_of_an_exciter():
+    c, room = in_lines((DEGREE + 1, 16)), np.zeros((HIGHEST + 1, 1))
+    for sense in (1.0, -1.0):
+        c[:, 8] = 0.0
+        c[:2, 8] = sense, -4.0 * sense
+        assert comes_to_rest(c, DEGREE, 8, room) == pytest.approx(0.25)
+        c[:3, 8] = 0.0, sense, -2.0 * sense  # at rest at the beginning, then away and back
+        assert comes_to_rest(c, DEGREE, 8, room) == pytest.approx(0.5)
+        c[:3, 8] = 0.0, sense, sense
+        assert comes_to_rest(c, DEGREE, 8, room) == -1.0
+    c[:, 8] = 0.0
+    assert comes_to_rest(c, DEGREE, 8, room) == -1.0
+
+
+def test_degree_follows_the_tolerance():
+    degrees = [degree_of(10.0**-n) for n in range(2, 15)]
+    assert degrees == sorted(degrees)
+    assert degree_of(1e-6) == DEGREE
+    assert max(degrees) <= HIGHEST
+
+
+def test_few_steps_a_turn(quickstart):
+    scene = quickstart.replace({**TAYLOR, "material.mass_ratio": 0.0, "run.duration_s": 4.0})
+    summary = simulate(scene, keep="summary").summary
+    turns = 4.0 * scene.speed_scale / (2.0 * np.pi)
+    assert summary["engine"] == "taylor"
+    assert 2.0 < summary["steps"] / turns < 10.0
+    assert summary["error_test_failures"] <= 0.02 * summary["steps"]
+    assert summary["residual_calls"] is None
+
+
+@pytest.mark.parametrize("number", [58, 344, 9570])
+def test_a_motion_that_leaves_the_model_says_so(number):
+    summary = simulate(random_scene(number).replace(TAYLOR), keep="summary").summary
+    assert summary["outcome"] == "beyond-model"
+    assert "has turned by" in summary["detail"]
+    assert "mode " in summary["detail"]
+    assert summary["steps"] < 100_000
+
+
+def test_stiff_scene_has_a_note_and_others_have_none(quickstart):
+    notes = {}
+    calm = quickstart.replace({**TAYLOR, "drive.supply_frequency_hz": 40.0, "run.duration_s": 1.0})
+    stiff = calm.replace({"material.natural_frequency_hz": 5000.0})
+    for name, scene in (("calm", calm), ("stiff", stiff), ("native", stiff.replace({"solver.engine": "native"}))):
+        told = simulate(scene, keep="summary").summary["notes"]
+        notes[name] = [note for note in told if "engine taylor takes" in note]
+    assert (len(notes["calm"]), len(notes["stiff"]), len(notes["native"])) == (0, 1, 0)
+    assert "engine native is likely to be faster" in notes["stiff"][0]
+
+
+def test_tightest_tolerance(quickstart):
+    """At 1e-14 the energy balance holds to round-off."""
+    scene = quickstart.replace({**TAYLOR, "solver.tolerance": 1e-14, "run.duration_s": 1.0})
+    summary = simulate(scene, keep="summary").summary
+    assert summary["outcome"] == "ok"
+    assert summary["energy_residual"] < 1e-12
