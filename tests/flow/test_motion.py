@@ -242,3 +242,23 @@ def test_observers_see_each_step_and_event_once(scene, rows, monkeypatch):
     # a latch is a step of its own; where the guard's root is at the very end of a step, another adds nothing
     assert counter.steps == steps + counter.latches
     assert [segment.start for segment in segments.kept[1:]] == [segment.end for segment in segments.kept[:-1]]
+
+
+@pytest.mark.parametrize("engine", ["native", "taylor"])
+def test_a_motion_that_begins_again_is_a_new_one(quickstart, engine):
+    scene = quickstart.replace(
+        {"solver.engine": engine, "drive.program": [{"t_s": 0.1, "supply_frequency_hz": 50.0}]}
+    )
+    p = parameters(scene)
+    found = []
+    with closing(make_engine(scene, p)) as made:
+        motion = Motion(scene, p, made)
+        state = motion.state
+        for _ in range(2):
+            motion.to_time(0.3)
+            found.append((motion.now, motion.events, motion.state))
+            motion.begin_again(state)
+            assert (motion.now, motion.events) == (0.0, 0)
+            np.testing.assert_array_equal(motion.state, state)
+    assert found[0][:2] == found[1][:2]
+    np.testing.assert_array_equal(found[0][2], found[1][2])

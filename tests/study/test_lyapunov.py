@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import itertools
 import math
+from contextlib import closing
 from typing import NamedTuple
 
 import numba
@@ -13,7 +14,10 @@ import pytest
 
 from vibroplat import load_config
 from vibroplat.bench.known import GRAVITY, OMEGA, TURN, ball_on_table
+from vibroplat.flow.motion import Motion
 from vibroplat.hybrid.initial import initial_state
+from vibroplat.integrate.choice import make_engine
+from vibroplat.model.parameters import parameters
 from vibroplat.study.lyapunov import (
     BLOCKS,
     DISTANCE,
@@ -225,7 +229,7 @@ def exponents(ball, count, seed, monkeypatch):
     found = []
     for phase, speed in starts(ball, seed):
         scene = ball_on_table(*ball[:2], phase=phase, gap_rate=speed * GRAVITY / OMEGA)
-        _, state = turns_later(scene, initial_state(scene), FORGOTTEN)
+        _, state = later_state(scene, initial_state(scene), FORGOTTEN)
         lengths.clear()
         exponent = largest_exponent(scene, state, OF_THE_BALL, turns=1, least=ball.turns, most=ball.turns)
         if min(lengths) > AT_REST * DISTANCE:
@@ -375,10 +379,17 @@ def test_trajectories_that_meet_have_an_exponent_below_all_numbers(compared):
 # -- scenes -----------------------------------------------------------------------------------------------
 
 
+def later_state(scene, state, turns):
+    """Time passed and state some turns later."""
+    p = parameters(scene)
+    with closing(make_engine(scene, p)) as engine:
+        return turns_later(Motion(scene, p, engine), state, turns)
+
+
 def settled(config, frequency, changes=None):
     """A scene and its state after thirty seconds."""
     scene = load_config(config, {**(changes or {}), "drive.supply_frequency_hz": frequency})
-    later = turns_later(scene, initial_state(scene), int(15 * frequency))
+    later = later_state(scene, initial_state(scene), int(15 * frequency))
     assert later is not None
     return scene, later[1]
 
@@ -409,7 +420,7 @@ def test_exponent_is_that_of_the_slowest_settling(frequency):
     accurate = scene.replace({"solver.tolerance": 1e-10})
     phases = []
     for _ in range(5):
-        seconds, state = turns_later(accurate, state, 30)
+        seconds, state = later_state(accurate, state, 30)
         phases.append(math.remainder(state[3] + state[4], 2.0 * math.pi))
     rate = math.log((phases[4] - phases[3]) / (phases[3] - phases[2])) / seconds
     assert largest_exponent(scene, state).value == pytest.approx(rate, rel=0.05)

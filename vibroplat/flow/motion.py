@@ -6,6 +6,8 @@ import math
 from collections.abc import Sequence
 from typing import Protocol
 
+import numpy as np
+
 from vibroplat.drive import interval_at
 from vibroplat.hybrid import state as hy
 from vibroplat.hybrid.automaton import automaton
@@ -92,11 +94,27 @@ class Motion:
         self._interval = interval_at(self._intervals, time)
         supply(p, scene, self._interval)
         self.automaton = automaton(scene, p, steps, engine.turns_per_segment, state, time)
+        self._beginning = self.automaton.run.copy()
         first_mode(self.automaton)
         if mode is Mode.FLIGHT and self.automaton.run["mode"] == Mode.ATTACHED:
             fly(self.automaton)
         if mode is not None:
             join(self.automaton, mode is Mode.ATTACHED, self._interval.start == time and self._interval.corner)
+
+    def begin_again(self, state: FloatArray) -> None:
+        """Begin anew at another full state, shape (14,), at the time and in the interval of the drive as before.
+
+        It saves making records and steps for each of many short motions. What the engine has counted goes on.
+        """
+        run = np.asarray(self.automaton.run).reshape(1)
+        run[0] = self._beginning
+        run["state"] = state
+        self.events = 0
+        if self.now < self._interval.start or self.now >= self._interval.end:
+            self._interval = interval_at(self._intervals, self.now)
+            for p in (self._p, self.automaton.p, self.automaton.inelastic):
+                supply(p, self.scene, self._interval)
+        first_mode(self.automaton)
 
     def go_on(
         self, seconds: float, *, settle: float = 0.0, blocks: int = 1, observers: Sequence[Observer] = ()

@@ -91,7 +91,16 @@ def largest_exponent(
         Error that is small enough, relative to the exponent.
     """
     scene = scene.replace({"solver.tolerance": min(TOLERANCE, scene.solver.tolerance)})
-    lead = turns_later(scene, state, 1)
+    p = parameters(scene)
+    with closing(make_engine(scene, p)) as engine:
+        return _exponent(Motion(scene, p, engine, state), direction, turns, least, most, share)
+
+
+def _exponent(
+    motion: Motion, direction: FloatArray | None, turns: int, least: int, most: int, share: float
+) -> Exponent:
+    """Estimate the exponent of a motion from its state on, as :func:`largest_exponent` says."""
+    lead = turns_later(motion, motion.state, 1)
     if lead is None:
         return _NONE
     difference = np.ones(14) if direction is None else direction.copy()
@@ -99,7 +108,7 @@ def largest_exponent(
     seconds: list[float] = []
     while True:
         for _ in range(least + SKIPPED if not growth else MORE):
-            compared = _compare(scene, lead[1], difference, turns)
+            compared = _compare(motion, lead[1], difference, turns)
             if compared is None:
                 return _NONE
             lead, difference = compared
@@ -118,13 +127,13 @@ _NONE = Exponent(math.nan, math.nan, math.nan)
 
 
 def _compare(
-    scene: Scene, state: FloatArray, difference: FloatArray, turns: int
+    motion: Motion, state: FloatArray, difference: FloatArray, turns: int
 ) -> tuple[tuple[float, FloatArray], FloatArray] | None:
     """Advance a state and a neighbour by some turns; return the time passed and the new state, and the difference."""
-    scales = state_scales(scene)
+    scales = state_scales(motion.scene)
     follower = state + DISTANCE * _admissible(difference, state) * scales
     follower[GAP] = max(follower[GAP], 0.0)
-    ahead, behind = turns_later(scene, state, turns), turns_later(scene, follower, turns)
+    ahead, behind = turns_later(motion, state, turns), turns_later(motion, follower, turns)
     if ahead is None or behind is None:
         return None
     difference = behind[1] - ahead[1]
@@ -145,17 +154,17 @@ def _estimate(growth: FloatArray, seconds: FloatArray, turns: int) -> Exponent:
     return Exponent(float(growth.sum() / seconds.sum()), max(errors), turn)
 
 
-def turns_later(scene: Scene, state: FloatArray, turns: int) -> tuple[float, FloatArray] | None:
-    """Time passed (s) and full state where exciter 1 completes so many turns after a state; None if it does not."""
-    p = parameters(scene)
-    turn = 2.0 * math.pi / scene.speed_scale
-    with closing(make_engine(scene, p)) as engine:
-        motion = Motion(scene, p, engine, state)
-        if not motion.to_section(turns, (2 * turns + 2) * turn):
-            return None
-        found = motion.state
-        found[3:5] -= _TURN * np.round(found[3:5] / _TURN)
-        return motion.now, found
+def turns_later(motion: Motion, state: FloatArray, turns: int) -> tuple[float, FloatArray] | None:
+    """Time passed (s) and full state where exciter 1 completes so many turns after a state; None if it does not.
+
+    The motion begins again at that state.
+    """
+    motion.begin_again(state)
+    if not motion.to_section(turns, (2 * turns + 2) * _TURN / motion.scene.speed_scale):
+        return None
+    found = motion.state
+    found[3:5] -= _TURN * np.round(found[3:5] / _TURN)
+    return motion.now, found
 
 
 def _admissible(difference: FloatArray, state: FloatArray) -> FloatArray:
