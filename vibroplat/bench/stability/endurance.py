@@ -11,7 +11,7 @@ import numpy as np
 
 from vibroplat.bench.known import TURN
 from vibroplat.bench.scenes import kinds
-from vibroplat.bench.stability.checks import ENERGY, Limit, row
+from vibroplat.bench.stability.checks import ENERGY, Limit, row, with_engine
 from vibroplat.flow.motion import Motion
 from vibroplat.hybrid.modes import IMPACT
 from vibroplat.hybrid.state import Automaton
@@ -35,10 +35,10 @@ INTERVAL = 2e-5
 TOLERANCE = 1e-6
 
 
-def endurance(count: int) -> list[dict[str, Any]]:
+def endurance(count: int, engine: str) -> list[dict[str, Any]]:
     """Run scenes for a total number of turns, with statistics only."""
     scenes = kinds(TOLERANCE, 1.0)
-    return [_long(name, scenes[name], count / len(SCENES)) for name in SCENES]
+    return [_long(name, with_engine(scenes[name], engine), count / len(SCENES)) for name in SCENES]
 
 
 def _long(name: str, scene: Scene, turns: float) -> dict[str, Any]:
