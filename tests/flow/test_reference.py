@@ -49,10 +49,10 @@ GROWTH = {
 
 #: Where the motion amplifies errors, what counts is how many steps they are made in: at this tolerance engine
 #: ``native``, whose steps follow the tolerance more closely, takes as many as ``sundae`` does at 1e-8.
-LATCH_TOLERANCE = {"native": 3e-9, "sundae": 1e-8}
+LATCH_TOLERANCE = {"native": 3e-9, "sundae": 1e-8, "taylor": 1e-8}
 
 
-@pytest.fixture(scope="module", params=["native", "sundae"])
+@pytest.fixture(scope="module", params=["native", "sundae", "taylor"])
 def runs(request):
     scenes = {name: load_config(REFERENCE / f"{name}.yaml") for name in PLAIN_CASES + LATCH_CASES}
     for name in LATCH_CASES:
