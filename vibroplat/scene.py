@@ -248,7 +248,6 @@ class Solver(Section):
         5_000, description="a run ends if it has more events within one turn at the synchronous speed"
     )
 
-
     @model_validator(mode="after")
     def _require_reachable_tolerance(self) -> Self:
         if self.engine != "taylor" and self.tolerance < LEAST_TOLERANCE_SUNDIALS:

@@ -203,9 +203,7 @@ def reaches(c: FloatArray, degree: int, target: float) -> bool:
 
 
 @compiled
-def guard_fall(
-    c: FloatArray, degree: int, guard: int, zeros: int, algebraic: bool, e: Expansion
-) -> tuple[float, bool]:
+def guard_fall(c: FloatArray, degree: int, guard: int, zeros: int, algebraic: bool, e: Expansion) -> tuple[float, bool]:
     """Fraction of a step at which its guard falls through zero, −1 if it does not, and whether that is sure.
 
     A guard is its polynomial of degree d and a remainder, which is taken to be within T sᵈ at fraction s of the step; T

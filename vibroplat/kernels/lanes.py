@@ -326,6 +326,7 @@ def _put_step(typing_context: Any, q: Any, degree: Any, length: Any, n: Any, c: 
 
 
 if TYPE_CHECKING:
+
     def put_row(a: FloatArray, row: int, numbers: tuple[float, ...]) -> None:
         """Store numbers at the beginning of a row."""
 

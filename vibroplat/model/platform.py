@@ -147,9 +147,7 @@ def exciter_masses(
 
 
 @compiled
-def compliance(
-    first: Unbalance, second: Unbalance, mobility: tuple[float, float, float], p: Parameters
-) -> Compliance:
+def compliance(first: Unbalance, second: Unbalance, mobility: tuple[float, float, float], p: Parameters) -> Compliance:
     """Invert the mass matrix in a state, from its couplings and the mobility of x, y, φ."""
     m11, m12, m22 = exciter_masses(first, second, mobility, p)
     determinant = m11 * m22 - m12 * m12

@@ -239,8 +239,9 @@ def expand(system: int, t: float, y: FloatArray, degree: int, room: Any, p: Para
             phi_1 = y[n + 2]
         unbalances = curvature(a[3], known_1, fixed_1) + curvature(a[4], known_2, fixed_2)
         turning = a[2]
-        first, second = following(k, share, a, a[3], known_1, first, fixed_1), following(
-            k, share, a, a[4], known_2, second, fixed_2
+        first, second = (
+            following(k, share, a, a[3], known_1, first, fixed_1),
+            following(k, share, a, a[4], known_2, second, fixed_2),
         )
         c1, c2, s1, s2, u1, u2 = first.cosine, second.cosine, first.sine, second.sine, first.slip, second.slip
         put_row(room.early, k + 2, (c1, c2, s1, s2, s1, s2, c1, c2, u1, u2, w1, w2, phi, phi, phi, rate[2]))

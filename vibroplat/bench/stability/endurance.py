@@ -57,7 +57,7 @@ def _long(name: str, scene: Scene, turns: float) -> dict[str, Any]:
             found["interval_spread"] = times.spread
             steps, before = engine.work["steps"] or 0, steps
             parts.append(found | {"steps": steps - before})
-            memory.append(_resident())
+            memory.append(resident())
         outcome, state = motion.outcome, motion.automaton.run["state"]
     limits: dict[str, Limit] = {
         "memory_growth_kib": (memory[-1] - memory[0], MEMORY),
@@ -96,7 +96,7 @@ class Impacts(NamedTuple):
         return float(np.abs(between / np.median(between) - 1.0).max()) if len(between) else 0.0
 
 
-def _resident() -> float:
+def resident() -> float:
     """Memory in use (KiB), or its maximum so far if the system does not report it."""
     try:
         pages = int(Path("/proc/self/statm").read_text(encoding="utf-8").split()[1])
