@@ -1,7 +1,7 @@
 """Exciters at rest: starts, coast-downs and swings, where the second derivative of the resistance ω|ω| jumps.
 
-SUNDIALS integrates across it, with no event. What that costs was measured with swings of both exciters, also restarted at the very moments
-of standstill, as an event would. Errors of ten swings, eight standstills each (geometric means): their power of
+SUNDIALS integrates across it, with no event. What that costs was measured with swings of both exciters, also restarted
+at the very moments of standstill, as an event would. Errors of ten swings, eight standstills each (geometric means): their power of
 tolerance over 1e-4 … 1e-12, and the error at 1e-12.
 
 ========================  ============  ==============
@@ -182,7 +182,7 @@ def test_errors_fall_with_the_tolerance(motion, smooth_modes):
 
 @EACH
 def test_a_series_keeps_its_order_over_standstills(motion):
-    """Its errors are of the order of the tolerance, down to round-off: of the reference, of tolerance 1e-13, as well."""
+    """Its errors are of the order of the tolerance, down to round-off, of the reference as well."""
     tolerances = np.array([*TOLERANCES, 1e-13, 1e-14])
     found = errors(motion, TAYLOR, tolerances)
     assert (found <= 5.0 * tolerances + 5e-13).all()
