@@ -1,8 +1,8 @@
 """Exciters at rest: starts, coast-downs and swings, where the second derivative of the resistance ω|ω| jumps.
 
 SUNDIALS integrates across it, with no event. What that costs was measured with swings of both exciters, also restarted
-at the very moments of standstill, as an event would. Errors of ten swings, eight standstills each (geometric means): their power of
-tolerance over 1e-4 … 1e-12, and the error at 1e-12.
+at the very moments of standstill, as an event would. Errors of ten swings, eight standstills each (geometric means):
+their power of tolerance over 1e-4 … 1e-12, and the error at 1e-12.
 
 ========================  ============  ==============
 resistance                IDA           Adams
