@@ -301,7 +301,7 @@ def by_dop853(scene):
 LONG = pytest.mark.long
 
 
-@pytest.mark.parametrize("engine", ["native", pytest.param("sundae", marks=LONG)])
+@pytest.mark.parametrize("engine", ["native", "taylor", pytest.param("sundae", marks=LONG)])
 @pytest.mark.parametrize(
     "changes",
     [
@@ -336,9 +336,10 @@ def test_engines_agree_through_ramps_and_switching(scene, changes, engine):
             assert error < 2e-5, name
 
 
+@pytest.mark.parametrize("engine", ["native", "taylor"])
 @pytest.mark.parametrize("changes", [{}, BARE], ids=["contact", "bare"])
-def test_errors_fall_with_the_tolerance(scene, changes):
-    scene = scene.replace(changes)
+def test_errors_fall_with_the_tolerance(scene, changes, engine):
+    scene = scene.replace({**changes, "solver.engine": engine})
     exact = simulate(scene.replace({"solver.tolerance": 1e-12})).final_state
     errors = [
         np.abs(

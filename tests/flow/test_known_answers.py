@@ -8,14 +8,21 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from vibroplat import simulate
+import vibroplat
 from vibroplat.bench.known import GRAVITY, OMEGA, TURN, accumulation_time, ball_on_table, dropped_ball
+
+
+@pytest.fixture(params=["native", "taylor"])
+def simulate(request):
+    """Run a scene with each engine."""
+    return lambda scene, **options: vibroplat.simulate(scene.replace({"solver.engine": request.param}), **options)
+
 
 # -- ball on a table (Holmes 1982; Mehta & Luck 1990; Luck & Mehta 1993) ---------------------------------
 
 
 @pytest.mark.parametrize(("gamma", "fraction"), [(1.5, 0.567581021819), (2.0, 0.741479241490), (3.0, 0.949774312877)])
-def test_flight_fraction_of_the_inelastic_ball(gamma, fraction):
+def test_flight_fraction_of_the_inelastic_ball(simulate, gamma, fraction):
     summary = simulate(ball_on_table(gamma)).summary
     assert summary["outcome"] == "ok"
     assert summary["flight_fraction"] == pytest.approx(fraction, abs=1e-6)
@@ -23,12 +30,12 @@ def test_flight_fraction_of_the_inelastic_ball(gamma, fraction):
     assert summary["impacts"] in (39, 40)
 
 
-def test_landing_speed_of_the_inelastic_ball():
+def test_landing_speed_of_the_inelastic_ball(simulate):
     impacts = simulate(ball_on_table(2.0)).events.query("kind == 'impact'")
     assert impacts["gap_rate_before_m_per_s"].iloc[-1] * OMEGA / GRAVITY == pytest.approx(-3.8326824916, abs=1e-8)
 
 
-def test_no_flight_below_one_g():
+def test_no_flight_below_one_g(simulate):
     assert simulate(ball_on_table(1.0 - 1e-6, tolerance=1e-8)).summary["events"] == 0
 
 
@@ -45,7 +52,7 @@ def short_flight_fraction(gamma):
 
 
 @pytest.mark.parametrize("excess", [1e-4, 1e-3, 1e-2, 1e-1])
-def test_short_flights_are_neither_missed_nor_doubled(excess):
+def test_short_flights_are_neither_missed_nor_doubled(simulate, excess):
     """Just above lift-off the gap opens on a triple root; each period has one liftoff and one impact."""
     run = simulate(ball_on_table(1.0 + excess, tolerance=1e-9))
     assert run.summary["liftoffs"] == run.summary["impacts"] == 40
@@ -55,7 +62,7 @@ def test_short_flights_are_neither_missed_nor_doubled(excess):
 
 
 @pytest.mark.parametrize("excess", [1e-7, 1e-6, 1e-5])
-def test_shortest_flights_cause_no_storm(excess):
+def test_shortest_flights_cause_no_storm(simulate, excess):
     # F_c falls by the excess below zero; its error is some 100 times the tolerance
     run = simulate(ball_on_table(1.0 + excess, tolerance=1e-3 * excess))
     assert run.outcome == "ok"
@@ -71,26 +78,26 @@ def period_one(gamma, restitution, nudge, **options):
     return scene, phase
 
 
-def impact_phases(scene, phase):
+def impact_phases(simulate, scene, phase):
     impacts = simulate(scene).events.query("kind == 'impact'")["t_s"].to_numpy()
     return np.mod(OMEGA * impacts + phase + 1.0, TURN) - 1.0
 
 
-def test_period_one_orbit_attracts():
+def test_period_one_orbit_attracts(simulate):
     scene, phase = period_one(1.3, 0.5, 1e-3, periods=60)
-    phases = impact_phases(scene, phase)
+    phases = impact_phases(simulate, scene, phase)
     assert len(phases) in (59, 60)  # the last falls on the run's end
     assert phases[-1] == pytest.approx(phase, abs=1e-7)
 
 
-def test_period_one_orbit_contracts_by_restitution_squared():
+def test_period_one_orbit_contracts_by_restitution_squared(simulate):
     """The Jacobian's determinant is R²: two nudges span an area that shrinks by R² each period."""
     restitution, gamma = 0.5, 1.3
     scene, phase = period_one(gamma, restitution, 0.0, periods=3)
-    base = state_after_impacts(scene)
-    first = state_after_impacts(period_one(gamma, restitution, 1e-4, periods=3)[0])
+    base = state_after_impacts(simulate, scene)
+    first = state_after_impacts(simulate, period_one(gamma, restitution, 1e-4, periods=3)[0])
     second_scene, _ = period_one(gamma, restitution, -1e-4, periods=3)
-    second = state_after_impacts(shifted(second_scene, phase, gamma, 1e-4))
+    second = state_after_impacts(simulate, shifted(second_scene, phase, gamma, 1e-4))
     area = [np.linalg.det([a - o, b - o]) for o, a, b in zip(base, first, second, strict=True)]
     assert area[1] / area[0] == pytest.approx(restitution**2, rel=2e-3)
 
@@ -104,7 +111,7 @@ def shifted(scene, phase, gamma, shift):
     return later.replace({"run.initial.state.gap_rate_m_per_s": rate})
 
 
-def state_after_impacts(scene):
+def state_after_impacts(simulate, scene):
     """Impact phase and the ball's velocity after impact, for the first two impacts, shape (2, 2)."""
     run = simulate(scene)
     start = math.atan2(-math.sin(scene.run.initial.state.phi1_rad), -math.cos(scene.run.initial.state.phi1_rad))
@@ -120,7 +127,7 @@ def state_after_impacts(scene):
 
 
 @pytest.mark.parametrize("restitution", [0.05, 0.3, 0.5, 0.8])
-def test_accumulation_time_of_a_dropped_ball(restitution):
+def test_accumulation_time_of_a_dropped_ball(simulate, restitution):
     events = simulate(dropped_ball(restitution)).events
     latch = events[events["kind"] == "latch"].iloc[0]
     assert latch["t_s"] == pytest.approx(accumulation_time(restitution), rel=1e-8)
@@ -132,7 +139,7 @@ def test_accumulation_time_printed_to_twelve_digits():
 
 
 @pytest.mark.parametrize("restitution", [0.3, 0.8])
-def test_impulses_and_losses_of_an_accumulation_add_up(restitution):
+def test_impulses_and_losses_of_an_accumulation_add_up(simulate, restitution):
     """All impulses give the ball the momentum m√(2gh) + m g t; all losses are the height's energy."""
     scene = dropped_ball(restitution)
     run = simulate(scene)
@@ -143,7 +150,7 @@ def test_impulses_and_losses_of_an_accumulation_add_up(restitution):
     assert landed["energy_loss_j"].sum() == pytest.approx(mass * GRAVITY * 1.0, rel=1e-7)
 
 
-def test_threshold_of_accumulation_follows_the_tolerance():
+def test_threshold_of_accumulation_follows_the_tolerance(simulate):
     """A looser run closes earlier, and its closing time is off by no more than it claims."""
     loose, tight = (simulate(dropped_ball(0.5, tolerance=t)).events for t in (1e-4, 1e-10))
     assert len(loose) < len(tight)
@@ -170,7 +177,7 @@ def sticking_ball(restitution, sticking_speed):
 
 @pytest.mark.parametrize("restitution", [0.3, 0.5, 0.8])
 @pytest.mark.parametrize("sticking_speed", [5.0, 4.0, 1.0, 0.01, 1e-4, 1e-8, 1e-9, 1e-12])
-def test_ball_comes_to_rest_at_the_first_impact_that_is_too_slow(restitution, sticking_speed):
+def test_ball_comes_to_rest_at_the_first_impact_that_is_too_slow(simulate, restitution, sticking_speed):
     """The last three are summed by the latch, which counts what it sums."""
     scene = sticking_ball(restitution, sticking_speed)
     run = simulate(scene)
@@ -193,7 +200,7 @@ def test_ball_comes_to_rest_at_the_first_impact_that_is_too_slow(restitution, st
 
 @pytest.mark.parametrize("restitution", [0.3, 0.8])
 @pytest.mark.parametrize("sticking_speed", [1e-8, 1e-9, 1e-12])
-def test_latch_lasts_until_an_impact_sticks(restitution, sticking_speed):
+def test_latch_lasts_until_an_impact_sticks(simulate, restitution, sticking_speed):
     events = simulate(sticking_ball(restitution, sticking_speed)).events
     before, latch = events.iloc[-2], events.iloc[-1]
     rebound, count = before["gap_rate_after_m_per_s"], latch["impacts"]
@@ -202,7 +209,7 @@ def test_latch_lasts_until_an_impact_sticks(restitution, sticking_speed):
     assert latch["t_s"] - before["t_s"] == pytest.approx(expected, abs=1e-15)
 
 
-def test_elastic_ball_sticks_only_below_the_sticking_speed():
+def test_elastic_ball_sticks_only_below_the_sticking_speed(simulate):
     fall = math.sqrt(2.0 / GRAVITY)
     elastic = {"contact.restitution": 1.0, "run.duration_s": 6.5 * fall}
     flying = simulate(sticking_ball(0.5, 4.42).replace(elastic)).events
@@ -214,7 +221,7 @@ def test_elastic_ball_sticks_only_below_the_sticking_speed():
     assert stuck["mode_after"].tolist() == ["attached"]
 
 
-def test_impact_at_the_sticking_speed_rebounds():
+def test_impact_at_the_sticking_speed_rebounds(simulate):
     speed = -simulate(dropped_ball(0.5)).events["gap_rate_before_m_per_s"].iloc[0]
     assert len(simulate(sticking_ball(0.5, speed)).events) == 2
     assert len(simulate(sticking_ball(0.5, math.nextafter(speed, 10.0))).events) == 1
@@ -225,7 +232,7 @@ def test_impact_at_the_sticking_speed_rebounds():
 
 @pytest.mark.parametrize("skew", [0.5, 2.5])
 @pytest.mark.parametrize(("supply", "expected"), [(44.0, math.pi), (50.0, math.pi), (58.0, math.pi), (38.0, 0.0)])
-def test_phase_difference_from_skew_starts(printed, supply, expected, skew):
+def test_phase_difference_from_skew_starts(simulate, printed, supply, expected, skew):
     scene = printed.replace(
         {
             "drive.supply_frequency_hz": supply,
@@ -239,7 +246,7 @@ def test_phase_difference_from_skew_starts(printed, supply, expected, skew):
     assert summary["phase_coherence"] > 0.999
 
 
-def test_sommerfeld_capture(printed):
+def test_sommerfeld_capture(simulate, printed):
     """L_M(ω) = b_y ω A²/4 has its first root at 30.4929 Hz for f_e = 66 Hz, k_R = 0."""
     scene = printed.replace(
         {
@@ -255,7 +262,7 @@ def test_sommerfeld_capture(printed):
 # -- attached, linear -----------------------------------------------------------------------------------------
 
 
-def test_contact_force_of_the_linear_attached_motion(damped):
+def test_contact_force_of_the_linear_attached_motion(simulate, damped):
     """At steady antiphase the attached motion is a linear two-mass response to 2 k ω² sin ωt."""
     scene = damped.replace(
         {

@@ -36,7 +36,7 @@ def motion_of(scene):
         yield Motion(scene, p, engine)
 
 
-@pytest.fixture(params=["native", pytest.param("sundae", marks=pytest.mark.long)])
+@pytest.fixture(params=["native", "taylor", pytest.param("sundae", marks=pytest.mark.long)])
 def engine(request):
     return request.param
 
@@ -230,8 +230,8 @@ class Counter:
 
 @pytest.mark.parametrize("rows", [8, 2000])
 def test_observers_see_each_step_and_event_once(scene, rows, monkeypatch):
-    name = "native.NativeEngine" if scene.solver.engine == "native" else "sundae.SundaeEngine"
-    monkeypatch.setattr(f"vibroplat.integrate.{name}.rows", rows)
+    name = scene.solver.engine
+    monkeypatch.setattr(f"vibroplat.integrate.{name}.{name.capitalize()}Engine.rows", rows)
     counter, segments = Counter(), Segments()
     with motion_of(scene) as motion:
         for time in (0.2, 0.3, 0.5):
@@ -246,9 +246,7 @@ def test_observers_see_each_step_and_event_once(scene, rows, monkeypatch):
 
 @pytest.mark.parametrize("engine", ["native", "taylor"])
 def test_a_motion_that_begins_again_is_a_new_one(quickstart, engine):
-    scene = quickstart.replace(
-        {"solver.engine": engine, "drive.program": [{"t_s": 0.1, "supply_frequency_hz": 50.0}]}
-    )
+    scene = quickstart.replace({"solver.engine": engine, "drive.program": [{"t_s": 0.1, "supply_frequency_hz": 50.0}]})
     p = parameters(scene)
     found = []
     with closing(make_engine(scene, p)) as made:

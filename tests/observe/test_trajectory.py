@@ -24,7 +24,7 @@ def test_dense_output_is_as_accurate_as_the_steps(damped):
 def test_the_gap_is_zero_at_events_and_open_between_them(quickstart):
     """Tables say so exactly: rows at events have what the automaton has there, not what is interpolated."""
     changes = {"contact.restitution": 0.5, "drive.supply_frequency_hz": 57.5, "run.duration_s": 1.0}
-    for engine in ("native", "sundae"):
+    for engine in ("native", "sundae", "taylor"):
         run = simulate(quickstart.replace({**changes, "solver.engine": engine}))
         table = run.trajectory
         at_events = table["t_s"].isin(run.events["t_s"])

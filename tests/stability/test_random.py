@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from vibroplat import simulate
 from vibroplat.bench.stability.campaign import STORM, TURNS, Draw, drawn
-from vibroplat.bench.stability.checks import NAMED, row, sound
+from vibroplat.bench.stability.checks import NAMED, row, sound, with_engine
+from vibroplat.bench.stability.situations import ENGINES
 from vibroplat.integrate.native import MAX_STEPS
 
 
@@ -34,8 +36,8 @@ class Numbers:
         return [3.0 * self._data.draw(st.floats(-1.0, 1.0)) for _ in range(size)]
 
 
-def held(data):
-    scene = drawn(Draw(Numbers(data)), "drawn")
+def held(data, engine):
+    scene = with_engine(drawn(Draw(Numbers(data)), "drawn"), engine)
     summary = simulate(scene, keep="summary").summary
     limits = sound(scene, summary) | {
         "steps": (summary["steps"], MAX_STEPS * (TURNS + 1.0)),
@@ -45,6 +47,7 @@ def held(data):
     assert failed == "", scene.to_tree()
 
 
+@pytest.mark.parametrize("engine", ENGINES)
 @settings(
     max_examples=100,
     derandomize=True,
@@ -53,5 +56,5 @@ def held(data):
     suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large],
 )
 @given(data=st.data())
-def test_any_scene_ends_soundly_with_a_named_outcome(data):
-    held(data)
+def test_any_scene_ends_soundly_with_a_named_outcome(data, engine):
+    held(data, engine)

@@ -201,6 +201,16 @@ def test_a_flight_that_only_one_run_has_is_found_unless_it_is_slight(swapped):
     assert (len(found.rows), found.differ_s) == (4, np.inf)
 
 
+def test_an_accumulation_may_be_closed_sooner_in_one_run():
+    def accumulation(count, first):
+        falls = first * 0.4 ** np.arange(count)
+        return (*FLIGHTS[:2], *((0.020 + t, "impact", -0.05) for t in np.cumsum(falls).tolist()), *FLIGHTS[2:])
+
+    found = pairs(accumulation(2, 1e-6), accumulation(5, 1e-6))
+    assert (len(found.rows), found.differ_s) == (6, np.inf)
+    assert pairs(accumulation(2, 1e-3), accumulation(5, 1e-3)).differ_s < 0.03
+
+
 def test_an_event_at_the_end_may_come_after_it():
     assert pairs(FLIGHTS, FLIGHTS[:3], until=0.0601).differ_s == np.inf
     assert pairs(FLIGHTS, FLIGHTS[:3], until=0.09).differ_s == 0.060

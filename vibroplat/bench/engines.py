@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import resource
 import statistics
 import subprocess
 import sys
@@ -12,12 +11,14 @@ import time
 from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from vibroplat.bench.reference import Reference
 from vibroplat.bench.scenes import base, kinds, regimes
+from vibroplat.bench.stability.endurance import resident
 from vibroplat.bench.timing import TOLERANCES, with_engine
 from vibroplat.flow.motion import Motion
 from vibroplat.flow.run import simulate
@@ -27,6 +28,8 @@ from vibroplat.model.parameters import parameters
 from vibroplat.model.systems import GAP, systems
 from vibroplat.scene import Mode, Scene
 
+#: Engines of the long run.
+ENGINES = ("native", "taylor")
 #: Turns between artificial restarts; not simple fractions, so that restarts hit all phases of a turn.
 _TURNS = (1.0, 1.51, 2.37)
 
@@ -80,28 +83,30 @@ def regime_references(seconds: float = 1.0) -> list[Reference]:
 
 
 def endurance(restarts: float = 1e6, tolerance: float = 1e-6) -> pd.DataFrame:
+    """Run a scene with impacts for very many restarts with each engine, as :func:`long_run` does."""
+    return pd.DataFrame([long_run(engine, restarts, tolerance) for engine in ENGINES])
+
+
+def long_run(engine: str, restarts: float, tolerance: float) -> dict[str, Any]:
     """Run a scene with impacts for very many restarts without a trajectory: time, memory, gap, energy."""
-    scene = with_engine(base(tolerance, 1.0).replace({"drive.supply_frequency_hz": 50.0}), "native")
+    scene = with_engine(base(tolerance, 1.0).replace({"drive.supply_frequency_hz": 50.0}), engine)
     flight = systems(scene)[Mode.FLIGHT]
     rate = simulate(scene.replace({"run.duration_s": 100.0}), keep="summary").summary["restarts"] / 100.0
-    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    before = resident()
     began = time.perf_counter()
     summary = simulate(scene.replace({"run.duration_s": 1.002 * restarts / rate}), keep="summary").summary
     seconds = time.perf_counter() - began
     names = ("outcome", "simulated_s", "restarts", "liftoffs", "impacts", "impacts_per_period", "energy_residual")
-    return pd.DataFrame(
-        [
-            {
-                **{name: summary[name] for name in names},
-                "tolerance": tolerance,
-                "seconds": seconds,
-                "ms_per_s": 1e3 * seconds / summary["simulated_s"],
-                "memory_growth_kib": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before,
-                "gap_min_m": summary["gap_min_m"],
-                "gap_tolerance_m": absolute_tolerances(scene, flight)[GAP],
-            }
-        ]
-    )
+    return {
+        "engine": engine,
+        **{name: summary[name] for name in names},
+        "tolerance": tolerance,
+        "seconds": seconds,
+        "ms_per_s": 1e3 * seconds / summary["simulated_s"],
+        "memory_growth_kib": resident() - before,
+        "gap_min_m": summary["gap_min_m"],
+        "gap_tolerance_m": absolute_tolerances(scene, flight)[GAP],
+    }
 
 
 def start_times(repeats: int = 3) -> pd.DataFrame:
@@ -138,7 +143,7 @@ def _start_times(engine: str, repeats: int) -> pd.DataFrame:
     )
 
 
-def targets(speed: pd.DataFrame, restarts: pd.DataFrame, long_run: pd.DataFrame, starts: pd.DataFrame) -> pd.DataFrame:
+def targets(speed: pd.DataFrame, restarts: pd.DataFrame, long_runs: pd.DataFrame, starts: pd.DataFrame) -> pd.DataFrame:
     """Compare the measurements with the design targets of the engines."""
 
     def of(scene: str, engine: str, column: str) -> float:
@@ -147,7 +152,7 @@ def targets(speed: pd.DataFrame, restarts: pd.DataFrame, long_run: pd.DataFrame,
 
     impacts, attached = "impacts, f_e 50", "attached, f_e 46"
     at_1e6 = restarts[restarts["tolerance"] == 1e-6].groupby("scene")["steps_per_restart"].mean()
-    run, start = long_run.iloc[0], starts.set_index(["engine", "start"])["seconds"]
+    start = starts.set_index(["engine", "start"])["seconds"]
     rows = [
         ("sundae over native, 50 impacts a second", of(impacts, "sundae", "ratio"), ">=", 8.0),
         ("sundae over native, attached", of(attached, "sundae", "ratio"), ">=", 6.0),
@@ -155,15 +160,18 @@ def targets(speed: pd.DataFrame, restarts: pd.DataFrame, long_run: pd.DataFrame,
         ("ms per s, 50 impacts a second", of(impacts, "native", "ms_per_s_median"), "<=", 4.0),
         ("steps per restart at 1e-6, attached", float(at_1e6["attached, f_e 46"]), "<=", 25.0),
         ("steps per restart at 1e-6, bare", float(at_1e6["bare, f_e 50"]), "<=", 25.0),
-        ("restarts of the long run", float(run["restarts"]), ">=", 1e6),
-        ("memory growth in it (KiB)", float(run["memory_growth_kib"]), "<=", 1024.0),
-        ("liftoffs without impact", float(abs(run["liftoffs"] - run["impacts"])), "<=", 1.0),
-        ("least gap over its tolerance", float(run["gap_min_m"] / run["gap_tolerance_m"]), ">=", -10.0),
         ("cold start (s)", float(start["native", "cold"]), "<=", 30.0),
         ("warm start (s)", float(start["native", "warm"]), "<=", 1.5),
         ("cold start of taylor (s)", float(start["taylor", "cold"]), "<=", 40.0),
         ("warm start of taylor (s)", float(start["taylor", "warm"]), "<=", 1.5),
     ]
+    for run in long_runs.to_dict("records"):
+        rows += [
+            (f"restarts of the long run, {run['engine']}", run["restarts"], ">=", 1e6),
+            ("memory growth in it (KiB)", run["memory_growth_kib"], "<=", 1024.0),
+            ("liftoffs without impact", abs(run["liftoffs"] - run["impacts"]), "<=", 1.0),
+            ("least gap (m)", run["gap_min_m"], ">=", 0.0),
+        ]
     table = pd.DataFrame(rows, columns=["figure", "measured", "relation", "target"])
     met = np.where(
         table["relation"] == ">=", table["measured"] >= table["target"], table["measured"] <= table["target"]

@@ -71,20 +71,23 @@ def report_sweeps(directory: Path, reference: Path, repeats: int) -> None:
 
 def report_stability(directory: Path, reference: Path, repeats: int) -> None:
     """Run situations that are difficult for a hybrid solver; every scene is checked and gets a row in a table."""
-    from vibroplat.bench.stability.checks import overview  # noqa: PLC0415
+    from vibroplat.bench.stability.checks import overview, side_by_side  # noqa: PLC0415
     from vibroplat.bench.stability.situations import SITUATIONS  # noqa: PLC0415  (imports all situations)
 
     tables = {}
     for name, situation in SITUATIONS.items():
-        began = time.perf_counter()
-        table = pd.DataFrame(situation.run(situation.all))
-        seconds = time.perf_counter() - began
-        write_table(table, directory, f"stability-{name}", "csv")
-        tables[name] = table
-        failed = table[table["failed"] != ""]
-        print(f"{name:<16}{len(table)} scenes, {len(failed)} failed, {seconds:.3g} s", flush=True)
-        for scene, what in zip(failed["scene"].head(TOLD), failed["failed"].head(TOLD), strict=True):
-            print(f"  {scene}: {what}")
+        of_engines = []
+        for engine in situation.engines:
+            began = time.perf_counter()
+            table = situation.table(engine, situation.all)
+            seconds = time.perf_counter() - began
+            of_engines.append(table)
+            failed = table[table["failed"] != ""]
+            print(f"{name:<16}{engine:<8}{len(table)} scenes, {len(failed)} failed, {seconds:.3g} s", flush=True)
+            for scene, what in zip(failed["scene"].head(TOLD), failed["failed"].head(TOLD), strict=True):
+                print(f"  {scene}: {what}")
+        tables[name] = side_by_side(of_engines)
+        write_table(tables[name], directory, f"stability-{name}", "csv")
     _show(overview(tables), directory, "stability")
 
 

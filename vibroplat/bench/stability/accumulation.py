@@ -9,7 +9,7 @@ import numpy as np
 
 from vibroplat.bench.known import GRAVITY, OMEGA, TURN, accumulation_time, dropped_ball
 from vibroplat.bench.scenes import base
-from vibroplat.bench.stability.checks import NAMED, Limit, row, sound
+from vibroplat.bench.stability.checks import NAMED, Limit, row, sound, with_engine
 from vibroplat.flow.run import simulate
 from vibroplat.scene import Scene
 
@@ -30,21 +30,21 @@ HEIGHT = 1e-3
 BOUNCES, DRIFT = 1000, 10.0
 
 
-def accumulation(count: int) -> list[dict[str, Any]]:
+def accumulation(count: int, engine: str) -> list[dict[str, Any]]:
     """Drop a ball on a table at rest, and let layers fall on the resting platform, for R from 0.05 to 0.99."""
     rows = []
     for restitution in np.linspace(0.05, 0.99, count // 4):
-        rows.append(_ball(float(restitution), TOLERANCE, LATCH))
+        rows.append(_ball(float(restitution), TOLERANCE, LATCH, engine))
         # the error of each impact affects all later ones
-        rows.append(_ball(float(restitution), USUAL, LATCH_USUAL / (1.0 - restitution)))
-        rows.append(_layers(float(restitution)))
-        rows.append(_moving(float(restitution)))
+        rows.append(_ball(float(restitution), USUAL, LATCH_USUAL / (1.0 - restitution), engine))
+        rows.append(_layers(float(restitution), engine))
+        rows.append(_moving(float(restitution), engine))
     return rows
 
 
-def _ball(restitution: float, tolerance: float, allowed: float) -> dict[str, Any]:
+def _ball(restitution: float, tolerance: float, allowed: float, engine: str) -> dict[str, Any]:
     """Compare the time of a latch with t∞, and momentum and energy with those of the fall."""
-    scene = dropped_ball(restitution, HEIGHT, tolerance)
+    scene = with_engine(dropped_ball(restitution, HEIGHT, tolerance), engine)
     name = f"ball, R {restitution:.3g}, tolerance {tolerance:g}"
     run = simulate(scene)
     events = run.events
@@ -73,9 +73,9 @@ def _impacts_needed(restitution: float, tolerance: float) -> float:
     return max(math.log(OMEGA * first / math.sqrt(tolerance)) / -math.log(restitution), 0.0)
 
 
-def _layers(restitution: float) -> dict[str, Any]:
+def _layers(restitution: float, engine: str) -> dict[str, Any]:
     """Drop two layers on the paper's platform, which yields: they come to rest, momentum and energy balance."""
-    scene = base(1e-8, 2.0).replace(
+    scene = with_engine(base(1e-8, 2.0), engine).replace(
         {
             "motor.critical_torque_n_m": 0.0,
             "contact.restitution": restitution,
@@ -89,9 +89,9 @@ def _layers(restitution: float) -> dict[str, Any]:
     return row(f"layers, R {restitution:.3g}", run.outcome, limits)
 
 
-def _moving(restitution: float) -> dict[str, Any]:
+def _moving(restitution: float, engine: str) -> dict[str, Any]:
     """Let a small drop accumulate on the running machine; a run at a smaller tolerance gives the same latch."""
-    scene = base(TOLERANCE, 0.2).replace(
+    scene = with_engine(base(TOLERANCE, 0.2), engine).replace(
         {
             "drive.supply_frequency_hz": 40.0,
             "contact.restitution": restitution,
@@ -111,21 +111,21 @@ def _moving(restitution: float) -> dict[str, Any]:
     return row(f"running machine, R {restitution:.3g}", runs[0].outcome, limits)
 
 
-def elastic(count: int) -> list[dict[str, Any]]:
+def elastic(count: int, engine: str) -> list[dict[str, Any]]:
     """Use R of nearly 1: impacts keep their energy, pressing layers end with a named outcome, work is bounded."""
-    rows = [_bounces(tolerance) for tolerance in (1e-6, 1e-8, 1e-10)]
-    rows += [_slow_accumulation(restitution) for restitution in (0.995, 0.999, 0.9995)]
+    rows = [_bounces(tolerance, engine) for tolerance in (1e-6, 1e-8, 1e-10)]
+    rows += [_slow_accumulation(restitution, engine) for restitution in (0.995, 0.999, 0.9995)]
     supply = np.linspace(42.0, 78.0, max(count - len(rows), 2) // 2)
     for restitution in (0.999, 1.0):
-        rows += [_pressing(restitution, float(f)) for f in supply]
+        rows += [_pressing(restitution, float(f), engine) for f in supply]
     return rows
 
 
-def _bounces(tolerance: float) -> dict[str, Any]:
+def _bounces(tolerance: float, engine: str) -> dict[str, Any]:
     """Drop a ball elastically: each flight lasts 2 √(2h/g), and the impact speed stays constant."""
     flight = 2.0 * math.sqrt(2.0 * HEIGHT / GRAVITY)
     changes = {"contact.restitution": 1.0, "run.duration_s": (BOUNCES + 0.25) * flight}
-    scene = dropped_ball(0.5, HEIGHT, tolerance).replace(changes)
+    scene = with_engine(dropped_ball(0.5, HEIGHT, tolerance), engine).replace(changes)
     run = simulate(scene, keep="events")
     impacts = run.events[run.events["kind"] == "impact"]
     speed = math.sqrt(2.0 * GRAVITY * HEIGHT)
@@ -140,9 +140,10 @@ def _bounces(tolerance: float) -> dict[str, Any]:
     return row(f"bounces, tolerance {tolerance:g}", run.outcome, limits)
 
 
-def _slow_accumulation(restitution: float) -> dict[str, Any]:
+def _slow_accumulation(restitution: float, engine: str) -> dict[str, Any]:
     """Follow all the impacts of a slow accumulation, as requested by a large limit on events."""
-    scene = dropped_ball(restitution, HEIGHT, TOLERANCE).replace({"solver.max_events_per_period": 1_000_000})
+    ball = with_engine(dropped_ball(restitution, HEIGHT, TOLERANCE), engine)
+    scene = ball.replace({"solver.max_events_per_period": 1_000_000})
     run = simulate(scene, keep="events")
     latches = run.events[run.events["kind"] == "latch"]
     time = float(latches["t_s"].iloc[0]) if len(latches) else math.nan
@@ -154,9 +155,10 @@ def _slow_accumulation(restitution: float) -> dict[str, Any]:
     )
 
 
-def _pressing(restitution: float, supply: float) -> dict[str, Any]:
+def _pressing(restitution: float, supply: float, engine: str) -> dict[str, Any]:
     """Run the paper's machine with pressing layers that hardly lose energy; R = 1 never accumulates."""
-    scene: Scene = base(1e-6, 2.0).replace({"drive.supply_frequency_hz": supply, "contact.restitution": restitution})
+    changes = {"drive.supply_frequency_hz": supply, "contact.restitution": restitution}
+    scene: Scene = with_engine(base(1e-6, 2.0), engine).replace(changes)
     summary = simulate(scene, keep="summary").summary
     limits = sound(scene, summary)
     turns = scene.run.duration_s * scene.speed_scale / TURN

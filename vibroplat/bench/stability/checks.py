@@ -52,6 +52,11 @@ def sound(scene: Scene, summary: Mapping[str, Any]) -> dict[str, Limit]:
     return limits
 
 
+def with_engine(scene: Scene, engine: str) -> Scene:
+    """Return a scene with an engine."""
+    return scene.replace({"solver.engine": engine})
+
+
 def steady(scene: Scene, settle: float, measure: float) -> dict[str, Any]:
     """Let a scene settle (s) and then measure (s); return the measures with outcome and steps."""
     p = parameters(scene)
@@ -84,14 +89,16 @@ NAMED = frozenset((*OUTCOMES.values(), INACCURATE))
 
 
 def overview(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
-    """Return one row per situation: scenes, outcomes, failures, and the value closest to its limit."""
+    """Return a row for each situation and engine: scenes, outcomes, failures, and the value closest to its limit."""
     rows = []
-    for name, table in tables.items():
+    parts = [(name, *part) for name, table in tables.items() for part in table.groupby("engine", sort=False)]
+    for name, engine, table in parts:
         nearest = table.iloc[int(table["share"].to_numpy().argmax())]
         counts = table["outcome"].value_counts()
         rows.append(
             {
                 "situation": name,
+                "engine": engine,
                 "scenes": len(table),
                 "failed": int((table["failed"] != "").sum()),
                 "outcomes": ", ".join(f"{outcome} {count}" for outcome, count in counts.items()),
@@ -100,6 +107,12 @@ def overview(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
             }
         )
     return pd.DataFrame(rows)
+
+
+def side_by_side(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
+    """Put the rows of each scene one below the other, in the order of the first table."""
+    table = pd.concat(tables, ignore_index=True)
+    return table.sort_values("scene", key=lambda names: pd.Series(pd.factorize(names)[0], names.index), kind="stable")
 
 
 def off(found: float | None, expected: float | None) -> float:

@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 
 from vibroplat.bench.known import GRAVITY, OMEGA, ball_on_table
 from vibroplat.bench.scenes import base
-from vibroplat.bench.stability.checks import Limit, row, sound
+from vibroplat.bench.stability.checks import Limit, row, sound, with_engine
 from vibroplat.flow.run import simulate
 from vibroplat.model.systems import GAP, GAP_RATE
 from vibroplat.observe.trajectory import Trajectory
@@ -59,7 +59,7 @@ class Touch(NamedTuple):
     rate: float
 
 
-def grazing(count: int) -> list[dict[str, Any]]:
+def grazing(count: int, engine: str) -> list[dict[str, Any]]:
     """Approach two grazing motions from both sides, from 1e-6 to 1e-10, with and without rebound.
 
     A ball meets a table whose frequency is close to the grazing frequency, which follows from a parabola and a sine. On
@@ -74,7 +74,7 @@ def grazing(count: int) -> list[dict[str, Any]]:
             found.append(("ball", offset, over_table(restitution, offset)))
             found.append(("machine", offset, shifted(machine, motion, restitution, offset)))
         rows += [
-            judged(f"{kind}, R {restitution:g}, offset {offset:.3g}", scene, touch)
+            judged(f"{kind}, R {restitution:g}, offset {offset:.3g}", with_engine(scene, engine), touch)
             for kind, offset, (scene, touch) in found
         ]
     return rows

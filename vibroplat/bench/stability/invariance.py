@@ -7,7 +7,7 @@ from typing import Any
 
 from vibroplat.bench.known import TURN
 from vibroplat.bench.scenes import kinds
-from vibroplat.bench.stability.checks import Limit, off, row, sound, spread_over, steady
+from vibroplat.bench.stability.checks import Limit, off, row, sound, spread_over, steady, with_engine
 from vibroplat.flow.run import simulate
 from vibroplat.scene import COORDINATES, RATES, Scene
 
@@ -31,9 +31,9 @@ TOLERANCES = (1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10)
 SETTLE, MEASURE = 12.0, 2.0
 
 
-def invariance(count: int) -> list[dict[str, Any]]:
+def invariance(count: int, engine: str) -> list[dict[str, Any]]:
     """Apply changes that must not matter to at most ``count`` scenes that are not chaotic."""
-    scenes = _scenes()
+    scenes = {name: with_engine(scene, engine) for name, scene in _scenes().items()}
     cases = [(name, *changed) for name, scene in scenes.items() for changed in _changes(scene).items()]
     expected: dict[str, dict[str, Any]] = {}
     rows = []
@@ -60,7 +60,7 @@ def _scenes() -> dict[str, Scene]:
 def _changes(scene: Scene) -> dict[str, Scene]:
     """Return variants that must have the same statistics."""
     changed = {f"tolerance {t:g}": scene.replace({"solver.tolerance": t}) for t in TOLERANCES}
-    changed["sundae"] = scene.replace({"solver.engine": "sundae"})
+    changed |= {engine: with_engine(scene, engine) for engine in ("sundae", "taylor")}
     changed["whole turns"] = scene.replace(
         {"run.initial": {"phi1_rad": 14.0 * TURN, "phase_sum_rad": math.pi - 6.0 * TURN}}
     )

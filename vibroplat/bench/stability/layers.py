@@ -11,7 +11,7 @@ import numpy as np
 
 from vibroplat.bench.known import GRAVITY, OMEGA, TURN
 from vibroplat.bench.scenes import base
-from vibroplat.bench.stability.checks import NAMED, row, sound, spread_over, steady
+from vibroplat.bench.stability.checks import NAMED, row, sound, spread_over, steady, with_engine
 from vibroplat.flow.run import simulate
 from vibroplat.hybrid.scales import state_scales
 from vibroplat.kernels.compiled import FloatArray
@@ -35,20 +35,21 @@ STIFF, RAGGED = 500.0, 2e-3
 RIGID = 3e-3
 
 
-def layers(count: int) -> list[dict[str, Any]]:
+def layers(count: int, engine: str) -> list[dict[str, Any]]:
     """Compare attached motion with the linear two-mass response, and stiff layers in flight with one layer.
 
     The exciters' rotors are heavy enough to keep their speed, and each run starts exactly on the linear response, so
     that an undamped layer does not ring.
     """
     cases = list(product(FREQUENCIES, DAMPINGS, SHARES, MASS_RATIOS))
-    rows = [_linear(*case) for case in spread_over(cases, count)]
-    return rows + [_rigid(f) for f in (500.0, 2e3, 20e3)] + [_ringing(zeta) for zeta in (0.0, 1e-3, 0.05)]
+    rows = [_linear(*case, engine) for case in spread_over(cases, count)]
+    rows += [_rigid(f, engine) for f in (500.0, 2e3, 20e3)]
+    return rows + [_ringing(zeta, engine) for zeta in (0.0, 1e-3, 0.05)]
 
 
-def _linear(natural: float, damping: float, share: float, mass_ratio: float) -> dict[str, Any]:
+def _linear(natural: float, damping: float, share: float, mass_ratio: float, engine: str) -> dict[str, Any]:
     """Follow an attached motion for ten turns from its linear response."""
-    scene = _smooth(natural, damping, share, mass_ratio)
+    scene = with_engine(_smooth(natural, damping, share, mass_ratio), engine)
     response = Response.of(scene)
     # keep the minimum of F_c well above 0; response and scales are proportional to the unbalance
     radius = scene.machine.unbalance_radius_m * MODEST * response.weight / abs(response.force)
@@ -164,9 +165,9 @@ def _turning(mean: float, amplitude: complex, times: FloatArray) -> FloatArray:
     return values
 
 
-def _rigid(natural: float) -> dict[str, Any]:
+def _rigid(natural: float, engine: str) -> dict[str, Any]:
     """Let stiff, well damped layers fly and land, and compare with a single layer of their mass."""
-    two = base(1e-6, 1.0).replace(
+    two = with_engine(base(1e-6, 1.0), engine).replace(
         {"drive.supply_frequency_hz": 51.5, "material": {"natural_frequency_hz": natural, "damping_ratio": 5.0}}
     )
     single = {"mass_ratio": two.material.mass_ratio, "layers": 1}
@@ -179,13 +180,13 @@ def _rigid(natural: float) -> dict[str, Any]:
     return row(f"as one layer, {natural:g} Hz", found["outcome"], limits)
 
 
-def _ringing(damping: float) -> dict[str, Any]:
+def _ringing(damping: float, engine: str) -> dict[str, Any]:
     """Excite layers of 5 kHz that keep ringing: they are followed, or end with a named outcome."""
     changes = {
         "drive.supply_frequency_hz": 51.5,
         "material": {"natural_frequency_hz": 5e3, "damping_ratio": damping},
         "solver.max_events_per_period": 2000,
     }
-    scene = base(1e-5, 1.0).replace(changes)
+    scene = with_engine(base(1e-5, 1.0), engine).replace(changes)
     summary = simulate(scene, keep="summary").summary
     return row(f"ringing at 5 kHz, damping {damping:g}", summary["outcome"], sound(scene, summary), allowed=NAMED)

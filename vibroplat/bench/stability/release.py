@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from numpy.polynomial import Polynomial
 from scipy.optimize import brentq
 
 from vibroplat.bench.scenes import base
-from vibroplat.bench.stability.checks import Limit, row, sound, steady
+from vibroplat.bench.stability.checks import Limit, row, sound, steady, with_engine
 from vibroplat.scene import Scene
 
 #: A tolerance at which the error of F_c is below 1e-8 of its amplitude, its shortfall in the shortest flight.
@@ -27,7 +28,7 @@ SEEN = 0.01
 LEAST, SHORT, LONG = 2e-4, 4e-9 / (0.5 * (0.5 * math.pi) ** 2), 0.02
 
 
-def release(count: int) -> list[dict[str, Any]]:
+def release(count: int, engine: str) -> list[dict[str, Any]]:
     """Simulate flights of 1e-4 to 1e-1 of a turn just above lift-off, at a small and at the default tolerance.
 
     Near its minimum F_c ≈ F_min + ½ F″ t², and the gap's acceleration is −F_c over a mass. A flight starts where
@@ -41,7 +42,7 @@ def release(count: int) -> list[dict[str, Any]]:
         # share of its amplitude by which F_c would fall below zero
         depth = 0.5 * (0.25 * fraction * 2.0 * math.pi) ** 2
         tolerance = USUAL if i % 5 == 4 else CLOSE
-        rows.append(judged(scene(supply(depth), tolerance), float(fraction)))
+        rows.append(judged(with_engine(scene(supply(depth), tolerance), engine), float(fraction)))
     return rows
 
 
@@ -70,6 +71,7 @@ def scene(supply: float, tolerance: float) -> Scene:
     return base(tolerance, SETTLE + MEASURE).replace({"drive.supply_frequency_hz": supply})
 
 
+@cache
 def lift_off() -> Callable[[float], float]:
     """Supply frequency (Hz) over the share of its amplitude by which F_c would fall below zero."""
     middle, half = 0.5 * (ATTACHED[1] + ATTACHED[0]), 0.5 * (ATTACHED[1] - ATTACHED[0])

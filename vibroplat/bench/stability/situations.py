@@ -1,11 +1,14 @@
-"""The situations by name, and the number of scenes of each."""
+"""The situations by name, the engines that go through them, and the number of scenes of each."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+import pandas as pd
+
 from vibroplat.bench.stability.accumulation import accumulation, elastic
+from vibroplat.bench.stability.agreement import agreement
 from vibroplat.bench.stability.campaign import campaign
 from vibroplat.bench.stability.endurance import endurance
 from vibroplat.bench.stability.grazing import grazing
@@ -15,13 +18,24 @@ from vibroplat.bench.stability.release import release
 from vibroplat.bench.stability.starting import starting
 from vibroplat.bench.stability.units import units
 
+#: Engines whose figures stand side by side.
+ENGINES = ("native", "taylor")
+
 
 class Situation(NamedTuple):
-    """A situation, and its number of scenes (turns for ``endurance``) in the tests and in the report."""
+    """A situation, and its number of scenes (turns for ``endurance``) in the tests and in the report.
 
-    run: Callable[[int], list[dict[str, Any]]]
+    Its function is given the number of scenes and the engine. Where that compares engines, one is enough.
+    """
+
+    run: Callable[[int, str], list[dict[str, Any]]]
     few: int
     all: int
+    engines: tuple[str, ...] = ENGINES
+
+    def table(self, engine: str, count: int) -> pd.DataFrame:
+        """Run scenes with an engine, and make a table of their rows."""
+        return pd.DataFrame([{"engine": engine} | row for row in self.run(count, engine)])
 
 
 SITUATIONS: dict[str, Situation] = {
@@ -32,7 +46,8 @@ SITUATIONS: dict[str, Situation] = {
     "layers": Situation(layers, 60, 1500),
     "starting": Situation(starting, 7, 21),
     "endurance": Situation(endurance, 3_000, 3_000_000),
-    "invariance": Situation(invariance, 14, 52),
+    "invariance": Situation(invariance, 14, 56),
     "units": Situation(units, 40, 198),
     "campaign": Situation(campaign, 200, 10_000),
+    "agreement": Situation(agreement, 400, 10_000, ("native",)),
 }

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from vibroplat.bench.scenes import base
-from vibroplat.bench.stability.checks import Limit, row, sound
+from vibroplat.bench.stability.checks import Limit, row, sound, with_engine
 from vibroplat.flow.run import simulate
 from vibroplat.observe.trajectory import Trajectory
 
@@ -19,7 +19,7 @@ HIGHEST = 34.269
 Check = Callable[[Trajectory], dict[str, Limit]]
 
 
-def starting(count: int) -> list[dict[str, Any]]:
+def starting(count: int, engine: str) -> list[dict[str, Any]]:
     """Start from standstill through three resonances, coast down, lose a motor or synchronism, reverse the phase.
 
     Each with two layers, with one layer and without material; at most ``count`` of these scenes are run.
@@ -29,7 +29,8 @@ def starting(count: int) -> list[dict[str, Any]]:
     for kind, material in materials.items():
         for name, (changes, check) in SITUATIONS.items():
             if len(rows) < count:
-                scene = base(1e-6, 8.0).replace({f"material.{key}": value for key, value in material.items()})
+                scene = with_engine(base(1e-6, 8.0), engine)
+                scene = scene.replace({f"material.{key}": value for key, value in material.items()})
                 run = simulate(scene.replace(changes))
                 limits = {**check(run), **sound(scene, run.summary)}
                 rows.append(row(f"{name}, {kind}", run.outcome, limits))

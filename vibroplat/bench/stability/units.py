@@ -6,7 +6,7 @@ from itertools import product
 from typing import Any, NamedTuple
 
 from vibroplat.bench.scenes import kinds
-from vibroplat.bench.stability.checks import Limit, off, row, sound, spread_over
+from vibroplat.bench.stability.checks import Limit, off, row, sound, spread_over, with_engine
 from vibroplat.flow.run import simulate
 from vibroplat.scene import Scene
 
@@ -60,11 +60,11 @@ _KEYS = {
 }
 
 
-def units(count: int) -> list[dict[str, Any]]:
+def units(count: int, engine: str) -> list[dict[str, Any]]:
     """Compare at most ``count`` scenes with the same scenes in other units."""
     rows: list[dict[str, Any]] = []
     changes = {"output.sample_rate_hz": 1.0, "run.initial.phase_sum_rad": 2.6}  # symmetric motions have no x, φ
-    scenes = {name: scene.replace(changes) for name, scene in kinds(TOLERANCE, 1.0).items()}
+    scenes = {name: with_engine(scene, engine).replace(changes) for name, scene in kinds(TOLERANCE, 1.0).items()}
     expected = {name: simulate(scene, keep="summary").summary for name, scene in scenes.items()}
     others = [other for other in CHOICES if other != Units(1.0, 1.0, 1.0)]
     for other, (name, scene) in spread_over(list(product(others, scenes.items())), count):

@@ -46,6 +46,8 @@ class RunCheck:
     ----------
     engine, other
         Names of the engine of the run and of that which checked it.
+    outcomes
+        How the runs of both ended.
     compared_until_s
         Until when they were compared: until a run ended, or until what is allowed had grown to LOST.
     agree_until_s
@@ -62,6 +64,7 @@ class RunCheck:
 
     engine: str
     other: str
+    outcomes: tuple[str, str]
     compared_until_s: float
     agree_until_s: float
     amplification: float

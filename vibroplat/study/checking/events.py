@@ -51,14 +51,18 @@ def slight(events: pd.DataFrame, errors: Errors, scene: Scene) -> npt.NDArray[np
     """Tell which events an error of the motion may add or remove.
 
     With an error ε in the scales of the scene, a gap that just misses 0 becomes an impact with √(2 ε) of the scale of
-    speeds, and a contact force that just stays positive falls below 0 for √(8 ε) / ω₀.
+    speeds, and a contact force that just stays positive falls below 0 for √(8 ε) / ω₀. Impacts after shorter flights
+    than that may be closed into contact in one run and followed in the other; how fast they are depends on what
+    presses, which may be a stiff layer.
     """
     times = events["t_s"].to_numpy()
     errors_there = errors.at(times)
     speeds = np.abs(events["gap_rate_before_m_per_s"].to_numpy()) / state_scales(scene)[GAP_RATE]
-    flights = scene.speed_scale * np.diff(times, append=math.inf)
+    short = np.sqrt(8.0 * errors_there)
+    before = scene.speed_scale * np.diff(times, prepend=-math.inf)
+    after = scene.speed_scale * np.diff(times, append=math.inf)
     liftoffs = (events["kind"] == "liftoff").to_numpy()
-    return np.where(liftoffs, flights < np.sqrt(8.0 * errors_there), speeds < np.sqrt(2.0 * errors_there))
+    return np.where(liftoffs, after < short, (before < short) | (speeds < np.sqrt(2.0 * errors_there)))
 
 
 def paired(one: pd.DataFrame, two: pd.DataFrame, errors: Errors, scene: Scene, until: float) -> Pairs:

@@ -122,6 +122,7 @@ class _Comparison:
         return RunCheck(
             engine=self._first.engine,
             other=self._other.engine,
+            outcomes=(self._first.outcome, self._other.outcome),
             compared_until_s=float(self._until),
             agree_until_s=float(self._times[apart[0]] if apart.size else self._until),
             amplification=float(self._change.max(initial=0.0)) / self._tolerance,
