@@ -5,7 +5,7 @@ at the very moments of standstill, as an event would. Errors of ten swings, eigh
 their power of tolerance over 1e-4 … 1e-12, and the error at 1e-12.
 
 ========================  ============
-resistance
+resistance                IDA
 ========================  ============
 none, smooth              0.89, 6e-10
 ω|ω|                      0.83, 5e-10
