@@ -132,3 +132,19 @@ def test_an_absurd_speed_ends_with_an_outcome_and_not_with_endless_turns(quickst
     state = {"phi1_rate_rad_per_s": 1e30}
     run = simulate(quickstart.replace({"run.initial": {"state": state}, "run.duration_s": 0.01}), keep="summary")
     assert run.outcome in {"ok", "solver-failure", "non-finite", "event-storm", "beyond-model"}
+
+
+@pytest.mark.parametrize("engine", ["native", "taylor"])
+def test_a_run_that_begins_on_the_section_and_goes_backwards_loses_nothing(quickstart, engine):
+    """Exciter 1 passes angle 0 at the very beginning of the first step: nothing of the step is before it."""
+    still = {
+        f"machine.{name}": 0.0 for name in ("stiffness_x_n_per_m", "stiffness_phi_n_m_per_rad", "gravity_m_per_s2")
+    }
+    start = {"run.initial": {"phase_sum_rad": 0.0, "phi1_rad": 0.0, "speed_ratio": -0.5}}
+    scene = quickstart.replace(
+        {"material.mass_ratio": 0.0, "run.duration_s": 0.4, "run.perturbation": 0.0, "solver.engine": engine, **start}
+        | still
+    )
+    summary = simulate(scene, keep="summary").summary
+    assert summary["momentum_residual"] < 1e-5
+    assert summary["energy_residual"] < 1e-5

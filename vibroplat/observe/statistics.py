@@ -282,7 +282,7 @@ def add_step(
     if not abs(last - turn) <= _MOST_TURNS:
         turn = last
     marks.passed = last
-    begun = 0.0
+    begun, whole = 0.0, True
     while begun < 1.0 or turn != last:
         cut, way = 1.0, 0.0
         if turn != last:
@@ -290,6 +290,9 @@ def add_step(
             cut = crossing(c, degree, _ANGLE, _TURN * max(turn, turn + way) - piece.turns[0])
         if begun < since < cut:
             cut, way = since, 0.0
+        if not whole or cut < 1.0:  # otherwise the samples are those of the whole step still
+            fill_nodes(c, degree, begun, cut, nodes, room)
+            whole = False
         integrate(ms, c, degree, begun, cut, begin, length, system, flying, begun >= since, nodes, room, p)
         begun, turn, now = cut, turn + way, begin + cut * length
         if way != 0.0 and goes_on(marks, slope(c, degree, 3, cut)) and now >= marks.window:
@@ -426,16 +429,14 @@ def integrate(
 ) -> None:
     """Add the part [start, end] of a step: its work and, if it is measured, its statistics.
 
-    ``start`` and ``end`` are fractions of the step, which begins at time ``begin`` and takes ``length`` (s);
-    ``room`` is overwritten.
+    ``start`` and ``end`` are fractions of the step, which begins at time ``begin`` and takes ``length`` (s); ``room``
+    holds the samples at its nodes.
     """
     marks, sums, work, full, power, phases = ms.marks, ms.open_turn, ms.work, room.full, room.power, room.phases
     duration = (end - start) * length
     total_x, total_xx, total_y, total_yy, total_phi, total_phi_phi, total_motor = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     total_exchanged, total_phase, drift = 0.0, 0.0, 0.0
     sense = -p.direction[0] * p.direction[1]  # the phase difference is φ₁ + φ₂, or φ₁ − φ₂ if co-rotating
-    if end - start < 1.0:  # otherwise they are those of the whole step
-        fill_nodes(c, degree, start, end, nodes, room)
     for i in range(nodes):
         s, weight = start + (end - start) * NODES[nodes, i], duration * WEIGHTS[nodes, i]
         for j in range(DIFFERENTIAL[system]):
