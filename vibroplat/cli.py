@@ -190,7 +190,7 @@ def run(
     if source is not None and Path(source).resolve() == (out / scene.name).resolve():
         raise ConfigError(f"run.initial.from = {source!r} is where this run would be written; allowed: another name")
     directory = result_directory(out, scene.name)
-    _tell_of_compilation()
+    _tell_of_compilation(scene.solver.engine)
     from vibroplat.flow.keeping import Sink
     from vibroplat.flow.space import require_disk
 
@@ -276,7 +276,7 @@ def sweep(
     directory = result_directory(out, scene.name)
     if resume and (directory / "provenance.json").exists():
         read_provenance(directory, "sweep")
-    _tell_of_compilation()
+    _tell_of_compilation(scene.solver.engine)
     from vibroplat.study import report
     from vibroplat.study.checking.changes import require_other_engine
     from vibroplat.study.checking.sweeps import check_points
@@ -352,7 +352,7 @@ def paper(
 
     Computes figures 2-7 and their tables, and compares each claim of the paper with what was measured.
     """
-    _tell_of_compilation()
+    _tell_of_compilation(engine)
     from vibroplat.config import parse_overrides
     from vibroplat.paper.trial import machine_numbers, paper_scene
 
@@ -410,7 +410,7 @@ def calibrate(
 
     Writes a table with one row per evaluation to OUT/calibration.
     """
-    _tell_of_compilation()
+    _tell_of_compilation(engine)
     from vibroplat.config import ENGINE, configurations, parse_overrides
     from vibroplat.paper.calibration.plan import load_plan
 
@@ -536,12 +536,19 @@ def schema() -> None:
     print(json.dumps(configuration_schema(), indent=2))
 
 
-def _tell_of_compilation() -> None:
+def _work(summary: dict[str, Any]) -> list[tuple[str, Any, str]]:
+    """Return the rows on the work done; engine ``taylor`` has no residual."""
+    if summary["residual_calls"] is None:
+        return [("steps", summary["steps"], "")]
+    return [("steps, residual calls", [summary["steps"], summary["residual_calls"]], "")]
+
+
+def _tell_of_compilation(engine: str | None = None) -> None:
     """Say why the first run on a machine takes long; some kernels are compiled as soon as they are imported."""
     import vibroplat.kernels.compiled  # noqa: F401  (refuses where compilation is switched off)
     from vibroplat.kernels.cache import is_compiled, notice
 
-    if not is_compiled():
+    if not is_compiled(engine or "auto"):
         told = notice() or "this happens once and takes about half a minute"
         require_memory(COMPILING, "compiling the kernels for the first time")
         print(f"vibroplat: compiling the numerical kernels; {told}", file=sys.stderr)
@@ -587,7 +594,7 @@ def _print_summary(result: Trajectory, directory: Path) -> None:
         ("whole run: these counts", [summary[kind] for kind in kinds], ""),
         ("whole run: phi, largest", summary["phi_max_rad"], "rad"),
         ("whole run: energy residual", summary["energy_residual"], ""),
-        ("steps, residual calls", [summary["steps"], summary["residual_calls"]], ""),
+        *_work(summary),
         ("wall time", summary["wall_s"], "s"),
     ]
     for label, value, unit in rows:

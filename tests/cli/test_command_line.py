@@ -164,7 +164,7 @@ def test_run_without_a_first_step_exits_1_and_writes_empty_tables(command, tmp_p
 
 
 def test_the_first_run_says_why_it_takes_long(here, monkeypatch, capsys, kernels):
-    monkeypatch.setattr("vibroplat.kernels.cache.is_compiled", lambda: False)
+    monkeypatch.setattr("vibroplat.kernels.cache.is_compiled", lambda engine="auto": False)
     monkeypatch.setattr("sys.argv", ["vibroplat", "run", str(QUICKSTART), "--set", "run.duration_s=0.01"])
     with pytest.raises(SystemExit) as ended:
         main()

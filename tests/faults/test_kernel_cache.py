@@ -168,7 +168,7 @@ def test_kernels_run_where_nothing_can_be_kept():
 
 
 def test_command_says_once_that_nothing_can_be_kept(command, here, monkeypatch, kernels):
-    monkeypatch.setattr("vibroplat.kernels.cache.is_compiled", lambda: False)
+    monkeypatch.setattr("vibroplat.kernels.cache.is_compiled", lambda engine="auto": False)
     monkeypatch.setattr(cache, "folder_of", lambda _room: None)
     (here / "short.yaml").write_text("run: {duration_s: 0.01}\n")
     done = command("run", "short.yaml")
@@ -347,15 +347,17 @@ def test_files_that_a_crash_left_empty_are_compiled_anew(package):
 
 # -- callers from Python and from other kernels ---------------------------------------------------------
 
+#: Where 1 − 0.5 s + 0.2 s² + s³ is 1.2.
+CROSSED = np.float64(0.776170787)
 #: Calls a kernel of polynomials from Python, and prints what it gives and what was found on disk of another one.
 CALL = """
 import numpy as np
-from vibroplat.kernels.polynomial import {name}, split_right
+from vibroplat.kernels.polynomial import {name}, slope
 
-b, part = np.array([1.0, -0.5, 0.2, 1.0]), np.zeros(4)
+c = np.array([[1.0], [-0.5], [0.2], [1.0]])
 found = {name}({arguments})
-hits, misses = split_right._inside.stats.cache_hits, split_right.stats.cache_misses
-print(found, part.round(12).tolist(), sum(hits.values()), sum(misses.values()))
+hits, misses = slope._inside.stats.cache_hits, slope.stats.cache_misses
+print(round(found, 9), sum(hits.values()), sum(misses.values()))
 """
 
 
@@ -366,14 +368,14 @@ def called(tmp_path, name, arguments):
 
 
 def test_what_kernels_call_is_kept_for_kernels_of_later_processes(tmp_path):
-    """``split_right`` is compiled for ``restrict``, and taken from disk for ``first_change``."""
-    first = called(tmp_path, "restrict", "b, 0.5, 1.0, part")
-    assert first == "None [0.1375, 0.225, 0.6, 1.0] 0 0"
-    assert called(tmp_path, "restrict", "b, 0.5, 1.0, part") == first
-    assert called(tmp_path, "first_change", "b, 1.0") == "-1.0 [0.0, 0.0, 0.0, 0.0] 1 0"
+    """``slope`` is compiled for ``crossing``, and taken from disk for ``at_highest``."""
+    first = called(tmp_path, "crossing", "c, 3, 0, 1.2")
+    assert first == f"{CROSSED} 0 0"
+    assert called(tmp_path, "crossing", "c, 3, 0, 1.2") == first
+    assert called(tmp_path, "at_highest", "c, 3, 0").endswith(" 1 0")
 
 
 def test_a_kernel_is_compiled_for_its_kinds_of_callers_alone(tmp_path):
-    called(tmp_path, "restrict", "b, 0.5, 1.0, part")
+    called(tmp_path, "crossing", "c, 3, 0, 1.2")
     names = {path.name.split("-")[0] for path in tmp_path.rglob("*.nbi")}
-    assert names == {"polynomial.restrict", "polynomial.split_right.inside"}
+    assert names == {"polynomial.crossing", "polynomial.slope.inside", "polynomial.value.inside"}

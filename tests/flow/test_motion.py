@@ -260,3 +260,19 @@ def test_a_motion_that_begins_again_is_a_new_one(quickstart, engine):
             np.testing.assert_array_equal(motion.state, state)
     assert found[0][:2] == found[1][:2]
     np.testing.assert_array_equal(found[0][2], found[1][2])
+
+
+@pytest.mark.parametrize("engine", ["native", "taylor"])
+def test_steps_are_counted_anew_where_a_motion_begins_again(quickstart, engine, monkeypatch):
+    """However often it does, no stretch takes as many steps as one that is stuck."""
+    for module in ("native", "taylor"):
+        monkeypatch.setattr(f"vibroplat.integrate.{module}.MAX_STEPS", 400)
+    scene = quickstart.replace({"solver.engine": engine, "solver.max_events_per_period": 6})
+    p = parameters(scene)
+    with closing(make_engine(scene, p)) as made:
+        motion = Motion(scene, p, made)
+        state = motion.state
+        for _ in range(120):
+            motion.begin_again(state)
+            motion.to_time(0.1)
+            assert motion.outcome == "ok", motion.detail

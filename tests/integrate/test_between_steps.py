@@ -100,10 +100,10 @@ def errors(name, engine, tolerance):
 @pytest.mark.parametrize("name", ["bare", "attached"])
 def test_series_are_as_accurate_within_their_long_steps(name, tolerance):
     """A step is a tenth of a turn and more, and its polynomial the series itself: measured are at most 1.1 and 0.22."""
-    (at_ends, force_at_ends), (between, force_between) = errors(name, "auto", "taylor", tolerance)
+    (at_ends, force_at_ends), (between, force_between) = errors(name, "taylor", tolerance)
     assert 0.0 < between <= 1.5 * at_ends
     assert force_between <= force_at_ends
-    assert 0.0 < bend(name, "auto", "taylor", tolerance) <= 0.4 * at_ends
+    assert 0.0 < bend(name, "taylor", tolerance) <= 0.4 * at_ends
 
 
 @pytest.mark.parametrize("engine", ["native", pytest.param("sundae", marks=pytest.mark.long)])

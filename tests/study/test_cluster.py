@@ -38,7 +38,7 @@ SWEEP = (
 #: The same with one branch.
 BRANCH = f"extends: {LOADED}\nname: c\nsweep: {{supply_frequency_hz: {{start: 46.0, stop: 61.0, step: 0.25}}}}\n"
 #: A change of one line that changes all points: its file, the old text and the new one.
-CHANGE = ("study/point.py", "changed[7:12] += ", "changed[7:12] += 1.01 * ")
+CHANGE = ("study/point.py", "perturbed(start, scene, plan", "perturbed(start, scene, 1.01 * plan")
 #: How what is given up ends.
 KEPT = "finished points are kept: continue with --resume"
 

@@ -111,6 +111,8 @@ def start(h: Automaton, e: Expansion) -> None:
         e.status.weights[i] = 1.0 / run.atol[n + i] if i < n else 0.0
     e.status.weights[FORCE] = 1.0 / run.atol[2 * n] if ALGEBRAIC[system] else 0.0
     status.open, status.done = 1, 0.0
+    if run.origin < status.counted_from:  # the motion has begun again
+        status.counted, status.counted_from = 0, run.origin
     expand(system, run.origin, e.status.y, status.degree, e.room, h.p)
 
 
@@ -208,10 +210,10 @@ def guard_fall(c: FloatArray, degree: int, guard: int, zeros: int, algebraic: bo
 
     A guard is its polynomial of degree d and a remainder, which is taken to be within T sᵈ at fraction s of the step; T
     is the sum of the sizes of the last four coefficients, as much as is left where coefficients halve every four. No
-    fall of the polynomial is missed (:func:`vibroplat.kernels.polynomial.first_fall`). Within these bounds none of the
-    guard is, either, and none is made up: the answer is sure if polynomial − T sᵈ does not fall, or polynomial + T sᵈ
-    does as well. If it is not, as near a touch, a shorter step will be, for T shrinks with sᵈ; where T is round-off the
-    polynomial decides.
+    fall of the polynomial is missed (:func:`vibroplat.kernels.polynomial.first_fall`). Whether the guard falls in the
+    step is sure, within these bounds, if polynomial − T sᵈ does not fall, or polynomial + T sᵈ does as well. If it is
+    not, as near a touch, a shorter step will be, for T shrinks with sᵈ; where T is round-off the polynomial decides.
+    Where a step holds a touch and then a fall, the polynomial alone says which is first: T sᵈ is least there.
     """
     used = degree - 2 if algebraic else degree
     rest, first = 0.0, 0

@@ -1,7 +1,7 @@
 """Engine ``taylor``: the Taylor series of the index-reduced DAE itself, in compiled code.
 
 A one-step method of high order: it has its full order at once after an impact, its steps are polynomials without
-further work, and it takes some seven of them a turn where IDA, of order 5, takes hundreds. It is explicit: a layer or
+further work, and it takes four to six of them a turn where IDA, of order 5, takes hundreds. It is explicit: a layer or
 motor that is stiff against the excitation makes its steps short even where it does not move, which the run then says.
 """
 

@@ -34,8 +34,8 @@ PACKAGE = Path(__file__).parents[1]
 ROOMS = ("kernels", "model", "hybrid", "integrate", "observe", "flow")
 #: Files besides, with constants that are compiled into kernels: the numbers of the modes and of the coordinates.
 SHARED = ("scene.py",)
-#: The kernel that is compiled last, as it calls the others: its room, and its name in numba's index.
-LAST = ("integrate", "drive.drive")
+#: The kernel that is compiled last, as it calls the others, by engine: its room, and its name in numba's index.
+LAST = {"taylor": ("integrate", "expansion.drive"), "native": ("integrate", "drive.drive")}
 #: Settings of numba that change machine code and are not in its index.
 SETTINGS = ("OPT", "LOOP_VECTORIZE", "SLP_VECTORIZE", "BOUNDSCHECK", "DISABLE_INTEL_SVML")
 
@@ -133,9 +133,9 @@ def kept(function: Callable[..., Any]) -> bool:
     return KernelLocator.from_function(function, inspect.getfile(function)) is not None
 
 
-def is_compiled() -> bool:
-    """Whether compiled kernels are kept on disk, so that a run need not wait for them; it loads none of them."""
-    room, name = LAST
+def is_compiled(engine: str = "auto") -> bool:
+    """Whether an engine's compiled kernels are kept on disk, so that a run need not wait; it loads none of them."""
+    room, name = LAST.get(engine, LAST["native"])
     folder = folder_of(PACKAGE / room)
     return folder is not None and any(folder.glob(f"{name}-*.nbi"))
 

@@ -202,6 +202,18 @@ def only_change(b: FloatArray, room: FloatArray) -> float:
     return s
 
 
+@inlined
+def bend(c: FloatArray, degree: int, j: int) -> float:
+    """Bound of the distance between unknown j and the straight line between its values at both ends of a step.
+
+    c₀ + s Σ cₖ is that line, and |sᵏ − s| is at most 1/4 for k = 2 and below 1 for all k.
+    """
+    total = 0.25 * abs(c[2, j]) if degree > 1 else 0.0
+    for k in range(3, degree + 1):
+        total += abs(c[k, j])
+    return total
+
+
 @compiled
 def extremes(c: FloatArray, degree: int, j: int, first: float, last: float) -> tuple[float, float]:
     """Least and largest value of unknown j from fraction ``first`` of a step to its end, where it is ``last``.

@@ -107,8 +107,8 @@ def stiffness(scene: Scene, engine: str, steps: int | None, restarts: int, secon
     if engine != "taylor" or not steps or steps <= STIFF * needed:
         return ""
     return (
-        f"engine taylor takes {rounded(steps / needed, 2)} times the steps that the excitation needs, because a layer "
-        "or a motor is stiff: engine native is likely to be faster"
+        f"engine taylor takes {rounded(steps / needed, 2)} times the steps that the excitation needs, because a layer, "
+        "a motor or the suspension is stiff: engine native is likely to be faster"
     )
 
 

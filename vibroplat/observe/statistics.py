@@ -18,7 +18,7 @@ from vibroplat.hybrid.steps import WIDTH, Steps
 from vibroplat.kernels.compiled import FloatArray, compiled, copy, inlined
 from vibroplat.kernels.foreign import borrow
 from vibroplat.kernels.lanes import horner_16, horner_pair_16, in_lines
-from vibroplat.kernels.polynomial import crossing, extremes, slope, turning_value
+from vibroplat.kernels.polynomial import bend, crossing, extremes, slope, turning_value
 from vibroplat.model.energy import FORCE_SIZE, POWERS, powers
 from vibroplat.model.parameters import Parameters
 from vibroplat.model.systems import DIFFERENTIAL, FULL_SIZE, GAP, PLACES, SIZES
@@ -83,6 +83,9 @@ MARKS = np.dtype(
 #: Change of the phase difference within a step (rad) up to which its mean and variance say cosine and sine: what they
 #: leave out, the third moment, is below 1e-7 there.
 STILL = 0.02
+
+#: Degree of polynomials up to which there are too few samples of them to find extremes by.
+FEW_SAMPLES = 8
 
 #: Gauss nodes and weights on [0, 1], by their number.
 _MOST_NODES = 16
@@ -366,34 +369,27 @@ def widened(
 ) -> tuple[float, float]:
     """Return extremes that also cover unknown j in a step, at whose end it is ``last``.
 
-    Found among the samples and the ends; one that may lie between them is looked for where it would be a new extreme:
-    beyond the sample by less than its neighbours are on this side of it.
+    Most steps cannot hold a new one, as their coefficients say. Polynomials of low degree have few samples and are
+    looked through. Those of high degree are smooth between their samples, and each of these that is lower, or higher,
+    than its neighbours may have an extreme beside it: beyond the sample by less than they are on this side of it.
     """
-    low = high = c[0, j]
-    low_at, high_at = 0, 0
-    for i in range(1, nodes + 2):
-        found = samples[i - 1, j] if i <= nodes else last
-        if found < low:
-            low, low_at = found, i
-        if found > high:
-            high, high_at = found, i
-    if low - step_beside(c, samples, nodes, j, last, low_at) < least:
-        low = min(low, turning_near(c, nodes, j, low_at, low, -1.0))
-    if high + step_beside(c, samples, nodes, j, last, high_at) > largest:
-        high = max(high, turning_near(c, nodes, j, high_at, high, 1.0))
-    return min(least, low), max(largest, high)
-
-
-@inlined
-def step_beside(c: FloatArray, samples: FloatArray, nodes: int, j: int, last: float, at: int) -> float:
-    """Largest change of unknown j from sample number ``at`` to its neighbours; 0 is the beginning of the step."""
-    here = c[0, j] if at == 0 else (samples[at - 1, j] if at <= nodes else last)
-    change = 0.0
-    if at > 0:
-        change = abs(here - (samples[at - 2, j] if at > 1 else c[0, j]))
-    if at <= nodes:
-        change = max(change, abs(here - (samples[at, j] if at < nodes else last)))
-    return change
+    degree = c.shape[0] - 1
+    if degree <= FEW_SAMPLES:
+        reach = bend(c, degree, j)
+        if not (least < min(c[0, j], last) - reach and max(c[0, j], last) + reach < largest):
+            low, high = extremes(c, degree, j, 0.0, last)
+            least, largest = min(least, low), max(largest, high)
+        return least, largest
+    before, here = c[0, j], c[0, j]
+    for i in range(nodes + 2):
+        after = samples[i, j] if i < nodes else last
+        beside = max(abs(here - before), abs(here - after))
+        if here <= before and here <= after and here - beside < least:
+            least = min(least, here, turning_near(c, nodes, j, i, here, -1.0))
+        if here >= before and here >= after and here + beside > largest:
+            largest = max(largest, here, turning_near(c, nodes, j, i, here, 1.0))
+        before, here = here, after
+    return least, largest
 
 
 @compiled
