@@ -272,7 +272,7 @@ def test_steps_are_counted_anew_where_a_motion_begins_again(quickstart, engine, 
     with closing(make_engine(scene, p)) as made:
         motion = Motion(scene, p, made)
         state = motion.state
-        for _ in range(120):
+        for stretch in range(240):
             motion.begin_again(state)
-            motion.to_time(0.1)
+            motion.to_time(0.1 if stretch % 2 else 0.01)  # of several turns, or shorter than one
             assert motion.outcome == "ok", motion.detail

@@ -122,7 +122,7 @@ def start(h: Automaton, n: Native) -> bool:
     n.status.flag = call_int(functions.reinit, (handle.memory, 0.0, handle.y, handle.yp))
     call_int(functions.set_first_step, (handle.memory, first_step))
     n.status.open = 1
-    if h.run.origin < n.status.counted_from:  # the motion has begun again
+    if h.run.origin <= n.status.counted_from:  # the motion has begun, or begun again
         n.status.counted, n.status.counted_from = 0, h.run.origin
     n.time[0] = 0.0
     begin_steps(n.past, n.y[mode, :size], n.yp[mode, :size])

@@ -111,7 +111,7 @@ def start(h: Automaton, e: Expansion) -> None:
         e.status.weights[i] = 1.0 / run.atol[n + i] if i < n else 0.0
     e.status.weights[FORCE] = 1.0 / run.atol[2 * n] if ALGEBRAIC[system] else 0.0
     status.open, status.done = 1, 0.0
-    if run.origin < status.counted_from:  # the motion has begun again
+    if run.origin <= status.counted_from:  # the motion has begun, or begun again
         status.counted, status.counted_from = 0, run.origin
     expand(system, run.origin, e.status.y, status.degree, e.room, h.p)
 
