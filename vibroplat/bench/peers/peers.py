@@ -108,13 +108,13 @@ def _powers(first: int, last: int) -> tuple[float, ...]:
 
 
 PEERS = (
-    Peer("vibroplat", _powers(4, 12), _powers(6, 12), _vibroplat),
-    Peer("vibroplat, Taylor", _powers(3, 13), _powers(3, 11), partial(_vibroplat, engine="taylor")),
+    Peer("vibroplat", _powers(4, 12), _powers(6, 10), _vibroplat),
+    Peer("vibroplat, Taylor", _powers(3, 13), _powers(3, 8), partial(_vibroplat, engine="taylor")),
     _peer("scikit-sundae, Python callbacks", "callbacks", "Callbacks", _powers(4, 9), _powers(7, 9)),
     _peer("scipy DOP853", "ivp", "DOP853", _powers(4, 10), _powers(6, 9)),
     _peer("scipy LSODA", "ivp", "LSODA", _powers(5, 11), _powers(6, 9)),
     _peer("scipy Radau", "ivp", "RADAU", _powers(4, 8), _powers(5, 8)),
-    _peer("heyoka", "taylor", "Taylor", _powers(3, 12), _powers(4, 11), "heyoka"),
+    _peer("heyoka", "taylor", "Taylor", _powers(3, 12), _powers(4, 8), "heyoka"),
     _peer("PathSim", "blocks", "PathSim", _powers(3, 9), _powers(5, 8), "pathsim"),
     Peer("Siconos, event-driven", (1e-6, 1e-8, 1e-10), (), partial(_siconos, kind="event-driven"), "siconos"),
     Peer("Siconos, Moreau–Jean", (1e-3, 3e-4, 1e-4), (), partial(_siconos, kind="time-stepping"), "siconos"),

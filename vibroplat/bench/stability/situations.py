@@ -49,5 +49,5 @@ SITUATIONS: dict[str, Situation] = {
     "invariance": Situation(invariance, 14, 56),
     "units": Situation(units, 40, 198),
     "campaign": Situation(campaign, 200, 10_000),
-    "agreement": Situation(agreement, 400, 10_000, ("native",)),
+    "agreement": Situation(agreement, 80, 10_000, ("native",)),
 }
