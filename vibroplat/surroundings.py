@@ -8,11 +8,11 @@ import sys
 
 from vibroplat.errors import VibroplatError
 
-#: Address space (bytes) below which libraries cannot be loaded: with one thread of OpenBLAS a run needs 0.9 GB. With
-#: less it waits for memory for ever or ends the process, without a word.
-LEAST_ADDRESSES = 950_000_000
-#: The same where kernels have to be compiled: with 1.13 GB Python runs out of memory, with 0.95 GB LLVM aborts.
-COMPILING = 1_330_000_000
+#: Address space (bytes) below which libraries cannot be loaded: with one thread of OpenBLAS a run and its figures need
+#: 1.0 GB, with engine sundae 1.05 GB. With less it waits for memory for ever or ends the process, without a word.
+LEAST_ADDRESSES = 1_200_000_000
+#: The same where kernels have to be compiled: 1.33 GB are enough, with 1.13 GB Python runs out of memory.
+COMPILING = 1_450_000_000
 
 #: How the loader and libraries describe a lack of memory.
 _LACKS = ("failed to map segment", "cannot allocate", "out of memory")
