@@ -32,14 +32,20 @@ def solve(system: int, y: FloatArray, z: FloatArray, p: Parameters) -> None:
         Shape (size,). From place n on it holds the right-hand sides of the dynamic rows, in the order of the rows, and
         is left with accelerations and F_c.
     """
-    n = y.size // 2
+    inverse = compliance(unbalance(0, y, p), unbalance(1, y, p), mobility(ALGEBRAIC[system], p), p)
+    solve_with(inverse, system, z, p)
+
+
+@inlined
+def solve_with(inverse: Compliance, system: int, z: FloatArray, p: Parameters) -> None:
+    """Solve as :func:`solve` does, with the inverse of the mass matrix of platform and exciters."""
+    n = z.size // 2
     layers, attached = LAYERS[system], ALGEBRAIC[system]
     lower = upper = 0.0 * z[n]
     if layers > 0:
         lower = z[2 * n] if attached else z[n + 5]
     if layers == 2:
         upper = z[2 * n - 1]
-    inverse = compliance(unbalance(0, y, p), unbalance(1, y, p), mobility(attached, p), p)
     a, lower, upper = solve_rows(attached, (z[n], z[n + 1], z[n + 2], z[n + 3], z[n + 4]), lower, upper, inverse, p)
     for i in range(5):
         z[n + i] = a[i]
@@ -163,10 +169,11 @@ def linearize(system: int, t: float, y: FloatArray, yp: FloatArray, slopes: Floa
     n = size // 2
     jac = np.empty((size, size))
     jacobian(system, t, y, yp, 0.0, jac, p)
+    inverse = compliance(unbalance(0, y, p), unbalance(1, y, p), mobility(ALGEBRAIC[system], p), p)
     for j in range(2 * n):
         for i in range(size):
             slopes[j, i] = -jac[i, j]  # of the first n rows as well: −(−1) for ∂q′/∂v
-        solve(system, y, slopes[j], p)
+        solve_with(inverse, system, slopes[j], p)
 
 
 @compiled

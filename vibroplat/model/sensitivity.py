@@ -61,7 +61,7 @@ def parameter_direction(scene: Scene, key: str) -> Parameters:
     step = STEP * abs(value) or STEP
     dp = blank()
     for n, weight in _WEIGHTS:
-        above, below = (_with(scene, path, value + side * n * step) for side in (1, -1))
+        above, below = (with_value(scene, path, value + side * n * step) for side in (1, -1))
         if not above.layers == below.layers == scene.layers:
             raise ConfigError(f"{key} = {value} cannot be varied; allowed: a value at which there is material")
         p_above, p_below = parameters(above), parameters(below)
@@ -80,17 +80,17 @@ def _value(section: Any, path: list[str]) -> Any:
     return section
 
 
-def _with(section: Any, path: list[str], value: float) -> Any:
+def with_value(section: Any, path: list[str], value: float) -> Any:
     """Copy a section with one key changed, without a check of its range."""
     if not path:
         return value
     name, *inside = path
     if isinstance(section, list):
-        return [_with(s, inside, value) if i == int(name) else s for i, s in enumerate(section)]
-    return section.model_copy(update={name: _with(getattr(section, name), inside, value)})
+        return [with_value(s, inside, value) if i == int(name) else s for i, s in enumerate(section)]
+    return section.model_copy(update={name: with_value(getattr(section, name), inside, value)})
 
 
-def _shifted(p: Parameters, dp: Parameters) -> Any:
+def shifted(p: Parameters, dp: Parameters) -> Any:
     """Return p + ih dp."""
     shifted = np.zeros(1, COMPLEX)[0]
     for name in PARAMETERS.names or ():
@@ -109,7 +109,7 @@ def residual_derivative(
 ) -> FloatArray:
     """Return ∂F/∂p dp at (t, y, y′), shape (size,)."""
     res: Any = np.empty(y.size, complex)
-    rows(system, t, y, yp, res, _shifted(p, dp))
+    rows(system, t, y, yp, res, shifted(p, dp))
     return np.asarray(res.imag / IMAGINARY)
 
 
@@ -137,7 +137,7 @@ def impact_derivative(
         Derivatives of the state after the impact, shape (14,), of the impulse and of the energy lost.
     """
     after: Any = np.empty(state.size, complex)
-    impulse, loss = impact(_along(state, direction), after, _shifted(p, dp))  # type: ignore[arg-type]
+    impulse, loss = impact(_along(state, direction), after, shifted(p, dp))  # type: ignore[arg-type]
     return after.imag / IMAGINARY, impulse.imag / IMAGINARY, loss.imag / IMAGINARY
 
 
@@ -158,5 +158,5 @@ def latch_derivative(
     """
     after: Any = np.empty(state.size, complex)
     moved = _along(state, direction), _along(accelerations, turning)
-    duration, *_ = latch(*moved, after, _shifted(p, dp))  # type: ignore[arg-type]
+    duration, *_ = latch(*moved, after, shifted(p, dp))  # type: ignore[arg-type]
     return after.imag / IMAGINARY, duration.imag / IMAGINARY

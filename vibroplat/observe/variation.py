@@ -1,0 +1,446 @@
+"""The derivative of a motion's state by its start and by keys of its scene, carried along steps and through jumps.
+
+Within a piece the variational equations Ṡ = (∂f/∂x) S + ∂f/∂p are solved by collocation at Radau's points, whose
+derivatives come from the model along the polynomials of the steps; the method is L-stable, so that a stiff layer does
+no harm. At an event the time changes with the start as well: with t_e its derivative and f⁻, f⁺ the rates before and
+after, S⁻ + f⁻ t_e goes through the derivative of the jump and comes out as S⁺ + f⁺ t_e (the saltation matrix of Aizerman
+and Gantmakher 1958; Müller 1995). A liftoff needs none of this: all rates are continuous there.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from vibroplat.hybrid.modes import IMPACT, LATCH
+from vibroplat.hybrid.state import Automaton
+from vibroplat.hybrid.steps import Steps
+from vibroplat.kernels.compiled import FloatArray, compiled, copy, fused, inlined
+from vibroplat.kernels.foreign import borrow
+from vibroplat.kernels.linear import pivot_row
+from vibroplat.kernels.polynomial import values
+from vibroplat.model.accelerations import accelerations, linearize, solve
+from vibroplat.model.equations import rows
+from vibroplat.model.impact import impact, latch
+from vibroplat.model.parameters import Parameters
+from vibroplat.model.sensitivity import COMPLEX, IMAGINARY, shifted
+from vibroplat.model.systems import (
+    ALGEBRAIC,
+    DIFFERENTIAL,
+    FULL_SIZE,
+    GAP,
+    GAP_RATE,
+    PLACES,
+    SIZES,
+    gather,
+    scatter,
+)
+
+#: Parameters by which a state is differentiated at a time, and columns: those of the start, then of the parameters.
+MOST_KEYS = 2
+COLUMNS = FULL_SIZE + MOST_KEYS
+
+#: Longest step of the collocation, as a part of a turn of the synchronous speed, and its points. Beside differences,
+#: derivatives over a turn are good to 1e-9 with 16 such steps of 5 points, and to 3e-6 with 3 points. Pieces much
+#: shorter than a step, as between impacts that accumulate, take fewer points.
+STEP = 1.0 / 10.0
+POINTS = ((1.0 / 40.0, 2), (1.0 / 6.0, 3), (math.inf, 5))
+_MOST_POINTS = POINTS[-1][1]
+
+
+class Radau(NamedTuple):
+    """Radau IIA collocation with so many points on (0, 1], the last of them 1.
+
+    Attributes
+    ----------
+    nodes
+        The points, shape (n,).
+    once, twice
+        Integrals of the Lagrange polynomials from 0 to each point, and integrals of these, shape (n, n).
+    """
+
+    nodes: FloatArray
+    once: FloatArray
+    twice: FloatArray
+
+
+def radau(points: int) -> Radau:
+    """Find the points of Radau IIA, zeros of P_n − P_{n−1} shifted to [0, 1] (Hairer and Wanner 1996, IV.5)."""
+    legendre = np.polynomial.legendre.Legendre.basis
+    nodes = np.sort((legendre(points) - legendre(points - 1)).roots().real) * 0.5 + 0.5
+    nodes[-1] = 1.0
+    powers = np.arange(points)
+    once = (nodes[:, np.newaxis] ** (powers + 1) / (powers + 1)) @ np.linalg.inv(nodes[:, np.newaxis] ** powers)
+    return Radau(nodes, once, once @ once)
+
+
+METHODS = tuple(radau(points) for _, points in POINTS)
+
+
+class Room(NamedTuple):
+    """What is overwritten at each step of the collocation."""
+
+    y: FloatArray
+    yp: FloatArray
+    slopes: FloatArray
+    a: FloatArray  # (points, 7, 14) derivatives of the accelerations by the unknowns
+    b: FloatArray  # (points, 7, MOST_KEYS) by the parameters
+    matrix: FloatArray  # (points · 7, points · 7 + COLUMNS)
+    part: FloatArray  # (14, COLUMNS) unknowns of the system
+
+
+class Carried(NamedTuple):
+    """What the kernels carry along.
+
+    Attributes
+    ----------
+    s
+        Derivative of the full state, shape (14, COLUMNS): at a fixed time, or at the last event.
+    late
+        Derivative of that event's time, shape (COLUMNS,).
+    at_event
+        Whether ``s`` is that at the event, shape (1,).
+    turned
+        Parameters p + ih dp, shape (2, 1 + keys), in the first column without dp; the second row is without restitution.
+    room
+        See :class:`Room`.
+    methods
+        One for each entry of POINTS.
+    """
+
+    s: FloatArray
+    late: FloatArray
+    at_event: Any
+    turned: Any
+    room: Room
+    methods: tuple[Radau, ...]
+
+
+def _room() -> Room:
+    equations = _MOST_POINTS * FULL_SIZE // 2
+    return Room(
+        np.zeros(FULL_SIZE),
+        np.zeros(FULL_SIZE),
+        np.zeros((FULL_SIZE, FULL_SIZE)),
+        np.zeros((_MOST_POINTS, FULL_SIZE // 2, FULL_SIZE)),
+        np.zeros((_MOST_POINTS, FULL_SIZE // 2, MOST_KEYS)),
+        np.zeros((equations, equations + COLUMNS)),
+        np.zeros((FULL_SIZE, COLUMNS)),
+    )
+
+
+class Variation:
+    """Observes a motion: carries the derivative of its state along.
+
+    Parameters
+    ----------
+    directions
+        Derivatives of the parameters by keys, at most two; see :func:`vibroplat.model.sensitivity.parameter_direction`.
+    """
+
+    def __init__(self, directions: Sequence[Parameters] = ()) -> None:
+        self._directions = directions
+        self._of = b""  # the parameters that ``turned`` was made of
+        turned = np.zeros((2, 1 + len(directions)), COMPLEX)
+        self._carried = Carried(
+            np.zeros((FULL_SIZE, COLUMNS)), np.zeros(COLUMNS), np.zeros(1, np.int64), turned, _room(), METHODS
+        )
+        self.begin(np.eye(FULL_SIZE))
+
+    def begin(self, start: FloatArray, directions: Sequence[Parameters] | None = None) -> None:
+        """Begin anew with the derivative of the full state by up to 14 numbers, shape (14, m); other keys if given."""
+        carried = self._carried
+        carried.s[:], carried.late[:], carried.at_event[0] = 0.0, 0.0, 0
+        carried.s[:, : start.shape[1]] = start
+        if directions is not None:
+            self._directions, self._of = directions, b""
+
+    def read(self, h: Automaton) -> None:
+        """Go along the closed pieces, and through the events."""
+        self._turn(h)
+        follow(h, self._carried)
+
+    def derivative(self, h: Automaton) -> FloatArray:
+        """Derivative of the motion's full state now, shape (14, 14 + keys)."""
+        self._turn(h)
+        arrive(h, self._carried)
+        found: FloatArray = self._carried.s[:, : FULL_SIZE + len(self._directions)].copy()
+        return found
+
+    def _turn(self, h: Automaton) -> None:
+        """Follow the parameters, which a drive's program changes."""
+        now = h.p.tobytes()
+        if now == self._of:
+            return
+        self._of, turned = now, self._carried.turned
+        still = np.zeros_like(np.asarray(h.p))
+        for i, p in enumerate((h.p, h.inelastic)):
+            for k, dp in enumerate([still, *self._directions]):
+                turned[i, k] = shifted(p, dp)
+        turned["restitution"][1] = 0.0
+
+
+@compiled
+def follow(owned_h: Automaton, owned_v: Carried) -> None:
+    """Go along the closed pieces of a motion and through the events between them."""
+    h, v = borrow(owned_h), borrow(owned_v)
+    steps, count, event = h.steps, h.run.events, 0
+    for k in range(steps.used.pieces):
+        piece = steps.pieces[k]
+        after = steps.pieces[k + 1].events if k + 1 < steps.used.pieces else count
+        event = piece.events
+        if event < after and h.events[event].kind == LATCH:
+            through_latch(steps, piece, h.p, v)
+            event += 1
+        else:
+            settle(piece.system, piece.origin + steps.start[piece.first], steps.c[piece.first, 0], h.p, v)
+            along(steps, piece, h.run.period, h.p, v)
+        while event < after:
+            if h.events[event].kind == IMPACT:
+                through_impact(steps, piece, h.events[event], h.run.slowest, h.p, v)
+            event += 1
+
+
+@compiled
+def arrive(owned_h: Automaton, owned_v: Carried) -> None:
+    """Leave the last event, if the motion has ended there."""
+    h, v = borrow(owned_h), borrow(owned_v)
+    system = h.run.systems[h.run.mode]
+    gather(system, h.run.state, v.room.yp)
+    settle(system, h.run.now, v.room.yp, h.p, v)
+
+
+@compiled
+def settle(system: int, t: float, start: FloatArray, p: Parameters, v: Carried) -> None:
+    """Turn a derivative at an event into one at a fixed time, by the rates of the piece that begins."""
+    if v.at_event[0] == 0:
+        return
+    v.at_event[0] = 0
+    rates = np.empty(FULL_SIZE)
+    rates_of(system, t, start, rates, p, v.room)
+    for i in range(FULL_SIZE):
+        for j in range(COLUMNS):
+            v.s[i, j] -= rates[i] * v.late[j]
+
+
+@compiled
+def rates_of(system: int, t: float, unknowns: FloatArray, rates: FloatArray, p: Parameters, room: Room) -> None:
+    """Fill the rates of the full state at a system's unknowns; ``room`` is left with them, consistent."""
+    size = SIZES[system]
+    y, yp = room.y[:size], room.yp[:size]
+    for i in range(DIFFERENTIAL[system]):
+        y[i] = unknowns[i]
+    accelerations(system, t, y, yp, p)
+    scatter(system, yp, rates)
+
+
+@compiled
+def along(steps: Steps, piece: Any, period: float, p: Parameters, v: Carried) -> None:
+    """Carry the derivative along the steps of a piece."""
+    system, first, last = piece.system, piece.first, piece.end - 1
+    begin = steps.start[first]
+    duration = steps.start[last] + steps.length[last] - begin
+    if duration <= 0.0:
+        return
+    parts = math.ceil(duration / (STEP * period))
+    length, row, n = duration / parts, first, DIFFERENTIAL[system] // 2
+    method = v.methods[2]
+    if duration < POINTS[0][0] * STEP * period:
+        method = v.methods[0]
+    elif duration < POINTS[1][0] * STEP * period:
+        method = v.methods[1]
+    for i in range(2 * n):
+        copy(v.s[PLACES[system, i]], v.room.part[i])
+    for k in range(parts):
+        for i in range(method.nodes.size):
+            at = begin + (k + method.nodes[i]) * length
+            while row < last and at > steps.start[row] + steps.length[row]:
+                row += 1
+            share = min((at - steps.start[row]) / steps.length[row], 1.0)
+            values(steps.c[row], steps.c.shape[1] - 1, share, v.room.y[: 2 * n])
+            differentiate(system, piece.origin + at, i, p, v)
+        collocate(n, length, method, v.room)
+    for i in range(FULL_SIZE):
+        for j in range(COLUMNS):
+            v.s[i, j] = 0.0
+    for i in range(2 * n):
+        copy(v.room.part[i], v.s[PLACES[system, i]])
+
+
+@compiled
+def differentiate(system: int, t: float, point: int, p: Parameters, v: Carried) -> None:
+    """Differentiate the accelerations at the unknowns in ``room.y`` by these and by the parameters."""
+    size = SIZES[system]
+    n = size // 2
+    room = v.room
+    y, yp = room.y[:size], room.yp[:size]
+    accelerations(system, t, y, yp, p)
+    linearize(system, t, y, yp, room.slopes[: 2 * n, :size], p)
+    for i in range(n):
+        for j in range(2 * n):
+            room.a[point, i, j] = room.slopes[j, n + i]
+    if v.turned.shape[1] > 1:
+        by_parameters(system, t, point, y, yp, p, v)
+
+
+@compiled
+def by_parameters(
+    system: int, t: float, point: int, y: FloatArray, yp: FloatArray, p: Parameters, v: Carried
+) -> None:
+    """Differentiate the accelerations by the parameters: A ∂z/∂p = −∂F/∂p at a fixed state."""
+    size = y.size
+    n = size // 2
+    residual = np.empty(size, np.complex128)
+    z = np.empty(size)
+    for k in range(v.turned.shape[1] - 1):
+        rows(system, t, y, yp, residual, v.turned[0, k + 1])
+        for i in range(size):
+            z[i] = -residual[i].imag / IMAGINARY if i >= n else 0.0
+        solve(system, y, z, p)
+        for i in range(n):
+            v.room.b[point, i, k] = z[n + i]
+
+
+@fused
+def collocate(n: int, h: float, method: Radau, room: Room) -> None:
+    """Carry the derivatives of n coordinates and their rates, in ``room.part``, over a step.
+
+    The unknowns of the linear system are the derivatives of the accelerations at the points.
+    """
+    points, s = method.nodes.size, room.part
+    m = points * n
+    for i in range(points):
+        lead = h * method.nodes[i]
+        for r in range(n):
+            row = room.matrix[i * n + r]
+            for j in range(points):
+                twice, once = h * h * method.twice[i, j], h * method.once[i, j]
+                for c in range(n):
+                    row[j * n + c] = -twice * room.a[i, r, c] - once * room.a[i, r, n + c]
+            row[i * n + r] += 1.0
+            for k in range(COLUMNS):
+                row[m + k] = 0.0
+            for c in range(n):
+                stiffness, damping = room.a[i, r, c], room.a[i, r, n + c] + lead * room.a[i, r, c]
+                for k in range(COLUMNS):
+                    row[m + k] += stiffness * s[c, k] + damping * s[n + c, k]
+            for k in range(MOST_KEYS):
+                row[m + FULL_SIZE + k] += room.b[i, r, k]
+    eliminate(room.matrix, m)
+    last = points - 1
+    for c in range(n):
+        for k in range(COLUMNS):
+            s[c, k] += h * s[n + c, k]
+        for i in range(points):
+            twice, once = h * h * method.twice[last, i], h * method.once[last, i]
+            for k in range(COLUMNS):
+                found = room.matrix[i * n + c, m + k]
+                s[c, k] += twice * found
+                s[n + c, k] += once * found
+
+
+@fused
+def eliminate(matrix: FloatArray, m: int) -> None:
+    """Solve m linear equations for COLUMNS right-hand sides, which stand behind the matrix and become the solutions."""
+    width = m + COLUMNS
+    for k in range(m):
+        best = pivot_row(matrix[:m], k)
+        if best != k:
+            for j in range(k, width):
+                matrix[k, j], matrix[best, j] = matrix[best, j], matrix[k, j]
+        inverse = 1.0 / matrix[k, k]
+        for i in range(k + 1, m):
+            factor = matrix[i, k] * inverse
+            if factor != 0.0:
+                for j in range(k + 1, width):
+                    matrix[i, j] -= factor * matrix[k, j]
+    for k in range(m - 1, -1, -1):
+        inverse = 1.0 / matrix[k, k]
+        for j in range(m, width):
+            matrix[k, j] *= inverse
+        for i in range(k):
+            factor = matrix[i, k]
+            for j in range(m, width):
+                matrix[i, j] -= factor * matrix[k, j]
+
+
+@compiled
+def through_impact(steps: Steps, piece: Any, event: Any, slowest: float, p: Parameters, v: Carried) -> None:
+    """Carry the derivative through an impact, to the event; one too slow to move anything is contact that goes on."""
+    if -event.rate_before < slowest:
+        for j in range(COLUMNS):
+            v.s[GAP, j] = v.s[GAP_RATE, j] = 0.0
+        return
+    state, rates = np.empty(FULL_SIZE), np.empty(FULL_SIZE)
+    ends = steps.ends[piece.end - 1]
+    scatter(piece.system, ends, state)
+    rates_of(piece.system, event.t, ends, rates, p, v.room)
+    state[GAP], state[GAP_RATE] = 0.0, event.rate_before
+    rates[GAP] = event.rate_before
+    before, after = np.empty(FULL_SIZE, np.complex128), np.empty(FULL_SIZE, np.complex128)
+    law = 1 if -event.rate_before < p.sticking_speed or (event.rate_after == 0.0 and p.restitution > 0.0) else 0
+    v.at_event[0] = 1
+    for j in range(FULL_SIZE + v.turned.shape[1] - 1):
+        late = -v.s[GAP, j] / event.rate_before
+        v.late[j] = late
+        for i in range(FULL_SIZE):
+            before[i] = state[i] + 1j * IMAGINARY * (v.s[i, j] + rates[i] * late)
+        before[GAP] = 0.0
+        impact(before, after, v.turned[law, max(j - FULL_SIZE + 1, 0)])
+        for i in range(FULL_SIZE):
+            v.s[i, j] = after[i].imag / IMAGINARY
+    if law == 0 and event.rate_after == 0.0:
+        through_small_impacts(piece.system, event.t, state, after, p, v)
+
+
+@compiled
+def through_small_impacts(
+    system: int, t: float, state: FloatArray, after: Any, p: Parameters, v: Carried
+) -> None:
+    """Add to an inelastic impact what a restitution beside 0 would: impacts that accumulate at once."""
+    for i in range(FULL_SIZE):
+        state[i] = after[i].real
+    by_latch(system, t, state, FULL_SIZE, p, v)
+
+
+@compiled
+def through_latch(steps: Steps, piece: Any, p: Parameters, v: Carried) -> None:
+    """Carry the derivative through impacts that accumulate, from the event at which they begin to where they end."""
+    state = np.empty(FULL_SIZE)
+    first = piece.first
+    scatter(piece.system, steps.c[first, 0], state)
+    state[GAP] = 0.0
+    if v.at_event[0] == 0:  # the motion began with them
+        v.at_event[0] = 1
+        for j in range(COLUMNS):
+            v.late[j] = 0.0
+    by_latch(piece.system, piece.origin + steps.start[first], state, 0, p, v)
+
+
+@compiled
+def by_latch(system: int, t: float, state: FloatArray, first: int, p: Parameters, v: Carried) -> None:
+    """Differentiate a latch, from the event before it to that at its end, in the columns from the first on."""
+    n, room = DIFFERENTIAL[system] // 2, v.room
+    start, rates = np.empty(FULL_SIZE), np.empty(FULL_SIZE)
+    gather(system, state, start)
+    rates_of(system, t, start, rates, p, room)
+    differentiate(system, t, 0, p, v)
+    moved, after = np.empty(FULL_SIZE, np.complex128), np.empty(FULL_SIZE, np.complex128)
+    turned, change = np.empty(FULL_SIZE // 2, np.complex128), np.zeros(FULL_SIZE)
+    for j in range(first, FULL_SIZE + v.turned.shape[1] - 1):
+        for i in range(n):
+            place = PLACES[system, n + i]
+            change[place] = room.b[0, i, j - FULL_SIZE] if j >= FULL_SIZE else 0.0
+            for k in range(2 * n):
+                change[place] += room.a[0, i, k] * v.s[PLACES[system, k], j]
+        for i in range(FULL_SIZE):
+            moved[i] = state[i] + 1j * IMAGINARY * v.s[i, j]
+        for i in range(FULL_SIZE // 2):
+            turned[i] = rates[7 + i] + 1j * IMAGINARY * change[7 + i]
+        duration, _, _ = latch(moved, turned, after, v.turned[0, max(j - FULL_SIZE + 1, 0)])
+        v.late[j] += duration.imag / IMAGINARY
+        for i in range(FULL_SIZE):
+            v.s[i, j] = after[i].imag / IMAGINARY

@@ -1,0 +1,1 @@
+"""Periodic orbits by shooting: their stability, their branches over a key of the scene, boundaries over two."""

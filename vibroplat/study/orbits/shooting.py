@@ -1,0 +1,221 @@
+"""Shots: motions of an exact duration from a full state, with what a search for periodic orbits asks of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+import numpy.typing as npt
+
+from vibroplat.flow.motion import Motion
+from vibroplat.hybrid.modes import IMPACT, LATCH
+from vibroplat.hybrid.scales import state_scales
+from vibroplat.hybrid.state import Automaton
+from vibroplat.integrate.choice import make_engine
+from vibroplat.kernels.compiled import FloatArray
+from vibroplat.model.accelerations import accelerations
+from vibroplat.model.parameters import Parameters, parameters
+from vibroplat.model.sensitivity import NUMBERS, with_value
+from vibroplat.model.systems import FULL_SIZE, SYSTEMS, systems
+from vibroplat.observe.audit import Energies
+from vibroplat.observe.closeness import Closeness
+from vibroplat.observe.events import Events
+from vibroplat.observe.statistics import SUMS, Measures, Statistics, numbers
+from vibroplat.observe.summary import Part
+from vibroplat.observe.variation import Variation
+from vibroplat.scene import Mode, Scene
+from vibroplat.study.orbits.words import word_of
+
+#: Step of the difference that gives the derivative of the parameters by a key, over its value.
+STEP = 1e-4
+
+_TURN = 2.0 * math.pi
+
+
+@dataclass
+class Shot:
+    """A motion of an exact duration.
+
+    Attributes
+    ----------
+    start, state, rates
+        Full states at its ends, the angles with all their turns, and the rates at the second, shape (14,).
+    begins, ends
+        Systems at its ends, by their number.
+    duration
+        (s).
+    outcome, detail
+        As of a run.
+    events
+        Records of :data:`vibroplat.hybrid.state.EVENT`.
+    word
+        Their sequence.
+    derivative
+        Of the state by the start and by the keys, shape (14, 14 + keys); None if it was not asked for.
+    part
+        What was measured; None if it was not asked for.
+    pieces
+        System, beginning and end (s) of each piece between events; empty if nothing was measured.
+    least_force, least_gap
+        Least F_c (N) of contact and least gap (m) at a turning point in flight; inf without one.
+    """
+
+    start: FloatArray
+    state: FloatArray
+    rates: FloatArray
+    begins: int
+    ends: int
+    duration: float
+    outcome: str
+    detail: str
+    events: npt.NDArray[np.void]
+    word: str
+    derivative: FloatArray | None = None
+    part: Part | None = None
+    pieces: Sequence[tuple[int, float, float]] = ()
+    least_force: float = math.inf
+    least_gap: float = math.inf
+
+    @property
+    def landing_force(self) -> float:
+        """Least F_c after an event with which contact begins (N); inf without one."""
+        began = (self.events["kind"] == IMPACT) | (self.events["kind"] == LATCH)
+        forces = self.events["force_after"][began & (self.events["mode_after"] == Mode.ATTACHED)]
+        return float(forces.min()) if forces.size else math.inf
+
+
+class Shooter:
+    """Takes shots of a scene, at any values of up to two of its keys.
+
+    Scales and tolerances are those of the scene as it was given, so that shots depend smoothly on the values.
+
+    Parameters
+    ----------
+    scene
+        The scene.
+    keys
+        Dotted keys that vary.
+
+    Attributes
+    ----------
+    turns
+        Of exciter 1 in all shots so far, for the record.
+    """
+
+    def __init__(self, scene: Scene, keys: Sequence[str] = ()) -> None:
+        self.scene = scene
+        self.keys = tuple(keys)
+        self.scales = state_scales(scene)
+        self.p = parameters(scene)
+        self.engine = make_engine(scene, self.p)
+        self.motion = Motion(scene, self.p, self.engine)
+        self.turns = 0.0
+        self._variation = Variation([self.p.copy()] * len(self.keys))
+        self._numbers = {int(mode): system.index for mode, system in systems(scene).items()}
+        self._at: dict[str, float] = {}
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Free what the engine holds."""
+        self.engine.close()
+
+    def scene_at(self, values: Mapping[str, float]) -> Scene:
+        """Return the scene with other values of keys, without a check of their ranges."""
+        scene = self.scene
+        for key, value in values.items():
+            scene = with_value(scene, key.split("."), value)
+        return scene
+
+    def set(self, values: Mapping[str, float]) -> None:
+        """Change the values of the keys for the shots to come."""
+        if values == self._at:
+            return
+        self._at = dict(values)
+        found = parameters(self.scene_at(values))
+        h = self.motion.automaton
+        for p in (self.p, h.p, h.inelastic):
+            for name in found.dtype.names or ():
+                p[name] = found[name]
+        h.inelastic["restitution"] = 0.0
+
+    def direction(self, key: str) -> Parameters:
+        """Differentiate the parameters by a key at the present values."""
+        value = self._at[key]
+        step = STEP * abs(value) or STEP
+        above, below = (parameters(self.scene_at(self._at | {key: value + s})) for s in (step, -step))
+        difference = np.zeros_like(np.asarray(above))
+        for name in NUMBERS:
+            difference[name] = (above[name] - below[name]) / (2.0 * step)
+        return difference  # type: ignore[return-value]
+
+    def shot(self, start: FloatArray, duration: float, *, varied: bool = False, measured: bool = False) -> Shot:
+        """Follow the motion from a full state for a duration (s).
+
+        Parameters
+        ----------
+        varied
+            Whether to find the derivative by the start and by the keys.
+        measured
+            Whether to measure it.
+        """
+        motion, h = self.motion, self.motion.automaton
+        events, near, statistics = Events(), Closeness(), Statistics(0.0)
+        observers = [events, *([self._variation] if varied else []), *([statistics, near] if measured else [])]
+        motion.begin_again(start)
+        begins = self._system
+        if varied:
+            self._variation.begin(np.eye(FULL_SIZE), [self.direction(key) for key in self.keys])
+        before = Energies.of(h.run["state"], h.p) if measured else None
+        motion.to_time(duration, observers)
+        self.turns += abs(motion.state[3] - start[3]) / _TURN
+        found = Shot(
+            start=start,
+            state=motion.state,
+            rates=self._rates(),
+            begins=begins,
+            ends=self._system,
+            duration=duration,
+            outcome=motion.outcome,
+            detail=motion.detail,
+            events=events.rows,
+            word=word_of(events.rows, float(h.p["restitution"])),
+        )
+        if varied:
+            found.derivative = self._variation.derivative(h)
+        if before is not None:
+            found.part = Part(_undivided(statistics), before, Energies.of(h.run["state"], h.p))
+            found.pieces = near.pieces
+            found.least_force, found.least_gap = near.least_force, near.least_gap
+        return found
+
+    @property
+    def _system(self) -> int:
+        """Number of the present system."""
+        return self._numbers[int(self.motion.automaton.run["mode"])]
+
+    def _rates(self) -> FloatArray:
+        """Rates of the full state now, shape (14,)."""
+        h = self.motion.automaton
+        system = SYSTEMS[self._system]
+        y, yp = system.unknowns(h.run["state"]), np.zeros(system.size)
+        accelerations(system.index, float(h.run["now"]), y, yp, h.p)
+        rates: FloatArray = system.full(yp)
+        return rates
+
+
+def _undivided(statistics: Statistics) -> Measures:
+    """Return what was measured with the sums over all of it, not cut to whole turns of exciter 1."""
+    measures = statistics.measures
+    total = np.zeros(1, SUMS)
+    numbers(total[0])[:] = numbers(measures.plain) + numbers(measures.whole) + numbers(measures.open_turn)
+    none = np.zeros(1, SUMS)[0]
+    return measures._replace(plain=total[0], whole=none, open_turn=none)
+
