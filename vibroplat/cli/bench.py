@@ -1,0 +1,73 @@
+"""The command ``bench``: run time, accuracy, stability."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from vibroplat.cli.loading import load_kernels, tell_of_compilation
+from vibroplat.cli.options import Out
+from vibroplat.errors import VibroplatError
+
+
+class BenchName(StrEnum):
+    """Names of the benchmarks."""
+
+    runtime = "runtime"
+    precision = "precision"
+    engines = "engines"
+    sweeps = "sweeps"
+    stability = "stability"
+    soak = "soak"
+    peers = "peers"
+    taylor = "taylor"
+
+
+def bench(
+    names: Annotated[
+        list[BenchName] | None,
+        typer.Argument(
+            metavar="[NAME]...", help="runtime, precision, engines, sweeps, stability, soak, peers, taylor."
+        ),
+    ] = None,
+    out: Out = Path("results"),
+    long: Annotated[
+        bool,
+        typer.Option(
+            "--long",
+            help="Run all benchmarks, the soak with one round. Soak --long: rounds until they have taken 24 hours of "
+            "processor time; one that was stopped is resumed.",
+        ),
+    ] = False,
+    reference: Annotated[Path, typer.Option(help="Directory of the reference tables.")] = Path("tests/reference"),
+    repeats: Annotated[int, typer.Option(min=1, help="Number of runs; their median is reported.")] = 5,
+) -> None:
+    """Measure run time and accuracy.
+
+    Writes tables and plots to OUT/benchmarks. Without a name it compares peers at equal error, in two minutes.
+    """
+    tell_of_compilation()
+    from vibroplat.bench import report
+    from vibroplat.bench.timing import machine
+    from vibroplat.tables import result_directory
+
+    soaking = long and names == [BenchName.soak]
+    if names and long and not soaking:
+        raise VibroplatError(f"{names[0].value} --long: --long runs every bench; allowed: names, --long, soak --long")
+    if (long and not soaking) or not names or {BenchName.peers, BenchName.taylor} & {*names}:
+        report.require_oracle()
+    load_kernels()
+    directory = result_directory(out, "benchmarks")
+    print(machine())
+    if not (names or long):
+        report.report_summary(directory, reference, repeats)
+    if soaking:
+        from vibroplat.bench.soak.soak import LONG
+
+        report.report_soak(directory, reference, repeats, LONG)
+        return
+    for name in BenchName if long else names or []:
+        report.REPORTS[name.value](directory, reference, repeats)

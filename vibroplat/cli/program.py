@@ -1,0 +1,94 @@
+"""The program: its commands, and what it tells of errors. Exit codes: 0 done, 1 a run failed, 2 bad input."""
+
+from __future__ import annotations
+
+import gc
+import logging
+import os
+import sys
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperGroup
+
+from vibroplat import __version__
+from vibroplat.cli import bench, paper, plot, run, schema, sweep
+from vibroplat.errors import VibroplatError
+from vibroplat.interrupts import KEPT
+from vibroplat.surroundings import is_short_of_memory, require_memory
+
+
+class _Commands(TyperGroup):
+    """The group of commands.
+
+    The default of ``--help`` is False: typer would load pydantic to convert None.
+    """
+
+    def get_help_option(self, ctx: Any) -> Any:
+        option = super().get_help_option(ctx)
+        if option is not None:
+            option.default = False
+        return option
+
+
+app = typer.Typer(
+    cls=_Commands,
+    help="Simulate a vibrating platform with self-synchronizing exciters and material that may leave it.",
+    invoke_without_command=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,  # plain help, in half the time
+)
+
+
+def main() -> None:
+    """Run the command line and turn errors into one line and an exit code."""
+    logging.basicConfig(format="vibroplat: %(message)s")
+    # imports create many objects that stay alive; collecting garbage among them takes a sixth of a short command
+    gc.set_threshold(200_000)
+    try:
+        code = app(standalone_mode=False)
+        sys.stdout.flush()
+    except VibroplatError as error:
+        sys.exit(_complain(str(error), error.exit_code))
+    except (MemoryError, ImportError, RuntimeError, OSError) as error:
+        if is_short_of_memory(error):
+            sys.exit(_complain(f"not enough memory; {KEPT}", 1))
+        if not isinstance(error, OSError):
+            raise
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # the rest of the output has nowhere to go
+        sys.exit(_complain(f"standard output cannot be written: {error.strerror or error}", 1))
+    except Exception as error:
+        # typer's base class of usage errors is not public; this method identifies them
+        if not hasattr(error, "format_message"):
+            raise
+        sys.exit(_complain(f"{error.format_message()} Try 'vibroplat --help'.", 2))
+    sys.exit(code if isinstance(code, int) else 0)
+
+
+def _complain(text: str, code: int) -> int:
+    print(f"vibroplat: {' '.join(text.split())}", file=sys.stderr)
+    return code
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        print(f"vibroplat {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    context: typer.Context,
+    version: Annotated[
+        bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version.")
+    ] = False,
+) -> None:
+    if context.invoked_subcommand is None:
+        print(context.get_help())
+    elif "--help" not in sys.argv:
+        require_memory()
+
+
+for command in (run.run, sweep.sweep, paper.paper, paper.calibrate, plot.plot, bench.bench, schema.schema):
+    app.command()(command)

@@ -1,0 +1,105 @@
+"""The command ``run``: one scene in time."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from vibroplat.cli.loading import load_kernels, tell_of_compilation
+from vibroplat.cli.options import EngineName, Format, Out, Settings, TableFormat
+from vibroplat.cli.printing import print_lines, print_notes, print_summary
+from vibroplat.errors import ConfigError
+from vibroplat.progress import run_progress
+
+if TYPE_CHECKING:
+    from vibroplat.flow.keeping import Sink
+    from vibroplat.observe.trajectory import Trajectory
+    from vibroplat.scene import Scene
+    from vibroplat.study.checking.agreement import RunCheck
+
+
+def run(
+    config: Annotated[Path, typer.Argument(help="Configuration file (YAML).")],
+    set_: Settings = None,
+    engine: EngineName = None,
+    check: Annotated[
+        bool, typer.Option("--check", help="Run the scene with another engine too, and compare both; six runs in all.")
+    ] = False,
+    out: Out = Path("results"),
+    format_: Format = TableFormat.parquet,
+) -> None:
+    """Simulate one scene in time.
+
+    Writes trajectory, events, summary and provenance to OUT/NAME and prints the summary. With --check, exit code 1 says
+    that two engines disagree.
+    """
+    from vibroplat.config import load_config, parse_overrides
+    from vibroplat.flow.beginning import beginning
+    from vibroplat.tables import result_directory
+
+    scene = load_config(config, parse_overrides(set_ or [], engine))
+    beginning(scene)  # what is wrong with it is told before anything is written or compiled
+    source = scene.run.initial.from_
+    if source is not None and Path(source).resolve() == (out / scene.name).resolve():
+        raise ConfigError(f"run.initial.from = {source!r} is where this run would be written; allowed: another name")
+    directory = result_directory(out, scene.name)
+    tell_of_compilation(scene.solver.engine)
+    from vibroplat.flow.space import require_disk
+
+    require_disk(scene, directory, format_.value)
+    if check:
+        from vibroplat.study.checking.changes import require_other_engine
+
+        require_other_engine(scene)
+    load_kernels(scene.solver.engine)
+    result, found = _simulate_and_write(scene, directory, format_, check=check)
+    print_summary(result, directory)
+    print_notes(result.notes)
+    if found is not None:
+        print_lines(found.lines())
+    if result.outcome != "ok":
+        print(f"vibroplat: {result.outcome}: {result.summary['detail']}", file=sys.stderr)
+    if found is not None and not found.agrees:
+        print(f"vibroplat: engines disagree {found.disagreement}", file=sys.stderr)
+    if result.outcome != "ok" or (found is not None and not found.agrees):
+        raise typer.Exit(1)
+
+
+def _simulate_and_write(
+    scene: Scene, directory: Path, form: TableFormat, *, check: bool
+) -> tuple[Trajectory, RunCheck | None]:
+    """Simulate a scene and write its result; with ``check``, return what another engine has found as well."""
+    from vibroplat.flow.keeping import Sink
+    from vibroplat.provenance import provenance
+    from vibroplat.results import write_result
+    from vibroplat.tables import GrowingTable
+
+    trajectory, events = (GrowingTable(directory, name, form.value) for name in ("trajectory", "events"))
+    with trajectory, events:
+        result, found = _simulate(scene, Sink(trajectory.append, events.append), check=check)
+        summary = result.summary | {"notes": result.notes} | ({} if found is None else {"check": found.to_tree()})
+        origin = provenance(scene, summary["engine"], result.origin)
+        tables = {"trajectory": trajectory, "events": events}
+        write_result(directory, "run", origin, tables, {"summary": summary}, form=form.value)
+    return result, found
+
+
+def _simulate(scene: Scene, sink: Sink, *, check: bool) -> tuple[Trajectory, RunCheck | None]:
+    """Simulate a scene; with ``check``, compare the finished run with that of another engine."""
+    with run_progress(scene.name, scene.run.duration_s) as report:
+        from vibroplat.flow.run import simulate
+
+        if not check:
+            return simulate(scene, keep="summary", sink=sink, progress=report), None
+        from vibroplat.study.checking.courses import Course
+
+        course = Course(scene, sink).run(report)
+    if course.result.outcome == "out-of-memory":
+        return course.result, None
+    from vibroplat.study.checking.runs import RUNS, compared
+
+    with run_progress(f"{scene.name}, check", RUNS * scene.run.duration_s) as report:
+        return course.result, compared(course, progress=report)
