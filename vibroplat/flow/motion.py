@@ -101,6 +101,12 @@ class Motion:
         if mode is not None:
             join(self.automaton, mode is Mode.ATTACHED, self._interval.start == time and self._interval.corner)
 
+    def set_parameters(self, p: Parameters) -> None:
+        """Change the parameters for all who hold them: of another scene of the same modes, with the same tolerances."""
+        kept = self.automaton.p.base
+        np.asarray(self._p.base)[0] = kept[0] = kept[1] = p
+        kept["restitution"][1] = 0.0
+
     def begin_again(self, state: FloatArray) -> None:
         """Begin anew at another full state, shape (14,), at the time and in the interval of the drive as before.
 

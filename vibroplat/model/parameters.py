@@ -74,30 +74,30 @@ def address(p: Parameters) -> int:
 def parameters(scene: Scene, time: float = 0.0) -> Parameters:
     """Fill the record of a scene, with the supply as it is at a time (s)."""
     machine, p = scene.machine, blank()
-    p.mass = scene.platform_mass
-    p.inertia = machine.inertia
-    p.stiffness_x = machine.stiffness_x_n_per_m
-    p.stiffness_y = machine.stiffness_y_n_per_m
-    p.stiffness_phi = machine.stiffness_phi_n_m_per_rad
-    p.damping_x = machine.damping_x_n_s_per_m
-    p.damping_y = scene.damping_y
-    p.damping_phi = machine.damping_phi_n_m_s_per_rad
-    p.gravity = machine.gravity_m_per_s2
-    p.unbalance = scene.unbalances
-    p.exciter_inertia = scene.exciter_inertias
-    p.direction = [exciter.direction for exciter in scene.exciter_pair]
-    axis_x, p.axis_y = machine.exciter_axis
-    p.axis_x = axis_x, -axis_x
-    p.friction = [
+    p["mass"] = scene.platform_mass
+    p["inertia"] = machine.inertia
+    p["stiffness_x"] = machine.stiffness_x_n_per_m
+    p["stiffness_y"] = machine.stiffness_y_n_per_m
+    p["stiffness_phi"] = machine.stiffness_phi_n_m_per_rad
+    p["damping_x"] = machine.damping_x_n_s_per_m
+    p["damping_y"] = scene.damping_y
+    p["damping_phi"] = machine.damping_phi_n_m_s_per_rad
+    p["gravity"] = machine.gravity_m_per_s2
+    p["unbalance"] = scene.unbalances
+    p["exciter_inertia"] = scene.exciter_inertias
+    p["direction"] = [exciter.direction for exciter in scene.exciter_pair]
+    axis_x, axis_y = machine.exciter_axis
+    p["axis_x"], p["axis_y"] = (axis_x, -axis_x), axis_y
+    p["friction"] = [
         exciter.friction_radius_m * k for exciter, k in zip(scene.exciter_pair, scene.unbalances, strict=True)
     ]
     supply(p, scene, scene.drive.at(time))
-    p.lower_mass, p.upper_mass = scene.layer_masses
-    p.layer_stiffness, p.layer_damping = scene.layer_spring
-    p.restitution = scene.contact.restitution
-    p.sticking_speed = scene.contact.sticking_speed_m_per_s
-    p.safe_rotation = machine.safe_rotation
-    p.impact_law = IMPACT_LAWS.index(scene.contact.impact_law)
+    p["lower_mass"], p["upper_mass"] = scene.layer_masses
+    p["layer_stiffness"], p["layer_damping"] = scene.layer_spring
+    p["restitution"] = scene.contact.restitution
+    p["sticking_speed"] = scene.contact.sticking_speed_m_per_s
+    p["safe_rotation"] = machine.safe_rotation
+    p["impact_law"] = IMPACT_LAWS.index(scene.contact.impact_law)
     return p
 
 

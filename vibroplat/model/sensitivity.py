@@ -22,7 +22,10 @@ from vibroplat.model.parameters import PARAMETERS, Parameters, blank, parameters
 from vibroplat.scene import Scene
 
 #: Names of the fields that enter the equations as numbers; the others are choices, or say where the equations hold.
-NUMBERS = tuple(name for name in PARAMETERS.names or () if name not in ("safe_rotation", "impact_law"))
+CHOICES = ("safe_rotation", "impact_law")
+NUMBERS = tuple(name for name in PARAMETERS.names or () if name not in CHOICES)
+#: How many numbers they are; they are the first of the record.
+_WIDTH = int(np.zeros(1, PARAMETERS).itemsize // 8 - len(CHOICES))
 
 #: The record of parameters with complex numbers.
 COMPLEX = np.dtype(
@@ -90,12 +93,27 @@ def with_value(section: Any, path: list[str], value: float) -> Any:
     return section.model_copy(update={name: with_value(getattr(section, name), inside, value)})
 
 
+def difference(above: Parameters, below: Parameters, step: float) -> Parameters:
+    """Difference quotient of two records."""
+    quotient = blank()
+    flat = np.asarray(quotient.base).view(float)
+    flat[:_WIDTH] = (_flat(above) - _flat(below)) / step
+    return quotient
+
+
 def shifted(p: Parameters, dp: Parameters) -> Any:
     """Return p + ih dp."""
-    shifted = np.zeros(1, COMPLEX)[0]
-    for name in PARAMETERS.names or ():
-        shifted[name] = p[name] + 1j * IMAGINARY * dp[name] if name in NUMBERS else p[name]
-    return shifted
+    shifted = np.zeros(1, COMPLEX)
+    shifted.view(complex)[:_WIDTH] = _flat(p) + 1j * IMAGINARY * _flat(dp)
+    for name in CHOICES:
+        shifted[name] = p[name]
+    return shifted[0]
+
+
+def _flat(p: Parameters) -> FloatArray:
+    """All numbers of a record, one after the other."""
+    found: FloatArray = np.array(p).reshape(1).view(float)[:_WIDTH]
+    return found
 
 
 def _along(values: FloatArray, direction: FloatArray) -> npt.NDArray[np.complex128]:

@@ -287,9 +287,7 @@ def differentiate(system: int, t: float, point: int, p: Parameters, v: Carried) 
 
 
 @compiled
-def by_parameters(
-    system: int, t: float, point: int, y: FloatArray, yp: FloatArray, p: Parameters, v: Carried
-) -> None:
+def by_parameters(system: int, t: float, point: int, y: FloatArray, yp: FloatArray, p: Parameters, v: Carried) -> None:
     """Differentiate the accelerations by the parameters: A ∂z/∂p = −∂F/∂p at a fixed state."""
     size = y.size
     n = size // 2
@@ -397,9 +395,7 @@ def through_impact(steps: Steps, piece: Any, event: Any, slowest: float, p: Para
 
 
 @compiled
-def through_small_impacts(
-    system: int, t: float, state: FloatArray, after: Any, p: Parameters, v: Carried
-) -> None:
+def through_small_impacts(system: int, t: float, state: FloatArray, after: Any, p: Parameters, v: Carried) -> None:
     """Add to an inelastic impact what a restitution beside 0 would: impacts that accumulate at once."""
     for i in range(FULL_SIZE):
         state[i] = after[i].real

@@ -18,7 +18,7 @@ from vibroplat.integrate.choice import make_engine
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.accelerations import accelerations
 from vibroplat.model.parameters import Parameters, parameters
-from vibroplat.model.sensitivity import NUMBERS, with_value
+from vibroplat.model.sensitivity import difference, with_value
 from vibroplat.model.systems import FULL_SIZE, SYSTEMS, systems
 from vibroplat.observe.audit import Energies
 from vibroplat.observe.closeness import Closeness
@@ -139,22 +139,14 @@ class Shooter:
         if values == self._at:
             return
         self._at = dict(values)
-        found = parameters(self.scene_at(values))
-        h = self.motion.automaton
-        for p in (self.p, h.p, h.inelastic):
-            for name in found.dtype.names or ():
-                p[name] = found[name]
-        h.inelastic["restitution"] = 0.0
+        self.motion.set_parameters(parameters(self.scene_at(values)))
 
     def direction(self, key: str) -> Parameters:
         """Differentiate the parameters by a key at the present values."""
         value = self._at[key]
         step = STEP * abs(value) or STEP
         above, below = (parameters(self.scene_at(self._at | {key: value + s})) for s in (step, -step))
-        difference = np.zeros_like(np.asarray(above))
-        for name in NUMBERS:
-            difference[name] = (above[name] - below[name]) / (2.0 * step)
-        return difference  # type: ignore[return-value]
+        return difference(above, below, 2.0 * step)
 
     def shot(self, start: FloatArray, duration: float, *, varied: bool = False, measured: bool = False) -> Shot:
         """Follow the motion from a full state for a duration (s).
@@ -218,4 +210,3 @@ def _undivided(statistics: Statistics) -> Measures:
     numbers(total[0])[:] = numbers(measures.plain) + numbers(measures.whole) + numbers(measures.open_turn)
     none = np.zeros(1, SUMS)[0]
     return measures._replace(plain=total[0], whole=none, open_turn=none)
-

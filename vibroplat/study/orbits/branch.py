@@ -1,0 +1,261 @@
+"""Branches of periodic orbits: pseudo-arclength continuation in one key (Keller 1977).
+
+Each point is corrected orthogonally to the tangent of the branch at the point before. Where the mode on the section is
+about to change, the section is moved along the orbit; where the sequence of events changes, the branch may have a
+corner, at which the direction is reversed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from vibroplat.kernels.compiled import FloatArray
+from vibroplat.model.systems import SYSTEMS
+from vibroplat.study.orbits.newton import ANGLE, Found, Frame, MissedError, Problem, correct
+from vibroplat.study.orbits.shooting import Shot
+from vibroplat.study.orbits.words import turned
+
+#: Iterations after which the next step is longer, as long, or else shorter.
+EASY, HARD = 4, 6
+LONGER, SHORTER = 1.5, 0.7
+#: Least cosine between the tangents of points with one sequence of events.
+STRAIGHT = 0.6
+#: Distance of a multiplier from the unit circle that counts: its own error is far smaller.
+NEUTRAL = 1e-6
+#: The section is moved when the piece it lies in ends nearer to it than this part of the piece, or when it lies in
+#: flight while contact takes at least a share of the period.
+MARGIN, CONTACT_SHARE = 0.15, 0.06
+#: Points back from a corner within which its sequences of events must differ.
+CORNER = 3
+
+
+@dataclass
+class Point:
+    """A point of a branch.
+
+    Attributes
+    ----------
+    frame, found
+        The orbit.
+    tangent
+        Of the branch in the space of unknowns, of length 1.
+    multipliers
+        But the 1 along the motion.
+    value
+        Of the key.
+    step
+        Length of the step to here.
+    """
+
+    frame: Frame
+    found: Found
+    tangent: FloatArray
+    multipliers: npt.NDArray[np.complex128]
+    value: float
+    step: float = 0.0
+
+    @property
+    def u(self) -> FloatArray:
+        """Unknowns."""
+        return self.found.u
+
+    @property
+    def shot(self) -> Shot:
+        """Over the period."""
+        return self.found.shot
+
+    @property
+    def word(self) -> str:
+        """Sequence of events, wherever the period begins."""
+        return turned(self.shot.word)
+
+    @property
+    def unstable(self) -> int:
+        """Number of multipliers outside the unit circle."""
+        return int((np.abs(self.multipliers) > 1.0 + NEUTRAL).sum())
+
+
+@dataclass
+class Steps:
+    """Steps along a branch: length of the next and the least, and the largest change of the key, in units of unknowns."""
+
+    now: float
+    least: float
+    largest: float
+
+    def longest(self, tangent: FloatArray) -> float:
+        """Longest step that changes the key by no more than the largest change."""
+        return self.largest / max(abs(float(tangent[-1])), 1e-2)
+
+
+@dataclass
+class Branch:
+    """A branch while it grows.
+
+    Attributes
+    ----------
+    problem
+        Of one key.
+    steps
+        Changed as it grows.
+    points
+        So far.
+    ended
+        Why it has ended; empty while it has not.
+    """
+
+    problem: Problem
+    steps: Steps
+    points: list[Point] = field(default_factory=list)
+    ended: str = ""
+
+    def begin(self, frame: Frame, u: FloatArray, tangent: FloatArray, most: int = 20) -> Point:
+        """Find the first point, orthogonally to a direction, in which the branch is to go.
+
+        Raises
+        ------
+        MissedError
+            There is no orbit.
+        """
+        found = correct(self.problem, frame, u, tangent[np.newaxis], most=most)
+        point = self.in_middle(self.point(frame, found, tangent))
+        self.points.append(point)
+        return point
+
+    def point(self, frame: Frame, found: Found, tangent: FloatArray) -> Point:
+        """Make a point of an orbit, with the tangent nearest to a given one."""
+        multipliers = self.problem.multipliers(frame, found.shot)
+        value = float(found.u[-1]) * self.problem.units[0]
+        return Point(frame, found, tangent_of(found.jacobian, tangent), multipliers, value)
+
+    def beyond(self, point: Point, length: float) -> Point:
+        """Find the point of the branch so far along the tangent at another one.
+
+        Raises
+        ------
+        MissedError
+            There is none.
+        """
+        tangent = point.tangent
+        u = point.u + length * tangent
+        found = correct(self.problem, point.frame, u, tangent[np.newaxis], point.found.jacobian)
+        return self.point(point.frame, found, tangent)
+
+    def grow(self, look: Callable[[Point, Point], None]) -> bool:
+        """Add a point, or say in ``ended`` why there is none; ``look`` is shown it and the one before, in one frame.
+
+        Returns
+        -------
+        bool
+            Whether there is one.
+        """
+        before, steps, reversed_here = self.points[-1], self.steps, False
+        steps.now = min(steps.now, steps.longest(before.tangent))
+        while True:
+            try:
+                point = self.beyond(before, steps.now)
+                turn = point.tangent @ before.tangent < STRAIGHT and point.word == before.word
+                if not turn or steps.now <= 20.0 * steps.least:
+                    break
+                why = "the branch turns too sharply"
+            except MissedError as error:
+                why = error.why
+            steps.now *= 0.5
+            if steps.now >= steps.least:
+                continue
+            if reversed_here or all(p.word == before.word for p in self.points[-CORNER:]):
+                self.ended = f"no point beyond: {why}"
+                return False
+            before.tangent, reversed_here = -before.tangent, True  # a corner, at which it comes back
+            steps.now = 1e3 * steps.least
+        point.step = steps.now
+        look(before, point)
+        iterations = len(point.found.residuals)
+        factor = LONGER if iterations <= EASY else 1.0 if iterations <= HARD else SHORTER
+        steps.now *= factor
+        self.points.append(self.in_middle(point))
+        return True
+
+    def in_middle(self, point: Point) -> Point:
+        """Move the section to the middle of the longest piece of contact, or of flight, if it is near an end."""
+        when = moved_section(point.shot)
+        if when <= 0.0:
+            return point
+        problem, shooter = self.problem, self.problem.shooter
+        state, period, values = problem.unpack(point.frame, point.u)
+        shooter.set(dict(zip(shooter.keys, values, strict=True)))
+        way = shooter.shot(state, when, varied=True)
+        if way.outcome != "ok":
+            return point
+        moved = way.state.copy()
+        moved[3:5] -= 2.0 * np.pi * np.floor(moved[3:5] / (2.0 * np.pi))
+        if not SYSTEMS[way.ends].places.__contains__(5):
+            moved[[5, 12]] = 0.0
+        frame = Frame(moved, way.ends)
+        tangent = self._carried(point, frame, way)
+        try:
+            found = correct(problem, frame, problem.pack(frame, moved, period, values), tangent[np.newaxis])
+        except MissedError:
+            return point
+        there = self.point(frame, found, tangent)
+        there.step = point.step
+        return there
+
+    def _carried(self, point: Point, frame: Frame, way: Shot) -> FloatArray:
+        """Carry the tangent of a point along a part of its orbit, to another section."""
+        assert way.derivative is not None
+        scales, units = self.problem.shooter.scales, self.problem.units
+        start = np.zeros(scales.size)
+        start[point.frame.places] = point.tangent[: point.frame.places.size]
+        start[ANGLE] = 0.0
+        change = way.derivative[:, : scales.size] @ (start * scales)
+        change += way.derivative[:, scales.size] * point.tangent[-1] * units[0]
+        change -= way.rates * change[ANGLE] / way.rates[ANGLE]  # to the section
+        tangent = (change / scales)[frame.places]
+        tangent[frame.phase] = point.tangent[point.frame.phase]
+        tangent = np.append(tangent, point.tangent[-1])
+        return np.asarray(tangent / np.linalg.norm(tangent))
+
+
+def tangent_of(jacobian: FloatArray, near: FloatArray) -> FloatArray:
+    """Direction of length 1 in which the residual does not change, on the side of a given one."""
+    right = np.zeros(near.size)
+    right[-1] = 1.0
+    try:
+        found = np.linalg.solve(np.vstack([jacobian, near]), right)
+    except np.linalg.LinAlgError:
+        raise MissedError("the branch has no direction here") from None
+    return np.asarray(found / np.linalg.norm(found))
+
+
+def moved_section(shot: Shot) -> float:
+    """When to begin the period (s) so that the section is far from events; 0 if it is already."""
+    pieces = joined(shot)
+    if not shot.events.size:
+        return 0.0
+    here = pieces[0]
+    contact = [p for p in pieces if SYSTEMS[p[0]].algebraic and p[2] - p[1] >= CONTACT_SHARE * shot.duration]
+    best = max(contact or pieces, key=lambda p: p[2] - p[1])
+    long_enough = min(-here[1], here[2]) > MARGIN * (here[2] - here[1])
+    if long_enough and (SYSTEMS[here[0]].algebraic or not contact) and here[2] - here[1] > 0.5 * (best[2] - best[1]):
+        return 0.0
+    return float((0.5 * (best[1] + best[2])) % shot.duration)
+
+
+def joined(shot: Shot) -> list[tuple[int, float, float]]:
+    """Pieces of a period between events; the first begins before 0, where the last piece of the period does."""
+    times = set(shot.events["t"].tolist())
+    pieces: list[tuple[int, float, float]] = []
+    for system, begin, end in shot.pieces:
+        if pieces and pieces[-1][0] == system and begin not in times:
+            pieces[-1] = (system, pieces[-1][1], end)
+        else:
+            pieces.append((system, begin, end))
+    if len(pieces) > 1 and pieces[0][0] == pieces[-1][0] and 0.0 not in times:
+        pieces[0] = (pieces[0][0], pieces[-1][1] - shot.duration, pieces[0][2])
+        pieces.pop()
+    return pieces

@@ -1,0 +1,242 @@
+"""Newton's method for periodic orbits: unknowns, residual, multipliers.
+
+An orbit is found as a fixed point of a shot: from a state on the section, where exciter 1 stands at a given angle, for
+exactly the period T, which is unknown too. The angle's place among the unknowns is taken by T.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from vibroplat.kernels.compiled import FloatArray
+from vibroplat.model.systems import SYSTEMS
+from vibroplat.study.orbits.shooting import Shooter, Shot
+
+#: Residual, in the scales of the scene, beyond which an iteration has left all sense.
+FAR = 1e3
+#: An iteration with an old Jacobian goes on while it divides the residual by this.
+SLOW = 10.0
+#: What an iteration is expected to divide the residual by: the shot after it is measured at once.
+QUICK = 300.0
+
+#: Place of the angle of exciter 1 in the full state.
+ANGLE = 3
+
+
+class MissedError(ArithmeticError):
+    """No orbit was found.
+
+    Attributes
+    ----------
+    why
+        In a clause.
+    residuals
+        Of all iterations, in the scales of the scene.
+    """
+
+    def __init__(self, why: str, residuals: Sequence[float] = ()) -> None:
+        super().__init__(why)
+        self.why = why
+        self.residuals = tuple(residuals)
+
+
+@dataclass(frozen=True)
+class Frame:
+    """The unknowns of orbits near one of them.
+
+    Attributes
+    ----------
+    base
+        A full state on the section, shape (14,); its angle of exciter 1 says where the section is.
+    system
+        Number of the system there.
+    """
+
+    base: FloatArray
+    system: int
+
+    @property
+    def places(self) -> npt.NDArray[np.int64]:
+        """Places of the unknowns in the full state, that of the angle for the period."""
+        return np.sort(SYSTEMS[self.system].places)
+
+    @property
+    def phase(self) -> int:
+        """Which of the unknowns is the period."""
+        return int(np.searchsorted(self.places, ANGLE))
+
+
+class Problem:
+    """Orbits of one period, at any values of the shooter's keys.
+
+    Parameters
+    ----------
+    shooter
+        Takes the shots.
+    turns
+        Whole turns of both exciters in a period, with their signs.
+    units
+        Units of the keys in the vector of unknowns.
+    tolerance
+        Residual, in the scales of the scene, at which an orbit is found.
+    """
+
+    def __init__(
+        self, shooter: Shooter, turns: tuple[int, int], units: Sequence[float] = (), tolerance: float = 1e-8
+    ) -> None:
+        self.shooter = shooter
+        self.turns = turns
+        self.units = tuple(units)
+        self.tolerance = tolerance
+        self._speed = shooter.scene.speed_scale
+
+    def pack(self, frame: Frame, state: FloatArray, period: float, values: Sequence[float] = ()) -> FloatArray:
+        """Write a state on the section, the period (s) and the values of the keys as a vector of unknowns."""
+        found = (state / self.shooter.scales)[frame.places]
+        found[frame.phase] = period * self._speed
+        return np.append(found, [value / unit for value, unit in zip(values, self.units, strict=True)])
+
+    def unpack(self, frame: Frame, u: FloatArray) -> tuple[FloatArray, float, list[float]]:
+        """Read state, period (s) and values from a vector of unknowns."""
+        state = frame.base.copy()
+        places = frame.places
+        state[places] = u[: places.size] * self.shooter.scales[places]
+        state[ANGLE] = frame.base[ANGLE]
+        values = [float(v) * unit for v, unit in zip(u[places.size :], self.units, strict=True)]
+        return state, float(u[frame.phase]) / self._speed, values
+
+    def shoot(self, frame: Frame, u: FloatArray, *, full: bool) -> tuple[FloatArray, Shot]:
+        """Take a shot from a vector of unknowns; its residual, and the shot, with derivative and measures if ``full``.
+
+        Raises
+        ------
+        MissedError
+            It does not end, or begins or ends in another mode than the section's.
+        """
+        state, period, values = self.unpack(frame, u)
+        if not period > 0.0 or period * self._speed > 1e4:
+            raise MissedError(f"the period became {period:.3g} s")
+        if SYSTEMS[frame.system].mode.label == "flight" and state[5] <= 0.0:
+            raise MissedError("the gap closed on the section")
+        try:
+            self.shooter.set(dict(zip(self.shooter.keys, values, strict=True)))
+        except ValueError as error:
+            raise MissedError(f"no scene has these values: {error}") from None
+        shot = self.shooter.shot(state, period, varied=full, measured=full)
+        if shot.outcome != "ok":
+            raise MissedError(f"{shot.outcome}: {shot.detail}")
+        if not shot.begins == shot.ends == frame.system:
+            raise MissedError("the mode on the section changed")
+        difference = shot.state - state
+        difference[3:5] -= 2.0 * np.pi * np.array(self.turns)
+        residual = (difference / self.shooter.scales)[frame.places]
+        if not np.abs(residual).max() < FAR:
+            raise MissedError("the residual grew beyond all bounds")
+        return residual, shot
+
+    def jacobian(self, frame: Frame, shot: Shot) -> FloatArray:
+        """Differentiate the residual by the unknowns, shape (m, m + keys)."""
+        assert shot.derivative is not None
+        places, scales = frame.places, self.shooter.scales
+        found: FloatArray = self.monodromy(frame, shot) - np.eye(places.size)
+        found[:, frame.phase] = (shot.rates / scales)[places] / self._speed
+        by_keys = (shot.derivative[:, scales.size :] / scales[:, np.newaxis])[places] * np.array(self.units)
+        return np.column_stack([found, by_keys])
+
+    def monodromy(self, frame: Frame, shot: Shot) -> FloatArray:
+        """Derivative of the end by the start, in the scales of the scene, shape (m, m)."""
+        assert shot.derivative is not None
+        places, scales = frame.places, self.shooter.scales
+        scaled = shot.derivative[:, : scales.size] * scales / scales[:, np.newaxis]
+        found: FloatArray = scaled[np.ix_(places, places)]
+        return found
+
+    def multipliers(self, frame: Frame, shot: Shot) -> npt.NDArray[np.complex128]:
+        """Floquet multipliers but the 1 along the motion, the largest first: of the map from section to section."""
+        return sorted_multipliers(self.section_map(frame, shot))
+
+    def section_map(self, frame: Frame, shot: Shot) -> FloatArray:
+        """Derivative of the map from section to section, shape (m − 1, m − 1)."""
+        along = (shot.rates / self.shooter.scales)[frame.places]
+        whole, i = self.monodromy(frame, shot), frame.phase
+        whole = whole - np.outer(along, whole[i]) / along[i]
+        return np.delete(np.delete(whole, i, 0), i, 1)
+
+
+def sorted_multipliers(section_map: FloatArray) -> npt.NDArray[np.complex128]:
+    """Eigenvalues by size, the largest first; of a pair that with the positive imaginary part."""
+    found = np.linalg.eigvals(section_map).astype(complex)
+    return found[np.lexsort((-found.imag, -np.round(np.abs(found), 12)))]
+
+
+@dataclass
+class Found:
+    """A periodic orbit as Newton's method leaves it.
+
+    Attributes
+    ----------
+    u, shot, jacobian
+        Unknowns, the measured shot from them, and the derivative of its residual by them.
+    residuals
+        Of all iterations.
+    """
+
+    u: FloatArray
+    shot: Shot
+    jacobian: FloatArray
+    residuals: list[float]
+
+
+def correct(
+    problem: Problem,
+    frame: Frame,
+    u: FloatArray,
+    border: FloatArray,
+    jacobian: FloatArray | None = None,
+    most: int = 12,
+) -> Found:
+    """Find an orbit near a vector of unknowns, in the directions that a border leaves free.
+
+    Parameters
+    ----------
+    border
+        Directions in which the unknowns stay, one for each key, shape (keys, m + keys).
+    jacobian
+        That of an orbit nearby, to begin with; a new one is made where it serves no longer.
+    most
+        Largest number of iterations.
+
+    Raises
+    ------
+    MissedError
+        There is none.
+    """
+    begun, residuals = u, list[float]()
+    size, full = 0.0, jacobian is None
+    while len(residuals) < most:
+        try:
+            residual, shot = problem.shoot(frame, u, full=full)
+        except MissedError as error:
+            raise MissedError(error.why, residuals) from None
+        before, size = size, float(np.abs(residual).max())
+        residuals.append(size)
+        if full:
+            jacobian = problem.jacobian(frame, shot)
+            if size < problem.tolerance:
+                return Found(u, shot, jacobian, residuals)
+        elif size < problem.tolerance or (len(residuals) > 1 and size > before / SLOW):
+            full = True
+            continue
+        try:
+            step = np.linalg.solve(np.vstack([jacobian, border]), -np.append(residual, border @ (u - begun)))
+        except np.linalg.LinAlgError:
+            raise MissedError("the Jacobian lost rank", residuals) from None
+        if not np.isfinite(step).all():
+            raise MissedError("the Jacobian is not finite", residuals)
+        u = u + step
+        full = size < QUICK * problem.tolerance or jacobian is None
+    raise MissedError(f"no convergence in {most} iterations", residuals)
