@@ -45,7 +45,7 @@ def beginning(scene: Scene) -> Beginning:
         ``run.initial.from`` names no finished run, or one whose end this scene cannot go on from.
     """
     source, share = scene.run.initial.from_, scene.run.start_perturbation
-    found = Beginning(initial_state(scene)) if source is None else _end_of(Path(source), scene)
+    found = Beginning(initial_state(scene)) if source is None else end_of(Path(source), scene)
     key = (scene.run.seed, 0, round(1e6 * scene.drive.largest_frequency))  # as the first point of a sweep
     start = found._replace(state=perturbed(found.state, scene, share, key))
     if scene.drive.program is not None and scene.drive.program[0].t_s > start.time:
@@ -56,8 +56,14 @@ def beginning(scene: Scene) -> Beginning:
     return start
 
 
-def _end_of(directory: Path, scene: Scene) -> Beginning:
-    """Read the last row of a run's trajectory."""
+def end_of(directory: Path, scene: Scene) -> Beginning:
+    """Read the last row of a run's trajectory.
+
+    Raises
+    ------
+    ConfigError
+        The directory holds no finished run, or one that this scene cannot go on from.
+    """
     key = f"run.initial.from = {str(directory)!r}"
     try:
         result = Result(directory, "run")

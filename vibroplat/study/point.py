@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 import time
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -242,12 +243,19 @@ def measures_of(part: Part, scene: Scene, slip: float = 0.0) -> dict[str, Any]:
     ``slip`` is the change of the phase difference while the motion settled (rad), if it has not become periodic.
     """
     found = measured(part)
-    row = {name: found[name] for name in MEASURED}
-    row |= {ERRORS[name]: error for name, error in block_errors(part.blocks, tuple(ERRORS)).items()}
+    errors = {ERRORS[name]: error for name, error in block_errors(part.blocks, tuple(ERRORS)).items()}
+    return row_of(found, scene, errors, slip)
+
+
+def row_of(
+    found: dict[str, Any], scene: Scene, errors: Mapping[str, float | None] = MappingProxyType({}), slip: float = 0.0
+) -> dict[str, Any]:
+    """Return the columns of measures that were found; see :func:`measures_of`."""
+    row = {name: found[name] for name in MEASURED} | errors
     if scene.has_contact and row["gap_max_m"] is None:
         row["gap_max_m"] = 0.0  # it never flew
     if row["phase_difference_rad"] is not None:
-        error = row[ERRORS["phase_difference_rad"]] or 0.0
+        error = errors.get(ERRORS["phase_difference_rad"]) or 0.0
         row["phase_difference_rad"] = half_open(row["phase_difference_rad"], max(ANTIPHASE, 2.0 * error))
     row["notes"] = "; ".join(notes_on_measures(scene, found))
     row["sync"] = "none" if abs(slip) > WANDER else synchronization(found)

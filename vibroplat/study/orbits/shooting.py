@@ -115,7 +115,7 @@ class Shooter:
         self.turns = 0.0
         self._variation = Variation([self.p.copy()] * len(self.keys))
         self._numbers = {int(mode): system.index for mode, system in systems(scene).items()}
-        self._at: dict[str, float] = {}
+        self.values: dict[str, float] = {}
 
     def __enter__(self) -> Self:
         return self
@@ -136,16 +136,16 @@ class Shooter:
 
     def set(self, values: Mapping[str, float]) -> None:
         """Change the values of the keys for the shots to come."""
-        if values == self._at:
+        if values == self.values:
             return
-        self._at = dict(values)
+        self.values = dict(values)
         self.motion.set_parameters(parameters(self.scene_at(values)))
 
     def direction(self, key: str) -> Parameters:
         """Differentiate the parameters by a key at the present values."""
-        value = self._at[key]
+        value = self.values[key]
         step = STEP * abs(value) or STEP
-        above, below = (parameters(self.scene_at(self._at | {key: value + s})) for s in (step, -step))
+        above, below = (parameters(self.scene_at(self.values | {key: value + s})) for s in (step, -step))
         return difference(above, below, 2.0 * step)
 
     def shot(self, start: FloatArray, duration: float, *, varied: bool = False, measured: bool = False) -> Shot:

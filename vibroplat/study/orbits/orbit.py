@@ -1,0 +1,293 @@
+"""One periodic orbit of a scene, by Newton's method from a guess."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from contextlib import closing
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from vibroplat.errors import ConfigError, VibroplatError
+from vibroplat.flow.beginning import beginning, end_of
+from vibroplat.flow.run import simulate
+from vibroplat.hybrid.initial import initial_state
+from vibroplat.kernels.compiled import FloatArray
+from vibroplat.observe.summary import Part, measured
+from vibroplat.observe.trajectory import Trajectory
+from vibroplat.scene import COORDINATES, RATES, Scene
+from vibroplat.study.orbits.newton import ANGLE, Found, Frame, MissedError, Problem, correct
+from vibroplat.study.orbits.shooting import Shooter, Shot
+from vibroplat.study.orbits.words import spelled, turned
+from vibroplat.study.point import MEASURED, row_of
+
+#: Turns of exciter 1 after which a motion that settles is tried as a guess, one after the other.
+SETTLING = (24, 96, 384)
+#: The tolerance of the integrator over that of an orbit, at most.
+INTEGRATOR = 0.1
+#: Residual, over the tolerance, within which an orbit repeats after fewer turns.
+REPEATS = 1e4
+
+_TURN = 2.0 * np.pi
+
+
+class OrbitError(VibroplatError):
+    """No periodic orbit was found; the message says why, with the last residuals."""
+
+    exit_code = 2
+
+
+@dataclass(frozen=True)
+class Orbit:
+    """A periodic orbit.
+
+    Attributes
+    ----------
+    scene
+        Whose orbit it is.
+    state
+        Full state on it, shape (14,), as :data:`vibroplat.scene.COORDINATES` and their rates.
+    period
+        In turns of exciter 1.
+    period_s
+        (s).
+    multipliers
+        Floquet multipliers but the 1 along the motion, the largest first.
+    residual
+        How far it is from closing, in the scales of the scene.
+    sequence
+        Its events, as ``liftoff stick``; ``none`` without any.
+    measures
+        As in the table of a sweep.
+    residuals
+        Of Newton's iterations.
+    """
+
+    scene: Scene
+    state: FloatArray
+    period: int
+    period_s: float
+    multipliers: npt.NDArray[np.complex128]
+    residual: float
+    sequence: str
+    measures: dict[str, Any] = field(repr=False)
+    residuals: Sequence[float] = field(repr=False, default=())
+
+    @property
+    def unstable(self) -> int:
+        """Number of multipliers outside the unit circle."""
+        return int((np.abs(self.multipliers) > 1.0).sum())
+
+    @property
+    def stable(self) -> bool:
+        """Whether disturbances decay."""
+        return self.unstable == 0
+
+    @property
+    def excitation_frequency_hz(self) -> float:
+        """Turns of exciter 1 per second."""
+        return self.period / self.period_s
+
+    @cached_property
+    def run(self) -> Trajectory:
+        """One period of it, as a run with dense output."""
+        names = (*COORDINATES, *RATES)
+        present = [*self.scene.coordinates, *(7 + i for i in self.scene.coordinates)]
+        state = {names[i]: float(self.state[i]) for i in present}
+        initial = {"run.initial": {"state": state}, "run.duration_s": self.period_s, "run.perturbation": 0.0}
+        return simulate(self.scene.replace(initial))
+
+
+def orbit(scene: Scene, guess: Any = None, *, period: int = 1, tolerance: float = 1e-8) -> Orbit:
+    """Find a periodic orbit of a scene.
+
+    Parameters
+    ----------
+    scene
+        With a constant supply.
+    guess
+        Where to begin: None, to let the motion settle from ``run.initial``; a full state, shape (14,), or a mapping
+        with its names, as a row of a trajectory table; a finished run (a Trajectory or its directory); a row of a
+        sweep table of this scene, whose keys are set and whose phase difference the motion settles from.
+    period
+        Turns of exciter 1 after which it is to repeat.
+    tolerance
+        Residual at which it is found, in the scales of the scene.
+
+    Raises
+    ------
+    OrbitError
+        There is none near the guess, or it repeats after fewer turns.
+    ConfigError
+        The scene has a drive program, or the guess is none of these.
+
+    Examples
+    --------
+    >>> from vibroplat import Scene, orbit
+    >>> found = orbit(Scene())
+    >>> found.sequence, found.stable
+    ('none', True)
+    """
+    if isinstance(guess, Mapping | pd.Series) and "excitation_frequency_hz" in guess:
+        scene, guess = at_row(scene, guess), None
+    scene = accurate(scene, tolerance)
+    with closing(Shooter(scene)) as shooter:
+        problem, frame, found = first_orbit(shooter, guess, period, (), tolerance)
+        return orbit_of(problem, frame, found)
+
+
+def accurate(scene: Scene, tolerance: float) -> Scene:
+    """Return the scene with a tolerance of the integrator that orbits of a tolerance need.
+
+    Raises
+    ------
+    ConfigError
+        It has a drive program.
+    """
+    if scene.drive.program is not None:
+        raise ConfigError("drive.program is given, but orbits have a constant supply; allowed: supply_frequency_hz")
+    return scene.replace({"solver.tolerance": min(scene.solver.tolerance, INTEGRATOR * tolerance)})
+
+
+def at_row(scene: Scene, row: Mapping[str, Any] | pd.Series) -> Scene:
+    """Return a scene at the keys of a row of its sweep table, settling from the row's phase difference."""
+    found = {str(key): value for key, value in row.items()}
+    values: dict[str, Any] = {"drive.supply_frequency_hz": float(found["supply_frequency_hz"])}
+    values |= {key: value for key, value in found.items() if "." in key}
+    phase = found.get("phase_difference_rad")
+    if phase is not None and np.isfinite(phase):
+        name = "phase_sum_rad" if scene.rotation == "counter-rotating" else "phase_difference_rad"
+        values[f"run.initial.{name}"] = float(phase)
+    return scene.replace(values)
+
+
+def first_orbit(
+    shooter: Shooter, guess: Any, period: int, units: Sequence[float], tolerance: float
+) -> tuple[Problem, Frame, Found]:
+    """Find an orbit near a guess at the values that the shooter has; what :func:`orbit` says of guesses."""
+    why: MissedError | None = None
+    for state in guesses(shooter, guess):
+        try:
+            problem, frame, found = _from_state(shooter, state, period, units, tolerance)
+        except MissedError as error:
+            why = error
+            continue
+        _require_whole(problem, frame, found, period)
+        return problem, frame, found
+    assert why is not None
+    last = ", ".join(f"{r:.1e}" for r in why.residuals[-4:]) or "none"
+    raise OrbitError(f"no orbit of period {period} near the start: {why.why}; last residuals: {last}")
+
+
+def guesses(shooter: Shooter, guess: Any) -> Any:
+    """Yield full states on the section, φ₁ = 0, to begin with."""
+    scene, motion = shooter.scene, shooter.motion
+    if guess is None:
+        motion.begin_again(beginning(scene).state)
+        done = 0
+        for turns in SETTLING:
+            motion.to_section(turns - done, 4.0 * turns * _TURN / scene.speed_scale)
+            done = turns
+            if motion.outcome != "ok":
+                raise OrbitError(f"the motion ended while it settled: {motion.outcome}: {motion.detail}")
+            yield motion.state
+        return
+    motion.begin_again(state_of(scene, guess))
+    if not motion.to_section(1, 4.0 * _TURN / scene.speed_scale):
+        raise OrbitError("exciter 1 does not turn; allowed: a motion whose exciters turn")
+    yield motion.state
+
+
+def state_of(scene: Scene, guess: Any) -> FloatArray:
+    """Read a full state, shape (14,), from what a user gives.
+
+    Raises
+    ------
+    ConfigError
+        It is nothing of the kind.
+    """
+    if isinstance(guess, Trajectory):
+        return guess.final_state.copy()
+    if isinstance(guess, str | Path):
+        return end_of(Path(guess), scene).state
+    if isinstance(guess, Orbit):
+        return guess.state.copy()
+    names = (*COORDINATES, *RATES)
+    if isinstance(guess, Mapping | pd.Series):
+        state = initial_state(scene)
+        given = {name: guess[name] for name in names if name in guess}
+        if given:
+            for place, name in enumerate(names):
+                state[place] = float(given.get(name, state[place]))
+            return state
+    else:
+        state = np.array(guess, dtype=float)
+        if state.shape == (len(names),) and np.isfinite(state).all():
+            return state
+    raise ConfigError("guess is no state; allowed: 14 numbers, a row of a trajectory or of a sweep, a run, an orbit")
+
+
+def _from_state(
+    shooter: Shooter, state: FloatArray, period: int, units: Sequence[float], tolerance: float
+) -> tuple[Problem, Frame, Found]:
+    """Find the orbit near a state on the section; where events are near the section, on another one."""
+    state = state.copy()
+    state[3:5] -= _TURN * np.round(state[3:5] / _TURN)
+    shot = shooter.shot(state, period * _TURN / max(abs(state[10]), 1e-6 * shooter.scene.speed_scale))
+    if shot.outcome != "ok":
+        raise MissedError(f"{shot.outcome}: {shot.detail}")
+    turns = tuple(int(n) for n in np.round((shot.state[3:5] - state[3:5]) / _TURN))
+    problem = Problem(shooter, (turns[0], turns[1]), units, tolerance)
+    frame = Frame(state, shot.begins)
+    values = [shooter.values[key] for key in shooter.keys]
+    u = problem.pack(frame, state, shot.duration, values)
+    border = np.eye(u.size)[u.size - len(values) :]
+    return problem, frame, correct(problem, frame, u, border, most=20)
+
+
+def _require_whole(problem: Problem, frame: Frame, found: Found, period: int) -> None:
+    """Refuse an orbit that repeats after fewer turns."""
+    state, seconds, _ = problem.unpack(frame, found.u)
+    for turns in range(1, period):
+        if period % turns == 0:
+            shot = problem.shooter.shot(state, seconds * turns / period)
+            difference = (shot.state - state)[frame.places] / problem.shooter.scales[frame.places]
+            difference -= np.round(difference / _TURN) * _TURN * np.isin(frame.places, (ANGLE, ANGLE + 1))
+            if np.abs(difference).max() < REPEATS * problem.tolerance:
+                raise OrbitError(f"period = {period} but the motion repeats after {turns}; allowed: period {turns}")
+
+
+def orbit_of(problem: Problem, frame: Frame, found: Found) -> Orbit:
+    """Describe an orbit for users."""
+    state, seconds, values = problem.unpack(frame, found.u)
+    scene = problem.shooter.scene_at(dict(zip(problem.shooter.keys, values, strict=True)))
+    turns = abs(problem.turns[0])
+    return Orbit(
+        scene=scene,
+        state=state,
+        period=turns,
+        period_s=seconds,
+        multipliers=problem.multipliers(frame, found.shot),
+        residual=found.residuals[-1],
+        sequence=spelled(turned(found.shot.word)),
+        measures=measures_of_orbit(scene, found.shot, problem.turns),
+        residuals=found.residuals,
+    )
+
+
+def measures_of_orbit(scene: Scene, shot: Shot, turns: tuple[int, int]) -> dict[str, Any]:
+    """Return the measures of a sweep over the period of an orbit."""
+    assert isinstance(shot.part, Part)
+    first, second = (abs(n) / shot.duration for n in turns)
+    found = measured(shot.part) | {
+        "excitation_frequency_hz": 0.5 * (first + second),
+        "frequency_split_hz": first - second,
+        "impacts_per_period": float(shot.part.measures.marks["measured_impacts"]) / abs(turns[0]),
+    }
+    row = row_of(found, scene)
+    return {name: row[name] for name in (*MEASURED, "sync", "notes")}
