@@ -18,7 +18,7 @@ import numpy as np
 from vibroplat.hybrid.modes import IMPACT, LATCH
 from vibroplat.hybrid.state import Automaton
 from vibroplat.hybrid.steps import Steps
-from vibroplat.kernels.compiled import FloatArray, compiled, copy, fused, inlined
+from vibroplat.kernels.compiled import FloatArray, compiled, copy, fused
 from vibroplat.kernels.foreign import borrow
 from vibroplat.kernels.linear import pivot_row
 from vibroplat.kernels.polynomial import values
@@ -28,7 +28,6 @@ from vibroplat.model.impact import impact, latch
 from vibroplat.model.parameters import Parameters
 from vibroplat.model.sensitivity import COMPLEX, IMAGINARY, shifted
 from vibroplat.model.systems import (
-    ALGEBRAIC,
     DIFFERENTIAL,
     FULL_SIZE,
     GAP,

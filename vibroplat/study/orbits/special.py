@@ -172,9 +172,7 @@ def corner(branch: Branch, before: Point, after: Point) -> Special | None:
     return None
 
 
-def approached(
-    branch: Branch, origin: Point, near: Point, far: Point, measure: Test
-) -> tuple[Point, float] | None:
+def approached(branch: Branch, origin: Point, near: Point, far: Point, measure: Test) -> tuple[Point, float] | None:
     """Approach the zero of a test function from the side of a point; the last orbit on the way, and the key there."""
     whole = float((far.u - near.u) @ near.tangent)
     points = [near]

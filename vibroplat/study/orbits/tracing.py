@@ -6,7 +6,7 @@ A branch that is found at a special point becomes a chain of its own, after thos
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
 from typing import Any
@@ -29,7 +29,7 @@ from vibroplat.study.store import Record, Records
 from vibroplat.study.tasks import StoredChain, Task, Tasks, run_stored
 
 #: Points of a branch that a task makes.
-PART = 20
+PART = 40
 #: Largest multipliers that are told.
 TOLD = 4
 #: First steps along a new branch, over the largest step, one after the other.
@@ -176,12 +176,12 @@ def _branches(family: Family, plan: OrbitsPlan, traced: list[Traced], take: Call
             continue
         own.append(branch)
         for special in branch.special:
-            if special["branches"] and not any(_same_special(special, other, plan) for other in switched):
+            if special["branches"] and not any(same_special(special, other, plan) for other in switched):
                 switched.append(special)
                 waiting += [(branch.number, special["kind"], place) for place in special["branches"]]
 
 
-def _same_special(one: Record, other: Record, plan: OrbitsPlan) -> bool:
+def same_special(one: Record, other: Record, plan: OrbitsPlan) -> bool:
     """Whether two branches have found the same point where they cross."""
     near = abs(one["value"] - other["value"]) <= SAME_PLACE * abs(plan.stop - plan.start)
     frequencies = one["excitation_frequency_hz"], other["excitation_frequency_hz"]
@@ -251,7 +251,7 @@ def _near(value: float, first: float, second: float, share: float) -> bool:
 def _part(scene: Scene, plan: OrbitsPlan, begin: Record | None) -> Record:
     """Make a part of a branch: from a start, from a special point, or going on from a last point."""
     record: Record = {"rows": [], "special": [], "last": None, "ended": "", "failed": False}
-    with closing(Shooter(scene, [plan.key])) as shooter:
+    with closing(Shooter(scene, [plan.key], plan.range)) as shooter:
         try:
             branch = _first(shooter, plan) if begin is None else _again(shooter, plan, begin)
         except (MissedError, OrbitError) as error:
@@ -441,6 +441,9 @@ def _special_record(branch: Branch, special: Special, after: int) -> Record:
         "value": special.value,
         "excitation_frequency_hz": frequency,
         "period": abs(branch.problem.turns[0]),
+        "period_s": seconds,
+        "turns": list(branch.problem.turns),
+        "word": special.point.word,
         "state": state.tolist(),
         "after": after,
     }
@@ -472,4 +475,3 @@ def row_of_point(branch: Branch, point: Point, shooter: Shooter, *, count: bool 
         "turns": turns,
         "state": state.tolist(),
     }
-
