@@ -116,11 +116,11 @@ class Course:
         path = key.split(".")
         self._low, self._high = low, high
         self._choices = {name: parameters(scene)[name] for name in CHOICES}
-        nodes = np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES)
+        nodes: FloatArray = np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES)
         found = np.array([self._of(scene, path, x) for x in nodes])
         basis = np.polynomial.chebyshev.chebvander(nodes, NODES - 1)
-        self._c = np.linalg.solve(basis, found)
-        self._rates = np.polynomial.chebyshev.chebder(self._c) * 2.0 / (high - low)
+        self._c: FloatArray = np.linalg.solve(basis, found)
+        self._rates: FloatArray = np.polynomial.chebyshev.chebder(self._c) * 2.0 / (high - low)  # by the key
         between = np.cos(np.pi * np.arange(1, 6) / 6.0)
         apart = [np.abs(_flat(self.at(self._value(x))) - self._of(scene, path, x)) for x in between]
         self.exact = bool((np.array(apart) <= EXACT * np.abs(found).max(axis=0)).all())
@@ -143,7 +143,7 @@ class Course:
     def _of(self, scene: Scene, path: list[str], x: float) -> FloatArray:
         return _flat(parameters(with_value(scene, path, self._value(x))))
 
-    def _record(self, c: FloatArray, value: float) -> Parameters:
+    def _record(self, c: Any, value: float) -> Parameters:
         x = (2.0 * value - self._low - self._high) / (self._high - self._low)
         record = blank()
         np.asarray(record.base).view(float)[:_WIDTH] = np.cos(np.arange(len(c)) * np.arccos(x)) @ c

@@ -1,8 +1,8 @@
 """Boundaries: curves of special points over two keys.
 
-Orbits at two keys make a surface. On it a curve is followed on which a test function stays zero: a step along the curve,
-then a search across it. Orbits are corrected with the directions along and across as borders, so that neither a fold of
-the orbits nor a turn of the curve does any harm.
+Orbits at two keys make a surface. On it a curve is followed on which a test function stays zero: a step along the
+curve, then a search across it. Orbits are corrected with the directions along and across as borders, so that neither a
+fold of the orbits nor a turn of the curve does any harm.
 """
 
 from __future__ import annotations

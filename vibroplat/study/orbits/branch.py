@@ -81,7 +81,7 @@ class Point:
 
 @dataclass
 class Steps:
-    """Steps along a branch in units of unknowns: length of the next and the least, and the largest change of the key."""
+    """Steps along a branch, in units of unknowns: the next and the least length, the largest change of the key."""
 
     now: float
     least: float

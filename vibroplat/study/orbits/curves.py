@@ -124,7 +124,7 @@ def _one_way(scene: Scene, plan: OrbitsPlan, special: Record, sense: int) -> Rec
         def inside(u: FloatArray) -> bool:
             one, other = u[-2] * plan.unit, u[-1] * unit
             low, high = min(wanted.start, wanted.stop), max(wanted.start, wanted.stop)
-            return plan.range[0] <= one <= plan.range[1] and low <= other <= high
+            return bool(plan.range[0] <= one <= plan.range[1] and low <= other <= high)
 
         try:
             for spot in follow(curve, frame, u, sense, first / unit, inside):

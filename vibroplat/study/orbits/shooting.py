@@ -116,7 +116,7 @@ class Shooter:
         self.turns = 0.0
         self._variation = Variation([self.p.copy()] * len(self.keys))
         self._numbers = {int(mode): system.index for mode, system in systems(scene).items()}
-        self.values: dict[str, float] = {}
+        self.held: dict[str, float] = {}
         self._course = None if course is None or len(self.keys) != 1 else Course(scene, self.keys[0], *course)
 
     def __enter__(self) -> Self:
@@ -138,9 +138,9 @@ class Shooter:
 
     def set(self, values: Mapping[str, float]) -> None:
         """Change the values of the keys for the shots to come."""
-        if values == self.values:
+        if values == self.held:
             return
-        self.values = dict(values)
+        self.held = dict(values)
         value = next(iter(values.values()), math.nan)
         course = self._known(value)
         self.motion.set_parameters(parameters(self.scene_at(values)) if course is None else course.at(value))
@@ -151,12 +151,12 @@ class Shooter:
 
     def direction(self, key: str) -> Parameters:
         """Differentiate the parameters by a key at the present values."""
-        value = self.values[key]
+        value = self.held[key]
         course = self._known(value)
         if course is not None:
             return course.slope(value)
         step = STEP * abs(value) or STEP
-        above, below = (parameters(self.scene_at(self.values | {key: value + s})) for s in (step, -step))
+        above, below = (parameters(self.scene_at(self.held | {key: value + s})) for s in (step, -step))
         return difference(above, below, 2.0 * step)
 
     def shot(self, start: FloatArray, duration: float, *, varied: bool = False, measured: bool = False) -> Shot:

@@ -185,7 +185,7 @@ def same_special(one: Record, other: Record, plan: OrbitsPlan) -> bool:
     """Whether two branches have found the same point where they cross."""
     near = abs(one["value"] - other["value"]) <= SAME_PLACE * abs(plan.stop - plan.start)
     frequencies = one["excitation_frequency_hz"], other["excitation_frequency_hz"]
-    return near and one["kind"] == other["kind"] and abs(frequencies[0] / frequencies[1] - 1.0) < SAME_PLACE
+    return bool(near and one["kind"] == other["kind"] and abs(frequencies[0] / frequencies[1] - 1.0) < SAME_PLACE)
 
 
 def _parts(
