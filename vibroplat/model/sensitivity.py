@@ -120,7 +120,7 @@ class Course:
         found = np.array([self._of(scene, path, x) for x in nodes])
         basis = np.polynomial.chebyshev.chebvander(nodes, NODES - 1)
         self._c: FloatArray = np.linalg.solve(basis, found)
-        self._rates: FloatArray = np.polynomial.chebyshev.chebder(self._c) * 2.0 / (high - low)  # by the key
+        self._rates: Any = np.polynomial.chebyshev.chebder(self._c) * 2.0 / (high - low)  # by the key
         between = np.cos(np.pi * np.arange(1, 6) / 6.0)
         apart = [np.abs(_flat(self.at(self._value(x))) - self._of(scene, path, x)) for x in between]
         self.exact = bool((np.array(apart) <= EXACT * np.abs(found).max(axis=0)).all())

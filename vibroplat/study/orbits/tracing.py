@@ -40,6 +40,9 @@ SAME = 0.1
 LEFT = 0.3
 #: Distance of two special points, as a part of the key's range, within which they are one.
 SAME_PLACE = 1e-4
+#: Points back within which a branch that meets itself has not gone round, but come back from a corner.
+RETURN = 8
+RETURNED = "no point beyond a corner: the branch came back on itself"
 #: Measures that tell points apart.
 COMPARED = ("period_s", "rms_x_m", "rms_y_m", "rms_phi_rad", "motor_power_w")
 
@@ -197,7 +200,7 @@ def _parts(
         rows, branch.ended, branch.failed = record["rows"], record["ended"], record["failed"]
         again = _met_again(branch, others, rows)
         if again is not None:
-            rows, branch.ended, branch.failed = rows[: again[0]], again[1], False
+            rows, branch.ended, branch.failed = rows[: again[0]], again[1], again[1] == RETURNED
         branch.special += [
             special | {"after": special["after"] + len(branch.rows)}
             for special in record["special"]
@@ -221,9 +224,11 @@ def _met_again(branch: Traced, others: Sequence[Traced], new: Sequence[Record]) 
             mirrored = _passed(row, other.rows)
             if mirrored is not None:
                 return place, f"{'mirror image of' if mirrored else 'joins'} branch {other.number}"
-        mirrored = _passed(row, [*branch.rows, *new[:place]][:-2])
+        own = [*branch.rows, *new[:place]][:-2]
+        mirrored = _passed(row, own)
         if mirrored is not None:
-            return place, "mirror image" if mirrored else "loop"
+            back = not mirrored and _passed(row, own[-RETURN:]) is not None
+            return place, RETURNED if back else "mirror image" if mirrored else "loop"
     return None
 
 
