@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.systems import GAP, GAP_RATE, SYSTEMS
-from vibroplat.study.orbits.newton import ANGLE, Found, Frame, MissedError, Problem, correct
+from vibroplat.study.orbits.newton import ANGLE, Found, Frame, MissedError, Problem, correct, solved
 from vibroplat.study.orbits.shooting import Shot
 from vibroplat.study.orbits.words import turned
 
@@ -24,6 +24,8 @@ EASY, HARD = 4, 6
 LONGER, SHORTER = 1.5, 0.7
 #: Least cosine between the tangents of points with one sequence of events.
 STRAIGHT = 0.6
+#: Length of the new tangent over its part along the old one, beyond which it is checked as a step is.
+BENT = 1e3
 #: Distance of a multiplier from the unit circle that counts: its own error is far smaller.
 NEUTRAL = 1e-6
 #: The section is moved when the piece it lies in ends nearer to it than this part of the piece, or when it lies in
@@ -271,10 +273,7 @@ def tangent_of(jacobian: FloatArray, near: FloatArray) -> FloatArray:
     """Direction of length 1 in which the residual does not change, on the side of a given one."""
     right = np.zeros(near.size)
     right[-1] = 1.0
-    try:
-        found = np.linalg.solve(np.vstack([jacobian, near]), right)
-    except np.linalg.LinAlgError:
-        raise MissedError("the branch has no direction here") from None
+    found = solved(np.vstack([jacobian, near]), right, BENT)
     return np.asarray(found / np.linalg.norm(found))
 
 

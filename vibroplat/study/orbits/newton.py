@@ -23,6 +23,10 @@ SLOW = 10.0
 #: What an iteration is expected to divide the residual by: the shot after it is measured at once.
 QUICK = 300.0
 
+#: Steps longer than this, in units of the unknowns, are checked for directions that the equations do not determine:
+#: those with singular values below the other number.
+LONGEST, UNDETERMINED = 1.0, 1e-8
+
 #: Place of the angle of exciter 1 in the full state.
 ANGLE = 3
 
@@ -173,6 +177,30 @@ def sorted_multipliers(section_map: FloatArray) -> npt.NDArray[np.complex128]:
     return found[np.lexsort((-found.imag, -np.round(np.abs(found), 12)))]
 
 
+def solved(matrix: FloatArray, right: FloatArray, longest: float) -> FloatArray:
+    """Solve linear equations; where the solution is longer than is sensible, leave out what they hardly determine.
+
+    Exciters without motors, or a platform without dampers, leave directions in which orbits are not isolated.
+
+    Raises
+    ------
+    MissedError
+        The matrix is not finite.
+    """
+    if not np.isfinite(matrix).all():
+        raise MissedError("the Jacobian is not finite")
+    try:
+        found: FloatArray = np.linalg.solve(matrix, right)
+        if np.linalg.norm(found) <= longest:
+            return found
+    except np.linalg.LinAlgError:
+        pass
+    left, sizes, turned = np.linalg.svd(matrix)
+    kept = sizes > UNDETERMINED
+    least: FloatArray = turned[kept].T @ ((left.T @ right)[kept] / sizes[kept])
+    return least
+
+
 @dataclass
 class Found:
     """A periodic orbit as Newton's method leaves it.
@@ -233,11 +261,8 @@ def correct(
             continue
         assert jacobian is not None
         try:
-            step = np.linalg.solve(np.vstack([jacobian, border]), -np.append(residual, border @ (u - begun)))
-        except np.linalg.LinAlgError:
-            raise MissedError("the Jacobian lost rank", residuals) from None
-        if not np.isfinite(step).all():
-            raise MissedError("the Jacobian is not finite", residuals)
-        u = u + step
+            u = u + solved(np.vstack([jacobian, border]), -np.append(residual, border @ (u - begun)), LONGEST)
+        except MissedError as error:
+            raise MissedError(error.why, residuals) from None
         full = size < QUICK * problem.tolerance
     raise MissedError(f"no convergence in {most} iterations", residuals)

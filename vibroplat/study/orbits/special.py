@@ -20,9 +20,9 @@ from vibroplat.study.orbits.newton import MissedError
 ACCURACY = 1e-10
 #: Evaluations from one side, and what part of the way to the extrapolated zero each goes.
 SIDED, APPROACH = 7, 0.95
-#: Distance of a known orbit from the zero at which it is interpolated: the error is of third order in it. Nearer to a
-#: branch point an orbit cannot be told from those of the branch that crosses.
-NARROW = 1e-3
+#: Distance of a known orbit from the zero at which it is interpolated; nearer to a branch point than the second, an
+#: orbit cannot be told from those of the branch that crosses.
+NARROW, BLURRED = 1e-4, 1e-3
 #: How far beside a point that cannot be found others are tried, as a part of the way.
 ASIDE = 0.1
 #: Most evaluations between two points.
@@ -133,15 +133,16 @@ def located(branch: Branch, before: Point, after: Point, kind: str, test: Test) 
             root = low[0] + (high[0] - low[0]) * low[1] / (low[1] - high[1])
         share = (root - low[0]) / (high[0] - low[0])
         near = min(low, high, key=lambda k: abs(k[0] - root))
-        if abs(near[0] - root) < NARROW or len(known) > LOCATING:
+        if abs(near[0] - root) < (BLURRED if kind == BRANCH_POINT else NARROW) or len(known) > LOCATING:
             break
         found = _near(branch, low[2], high[2], share)
         tested = math.nan if found is None else test(found)
         if found is None or not math.isfinite(tested):
             break
         known.append((float((found.u - before.u) @ direction), tested, found))
-    value = float(hermite(low[2], high[2], share)[-1]) * branch.problem.units[0]
-    return Special(kind, near[2], value, direction)
+    way = high[0] - low[0]
+    ahead = hermite(low[2], high[2], share) - hermite(low[2], high[2], (near[0] - low[0]) / way)
+    return Special(kind, near[2], near[2].value + float(ahead[-1]) * branch.problem.units[0], direction)
 
 
 def _near(branch: Branch, low: Point, high: Point, share: float) -> Point | None:

@@ -1,0 +1,71 @@
+"""A ball on a table that is shaken by one motor: all is damped, so that its periodic orbits are isolated."""
+
+from __future__ import annotations
+
+import math
+
+from vibroplat import Scene
+
+OMEGA = 2.0 * math.pi * 25.0
+MASS, DAMPING = 1e6, 0.2
+STIFFNESS = MASS * (0.1 * OMEGA) ** 2
+
+
+def amplitude(unbalance):
+    """Amplitude of the table (m): a linear oscillator under a turning unbalance (kg·m)."""
+    damper = 2.0 * DAMPING * math.sqrt(STIFFNESS * MASS)
+    return unbalance * OMEGA**2 / math.hypot(STIFFNESS - MASS * OMEGA**2, damper * OMEGA)
+
+
+def stable_range(restitution):
+    """Range of Γ in which the orbit with one impact a period is stable (Luck and Mehta 1993)."""
+    low = math.pi * (1.0 - restitution) / (1.0 + restitution)
+    return low, math.hypot(low, 2.0 * (1.0 + restitution**2) / (1.0 + restitution) ** 2)
+
+
+def shaken(gamma, restitution=0.0, gravity=9.81, **changes):
+    """A table with Γ = Aω²/g at this gravity, and one layer of 1e-12 of its mass, just after the impact of its orbit.
+
+    Exciter 1 has a rotor that nothing slows down, exciter 2 hangs still.
+    """
+    unbalance = gamma * gravity / OMEGA**2 / amplitude(1.0)
+    mass = 1e3
+    rotor = {"rotor_inertia_kg_m2": 1e12, "critical_slip": 0.1, "pole_pairs": 1, "friction_radius_m": 0.0}
+    slope = 0.1 * OMEGA * rotor["rotor_inertia_kg_m2"] * OMEGA / 4.0 / math.pi
+    still = {"unbalance_radius_m": 1e-6, "rotor_inertia_kg_m2": 1e-2, "critical_torque_n_m": 0.0, "critical_slip": 0.1}
+    damper = 2.0 * DAMPING * math.sqrt(STIFFNESS * MASS)
+    lag = math.atan2(damper * OMEGA, STIFFNESS - MASS * OMEGA**2)  # of y behind the force, along sin φ₁
+    cosine = math.pi * (1.0 - restitution) / ((1.0 + restitution) * gamma) if restitution else 1.0
+    phase = math.acos(min(cosine, 1.0)) if restitution else 0.0
+    size = gamma * gravity / OMEGA**2
+    state = {
+        "y_m": -MASS * gravity / STIFFNESS + size * math.sin(phase),
+        "y_rate_m_per_s": size * OMEGA * math.cos(phase),
+        "phi1_rad": phase + lag,
+        "phi2_rad": -0.5 * math.pi,
+        "phi1_rate_rad_per_s": OMEGA,
+        "phi2_rate_rad_per_s": 0.0,
+        "gap_rate_m_per_s": (math.pi - gamma * cosine) * gravity / OMEGA if restitution else 0.0,
+    }
+    tree = {
+        "name": "table",
+        "machine": {
+            "platform_mass_kg": MASS - 2.0 * mass,
+            "platform_inertia_kg_m2": 1e12,
+            "unbalance_mass_kg": mass,
+            "stiffness_y_n_per_m": STIFFNESS,
+            "stiffness_x_n_per_m": STIFFNESS,
+            "stiffness_phi_n_m_per_rad": 1e12 * (0.13 * OMEGA) ** 2,
+            "damping_x_n_s_per_m": damper,
+            "damping_y_n_s_per_m": damper,
+            "damping_phi_n_m_s_per_rad": 0.2 * 1e12 * OMEGA,
+            "gravity_m_per_s2": gravity,
+        },
+        "exciters": [rotor | {"unbalance_radius_m": unbalance / mass, "critical_torque_n_m": slope}, still],
+        "material": {"mass_ratio": 1e-12, "layers": 1},
+        "contact": {"restitution": restitution},
+        "drive": {"supply_frequency_hz": 25.0},
+        "run": {"initial": {"state": state}, "duration_s": 1.0},
+        "solver": {"engine": "taylor", "tolerance": 1e-10},
+    }
+    return Scene.from_tree(tree).replace(changes)
