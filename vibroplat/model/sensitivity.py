@@ -144,7 +144,7 @@ class Course:
         return _flat(parameters(with_value(scene, path, self._value(x))))
 
     def _record(self, c: Any, value: float) -> Parameters:
-        x = (2.0 * value - self._low - self._high) / (self._high - self._low)
+        x = min(max((2.0 * value - self._low - self._high) / (self._high - self._low), -1.0), 1.0)  # but for round-off
         record = blank()
         np.asarray(record.base).view(float)[:_WIDTH] = np.cos(np.arange(len(c)) * np.arccos(x)) @ c
         for name, choice in self._choices.items():

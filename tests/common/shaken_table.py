@@ -6,6 +6,7 @@ import math
 
 from vibroplat import Scene
 
+GRAVITY = 9.81
 OMEGA = 2.0 * math.pi * 25.0
 MASS, DAMPING = 1e6, 0.2
 STIFFNESS = MASS * (0.1 * OMEGA) ** 2
@@ -23,7 +24,7 @@ def stable_range(restitution):
     return low, math.hypot(low, 2.0 * (1.0 + restitution**2) / (1.0 + restitution) ** 2)
 
 
-def shaken(gamma, restitution=0.0, gravity=9.81, **changes):
+def shaken(gamma, restitution=0.0, gravity=GRAVITY, **changes):
     """A table with Γ = Aω²/g at this gravity, and one layer of 1e-12 of its mass, just after the impact of its orbit.
 
     Exciter 1 has a rotor that nothing slows down, exciter 2 hangs still.

@@ -1,0 +1,21 @@
+"""Branches and boundaries of a scene, in this process."""
+
+from __future__ import annotations
+
+from vibroplat.study.execution import pool
+from vibroplat.study.orbits.curves import boundaries
+from vibroplat.study.orbits.tracing import trace
+from vibroplat.study.store import Store
+
+
+def traced(scene):
+    """Follow the branches of a scene."""
+    with Store(None, {}) as store, pool(1) as workers:
+        return trace(scene, store, workers)
+
+
+def bounded(scene):
+    """Follow the branches of a scene, and the boundaries from their special points."""
+    with Store(None, {}) as store, pool(1) as workers:
+        found = trace(scene, store, workers)
+        return found, boundaries(scene, found, store, workers)
