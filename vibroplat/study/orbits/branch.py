@@ -132,8 +132,15 @@ class Branch:
         value = float(found.u[-1]) * self.problem.units[0]
         return Point(frame, found, tangent_of(found.jacobian, tangent), multipliers, value)
 
-    def beyond(self, point: Point, length: float) -> Point:
+    def beyond(self, point: Point, length: float, earlier: Point | None = None) -> Point:
         """Find the point of the branch so far along the tangent at another one.
+
+        Parameters
+        ----------
+        point, length
+            Where it begins, and how far it goes.
+        earlier
+            A point before in the same frame: the branch is expected to bend as from there to here.
 
         Raises
         ------
@@ -142,8 +149,25 @@ class Branch:
         """
         tangent = point.tangent
         u = point.u + length * tangent
+        if earlier is not None and earlier.frame is point.frame and (point.u - earlier.u) @ tangent > 0.0:
+            u = hermite(earlier, point, 1.0 + length / float(np.linalg.norm(point.u - earlier.u)))
         found = correct(self.problem, point.frame, u, tangent[np.newaxis], point.found.jacobian)
         return self.point(point.frame, found, tangent)
+
+    def between(self, first: Point, second: Point, share: float) -> Point:
+        """Find the point at a fraction of the way between two neighbours in one frame.
+
+        Raises
+        ------
+        MissedError
+            There is none.
+        """
+        near = first if share < 0.5 else second
+        u = hermite(first, second, share)
+        found = correct(self.problem, first.frame, u, near.tangent[np.newaxis], None)
+        if np.linalg.norm(found.u - u) > 0.2 * np.linalg.norm(second.u - first.u):
+            raise MissedError("another branch was found")
+        return self.point(first.frame, found, near.tangent)
 
     def grow(self, look: Callable[[Point, Point], None]) -> bool:
         """Add a point, or say in ``ended`` why there is none; ``look`` is shown it and the one before, in one frame.
@@ -157,7 +181,7 @@ class Branch:
         steps.now = min(steps.now, steps.longest(before.tangent))
         while True:
             try:
-                point = self.beyond(before, steps.now)
+                point = self.beyond(before, steps.now, self.points[-2] if len(self.points) > 1 else None)
                 turn = point.tangent @ before.tangent < STRAIGHT and point.word == before.word
                 if not turn or steps.now <= 20.0 * steps.least:
                     break
@@ -219,6 +243,18 @@ class Branch:
         tangent[frame.phase] = point.tangent[point.frame.phase]
         tangent = np.append(tangent, point.tangent[-1])
         return np.asarray(tangent / np.linalg.norm(tangent))
+
+
+def hermite(first: Point, second: Point, share: float) -> FloatArray:
+    """Unknowns by the cubic through two points with their tangents, at a fraction of the way, or beyond."""
+    x, way = share, float(np.linalg.norm(second.u - first.u))
+    u: FloatArray = (
+        (2.0 * x**3 - 3.0 * x**2 + 1.0) * first.u
+        + (x**3 - 2.0 * x**2 + x) * way * first.tangent
+        + (3.0 * x**2 - 2.0 * x**3) * second.u
+        + (x**3 - x**2) * way * second.tangent
+    )
+    return u
 
 
 def tangent_of(jacobian: FloatArray, near: FloatArray) -> FloatArray:

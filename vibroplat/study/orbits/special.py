@@ -11,15 +11,22 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq
 
-from vibroplat.study.orbits.branch import NEUTRAL, Branch, Point
+from vibroplat.kernels.compiled import FloatArray
+from vibroplat.study.orbits.branch import NEUTRAL, Branch, Point, hermite
 from vibroplat.study.orbits.newton import MissedError
 
 #: Accuracy of the place of a special point along the branch, in units of the unknowns.
 ACCURACY = 1e-10
 #: Evaluations from one side, and what part of the way to the extrapolated zero each goes.
-SIDED, APPROACH = 9, 0.9
+SIDED, APPROACH = 7, 0.95
+#: Distance of a known orbit from the zero at which it is interpolated: the error is of third order in it. Nearer to a
+#: branch point an orbit cannot be told from those of the branch that crosses.
+NARROW = 1e-3
+#: How far beside a point that cannot be found others are tried, as a part of the way.
+ASIDE = 0.1
+#: Most evaluations between two points.
+LOCATING = 12
 
 FOLD, DOUBLING, TORUS, BRANCH_POINT = "fold", "period-doubling", "neimark-sacker", "branch-point"
 LIFTOFF, END_OF_STICKING, GRAZING = "liftoff", "end-of-sticking", "grazing"
@@ -48,11 +55,14 @@ class Special:
         The orbit there, or next to it.
     value
         Of the key there.
+    direction
+        Of the branch there, from neighbour to neighbour: where branches cross, a point has no single tangent.
     """
 
     kind: str
     point: Point
     value: float
+    direction: FloatArray
 
 
 Test = Callable[[Point], float]
@@ -86,14 +96,18 @@ def specials(branch: Branch, before: Point, after: Point) -> Iterator[Special]:
         found = corner(branch, before, after)
         if found is not None:
             yield found
-    if before.tangent[-1] * after.tangent[-1] < 0.0:
-        yield located(branch, before, after, FOLD, fold)
+    folds = before.tangent[-1] * after.tangent[-1] < 0.0
     if before.word != after.word:
+        if folds:
+            yield located(branch, before, after, FOLD, fold)
         return  # multipliers may jump there, and pass infinity
+    crosses = branching(before) * branching(after) < 0.0
+    if folds:  # at a pitchfork the branch that bends crosses the straight one
+        yield located(branch, before, after, BRANCH_POINT if crosses else FOLD, fold)
+    elif crosses:
+        yield located(branch, before, after, BRANCH_POINT, branching)
     if doubling(before) * doubling(after) < 0.0:
         yield located(branch, before, after, DOUBLING, doubling)
-    if branching(before) * branching(after) < 0.0:
-        yield located(branch, before, after, BRANCH_POINT, branching)
     if outside(before) != outside(after) and torus(before) * torus(after) < 0.0:
         yield located(branch, before, after, TORUS, torus)
 
@@ -105,22 +119,40 @@ def outside(point: Point) -> int:
 
 
 def located(branch: Branch, before: Point, after: Point, kind: str, test: Test) -> Special:
-    """Find the zero of a test function between two points."""
-    last = [after]
+    """Find the zero of a test function between two points, by inverse interpolation through up to three of them."""
+    chord = after.u - before.u
+    whole = float(np.linalg.norm(chord))
+    direction = chord / whole
+    known = [(0.0, test(before), before), (whole, test(after), after)]
+    while True:
+        low = max((k for k in known if k[1] * known[0][1] > 0.0), key=lambda k: k[0])
+        high = min((k for k in known if k[1] * known[0][1] <= 0.0), key=lambda k: k[0])
+        nearest = sorted(known, key=lambda k: abs(k[1]))[:3]
+        root = extrapolated([k[0] for k in nearest], [k[1] for k in nearest])
+        if root is None or not low[0] < root < high[0]:
+            root = low[0] + (high[0] - low[0]) * low[1] / (low[1] - high[1])
+        share = (root - low[0]) / (high[0] - low[0])
+        near = min(low, high, key=lambda k: abs(k[0] - root))
+        if abs(near[0] - root) < NARROW or len(known) > LOCATING:
+            break
+        found = _near(branch, low[2], high[2], share)
+        tested = math.nan if found is None else test(found)
+        if found is None or not math.isfinite(tested):
+            break
+        known.append((float((found.u - before.u) @ direction), tested, found))
+    value = float(hermite(low[2], high[2], share)[-1]) * branch.problem.units[0]
+    return Special(kind, near[2], value, direction)
 
-    def at(length: float) -> float:
-        if length == 0.0:
-            return test(before)
-        last[0] = branch.beyond(before, length)
-        return test(last[0])
 
-    try:
-        length = float((after.u - before.u) @ before.tangent)
-        root = brentq(at, 0.0, length, xtol=ACCURACY, rtol=4.0 * np.finfo(float).eps, maxiter=60)
-        point = branch.beyond(before, root)
-    except (MissedError, ValueError):
-        point = last[0]
-    return Special(kind, point, point.value)
+def _near(branch: Branch, low: Point, high: Point, share: float) -> Point | None:
+    """Find an orbit near a fraction of the way between two points; beside it where branches cross, if need be."""
+    for beside in (share, share + ASIDE, share - ASIDE, share + 2.0 * ASIDE, share - 2.0 * ASIDE):
+        if 0.0 < beside < 1.0:
+            try:
+                return branch.between(low, high, beside)
+            except MissedError:
+                continue
+    return None
 
 
 def corner(branch: Branch, before: Point, after: Point) -> Special | None:
@@ -136,44 +168,38 @@ def corner(branch: Branch, before: Point, after: Point) -> Special | None:
                 found = approached(branch, before, near, far, measure)
                 if found is not None:
                     kind_here = LIFTOFF if kind == GRAZING and measure(near) == near.shot.least_force else kind
-                    return Special(kind_here, *found)
+                    return Special(kind_here, *found, near.tangent)
     return None
 
 
-def approached(branch: Branch, origin: Point, near: Point, far: Point, measure: Test) -> tuple[Point, float] | None:
+def approached(
+    branch: Branch, origin: Point, near: Point, far: Point, measure: Test
+) -> tuple[Point, float] | None:
     """Approach the zero of a test function from the side of a point; the last orbit on the way, and the key there."""
-    place = {id(p): float((p.u - origin.u) @ origin.tangent) for p in (near, far)}
-    here, limit = place[id(near)], place[id(far)]
-    places, tests, values = [here], [measure(near)], [near.value]
-    last, target, reached = near, 0.5 * (here + limit), limit
-    for _ in range(SIDED + 8):
+    whole = float((far.u - near.u) @ near.tangent)
+    points = [near]
+    step = 0.5 * whole
+    for _ in range(2 * SIDED):
+        last = points[-1]
         try:
-            tried = branch.beyond(origin, target) if target != 0.0 else origin
-            valid = tried.word == near.word and math.isfinite(measure(tried))
+            tried = branch.beyond(last, step)
+            valid = tried.word == near.word and 0.0 < measure(tried) < measure(last)
         except MissedError:
             valid = False
         if not valid:
-            limit = target
-            target = places[-1] + 0.5 * (limit - places[-1])
-        else:
-            last = tried
-            places.append(target)
-            tests.append(measure(tried))
-            values.append(tried.value)
-            root = extrapolated(places[-3:], tests[-3:])
-            if root is None:
-                return None
-            if abs(root - reached) < ACCURACY * 10.0 or len(places) > SIDED:
-                reached = root
+            step *= 0.4
+            if abs(step) < ACCURACY:
                 break
-            reached = root
-            target = places[-1] + APPROACH * (root - places[-1])
-        if abs(target - places[-1]) < ACCURACY:
+            continue
+        points.append(tried)
+        left = -measure(tried) * step / (measure(tried) - measure(last))
+        if abs(left) < ACCURACY or len(points) > SIDED:
             break
-    if len(places) < 3:
+        step = APPROACH * left
+    if len(points) < 3:
         return None
-    value = float(np.polyval(np.polyfit(np.array(places[-3:]) - places[-1], values[-3:], 2), reached - places[-1]))
-    return last, value
+    value = extrapolated([p.value for p in points[-3:]], [measure(p) for p in points[-3:]])
+    return None if value is None else (points[-1], value)
 
 
 def extrapolated(places: list[float], tests: list[float]) -> float | None:

@@ -18,7 +18,7 @@ from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.sensitivity import parameter_direction
 from vibroplat.orbits_plan import OrbitsPlan
 from vibroplat.scene import Scene
-from vibroplat.study.execution import Pool, run_chains
+from vibroplat.study.execution import Pool
 from vibroplat.study.orbits.branch import Branch, Point, Steps
 from vibroplat.study.orbits.newton import ANGLE, Frame, MissedError, Problem, correct
 from vibroplat.study.orbits.orbit import OrbitError, accurate, first_orbit, measures_of_orbit
@@ -26,16 +26,20 @@ from vibroplat.study.orbits.shooting import Shooter
 from vibroplat.study.orbits.special import BRANCH_POINT, DOUBLING, Special, specials
 from vibroplat.study.orbits.words import spelled
 from vibroplat.study.store import Record, Records
-from vibroplat.study.tasks import StoredChain, Task, Tasks
+from vibroplat.study.tasks import StoredChain, Task, Tasks, run_stored
 
 #: Points of a branch that a task makes.
 PART = 20
 #: Largest multipliers that are told.
 TOLD = 4
-#: Steps along a new branch at a branch point, over the largest step, one after the other.
-AWAY = (0.02, 0.05, 0.1)
+#: First steps along a new branch, over the largest step, one after the other.
+AWAY = (0.5, 0.2, 0.05, 1.0)
 #: How far apart, as a part of the step between its neighbours, a point may lie from a former one to be the same.
 SAME = 0.1
+#: Least part of the way along a branch that must be covered across it by a point that has left it.
+LEFT = 0.3
+#: Distance of two special points, as a part of the key's range, within which they are one.
+SAME_PLACE = 1e-4
 #: Measures that tell points apart.
 COMPARED = ("period_s", "rms_x_m", "rms_y_m", "rms_phi_rad", "motor_power_w")
 
@@ -111,8 +115,8 @@ class Traced:
         Its combination of the grid's values, its number there, and that of the branch it was found on, or −1.
     origin
         What it begins with: ``start``, or the kind of special point.
-    rows, special, seeds
-        Its points, special points and the beginnings of other branches there, as plain values.
+    rows, special
+        Its points and special points, as plain values.
     ended
         Why it ended.
     failed
@@ -125,7 +129,6 @@ class Traced:
     origin: str
     rows: list[Record] = field(default_factory=list)
     special: list[Record] = field(default_factory=list)
-    seeds: list[Record] = field(default_factory=list)
     ended: str = ""
     failed: bool = False
 
@@ -144,85 +147,96 @@ def trace(scene: Scene, records: Records, workers: Pool, progress: Progress | No
     """
     plan = orbits_plan(scene)
     traced: list[Traced] = []
-    points = finished = 0
-    known = [Traced(family, 0, -1, "start") for family in families(scene)]
-    seeds: list[Record | None] = [None] * len(known)
-    while known:
 
-        def count(record: Record) -> None:
-            nonlocal points
-            points += len(record["rows"])
+    def count(record: Record) -> None:
+        if progress is not None:
+            progress(sum(bool(b.ended) for b in traced), len(traced), sum(len(b.rows) for b in traced))
 
-        chains = [
-            StoredChain(_parts(branch, plan, seed, count), records, f"{branch.family.number}-{branch.number}")
-            for branch, seed in zip(known, seeds, strict=True)
-        ]
-        for chain in run_chains(chains, workers):
-            finished += chain.done
-            if progress is not None:
-                progress(finished, len(traced) + len(known), points)
-        traced += known
-        if len(traced) == len(known) and all(branch.failed and not branch.rows for branch in known):
-            raise OrbitError(known[0].ended)
-        known, seeds = _new_branches(plan, traced, known)
+    chains = [
+        StoredChain(_branches(family, plan, traced, count), records, str(family.number)) for family in families(scene)
+    ]
+    run_stored(chains, workers)
+    if all(branch.failed and not branch.rows for branch in traced):
+        raise OrbitError(traced[0].ended)
     return sorted(traced, key=lambda branch: (branch.family.number, branch.number))
 
 
-def _new_branches(
-    plan: OrbitsPlan, traced: Sequence[Traced], last: Sequence[Traced]
-) -> tuple[list[Traced], list[Record | None]]:
-    """Collect branches that begin at special points of the last ones, each once."""
-    found: list[Traced] = []
-    seeds: list[Record | None] = []
-    for branch in last:
-        for seed in branch.seeds:
-            others = [b for b in (*traced, *found) if b.family.number == branch.family.number]
-            if len(others) >= plan.max_branches:
-                break
-            found.append(Traced(branch.family, len(others), branch.number, seed["kind"]))
-            seeds.append(seed)
-    return found, seeds
+def _branches(family: Family, plan: OrbitsPlan, traced: list[Traced], take: Callable[[Record], None]) -> Tasks[None]:
+    """Follow the branches of a family, one after the other, and add them to those that are traced."""
+    own: list[Traced] = []
+    waiting: list[tuple[int, str, Record | None]] = [(-1, "start", None)]
+    switched: list[Record] = []
+    while waiting and len(own) < plan.max_branches:
+        parent, origin, begin = waiting.pop(0)
+        branch = Traced(family, len(own), parent, origin)
+        traced.append(branch)
+        yield from _parts(branch, own, plan, begin, take)
+        if parent >= 0 and not branch.rows and not branch.failed:
+            traced.remove(branch)  # a direction of a branch that is known
+            continue
+        own.append(branch)
+        for special in branch.special:
+            if special["branches"] and not any(_same_special(special, other, plan) for other in switched):
+                switched.append(special)
+                waiting += [(branch.number, special["kind"], place) for place in special["branches"]]
 
 
-def _parts(branch: Traced, plan: OrbitsPlan, seed: Record | None, take: Callable[[Record], None]) -> Tasks[None]:
+def _same_special(one: Record, other: Record, plan: OrbitsPlan) -> bool:
+    """Whether two branches have found the same point where they cross."""
+    near = abs(one["value"] - other["value"]) <= SAME_PLACE * abs(plan.stop - plan.start)
+    frequencies = one["excitation_frequency_hz"], other["excitation_frequency_hz"]
+    return near and one["kind"] == other["kind"] and abs(frequencies[0] / frequencies[1] - 1.0) < SAME_PLACE
+
+
+def _parts(
+    branch: Traced, others: Sequence[Traced], plan: OrbitsPlan, begin: Record | None, take: Callable[[Record], None]
+) -> Tasks[None]:
     """Make a branch part by part."""
-    begin = seed
-    while True:
+    while not branch.ended:
         record = yield Task(_part, (branch.family.scene, plan, begin), _lost)
-        again = _met_again(branch.rows, record["rows"])
-        rows = record["rows"] if again is None else record["rows"][: again[0]]
-        take(record | {"rows": rows})
-        branch.rows += rows
-        branch.ended, branch.failed = record["ended"], record["failed"]
+        rows, branch.ended, branch.failed = record["rows"], record["ended"], record["failed"]
+        again = _met_again(branch, others, rows)
         if again is not None:
-            branch.ended, branch.failed = again[1], False
-        reached = len(branch.rows)
-        branch.special += [s for s in record["special"] if s["after"] + reached - len(rows) < reached + 1]
-        branch.seeds += record["seeds"]
+            rows, branch.ended, branch.failed = rows[: again[0]], again[1], False
+        branch.special += [
+            special | {"after": special["after"] + len(branch.rows)}
+            for special in record["special"]
+            if special["after"] <= len(rows)
+        ]
+        branch.rows += rows
         if not branch.ended and len(branch.rows) >= plan.max_points:
             branch.ended = f"max_points = {plan.max_points} reached"
-        if branch.ended:
-            return
         begin = record["last"]
+        take(record)
 
 
 def _lost(reason: str) -> Record:
-    return {"rows": [], "special": [], "seeds": [], "last": None, "ended": reason, "failed": True}
+    return {"rows": [], "special": [], "last": None, "ended": reason, "failed": True}
 
 
-def _met_again(former: Sequence[Record], new: Sequence[Record]) -> tuple[int, str] | None:
-    """Find the first new point that a branch has passed before, itself or in a mirror: its place, and which."""
+def _met_again(branch: Traced, others: Sequence[Traced], new: Sequence[Record]) -> tuple[int, str] | None:
+    """Find the first new point that a branch, or another one of its family, has passed: its place, and which."""
     for place, row in enumerate(new):
-        before = [*former, *new[:place]][:-2]
-        for first, second in itertools.pairwise(before):
-            if not min(first["value"], second["value"]) <= row["value"] <= max(first["value"], second["value"]):
-                continue
-            share = (row["value"] - first["value"]) / (second["value"] - first["value"] or 1.0)
-            if not all(_near(row[name], first[name], second[name], share) for name in COMPARED):
-                continue
+        for other in others:
+            mirrored = _passed(row, other.rows)
+            if mirrored is not None:
+                return place, f"{'mirror image of' if mirrored else 'joins'} branch {other.number}"
+        mirrored = _passed(row, [*branch.rows, *new[:place]][:-2])
+        if mirrored is not None:
+            return place, "mirror image" if mirrored else "loop"
+    return None
+
+
+def _passed(row: Record, former: Sequence[Record]) -> bool | None:
+    """Whether a branch has passed a point: None if not, else whether as its mirror image."""
+    for first, second in itertools.pairwise(former):
+        if not min(first["value"], second["value"]) <= row["value"] <= max(first["value"], second["value"]):
+            continue
+        share = (row["value"] - first["value"]) / (second["value"] - first["value"] or 1.0)
+        if row["period"] == first["period"] and all(_near(row[n], first[n], second[n], share) for n in COMPARED):
             here, there = row["phase_difference_rad"], first["phase_difference_rad"]
-            apart = abs(np.angle(np.exp(1j * (here - there))))
-            return place, "loop" if apart <= abs(np.angle(np.exp(1j * (here + there)))) + 1e-6 else "mirror image"
+            apart, mirrored = (abs(np.angle(np.exp(1j * (here - sign * there)))) for sign in (1, -1))
+            return bool(mirrored < apart - 1e-6)
     return None
 
 
@@ -236,20 +250,19 @@ def _near(value: float, first: float, second: float, share: float) -> bool:
 
 def _part(scene: Scene, plan: OrbitsPlan, begin: Record | None) -> Record:
     """Make a part of a branch: from a start, from a special point, or going on from a last point."""
-    record: Record = {"rows": [], "special": [], "seeds": [], "last": None, "ended": "", "failed": False}
+    record: Record = {"rows": [], "special": [], "last": None, "ended": "", "failed": False}
     with closing(Shooter(scene, [plan.key])) as shooter:
         try:
             branch = _first(shooter, plan) if begin is None else _again(shooter, plan, begin)
         except (MissedError, OrbitError) as error:
             return record | {"ended": str(error), "failed": True}
-        new = begin is None or "kind" in begin
-        if new:
+        if begin is None or begin["new"]:
             record["rows"].append(row_of_point(branch, branch.points[0], shooter))
 
         def look(before: Point, after: Point) -> None:
             for special in specials(branch, before, after):
-                record["special"].append(_special_record(branch, special, len(record["rows"])))
-                record["seeds"] += _seeds(branch, special, plan)
+                found = _special_record(branch, special, len(record["rows"]))
+                record["special"].append(found | {"branches": _new_branches(branch, special, plan)})
 
         while len(record["rows"]) < PART and not branch.ended:
             if not branch.grow(look):
@@ -258,7 +271,7 @@ def _part(scene: Scene, plan: OrbitsPlan, begin: Record | None) -> Record:
             _stop_at_end(branch, plan)
             record["rows"].append(row_of_point(branch, branch.points[-1], shooter))
         record["ended"] = branch.ended
-        record["last"] = _last(branch)
+        record["last"] = _place(branch, branch.points[-1], branch.steps.now, new=False)
     return record
 
 
@@ -283,59 +296,31 @@ def _first(shooter: Shooter, plan: OrbitsPlan) -> Branch:
 
 
 def _again(shooter: Shooter, plan: OrbitsPlan, begin: Record) -> Branch:
-    """Begin, or go on with, a branch at a state near it and a direction."""
+    """Go on with a branch from one of its points, with the direction in which it goes."""
     state = np.array(begin["state"])
     shooter.set({plan.key: begin["value"]})
-    problem = Problem(shooter, tuple(begin["turns"]), [plan.unit], plan.tolerance)
-    branch = _branch(problem, plan)
+    branch = _branch(Problem(shooter, tuple(begin["turns"]), [plan.unit], plan.tolerance), plan)
+    branch.steps.now = begin["step"]
     frame = Frame(state, shooter.shot(state, 0.0).begins)
-    tangent = np.array(begin["tangent"])
-    packed = np.append(tangent[frame.places], tangent[-1])
-    packed[frame.phase] = tangent[-2]
-    packed /= np.linalg.norm(packed)
-    u = problem.pack(frame, state, begin["period_s"], [begin["value"]])
-    if "kind" not in begin:
-        branch.steps.now = begin["step"]
-        branch.begin(frame, u, packed)
-        return branch
-    why: MissedError | None = None
-    for share in AWAY:
-        try:
-            branch.begin(frame, u + share * branch.steps.largest * packed, packed)
-        except MissedError as error:
-            why = error
-            continue
-        if begin["kind"] == BRANCH_POINT or _is_double(branch):
-            return branch
-        branch.points.clear()
-        why = MissedError("the branch of twice the period was not found")
-    assert why is not None
-    raise why
+    full = np.array(begin["tangent"])
+    tangent = np.append(full[frame.places], full[-1])
+    tangent[frame.phase] = full[-2]
+    u = branch.problem.pack(frame, state, begin["period_s"], [begin["value"]])
+    branch.begin(frame, u, tangent / np.linalg.norm(tangent))
+    return branch
 
 
-def _is_double(branch: Branch) -> bool:
-    """Whether the first orbit of a branch does not repeat after half of its period."""
-    point, problem = branch.points[0], branch.problem
-    state, seconds, _ = problem.unpack(point.frame, point.u)
-    shot = problem.shooter.shot(state, 0.5 * seconds)
-    difference = shot.state - state - np.pi * np.concatenate([[0, 0, 0], problem.turns, np.zeros(9)])
-    return bool(np.abs(difference / problem.shooter.scales).max() > 1e3 * problem.tolerance)
-
-
-def _last(branch: Branch) -> Record:
-    """Describe the last point of a branch so that another worker can go on from there."""
-    point = branch.points[-1]
-    return _place(branch, point, _full_tangent(branch.problem, point.frame, point.tangent)) | {"step": branch.steps.now}
-
-
-def _place(branch: Branch, point: Point, tangent: FloatArray) -> Record:
+def _place(branch: Branch, point: Point, step: float, *, new: bool) -> Record:
+    """Describe a point of a branch so that another worker can go on from there."""
     state, seconds, values = branch.problem.unpack(point.frame, point.u)
     return {
         "turns": list(branch.problem.turns),
         "state": state.tolist(),
         "period_s": seconds,
         "value": values[0],
-        "tangent": tangent.tolist(),
+        "tangent": _full_tangent(branch.problem, point.frame, point.tangent).tolist(),
+        "step": step,
+        "new": new,
     }
 
 
@@ -368,37 +353,84 @@ def _stop_at_end(branch: Branch, plan: OrbitsPlan) -> None:
         branch.points[-1] = branch.point(last.frame, found, last.tangent)
 
 
-def _seeds(branch: Branch, special: Special, plan: OrbitsPlan) -> list[Record]:
-    """Describe the branches that begin at a special point and are to be followed."""
+def _new_branches(branch: Branch, special: Special, plan: OrbitsPlan) -> list[Record]:
+    """Find the first points of the branches that begin at a special point, where they are to be followed."""
     if special.kind not in plan.switch:
         return []
     if special.kind == BRANCH_POINT:
-        return _crossing_branches(branch, special)
-    return _doubled_branches(branch, special) if special.kind == DOUBLING else []
+        across, new = _across(special), _branch(branch.problem, plan)
+        ahead, back = (_first_away(new, special, special.point.u, sign * across) for sign in (1.0, -1.0))
+        if ahead is None or back is None:
+            return [_place(new, point, new.steps.now, new=True) for point in (ahead, back) if point is not None]
+        if _mirrors(branch, ahead, back):
+            return [_place(new, ahead, new.steps.now, new=True)]
+        return _through(new, ahead, back)
+    problem = branch.problem
+    doubled = Problem(problem.shooter, (2 * problem.turns[0], 2 * problem.turns[1]), problem.units, problem.tolerance)
+    u = special.point.u.copy()
+    u[special.point.frame.phase] *= 2.0
+    new = _branch(doubled, plan)
+    point = _first_away(new, special, u, _doubling_direction(problem, special.point))
+    return [] if point is None else [_place(new, point, new.steps.now, new=True)]
 
 
-def _crossing_branches(branch: Branch, special: Special) -> list[Record]:
-    """Describe both directions of the branch that crosses: along the other null vector of the Jacobian."""
-    point = special.point
-    null = np.linalg.svd(point.found.jacobian)[2][-2:]
-    along = null @ point.tangent
-    across = null.T @ np.array([-along[1], along[0]])
-    across /= np.linalg.norm(across)
+def _through(branch: Branch, ahead: Point, back: Point) -> list[Record]:
+    """Describe a branch that goes through a branch point, from a point on one side of it: both ways from there.
+
+    On its way through, the branch point is located again: more exactly than on a branch that bends there.
+    """
+    forth = Point(back.frame, back.found, -back.tangent, back.multipliers, back.value)
     return [
-        _place(branch, point, sign * _full_tangent(branch.problem, point.frame, across)) | {"kind": special.kind}
-        for sign in (1.0, -1.0)
+        _place(branch, forth, float(np.linalg.norm(ahead.u - back.u)), new=True),
+        _place(branch, back, branch.steps.now, new=False),
     ]
 
 
-def _doubled_branches(branch: Branch, special: Special) -> list[Record]:
-    """Describe the branch of twice the period: along the eigenvector of the multiplier −1."""
-    point, problem = special.point, branch.problem
+def _first_away(branch: Branch, origin: Special, u: FloatArray, direction: FloatArray) -> Point | None:
+    """Find a point of a branch that leaves another one in a direction; None if it cannot be found."""
+    for share in AWAY:
+        step = share * branch.steps.largest
+        try:
+            found = correct(branch.problem, origin.point.frame, u + step * direction, direction[np.newaxis], most=20)
+            point = branch.point(origin.point.frame, found, direction)
+        except MissedError:
+            continue
+        way = point.u - u
+        apart = abs(way @ direction) > LEFT * abs(way @ origin.direction)
+        if _doubled(branch, point) if origin.kind == DOUBLING else apart:
+            return point
+    return None
+
+
+def _doubled(branch: Branch, point: Point) -> bool:
+    """Whether an orbit does not repeat after half of its period."""
+    problem = branch.problem
+    state, seconds, _ = problem.unpack(point.frame, point.u)
+    difference = problem.shooter.shot(state, 0.5 * seconds).state - state
+    difference[3:5] -= np.pi * np.array(problem.turns)
+    return bool(np.abs(difference / problem.shooter.scales).max() > 1e3 * problem.tolerance)
+
+
+def _across(special: Special) -> FloatArray:
+    """Direction of the branch that crosses at a branch point: the other null vector of the Jacobian."""
+    null = np.linalg.svd(special.point.found.jacobian)[2][-2:]
+    along = null @ special.direction
+    across = null.T @ np.array([-along[1], along[0]])
+    return np.asarray(across / np.linalg.norm(across))
+
+
+def _doubling_direction(problem: Problem, point: Point) -> FloatArray:
+    """Direction of the branch of twice the period: the eigenvector of the multiplier −1."""
     values, vectors = np.linalg.eig(problem.section_map(point.frame, point.shot))
     vector = vectors[:, np.argmin(np.abs(values + 1.0))].real
-    tangent = np.insert(vector / np.linalg.norm(vector), point.frame.phase, 0.0)
-    place = _place(branch, point, _full_tangent(problem, point.frame, np.append(tangent, 0.0)))
-    doubled = {"turns": [2 * n for n in problem.turns], "period_s": 2.0 * place["period_s"]}
-    return [place | doubled | {"kind": special.kind}]
+    direction = np.append(np.insert(vector, point.frame.phase, 0.0), 0.0)
+    return np.asarray(direction / np.linalg.norm(direction))
+
+
+def _mirrors(branch: Branch, one: Point, other: Point) -> bool:
+    """Whether two orbits are mirror images of each other."""
+    rows = [row_of_point(branch, point, branch.problem.shooter, count=False) for point in (one, other)]
+    return all(abs(rows[0][n] - rows[1][n]) <= 1e-3 * abs(rows[0][n]) for n in ("value", *COMPARED))
 
 
 def _special_record(branch: Branch, special: Special, after: int) -> Record:
@@ -414,12 +446,14 @@ def _special_record(branch: Branch, special: Special, after: int) -> Record:
     }
 
 
-def row_of_point(branch: Branch, point: Point, shooter: Shooter) -> Record:
-    """Return the row of a point in the table of branches; ``turns`` are those since the point before."""
+def row_of_point(branch: Branch, point: Point, shooter: Shooter, *, count: bool = True) -> Record:
+    """Return the row of a point in the table of branches; ``turns`` are those since the point before, if they count."""
     problem = branch.problem
     state, seconds, values = problem.unpack(point.frame, point.u)
     scene = shooter.scene_at(dict(zip(shooter.keys, values, strict=True)))
-    turns, shooter.turns = shooter.turns, 0.0
+    turns = shooter.turns
+    if count:
+        shooter.turns = 0.0
     multipliers: dict[str, float | None] = {}
     for i in range(TOLD):
         known = i < point.multipliers.size
@@ -439,9 +473,3 @@ def row_of_point(branch: Branch, point: Point, shooter: Shooter) -> Record:
         "state": state.tolist(),
     }
 
-
-def traced_rows(traced: Sequence[Traced]) -> Iterator[tuple[Traced, Record]]:
-    """Yield all points with their branches."""
-    for branch in traced:
-        for row in branch.rows:
-            yield branch, row
