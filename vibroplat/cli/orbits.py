@@ -104,7 +104,7 @@ def _trace(scene: Scene, families: int, store: Store, workers: Pool) -> list[Tra
         raise
 
 
-def _print(scene: Scene, made: OrbitTables, told: Mapping[str, Any], more: Mapping[str, str]) -> None:
+def _print(scene: Scene, made: OrbitTables, told: Mapping[str, Any], more: dict[str, str]) -> None:
     """Print an overview of branches and special points."""
     from vibroplat.study.orbits import report
 

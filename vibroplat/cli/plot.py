@@ -29,7 +29,9 @@ ORBIT_FIGURES = (PlotKind.branches, PlotKind.multipliers)
 
 
 def plot(
-    directory: Annotated[Path, typer.Argument(metavar="DIR", help="Result directory of a run, a sweep, orbits or the paper.")],
+    directory: Annotated[
+        Path, typer.Argument(metavar="DIR", help="Result directory of a run, a sweep, orbits or the paper.")
+    ],
     kind: Annotated[list[PlotKind] | None, typer.Option(help="Figures to draw. Default: all.")] = None,
     start: Annotated[float | None, typer.Option(help="Start of the interval shown by motion and force (s).")] = None,
     stop: Annotated[float | None, typer.Option(help="End of that interval (s).")] = None,

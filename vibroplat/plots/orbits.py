@@ -47,15 +47,18 @@ PANELS = {
 ABSCISSAE = {EXCITATION: "excitation frequency $f$ (Hz)", SUPPLY: "supply frequency $f_e$ (Hz)"}
 #: Markers of kinds of special points.
 MARKERS = dict(zip(KINDS, "oDsX^vP", strict=True))
+#: Markers of the directions of a sweep.
+DIRECTIONS = {"up": "^", "down": "v"}
 #: Colours of what is behind the branches, and of lines of reference.
 BEHIND, REFERENCE = "#9a9a9a", "#666666"
 #: Largest real and imaginary part of multipliers that are drawn.
 FARTHEST = 2.0
+#: Largest multiplier above which their axis is logarithmic.
+LOGARITHMIC = 10.0
+#: Least range of an axis of RMS, relative to the largest RMS of y: small quantities are drawn small.
+LEAST_RANGE = 0.02
 #: Points of an orbit that are drawn.
 DRAWN = 2000
-
-#: Values of a quantity at places, which are shares of the way between numbered points.
-_Curve = tuple[Any, Any]
 
 
 @dataclass(frozen=True)
@@ -98,6 +101,20 @@ class Branches:
             for key in (*self.grid, "branch"):
                 own = own[own[key] == first[key]]
             yield labels.setdefault(label, len(labels)), label, rows.reset_index(drop=True), own
+
+    def sweeps(self) -> Iterator[tuple[str, pd.DataFrame]]:
+        """Yield points of the sweep and their colour: that of their combination, where the sweep has its keys."""
+        if self.swept is None:
+            return
+        if not self.varied or any(key not in self.swept for key in self.varied):
+            yield BEHIND, self.swept
+            return
+        combinations = self.points[self.varied].drop_duplicates()
+        for number, (_, values) in enumerate(combinations.iterrows()):
+            rows = self.swept
+            for key in self.varied:
+                rows = rows[rows[key] == values[key]]
+            yield CURVES[number % len(CURVES)], rows
 
 
 def plot_orbits(directory: Path, kinds: Sequence[str] = (), *, x: str | None = None) -> list[Path]:
@@ -153,17 +170,20 @@ def read_branches(directory: Path) -> Branches:
 def branches_figure(found: Branches, x: str) -> Figure:
     """Draw all quantities of branches over a column."""
     columns = [c for c in PANELS if c != "contact_force_max_n" or found.points[c].notna().any()]
-    rows = (len(columns) + 1) // 2
-    figure = Figure(figsize=(11.0, 2.2 + 2.5 * rows))
-    axes = figure.subplots(rows, 2, squeeze=False, sharex=True)
+    height = (len(columns) + 1) // 2
+    figure = Figure(figsize=(11.0, 2.2 + 2.5 * height))
+    axes = figure.subplots(height, 2, squeeze=False, sharex=True)
     for axis, column in zip(axes.T.ravel(), columns, strict=False):
-        if found.swept is not None:
-            draw_sweep(axis, found.swept, column, x)
+        for color, rows in found.sweeps():
+            draw_sweep(axis, rows, column, x, color=color)
         for number, _, points, special in found.branches():
             draw_branch(axis, points, special, column, x, color=CURVES[number % len(CURVES)])
+        if column.startswith("rms"):
+            least = LEAST_RANGE * 1e3 * float(found.points["rms_y_m"].max())
+            axis.set_ylim(0.0, max(axis.get_ylim()[1], least))
     for axis in axes.T.ravel()[len(columns) :]:
         axis.set_axis_off()
-    for axis in axes.T.ravel()[[rows - 1, len(columns) - 1]]:
+    for axis in axes.T.ravel()[[height - 1, len(columns) - 1]]:
         axis.set_xlabel(_abscissa(x))
         axis.tick_params(labelbottom=True)
     figure.suptitle(plain(found.result.directory.resolve().name), x=0.01, ha="left")
@@ -191,7 +211,10 @@ def draw_branch(
     shares = _shares(points, special)
     places = np.sort(np.concatenate([np.arange(len(points)), shares]))
     xs, ys = _at(points, places, x), _at(points, places, column)
-    for kind, run in itertools.groupby(range(places.size - 1), lambda i: _segment(points, places[i : i + 2], ys, i)):
+    looks: list[bool | None] = [_segment(points, places[i : i + 2]) for i in range(places.size - 1)]
+    if column == PHASE:  # it passes the end of its axis
+        looks = [None if jump > np.pi else look for look, jump in zip(looks, np.abs(np.diff(ys)), strict=True)]
+    for kind, run in itertools.groupby(range(len(looks)), looks.__getitem__):
         if kind is not None:
             part = list(run)
             shown = slice(part[0], part[-1] + 2)
@@ -228,27 +251,26 @@ def _at(points: pd.DataFrame, places: Any, column: str) -> Any:
     return (1.0 if panel is None else panel.factor) * np.interp(places, np.arange(len(points)), values)
 
 
-def _segment(points: pd.DataFrame, ends: Any, ys: Any, number: int) -> bool | None:
-    """Whether a piece of a line is stable; None where a phase difference passes the end of its axis.
+def _segment(points: pd.DataFrame, ends: Any) -> bool:
+    """Whether a piece of a line is stable.
 
     A piece that begins or ends at a special point is as stable as the point at its other end; between two special
     points nothing is known, and it is drawn as unstable.
     """
-    if abs(ys[number + 1] - ys[number]) > np.pi and np.nanmax(ys) <= 2.0 * np.pi - 0.5 and np.nanmin(ys) >= -0.5:
-        return None
     whole = [int(end) for end in ends if end == int(end)]
     return bool(whole) and all(bool(points["stable"].iloc[place]) for place in whole)
 
 
-def draw_sweep(axis: Axes, table: pd.DataFrame, column: str, x: str) -> None:
-    """Draw the points of a sweep, behind what comes later."""
+def draw_sweep(axis: Axes, table: pd.DataFrame, column: str, x: str, *, color: Any = BEHIND) -> None:
+    """Draw the points of a sweep, pale, behind what comes later."""
     if x not in table or column not in table:
         return
     values = table[column].to_numpy(dtype=float)
     values = np.mod(values + 0.5, 2.0 * np.pi) - 0.5 if column == PHASE else PANELS[column].factor * values
-    for direction, marker in (("up", "^"), ("down", "v")):
+    for direction, marker in DIRECTIONS.items():
         chosen = (table["direction"] == direction).to_numpy()
-        axis.plot(table[x].to_numpy(dtype=float)[chosen], values[chosen], marker, ls="", ms=2.6, color=BEHIND, mew=0)
+        places = table[x].to_numpy(dtype=float)[chosen]
+        axis.plot(places, values[chosen], marker, ls="", ms=4.0, color=color, mew=0, alpha=0.5, zorder=1.5)
 
 
 def _legend(found: Branches, x: str) -> list[Line2D]:
@@ -260,11 +282,10 @@ def _legend(found: Branches, x: str) -> list[Line2D]:
         if (found.points["stable"] == stable).any():
             handles.append(Line2D([], [], color=REFERENCE, label="stable" if stable else "unstable", **look))
     if found.swept is not None and x in found.swept:
-        directions = [d for d in ("up", "down") if (found.swept["direction"] == d).any()]
-        for direction in directions:
-            marker = "^" if direction == "up" else "v"
-            look = {"ls": "", "color": BEHIND, "mew": 0, "ms": 4.0}
-            handles.append(Line2D([], [], marker=marker, label=f"sweep, {direction}", **look))
+        for direction, marker in DIRECTIONS.items():
+            if (found.swept["direction"] == direction).any():
+                look = {"ls": "", "color": BEHIND, "mew": 0, "ms": 4.0}
+                handles.append(Line2D([], [], marker=marker, label=f"sweep, {direction}", **look))
     for kind, meaning in KINDS.items():
         if (found.special["kind"] == kind).any():
             look = {"ls": "", "mfc": "white", "mec": REFERENCE, "mew": 1.1, "ms": 5.0}
@@ -290,10 +311,13 @@ def multipliers_figure(found: Branches, x: str) -> Figure:
         plane.set_title(label, loc="left")
         for points in parts:
             _draw_largest(size, points, x, CURVES[number % len(CURVES)])
+        size.axhline(1.0, color=REFERENCE, lw=0.8)
         plane.set_xlabel("real part")
         size.set_xlabel(_abscissa(x))
     axes[0, 0].set_ylabel("imaginary part")
     axes[1, 0].set_ylabel("largest |multiplier|")
+    if np.hypot(found.points["multiplier_1_re"], found.points["multiplier_1_im"]).max() > LOGARITHMIC:
+        axes[1, 0].set_yscale("log")
     figure.colorbar(ScalarMappable(norm, "viridis"), ax=list(axes[0]), pad=0.01).set_label(_abscissa(x))
     figure.suptitle(plain(found.result.directory.resolve().name), x=0.01, ha="left")
     return figure
@@ -321,8 +345,7 @@ def _draw_plane(axis: Axes, points: pd.DataFrame, x: str, norm: Normalize) -> No
 
 def _draw_largest(axis: Axes, points: pd.DataFrame, x: str, color: Any) -> None:
     largest = np.hypot(points["multiplier_1_re"], points["multiplier_1_im"])
-    axis.semilogy(points[x], largest, ".-", ms=2.5, lw=0.8, color=color)
-    axis.axhline(1.0, color=REFERENCE, lw=0.8)
+    axis.plot(points[x], largest, ".-", ms=2.5, lw=0.8, color=color)
 
 
 # -- one orbit ---------------------------------------------------------------------------------------------------------
@@ -364,7 +387,9 @@ def _draw_gap(axis: Axes, table: pd.DataFrame) -> None:
 def _valued(key: str, value: Any) -> str:
     """Return a value of a key in a legend."""
     words = plain(key.rpartition(".")[2].replace("_", " "))
-    return f"{words} {value:g}" if isinstance(value, int | float) and not isinstance(value, bool) else f"{words} {value}"
+    return (
+        f"{words} {value:g}" if isinstance(value, int | float) and not isinstance(value, bool) else f"{words} {value}"
+    )
 
 
 def _abscissa(column: str) -> str:

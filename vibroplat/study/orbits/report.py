@@ -19,9 +19,7 @@ from vibroplat.study.orbits.tracing import Family, orbits_plan
 from vibroplat.tables import Format, Table
 
 
-def write_orbits(
-    scene: Scene, tables: OrbitTables, summary: Mapping[str, Any], directory: Path, form: Format
-) -> None:
+def write_orbits(scene: Scene, tables: OrbitTables, summary: Mapping[str, Any], directory: Path, form: Format) -> None:
     """Write the tables, the summary ``orbits.json`` and the provenance into a directory."""
     found: dict[str, Table] = {"special": tables.special}
     if orbits_plan(scene).boundaries is not None:
