@@ -89,7 +89,7 @@ class Branches:
     @property
     def varied(self) -> list[str]:
         """Columns of the grid that have several values."""
-        return [key for key in self.grid if self.points[key].nunique() > 1]
+        return [key for key in self.grid if len(self.points[key].unique()) > 1]
 
     def branches(self) -> Iterator[tuple[int, str, pd.DataFrame, pd.DataFrame]]:
         """Yield the number and label of the grid's combination, the points and the special points of each branch."""

@@ -9,7 +9,7 @@ from vibroplat import load_config, orbit, orbits
 from vibroplat.errors import ConfigError
 from vibroplat.scene import COORDINATES, RATES
 from vibroplat.study.execution import Inline
-from vibroplat.study.orbits.tables import COLUMNS, boundary_table, planned, summary, tables
+from vibroplat.study.orbits.tables import boundary_table, planned, summary, tables
 from vibroplat.study.orbits.tracing import Traced, families, trace
 from vibroplat.study.point import MEASURED
 from vibroplat.study.store import Store

@@ -71,8 +71,14 @@ def special_lines(scene: Scene, special: pd.DataFrame) -> tuple[list[str], list[
     value = column_of(orbits_plan(scene).key)
     header = [*(key.rpartition(".")[2] for key in keys), "branch", "special point", value, EXCITATION, "period"]
     rows = [
-        [*(f"{row[key]}" for key in keys), str(row["branch"]), str(row["kind"])]
-        + [f"{row[value]:.8g}", f"{row[EXCITATION]:.8g}", str(row["period"])]
+        [
+            *(f"{row[key]}" for key in keys),
+            str(row["branch"]),
+            str(row["kind"]),
+            f"{row[value]:.8g}",
+            f"{row[EXCITATION]:.8g}",
+            str(row["period"]),
+        ]
         for _, row in special.iterrows()
     ]
     return header, rows
