@@ -20,8 +20,8 @@ from vibroplat.errors import ConfigError
 from vibroplat.exciters import ROTATIONS, Exciter, Motor
 from vibroplat.fields import PERTURBATION, Angle, NonNegative, Positive, Real, Section, Share, not_bool
 from vibroplat.messages import explain
-from vibroplat.overrides import OF_EXCITERS, merge, nest
 from vibroplat.orbits_plan import OrbitsPlan
+from vibroplat.overrides import OF_EXCITERS, merge, nest
 from vibroplat.sweep_plan import SweepPlan
 
 #: Most rows of a trajectory table, some 15 GB; whether so many fit is found out before a run begins.

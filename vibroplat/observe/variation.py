@@ -3,8 +3,8 @@
 Within a piece the variational equations Ṡ = (∂f/∂x) S + ∂f/∂p are solved by collocation at Radau's points, whose
 derivatives come from the model along the polynomials of the steps; the method is L-stable, so that a stiff layer does
 no harm. At an event the time changes with the start as well: with t_e its derivative and f⁻, f⁺ the rates before and
-after, S⁻ + f⁻ t_e goes through the derivative of the jump and comes out as S⁺ + f⁺ t_e (the saltation matrix of Aizerman
-and Gantmakher 1958; Müller 1995). A liftoff needs none of this: all rates are continuous there.
+after, S⁻ + f⁻ t_e goes through the derivative of the jump and comes out as S⁺ + f⁺ t_e (the saltation matrix; Müller
+1995). A liftoff needs none of this: all rates are continuous there.
 """
 
 from __future__ import annotations
@@ -18,17 +18,16 @@ import numpy as np
 from vibroplat.hybrid.modes import IMPACT, LATCH
 from vibroplat.hybrid.state import Automaton
 from vibroplat.hybrid.steps import Steps
-from vibroplat.kernels.compiled import FloatArray, compiled, copy, fused, inlined
+from vibroplat.kernels.compiled import FloatArray, compiled, copy, fused
 from vibroplat.kernels.foreign import borrow
 from vibroplat.kernels.linear import pivot_row
 from vibroplat.kernels.polynomial import values
 from vibroplat.model.accelerations import accelerations, linearize, solve
 from vibroplat.model.equations import rows
 from vibroplat.model.impact import impact, latch
-from vibroplat.model.parameters import Parameters
+from vibroplat.model.parameters import Parameters, blank
 from vibroplat.model.sensitivity import COMPLEX, IMAGINARY, shifted
 from vibroplat.model.systems import (
-    ALGEBRAIC,
     DIFFERENTIAL,
     FULL_SIZE,
     GAP,
@@ -104,7 +103,7 @@ class Carried(NamedTuple):
     at_event
         Whether ``s`` is that at the event, shape (1,).
     turned
-        Parameters p + ih dp, shape (2, 1 + keys), in the first column without dp; the second row is without restitution.
+        Parameters p + ih dp, shape (2, 1 + keys), the first column without dp, the second row without restitution.
     room
         See :class:`Room`.
     methods
@@ -164,7 +163,7 @@ class Variation:
         follow(h, self._carried)
 
     def derivative(self, h: Automaton) -> FloatArray:
-        """Derivative of the motion's full state now, shape (14, 14 + keys)."""
+        """Return the derivative of the motion's full state now, shape (14, 14 + keys)."""
         self._turn(h)
         arrive(h, self._carried)
         found: FloatArray = self._carried.s[:, : FULL_SIZE + len(self._directions)].copy()
@@ -176,7 +175,7 @@ class Variation:
         if now == self._of:
             return
         self._of, turned = now, self._carried.turned
-        still = np.zeros_like(np.asarray(h.p))
+        still = blank()
         for i, p in enumerate((h.p, h.inelastic)):
             for k, dp in enumerate([still, *self._directions]):
                 turned[i, k] = shifted(p, dp)
@@ -291,7 +290,7 @@ def by_parameters(system: int, t: float, point: int, y: FloatArray, yp: FloatArr
     """Differentiate the accelerations by the parameters: A ∂z/∂p = −∂F/∂p at a fixed state."""
     size = y.size
     n = size // 2
-    residual = np.empty(size, np.complex128)
+    residual: Any = np.empty(size, np.complex128)
     z = np.empty(size)
     for k in range(v.turned.shape[1] - 1):
         rows(system, t, y, yp, residual, v.turned[0, k + 1])
@@ -378,7 +377,8 @@ def through_impact(steps: Steps, piece: Any, event: Any, slowest: float, p: Para
     rates_of(piece.system, event.t, ends, rates, p, v.room)
     state[GAP], state[GAP_RATE] = 0.0, event.rate_before
     rates[GAP] = event.rate_before
-    before, after = np.empty(FULL_SIZE, np.complex128), np.empty(FULL_SIZE, np.complex128)
+    before: Any = np.empty(FULL_SIZE, np.complex128)
+    after: Any = np.empty(FULL_SIZE, np.complex128)
     law = 1 if -event.rate_before < p.sticking_speed or (event.rate_after == 0.0 and p.restitution > 0.0) else 0
     v.at_event[0] = 1
     for j in range(FULL_SIZE + v.turned.shape[1] - 1):
@@ -424,8 +424,10 @@ def by_latch(system: int, t: float, state: FloatArray, first: int, p: Parameters
     gather(system, state, start)
     rates_of(system, t, start, rates, p, room)
     differentiate(system, t, 0, p, v)
-    moved, after = np.empty(FULL_SIZE, np.complex128), np.empty(FULL_SIZE, np.complex128)
-    turned, change = np.empty(FULL_SIZE // 2, np.complex128), np.zeros(FULL_SIZE)
+    moved: Any = np.empty(FULL_SIZE, np.complex128)
+    after: Any = np.empty(FULL_SIZE, np.complex128)
+    turned: Any = np.empty(FULL_SIZE // 2, np.complex128)
+    change = np.zeros(FULL_SIZE)
     for j in range(first, FULL_SIZE + v.turned.shape[1] - 1):
         for i in range(n):
             place = PLACES[system, n + i]

@@ -251,7 +251,7 @@ def row_of(
     found: dict[str, Any], scene: Scene, errors: Mapping[str, float | None] = MappingProxyType({}), slip: float = 0.0
 ) -> dict[str, Any]:
     """Return the columns of measures that were found; see :func:`measures_of`."""
-    row = {name: found[name] for name in MEASURED} | errors
+    row: dict[str, Any] = {name: found[name] for name in MEASURED} | dict(errors)
     if scene.has_contact and row["gap_max_m"] is None:
         row["gap_max_m"] = 0.0  # it never flew
     if row["phase_difference_rad"] is not None:

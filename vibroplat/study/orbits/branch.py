@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from vibroplat.kernels.compiled import FloatArray
-from vibroplat.model.systems import SYSTEMS
+from vibroplat.model.systems import GAP, GAP_RATE, SYSTEMS
 from vibroplat.study.orbits.newton import ANGLE, Found, Frame, MissedError, Problem, correct
 from vibroplat.study.orbits.shooting import Shot
 from vibroplat.study.orbits.words import turned
@@ -81,7 +81,7 @@ class Point:
 
 @dataclass
 class Steps:
-    """Steps along a branch: length of the next and the least, and the largest change of the key, in units of unknowns."""
+    """Steps along a branch, in units of unknowns: the next and the least length, the largest change of the key."""
 
     now: float
     least: float
@@ -206,43 +206,53 @@ class Branch:
 
     def in_middle(self, point: Point) -> Point:
         """Move the section to the middle of the longest piece of contact, or of flight, if it is near an end."""
-        when = moved_section(point.shot)
-        if when <= 0.0:
+        there = to_middle(self.problem, point.frame, point.found, point.tangent)
+        if there is None:
             return point
-        problem, shooter = self.problem, self.problem.shooter
-        state, period, values = problem.unpack(point.frame, point.u)
-        shooter.set(dict(zip(shooter.keys, values, strict=True)))
-        way = shooter.shot(state, when, varied=True)
-        if way.outcome != "ok":
-            return point
-        moved = way.state.copy()
-        moved[3:5] -= 2.0 * np.pi * np.floor(moved[3:5] / (2.0 * np.pi))
-        if not SYSTEMS[way.ends].places.__contains__(5):
-            moved[[5, 12]] = 0.0
-        frame = Frame(moved, way.ends)
-        tangent = self._carried(point, frame, way)
+        frame, u, tangent = there
         try:
-            found = correct(problem, frame, problem.pack(frame, moved, period, values), tangent[np.newaxis])
+            moved = self.point(frame, correct(self.problem, frame, u, tangent[np.newaxis]), tangent)
         except MissedError:
             return point
-        there = self.point(frame, found, tangent)
-        there.step = point.step
-        return there
+        moved.step = point.step
+        return moved
 
-    def _carried(self, point: Point, frame: Frame, way: Shot) -> FloatArray:
-        """Carry the tangent of a point along a part of its orbit, to another section."""
-        assert way.derivative is not None
-        scales, units = self.problem.shooter.scales, self.problem.units
-        start = np.zeros(scales.size)
-        start[point.frame.places] = point.tangent[: point.frame.places.size]
-        start[ANGLE] = 0.0
-        change = way.derivative[:, : scales.size] @ (start * scales)
-        change += way.derivative[:, scales.size] * point.tangent[-1] * units[0]
-        change -= way.rates * change[ANGLE] / way.rates[ANGLE]  # to the section
-        tangent = (change / scales)[frame.places]
-        tangent[frame.phase] = point.tangent[point.frame.phase]
-        tangent = np.append(tangent, point.tangent[-1])
-        return np.asarray(tangent / np.linalg.norm(tangent))
+
+def to_middle(
+    problem: Problem, frame: Frame, found: Found, direction: FloatArray
+) -> tuple[Frame, FloatArray, FloatArray] | None:
+    """Move the section of an orbit away from its events, if it is near one: the orbit and a direction on it."""
+    when = moved_section(found.shot)
+    if when <= 0.0:
+        return None
+    shooter = problem.shooter
+    state, period, values = problem.unpack(frame, found.u)
+    shooter.set(dict(zip(shooter.keys, values, strict=True)))
+    way = shooter.shot(state, when, varied=True)
+    if way.outcome != "ok":
+        return None
+    moved = way.state.copy()
+    moved[3:5] -= 2.0 * np.pi * np.floor(moved[3:5] / (2.0 * np.pi))
+    if GAP not in SYSTEMS[way.ends].places:
+        moved[[GAP, GAP_RATE]] = 0.0
+    there = Frame(moved, way.ends)
+    return there, problem.pack(there, moved, period, values), _carried(problem, frame, there, way, direction)
+
+
+def _carried(problem: Problem, frame: Frame, there: Frame, way: Shot, direction: FloatArray) -> FloatArray:
+    """Carry a direction of unknowns along a part of an orbit, to another section."""
+    assert way.derivative is not None
+    scales, count = problem.shooter.scales, frame.places.size
+    start = np.zeros(scales.size)
+    start[frame.places] = direction[:count]
+    start[ANGLE] = 0.0
+    change = way.derivative[:, : scales.size] @ (start * scales)
+    change += way.derivative[:, scales.size :] @ (direction[count:] * np.array(problem.units))
+    change -= way.rates * change[ANGLE] / way.rates[ANGLE]  # to the section
+    carried = (change / scales)[there.places]
+    carried[there.phase] = direction[frame.phase]
+    carried = np.append(carried, direction[count:])
+    return np.asarray(carried / np.linalg.norm(carried))
 
 
 def hermite(first: Point, second: Point, share: float) -> FloatArray:

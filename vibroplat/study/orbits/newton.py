@@ -148,7 +148,7 @@ class Problem:
         return np.column_stack([found, by_keys])
 
     def monodromy(self, frame: Frame, shot: Shot) -> FloatArray:
-        """Derivative of the end by the start, in the scales of the scene, shape (m, m)."""
+        """Differentiate the end by the start, in the scales of the scene, shape (m, m)."""
         assert shot.derivative is not None
         places, scales = frame.places, self.shooter.scales
         scaled = shot.derivative[:, : scales.size] * scales / scales[:, np.newaxis]
@@ -160,7 +160,7 @@ class Problem:
         return sorted_multipliers(self.section_map(frame, shot))
 
     def section_map(self, frame: Frame, shot: Shot) -> FloatArray:
-        """Derivative of the map from section to section, shape (m − 1, m − 1)."""
+        """Differentiate the map from section to section, shape (m − 1, m − 1)."""
         along = (shot.rates / self.shooter.scales)[frame.places]
         whole, i = self.monodromy(frame, shot), frame.phase
         whole = whole - np.outer(along, whole[i]) / along[i]
@@ -231,6 +231,7 @@ def correct(
         elif size < problem.tolerance or (len(residuals) > 1 and size > before / SLOW):
             full = True
             continue
+        assert jacobian is not None
         try:
             step = np.linalg.solve(np.vstack([jacobian, border]), -np.append(residual, border @ (u - begun)))
         except np.linalg.LinAlgError:
@@ -238,5 +239,5 @@ def correct(
         if not np.isfinite(step).all():
             raise MissedError("the Jacobian is not finite", residuals)
         u = u + step
-        full = size < QUICK * problem.tolerance or jacobian is None
+        full = size < QUICK * problem.tolerance
     raise MissedError(f"no convergence in {most} iterations", residuals)

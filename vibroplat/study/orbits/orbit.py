@@ -244,7 +244,7 @@ def _from_state(
     turns = tuple(int(n) for n in np.round((shot.state[3:5] - state[3:5]) / _TURN))
     problem = Problem(shooter, (turns[0], turns[1]), units, tolerance)
     frame = Frame(state, shot.begins)
-    values = [shooter.values[key] for key in shooter.keys]
+    values = [shooter.held[key] for key in shooter.keys]
     u = problem.pack(frame, state, shot.duration, values)
     border = np.eye(u.size)[u.size - len(values) :]
     return problem, frame, correct(problem, frame, u, border, most=20)

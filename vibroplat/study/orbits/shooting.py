@@ -10,15 +10,14 @@ from typing import Self
 import numpy as np
 import numpy.typing as npt
 
-from vibroplat.flow.motion import Motion
+from vibroplat.flow.motion import Motion, Observer
 from vibroplat.hybrid.modes import IMPACT, LATCH
 from vibroplat.hybrid.scales import state_scales
-from vibroplat.hybrid.state import Automaton
 from vibroplat.integrate.choice import make_engine
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.accelerations import accelerations
 from vibroplat.model.parameters import Parameters, parameters
-from vibroplat.model.sensitivity import difference, with_value
+from vibroplat.model.sensitivity import Course, difference, with_value
 from vibroplat.model.systems import FULL_SIZE, SYSTEMS, systems
 from vibroplat.observe.audit import Energies
 from vibroplat.observe.closeness import Closeness
@@ -98,6 +97,8 @@ class Shooter:
         The scene.
     keys
         Dotted keys that vary.
+    course
+        Range of the first key that shots will mostly be in, if it is the only one.
 
     Attributes
     ----------
@@ -105,7 +106,7 @@ class Shooter:
         Of exciter 1 in all shots so far, for the record.
     """
 
-    def __init__(self, scene: Scene, keys: Sequence[str] = ()) -> None:
+    def __init__(self, scene: Scene, keys: Sequence[str] = (), course: tuple[float, float] | None = None) -> None:
         self.scene = scene
         self.keys = tuple(keys)
         self.scales = state_scales(scene)
@@ -115,7 +116,8 @@ class Shooter:
         self.turns = 0.0
         self._variation = Variation([self.p.copy()] * len(self.keys))
         self._numbers = {int(mode): system.index for mode, system in systems(scene).items()}
-        self.values: dict[str, float] = {}
+        self.held: dict[str, float] = {}
+        self._course = None if course is None or len(self.keys) != 1 else Course(scene, self.keys[0], *course)
 
     def __enter__(self) -> Self:
         return self
@@ -136,16 +138,25 @@ class Shooter:
 
     def set(self, values: Mapping[str, float]) -> None:
         """Change the values of the keys for the shots to come."""
-        if values == self.values:
+        if values == self.held:
             return
-        self.values = dict(values)
-        self.motion.set_parameters(parameters(self.scene_at(values)))
+        self.held = dict(values)
+        value = next(iter(values.values()), math.nan)
+        course = self._known(value)
+        self.motion.set_parameters(parameters(self.scene_at(values)) if course is None else course.at(value))
+
+    def _known(self, value: float) -> Course | None:
+        """Return the parameters' course if it can tell those at a value of its key."""
+        return self._course if self._course is not None and self._course.exact and self._course.covers(value) else None
 
     def direction(self, key: str) -> Parameters:
         """Differentiate the parameters by a key at the present values."""
-        value = self.values[key]
+        value = self.held[key]
+        course = self._known(value)
+        if course is not None:
+            return course.slope(value)
         step = STEP * abs(value) or STEP
-        above, below = (parameters(self.scene_at(self.values | {key: value + s})) for s in (step, -step))
+        above, below = (parameters(self.scene_at(self.held | {key: value + s})) for s in (step, -step))
         return difference(above, below, 2.0 * step)
 
     def shot(self, start: FloatArray, duration: float, *, varied: bool = False, measured: bool = False) -> Shot:
@@ -159,15 +170,21 @@ class Shooter:
             Whether to measure it.
         """
         motion, h = self.motion, self.motion.automaton
-        events, near, statistics = Events(), Closeness(), Statistics(0.0)
-        observers = [events, *([self._variation] if varied else []), *([statistics, near] if measured else [])]
+        events, near = Events(), Closeness()
+        statistics = Statistics(0.0) if measured else None
+        observers: list[Observer] = [events]
+        if varied:
+            observers.append(self._variation)
+        if statistics is not None:
+            observers += [statistics, near]
         motion.begin_again(start)
         begins = self._system
         if varied:
             self._variation.begin(np.eye(FULL_SIZE), [self.direction(key) for key in self.keys])
-        before = Energies.of(h.run["state"], h.p) if measured else None
+        before = Energies.of(h.run["state"], h.p)
         motion.to_time(duration, observers)
         self.turns += abs(motion.state[3] - start[3]) / _TURN
+        rows = events.rows
         found = Shot(
             start=start,
             state=motion.state,
@@ -177,12 +194,12 @@ class Shooter:
             duration=duration,
             outcome=motion.outcome,
             detail=motion.detail,
-            events=events.rows,
-            word=word_of(events.rows, float(h.p["restitution"])),
+            events=rows,
+            word=word_of(rows, float(h.p["restitution"])),
         )
         if varied:
             found.derivative = self._variation.derivative(h)
-        if before is not None:
+        if statistics is not None:
             found.part = Part(_undivided(statistics), before, Energies.of(h.run["state"], h.p))
             found.pieces = near.pieces
             found.least_force, found.least_gap = near.least_force, near.least_gap

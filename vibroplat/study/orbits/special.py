@@ -79,7 +79,7 @@ def doubling(point: Point) -> float:
 
 
 def branching(point: Point) -> float:
-    """Determinant of the Jacobian with the tangent, which changes its sign where branches cross."""
+    """Return the determinant of the Jacobian with the tangent, which changes its sign where branches cross."""
     sign, size = np.linalg.slogdet(np.vstack([point.found.jacobian, point.tangent]))
     return float(sign * math.exp(min(size, 700.0)))
 
@@ -113,7 +113,7 @@ def specials(branch: Branch, before: Point, after: Point) -> Iterator[Special]:
 
 
 def outside(point: Point) -> int:
-    """Number of complex multipliers outside the unit circle."""
+    """Count the complex multipliers outside the unit circle."""
     complex_ones = np.abs(point.multipliers.imag) > 1e-9
     return int((complex_ones & (np.abs(point.multipliers) > 1.0 + NEUTRAL)).sum())
 
@@ -157,24 +157,42 @@ def _near(branch: Branch, low: Point, high: Point, share: float) -> Point | None
 
 def corner(branch: Branch, before: Point, after: Point) -> Special | None:
     """Find where the sequence of events changes between two points, from the side that knows how far it is."""
-    for kind, measure, known in (
-        (LIFTOFF, lambda p: p.shot.least_force, lambda p, other: not p.word and other.word),
-        (END_OF_STICKING, lambda p: p.shot.landing_force, lambda p, other: p.word.count("S") > other.word.count("S")),
-        (GRAZING, lambda p: p.shot.least_gap, lambda p, other: len(p.word) < len(other.word)),
-        (GRAZING, lambda p: p.shot.least_force, lambda p, other: len(p.word) < len(other.word)),
-    ):
-        for near, far in ((before, after), (after, before)):
-            if known(near, far) and math.isfinite(measure(near)):
-                found = approached(branch, before, near, far, measure)
-                if found is not None:
-                    kind_here = LIFTOFF if kind == GRAZING and measure(near) == near.shot.least_force else kind
-                    return Special(kind_here, *found, near.tangent)
+    for near, far in ((before, after), (after, before)):
+        kind, test = coming(near, far)
+        if kind and 0.0 < test(near) < math.inf:
+            found = approached(branch, near, far, test)
+            if found is not None:
+                return Special(kind, *found, near.tangent)
     return None
 
 
-def approached(
-    branch: Branch, origin: Point, near: Point, far: Point, measure: Test
-) -> tuple[Point, float] | None:
+def coming(near: Point, far: Point) -> tuple[str, Test]:
+    """Tell what happens on the way from one orbit to another, and by what its distance is known; "" if by nothing."""
+    if near.word.count("S") > far.word.count("S"):
+        return END_OF_STICKING, landing_force
+    if len(near.word) >= len(far.word):
+        return "", landing_force
+    if far.word.count("L") > near.word.count("L"):
+        return LIFTOFF, least_force
+    return GRAZING, least_gap
+
+
+def least_force(point: Point) -> float:
+    """Return the least contact force, at a turning point (N)."""
+    return point.shot.least_force
+
+
+def landing_force(point: Point) -> float:
+    """Return the least contact force with which contact begins (N)."""
+    return point.shot.landing_force
+
+
+def least_gap(point: Point) -> float:
+    """Return the least gap in flight, at a turning point (m)."""
+    return point.shot.least_gap
+
+
+def approached(branch: Branch, near: Point, far: Point, measure: Test) -> tuple[Point, float] | None:
     """Approach the zero of a test function from the side of a point; the last orbit on the way, and the key there."""
     whole = float((far.u - near.u) @ near.tangent)
     points = [near]

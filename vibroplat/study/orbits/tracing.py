@@ -6,7 +6,7 @@ A branch that is found at a special point becomes a chain of its own, after thos
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
 from typing import Any
@@ -29,7 +29,7 @@ from vibroplat.study.store import Record, Records
 from vibroplat.study.tasks import StoredChain, Task, Tasks, run_stored
 
 #: Points of a branch that a task makes.
-PART = 20
+PART = 40
 #: Largest multipliers that are told.
 TOLD = 4
 #: First steps along a new branch, over the largest step, one after the other.
@@ -40,6 +40,9 @@ SAME = 0.1
 LEFT = 0.3
 #: Distance of two special points, as a part of the key's range, within which they are one.
 SAME_PLACE = 1e-4
+#: Points back within which a branch that meets itself has not gone round, but come back from a corner.
+RETURN = 8
+RETURNED = "no point beyond a corner: the branch came back on itself"
 #: Measures that tell points apart.
 COMPARED = ("period_s", "rms_x_m", "rms_y_m", "rms_phi_rad", "motor_power_w")
 
@@ -176,16 +179,16 @@ def _branches(family: Family, plan: OrbitsPlan, traced: list[Traced], take: Call
             continue
         own.append(branch)
         for special in branch.special:
-            if special["branches"] and not any(_same_special(special, other, plan) for other in switched):
+            if special["branches"] and not any(same_special(special, other, plan) for other in switched):
                 switched.append(special)
                 waiting += [(branch.number, special["kind"], place) for place in special["branches"]]
 
 
-def _same_special(one: Record, other: Record, plan: OrbitsPlan) -> bool:
+def same_special(one: Record, other: Record, plan: OrbitsPlan) -> bool:
     """Whether two branches have found the same point where they cross."""
     near = abs(one["value"] - other["value"]) <= SAME_PLACE * abs(plan.stop - plan.start)
     frequencies = one["excitation_frequency_hz"], other["excitation_frequency_hz"]
-    return near and one["kind"] == other["kind"] and abs(frequencies[0] / frequencies[1] - 1.0) < SAME_PLACE
+    return bool(near and one["kind"] == other["kind"] and abs(frequencies[0] / frequencies[1] - 1.0) < SAME_PLACE)
 
 
 def _parts(
@@ -197,7 +200,7 @@ def _parts(
         rows, branch.ended, branch.failed = record["rows"], record["ended"], record["failed"]
         again = _met_again(branch, others, rows)
         if again is not None:
-            rows, branch.ended, branch.failed = rows[: again[0]], again[1], False
+            rows, branch.ended, branch.failed = rows[: again[0]], again[1], again[1] == RETURNED
         branch.special += [
             special | {"after": special["after"] + len(branch.rows)}
             for special in record["special"]
@@ -221,9 +224,11 @@ def _met_again(branch: Traced, others: Sequence[Traced], new: Sequence[Record]) 
             mirrored = _passed(row, other.rows)
             if mirrored is not None:
                 return place, f"{'mirror image of' if mirrored else 'joins'} branch {other.number}"
-        mirrored = _passed(row, [*branch.rows, *new[:place]][:-2])
+        own = [*branch.rows, *new[:place]][:-2]
+        mirrored = _passed(row, own)
         if mirrored is not None:
-            return place, "mirror image" if mirrored else "loop"
+            back = not mirrored and _passed(row, own[-RETURN:]) is not None
+            return place, RETURNED if back else "mirror image" if mirrored else "loop"
     return None
 
 
@@ -251,7 +256,7 @@ def _near(value: float, first: float, second: float, share: float) -> bool:
 def _part(scene: Scene, plan: OrbitsPlan, begin: Record | None) -> Record:
     """Make a part of a branch: from a start, from a special point, or going on from a last point."""
     record: Record = {"rows": [], "special": [], "last": None, "ended": "", "failed": False}
-    with closing(Shooter(scene, [plan.key])) as shooter:
+    with closing(Shooter(scene, [plan.key], plan.range)) as shooter:
         try:
             branch = _first(shooter, plan) if begin is None else _again(shooter, plan, begin)
         except (MissedError, OrbitError) as error:
@@ -441,6 +446,9 @@ def _special_record(branch: Branch, special: Special, after: int) -> Record:
         "value": special.value,
         "excitation_frequency_hz": frequency,
         "period": abs(branch.problem.turns[0]),
+        "period_s": seconds,
+        "turns": list(branch.problem.turns),
+        "word": special.point.word,
         "state": state.tolist(),
         "after": after,
     }
@@ -472,4 +480,3 @@ def row_of_point(branch: Branch, point: Point, shooter: Shooter, *, count: bool 
         "turns": turns,
         "state": state.tolist(),
     }
-
