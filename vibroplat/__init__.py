@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     )
     from vibroplat.study.checking.runs import check_run
     from vibroplat.study.checking.sweeps import check_sweep
+    from vibroplat.study.orbits.orbit import Orbit, orbit
+    from vibroplat.study.orbits.tables import orbits
     from vibroplat.study.sweep import sweep
 
 _HOMES = {
@@ -40,6 +42,9 @@ _HOMES = {
     "Trajectory": "vibroplat.observe.trajectory",
     "check_run": "vibroplat.study.checking.runs",
     "check_sweep": "vibroplat.study.checking.sweeps",
+    "Orbit": "vibroplat.study.orbits.orbit",
+    "orbit": "vibroplat.study.orbits.orbit",
+    "orbits": "vibroplat.study.orbits.tables",
     "sweep": "vibroplat.study.sweep",
     **dict.fromkeys(
         (
@@ -65,6 +70,7 @@ __all__ = [
     "Machine",
     "Material",
     "Motor",
+    "Orbit",
     "Output",
     "Run",
     "Scene",
@@ -75,6 +81,8 @@ __all__ = [
     "check_run",
     "check_sweep",
     "load_config",
+    "orbit",
+    "orbits",
     "simulate",
     "sweep",
 ]

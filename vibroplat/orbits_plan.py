@@ -8,6 +8,7 @@ from typing import Annotated, Literal, Self
 from pydantic import BeforeValidator, Field, model_validator
 
 from vibroplat.fields import Positive, Real, Section, not_bool
+from vibroplat.messages import short
 
 #: Most combinations of the grid's values.
 MAX_COMBINATIONS = 1000
@@ -102,6 +103,8 @@ class OrbitsPlan(Section, title="Orbits", populate_by_name=True):
         for key in self.grid:
             if key == self.key or key.split(".")[0] in ("sweep", "orbits", "name", "output"):
                 raise ValueError(f"grid.{key} cannot be varied by the grid; allowed: keys of machine, material, …")
+            if len(set(self.grid[key])) < len(self.grid[key]):  # 0 and 0.0 are equal
+                raise ValueError(f"grid.{key} = {short(self.grid[key])}; allowed: each value once")
         if self.boundaries is not None and self.boundaries.key == self.key:
             raise ValueError(f"boundaries.key = {self.key} is key; allowed: another key")
         return self

@@ -31,6 +31,16 @@ def sweep_progress(name: str, branches: int, points: int) -> Iterator[Callable[[
 
 
 @contextmanager
+def orbits_progress(name: str, branches: int) -> Iterator[Callable[[int, int, int], None] | None]:
+    """Show the numbers of finished and of known branches, of which there are more and more, and of points."""
+    with _bar(name, branches, "branches", "{task.fields[points]} points", points=0) as update:
+        if update is None:
+            yield None
+        else:
+            yield lambda finished, known, points: update(finished, total=known, points=points)
+
+
+@contextmanager
 def _bar(
     name: str, total: float, unit: str, counts: str, number: str = "", **fields: Any
 ) -> Iterator[Callable[..., None] | None]:

@@ -5,7 +5,8 @@ files, of whatever format. Readers refuse a file with another digest. A lock kee
 the same time; the digests also hold where a file system has no locks, and find files that were damaged or changed.
 
 A directory may hold a result of each command. The first of them has ``provenance.json``; that of another command is
-then ``run-provenance.json`` or ``sweep-provenance.json``, so that none overwrites that of another.
+then ``run-provenance.json``, ``sweep-provenance.json`` or ``orbits-provenance.json``, so that none overwrites that of
+another.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ from vibroplat.tables import (
     table_writer,
 )
 
-Command = Literal["run", "sweep", "paper"]
+Command = Literal["run", "sweep", "orbits", "paper"]
 #: Version of the contents of result directories; increased when an older reader would misread them.
 SCHEMA = 1
 

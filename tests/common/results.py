@@ -10,10 +10,12 @@ import pandas as pd
 
 #: Files that commands leave under their final names.
 FINAL = re.compile(
-    r"(trajectory|events|sweep|section|impacts)\.(parquet|csv)|(summary|(run-|sweep-)?provenance)\.json|\w+\.png"
+    r"(trajectory|events|sweep|section|impacts|branches|special|boundaries)\.(parquet|csv)"
+    r"|(summary|orbits|(run-|sweep-|orbits-)?provenance)\.json|\w+\.png"
 )
-#: What the finished points of a sweep are kept in.
-KEPT = {"points.sqlite", "points.sqlite-wal", "points.sqlite-shm", "points.lock", "files.lock"}
+#: What the finished points of a sweep, and the finished parts of branches of orbits, are kept in.
+KEPT = {f"{name}.{end}" for name in ("points", "orbits") for end in ("sqlite", "sqlite-wal", "sqlite-shm", "lock")}
+KEPT.add("files.lock")
 #: Tables that are not finished.
 TEMPORARY = re.compile(r"\.[\w-]+-\d+-\w+\.(parquet|csv|json|png)")
 

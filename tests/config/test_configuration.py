@@ -13,7 +13,7 @@ from vibroplat import Contact, Drive, Initial, Material, Motor, Scene, load_conf
 from vibroplat.config import configuration_schema, parse_overrides
 from vibroplat.errors import ConfigError
 
-SECTIONS = "name, machine, motor, motors, exciters, material, contact, drive, run, solver, output, sweep"
+SECTIONS = "name, machine, motor, motors, exciters, material, contact, drive, run, solver, output, sweep, orbits"
 MACHINE = (
     "platform_mass_kg, platform_inertia_kg_m2, unbalance_mass_kg, unbalance_radius_m, rotor_inertia_kg_m2, "
     "exciter_distance_m, exciter_angle_deg, stiffness_x_n_per_m, stiffness_y_n_per_m, "

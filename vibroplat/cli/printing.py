@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +17,17 @@ def print_lines(lines: Mapping[str, str], width: int = WIDTH) -> None:
     """Print labels and texts in two columns."""
     for label, text in lines.items():
         print(f"{label:<{width}}{text}")
+
+
+def print_table(header: Sequence[str], rows: Iterable[Sequence[str]], most: int, more: str) -> None:
+    """Print the first rows of a table of texts in columns; if they are not all, where the others are."""
+    lines = [header, *rows]
+    shown = lines[: most + 1]
+    widths = [max(map(len, column)) for column in zip(*shown, strict=True)]
+    for line in shown:
+        print("  ".join(f"{text:<{width}}" for text, width in zip(line, widths, strict=True)).rstrip())
+    if len(lines) > len(shown):
+        print(f"… and {len(lines) - len(shown)} more: {more}")
 
 
 def print_notes(notes: list[str]) -> None:

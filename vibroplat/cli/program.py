@@ -12,7 +12,7 @@ import typer
 from typer.core import TyperGroup
 
 from vibroplat import __version__
-from vibroplat.cli import bench, paper, plot, run, schema, sweep
+from vibroplat.cli import bench, orbits, paper, plot, run, schema, sweep
 from vibroplat.errors import VibroplatError
 from vibroplat.interrupts import KEPT
 from vibroplat.surroundings import is_short_of_memory, require_memory
@@ -90,5 +90,15 @@ def _options(
         require_memory()
 
 
-for command in (run.run, sweep.sweep, paper.paper, paper.calibrate, plot.plot, bench.bench, schema.schema):
+COMMANDS = (
+    run.run,
+    sweep.sweep,
+    orbits.orbits,
+    paper.paper,
+    paper.calibrate,
+    plot.plot,
+    bench.bench,
+    schema.schema,
+)
+for command in COMMANDS:
     app.command()(command)

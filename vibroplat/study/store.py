@@ -70,6 +70,8 @@ class Store:
         Whether to keep the records that are found.
     overwrite
         Whether records of unfinished work may be deleted.
+    file, what
+        Name of the file, and what its records are called in messages.
 
     Attributes
     ----------
@@ -87,10 +89,18 @@ class Store:
     """
 
     def __init__(
-        self, directory: Path | None, conditions: Mapping[str, Any], *, resume: bool = False, overwrite: bool = False
+        self,
+        directory: Path | None,
+        conditions: Mapping[str, Any],
+        *,
+        resume: bool = False,
+        overwrite: bool = False,
+        file: str = FILE,
+        what: str = "points",
     ) -> None:
-        self._path = ":memory:" if directory is None else str(directory / FILE)
-        self._lock = None if directory is None else Lock((directory / FILE).with_suffix(".lock"))
+        self._path = ":memory:" if directory is None else str(directory / file)
+        self._what = what
+        self._lock = None if directory is None else Lock((directory / file).with_suffix(".lock"))
         self._connection: sqlite3.Connection | None = None
         self._departed = False
         self.reused = 0
@@ -119,10 +129,10 @@ class Store:
             found, finished = self._about("conditions"), self._about("finished")
         if found is not None:
             if resume:
-                _require_same(flat(found), flat(wanted))
+                _require_same(flat(found), flat(wanted), self._what)
             elif not (finished or overwrite) and len(self):
                 raise ConfigError(
-                    f"{Path(self._path).parent} holds {len(self)} points of unfinished work; "
+                    f"{Path(self._path).parent} holds {len(self)} {self._what} of unfinished work; "
                     "allowed: --resume to continue it, --overwrite to start again"
                 )
         with self._complaints(), self._base:
@@ -313,12 +323,12 @@ def _text(value: Any) -> str:
     return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
 
 
-def _require_same(found: Mapping[str, Any], wanted: Mapping[str, Any]) -> None:
+def _require_same(found: Mapping[str, Any], wanted: Mapping[str, Any], what: str) -> None:
     """Refuse to resume under other conditions, and name the first key that differs."""
     differing = [key for key in {**found, **wanted} if found.get(key) != wanted.get(key)]
     if differing:
         key = differing[0]
         more = f" (and {len(differing) - 1} more)" if len(differing) > 1 else ""
         raise ConfigError(
-            f"cannot resume: {key} = {wanted.get(key)}; allowed: {found.get(key)}, as in the finished points{more}"
+            f"cannot resume: {key} = {wanted.get(key)}; allowed: {found.get(key)}, as in the finished {what}{more}"
         )

@@ -1,0 +1,243 @@
+"""``vibroplat orbits``: its files and its overview, what it refuses, and going on after a kill."""
+
+from __future__ import annotations
+
+import json
+import signal
+import sqlite3
+from pathlib import Path
+
+import pytest
+from common.commands import ended, not_a_line, sending
+from common.places import ROOT
+from common.results import bits, left
+
+from vibroplat import load_config
+from vibroplat.flow.warm import load_kernels
+from vibroplat.study.orbits.tables import planned
+
+MACHINE = Path(__file__).parents[1] / "study/orbits/machine.yaml"
+HEAD = f"extends: {MACHINE}\nname: c\nsolver: {{engine: taylor}}\n"
+KEY = "key: drive.supply_frequency_hz"
+STEP = "step: {first: 0.4, largest: 0.5}"
+ORBITS = f"orbits: {{{KEY}, start: 47.0, stop: 49.0, {STEP}, grid: {{material.mass_ratio: [0.0, 0.1]}}}}\n"
+SWEEP = "sweep: {supply_frequency_hz: {start: 47, stop: 48, step: 1}, settle_s: 1, measure_s: 0.5, lyapunov: false}\n"
+TABLES = ("branches", "special")
+
+
+@pytest.fixture(autouse=True)
+def _kernels():
+    load_kernels("taylor")
+
+
+@pytest.fixture
+def config(here):
+    """Write a configuration."""
+
+    def write(text):
+        (here / "c.yaml").write_text(HEAD + text)
+        return "c.yaml"
+
+    return write
+
+
+def results(directory="results/c"):
+    return left(Path(directory))[0]
+
+
+def tables(directory="results/c"):
+    return {name: bits(table) for name, table in results(directory).items() if name.startswith(TABLES)}
+
+
+# -- what it does ------------------------------------------------------------------------------------------------------
+
+
+def test_writes_tables_and_prints_an_overview(command, config):
+    done = command("orbits", config(ORBITS))
+    assert (done.code, done.err) == (0, "")
+    found = results()
+    assert set(found) == {"branches.parquet", "special.parquet", "orbits.json", "provenance.json"}
+    assert found["provenance.json"]["command"] == "orbits"
+    assert found["provenance.json"]["engine"] == "taylor"
+    assert found["special.parquet"]["kind"].tolist() == ["liftoff"]
+    lines = done.out.splitlines()
+    assert lines[0].split() == ["branches", "2"]
+    points = len(found["branches.parquet"])
+    assert f"{points}, {points} of them stable" in done.out
+    (row,) = (line for line in lines if line.startswith("0.1 ") and "start" in line)
+    assert row.startswith("0.1         0       start      47 … 49 ")
+    assert row.endswith("  stop of the key's range")
+    (row,) = (line for line in lines if "liftoff" in line)
+    assert row.split()[:4] == ["0.1", "0", "liftoff", "48.176451"]
+
+
+def test_csv_has_the_same_values(command, config):
+    assert command("orbits", config(ORBITS)).code == 0
+    parquet = results()["branches.parquet"]
+    assert command("orbits", "c.yaml", "--format", "csv").code == 0
+    csv = results()["branches.csv"]
+    assert (csv["rms_y_m"] == parquet["rms_y_m"]).all()
+
+
+def test_several_jobs_end_in_the_same_tables(command, config):
+    assert command("orbits", config(ORBITS)).code == 0
+    one = tables()
+    done = command("orbits", "c.yaml", "--jobs", "2")
+    assert (done.code, tables()) == (0, one)
+
+
+def test_a_sweep_keeps_its_files_in_the_same_directory(command, config):
+    path = config(ORBITS + SWEEP)
+    assert command("sweep", path).code == 0
+    before = bits(results()["sweep.parquet"])
+    assert command("orbits", path).code == 0
+    assert bits(results()["sweep.parquet"]) == before
+    assert {"orbits-provenance.json", "provenance.json"} <= set(results())
+    done = command("sweep", path, "--resume")
+    assert done.code == 0
+    assert "2 of the points from before" in done.out
+    done = command("plot", "results/c")
+    assert [Path(line).name for line in done.out.splitlines()] == ["response.png", "branches.png", "multipliers.png"]
+
+
+def test_a_branch_that_fails_keeps_its_points(command, config, monkeypatch):
+    from vibroplat.study.orbits.branch import Branch
+
+    grow = Branch.grow
+
+    def failing(self, look):
+        if len(self.points) < 3 or self.points[-1].frame.places.size < 11:  # without material
+            return grow(self, look)
+        self.ended = "no point beyond: for a test"
+        return False
+
+    monkeypatch.setattr(Branch, "grow", failing)
+    done = command("orbits", config(ORBITS))
+    assert done.code == 1
+    assert done.err.splitlines() == [
+        "vibroplat: branch 0, material.mass_ratio 0.1 failed after 3 points: no point beyond: for a test",
+        "vibroplat: 1 of 2 branches failed",
+    ]
+    assert results()["branches.parquet"]["material.mass_ratio"].value_counts()[0.1] == 3
+    assert [branch["failed"] for branch in results()["orbits.json"]["branches"]] == [False, True]
+
+
+# -- what it refuses ---------------------------------------------------------------------------------------------------
+
+REFUSED = {
+    "no section": ("", "this configuration has no orbits section; add orbits: {key: …, start: …, stop: …}"),
+    "a key of text": ("key: contact.impact_law, start: 1, stop: 2", "orbits.key: contact.impact_law = 1.0; allowed: "),
+    "a whole number": ("key: material.layers, start: 1, stop: 2", "orbits.key: material.layers = 1 cannot be varied; "),
+    "a section": ("key: machine, start: 1, stop: 2", "orbits.key: machine = 1.0; allowed: "),
+    "no key": (
+        "key: material.mas_ratio, start: 0, stop: 1",
+        "orbits.key: unknown key material.mas_ratio; did you mean",
+    ),
+    "a period it does not have": (
+        f"{KEY}, start: 47, stop: 48, period: 2",
+        "period = 2 but the motion repeats after 1; allowed: period 1",
+    ),
+    "a step of 0": (f"{KEY}, start: 47, stop: 48, step: {{first: 0}}", "c.yaml: orbits.step.first = 0; allowed: "),
+    "one number as step": (f"{KEY}, start: 47, stop: 48, step: 0", "c.yaml: orbits.step = 0; allowed: "),
+    "no range": (f"{KEY}, start: 47, stop: 47", "c.yaml: orbits: stop = 47.0 is start; allowed: another value"),
+    "no run": (f"{KEY}, start: 47, stop: 48, from: nowhere", "orbits.from = 'nowhere': nowhere holds no provenance"),
+    "no state": (
+        f"{KEY}, start: 47, stop: 48, from: state",
+        "orbits.from = state but run.initial.state is not given; ",
+    ),
+    "a value of the grid": (
+        f"{KEY}, start: 47, stop: 48, grid: {{material.mass_ratio: [0.0, -1.0]}}",
+        "orbits.grid: material.mass_ratio = -1.0; allowed: at least 0.0",
+    ),
+    "a value of the grid twice": (
+        f"{KEY}, start: 47, stop: 48, grid: {{material.mass_ratio: [0.1, 0.1]}}",
+        "c.yaml: orbits: grid.material.mass_ratio = [0.1, 0.1]; allowed: each value once",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_bad_input_is_one_line(command, config, name):
+    keys, line = REFUSED[name]
+    done = command("orbits", config(f"orbits: {{{keys}}}\n" if keys else ""))
+    assert not_a_line(done) == ""
+    assert done.err.startswith(f"vibroplat: {line}")
+    assert not results()
+
+
+def test_drive_program_is_refused(command, config):
+    done = command("orbits", config(ORBITS + "drive: {program: [{t_s: 0, supply_frequency_hz: 50}]}\n"))
+    assert not_a_line(done) == ""
+    assert done.err.startswith("vibroplat: drive.program is given, but orbits have a constant supply")
+
+
+def test_start_that_is_not_periodic_is_refused(command, config):
+    """Exciters of different numbers of poles turn at different speeds, with no common period of one turn."""
+    text = f"motors: [{{pole_pairs: 2}}, {{pole_pairs: 3}}]\norbits: {{{KEY}, start: 60, stop: 61}}\n"
+    done = command("orbits", config(text))
+    assert not_a_line(done) == ""
+    assert done.err.startswith("vibroplat: no orbit of period 1 near the start: ")
+
+
+def test_after_a_start_without_orbit_nothing_is_unfinished(command, config):
+    assert command("orbits", config(f"orbits: {{{KEY}, start: 47, stop: 48, period: 2}}\n")).code == 2
+    assert command("orbits", config(ORBITS)).code == 0
+
+
+@pytest.mark.parametrize("kind", ["branches", "multipliers"])
+def test_figures_of_orbits_need_orbits(command, here, kind):
+    (here / "results").mkdir()
+    done = command("plot", "results", "--kind", kind)
+    assert not_a_line(done) == ""
+    assert done.err.startswith(f"vibroplat: --kind {kind}: results holds no branches of orbits")
+
+
+# -- killed and resumed ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("signal_", "code"), [(signal.SIGKILL, -9), (signal.SIGINT, 130)])
+def test_stopped_branches_can_be_resumed(command, config, here, signal_, code):
+    path = config(ORBITS.replace("0.4, largest: 0.5", "0.02, largest: 0.02"))  # several parts a branch
+    assert command("orbits", path, "--out", "alone").code == 0
+    wanted = tables("alone/c")
+    stop = sending(signal_, "vibroplat.study.store:Store.write", 4)
+    assert ended(here, "orbits", path, before=stop).code == code
+    assert results() == {}
+    done = command("orbits", path)
+    assert not_a_line(done) == ""
+    line = "3 parts of branches of unfinished work; allowed: --resume to continue it, --overwrite to start again"
+    assert done.err == f"vibroplat: results/c holds {line}\n"
+    done = command("orbits", path, "--resume")
+    assert (done.code, done.err) == (0, "")
+    assert "3 parts of branches from before" in done.out
+    assert tables() == wanted
+
+
+def test_other_conditions_are_not_resumed(command, config):
+    assert command("orbits", config(ORBITS)).code == 0
+    done = command("orbits", "c.yaml", "--resume", "--set", "orbits.stop=49.5")
+    assert not_a_line(done) == ""
+    line = "vibroplat: cannot resume: configuration.orbits.stop = 49.5; allowed: 49.0, as in the finished parts"
+    assert done.err.startswith(line)
+
+
+def test_damaged_tables_are_not_plotted(command, config):
+    assert command("orbits", config(ORBITS)).code == 0
+    Path("results/c/branches.parquet").write_bytes(b"")
+    assert not_a_line(command("plot", "results/c")) == ""
+
+
+def test_parts_of_branches_are_kept_apart_from_points(command, config):
+    assert command("orbits", config(ORBITS)).code == 0
+    with sqlite3.connect("results/c/orbits.sqlite") as base:
+        assert base.execute("SELECT COUNT(*) FROM records").fetchone()[0] >= 2
+    assert json.loads(Path("results/c/orbits.json").read_text())["failed"] == 0
+
+
+# -- the example -------------------------------------------------------------------------------------------------------
+
+
+def test_example_plans_the_masses_of_the_paper():
+    scene = load_config(ROOT / "configs/examples/branches.yaml")
+    assert [family.grid for family in planned(scene)] == [{"material.mass_ratio": mass} for mass in (0.0, 0.1, 0.2)]
+    assert scene.orbits.range == (42.0, 80.0)

@@ -1,0 +1,219 @@
+"""Tables of branches of periodic orbits, of their special points, and of boundaries in two keys."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pandas as pd
+
+from vibroplat.errors import ConfigError
+from vibroplat.flow.beginning import end_of
+from vibroplat.scene import COORDINATES, RATES, Scene
+from vibroplat.study import WAIT
+from vibroplat.study.branches import EXCITATION, FREQUENCY, SUPPLY
+from vibroplat.study.execution import pool
+from vibroplat.study.orbits.tracing import TOLD, Family, Progress, Traced, families, orbits_plan, trace
+from vibroplat.study.point import MEASURED
+from vibroplat.study.store import Record, Store
+
+#: Columns of the table of branches after the grid's keys and the key.
+COLUMNS = (
+    "branch",
+    "parent",
+    "point",
+    EXCITATION,
+    "period",
+    "period_s",
+    *(name for name in MEASURED if name != EXCITATION),
+    "sync",
+    "notes",
+    "sequence",
+    "stable",
+    "unstable",
+    *(f"multiplier_{i + 1}_{part}" for i in range(TOLD) for part in ("re", "im")),
+    "residual",
+    "turns",
+)
+#: Columns of text, of whole numbers and of yes and no; all others but keys hold floating-point numbers.
+TEXTS = ("sync", "notes", "sequence", "kind")
+COUNTS = ("branch", "parent", "point", "period", "unstable")
+ANSWERS = ("stable",)
+
+
+class OrbitTables(NamedTuple):
+    """What has been found of the orbits of a scene.
+
+    Attributes
+    ----------
+    branches
+        A row for each point of each branch, in their order.
+    special
+        A row for each special point, in the order of branches.
+    boundaries
+        A row for each point of the curves in two keys; empty without ``orbits.boundaries``.
+    """
+
+    branches: pd.DataFrame
+    special: pd.DataFrame
+    boundaries: pd.DataFrame
+
+
+def orbits(
+    scene: Scene,
+    *,
+    jobs: int = 1,
+    scheduler: str | None = None,
+    wait: float = WAIT,
+    progress: Progress | None = None,
+) -> OrbitTables:
+    """Follow branches of periodic orbits as the section ``orbits`` of a scene says.
+
+    Parameters
+    ----------
+    scene
+        A scene with a section ``orbits``.
+    jobs
+        Worker processes; with 1 the branches are followed in this process.
+    scheduler
+        Address of a dask scheduler; its workers are used instead.
+    wait
+        Seconds after which a scheduler without workers is given up.
+    progress
+        Called after each part of a branch with the numbers of finished branches, of known ones, and of points.
+
+    Raises
+    ------
+    ConfigError
+        The scene has no such section, a value of it is not allowed, or the scheduler does not answer.
+    OrbitError
+        There is no orbit to begin with.
+
+    Examples
+    --------
+    >>> from vibroplat import Scene, orbits
+    >>> plan = {"key": "drive.supply_frequency_hz", "start": 42.0, "stop": 44.0}
+    >>> found = orbits(Scene().replace({"orbits": plan}))
+    >>> found.branches["stable"].all()
+    np.True_
+    """
+    opened = pool(jobs, scheduler, wait=wait, chains=len(planned(scene)))
+    with Store(None, {}) as store, opened as workers:
+        return tables(scene, trace(scene, store, workers, progress))
+
+
+def planned(scene: Scene) -> list[Family]:
+    """List the combinations of the grid's values whose branches are followed.
+
+    Raises
+    ------
+    ConfigError
+        The section ``orbits`` cannot be followed, or ``from`` names no finished run that the scene can go on from.
+    """
+    found = families(scene)
+    source = orbits_plan(scene).from_
+    if source not in ("settled", "state"):
+        for family in found:
+            try:
+                end_of(Path(source), family.scene)
+            except ConfigError as error:
+                text = str(error).replace("run.initial.from", "orbits.from", 1)
+                raise ConfigError(text.replace("; allowed: ", "; allowed: settled, state, or ", 1)) from None
+    return found
+
+
+def tables(scene: Scene, traced: Sequence[Traced]) -> OrbitTables:
+    """Make the tables of branches that have been followed."""
+    return OrbitTables(branch_table(scene, traced), special_table(scene, traced), boundary_table(scene, ()))
+
+
+def branch_table(scene: Scene, traced: Sequence[Traced]) -> pd.DataFrame:
+    """Return the table of branches: the grid's keys, the key, and COLUMNS."""
+    key = column_of(orbits_plan(scene).key)
+    rows = [
+        _place(branch) | {"parent": branch.parent, "point": point} | row | {key: row["value"]}
+        for branch in traced
+        for point, row in enumerate(branch.rows)
+    ]
+    return _frame(rows, scene, [key, *COLUMNS])
+
+
+def special_table(scene: Scene, traced: Sequence[Traced]) -> pd.DataFrame:
+    """Return the table of special points.
+
+    ``point`` is the last point of the branch before it. The state is that of the orbit there, in the columns of a
+    trajectory; coordinates that no combination of the grid's values has are absent.
+    """
+    key = column_of(orbits_plan(scene).key)
+    names = (*COORDINATES, *RATES)
+    has = {branch.family.number: branch.family.scene.coordinates for branch in traced}
+    present = [i + half for half in (0, 7) for i in sorted({i for found in has.values() for i in found})]
+    rows = []
+    for branch in traced:
+        own = [i for i in present if i % 7 in has[branch.family.number]]
+        for special in branch.special:
+            state = {names[i]: special["state"][i] for i in own}
+            rows.append(_place(branch) | special | {"point": special["after"] - 1, key: special["value"]} | state)
+    columns = ["branch", "kind", key, EXCITATION, "period", "point", *(names[i] for i in present)]
+    return _frame(rows, scene, columns)
+
+
+def boundary_table(scene: Scene, rows: Iterable[Record]) -> pd.DataFrame:
+    """Return the table of boundaries; rows have the grid's and both keys, ``kind`` and the excitation frequency."""
+    plan = orbits_plan(scene)
+    keys = [plan.key] if plan.boundaries is None else [plan.key, plan.boundaries.key]
+    return _frame(list(rows), scene, ["kind", *map(column_of, keys), EXCITATION])
+
+
+def column_of(key: str) -> str:
+    """Return the column of a key: its name, and the supply frequency as in the table of a sweep."""
+    return SUPPLY if key == FREQUENCY else key
+
+
+def summary(scene: Scene, traced: Sequence[Traced]) -> dict[str, Any]:
+    """Return what is told of the branches besides their points, as plain values."""
+    branches = [_told(branch) for branch in traced]
+    return {
+        "key": orbits_plan(scene).key,
+        "points": sum(b["points"] for b in branches),
+        "turns": sum(b["turns"] for b in branches),
+        "failed": sum(b["failed"] for b in branches),
+        "branches": branches,
+    }
+
+
+def _told(branch: Traced) -> dict[str, Any]:
+    values = [row["value"] for row in branch.rows]
+    return {
+        "grid": branch.family.grid,
+        "branch": branch.number,
+        "parent": None if branch.parent < 0 else branch.parent,
+        "origin": branch.origin,
+        "points": len(values),
+        "stable": sum(row["stable"] for row in branch.rows),
+        "least": min(values, default=None),
+        "largest": max(values, default=None),
+        "turns": sum(row["turns"] for row in branch.rows),
+        "special": len(branch.special),
+        "ended": branch.ended,
+        "failed": branch.failed,
+    }
+
+
+def _place(branch: Traced) -> Record:
+    """Return the columns that say which branch a row belongs to."""
+    return {column_of(key): value for key, value in branch.family.grid.items()} | {"branch": branch.number}
+
+
+def _frame(rows: list[Record], scene: Scene, columns: Sequence[str]) -> pd.DataFrame:
+    """Make a table with the grid's keys first; its types do not depend on what was found."""
+    grid = {column_of(key): values for key, values in orbits_plan(scene).grid.items()}
+    table = pd.DataFrame(rows, columns=[*grid, *columns])
+    types: dict[Any, Any] = {key: pd.Series(values).dtype for key, values in grid.items()}
+    return table.astype(types | {column: _type(column) for column in columns})
+
+
+def _type(column: str) -> str:
+    named: tuple[tuple[Sequence[str], str], ...] = ((TEXTS, "str"), (COUNTS, "Int64"), (ANSWERS, "bool"))
+    return next((kind for names, kind in named if column in names), "float64")
