@@ -20,7 +20,7 @@ def branches(restitution, tolerance, stop, **changes):
     plan = {"key": GAMMA, "start": GRAVITY, "stop": GRAVITY * middle / stop, "from": "state", "switch": []}
     scene = shaken(middle, restitution)
     return middle * GRAVITY, traced(
-        scene.replace({"orbits": plan | {"tolerance": 10.0 * tolerance} | changes, "solver.tolerance": tolerance})
+        scene.replace({"orbits": plan | {"tolerance": tolerance} | changes, "solver.tolerance": tolerance})
     )
 
 

@@ -24,6 +24,9 @@ EASY, HARD = 4, 6
 LONGER, SHORTER = 1.5, 0.7
 #: Least cosine between the tangents of points with one sequence of events.
 STRAIGHT = 0.6
+#: Most that a point may lie beside its prediction, over the length of the step; the second where a step shorter than
+#: ANGULAR changes the sequence of events, at which a branch may have a corner.
+BESIDE, ANGULAR = (0.5, 5.0), 1e-3
 #: Length of the new tangent over its part along the old one, beyond which it is checked as a step is.
 BENT = 1e3
 #: Distance of a multiplier from the unit circle that counts: its own error is far smaller.
@@ -154,7 +157,11 @@ class Branch:
         if earlier is not None and earlier.frame is point.frame and (point.u - earlier.u) @ tangent > 0.0:
             u = hermite(earlier, point, 1.0 + length / float(np.linalg.norm(point.u - earlier.u)))
         found = correct(self.problem, point.frame, u, tangent[np.newaxis], point.found.jacobian)
-        return self.point(point.frame, found, tangent)
+        there = self.point(point.frame, found, tangent)
+        angular = there.word != point.word and abs(length) < ANGULAR
+        if np.linalg.norm(found.u - u) > (BESIDE[1] if angular else BESIDE[0]) * abs(length):
+            raise MissedError("another branch was found")
+        return there
 
     def between(self, first: Point, second: Point, share: float) -> Point:
         """Find the point at a fraction of the way between two neighbours in one frame.

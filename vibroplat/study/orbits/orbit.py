@@ -220,7 +220,7 @@ def state_of(scene: Scene, guess: Any) -> FloatArray:
     names = (*COORDINATES, *RATES)
     if isinstance(guess, Mapping | pd.Series):
         state = initial_state(scene)
-        given = {name: guess[name] for name in names if name in guess}
+        given = {name: guess[name] for name in names if name in guess and guess[name] is not None}
         if given:
             for place, name in enumerate(names):
                 state[place] = float(given.get(name, state[place]))

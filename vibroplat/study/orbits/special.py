@@ -169,7 +169,7 @@ def corner(branch: Branch, before: Point, after: Point) -> Special | None:
 
 def coming(near: Point, far: Point) -> tuple[str, Test]:
     """Tell what happens on the way from one orbit to another, and by what its distance is known; "" if by nothing."""
-    if near.word.count("S") > far.word.count("S"):
+    if near.word.count("S") > far.word.count("S") and far.word:
         return END_OF_STICKING, landing_force
     if len(near.word) >= len(far.word):
         return "", landing_force
