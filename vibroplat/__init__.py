@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from vibroplat.drive import Drive
     from vibroplat.exciters import Exciter, Motor
     from vibroplat.flow.run import simulate
+    from vibroplat.flow.variation import variation
     from vibroplat.observe.trajectory import Trajectory
     from vibroplat.scene import (
         Contact,
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     )
     from vibroplat.study.checking.runs import check_run
     from vibroplat.study.checking.sweeps import check_sweep
+    from vibroplat.study.lyapunov import lyapunov
     from vibroplat.study.sweep import sweep
 
 _HOMES = {
@@ -37,9 +39,11 @@ _HOMES = {
     "Exciter": "vibroplat.exciters",
     "Motor": "vibroplat.exciters",
     "simulate": "vibroplat.flow.run",
+    "variation": "vibroplat.flow.variation",
     "Trajectory": "vibroplat.observe.trajectory",
     "check_run": "vibroplat.study.checking.runs",
     "check_sweep": "vibroplat.study.checking.sweeps",
+    "lyapunov": "vibroplat.study.lyapunov",
     "sweep": "vibroplat.study.sweep",
     **dict.fromkeys(
         (
@@ -75,8 +79,10 @@ __all__ = [
     "check_run",
     "check_sweep",
     "load_config",
+    "lyapunov",
     "simulate",
     "sweep",
+    "variation",
 ]
 
 
