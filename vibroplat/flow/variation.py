@@ -118,7 +118,9 @@ def _full(state: pd.Series[float] | npt.ArrayLike, scene: Scene) -> FloatArray:
         return given
     places = state_places(scene)
     if set(state.index) != set(places):
-        raise ValueError(f"a state of this scene has the names {', '.join(places)}, not {', '.join(map(str, state.index))}")
+        raise ValueError(
+            f"a state of this scene has the names {', '.join(places)}, not {', '.join(map(str, state.index))}"
+        )
     for name, place in places.items():
         found[place] = state[name]
     return found

@@ -94,6 +94,8 @@ class Effort(NamedTuple):
     most: int = MOST
 
 
+#: For the largest exponent alone.
+ONE = Effort()
 #: For all exponents: measured each turn, so that those of quick decay are not lost in round-off.
 ALL = Effort(1, TURNS * SKIPPED, TURNS * LEAST, TURNS * MOST)
 
@@ -140,7 +142,7 @@ def lyapunov(scene: Scene, state: npt.ArrayLike | None = None) -> pd.DataFrame:
             raise MotionError(why or f"no Lyapunov exponents: exciter 1 stopped turning before {motion.now:.6g} s")
     found.append(Exponent(0.0, 0.0, found[0].turn))
     found.sort(key=lambda exponent: -exponent.value)
-    table = pd.DataFrame(
+    return pd.DataFrame(
         {
             "exponent_per_s": [exponent.value for exponent in found],
             "error_per_s": [exponent.error for exponent in found],
@@ -148,11 +150,10 @@ def lyapunov(scene: Scene, state: npt.ArrayLike | None = None) -> pd.DataFrame:
         },
         index=pd.RangeIndex(1, len(found) + 1, name="number"),
     )
-    return table
 
 
 def largest_exponent(
-    scene: Scene, state: FloatArray, directions: FloatArray | None = None, effort: Effort = Effort()
+    scene: Scene, state: FloatArray, directions: FloatArray | None = None, effort: Effort = ONE
 ) -> Exponent:
     """Estimate the largest Lyapunov exponent of the Poincaré map, and its error from its own scatter.
 
@@ -175,7 +176,7 @@ def largest_exponent(
 
 
 def whole_section(scene: Scene) -> FloatArray:
-    """Orthogonal directions that span the section, shape (14, m); the first is like none of the machine's symmetries."""
+    """Return orthogonal directions that span the section, shape (14, m); the first keeps to no symmetry."""
     places = [place for place in state_places(scene).values() if place != _ANGLE]
     found = np.zeros((FULL_SIZE, len(places)))
     found[places] = np.linalg.qr(np.column_stack([np.ones(len(places)), np.eye(len(places))[:, 1:]]))[0]
@@ -191,7 +192,7 @@ def exponents(motion: Motion, directions: FloatArray, effort: Effort, *, largest
     nothing = [_NONE] * directions.shape[1]
     if not motion.to_section(1, _longest(motion, 1)):
         return nothing
-    variation = Variation()
+    variation = Variation(rough=largest)
     basis, _ = np.linalg.qr(_on_section(directions))
     growth: list[FloatArray] = []
     seconds: list[float] = []
