@@ -11,14 +11,16 @@ from typing import NamedTuple
 import numba
 import numpy as np
 import pytest
+from common.divergence import integral_of_divergence
 
-from vibroplat import load_config, lyapunov
+from vibroplat import load_config, lyapunov, simulate, variation
 from vibroplat.bench.known import GRAVITY, OMEGA, TURN, ball_on_table
 from vibroplat.errors import ConfigError, MotionError
 from vibroplat.flow.motion import Motion
 from vibroplat.hybrid.initial import initial_state
 from vibroplat.integrate.choice import make_engine
 from vibroplat.model.parameters import parameters
+from vibroplat.observe.names import state_places
 from vibroplat.study.lyapunov import (
     ALL,
     BLOCKS,
@@ -412,13 +414,14 @@ def test_exponent_of_a_periodic_scene_with_impacts_is_negative(frequency, restit
     scene, state = settled(MACHINE, frequency, {"material.mass_ratio": 0.2, "contact.restitution": restitution})
     found = largest_exponent(scene, state)
     assert found.sign == -1
-    assert -30.0 < found.value < -0.1
+    multipliers = np.linalg.eigvals(variation(scene, state, found.turn).derivative.to_numpy())
+    second = np.sort(np.abs(multipliers))[-2]  # the largest is 1, along the motion
+    assert found.value == pytest.approx(math.log(second) / found.turn, abs=max(3.0 * found.error, 0.02))
 
 
-@pytest.mark.parametrize("frequency", [63.0, 66.0])
-def test_exponent_is_that_of_the_slowest_settling(frequency):
+def test_exponent_is_that_of_the_slowest_settling():
     """Bare and in phase, the phase difference settles last: its rate is read off the section."""
-    scene, state = settled(MACHINE, frequency, {"run.initial.phase_sum_rad": 0.3})
+    scene, state = settled(MACHINE, 63.0, {"run.initial.phase_sum_rad": 0.3})
     state[11] += 1.0
     accurate = scene.replace({"solver.tolerance": 1e-10})
     phases = []
@@ -455,11 +458,62 @@ def spectrum(scene, state, effort=ALL):
         return exponents(motion, whole_section(scene), effort), motion
 
 
-def test_sum_of_a_bare_machine_is_its_divergence():
-    """Far below the slip of the motors' peak all forces are linear but the motors', whose share is left to the others."""
-    scene, state = settled(MACHINE, 63.0, {"run.initial.phase_sum_rad": 0.3})
+def mean_divergence(scene, state, seconds):
+    """Mean divergence of the flow, without impacts (1/s)."""
+    names = state_places(scene)
+    at = {"state": {name: state[place] for name, place in names.items()}}
+    run = simulate(scene.replace({"run.duration_s": seconds}, run={"initial": at}))
+    return integral_of_divergence(run) / seconds
+
+
+@pytest.mark.parametrize("frequency", [63.0, 66.0])
+def test_exponents_are_logarithms_of_multipliers(frequency):
+    """Of the motion with period 1 at which a bare machine settles, whose sum is its mean divergence."""
+    scene, state = settled(MACHINE, frequency, {"run.initial.phase_sum_rad": 0.3})
     found, motion = spectrum(scene, state)
-    assert len(found) == 9
-    total = sum(e.value for e in found)
-    rates = explicit_divergence(scene, motion)
-    assert total == pytest.approx(rates, rel=1e-3)
+    turn = found[0].turn
+    multipliers = np.linalg.eigvals(variation(scene, motion.state, turn).derivative.to_numpy())
+    logarithms = np.sort(np.log(np.abs(multipliers)) / turn)[::-1]
+    assert logarithms[0] == pytest.approx(0.0, abs=1e-3)
+    values, errors = (np.array(column) for column in zip(*((e.value, e.error) for e in found), strict=True))
+    order = np.argsort(-values)
+    assert (np.abs(values[order] - logarithms[1:]) <= 3.0 * errors[order] + 1e-3 * np.abs(logarithms[1:])).all()
+    assert values.sum() == pytest.approx(mean_divergence(scene, motion.state, turn), rel=1e-4)
+
+
+def test_sum_over_a_chaotic_ball_is_that_of_its_impacts():
+    """The table has no dampers, and each impact takes R² of the volume."""
+    ball = BALLS[0]
+    phase, speed = next(starts(ball, 3))
+    scene = ball_on_table(*ball[:2], phase=phase, gap_rate=speed * GRAVITY / OMEGA, tolerance=1e-8)
+    found, motion = spectrum(scene, initial_state(scene), Effort(1, 0, 96, 96))
+    total = sum(e.value for e in found) * motion.now
+    assert motion.events > 20
+    assert total == pytest.approx(2.0 * math.log(ball.restitution) * motion.events, rel=0.05)
+
+
+def test_table_of_exponents_has_a_neutral_one_and_those_that_contact_loses():
+    scene, state = settled(MACHINE, 62.5, CHAOTIC)
+    table = lyapunov(scene, state)
+    values = table["exponent_per_s"]
+    assert list(table.columns) == ["exponent_per_s", "error_per_s", "growth_per_turn"]
+    assert list(table.index) == list(range(1, 15))
+    assert values.is_monotonic_decreasing
+    assert (values == 0.0).sum() == 1
+    assert np.isneginf(values).sum() == 2
+    assert (table["growth_per_turn"].iloc[-2:] == 0.0).all()
+    largest = largest_exponent(scene, state)
+    assert abs(values[1] - largest.value) <= 3.0 * math.hypot(table["error_per_s"][1], largest.error)
+    assert table["error_per_s"][1] <= values[1] / 6.0
+
+
+def test_exponents_begin_where_a_run_ends():
+    scene = load_config(MACHINE, {"drive.supply_frequency_hz": 63.0, "run.duration_s": 3.0})
+    run = simulate(scene, keep="summary")
+    assert lyapunov(scene).to_numpy() == pytest.approx(lyapunov(scene, run.final_state).to_numpy(), rel=1e-6)
+
+
+def test_no_exponents_under_a_drive_program():
+    scene = load_config(MACHINE).replace(drive={"program": [{"t_s": 0.0, "supply_frequency_hz": 50.0}]})
+    with pytest.raises(ConfigError, match=r"^drive.program is given; allowed for Lyapunov exponents: "):
+        lyapunov(scene)
