@@ -42,14 +42,14 @@ from vibroplat.model.systems import (
 MOST_KEYS = 2
 COLUMNS = FULL_SIZE + MOST_KEYS
 
-#: Longest step of the collocation, as a part of a turn of the synchronous speed and times the quickest natural frequency
-#: (rad/s), and its points. Beside differences, derivatives over a turn are good to 1e-9 with 16 steps in a turn at
-#: 50 Hz, of 5 points, and to 3e-6 with 3 points; with 1.4 rad in a step they were good to 1e-6 only. Pieces much shorter
-#: than a step, as between impacts that accumulate, take fewer points.
+#: Longest step of the collocation, as a part of a turn of the synchronous speed and times the quickest natural
+#: frequency (rad/s), and its points. Beside differences, derivatives over a turn are good to 1e-9 with 16 steps in a
+#: turn at 50 Hz, of 5 points, and to 3e-6 with 3 points; with 1.4 rad in a step they were good to 1e-6 only. Pieces
+#: much shorter than a step, as between impacts that accumulate, take fewer points.
 STEP, ANGLE = 1.0 / 10.0, 0.9
-#: What decays quickly is large after an event, and matters: the first step of a piece is at most ANGLE over the quickest
-#: decay rate, and each is at most so many times as long as the one before. Without, derivatives beside a critically
-#: damped layer of 1000 Hz were wrong by 3 %.
+#: What decays quickly is large after an event, and matters: the first step of a piece is at most ANGLE over the
+#: quickest decay rate, and each is at most so many times as long as the one before. Without, derivatives beside a
+#: critically damped layer of 1000 Hz were wrong by 3 %.
 GROWTH = 2.0
 POINTS = ((1.0 / 40.0, 2), (1.0 / 6.0, 3), (math.inf, 5))
 _MOST_POINTS = POINTS[-1][1]
