@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from vibroplat.drive import Drive
     from vibroplat.exciters import Exciter, Motor
     from vibroplat.flow.run import simulate
+    from vibroplat.flow.variation import variation
     from vibroplat.observe.trajectory import Trajectory
     from vibroplat.scene import (
         Contact,
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     )
     from vibroplat.study.checking.runs import check_run
     from vibroplat.study.checking.sweeps import check_sweep
+    from vibroplat.study.lyapunov import lyapunov
     from vibroplat.study.orbits.orbit import Orbit, orbit
     from vibroplat.study.orbits.tables import orbits
     from vibroplat.study.sweep import sweep
@@ -39,9 +41,11 @@ _HOMES = {
     "Exciter": "vibroplat.exciters",
     "Motor": "vibroplat.exciters",
     "simulate": "vibroplat.flow.run",
+    "variation": "vibroplat.flow.variation",
     "Trajectory": "vibroplat.observe.trajectory",
     "check_run": "vibroplat.study.checking.runs",
     "check_sweep": "vibroplat.study.checking.sweeps",
+    "lyapunov": "vibroplat.study.lyapunov",
     "Orbit": "vibroplat.study.orbits.orbit",
     "orbit": "vibroplat.study.orbits.orbit",
     "orbits": "vibroplat.study.orbits.tables",
@@ -81,10 +85,12 @@ __all__ = [
     "check_run",
     "check_sweep",
     "load_config",
+    "lyapunov",
     "orbit",
     "orbits",
     "simulate",
     "sweep",
+    "variation",
 ]
 
 

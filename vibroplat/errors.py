@@ -26,5 +26,11 @@ class ConfigError(VibroplatError):
     """A configuration that cannot be used; the message names the key, the value and what is allowed."""
 
 
+class MotionError(VibroplatError):
+    """A motion that ended before its time; the message says why, when and where."""
+
+    exit_code = 1
+
+
 class TableError(VibroplatError):
     """A result file that cannot be written or read."""

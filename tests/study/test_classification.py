@@ -183,7 +183,7 @@ def test_growth_that_may_be_slow_is_not_told_as_none(value, motion, kind_of):
 def test_missing_exponent_is_undecided_and_no_number(kind_of):
     found = kind_of(torus(), exponent=MISSING)
     assert (found.motion, found.period) == ("undecided", 0)
-    assert found.why == "no exponent: a neighbouring trajectory ended early or stopped turning"
+    assert found.why == "no exponent: the motion ended early or exciter 1 stopped turning"
     assert set(columns_of(found)) == {"motion", "period", "detail"}
 
 

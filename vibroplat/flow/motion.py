@@ -18,7 +18,9 @@ from vibroplat.hybrid.steps import no_steps, rewind
 from vibroplat.integrate.seam import Engine
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.memory import NO_MORE, OutOfMemoryError
+from vibroplat.model.accelerations import accelerations
 from vibroplat.model.parameters import Parameters, supply
+from vibroplat.model.systems import SYSTEMS
 from vibroplat.observe.audit import Energies
 from vibroplat.observe.statistics import Measures, Statistics, copied
 from vibroplat.observe.summary import Part
@@ -282,6 +284,16 @@ class Motion:
         state: FloatArray = self.automaton.run["state"].copy()
         state[3:5] += self.automaton.run["turns"]
         return state
+
+    @property
+    def rates(self) -> FloatArray:
+        """Rates of the full state, shape (14,)."""
+        h = self.automaton
+        system = SYSTEMS[h.run["systems"][h.run["mode"]]]
+        y, yp = system.unknowns(h.run["state"]), np.zeros(system.size)
+        accelerations(system.index, self.now, y, yp, h.p)
+        found: FloatArray = system.full(yp)
+        return found
 
     @property
     def restarts(self) -> int:

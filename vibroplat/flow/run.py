@@ -3,22 +3,25 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import closing
 
 from vibroplat.flow.beginning import beginning
 from vibroplat.flow.keeping import Keep, Kept, Sink
 from vibroplat.flow.motion import Motion, Observer
 from vibroplat.flow.space import require_memory
+from vibroplat.flow.variation import directions, listed
 from vibroplat.hybrid.scales import force_noise
 from vibroplat.hybrid.state import Automaton
 from vibroplat.integrate.choice import make_engine
 from vibroplat.integrate.seam import Engine
 from vibroplat.model.parameters import Parameters, parameters
 from vibroplat.observe.audit import INACCURATE, inaccuracy
+from vibroplat.observe.names import named_derivative
 from vibroplat.observe.notes import drift, notes_on_measures, stiffness
 from vibroplat.observe.summary import measured
 from vibroplat.observe.trajectory import Trajectory
+from vibroplat.observe.variation import Variation
 from vibroplat.plausibility import notes_on_input
 from vibroplat.scene import Scene
 
@@ -32,6 +35,7 @@ def simulate(
     keep: Keep = "segments",
     progress: Callable[[float, int], None] | None = None,
     sink: Sink | None = None,
+    variation: bool | str | Sequence[str] = False,
 ) -> Trajectory:
     """Integrate a scene in time.
 
@@ -46,6 +50,9 @@ def simulate(
         Called now and then with the time reached (s) and the number of events so far.
     sink
         Takes both tables part by part while the run goes on, whatever it keeps.
+    variation
+        ``True``: find the derivative of the end by the start too, :attr:`Trajectory.monodromy`; keys as in
+        :func:`vibroplat.flow.variation.variation`: also by these, :attr:`Trajectory.variation`.
 
     Returns
     -------
@@ -61,14 +68,15 @@ def simulate(
     Raises
     ------
     ConfigError
-        The table that is to be kept does not fit into memory, or the run cannot begin as the scene says.
+        The table that is to be kept does not fit into memory, the run cannot begin as the scene says, or a key cannot
+        be varied.
     """
     if keep == "table":
         require_memory(scene)
     p = parameters(scene)
     began = time.perf_counter()
     with closing(make_engine(scene, p)) as engine:
-        run = simulate_with(engine, scene, p, keep=keep, progress=progress, sink=sink)
+        run = simulate_with(engine, scene, p, keep=keep, progress=progress, sink=sink, variation=variation)
     run.summary["wall_s"] = time.perf_counter() - began
     return run
 
@@ -81,6 +89,7 @@ def simulate_with(
     keep: Keep = "segments",
     progress: Callable[[float, int], None] | None = None,
     sink: Sink | None = None,
+    variation: bool | str | Sequence[str] = False,
 ) -> Trajectory:
     """Integrate a scene in time with an engine of one's own; see :func:`simulate`.
 
@@ -92,6 +101,8 @@ def simulate_with(
         Parameters of the scene: the record that the engine was made with, which a drive's program changes in place.
     """
     began = time.perf_counter()
+    keys = listed(() if isinstance(variation, bool) else variation)
+    varied = None if variation is False else Variation(directions(scene, keys))
     start = beginning(scene)
     motion = Motion(scene, p, engine, start.state, start.time, start.mode)
     duration = scene.run.duration_s
@@ -100,11 +111,15 @@ def simulate_with(
     observers: list[Observer] = [*kept.observers]
     if progress is not None:
         observers.append(_Progress(progress, motion.now))
+    if varied is not None:
+        observers.append(varied)
     part = motion.go_on(duration, settle=settle, observers=observers)
     kept.finish()
     run = Trajectory(
         scene, kept.segments, kept.events, motion.state, part.measures, start.origin, table=kept.table, peaks=kept.peaks
     )
+    if varied is not None and motion.outcome == "ok":
+        run.derivative = named_derivative(varied.derivative(motion.automaton), scene, keys)
     found = measured(part)
     doubt = inaccuracy(found, scene) if motion.outcome == "ok" else ""
     run.summary = {

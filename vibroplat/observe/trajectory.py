@@ -12,12 +12,14 @@ import numpy.typing as npt
 import pandas as pd
 
 from vibroplat.kernels.compiled import FloatArray
+from vibroplat.observe.audit import INACCURATE
 from vibroplat.observe.events import event_table
+from vibroplat.observe.names import state_places
 from vibroplat.observe.notes import Peaks, notes_on_samples
 from vibroplat.observe.segments import Segment
 from vibroplat.observe.statistics import Measures, section_rows
 from vibroplat.observe.table import TableMaker, TableParts, together
-from vibroplat.scene import COORDINATES, RATES, Scene
+from vibroplat.scene import Scene
 
 
 @dataclass
@@ -44,6 +46,8 @@ class Trajectory:
         Its trajectory table, if that was made while the run went on.
     peaks
         Largest values in the measured part of the trajectory table, by column, if that was made and not kept.
+    derivative
+        Of the state at the end by that at the beginning and by keys, if it was asked for and the run did not end early.
     """
 
     scene: Scene
@@ -55,6 +59,7 @@ class Trajectory:
     summary: dict[str, Any] = field(default_factory=dict)
     table: pd.DataFrame | None = None
     peaks: Mapping[str, float] | None = None
+    derivative: pd.DataFrame | None = None
 
     @property
     def outcome(self) -> str:
@@ -73,10 +78,8 @@ class Trajectory:
         The columns are those of the trajectory table without the mode.
         """
         points = section_rows(self.measures)
-        places = [i + half for half in (0, 7) for i in self.scene.coordinates]
-        names = [names[i] for names in (COORDINATES, RATES) for i in self.scene.coordinates]
         states = points["state"]
-        columns = {"t_s": points["t"]} | {n: states[:, i] for n, i in zip(names, places, strict=True)}
+        columns = {"t_s": points["t"]} | {name: states[:, i] for name, i in state_places(self.scene).items()}
         if self.scene.has_contact:
             columns["contact_force_n"] = points["force"]
         return pd.DataFrame(columns)
@@ -103,6 +106,33 @@ class Trajectory:
             found.add(self.trajectory)
             peaks = found.largest
         return notes + notes_on_samples(peaks, self.summary, self.scene.output.sample_rate_hz)
+
+    @property
+    def variation(self) -> pd.DataFrame:
+        """Derivative of the state at the end by that at the beginning and by keys, as they were asked for.
+
+        Raises
+        ------
+        ValueError
+            The run was not asked for it, or ended early.
+        """
+        if self.derivative is not None:
+            return self.derivative
+        if self.outcome not in ("ok", INACCURATE):
+            raise ValueError(f"this run ended early ({self.outcome}); the derivative of its end is not known")
+        raise ValueError("this run carried no derivative; simulate with variation=True, or with keys to vary")
+
+    @property
+    def monodromy(self) -> pd.DataFrame:
+        """Derivative of the state at the end by that at the beginning; of a period, its eigenvalues are multipliers.
+
+        Raises
+        ------
+        ValueError
+            As :attr:`variation`.
+        """
+        found = self.variation
+        return found[found.index]
 
     def __call__(self, times: npt.ArrayLike) -> pd.DataFrame:
         """Dense output at any times of the run, as rows of the trajectory table.

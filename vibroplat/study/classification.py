@@ -131,5 +131,5 @@ def _by_exponent(exponent: Exponent, points: FloatArray, tolerance: float) -> Ki
 
 def _undecided(exponent: Exponent, why: str) -> Kind:
     if math.isnan(exponent.value):
-        return Kind("undecided", 0, exponent, "no exponent: a neighbouring trajectory ended early or stopped turning")
+        return Kind("undecided", 0, exponent, "no exponent: the motion ended early or exciter 1 stopped turning")
     return Kind("undecided", 0, exponent, f"exponent {exponent.value:.3g} ± {exponent.error:.2g} per s, {why}")

@@ -1,4 +1,10 @@
-"""Largest Lyapunov exponent of a motion, from two trajectories compared on the Poincaré section."""
+"""Lyapunov exponents of a motion, from the derivative of its Poincaré map.
+
+The derivative is carried along the motion (:mod:`vibroplat.observe.variation`), through impacts, latches and liftoffs.
+Where exciter 1 completes its turns it is projected along the motion onto the section, which takes out the neutral
+direction, and its columns are made orthogonal again: their growth gives the exponents (Benettin et al. 1980; Müller
+1995).
+"""
 
 from __future__ import annotations
 
@@ -7,29 +13,33 @@ from contextlib import closing
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
+import pandas as pd
 
+from vibroplat.errors import ConfigError, MotionError
+from vibroplat.flow.beginning import beginning
 from vibroplat.flow.motion import Motion
 from vibroplat.hybrid.scales import state_scales
 from vibroplat.integrate.choice import make_engine
 from vibroplat.model.parameters import FloatArray, parameters
-from vibroplat.model.systems import GAP, GAP_RATE
+from vibroplat.model.systems import FULL_SIZE
+from vibroplat.observe.names import state_places
+from vibroplat.observe.variation import Variation
 from vibroplat.scene import Scene
 
-#: Distance to which the trajectories are reset after each comparison, in the scales of the scene.
-DISTANCE = 1e-5
-#: Local tolerance of both trajectories, small against their distance.
-TOLERANCE = 1e-10
-#: Number of turns of exciter 1 between comparisons, and number of first comparisons that are not counted.
+#: Number of turns of exciter 1 between measurements of growth, and number of first ones that are not counted.
 TURNS, SKIPPED = 3, 8
-#: Smallest and largest number of counted comparisons, and how many are added while the error is too large.
+#: Smallest and largest number of counted ones, and how many are added while an error is too large.
 LEAST, MOST, MORE = 96, 640, 32
-#: Numbers of blocks of comparisons. The error is the largest that any of them gives: few blocks are long against the
+#: Numbers of blocks of growths. The error is the largest that any of them gives: few blocks are long against the
 #: memory of the motion, many blocks give the scatter accurately. Over 140 stretches of chaotic motion, exponents
-#: scatter by 0.9 … 1.3 times this error; with 8 blocks of 32 comparisons it was 1.3 … 1.9 times, once 7 times.
+#: scatter by 0.9 … 1.3 times this error; with 8 blocks of 32 growths it was 1.3 … 1.9 times, once 7 times.
 BLOCKS = (4, 8, 16)
 #: Errors that are small enough: relative to the exponent, so that its sign is clear, and as growth per turn, which
 #: would need two thousand turns to double a distance.
 SHARE, PER_TURN = 1.0 / 6.0, 3e-4
+#: Growth between two measurements, over the largest one or 1, that is none: round-off hides a smaller one.
+LOST = 1e-13
 
 _TURN = 2.0 * math.pi
 _ANGLE = 3  # of exciter 1, the same for all points of the section
@@ -41,7 +51,7 @@ class Exponent(NamedTuple):
     Attributes
     ----------
     value, error
-        Exponent and its standard error (1/s), from the scatter of blocks; nan if a trajectory ended early.
+        Exponent and its standard error (1/s), from the scatter of blocks; nan if the motion ended early.
     turn
         Mean duration of a turn of exciter 1 (s).
     """
@@ -56,24 +66,96 @@ class Exponent(NamedTuple):
         clear = abs(self.value) > max(3.0 * self.error, PER_TURN / self.turn)
         return int(math.copysign(1.0, self.value)) if clear else 0
 
+    @property
+    def enough(self) -> float:
+        """Error that makes the sign clear, or the exponent as good as 0."""
+        return max(SHARE * abs(self.value), PER_TURN / self.turn)
+
+
+_NONE = Exponent(math.nan, math.nan, math.nan)
+
+
+class Effort(NamedTuple):
+    """How long growth is followed.
+
+    Attributes
+    ----------
+    turns
+        Turns of exciter 1 between two measurements.
+    skipped
+        Number of first measurements that are not counted.
+    least, most
+        Smallest and largest number of counted ones; at least the largest of BLOCKS.
+    """
+
+    turns: int = TURNS
+    skipped: int = SKIPPED
+    least: int = LEAST
+    most: int = MOST
+
+
+#: For the largest exponent alone.
+ONE = Effort()
+#: For all exponents: measured each turn, so that those of quick decay are not lost in round-off.
+ALL = Effort(1, TURNS * SKIPPED, TURNS * LEAST, TURNS * MOST)
+
+
+def lyapunov(scene: Scene, state: npt.ArrayLike | None = None) -> pd.DataFrame:
+    """Find all Lyapunov exponents of a motion.
+
+    The motion is followed until each error is below a sixth of its exponent or negligible, for 312 to 1944 turns of
+    exciter 1.
+
+    Parameters
+    ----------
+    scene
+        The scene, without a drive program.
+    state
+        Full state on the attractor, shape (14,). Default: that at the end of a run of the scene.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row for each exponent, the largest first, with ``exponent_per_s``, its standard error ``error_per_s`` and
+        ``growth_per_turn``, by which a distance is multiplied in a mean turn of exciter 1. One exponent is 0: that of
+        the direction along the motion. Those of directions that the motion forgets are −inf: gap and its rate in a
+        contact without restitution, and what decays to less than 1e-13 in a turn.
+
+    Raises
+    ------
+    vibroplat.errors.ConfigError
+        The scene has a drive program.
+    vibroplat.errors.MotionError
+        The motion ended early, or exciter 1 does not turn.
+    """
+    if scene.drive.program is not None:
+        raise ConfigError("drive.program is given; allowed for Lyapunov exponents: drive.supply_frequency_hz alone")
+    start = beginning(scene)
+    p = parameters(scene)
+    with closing(make_engine(scene, p)) as engine:
+        motion = Motion(scene, p, engine, *start[:3]) if state is None else Motion(scene, p, engine, np.array(state))
+        if state is None:
+            motion.to_time(motion.now + scene.run.duration_s)
+        found = exponents(motion, whole_section(scene), ALL)
+        if math.isnan(found[0].value):
+            why = f"the motion ended early ({motion.outcome}): {motion.detail}" if motion.outcome != "ok" else ""
+            raise MotionError(why or f"no Lyapunov exponents: exciter 1 stopped turning before {motion.now:.6g} s")
+    found.append(Exponent(0.0, 0.0, found[0].turn))
+    found.sort(key=lambda exponent: -exponent.value)
+    return pd.DataFrame(
+        {
+            "exponent_per_s": [exponent.value for exponent in found],
+            "error_per_s": [exponent.error for exponent in found],
+            "growth_per_turn": [math.exp(exponent.value * exponent.turn) for exponent in found],
+        },
+        index=pd.RangeIndex(1, len(found) + 1, name="number"),
+    )
+
 
 def largest_exponent(
-    scene: Scene,
-    state: FloatArray,
-    direction: FloatArray | None = None,
-    *,
-    turns: int = TURNS,
-    least: int = LEAST,
-    most: int = MOST,
-    share: float = SHARE,
+    scene: Scene, state: FloatArray, directions: FloatArray | None = None, effort: Effort = ONE
 ) -> Exponent:
     """Estimate the largest Lyapunov exponent of the Poincaré map, and its error from its own scatter.
-
-    Two trajectories start close to each other and have their own liftoffs and impacts. They are compared after the
-    same number of turns of exciter 1. Their events happen at slightly different times, but by then both have passed
-    the same events. The comparison thus includes the jump of their difference at an event (the saltation matrix) and
-    excludes the neutral direction along the motion (Benettin et al. 1980; Müller 1995). Comparisons are added until
-    the error is below a share of the exponent or below PER_TURN, or until the largest number is reached.
 
     Parameters
     ----------
@@ -81,96 +163,101 @@ def largest_exponent(
         The scene.
     state
         Full state on the attractor, shape (14,).
-    direction
-        Initial difference in the scales of the scene, shape (14,). Default: equal in all coordinates.
-    turns
-        Number of turns of exciter 1 after which the difference is measured and rescaled.
-    least, most
-        Smallest and largest number of counted comparisons; at least the largest of BLOCKS.
-    share
-        Error that is small enough, relative to the exponent.
+    directions
+        Directions whose growth is followed, in the scales of the scene, shape (14, m). Default: all of the section.
+    effort
+        How long it is followed.
     """
-    scene = scene.replace({"solver.tolerance": min(TOLERANCE, scene.solver.tolerance)})
     p = parameters(scene)
     with closing(make_engine(scene, p)) as engine:
-        return _exponent(Motion(scene, p, engine, state), direction, turns, least, most, share)
+        motion = Motion(scene, p, engine, state)
+        found = exponents(motion, whole_section(scene) if directions is None else directions, effort, largest=True)
+    return max(found, key=lambda exponent: exponent.value)
 
 
-def _exponent(
-    motion: Motion, direction: FloatArray | None, turns: int, least: int, most: int, share: float
-) -> Exponent:
-    """Estimate the exponent of a motion from its state on, as :func:`largest_exponent` says."""
-    lead = turns_later(motion, motion.state, 1)
-    if lead is None:
-        return _NONE
-    difference = np.ones(14) if direction is None else direction.copy()
-    growth: list[float] = []
+def whole_section(scene: Scene) -> FloatArray:
+    """Return orthogonal directions that span the section, shape (14, m); the first keeps to no symmetry."""
+    places = [place for place in state_places(scene).values() if place != _ANGLE]
+    found = np.zeros((FULL_SIZE, len(places)))
+    found[places] = np.linalg.qr(np.column_stack([np.ones(len(places)), np.eye(len(places))[:, 1:]]))[0]
+    return found
+
+
+def exponents(motion: Motion, directions: FloatArray, effort: Effort, *, largest: bool = False) -> list[Exponent]:
+    """Follow the growth of directions from the next point of the section on; one exponent for each of them.
+
+    Growth is added until all errors are small enough, or that of the largest exponent alone, or until the largest
+    number is reached. Without a motion, all exponents are nan.
+    """
+    nothing = [_NONE] * directions.shape[1]
+    if not motion.to_section(1, _longest(motion, 1)):
+        return nothing
+    variation = Variation(rough=largest)
+    basis, _ = np.linalg.qr(_on_section(directions))
+    growth: list[FloatArray] = []
     seconds: list[float] = []
     while True:
-        for _ in range(least + SKIPPED if not growth else MORE):
-            compared = _compare(motion, lead[1], difference, turns)
-            if compared is None:
-                return _NONE
-            lead, difference = compared
-            distance = float(np.linalg.norm(difference))
-            if distance == 0.0:  # the trajectories have merged
-                return Exponent(-math.inf, 0.0, lead[0] / turns)
-            growth.append(math.log(distance / DISTANCE))
-            seconds.append(lead[0])
-        found = _estimate(np.array(growth[SKIPPED:]), np.array(seconds[SKIPPED:]), turns)
-        enough = max(share * abs(found.value), PER_TURN / found.turn)
-        if not found.error > enough or len(growth) - SKIPPED >= most:
+        for _ in range(effort.least + effort.skipped if not growth else MORE):
+            grown = _grow(motion, variation, basis, effort.turns)
+            if grown is None:
+                return nothing
+            passed, basis, logarithms = grown
+            growth.append(logarithms)
+            seconds.append(passed)
+            if np.isneginf(logarithms).all():  # whatever begins nearby has merged with the motion
+                return [Exponent(-math.inf, 0.0, passed / effort.turns)] * directions.shape[1]
+        counted = np.array(seconds[effort.skipped :])
+        found = [_estimate(g, counted, effort.turns) for g in np.array(growth[effort.skipped :]).T]
+        asked = [max(found, key=lambda exponent: exponent.value)] if largest else found
+        if all(e.error <= e.enough for e in asked) or counted.size >= effort.most:
             return found
 
 
-_NONE = Exponent(math.nan, math.nan, math.nan)
+def _longest(motion: Motion, turns: int) -> float:
+    """Time by which exciter 1 completes so many turns, if it turns at all (s)."""
+    return (2 * turns + 2) * _TURN / motion.scene.speed_scale
 
 
-def _compare(
-    motion: Motion, state: FloatArray, difference: FloatArray, turns: int
-) -> tuple[tuple[float, FloatArray], FloatArray] | None:
-    """Advance a state and a neighbour by some turns; return the time passed and the new state, and the difference."""
-    scales = state_scales(motion.scene)
-    follower = state + DISTANCE * _admissible(difference, state) * scales
-    follower[GAP] = max(follower[GAP], 0.0)
-    ahead, behind = turns_later(motion, state, turns), turns_later(motion, follower, turns)
-    if ahead is None or behind is None:
+def _on_section(directions: FloatArray) -> FloatArray:
+    """Return directions without their part in the angle of exciter 1."""
+    found = directions.copy()
+    found[_ANGLE] = 0.0
+    return found
+
+
+def _grow(
+    motion: Motion, variation: Variation, basis: FloatArray, turns: int
+) -> tuple[float, FloatArray, FloatArray] | None:
+    """Carry orthogonal directions on the section along with the motion for some turns of exciter 1.
+
+    Returns
+    -------
+    tuple
+        The time passed (s), the directions made orthogonal again, and the logarithms of their growth, −inf where it is
+        lost; None if the motion does not get there.
+    """
+    scales = state_scales(motion.scene)[:, np.newaxis]
+    begun = motion.now
+    variation.begin(basis * scales)
+    if not motion.to_section(turns, _longest(motion, turns), (variation,)):
         return None
-    difference = behind[1] - ahead[1]
-    difference[3:5] -= _TURN * np.round(difference[3:5] / _TURN)  # angles may differ by whole turns
-    difference /= scales
-    difference[_ANGLE] = 0.0
-    return ahead, difference
+    moved = variation.derivative(motion.automaton)[:, : basis.shape[1]] / scales
+    along = motion.rates / scales[:, 0]
+    basis, r = np.linalg.qr(_on_section(moved - np.outer(along, moved[_ANGLE]) / along[_ANGLE]))
+    size = np.abs(np.diag(r))
+    size[size <= LOST * max(1.0, size.max())] = 0.0
+    with np.errstate(divide="ignore"):
+        return motion.now - begun, basis, np.log(size)
 
 
 def _estimate(growth: FloatArray, seconds: FloatArray, turns: int) -> Exponent:
     """Return the mean growth per second and its standard error from the means of blocks."""
+    turn = float(seconds.sum() / (turns * len(seconds)))
+    if np.isneginf(growth).any():
+        return Exponent(-math.inf, 0.0, turn)
     errors = []
     for count in BLOCKS:
         blocks = np.array_split(growth, count), np.array_split(seconds, count)
         means = np.array([g.sum() / s.sum() for g, s in zip(*blocks, strict=True)])
         errors.append(float(means.std(ddof=1)) / math.sqrt(count))
-    turn = float(seconds.sum() / (turns * len(seconds)))
     return Exponent(float(growth.sum() / seconds.sum()), max(errors), turn)
-
-
-def turns_later(motion: Motion, state: FloatArray, turns: int) -> tuple[float, FloatArray] | None:
-    """Time passed (s) and full state where exciter 1 completes so many turns after a state; None if it does not.
-
-    The motion begins again at that state.
-    """
-    motion.begin_again(state)
-    if not motion.to_section(turns, (2 * turns + 2) * _TURN / motion.scene.speed_scale):
-        return None
-    found = motion.state
-    found[3:5] -= _TURN * np.round(found[3:5] / _TURN)
-    return motion.now, found
-
-
-def _admissible(difference: FloatArray, state: FloatArray) -> FloatArray:
-    """Return a difference of length 1 that keeps a neighbour on the section, and in contact if the state is."""
-    difference = difference.copy()
-    difference[_ANGLE] = 0.0
-    if state[GAP] <= 0.0:
-        difference[[GAP, GAP_RATE]] = 0.0
-    return np.asarray(difference / np.linalg.norm(difference))

@@ -190,7 +190,7 @@ def solved(matrix: FloatArray, right: FloatArray, longest: float) -> FloatArray:
     if not np.isfinite(matrix).all():
         raise MissedError("the Jacobian is not finite")
     try:
-        found: FloatArray = np.linalg.solve(matrix, right)
+        found: FloatArray = np.asarray(np.linalg.solve(matrix, right), dtype=float)
         if np.linalg.norm(found) <= longest:
             return found
     except np.linalg.LinAlgError:

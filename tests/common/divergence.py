@@ -1,0 +1,33 @@
+"""How fast the volume of states changes along a run, by the model alone."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vibroplat.model.accelerations import accelerations, linearize
+from vibroplat.model.parameters import parameters
+
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(6)
+
+
+def divergence(system, t, y, p):
+    """Divergence of the flow of a system's unknowns (1/s)."""
+    n, yp = system.differential // 2, np.empty(system.size)
+    assert accelerations(system.index, t, y, yp, p)
+    slopes = np.empty((2 * n, system.size))
+    linearize(system.index, t, y, yp, slopes, p)
+    return sum(slopes[n + i, n + i] for i in range(n))
+
+
+def integral_of_divergence(run):
+    """Integrate the divergence over a run under a constant supply, between its events."""
+    p, total = parameters(run.scene), 0.0
+    for segment in run.segments:
+        for start, length in zip(segment.t, segment.length, strict=True):
+            times = segment.start + start + length * 0.5 * (NODES + 1.0)
+            states, _ = segment(times)
+            values = [
+                divergence(segment.system, t, segment.system.unknowns(s), p) for t, s in zip(times, states, strict=True)
+            ]
+            total += 0.5 * length * float(WEIGHTS @ values)
+    return total

@@ -1,0 +1,300 @@
+"""The derivative of a motion's state against differences of motions, and against what is known of it."""
+
+from __future__ import annotations
+
+import math
+from contextlib import closing
+
+import numpy as np
+import pytest
+from common.divergence import integral_of_divergence
+
+from vibroplat import simulate, variation
+from vibroplat.bench.known import ball_on_table
+from vibroplat.drive import Drive, Entry
+from vibroplat.exciters import Exciter
+from vibroplat.flow.motion import Motion
+from vibroplat.hybrid.scales import state_scales
+from vibroplat.integrate.choice import make_engine
+from vibroplat.model.parameters import IMPACT_LAWS, parameters
+from vibroplat.model.sensitivity import with_value
+from vibroplat.model.systems import GAP, GAP_RATE
+from vibroplat.observe.events import Events
+from vibroplat.observe.names import state_places
+from vibroplat.scene import Contact, Machine, Material, Scene
+
+TOLERANCES = {"native": 1e-12, "taylor": 1e-13}
+EACH_ENGINE = pytest.mark.parametrize("engine", TOLERANCES)
+
+#: Steps of the differences of order 4, in the scales of the scene, and of keys, over their values.
+STEPS = {"native": 5e-4, "taylor": 1e-4}
+WEIGHTS = ((1, 2.0 / 3.0), (2, -1.0 / 12.0))
+
+KEYS = ("drive.supply_frequency_hz", "machine.stiffness_y_n_per_m")
+
+LOPSIDED = {"exciter_distance_m": 0.18, "exciter_angle_deg": -35.0, "damping_y_n_s_per_m": 400.0}
+
+
+def exciters(second):
+    """Two exciters that share nothing but their unbalance mass; the second turns this way."""
+    return [
+        Exciter(unbalance_radius_m=0.07, rotor_inertia_kg_m2=1.7e-3, rotation="counter-clockwise"),
+        Exciter(
+            unbalance_radius_m=0.1,
+            rotor_inertia_kg_m2=0.9e-3,
+            critical_torque_n_m=0.9,
+            critical_slip=0.21,
+            friction_radius_m=8.0e-5,
+            rotation=second,
+        ),
+    ]
+
+
+SETUPS = {
+    "paper": {"machine": Machine(damping_y_n_s_per_m=400.0)},
+    "unequal": {"machine": Machine(**LOPSIDED), "exciters": exciters("clockwise")},
+    "co-rotating": {"machine": Machine(**LOPSIDED), "exciters": exciters("counter-clockwise")},
+}
+MATERIALS = {
+    0: Material(),
+    1: Material(mass_ratio=0.2, layers=1),
+    2: Material(mass_ratio=0.2, lower_share=0.7, natural_frequency_hz=18.5, damping_ratio=0.05),
+}
+
+
+def scene_of(layers, setup="paper", engine="native", frequency=51.0, **contact):
+    """A scene with so many layers, as accurate as its engine can."""
+    scene = Scene(
+        **SETUPS[setup],
+        material=MATERIALS[layers],
+        contact=Contact(**contact),
+        drive=Drive(supply_frequency_hz=frequency),
+    )
+    return scene.replace({"solver": {"engine": engine, "tolerance": TOLERANCES[engine]}})
+
+
+class Followed:
+    """Motions of a scene from several states for one time; the events of the first."""
+
+    def __init__(self, scene, start, seconds, key=None, shift=0.0):
+        if key is not None:
+            path = key.split(".")
+            section = scene
+            for name in path:
+                section = section[int(name)] if name.isdecimal() else getattr(section, name)
+            scene = with_value(scene, path, section + shift)
+        self._p = parameters(scene)
+        self._engine = make_engine(scene, self._p)
+        self._motion = Motion(scene, self._p, self._engine, start)
+        self._seconds = seconds
+        self.close = self._engine.close
+
+    def end(self, state):
+        self._motion.begin_again(state)
+        self.events = Events()
+        self._motion.to_time(self._seconds, [self.events])
+        assert self._motion.outcome == "ok"
+        return self._motion.state
+
+
+def by_differences(scene, start, seconds, keys=(), step=None):
+    """Derivative of the end by the start and by keys, in the scales of the scene, and the kinds of events."""
+    scales, step = state_scales(scene), step or STEPS[scene.solver.engine]
+    varied = [place for place in state_places(scene).values() if start[GAP] > 0.0 or place not in (GAP, GAP_RATE)]
+    found = np.zeros((14, 14 + len(keys)))
+    with closing(Followed(scene, start, seconds)) as followed:
+        for place in varied:
+            for n, weight in WEIGHTS:
+                shift = n * step * scales[place] * np.eye(14)[place]
+                found[:, place] += weight * (followed.end(start + shift) - followed.end(start - shift)) / step
+        followed.end(start)
+        kinds = followed.events.rows["kind"]
+    for k, name in enumerate(keys):
+        value = scene.drive.supply_frequency_hz if name.startswith("drive") else scene.machine.stiffness_y_n_per_m
+        for n, weight in WEIGHTS:
+            for side in (1, -1):
+                with closing(Followed(scene, start, seconds, name, side * n * step * value)) as followed:
+                    found[:, 14 + k] += side * weight * followed.end(start) / step
+    found /= scales[:, np.newaxis]
+    names = ("liftoff", "impact", "latch", "drive")
+    return found, [names[kind] for kind in kinds]
+
+
+def scaled(varied, scene):
+    """Derivative of a variation in the scales of the scene, keys in parts of their values."""
+    places = list(state_places(scene).values())
+    scales = state_scales(scene)
+    table = varied.derivative
+    found = np.zeros((14, 14 + len(table.columns) - len(places)))
+    inside = table.to_numpy()[:, : len(places)]
+    found[np.ix_(places, places)] = inside * scales[places] / scales[places][:, np.newaxis]
+    for k, key in enumerate(table.columns[len(places) :]):
+        value = scene.drive.supply_frequency_hz if key.startswith("drive") else scene.machine.stiffness_y_n_per_m
+        found[places, 14 + k] = table[key] * value / scales[places]
+    return found
+
+
+def assert_close(found, expected, relative):
+    """Each column within a share of its largest number."""
+    largest = np.abs(expected).max(axis=0)
+    assert (largest < 1e6).all()
+    error = np.abs(found - expected).max(axis=0)
+    assert (error / np.maximum(largest, 1e-3)).max() <= relative
+
+
+def agrees(scene, start, seconds, relative=1e-6, keys=(), step=None):
+    """Compare both ways; return the kinds of events."""
+    expected, kinds = by_differences(scene, start, seconds, keys, step)
+    assert_close(scaled(variation(scene, start, seconds, keys), scene), expected, relative)
+    return kinds
+
+
+def later(scene, seconds):
+    """State of a scene's motion after a time."""
+    return simulate(scene.replace({"run.duration_s": seconds, "run.perturbation": 0.01}), keep="summary").final_state
+
+
+def flying(state, gap=3e-3, rate=0.05):
+    """The same state with the material above the platform."""
+    found = state.copy()
+    found[[GAP, GAP_RATE]] = gap, rate
+    return found
+
+
+def falling(scene):
+    """A state of a scene with restitution whose material is about to fall onto the platform."""
+    return flying(later(scene.replace({"contact.restitution": 0.0}), 0.3), 1e-3, 0.0)
+
+
+@EACH_ENGINE
+@pytest.mark.parametrize("setup", SETUPS)
+@pytest.mark.parametrize(("layers", "flies"), [(0, False), (1, False), (2, False), (1, True), (2, True)])
+def test_in_each_system(layers, flies, setup, engine):
+    scene = scene_of(layers, setup, engine, frequency=30.0)
+    state = later(scene, 0.31)
+    kinds = agrees(scene, flying(state, 0.1) if flies else state, 0.06, keys=KEYS)
+    assert kinds == []
+
+
+@EACH_ENGINE
+@pytest.mark.parametrize("layers", [1, 2])
+@pytest.mark.parametrize("setup", SETUPS)
+def test_through_liftoff_and_inelastic_closing(setup, layers, engine):
+    scene = scene_of(layers, setup, engine)
+    kinds = agrees(scene, later(scene, 0.5), 0.07, keys=KEYS)
+    assert {"liftoff", "impact"} <= set(kinds)
+
+
+@EACH_ENGINE
+@pytest.mark.parametrize("layers", [1, 2])
+@pytest.mark.parametrize("law", IMPACT_LAWS)
+@pytest.mark.parametrize("setup", SETUPS)
+def test_through_impacts_with_restitution(setup, law, layers, engine):
+    scene = scene_of(layers, setup, engine, restitution=0.8, impact_law=law)
+    kinds = agrees(scene, falling(scene), 0.07, keys=KEYS)
+    assert set(kinds) == {"impact"}
+    assert len(kinds) >= 2
+
+
+@EACH_ENGINE
+@pytest.mark.parametrize("layers", [1, 2])
+@pytest.mark.parametrize("law", IMPACT_LAWS)
+def test_through_impacts_that_accumulate(law, layers, engine):
+    scene = scene_of(layers, engine=engine, restitution=0.3, impact_law=law, frequency=46.0)
+    kinds = agrees(scene, falling(scene), 0.08, 1e-4, KEYS)
+    assert {"impact", "latch"} <= set(kinds)
+
+
+@EACH_ENGINE
+@pytest.mark.parametrize(("layers", "frequency"), [(1, 52.0), (2, 50.0)])
+def test_through_impacts_that_stick(layers, frequency, engine):
+    scene = scene_of(layers, engine=engine, restitution=0.5, sticking_speed_m_per_s=0.1, frequency=frequency)
+    kinds = agrees(scene, falling(scene), 0.08, keys=KEYS)
+    assert set(kinds) == {"impact", "liftoff"}  # what sticks need not accumulate
+    assert kinds[0] == "impact"
+
+
+@EACH_ENGINE
+@pytest.mark.parametrize("layers", [0, 2])
+def test_through_corners_of_a_drive_program(layers, engine):
+    """The second corner switches an exciter off, the third brings the supply back at once."""
+    entries = [
+        Entry(t_s=0.0, supply_frequency_hz=45.0),
+        Entry(t_s=0.02, supply_frequency_hz=52.0),
+        Entry(t_s=0.05, exciter_1="off"),
+        Entry(t_s=0.07, supply_frequency_hz=49.0, exciter_1="on"),
+    ]
+    scene = scene_of(layers, engine=engine)
+    start = later(scene, 0.5)
+    scene = scene.replace(drive={"program": entries, "supply_frequency_hz": None})
+    kinds = agrees(scene, start, 0.1, keys=KEYS[1:])
+    assert kinds.count("drive") >= 3
+    assert layers == 0 or "impact" in kinds
+
+
+@pytest.mark.parametrize("ratio", [1.0, 10.0])
+def test_with_a_stiff_layer(ratio):
+    """A step of collocation is up to 500 times as long as the decay of the layer: an explicit one would overflow.
+
+    Smaller steps of the differences, and larger ones with Taylor's series, are lost in round-off of the layer's force.
+    """
+    scene = scene_of(2).replace({"material.natural_frequency_hz": 1000.0, "material.damping_ratio": ratio})
+    start = later(scene.replace({"solver.tolerance": 1e-8}), 0.5)
+    kinds = agrees(scene, start, 0.08, step=1e-3)
+    assert {"liftoff", "impact"} <= set(kinds)
+
+
+# -- volume and rank --------------------------------------------------------------------------------------
+
+
+def determinant(scene, start, seconds):
+    """Change of the volume of states."""
+    places = list(state_places(scene).values())
+    return np.linalg.det(scaled(variation(scene, start, seconds), scene)[np.ix_(places, places)])
+
+
+@EACH_ENGINE
+@pytest.mark.parametrize(("gamma_sine", "restitution"), [(0.5, 0.8), (0.3, 0.5), (0.9, 0.2)])
+def test_determinant_of_the_ball_is_the_square_of_restitution(gamma_sine, restitution, engine):
+    """The table has no dampers; over a period there is one impact."""
+    gamma_cosine = math.pi * (1.0 - restitution) / (1.0 + restitution)
+    gamma, phase = math.hypot(gamma_cosine, gamma_sine), math.atan2(gamma_sine, gamma_cosine)
+    rebound = (math.pi - gamma_cosine) * 9.81 / (50.0 * math.pi)
+    scene = ball_on_table(gamma, restitution, phase=phase, gap_rate=rebound, periods=0.3, tolerance=1e-12)
+    scene = scene.replace({"solver.engine": engine})
+    start = simulate(scene).final_state
+    assert determinant(scene, start, 0.04) == pytest.approx(restitution**2, rel=1e-9)
+
+
+@pytest.mark.parametrize("setup", SETUPS)
+@pytest.mark.parametrize("law", IMPACT_LAWS)
+@pytest.mark.parametrize("layers", [1, 2])
+def test_volume_shrinks_by_the_divergence_and_by_the_square_of_restitution_at_impacts(layers, law, setup):
+    """At an impact the rates change by v ↦ (I − (1 + R) m_red r eᵀ) v, of determinant −R because m_red eᵀr = 1; the
+    volume that passes is that area times the gap's rate, which changes by −R too.
+    """
+    scene = scene_of(layers, setup, "taylor", restitution=0.8, impact_law=law)
+    start = falling(scene)
+    names = state_places(scene)
+    scene = scene.replace(
+        {"run.duration_s": 0.08, "run.perturbation": 0.0},
+        run={"initial": {"state": {n: start[i] for n, i in names.items()}}},
+    )
+    run = simulate(scene, variation=True)
+    impacts = len(run.events)
+    assert set(run.events["kind"]) == {"impact"}
+    volume = np.linalg.det(run.monodromy.to_numpy())
+    assert volume == pytest.approx(math.exp(integral_of_divergence(run)) * 0.8 ** (2 * impacts), rel=1e-7)
+
+
+@EACH_ENGINE
+@pytest.mark.parametrize("layers", [1, 2])
+def test_inelastic_closing_loses_two_dimensions(layers, engine):
+    """Gap and gap rate at the start are forgotten, and what follows, a liftoff too, brings nothing back."""
+    scene = scene_of(layers, engine=engine)
+    start = flying(later(scene, 0.3))
+    found = scaled(variation(scene, start, 0.08), scene)
+    places = list(state_places(scene).values())
+    values = np.linalg.svd(found[np.ix_(places, places)], compute_uv=False)
+    assert values[-3] > 1e-6
+    assert (values[-2:] < 1e-12).all()
