@@ -88,7 +88,7 @@ def _read(directory: Path, start: float | None, stop: float | None) -> _Result:
     whole, shown = _thinned_and_cut(trajectory, math.ceil(rows / POINTS), begin, end)
     _, events = _thinned_and_cut(read_parts(result, "events", "kind", ("t_s", "impulse_n_s")), 1, begin, end)
     if shown["t_s"].nunique() < 2:
-        raise TableError(f"no data between {begin} and {end} s; allowed: an interval within {first} … {last} s")
+        raise TableError(f"no data from {begin:g} to {end:g} s; the run lasted from {first:g} to {last:g} s")
     co_rotating = summary.get("rotation") == "co-rotating"
     return _Result(summary["name"], whole, shown, events, co_rotating)
 
