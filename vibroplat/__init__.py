@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from vibroplat.drive import Drive
     from vibroplat.exciters import Exciter, Motor
     from vibroplat.flow.run import simulate
+    from vibroplat.loading import load
     from vibroplat.observe.trajectory import Trajectory
     from vibroplat.scene import (
         Contact,
@@ -37,6 +38,7 @@ _HOMES = {
     "Exciter": "vibroplat.exciters",
     "Motor": "vibroplat.exciters",
     "simulate": "vibroplat.flow.run",
+    "load": "vibroplat.loading",
     "Trajectory": "vibroplat.observe.trajectory",
     "check_run": "vibroplat.study.checking.runs",
     "check_sweep": "vibroplat.study.checking.sweeps",
@@ -74,6 +76,7 @@ __all__ = [
     "__version__",
     "check_run",
     "check_sweep",
+    "load",
     "load_config",
     "simulate",
     "sweep",

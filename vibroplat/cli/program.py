@@ -50,6 +50,7 @@ def main() -> None:
     logging.basicConfig(format="vibroplat: %(message)s")
     # imports create many objects that stay alive; collecting garbage among them takes a sixth of a short command
     gc.set_threshold(200_000)
+    os.environ["MPLBACKEND"] = "Agg"  # figures are written to files, whatever the user draws with otherwise
     offer_resume(False)
     try:
         code = app(prog_name="vibroplat", standalone_mode=False)
@@ -95,5 +96,14 @@ def _options(
         require_memory()
 
 
-for command in (run.run, sweep.sweep, paper.paper, paper.calibrate, plot.plot, bench.bench, schema.schema):
+for command in (
+    run.run,
+    sweep.sweep,
+    paper.paper,
+    paper.calibrate,
+    plot.plot,
+    bench.bench,
+    schema.schema,
+    schema.columns,
+):
     app.command()(command)

@@ -11,18 +11,20 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
+from vibroplat.columns import labelled
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.observe.events import event_table
 from vibroplat.observe.notes import Peaks, notes_on_samples
+from vibroplat.observe.prompt import AtPrompt
 from vibroplat.observe.segments import Segment
 from vibroplat.observe.statistics import Measures, section_rows
-from vibroplat.observe.table import TableMaker, TableParts, together
+from vibroplat.observe.table import TRAJECTORY, TableMaker, TableParts, together
 from vibroplat.scene import COORDINATES, RATES, Scene
 
 
-@dataclass
-class Trajectory:
-    """A finished run.
+@dataclass(repr=False)
+class Trajectory(AtPrompt):
+    """A finished run. :class:`~vibroplat.observe.prompt.AtPrompt` has its card, figures and files.
 
     Attributes
     ----------
@@ -56,11 +58,6 @@ class Trajectory:
     table: pd.DataFrame | None = None
     peaks: Mapping[str, float] | None = None
 
-    @property
-    def outcome(self) -> str:
-        """``ok``, or why the run ended early."""
-        return str(self.summary["outcome"])
-
     @cached_property
     def events(self) -> pd.DataFrame:
         """Event table."""
@@ -79,7 +76,7 @@ class Trajectory:
         columns = {"t_s": points["t"]} | {n: states[:, i] for n, i in zip(names, places, strict=True)}
         if self.scene.has_contact:
             columns["contact_force_n"] = points["force"]
-        return pd.DataFrame(columns)
+        return labelled(pd.DataFrame(columns), TRAJECTORY)
 
     @cached_property
     def trajectory(self) -> pd.DataFrame:
