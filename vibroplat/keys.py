@@ -70,7 +70,7 @@ def _keys(model: Mapping[str, Any], models: Mapping[str, Any], prefix: str) -> I
             yield from _keys(below, models, f"{dotted}.N." if "items" in choices[0] else f"{dotted}.")
             continue
         unit = "Hz" if prefix == f"{_FREQUENCIES}." and name != "direction" else unit_of(name)
-        default = "" if name in required or field.get("default") is None else _yaml(field["default"])
+        default = "" if name in required or field.get("default") is None else yaml(field["default"])
         allowed = " or ".join(_allowed(choice) for choice in choices) + ("; required" if name in required else "")
         yield Key(dotted, field.get("symbol", ""), unit, default, allowed, field["description"])
 
@@ -78,7 +78,7 @@ def _keys(model: Mapping[str, Any], models: Mapping[str, Any], prefix: str) -> I
 def _allowed(field: Mapping[str, Any]) -> str:
     """Say what a field may be, by its JSON schema."""
     if "enum" in field or "const" in field:
-        return ", ".join(_yaml(value) for value in field.get("enum", [field.get("const")]))
+        return ", ".join(yaml(value) for value in field.get("enum", [field.get("const")]))
     if field["type"] not in ("number", "integer"):
         names = {"string": "text", "boolean": "true, false", "array": "a list", "object": "keys and lists"}
         return names[field["type"]]
@@ -87,12 +87,13 @@ def _allowed(field: Mapping[str, Any]) -> str:
     return ", ".join(["whole number" if field["type"] == "integer" else "number", *limits])
 
 
-def _yaml(value: Any) -> str:
+def yaml(value: Any) -> str:
     """Write a plain value as in YAML."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, float):
-        return f"{value:.15g}"
+        text = f"{value:.15g}"
+        return text if float(text) == value else repr(value)
     if isinstance(value, list):
-        return f"[{', '.join(map(_yaml, value))}]"
+        return f"[{', '.join(map(yaml, value))}]"
     return str(value)

@@ -12,7 +12,7 @@ import typer
 from typer.core import TyperGroup
 
 from vibroplat import __version__
-from vibroplat.cli import bench, paper, plot, run, schema, sweep
+from vibroplat.cli import bench, new, paper, plot, run, schema, sweep
 from vibroplat.errors import VibroplatError
 from vibroplat.interrupts import kept, offer_resume
 from vibroplat.surroundings import is_short_of_memory, require_memory
@@ -96,14 +96,16 @@ def _options(
         require_memory()
 
 
-for command in (
+COMMANDS = (
+    new.new,
     run.run,
     sweep.sweep,
+    plot.plot,
     paper.paper,
     paper.calibrate,
-    plot.plot,
     bench.bench,
     schema.schema,
     schema.columns,
-):
+)
+for command in COMMANDS:
     app.command()(command)

@@ -12,7 +12,7 @@ def schema(
         bool, typer.Option("--markdown", help="A page for people instead, as results/configuration.md.")
     ] = False,
 ) -> None:
-    """Print the JSON schema of a configuration, for editors, or a page on its keys."""
+    """Print all keys of a configuration, as a JSON schema or a page."""
     import json
 
     if markdown:
@@ -26,7 +26,7 @@ def schema(
 
 
 def columns() -> None:
-    """Print a page on the columns of all tables, as results/columns.md."""
+    """Print what the columns of all tables mean."""
     from vibroplat.dictionary import columns_page
 
     print(columns_page(), end="")

@@ -125,4 +125,5 @@ class Trajectory(AtPrompt):
         owner = np.searchsorted(ends, wanted[order], side="left")
         maker = TableMaker(self.scene)
         parts = [maker.rows(self.segments[i], wanted[order][owner == i]) for i in np.unique(owner)]
-        return maker.table(together(parts)).iloc[np.argsort(order, kind="stable")].reset_index(drop=True)
+        found = pd.DataFrame(maker.columns(together(parts)))
+        return labelled(found.iloc[np.argsort(order, kind="stable")].reset_index(drop=True), TRAJECTORY)
