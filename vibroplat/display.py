@@ -6,9 +6,9 @@ import base64
 import io
 from typing import TYPE_CHECKING
 
-from vibroplat.observe.prompt import AtPrompt, Kind
 from vibroplat.plots import run as drawing
 from vibroplat.plots.style import plt, styled
+from vibroplat.prompt import AtPrompt, Kind
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

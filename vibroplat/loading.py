@@ -9,7 +9,7 @@ from typing import Any
 import pandas as pd
 
 from vibroplat.errors import TableError
-from vibroplat.observe.prompt import AtPrompt
+from vibroplat.prompt import AtPrompt
 from vibroplat.results import Result
 from vibroplat.scene import Scene
 

@@ -15,16 +15,16 @@ from vibroplat.columns import labelled
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.observe.events import event_table
 from vibroplat.observe.notes import Peaks, notes_on_samples
-from vibroplat.observe.prompt import AtPrompt
 from vibroplat.observe.segments import Segment
 from vibroplat.observe.statistics import Measures, section_rows
 from vibroplat.observe.table import TRAJECTORY, TableMaker, TableParts, together
+from vibroplat.prompt import AtPrompt
 from vibroplat.scene import COORDINATES, RATES, Scene
 
 
 @dataclass(repr=False)
 class Trajectory(AtPrompt):
-    """A finished run. :class:`~vibroplat.observe.prompt.AtPrompt` has its card, figures and files.
+    """A finished run. :class:`~vibroplat.prompt.AtPrompt` has its card, figures and files.
 
     Attributes
     ----------

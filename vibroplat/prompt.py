@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 import pandas as pd
 
+from vibroplat.card import results
 from vibroplat.columns import unit_of
-from vibroplat.observe.card import results
 from vibroplat.provenance import provenance
 from vibroplat.results import write_result
 from vibroplat.scene import Scene
