@@ -26,13 +26,13 @@ class BenchName(StrEnum):
     taylor = "taylor"
 
 
-#: How long each takes on two busy cores; "" is the one without a name.
+#: About how long each takes on two cores; "" is the one without a name.
 DURATIONS = {
     "": "about five minutes",
     BenchName.runtime: "half a minute",
-    BenchName.precision: "half a minute",
-    BenchName.engines: "three minutes",
-    BenchName.sweeps: "a minute",
+    BenchName.precision: "a quarter of a minute",
+    BenchName.engines: "some minutes",
+    BenchName.sweeps: "some minutes",
     BenchName.stability: "long",
     BenchName.soak: "two to five minutes",
     BenchName.peers: "five minutes",
