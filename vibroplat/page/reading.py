@@ -69,8 +69,7 @@ def find_results(directories: Sequence[Path]) -> list[Found]:
 def _in(directory: Path) -> Iterator[Found]:
     commands = [command for command, name in TABLES.items() if any(directory.glob(f"{name}.*"))]
     if not commands:
-        read_result(directory, "run")  # says what is wrong, if anything is
-        raise TableError(f"{directory} holds no run, sweep or orbits; allowed: a result directory of one of them")
+        raise TableError(f"{directory} holds no finished run, sweep or orbits; allowed: a directory with one of them")
     for command in commands:
         result = read_result(directory, command)
         configuration = result.provenance.get("configuration")

@@ -44,13 +44,13 @@ function valueAt(run, name, t, turn = 0) {
 }
 
 // The points of a curve in an interval: all of them, or the extremes of many small pieces.
-function points(run, {column, factor}, [from, to]) {
+function points(run, {column, factor}, [from, to], buckets = BUCKETS) {
   const isFine = run.isWhole || (from >= run.origin && to <= run.end);
   const source = isFine ? {t: run.t, values: run.columns[column]} : run.coarse[column];
   const found = {x: [], y: []};
   if (!source || !source.values) return found;
   const first = Math.max(place(source.t, from) - 1, 0), after = Math.min(place(source.t, to) + 1, source.t.length);
-  const step = isFine ? Math.max(1, Math.floor((after - first) / BUCKETS)) : 1;
+  const step = Math.max(1, Math.floor((after - first) / buckets));
   let before = null;
   for (let start = first; start < after; start += step) {
     for (const row of step < 3 ? range(start, Math.min(start + step, after)) :
@@ -82,7 +82,7 @@ class Curves {
     this.data = data;
     this.runs = runs;
     this.box = byId("curves");
-    this.between = runs.length > 1 && window.innerWidth < 480 ? 62 : 26; // headings take several lines there
+    this.between = runs.length > 1 && window.innerWidth < 480 ? 44 : 26; // headings take several lines there
     this.top = this.between - 4;
     this.whole = [Math.min(...runs.map(run => run.first)), Math.max(...runs.map(run => run.last))];
     this.view = this.lastTurns();
@@ -124,7 +124,7 @@ class Curves {
     });
     this.readouts = this.data.panels.map((panel, number) => this.heading(panel, number));
     await Plotly.newPlot(this.box, this.traces(), layout, CONFIG);
-    this.cursor = element("div", {class: "cursor", "aria-hidden": "true"});
+    this.cursor = element("div", {class: "cursor", "aria-hidden": "true", style: `top:${this.top}px`});
     this.box.append(...this.readouts.map(readout => readout.box), this.cursor);
     this.box.on("plotly_relayout", change => this.moved(change));
     this.box.on("plotly_click", ({points: [point]}) => this.onTime(point.x));
@@ -231,7 +231,7 @@ class Overview {
 
   async draw() {
     const curve = {column: "y_m", factor: 1e3};
-    const traces = this.curves.runs.map(run => ({...points(run, curve, this.curves.whole), type: "scatter",
+    const traces = this.curves.runs.map(run => ({...points(run, curve, this.curves.whole, 250), type: "scatter",
       mode: "lines", line: {width: 0.8, color: this.curves.runs.length > 1 ? run.colour : COLOURS[0]}, hoverinfo: "skip"}));
     this.layout = {height: 92, margin: {l: LEFT, r: RIGHT, t: 18, b: 22}, font: {...FONT, size: 11}, showlegend: false,
       dragmode: "select", selectdirection: "h", plot_bgcolor: "#fafafa",

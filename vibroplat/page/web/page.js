@@ -7,9 +7,11 @@ const nameOf = number => data.results[number].label;
 function header() {
   byId("title").textContent = data.title;
   const told = data.results.map(result => {
-    const made = `vibroplat ${result.vibroplat}${result.git_commit ? ` (${result.git_commit.slice(0, 10)})` : ""}`;
-    const how = `engine ${result.engine}, tolerance ${shown(result.tolerance)}, ${made}, ${result.created}`;
-    return element("span", {}, `${several ? `${result.label}: ` : ""}${result.command}, ${how}`);
+    const commit = result.git_commit ? ` (${String(result.git_commit).slice(0, 10)})` : "";
+    const how = [["engine", result.engine], ["tolerance", result.tolerance], ["vibroplat", result.vibroplat, commit],
+      ["made", result.created]].filter(([, value]) => value !== null)
+      .map(([name, value, more = ""]) => `${name} ${shown(value)}${more}`);
+    return element("span", {}, `${several ? `${result.label}: ` : ""}${[result.command, ...how].join(", ")}`);
   });
   byId("origin").append(...told);
   const list = byId("remarks");

@@ -93,7 +93,8 @@ class Points {
     const traces = this.data.measures.flatMap((measure, panel) => {
       const place = {xaxis: "x", yaxis: panel ? `y${panel + 1}` : "y", type: "scatter"};
       return [
-        ...this.data.series.map(series => this.series(series, measure, over, place, panel === 0)),
+        ...this.data.series.map((series, number) =>
+          this.series(series, measure, over, place, panel === 0 && this.isFirst(series, number))),
         ...this.data.marks.map((mark, number) => this.mark(mark, measure, over, place, panel === 0, number)),
         this.ring(measure, over, place),
       ];
@@ -112,6 +113,11 @@ class Points {
       marker: {color: colour, size: isOrbit ? 4 : 7, symbol: wrapped.map(row => row === null ? "circle" : symbol(row)),
         line: {width: 1, color: colour}},
       hovertemplate: `${plain(series.label)}<br>%{x:.5g}, %{y:.5g}<extra></extra>`};
+  }
+
+  // A branch may have several stretches of one kind; the legend names each once.
+  isFirst(series, number) {
+    return this.data.series.findIndex(other => other.label === series.label) === number;
   }
 
   // Phases that jump by most of a turn are not joined.
