@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pandas as pd
-from common.places import QUICKSTART
 
+from common.places import QUICKSTART
 from vibroplat import load_config
 from vibroplat.results import SCHEMA, write_result
 from vibroplat.tables import read_json, write_json, write_table

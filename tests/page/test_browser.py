@@ -67,8 +67,8 @@ def click_at(driver, x, y):
         mouse(driver, kind, x, y)
 
 
-def mouse(driver, kind, x, y):
-    button = {"button": "left", "buttons": 1, "clickCount": 1} if kind != "mouseMoved" else {"buttons": 0}
+def mouse(driver, kind, x, y, *, held=False):
+    button = {"button": "left", "buttons": 1, "clickCount": 1} if held or kind != "mouseMoved" else {"buttons": 0}
     driver.execute_cdp_cmd("Input.dispatchMouseEvent", {"type": kind, "x": x, "y": y, **button})
     time.sleep(0.08)
 
@@ -78,8 +78,7 @@ def drag(driver, start, end):
     mouse(driver, "mousePressed", *start)
     for share in (0.3, 0.6, 1.0):
         x, y = (a + share * (b - a) for a, b in zip(start, end, strict=True))
-        driver.execute_cdp_cmd("Input.dispatchMouseEvent", {"type": "mouseMoved", "x": x, "y": y, "button": "left", "buttons": 1})
-        time.sleep(0.08)
+        mouse(driver, "mouseMoved", x, y, held=True)
     mouse(driver, "mouseReleased", *end)
 
 
@@ -110,12 +109,25 @@ def test_all_panels_are_drawn(visit):
     assert js(page, "[...document.querySelectorAll('#curves .readout b')].map(b => b.textContent).length") == PANELS
     drawn = js(
         page,
-        """[...document.querySelectorAll('#curves .plot')].map(panel =>
-        [...panel.querySelectorAll('path.js-line')].some(line => line.getBBox().width > 0))""",
+        """[...document.querySelectorAll('#curves .subplot')].map(panel => [...panel.querySelectorAll('path.js-line')]
+        .map(line => line.getBBox()).some(({width, height}) => width + height > 0))""",
     )
     assert drawn == [True] * PANELS
     assert js(page, "document.querySelectorAll('#overview path.js-line').length") == 1
     assert js(page, "document.querySelectorAll('#machines svg').length") == 1
+
+
+def test_figures_keep_their_place_when_the_window_changes(visit):
+    page = visit("all")
+    boxes = "[...document.querySelectorAll('.figure')].map(box => box.getBoundingClientRect().height)"
+    before = js(page, boxes)
+    assert min(before) > 80
+    resize(page, 700, 900)
+    time.sleep(0.6)
+    assert js(page, boxes) == before
+    assert js(page, "document.querySelector('.cursor').getBoundingClientRect().height") > 1000
+    axis = js(page, "document.getElementById('curves')._fullLayout.xaxis._length")
+    assert 500 < axis < 700
 
 
 def drawing(driver):
@@ -188,8 +200,9 @@ def test_an_interval_is_chosen_in_the_overview_and_by_buttons(visit):
 def test_a_table_is_sorted_and_saved(visit, tmp_path):
     page = visit("one")
     heading = page.find_element("css selector", ".events th:nth-child(5) button")  # impulse
-    page.execute_script("arguments[0].scrollIntoView({block: 'center'}); arguments[0].click(); arguments[0].click()", heading)
-    shown = js(page, "[...document.querySelectorAll('.events tbody td:nth-child(5)')].map(cell => Number(cell.textContent))")
+    page.execute_script("arguments[0].click(); arguments[0].click()", heading)
+    cells = page.find_elements("css selector", ".events tbody td:nth-child(5)")
+    shown = [float(cell.get_attribute("textContent")) for cell in cells]
     assert shown == sorted(shown, reverse=True)
     assert shown[0] > 0.0
     page.execute_cdp_cmd("Browser.setDownloadBehavior", {"behavior": "allow", "downloadPath": str(tmp_path)})
@@ -218,25 +231,24 @@ def test_a_click_on_a_point_shows_its_row(visit):
         return [left + xaxis._offset + xaxis.l2p(line.x[1]), top + yaxis._offset + yaxis.l2p(line.y[1])]; })()""",
     )
     click_at(page, *place)
-    told = js(page, "document.querySelector('.points .row').textContent")
+    told = js(page, "document.querySelector('.study .row').textContent")
     assert "43 Hz" in told
     assert "antiphase" in told
-    assert js(page, "document.querySelectorAll('.points tr.picked').length") == 1
-    page.execute_script("document.querySelector('.points tbody tr:nth-child(5)').click()")
-    assert "46 Hz" in js(page, "document.querySelector('.points .row').textContent")
+    assert js(page, "document.querySelectorAll('.study tr.picked').length") == 1
+    page.execute_script("document.querySelector('.study .picked + tr').click()")
+    assert "44 Hz" in js(page, "document.querySelector('.study .row').textContent")
 
 
 def test_orbits_show_stability_multipliers_and_special_points(visit):
     page = visit("points")
     lines = js(page, "document.getElementById('points-1').data.map(line => line.line && line.line.dash)")
     assert {"solid", "dash"} <= {*lines}
-    page.execute_script("document.querySelectorAll('.points')[1].querySelector('tbody tr:nth-child(3)').click()")
+    page.execute_script("document.querySelectorAll('.study')[1].querySelector('tbody tr:nth-child(3)').click()")
     assert js(page, "document.querySelectorAll('.circle circle').length") == 3  # the unit circle and two multipliers
-    page.execute_script("document.getElementById('points-1').emit('plotly_click', {points: [{customdata: {special: 1}}]})")
-    assert "grazing" in js(page, "document.querySelectorAll('.points .row')[1].textContent")
-    assert js(page, "document.getElementById('boundaries-0').data.length") == 2 or js(
-        page, "document.querySelectorAll('[id^=boundaries]').length"
-    )
+    grazing = "{points: [{customdata: {special: 1}}]}"
+    page.execute_script(f"document.getElementById('points-1').emit('plotly_click', {grazing})")
+    assert "grazing" in js(page, "document.querySelectorAll('.study .row')[1].textContent")
+    assert js(page, "document.getElementById('boundaries-0').data.length") == 2
 
 
 def test_several_machines_move_side_by_side(visit):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -52,7 +53,7 @@ def table_data(title: str, result: int, table: pd.DataFrame, rows: int) -> dict[
 def sweep_series(table: pd.DataFrame) -> list[dict[str, Any]]:
     """Return a series of row numbers for each branch of a sweep; None stands where a curve is broken."""
     keys = [str(name) for name in table.columns[: list(table.columns).index("direction")] if name != SUPPLY]
-    several = [key for key in keys if table[key].nunique(dropna=False) > 1]
+    several = [key for key in keys if len(table[key].unique()) > 1]
     numbers: dict[str, int] = {}
     series = []
     spread = table[_SIZES].max() - table[_SIZES].min()
@@ -92,7 +93,7 @@ def orbit_series(table: pd.DataFrame) -> list[dict[str, Any]]:
         stable = rows["stable"].astype(bool).to_numpy()
         places = [int(place) for place in rows.index]
         edges = [0, *(np.flatnonzero(np.diff(stable)) + 1).tolist(), len(places)]
-        for first, after in zip(edges[:-1], edges[1:], strict=True):
+        for first, after in pairwise(edges):
             series.append(
                 {
                     "label": f"branch {branch}, {'stable' if stable[first] else 'unstable'}",
@@ -122,7 +123,7 @@ def special_marks(special: pd.DataFrame, table: pd.DataFrame) -> list[dict[str, 
         if len(rows) and isinstance(distance, pd.Series):
             mark = marks.setdefault(str(point["kind"]), {"kind": str(point["kind"]), "rows": [], "nearest": []})
             mark["rows"].append(place)
-            mark["nearest"].append(int(distance.idxmin()))
+            mark["nearest"].append(int(rows.index[int(distance.argmin())]))
     return list(marks.values())
 
 
@@ -131,7 +132,7 @@ def axes(table: pd.DataFrame, preferred: str) -> list[dict[str, Any]]:
     names = [str(name) for name in table.columns]
     stop = names.index(preferred) if preferred in names else len(names)
     keys = [name for name in names[:stop] if is_numeric(table[name]) and name not in ("branch", "parent", "point")]
-    varying = [name for name in keys if table[name].nunique() > 1]
+    varying = [name for name in keys if len(table[name].dropna().unique()) > 1]
     found = [name for name in (preferred, *varying) if name in names]
     return [{"column": name, "words": words(name), "unit": unit(name)} for name in dict.fromkeys(found)]
 

@@ -61,9 +61,7 @@ def find_results(directories: Sequence[Path]) -> list[Found]:
     """
     found = [result for directory in dict.fromkeys(directories) for result in _in(directory)]
     labels = [(one.label, one.command) for one in found]
-    return [
-        one if labels.count((one.label, one.command)) == 1 else _with_directory(one) for one in found
-    ]
+    return [one if labels.count((one.label, one.command)) == 1 else _with_directory(one) for one in found]
 
 
 def _in(directory: Path) -> Iterator[Found]:

@@ -24,6 +24,13 @@ from vibroplat.tables import replace_files
 
 #: The parts of the script, in the order in which they use each other.
 SCRIPTS = ("text", "tables", "curves", "machine", "player", "points", "page")
+#: Tables of results with points, and the columns that they need.
+POINTS: dict[str, tuple[str, tuple[str, ...]]] = {
+    "sweep": ("sweep", ("branch", "direction", "sync", "motion", "outcome", "rms_x_m", "rms_y_m")),
+    "orbits": ("branches", ("branch", "stable")),
+}
+#: What is told of how a result was made.
+_MADE = ("vibroplat", "git_commit", "created", "engine", "tolerance")
 #: Name of the page where none is given.
 NAME = "report.html"
 
@@ -129,7 +136,7 @@ def _inside_script(text: str) -> str:
 
 def _origin(one: Found) -> dict[str, Any]:
     """Return how a result was made."""
-    told = {key: one.result.provenance.get(key) for key in ("vibroplat", "git_commit", "created", "engine", "tolerance")}
+    told = {key: one.result.provenance.get(key) for key in _MADE}
     return {"label": one.label, "command": one.command, "directory": str(one.result.directory), **told}
 
 
@@ -160,31 +167,24 @@ def _points(number: int, one: Found) -> list[dict[str, Any]]:
     """Return the figure of a sweep or of orbits, with its table."""
     if one.command == "run":
         return []
-    if one.command == "sweep":
-        whole = _table(one.result, "sweep", ("branch", "direction", "sync", "motion", "outcome", "rms_x_m", "rms_y_m"))
-        table = points.thinned(whole)
-        series, marks, special = points.sweep_series(table), [], None
-    else:
-        whole = _table(one.result, "branches", ("branch", "stable"))
-        table = points.thinned(whole)
-        series, marks, special = points.orbit_series(table), [], None
-        if one.has("special"):
-            found = points.thinned(_table(one.result, "special", ("branch", "kind")))
-            marks = points.special_marks(found, table)
-            special = points.table_data("special points", number, found, len(found))
-    preferred = points.EXCITATION
-    return [
-        {
-            "command": one.command,
-            "result": number,
-            "table": points.table_data(one.command, number, table, len(whole)),
-            "axes": points.axes(table, preferred),
-            "measures": points.measures(table),
-            "series": series,
-            "marks": marks,
-            "special": special,
-        }
-    ]
+    name, needed = POINTS[one.command]
+    whole = _table(one.result, name, needed)
+    table = points.thinned(whole)
+    figure = {
+        "command": one.command,
+        "result": number,
+        "table": points.table_data(one.command, number, table, len(whole)),
+        "axes": points.axes(table, points.EXCITATION),
+        "measures": points.measures(table),
+        "series": points.sweep_series(table) if one.command == "sweep" else points.orbit_series(table),
+        "marks": [],
+        "special": None,
+    }
+    if one.command == "orbits" and one.has("special"):
+        special = points.thinned(_table(one.result, "special", ("branch", "kind")))
+        figure["marks"] = points.special_marks(special, table)
+        figure["special"] = points.table_data("special points", number, special, len(special))
+    return [figure]
 
 
 def _boundaries(number: int, one: Found) -> list[dict[str, Any]]:

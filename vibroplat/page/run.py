@@ -123,8 +123,8 @@ def panels(runs: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
             size, of = 1.0, unit
             if title != "phase difference" and unit in _SCALED:
                 size, of = _scaled(unit, max(largest[name] for name in curves))
-            shown = [{"column": name, "factor": 1.0 / size, "label": label} for name, label in curves.items()]
-            found.append({"title": title, "unit": of, "curves": shown})
+            drawn = [{"column": name, "factor": 1.0 / size, "label": label} for name, label in curves.items()]
+            found.append({"title": title, "unit": of, "curves": drawn})
     return found
 
 

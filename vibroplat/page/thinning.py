@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import math
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -25,7 +26,7 @@ def extremes(t: FloatArray, values: FloatArray, edges: FloatArray) -> tuple[Floa
     """Return the samples with the smallest and the largest value of each interval between edges, in order of time."""
     kept: list[int] = []
     places = np.unique(np.concatenate(([0], np.searchsorted(t, edges), [t.size])))
-    for first, after in zip(places[:-1], places[1:], strict=True):
+    for first, after in pairwise(places.tolist()):
         inside = values[first:after]
         if not np.isnan(inside).all():
             kept += sorted({first + int(np.nanargmin(inside)), first + int(np.nanargmax(inside))})

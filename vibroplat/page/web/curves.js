@@ -123,8 +123,8 @@ class Curves {
         nticks: 5, fixedrange: false, ...(panel.title === "phase difference" ? PHASE_TICKS : {})};
     });
     this.readouts = this.data.panels.map((panel, number) => this.heading(panel, number));
-    await Plotly.newPlot(this.box, this.traces(), layout, CONFIG);
-    this.cursor = element("div", {class: "cursor", "aria-hidden": "true", style: `top:${this.top}px`});
+    await figure(this.box, this.traces(), layout);
+    this.cursor = element("div", {class: "cursor", "aria-hidden": "true", style: `top:${this.top}px;height:${inner}px`});
     this.box.append(...this.readouts.map(readout => readout.box), this.cursor);
     this.box.on("plotly_relayout", change => this.moved(change));
     this.box.on("plotly_click", ({points: [point]}) => this.onTime(point.x));
@@ -184,7 +184,7 @@ class Curves {
     this.view = [Math.max(from, this.whole[0]), Math.min(to, this.whole[1])];
     const traces = this.traces(), layout = {...this.box.layout};
     layout.xaxis = {...layout.xaxis, range: [...this.view], autorange: false};
-    await Plotly.react(this.box, traces, layout, CONFIG);
+    await figure(this.box, traces, layout);
     for (const told of this.onView) told(this.view);
     this.point(this.time);
   }
@@ -233,13 +233,13 @@ class Overview {
     const curve = {column: "y_m", factor: 1e3};
     const traces = this.curves.runs.map(run => ({...points(run, curve, this.curves.whole, 250), type: "scatter",
       mode: "lines", line: {width: 0.8, color: this.curves.runs.length > 1 ? run.colour : COLOURS[0]}, hoverinfo: "skip"}));
-    this.layout = {height: 92, margin: {l: LEFT, r: RIGHT, t: 18, b: 22}, font: {...FONT, size: 11}, showlegend: false,
+    const layout = {height: 92, margin: {l: LEFT, r: RIGHT, t: 18, b: 22}, font: {...FONT, size: 11}, showlegend: false,
       dragmode: "select", selectdirection: "h", plot_bgcolor: "#fafafa",
       title: {text: "whole run: platform y (mm); drag to choose an interval", x: 0, xref: "container", y: 0.97,
         font: {size: 11.5}, pad: {l: 4}},
       xaxis: {range: this.curves.whole, fixedrange: true, zeroline: false, showgrid: false},
       yaxis: {fixedrange: true, nticks: 3, zeroline: false, gridcolor: "#eee"}};
-    await Plotly.newPlot(this.box, traces, this.layout, {...CONFIG, displayModeBar: false});
+    await figure(this.box, traces, layout, {...CONFIG, displayModeBar: false});
     this.box.on("plotly_selected", found => {
       if (found?.range?.x) this.curves.show([Math.min(...found.range.x), Math.max(...found.range.x)]);
     });

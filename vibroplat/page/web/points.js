@@ -18,7 +18,7 @@ class Points {
       element("p", {class: "hint"}, "Click a point, or pick a row of the table, to see all its numbers."));
     this.table = new Table(data.table, `Table ${data.command === "orbits" ? "branches" : "sweep"}`,
       `${label}-${data.command === "orbits" ? "branches" : "sweep"}.csv`, row => this.pick(row));
-    this.section = element("section", {class: "points"}, element("h2", {}, several ? `${title}: ${label}` : title),
+    this.section = element("section", {class: "study"}, element("h2", {}, several ? `${title}: ${label}` : title),
       this.choice(), element("div", {class: "beside"}, this.figure, this.row),
       element("p", {class: "hint"}, MEANINGS[data.command]), this.table.box);
     if (data.special) {
@@ -65,7 +65,7 @@ class Points {
         x: 0, y: domain[1], xanchor: "left", yanchor: "bottom", showarrow: false, font: {size: 12}});
     });
     const isFirst = !this.figure.data;
-    const done = Plotly.react(this.figure, this.traces(), layout, CONFIG);
+    const done = figure(this.figure, this.traces(), layout);
     if (isFirst) this.figure.on("plotly_click", ({points: [point]}) => this.clicked(point.customdata));
     return done;
   }
@@ -204,7 +204,7 @@ class Boundaries {
           dash: DASHES[number % DASHES.length]}};
     });
     const title = column => ({text: plain(withUnit(column.words, column.unit))});
-    return Plotly.newPlot(this.figure, traces, {height: 420, margin: {l: LEFT, r: RIGHT, t: 20, b: 44}, font: FONT,
-      xaxis: {title: title(first)}, yaxis: {title: title(second)}, legend: {orientation: "h"}}, CONFIG);
+    return figure(this.figure, traces, {height: 420, margin: {l: LEFT, r: RIGHT, t: 20, b: 44}, font: FONT,
+      xaxis: {title: title(first)}, yaxis: {title: title(second)}, legend: {orientation: "h"}});
   }
 }

@@ -58,6 +58,12 @@ function typeset(text) {
   return box;
 }
 
+// Draw a figure. Its box gets the height of the figure, which Plotly takes from it when the window changes.
+function figure(box, traces, layout, config = CONFIG) {
+  box.style.height = `${layout.height}px`;
+  return Plotly.react(box, traces, layout, config);
+}
+
 // A piece of line as in the figures.
 function sample(colour, dash) {
   const patterns = {solid: "", dash: "5 3", dot: "1.5 2.5", dashdot: "5 2 1.5 2", longdash: "8 3"};
