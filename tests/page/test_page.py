@@ -185,6 +185,16 @@ def test_several_runs_share_the_room(moved, monkeypatch):
     assert str(moved["bare"]) in labels[1]
 
 
+def test_machines_move_side_by_side_until_the_first_run_ends(moved, tmp_path):
+    copy = unproven(shutil.copytree(moved["bare"], tmp_path / "copy"))
+    table = read_table(copy, "trajectory")
+    write_table(table[table["t_s"] <= 0.1], copy, "trajectory", "parquet")
+    short, long = shown(copy, moved["two layers"])["runs"]
+    assert short["end"] == long["end"] == 0.1
+    assert (short["coarse"], long["last"]) == (None, 0.25)
+    assert long["coarse"] is not None
+
+
 def test_a_failed_run_and_its_notes_are_told(moved, tmp_path):
     copy = unproven(shutil.copytree(moved["bare"], tmp_path / "copy"))
     summary = json.loads((copy / "summary.json").read_text())

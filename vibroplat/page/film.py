@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
 #: Duration of a frame (ms), which browsers keep from 20 ms on.
 FRAME = 50
+#: Pictures from which the colours are chosen; a flash is in few of them.
+SAMPLES = 20
 #: Height of a picture (pixels): that of the first three panels.
 HEIGHT = 364
 
@@ -89,9 +91,9 @@ def _reduced(pictures: list[Image], colours: int) -> list[Image]:
     """Give all pictures the same few colours, so that only what moves is stored anew."""
     from PIL import Image  # noqa: PLC0415
 
-    sample = Image.new("RGB", (pictures[0].width, 4 * pictures[0].height))
-    for number in range(4):
-        sample.paste(pictures[number * len(pictures) // 4], (0, number * pictures[0].height))
+    sample = Image.new("RGB", (pictures[0].width, SAMPLES * pictures[0].height))
+    for number in range(SAMPLES):
+        sample.paste(pictures[number * len(pictures) // SAMPLES], (0, number * pictures[0].height))
     palette = sample.quantize(colours)
     return [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures]
 

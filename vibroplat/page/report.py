@@ -141,14 +141,17 @@ def _origin(one: Found) -> dict[str, Any]:
 
 
 def _runs(found: Sequence[Found], start: float | None, stop: float | None) -> list[dict[str, Any]]:
-    ours = [(number, one) for number, one in enumerate(found) if one.command == "run"]
+    """Return all runs. The machines move side by side until the first one ends, if all have begun by then."""
+    ours = [(number, one, run.run_times(one.result)) for number, one in enumerate(found) if one.command == "run"]
+    ours = [(number, one, times) for number, one, times in ours if times.rows > 1]
+    common = min((times.last for _, _, times in ours), default=0.0)
+    if stop is None and all(times.first < common for _, _, times in ours):
+        stop = common
     most = max(run.ROWS // max(len(ours), 1), 2)
-    shown = []
-    for number, one in ours:
-        data = run.run_data(one.result, one.scene, one.summary, _events(one), most, start, stop)
-        if data is not None:
-            shown.append({"result": number, **data})
-    return shown
+    return [
+        {"result": number, **run.run_data(one.result, one.scene, one.summary, _events(one), times, most, start, stop)}
+        for number, one, times in ours
+    ]
 
 
 def _events(one: Found) -> pd.DataFrame:

@@ -60,16 +60,19 @@ def run_data(
     scene: Scene,
     summary: Mapping[str, Any],
     events: pd.DataFrame,
+    times: Times,
     most: int,
     start: float | None,
     stop: float | None,
-) -> dict[str, Any] | None:
-    """Return what the page shows of a run; None if its trajectory has no rows.
+) -> dict[str, Any]:
+    """Return what the page shows of a run with two rows or more.
 
     Parameters
     ----------
     result, scene, summary, events
         The result of the run, what was simulated, its summary and its events.
+    times
+        The rows of its trajectory.
     most
         Most rows that are kept as they are: the last ones of the interval.
     start, stop
@@ -80,9 +83,6 @@ def run_data(
     TableError
         A table is missing or of another run, or the interval is empty.
     """
-    times = _times(result)
-    if times.rows < 2:
-        return None
     kept = _kept(result, scene, most, times, start, stop)
     t = kept["t_s"].to_numpy()
     whole = len(kept) == times.rows
@@ -138,7 +138,8 @@ def _initials(mode: object) -> str:
     return str(mode)[:1]
 
 
-def _times(result: Result) -> Times:
+def run_times(result: Result) -> Times:
+    """Count the rows of a trajectory."""
     parts = [part["t_s"] for part in read_parts(result, "trajectory", (), ("t_s",)) if len(part)]
     if not parts:
         return Times(0, math.nan, math.nan)

@@ -94,7 +94,8 @@ class Curves {
 
   lastTurns() {
     const last = this.runs.map(run => run.turns ? this.data.turns / run.turns : run.end - run.origin);
-    const end = Math.max(...this.runs.map(run => run.end));
+    const ends = this.runs.map(run => run.end), starts = this.runs.map(run => run.origin);
+    const end = Math.min(...ends) > Math.max(...starts) ? Math.min(...ends) : Math.max(...ends);
     return [Math.max(this.whole[0], end - Math.max(...last)), end];
   }
 
@@ -235,7 +236,7 @@ class Overview {
       mode: "lines", line: {width: 0.8, color: this.curves.runs.length > 1 ? run.colour : COLOURS[0]}, hoverinfo: "skip"}));
     const layout = {height: 92, margin: {l: LEFT, r: RIGHT, t: 18, b: 22}, font: {...FONT, size: 11}, showlegend: false,
       dragmode: "select", selectdirection: "h", plot_bgcolor: "#fafafa",
-      title: {text: "whole run: platform y (mm); drag to choose an interval", x: 0, xref: "container", y: 0.97,
+      title: {text: "whole run: platform y (mm)", x: 0, xref: "container", y: 0.97,
         font: {size: 11.5}, pad: {l: 4}},
       xaxis: {range: this.curves.whole, fixedrange: true, zeroline: false, showgrid: false},
       yaxis: {fixedrange: true, nticks: 3, zeroline: false, gridcolor: "#eee"}};

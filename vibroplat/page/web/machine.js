@@ -190,6 +190,7 @@ class Machine {
     const initial = this.run.modes[Math.max(place(this.run.t, inside) - (inside > this.run.origin ? 1 : 0), 0)];
     const mode = {a: "attached", f: "flight", b: ""}[initial] ?? "";
     this.label.textContent = t === inside ? mode : "outside its interval";
+    set(this.svg, {opacity: t === inside ? 1 : 0.35});
   }
 }
 

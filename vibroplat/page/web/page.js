@@ -69,8 +69,8 @@ function notes(runs) {
   const told = runs.filter(run => !run.isWhole).map(run => `${several ? `${run.label}: ` : ""}the machine moves, and curves ` +
     `have all samples, from ${shown(run.origin)} to ${shown(run.end)} s; elsewhere the curves keep the smallest and the ` +
     "largest value of each thousandth of the run.");
-  byId("curves-note").textContent = ["Drag over a panel to zoom, double-click for the whole run, click to move the cursor " +
-    "there.", ...told].join(" ") + (told.length ? "" : " All samples of the run are on this page.");
+  byId("curves-note").textContent = ["Drag over the strip to choose an interval, over a panel to zoom; double-click for the whole run; " +
+    "click a curve or drag the cursor to move through time.", ...told].join(" ") + (told.length ? "" : " All samples of the run are on this page.");
 }
 
 function summary() {
