@@ -7,11 +7,14 @@ import io
 import shutil
 import time
 
+import numpy as np
 import pytest
 from common import handmade
 from common.results import unproven
+from PIL import Image
 
 from vibroplat.page.browser import browser, missing, open_page, resize
+from vibroplat.page.film import HEIGHT, write_film
 from vibroplat.page.report import write_report
 
 pytestmark = [pytest.mark.long, pytest.mark.skipif(bool(missing()), reason=missing())]
@@ -216,10 +219,16 @@ def test_a_table_is_sorted_and_saved(visit, tmp_path):
     assert float(rows[0]["impulse_n_s"]) == pytest.approx(shown[0], rel=1e-5)
 
 
-def test_a_row_of_events_sets_the_time(visit):
+def test_a_row_of_events_sets_the_time_and_shows_the_curves_there(visit):
     page = visit("one")
+    page.execute_async_script("window.vibroplat.player.curves.show([0.2, 0.25]).then(arguments[0])")
     page.execute_script("document.querySelector('.events tbody tr:nth-child(2)').click()")
-    assert clock(page) == pytest.approx(js(page, "window.vibroplat.data.tables[0].columns[0].values[1]"))
+    wanted = js(page, "window.vibroplat.data.tables[0].columns[0].values[1]")
+    assert clock(page) == pytest.approx(wanted)
+    time.sleep(0.5)
+    first, last = js(page, "document.getElementById('curves')._fullLayout.xaxis.range")
+    assert first <= wanted <= last
+    assert clock(page) == pytest.approx(wanted)
 
 
 def test_a_click_on_a_point_shows_its_row(visit):
@@ -275,3 +284,14 @@ def test_the_page_can_be_printed(visit):
     page = visit("all")
     printed = page.execute_cdp_cmd("Page.printToPDF", {"printBackground": True})
     assert len(printed["data"]) > 50_000
+
+
+def test_a_film_shows_the_last_turns(moved, tmp_path):
+    with Image.open(write_film(moved["two layers"], tmp_path / "machine.gif", 1, 12, 900, 64)) as film:
+        assert (film.n_frames, film.size) == (12, (900, HEIGHT))
+        shots = []
+        for number in (0, 5):
+            film.seek(number)
+            shots.append(np.asarray(film.convert("RGB"), dtype=int))
+    assert (np.abs(shots[1] - shots[0]).max(axis=2) > 60).mean() > 0.005  # what moves is more than a cursor
+    assert (tmp_path / "machine.gif").stat().st_size < 2_000_000

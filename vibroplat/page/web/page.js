@@ -114,7 +114,7 @@ const listed = value => value !== null && typeof value === "object" ? JSON.strin
 function tables() {
   for (const table of data.tables) {
     const title = table.title[0].toUpperCase() + table.title.slice(1), label = nameOf(table.result);
-    const pick = number => player?.pauseAt(table.columns.find(column => column.name === "t_s").values[number]);
+    const pick = number => player?.visit(table.columns.find(column => column.name === "t_s").values[number]);
     const made = new Table(table, several ? `${title}: ${label}` : title, `${label}-${table.title}.csv`, pick);
     byId("tables").append(element("section", {class: "events"}, made.box));
   }

@@ -97,6 +97,13 @@ class Player {
     this.seek(t);
   }
 
+  // Go to a time, and show the curves around it.
+  visit(t) {
+    const [from, to] = this.curves.view, half = 0.5 * (to - from);
+    this.pauseAt(t);
+    if (t < from || t > to) this.curves.show([t - half, t + half]);
+  }
+
   faster(places) {
     const box = byId("rate");
     box.selectedIndex = Math.min(Math.max(box.selectedIndex + places, 0), box.options.length - 1);
