@@ -270,6 +270,17 @@ def test_several_machines_move_side_by_side(visit):
     assert js(page, "document.querySelectorAll('#legend li').length") == 3
 
 
+def test_curves_have_all_samples_where_these_are_shown(visit, moved, tmp_path):
+    page = visit(write_report([moved["two layers"]], tmp_path / "part.html", 0.1, 0.2))
+    count = "document.getElementById('curves').data[0].x.length"
+    assert js(page, "window.vibroplat.data.runs[0].coarse") is not None
+    rows = js(page, "window.vibroplat.data.runs[0].rows")
+    page.execute_async_script("window.vibroplat.player.curves.show([0.1, 0.2]).then(arguments[0])")
+    assert js(page, count) == pytest.approx(rows, abs=2)
+    page.execute_async_script("window.vibroplat.player.curves.show([0.0, 0.25]).then(arguments[0])")
+    assert js(page, "document.getElementById('curves').data[0].x[0]") == 0.0
+
+
 def test_text_from_files_is_not_run(visit, moved, tmp_path):
     copy = handmade.rename(unproven(shutil.copytree(moved["two layers"], tmp_path / "copy")), HOSTILE, HOSTILE)
     page = visit(write_report([copy, moved["bare"]], tmp_path / "hostile.html"))

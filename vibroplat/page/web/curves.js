@@ -134,7 +134,7 @@ class Curves {
 
   traces() {
     return this.curves.map(curve => ({
-      ...points(curve.run, curve, this.margins()), type: "scatter", mode: "lines", line: this.style(curve), xaxis: "x",
+      ...points(curve.run, curve, this.around(curve.run)), type: "scatter", mode: "lines", line: this.style(curve), xaxis: "x",
       yaxis: curve.panel ? `y${curve.panel + 1}` : "y", connectgaps: false,
       hovertemplate: `${plain([this.runs.length > 1 ? curve.run.label : "", curve.label].filter(Boolean).join(", "))} ` +
         "%{y:.4g}<extra></extra>",
@@ -154,10 +154,12 @@ class Curves {
     });
   }
 
-  // A bit more than is seen, so that a curve goes on while it is moved.
-  margins() {
-    const more = 0.2 * (this.view[1] - this.view[0]);
-    return [Math.max(this.view[0] - more, this.whole[0]), Math.min(this.view[1] + more, this.whole[1])];
+  // A bit more than is seen, so that a curve goes on while it is moved; no more than all samples if those are seen.
+  around(run) {
+    const [from, to] = this.view, more = 0.2 * (to - from), least = 1e-6 * (to - from);
+    const isInside = from >= run.origin - least && to <= run.end + least;
+    const [first, last] = isInside ? [run.origin, run.end] : this.whole;
+    return [Math.max(from - more, first), Math.min(to + more, last)];
   }
 
   heading(panel, number) {

@@ -89,7 +89,7 @@ class Machine {
     this.upper = upper ? slab(upper, UPPER) : null;
     this.gap = drawn("g", {}, this.svg);
     this.gapLine = drawn("path", {stroke: INK, "stroke-width": 1, fill: "none"}, this.gap);
-    this.gapText = drawn("text", {x: 98, class: "small"}, this.gap);
+    this.gapText = drawn("text", {x: 154, class: "small", "text-anchor": "end"}, this.gap);
   }
 
   burst() {
@@ -100,7 +100,7 @@ class Machine {
       path += `${ray ? "L" : "M"}${(102 * size * Math.cos(angle)).toFixed(1)} ${(13 * size * Math.sin(angle)).toFixed(1)}`;
     }
     drawn("path", {d: `${path}Z`, fill: "#FFD400", stroke: "#7a5b00", "stroke-width": 1}, group);
-    const text = drawn("text", {x: 98, y: -9, class: "small strong"}, group);
+    const text = drawn("text", {x: 154, y: -9, class: "small strong halo", "text-anchor": "end"}, group);
     return {group, text};
   }
 
@@ -119,10 +119,10 @@ class Machine {
     return [dx + x * Math.cos(turned) - y * Math.sin(turned), dy + x * Math.sin(turned) + y * Math.cos(turned)];
   }
 
-  // Letters have the same size on every screen.
+  // Letters have the same size on every screen, unless the drawing is very small.
   fitLetters() {
     const matrix = this.svg.getScreenCTM();
-    if (matrix?.a) this.svg.style.setProperty("--pixel", 1 / matrix.a);
+    if (matrix?.a) this.svg.style.setProperty("--pixel", Math.min(1 / matrix.a, 1.2));
   }
 
   draw(t, magnification) {
