@@ -36,7 +36,7 @@ from vibroplat.tables import (
     table_writer,
 )
 
-Command = Literal["run", "sweep", "paper"]
+Command = Literal["run", "sweep", "paper", "orbits"]
 #: Version of the contents of result directories; increased when an older reader would misread them.
 SCHEMA = 1
 

@@ -12,7 +12,7 @@ import typer
 from typer.core import TyperGroup
 
 from vibroplat import __version__
-from vibroplat.cli import bench, new, paper, plot, run, schema, sweep
+from vibroplat.cli import bench, new, paper, plot, report, run, schema, sweep
 from vibroplat.errors import VibroplatError
 from vibroplat.interrupts import kept, offer_resume
 from vibroplat.surroundings import is_short_of_memory, require_memory
@@ -101,6 +101,7 @@ COMMANDS = (
     run.run,
     sweep.sweep,
     plot.plot,
+    report.report,
     paper.paper,
     paper.calibrate,
     bench.bench,
