@@ -17,7 +17,7 @@ from common.results import unproven
 from vibroplat.errors import TableError
 from vibroplat.page import points, report, run
 from vibroplat.page.labels import field, flat, unit, words
-from vibroplat.page.parameters import parameters
+from vibroplat.page.parameters import meaning, parameters
 from vibroplat.page.reading import find_results
 from vibroplat.page.thinning import extremes, packed, plain_column
 from vibroplat.tables import read_table, write_table
@@ -61,9 +61,9 @@ def test_every_number_of_a_machine_has_its_unit(quickstart_scene):
 
 
 def test_symbols_come_from_the_configuration_model():
-    assert field("machine.platform_mass_kg").description == "m_0"
-    assert field("motors.1.critical_slip").description == "s_c"
-    assert field("exciters.0.unbalance_radius_m").description == "r"
+    for key, symbol in (("machine.platform_mass_kg", "m_0"), ("motors.1.critical_slip", "s_c")):
+        assert field(key).json_schema_extra == {"symbol": symbol}
+        assert meaning(field(key)).startswith(f"{symbol}: ")
     assert field("run.initial.from").default is None
     assert field("machine.weight_kg") is None
     assert field("name.of.nothing") is None
@@ -262,91 +262,6 @@ def test_a_long_table_loses_rows_evenly_and_says_so(swept, monkeypatch):
     table = shown(swept)["points"][0]["table"]
     assert (table["rows"], table["of"]) == (10, 32)
     assert {len(column["values"]) for column in table["columns"]} == {10}
-
-
-# -- the page -------------------------------------------------------------------------------------------
-
-
-@pytest.fixture(scope="session")
-def text(moved, swept):
-    """A page."""
-    return report.page(shown(moved["two layers"], swept))
-
-
-def test_report_writes_one_file_and_names_it(command, moved, tmp_path):
-    copy = shutil.copytree(moved["bare"], tmp_path / "bare")
-    done = command("report", copy)
-    assert (done.code, done.err, done.out.splitlines()) == (0, "", [str(copy / "report.html")])
-    done = command("report", copy, moved["two layers"], "--out", tmp_path / "both.html", "--stop", "0.1")
-    assert (done.code, done.out.strip()) == (0, str(tmp_path / "both.html"))
-    assert (tmp_path / "both.html").stat().st_size < 8_000_000
-
-
-def test_a_page_needs_nothing_else(text):
-    head = text[: text.index("<style>")] + text[text.index("</style>") : text.index('<script id="data"')]
-    assert not re.search(r"(src|href)=\"(?!data:)", head)
-    assert "{{" not in head
-
-
-def test_only_the_scripts_of_the_page_may_run(text):
-    policy = re.search(r"script-src ([^;]+);", text).group(1)
-    scripts = re.findall(r"<script>(.*?)</script>", text, re.DOTALL)
-    digests = [base64.b64encode(hashlib.sha256(script.encode()).digest()).decode() for script in scripts]
-    assert policy == " ".join(f"'sha256-{digest}'" for digest in digests)
-    assert len(scripts) == 2
-
-
-def test_text_from_files_stays_text(moved, tmp_path):
-    copy = handmade.rename(unproven(shutil.copytree(moved["two layers"], tmp_path / "copy")), HOSTILE, HOSTILE)
-    page = report.page(shown(copy))
-    assert HOSTILE not in page
-    assert page.count("</script>") == 3
-    held = json.loads(re.search(r'<script id="data"[^>]*>(.*?)</script>', page, re.DOTALL).group(1))
-    assert held["title"] == HOSTILE
-
-
-def test_no_more_than_8_mb_for_ten_seconds(moved):
-    """20 000 samples and 4 rows for each turn with an impact, in every column that a scene can have."""
-    data = shown(moved["two layers"])
-    (one,) = data["runs"]
-    one["columns"] |= {name: packed(np.zeros(run.ROWS)) for name in [*one["columns"], "synchronous"]}
-    one["modes"] = "a" * run.ROWS
-    one["impacts"] = [[1.2345678901234567, 0.12345678901234567]] * run.IMPACTS
-    row = {c["name"]: -0.00123456789 for c in data["tables"][0]["columns"]}
-    data["tables"] = [points.table_data("events", 0, pd.DataFrame([row] * points.MOST_ROWS), points.MOST_ROWS)]
-    assert len(report.page(data).encode()) < 8_000_000
-
-
-# -- what is refused ------------------------------------------------------------------------------------
-
-
-def test_a_directory_without_results_is_refused(tmp_path, command):
-    for directory in (tmp_path, tmp_path / "nowhere"):
-        done = command("report", directory)
-        assert (done.code, done.out) == (2, "")
-        told = f"{directory} holds no finished run, sweep or orbits; allowed: a directory with one of them"
-        assert done.err == f"vibroplat: {told}\n"
-
-
-def test_an_empty_interval_is_refused(moved):
-    with pytest.raises(TableError, match=r"no data between 3 and 4 s in .*; allowed: an interval within 0 … 0\.25 s"):
-        shown(moved["bare"], start=3.0, stop=4.0)
-
-
-def test_a_changed_table_is_refused(moved, tmp_path):
-    copy = shutil.copytree(moved["bare"], tmp_path / "copy")
-    write_table(read_table(copy, "trajectory").iloc[:9], copy, "trajectory", "parquet")
-    with pytest.raises(TableError, match="does not belong to this result"):
-        shown(copy)
-
-
-@pytest.mark.parametrize(("name", "column"), [("sweep", "sync"), ("branches", "stable")])
-def test_a_table_without_a_column_is_refused(swept, followed, tmp_path, name, column):
-    source = {"sweep": swept, "branches": followed}[name]
-    copy = unproven(shutil.copytree(source, tmp_path / "copy"))
-    write_table(read_table(copy, name).drop(columns=column), copy, name, "parquet")
-    with pytest.raises(TableError, match=f"the {name} table in .* has no column {column}"):
-        shown(copy)
 
 
 # -- the page -------------------------------------------------------------------------------------------

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
 from vibroplat.page.labels import field, flat, unit, words
@@ -33,12 +34,21 @@ def _row(key: str, values: Sequence[Any]) -> dict[str, Any]:
         "section": " ".join(_count(part) for part in key.split(".")[:-1]),
         "words": words(key) or key,
         "unit": unit(key),
-        "meaning": (info.description if info else None) or "",
+        "meaning": meaning(info),
         "default": default,
         "values": list(values),
         "changed": [value is not None and value != default for value in values],
         "differs": any(value != values[0] for value in values),
     }
+
+
+def meaning(info: FieldInfo | None) -> str:
+    """Symbol of a key in the equations, and what it means."""
+    if info is None:
+        return ""
+    extra = info.json_schema_extra
+    symbol = str(extra.get("symbol", "")) if isinstance(extra, dict) else ""
+    return ": ".join(text for text in (symbol, info.description or "") if text)
 
 
 def _count(part: str) -> str:
