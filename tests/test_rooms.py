@@ -23,7 +23,13 @@ def imported(source):
 
 @pytest.mark.parametrize("room", ROOMS)
 def test_a_room_imports_only_from_those_below(room):
-    above = {*ROOMS[ROOMS.index(room) + 1 :], "bench", "plots", "cli"}
+    above = {*ROOMS[ROOMS.index(room) + 1 :], "bench", "plots", "page", "cli", "display"}
     files = sorted((PACKAGE / room).rglob("*.py"))
     assert files
     assert {(f.name, name) for f in files for name in imported(f) if name in above} == set()
+
+
+def test_the_page_is_drawn_from_result_tables_alone():
+    files = sorted((PACKAGE / "page").rglob("*.py"))
+    assert files
+    assert {(f.name, name) for f in files for name in imported(f) if name in {*ROOMS, "bench", "cli"}} == set()

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from vibroplat.exciters import Exciter, Motor
     from vibroplat.flow.run import simulate
     from vibroplat.flow.variation import variation
+    from vibroplat.loading import load
     from vibroplat.observe.trajectory import Trajectory
     from vibroplat.scene import (
         Contact,
@@ -42,6 +43,7 @@ _HOMES = {
     "Motor": "vibroplat.exciters",
     "simulate": "vibroplat.flow.run",
     "variation": "vibroplat.flow.variation",
+    "load": "vibroplat.loading",
     "Trajectory": "vibroplat.observe.trajectory",
     "check_run": "vibroplat.study.checking.runs",
     "check_sweep": "vibroplat.study.checking.sweeps",
@@ -84,6 +86,7 @@ __all__ = [
     "__version__",
     "check_run",
     "check_sweep",
+    "load",
     "load_config",
     "lyapunov",
     "orbit",

@@ -17,6 +17,7 @@ from ruamel.yaml.error import MarkedYAMLError, ReusedAnchorWarning
 from ruamel.yaml.nodes import MappingNode, ScalarNode
 
 from vibroplat.errors import ConfigError
+from vibroplat.messages import short
 from vibroplat.overrides import flat, merge, nest
 from vibroplat.scene import Scene
 
@@ -77,7 +78,7 @@ def load_list(path: str | os.PathLike[str]) -> list[Any]:
     vibroplat.errors.ConfigError
         It cannot be read or holds something else.
     """
-    found = _parse(_text(Path(path)), str(path))
+    found = _parse(_text(Path(path), str(path)), str(path))
     if not isinstance(found, list):
         raise ConfigError(f"{path}: holds a {type(found).__name__}; allowed: a list")
     return found
@@ -121,9 +122,9 @@ def configuration_schema() -> dict[str, Any]:
     return schema
 
 
-def _read_chain(file: Path, above: tuple[Path, ...]) -> dict[str, Any]:
-    """Read a file and those it extends."""
-    text = _text(file)
+def _read_chain(file: Path, above: tuple[Path, ...], told: str = "") -> dict[str, Any]:
+    """Read a file and those it extends; ``told`` is what to call it if it cannot be read."""
+    text = _text(file, told or str(file))
     place = file.resolve()
     if place in above:
         raise ConfigError(f"{file}: extends itself through {above[-1].name}")
@@ -137,26 +138,26 @@ def _read_chain(file: Path, above: tuple[Path, ...]) -> dict[str, Any]:
         return tree
     if not isinstance(base, str) or not base:
         raise ConfigError(f"{file}: extends is not text; allowed: a file name")
-    below = _read_chain(file.parent / base, (*above, place))
+    below = _read_chain(file.parent / base, (*above, place), f"{file}: extends = {short(base)}")
     below.pop("name", None)  # a file that extends another describes another scene
     return merge(below, tree)
 
 
-def _text(file: Path) -> str:
+def _text(file: Path, told: str) -> str:
     try:
         if not (file.is_file() or file.is_dir()) and file.exists():  # a device or a pipe may never end
-            raise ConfigError(f"{file}: not a file")
+            raise ConfigError(f"{told}: not a file")
         with file.open("rb") as opened:  # files in /proc report a size of 0
             content = opened.read(MAX_BYTES + 1)
         if len(content) > MAX_BYTES:
-            raise ConfigError(f"{file}: larger than {MAX_BYTES} bytes; not a configuration")
+            raise ConfigError(f"{told}: larger than {MAX_BYTES} bytes; not a configuration")
         return content.decode("utf-8").replace("\r\n", "\n").replace("\r", "\n")
     except FileNotFoundError:
-        raise ConfigError(f"{file}: no such file") from None
+        raise ConfigError(f"{told}: no such file") from None
     except UnicodeDecodeError:
-        raise ConfigError(f"{file}: not UTF-8 text") from None
+        raise ConfigError(f"{told}: not UTF-8 text") from None
     except (OSError, ValueError) as error:
-        raise ConfigError(f"{file}: cannot be read ({_reason(error)})") from None
+        raise ConfigError(f"{told}: cannot be read ({_reason(error)})") from None
 
 
 def _parse(text: str, source: str) -> Any:

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal, NamedTuple, Self
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from vibroplat.fields import NonNegative, Positive, Section
+from vibroplat.fields import NonNegative, Positive, Section, described
 
 #: Supply frequency where none is given (Hz).
 FREQUENCY = 50.0
@@ -38,15 +38,16 @@ Switch = Annotated[Literal["on", "off"], BeforeValidator(_switch)]
 class Entry(Section):
     """An entry of a program. What it leaves out is as in the entry before; at first both exciters are on."""
 
-    t_s: NonNegative = Field(description="time of the entry (s)")
-    supply_frequency_hz: NonNegative | None = Field(
+    t_s: NonNegative = described(..., "t", "time of the entry")
+    supply_frequency_hz: NonNegative | None = described(
         None,
-        description="f_e then; linear between entries, with a jump where two share a time; scales and tolerances "
+        "f_e",
+        "supply frequency then; linear between entries, with a jump where two share a time; scales and tolerances "
         "follow the largest one, and below a thousandth of it critical slip speeds fall no more",
     )
-    exciter_1: Switch | None = Field(None, description="on or off from then on; off: no torque, resistance alone")
-    exciter_2: Switch | None = None
-    off: bool | None = Field(None, description="true: both exciters off from then on; false: both on")
+    exciter_1: Switch | None = described(None, "", "exciter 1 on or off from then on; off: no torque, resistance alone")
+    exciter_2: Switch | None = described(None, "", "the same of exciter 2")
+    off: bool | None = described(None, "", "true: both exciters off from then on; false: both on")
 
     @model_validator(mode="after")
     def _no_minute_frequency(self) -> Self:
@@ -99,8 +100,12 @@ class Interval(NamedTuple):
 class Drive(Section):
     """The common supply of both motors."""
 
-    supply_frequency_hz: Positive | None = Field(None, description=f"f_e; {FREQUENCY:g} if no program is given either")
-    program: Annotated[list[Entry], Field(max_length=MOST_ENTRIES)] | None = Field(None, description="supply over time")
+    supply_frequency_hz: Positive | None = described(
+        None, "f_e", f"supply frequency of both motors; not given: {FREQUENCY:g}, or as in program"
+    )
+    program: Annotated[list[Entry], Field(max_length=MOST_ENTRIES)] | None = Field(
+        None, description="supply over time: a list of entries, instead of supply_frequency_hz"
+    )
 
     @model_validator(mode="before")
     @classmethod

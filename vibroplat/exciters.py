@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from vibroplat.fields import NonNegative, Positive, Section
+from vibroplat.fields import NonNegative, Positive, Section, described
 
 Rotation = Literal["counter-clockwise", "clockwise"]
 
@@ -18,13 +18,16 @@ ROTATIONS: tuple[Rotation, Rotation] = ("counter-clockwise", "clockwise")
 class Motor(Section):
     """An induction motor (Kloss formula) and its resistance to rotation."""
 
-    critical_torque_n_m: NonNegative = Field(1.2, description="M_c; 0 = supply switched off")
-    critical_slip: Positive = Field(0.15, description="s_c")
-    pole_pairs: Annotated[int, Field(ge=1, le=1000)] = Field(2, description="P")
-    friction_radius_m: NonNegative = Field(5.0e-5, description="k_R, bearing friction times shaft radius")
-    rated_frequency_hz: Positive | None = Field(
+    critical_torque_n_m: NonNegative = described(1.2, "M_c", "critical torque, the largest; 0: supply switched off")
+    critical_slip: Positive = described(0.15, "s_c", "slip at the critical torque")
+    pole_pairs: Annotated[int, Field(ge=1, le=1000)] = described(
+        2, "P", "pole pairs; the synchronous speed is 2 pi f_e / P"
+    )
+    friction_radius_m: NonNegative = described(5.0e-5, "k_R", "resistance: bearing friction times shaft radius")
+    rated_frequency_hz: Positive | None = described(
         None,
-        description="supply frequency at which critical_slip is measured; the critical slip speed stays the same at "
+        "",
+        "supply frequency at which critical_slip is measured; the critical slip speed stays the same at "
         "all others, as with an inverter of constant V/f; not given: the critical slip stays the same",
     )
 
@@ -36,10 +39,10 @@ class Motor(Section):
 class Exciter(Motor):
     """An unbalance and its motor. The unbalance mass is the machine's, common to both."""
 
-    unbalance_radius_m: Positive = Field(0.09, description="r")
-    rotor_inertia_kg_m2: Positive = Field(0.8e-3, description="J_d")
-    rotation: Rotation | None = Field(
-        None, description="in which its motor drives it; not given: exciter 1 counter-clockwise, exciter 2 clockwise"
+    unbalance_radius_m: Positive = described(0.09, "r_i", "radius of the unbalance")
+    rotor_inertia_kg_m2: Positive = described(0.8e-3, "J_d,i", "moment of inertia of the rotor")
+    rotation: Rotation | None = described(
+        None, "sigma_i", "in which its motor drives it; not given: exciter 1 counter-clockwise, exciter 2 clockwise"
     )
 
     @property

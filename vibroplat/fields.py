@@ -38,6 +38,11 @@ Angle = Annotated[float, Field(ge=-LARGEST_ANGLE, le=LARGEST_ANGLE, allow_inf_na
 Share = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
 
 
+def described(default: Any, symbol: str, meaning: str) -> Any:
+    """Make a field of a section: default (``...`` if it must be given), symbol in the equations, meaning."""
+    return Field(default, description=meaning, json_schema_extra={"symbol": symbol} if symbol else None)
+
+
 class Section(BaseModel):
     """A section of a configuration: immutable, with strict types and no unknown keys."""
 

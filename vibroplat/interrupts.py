@@ -18,8 +18,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-#: What remains of a command that was stopped.
-KEPT = "result files are complete, and --resume continues from the finished points"
+#: What remains of a command that was stopped, and of one with an option ``--resume``.
+KEPT = "result files are complete"
+RESUMABLE = f"{KEPT}, and --resume continues from the finished points"
 #: Seconds during which further requests are ignored while the stack is unwound.
 GRACE = 5.0
 
@@ -36,6 +37,8 @@ class _Ending:
     open = 0
     #: Contexts that look for requests themselves.
     watching = 0
+    #: Whether the command has an option ``--resume``.
+    resumable = False
     #: The signal that came, and when.
     signal: int | None = None
     since = 0.0
@@ -52,6 +55,21 @@ def end_at_signals() -> None:
             signal.signal(number, _end)
 
 
+def offer_resume(offered: bool) -> None:
+    """Say whether the command has an option ``--resume``; messages promise it only then."""
+    _Ending.resumable = offered
+
+
+def resume_is_offered() -> bool:
+    """Whether the command has an option ``--resume``; a program in Python has none."""
+    return _Ending.resumable
+
+
+def kept() -> str:
+    """Say what remains of a command that was stopped."""
+    return RESUMABLE if _Ending.resumable else KEPT
+
+
 def _end(number: int, _frame: object) -> None:
     if _Ending.signal is not None:
         if time.monotonic() - _Ending.since > GRACE:
@@ -59,7 +77,7 @@ def _end(number: int, _frame: object) -> None:
         return
     _Ending.signal, _Ending.since = number, time.monotonic()
     show_cursor = "\r\x1b[K\x1b[?25h" if os.isatty(2) else ""  # a progress bar may have hidden it
-    os.write(2, f"{show_cursor}vibroplat: {_WORDS[signal.Signals(number)]}; {KEPT}\n".encode())
+    os.write(2, f"{show_cursor}vibroplat: {_WORDS[signal.Signals(number)]}; {kept()}\n".encode())
     if not _Ending.watching:
         stop_if_asked()
 

@@ -18,7 +18,7 @@ from pydantic import BaseModel, BeforeValidator, Field, ValidationError, model_v
 from vibroplat.drive import Drive
 from vibroplat.errors import ConfigError
 from vibroplat.exciters import ROTATIONS, Exciter, Motor
-from vibroplat.fields import PERTURBATION, Angle, NonNegative, Positive, Real, Section, Share, not_bool
+from vibroplat.fields import PERTURBATION, Angle, NonNegative, Positive, Real, Section, Share, described, not_bool
 from vibroplat.messages import explain
 from vibroplat.orbits_plan import OrbitsPlan
 from vibroplat.overrides import OF_EXCITERS, merge, nest
@@ -52,20 +52,28 @@ class Mode(IntEnum):
 class Machine(Section):
     """Platform, springs and exciters; the defaults are the paper's test rig (section 3)."""
 
-    platform_mass_kg: Positive = Field(12.42, description="m_0")
-    platform_inertia_kg_m2: Positive = Field(0.11, description="J_0")
-    unbalance_mass_kg: Positive = Field(0.045, description="m_r, each exciter")
-    unbalance_radius_m: Positive = Field(0.09, description="r, both exciters; or in exciters, for each")
-    rotor_inertia_kg_m2: Positive = Field(0.8e-3, description="J_d, both exciters; or in exciters, for each")
-    exciter_distance_m: NonNegative = Field(0.128, description="rho, exciter axis to the centre of mass")
-    exciter_angle_deg: Real = Field(22.5, description="gamma_1, direction of exciter 1's axis")
-    stiffness_x_n_per_m: NonNegative = Field(580e3, description="c_x")
-    stiffness_y_n_per_m: Positive = Field(470e3, description="c_y")
-    stiffness_phi_n_m_per_rad: NonNegative = Field(1.8e3, description="c_phi")
-    damping_x_n_s_per_m: NonNegative = Field(300.0, description="b_x")
-    damping_y_n_s_per_m: NonNegative = Field(40.0, description="b_y")
-    damping_phi_n_m_s_per_rad: NonNegative = Field(0.77, description="b_phi")
-    gravity_m_per_s2: NonNegative = Field(9.81, description="g")
+    platform_mass_kg: Positive = described(12.42, "m_0", "mass of the platform, without the unbalances")
+    platform_inertia_kg_m2: Positive = described(
+        0.11, "J_0", "moment of inertia of the platform about its centre of mass"
+    )
+    unbalance_mass_kg: Positive = described(0.045, "m_r", "unbalance mass of each exciter")
+    unbalance_radius_m: Positive = described(0.09, "r", "radius of both unbalances; or in exciters, for each")
+    rotor_inertia_kg_m2: Positive = described(
+        0.8e-3, "J_d", "moment of inertia of both rotors; or in exciters, for each"
+    )
+    exciter_distance_m: NonNegative = described(
+        0.128, "rho", "distance of the exciter axes from the platform's centre of mass"
+    )
+    exciter_angle_deg: Real = described(
+        22.5, "gamma_1", "direction of exciter 1's axis above the x axis; exciter 2 is its mirror image"
+    )
+    stiffness_x_n_per_m: NonNegative = described(580e3, "c_x", "stiffness of the springs along x")
+    stiffness_y_n_per_m: Positive = described(470e3, "c_y", "stiffness of the springs along y")
+    stiffness_phi_n_m_per_rad: NonNegative = described(1.8e3, "c_phi", "stiffness of the springs against rotation")
+    damping_x_n_s_per_m: NonNegative = described(300.0, "b_x", "damping of the springs along x")
+    damping_y_n_s_per_m: NonNegative = described(40.0, "b_y", "damping of the springs along y")
+    damping_phi_n_m_s_per_rad: NonNegative = described(0.77, "b_phi", "damping of the springs against rotation")
+    gravity_m_per_s2: NonNegative = described(9.81, "g", "gravity")
 
     @property
     def total_mass(self) -> float:
@@ -104,15 +112,27 @@ class Machine(Section):
 class Material(Section):
     """The material on the platform; a mass ratio of 0 means a bare platform."""
 
-    mass_ratio: NonNegative = Field(0.0, description="mu_w = m_w / M")
-    layers: Annotated[Literal[1, 2], BeforeValidator(not_bool)] = Field(2, description="2, or 1 for a thin layer")
-    lower_share: Annotated[float, Field(gt=0.0, le=1.0, allow_inf_nan=False)] = Field(
-        0.75, description="m_w1 / m_w; used with two layers"
+    mass_ratio: NonNegative = described(
+        0.0, "mu_w", "mass of the material over that of the machine, m_w / M; 0: bare platform"
     )
-    natural_frequency_hz: Positive | None = Field(None, description="sqrt(c_w/m_w2)/2pi")
-    stiffness_n_per_m: Positive | None = Field(None, description="c_w")
-    damping_ratio: NonNegative | None = Field(None, description="b_w / (2 sqrt(c_w m_w2))")
-    damping_n_s_per_m: NonNegative | None = Field(None, description="b_w")
+    layers: Annotated[Literal[1, 2], BeforeValidator(not_bool)] = Field(
+        2, description="layers of material: 2, or 1 for a thin layer"
+    )
+    lower_share: Annotated[float, Field(gt=0.0, le=1.0, allow_inf_nan=False)] = described(
+        0.75, "m_w1 / m_w", "share of the lower layer in the mass of the material; used with two layers"
+    )
+    natural_frequency_hz: Positive | None = described(
+        None, "sqrt(c_w/m_w2) / 2 pi", "natural frequency of the upper layer on the lower one"
+    )
+    stiffness_n_per_m: Positive | None = described(
+        None, "c_w", "stiffness of the spring between the layers, instead of natural_frequency_hz"
+    )
+    damping_ratio: NonNegative | None = described(
+        None, "b_w / (2 sqrt(c_w m_w2))", "damping ratio of the upper layer on the lower one; not given: 0"
+    )
+    damping_n_s_per_m: NonNegative | None = described(
+        None, "b_w", "damping between the layers, instead of damping_ratio"
+    )
 
     @model_validator(mode="after")
     def _one_of_each_pair(self) -> Self:
@@ -136,13 +156,20 @@ class Contact(Section):
     """Contact between material and platform."""
 
     model: Literal["impact", "non-impact"] = Field(
-        "impact", description="non-impact: material as added viscous friction"
+        "impact",
+        description="impact: the material may lift off and strike the platform; non-impact: it is viscous friction",
     )
-    restitution: Share = Field(0.0, description="R")
-    sticking_speed_m_per_s: NonNegative = Field(0.0, description="impacts slower than this are inelastic; 0 = none")
-    impact_law: Literal["conservative", "central", "printed"] = "conservative"
-    viscous_per_mass_per_s: NonNegative = Field(0.0, description="beta: b_y + beta m_w, non-impact")
-    added_mass_share: Share = Field(0.0, description="share of m_w that moves with the platform, non-impact")
+    restitution: Share = described(0.0, "R", "coefficient of restitution of impacts")
+    sticking_speed_m_per_s: NonNegative = described(0.0, "", "impacts slower than this are inelastic; 0: none")
+    impact_law: Literal["conservative", "central", "printed"] = Field(
+        "conservative",
+        description="conservative: keeps momentum, and energy at R = 1; central: leaves the rotation as it is, as the "
+        "paper does; printed: the paper's formula",
+    )
+    viscous_per_mass_per_s: NonNegative = described(
+        0.0, "beta", "non-impact: damping along y that the material adds, over its mass"
+    )
+    added_mass_share: Share = described(0.0, "", "non-impact: share of the material that moves with the platform")
 
 
 class State(Section):
@@ -152,39 +179,49 @@ class State(Section):
     of a trajectory can be given unchanged. Time starts at 0; mode and force follow from the state.
     """
 
-    x_m: Real | None = None
-    y_m: Real | None = None
-    phi_rad: Real | None = None
-    phi1_rad: Angle | None = None
-    phi2_rad: Angle | None = None
-    gap_m: NonNegative | None = None
-    upper_m: Real | None = None
-    x_rate_m_per_s: Real = 0.0
-    y_rate_m_per_s: Real = 0.0
-    phi_rate_rad_per_s: Real = 0.0
-    phi1_rate_rad_per_s: Real = 0.0
-    phi2_rate_rad_per_s: Real = 0.0
-    gap_rate_m_per_s: Real = 0.0
-    upper_rate_m_per_s: Real = 0.0
-    t_s: Real | None = None
-    mode: str | None = None
-    contact_force_n: Real | None = None
-    supply_frequency_hz: Real | None = None
-    motor_power_1_w: Real | None = None
-    motor_power_2_w: Real | None = None
+    x_m: Real | None = described(
+        None, "x", "displacement of the machine's centre of mass along x, from unstressed springs"
+    )
+    y_m: Real | None = described(
+        None, "y", "displacement of the machine's centre of mass along y, from unstressed springs"
+    )
+    phi_rad: Real | None = described(None, "phi", "rotation of the platform")
+    phi1_rad: Angle | None = described(None, "phi_1", "angle of exciter 1, counter-clockwise")
+    phi2_rad: Angle | None = described(None, "phi_2", "angle of exciter 2, counter-clockwise")
+    gap_m: NonNegative | None = described(None, "y_w1", "gap between platform and lower layer; 0 in contact")
+    upper_m: Real | None = described(None, "y_w2", "displacement of the upper layer from the lower one; 0: unstressed")
+    x_rate_m_per_s: Real = described(0.0, "dx/dt", "velocity along x")
+    y_rate_m_per_s: Real = described(0.0, "dy/dt", "velocity along y")
+    phi_rate_rad_per_s: Real = described(0.0, "dphi/dt", "angular velocity of the platform")
+    phi1_rate_rad_per_s: Real = described(0.0, "dphi_1/dt", "angular velocity of exciter 1")
+    phi2_rate_rad_per_s: Real = described(0.0, "dphi_2/dt", "angular velocity of exciter 2")
+    gap_rate_m_per_s: Real = described(0.0, "dy_w1/dt", "rate of the gap")
+    upper_rate_m_per_s: Real = described(0.0, "dy_w2/dt", "rate of upper_m")
+    t_s: Real | None = described(None, "t", "time")
+    mode: str | None = described(
+        None, "", "mode: attached (in contact), flight (the material has lifted off) or bare (no contact in this scene)"
+    )
+    contact_force_n: Real | None = described(
+        None, "F_c", "force between lower layer and platform; impulses of impacts are events"
+    )
+    supply_frequency_hz: Real | None = described(None, "f_e", "supply frequency, where a program changes it")
+    motor_power_1_w: Real | None = described(None, "", "mechanical power of motor 1: torque times speed")
+    motor_power_2_w: Real | None = described(None, "", "mechanical power of motor 2: torque times speed")
 
 
 class Initial(Section, populate_by_name=True):
     """Initial state: static rest of platform and material with rotating exciters, a full state, or a run's end."""
 
-    phase_difference_rad: Angle | None = Field(
+    phase_difference_rad: Angle | None = described(
         None,
-        description="phi_1 + phi_2 of counter-rotating exciters, phi_1 - phi_2 of co-rotating ones; not given: pi",
+        "Delta phi",
+        "phase difference at the start: phi_1 + phi_2 of counter-rotating exciters, phi_1 - phi_2 of "
+        "co-rotating ones; not given: pi",
     )
-    phase_sum_rad: Angle | None = Field(None, description="phase_difference_rad of counter-rotating exciters")
-    phi1_rad: Angle = 0.0
-    speed_ratio: Real = Field(0.98, description="speed of both exciters over the synchronous speed")
-    state: State | None = None
+    phase_sum_rad: Angle | None = described(None, "", "phase_difference_rad of counter-rotating exciters")
+    phi1_rad: Angle = described(0.0, "phi_1", "angle of exciter 1 at the start")
+    speed_ratio: Real = described(0.98, "", "speed of both exciters over the synchronous speed")
+    state: State | None = described(None, "", "a full state, such as the last row of a trajectory")
     from_: Annotated[str, Field(min_length=1)] | None = Field(
         None, alias="from", description="directory of a run; this one begins where it ended, and its times go on"
     )
@@ -210,11 +247,12 @@ class Initial(Section, populate_by_name=True):
 class Run(Section):
     """Duration and initial state of a run."""
 
-    duration_s: Positive = 4.0
-    initial: Initial = Initial()
-    perturbation: Share | None = Field(
+    duration_s: Positive = described(4.0, "", "simulated time")
+    initial: Initial = Field(Initial(), description="how the run begins")
+    perturbation: Share | None = described(
         None,
-        description="random change of the rates of platform and exciters at the start, in the scales of the scene; "
+        "",
+        "random change of the rates of platform and exciters at the start, in the scales of the scene; "
         f"not given: {PERTURBATION:g}, and 0 where initial gives a state or a run",
     )
     seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = Field(0, description="seed of the perturbation")
@@ -258,7 +296,7 @@ class Solver(Section):
 class Output(Section):
     """Output tables."""
 
-    sample_rate_hz: Positive = 2000.0
+    sample_rate_hz: Positive = described(2000.0, "", "rows of the trajectory table per second")
 
 
 def _decay(damping: float, stiffness: float) -> float:
@@ -304,19 +342,27 @@ class Scene(Section):
     (<Mode.BARE: 2>,)
     """
 
-    name: Annotated[str, Field(min_length=1, max_length=100, pattern=r"^[A-Za-z0-9][A-Za-z0-9._+-]*$")] = "scene"
-    machine: Machine = Machine()
-    motor: Motor | None = None
-    motors: Annotated[list[Motor], Field(min_length=2, max_length=2)] | None = None
-    exciters: Annotated[list[Exciter], Field(min_length=2, max_length=2)] | None = None
-    material: Material = Material()
-    contact: Contact = Contact()
-    drive: Drive = Drive()
-    run: Run = Run()
-    solver: Solver = Solver()
-    output: Output = Output()
-    sweep: SweepPlan | None = None
-    orbits: OrbitsPlan | None = None
+    name: Annotated[str, Field(min_length=1, max_length=100, pattern=r"^[A-Za-z0-9][A-Za-z0-9._+-]*$")] = Field(
+        "scene", description="name of the results' directory; not given: that of the file"
+    )
+    machine: Machine = Field(Machine(), description="platform, springs and exciters")
+    motor: Motor | None = described(None, "", "both motors")
+    motors: Annotated[list[Motor], Field(min_length=2, max_length=2)] | None = Field(
+        None, description="a list of both motors if they differ, instead of motor"
+    )
+    exciters: Annotated[list[Exciter], Field(min_length=2, max_length=2)] | None = Field(
+        None,
+        description="a list of both exciters if they differ, instead of motor and of the machine's radius and rotor "
+        "inertia",
+    )
+    material: Material = Field(Material(), description="the material on the platform")
+    contact: Contact = Field(Contact(), description="contact between material and platform")
+    drive: Drive = Field(Drive(), description="the supply of the motors")
+    run: Run = Field(Run(), description="duration and start of a run")
+    solver: Solver = Field(Solver(), description="accuracy and integrator")
+    output: Output = Field(Output(), description="tables")
+    sweep: SweepPlan | None = described(None, "", "what vibroplat sweep does")
+    orbits: OrbitsPlan | None = described(None, "", "what vibroplat orbits does")
 
     @model_validator(mode="before")
     @classmethod

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import BeforeValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
-from vibroplat.fields import LARGEST, LEAST, PERTURBATION, Positive, Section, Share
+from vibroplat.fields import LARGEST, LEAST, PERTURBATION, Positive, Section, Share, described
 from vibroplat.messages import short
 
 Direction = Literal["up", "down"]
@@ -33,9 +33,9 @@ def _settling(value: Any) -> Any:
 class Frequencies(Section):
     """The supply frequencies of a branch, and its directions."""
 
-    start: Positive = Field(description="smallest (Hz)")
-    stop: Positive = Field(description="largest (Hz); included if whole steps reach it")
-    step: Positive = 0.5
+    start: Positive = described(..., "f_e", "smallest supply frequency")
+    stop: Positive = Field(description="largest supply frequency; included if whole steps reach it")
+    step: Positive = described(0.5, "", "distance of supply frequencies")
     direction: Annotated[list[Direction], BeforeValidator(_as_list), Field(min_length=1, max_length=2)] = Field(
         ["up"], description="up, down or both, a branch for each"
     )
@@ -62,7 +62,7 @@ class Frequencies(Section):
 class SweepPlan(Section, title="Sweep"):
     """Branches side by side: every combination of the grid's values, in each direction."""
 
-    supply_frequency_hz: Frequencies
+    supply_frequency_hz: Frequencies = Field(description="supply frequencies of each branch")
     grid: dict[str, Annotated[list[float | int | bool | str], Field(min_length=1)]] = Field(
         {}, description="dotted keys and their values; a branch for each combination"
     )
@@ -74,26 +74,26 @@ class SweepPlan(Section, title="Sweep"):
     settle_s: Annotated[Literal["auto"] | float, BeforeValidator(_settling)] = Field(
         "auto", description="time before a point is measured; auto: until the Poincaré section has settled"
     )
-    max_settle_s: Positive = Field(
-        150.0, description="longest settling time with auto; motion that does not repeat settles this long"
+    max_settle_s: Positive = described(
+        150.0, "", "longest settling time with auto; motion that does not repeat settles this long"
     )
     settle_tolerance: Annotated[float, Field(gt=0.0, le=1.0, allow_inf_nan=False)] = Field(
         1e-3, description="distance from the steady motion at which auto stops, in the scales of the scene"
     )
-    measure_s: Positive = Field(
-        2.0, description="measured time of each point; motion that does not repeat is measured eight times as long"
+    measure_s: Positive = described(
+        2.0, "", "measured time of each point; motion that does not repeat is measured eight times as long"
     )
     period_tolerance: Annotated[float, Field(gt=0.0, le=1.0, allow_inf_nan=False)] = Field(
         1e-2, description="largest distance of points of the Poincaré section that repeat, in the scales of the scene"
     )
-    perturbation: Share = Field(
+    perturbation: Share = described(
         PERTURBATION,
-        description="random change of the rates of platform and exciters at each point, in the scales of the scene",
+        "",
+        "random change of the rates of platform and exciters at each point, in the scales of the scene",
     )
     seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = Field(0, description="seed of the perturbations")
-    lyapunov: bool = Field(
-        True,
-        description="use the largest Lyapunov exponent to tell chaotic from quasi-periodic motion; false: non-periodic",
+    lyapunov: bool = described(
+        True, "", "use the largest Lyapunov exponent to tell chaotic from quasi-periodic motion; false: non-periodic"
     )
 
     @model_validator(mode="after")

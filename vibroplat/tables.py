@@ -11,13 +11,16 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from io import BufferedReader
 from pathlib import Path
-from typing import Any, Literal, Self
+from typing import TYPE_CHECKING, Any, Literal, Self
 
 import pandas as pd
 
 from vibroplat.errors import TableError
 from vibroplat.interrupts import unfinished, watching
 from vibroplat.locks import is_gone, mark
+
+if TYPE_CHECKING:
+    import pyarrow as pa
 
 Format = Literal["parquet", "csv"]
 Writer = Callable[[Path], object]
@@ -265,7 +268,7 @@ def _row_groups(path: Path) -> Iterator[Callable[[pd.DataFrame], object]]:
 
     def append(part: pd.DataFrame) -> None:
         nonlocal writer
-        rows = pa.Table.from_pandas(part, preserve_index=False)
+        rows = _with_meanings(pa.Table.from_pandas(part, preserve_index=False), part.attrs)
         writer = writer or pq.ParquetWriter(path, rows.schema, write_page_checksum=True)
         writer.write_table(rows)
 
@@ -274,6 +277,20 @@ def _row_groups(path: Path) -> Iterator[Callable[[pd.DataFrame], object]]:
     finally:
         if writer is not None:
             writer.close()
+
+
+def _with_meanings(rows: pa.Table, attrs: Mapping[Any, Any]) -> pa.Table:
+    """Put the units and meanings in a table's ``attrs`` into the metadata of its fields."""
+    import pyarrow as pa  # noqa: PLC0415  (a table in CSV does not need it)
+
+    units, meanings = attrs.get("units", {}), attrs.get("meanings", {})
+    fields = [
+        field.with_metadata({"unit": units.get(field.name, ""), "meaning": meanings[field.name]})
+        if field.name in meanings
+        else field
+        for field in rows.schema
+    ]
+    return pa.Table.from_arrays(rows.columns, schema=pa.schema(fields, rows.schema.metadata))
 
 
 def _lines(path: Path) -> Iterator[Callable[[pd.DataFrame], object]]:
@@ -400,7 +417,7 @@ def table_writer(table: Table, form: Format) -> Writer:
     if not isinstance(table, pd.DataFrame):
         return lambda path: _write_parts(table, path, form)
     if form == "parquet":
-        return lambda path: table.to_parquet(path, index=False, write_page_checksum=True)
+        return lambda path: _write_parts([table], path, form)
     return lambda path: table.to_csv(path, index=False)
 
 

@@ -12,7 +12,6 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
-from vibroplat import cli
 from vibroplat.bench import report
 from vibroplat.bench.soak import processes, rounds, soak
 from vibroplat.cli import app
@@ -128,7 +127,7 @@ def test_only_a_long_soak_takes_a_day(tmp_path, monkeypatch, arguments, seconds)
     monkeypatch.setattr(report, "REPORTS", dict.fromkeys(report.REPORTS, lambda *_: None) | {"soak": report_soak})
     monkeypatch.setattr(report, "report_soak", report_soak)
     monkeypatch.setattr(report, "require_oracle", lambda: None)
-    monkeypatch.setattr(cli, "_load_kernels", lambda: None)
+    monkeypatch.setattr("vibroplat.cli.bench.load_kernels", lambda: None)
     assert CliRunner().invoke(app, ["bench", *arguments, "--out", str(tmp_path)]).exit_code == 0
     assert asked == seconds
 

@@ -119,14 +119,14 @@ def test_plot_refuses_another_schema(found, result):
 @pytest.mark.parametrize(
     ("interval", "between"),
     [
-        ({"start": 5.0}, "5.0 and 0.2"),
-        ({"start": 0.1, "stop": 0.05}, "0.1 and 0.05"),
-        ({"start": float("nan")}, "nan and 0.2"),
-        ({"start": 0.1, "stop": 0.1}, "0.1 and 0.1"),
+        ({"start": 5.0}, "5 to 0.2"),
+        ({"start": 0.1, "stop": 0.05}, "0.1 to 0.05"),
+        ({"start": float("nan")}, "nan to 0.2"),
+        ({"start": 0.1, "stop": 0.1}, "0.1 to 0.1"),
     ],
 )
 def test_plot_of_an_empty_interval_is_refused(interval, between, result):
-    assert refusal(result, **interval) == f"no data between {between} s; allowed: an interval within 0.0 … 0.2 s"
+    assert refusal(result, **interval) == f"no data from {between} s; the run lasted from 0 to 0.2 s"
 
 
 @pytest.mark.parametrize(

@@ -337,7 +337,7 @@ def test_message_about_a_file_that_is_not_there(path, line, here):
 @pytest.mark.parametrize(
     ("files", "line"),
     [
-        ({"c": "extends: sub/nothing.yaml"}, "sub/nothing.yaml: no such file"),
+        ({"c": "extends: sub/nothing.yaml"}, "c.yaml: extends = 'sub/nothing.yaml': no such file"),
         (
             {"c": "extends: a.yaml", "a": "extends: b.yaml", "b": "extends: a.yaml"},
             "a.yaml: extends itself through b.yaml",
@@ -351,7 +351,7 @@ def test_message_about_a_file_that_is_not_there(path, line, here):
             {"c": "extends: a.yaml", "a": "a: [1"},
             "a.yaml: not valid YAML in line 1, column 6: expected ',' or ']', but got '<stream end>'",
         ),
-        ({"c": "extends: ."}, ".: cannot be read (Is a directory)"),
+        ({"c": "extends: ."}, "c.yaml: extends = '.': cannot be read (Is a directory)"),
     ],
     ids=["missing", "loop of two", "unknown key below", "list below", "not YAML below", "directory"],
 )

@@ -131,7 +131,7 @@ def test_sweep_refuses(key, text, line, scene_of, here, command):
     assert str(caught.value).startswith(line)
     done = command("sweep", "c.yaml")
     assert (done.code, done.out) == (2, "")
-    assert done.err == f"vibroplat: {caught.value}\n"
+    assert done.err == f"vibroplat: c.yaml: {caught.value}\n"
     assert [path.name for path in here.iterdir()] == ["c.yaml"]
 
 

@@ -14,7 +14,7 @@ from common.commands import PROGRAM, Done
 from common.places import FLYING, QUICKSTART
 
 from vibroplat import surroundings
-from vibroplat.interrupts import KEPT
+from vibroplat.interrupts import KEPT, RESUMABLE
 from vibroplat.tables import read_table
 
 SHORT = ("--set", "run.duration_s=0.05")
@@ -195,7 +195,7 @@ def test_sweep_that_runs_out_of_memory_keeps_its_finished_points(command, here, 
         return measure(*arguments)
 
     monkeypatch.setattr(point, "measure_point", second_fails)
-    assert command("sweep", "few.yaml") == (1, "", f"vibroplat: not enough memory; {KEPT}\n")
+    assert command("sweep", "few.yaml") == (1, "", f"vibroplat: not enough memory; {RESUMABLE}\n")
     done = command("sweep", "few.yaml", "--resume")
     assert (done.code, done.err) == (0, "")
     assert "1 of the points from before" in done.out

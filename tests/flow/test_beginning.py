@@ -158,7 +158,7 @@ def test_a_run_that_goes_on_does_not_replace_the_one_before(first, command):
     scene = first({}, seconds=0.05)
     write(going_on(scene), "first")
     done = command("run", "first.yaml")
-    line = "run.initial.from = 'results/first' is where this run would be written; allowed: another name"
+    line = "first.yaml: run.initial.from = 'results/first' is where this run would be written; allowed: another name"
     assert (done.code, done.err) == (2, f"vibroplat: {line}\n")
     assert read_table(Path("results/first"), "trajectory")["t_s"].iloc[-1] == 0.05
 
@@ -182,7 +182,7 @@ def lines_of(scene, command, here):
     done = command("run", "second.yaml")
     assert not_a_line(done) == ""
     assert sorted(path.name for path in here.rglob("*")) == before
-    return done.err.removeprefix("vibroplat: ").strip().removeprefix("run.initial.from = 'results/first'")
+    return done.err.removeprefix("vibroplat: second.yaml: ").strip().removeprefix("run.initial.from = 'results/first'")
 
 
 FINISHED = "; allowed: the directory of a finished run"

@@ -5,7 +5,7 @@ import math
 import pandas as pd
 import pytest
 
-from vibroplat import cli
+from vibroplat.cli import paper
 from vibroplat.config import configurations
 from vibroplat.errors import ConfigError
 from vibroplat.paper import trial
@@ -302,7 +302,7 @@ def test_overview_says_what_the_seeds_make_of_the_best_set(lucky):
 
 
 def test_command_writes_four_tables_and_tells_what_they_say(valley, monkeypatch, tmp_path, capsys):
-    monkeypatch.setattr(cli, "_load_kernels", lambda *_: None)
+    monkeypatch.setattr("vibroplat.cli.paper.load_kernels", lambda *_: None)
     (tmp_path / "c.yaml").write_text(
         "machine: {gravity_m_per_s2: 9.81}\n"
         "calibration:\n"
@@ -311,7 +311,7 @@ def test_command_writes_four_tables_and_tells_what_they_say(valley, monkeypatch,
         f"  begin: [{{{DAMPING}: 320, {RATIO}: 0.02}}]\n"
         "  confirm: {sets: 2, seeds: 1}\n"
     )
-    cli.calibrate(tmp_path / "c.yaml", tmp_path, generations=1)
+    paper.calibrate(tmp_path / "c.yaml", tmp_path, generations=1)
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].startswith(f"{DAMPING:<40}320 ")
     assert lines[3] == f"{'claims held':<40}2 of 2, score 1.000"

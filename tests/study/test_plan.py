@@ -294,7 +294,7 @@ def test_run_takes_a_configuration_with_a_sweep(command, here):
 @pytest.mark.parametrize("text", ["name: c", "sweep:", "sweep: null"])
 def test_sweep_of_a_configuration_without_one_says_so(text, command, here):
     (here / "c.yaml").write_text(f"{text}\n")
-    line = "vibroplat: this configuration has no sweep section; add sweep: {supply_frequency_hz: …}\n"
+    line = "vibroplat: c.yaml: this configuration has no sweep section; add sweep: {supply_frequency_hz: …}\n"
     assert command("sweep", "c.yaml") == (2, "", line)
     assert [path.name for path in here.iterdir()] == ["c.yaml"]
 

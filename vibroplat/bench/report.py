@@ -130,7 +130,7 @@ class FailedRoundsError(VibroplatError):
 
 
 def report_summary(directory: Path, reference: Path, repeats: int) -> None:
-    """Compare run times of the installed peers at equal error, on scenes with and without events, in two minutes."""
+    """Compare run times of the installed peers at equal error, on scenes with and without events."""
     _compare(directory, reference, repeats, "summary", quick=True)
 
 

@@ -26,12 +26,25 @@ class BenchName(StrEnum):
     taylor = "taylor"
 
 
+#: About how long each takes on two cores; "" is the one without a name.
+DURATIONS = {
+    "": "about five minutes",
+    BenchName.runtime: "half a minute",
+    BenchName.precision: "a quarter of a minute",
+    BenchName.engines: "some minutes",
+    BenchName.sweeps: "some minutes",
+    BenchName.stability: "long",
+    BenchName.soak: "two to five minutes",
+    BenchName.peers: "five minutes",
+    BenchName.taylor: "seven minutes",
+}
+_NAMES = ", ".join(f"{name} ({duration})" for name, duration in DURATIONS.items() if name)
+
+
 def bench(
     names: Annotated[
         list[BenchName] | None,
-        typer.Argument(
-            metavar="[NAME]...", help="runtime, precision, engines, sweeps, stability, soak, peers, taylor."
-        ),
+        typer.Argument(metavar="[NAME]...", help=f"{_NAMES}."),
     ] = None,
     out: Out = Path("results"),
     long: Annotated[
@@ -47,7 +60,7 @@ def bench(
 ) -> None:
     """Measure run time and accuracy.
 
-    Writes tables and plots to OUT/benchmarks. Without a name it compares peers at equal error, in two minutes.
+    Writes tables and plots to OUT/benchmarks. Without a name it compares peers at equal error, in about five minutes.
     """
     tell_of_compilation()
     from vibroplat.bench import report

@@ -4,8 +4,21 @@ from __future__ import annotations
 
 import gc
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
 
+from vibroplat.errors import ConfigError
 from vibroplat.surroundings import COMPILING, require_memory
+
+
+@contextmanager
+def about(config: Path) -> Iterator[None]:
+    """Let errors of a configuration name its file, where they are found only after it was read."""
+    try:
+        yield
+    except ConfigError as error:
+        raise ConfigError(f"{config}: {error}") from None
 
 
 def tell_of_compilation(engine: str | None = None) -> None:

@@ -8,12 +8,20 @@ from typing import Annotated
 
 import typer
 
+from vibroplat.interrupts import offer_resume
+
 
 class TableFormat(StrEnum):
     """Formats of result tables."""
 
     parquet = "parquet"
     csv = "csv"
+
+
+def _offer(resume: bool) -> bool:
+    """Note that this command can be resumed, whether or not it is now."""
+    offer_resume(True)
+    return resume
 
 
 Settings = Annotated[
@@ -26,7 +34,7 @@ EngineName = Annotated[
 Out = Annotated[Path, typer.Option(help="Directory for the results.")]
 Format = Annotated[TableFormat, typer.Option("--format", help="File format of the tables.")]
 Jobs = Annotated[int, typer.Option(min=1, help="Number of worker processes.")]
-Resume = Annotated[bool, typer.Option("--resume", help="Resume an interrupted command.")]
+Resume = Annotated[bool, typer.Option("--resume", callback=_offer, help="Resume an interrupted command.")]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Discard an unfinished command's points and start over.")]
 Scheduler = Annotated[
     str | None, typer.Option(help="Run on a dask cluster: address of its scheduler, e.g. tcp://host:8786.")

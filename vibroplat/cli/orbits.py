@@ -61,6 +61,7 @@ def orbits(
     scene = load_config(config, parse_overrides(set_ or [], engine))
     tell_of_compilation(scene.solver.engine)
     from vibroplat.study.orbits import report
+    from vibroplat.study.orbits.curves import boundaries
     from vibroplat.study.orbits.tables import planned, summary, tables
 
     found = planned(scene)
@@ -80,9 +81,10 @@ def orbits(
         began = time.perf_counter()
         with pool(jobs, scheduler, wait=wait, chains=len(found)) as workers:
             traced = _trace(scene, len(found), store, workers)
+            curves = boundaries(scene, traced, store, workers)
         seconds, known = time.perf_counter() - began, store.reused
         store.finish()
-        told, made = summary(scene, traced), tables(scene, traced)
+        told, made = summary(scene, traced, curves), tables(scene, traced, curves)
         report.write_orbits(scene, made, told, directory, format_.value)
     took = f"{told['points'] / seconds:.3g} points per s" if not known else f"{known} parts of branches from before"
     _print(scene, made, told, {"wall time": f"{seconds:.3g} s, {took}", "tables": str(directory)})
@@ -109,6 +111,9 @@ def _print(scene: Scene, made: OrbitTables, told: Mapping[str, Any], more: dict[
     from vibroplat.study.orbits import report
 
     print_lines(report.overview(made.branches, told) | more)
+    for curve in told["boundaries"]:
+        which = "".join(f", {key} {value}" for key, value in curve["grid"].items())
+        print(f"boundary of {curve['kind']}{which}: {curve['points']} points; {' and '.join(curve['ended'])}")
     print()
     print_table(*report.branch_lines(scene, told), most=TOLD, more="orbits.json")
     if len(made.special):

@@ -12,30 +12,34 @@ import typer
 from typer.core import TyperGroup
 
 from vibroplat import __version__
-from vibroplat.cli import bench, orbits, paper, plot, run, schema, sweep
+from vibroplat.cli import bench, new, orbits, paper, plot, report, run, schema, sweep
 from vibroplat.errors import VibroplatError
-from vibroplat.interrupts import KEPT
+from vibroplat.interrupts import kept, offer_resume
 from vibroplat.surroundings import is_short_of_memory, require_memory
+
+#: Options that print help.
+HELP = ["-h", "--help"]
 
 
 class _Commands(TyperGroup):
     """The group of commands.
 
-    The default of ``--help`` is False: typer would load pydantic to convert None.
+    The default of its flags, ``--help`` and those of shell completion, is False: typer would load pydantic for None.
     """
 
-    def get_help_option(self, ctx: Any) -> Any:
-        option = super().get_help_option(ctx)
-        if option is not None:
-            option.default = False
-        return option
+    def get_params(self, ctx: Any) -> Any:
+        found = super().get_params(ctx)
+        for option in found:
+            if getattr(option, "is_flag", False) and option.default is None:
+                option.default = False
+        return found
 
 
 app = typer.Typer(
     cls=_Commands,
     help="Simulate a vibrating platform with self-synchronizing exciters and material that may leave it.",
     invoke_without_command=True,
-    add_completion=False,
+    context_settings={"help_option_names": HELP},
     pretty_exceptions_enable=False,
     rich_markup_mode=None,  # plain help, in half the time
 )
@@ -46,14 +50,16 @@ def main() -> None:
     logging.basicConfig(format="vibroplat: %(message)s")
     # imports create many objects that stay alive; collecting garbage among them takes a sixth of a short command
     gc.set_threshold(200_000)
+    os.environ["MPLBACKEND"] = "Agg"  # figures are written to files, whatever the user draws with otherwise
+    offer_resume(False)
     try:
-        code = app(standalone_mode=False)
+        code = app(prog_name="vibroplat", standalone_mode=False)
         sys.stdout.flush()
     except VibroplatError as error:
         sys.exit(_complain(str(error), error.exit_code))
     except (MemoryError, ImportError, RuntimeError, OSError) as error:
         if is_short_of_memory(error):
-            sys.exit(_complain(f"not enough memory; {KEPT}", 1))
+            sys.exit(_complain(f"not enough memory; {kept()}", 1))
         if not isinstance(error, OSError):
             raise
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # the rest of the output has nowhere to go
@@ -62,7 +68,7 @@ def main() -> None:
         # typer's base class of usage errors is not public; this method identifies them
         if not hasattr(error, "format_message"):
             raise
-        sys.exit(_complain(f"{error.format_message()} Try 'vibroplat --help'.", 2))
+        sys.exit(_complain(f"{error.format_message().rstrip('.')}. Try 'vibroplat --help'.", 2))
     sys.exit(code if isinstance(code, int) else 0)
 
 
@@ -86,19 +92,22 @@ def _options(
 ) -> None:
     if context.invoked_subcommand is None:
         print(context.get_help())
-    elif "--help" not in sys.argv:
+    elif not {*HELP} & {*sys.argv}:
         require_memory()
 
 
 COMMANDS = (
+    new.new,
     run.run,
     sweep.sweep,
     orbits.orbits,
+    plot.plot,
+    report.report,
     paper.paper,
     paper.calibrate,
-    plot.plot,
     bench.bench,
     schema.schema,
+    schema.columns,
 )
 for command in COMMANDS:
     app.command()(command)

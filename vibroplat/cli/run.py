@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from vibroplat.cli.loading import load_kernels, tell_of_compilation
+from vibroplat.cli.loading import about, load_kernels, tell_of_compilation
 from vibroplat.cli.options import EngineName, Format, Out, Settings, TableFormat
 from vibroplat.cli.printing import print_lines, print_notes, print_summary
 from vibroplat.errors import ConfigError
@@ -41,10 +41,9 @@ def run(
     from vibroplat.tables import result_directory
 
     scene = load_config(config, parse_overrides(set_ or [], engine))
-    beginning(scene)  # what is wrong with it is told before anything is written or compiled
-    source = scene.run.initial.from_
-    if source is not None and Path(source).resolve() == (out / scene.name).resolve():
-        raise ConfigError(f"run.initial.from = {source!r} is where this run would be written; allowed: another name")
+    with about(config):
+        beginning(scene)  # what is wrong with it is told before anything is written or compiled
+        _require_other_place(scene, out)
     directory = result_directory(out, scene.name)
     tell_of_compilation(scene.solver.engine)
     from vibroplat.flow.space import require_disk
@@ -66,6 +65,13 @@ def run(
         print(f"vibroplat: engines disagree {found.disagreement}", file=sys.stderr)
     if result.outcome != "ok" or (found is not None and not found.agrees):
         raise typer.Exit(1)
+
+
+def _require_other_place(scene: Scene, out: Path) -> None:
+    """Refuse to replace the run that a scene goes on from."""
+    source = scene.run.initial.from_
+    if source is not None and Path(source).resolve() == (out / scene.name).resolve():
+        raise ConfigError(f"run.initial.from = {source!r} is where this run would be written; allowed: another name")
 
 
 def _simulate_and_write(

@@ -1,12 +1,32 @@
-"""The command ``schema``: the keys of a configuration."""
+"""The commands ``schema`` and ``columns``: what the keys of a configuration and the columns of tables mean."""
 
 from __future__ import annotations
 
+from typing import Annotated
 
-def schema() -> None:
-    """Print the JSON schema of a configuration, for editors."""
+import typer
+
+
+def schema(
+    markdown: Annotated[
+        bool, typer.Option("--markdown", help="A page for people instead, as results/configuration.md.")
+    ] = False,
+) -> None:
+    """Print all keys of a configuration, as a JSON schema or a page."""
     import json
 
+    if markdown:
+        from vibroplat.dictionary import configuration_page
+
+        print(configuration_page(), end="")
+        return
     from vibroplat.config import configuration_schema
 
     print(json.dumps(configuration_schema(), indent=2))
+
+
+def columns() -> None:
+    """Print what the columns of all tables mean."""
+    from vibroplat.dictionary import columns_page
+
+    print(columns_page(), end="")

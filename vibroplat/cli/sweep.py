@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
-from vibroplat.cli.loading import load_kernels, require_scheduler, tell_of_compilation
+from vibroplat.cli.loading import about, load_kernels, require_scheduler, tell_of_compilation
 from vibroplat.cli.options import (
     EngineName,
     Format,
@@ -74,7 +74,8 @@ def sweep(
     if check is not None:
         require_share(check)
     scene = load_config(config, parse_overrides(set_ or [], engine))
-    planned = branches(scene)
+    with about(config):
+        planned = branches(scene)
     places = [] if check is None else chosen(scene, check)
     require_scheduler(scheduler)
     from vibroplat.results import read_provenance

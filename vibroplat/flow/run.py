@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import closing
 
+from vibroplat.columns import Column, Columns
 from vibroplat.flow.beginning import beginning
 from vibroplat.flow.keeping import Keep, Kept, Sink
 from vibroplat.flow.motion import Motion, Observer
@@ -14,12 +15,12 @@ from vibroplat.flow.variation import directions, listed
 from vibroplat.hybrid.scales import force_noise
 from vibroplat.hybrid.state import Automaton
 from vibroplat.integrate.choice import make_engine
-from vibroplat.integrate.seam import Engine
+from vibroplat.integrate.seam import WORK, Engine
 from vibroplat.model.parameters import Parameters, parameters
 from vibroplat.observe.audit import INACCURATE, inaccuracy
 from vibroplat.observe.names import named_derivative
 from vibroplat.observe.notes import drift, notes_on_measures, stiffness
-from vibroplat.observe.summary import measured
+from vibroplat.observe.summary import MEASURES, measured
 from vibroplat.observe.trajectory import Trajectory
 from vibroplat.observe.variation import Variation
 from vibroplat.plausibility import notes_on_input
@@ -27,6 +28,24 @@ from vibroplat.scene import Scene
 
 #: The measured part is what follows this share of the duration, cut to whole turns of exciter 1.
 SETTLE_SHARE = 0.5
+
+#: The summary of a run.
+SUMMARY: Columns = {
+    "name": Column("name of the scene"),
+    "outcome": Column("ok, or why the run ended early or is inaccurate"),
+    "detail": Column("where and why, unless the outcome is ok"),
+    "simulated_s": Column("simulated time"),
+    "rotation": Column("counter-rotating or co-rotating exciters"),
+    "perturbation": Column("random change of the rates at the start", "in the scales of the scene"),
+    **MEASURES,
+    "contact_force_noise_n": Column("contact forces up to this size, of either sign, are noise"),
+    "engine": Column("integrator that ran"),
+    "tolerance": Column("its tolerance", "local error relative to the scales of the scene"),
+    **WORK,
+    "restarts": Column("starts of the integrator", "the first one, and one after each event"),
+    "wall_s": Column("time that the computation took"),
+    "notes": Column("what deserves a second look"),
+}
 
 
 def simulate(

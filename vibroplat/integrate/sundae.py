@@ -42,7 +42,7 @@ from vibroplat.model.systems import SYSTEMS, System
 _ROOT = 2
 
 #: What scikit-sundae counts.
-COUNTED = WORK[:3]
+COUNTED = tuple(WORK)[:3]
 
 #: Residual calls within a period after which the integrator is taken to be stuck, usual are some 10³, and those that
 #: each segment adds to what is left of them. A call takes 60 µs, so that it is found in some seconds.

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from vibroplat.columns import Column, Columns
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.energy import FORCE, FORCE_SIZE, POWERS, energies
 from vibroplat.model.parameters import Parameters
@@ -24,6 +25,34 @@ ENERGY, LEAST_ENERGY, LARGEST_ENERGY = 5.0, 0.05, 0.5
 #: Largest momentum residual over the limit of the energy residual. In the same scenes it was at most 0.006 at
 #: tolerance 1e-2 and 7e-4 at 1e-3; of the random ones 0.072 and 0.0046.
 MOMENTUM = 0.2
+
+#: The audit of a whole run or point.
+AUDIT: Columns = {
+    "motor_work_j": Column("work of both motors"),
+    "truncation_work_j": Column(
+        "work without a physical source", "the exciter axes turn with the platform to first order in phi only"
+    ),
+    "damping_x_work_j": Column("energy taken by the damper along x"),
+    "damping_y_work_j": Column("energy taken by the damper along y"),
+    "damping_phi_work_j": Column("energy taken by the damper of the rotation"),
+    "damping_layers_work_j": Column("energy taken by the damper between the layers"),
+    "resistance_work_j": Column("energy taken by the resistance of both exciters"),
+    "gravity_work_j": Column("work of gravity"),
+    "impact_loss_j": Column("energy lost in impacts and latches"),
+    "kinetic_change_j": Column("change of the kinetic energy"),
+    "elastic_change_j": Column("change of the elastic energy"),
+    "energy_residual_j": Column(
+        "what is left of the energy balance",
+        "work of motors and gravity + truncation - dampers - resistance - impacts - changes of energy",
+    ),
+    "energy_residual": Column(
+        "relative energy residual", "over the larger of the energy exchanged and the energies at both ends"
+    ),
+    "momentum_residual_n_s": Column("what is left of the balance of vertical momentum"),
+    "momentum_residual": Column(
+        "relative momentum residual", "over the largest of the forces' integral and the momenta at both ends"
+    ),
+}
 
 
 @dataclass(frozen=True)

@@ -8,25 +8,30 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
+from vibroplat.columns import Column, Columns, labelled
 from vibroplat.hybrid.modes import KINDS
 from vibroplat.hybrid.state import EVENT, Automaton
 from vibroplat.memory import Share
 from vibroplat.scene import Mode
 
-#: Columns of the event table and the fields they hold. ``gap_rate_before`` of a latch is that of the first impact which
-#: was not followed; ``impacts`` is 1 for an impact, 0 for a liftoff, and for a latch the number of impacts it stands
-#: for, counted until their speed is below round-off of the first.
-EVENT_COLUMNS = {
-    "t_s": "t",
-    "kind": "kind",
-    "gap_rate_before_m_per_s": "rate_before",
-    "gap_rate_after_m_per_s": "rate_after",
-    "impulse_n_s": "impulse",
-    "energy_loss_j": "loss",
-    "contact_force_after_n": "force_after",
-    "mode_after": "mode_after",
-    "impacts": "impacts",
+#: Columns of the event table.
+EVENTS: Columns = {
+    "t_s": Column("time"),
+    "kind": Column("liftoff, impact, latch or drive", "drive: a corner of the supply's program"),
+    "gap_rate_before_m_per_s": Column(
+        "rate of the gap before the event", "of a latch: before the first of the impacts it stands for"
+    ),
+    "gap_rate_after_m_per_s": Column("rate of the gap after the event"),
+    "impulse_n_s": Column("impulse between lower layer and platform", "of a latch: the sum over its impacts"),
+    "energy_loss_j": Column("energy lost at the event", "of a latch: the sum over its impacts"),
+    "contact_force_after_n": Column("contact force after the event", "0 in flight"),
+    "mode_after": Column("mode after the event", "attached, flight or bare"),
+    "impacts": Column(
+        "number of impacts", "1 for an impact, 0 for a liftoff; for a latch counted until round-off of the first speed"
+    ),
 }
+#: Fields of :data:`vibroplat.hybrid.state.EVENT` that these columns hold, in the same order.
+FIELDS = ("t", "kind", "rate_before", "rate_after", "impulse", "loss", "force_after", "mode_after", "impacts")
 
 #: Events that are written at a time.
 BLOCK = 2**15
@@ -34,10 +39,10 @@ BLOCK = 2**15
 
 def event_table(rows: npt.NDArray[np.void]) -> pd.DataFrame:
     """Make an event table of records of :data:`vibroplat.hybrid.state.EVENT`."""
-    table = pd.DataFrame({column: rows[field] for column, field in EVENT_COLUMNS.items()})
+    table = pd.DataFrame({column: rows[field] for column, field in zip(EVENTS, FIELDS, strict=True)})
     table["kind"] = np.array(KINDS, dtype=object)[rows["kind"]]
     table["mode_after"] = np.array([mode.label for mode in Mode], dtype=object)[rows["mode_after"]]
-    return table
+    return labelled(table, EVENTS)
 
 
 class Events:

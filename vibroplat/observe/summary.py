@@ -9,11 +9,53 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from vibroplat.observe.audit import Energies, audit
+from vibroplat.columns import Column, Columns
+from vibroplat.observe.audit import AUDIT, Energies, audit
 from vibroplat.observe.statistics import SUMS, Measures, between, numbers
 
 #: Phase coherence below which exciters are not synchronous: their phase difference has no mean that says anything.
 COHERENCE = 0.8
+
+#: What :func:`measured` gathers. Means and frequencies are of the whole turns of exciter 1 in the measured part, where
+#: there are any; what is of the whole run or point says so.
+MEASURES: Columns = {
+    "rms_x_m": Column("RMS of x", "about its mean"),
+    "rms_y_m": Column("RMS of y", "about its mean"),
+    "rms_phi_rad": Column("RMS of phi", "about its mean"),
+    "amplitude_y_m": Column("amplitude of y", "half the difference of its largest and least value"),
+    "excitation_frequency_hz": Column("mean speed of both exciters", "turns of each over the time they take"),
+    "frequency_split_hz": Column("speed of exciter 1 minus that of exciter 2"),
+    "impacts_per_period": Column("impacts per turn of exciter 1"),
+    "phase_difference_rad": Column(
+        "mean phase difference of the exciters",
+        "circular mean in (-pi, pi] of phi_1 + phi_2 if counter-rotating, phi_1 - phi_2 if co-rotating",
+    ),
+    "phase_coherence": Column(
+        "how steady the phase difference is", "length of its mean unit vector: 1 constant, 0 without a preferred value"
+    ),
+    "flight_fraction": Column("share of the time in flight"),
+    "motor_power_w": Column("mean mechanical power of both motors"),
+    "measured_s": Column("time over which means are taken"),
+    "measured_from_s": Column("beginning of the measured part"),
+    "measured_to_s": Column("end of the measured part"),
+    "contact_force_min_n": Column("least contact force"),
+    "contact_force_max_n": Column("largest contact force", "impulses of impacts do not count"),
+    "contact_pull_n": Column("how far the contact force fell below 0 in the whole run", "a check: should be noise"),
+    "gap_min_m": Column("least gap in the whole run", "a check: should be 0"),
+    "gap_max_m": Column("largest gap"),
+    "phi_max_rad": Column("largest rotation of the platform in the whole run", "of either sign"),
+    "impulse_max_n_s": Column("largest impulse of an impact"),
+    "impulse_sum_n_s": Column("sum of all impulses in the whole run"),
+    "liftoffs": Column("liftoffs in the whole run"),
+    "impacts": Column("impacts in the whole run"),
+    "latches": Column("latches in the whole run", "impacts that accumulate and end in contact"),
+    "events": Column("liftoffs, impacts and latches in the whole run"),
+    "measured_liftoffs": Column("liftoffs in the measured part"),
+    "measured_impacts": Column("impacts in the measured part"),
+    "measured_latches": Column("latches in the measured part"),
+    "measured_turns": Column("whole turns of exciter 1 in the measured part"),
+    **AUDIT,
+}
 
 
 class Part(NamedTuple):

@@ -11,16 +11,20 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
+from vibroplat.columns import Column, Columns, labelled
 from vibroplat.hybrid.state import Automaton
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.motor import motor_powers
 from vibroplat.model.parameters import parameters, supply
 from vibroplat.model.systems import FULL_SIZE
 from vibroplat.observe.segments import Segment, closed
-from vibroplat.scene import COORDINATES, RATES, Mode, Scene
+from vibroplat.scene import COORDINATES, RATES, Mode, Scene, State
 
 #: Rows that are made and written at a time.
 BLOCK = 2**15
+#: Columns of the trajectory table, which are the keys of a full state, and of the Poincaré section.
+_KEYS = dict.fromkeys(("t_s", "mode")) | dict.fromkeys(State.model_fields)
+TRAJECTORY: Columns = {name: Column(State.model_fields[name].description or "") for name in _KEYS}
 
 
 @dataclass(frozen=True)
@@ -101,7 +105,7 @@ class TableMaker:
 
     def table(self, rows: Rows) -> pd.DataFrame:
         """Make a table of rows."""
-        return pd.DataFrame(self.columns(rows))
+        return labelled(pd.DataFrame(self.columns(rows)), TRAJECTORY)
 
     def columns(self, rows: Rows) -> dict[str, Any]:
         """Return the columns of a table by their names."""

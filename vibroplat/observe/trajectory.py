@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
+from vibroplat.columns import labelled
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.observe.audit import INACCURATE
 from vibroplat.observe.events import event_table
@@ -18,13 +19,14 @@ from vibroplat.observe.names import state_places
 from vibroplat.observe.notes import Peaks, notes_on_samples
 from vibroplat.observe.segments import Segment
 from vibroplat.observe.statistics import Measures, section_rows
-from vibroplat.observe.table import TableMaker, TableParts, together
+from vibroplat.observe.table import TRAJECTORY, TableMaker, TableParts, together
+from vibroplat.prompt import AtPrompt
 from vibroplat.scene import Scene
 
 
-@dataclass
-class Trajectory:
-    """A finished run.
+@dataclass(repr=False)
+class Trajectory(AtPrompt):
+    """A finished run. :class:`~vibroplat.prompt.AtPrompt` has its card, figures and files.
 
     Attributes
     ----------
@@ -61,11 +63,6 @@ class Trajectory:
     peaks: Mapping[str, float] | None = None
     derivative: pd.DataFrame | None = None
 
-    @property
-    def outcome(self) -> str:
-        """``ok``, or why the run ended early."""
-        return str(self.summary["outcome"])
-
     @cached_property
     def events(self) -> pd.DataFrame:
         """Event table."""
@@ -82,7 +79,7 @@ class Trajectory:
         columns = {"t_s": points["t"]} | {name: states[:, i] for name, i in state_places(self.scene).items()}
         if self.scene.has_contact:
             columns["contact_force_n"] = points["force"]
-        return pd.DataFrame(columns)
+        return labelled(pd.DataFrame(columns), TRAJECTORY)
 
     @cached_property
     def trajectory(self) -> pd.DataFrame:
@@ -158,4 +155,5 @@ class Trajectory:
         owner = np.searchsorted(ends, wanted[order], side="left")
         maker = TableMaker(self.scene)
         parts = [maker.rows(self.segments[i], wanted[order][owner == i]) for i in np.unique(owner)]
-        return maker.table(together(parts)).iloc[np.argsort(order, kind="stable")].reset_index(drop=True)
+        found = pd.DataFrame(maker.columns(together(parts)))
+        return labelled(found.iloc[np.argsort(order, kind="stable")].reset_index(drop=True), TRAJECTORY)

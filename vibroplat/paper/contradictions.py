@@ -15,6 +15,7 @@ from typing import Any
 import pandas as pd
 from scipy.optimize import brentq
 
+from vibroplat.columns import Column, Columns
 from vibroplat.paper.trial import paper_scene
 from vibroplat.scene import Scene
 
@@ -53,6 +54,15 @@ def resonance_torque(scene: Scene) -> float:
     omega = math.sqrt(machine.stiffness_y_n_per_m / machine.total_mass)
     damping = machine.damping_y_n_s_per_m
     return float(scene.unbalances[0] ** 2 * omega**3 / damping) if damping > 0.0 else math.inf
+
+
+#: The table ``contradictions``, a row for each quantity.
+CONTRADICTIONS: Columns = {
+    "what": Column("a quantity"),
+    "unit": Column("its unit"),
+    "figures": Column("value that the paper's figures require"),
+    "machine": Column("value that the machine has"),
+}
 
 
 def contradictions(numbers: Mapping[str, Any]) -> pd.DataFrame:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from vibroplat.columns import Column, Columns
 from vibroplat.flow.run import simulate
 from vibroplat.hybrid.initial import static_rest
 from vibroplat.paper.trial import BETA, paper_scene
@@ -102,6 +103,18 @@ def by_figure(tables: Mapping[str, pd.DataFrame]) -> dict[str, pd.DataFrame]:
         )
         for figure, panels in PANELS.items()
     }
+
+
+#: The tables of Figs. 4, 5 and 7, a row for each time.
+HISTORY: Columns = {
+    "panel": Column("the paper's excitation frequency of the panel, in Hz"),
+    "curve": Column("number of the curve in the paper"),
+    "scene": Column("name of the scene"),
+    "excitation_frequency_hz": Column("mean speed of both exciters"),
+    "t_s": Column("time", "from a whole turn of exciter 1"),
+    "y_m": Column("displacement along y", "from the static rest"),
+    "gap_m": Column("gap", "empty without contact"),
+}
 
 
 def history(scene: Scene) -> pd.DataFrame:

@@ -17,10 +17,14 @@ from vibroplat.tables import remove_table, write_table
 
 
 def write_reproduction(found: Reproduction, numbers: Mapping[str, Any], directory: Path) -> None:
-    """Write the tables of a reproduction, and its provenance with the machine's numbers."""
+    """Write the tables of a reproduction, and its provenance with the machine's numbers.
+
+    Wall times are left out, so that a repeated reproduction gives the same files.
+    """
     scene = paper_scene(SWEEPS[0], numbers)
     beta = {"beta_per_s": found.beta, "beta_matched_hz": found.matched_hz}
-    write_result(directory, "paper", provenance(scene, engine_name(scene)) | beta, found.tables, form="csv")
+    tables = {name: table.drop(columns="wall_s", errors="ignore") for name, table in found.tables.items()}
+    write_result(directory, "paper", provenance(scene, engine_name(scene)) | beta, tables, form="csv")
 
 
 def overview(name: str, found: Reproduction, seconds: float) -> Iterator[str]:

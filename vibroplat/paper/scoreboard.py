@@ -7,10 +7,24 @@ from typing import Any
 
 import pandas as pd
 
+from vibroplat.columns import Column, Columns
 from vibroplat.paper.claims import judge
 from vibroplat.paper.evidence import Evidence
 from vibroplat.paper.finding import Claim, Finding
 from vibroplat.paper.trial import claims, former_claims
+
+#: The table ``claims``, a row for each claim of the paper.
+CLAIMS: Columns = {
+    "id": Column("name of the claim"),
+    "figure": Column("figure of the paper it belongs to"),
+    "quote": Column("the paper's words"),
+    "expected": Column("what the claim says, in numbers"),
+    "measured": Column("what was found with the first seed"),
+    "seeds": Column("with how many seeds the claim holds"),
+    "verdict": Column("whether the claim is reproduced, and what it depends on"),
+    "why": Column("reason of the verdict"),
+    "note": Column("comment on the claim"),
+}
 
 #: Evidence with other sets of numbers, and their changes of those of the machine.
 Others = Sequence[tuple[Mapping[str, Any], Evidence]]

@@ -8,9 +8,38 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from vibroplat.columns import Column, Columns
 from vibroplat.paper.evidence import Evidence, F
 from vibroplat.paper.finding import EDGE
 from vibroplat.study.branches import SUPPLY
+
+#: The table ``sync-bands``, a row for each stretch of points with the same synchronization.
+SYNC_BANDS: Columns = {
+    "mass_ratio": Column("mass of the material over that of the machine"),
+    "restitution": Column("coefficient of restitution"),
+    "model": Column("contact model"),
+    "law": Column("impact law"),
+    "direction": Column("direction of the branch"),
+    "sync": Column("synchronization of the exciters"),
+    "points": Column("points of the stretch"),
+    "first_hz": Column("excitation frequency of its first point"),
+    "last_hz": Column("excitation frequency of its last point"),
+    "first_supply_hz": Column("supply frequency of its first point"),
+    "last_supply_hz": Column("supply frequency of its last point"),
+    "rms_y_largest_m": Column("largest RMS of y"),
+}
+#: The table ``impact-laws``, a row for each law and restitution.
+IMPACT_LAWS: Columns = {
+    "impact_law": Column("impact law"),
+    "restitution": Column("coefficient of restitution"),
+    **{
+        f"{side}_{kind}": Column(f"{kind} relative difference of RMS y {side} resonance", "from law conservative")
+        for side in ("below", "above")
+        for kind in ("largest", "mean")
+    },
+    "jump_hz": Column("excitation frequency where antiphase ends below the second resonance"),
+    "jump_conservative_hz": Column("the same with law conservative"),
+}
 
 
 def sync_bands(evidence: Evidence) -> pd.DataFrame:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -70,6 +70,39 @@ def plot_run(
     return written
 
 
+def of_tables(
+    summary: Mapping[str, Any],
+    trajectory: pd.DataFrame,
+    events: pd.DataFrame,
+    start: float | None = None,
+    stop: float | None = None,
+) -> _Result:
+    """Prepare the tables of a run for :data:`FIGURES`; parameters as of :func:`plot_run`."""
+    if trajectory.empty:
+        raise TableError("the trajectory is empty; there is nothing to plot")
+    first, last = trajectory["t_s"].iloc[0], trajectory["t_s"].iloc[-1]
+    begin, end = _interval(summary["excitation_frequency_hz"], first, last, start, stop)
+    whole, shown = _thinned_and_cut([trajectory], math.ceil(len(trajectory) / POINTS), begin, end)
+    _, cut = _thinned_and_cut([events], 1, begin, end)
+    _require_data(shown, begin, end, first, last)
+    return _Result(summary["name"], whole, shown, cut, summary.get("rotation") == "co-rotating")
+
+
+def _interval(
+    frequency: float | None, first: float, last: float, start: float | None, stop: float | None
+) -> tuple[float, float]:
+    """Return the interval to show (s)."""
+    end = last if stop is None else stop
+    begin = max(first, end - SHOWN_TURNS / frequency) if frequency else first
+    return begin if start is None else start, end
+
+
+def _require_data(shown: pd.DataFrame, begin: float, end: float, first: float, last: float) -> None:
+    """Refuse an interval with less than two times."""
+    if shown["t_s"].nunique() < 2:
+        raise TableError(f"no data from {begin:g} to {end:g} s; the run lasted from {first:g} to {last:g} s")
+
+
 def _read(directory: Path, start: float | None, stop: float | None) -> _Result:
     result = read_result(directory, "run")
     summary = result.document("summary")
@@ -81,14 +114,11 @@ def _read(directory: Path, start: float | None, stop: float | None) -> _Result:
     if not times:
         raise TableError(f"{directory} holds an empty trajectory; there is nothing to plot")
     rows, first, last = sum(n for n, *_ in times), float(min(t for _, t, _ in times)), float(max(t for *_, t in times))
-    end = last if stop is None else stop
-    frequency = summary["excitation_frequency_hz"]
-    begin = start if start is not None else max(first, end - SHOWN_TURNS / frequency) if frequency else first
+    begin, end = _interval(summary["excitation_frequency_hz"], first, last, start, stop)
     trajectory = read_parts(result, "trajectory", "mode", ("t_s", "y_m", *angles), ("gap_m", "contact_force_n"))
     whole, shown = _thinned_and_cut(trajectory, math.ceil(rows / POINTS), begin, end)
     _, events = _thinned_and_cut(read_parts(result, "events", "kind", ("t_s", "impulse_n_s")), 1, begin, end)
-    if shown["t_s"].nunique() < 2:
-        raise TableError(f"no data between {begin} and {end} s; allowed: an interval within {first} … {last} s")
+    _require_data(shown, begin, end, first, last)
     co_rotating = summary.get("rotation") == "co-rotating"
     return _Result(summary["name"], whole, shown, events, co_rotating)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,7 +12,8 @@ import matplotlib as mpl
 
 from vibroplat.tables import replace_files
 
-mpl.use("Agg")
+if "MPLBACKEND" not in os.environ:  # a notebook has its own
+    mpl.use("Agg")
 
 import matplotlib.pyplot as plt
 

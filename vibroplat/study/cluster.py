@@ -15,6 +15,7 @@ from contextlib import suppress
 from typing import Any
 
 from vibroplat.errors import ConfigError, VibroplatError
+from vibroplat.interrupts import resume_is_offered
 from vibroplat.study import WAIT
 
 #: Seconds without a worker after which the user is told what is waited for.
@@ -36,6 +37,11 @@ _TALKATIVE = ("distributed", "tornado", "asyncio")
 _ALIVE = ("running", "connecting")
 
 
+def _kept() -> str:
+    """Say what is left of work that is given up, where it can be resumed."""
+    return f"; {KEPT}" if resume_is_offered() else ""
+
+
 class LostError(VibroplatError):
     """All workers are gone."""
 
@@ -48,7 +54,7 @@ class ForeignWorkerError(VibroplatError):
     exit_code = 1
 
     def __init__(self, difference: str) -> None:
-        super().__init__(f"worker {difference}; all must have what this process has; {KEPT}")
+        super().__init__(f"worker {difference}; all must have what this process has{_kept()}")
 
 
 class _Call:
@@ -177,7 +183,7 @@ class Cluster:
             return
         self._since = now if self._since is None else self._since
         if now - self._since >= self._wait:
-            raise LostError(f"waited {self._wait:g} s for {missing}; {KEPT}")
+            raise LostError(f"waited {self._wait:g} s for {missing}{_kept()}")
         if now - self._since >= NOTICE and not self._told and self._client.status == "running":
             _LOG.warning("waiting for %s, up to %g s", missing, self._wait)
             self._told = True
@@ -193,7 +199,7 @@ class Cluster:
         return "" if workers else f"a worker of the scheduler at {self._address}"
 
     def _gone(self) -> LostError:
-        return LostError(f"the scheduler at {self._address} is gone; {KEPT}")
+        return LostError(f"the scheduler at {self._address} is gone{_kept()}")
 
     def close(self) -> None:
         """Leave the cluster; a scheduler that does not answer is left without a word."""

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from vibroplat.columns import Column, Columns
 from vibroplat.flow.motion import Motion, Observer
 from vibroplat.hybrid.initial import initial_state, perturbed
 from vibroplat.hybrid.modes import IMPACT
@@ -76,6 +77,34 @@ ERRORS = {
     "flight_fraction": "flight_fraction_error",
     "impacts_per_period": "impacts_per_period_error",
     "motor_power_w": "motor_power_error_w",
+}
+
+#: Columns that a point has besides :data:`vibroplat.observe.summary.MEASURES`.
+POINT: Columns = {
+    "rotation": Column("counter-rotating or co-rotating exciters"),
+    "sync": Column(
+        "synchronization of the exciters",
+        "antiphase or in-phase: phase difference within pi/3 of pi or 0; intermediate: between; none: it drifts or is "
+        "incoherent",
+    ),
+    "motion": Column(
+        "kind of motion",
+        "periodic: repeats after period turns; otherwise chaotic or quasi-periodic by the largest Lyapunov exponent, "
+        "undecided, or non-periodic where it was not asked for",
+    ),
+    "period": Column("turns of exciter 1 until the motion repeats", "0: none found"),
+    "lyapunov_per_s": Column("largest Lyapunov exponent", "of motion that does not repeat"),
+    "lyapunov_error_per_s": Column("standard error of lyapunov_per_s"),
+    **{
+        error: Column(f"standard error of {name}", "from its scatter over eight blocks of motion that does not repeat")
+        for name, error in ERRORS.items()
+    },
+    "settle_s": Column("time before the point was measured"),
+    "outcome": Column("ok, or why the point ended early or is inaccurate"),
+    "detail": Column("where and why, unless the outcome is ok; or why the motion is undecided"),
+    "notes": Column("what deserves a second look"),
+    "simulated_s": Column("simulated time"),
+    "wall_s": Column("time that the computation took"),
 }
 
 

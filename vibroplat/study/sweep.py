@@ -8,12 +8,16 @@ from typing import Any
 import pandas as pd
 
 import vibroplat
+from vibroplat.columns import Column, Columns, labelled
 from vibroplat.integrate.choice import engine_name
+from vibroplat.integrate.seam import WORK
+from vibroplat.keys import key_of
+from vibroplat.observe.summary import MEASURES
 from vibroplat.scene import Scene
 from vibroplat.study import WAIT
 from vibroplat.study.branches import EXCITATION, SUPPLY, Branch, branches, sweep_plan
 from vibroplat.study.execution import Pool, pool, run_chains
-from vibroplat.study.point import ERRORS, MEASURED, point_task
+from vibroplat.study.point import ERRORS, MEASURED, POINT, point_task
 from vibroplat.study.store import Record, Records, SpoiledError, Store
 from vibroplat.study.tasks import StoredChain, Tasks
 from vibroplat.sweep_plan import SweepPlan
@@ -44,6 +48,20 @@ COLUMNS = (
     "simulated_s",
     "wall_s",
 )
+
+#: What they mean; the swept keys come first, each as in a configuration.
+SWEEP: Columns = {
+    SUPPLY: Column("supply frequency"),
+    "direction": Column("direction of the branch", "up or down: each point starts where the one before ended"),
+    "branch": Column("number of the branch"),
+    **{name: column for name, column in {**MEASURES, **POINT, **WORK}.items() if name in COLUMNS},
+}
+#: The tables of a bifurcation diagram.
+DIAGRAM: Columns = {
+    **{name: SWEEP[name] for name in (SUPPLY, "direction", "branch", EXCITATION)},
+    "y_m": Column("y at a whole turn of exciter 1"),
+    "impact_speed_m_per_s": Column("speed of an impact", "rate at which the gap closes"),
+}
 
 #: How many rows of a table are in memory at a time.
 CHUNK = 2000
@@ -218,4 +236,5 @@ def _frame(rows: list[Record], scene: Scene, columns: Sequence[str]) -> pd.DataF
     table = pd.DataFrame(rows, columns=[SUPPLY, *grid, *columns])
     types: dict[Any, Any] = {key: pd.Series(values).dtype for key, values in grid.items()}
     types |= {column: "str" if column in TEXTS else "Int64" if column in COUNTS else "float64" for column in columns}
-    return table.astype(types)
+    swept = {key: Column(key_of(key).meaning) for key in grid}
+    return labelled(table.astype(types), {**SWEEP, **DIAGRAM, **swept})

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pandas as pd
 
+from vibroplat.columns import Column, Columns
 from vibroplat.paper.calibration.plan import CalibrationPlan
 
 #: A set that holds at most so many claims fewer than the best one counts as equally good.
@@ -12,6 +13,45 @@ WITHIN = 1.0
 QUANTILES = {"least": 0.0, "lower_quartile": 0.25, "median": 0.5, "upper_quartile": 0.75, "largest": 1.0}
 #: Ending of the columns of verdicts.
 HOLDS = ".holds"
+
+
+#: The table ``evaluations``, a row for each set of numbers. Besides, it has the searched keys, and of each claim a
+#: column with its score and one with ending :data:`HOLDS`.
+EVALUATIONS: Columns = {
+    "start": Column("number of the search that found the set"),
+    "score": Column("mean score of all claims", "1: all hold"),
+    "held": Column("number of claims that hold"),
+    "seeds": Column("seeds the set was judged with"),
+    "held_mean": Column("mean of held over these seeds"),
+    "held_least": Column("least of held over these seeds"),
+    "score_mean": Column("mean of score over these seeds"),
+}
+#: The table ``confirmation``, a row for each of the best sets and seed; with the same columns of keys and claims.
+CONFIRMATION: Columns = {
+    "seed": Column("seed of the perturbations"),
+    **{name: EVALUATIONS[name] for name in ("score", "held")},
+}
+#: The table ``left-out``, a row for each claim; besides, it has the searched keys.
+LEFT_OUT: Columns = {
+    "claim": Column("claim that is left out"),
+    "held": Column("number of the other claims that hold with the set they select"),
+    "of": Column("number of the other claims"),
+    "holds": Column("whether the claim holds with that set"),
+    "score": Column("score of the claim with that set"),
+}
+#: The table ``spread``, a row for each searched key.
+SPREAD: Columns = {
+    "parameter": Column("the key"),
+    "best": Column("its value in the best set"),
+    "least": Column("least value in sets within one claim of the best"),
+    "lower_quartile": Column("their lower quartile"),
+    "median": Column("their median"),
+    "upper_quartile": Column("their upper quartile"),
+    "largest": Column("their largest value"),
+    "width": Column("distance of the largest and the least value", "as a share of the searched range"),
+    "middle_width": Column("distance of the quartiles", "as a share of the searched range"),
+    "sets": Column("number of these sets"),
+}
 
 
 def claim_names(evaluations: pd.DataFrame) -> list[str]:

@@ -259,7 +259,7 @@ def _require_whole(problem: Problem, frame: Frame, found: Found, period: int) ->
             difference = (shot.state - state)[frame.places] / problem.shooter.scales[frame.places]
             difference -= np.round(difference / _TURN) * _TURN * np.isin(frame.places, (ANGLE, ANGLE + 1))
             if np.abs(difference).max() < REPEATS * problem.tolerance:
-                raise OrbitError(f"period = {period} but the motion repeats after {turns}; allowed: period {turns}")
+                raise OrbitError(f"orbits.period = {period} but the motion repeats after {turns}; allowed: {turns}")
 
 
 def orbit_of(problem: Problem, frame: Frame, found: Found) -> Orbit:

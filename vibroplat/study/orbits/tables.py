@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -14,6 +14,7 @@ from vibroplat.scene import COORDINATES, RATES, Scene
 from vibroplat.study import WAIT
 from vibroplat.study.branches import EXCITATION, FREQUENCY, SUPPLY
 from vibroplat.study.execution import pool
+from vibroplat.study.orbits.curves import Boundary, boundaries, require_inside
 from vibroplat.study.orbits.tracing import TOLD, Family, Progress, Traced, families, orbits_plan, trace
 from vibroplat.study.point import MEASURED
 from vibroplat.study.store import Record, Store
@@ -38,7 +39,7 @@ COLUMNS = (
 )
 #: Columns of text, of whole numbers and of yes and no; all others but keys hold floating-point numbers.
 TEXTS = ("sync", "notes", "sequence", "kind")
-COUNTS = ("branch", "parent", "point", "period", "unstable")
+COUNTS = ("branch", "curve", "parent", "point", "period", "unstable")
 ANSWERS = ("stable",)
 
 
@@ -100,7 +101,8 @@ def orbits(
     """
     opened = pool(jobs, scheduler, wait=wait, chains=len(planned(scene)))
     with Store(None, {}) as store, opened as workers:
-        return tables(scene, trace(scene, store, workers, progress))
+        traced = trace(scene, store, workers, progress)
+        return tables(scene, traced, boundaries(scene, traced, store, workers))
 
 
 def planned(scene: Scene) -> list[Family]:
@@ -112,7 +114,11 @@ def planned(scene: Scene) -> list[Family]:
         The section ``orbits`` cannot be followed, or ``from`` names no finished run that the scene can go on from.
     """
     found = families(scene)
-    source = orbits_plan(scene).from_
+    plan = orbits_plan(scene)
+    if plan.boundaries is not None:
+        for family in found:
+            require_inside(family.scene, plan.boundaries)
+    source = plan.from_
     if source not in ("settled", "state"):
         for family in found:
             try:
@@ -123,9 +129,9 @@ def planned(scene: Scene) -> list[Family]:
     return found
 
 
-def tables(scene: Scene, traced: Sequence[Traced]) -> OrbitTables:
-    """Make the tables of branches that have been followed."""
-    return OrbitTables(branch_table(scene, traced), special_table(scene, traced), boundary_table(scene, ()))
+def tables(scene: Scene, traced: Sequence[Traced], curves: Sequence[Boundary] = ()) -> OrbitTables:
+    """Make the tables of branches and boundaries that have been followed."""
+    return OrbitTables(branch_table(scene, traced), special_table(scene, traced), boundary_table(scene, curves))
 
 
 def branch_table(scene: Scene, traced: Sequence[Traced]) -> pd.DataFrame:
@@ -159,11 +165,16 @@ def special_table(scene: Scene, traced: Sequence[Traced]) -> pd.DataFrame:
     return _frame(rows, scene, columns)
 
 
-def boundary_table(scene: Scene, rows: Iterable[Record]) -> pd.DataFrame:
-    """Return the table of boundaries; rows have the grid's and both keys, ``kind`` and the excitation frequency."""
+def boundary_table(scene: Scene, curves: Sequence[Boundary]) -> pd.DataFrame:
+    """Return the table of boundaries: the points of each curve in their order."""
     plan = orbits_plan(scene)
-    keys = [plan.key] if plan.boundaries is None else [plan.key, plan.boundaries.key]
-    return _frame(list(rows), scene, ["kind", *map(column_of, keys), EXCITATION])
+    keys = [column_of(key) for key in [plan.key, *([plan.boundaries.key] if plan.boundaries else [])]]
+    rows = []
+    for number, curve in enumerate(curves):
+        place = {column_of(key): value for key, value in curve.family.grid.items()}
+        place |= {"curve": number, "kind": curve.kind, "branch": curve.branch}
+        rows += [place | row | dict(zip(keys, (row["value"], row["second"]), strict=True)) for row in curve.rows]
+    return _frame(rows, scene, ["curve", "kind", "branch", *keys, EXCITATION, "period"])
 
 
 def column_of(key: str) -> str:
@@ -171,7 +182,7 @@ def column_of(key: str) -> str:
     return SUPPLY if key == FREQUENCY else key
 
 
-def summary(scene: Scene, traced: Sequence[Traced]) -> dict[str, Any]:
+def summary(scene: Scene, traced: Sequence[Traced], curves: Sequence[Boundary] = ()) -> dict[str, Any]:
     """Return what is told of the branches besides their points, as plain values."""
     branches = [_told(branch) for branch in traced]
     return {
@@ -180,6 +191,10 @@ def summary(scene: Scene, traced: Sequence[Traced]) -> dict[str, Any]:
         "turns": sum(b["turns"] for b in branches),
         "failed": sum(b["failed"] for b in branches),
         "branches": branches,
+        "boundaries": [
+            {"grid": c.family.grid, "kind": c.kind, "branch": c.branch, "points": len(c.rows), "ended": c.ended}
+            for c in curves
+        ],
     }
 
 

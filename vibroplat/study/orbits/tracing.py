@@ -15,7 +15,7 @@ import numpy as np
 
 from vibroplat.errors import ConfigError
 from vibroplat.kernels.compiled import FloatArray
-from vibroplat.model.sensitivity import parameter_direction
+from vibroplat.model.sensitivity import parameter_direction, value_of
 from vibroplat.orbits_plan import OrbitsPlan
 from vibroplat.scene import Scene
 from vibroplat.study.execution import Pool
@@ -67,6 +67,8 @@ def orbits_plan(scene: Scene) -> OrbitsPlan:
         keys.append(("orbits.boundaries.key", plan.boundaries.key, (plan.boundaries.start, plan.boundaries.stop)))
     for place, key, ends in keys:
         for value in ends:
+            if not isinstance(value_of(scene, key), float):
+                raise ConfigError(f"{place} = {key} holds no number that varies continuously; allowed: one that does")
             try:
                 parameter_direction(scene.replace({key: float(value)}), key)
             except ConfigError as error:
@@ -468,7 +470,7 @@ def row_of_point(branch: Branch, point: Point, shooter: Shooter, *, count: bool 
         multipliers[f"multiplier_{i + 1}_re"] = float(point.multipliers[i].real) if known else None
         multipliers[f"multiplier_{i + 1}_im"] = float(point.multipliers[i].imag) if known else None
     return {
-        "value": values[0],
+        "value": float(f"{values[0]:.15g}"),  # without what units leave of a round number
         "period": abs(problem.turns[0]),
         "period_s": seconds,
         **measures_of_orbit(scene, point.shot, problem.turns),

@@ -1,0 +1,137 @@
+"""Keys and columns: each is described, and the pages in results/ are those that the commands write."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pandas as pd
+import pyarrow.parquet as pq
+import pytest
+from common.commands import command as run_command
+from common.places import QUICKSTART
+
+from vibroplat import simulate, sweep
+from vibroplat.columns import unit_of
+from vibroplat.dictionary import TABLES
+from vibroplat.keys import key_of, keys
+from vibroplat.scene import Scene
+from vibroplat.tables import read_parts, read_table
+
+RESULTS = Path(__file__).parents[2] / "results"
+COLUMNS = {table.name: table.columns for table in TABLES}
+PLAN = {"sweep.supply_frequency_hz": {"start": 45.0, "stop": 45.0}, "sweep.settle_s": 0.1, "sweep.measure_s": 0.1}
+
+
+@pytest.mark.parametrize(
+    ("page", "arguments"), [("configuration", ("schema", "--markdown")), ("columns", ("columns",))], ids=str
+)
+def test_page_is_up_to_date(page, arguments, command):
+    """Otherwise write it again: vibroplat schema --markdown > results/configuration.md, the same with columns."""
+    done = command(*arguments)
+    assert (done.code, done.err) == (0, "")
+    assert done.out == (RESULTS / f"{page}.md").read_text(encoding="utf-8")
+
+
+# -- keys -----------------------------------------------------------------------------------------------
+
+
+def leaves(tree, prefix=""):
+    for name, value in tree.items():
+        if isinstance(value, dict) and value:
+            yield from leaves(value, f"{prefix}{name}.")
+        else:
+            yield f"{prefix}{name}"
+
+
+def test_every_key_has_a_meaning_and_says_what_is_allowed():
+    assert [k.name for k in keys().values() if not (k.meaning and k.allowed)] == []
+    scene = Scene().replace({"run.initial.state": {"y_m": 0.0}, **PLAN})
+    assert [name for name in leaves(scene.to_tree()) if name not in keys()] == []
+
+
+def test_a_key_is_told_with_symbol_unit_default_and_range():
+    assert key_of("machine.damping_y_n_s_per_m")[1:5] == ("b_y", "N·s/m", "40", "number, ≥ 0")
+    assert key_of("exciters.1.critical_slip")[1:5] == ("s_c", "", "0.15", "number, > 0")
+    assert key_of("sweep.supply_frequency_hz.step").unit == "Hz"
+    assert key_of("contact.impact_law").allowed == "conservative, central, printed"
+    assert key_of("run.seed").allowed == "whole number, ≥ 0"
+
+
+# -- columns --------------------------------------------------------------------------------------------
+
+
+def undescribed(table, name):
+    return [column for column in table if column not in COLUMNS[name]]
+
+
+@pytest.mark.parametrize("changes", [{}, {"drive.program": [{"t_s": 0.0, "supply_frequency_hz": 50.0}]}], ids=str)
+def test_every_column_of_a_run_is_described(changes, runs):
+    run = runs["two layers"] if not changes else simulate(Scene().replace({**changes, "run.duration_s": 0.1}))
+    for name, table in (("trajectory", run.trajectory), ("events", run.events), ("trajectory", run.section)):
+        assert undescribed(table, name) == []
+        assert list(table.attrs["meanings"]) == list(table.attrs["units"]) == list(table)
+    assert undescribed(run.summary, "summary.json") == []
+
+
+def test_dense_output_is_described(runs):
+    run = runs["two layers"]
+    assert run([0.1]).attrs == run.trajectory.attrs
+
+
+def test_every_column_of_a_sweep_is_described(kernels):
+    table = sweep(Scene().replace({**PLAN, "sweep.grid": {"contact.restitution": [0.0, 0.5]}}))
+    assert undescribed(table, "sweep") == ["contact.restitution"]
+    assert [*table.attrs["meanings"]] == [*table]
+    assert table.attrs["meanings"]["contact.restitution"] == "coefficient of restitution of impacts"
+    assert table.attrs["units"]["rms_y_m"] == "m"
+
+
+@pytest.mark.parametrize("path", sorted((RESULTS / "paper").glob("*/*.csv")), ids=lambda p: f"{p.parent.name}-{p.stem}")
+def test_every_column_of_the_papers_tables_is_described(path):
+    name = path.stem
+    if name in ("fig4", "fig5", "fig7"):
+        name = "fig4, fig5, fig7"
+    elif name.startswith(("fig", "laws")):
+        name = "sweep"
+    assert [c for c in undescribed(pd.read_csv(path, nrows=0), name) if c not in keys()] == []
+
+
+@pytest.mark.parametrize("name", ["evaluations", "confirmation", "left-out", "spread"])
+def test_every_column_of_the_calibration_is_described(name):
+    table = pd.read_csv(RESULTS / f"calibration/{name}.csv")
+    claims = {*pd.read_csv(RESULTS / "calibration/left-out.csv")["claim"]}
+    rest = [c for c in undescribed(table, name) if c not in keys() and c.removesuffix(".holds") not in claims]
+    assert rest == []
+
+
+def test_parquet_files_carry_units_and_meanings(kernels, tmp_path):
+    done = run_command("run", QUICKSTART, "--set", "run.duration_s=0.05", "--out", tmp_path)
+    assert done.code == 0
+    place = tmp_path / "quickstart"
+    for name in ("trajectory", "events"):
+        for field in pq.read_schema(place / f"{name}.parquet"):
+            about = {key.decode(): value.decode() for key, value in field.metadata.items()}
+            assert about["unit"] == unit_of(field.name)
+            assert about["meaning"] == COLUMNS[name][field.name].text
+        table = read_table(place, name)
+        assert table.attrs["meanings"] == {column: COLUMNS[name][column].text for column in table}
+        assert next(read_parts(place, name)).attrs == table.attrs
+
+
+@pytest.mark.parametrize(
+    ("name", "unit"),
+    [
+        ("t_s", "s"),
+        ("impulse_n_s", "N·s"),
+        ("damping_phi_n_m_s_per_rad", "N·m·s/rad"),
+        ("viscous_per_mass_per_s", "1/s"),
+        ("phi_rate_rad_per_s", "rad/s"),
+        ("motor_power_1_w", "W"),
+        ("machine.platform_inertia_kg_m2", "kg·m²"),
+        ("events", ""),
+        ("impacts_per_period", ""),
+        ("layers", ""),
+    ],
+)
+def test_units_follow_from_names(name, unit):
+    assert unit_of(name) == unit

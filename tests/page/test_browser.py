@@ -1,0 +1,307 @@
+"""The page in a browser: it is drawn, it moves, it can be clicked, on narrow and on wide screens."""
+
+from __future__ import annotations
+
+import csv
+import io
+import shutil
+import time
+
+import numpy as np
+import pytest
+from common import handmade
+from common.results import unproven
+from PIL import Image
+
+from vibroplat.page.browser import browser, missing, open_page, resize
+from vibroplat.page.film import HEIGHT, write_film
+from vibroplat.page.report import write_report
+
+pytestmark = [pytest.mark.long, pytest.mark.skipif(bool(missing()), reason=missing())]
+
+HOSTILE = "</script><script>window.hacked = 1</script><img src=x onerror='window.hacked = 1'>"
+WIDTHS = (360, 1600)
+#: Titles of the panels of a run with two layers.
+PANELS = 10
+
+
+@pytest.fixture(scope="module", params=WIDTHS)
+def driver(request):
+    with browser(request.param, 1000) as opened:
+        opened.width = request.param
+        yield opened
+
+
+@pytest.fixture(scope="module")
+def pages(moved, swept, followed, tmp_path_factory):
+    """Paths of pages by name."""
+    place = tmp_path_factory.mktemp("pages")
+    layers, bare, bouncing = (moved[name] for name in ("two layers", "bare", "bouncing"))
+    wanted = {"one": [layers], "several": [layers, bare, bouncing], "points": [swept, followed], "all": [layers, swept]}
+    return {name: write_report(of, place / f"{name}.html") for name, of in wanted.items()}
+
+
+@pytest.fixture
+def visit(driver, pages):
+    """Open a page at the driver's width; its console must stay silent."""
+
+    def visit(path):
+        resize(driver, driver.width, 1000)
+        driver.get_log("browser")
+        open_page(driver, pages.get(path, path))
+        return driver
+
+    yield visit
+    assert driver.get_log("browser") == []
+
+
+def js(driver, text, *arguments):
+    return driver.execute_script(f"return {text}", *arguments)
+
+
+def clock(driver):
+    return js(driver, "window.vibroplat.player.time")
+
+
+def click_at(driver, x, y):
+    """Click at a place of the window."""
+    for kind in ("mouseMoved", "mousePressed", "mouseReleased"):
+        mouse(driver, kind, x, y)
+
+
+def mouse(driver, kind, x, y, *, held=False):
+    button = {"button": "left", "buttons": 1, "clickCount": 1} if held or kind != "mouseMoved" else {"buttons": 0}
+    driver.execute_cdp_cmd("Input.dispatchMouseEvent", {"type": kind, "x": x, "y": y, **button})
+    time.sleep(0.08)
+
+
+def drag(driver, start, end):
+    mouse(driver, "mouseMoved", *start)
+    mouse(driver, "mousePressed", *start)
+    for share in (0.3, 0.6, 1.0):
+        x, y = (a + share * (b - a) for a, b in zip(start, end, strict=True))
+        mouse(driver, "mouseMoved", x, y, held=True)
+    mouse(driver, "mouseReleased", *end)
+
+
+def place_of(driver, figure, share_x, axis="yaxis", share_y=0.5):
+    """Place in the window at shares of a panel's width and height."""
+    found = js(
+        driver,
+        """(() => { const box = document.getElementById(arguments[0]), {xaxis, [arguments[1]]: y} = box._fullLayout;
+        box.scrollIntoView(); const {left, top} = box.getBoundingClientRect();
+        return [left + xaxis._offset, xaxis._length, top + y._offset, y._length]; })()""",
+        figure,
+        axis,
+    )
+    return found[0] + share_x * found[1], found[2] + share_y * found[3]
+
+
+@pytest.mark.parametrize("name", ["one", "several", "points", "all"])
+def test_nothing_is_loaded_and_nothing_is_wider_than_the_screen(visit, name):
+    page = visit(name)
+    assert js(page, "performance.getEntriesByType('resource').map(entry => entry.name)") == []
+    assert js(page, "document.documentElement.scrollWidth") <= page.width
+    assert js(page, "document.getElementById('title').textContent")
+
+
+def test_all_panels_are_drawn(visit):
+    page = visit("one")
+    assert js(page, "window.vibroplat.data.panels.length") == PANELS
+    assert js(page, "[...document.querySelectorAll('#curves .readout b')].map(b => b.textContent).length") == PANELS
+    drawn = js(
+        page,
+        """[...document.querySelectorAll('#curves .subplot')].map(panel => [...panel.querySelectorAll('path.js-line')]
+        .map(line => line.getBBox()).some(({width, height}) => width + height > 0))""",
+    )
+    assert drawn == [True] * PANELS
+    assert js(page, "document.querySelectorAll('#overview path.js-line').length") == 1
+    assert js(page, "document.querySelectorAll('#machines svg').length") == 1
+
+
+def test_figures_keep_their_place_when_the_window_changes(visit):
+    page = visit("all")
+    boxes = "[...document.querySelectorAll('.figure')].map(box => box.getBoundingClientRect().height)"
+    before = js(page, boxes)
+    assert min(before) > 80
+    resize(page, 700, 900)
+    time.sleep(0.6)
+    assert js(page, boxes) == before
+    assert js(page, "document.querySelector('.cursor').getBoundingClientRect().height") > 1000
+    axis = js(page, "document.getElementById('curves')._fullLayout.xaxis._length")
+    assert 500 < axis < 700
+
+
+def drawing(driver):
+    return js(driver, "document.querySelector('#machines svg').innerHTML")
+
+
+def test_play_moves_the_drawing_and_the_cursor(visit):
+    page = visit("one")
+    still, begun = drawing(page), clock(page)
+    time.sleep(0.3)
+    assert drawing(page) == still
+    cursor = js(page, "document.querySelector('.cursor').style.transform")
+    button = page.find_element("id", "play")
+    button.click()
+    time.sleep(1.0)
+    assert clock(page) != begun
+    assert drawing(page) != still
+    assert js(page, "document.querySelector('.cursor').style.transform") != cursor
+    button.click()
+    stopped = clock(page)
+    time.sleep(0.3)
+    assert clock(page) == stopped
+    assert button.text == "▶ Play"
+
+
+def test_keys_move_through_time(visit):
+    page = visit("one")
+    body = page.find_element("tag name", "body")
+    turn, start = js(page, "window.vibroplat.player.turn"), js(page, "window.vibroplat.player.start")
+    body.send_keys("\ue011")  # Home
+    assert clock(page) == start
+    body.send_keys("\ue014")  # right
+    assert clock(page) == pytest.approx(start + turn / 50.0)
+    body.send_keys("\ue008\ue014\ue008")  # shift and right
+    assert clock(page) == pytest.approx(start + turn * 51.0 / 50.0)
+    body.send_keys("\ue010")  # End
+    assert clock(page) == js(page, "window.vibroplat.player.end")
+    rate = js(page, "window.vibroplat.player.rate")
+    body.send_keys("-")
+    assert js(page, "window.vibroplat.player.rate") < rate
+    body.send_keys(" ")
+    assert js(page, "window.vibroplat.player.isPlaying")
+    body.send_keys(" ")
+    assert not js(page, "window.vibroplat.player.isPlaying")
+
+
+def test_a_click_on_a_curve_and_dragging_the_cursor_set_the_time(visit):
+    page = visit("one")
+    first, last = js(page, "document.getElementById('curves')._fullLayout.xaxis.range")
+    click_at(page, *place_of(page, "curves", 0.5))
+    assert clock(page) == pytest.approx(0.5 * (first + last), abs=0.02 * (last - first))
+    drag(page, place_of(page, "curves", 0.5), place_of(page, "curves", 0.75))
+    assert clock(page) == pytest.approx(0.25 * first + 0.75 * last, abs=0.03 * (last - first))
+    assert js(page, "document.getElementById('curves')._fullLayout.xaxis.range") == pytest.approx([first, last])
+
+
+def test_an_interval_is_chosen_in_the_overview_and_by_buttons(visit):
+    page = visit("one")
+    drag(page, place_of(page, "overview", 0.2), place_of(page, "overview", 0.5))
+    time.sleep(0.5)
+    whole = js(page, "[window.vibroplat.player.curves.whole[0], window.vibroplat.player.curves.whole[1]]")
+    shown = js(page, "document.getElementById('curves')._fullLayout.xaxis.range")
+    assert shown == pytest.approx([0.2 * whole[1], 0.5 * whole[1]], abs=0.02 * whole[1])
+    assert shown[0] <= clock(page) <= shown[1]
+    page.find_element("css selector", "#views button:last-child").click()
+    time.sleep(0.5)
+    assert js(page, "document.getElementById('curves')._fullLayout.xaxis.range") == pytest.approx(whole)
+
+
+def test_a_table_is_sorted_and_saved(visit, tmp_path):
+    page = visit("one")
+    heading = page.find_element("css selector", ".events th:nth-child(5) button")  # impulse
+    page.execute_script("arguments[0].click(); arguments[0].click()", heading)
+    cells = page.find_elements("css selector", ".events tbody td:nth-child(5)")
+    shown = [float(cell.get_attribute("textContent")) for cell in cells]
+    assert shown == sorted(shown, reverse=True)
+    assert shown[0] > 0.0
+    page.execute_cdp_cmd("Browser.setDownloadBehavior", {"behavior": "allow", "downloadPath": str(tmp_path)})
+    page.execute_script("document.querySelector('.events .buttons button:last-child').click()")
+    deadline = time.monotonic() + 10.0
+    while not (saved := list(tmp_path.glob("*.csv"))) and time.monotonic() < deadline:
+        time.sleep(0.1)
+    rows = list(csv.DictReader(io.StringIO(saved[0].read_text())))
+    assert saved[0].name == "quickstart-events.csv"
+    assert len(rows) == js(page, "window.vibroplat.data.tables[0].rows")
+    assert float(rows[0]["impulse_n_s"]) == pytest.approx(shown[0], rel=1e-5)
+
+
+def test_a_row_of_events_sets_the_time_and_shows_the_curves_there(visit):
+    page = visit("one")
+    page.execute_async_script("window.vibroplat.player.curves.show([0.2, 0.25]).then(arguments[0])")
+    page.execute_script("document.querySelector('.events tbody tr:nth-child(2)').click()")
+    wanted = js(page, "window.vibroplat.data.tables[0].columns[0].values[1]")
+    assert clock(page) == pytest.approx(wanted)
+    time.sleep(0.5)
+    first, last = js(page, "document.getElementById('curves')._fullLayout.xaxis.range")
+    assert first <= wanted <= last
+    assert clock(page) == pytest.approx(wanted)
+
+
+def test_a_click_on_a_point_shows_its_row(visit):
+    page = visit("points")
+    place = js(
+        page,
+        """(() => { const box = document.getElementById('points-0'), {xaxis, yaxis} = box._fullLayout;
+        box.scrollIntoView(); const {left, top} = box.getBoundingClientRect(), line = box.data[0];
+        return [left + xaxis._offset + xaxis.l2p(line.x[1]), top + yaxis._offset + yaxis.l2p(line.y[1])]; })()""",
+    )
+    click_at(page, *place)
+    told = js(page, "document.querySelector('.study .row').textContent")
+    assert "43 Hz" in told
+    assert "antiphase" in told
+    assert js(page, "document.querySelectorAll('.study tr.picked').length") == 1
+    page.execute_script("document.querySelector('.study .picked + tr').click()")
+    assert "44 Hz" in js(page, "document.querySelector('.study .row').textContent")
+
+
+def test_orbits_show_stability_multipliers_and_special_points(visit):
+    page = visit("points")
+    lines = js(page, "document.getElementById('points-1').data.map(line => line.line && line.line.dash)")
+    assert {"solid", "dash"} <= {*lines}
+    page.execute_script("document.querySelectorAll('.study')[1].querySelector('tbody tr:nth-child(3)').click()")
+    assert js(page, "document.querySelectorAll('.circle circle').length") == 3  # the unit circle and two multipliers
+    grazing = "{points: [{customdata: {special: 1}}]}"
+    page.execute_script(f"document.getElementById('points-1').emit('plotly_click', {grazing})")
+    assert "grazing" in js(page, "document.querySelectorAll('.study .row')[1].textContent")
+    assert js(page, "document.getElementById('boundaries-0').data.length") == 2
+
+
+def test_several_machines_move_side_by_side(visit):
+    page = visit("several")
+    assert js(page, "document.querySelectorAll('#machines svg').length") == 3
+    before = js(page, "[...document.querySelectorAll('#machines svg')].map(svg => svg.innerHTML)")
+    page.execute_script("window.vibroplat.player.seek(window.vibroplat.player.time + 0.007)")
+    after = js(page, "[...document.querySelectorAll('#machines svg')].map(svg => svg.innerHTML)")
+    assert all(old != new for old, new in zip(before, after, strict=True))
+    assert js(page, "document.querySelectorAll('#legend li').length") == 3
+
+
+def test_curves_have_all_samples_where_these_are_shown(visit, moved, tmp_path):
+    page = visit(write_report([moved["two layers"]], tmp_path / "part.html", 0.1, 0.2))
+    count = "document.getElementById('curves').data[0].x.length"
+    assert js(page, "window.vibroplat.data.runs[0].coarse") is not None
+    rows = js(page, "window.vibroplat.data.runs[0].rows")
+    page.execute_async_script("window.vibroplat.player.curves.show([0.1, 0.2]).then(arguments[0])")
+    assert js(page, count) == pytest.approx(rows, abs=2)
+    page.execute_async_script("window.vibroplat.player.curves.show([0.0, 0.25]).then(arguments[0])")
+    assert js(page, "document.getElementById('curves').data[0].x[0]") == 0.0
+
+
+def test_text_from_files_is_not_run(visit, moved, tmp_path):
+    copy = handmade.rename(unproven(shutil.copytree(moved["two layers"], tmp_path / "copy")), HOSTILE, HOSTILE)
+    page = visit(write_report([copy, moved["bare"]], tmp_path / "hostile.html"))
+    assert js(page, "window.hacked") is None
+    assert js(page, "document.querySelectorAll('img').length") == 0
+    assert HOSTILE in js(page, "document.getElementById('title').textContent")
+    assert HOSTILE in js(page, "document.getElementById('remarks').textContent")
+    assert HOSTILE in js(page, "document.querySelector('.events tbody').textContent")
+
+
+def test_the_page_can_be_printed(visit):
+    page = visit("all")
+    printed = page.execute_cdp_cmd("Page.printToPDF", {"printBackground": True})
+    assert len(printed["data"]) > 50_000
+
+
+def test_a_film_shows_the_last_turns(moved, tmp_path):
+    with Image.open(write_film(moved["two layers"], tmp_path / "machine.gif", 1, 12, 900, 64)) as film:
+        assert (film.n_frames, film.size) == (12, (900, HEIGHT))
+        shots = []
+        for number in (0, 5):
+            film.seek(number)
+            shots.append(np.asarray(film.convert("RGB"), dtype=int))
+    assert (np.abs(shots[1] - shots[0]).max(axis=2) > 60).mean() > 0.005  # what moves is more than a cursor
+    assert (tmp_path / "machine.gif").stat().st_size < 2_000_000

@@ -1,0 +1,349 @@
+"""``vibroplat report``: what the page holds, and what is refused."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+import re
+import shutil
+
+import numpy as np
+import pandas as pd
+import pytest
+from common import handmade
+from common.results import unproven
+
+from vibroplat.errors import TableError
+from vibroplat.page import points, report, run
+from vibroplat.page.labels import field, flat, unit, words
+from vibroplat.page.parameters import meaning, parameters
+from vibroplat.page.reading import find_results
+from vibroplat.page.thinning import extremes, packed, plain_column
+from vibroplat.tables import read_table, write_table
+
+HOSTILE = "</script><script>window.hacked = 1</script><img src=x onerror='window.hacked = 1'>"
+
+
+def shown(*directories, **interval):
+    """Data of a page."""
+    return report.page_data(find_results(list(directories)), **interval)
+
+
+def opened(text):
+    """Numbers that were packed."""
+    return np.frombuffer(base64.b64decode(text), "<f4")
+
+
+# -- words ----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("key", "said", "of"),
+    [
+        ("machine.unbalance_mass_kg", "unbalance mass", "kg"),
+        ("machine.damping_phi_n_m_s_per_rad", "damping φ", "N m s/rad"),
+        ("contact.viscous_per_mass_per_s", "viscous per mass", "1/s"),
+        ("rms_y_m", "RMS y", "m"),
+        ("gap_max_m", "largest gap", "m"),
+        ("impulse_n_s", "impulse", "N s"),
+        ("material.mass_ratio", "mass ratio", ""),
+        ("layers", "layers", ""),
+    ],
+)
+def test_words_and_units_follow_from_keys(key, said, of):
+    assert (words(key), unit(key)) == (said, of)
+
+
+def test_every_number_of_a_machine_has_its_unit(quickstart_scene):
+    machine = {key: unit(key) for key, _ in flat(quickstart_scene.to_tree()["machine"])}
+    assert all(machine.values()), machine
+
+
+def test_symbols_come_from_the_configuration_model():
+    for key, symbol in (("machine.platform_mass_kg", "m_0"), ("motors.1.critical_slip", "s_c")):
+        assert field(key).json_schema_extra == {"symbol": symbol}
+        assert meaning(field(key)).startswith(f"{symbol}: ")
+    assert field("run.initial.from").default is None
+    assert field("machine.weight_kg") is None
+    assert field("name.of.nothing") is None
+
+
+def test_parameters_are_marked_where_they_are_not_the_default_or_differ(quickstart_scene):
+    other = quickstart_scene.replace({"machine.damping_y_n_s_per_m": 400.0})
+    rows = {r["words"]: r for r in parameters(["run", "run"], [quickstart_scene.to_tree(), other.to_tree()])}
+    radius, damping, mass = (rows[name] for name in ("unbalance radius", "damping y", "platform mass"))
+    assert (radius["default"], radius["values"], radius["changed"]) == (0.09, [0.03, 0.03], [True, True])
+    assert (damping["values"], damping["changed"], damping["differs"]) == ([40.0, 400.0], [False, True], True)
+    assert (mass["changed"], mass["differs"], mass["unit"]) == ([False, False], False, "kg")
+
+
+def test_parameters_of_a_run_are_not_those_of_its_sweep(quickstart_scene):
+    tree = quickstart_scene.to_tree()
+    assert "sweep" in tree
+    sections = {
+        command: {row["section"].split(" ")[0] for row in parameters([command], [tree])} for command in ("run", "sweep")
+    }
+    assert "run" in sections["run"] - sections["sweep"]
+    assert "sweep" in sections["sweep"] - sections["run"]
+
+
+# -- thinning -------------------------------------------------------------------------------------------
+
+
+def test_extremes_keep_each_peak():
+    t = np.linspace(0.0, 1.0, 10_001)
+    values = np.sin(40.0 * t)
+    values[7003] = 9.0
+    values[1234] = -5.0
+    found_t, found = extremes(t, values, np.linspace(0.0, 1.0, 51)[1:-1])
+    assert len(found) <= 100
+    assert (np.diff(found_t) >= 0.0).all()
+    assert {9.0, -5.0} <= {*found}
+    assert found_t[found == 9.0] == t[7003]
+
+
+def test_extremes_skip_what_is_missing():
+    t = np.arange(6.0)
+    values = np.array([np.nan, np.nan, 2.0, np.nan, 5.0, 4.0])
+    assert extremes(t, values, np.array([2.0, 4.0]))[1].tolist() == [2.0, 5.0, 4.0]
+
+
+def test_columns_are_plain_json():
+    table = pd.DataFrame({"a": [1.0, np.nan, np.inf], "b": pd.array([1, None, 3], dtype="Int64"), "c": ["x", "", None]})
+    assert [plain_column(table[name]) for name in table] == [[1.0, None, None], [1, None, 3], ["x", "", None]]
+    assert plain_column(pd.Series([True, False])) == [True, False]
+
+
+def test_packed_numbers_are_32_bit_floats():
+    assert opened(packed([1.5, -2.0])).tolist() == [1.5, -2.0]
+
+
+# -- runs -----------------------------------------------------------------------------------------------
+
+
+def test_a_short_run_is_on_the_page_as_it_is(moved):
+    (data,) = shown(moved["two layers"])["runs"]
+    trajectory = read_table(moved["two layers"], "trajectory")
+    assert data["rows"] == data["of"] == len(trajectory)
+    assert data["coarse"] is None
+    np.testing.assert_allclose(opened(data["columns"]["y_m"]), trajectory["y_m"], rtol=1e-6)
+    np.testing.assert_allclose(data["origin"] + opened(data["columns"]["t_s"]), trajectory["t_s"], atol=1e-7)
+    assert data["modes"] == "".join(mode[0] for mode in trajectory["mode"])
+    events = read_table(moved["two layers"], "events")
+    assert data["impacts"] == events.loc[events["impulse_n_s"] > 0.0, ["t_s", "impulse_n_s"]].to_numpy().tolist()
+
+
+def test_a_long_run_keeps_its_last_rows_and_the_extremes_of_all(moved, monkeypatch):
+    monkeypatch.setattr(run, "ROWS", 100)
+    monkeypatch.setattr(run, "INTERVALS", 20)
+    monkeypatch.setattr("vibroplat.tables.PART", 37)
+    (data,) = shown(moved["two layers"])["runs"]
+    trajectory = read_table(moved["two layers"], "trajectory")
+    assert (data["rows"], data["of"]) == (100, len(trajectory))
+    assert data["origin"] == trajectory["t_s"].iloc[-100]
+    for name in ("y_m", "contact_force_n"):
+        coarse = opened(data["coarse"][name]["values"])
+        assert len(coarse) < len(trajectory)
+        np.testing.assert_allclose(
+            [coarse.min(), coarse.max()], [trajectory[name].min(), trajectory[name].max()], rtol=1e-6
+        )
+
+
+def test_the_interval_of_a_run_can_be_chosen(moved):
+    (data,) = shown(moved["two layers"], start=0.05, stop=0.1)["runs"]
+    assert 0.05 <= data["origin"] < data["end"] <= 0.1
+    assert data["coarse"] is not None
+
+
+def test_phases_are_wrapped_and_speeds_are_in_hz(moved):
+    (data,) = shown(moved["bare"])["runs"]
+    trajectory = read_table(moved["bare"], "trajectory")
+    phase = opened(data["columns"]["phase"])
+    assert (-0.5 * np.pi <= phase).all()
+    assert (phase <= 1.5 * np.pi).all()
+    np.testing.assert_allclose(np.cos(phase), np.cos(trajectory["phi1_rad"] + trajectory["phi2_rad"]), atol=1e-5)
+    np.testing.assert_allclose(
+        opened(data["columns"]["speed_2"]), -trajectory["phi2_rate_rad_per_s"] / (2.0 * np.pi), rtol=1e-5
+    )
+
+
+def test_panels_are_those_of_the_scene_in_units_of_its_size(moved):
+    units = {panel["title"]: panel["unit"] for panel in shown(moved["two layers"])["panels"]}
+    assert units["gap"] == units["platform y"] == "mm"
+    assert units["platform x"] == "µm"
+    assert "impulse" in units
+    assert not {"gap", "contact force", "impulse"} & {p["title"] for p in shown(moved["bare"])["panels"]}
+
+
+def test_several_runs_share_the_room(moved, monkeypatch):
+    monkeypatch.setattr(run, "ROWS", 400)
+    data = shown(*(moved[name] for name in ("two layers", "bare", "bouncing")))
+    assert [one["rows"] for one in data["runs"]] == [133] * 3
+    labels = [one["label"] for one in data["results"]]
+    assert len({*labels}) == 3  # all are called quickstart
+    assert str(moved["bare"]) in labels[1]
+
+
+def test_machines_move_side_by_side_until_the_first_run_ends(moved, tmp_path):
+    copy = unproven(shutil.copytree(moved["bare"], tmp_path / "copy"))
+    table = read_table(copy, "trajectory")
+    write_table(table[table["t_s"] <= 0.1], copy, "trajectory", "parquet")
+    short, long = shown(copy, moved["two layers"])["runs"]
+    assert short["end"] == long["end"] == 0.1
+    assert (short["coarse"], long["last"]) == (None, 0.25)
+    assert long["coarse"] is not None
+
+
+def test_a_failed_run_and_its_notes_are_told(moved, tmp_path):
+    copy = unproven(shutil.copytree(moved["bare"], tmp_path / "copy"))
+    summary = json.loads((copy / "summary.json").read_text())
+    summary |= {"outcome": "too-many-events", "detail": "more than 10", "notes": ["look twice"]}
+    (copy / "summary.json").write_text(json.dumps(summary))
+    remarks = shown(copy)["remarks"]
+    told = {remark["text"]: remark["failed"] for remark in remarks}
+    assert told == {"too-many-events: more than 10": True, "look twice": False}
+
+
+def test_a_run_without_rows_has_a_page_without_curves(moved, tmp_path):
+    copy = unproven(shutil.copytree(moved["bare"], tmp_path / "copy"))
+    write_table(read_table(copy, "trajectory").iloc[:0], copy, "trajectory", "csv")
+    data = shown(copy)
+    assert (data["runs"], data["panels"]) == ([], [])
+    assert data["summary"]["rows"]
+
+
+# -- points ---------------------------------------------------------------------------------------------
+
+
+def test_a_sweep_is_broken_where_it_jumps():
+    table = handmade.sweep_table()
+    first, *others = points.sweep_series(table)
+    assert first["rows"] == [0, 1, 2, 3, None, 4, 5, 6, 7]
+    assert (first["label"], first["open"], first["failed"]) == ("mass ratio 0, up", [2], [])
+    up, down = "triangle-up", "triangle-down"
+    looks = [(one["colour"], one["symbol"]) for one in (first, *others)]
+    assert looks == [(0, up), (0, down), (1, up), (1, down)]
+    assert others[-1]["failed"] == [31]
+
+
+def test_orbits_are_solid_where_stable_and_dashed_elsewhere():
+    table = handmade.branches()
+    series = points.orbit_series(table)
+    assert [one["dash"] for one in series] == ["solid", "dash", "solid"]
+    assert series[1]["rows"][0] == series[0]["rows"][-1]  # joined
+    assert {row for one in series for row in one["rows"]} == {*table.index}
+    for one in series:
+        assert (table["stable"][one["rows"][1:]] == (one["dash"] == "solid")).all()
+
+
+def test_special_points_stand_at_the_nearest_orbit():
+    table = handmade.branches()
+    marks = points.special_marks(handmade.special(table), table)
+    assert marks == [{"kind": "fold", "rows": [0], "nearest": [11]}, {"kind": "grazing", "rows": [1], "nearest": [30]}]
+
+
+def test_points_can_be_drawn_over_each_key(swept, followed):
+    sweep, orbits = shown(swept, followed)["points"]
+    assert [axis["column"] for axis in sweep["axes"]] == [
+        "excitation_frequency_hz",
+        "supply_frequency_hz",
+        "material.mass_ratio",
+    ]
+    assert [axis["column"] for axis in orbits["axes"]] == ["excitation_frequency_hz", "drive.supply_frequency_hz"]
+    assert orbits["special"]["rows"] == 2
+    assert [one["keys"] for one in shown(followed)["boundaries"]] == [
+        ["drive.supply_frequency_hz", "material.mass_ratio"]
+    ]
+
+
+def test_a_long_table_loses_rows_evenly_and_says_so(swept, monkeypatch):
+    monkeypatch.setattr(points, "MOST_ROWS", 10)
+    table = shown(swept)["points"][0]["table"]
+    assert (table["rows"], table["of"]) == (10, 32)
+    assert {len(column["values"]) for column in table["columns"]} == {10}
+
+
+# -- the page -------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="session")
+def text(moved, swept):
+    """A page."""
+    return report.page(shown(moved["two layers"], swept))
+
+
+def test_report_writes_one_file_and_names_it(command, moved, tmp_path):
+    copy = shutil.copytree(moved["bare"], tmp_path / "bare")
+    done = command("report", copy)
+    assert (done.code, done.err, done.out.splitlines()) == (0, "", [str(copy / "report.html")])
+    done = command("report", copy, moved["two layers"], "--out", tmp_path / "both.html", "--stop", "0.1")
+    assert (done.code, done.out.strip()) == (0, str(tmp_path / "both.html"))
+    assert (tmp_path / "both.html").stat().st_size < 8_000_000
+
+
+def test_a_page_needs_nothing_else(text):
+    head = text[: text.index("<style>")] + text[text.index("</style>") : text.index('<script id="data"')]
+    assert not re.search(r"(src|href)=\"(?!data:)", head)
+    assert "{{" not in head
+
+
+def test_only_the_scripts_of_the_page_may_run(text):
+    policy = re.search(r"script-src ([^;]+);", text).group(1)
+    scripts = re.findall(r"<script>(.*?)</script>", text, re.DOTALL)
+    digests = [base64.b64encode(hashlib.sha256(script.encode()).digest()).decode() for script in scripts]
+    assert policy == " ".join(f"'sha256-{digest}'" for digest in digests)
+    assert len(scripts) == 2
+
+
+def test_text_from_files_stays_text(moved, tmp_path):
+    copy = handmade.rename(unproven(shutil.copytree(moved["two layers"], tmp_path / "copy")), HOSTILE, HOSTILE)
+    page = report.page(shown(copy))
+    assert HOSTILE not in page
+    assert page.count("</script>") == 3
+    held = json.loads(re.search(r'<script id="data"[^>]*>(.*?)</script>', page, re.DOTALL).group(1))
+    assert held["title"] == HOSTILE
+
+
+def test_no_more_than_8_mb_for_ten_seconds(moved):
+    """20 000 samples and 4 rows for each turn with an impact, in every column that a scene can have."""
+    data = shown(moved["two layers"])
+    (one,) = data["runs"]
+    one["columns"] |= {name: packed(np.zeros(run.ROWS)) for name in [*one["columns"], "synchronous"]}
+    one["modes"] = "a" * run.ROWS
+    one["impacts"] = [[1.2345678901234567, 0.12345678901234567]] * run.IMPACTS
+    row = {c["name"]: -0.00123456789 for c in data["tables"][0]["columns"]}
+    data["tables"] = [points.table_data("events", 0, pd.DataFrame([row] * points.MOST_ROWS), points.MOST_ROWS)]
+    assert len(report.page(data).encode()) < 8_000_000
+
+
+# -- what is refused ------------------------------------------------------------------------------------
+
+
+def test_a_directory_without_results_is_refused(tmp_path, command):
+    for directory in (tmp_path, tmp_path / "nowhere"):
+        done = command("report", directory)
+        assert (done.code, done.out) == (2, "")
+        told = f"{directory} holds no finished run, sweep or orbits; allowed: a directory with one of them"
+        assert done.err == f"vibroplat: {told}\n"
+
+
+def test_an_empty_interval_is_refused(moved):
+    with pytest.raises(TableError, match=r"no data between 3 and 4 s in .*; allowed: an interval within 0 … 0\.25 s"):
+        shown(moved["bare"], start=3.0, stop=4.0)
+
+
+def test_a_changed_table_is_refused(moved, tmp_path):
+    copy = shutil.copytree(moved["bare"], tmp_path / "copy")
+    write_table(read_table(copy, "trajectory").iloc[:9], copy, "trajectory", "parquet")
+    with pytest.raises(TableError, match="does not belong to this result"):
+        shown(copy)
+
+
+@pytest.mark.parametrize(("name", "column"), [("sweep", "sync"), ("branches", "stable")])
+def test_a_table_without_a_column_is_refused(swept, followed, tmp_path, name, column):
+    source = {"sweep": swept, "branches": followed}[name]
+    copy = unproven(shutil.copytree(source, tmp_path / "copy"))
+    write_table(read_table(copy, name).drop(columns=column), copy, name, "parquet")
+    with pytest.raises(TableError, match=f"the {name} table in .* has no column {column}"):
+        shown(copy)

@@ -1,0 +1,29 @@
+"""The command ``new``: a configuration to start from."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from vibroplat.cli.loading import about
+from vibroplat.errors import ConfigError
+
+
+def new(file: Annotated[Path, typer.Argument(metavar="FILE", help="The file to write, e.g. mine.yaml.")]) -> None:
+    """Write a commented configuration to start from."""
+    from vibroplat.scene import Scene
+    from vibroplat.template import template
+
+    with about(file):
+        Scene.from_tree({"name": file.stem})  # the file's name will be that of the results
+    text = template(str(file), file.stem)
+    try:
+        with file.open("x", encoding="utf-8") as opened:
+            opened.write(text)
+    except FileExistsError:
+        raise ConfigError(f"{file}: there is such a file already; allowed: a new one") from None
+    except OSError as error:
+        raise ConfigError(f"{file}: cannot be written ({error.strerror or error})") from None
+    print(f"{file}: change it, then run `vibroplat run {file}` or `vibroplat sweep {file}`")

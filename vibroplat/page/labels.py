@@ -1,0 +1,87 @@
+"""Words and units of keys and columns, which end with their unit, and symbols from the configuration model."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from typing import Any, get_args
+
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
+
+from vibroplat.scene import Scene
+
+#: Units by the ends of keys; of two that fit, the longer one holds.
+UNITS = {
+    "kg": "kg",
+    "kg_m2": "kg m²",
+    "m": "m",
+    "m_per_s": "m/s",
+    "m_per_s2": "m/s²",
+    "deg": "°",
+    "rad": "rad",
+    "rad_per_s": "rad/s",
+    "n": "N",
+    "n_per_m": "N/m",
+    "n_s": "N s",
+    "n_s_per_m": "N s/m",
+    "n_m": "N m",
+    "n_m_per_rad": "N m/rad",
+    "n_m_s_per_rad": "N m s/rad",
+    "hz": "Hz",
+    "s": "s",
+    "per_s": "1/s",
+    "j": "J",
+    "w": "W",
+}
+_END = re.compile(f"_({'|'.join(sorted(UNITS, key=len, reverse=True))})$")
+#: Words that are written otherwise.
+_WORDS = {"rms": "RMS", "phi": "φ", "phi1": "φ₁", "phi2": "φ₂", "lyapunov": "Lyapunov", "re": "(real)", "im": "(imag.)"}
+
+_EXTREMES = {"max": "largest", "min": "smallest"}
+
+
+def words(key: str) -> str:
+    """Return a key as a person says it, without its unit: ``gap_max_m`` is "largest gap"."""
+    parts = _END.sub("", key.rpartition(".")[2]).split("_")
+    if len(parts) > 1 and parts[-1] in _EXTREMES:
+        parts = [_EXTREMES[parts[-1]], *parts[:-1]]
+    return " ".join(_WORDS.get(part, part) for part in parts)
+
+
+def unit(key: str) -> str:
+    """Return the unit of a key; "" where it has none."""
+    end = _END.search(key)
+    return UNITS[end.group(1)] if end else ""
+
+
+def flat(tree: Any, place: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield dotted keys and values of nested sections and lists; places in lists are numbers."""
+    inside = enumerate(tree) if isinstance(tree, list) else tree.items() if isinstance(tree, Mapping) else ()
+    entries = [(f"{place}.{key}".strip("."), value) for key, value in inside]
+    if not entries:
+        yield place, tree
+    for key, value in entries:
+        yield from flat(value, key)
+
+
+def field(key: str) -> FieldInfo | None:
+    """Return the field of the configuration model with a dotted key; None if it has no such field."""
+    model: type[BaseModel] | None = Scene
+    found = None
+    for name in key.split("."):
+        if name.isdecimal():
+            continue
+        if model is None:
+            return None
+        fields = {info.alias or own: info for own, info in model.model_fields.items()}
+        found = fields.get(name)
+        model = _section(found.annotation) if found else None
+    return found
+
+
+def _section(annotation: Any) -> type[BaseModel] | None:
+    """Return the section that a type is, or holds, as an optional or a list does."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    return next(filter(None, map(_section, get_args(annotation))), None)

@@ -1,0 +1,205 @@
+"""A run on the page: its curves, its events and the machine that moves."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from vibroplat.errors import TableError
+from vibroplat.page.thinning import FloatArray, extremes, packed
+from vibroplat.plots.reading import read_parts
+from vibroplat.results import Result
+from vibroplat.scene import Mode, Scene
+
+#: Most rows of all runs together that are kept as they are: 10 s at 2000 Hz with their events.
+ROWS = 24_000
+#: Most impacts of a run, which are drawn one by one.
+IMPACTS = 5000
+#: Intervals over the whole run, of which the smallest and the largest value are kept where it has more rows.
+INTERVALS = 1000
+#: Turns of the exciters that are shown first.
+SHOWN_TURNS = 10
+
+_ANGLES = ("phi1_rad", "phi2_rad", "phi1_rate_rad_per_s", "phi2_rate_rad_per_s")
+_NEEDED = ("t_s", "x_m", "y_m", "phi_rad", *_ANGLES)
+_OPTIONAL = ("gap_m", "upper_m", "contact_force_n", "motor_power_1_w", "motor_power_2_w", "supply_frequency_hz")
+
+#: Panels: title, unit, and the columns of its curves with their labels.
+PANELS: tuple[tuple[str, str, dict[str, str]], ...] = (
+    ("platform y", "m", {"y_m": ""}),
+    ("gap", "m", {"gap_m": ""}),
+    ("contact force", "N", {"contact_force_n": ""}),
+    ("impulse", "N s", {}),  # stems, of the events
+    ("platform x", "m", {"x_m": ""}),
+    ("rotation φ", "rad", {"phi_rad": ""}),
+    ("upper layer against lower one", "m", {"upper_m": ""}),
+    ("speed", "Hz", {"speed_1": "exciter 1", "speed_2": "exciter 2", "synchronous": "synchronous"}),
+    ("phase difference", "rad", {"phase": ""}),
+    ("motor power", "W", {"motor_power_1_w": "exciter 1", "motor_power_2_w": "exciter 2"}),
+)
+#: Larger and smaller units of lengths and small angles, by their size in SI units.
+_SCALED = {"m": {1e-6: "µm", 1e-3: "mm", 1.0: "m"}, "rad": {1e-6: "µrad", 1e-3: "mrad", 1.0: "rad"}}
+
+
+@dataclass(frozen=True)
+class Times:
+    """The rows of a trajectory: how many, and its first and last time (s)."""
+
+    rows: int
+    first: float
+    last: float
+
+
+def run_data(
+    result: Result,
+    scene: Scene,
+    summary: Mapping[str, Any],
+    events: pd.DataFrame,
+    times: Times,
+    most: int,
+    start: float | None,
+    stop: float | None,
+) -> dict[str, Any]:
+    """Return what the page shows of a run with two rows or more.
+
+    Parameters
+    ----------
+    result, scene, summary, events
+        The result of the run, what was simulated, its summary and its events.
+    times
+        The rows of its trajectory.
+    most
+        Most rows that are kept as they are: the last ones of the interval.
+    start, stop
+        The interval of these rows (s). Default: the whole run.
+
+    Raises
+    ------
+    TableError
+        A table is missing or of another run, or the interval is empty.
+    """
+    kept = _kept(result, scene, most, times, start, stop)
+    t = kept["t_s"].to_numpy()
+    whole = len(kept) == times.rows
+    frequency = summary.get("excitation_frequency_hz")
+    return {
+        "first": times.first,
+        "last": times.last,
+        "origin": t[0],
+        "end": t[-1],
+        "rows": len(kept),
+        "of": times.rows,
+        "turns": frequency if isinstance(frequency, int | float) and frequency > 0.0 else None,
+        "columns": {name: packed(kept[name] - (t[0] if name == "t_s" else 0.0)) for name in kept if name != "mode"},
+        "largest": {name: float(kept[name].abs().max()) for name in kept if name != "mode"},
+        "modes": "".join(kept["mode"].map(_initials).tolist()),
+        "coarse": None if whole else _coarse(result, scene, times),
+        "impacts": _impacts(events, t[0], t[-1]),
+        "machine": _machine(scene),
+    }
+
+
+def _impacts(events: pd.DataFrame, start: float, end: float) -> list[list[float]]:
+    """Return times (s) and impulses (N·s) of the last impacts of an interval."""
+    struck = events[(events["impulse_n_s"] > 0.0) & events["t_s"].between(start, end)]
+    return struck[["t_s", "impulse_n_s"]].tail(IMPACTS).to_numpy(dtype=float).tolist()
+
+
+def panels(runs: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Return the panels of curves that the columns of some runs fill, with units that suit their size."""
+    largest: dict[str, float] = {}
+    for shown in runs:
+        for name, size in shown["largest"].items():
+            largest[name] = max(size, largest.get(name, 0.0))
+    found = []
+    for title, unit, labels in PANELS:
+        curves = {name: label for name, label in labels.items() if name in largest}
+        if curves or (title == "impulse" and any(shown["impacts"] for shown in runs)):
+            size, of = 1.0, unit
+            if title != "phase difference" and unit in _SCALED:
+                size, of = _scaled(unit, max(largest[name] for name in curves))
+            drawn = [{"column": name, "factor": 1.0 / size, "label": label} for name, label in curves.items()]
+            found.append({"title": title, "unit": of, "curves": drawn})
+    return found
+
+
+def _scaled(unit: str, largest: float) -> tuple[float, str]:
+    """Return the unit in which the largest value is at least a fifth, and its size."""
+    fitting = [(size, name) for size, name in _SCALED[unit].items() if largest >= 0.2 * size]
+    return fitting[-1] if fitting else next(iter(_SCALED[unit].items()))
+
+
+def _initials(mode: object) -> str:
+    return str(mode)[:1]
+
+
+def run_times(result: Result) -> Times:
+    """Count the rows of a trajectory."""
+    parts = [part["t_s"] for part in read_parts(result, "trajectory", (), ("t_s",)) if len(part)]
+    if not parts:
+        return Times(0, math.nan, math.nan)
+    return Times(sum(map(len, parts)), float(parts[0].iloc[0]), float(parts[-1].iloc[-1]))
+
+
+def _parts(result: Result, scene: Scene) -> Iterator[pd.DataFrame]:
+    """Read the trajectory in parts, with what follows from its columns."""
+    sign = -1.0 if scene.co_rotating else 1.0
+    for part in read_parts(result, "trajectory", "mode", _NEEDED, _OPTIONAL):
+        table = part.assign(
+            phase=np.mod(part["phi1_rad"] + sign * part["phi2_rad"] + 0.5 * np.pi, 2.0 * np.pi) - 0.5 * np.pi,
+            speed_1=part["phi1_rate_rad_per_s"].abs() / (2.0 * np.pi),
+            speed_2=part["phi2_rate_rad_per_s"].abs() / (2.0 * np.pi),
+            phi1_rad=np.mod(part["phi1_rad"], 2.0 * np.pi),
+            phi2_rad=np.mod(part["phi2_rad"], 2.0 * np.pi),
+        )
+        if "supply_frequency_hz" in part:
+            table["synchronous"] = part["supply_frequency_hz"] / scene.exciter_pair[0].pole_pairs
+        yield table.drop(columns=[*_ANGLES[2:], "supply_frequency_hz"], errors="ignore")
+
+
+def _kept(
+    result: Result, scene: Scene, most: int, times: Times, start: float | None, stop: float | None
+) -> pd.DataFrame:
+    """Return the last rows of an interval."""
+    begin, end = times.first if start is None else start, times.last if stop is None else stop
+    kept: pd.DataFrame | None = None
+    for part in _parts(result, scene):
+        inside = part[part["t_s"].between(begin, end)]
+        kept = inside if kept is None else pd.concat((kept, inside), ignore_index=True).tail(most)
+    if kept is None or kept["t_s"].nunique() < 2:
+        raise TableError(
+            f"no data between {begin:g} and {end:g} s in {result.directory}; "
+            f"allowed: an interval within {times.first:g} … {times.last:g} s"
+        )
+    return kept.tail(most)
+
+
+def _coarse(result: Result, scene: Scene, times: Times) -> dict[str, Any]:
+    """Return the extremes of all curves over the whole run: for each column times from its beginning, and values."""
+    edges = np.linspace(times.first, times.last, INTERVALS + 1)[1:-1]
+    found: dict[str, list[tuple[FloatArray, FloatArray]]] = {}
+    for part in _parts(result, scene):
+        t = part["t_s"].to_numpy()
+        for name in part.columns.drop(["t_s", "mode", "phi1_rad", "phi2_rad"]):
+            found.setdefault(str(name), []).append(extremes(t, part[name].to_numpy(dtype=float), edges))
+    return {
+        name: {"t": packed(np.concatenate(t) - times.first), "values": packed(np.concatenate(values))}
+        for name, (t, values) in ((name, zip(*pieces, strict=True)) for name, pieces in found.items())
+    }
+
+
+def _machine(scene: Scene) -> dict[str, Any]:
+    """Return what the drawing of the machine needs; lengths in m."""
+    return {
+        "axis": scene.machine.exciter_axis,
+        "radii": [exciter.unbalance_radius_m for exciter in scene.exciter_pair],
+        "directions": [exciter.direction for exciter in scene.exciter_pair],
+        "layers": scene.layers,
+        "lower_share": scene.material.lower_share if scene.layers == 2 else 1.0,
+        "contact_initial": _initials(Mode.ATTACHED.label),
+    }

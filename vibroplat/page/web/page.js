@@ -1,0 +1,157 @@
+// Puts the page together.
+
+const data = JSON.parse(byId("data").textContent);
+const several = data.results.length > 1;
+const nameOf = number => data.results[number].label;
+
+function header() {
+  byId("title").textContent = data.title;
+  const told = data.results.map(result => {
+    const commit = result.git_commit ? ` (${String(result.git_commit).slice(0, 10)})` : "";
+    const how = [["engine", result.engine], ["tolerance", result.tolerance], ["vibroplat", result.vibroplat, commit],
+      ["made", result.created]].filter(([, value]) => value !== null)
+      .map(([name, value, more = ""]) => `${name} ${shown(value)}${more}`);
+    return element("span", {}, `${several ? `${result.label}: ` : ""}${[result.command, ...how].join(", ")}`);
+  });
+  byId("origin").append(...told);
+  const list = byId("remarks");
+  list.hidden = !data.remarks.length;
+  for (const {result, text, failed} of data.remarks) {
+    list.append(element("li", {class: failed ? "failed" : ""}, element("b", {}, failed ? "Failed: " : "Note: "),
+      several ? `${result}: ${text}` : text));
+  }
+}
+
+function legend(runs) {
+  const box = byId("legend");
+  box.hidden = runs.length < 2;
+  box.append(...runs.map(run => element("li", {}, sample(run.colour, run.dash), run.label)));
+}
+
+async function motion() {
+  const runs = data.runs.map((run, number) => ({...opened(run), label: nameOf(run.result),
+    colour: COLOURS[number % COLOURS.length], dash: DASHES[number % DASHES.length]}));
+  if (!runs.length) return null;
+  byId("motion").hidden = false;
+  legend(runs);
+  const largest = Math.max(0, ...runs.map(run => (run.columns.contact_force_n || [])
+    .reduce((size, force) => Math.max(size, force), 0)));
+  const machines = runs.map(run => new Machine(run, largest));
+  for (const machine of machines) {
+    const caption = runs.length > 1 ? [element("figcaption", {}, machine.run.label)] : [];
+    byId("machines").append(element("figure", {}, machine.svg, ...caption));
+  }
+  let player = null;
+  const curves = new Curves(data, runs, t => { player.pauseAt(t); });
+  await curves.draw();
+  player = new Player(runs, machines, curves);
+  await new Overview(curves).draw();
+  views(curves);
+  notes(runs);
+  const fit = () => { machines.forEach(machine => machine.fitLetters()); curves.point(player.time); };
+  window.addEventListener("resize", () => requestAnimationFrame(fit));
+  fit();
+  return player;
+}
+
+function views(curves) {
+  for (const [text, view] of [[`Last ${data.turns} turns`, curves.lastTurns()], ["Whole run", curves.whole]]) {
+    const button = element("button", {type: "button"}, text);
+    button.addEventListener("click", () => curves.show(view));
+    byId("views").append(button);
+  }
+}
+
+function notes(runs) {
+  byId("motion-note").textContent = "Displacements, the gap and the rotation are magnified alike, by the number above; " +
+    "exciters and their radii are to scale, layers and springs are symbols. The red arrow is the contact force, to the " +
+    "scale of its largest value; a yellow flash is an impact with its impulse.";
+  const told = runs.filter(run => !run.isWhole).map(run => `${several ? `${run.label}: ` : ""}the machine moves, and curves ` +
+    `have all samples, from ${shown(run.origin)} to ${shown(run.end)} s; elsewhere the curves keep the smallest and the ` +
+    "largest value of each thousandth of the run.");
+  byId("curves-note").textContent = ["Drag over the strip to choose an interval, over a panel to zoom; double-click for the whole run; " +
+    "click a curve or drag the cursor to move through time.", ...told].join(" ") + (told.length ? "" : " All samples of the run are on this page.");
+}
+
+function summary() {
+  const {results, rows} = data.summary;
+  if (!results.length) return;
+  byId("summary").hidden = false;
+  const heads = ["", "unit", ...results.map(number => results.length > 1 ? nameOf(number) : "value")];
+  const line = row => element("tr", {}, element("th", {scope: "row"}, row.words), element("td", {class: "unit"}, row.unit),
+    ...row.values.map(value => element("td", {class: "number"}, shown(value))));
+  byId("summary-first").append(listing(heads, rows.filter(row => row.first).map(line)));
+  byId("summary-rest").append(listing(heads, rows.filter(row => !row.first).map(line)));
+}
+
+function parameters() {
+  byId("parameters-note").textContent = "Highlighted and marked ●: not the default, which is the paper's test rig." +
+    (several ? " Marked ≠: not the same in all results." : "");
+  const heads = ["parameter", "symbol or meaning", "unit", "default", ...data.results.map(result =>
+    several ? `${result.label} (${result.command})` : "value")];
+  const lines = [];
+  let section = null;
+  for (const row of data.parameters) {
+    if (row.section !== section) {
+      section = row.section;
+      lines.push(element("tr", {class: "section"}, element("th", {scope: "rowgroup", colspan: heads.length}, section)));
+    }
+    lines.push(parameter(row));
+  }
+  byId("parameters-table").append(listing(heads, lines));
+}
+
+function parameter(row) {
+  const value = (one, number) => element("td", {class: row.changed[number] ? "number changed" : "number"},
+    `${row.changed[number] ? "● " : ""}${listed(one)}`);
+  return element("tr", {}, element("th", {scope: "row"}, `${row.differs ? "≠ " : ""}${row.words}`),
+    element("td", {class: "meaning"}, typeset(row.meaning)), element("td", {class: "unit"}, row.unit),
+    element("td", {class: "number"}, listed(row.default)), ...row.values.map(value));
+}
+
+const listed = value => value !== null && typeof value === "object" ? JSON.stringify(value) : shown(value);
+
+function tables() {
+  for (const table of data.tables) {
+    const title = table.title[0].toUpperCase() + table.title.slice(1), label = nameOf(table.result);
+    const pick = number => player?.visit(table.columns.find(column => column.name === "t_s").values[number]);
+    const made = new Table(table, several ? `${title}: ${label}` : title, `${label}-${table.title}.csv`, pick);
+    byId("tables").append(element("section", {class: "events"}, made.box));
+  }
+}
+
+async function figures() {
+  const label = shownPoints => nameOf(shownPoints.result);
+  const all = data.points.map((one, number) => new Points(one, label(one), number, data.points.length > 1));
+  all.push(...data.boundaries.map((one, number) => new Boundaries(one, nameOf(one.table.result), number)));
+  for (const figure of all) {
+    byId("points").append(figure.section);
+    await figure.draw();
+  }
+}
+
+// Plots have the width of the sheet while the page is printed.
+function printing() {
+  const fit = () => document.querySelectorAll(".figure").forEach(box => { if (box.data) Plotly.Plots.resize(box); });
+  for (const [event, isOn] of [["beforeprint", true], ["afterprint", false]]) {
+    window.addEventListener(event, () => { document.body.classList.toggle("printing", isOn); fit(); });
+  }
+}
+
+let player = null;
+
+async function build() {
+  header();
+  summary();
+  parameters();
+  byId("footer").textContent = "Made by vibroplat report; the curves are drawn by plotly.js.";
+  player = await motion();
+  tables();
+  await figures();
+  printing();
+  // For tests and for `python -m vibroplat.page.film`.
+  window.vibroplat = {data, player};
+  document.documentElement.dataset.ready = "true";
+}
+
+build();

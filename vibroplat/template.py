@@ -1,0 +1,53 @@
+"""A configuration to start from: all keys of the quickstart with its values, each with what it means."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from textwrap import wrap
+from typing import Any
+
+from vibroplat.config import configurations, load_tree
+from vibroplat.keys import Key, keys, yaml
+from vibroplat.overrides import flat
+
+#: Column at which comments begin, if there is room.
+_COMMENTS = 44
+#: Most characters of a line.
+_WIDTH = 110
+#: What the template leaves out: other ways to give the same, and what few ever need.
+_LEFT_OUT = ("name", "motors.", "exciters.", "drive.program.", "run.initial.state.", "run.initial.phase_sum_rad")
+_HEAD = """\
+# A configuration to start from. Lines that begin with # are other ways to give something, or keys that are not needed.
+# vibroplat run {file}      simulates it, writes results/{name} and prints a summary
+# vibroplat sweep {file}    sweeps over supply frequencies, as section sweep says
+# vibroplat plot results/{name}   draws both
+# All keys, also two unequal motors or exciters and a supply that changes in time: vibroplat schema --markdown
+"""
+_SWEEP = {"sweep.grid": "{material.mass_ratio: [0, 0.1, 0.2]}"}
+
+
+def template(file: str, name: str) -> str:
+    """Return the text of a configuration; its head names the file and the scene."""
+    given = flat(load_tree(configurations() / "quickstart.yaml"))
+    wanted = [key for key in keys().values() if not key.name.startswith(_LEFT_OUT)]
+    lines: list[str] = [_HEAD.format(file=file, name=name)]
+    above: list[str] = []
+    for key in wanted:
+        *sections, last = key.name.split(".")
+        for depth, section in enumerate(sections):
+            if sections[: depth + 1] != above[: depth + 1]:
+                lines.append(f"{'  ' * depth}{section}:")
+        above = sections
+        lines += _lines(last, "  " * len(sections), key, given)
+    return "\n".join(lines) + "\n"
+
+
+def _lines(last: str, indent: str, key: Key, given: Mapping[str, Any]) -> list[str]:
+    """Write a key with its value and its meaning; one without a value is a comment, and long meanings stand above."""
+    value = _SWEEP.get(key.name) or (yaml(given[key.name]) if key.name in given else key.default)
+    text = f"{indent}{'' if value else '# '}{last}:{f' {value}' if value else ''}"
+    about = ", ".join(part for part in (key.symbol, key.meaning) if part)
+    beside = f"{text:<{_COMMENTS - 2}}  # {about}"
+    if len(beside) <= _WIDTH:
+        return [beside]
+    return [f"{indent}# {line}" for line in wrap(about, _WIDTH - len(indent) - 2)] + [text]
