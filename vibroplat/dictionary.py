@@ -20,6 +20,7 @@ from vibroplat.paper.histories import HISTORY
 from vibroplat.paper.scoreboard import CLAIMS
 from vibroplat.paper.summaries import IMPACT_LAWS, SYNC_BANDS
 from vibroplat.study.branches import SUPPLY
+from vibroplat.study.orbits.tables import BOUNDARIES, BRANCHES, SPECIAL
 from vibroplat.study.sweep import COLUMNS, DIAGRAM, SWEEP
 
 
@@ -43,6 +44,7 @@ class TableOf(NamedTuple):
 
 #: The swept keys of a sweep's tables.
 _SWEPT = {"…": Column("the keys of the sweep's grid, by their dotted names", "see configuration.md")}
+_FOLLOWED = {"…": Column("the keys of the grid and the keys that vary, by their dotted names", "see configuration.md")}
 _IN_ORDER = {SUPPLY: SWEEP[SUPPLY], **_SWEPT, **{name: SWEEP[name] for name in COLUMNS}}
 
 
@@ -67,6 +69,13 @@ TABLES = (
         "impacts",
         "`vibroplat sweep` with `kind: bifurcation`: the last impacts of each point.",
         _diagram("impact_speed_m_per_s"),
+    ),
+    TableOf("branches", "`vibroplat orbits`: a row for each point of each branch.", {**_FOLLOWED, **BRANCHES}),
+    TableOf("special", "`vibroplat orbits`: a row for each special point.", {**_FOLLOWED, **SPECIAL}),
+    TableOf(
+        "boundaries",
+        "`vibroplat orbits` with `boundaries`: the points of each curve in their order.",
+        {**_FOLLOWED, **BOUNDARIES},
     ),
     TableOf("claims", "`vibroplat paper`: a row for each claim.", CLAIMS),
     TableOf("contradictions", "`vibroplat paper`: the paper's numbers against its figures.", CONTRADICTIONS),

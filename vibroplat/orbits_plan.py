@@ -46,8 +46,8 @@ class BoundariesPlan(Section, title="Boundaries"):
     """Curves of special points over the key and a second one."""
 
     key: str = Field(description="dotted second key")
-    start: Real
-    stop: Real
+    start: Real = Field(description="one end of its range, which holds the scene's own value")
+    stop: Real = Field(description="the other end")
     kinds: Annotated[list[Boundary], Field(min_length=1)] | None = Field(
         None, description="kinds of special points that are followed; not given: all that the branches have"
     )

@@ -85,10 +85,18 @@ def test_columns_of_state_are_those_of_the_scenes():
 
 
 def test_boundaries_have_both_keys(scene):
-    assert list(boundary_table(scene, []).columns) == [MASS, "kind", KEY, "excitation_frequency_hz"]
+    assert list(boundary_table(scene, []).columns) == [
+        MASS,
+        "curve",
+        "kind",
+        "branch",
+        KEY,
+        "excitation_frequency_hz",
+        "period",
+    ]
     second = {"boundaries": {"key": "contact.restitution", "start": 0.0, "stop": 0.5}}
     table = boundary_table(scene.replace({"orbits": PLAN | second}), [])
-    assert list(table.columns) == [MASS, "kind", KEY, "contact.restitution", "excitation_frequency_hz"]
+    assert list(table.columns) == [*first, "contact.restitution", *last]
 
 
 def test_key_that_is_no_frequency_keeps_its_name():

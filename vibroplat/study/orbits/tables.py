@@ -8,15 +8,20 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
+from vibroplat.columns import Column, Columns, labelled
 from vibroplat.errors import ConfigError
 from vibroplat.flow.beginning import end_of
+from vibroplat.keys import key_of
+from vibroplat.observe.summary import MEASURES
+from vibroplat.observe.table import TRAJECTORY
 from vibroplat.scene import COORDINATES, RATES, Scene
 from vibroplat.study import WAIT
 from vibroplat.study.branches import EXCITATION, FREQUENCY, SUPPLY
 from vibroplat.study.execution import pool
 from vibroplat.study.orbits.curves import Boundary, boundaries, require_inside
+from vibroplat.study.orbits.special import KINDS
 from vibroplat.study.orbits.tracing import TOLD, Family, Progress, Traced, families, orbits_plan, trace
-from vibroplat.study.point import MEASURED
+from vibroplat.study.point import MEASURED, POINT
 from vibroplat.study.store import Record, Store
 
 #: Columns of the table of branches after the grid's keys and the key.
@@ -41,6 +46,44 @@ COLUMNS = (
 TEXTS = ("sync", "notes", "sequence", "kind")
 COUNTS = ("branch", "curve", "parent", "point", "period", "unstable")
 ANSWERS = ("stable",)
+
+
+#: What the columns mean, of the three tables.
+BRANCHES: Columns = {
+    "branch": Column("number of the branch", "among those of one combination of the grid's values"),
+    "parent": Column("branch on which it was found", "-1 for the first"),
+    "point": Column("number of the point on its branch"),
+    **{name: MEASURES[name] for name in MEASURED},
+    "period": Column("turns of exciter 1 in a period"),
+    "period_s": Column("period"),
+    "sync": POINT["sync"],
+    "notes": POINT["notes"],
+    "sequence": Column("events of a period", "stick: an impact, or several that accumulate, after which contact holds"),
+    "stable": Column("whether disturbances decay"),
+    "unstable": Column("number of Floquet multipliers outside the unit circle"),
+    **{
+        f"multiplier_{i + 1}_{part}": Column(f"{which} part of Floquet multiplier {i + 1}", "the largest is the first")
+        for i in range(TOLD)
+        for part, which in (("re", "real"), ("im", "imaginary"))
+    },
+    "residual": Column("how far the orbit is from closing", "in the scales of the scene"),
+    "turns": Column("turns of exciter 1 that were integrated for the point", "with those of special points before it"),
+}
+SPECIAL: Columns = {
+    "branch": BRANCHES["branch"],
+    "kind": Column("kind of special point", "; ".join(f"{kind}: {meaning}" for kind, meaning in KINDS.items())),
+    EXCITATION: BRANCHES[EXCITATION],
+    "period": BRANCHES["period"],
+    "point": Column("last point of the branch before it"),
+    **{name: TRAJECTORY[name] for name in (*COORDINATES, *RATES)},
+}
+BOUNDARIES: Columns = {
+    "curve": Column("number of the curve"),
+    "kind": SPECIAL["kind"],
+    "branch": Column("branch whose special point it goes through"),
+    EXCITATION: BRANCHES[EXCITATION],
+    "period": BRANCHES["period"],
+}
 
 
 class OrbitTables(NamedTuple):
@@ -142,7 +185,7 @@ def branch_table(scene: Scene, traced: Sequence[Traced]) -> pd.DataFrame:
         for branch in traced
         for point, row in enumerate(branch.rows)
     ]
-    return _frame(rows, scene, [key, *COLUMNS])
+    return _frame(rows, scene, [key, *COLUMNS], BRANCHES)
 
 
 def special_table(scene: Scene, traced: Sequence[Traced]) -> pd.DataFrame:
@@ -162,7 +205,7 @@ def special_table(scene: Scene, traced: Sequence[Traced]) -> pd.DataFrame:
             state = {names[i]: special["state"][i] for i in own}
             rows.append(_place(branch) | special | {"point": special["after"] - 1, key: special["value"]} | state)
     columns = ["branch", "kind", key, EXCITATION, "period", "point", *(names[i] for i in present)]
-    return _frame(rows, scene, columns)
+    return _frame(rows, scene, columns, SPECIAL)
 
 
 def boundary_table(scene: Scene, curves: Sequence[Boundary]) -> pd.DataFrame:
@@ -174,7 +217,7 @@ def boundary_table(scene: Scene, curves: Sequence[Boundary]) -> pd.DataFrame:
         place = {column_of(key): value for key, value in curve.family.grid.items()}
         place |= {"curve": number, "kind": curve.kind, "branch": curve.branch}
         rows += [place | row | dict(zip(keys, (row["value"], row["second"]), strict=True)) for row in curve.rows]
-    return _frame(rows, scene, ["curve", "kind", "branch", *keys, EXCITATION, "period"])
+    return _frame(rows, scene, ["curve", "kind", "branch", *keys, EXCITATION, "period"], BOUNDARIES)
 
 
 def column_of(key: str) -> str:
@@ -221,12 +264,13 @@ def _place(branch: Traced) -> Record:
     return {column_of(key): value for key, value in branch.family.grid.items()} | {"branch": branch.number}
 
 
-def _frame(rows: list[Record], scene: Scene, columns: Sequence[str]) -> pd.DataFrame:
+def _frame(rows: list[Record], scene: Scene, columns: Sequence[str], meant: Columns) -> pd.DataFrame:
     """Make a table with the grid's keys first; its types do not depend on what was found."""
     grid = {column_of(key): values for key, values in orbits_plan(scene).grid.items()}
     table = pd.DataFrame(rows, columns=[*grid, *columns])
     types: dict[Any, Any] = {key: pd.Series(values).dtype for key, values in grid.items()}
-    return table.astype(types | {column: _type(column) for column in columns})
+    keyed = {key: Column(key_of(key).meaning) for key in grid if key != SUPPLY} | {SUPPLY: Column("supply frequency")}
+    return labelled(table.astype(types | {column: _type(column) for column in columns}), {**keyed, **meant})
 
 
 def _type(column: str) -> str:

@@ -67,7 +67,8 @@ def orbits_plan(scene: Scene) -> OrbitsPlan:
         keys.append(("orbits.boundaries.key", plan.boundaries.key, (plan.boundaries.start, plan.boundaries.stop)))
     for place, key, ends in keys:
         for value in ends:
-            if not isinstance(value_of(scene, key), float):
+            held = value_of(scene, key)
+            if held is not None and not isinstance(held, float):
                 raise ConfigError(f"{place} = {key} holds no number that varies continuously; allowed: one that does")
             try:
                 parameter_direction(scene.replace({key: float(value)}), key)
