@@ -20,6 +20,7 @@ from vibroplat.paper.histories import HISTORY
 from vibroplat.paper.scoreboard import CLAIMS
 from vibroplat.paper.summaries import IMPACT_LAWS, SYNC_BANDS
 from vibroplat.study.branches import SUPPLY
+from vibroplat.study.confirming import CONFIRMED
 from vibroplat.study.orbits.tables import BOUNDARIES, BRANCHES, SPECIAL
 from vibroplat.study.sweep import COLUMNS, DIAGRAM, SWEEP
 
@@ -64,6 +65,7 @@ TABLES = (
         SUMMARY,
     ),
     TableOf("sweep", "`vibroplat sweep`: a row for each point.", _IN_ORDER),
+    TableOf("sweep, confirmed", "Columns that `confirm: orbits` adds to `sweep`.", CONFIRMED),
     TableOf("section", "`vibroplat sweep` with `kind: bifurcation`: the last turns of each point.", _diagram("y_m")),
     TableOf(
         "impacts",

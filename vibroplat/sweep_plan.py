@@ -96,6 +96,12 @@ class SweepPlan(Section, title="Sweep"):
         True, "", "use the largest Lyapunov exponent to tell chaotic from quasi-periodic motion; false: non-periodic"
     )
 
+    confirm: Literal["orbits"] | None = Field(
+        None,
+        description="orbits: periodic points are polished by Newton's method, with Floquet multipliers and the "
+        "distance to where they settled; others get their largest Lyapunov exponents",
+    )
+
     @model_validator(mode="after")
     def _scene_keys(self) -> Self:
         found = math.prod(map(len, self.grid.values()))

@@ -131,10 +131,11 @@ class Point:
 
 def point_task(scene: Scene, plan: SweepPlan, state: list[float] | None, key: tuple[int, ...]) -> Task:
     """Return the task of :func:`measure_point`; a point whose worker is lost has the outcome ``worker-lost``."""
-    return Task(measure_point, (scene, plan, state, key), _lost)
+    return Task(measure_point, (scene, plan, state, key), lost)
 
 
-def _lost(reason: str) -> Record:
+def lost(reason: str) -> Record:
+    """Return the record of a point whose worker was lost."""
     return vars(_without_work("worker-lost", reason))
 
 

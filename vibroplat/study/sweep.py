@@ -16,6 +16,7 @@ from vibroplat.observe.summary import MEASURES
 from vibroplat.scene import Scene
 from vibroplat.study import WAIT
 from vibroplat.study.branches import EXCITATION, SUPPLY, Branch, branches, sweep_plan
+from vibroplat.study.confirming import CONFIRMED, confirmed_task
 from vibroplat.study.execution import Pool, pool, run_chains
 from vibroplat.study.point import ERRORS, MEASURED, POINT, point_task
 from vibroplat.study.store import Record, Records, SpoiledError, Store
@@ -23,8 +24,8 @@ from vibroplat.study.tasks import StoredChain, Tasks
 from vibroplat.sweep_plan import SweepPlan
 
 #: Columns of text and of whole numbers; all others hold floating-point numbers.
-TEXTS = ("direction", "rotation", "sync", "motion", "outcome", "detail", "notes")
-COUNTS = ("branch", "period", "steps", "residual_calls", "events")
+TEXTS = ("direction", "rotation", "sync", "motion", "outcome", "detail", "notes", "confirmation")
+COUNTS = ("branch", "period", "steps", "residual_calls", "events", "orbit_unstable")
 #: Columns of the table after the swept keys.
 COLUMNS = (
     "direction",
@@ -162,9 +163,10 @@ def branch_points(branch: Branch, plan: SweepPlan, take: Callable[[Record], obje
 
     ``take`` is called with the record of each point.
     """
+    task = confirmed_task if plan.confirm else point_task
     state: list[float] | None = None
     for place, frequency in enumerate(branch.frequencies):
-        record = yield point_task(branch.at(place), plan, state, branch.key(frequency))
+        record = yield task(branch.at(place), plan, state, branch.key(frequency))
         state = record["state"] or state
         take(record)
 
@@ -190,7 +192,12 @@ def branch_records(branch: Branch, records: Records) -> Iterator[Record]:
 
 def tables(scene: Scene, records: Records) -> Iterator[pd.DataFrame]:
     """Yield the sweep table in parts, in the order of branches and points."""
-    yield from _parts(scene, records, lambda record: [record["row"]], COLUMNS)
+    yield from _parts(scene, records, lambda record: [record["row"]], columns_of_sweep(sweep_plan(scene)))
+
+
+def columns_of_sweep(plan: SweepPlan) -> tuple[str, ...]:
+    """List the columns of a sweep table after the swept keys."""
+    return (*COLUMNS, *CONFIRMED) if plan.confirm else COLUMNS
 
 
 def section_tables(scene: Scene, records: Records) -> Iterator[pd.DataFrame]:
@@ -237,4 +244,4 @@ def _frame(rows: list[Record], scene: Scene, columns: Sequence[str]) -> pd.DataF
     types: dict[Any, Any] = {key: pd.Series(values).dtype for key, values in grid.items()}
     types |= {column: "str" if column in TEXTS else "Int64" if column in COUNTS else "float64" for column in columns}
     swept = {key: Column(key_of(key).meaning) for key in grid}
-    return labelled(table.astype(types), {**SWEEP, **DIAGRAM, **swept})
+    return labelled(table.astype(types), {**SWEEP, **DIAGRAM, **CONFIRMED, **swept})
