@@ -14,6 +14,7 @@ from vibroplat.plausibility import notes_on_inputs
 from vibroplat.provenance import provenance
 from vibroplat.results import write_result
 from vibroplat.scene import Scene
+from vibroplat.study.bands import band_tables
 from vibroplat.study.branches import FREQUENCY, SUPPLY, Branch, sweep_plan
 from vibroplat.study.store import Records
 from vibroplat.study.sweep import impact_tables, section_tables, tables
@@ -35,6 +36,7 @@ def write_sweep(
     found: dict[str, Table] = {}
     if sweep_plan(scene).kind == "bifurcation":
         found |= {"section": section_tables(scene, records), "impacts": impact_tables(scene, records)}
+    found["bands"] = band_tables(tables(scene, records))
     found["sweep"] = tables(scene, records)
     absent = {"section", "impacts"} - found.keys()
     origin = provenance(scene, engine_name(scene)) | ({} if check is None else {"check": check})
