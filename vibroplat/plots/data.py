@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -33,10 +33,10 @@ class Data:
         return axis
 
 
-def read_data(path: Path, abscissae: Sequence[str], columns: Mapping[str, Quantity]) -> Data:
-    """Read measured data for figures over one of these abscissae.
+def read_data(path: Path, x: str, columns: Mapping[str, Quantity], others: Collection[str] = ()) -> Data:
+    """Read measured data of these columns over ``x``.
 
-    Columns that no figure shows are named in a line.
+    Columns that no figure shows are named in a line, but for ``others``, which further figures would use.
 
     Raises
     ------
@@ -49,13 +49,13 @@ def read_data(path: Path, abscissae: Sequence[str], columns: Mapping[str, Quanti
         raise TableError(f"--data {path}: there is no such file") from None
     except Exception as error:  # pandas raises many kinds on damaged files
         raise TableError(f"--data {path} cannot be read: {' '.join(str(error).split())}") from None
-    _require(path, table, abscissae, "no column of the horizontal axis")
+    _require(path, table, [x], "no column of the horizontal axis")
     _require(path, table, columns, "no column that a figure shows")
-    known = {*abscissae, *columns}
+    known = {x, *columns}
     for column in known & {*table.columns}:
         if not is_number(table[column]):
             raise TableError(f"--data {path}: column {column} holds text; allowed: numbers, empty where there is none")
-    if left := [str(column) for column in table.columns if column not in known]:
+    if left := [str(column) for column in table.columns if column not in known | {*others}]:
         _LOG.warning("--data %s: not drawn: %s", path, ", ".join(left))
     return Data(path.name, table)
 

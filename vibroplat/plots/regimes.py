@@ -34,7 +34,7 @@ PERIODS = {
     "not periodic": "#d4d4d4",
 }
 #: Hatch of points that failed, and the colour of points without flight.
-_HATCH, ATTACHED = "xxxx", "#f2f2f2"
+_HATCH, ATTACHED = "xxxx", "#dddddd"
 
 
 def sync_classes(table: pd.DataFrame) -> pd.Series:
@@ -134,7 +134,7 @@ def _classes(axis: Axes, table: pd.DataFrame, key: str, values: pd.Series, colou
 
 
 def _flight_colours() -> ListedColormap:
-    """Return a scale from contact, almost white, to flight, dark; points that always touch have no tint at all."""
+    """Return a scale from short flights, pale, to long ones, dark; points that are always attached are grey."""
     scale = mpl.colormaps["viridis_r"](np.linspace(0.05, 1.0, 256))
     scale[0] = mpl.colors.to_rgba(ATTACHED)
     return ListedColormap(scale)
@@ -155,4 +155,4 @@ def _legends(axes: Any, table: pd.DataFrame, flies: bool) -> None:
         bar = axes[2].figure.colorbar(
             ScalarMappable(Normalize(0.0, 1.0), _flight_colours()), ax=axes[2], location="bottom", aspect=40
         )
-        bar.set_label("flight fraction; palest: always attached")
+        bar.set_label("flight fraction; grey: always attached")

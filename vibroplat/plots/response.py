@@ -29,7 +29,7 @@ LEAST_RANGE = 0.02
 DISTINCT = 5
 #: Fillings of the markers and what they say of the motion; others are not periodic.
 FILLINGS = {"periodic": "full", "undecided": "bottom"}
-_MEANING = {"full": "periodic", "none": "quasi-periodic or chaotic", "bottom": "undecided"}
+_MEANING = {"full": "periodic", "none": "not periodic", "bottom": "undecided"}
 
 
 def draw_response(
@@ -40,7 +40,7 @@ def draw_response(
     x: str = EXCITATION,
     color: Any = CURVES[0],
     label: str | None = None,
-    size: float = 3.4,
+    size: float = 1.0,
 ) -> Axes:
     """Draw a quantity along one branch of a sweep.
 
@@ -57,8 +57,10 @@ def draw_response(
         A column of the sweep table, e.g. ``rms_y_m``.
     x
         Column of the horizontal axis.
-    color, label, size
-        Of the line and its markers; the label is the line's.
+    color, label
+        Of the line and its markers.
+    size
+        Factor of the line's width and the markers' size.
 
     Returns
     -------
@@ -71,10 +73,10 @@ def draw_response(
     places = rows[x].to_numpy(dtype=float, na_value=np.nan)
     up = rows["direction"].iloc[0] != "down"
     style: dict[str, Any] = {"color": color, "zorder": 2.5 if up else 2.4}
-    axis.plot(*broken(places, values, rows), "-" if up else "--", lw=0.9 if up else 0.7, label=label, **style)
+    axis.plot(*broken(places, values, rows), "-" if up else "--", lw=size * (0.9 if up else 0.7), label=label, **style)
     marker = DIRECTIONS["up" if up else "down"]
     for filling, chosen in fillings(rows):
-        look = style | {"fillstyle": filling, "markerfacecoloralt": "white", "mew": 0.7, "ms": size}
+        look = style | {"fillstyle": filling, "markerfacecoloralt": "white", "mew": 0.7, "ms": 3.2 * size}
         axis.plot(places[chosen], values[chosen], ls="", marker=marker, **look)
     failed = failed_places(rows, x)
     if len(failed):
@@ -126,10 +128,10 @@ def response_figure(response: Response) -> Figure:
     figure, axes = new_figure(rows, 1 + two, (11.0 if two else 8.0, 1.9 + 1.75 * rows), sharex=True)
     panels = axes.T.ravel()
     colours = list(curve_colours(response))
+    count = 1 + max(number for _, number, _, _ in response.curves())
     for axis, column in zip(panels, columns, strict=False):
         for (_, number, _, branch) in response.curves():
-            size = 3.4 if len(colours) <= DISTINCT else 2.6
-            draw_response(axis, branch, column, x=response.x, color=colours[number], size=size)
+            draw_response(axis, branch, column, x=response.x, color=colours[number], size=_size(number, count))
         _limit(axis, column, response.table)
         if response.data is not None:
             response.data.draw(axis, response.x, column, MEASURES[column])
@@ -144,6 +146,11 @@ def response_figure(response: Response) -> Figure:
     head(figure, ", ".join(response.names), response.parameters)
     _legend(figure, response, colours)
     return figure
+
+
+def _size(number: int, count: int) -> float:
+    """Return the size of a curve, from large to small: where curves lie on each other, the first ones stand out."""
+    return 1.0 if count == 1 else 1.6 - 0.9 * number / (count - 1)
 
 
 def _columns(table: pd.DataFrame) -> list[str]:

@@ -149,6 +149,11 @@ def without_wraps(times: FloatArray, phase: FloatArray) -> tuple[FloatArray, Flo
 def phase_axis(axis: Axes, label: str = PHASE) -> None:
     """Label an axis of phase differences."""
     axis.set_ylim(LOWEST_PHASE - 0.1, LOWEST_PHASE + TURN + 0.1)
-    ticks = {-0.5: "−π/2", 0.0: "0 in-phase", 0.5: "π/2", 1.0: "π antiphase", 1.5: "3π/2"}
+    ticks = {-0.5: "−π/2", 0.0: "0", 0.5: "π/2", 1.0: "π", 1.5: "3π/2"}
     axis.set_yticks([np.pi * tick for tick in ticks], list(ticks.values()))
     axis.set_ylabel(label)
+    for angle, name in (() if axis.texts else ((0.0, "in-phase"), (np.pi, "antiphase"))):
+        axis.annotate(
+            name, (1.0, angle), (-2.0, 3.0), axis.get_yaxis_transform(), "offset points",
+            fontsize=7.5, color=REFERENCE, ha="right", va="bottom",
+        )  # fmt: skip
