@@ -126,7 +126,12 @@ def _lengths(axis: Axes, table: pd.DataFrame) -> None:
 def _restarts(axis: Axes, table: pd.DataFrame) -> None:
     for i, (restitution, rows) in enumerate(table.groupby("restitution")):
         shown = rows[rows["outcome"] == "ok"]
-        look: dict[str, Any] = {"color": CURVES[i], "mfc": "none", "ms": 7.0 - 1.5 * i, "label": f"$R$ = {restitution:g}"}
+        look: dict[str, Any] = {
+            "color": CURVES[i],
+            "mfc": "none",
+            "ms": 7.0 - 1.5 * i,
+            "label": f"$R$ = {restitution:g}",
+        }
         axis.plot(shown["restarts_per_s"], shown["ms_per_s"], MARKERS[i], **look)
     axis.set(xlabel="restarts per simulated second", ylabel="ms per simulated second", title="events, vibroplat")
     axis.set_ylim(bottom=0.0)

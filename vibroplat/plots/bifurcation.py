@@ -8,14 +8,15 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from vibroplat.plots.names import EXCITATION, FREQUENCIES
+from vibroplat.plots.names import FREQUENCIES
 from vibroplat.plots.reading import read_columns
 from vibroplat.plots.style import CURVES, head, new_figure
+from vibroplat.study.branches import EXCITATION
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from vibroplat.plots.sweep import Response
+    from vibroplat.plots.sweep_tables import Response
 
 #: Colours of the directions, and of the other direction behind them.
 _COLOURS, _BEHIND = {"up": CURVES[0], "down": CURVES[1]}, "#c9c9c9"
@@ -25,7 +26,7 @@ def draw_section(
     axis: Axes, points: pd.DataFrame, column: str, *, x: str = EXCITATION, factor: float = 1.0, **look: Any
 ) -> Axes:
     """Draw points of a table ``section`` or ``impacts`` over frequency; in PDF and SVG they are dots of an image."""
-    style = {"ls": "", "marker": "o", "ms": 1.6, "mew": 0.0, "rasterized": len(points) > 2000} | look
+    style: dict[str, Any] = {"ls": "", "marker": "o", "ms": 1.6, "mew": 0.0, "rasterized": len(points) > 2000} | look
     axis.plot(points[x], factor * points[column], **style)
     return axis
 
@@ -48,7 +49,9 @@ def bifurcation(response: Response) -> Figure:
         for axis, curve in zip(row, curves, strict=True):
             beside = [c for c in curves if c.number == curve.number and c.direction != curve.direction]
             for other in beside:
-                draw_section(axis, _of(table, other.rows), column, x=response.x, factor=factor, color=_BEHIND, zorder=1.5)
+                draw_section(
+                    axis, _of(table, other.rows), column, x=response.x, factor=factor, color=_BEHIND, zorder=1.5
+                )
             colour = _COLOURS.get(curve.direction, CURVES[0])
             draw_section(axis, _of(table, curve.rows), column, x=response.x, factor=factor, color=colour)
         row[0].set_ylabel(label)
@@ -63,7 +66,8 @@ def bifurcation(response: Response) -> Figure:
 
 def _of(table: pd.DataFrame, rows: pd.DataFrame) -> pd.DataFrame:
     """Return the points of a branch."""
-    return table[table["branch"] == rows["branch"].iloc[0]]
+    found: pd.DataFrame = table[table["branch"] == rows["branch"].iloc[0]]
+    return found
 
 
 def _legend(figure: Figure, directions: list[str]) -> None:

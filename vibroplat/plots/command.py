@@ -106,8 +106,8 @@ def plot_results(directories: Sequence[Path], wanted: Wanted) -> list[Path]:
     """
     found = [family for family in FAMILIES if all(family.is_in(directory) for directory in directories)]
     if not found and len(directories) > 1 and any(f.is_in(d) for f in FAMILIES for d in directories):
-        raise VibroplatError(f"{', '.join(map(str, directories))} hold no results of the same command; allowed: several "
-                             "runs, or several sweeps")  # fmt: skip
+        held = ", ".join(map(str, directories))
+        raise VibroplatError(f"{held} hold no results of one command; allowed: several runs, or several sweeps")
     found = found or [FAMILIES[-1]]
     _require_kinds(directories[0], found, wanted)
     chosen = [f for f in found if not wanted.kinds or {*f.kinds} & {*wanted.kinds}]

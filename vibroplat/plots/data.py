@@ -6,6 +6,7 @@ import logging
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 from matplotlib.axes import Axes
@@ -28,7 +29,7 @@ class Data:
         """Draw a column over another where the data have both, in black diamonds."""
         if {x, column} <= {*self.table.columns}:
             values = quantity.factor * self.table[column]
-            look = {"color": BLACK, "mfc": "white", "ms": 4.0, "mew": 1.0, "zorder": 5.0, "ls": ""}
+            look: dict[str, Any] = {"color": BLACK, "mfc": "white", "ms": 4.0, "mew": 1.0, "zorder": 5.0, "ls": ""}
             axis.plot(self.table[x], values, marker="D", label=f"measured: {plain(self.name)}", **look)
         return axis
 

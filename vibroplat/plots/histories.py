@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from vibroplat.plots.names import COORDINATES, EXCITATION
+from vibroplat.plots.names import COORDINATES
 from vibroplat.plots.style import REFERENCE, new_figure
 from vibroplat.results import Result
+from vibroplat.study.branches import EXCITATION
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -22,9 +23,7 @@ Curves = Sequence[tuple[str, str]]
 Differences = dict[int, tuple["np.ndarray[Any, Any]", "np.ndarray[Any, Any]"]]
 
 
-def history(
-    name: str, column: str, curves: Curves, title: str, *, near: float = 0.0
-) -> Callable[[Result], Figure]:
+def history(name: str, column: str, curves: Curves, title: str, *, near: float = 0.0) -> Callable[[Result], Figure]:
     """Make a drawer of time histories, a panel for each of the paper's frequencies.
 
     Parameters

@@ -11,12 +11,13 @@ import pandas as pd
 from matplotlib.lines import Line2D
 
 from vibroplat.plots.histories import history
-from vibroplat.plots.names import EXCITATION, MEASURES, PHASE, PHASE_COLUMN
+from vibroplat.plots.names import MEASURES, PHASE, PHASE_COLUMN
 from vibroplat.plots.response import draw_response, marker_legend
 from vibroplat.plots.style import BLACK, BLUE, GREEN, ORANGE, PURPLE, VERMILION, Saving, new_figure, save, styled
 from vibroplat.plots.timelines import wrapped
 from vibroplat.results import Result
 from vibroplat.study.bands import jumps
+from vibroplat.study.branches import EXCITATION
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

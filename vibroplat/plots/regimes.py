@@ -13,13 +13,14 @@ from matplotlib.colors import BoundaryNorm, ListedColormap, Normalize
 from matplotlib.patches import Patch
 
 from vibroplat.errors import TableError
-from vibroplat.plots.names import FREQUENCIES, SUPPLY, is_number, key_label
+from vibroplat.plots.names import FREQUENCIES, is_number, key_label
 from vibroplat.plots.style import BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION, head, new_figure
+from vibroplat.study.branches import SUPPLY
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from vibroplat.plots.sweep import Response
+    from vibroplat.plots.sweep_tables import Response
 
 #: Kinds of synchronization and their colours.
 SYNC = {"antiphase": BLUE, "in-phase": ORANGE, "intermediate": GREEN, "none": "#3c3c3c"}
@@ -83,7 +84,9 @@ def draw_map(axis: Axes, table: pd.DataFrame, key: str, values: pd.Series, colou
     axis.pcolormesh(grid.columns, rows, found, cmap=colours, norm=norm, shading="nearest", rasterized=True)
     missing = np.ma.masked_where(np.isfinite(found), np.zeros(found.shape))
     if missing.count():
-        axis.pcolor(grid.columns, rows, missing, cmap=ListedColormap(["white"]), hatch=_HATCH, shading="nearest", lw=0.0)
+        axis.pcolor(
+            grid.columns, rows, missing, cmap=ListedColormap(["white"]), hatch=_HATCH, shading="nearest", lw=0.0
+        )
     every = max(1, -(-len(rows) // 12))
     axis.set_yticks(rows[::every], [f"{value:g}" for value in grid.index[::every]])
     axis.grid(visible=False)

@@ -13,15 +13,16 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.lines import Line2D
 
-from vibroplat.plots.names import EXCITATION, FREQUENCIES, MEASURES, PHASE_COLUMN, SUPPLY, key_label
+from vibroplat.plots.names import FREQUENCIES, MEASURES, PHASE_COLUMN, key_label
 from vibroplat.plots.style import BLACK, CURVES, DIRECTIONS, FAILED, REFERENCE, head, new_figure
 from vibroplat.plots.timelines import phase_axis, wrapped
 from vibroplat.study.bands import jumps
+from vibroplat.study.branches import EXCITATION, SUPPLY
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from vibroplat.plots.sweep import Response
+    from vibroplat.plots.sweep_tables import Response
 
 #: Least range of an axis of RMS, relative to the largest RMS of y.
 LEAST_RANGE = 0.02
@@ -105,15 +106,17 @@ def fillings(rows: pd.DataFrame) -> Iterator[tuple[str, Any]]:
 
 
 def failed_places(rows: pd.DataFrame, x: str) -> Any:
-    """Return where points failed; excitation frequencies they do not have are interpolated along the branch."""
+    """Return where points failed; excitation frequencies they do not have follow from those of their neighbours."""
     failed = _failed(rows).to_numpy(dtype=bool)
     supply = rows[SUPPLY].to_numpy(dtype=float)
     if x == SUPPLY or not failed.any():
         return supply[failed]
-    found = rows[x].to_numpy(dtype=float, na_value=np.nan)
-    known = np.flatnonzero(np.isfinite(found))
+    ratio = rows[x].to_numpy(dtype=float, na_value=np.nan) / supply
+    known = np.flatnonzero(np.isfinite(ratio))
     known = known[np.argsort(supply[known])]
-    return np.interp(supply[failed], supply[known], found[known]) if len(known) else np.zeros(0)
+    if not len(known):
+        return np.zeros(0)
+    return supply[failed] * np.interp(supply[failed], supply[known], ratio[known])
 
 
 def _failed(rows: pd.DataFrame) -> pd.Series:
@@ -130,7 +133,7 @@ def response_figure(response: Response) -> Figure:
     colours = list(curve_colours(response))
     count = 1 + max(number for _, number, _, _ in response.curves())
     for axis, column in zip(panels, columns, strict=False):
-        for (_, number, _, branch) in response.curves():
+        for _, number, _, branch in response.curves():
             draw_response(axis, branch, column, x=response.x, color=colours[number], size=_size(number, count))
         _limit(axis, column, response.table)
         if response.data is not None:
@@ -196,7 +199,7 @@ def _scale(response: Response) -> tuple[Normalize, ListedColormap]:
 def _legend(figure: Figure, response: Response, colours: Sequence[Any]) -> None:
     """Name the colours, and below them what the markers say."""
     labels = list(dict.fromkeys(curve.label for curve in response.curves()))
-    handles = []
+    handles: list[Any] = []
     if response.scale is not None and len(labels) > DISTINCT:
         bar = figure.colorbar(ScalarMappable(*_scale(response)), ax=figure.axes, aspect=50, pad=0.01)
         bar.set_label(key_label(response.scale))

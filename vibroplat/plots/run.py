@@ -11,7 +11,7 @@ import numpy as np
 
 from vibroplat.plots.data import Data
 from vibroplat.plots.names import COORDINATES, PHASE, run_parameters
-from vibroplat.plots.run_tables import Run, matters, read_run
+from vibroplat.plots.run_tables import Run, matters, range_of, read_run
 from vibroplat.plots.style import (
     BLACK,
     CURVES,
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-#: Least range of the axes of x and y, over the largest range of either.
+#: Least range of the axes of x and y, over the largest range of what moves, that of the exciters' axes included.
 LEAST_RANGE = 0.05
 #: Most turns that are drawn as a line; more of them as an envelope.
 MOST_TURNS = 60
@@ -192,7 +192,7 @@ def _overview(axis: Axes, shown: Shown, column: str) -> None:
     for number, run in enumerate(shown.runs):
         if f"{column}:max" in run.envelope:
             look = shown.look(number, column)
-            draw_envelope(axis, run.envelope, column, color=look["color"], alpha=0.85 if shown.only else 0.5)
+            draw_envelope(axis, run.envelope, column, color=look["color"], filled=shown.only is not None)
             if shown.only is not None:
                 axis.axvspan(run.shown["t_s"].iloc[0], run.shown["t_s"].iloc[-1], color=REFERENCE, alpha=0.25, lw=0)
     shown.measured(axis, column)
@@ -205,10 +205,11 @@ def _detail(axis: Axes, shown: Shown, column: str) -> None:
             continue
         look = shown.look(number, column)
         if run.turns > MOST_TURNS:
-            draw_envelope(axis, run.envelope, column, color=look["color"], label=look.get("label"))
+            filled = shown.only is not None
+            draw_envelope(axis, run.envelope, column, color=look["color"], label=look.get("label"), filled=filled)
             continue
         table = run.shown.assign(t_s=run.shown["t_s"] - shown.origin(run))
-        draw_coordinate(axis, table, column, **look)
+        draw_coordinate(axis, table[table["t_s"] >= 0.0] if shown.aligned else table, column, **look)
         if shown.only is not None and "gap_m" in run.shown:
             draw_contact(axis, run.shown)
             if column == "gap_m":
@@ -220,7 +221,7 @@ def _detail(axis: Axes, shown: Shown, column: str) -> None:
 
 def _no_noise(axis: Axes, shown: Shown) -> None:
     """Widen an axis of x or y on which numerical noise would fill the panel."""
-    ranges = [np.ptp(run.shown[c]) for run in shown.runs for c in ("x_m", "y_m") if c in run.shown]
+    ranges = [range_of(run.shown[c], run, c) for run in shown.runs for c in ("x_m", "y_m", "phi_rad") if c in run.shown]
     least, (low, high) = LEAST_RANGE * 1e3 * max(ranges), axis.get_ylim()
     if high - low < least:
         axis.set_ylim(0.5 * (low + high - least), 0.5 * (low + high + least))
@@ -275,4 +276,3 @@ def _exciters(shown: Shown) -> Figure:
 
 
 FIGURES: dict[str, Callable[[Shown], Figure]] = {"motion": _motion, "force": _force, "exciters": _exciters}
-

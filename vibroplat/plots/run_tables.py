@@ -135,13 +135,13 @@ class _Cut:
         width = (self._end - self._begin) / self._bins or 1.0
         bins = ((part["t_s"] - self._begin) / width).clip(0, self._bins - 1).astype(int).rename("bin")
         found = part[[c for c in COORDINATES if c in part]].groupby(bins).agg(["min", "max"])
-        found.columns = [f"{column}:{end}" for column, end in found.columns]
+        found.columns = [":".join(names) for names in found.columns]
         return found
 
     def envelope(self) -> pd.DataFrame:
         """Return the extremes in the bins of all parts."""
         table = pd.concat(self._extremes)
-        ends = {column: column.rpartition(":")[2] for column in table}
+        ends = {column: str(column).rpartition(":")[2] for column in table}
         found = table.groupby(level=0).agg(ends)
         middle = self._begin + (found.index.to_numpy() + 0.5) * (self._end - self._begin) / self._bins
         return found.assign(t_s=middle).reset_index(drop=True)
@@ -181,9 +181,14 @@ def matters(runs: Iterable[Run], column: str) -> bool:
 
 
 def _range(run: Run, column: str) -> float:
-    """Return the range of a coordinate (m); of a rotation, that of the exciters' axes."""
-    if f"{column}:max" not in run.envelope:
-        return 0.0
+    """Return the range of a coordinate over the whole interval (m)."""
+    ends = [f"{column}:min", f"{column}:max"]
+    return range_of(run.envelope[ends], run, column) if ends[0] in run.envelope else 0.0
+
+
+def range_of(values: pd.DataFrame | pd.Series, run: Run, column: str) -> float:
+    """Return the range of a coordinate's values (m); of a rotation, that of the exciters' axes."""
     arm = (run.scene.machine.exciter_distance_m if run.scene else 0.1) if column == "phi_rad" else 1.0
-    found = arm * float(np.ptp(run.envelope[[f"{column}:min", f"{column}:max"]].to_numpy(dtype=float)))
-    return found if math.isfinite(found) else 0.0
+    found = values.to_numpy(dtype=float)
+    found = found[np.isfinite(found)]
+    return arm * float(np.ptp(found)) if len(found) else 0.0

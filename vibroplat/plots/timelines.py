@@ -49,14 +49,22 @@ def draw_coordinate(axis: Axes, table: pd.DataFrame, column: str, **look: Any) -
     return axis
 
 
-def draw_envelope(axis: Axes, envelope: pd.DataFrame, column: str, **look: Any) -> Axes:
-    """Fill the range of a column over time between its least and largest values in short intervals.
+def draw_envelope(
+    axis: Axes, envelope: pd.DataFrame, column: str, *, color: str = PLATFORM, label: str | None = None,
+    filled: bool = True,
+) -> Axes:  # fmt: skip
+    """Draw the range of a column over time between its least and largest values in short intervals.
 
-    ``envelope`` has times (``t_s``) and the columns ``column:min`` and ``column:max``.
+    ``envelope`` has times (``t_s``) and the columns ``column:min`` and ``column:max``. Without ``filled`` its outlines
+    are drawn, so that several do not hide each other.
     """
     quantity = COORDINATES[column]
     low, high = (quantity.factor * envelope[f"{column}:{end}"] for end in ("min", "max"))
-    axis.fill_between(envelope["t_s"], low, high, **{"color": PLATFORM, "lw": 0.4, "alpha": 0.85} | look)
+    if filled:
+        axis.fill_between(envelope["t_s"], low, high, color=color, lw=0.4, alpha=0.85, label=label)
+    else:
+        axis.plot(envelope["t_s"], low, lw=1.0, color=color, label=label)
+        axis.plot(envelope["t_s"], high, lw=1.0, color=color)
     axis.set_ylabel(quantity.label)
     return axis
 
@@ -75,9 +83,7 @@ def draw_impacts(axis: Axes, events: pd.DataFrame) -> Axes:
     """Mark the times of impacts on the line of zero gap."""
     impacts = events[events["kind"] == "impact"]
     size = 5.0 if len(impacts) <= 60 else 2.5
-    axis.plot(
-        impacts["t_s"], np.zeros(len(impacts)), "v", color=BLACK, ms=size, mew=0, label="impact", clip_on=False
-    )
+    axis.plot(impacts["t_s"], np.zeros(len(impacts)), "v", color=BLACK, ms=size, mew=0, label="impact", clip_on=False)
     return axis
 
 
@@ -152,7 +158,7 @@ def phase_axis(axis: Axes, label: str = PHASE) -> None:
     ticks = {-0.5: "−π/2", 0.0: "0", 0.5: "π/2", 1.0: "π", 1.5: "3π/2"}
     axis.set_yticks([np.pi * tick for tick in ticks], list(ticks.values()))
     axis.set_ylabel(label)
-    for angle, name in (() if axis.texts else ((0.0, "in-phase"), (np.pi, "antiphase"))):
+    for angle, name in () if axis.texts else ((0.0, "in-phase"), (np.pi, "antiphase")):
         axis.annotate(
             name, (1.0, angle), (-2.0, 3.0), axis.get_yaxis_transform(), "offset points",
             fontsize=7.5, color=REFERENCE, ha="right", va="bottom",

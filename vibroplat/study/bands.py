@@ -10,6 +10,8 @@ import pandas as pd
 
 from vibroplat.study.branches import EXCITATION, SUPPLY
 
+Flags = np.ndarray[Any, np.dtype[np.bool_]]
+
 RMS = "rms_y_m"
 #: Change of the excitation frequency between two points that is a jump, over that of the synchronous frequency. Along
 #: a smooth branch it is about 1, less where a resonance holds the motors back.
@@ -25,7 +27,7 @@ ENDS = tuple(f"{end}_{column}" for column in (SUPPLY, EXCITATION, RMS) for end i
 COLUMNS = ("kind", "name", "points", *ENDS)
 
 
-def jumps(rows: pd.DataFrame) -> np.ndarray[Any, np.dtype[np.bool_]]:
+def jumps(rows: pd.DataFrame) -> Flags:
     """Return where the motion jumps along a branch: whether it does between each point and the next.
 
     It does where synchronization is lost or found, or where the phase difference, the excitation frequency or the
@@ -43,10 +45,10 @@ def jumps(rows: pd.DataFrame) -> np.ndarray[Any, np.dtype[np.bool_]]:
     """
     if len(rows) < 2:
         return np.zeros(0, dtype=bool)
-    return _of_phase(rows) | _of_frequency(rows) | _of_amplitude(rows)
+    return np.asarray(_of_phase(rows) | _of_frequency(rows) | _of_amplitude(rows))
 
 
-def _of_phase(rows: pd.DataFrame) -> np.ndarray[Any, np.dtype[np.bool_]]:
+def _of_phase(rows: pd.DataFrame) -> Flags:
     """Where synchronization is lost or found, or the phase difference jumps."""
     sync = rows["sync"].astype(object).where(rows["sync"].notna(), "")
     before, after = sync.to_numpy()[:-1], sync.to_numpy()[1:]
@@ -54,10 +56,10 @@ def _of_phase(rows: pd.DataFrame) -> np.ndarray[Any, np.dtype[np.bool_]]:
     change = np.diff(rows["phase_difference_rad"].to_numpy(dtype=float))
     with np.errstate(invalid="ignore"):
         turned = np.abs(np.angle(np.exp(1j * change))) > TURN
-    return lost | (turned & (before != "none") & (after != "none"))
+    return np.asarray(lost | (turned & (before != "none") & (after != "none")))
 
 
-def _of_frequency(rows: pd.DataFrame) -> np.ndarray[Any, np.dtype[np.bool_]]:
+def _of_frequency(rows: pd.DataFrame) -> Flags:
     """Where the excitation frequency changes far more than the supply frequency."""
     supply, found = (rows[column].to_numpy(dtype=float) for column in (SUPPLY, EXCITATION))
     known = np.isfinite(found)
@@ -65,10 +67,10 @@ def _of_frequency(rows: pd.DataFrame) -> np.ndarray[Any, np.dtype[np.bool_]]:
         return np.zeros(len(rows) - 1, dtype=bool)
     expected = np.abs(np.diff(supply)) * np.median(found[known] / supply[known])
     with np.errstate(invalid="ignore"):
-        return np.abs(np.diff(found)) > np.maximum(LEAP * expected, 1e-3 * found[1:])
+        return np.asarray(np.abs(np.diff(found)) > np.maximum(LEAP * expected, 1e-3 * found[1:]))
 
 
-def _of_amplitude(rows: pd.DataFrame) -> np.ndarray[Any, np.dtype[np.bool_]]:
+def _of_amplitude(rows: pd.DataFrame) -> Flags:
     """Where the amplitude changes at once, and much."""
     height = np.hypot(rows["rms_x_m"].to_numpy(dtype=float), rows[RMS].to_numpy(dtype=float))
     if not np.isfinite(height).any():
@@ -76,7 +78,7 @@ def _of_amplitude(rows: pd.DataFrame) -> np.ndarray[Any, np.dtype[np.bool_]]:
     change = np.abs(np.diff(height))
     beside = np.maximum(np.append(change[1:], 0.0), np.insert(change[:-1], 0, 0.0))
     with np.errstate(invalid="ignore"):
-        return (change > RISE * np.nanmax(height)) & (change > ALONE * beside)
+        return np.asarray((change > RISE * np.nanmax(height)) & (change > ALONE * beside))
 
 
 def bands(table: pd.DataFrame) -> pd.DataFrame:
@@ -117,7 +119,7 @@ def _whole_branches(tables: Iterable[pd.DataFrame]) -> Iterator[pd.DataFrame]:
     kept: pd.DataFrame | None = None
     for table in tables:
         joined = table if kept is None else pd.concat([kept, table], ignore_index=True)
-        last = joined["branch"] == joined["branch"].iloc[-1] if len(joined) else slice(0)
+        last = joined["branch"].isin(joined["branch"].iloc[-1:])
         kept = joined[last]
         if len(kept) < len(joined):
             yield joined[~last]
@@ -133,11 +135,11 @@ def _bands_of(rows: pd.DataFrame) -> Iterator[dict[str, Any]]:
         kind = "failed" if failed[first] else "band"
         yield _band(rows, first, last, kind, str(names[first]))
     good = rows[~failed].reset_index(drop=True)
-    for i in np.flatnonzero(jumps(good)):
+    for i in np.flatnonzero(jumps(good)).tolist():
         change = list(dict.fromkeys(good["sync"].iloc[i : i + 2]))
         yield _band(good, i, i + 1, "jump", " → ".join(change))
     flies = (good["flight_fraction"] > 0.0).to_numpy(dtype=bool)
-    for i in np.flatnonzero(flies[1:] != flies[:-1]):
+    for i in np.flatnonzero(flies[1:] != flies[:-1]).tolist():
         yield _band(good, i, i + 1, "liftoff" if flies[i + 1] else "flight-end", "")
     if good[RMS].notna().any():
         top = int(good[RMS].to_numpy(dtype=float, na_value=-1.0).argmax())
@@ -154,7 +156,9 @@ def _runs(names: list[Any]) -> Iterator[tuple[int, int]]:
 
 
 def _band(rows: pd.DataFrame, first: int, last: int, kind: str, name: str) -> dict[str, Any]:
-    ends = {f"{end}_{c}": rows[c].iloc[i] for c in (SUPPLY, EXCITATION, RMS) for end, i in (("from", first), ("to", last))}
+    ends = {
+        f"{end}_{c}": rows[c].iloc[i] for c in (SUPPLY, EXCITATION, RMS) for end, i in (("from", first), ("to", last))
+    }
     return {"kind": kind, "name": name, "points": last - first + 1} | ends
 
 

@@ -20,7 +20,6 @@ from vibroplat.study.store import Records
 from vibroplat.study.sweep import impact_tables, section_tables, tables
 from vibroplat.tables import Format, Table
 
-
 #: Branches whose bands are told; the table ``bands`` holds those of all.
 TOLD_BRANCHES = 6
 
