@@ -52,7 +52,7 @@ def plot_precision(table: pd.DataFrame, directory: Path, name: str, errors: dict
             here = table["case"] == case
             _precision_lines(axis, table[here], names[here], column, looks)
             axis.set_xlabel(f"largest error of {label}")
-            axis.set_title(case)
+            axis.set_title(case, loc="left")
         for axis in axes.flat[len(panels) :]:
             axis.set_axis_off()
         for row in axes:

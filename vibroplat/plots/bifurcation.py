@@ -56,7 +56,7 @@ def bifurcation(response: Response) -> Figure:
             draw_section(axis, _of(table, curve.rows), column, x=response.x, factor=factor, color=colour)
         row[0].set_ylabel(label)
     for axis, curve in zip(axes[0], curves, strict=True):
-        axis.set_title(", ".join(part for part in (curve.label, curve.direction) if part))
+        axis.set_title(", ".join(part for part in (curve.label, curve.direction) if part), loc="left")
     for axis in axes[-1]:
         axis.set_xlabel(FREQUENCIES[response.x])
     head(figure, ", ".join(response.names), response.parameters)

@@ -122,11 +122,11 @@ def plot_results(directories: Sequence[Path], wanted: Wanted) -> list[Path]:
 def _require_kinds(directory: Path, found: Sequence[Family], wanted: Wanted) -> None:
     """Refuse figures that the results do not have."""
     allowed = [kind for family in found for kind in family.kinds]
-    for kind in wanted.kinds:
-        if kind not in allowed:
-            held = " and ".join(f"a {family.name}" for family in found)
-            names = ", ".join(allowed) or "no --kind"
-            raise VibroplatError(f"--kind {kind}: {directory} holds {held}; allowed: {names}")
+    for family in FAMILIES:
+        for kind in wanted.kinds:
+            if kind in family.kinds and kind not in allowed:
+                names = ", ".join(allowed) or "no --kind"
+                raise VibroplatError(f"--kind {kind}: {directory} holds no {family.name}; allowed: {names}")
 
 
 def _require_options(directory: Path, chosen: Sequence[Family], wanted: Wanted) -> None:

@@ -48,7 +48,7 @@ def history(name: str, column: str, curves: Curves, title: str, *, near: float =
         for letter, rows, found in zip("abcd", panels, beside, strict=False):
             axis = next(left)
             _curves(axis, rows, column, curves)
-            axis.set_title(f"Fig. {name[3:]}({letter}). {title}, $f$ = {_range(rows[EXCITATION])} Hz")
+            axis.set_title(f"Fig. {name[3:]}({letter}). {title}, $f$ = {_range(rows[EXCITATION])} Hz", loc="left")
             if found:
                 below = next(left)
                 _lines_of_differences(below, found, curves, column)

@@ -98,7 +98,7 @@ def key_label(key: str) -> str:
     """Return what a key of the grid is called on an axis."""
     words, unit = _split(key)
     name, symbol = _KEYS.get(key, (words, ""))
-    return plain(name) if not (symbol or unit) else " ".join((name, symbol, f"({unit})" if unit else "")).strip()
+    return " ".join(part for part in (plain(name), symbol, f"({unit})" if unit else "") if part)
 
 
 def value_label(key: str, value: Any) -> str:

@@ -80,8 +80,8 @@ def _fig2(result: Result) -> Figure:
         _branches(axis, table, column, MASSES[0.0])
         if column != PHASE_COLUMN:
             axis.set_ylim(bottom=0.0)
-    axes[0, 0].set_title(r"Fig. 2(a). $\mu_w$ = 0")
-    axes[3, 0].set_title("Fig. 2(b)")
+    axes[0, 0].set_title(r"Fig. 2(a). $\mu_w$ = 0", loc="left")
+    axes[3, 0].set_title("Fig. 2(b)", loc="left")
     axes[3, 0].set_xlabel(_F)
     _legend(figure, table, {})
     return figure
@@ -94,9 +94,9 @@ def _fig3(result: Result) -> Figure:
         rows = table[table["material.mass_ratio"] == mass]
         _branches(axes[0, 0], rows, "rms_y_m", colour, 1.4 - 0.3 * i)
         _branches(axes[1 + i, 0], rows, PHASE_COLUMN, colour)
-        axes[1 + i, 0].set_title(f"Fig. 3(b). {_MASS_NAMES[mass]}")
+        axes[1 + i, 0].set_title(f"Fig. 3(b). {_MASS_NAMES[mass]}", loc="left")
     axes[0, 0].set_ylim(bottom=0.0)
-    axes[0, 0].set_title("Fig. 3(a). $R$ = 0")
+    axes[0, 0].set_title("Fig. 3(a). $R$ = 0", loc="left")
     axes[3, 0].set_xlabel(_F)
     _legend(figure, table, {_MASS_NAMES[mass]: colour for mass, colour in MASSES.items()})
     return figure
@@ -117,7 +117,7 @@ def _fig6(result: Result) -> Figure:
         _branches(axes[0, 0], rows, "rms_y_m", colour, 1.5 - 0.25 * i)
     axes[0, 0].set_ylim(bottom=0.0)
     axes[0, 0].set_xlabel(_F)
-    axes[0, 0].set_title(r"Fig. 6. $\mu_w$ = 0.2")
+    axes[0, 0].set_title(r"Fig. 6. $\mu_w$ = 0.2", loc="left")
     _legend(figure, pd.concat([rows for rows, _ in curves.values()]), {n: colour for n, (_, colour) in curves.items()})
     return figure
 

@@ -94,7 +94,7 @@ def read_run(directory: Path, start: float | None = None, stop: float | None = N
     events = [part[part["t_s"].between(detail, end)] for part in read_parts(result, "events", "kind", _EVENTS)]
     shown = pd.concat(cut.shown, ignore_index=True)
     if shown["t_s"].nunique() < 2:
-        raise TableError(f"no data between {begin} and {end} s; allowed: an interval within {first} … {last} s")
+        raise TableError(f"no data between {begin:g} and {end:g} s; {directory} runs from {first:g} to {last:g} s")
     return Run(
         summary["name"],
         scene_of(result.provenance),
