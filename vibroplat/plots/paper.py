@@ -31,6 +31,8 @@ NON_IMPACT = GREEN
 _MASS_NAMES = {mass: rf"{i} – $\mu_w$ = {mass:g}" for i, mass in enumerate(MASSES, start=1)}
 _MODEL_NAMES = [*(f"{i} – $R$ = {r:g}" for i, r in enumerate(RESTITUTIONS, start=1)), "4 – non-impact"]
 _F = "$f$ (Hz)"
+#: Least change at a jump that is shown, over the range of the quantity.
+VISIBLE = 0.02
 #: The paper's symbols of the RMS.
 _SYMBOLS = {
     "rms_y_m": r"$\widetilde{A}_y$ (mm)",
@@ -56,14 +58,20 @@ def _branches(axis: Axes, table: pd.DataFrame, column: str, colour: str, size: f
 
 
 def _arrows(axis: Axes, rows: pd.DataFrame, column: str, colour: str) -> None:
-    """Draw jumps as vertical arrows, from the last point before to the height of the first one after."""
+    """Draw jumps as vertical arrows, from the last point before to the height of the first one after.
+
+    A dotted line leads on to that point. Where a quantity does not change visibly there is no arrow.
+    """
     f, values = (rows[c].to_numpy(dtype=float) for c in (EXCITATION, column))
     values = wrapped(values) if column == PHASE_COLUMN else MEASURES[column].factor * values
     up = rows["direction"].iloc[0] != "down"
     arrow = {"arrowstyle": "->", "color": colour, "lw": 0.8, "ls": "-" if up else "--", "shrinkA": 0.0, "shrinkB": 0.0}
+    known = [0.0, 2.0 * np.pi] if column == PHASE_COLUMN else [0.0, *values[np.isfinite(values)]]
+    least = VISIBLE * float(np.ptp(known))
     for i in np.flatnonzero(jumps(rows)):
-        if np.isfinite([values[i], values[i + 1]]).all():
+        if abs(values[i + 1] - values[i]) > least:
             axis.annotate("", (f[i], values[i + 1]), (f[i], values[i]), arrowprops=arrow)
+            axis.hlines(values[i + 1], *sorted((f[i], f[i + 1])), colors=colour, ls=":", lw=0.6)
 
 
 def _legend(figure: Figure, table: pd.DataFrame, curves: dict[str, str]) -> None:

@@ -35,7 +35,7 @@ PERIODS = {
     "not periodic": "#d4d4d4",
 }
 #: Hatch of points that failed, and the colour of points without flight.
-_HATCH, NO_FLIGHT = "xxxx", "#dddddd"
+_HATCH, NO_FLIGHT = "xxxx", "#ffffff"
 
 
 def sync_classes(table: pd.DataFrame) -> pd.Series:
@@ -137,7 +137,7 @@ def _classes(axis: Axes, table: pd.DataFrame, key: str, values: pd.Series, colou
 
 
 def _flight_colours() -> ListedColormap:
-    """Return a scale from short flights, pale, to long ones, dark; points without flight are grey."""
+    """Return a scale from short flights, pale, to long ones, dark; points without flight are white."""
     scale = mpl.colormaps["viridis_r"](np.linspace(0.05, 1.0, 256))
     scale[0] = mpl.colors.to_rgba(NO_FLIGHT)
     return ListedColormap(scale)
@@ -158,4 +158,4 @@ def _legends(axes: Any, table: pd.DataFrame, flies: bool) -> None:
         bar = axes[2].figure.colorbar(
             ScalarMappable(Normalize(0.0, 1.0), _flight_colours()), ax=axes[2], location="bottom", aspect=40
         )
-        bar.set_label("flight fraction; grey: no flight")
+        bar.set_label("flight fraction; white: no flight")

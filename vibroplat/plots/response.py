@@ -153,7 +153,10 @@ def response_figure(response: Response) -> Figure:
 
 def _size(number: int, count: int) -> float:
     """Return the size of a curve, from large to small: where curves lie on each other, the first ones stand out."""
-    return 1.0 if count == 1 else 1.6 - 0.9 * number / (count - 1)
+    if count == 1:
+        return 1.0
+    largest = 1.6 if count <= DISTINCT else 1.1
+    return largest - (largest - 0.7) * number / (count - 1)
 
 
 def _columns(table: pd.DataFrame) -> list[str]:
