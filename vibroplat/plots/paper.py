@@ -71,7 +71,7 @@ def _arrows(axis: Axes, rows: pd.DataFrame, column: str, colour: str) -> None:
     for i in np.flatnonzero(jumps(rows)):
         if abs(values[i + 1] - values[i]) > least:
             axis.annotate("", (f[i], values[i + 1]), (f[i], values[i]), arrowprops=arrow)
-            axis.hlines(values[i + 1], *sorted((f[i], f[i + 1])), colors=colour, ls=":", lw=0.6)
+            axis.hlines(values[i + 1], min(f[i : i + 2]), max(f[i : i + 2]), colors=colour, ls=":", lw=0.6)
 
 
 def _legend(figure: Figure, table: pd.DataFrame, curves: dict[str, str]) -> None:
