@@ -22,9 +22,13 @@ TURN = np.pi / 4.0
 #: next to it; up a resonance the amplitude grows as much, but neither at once nor in one step alone.
 RISE, ALONE = 0.15, 4.0
 
+#: How many bands are in memory at a time, but for those of one table.
+CHUNK = 1000
 #: Columns of the table, after the grid keys, direction and branch.
 ENDS = tuple(f"{end}_{column}" for column in (SUPPLY, EXCITATION, RMS) for end in ("from", "to"))
 COLUMNS = ("kind", "name", "points", *ENDS)
+#: Columns of a sweep that bands follow from.
+NEEDED = (EXCITATION, "rms_x_m", RMS, "phase_difference_rad", "sync", "flight_fraction", "outcome")
 
 
 def jumps(rows: pd.DataFrame) -> Flags:
@@ -93,38 +97,36 @@ def bands(table: pd.DataFrame) -> pd.DataFrame:
         there are from end to end; supply and excitation frequency (Hz) and RMS of y (m) at both ends, in the order of
         the branch.
     """
-    return pd.concat(_parts([table]), ignore_index=True)
+    return pd.concat(band_tables([table]), ignore_index=True)
 
 
 def band_tables(tables: Iterable[pd.DataFrame]) -> Iterator[pd.DataFrame]:
-    """Yield the table of bands in parts, from a sweep table in parts that holds branch after branch."""
-    yield from _parts(_whole_branches(tables))
-
-
-def _parts(tables: Iterable[pd.DataFrame]) -> Iterator[pd.DataFrame]:
+    """Yield the table of bands in parts, at least one, from tables of whole branches."""
+    found: list[dict[str, Any]] = []
+    yielded = False
+    table: pd.DataFrame | None = None
     for table in tables:
-        place = list(table.columns[1 : list(table.columns).index("branch") + 1])
-        found = [
-            {key: rows[key].iloc[0] for key in place} | band
-            for _, rows in table.groupby("branch", sort=True)
-            for band in _bands_of(rows.reset_index(drop=True))
-        ]
-        types: dict[Any, Any] = {key: table[key].dtype for key in place}
-        types |= {"kind": "str", "name": "str", "points": "Int64"} | dict.fromkeys(ENDS, "float64")
-        yield pd.DataFrame(found, columns=[*place, *COLUMNS]).astype(types)
+        place = _place(table)
+        for _, rows in table.groupby("branch", sort=True):
+            here = {key: rows[key].iloc[0] for key in place}
+            found += [here | band for band in _bands_of(rows.reset_index(drop=True))]
+        if len(found) >= CHUNK:
+            yield _frame(found, table)
+            found, yielded = [], True
+    if table is not None and (found or not yielded):
+        yield _frame(found, table)
 
 
-def _whole_branches(tables: Iterable[pd.DataFrame]) -> Iterator[pd.DataFrame]:
-    """Yield tables of whole branches, with one of them and one part in memory."""
-    kept: pd.DataFrame | None = None
-    for table in tables:
-        joined = table if kept is None else pd.concat([kept, table], ignore_index=True)
-        last = joined["branch"].isin(joined["branch"].iloc[-1:])
-        kept = joined[last]
-        if len(kept) < len(joined):
-            yield joined[~last]
-    if kept is not None:
-        yield kept
+def _place(table: pd.DataFrame) -> list[str]:
+    """Return the columns that name a branch: the grid keys, direction and branch."""
+    return list(table.columns[1 : list(table.columns).index("branch") + 1])
+
+
+def _frame(found: list[dict[str, Any]], table: pd.DataFrame) -> pd.DataFrame:
+    """Make one part of the table of bands; its columns have the same types in all parts."""
+    types: dict[Any, Any] = {key: table[key].dtype for key in _place(table)}
+    types |= {"kind": "str", "name": "str", "points": "Int64"} | dict.fromkeys(ENDS, "float64")
+    return pd.DataFrame(found, columns=[*_place(table), *COLUMNS]).astype(types)
 
 
 def _bands_of(rows: pd.DataFrame) -> Iterator[dict[str, Any]]:

@@ -14,10 +14,10 @@ from vibroplat.plausibility import notes_on_inputs
 from vibroplat.provenance import provenance
 from vibroplat.results import write_result
 from vibroplat.scene import Scene
-from vibroplat.study.bands import band_lines, band_tables
+from vibroplat.study.bands import NEEDED, band_lines, band_tables
 from vibroplat.study.branches import FREQUENCY, SUPPLY, Branch, sweep_plan
 from vibroplat.study.store import Records
-from vibroplat.study.sweep import impact_tables, section_tables, tables
+from vibroplat.study.sweep import branch_tables, impact_tables, section_tables, tables
 from vibroplat.tables import Format, Table
 
 #: Branches whose bands are told; the table ``bands`` holds those of all.
@@ -39,7 +39,7 @@ def write_sweep(
     found: dict[str, Table] = {}
     if sweep_plan(scene).kind == "bifurcation":
         found |= {"section": section_tables(scene, records), "impacts": impact_tables(scene, records)}
-    found["bands"] = band_tables(tables(scene, records))
+    found["bands"] = band_tables(branch_tables(scene, records, NEEDED))
     found["sweep"] = tables(scene, records)
     absent = {"section", "impacts"} - found.keys()
     origin = provenance(scene, engine_name(scene)) | ({} if check is None else {"check": check})
