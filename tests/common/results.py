@@ -10,7 +10,7 @@ import pandas as pd
 
 #: Files that commands leave under their final names.
 FINAL = re.compile(
-    r"(trajectory|events|sweep|section|impacts)\.(parquet|csv)|(summary|(run-|sweep-)?provenance)\.json|\w+\.png"
+    r"(trajectory|events|sweep|section|impacts|bands)\.(parquet|csv)|(summary|(run-|sweep-)?provenance)\.json|\w+\.png"
 )
 #: What the finished points of a sweep are kept in.
 KEPT = {"points.sqlite", "points.sqlite-wal", "points.sqlite-shm", "points.lock", "files.lock"}
