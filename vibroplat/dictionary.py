@@ -19,6 +19,7 @@ from vibroplat.paper.contradictions import CONTRADICTIONS
 from vibroplat.paper.histories import HISTORY
 from vibroplat.paper.scoreboard import CLAIMS
 from vibroplat.paper.summaries import IMPACT_LAWS, SYNC_BANDS
+from vibroplat.study.bands import BANDS
 from vibroplat.study.branches import SUPPLY
 from vibroplat.study.confirming import CONFIRMED
 from vibroplat.study.orbits.tables import BOUNDARIES, BRANCHES, SPECIAL
@@ -66,6 +67,11 @@ TABLES = (
     ),
     TableOf("sweep", "`vibroplat sweep`: a row for each point.", _IN_ORDER),
     TableOf("sweep, confirmed", "Columns that `confirm: orbits` adds to `sweep`.", CONFIRMED),
+    TableOf(
+        "bands",
+        "`vibroplat sweep`: where each branch synchronizes how, jumps, lifts off, is largest along y, and fails.",
+        {**_SWEPT, **{name: SWEEP[name] for name in ("direction", "branch")}, **BANDS},
+    ),
     TableOf("section", "`vibroplat sweep` with `kind: bifurcation`: the last turns of each point.", _diagram("y_m")),
     TableOf(
         "impacts",

@@ -7,7 +7,8 @@ import io
 from typing import TYPE_CHECKING
 
 from vibroplat.plots import run as drawing
-from vibroplat.plots.style import plt, styled
+from vibroplat.plots.run_tables import run_of
+from vibroplat.plots.style import styled
 from vibroplat.prompt import AtPrompt, Kind
 
 if TYPE_CHECKING:
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def figure(run: AtPrompt, kind: Kind, start: float | None = None, stop: float | None = None) -> Figure:
-    """Draw a figure of a run; the caller closes it, or a notebook does.
+    """Draw a figure of a run.
 
     Raises
     ------
@@ -28,10 +29,9 @@ def figure(run: AtPrompt, kind: Kind, start: float | None = None, stop: float | 
         raise ValueError(f"kind = {kind!r}; allowed: {', '.join(drawing.FIGURES)}")
     if kind == "force" and not run.scene.has_contact:
         raise ValueError("kind = 'force' but this run has no contact; allowed: motion, exciters")
+    shown = drawing.Shown([run_of(run.summary, run.scene, run.trajectory, run.events, start, stop)])
     with styled():
-        made = drawing.FIGURES[kind](drawing.of_tables(run.summary, run.trajectory, run.events, start, stop))
-    plt.close(made)  # it is not drawn a second time at the end of a notebook's cell
-    return made
+        return drawing.FIGURES[kind](shown)
 
 
 def picture(run: AtPrompt) -> str:

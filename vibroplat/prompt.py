@@ -86,14 +86,14 @@ class AtPrompt(ABC):
         return results(self.scene, self.summary, self.origin) | detail | notes
 
     def plot(self, kind: Kind = "motion", start: float | None = None, stop: float | None = None) -> Figure:
-        """Draw a figure: ``motion`` (y and gap), ``force`` (contact force), ``exciters`` (speeds, phase difference).
+        """Draw a figure: ``motion`` (platform, gap), ``force`` (contact), ``exciters`` (speeds, phase difference).
 
         Parameters
         ----------
         kind
             Which one.
         start, stop
-            Interval shown by motion and force (s). Default: the last ten turns of the exciters.
+            Interval shown (s). Default: the whole run, and the last ten turns of the exciters in detail.
         """
         figure: Figure = _display().figure(self, kind, start, stop)
         return figure

@@ -97,4 +97,5 @@ def test_scaling_is_drawn(tmp_path, figures):
     assert (lengths.get_xscale(), lengths.get_yscale()) == ("log", "log")
     assert [line.get_xydata().tolist() for line in restarts.lines] == [[[1.0, 1.0], [2.0, 2.0]]]
     assert [line.get_xydata().tolist() for line in scenes.lines] == [[[4.0, 2.0]], [[4.0, 1.1]]]
-    assert [(bar.get_x(), bar.get_width()) for bar in memory.patches] == [(0.0, 100.0), (100.0, 1.0)]
+    assert [(bar.get_x(), bar.get_width()) for bar in memory.patches] == [(0.0, 100.0)]
+    assert [text.get_text() for text in memory.texts] == [" +1.0"]

@@ -190,10 +190,9 @@ def test_work_precision_is_drawn(case, tmp_path, figures):
     )
     path = plot_precision(table, tmp_path, "peers", SCALED, ["peer"])
     assert path == tmp_path / "peers.png"
-    coordinates, *without = figures["peers"].axes
+    (coordinates,) = figures["peers"].axes
     assert [line.get_xydata().tolist() for line in coordinates.lines] == [[[1e-3, 1.0], [1e-5, 2.0]], [[1e-4, 3.0]]]
     assert (coordinates.get_xscale(), coordinates.get_yscale(), coordinates.xaxis_inverted()) == ("log", "log", True)
-    assert [axis.axison for axis in without] == [False, False]
     assert [text.get_text() for text in figures["peers"].legends[0].texts] == ["a", "b"]
 
 

@@ -15,6 +15,7 @@ from vibroplat.columns import unit_of
 from vibroplat.dictionary import TABLES
 from vibroplat.keys import key_of, keys
 from vibroplat.scene import Scene
+from vibroplat.study.bands import bands
 from vibroplat.tables import read_parts, read_table
 
 RESULTS = Path(__file__).parents[2] / "results"
@@ -84,6 +85,14 @@ def test_every_column_of_a_sweep_is_described(kernels):
     assert [*table.attrs["meanings"]] == [*table]
     assert table.attrs["meanings"]["contact.restitution"] == "coefficient of restitution of impacts"
     assert table.attrs["units"]["rms_y_m"] == "m"
+
+
+def test_every_column_of_the_bands_of_a_sweep_is_described(kernels):
+    table = bands(sweep(Scene().replace({**PLAN, "sweep.grid": {"contact.restitution": [0.0]}})))
+    assert undescribed(table, "bands") == ["contact.restitution"]
+    assert [*table.attrs["meanings"]] == [*table]
+    assert table.attrs["meanings"]["contact.restitution"] == "coefficient of restitution of impacts"
+    assert table.attrs["units"]["from_rms_y_m"] == "m"
 
 
 @pytest.mark.parametrize("path", sorted((RESULTS / "paper").glob("*/*.csv")), ids=lambda p: f"{p.parent.name}-{p.stem}")

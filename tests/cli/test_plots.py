@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 import pytest
@@ -11,7 +12,6 @@ from matplotlib.text import Text
 
 from vibroplat.errors import TableError
 from vibroplat.plots.run import plot_run
-from vibroplat.plots.style import plt
 from vibroplat.tables import read_json, read_table, write_table
 
 TURN = 2.0 * np.pi
@@ -63,12 +63,13 @@ def test_force_and_impulses_are_shown(figures, result):
 
 
 def test_exciters_show_both_speeds_and_their_phase_over_the_whole_run(figures, result):
-    plot_run(result, ["exciters"], 0.1, 0.15)
+    plot_run(result, ["exciters"])
     speeds, phase = figures["exciters"].axes
     table = read_table(result, "trajectory")
-    assert [line.get_label() for line in speeds.lines] == ["exciter 1", "exciter 2"]
+    assert [line.get_label() for line in speeds.lines] == ["exciter 1", "exciter 2", "synchronous speed"]
     np.testing.assert_allclose(points(speeds.lines[0]), curve(table, "phi1_rate_rad_per_s", 1.0 / TURN))
     np.testing.assert_allclose(points(speeds.lines[1]), curve(table, "phi2_rate_rad_per_s", -1.0 / TURN))
+    np.testing.assert_allclose(speeds.lines[2].get_ydata(), 25.75)
     np.testing.assert_allclose(phase.lines[0].get_ydata(), (table["phi1_rad"] + table["phi2_rad"]) % TURN)
 
 
@@ -76,7 +77,7 @@ def test_plot_of_a_long_table_reads_it_in_parts_and_thins_out_what_shows_all_of_
     plot_run(result, ["motion"])
     (whole,) = (points(figures["motion"].axes[0].lines[0]),)
     monkeypatch.setattr("vibroplat.tables.PART", 50)
-    monkeypatch.setattr("vibroplat.plots.run.POINTS", 100)
+    monkeypatch.setattr("vibroplat.plots.run_tables.POINTS", 100)
     monkeypatch.setattr("vibroplat.results.read_table", None)
     plot_run(result, ["motion", "exciters"])
     np.testing.assert_array_equal(points(figures["motion"].axes[0].lines[0]), whole)
@@ -116,17 +117,33 @@ def test_plot_refuses_another_schema(found, result):
     assert refusal(result) == f"DIR holds results of schema {found}; this version reads schema 1"
 
 
+@pytest.mark.parametrize("figure", ["motion", "force", "exciters"])
+def test_every_figure_shows_the_interval_asked_for(figure, figures, result):
+    plot_run(result, [figure], 0.1, 0.15)
+    for axis in figures[figure].axes:
+        times = np.concatenate([line.get_xdata() for line in axis.lines if len(line.get_xdata())])
+        assert 0.1 <= times.min() <= times.max() <= 0.15
+
+
 @pytest.mark.parametrize(
-    ("interval", "between"),
+    ("interval", "line"),
     [
-        ({"start": 5.0}, "5 to 0.2"),
-        ({"start": 0.1, "stop": 0.05}, "0.1 to 0.05"),
-        ({"start": float("nan")}, "nan to 0.2"),
-        ({"start": 0.1, "stop": 0.1}, "0.1 to 0.1"),
+        ({"start": 5.0}, "--start 5: DIR runs from 0 to 0.2 s; allowed: a time within it"),
+        ({"stop": -1.0}, "--stop -1: DIR runs from 0 to 0.2 s; allowed: a time within it"),
+        ({"start": 0.1, "stop": 0.05}, "--start 0.1 is not before --stop 0.05; DIR runs from 0 to 0.2 s"),
+        ({"start": 0.1, "stop": 0.1}, "--start 0.1 is not before --stop 0.1; DIR runs from 0 to 0.2 s"),
+        ({"start": float("nan")}, "--start nan: DIR runs from 0 to 0.2 s; allowed: a time within it"),
+        ({"start": 0.1001, "stop": 0.1002}, "no data between 0.1001 and 0.1002 s; DIR runs from 0 to 0.2 s"),
     ],
+    ids=str,
 )
-def test_plot_of_an_empty_interval_is_refused(interval, between, result):
-    assert refusal(result, **interval) == f"no data from {between} s; the run lasted from 0 to 0.2 s"
+def test_plot_of_an_interval_without_data_says_how_long_the_run_was(interval, line, result):
+    assert refusal(result, **interval) == line
+
+
+def test_plot_of_an_interval_that_is_longer_than_the_run_says_so(caplog, figures, result):
+    plot_run(result, ["motion"], 0.1, 9.0)
+    assert caplog.messages == [f"--stop 9: {result} runs from 0 to 0.2 s; the figures show what there is"]
 
 
 @pytest.mark.parametrize(
@@ -209,8 +226,7 @@ def test_plot_of_a_summary_of_something_else_is_refused(change, result):
 def test_dollar_signs_in_names_are_drawn_as_they_are(name, command, figures, result):
     (result / "summary.json").write_text(json.dumps(read_json(result, "summary") | {"name": name}))
     plot_run(result, ["motion"])
-    title = figures["motion"].axes[0].get_title(loc="left")
-    shown, mathematics = Text()._preprocess_math(title)
+    shown, mathematics = Text()._preprocess_math(figures["motion"].get_suptitle())
     assert (shown, mathematics) == (name, False)
 
 

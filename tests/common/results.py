@@ -10,7 +10,7 @@ import pandas as pd
 
 #: Files that commands leave under their final names.
 FINAL = re.compile(
-    r"(trajectory|events|sweep|section|impacts|branches|special|boundaries)\.(parquet|csv)"
+    r"(trajectory|events|sweep|section|impacts|bands|branches|special|boundaries)\.(parquet|csv)"
     r"|(summary|orbits|(run-|sweep-|orbits-)?provenance)\.json|\w+\.png"
 )
 #: What the finished points of a sweep, and the finished parts of branches of orbits, are kept in.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 import pytest
@@ -56,8 +57,15 @@ def test_run_draws_itself(kind, run):
 def test_figure_shows_the_interval(run):
     line = run.plot("force", start=0.1, stop=0.2).axes[0].lines[0]
     assert 0.1 <= line.get_xdata().min() < line.get_xdata().max() <= 0.2
-    with pytest.raises(TableError, match=r"no data from 100 to 0\.25 s; the run lasted from 0 to 0\.25 s"):
+    with pytest.raises(TableError, match=r"start = 100: the run lasted from 0 to 0\.25 s; allowed: a time within it"):
         run.plot("force", start=100.0)
+
+
+def test_a_figure_shows_itself_in_a_notebook_and_is_none_of_pyplots(run):
+    picture = run.plot("motion")._repr_png_()
+    assert picture.startswith(b"\x89PNG")
+    assert int.from_bytes(picture[16:20]) == 8 * 130  # inches, dots per inch
+    assert plt.get_fignums() == []
 
 
 def test_figures_that_there_are_not(run, runs):

@@ -6,13 +6,14 @@ import json
 import shutil
 
 import matplotlib as mpl
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from common import commands
 from common.results import unproven
 
 from vibroplat.errors import TableError
-from vibroplat.plots.style import plt
+from vibroplat.plots.regimes import PERIODS, SYNC
 from vibroplat.plots.sweep import FIGURES, plot_sweep, read_response
 from vibroplat.tables import read_table, write_table
 
@@ -113,7 +114,18 @@ def test_plot_of_one_kind(kind, tables_of, command, figures):
 
 
 def lines_of(figure):
-    return [line.get_xydata().tolist() for axis in figure.axes for line in axis.lines]
+    return [[str(point) for point in line.get_xydata().tolist()] for axis in figure.axes for line in axis.lines]
+
+
+def curves(axis):
+    """The lines of an axis, without their markers."""
+    return [line for line in axis.lines if line.get_linestyle() != "None"]
+
+
+def known(values):
+    """Values without the gaps of a line."""
+    values = np.asarray(values, dtype=float)
+    return values[np.isfinite(values)]
 
 
 def test_plot_reads_tables_of_either_format(tables_of, figures):
@@ -133,14 +145,24 @@ def test_plot_reads_tables_of_either_format(tables_of, figures):
 def test_response_has_a_curve_for_each_branch(drawn):
     figure, tables = drawn("response")
     table = tables["sweep"]
-    quantities = [("rms_y_m", 1e3), ("rms_x_m", 1e3), ("rms_phi_rad", 1e3), (None, 1.0), ("flight_fraction", 1.0)]
-    assert len(figure.axes) == len(quantities)
-    for axis, (column, factor) in zip(figure.axes, quantities, strict=True):
-        assert len(axis.lines) == table["branch"].nunique() == 4
-        for line, (_, rows) in zip(axis.lines, table.groupby("branch"), strict=True):
-            assert np.asarray(line.get_xdata()).tolist() == rows["excitation_frequency_hz"].tolist()
+    quantities = {
+        "RMS $y$ (mm)": ("rms_y_m", 1e3),
+        "RMS $x$ (mm)": ("rms_x_m", 1e3),
+        "RMS $\\varphi$ (mrad)": ("rms_phi_rad", 1e3),
+        "$\\Delta\\varphi$": (None, 1.0),
+        "motor power (W)": ("motor_power_w", 1.0),
+        "largest $F_c$ (N)": ("contact_force_max_n", 1.0),
+        "flight fraction": ("flight_fraction", 1.0),
+        "largest gap (mm)": ("gap_max_m", 1e3),
+    }
+    axes = {axis.get_ylabel(): axis for axis in figure.axes}
+    assert axes.keys() == quantities.keys()
+    for label, (column, factor) in quantities.items():
+        assert len(curves(axes[label])) == table["branch"].nunique() == 4
+        for line, (_, rows) in zip(curves(axes[label]), table.groupby("branch"), strict=True):
+            assert known(line.get_xdata()).tolist() == rows["excitation_frequency_hz"].tolist()
             if column is not None:
-                assert line.get_ydata() == pytest.approx(factor * rows[column].to_numpy())
+                assert known(line.get_ydata()) == pytest.approx(factor * rows[column].dropna().to_numpy())
 
 
 def test_response_wraps_the_phase_so_that_antiphase_is_one_line(tables_of):
@@ -153,19 +175,22 @@ def test_response_wraps_the_phase_so_that_antiphase_is_one_line(tables_of):
         table.assign(phase_difference_rad=np.pi * (-0.999) ** np.arange(len(table))), directory, "sweep", "parquet"
     )
     figure = FIGURES["response"](read_response(directory))
-    phases = np.concatenate([line.get_ydata() for line in figure.axes[3].lines])
+    axis = next(axis for axis in figure.axes if axis.get_ylabel() == "$\\Delta\\varphi$")
+    phases = known(np.concatenate([line.get_ydata() for line in axis.lines]))
     assert (phases > np.pi).any()
     assert phases == pytest.approx(np.full(len(phases), np.pi), abs=0.06)
-    assert figure.axes[3].get_ylim()[0] < 0.0 < np.pi < figure.axes[3].get_ylim()[1]
+    assert axis.get_ylim()[0] < 0.0 < np.pi < axis.get_ylim()[1]
 
 
 def test_response_tells_directions_and_values_apart(drawn):
     figure, _ = drawn("response")
-    lines = figure.axes[0].lines
-    assert [line.get_label() for line in lines] == [f"mass_ratio {m} {d}" for m in ("0", "0.2") for d in ("↑", "↓")]
+    lines, markers = curves(figure.axes[0]), [line for line in figure.axes[0].lines if line.get_linestyle() == "None"]
     colours = [line.get_color() for line in lines]
     assert colours[0] == colours[1] != colours[2] == colours[3]
     assert [line.get_linestyle() for line in lines] == ["-", "--", "-", "--"]
+    assert [line.get_marker() for line in markers] == ["^", "v", "^", "v"]
+    named = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert named == ["$\\mu_w$ = 0", "$\\mu_w$ = 0.2", "supply frequency up", "supply frequency down"]
 
 
 def test_response_leaves_out_flight_where_nothing_flies(tables_of):
@@ -173,50 +198,68 @@ def test_response_leaves_out_flight_where_nothing_flies(tables_of):
     table = read_table(directory, "sweep")
     write_table(table[table["material.mass_ratio"] == 0.0], directory, "sweep", "parquet")
     figure = FIGURES["response"](read_response(directory))
-    assert [axis.get_ylabel() for axis in figure.axes][-1] == "Δφ"
-    plt.close(figure)
+    assert [axis.get_ylabel() for axis in figure.axes][-2:] == ["$\\Delta\\varphi$", "motor power (W)"]
 
 
 def test_bifurcation_shows_section_and_impacts_of_both_directions(drawn):
     figure, tables = drawn("bifurcation")
-    for axis, (table, column, factor) in zip(
-        figure.axes, (("section", "y_m", 1e3), ("impacts", "impact_speed_m_per_s", 1.0)), strict=True
-    ):
-        assert len(axis.lines) == 2
-        for branch, line in enumerate(axis.lines):
-            rows = tables[table][tables[table]["branch"] == branch]
-            assert len(rows) > 100
-            assert line.get_ydata() == pytest.approx(factor * rows[column].to_numpy())
-            assert line.get_xdata() == pytest.approx(rows["excitation_frequency_hz"].to_numpy())
-        assert axis.lines[0].get_color() != axis.lines[1].get_color()
+    assert len(figure.axes) == 4
+    quantities = (("section", "y_m", 1e3), ("impacts", "impact_speed_m_per_s", 1.0))
+    for row, (table, column, factor) in zip(np.reshape(figure.axes, (2, 2)), quantities, strict=True):
+        for branch, axis in enumerate(row):
+            behind, shown = axis.lines
+            assert behind.get_color() != shown.get_color()
+            assert behind.get_zorder() < shown.get_zorder()
+            for line, number in ((behind, 1 - branch), (shown, branch)):
+                rows = tables[table][tables[table]["branch"] == number]
+                assert len(rows) > 100
+                assert line.get_ydata() == pytest.approx(factor * rows[column].to_numpy())
+                assert line.get_xdata() == pytest.approx(rows["excitation_frequency_hz"].to_numpy())
 
 
 def test_map_colours_a_tile_for_each_point(drawn):
     figure, tables = drawn("map")
     table = tables["sweep"]
-    names = ["antiphase", "in-phase", "intermediate", "none"]
-    ends = [0, 1, 2, 4, 8, 64]
-    assert len(figure.axes) == 4
+    ends = [1, 2, 4, 8, 64]
+    assert len(figure.axes) == 7  # with the colour bar
     for row, direction in enumerate(("up", "down")):
         rows = table[table["direction"] == direction].sort_values(["material.mass_ratio", "supply_frequency_hz"])
-        sync, periods = (figure.axes[2 * row + k].collections[0].get_array().ravel() for k in range(2))
-        assert sync.tolist() == [names.index(name) for name in rows["sync"]]
-        assert periods.tolist() == [next(i for i, end in enumerate(ends) if n <= end) for n in rows["period"]]
-        assert figure.axes[2 * row].get_title(loc="left") == f"synchronization, {direction}"
+        sync, periods, flight = (figure.axes[3 * row + k].collections[0].get_array().ravel() for k in range(3))
+        assert sync.tolist() == [list(SYNC).index(name) for name in rows["sync"]]
+        several = [next(i for i, end in enumerate(ends) if n <= end) for n in rows["period"] if n > 0]
+        assert periods[rows["period"] > 0].tolist() == several
+        assert {list(PERIODS)[int(i)] for i in periods[rows["period"] == 0]} <= {"not periodic"}
+        assert np.ma.filled(flight) == pytest.approx(rows["flight_fraction"].to_numpy())
+        titles = [figure.axes[3 * row + k].get_title(loc="left").splitlines()[-1] for k in range(3)]
+        assert titles == [f"synchronization, {direction}", f"period (turns), {direction}", f"flight, {direction}"]
     assert len(set(table["sync"])) >= 2
     assert {0, 1} <= set(table["period"])
 
 
-def test_map_leaves_failed_points_without_a_colour(tables_of):
+def test_map_hatches_failed_points(tables_of):
     directory = tables_of("map")
     table = read_table(directory, "sweep")
-    table.loc[0, ["sync", "period", "outcome"]] = [None, None, "event-storm"]
+    table.loc[0, ["sync", "period", "flight_fraction"]] = [None, None, None]
+    table.loc[0, "outcome"] = "event-storm"
     write_table(table, directory, "sweep", "parquet")
     figure = FIGURES["map"](read_response(directory))
-    for axis in figure.axes[:2]:
-        tiles = np.ma.filled(axis.collections[0].get_array().astype(float), np.nan)
-        assert np.isnan(tiles).sum() == 1
-    plt.close(figure)
+    for axis in figure.axes[:3]:
+        tiles, failed = axis.collections
+        assert np.isnan(np.ma.filled(tiles.get_array().astype(float), np.nan)).sum() == 1
+        assert failed.get_hatch()
+        assert np.ma.count(failed.get_array()) == 1
+    assert figure.axes[3].get_legend().get_texts()[-1].get_text() == "failed"
+
+
+def test_map_has_tiles_of_equal_size_whatever_the_values(tables_of):
+    directory = tables_of("map")
+    table = read_table(directory, "sweep")
+    key = "material.mass_ratio"
+    write_table(table.assign(**{key: table[key].replace(0.2, 0.9)}), directory, "sweep", "parquet")
+    figure = FIGURES["map"](read_response(directory))
+    edges = figure.axes[0].collections[0].get_coordinates()[:, 0, 1]
+    assert np.ma.filled(np.diff(edges)) == pytest.approx(np.ones(3))
+    assert [text.get_text() for text in figure.axes[0].get_yticklabels()] == ["0", "0.1", "0.9"]
 
 
 def test_figures_leave_out_points_that_failed(tables_of, figures):
@@ -227,8 +270,8 @@ def test_figures_leave_out_points_that_failed(tables_of, figures):
     write_table(table, directory, "sweep", "parquet")
     plot_sweep(directory, ["response"])
     good = table[table["supply_frequency_hz"] < 45.0].groupby("branch")["rms_y_m"]
-    for line, (_, heights) in zip(figures["response"].axes[0].lines, good, strict=True):
-        assert line.get_ydata()[np.isfinite(line.get_ydata())] == pytest.approx(1e3 * heights.to_numpy())
+    for line, (_, heights) in zip(curves(figures["response"].axes[0]), good, strict=True):
+        assert known(line.get_ydata()) == pytest.approx(1e3 * heights.to_numpy())
     table[measures] = table[measures].mask(table["supply_frequency_hz"] > 0.0)
     write_table(table, directory, "sweep", "parquet")
     plot_sweep(directory, ["response"])
@@ -254,7 +297,7 @@ def refusal(directory, command, *options):
 
 @pytest.mark.parametrize("kind", ["motion", "force", "exciters"])
 def test_figure_of_a_run_is_refused_to_a_sweep(kind, tables_of, command):
-    line = f"--kind {kind}: DIR holds a sweep; allowed: response, bifurcation, map"
+    line = f"--kind {kind}: DIR holds no run; allowed: response, bifurcation, map"
     assert refusal(tables_of("response"), command, "--kind", kind) == line
 
 

@@ -517,7 +517,8 @@ def test_another_kind_removes_what_the_one_before_wrote(command, here):
     (here / "c.yaml").write_text(f"{FLYING}sweep: {{supply_frequency_hz: {{start: 50.0, stop: 50.0}}}}\n")
     directory = here / "results/c"
     kinds = ("--set", "sweep.kind=bifurcation", "--format", "csv"), ("--set", "sweep.kind=response")
-    for kind, written in zip(kinds, ({"section.csv", "impacts.csv", "sweep.csv"}, {"sweep.parquet"}), strict=True):
+    both = {"section.csv", "impacts.csv", "bands.csv", "sweep.csv"}, {"bands.parquet", "sweep.parquet"}
+    for kind, written in zip(kinds, both, strict=True):
         assert command("sweep", "c.yaml", *kind).code == 0
         assert {path.name for path in directory.glob("*.[pc]*")} == written
 

@@ -131,6 +131,8 @@ def _print_sweep(planned: Sequence[Branch], directory: Path, done: _Done) -> boo
     resumed = f", {done.known} of the points from before" if done.known else ""
     took = f"{done.seconds:.3g} s, {measured / done.seconds:.3g} points per s{resumed}"
     print_lines(report.overview(table) | {"wall time": took, "tables": str(directory)})
+    for line in report.band_report(Result(directory, "sweep").table("bands")):
+        print(line)
     print_notes(report.notes_on_branches(planned) + report.notes_on_points(table))
     failed = report.failures(table)
     _complain_of(failed, f"{len(failed)} of {points} points failed")

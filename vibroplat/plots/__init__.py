@@ -1,1 +1,46 @@
-"""Figures from result tables alone."""
+"""Figures from result tables alone, and functions that draw tables into axes of your own.
+
+Functions that draw take an axis, return it, and leave everything else to you:
+
+>>> import pandas as pd
+>>> from matplotlib.figure import Figure
+>>> from vibroplat.plots import draw_coordinate
+>>> axis = Figure().add_subplot()
+>>> table = pd.DataFrame({"t_s": [0.0, 0.1], "y_m": [0.0, 1e-3]})
+>>> draw_coordinate(axis, table, "y_m").get_ylabel()
+'$y$ (mm)'
+
+A figure for another kind of result has a module of its own here, a function that takes an axis for each panel, and an
+entry in :data:`vibroplat.plots.command.FAMILIES`.
+"""
+
+from vibroplat.plots.bifurcation import draw_section
+from vibroplat.plots.regimes import draw_map
+from vibroplat.plots.response import draw_response
+from vibroplat.plots.style import Saving, styled
+from vibroplat.plots.timelines import (
+    draw_contact,
+    draw_coordinate,
+    draw_envelope,
+    draw_impacts,
+    draw_impulses,
+    draw_phase_difference,
+    draw_speeds,
+    draw_synchronous_speed,
+)
+
+__all__ = [
+    "Saving",
+    "draw_contact",
+    "draw_coordinate",
+    "draw_envelope",
+    "draw_impacts",
+    "draw_impulses",
+    "draw_map",
+    "draw_phase_difference",
+    "draw_response",
+    "draw_section",
+    "draw_speeds",
+    "draw_synchronous_speed",
+    "styled",
+]

@@ -17,10 +17,10 @@ from matplotlib.lines import Line2D
 
 from vibroplat.errors import TableError
 from vibroplat.plots.reading import read_columns
-from vibroplat.plots.style import CURVES, plain, save, styled
+from vibroplat.plots.style import CURVES, DIRECTIONS, REFERENCE, Saving, head, new_figure, plain, save, styled
 from vibroplat.results import Result
 from vibroplat.study.branches import EXCITATION, FREQUENCY, SUPPLY
-from vibroplat.study.orbits.special import KINDS
+from vibroplat.study.orbits.kinds import KINDS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -48,9 +48,8 @@ ABSCISSAE = {EXCITATION: "excitation frequency $f$ (Hz)", SUPPLY: "supply freque
 #: Markers of kinds of special points.
 MARKERS = dict(zip(KINDS, "oDsX^vP", strict=True))
 #: Markers of the directions of a sweep.
-DIRECTIONS = {"up": "^", "down": "v"}
 #: Colours of what is behind the branches, and of lines of reference.
-BEHIND, REFERENCE = "#9a9a9a", "#666666"
+BEHIND = "#9a9a9a"
 #: Largest real and imaginary part of multipliers that are drawn.
 FARTHEST = 2.0
 #: Largest multiplier above which their axis is logarithmic.
@@ -117,7 +116,9 @@ class Branches:
             yield CURVES[number % len(CURVES)], rows
 
 
-def plot_orbits(directory: Path, kinds: Sequence[str] = (), *, x: str | None = None) -> list[Path]:
+def plot_orbits(
+    directory: Path, kinds: Sequence[str] = (), *, x: str | None = None, saving: Saving | None = None
+) -> list[Path]:
     """Draw figures of branches of orbits and save them in their directory.
 
     Parameters
@@ -131,6 +132,8 @@ def plot_orbits(directory: Path, kinds: Sequence[str] = (), *, x: str | None = N
     x
         Column of the horizontal axis. Default: the excitation frequency if the key is the supply frequency, else the
         key.
+    saving
+        Format, resolution and place of the files.
 
     Raises
     ------
@@ -140,7 +143,7 @@ def plot_orbits(directory: Path, kinds: Sequence[str] = (), *, x: str | None = N
     found = read_branches(directory)
     column = x or (EXCITATION if found.key == SUPPLY else found.key)
     with styled():
-        return [save(FIGURES[kind](found, column), directory / f"{kind}.png") for kind in kinds or FIGURES]
+        return [save(FIGURES[kind](found, column), directory, kind, saving) for kind in kinds or FIGURES]
 
 
 def read_branches(directory: Path) -> Branches:
@@ -171,8 +174,7 @@ def branches_figure(found: Branches, x: str) -> Figure:
     """Draw all quantities of branches over a column."""
     columns = [c for c in PANELS if c != "contact_force_max_n" or found.points[c].notna().any()]
     height = (len(columns) + 1) // 2
-    figure = Figure(figsize=(11.0, 2.2 + 2.5 * height))
-    axes = figure.subplots(height, 2, squeeze=False, sharex=True)
+    figure, axes = new_figure(height, 2, (11.0, 2.2 + 2.5 * height), sharex=True)
     for axis, column in zip(axes.T.ravel(), columns, strict=False):
         for color, rows in found.sweeps():
             draw_sweep(axis, rows, column, x, color=color)
@@ -186,7 +188,7 @@ def branches_figure(found: Branches, x: str) -> Figure:
     for axis in axes.T.ravel()[[height - 1, len(columns) - 1]]:
         axis.set_xlabel(_abscissa(x))
         axis.tick_params(labelbottom=True)
-    figure.suptitle(plain(found.result.directory.resolve().name), x=0.01, ha="left")
+    head(figure, found.result.directory.resolve().name)
     handles = _legend(found, x)
     figure.legend(handles=handles, loc="outside lower center", ncols=2 if len(found.special) else len(handles))
     return figure
@@ -303,23 +305,23 @@ def multipliers_figure(found: Branches, x: str) -> Figure:
         combinations.setdefault((number, label), []).append(points)
     values = found.points[x]
     norm = Normalize(float(values.min()), float(values.max()))
-    figure = Figure(figsize=(1.5 + 4.3 * len(combinations), 8.2))
-    axes = figure.subplots(2, len(combinations), squeeze=False, sharey="row", height_ratios=(1.35, 1.0))
-    for (number, label), (plane, size) in zip(combinations, axes.T, strict=True):
+    size = (1.5 + 4.3 * len(combinations), 8.2)
+    figure, axes = new_figure(2, len(combinations), size, sharey="row", height_ratios=(1.35, 1.0))
+    for (number, label), (plane, largest) in zip(combinations, axes.T, strict=True):
         parts = combinations[number, label]
         _draw_plane(plane, pd.concat(parts), x, norm)
         plane.set_title(label, loc="left")
         for points in parts:
-            _draw_largest(size, points, x, CURVES[number % len(CURVES)])
-        size.axhline(1.0, color=REFERENCE, lw=0.8)
+            _draw_largest(largest, points, x, CURVES[number % len(CURVES)])
+        largest.axhline(1.0, color=REFERENCE, lw=0.8)
         plane.set_xlabel("real part")
-        size.set_xlabel(_abscissa(x))
+        largest.set_xlabel(_abscissa(x))
     axes[0, 0].set_ylabel("imaginary part")
     axes[1, 0].set_ylabel("largest |multiplier|")
     if np.hypot(found.points["multiplier_1_re"], found.points["multiplier_1_im"]).max() > LOGARITHMIC:
         axes[1, 0].set_yscale("log")
     figure.colorbar(ScalarMappable(norm, "viridis"), ax=list(axes[0]), pad=0.01).set_label(_abscissa(x))
-    figure.suptitle(plain(found.result.directory.resolve().name), x=0.01, ha="left")
+    head(figure, found.result.directory.resolve().name)
     return figure
 
 

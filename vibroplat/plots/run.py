@@ -1,219 +1,278 @@
-"""Figures of a run, drawn from its tables."""
+"""Figures of a run, or of several laid over each other, drawn from their tables."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 
-from vibroplat.errors import TableError
-from vibroplat.plots.reading import read_parts, read_result
-from vibroplat.plots.style import CONTACT, FORCE, MATERIAL, PLATFORM, plain, plt, save, styled
+from vibroplat.plots.data import Data
+from vibroplat.plots.names import COORDINATES, PHASE, run_parameters
+from vibroplat.plots.run_tables import Run, matters, range_of, read_run
+from vibroplat.plots.style import (
+    BLACK,
+    CURVES,
+    FORCE,
+    MATERIAL,
+    PLATFORM,
+    REFERENCE,
+    Saving,
+    head,
+    new_figure,
+    plain,
+    save,
+    styled,
+)
+from vibroplat.plots.timelines import (
+    draw_contact,
+    draw_coordinate,
+    draw_envelope,
+    draw_impacts,
+    draw_impulses,
+    draw_phase_difference,
+    draw_speeds,
+    draw_synchronous_speed,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-#: Most points of a line over the whole run, more than a figure can show.
-POINTS = 20_000
-#: Turns of the exciters shown by motion and force if no interval is given.
-SHOWN_TURNS = 10
+#: Least range of the axes of x and y, over the largest range of what moves, that of the exciters' axes included.
+LEAST_RANGE = 0.05
+#: Most turns that are drawn as a line; more of them as an envelope.
+MOST_TURNS = 60
 
 
 @dataclass(frozen=True)
-class _Result:
-    """Tables of a run: the trajectory thinned out, and both tables cut to the interval shown."""
+class Shown:
+    """The runs of a figure, and measured data laid over them."""
 
-    name: str
-    whole: pd.DataFrame
-    shown: pd.DataFrame
-    events: pd.DataFrame
-    co_rotating: bool
+    runs: list[Run]
+    data: Data | None = None
+
+    @property
+    def only(self) -> Run | None:
+        """The run, if there is one."""
+        return self.runs[0] if len(self.runs) == 1 else None
+
+    @property
+    def aligned(self) -> bool:
+        """Whether times are counted from a whole turn of exciter 1, to compare the last turns of several runs."""
+        return self.only is None and self.data is None and not any(run.chosen for run in self.runs)
+
+    def origin(self, run: Run) -> float:
+        """Return the time (s) from which those of a run are counted in detail."""
+        if not self.aligned:
+            return 0.0
+        turns = run.shown["phi1_rad"].abs() // (2.0 * np.pi)
+        return float(run.shown["t_s"].iloc[int(turns.gt(turns.iloc[0]).argmax())])
+
+    def look(self, number: int, column: str) -> dict[str, Any]:
+        """Return the look of a run's line: a colour for each quantity, or for each run if there are several."""
+        if self.only is not None:
+            return {"color": {"gap_m": MATERIAL, "contact_force_n": FORCE}.get(column, PLATFORM)}
+        name, colour = plain(self.runs[number].name), CURVES[number % len(CURVES)]
+        return {"color": colour, "label": name, "lw": 1.8 - 0.9 * number / len(self.runs), "alpha": 0.9}
+
+    def measured(self, axis: Axes, column: str) -> None:
+        """Lay the data over an axis in time."""
+        if self.data is not None:
+            self.data.draw(axis, "t_s", column, COORDINATES[column])
+
+    @property
+    def detail(self) -> str:
+        """The label of the horizontal axis where turns are shown in detail."""
+        return "$t$ since a whole turn of exciter 1 (s)" if self.aligned else "$t$ (s)"
 
 
 def plot_run(
-    directory: Path, kinds: Sequence[str], start: float | None = None, stop: float | None = None
+    directory: Path | Sequence[Path],
+    kinds: Sequence[str],
+    start: float | None = None,
+    stop: float | None = None,
+    *,
+    data: Data | None = None,
+    saving: Saving | None = None,
 ) -> list[Path]:
-    """Draw figures of a run and save them in its directory.
+    """Draw figures of a run, or of several over each other, and save them in the directory of the first.
 
     Parameters
     ----------
     directory
-        Result directory of ``vibroplat run``.
+        Result directories of ``vibroplat run``.
     kinds
-        ``motion`` (y and gap), ``force`` (contact force), ``exciters`` (speeds and phase difference).
+        ``motion`` (platform and gap: the whole run, and its last turns), ``force`` (contact force and impulses),
+        ``exciters`` (speeds and phase difference).
     start, stop
-        Interval shown by motion and force (s). Default: the last ten turns of the exciters.
+        Interval shown (s). Default: the whole run, and the last ten turns of the exciters in detail.
+    data
+        Measured data laid over the figures, see :func:`vibroplat.plots.data.read_data`.
+    saving
+        Format, resolution and place of the files.
 
     Returns
     -------
     list of Path
-        The PNG files. ``force`` is omitted if the scene has no contact.
+        The files. ``force`` is omitted if no scene has contact.
 
     Raises
     ------
     TableError
         Tables are missing or have another schema version, or the interval is empty.
     """
-    result = _read(directory, start, stop)
+    directories = [directory] if isinstance(directory, Path) else list(directory)
+    shown = Shown([read_run(place, start, stop) for place in directories], data)
+    compared = "" if shown.only else "-compared"
     written = []
     for kind in kinds:
-        if kind == "force" and "contact_force_n" not in result.shown:
+        if kind == "force" and not any("contact_force_n" in run.shown for run in shown.runs):
             continue
         with styled():
-            written.append(save(FIGURES[kind](result), directory / f"{kind}.png"))
+            figure = FIGURES[kind](shown)
+            written.append(save(figure, directories[0], f"{kind}{compared}", saving))
     return written
 
 
-def of_tables(
-    summary: Mapping[str, Any],
-    trajectory: pd.DataFrame,
-    events: pd.DataFrame,
-    start: float | None = None,
-    stop: float | None = None,
-) -> _Result:
-    """Prepare the tables of a run for :data:`FIGURES`; parameters as of :func:`plot_run`."""
-    if trajectory.empty:
-        raise TableError("the trajectory is empty; there is nothing to plot")
-    first, last = trajectory["t_s"].iloc[0], trajectory["t_s"].iloc[-1]
-    begin, end = _interval(summary["excitation_frequency_hz"], first, last, start, stop)
-    whole, shown = _thinned_and_cut([trajectory], math.ceil(len(trajectory) / POINTS), begin, end)
-    _, cut = _thinned_and_cut([events], 1, begin, end)
-    _require_data(shown, begin, end, first, last)
-    return _Result(summary["name"], whole, shown, cut, summary.get("rotation") == "co-rotating")
+def _head(figure: Figure, shown: Shown, named: Axes | None = None) -> None:
+    """Put the runs' names and parameters above a figure, and below it the lines of an axis that names them.
+
+    Several runs are always named, by the lines of the last axis.
+    """
+    run = shown.only
+    if run is not None:
+        head(figure, run.name, run_parameters(run.scene))
+        if named is None:
+            return
+    else:
+        head(figure, ", ".join(run.name for run in shown.runs))
+    _legend_below(figure, named or figure.axes[-1])
 
 
-def _interval(
-    frequency: float | None, first: float, last: float, start: float | None, stop: float | None
-) -> tuple[float, float]:
-    """Return the interval to show (s)."""
-    end = last if stop is None else stop
-    begin = max(first, end - SHOWN_TURNS / frequency) if frequency else first
-    return begin if start is None else start, end
+def _legend_below(figure: Figure, axis: Axes) -> None:
+    handles, labels = axis.get_legend_handles_labels()
+    named = dict(zip(labels, handles, strict=True))
+    figure.legend(named.values(), named.keys(), loc="outside lower center", ncols=4)
 
 
-def _require_data(shown: pd.DataFrame, begin: float, end: float, first: float, last: float) -> None:
-    """Refuse an interval with less than two times."""
-    if shown["t_s"].nunique() < 2:
-        raise TableError(f"no data from {begin:g} to {end:g} s; the run lasted from {first:g} to {last:g} s")
-
-
-def _read(directory: Path, start: float | None, stop: float | None) -> _Result:
-    result = read_result(directory, "run")
-    summary = result.document("summary")
-    if not _is_summary(summary):
-        raise TableError(f"{directory / 'summary.json'} is not the summary of a run")
-    angles = ("phi1_rad", "phi2_rad", "phi1_rate_rad_per_s", "phi2_rate_rad_per_s")
-    parts = (part["t_s"] for part in read_parts(result, "trajectory", (), ("t_s",)))
-    times = [(len(part), part.min(), part.max()) for part in parts if len(part)]
-    if not times:
-        raise TableError(f"{directory} holds an empty trajectory; there is nothing to plot")
-    rows, first, last = sum(n for n, *_ in times), float(min(t for _, t, _ in times)), float(max(t for *_, t in times))
-    begin, end = _interval(summary["excitation_frequency_hz"], first, last, start, stop)
-    trajectory = read_parts(result, "trajectory", "mode", ("t_s", "y_m", *angles), ("gap_m", "contact_force_n"))
-    whole, shown = _thinned_and_cut(trajectory, math.ceil(rows / POINTS), begin, end)
-    _, events = _thinned_and_cut(read_parts(result, "events", "kind", ("t_s", "impulse_n_s")), 1, begin, end)
-    _require_data(shown, begin, end, first, last)
-    co_rotating = summary.get("rotation") == "co-rotating"
-    return _Result(summary["name"], whole, shown, events, co_rotating)
-
-
-def _thinned_and_cut(
-    parts: Iterable[pd.DataFrame], every: int, begin: float, end: float
-) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Return one row in so many of a table in parts, and its rows in an interval (s)."""
-    thinned, cut, rows = [], [], 0
-    for part in parts:
-        thinned.append(part.iloc[-rows % every :: every])
-        cut.append(part[part["t_s"].between(begin, end)])
-        rows += len(part)
-    return pd.concat(thinned, ignore_index=True), pd.concat(cut, ignore_index=True)
-
-
-def _is_summary(found: object) -> bool:
-    """Whether a document has what figures need of the summary of a run."""
-    if not isinstance(found, dict) or not isinstance(found.get("name"), str) or "excitation_frequency_hz" not in found:
-        return False
-    frequency = found["excitation_frequency_hz"]
-    return frequency is None or (type(frequency) in (int, float) and frequency >= 0.0)
-
-
-def _motion(result: _Result) -> Figure:
-    """Draw the platform's y and below it the gap; contact is shaded, impacts are marked."""
-    table = result.shown
-    has_gap = "gap_m" in table
-    figure, axes = plt.subplots(1 + has_gap, 1, figsize=(8, 2.6 + 2.2 * has_gap), sharex=True, squeeze=False)
-    top: Axes = axes[0, 0]
-    top.plot(table["t_s"], 1e3 * table["y_m"], color=PLATFORM)
-    top.set_ylabel("platform y (mm)")
-    top.set_title(plain(result.name), loc="left")
-    if has_gap:
-        bottom: Axes = axes[1, 0]
-        bottom.plot(table["t_s"], 1e3 * table["gap_m"], color=MATERIAL)
-        bottom.set_ylabel("gap (mm)")
-        impacts = result.events[result.events["kind"] == "impact"]
-        bottom.plot(impacts["t_s"], np.zeros(len(impacts)), "v", color="black", ms=5, label="impact", clip_on=False)
-        for axis in (top, bottom):
-            _shade_contact(axis, table)
-        bottom.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2)
-    axes[-1, 0].set_xlabel("t (s)")
+def _motion(shown: Shown) -> Figure:
+    """Draw the platform and the gap: the whole run on the left, the last turns on the right."""
+    runs = shown.runs
+    rows = ["y_m", *(c for c in ("x_m", "phi_rad") if matters(runs, c))]
+    rows += ["gap_m"] if any("gap_m" in run.shown for run in runs) else []
+    overview = not any(run.chosen for run in runs) and any(_is_long(run) for run in runs)
+    size = (10.0 if overview else 8.0, 1.5 + 1.45 * len(rows))
+    figure, axes = new_figure(len(rows), 1 + overview, size, sharex="col")
+    for column, row in zip(rows, axes, strict=True):
+        if overview:
+            _overview(row[0], shown, column)
+        _detail(row[-1], shown, column)
+    if overview:
+        axes[0, 0].set_title("whole run, range of values", loc="left")
+        axes[0, 1].set_title("last turns", loc="left")
+        axes[-1, 0].set_xlabel("$t$ (s)")
+    axes[-1, -1].set_xlabel(shown.detail)
+    if shown.only is not None and "gap_m" in rows:
+        axes[-1, -1].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderpad=0.0)
+    _measured_legend(axes[0, -1], shown)
+    _head(figure, shown)
     return figure
 
 
-def _force(result: _Result) -> Figure:
-    """Draw the contact force, and the impulses of impacts as stems on a second axis."""
-    table, events = result.shown, result.events
-    figure, axis = plt.subplots(figsize=(8, 3.0))
-    _shade_contact(axis, table)
-    axis.plot(table["t_s"], table["contact_force_n"], color=FORCE)
-    axis.set_xlabel("t (s)")
-    axis.set_ylabel("contact force (N)", color=FORCE)
-    axis.set_title(plain(result.name), loc="left")
-    strikes = events[events["impulse_n_s"] > 0.0]
-    if len(strikes):
-        other = axis.twinx()
-        other.grid(visible=False)
-        other.spines["right"].set_visible(True)
-        other.vlines(strikes["t_s"], 0.0, strikes["impulse_n_s"], color="black", lw=1.0)
-        other.plot(strikes["t_s"], strikes["impulse_n_s"], "v", color="black", ms=4)
-        other.set_ylim(bottom=0.0)
-        other.set_ylabel("impulse (N s)")
-    axis.set_ylim(bottom=0.0)
+def _is_long(run: Run) -> bool:
+    """Whether a run is much longer than its part shown in detail."""
+    return float(np.ptp(run.whole["t_s"])) > 1.5 * float(np.ptp(run.shown["t_s"]))
+
+
+def _overview(axis: Axes, shown: Shown, column: str) -> None:
+    """Draw the range of a coordinate over the whole run, and shade what is shown in detail."""
+    for number, run in enumerate(shown.runs):
+        if f"{column}:max" in run.envelope:
+            look = shown.look(number, column)
+            draw_envelope(axis, run.envelope, column, color=look["color"], filled=shown.only is not None)
+            if shown.only is not None:
+                axis.axvspan(run.shown["t_s"].iloc[0], run.shown["t_s"].iloc[-1], color=REFERENCE, alpha=0.25, lw=0)
+    shown.measured(axis, column)
+
+
+def _detail(axis: Axes, shown: Shown, column: str) -> None:
+    """Draw a coordinate in detail, with contact shaded and impacts marked if there is one run."""
+    for number, run in enumerate(shown.runs):
+        if column not in run.shown:
+            continue
+        look = shown.look(number, column)
+        if run.turns > MOST_TURNS:
+            filled = shown.only is not None
+            draw_envelope(axis, run.envelope, column, color=look["color"], label=look.get("label"), filled=filled)
+            continue
+        table = run.shown.assign(t_s=run.shown["t_s"] - shown.origin(run))
+        draw_coordinate(axis, table[table["t_s"] >= 0.0] if shown.aligned else table, column, **look)
+        if shown.only is not None and "gap_m" in run.shown:
+            draw_contact(axis, run.shown)
+            if column == "gap_m":
+                draw_impacts(axis, run.events)
+    shown.measured(axis, column)
+    if column in ("x_m", "y_m"):
+        _no_noise(axis, shown)
+
+
+def _no_noise(axis: Axes, shown: Shown) -> None:
+    """Widen an axis of x or y on which numerical noise would fill the panel."""
+    ranges = [range_of(run.shown[c], run, c) for run in shown.runs for c in ("x_m", "y_m", "phi_rad") if c in run.shown]
+    least, (low, high) = LEAST_RANGE * 1e3 * max(ranges), axis.get_ylim()
+    if high - low < least:
+        axis.set_ylim(0.5 * (low + high - least), 0.5 * (low + high + least))
+
+
+def _measured_legend(axis: Axes, shown: Shown) -> None:
+    if shown.data is not None and shown.only is not None:
+        axis.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderpad=0.0)
+
+
+def _force(shown: Shown) -> Figure:
+    """Draw the contact force, and below it the impulses of impacts as stems: they are no forces."""
+    strikes = any((run.events["impulse_n_s"] > 0.0).any() for run in shown.runs)
+    ratios = {"height_ratios": [2.0, 1.0]} if strikes else {}
+    size = (8.0, 4.4 if strikes else 3.2)
+    figure, axes = new_figure(1 + strikes, 1, size, sharex=True, gridspec_kw=ratios)
+    force: Axes = axes[0, 0]
+    _detail(force, shown, "contact_force_n")
+    force.set_ylim(bottom=0.0)
+    for number, run in enumerate(shown.runs if strikes else []):
+        events = run.events.assign(t_s=run.events["t_s"] - shown.origin(run))
+        colour = BLACK if shown.only is not None else shown.look(number, "")["color"]
+        draw_impulses(axes[1, 0], events, colour, None if shown.only is not None else plain(run.name))
+    if strikes and shown.only is not None and shown.only.turns <= MOST_TURNS:
+        draw_contact(axes[1, 0], shown.only.shown)
+    axes[-1, 0].set_xlabel(shown.detail)
+    if any(patch.get_label() == "attached" for patch in force.patches) or shown.data is not None:
+        force.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderpad=0.0, ncols=2)
+    _head(figure, shown)
     return figure
 
 
-def _exciters(result: _Result) -> Figure:
-    """Draw the speeds of both exciters and their phase difference over the whole run."""
-    table = result.whole
-    figure, (top, bottom) = plt.subplots(2, 1, figsize=(8, 4.8), sharex=True)
-    for number, style in ((1, "-"), (2, "--")):
-        speed = table[f"phi{number}_rate_rad_per_s"].abs() / (2.0 * np.pi)
-        top.plot(table["t_s"], speed, style, lw=0.9, label=f"exciter {number}")
-    top.set_ylabel("speed (Hz)")
-    top.set_title(plain(result.name), loc="left")
-    top.legend(loc="best", ncols=2)
-    sign = -1.0 if result.co_rotating else 1.0
-    phase = np.mod(table["phi1_rad"] + sign * table["phi2_rad"], 2.0 * np.pi)
-    bottom.plot(table["t_s"], phase, ".", ms=1.5, color=PLATFORM)
-    bottom.set_ylim(-0.2, 2.0 * np.pi + 0.2)
-    bottom.set_yticks([0.0, np.pi, 2.0 * np.pi], ["0 in-phase", "π antiphase", "2π"])
-    bottom.set_ylabel("φ₁ − φ₂" if result.co_rotating else "φ₁ + φ₂")
-    bottom.set_xlabel("t (s)")
+def _exciters(shown: Shown) -> Figure:
+    """Draw the speeds of both exciters and their phase difference over the whole interval."""
+    figure, axes = new_figure(2, 1, (8.0, 5.0), sharex=True)
+    speeds, phases = axes[:, 0]
+    for number, run in enumerate(shown.runs):
+        several = shown.only is None
+        colour = CURVES[number % len(CURVES)]
+        name = f"{plain(run.name)}, " if several else ""
+        draw_speeds(speeds, run.whole, (colour, colour if several else CURVES[1]), name)
+        if run.scene is not None and not several:
+            draw_synchronous_speed(speeds, run.scene, run.whole["t_s"])
+        draw_phase_difference(
+            phases, run.whole, co_rotating=run.co_rotating, color=colour, label=plain(run.name) if several else None
+        )
+    if len({run.co_rotating for run in shown.runs}) > 1:
+        phases.set_ylabel(PHASE)
+    phases.set_xlabel("$t$ (s)")
+    _head(figure, shown, speeds)
     return figure
 
 
-def _shade_contact(axis: Axes, table: pd.DataFrame) -> None:
-    """Shade the times in mode ``attached``."""
-    attached = (table["mode"] == "attached").to_numpy()
-    t = table["t_s"].to_numpy()
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], attached.astype(int), [0]))))
-    for number, (first, after) in enumerate(zip(edges[::2], edges[1::2], strict=True)):
-        axis.axvspan(t[first], t[after - 1], color=CONTACT, lw=0, zorder=0, label="attached" if number == 0 else None)
-
-
-FIGURES: dict[str, Callable[[_Result], Figure]] = {"motion": _motion, "force": _force, "exciters": _exciters}
+FIGURES: dict[str, Callable[[Shown], Figure]] = {"motion": _motion, "force": _force, "exciters": _exciters}

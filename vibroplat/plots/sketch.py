@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import os
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib import rc_context
 from matplotlib.patches import Circle, Polygon, Rectangle
 
-from vibroplat.plots.style import CONTACT, FORCE, MATERIAL, PLATFORM, plt, save
+from vibroplat.plots.style import CONTACT, FORCE, MATERIAL, PLATFORM, Saving, new_figure, save
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -27,7 +25,8 @@ _AXES = ((2.0, 1.1), (-2.0, 1.1))
 
 def sketch() -> Figure:
     """Draw platform, springs, both exciters, layers of material and all symbols of the model."""
-    figure, axis = plt.subplots(figsize=(7.6, 4.4))
+    figure, axes = new_figure(1, 1, (7.6, 4.4))
+    axis: Axes = axes[0, 0]
     axis.set_aspect("equal")
     axis.set_axis_off()
     _platform(axis)
@@ -153,6 +152,5 @@ def _ground(axis: Axes, start: tuple[float, float], end: tuple[float, float], *,
 
 
 if __name__ == "__main__":
-    os.environ["SOURCE_DATE_EPOCH"] = "0"  # the same file whenever it is drawn
-    with rc_context({"svg.hashsalt": "vibroplat"}):
-        print(save(sketch(), Path(sys.argv[1])))
+    path = Path(sys.argv[1])
+    print(save(sketch(), path.parent, path.stem, Saving("svg")))

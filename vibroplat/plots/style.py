@@ -1,42 +1,82 @@
-"""Common style of figures, and how they are saved."""
+"""Common style of figures: colours that colour-blind readers can tell apart, and how figures are made and saved."""
 
 from __future__ import annotations
 
-import os
+import io
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, Literal
 
 import matplotlib as mpl
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
-from vibroplat.tables import replace_files
+from vibroplat.tables import replace_files, result_directory
 
-if "MPLBACKEND" not in os.environ:  # a notebook has its own
-    mpl.use("Agg")
+Form = Literal["png", "pdf", "svg"]
 
-import matplotlib.pyplot as plt
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-__all__ = ["CONTACT", "CURVES", "FORCE", "MATERIAL", "PLATFORM", "plain", "plt", "save", "styled"]
-
-PLATFORM, MATERIAL, FORCE, CONTACT = "#1f4e79", "#c05a1c", "#2a7f4f", "#dfe8f1"
+#: Colours of Okabe and Ito, without their yellow, which is too pale for lines on white.
+BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, BLACK = (
+    "#0072B2",
+    "#D55E00",
+    "#009E73",
+    "#CC79A7",
+    "#E69F00",
+    "#56B4E9",
+    "#000000",
+)
 #: Colours of curves in one figure.
-CURVES = ("#1f4e79", "#c05a1c", "#2a7f4f", "#7b3f98", "#8a6d1d", "#444444", "#b03060", "#2f8f9d")
+CURVES = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, BLACK)
+PLATFORM, MATERIAL, FORCE = BLUE, VERMILION, GREEN
+#: Shade of contact, lines of reference, and what failed.
+CONTACT, REFERENCE, FAILED = "#e3eaf0", "#666666", "#a00000"
+#: Markers of the directions of a branch, and of curves that may lie on each other.
+DIRECTIONS = {"up": "^", "down": "v"}
+MARKERS = "osD^vPX<>hp"
 
 _STYLE: Any = {
     "figure.constrained_layout.use": True,
     "figure.dpi": 130,
+    "figure.titleweight": "bold",
+    "figure.titlesize": 10.5,
     "axes.grid": True,
+    "axes.axisbelow": True,
     "axes.spines.top": False,
     "axes.spines.right": False,
+    "axes.titlesize": 9.5,
+    "axes.titlelocation": "left",
+    "axes.formatter.useoffset": False,
     "grid.alpha": 0.25,
-    "lines.linewidth": 1.3,
+    "lines.linewidth": 1.2,
     "font.size": 9.5,
     "legend.frameon": False,
+    "legend.fontsize": 8.5,
+    "pdf.fonttype": 42,  # text stays text, as publishers ask for
+    "svg.hashsalt": "vibroplat",  # the same figure gives the same file
 }
+#: Dates that would make two files of the same figure differ.
+_DATES: dict[Form, dict[str, None]] = {"png": {}, "pdf": {"CreationDate": None}, "svg": {"Date": None}}
+
+
+@dataclass(frozen=True)
+class Saving:
+    """How and where figures are saved.
+
+    Attributes
+    ----------
+    form
+        Format of the files.
+    dpi
+        Dots per inch, also of what is drawn as dots in a PDF or SVG; that of the style if None.
+    directory
+        Where they are saved; that of the result if None.
+    """
+
+    form: Form = "png"
+    dpi: int | None = None
+    directory: Path | None = None
 
 
 @contextmanager
@@ -46,21 +86,51 @@ def styled() -> Iterator[None]:
         yield
 
 
+class _Figure(Figure):
+    """A figure that is none of pyplot's, so that drawing needs no display and changes no backend."""
+
+    def _repr_png_(self) -> bytes:
+        """Return the figure as PNG: so a notebook shows it, without a backend."""
+        written = io.BytesIO()
+        with styled():
+            self.savefig(written, format="png", dpi="figure")
+        return written.getvalue()
+
+
+def new_figure(rows: int, columns: int, size: tuple[float, float], **options: Any) -> tuple[Figure, Any]:
+    """Return a figure of a size (inch) and its axes, an array of rows and columns."""
+    figure = _Figure(figsize=size)
+    return figure, figure.subplots(rows, columns, squeeze=False, **options)
+
+
 def plain(text: str) -> str:
     """Return a text of a user's to be drawn as it is: between two dollar signs, matplotlib would read mathematics."""
     return text.replace("$", r"\$")
 
 
-def save(figure: Figure, path: Path) -> Path:
-    """Write a figure as PNG, close it, and return its path.
+def head(figure: Figure, name: str, parameters: str = "") -> None:
+    """Put the name of a result above a figure, and below it its parameters."""
+    figure.suptitle(plain(name), x=0.01, ha="left")
+    if parameters:
+        first: Axes = figure.axes[0]
+        own = first.get_title(loc="left")
+        first.set_title(f"{parameters}\n{own}" if own else parameters, loc="left")
+
+
+def save(figure: Figure, directory: Path, name: str, saving: Saving | None = None) -> Path:
+    """Write a figure into a directory, or that of ``saving``, and return the path.
 
     Raises
     ------
     TableError
         It cannot be written.
     """
-    try:
-        replace_files({path: figure.savefig})
-    finally:
-        plt.close(figure)
+    saving = saving or Saving()
+    place = saving.directory
+    if place is not None:
+        result_directory(place.parent, place.name)
+    path = (place or directory) / f"{name}.{saving.form}"
+    metadata: Any = _DATES[saving.form]
+    with styled():
+        replace_files({path: lambda file: figure.savefig(file, dpi=saving.dpi or "figure", metadata=metadata)})
     return path

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,10 +14,14 @@ from vibroplat.plausibility import notes_on_inputs
 from vibroplat.provenance import provenance
 from vibroplat.results import write_result
 from vibroplat.scene import Scene
+from vibroplat.study.bands import NEEDED, band_lines, band_tables
 from vibroplat.study.branches import FREQUENCY, SUPPLY, Branch, sweep_plan
 from vibroplat.study.store import Records
-from vibroplat.study.sweep import impact_tables, section_tables, tables
+from vibroplat.study.sweep import branch_tables, impact_tables, section_tables, tables
 from vibroplat.tables import Format, Table
+
+#: Branches whose bands are told; the table ``bands`` holds those of all.
+TOLD_BRANCHES = 6
 
 
 def write_sweep(
@@ -35,6 +39,7 @@ def write_sweep(
     found: dict[str, Table] = {}
     if sweep_plan(scene).kind == "bifurcation":
         found |= {"section": section_tables(scene, records), "impacts": impact_tables(scene, records)}
+    found["bands"] = band_tables(branch_tables(scene, records, NEEDED))
     found["sweep"] = tables(scene, records)
     absent = {"section", "impacts"} - found.keys()
     origin = provenance(scene, engine_name(scene)) | ({} if check is None else {"check": check})
@@ -60,6 +65,14 @@ def overview(table: pd.DataFrame) -> dict[str, str]:
             "energy residual": f"at most {table['energy_residual'].max():.2g}",
         }
     return {label: text for label, text in lines.items() if text}
+
+
+def band_report(bands: pd.DataFrame) -> Iterator[str]:
+    """Yield the lines on the bands of a sweep, those of the first branches if there are many."""
+    branches = bands["branch"].unique()
+    yield from band_lines(bands[bands["branch"].isin(branches[:TOLD_BRANCHES])])
+    if len(branches) > TOLD_BRANCHES:
+        yield f"bands of {len(branches) - TOLD_BRANCHES} more branches are in the table bands"
 
 
 def failures(table: pd.DataFrame) -> list[str]:

@@ -200,6 +200,15 @@ def columns_of_sweep(plan: SweepPlan) -> tuple[str, ...]:
     return (*COLUMNS, *CONFIRMED) if plan.confirm else COLUMNS
 
 
+def branch_tables(scene: Scene, records: Records, columns: Sequence[str]) -> Iterator[pd.DataFrame]:
+    """Yield the sweep table of each branch, of these columns and those that name its points."""
+    for branch in branches(scene):
+        place = branch.grid | {"direction": branch.direction, "branch": branch.number}
+        measured = zip(branch.frequencies, branch_records(branch, records), strict=True)
+        rows = [{SUPPLY: f} | place | {c: record["row"].get(c) for c in columns} for f, record in measured]
+        yield _frame(rows, scene, ("direction", "branch", *columns))
+
+
 def section_tables(scene: Scene, records: Records) -> Iterator[pd.DataFrame]:
     """Yield in parts the table of Poincaré points of a bifurcation diagram: y (m) at whole turns of exciter 1."""
     yield from _diagram(scene, records, "section_y", "y_m")

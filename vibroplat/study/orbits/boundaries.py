@@ -16,9 +16,7 @@ import numpy.typing as npt
 
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.study.orbits.branch import to_middle
-from vibroplat.study.orbits.newton import Found, Frame, MissedError, Problem, correct
-from vibroplat.study.orbits.shooting import Shot
-from vibroplat.study.orbits.special import (
+from vibroplat.study.orbits.kinds import (
     BRANCH_POINT,
     DOUBLING,
     END_OF_STICKING,
@@ -26,8 +24,10 @@ from vibroplat.study.orbits.special import (
     GRAZING,
     LIFTOFF,
     TORUS,
-    extrapolated,
 )
+from vibroplat.study.orbits.newton import Found, Frame, MissedError, Problem, correct
+from vibroplat.study.orbits.shooting import Shot
+from vibroplat.study.orbits.special import extrapolated
 from vibroplat.study.orbits.words import turned
 
 #: Accuracy across the curve, in units of the unknowns, and most trials.

@@ -14,6 +14,15 @@ import numpy as np
 
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.study.orbits.branch import NEUTRAL, Branch, Point, hermite
+from vibroplat.study.orbits.kinds import (
+    BRANCH_POINT,
+    DOUBLING,
+    END_OF_STICKING,
+    FOLD,
+    GRAZING,
+    LIFTOFF,
+    TORUS,
+)
 from vibroplat.study.orbits.newton import MissedError
 
 #: Accuracy of the place of a special point along the branch, in units of the unknowns.
@@ -27,20 +36,6 @@ NARROW, BLURRED = 1e-4, 1e-3
 ASIDE = 0.1
 #: Most evaluations between two points.
 LOCATING = 12
-
-FOLD, DOUBLING, TORUS, BRANCH_POINT = "fold", "period-doubling", "neimark-sacker", "branch-point"
-LIFTOFF, END_OF_STICKING, GRAZING = "liftoff", "end-of-sticking", "grazing"
-
-#: What happens at each kind, for people.
-KINDS = {
-    FOLD: "two orbits merge and vanish",
-    DOUBLING: "an orbit of twice the period branches off",
-    TORUS: "quasi-periodic motion branches off",
-    BRANCH_POINT: "another branch crosses, as where symmetry breaks",
-    LIFTOFF: "contact is lost for the first time",
-    END_OF_STICKING: "the material no longer stays on the platform after it lands",
-    GRAZING: "an impact appears or vanishes with zero speed",
-}
 
 
 @dataclass

@@ -19,7 +19,7 @@ from vibroplat.study import WAIT
 from vibroplat.study.branches import EXCITATION, FREQUENCY, SUPPLY
 from vibroplat.study.execution import pool
 from vibroplat.study.orbits.curves import Boundary, boundaries, require_inside
-from vibroplat.study.orbits.special import KINDS
+from vibroplat.study.orbits.kinds import KINDS
 from vibroplat.study.orbits.tracing import TOLD, Family, Progress, Traced, families, orbits_plan, trace
 from vibroplat.study.point import MEASURED, POINT
 from vibroplat.study.store import Record, Store

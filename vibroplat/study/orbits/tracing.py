@@ -20,10 +20,11 @@ from vibroplat.orbits_plan import OrbitsPlan
 from vibroplat.scene import Scene
 from vibroplat.study.execution import Pool
 from vibroplat.study.orbits.branch import Branch, Point, Steps
+from vibroplat.study.orbits.kinds import BRANCH_POINT, DOUBLING
 from vibroplat.study.orbits.newton import ANGLE, Frame, MissedError, Problem, correct
 from vibroplat.study.orbits.orbit import OrbitError, accurate, first_orbit, measures_of_orbit
 from vibroplat.study.orbits.shooting import Shooter
-from vibroplat.study.orbits.special import BRANCH_POINT, DOUBLING, Special, specials
+from vibroplat.study.orbits.special import Special, specials
 from vibroplat.study.orbits.words import spelled
 from vibroplat.study.store import Record, Records
 from vibroplat.study.tasks import StoredChain, Task, Tasks, run_stored

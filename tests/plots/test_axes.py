@@ -1,0 +1,145 @@
+"""Functions that draw tables into axes: what a reader of a figure could be misled by."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+from matplotlib.figure import Figure
+
+from vibroplat.plots import (
+    draw_coordinate,
+    draw_impulses,
+    draw_phase_difference,
+    draw_response,
+    draw_synchronous_speed,
+)
+from vibroplat.plots.names import key_label, value_label
+from vibroplat.plots.response import failed_places
+from vibroplat.scene import Scene
+
+from .test_bands import after, branch
+
+
+@pytest.fixture
+def axis():
+    return Figure().add_subplot()
+
+
+def lines(axis):
+    return [line for line in axis.lines if line.get_linestyle() != "None"]
+
+
+def points(axis, fillstyle=None, marker=None):
+    """Markers with a filling, or of a kind."""
+    return [
+        line
+        for line in axis.lines
+        if line.get_linestyle() == "None"
+        and (fillstyle is None or line.get_fillstyle() == fillstyle)
+        and (marker is None or line.get_marker() == marker)
+    ]
+
+
+def test_they_return_the_axis_they_are_given(axis):
+    run = pd.DataFrame({"t_s": [0.0, 1.0], "y_m": [0.0, 1e-3], "phi1_rad": [0.0, 1.0], "phi2_rad": [3.0, 2.0]})
+    events = pd.DataFrame({"t_s": [0.5], "impulse_n_s": [0.1]})
+    assert draw_coordinate(axis, run, "y_m") is axis
+    assert draw_phase_difference(axis, run) is axis
+    assert draw_impulses(axis, events) is axis
+    assert draw_response(axis, branch(), "rms_y_m") is axis
+
+
+def test_a_jump_is_not_joined(axis):
+    rows = branch(phase_difference_rad=after(8, np.pi, 0.0), sync=after(8, "antiphase", "in-phase"))
+    draw_response(axis, rows, "rms_y_m")
+    (line,) = lines(axis)
+    height = line.get_ydata()
+    assert np.flatnonzero(np.isnan(height)).tolist() == [8]
+    assert height[np.isfinite(height)] == pytest.approx(1e3 * rows["rms_y_m"].to_numpy())
+
+
+def test_a_smooth_branch_is_joined(axis):
+    draw_response(axis, branch(), "rms_y_m")
+    assert np.isfinite(lines(axis)[0].get_ydata()).all()
+
+
+def test_motions_are_told_apart_by_the_filling_of_markers(axis):
+    motions = np.array(["periodic", "chaotic", "quasi-periodic", "undecided", "non-periodic"] * 4 + ["periodic"])
+    draw_response(axis, branch(motion=motions), "rms_y_m")
+    found = {filling: len(points(axis, filling)[0].get_xdata()) for filling in ("full", "none", "bottom")}
+    assert found == {"full": 5, "none": 12, "bottom": 4}
+
+
+def test_failed_points_have_a_marker_of_their_own_on_the_axis(axis):
+    failed = np.arange(21) >= 18
+    rows = branch(outcome=np.where(failed, "event-storm", "ok"))
+    columns = ["excitation_frequency_hz", "rms_x_m", "rms_y_m", "phase_difference_rad", "sync"]
+    rows.loc[failed, columns] = np.nan
+    draw_response(axis, rows, "rms_y_m")
+    (crosses,) = points(axis, marker="x")
+    assert crosses.get_xdata() == pytest.approx(0.5 * rows["supply_frequency_hz"][failed].to_numpy())
+    assert crosses.get_transform() == axis.get_xaxis_transform()
+    assert sum(np.isfinite(line.get_ydata()).sum() for line in points(axis, marker="^")) == 18
+    assert failed_places(rows, "supply_frequency_hz").tolist() == [51.0, 51.5, 52.0]
+
+
+def test_a_branch_on_which_all_failed_can_be_drawn(axis):
+    rows = branch(outcome="event-storm", excitation_frequency_hz=np.nan, rms_y_m=np.nan, rms_x_m=np.nan)
+    draw_response(axis, rows.assign(sync=None), "rms_y_m")
+    draw_response(axis, rows.assign(sync=None), "rms_y_m", x="supply_frequency_hz")
+    assert len(points(axis, marker="x")[0].get_xdata()) == 21
+
+
+def test_wraps_of_the_phase_difference_are_not_drawn(axis):
+    t = np.linspace(0.0, 3.0, 301)
+    run = pd.DataFrame({"t_s": t, "phi1_rad": 100.0 * t, "phi2_rad": -95.0 * t})
+    draw_phase_difference(axis, run)
+    values = axis.lines[0].get_ydata()
+    steps = np.diff(values)
+    assert np.isnan(values).sum() == 2
+    assert np.abs(steps[np.isfinite(steps)]).max() < 0.1
+    assert axis.get_ylabel() == r"$\Delta\varphi$ = $\varphi_1 + \varphi_2$"
+    draw_phase_difference(axis, run, co_rotating=True)
+    assert axis.get_ylabel() == r"$\Delta\varphi$ = $\varphi_1 - \varphi_2$"
+
+
+def test_phase_differences_near_both_synchronizations_stay_whole(axis):
+    t = np.linspace(0.0, 1.0, 50)
+    for mean in (0.0, np.pi):
+        run = pd.DataFrame({"t_s": t, "phi1_rad": mean + 0.5 * np.sin(20.0 * t), "phi2_rad": 0.0})
+        draw_phase_difference(axis, run)
+    assert all(np.isfinite(line.get_ydata()).all() for line in axis.lines)
+
+
+def test_synchronous_speed_follows_the_program_and_ends_where_a_motor_is_off(axis):
+    program = [
+        {"t_s": 0.0, "supply_frequency_hz": 0.0},
+        {"t_s": 2.0, "supply_frequency_hz": 50.0},
+        {"t_s": 3.0, "exciter_2": "off"},
+    ]
+    scene = Scene().replace({"drive": {"program": program}})
+    draw_synchronous_speed(axis, scene, pd.Series([0.0, 4.0]))
+    assert [line.get_label() for line in axis.lines] == ["synchronous speed"]
+    assert axis.lines[0].get_ydata()[[0, 250, 1000]] == pytest.approx([0.0, 12.5, 25.0])
+    off = [*program, {"t_s": 3.5, "off": True}]
+    draw_synchronous_speed(axis, Scene().replace({"drive": {"program": off}}), pd.Series([0.0, 4.0]))
+    assert np.isnan(axis.lines[1].get_ydata()[-1])
+
+
+@pytest.mark.parametrize(
+    ("key", "label", "value"),
+    [
+        ("material.mass_ratio", r"mass ratio $\mu_w$", r"$\mu_w$ = 0.2"),
+        ("machine.damping_y_n_s_per_m", "damping along y $b_y$ (N s/m)", "$b_y$ = 0.2 N s/m"),
+        ("machine.exciter_distance_m", "exciter distance (m)", "exciter distance 0.2 m"),
+        ("contact.viscous_per_mass_per_s", "viscous per mass (1/s)", "viscous per mass 0.2 1/s"),
+    ],
+)
+def test_keys_are_called_by_names_symbols_and_units(key, label, value):
+    assert (key_label(key), value_label(key, 0.2)) == (label, value)
+
+
+def test_values_that_are_no_numbers_are_called_by_themselves():
+    assert value_label("contact.impact_law", "central") == "central"
+    assert value_label("a.flag", True) == "flag: True"

@@ -1,0 +1,113 @@
+"""Reads what figures of sweeps need of their tables, those of several sweeps as one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import NamedTuple
+
+import pandas as pd
+
+from vibroplat.errors import TableError
+from vibroplat.plots.data import Data
+from vibroplat.plots.names import MEASURES, is_number, scene_of, sweep_parameters, value_label
+from vibroplat.plots.reading import read_columns, read_result
+from vibroplat.plots.style import plain
+from vibroplat.results import Result
+from vibroplat.study.branches import EXCITATION, SUPPLY
+
+#: Columns that figures need in addition to the swept keys, and those they show if there are any.
+_NUMBERS = (EXCITATION, "rms_x_m", "rms_y_m", "rms_phi_rad", "phase_difference_rad", "period")
+_OPTIONAL = tuple(column for column in MEASURES if column not in _NUMBERS)
+#: The column that tells several results apart.
+RESULT = "result"
+
+
+class Curve(NamedTuple):
+    """A branch: the label and the number of its grid combination, its direction and its rows."""
+
+    label: str
+    number: int
+    direction: str
+    rows: pd.DataFrame
+
+
+@dataclass(frozen=True)
+class Response:
+    """Tables of one or several sweeps as one, and the grid keys that have several values.
+
+    Attributes
+    ----------
+    results, names
+        The results and what they are called.
+    table
+        Their rows, with the column ``result`` if there are several.
+    keys
+        What varies: keys of the grid, and ``result``.
+    x
+        The column of the horizontal axis.
+    data
+        Measured data laid over the curves.
+    """
+
+    results: list[Result]
+    names: list[str]
+    table: pd.DataFrame
+    keys: list[str]
+    x: str = EXCITATION
+    data: Data | None = field(default=None)
+
+    @property
+    def result(self) -> Result:
+        """The first of the results."""
+        return self.results[0]
+
+    @property
+    def parameters(self) -> str:
+        """What does not vary, for a title."""
+        return sweep_parameters(scene_of(self.result.provenance), self.keys) if len(self.results) == 1 else ""
+
+    def curves(self) -> Iterator[Curve]:
+        """Yield each branch, in the order of the table."""
+        numbers: dict[str, int] = {}
+        parts = [RESULT, "branch"] if RESULT in self.table else ["branch"]
+        for _, rows in self.table.groupby(parts, sort=False):
+            label = ", ".join(
+                plain(str(rows[key].iloc[0])) if key == RESULT else value_label(key, rows[key].iloc[0])
+                for key in self.keys
+            )
+            yield Curve(label, numbers.setdefault(label, len(numbers)), str(rows["direction"].iloc[0]), rows)
+
+    @property
+    def scale(self) -> str | None:
+        """The key whose numbers colours can follow, if it alone varies."""
+        return self.keys[0] if len(self.keys) == 1 and is_number(self.table[self.keys[0]]) else None
+
+
+def read_response(directory: Path | Sequence[Path], *, x: str = EXCITATION, data: Data | None = None) -> Response:
+    """Read the table of a sweep, or those of several as one."""
+    directories = [directory] if isinstance(directory, Path) else list(directory)
+    results, tables = [], []
+    for place in directories:
+        result = read_result(place, "sweep")
+        table = read_columns(result, "sweep", ("direction", "sync"), (SUPPLY, "branch", *_NUMBERS), _OPTIONAL)
+        if table.empty:
+            raise TableError(f"{place} holds an empty sweep table; there is nothing to plot")
+        results.append(result)
+        tables.append(table)
+    grid = list(
+        dict.fromkeys(key for table in tables for key in table.columns[1 : list(table.columns).index("direction")])
+    )
+    names = _names(directories)
+    if len(tables) > 1:
+        tables = [table.assign(**{RESULT: name}) for name, table in zip(names, tables, strict=True)]
+    joined = pd.concat(tables, ignore_index=True)
+    keys = [key for key in grid if len(joined[key].unique()) > 1]
+    return Response(results, names, joined, ([RESULT] if len(tables) > 1 else []) + keys, x, data)
+
+
+def _names(directories: Sequence[Path]) -> list[str]:
+    """Return the names of directories, or their paths if two have the same name."""
+    names = [directory.resolve().name for directory in directories]
+    return names if len({*names}) == len(names) else [str(directory) for directory in directories]

@@ -1,0 +1,165 @@
+"""Panels over time: each function draws into an axis what a table of a run holds, and returns the axis."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+
+from vibroplat.plots.names import COORDINATES, PHASE, phase_label
+from vibroplat.plots.style import BLACK, CONTACT, CURVES, PLATFORM, REFERENCE
+from vibroplat.scene import Scene
+
+FloatArray = np.ndarray[Any, np.dtype[np.float64]]
+
+TURN = 2.0 * np.pi
+#: Phase differences are shown from here on, so that 0 and π, near which exciters synchronize, are well inside.
+LOWEST_PHASE = -0.5 * np.pi
+#: Most wraps of a line of common width; of more, nothing but a drift is to be seen.
+MOST_WRAPS = 60
+#: A step of the phase difference that is a wrap, not a motion (rad).
+WRAP = np.pi
+
+
+def draw_coordinate(axis: Axes, table: pd.DataFrame, column: str, **look: Any) -> Axes:
+    """Draw a column of a trajectory over time, in mm, mrad or N.
+
+    Parameters
+    ----------
+    axis
+        Where to draw.
+    table
+        A trajectory, or some rows of one.
+    column
+        ``x_m``, ``y_m``, ``phi_rad``, ``gap_m`` or ``contact_force_n``.
+    look
+        Options of matplotlib's lines.
+
+    Returns
+    -------
+    Axes
+        The same axis.
+    """
+    quantity = COORDINATES[column]
+    axis.plot(table["t_s"], quantity.factor * table[column], **{"color": PLATFORM} | look)
+    axis.set_ylabel(quantity.label)
+    return axis
+
+
+def draw_envelope(
+    axis: Axes, envelope: pd.DataFrame, column: str, *, color: str = PLATFORM, label: str | None = None,
+    filled: bool = True,
+) -> Axes:  # fmt: skip
+    """Draw the range of a column over time between its least and largest values in short intervals.
+
+    ``envelope`` has times (``t_s``) and the columns ``column:min`` and ``column:max``. Without ``filled`` its outlines
+    are drawn, so that several do not hide each other.
+    """
+    quantity = COORDINATES[column]
+    low, high = (quantity.factor * envelope[f"{column}:{end}"] for end in ("min", "max"))
+    if filled:
+        axis.fill_between(envelope["t_s"], low, high, color=color, lw=0.4, alpha=0.85, label=label)
+    else:
+        axis.plot(envelope["t_s"], low, lw=1.0, color=color, label=label)
+        axis.plot(envelope["t_s"], high, lw=1.0, color=color)
+    axis.set_ylabel(quantity.label)
+    return axis
+
+
+def draw_contact(axis: Axes, table: pd.DataFrame) -> Axes:
+    """Shade the times in mode ``attached``."""
+    attached = (table["mode"] == "attached").to_numpy()
+    t = table["t_s"].to_numpy()
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], attached.astype(int), [0]))))
+    for number, (first, after) in enumerate(zip(edges[::2], edges[1::2], strict=True)):
+        axis.axvspan(t[first], t[after - 1], color=CONTACT, lw=0, zorder=0, label="attached" if number == 0 else None)
+    return axis
+
+
+def draw_impacts(axis: Axes, events: pd.DataFrame) -> Axes:
+    """Mark the times of impacts on the line of zero gap."""
+    impacts = events[events["kind"] == "impact"]
+    size = 5.0 if len(impacts) <= 60 else 2.5
+    axis.plot(impacts["t_s"], np.zeros(len(impacts)), "v", color=BLACK, ms=size, mew=0, label="impact", clip_on=False)
+    return axis
+
+
+def draw_impulses(axis: Axes, events: pd.DataFrame, color: str = BLACK, label: str | None = None) -> Axes:
+    """Draw the impulses of impacts as stems, over time."""
+    strikes = events[events["impulse_n_s"] > 0.0]
+    times, impulses = strikes["t_s"].to_numpy(), strikes["impulse_n_s"].to_numpy()
+    stems = np.stack([np.column_stack([times, np.zeros_like(times)]), np.column_stack([times, impulses])], axis=1)
+    axis.add_collection(LineCollection(list(stems), colors=color, lw=0.9))
+    axis.plot(times, impulses, "o", color=color, ms=3.0 if len(times) <= 60 else 1.5, label=label)
+    axis.set_ylim(bottom=0.0)
+    axis.set_ylabel("impulse $P$ (N s)")
+    return axis
+
+
+def draw_speeds(
+    axis: Axes, table: pd.DataFrame, colours: tuple[str, str] = (CURVES[0], CURVES[1]), name: str = ""
+) -> Axes:
+    """Draw the speeds of both exciters (Hz) over time; that of exciter 2 is thinner, and dashed, above the other."""
+    for number, style, width, colour in ((1, "-", 2.0, colours[0]), (2, "--", 0.9, colours[1])):
+        speed = table[f"phi{number}_rate_rad_per_s"].abs() / TURN
+        axis.plot(table["t_s"], speed, style, lw=width, color=colour, label=f"{name}exciter {number}")
+    axis.set_ylabel("speed (Hz)")
+    return axis
+
+
+def draw_synchronous_speed(axis: Axes, scene: Scene, times: pd.Series) -> Axes:
+    """Draw the synchronous speeds of both motors (Hz) over time, where they are on."""
+    t = np.linspace(float(times.min()), float(times.max()), 1001)
+    found = [scene.drive.at(time) for time in t]
+    speeds = []
+    for number, exciter in enumerate(scene.exciter_pair):
+        now = [i.frequency_at(time) if i.driven[number] else np.nan for i, time in zip(found, t, strict=True)]
+        speeds.append(np.array(now) / exciter.pole_pairs)
+    first, second = speeds
+    same = np.isnan(first) | np.isnan(second) | (first == second)
+    if same.all():
+        axis.plot(t, np.where(np.isnan(first), second, first), ":", lw=1.0, color=REFERENCE, label="synchronous speed")
+        return axis
+    for number, (speed, style) in enumerate(zip(speeds, (":", "-."), strict=True), start=1):
+        axis.plot(t, speed, style, lw=1.0, color=REFERENCE, label=f"synchronous speed, motor {number}")
+    return axis
+
+
+def draw_phase_difference(
+    axis: Axes, table: pd.DataFrame, *, co_rotating: bool = False, color: str = PLATFORM, label: str | None = None
+) -> Axes:
+    """Draw the phase difference of the exciters over time, from −π/2 to 3π/2; wraps are left out."""
+    sign = -1.0 if co_rotating else 1.0
+    phase = wrapped((table["phi1_rad"] + sign * table["phi2_rad"]).to_numpy(dtype=float))
+    times, broken = without_wraps(table["t_s"].to_numpy(dtype=float), phase)
+    width = 1.0 if len(broken) - len(phase) <= MOST_WRAPS else 0.25
+    axis.plot(times, broken, lw=width, color=color, label=label)
+    phase_axis(axis, phase_label(co_rotating))
+    return axis
+
+
+def wrapped(phase: FloatArray) -> FloatArray:
+    """Put angles into [−π/2, 3π/2)."""
+    return np.mod(phase - LOWEST_PHASE, TURN) + LOWEST_PHASE
+
+
+def without_wraps(times: FloatArray, phase: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Break a line of wrapped angles where it wraps."""
+    wraps = np.flatnonzero(np.abs(np.diff(phase)) > WRAP) + 1
+    return np.insert(times, wraps, times[wraps]), np.insert(phase, wraps, np.nan)
+
+
+def phase_axis(axis: Axes, label: str = PHASE) -> None:
+    """Label an axis of phase differences."""
+    axis.set_ylim(LOWEST_PHASE - 0.1, LOWEST_PHASE + TURN + 0.1)
+    ticks = {-0.5: "−π/2", 0.0: "0", 0.5: "π/2", 1.0: "π", 1.5: "3π/2"}
+    axis.set_yticks([np.pi * tick for tick in ticks], list(ticks.values()))
+    axis.set_ylabel(label)
+    for angle, name in () if axis.texts else ((0.0, "in-phase"), (np.pi, "antiphase")):
+        axis.annotate(
+            name, (1.0, angle), (-2.0, 3.0), axis.get_yaxis_transform(), "offset points",
+            fontsize=7.5, color=REFERENCE, ha="right", va="bottom",
+        )  # fmt: skip

@@ -1,0 +1,209 @@
+"""Bands of a sweep: from where to where exciters synchronize, motion jumps, material lifts off, points fail."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from vibroplat.columns import Column, Columns, labelled
+from vibroplat.study.branches import EXCITATION, SUPPLY
+
+Flags = np.ndarray[Any, np.dtype[np.bool_]]
+
+RMS = "rms_y_m"
+#: Change of the excitation frequency between two points that is a jump, over that of the synchronous frequency. Along
+#: a smooth branch it is about 1, less where a resonance holds the motors back.
+LEAP = 2.5
+#: Change of the phase difference between two points that is a jump (rad); where radii differ it may shift gradually.
+TURN = np.pi / 4.0
+#: Change of amplitude between two points that is a jump, over the largest amplitude of the branch and over the changes
+#: next to it; up a resonance the amplitude grows as much, but neither at once nor in one step alone.
+RISE, ALONE = 0.15, 4.0
+
+#: How many bands are in memory at a time, but for those of one table.
+CHUNK = 1000
+#: Columns of the table, after the grid keys, direction and branch; the last ones are of the ends.
+ENDS: Columns = {
+    f"{end}_{column}": Column(f"{meaning} at the {place} point", "in the order of the branch")
+    for column, meaning in ((SUPPLY, "supply frequency"), (EXCITATION, "excitation frequency"), (RMS, "RMS of y"))
+    for end, place in (("from", "first"), ("to", "last"))
+}
+BANDS: Columns = {
+    "kind": Column(
+        "kind of band",
+        "band: points of one synchronization; jump: of the motion, between two points; liftoff and flight-end: from "
+        "the last point before to the first one after; largest: the largest RMS of y; failed: points that failed",
+    ),
+    "name": Column("synchronization", "of a jump, before and after it; of failed points, their outcome instead"),
+    "points": Column("points from end to end"),
+    **ENDS,
+}
+#: Columns of a sweep that bands follow from.
+NEEDED = (EXCITATION, "rms_x_m", RMS, "phase_difference_rad", "sync", "flight_fraction", "outcome")
+
+
+def jumps(rows: pd.DataFrame) -> Flags:
+    """Return where the motion jumps along a branch: whether it does between each point and the next.
+
+    It does where synchronization is lost or found, or where the phase difference, the excitation frequency or the
+    amplitude changes far more than it would along a smooth branch. Next to a failed point nothing is known.
+
+    Parameters
+    ----------
+    rows
+        The points of one branch of a sweep table, in their order.
+
+    Returns
+    -------
+    array
+        One value less than there are points.
+    """
+    if len(rows) < 2:
+        return np.zeros(0, dtype=bool)
+    return np.asarray(_of_phase(rows) | _of_frequency(rows) | _of_amplitude(rows))
+
+
+def _of_phase(rows: pd.DataFrame) -> Flags:
+    """Where synchronization is lost or found, or the phase difference jumps."""
+    sync = rows["sync"].astype(object).where(rows["sync"].notna(), "")
+    before, after = sync.to_numpy()[:-1], sync.to_numpy()[1:]
+    lost = (before != "") & (after != "") & ((before == "none") != (after == "none"))
+    change = np.diff(rows["phase_difference_rad"].to_numpy(dtype=float))
+    with np.errstate(invalid="ignore"):
+        turned = np.abs(np.angle(np.exp(1j * change))) > TURN
+    return np.asarray(lost | (turned & (before != "none") & (after != "none")))
+
+
+def _of_frequency(rows: pd.DataFrame) -> Flags:
+    """Where the excitation frequency changes far more than the supply frequency."""
+    supply, found = (rows[column].to_numpy(dtype=float) for column in (SUPPLY, EXCITATION))
+    known = np.isfinite(found)
+    if not known.any():
+        return np.zeros(len(rows) - 1, dtype=bool)
+    expected = np.abs(np.diff(supply)) * np.median(found[known] / supply[known])
+    with np.errstate(invalid="ignore"):
+        return np.asarray(np.abs(np.diff(found)) > np.maximum(LEAP * expected, 1e-3 * found[1:]))
+
+
+def _of_amplitude(rows: pd.DataFrame) -> Flags:
+    """Where the amplitude changes at once, and much."""
+    height = np.hypot(rows["rms_x_m"].to_numpy(dtype=float), rows[RMS].to_numpy(dtype=float))
+    if not np.isfinite(height).any():
+        return np.zeros(len(rows) - 1, dtype=bool)
+    change = np.abs(np.diff(height))
+    beside = np.maximum(np.append(change[1:], 0.0), np.insert(change[:-1], 0, 0.0))
+    with np.errstate(invalid="ignore"):
+        return np.asarray((change > RISE * np.nanmax(height)) & (change > ALONE * beside))
+
+
+def bands(table: pd.DataFrame) -> pd.DataFrame:
+    """Return the bands of all branches of a sweep table.
+
+    Returns
+    -------
+    DataFrame
+        The grid keys, direction and branch, and :data:`BANDS`.
+    """
+    return pd.concat(band_tables([table]), ignore_index=True)
+
+
+def band_tables(tables: Iterable[pd.DataFrame]) -> Iterator[pd.DataFrame]:
+    """Yield the table of bands in parts, at least one, from tables of whole branches."""
+    found: list[dict[str, Any]] = []
+    yielded = False
+    table: pd.DataFrame | None = None
+    for table in tables:
+        place = _place(table)
+        for _, rows in table.groupby("branch", sort=True):
+            here = {key: rows[key].iloc[0] for key in place}
+            found += [here | band for band in _bands_of(rows.reset_index(drop=True))]
+        if len(found) >= CHUNK:
+            yield _frame(found, table)
+            found, yielded = [], True
+    if table is not None and (found or not yielded):
+        yield _frame(found, table)
+
+
+def _place(table: pd.DataFrame) -> list[str]:
+    """Return the columns that name a branch: the grid keys, direction and branch."""
+    return list(table.columns[1 : list(table.columns).index("branch") + 1])
+
+
+def _frame(found: list[dict[str, Any]], table: pd.DataFrame) -> pd.DataFrame:
+    """Make one part of the table of bands; its columns have the same types in all parts."""
+    types: dict[Any, Any] = {key: table[key].dtype for key in _place(table)}
+    types |= {"kind": "str", "name": "str", "points": "Int64"} | dict.fromkeys(ENDS, "float64")
+    meanings = {key: Column(text) for key, text in table.attrs.get("meanings", {}).items()}
+    return labelled(pd.DataFrame(found, columns=[*_place(table), *BANDS]).astype(types), {**meanings, **BANDS})
+
+
+def _bands_of(rows: pd.DataFrame) -> Iterator[dict[str, Any]]:
+    """Yield the bands of a branch: synchronization and failures, jumps, flight, the largest amplitude."""
+    failed = rows["outcome"] != "ok"
+    names = rows["outcome"].where(failed, rows["sync"])
+    for first, last in _runs(names.tolist()):
+        kind = "failed" if failed[first] else "band"
+        yield _band(rows, first, last, kind, str(names[first]))
+    good = rows[~failed].reset_index(drop=True)
+    for i in np.flatnonzero(jumps(good)).tolist():
+        change = list(dict.fromkeys(good["sync"].iloc[i : i + 2]))
+        yield _band(good, i, i + 1, "jump", " → ".join(change))
+    flies = (good["flight_fraction"] > 0.0).to_numpy(dtype=bool)
+    for i in np.flatnonzero(flies[1:] != flies[:-1]).tolist():
+        yield _band(good, i, i + 1, "liftoff" if flies[i + 1] else "flight-end", "")
+    if good[RMS].notna().any():
+        top = int(good[RMS].to_numpy(dtype=float, na_value=-1.0).argmax())
+        yield _band(good, top, top, "largest", str(good["sync"][top]))
+
+
+def _runs(names: list[Any]) -> Iterator[tuple[int, int]]:
+    """Yield the first and the last place of each run of equal names."""
+    first = 0
+    for i in range(1, len(names) + 1):
+        if i == len(names) or names[i] != names[first]:
+            yield first, i - 1
+            first = i
+
+
+def _band(rows: pd.DataFrame, first: int, last: int, kind: str, name: str) -> dict[str, Any]:
+    ends = {
+        f"{end}_{c}": rows[c].iloc[i] for c in (SUPPLY, EXCITATION, RMS) for end, i in (("from", first), ("to", last))
+    }
+    return {"kind": kind, "name": name, "points": last - first + 1} | ends
+
+
+# -- for the user -----------------------------------------------------------------------------------------
+
+_LABELS = {"jump": "jump", "liftoff": "lift-off", "flight-end": "end of flight", "largest": "largest RMS y"}
+
+
+def band_lines(table: pd.DataFrame) -> Iterator[str]:
+    """Yield the bands as text: a line that names each branch, and one for each of its bands below it."""
+    keys = list(table.columns[: list(table.columns).index("direction")])
+    for _, rows in table.groupby("branch", sort=True):
+        values = [f"{key} {rows[key].iloc[0]}" for key in keys]
+        yield ", ".join([*values, str(rows["direction"].iloc[0])])
+        for _, row in rows.iterrows():
+            yield f"  {_LABELS.get(row['kind'], row['name']):<26}{_span(row)}"
+
+
+def _span(row: pd.Series) -> str:
+    """Describe where a band is, and what happens there."""
+    kind = row["kind"]
+    across = " → " if kind in ("jump", "liftoff", "flight-end") else " … "
+    supply, found, height = ((row[f"from_{c}"], row[f"to_{c}"]) for c in (SUPPLY, EXCITATION, RMS))
+    parts = [f"f_e {_ends(supply, 'g', across)} Hz"]
+    if np.isfinite(found).all():
+        parts.append(f"f {_ends(found, '.2f', across)} Hz")
+    if kind in ("jump", "largest"):
+        parts.append(f"RMS y {_ends([1e3 * h for h in height], '.3g', across)} mm")
+    if kind == "jump":
+        parts.append(row["name"])
+    return ", ".join(parts)
+
+
+def _ends(values: Iterable[float], form: str, across: str) -> str:
+    return across.join(dict.fromkeys(format(value, form) for value in values))
