@@ -15,7 +15,15 @@ _COMMENTS = 44
 #: Most characters of a line.
 _WIDTH = 110
 #: What the template leaves out: other ways to give the same, and what few ever need.
-_LEFT_OUT = ("name", "motors.", "exciters.", "drive.program.", "run.initial.state.", "run.initial.phase_sum_rad")
+_LEFT_OUT = (
+    "name",
+    "orbits.",
+    "motors.",
+    "exciters.",
+    "drive.program.",
+    "run.initial.state.",
+    "run.initial.phase_sum_rad",
+)
 _HEAD = """\
 # A configuration to start from. Lines that begin with # are other ways to give something, or keys that are not needed.
 # vibroplat run {file}      simulates it, writes results/{name} and prints a summary

@@ -200,7 +200,11 @@ def test_dots_per_inch(written, tmp_path):
         (["a", "hard"], Wanted(), "hold no results of one command; allowed: several runs, or several sweeps"),
         (["soft", "hard"], Wanted(["map"]), "--kind map shows one sweep; allowed with 2 of them: response"),
         (["hard"], Wanted(start=1.0), "--start 1.0: no figure of DIR heeds it; allowed: with a run"),
-        (["a"], Wanted(x="supply"), "--x supply: no figure of DIR heeds it; allowed: with a sweep"),
+        (
+            ["a"],
+            Wanted(x="supply"),
+            "--x supply: no figure of DIR heeds it; allowed: with a sweep and branches of orbits",
+        ),
     ],
 )
 def test_what_results_cannot_show_is_refused(names, wanted, line, written):

@@ -67,6 +67,11 @@ class Family(NamedTuple):
     options: Collection[str]
     draw: Callable[[Sequence[Path], Sequence[str], Wanted], list[Path]]
 
+    @property
+    def one(self) -> str:
+        """Its name with an article."""
+        return self.name if self.name.startswith("branches") else f"a {self.name}"
+
     def is_in(self, directory: Path) -> bool:
         """Whether a directory holds such a result."""
         return any(directory.glob(f"{self.table}.*"))
@@ -97,7 +102,7 @@ def _orbits(directories: Sequence[Path], kinds: Sequence[str], wanted: Wanted) -
 FAMILIES = (
     Family("reproduction of the paper", "claims", (), (), _paper),
     Family("sweep", "sweep", ("response", "bifurcation", "map"), ("x", "data"), _sweep),
-    Family("result of orbits", "branches", tuple(ORBIT_FIGURES), ("x",), _orbits),
+    Family("branches of orbits", "branches", tuple(ORBIT_FIGURES), ("x",), _orbits),
     Family("run", "trajectory", tuple(FIGURES), ("start", "stop", "data"), _run),
 )
 
@@ -142,5 +147,5 @@ def _require_options(directory: Path, chosen: Sequence[Family], wanted: Wanted) 
     for option in ("start", "stop", "x", "data"):
         value = getattr(wanted, option)
         if value is not None and not any(option in family.options for family in chosen):
-            able = " and ".join(f"a {family.name}" for family in FAMILIES if option in family.options)
+            able = " and ".join(family.one for family in FAMILIES if option in family.options)
             raise VibroplatError(f"--{option} {value}: no figure of {directory} heeds it; allowed: with {able}")

@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 from vibroplat import orbit
 from vibroplat.errors import TableError
 from vibroplat.plots.orbits import MARKERS, draw_branch, plot_orbit, plot_orbits, read_branches
+from vibroplat.study.orbits.kinds import KINDS
 from vibroplat.study.orbits.report import write_orbits
-from vibroplat.study.orbits.special import KINDS
 from vibroplat.tables import write_table
 
 from .helpers import LIFTOFF, MASS
