@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -11,7 +12,10 @@ from vibroplat.hybrid.state import Automaton
 from vibroplat.hybrid.steps import Steps
 from vibroplat.kernels.compiled import FloatArray, compiled
 from vibroplat.kernels.foreign import borrow
-from vibroplat.kernels.polynomial import slope, turning_value, value
+from vibroplat.kernels.polynomial import HALVINGS, slope, values
+from vibroplat.model.accelerations import accelerations
+from vibroplat.model.parameters import Parameters
+from vibroplat.model.systems import ALGEBRAIC, SIZES
 
 
 class Closeness:
@@ -54,26 +58,50 @@ def look(owned_h: Automaton, least: FloatArray) -> None:
         piece = h.steps.pieces[k]
         mode = MODES[piece.system]
         if mode == ATTACHED:
-            least[0] = min(least[0], least_turn(h.steps, piece.first, piece.end, GUARDS[piece.system]))
+            least[0] = min(least[0], least_turn(h.steps, piece, h.p))
         elif mode == FLIGHT:
-            least[1] = min(least[1], least_turn(h.steps, piece.first, piece.end, GUARDS[piece.system]))
+            least[1] = min(least[1], least_turn(h.steps, piece, h.p))
 
 
 @compiled
-def least_turn(steps: Steps, first: int, end: int, j: int) -> float:
-    """Least value of unknown j where it turns from falling to rising in some steps; inf where it does not."""
-    least, degree = np.inf, steps.c.shape[1] - 1
+def least_turn(steps: Steps, piece: Any, p: Parameters) -> float:
+    """Least value of a piece's guard where it turns from falling to rising; inf where it does not.
+
+    The contact force is that of the equations at the state there, which is more accurate than its own polynomial.
+    """
+    j, degree, least = GUARDS[piece.system], steps.c.shape[1] - 1, np.inf
     points = max(degree, 4)
     falling = False
-    for row in range(first, end):
+    for row in range(piece.first, piece.end):
         c = steps.c[row]
         for i in range(points + 1):
             s = i / points
             rate = slope(c, degree, j, s)
             if falling and rate > 0.0:
-                found = value(c, degree, j, s)
-                if i > 0:
-                    found = turning_value(c, degree, j, s - 0.5 / points, s - 1.0 / points, s, found)
-                least = min(least, found)
+                low = max(s - 1.0 / points, 0.0)
+                least = min(least, guard_at(steps, piece, row, turning(c, degree, j, low, s), p))
             falling = rate < 0.0
     return least
+
+
+@compiled
+def turning(c: FloatArray, degree: int, j: int, low: float, high: float) -> float:
+    """Fraction of a step, between two, at which the slope of unknown j passes zero, by halving."""
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        if slope(c, degree, j, middle) < 0.0:
+            low = middle
+        else:
+            high = middle
+    return high
+
+
+@compiled
+def guard_at(steps: Steps, piece: Any, row: int, s: float, p: Parameters) -> float:
+    """Evaluate a piece's guard at a fraction of a step."""
+    system, size = piece.system, SIZES[piece.system]
+    y, yp = np.empty(size), np.empty(size)
+    values(steps.c[row], steps.c.shape[1] - 1, s, y)
+    if ALGEBRAIC[system]:
+        accelerations(system, piece.origin + steps.start[row] + s * steps.length[row], y, yp, p)
+    return y[GUARDS[system]]

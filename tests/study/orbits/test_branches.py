@@ -1,0 +1,174 @@
+"""Branches, boundaries and single orbits of a machine whose special points are known."""
+
+from __future__ import annotations
+
+from contextlib import closing
+
+import numpy as np
+import pytest
+from common.orbits import bounded, traced
+from common.shaken_table import GRAVITY, shaken, stable_range
+
+from study.orbits.helpers import MACHINE
+from vibroplat import load_config, orbit
+from vibroplat.flow.motion import Motion
+from vibroplat.hybrid.scales import state_scales
+from vibroplat.integrate.choice import make_engine
+from vibroplat.model.parameters import parameters
+from vibroplat.study.orbits.orbit import OrbitError
+
+KEY, MASS = "drive.supply_frequency_hz", "material.mass_ratio"
+
+#: Special points at these mass ratios, found by another program of the same model: supply frequency or, above 1 in the
+#: third place, excitation frequency (Hz).
+KNOWN = [
+    (0.0, "branch-point", "value", (61.974, 62.617, 69.264, 71.190)),
+    (0.1, "liftoff", "excitation_frequency_hz", (24.06,)),
+    (0.1, "end-of-sticking", "excitation_frequency_hz", (26.93,)),
+    (0.1, "period-doubling", "excitation_frequency_hz", (27.332,)),
+    (0.1, "neimark-sacker", "excitation_frequency_hz", (28.28,)),
+    (0.2, "liftoff", "excitation_frequency_hz", (23.92,)),
+    (0.2, "end-of-sticking", "excitation_frequency_hz", (27.53,)),
+    (0.2, "period-doubling", "excitation_frequency_hz", (28.129,)),
+    (0.2, "neimark-sacker", "excitation_frequency_hz", (28.78,)),
+]
+
+
+def machine(mass, engine="taylor", **changes):
+    """The machine, with its whole range of frequencies as the plan of its branches."""
+    plan = {"key": KEY, "start": 42.0, "stop": 80.0} | changes
+    return load_config(MACHINE, {"solver.engine": engine, MASS: mass, "orbits": plan})
+
+
+@pytest.fixture(scope="module")
+def branches():
+    """Branches by mass ratio."""
+    return {mass: traced(machine(mass)) for mass in (0.0, 0.1, 0.2)}
+
+
+@pytest.mark.parametrize(("mass", "kind", "column", "places"), KNOWN)
+def test_special_points_are_where_they_were_found_before(branches, mass, kind, column, places):
+    special = [s for branch in branches[mass] for s in branch.special if s["kind"] == kind]
+    for place in places:
+        digits = len(str(place).partition(".")[2])
+        assert min(abs(s[column] - place) for s in special) <= max(0.002, 0.6 * 10.0**-digits)
+
+
+@pytest.mark.parametrize("mass", [0.0, 0.1, 0.2])
+def test_branches_go_through_the_whole_range_in_both_synchronizations(branches, mass):
+    found = branches[mass]
+    assert not any(branch.failed for branch in found)
+    for sync in ("antiphase", "in-phase"):
+        values = [row["value"] for branch in found for row in branch.rows if row["sync"] == sync]
+        assert (min(values), max(values)) == (42.0, 80.0)
+
+
+def test_points_are_orbits_and_cost_few_turns(branches):
+    rows = [row for found in branches.values() for branch in found for row in branch.rows]
+    assert max(row["residual"] for row in rows) < 1e-8
+    assert sum(row["turns"] / row["period"] for row in rows) < 7.0 * len(rows)
+    assert {row["period"] for row in rows} == {1}
+
+
+def test_intermediate_orbits_without_material_are_unstable(branches):
+    between = [row for branch in branches[0.0] for row in branch.rows if row["sync"] == "intermediate"]
+    assert between
+    assert not any(row["stable"] for row in between)
+
+
+def test_engines_agree_on_orbits():
+    ends = {"start": 47.0, "stop": 48.5, "switch": []}
+    by_engine = [traced(machine(0.1, engine, **ends))[0] for engine in ("taylor", "native")]
+    # native's steps are cubics, between whose ends a state is good to some 1e-8
+    first, second = ([s["value"] for s in branch.special] for branch in by_engine)
+    assert first == pytest.approx(second, abs=1e-6)
+    ends = [branch.rows[-1] for branch in by_engine]
+    for name in ("period_s", "rms_y_m", "multiplier_1_re", "contact_force_max_n"):
+        assert ends[0][name] == pytest.approx(ends[1][name], rel=1e-6)
+
+
+def farthest(row, mass, seconds):
+    """Follow an orbit disturbed by 1e-3; its distance from the orbit at the section in the first and last turns."""
+    scene = machine(mass).replace({KEY: row["value"], "solver.tolerance": 1e-9})
+    scales, start = state_scales(scene), np.array(row["state"])
+    rates = np.random.default_rng(0).standard_normal(5)
+    begun = start.copy()
+    begun[7:12] += 1e-3 * scales[7:12] * rates / np.linalg.norm(rates)
+    turns = int(seconds / row["period_s"])
+    p = parameters(scene)
+    with closing(make_engine(scene, p)) as engine:
+        motion = Motion(scene, p, engine, begun)
+        motion.to_time(seconds)
+        motion.to_section(1, 1.0)
+        disturbed = motion.state
+        motion.begin_again(start)
+        motion.to_section(1, 1.0)
+        own = motion.state
+    assert turns > 100
+    difference = (disturbed - own) / scales
+    difference[3:5] -= 2.0 * np.pi * np.round(difference[3:5] / (2.0 * np.pi))
+    return float(np.abs(difference).max())
+
+
+@pytest.mark.parametrize("mass", [0.0, 0.2])
+def test_stable_orbits_stay_and_unstable_ones_leave(branches, mass):
+    """Points well inside and outside the unit circle; 60 s are 1200 turns and more."""
+    rows = [row for branch in branches[mass] for row in branch.rows]
+    size = np.array([abs(complex(row["multiplier_1_re"], row["multiplier_1_im"])) for row in rows])
+    stable = [rows[i] for i in np.flatnonzero(size < 0.993)][::12]
+    unstable = [rows[i] for i in np.flatnonzero(size > 1.03)][::12]
+    assert min(len(stable), len(unstable)) >= 3
+    assert max(farthest(row, mass, 60.0) for row in stable) < 1e-5
+    assert min(farthest(row, mass, 60.0) for row in unstable) > 1e-2
+
+
+def test_boundaries_go_through_the_points_of_other_branches(branches):
+    """Curves over the mass ratio from 0.2 pass the special points found at 0.1."""
+    second = {"key": MASS, "start": 0.05, "stop": 0.3, "max_points": 60}
+    _, curves = bounded(machine(0.2, start=46.0, stop=60.0, switch=[], boundaries=second))
+    assert {curve.kind for curve in curves} == {"liftoff", "end-of-sticking", "period-doubling", "neimark-sacker"}
+    for curve in curves:
+        ratio, value = (np.array([row[name] for row in curve.rows]) for name in ("second", "value"))
+        assert curve.ended == ["end of a key's range"] * 2
+        order = np.argsort(ratio)
+        near = np.argsort(np.abs(ratio - 0.1))[:4]
+        fitted = np.polyval(np.polyfit(ratio[near] - 0.1, value[near], 3), 0.0)
+        (special,) = [s for s in branches[0.1][0].special if s["kind"] == curve.kind and s["value"] < 60.0]
+        assert fitted == pytest.approx(special["value"], abs=2e-4)
+        assert np.diff(ratio[order]).max() < 0.02
+
+
+def test_doubling_of_the_ball_over_restitution():
+    middle = 0.5 * sum(stable_range(0.5))
+    plan = {"key": "machine.gravity_m_per_s2", "start": GRAVITY, "stop": GRAVITY * middle / 1.7, "from": "state"}
+    plan |= {"switch": [], "boundaries": {"key": "contact.restitution", "start": 0.45, "stop": 0.55}}
+    _, curves = bounded(shaken(middle, 0.5).replace({"orbits": plan}))
+    (doubling,) = [curve for curve in curves if curve.kind == "period-doubling"]
+    assert len(doubling.rows) > 10
+    for row in doubling.rows:
+        gamma = middle * GRAVITY / row["value"]
+        assert gamma == pytest.approx(stable_range(row["second"])[1], rel=1e-6)
+
+
+def test_an_orbit_is_found_from_all_guesses():
+    scene = load_config(MACHINE, {"solver.engine": "taylor", MASS: 0.2, KEY: 50.0})
+    settled = orbit(scene)
+    assert (settled.sequence, settled.period, settled.stable) == ("liftoff stick", 1, True)
+    assert settled.residual < 1e-8
+    run = settled.run
+    assert run.summary["simulated_s"] == pytest.approx(settled.period_s)
+    assert run.final_state[[0, 1, 2]] == pytest.approx(settled.state[[0, 1, 2]], abs=1e-9)
+    for guess in (settled, settled.state, run, run.trajectory.iloc[3]):
+        again = orbit(scene, guess)
+        assert again.period_s == pytest.approx(settled.period_s, rel=1e-9)
+        assert np.abs(again.multipliers[:3]) == pytest.approx(np.abs(settled.multipliers[:3]), abs=1e-6)
+
+
+def test_an_orbit_that_is_not_there_is_told_with_its_residuals():
+    scene = load_config(MACHINE, {"solver.engine": "taylor", MASS: 0.2, KEY: 50.0})
+    with pytest.raises(OrbitError, match=r"orbits.period = 2 but the motion repeats after 1; allowed: 1"):
+        orbit(scene, period=2)
+    state = orbit(scene).state
+    state[7:12] += 30.0 * state_scales(scene)[7:12]
+    with pytest.raises(OrbitError, match=r"no orbit of period 1 near the start: .*; last residuals: \d"):
+        orbit(scene, state)
