@@ -10,7 +10,7 @@ import typer
 
 
 class PlotKind(StrEnum):
-    """Figures: the first three show a run, the last two orbits, the others a sweep."""
+    """Figures: the first three show a run, the last three orbits, the others a sweep."""
 
     motion = "motion"
     force = "force"
@@ -20,6 +20,7 @@ class PlotKind(StrEnum):
     map = "map"
     branches = "branches"
     multipliers = "multipliers"
+    boundaries = "boundaries"
 
 
 class Abscissa(StrEnum):

@@ -47,7 +47,6 @@ PANELS = {
 ABSCISSAE = {EXCITATION: "excitation frequency $f$ (Hz)", SUPPLY: "supply frequency $f_e$ (Hz)"}
 #: Markers of kinds of special points.
 MARKERS = dict(zip(KINDS, "oDsX^vP", strict=True))
-#: Markers of the directions of a sweep.
 #: Colours of what is behind the branches, and of lines of reference.
 BEHIND = "#9a9a9a"
 #: Largest real and imaginary part of multipliers that are drawn.
@@ -128,7 +127,7 @@ def plot_orbits(
     kinds
         ``branches`` (amplitudes, phase difference, power and force: stable solid, unstable dashed, special points
         marked, points of a sweep in the same directory behind them), ``multipliers`` (on the plane, and the largest
-        over the key). Default: both.
+        over the key), ``boundaries`` (over two keys). Default: all that there are tables of.
     x
         Column of the horizontal axis. Default: the excitation frequency if the key is the supply frequency, else the
         key.
@@ -142,8 +141,12 @@ def plot_orbits(
     """
     found = read_branches(directory)
     column = x or (EXCITATION if found.key == SUPPLY else found.key)
+    has_curves = any(directory.glob("boundaries.*"))
+    if "boundaries" in kinds and not has_curves:
+        raise TableError(f"{directory} holds no boundaries; add orbits.boundaries to its configuration")
+    drawn = kinds or [kind for kind in FIGURES if has_curves or kind != "boundaries"]
     with styled():
-        return [save(FIGURES[kind](found, column), directory, kind, saving) for kind in kinds or FIGURES]
+        return [save(FIGURES[kind](found, column), directory, kind, saving) for kind in drawn]
 
 
 def read_branches(directory: Path) -> Branches:
@@ -295,6 +298,52 @@ def _legend(found: Branches, x: str) -> list[Line2D]:
     return handles
 
 
+# -- boundaries --------------------------------------------------------------------------------------------------------
+
+
+def boundaries_figure(found: Branches, x: str) -> Figure:
+    """Draw curves of special points over two keys: the second one over a column; a colour for each kind."""
+    table = Result(found.result.directory, "orbits").table("boundaries")
+    keys = [str(column) for column in table if column not in ("curve", "kind", "branch", EXCITATION, "period", *found.grid)]
+    combinations = table[found.varied].drop_duplicates() if found.varied else table.iloc[:1]
+    figure, axes = new_figure(1, max(len(combinations), 1), (1.5 + 5.5 * max(len(combinations), 1), 5.2), sharey=True)
+    for axis, (_, values) in zip(axes[0], combinations.iterrows(), strict=True):
+        rows = table
+        for key in found.varied:
+            rows = rows[rows[key] == values[key]]
+        draw_boundaries(axis, rows, keys[1], x)
+        axis.set_xlabel(_abscissa(x))
+        axis.set_title(", ".join(_valued(key, values[key]) for key in found.varied), loc="left")
+    axes[0, 0].set_ylabel(_abscissa(keys[1]))
+    kinds = [kind for kind in KINDS if (table["kind"] == kind).any()]
+    handles = [Line2D([], [], color=_colour(kind), lw=1.8, label=f"{kind}: {KINDS[kind]}") for kind in kinds]
+    figure.legend(handles=handles, loc="outside lower center", ncols=1)
+    head(figure, found.result.directory.resolve().name)
+    return figure
+
+
+def draw_boundaries(axis: Axes, table: pd.DataFrame, key: str, x: str = EXCITATION) -> Axes:
+    """Draw curves of special points: a key over a column, a colour for each kind.
+
+    Parameters
+    ----------
+    axis
+        Where to draw.
+    table
+        Rows of the table ``boundaries``.
+    key, x
+        Columns of both axes.
+    """
+    for _, rows in table.groupby("curve"):
+        kind = rows["kind"].iloc[0]
+        axis.plot(rows[x], rows[key], color=_colour(kind), lw=1.8)
+    return axis
+
+
+def _colour(kind: str) -> str:
+    return CURVES[list(KINDS).index(kind) % len(CURVES)]
+
+
 # -- multipliers -------------------------------------------------------------------------------------------------------
 
 
@@ -401,4 +450,5 @@ def _abscissa(column: str) -> str:
 FIGURES: Mapping[str, Callable[[Branches, str], Figure]] = {
     "branches": branches_figure,
     "multipliers": multipliers_figure,
+    "boundaries": boundaries_figure,
 }
