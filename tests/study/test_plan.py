@@ -12,10 +12,10 @@ from vibroplat.sweep_plan import Frequencies
 
 from .helpers import planned
 
-SECTIONS = "name, machine, motor, motors, exciters, material, contact, drive, run, solver, output, sweep"
+SECTIONS = "name, machine, motor, motors, exciters, material, contact, drive, run, solver, output, sweep, orbits"
 PLAN = (
     "supply_frequency_hz, grid, kind, settle_s, max_settle_s, settle_tolerance, measure_s, period_tolerance, "
-    "perturbation, seed, lyapunov"
+    "perturbation, seed, lyapunov, confirm"
 )
 MATERIAL = "mass_ratio, layers, lower_share, natural_frequency_hz, stiffness_n_per_m, damping_ratio, damping_n_s_per_m"
 

@@ -304,7 +304,8 @@ def _legend(found: Branches, x: str) -> list[Line2D]:
 def boundaries_figure(found: Branches, x: str) -> Figure:
     """Draw curves of special points over two keys: the second one over a column; a colour for each kind."""
     table = Result(found.result.directory, "orbits").table("boundaries")
-    keys = [str(column) for column in table if column not in ("curve", "kind", "branch", EXCITATION, "period", *found.grid)]
+    others = ("curve", "kind", "branch", EXCITATION, "period", *found.grid)
+    keys = [str(column) for column in table if column not in others]
     combinations = table[found.varied].drop_duplicates() if found.varied else table.iloc[:1]
     figure, axes = new_figure(1, max(len(combinations), 1), (1.5 + 5.5 * max(len(combinations), 1), 5.2), sharey=True)
     for axis, (_, values) in zip(axes[0], combinations.iterrows(), strict=True):
