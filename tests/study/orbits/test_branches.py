@@ -155,6 +155,7 @@ def test_an_orbit_is_found_from_all_guesses():
     settled = orbit(scene)
     assert (settled.sequence, settled.period, settled.stable) == ("liftoff stick", 1, True)
     assert settled.residual < 1e-8
+    assert repr(settled).splitlines()[1] == "  events of a period    liftoff stick"
     run = settled.run
     assert run.summary["simulated_s"] == pytest.approx(settled.period_s)
     assert run.final_state[[0, 1, 2]] == pytest.approx(settled.state[[0, 1, 2]], abs=1e-9)

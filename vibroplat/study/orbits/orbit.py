@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -42,7 +42,7 @@ class OrbitError(VibroplatError):
     exit_code = 2
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Orbit:
     """A periodic orbit.
 
@@ -75,8 +75,21 @@ class Orbit:
     multipliers: npt.NDArray[np.complex128]
     residual: float
     sequence: str
-    measures: dict[str, Any] = field(repr=False)
-    residuals: Sequence[float] = field(repr=False, default=())
+    measures: dict[str, Any]
+    residuals: Sequence[float] = ()
+
+    def __repr__(self) -> str:
+        kind = "stable" if self.stable else f"unstable ({self.unstable} multipliers outside the unit circle)"
+        largest = abs(self.multipliers[0]) if self.multipliers.size else 0.0
+        lines = (
+            f"Orbit of {self.scene.name}: period {self.period} ({self.period_s:.9g} s), {kind}",
+            f"  events of a period    {self.sequence}",
+            f"  excitation frequency  {self.excitation_frequency_hz:.9g} Hz",
+            f"  RMS x, y              {self.measures['rms_x_m']:.6g}, {self.measures['rms_y_m']:.6g} m",
+            f"  largest multiplier    {largest:.9g}",
+            f"  residual              {self.residual:.2g}",
+        )
+        return "\n".join(lines)
 
     @property
     def unstable(self) -> int:
