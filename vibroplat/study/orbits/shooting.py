@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 import numpy.typing as npt
@@ -15,10 +14,9 @@ from vibroplat.hybrid.modes import IMPACT, LATCH
 from vibroplat.hybrid.scales import state_scales
 from vibroplat.integrate.choice import make_engine
 from vibroplat.kernels.compiled import FloatArray
-from vibroplat.model.accelerations import accelerations
 from vibroplat.model.parameters import Parameters, parameters
 from vibroplat.model.sensitivity import Course, difference, with_value
-from vibroplat.model.systems import FULL_SIZE, SYSTEMS, systems
+from vibroplat.model.systems import FULL_SIZE, systems
 from vibroplat.observe.audit import Energies
 from vibroplat.observe.closeness import Closeness
 from vibroplat.observe.events import Events
@@ -119,12 +117,6 @@ class Shooter:
         self.held: dict[str, float] = {}
         self._course = None if course is None or len(self.keys) != 1 else Course(scene, self.keys[0], *course)
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
     def close(self) -> None:
         """Free what the engine holds."""
         self.engine.close()
@@ -188,7 +180,7 @@ class Shooter:
         found = Shot(
             start=start,
             state=motion.state,
-            rates=self._rates(),
+            rates=motion.rates,
             begins=begins,
             ends=self._system,
             duration=duration,
@@ -209,15 +201,6 @@ class Shooter:
     def _system(self) -> int:
         """Number of the present system."""
         return self._numbers[int(self.motion.automaton.run["mode"])]
-
-    def _rates(self) -> FloatArray:
-        """Rates of the full state now, shape (14,)."""
-        h = self.motion.automaton
-        system = SYSTEMS[self._system]
-        y, yp = system.unknowns(h.run["state"]), np.zeros(system.size)
-        accelerations(system.index, float(h.run["now"]), y, yp, h.p)
-        rates: FloatArray = system.full(yp)
-        return rates
 
 
 def _undivided(statistics: Statistics) -> Measures:
