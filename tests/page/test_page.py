@@ -237,6 +237,14 @@ def test_orbits_are_solid_where_stable_and_dashed_elsewhere():
         assert (table["stable"][one["rows"][1:]] == (one["dash"] == "solid")).all()
 
 
+def test_page_of_orbits_tells_no_section_that_was_left_empty(followed):
+    data = shown(followed)
+    told = {row["words"]: row["values"] for row in data["parameters"] if row["section"] == "orbits"}
+    assert told["stop"] == [0.3]
+    assert "step" not in told
+    assert "followed" in report.page(data)
+
+
 def test_special_points_stand_at_the_nearest_orbit():
     table = handmade.branches()
     marks = points.special_marks(handmade.special(table), table)
