@@ -103,7 +103,8 @@ def write_orbits(directory):
     directory.mkdir(parents=True)
     table = branches()
     tables = {"branches": table, "special": special(table), "boundaries": boundaries()}
-    write_result(directory, "orbits", origin("followed"), tables, form="parquet")
+    plan = {"key": "material.mass_ratio", "start": 0.0, "stop": 0.3}
+    write_result(directory, "orbits", origin("followed", orbits=plan), tables, form="parquet")
     return directory
 
 
