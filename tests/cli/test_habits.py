@@ -57,8 +57,11 @@ def test_completion_is_installed_by_typer(command):
 def test_new_writes_the_quickstart_with_all_its_keys(command, here):
     done = command("new", "mine.yaml")
     assert (done.code, done.err) == (0, "")
-    assert done.out == "mine.yaml: change it, then run `vibroplat run mine.yaml` or `vibroplat sweep mine.yaml`\n"
-    assert load_config("mine.yaml") == load_config(QUICKSTART, {"name": "mine"})
+    commands = "`vibroplat run mine.yaml`, `vibroplat sweep mine.yaml` or `vibroplat orbits mine.yaml`"
+    assert done.out == f"mine.yaml: change it, then run {commands}\n"
+    written = load_config("mine.yaml")
+    assert written.orbits.key == "drive.supply_frequency_hz"
+    assert written.replace({"orbits": None}) == load_config(QUICKSTART, {"name": "mine"})
     text = (here / "mine.yaml").read_text()
     for name, key in keys().items():
         if name.startswith(("machine.", "motor.", "material.", "contact.", "solver.")):

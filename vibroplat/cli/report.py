@@ -16,7 +16,7 @@ def report(
     start: Annotated[float | None, typer.Option(help="Start of the interval in which the machine moves (s).")] = None,
     stop: Annotated[float | None, typer.Option(help="End of that interval (s).")] = None,
 ) -> None:
-    """Write a page to look at and to hand on.
+    """Write an HTML page of results, to look at and to hand on.
 
     One HTML file with curves, tables and the moving machine of all results side by side; it opens offline in a browser.
     """

@@ -49,8 +49,8 @@ ABSCISSAE = {EXCITATION: "excitation frequency $f$ (Hz)", SUPPLY: "supply freque
 MARKERS = dict(zip(KINDS, "oDsX^vP", strict=True))
 #: Colours of what is behind the branches, and of lines of reference.
 BEHIND = "#9a9a9a"
-#: Largest real and imaginary part of multipliers that are drawn.
-FARTHEST = 2.0
+#: Largest real and imaginary part of multipliers that are drawn, and the least frame, just around the unit circle.
+FARTHEST, NEAREST = 2.0, 1.1
 #: Largest multiplier above which their axis is logarithmic.
 LOGARITHMIC = 10.0
 #: Least range of an axis of RMS, relative to the largest RMS of y: small quantities are drawn small.
@@ -355,11 +355,13 @@ def multipliers_figure(found: Branches, x: str) -> Figure:
         combinations.setdefault((number, label), []).append(points)
     values = found.points[x]
     norm = Normalize(float(values.min()), float(values.max()))
+    farthest = found.points.filter(regex=r"^multiplier_\d+_(re|im)$").abs().max(axis=None)
+    frame = float(np.clip(1.05 * farthest, NEAREST, FARTHEST))
     size = (1.5 + 4.3 * len(combinations), 8.2)
     figure, axes = new_figure(2, len(combinations), size, sharey="row", height_ratios=(1.35, 1.0))
     for (number, label), (plane, largest) in zip(combinations, axes.T, strict=True):
         parts = combinations[number, label]
-        _draw_plane(plane, pd.concat(parts), x, norm)
+        _draw_plane(plane, pd.concat(parts), x, norm, frame)
         plane.set_title(label, loc="left")
         for points in parts:
             _draw_largest(largest, points, x, CURVES[number % len(CURVES)])
@@ -375,7 +377,7 @@ def multipliers_figure(found: Branches, x: str) -> Figure:
     return figure
 
 
-def _draw_plane(axis: Axes, points: pd.DataFrame, x: str, norm: Normalize) -> None:
+def _draw_plane(axis: Axes, points: pd.DataFrame, x: str, norm: Normalize, frame: float) -> None:
     """Draw multipliers and the unit circle; say how many lie farther away than the frame."""
     angle = np.linspace(0.0, 2.0 * np.pi, 361)
     axis.plot(np.cos(angle), np.sin(angle), color=REFERENCE, lw=1.0)
@@ -384,15 +386,15 @@ def _draw_plane(axis: Axes, points: pd.DataFrame, x: str, norm: Normalize) -> No
         if f"multiplier_{i}_re" not in points:
             break
         real, imaginary = (points[f"multiplier_{i}_{part}"].to_numpy(dtype=float) for part in ("re", "im"))
-        far = (np.abs(real) > FARTHEST) | (np.abs(imaginary) > FARTHEST)
+        far = (np.abs(real) > frame) | (np.abs(imaginary) > frame)
         outside += int(far.sum())
         shown = points[x].to_numpy(dtype=float)[~far]
         axis.scatter(real[~far], imaginary[~far], s=7.0, c=shown, cmap="viridis", norm=norm, linewidths=0.0)
     if outside:
         axis.text(0.02, 0.02, f"{outside} farther away", transform=axis.transAxes, fontsize=8, color=REFERENCE)
     axis.set_aspect("equal")
-    axis.set_xlim(-FARTHEST, FARTHEST)
-    axis.set_ylim(-FARTHEST, FARTHEST)
+    axis.set_xlim(-frame, frame)
+    axis.set_ylim(-frame, frame)
 
 
 def _draw_largest(axis: Axes, points: pd.DataFrame, x: str, color: Any) -> None:
