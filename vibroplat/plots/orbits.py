@@ -355,7 +355,7 @@ def multipliers_figure(found: Branches, x: str) -> Figure:
         combinations.setdefault((number, label), []).append(points)
     values = found.points[x]
     norm = Normalize(float(values.min()), float(values.max()))
-    farthest = found.points.filter(regex=r"^multiplier_\d+_(re|im)$").abs().max(axis=None)
+    farthest = found.points.filter(regex=r"^multiplier_\d+_(re|im)$").abs().max().max()
     frame = float(np.clip(1.05 * farthest, NEAREST, FARTHEST))
     size = (1.5 + 4.3 * len(combinations), 8.2)
     figure, axes = new_figure(2, len(combinations), size, sharey="row", height_ratios=(1.35, 1.0))
