@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from vibroplat.errors import TableError
+from vibroplat.plots.names import scene_of, sweep_parameters
 from vibroplat.plots.reading import read_columns
 from vibroplat.plots.style import CURVES, DIRECTIONS, REFERENCE, Saving, head, new_figure, plain, save, styled
 from vibroplat.results import Result
@@ -83,6 +84,11 @@ class Branches:
     swept: pd.DataFrame | None
     key: str
     grid: list[str]
+
+    @property
+    def parameters(self) -> str:
+        """What a reader wants to know of the scene, but for the key and the grid."""
+        return sweep_parameters(scene_of(self.result.provenance), [*self.grid, self.key])
 
     @property
     def varied(self) -> list[str]:
@@ -191,9 +197,12 @@ def branches_figure(found: Branches, x: str) -> Figure:
     for axis in axes.T.ravel()[[height - 1, len(columns) - 1]]:
         axis.set_xlabel(_abscissa(x))
         axis.tick_params(labelbottom=True)
-    head(figure, found.result.directory.resolve().name)
+    head(figure, found.result.directory.resolve().name, found.parameters)
     handles = _legend(found, x)
-    figure.legend(handles=handles, loc="outside lower center", ncols=2 if len(found.special) else len(handles))
+    if len(columns) < axes.size:  # the empty place
+        axes[-1, -1].legend(handles=handles, loc="center", borderpad=0.0)
+    else:
+        figure.legend(handles=handles, loc="outside lower center", ncols=2 if len(found.special) else len(handles))
     return figure
 
 
@@ -319,7 +328,7 @@ def boundaries_figure(found: Branches, x: str) -> Figure:
     kinds = [kind for kind in KINDS if (table["kind"] == kind).any()]
     handles = [Line2D([], [], color=_colour(kind), lw=1.8, label=f"{kind}: {KINDS[kind]}") for kind in kinds]
     figure.legend(handles=handles, loc="outside lower center", ncols=1)
-    head(figure, found.result.directory.resolve().name)
+    head(figure, found.result.directory.resolve().name, found.parameters)
     return figure
 
 
@@ -373,7 +382,7 @@ def multipliers_figure(found: Branches, x: str) -> Figure:
     if np.hypot(found.points["multiplier_1_re"], found.points["multiplier_1_im"]).max() > LOGARITHMIC:
         axes[1, 0].set_yscale("log")
     figure.colorbar(ScalarMappable(norm, "viridis"), ax=list(axes[0]), pad=0.01).set_label(_abscissa(x))
-    head(figure, found.result.directory.resolve().name)
+    head(figure, found.result.directory.resolve().name, found.parameters)
     return figure
 
 
