@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import signal
 import sqlite3
@@ -12,9 +13,12 @@ from common.commands import ended, not_a_line, sending
 from common.places import ROOT
 from common.results import bits, left
 
-from vibroplat import load_config
+from vibroplat import load_config, orbit
 from vibroplat.flow.warm import load_kernels
+from vibroplat.study.execution import Inline
 from vibroplat.study.orbits.tables import planned
+from vibroplat.study.orbits.tracing import trace
+from vibroplat.study.store import Store
 
 MACHINE = Path(__file__).parents[1] / "study/orbits/machine.yaml"
 HEAD = f"extends: {MACHINE}\nname: c\nsolver: {{engine: taylor}}\n"
@@ -179,7 +183,29 @@ def test_start_that_is_not_periodic_is_refused(command, config):
     text = f"motors: [{{pole_pairs: 2}}, {{pole_pairs: 3}}]\norbits: {{{KEY}, start: 60, stop: 61}}\n"
     done = command("orbits", config(text))
     assert not_a_line(done) == ""
-    assert done.err.startswith("vibroplat: no orbit of period 1 near the start: ")
+    assert done.err.startswith(
+        "vibroplat: no orbit of period 1 near the start: exciters are not in step: exciter 2 makes 0.66"
+    )
+    assert " turns in 1 of exciter 1, allowed: whole turns; their motors have 2 and 3 pole pairs; " in done.err
+
+
+class Elsewhere(Inline):
+    """Works in another directory, as workers of a scheduler do."""
+
+    def submit(self, function, *arguments):
+        Path("elsewhere").mkdir(exist_ok=True)
+        with contextlib.chdir("elsewhere"):
+            return super().submit(function, *arguments)
+
+
+def test_run_to_begin_from_is_relative_to_the_directory_of_the_command(command, config):
+    assert command("run", config("run: {duration_s: 2}\n"), "--out", "runs").code == 0
+    plan = f"orbits: {{{KEY}, start: 51.5, stop: 52.0, from: runs/c, max_points: 2}}\n"
+    scene = load_config(config(plan))
+    with Store(None, {}) as store:
+        (branch,) = trace(scene, store, Elsewhere())
+    settled = orbit(scene.replace({"drive.supply_frequency_hz": 51.5}))
+    assert branch.rows[0]["rms_y_m"] == pytest.approx(settled.measures["rms_y_m"], rel=1e-6)
 
 
 def test_after_a_start_without_orbit_nothing_is_unfinished(command, config):

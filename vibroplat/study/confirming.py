@@ -12,7 +12,7 @@ from vibroplat.columns import Column, Columns
 from vibroplat.errors import VibroplatError
 from vibroplat.scene import Scene
 from vibroplat.study.lyapunov import lyapunov
-from vibroplat.study.orbits.orbit import accurate, first_orbit, measures_of_orbit
+from vibroplat.study.orbits.orbit import accurate, columns_told, first_orbit, measures_of_orbit, told
 from vibroplat.study.orbits.shooting import Shooter
 from vibroplat.study.point import Point, lost, measure_point
 from vibroplat.study.tasks import Task
@@ -31,11 +31,7 @@ CONFIRMED: Columns = {
     "orbit_distance": Column("distance of the settled motion from the orbit", "largest, in the scales of the scene"),
     "orbit_residual": Column("how far the orbit is from closing", "in the scales of the scene"),
     "orbit_unstable": Column("number of Floquet multipliers outside the unit circle"),
-    **{
-        f"multiplier_{i + 1}_{part}": Column(f"{which} part of Floquet multiplier {i + 1}", "the largest is the first")
-        for i in range(TOLD)
-        for part, which in (("re", "real"), ("im", "imaginary"))
-    },
+    **columns_told(TOLD),
     **{
         f"exponent_{i + 1}_per_s": Column(f"Lyapunov exponent {i + 1}", "of motion that does not repeat")
         for i in range(TOLD)
@@ -76,9 +72,7 @@ def _orbit(scene: Scene, state: list[float], period: int) -> dict[str, Any]:
         row["orbit_distance"] = float(np.abs((near - frame.base) / shooter.scales).max())
         row["orbit_residual"] = found.residuals[-1]
         row["orbit_unstable"] = int((np.abs(multipliers) > 1.0).sum())
-        for i, multiplier in enumerate(multipliers[:TOLD]):
-            row[f"multiplier_{i + 1}_re"], row[f"multiplier_{i + 1}_im"] = multiplier.real, multiplier.imag
-        return row
+        return row | told(multipliers, TOLD)
 
 
 def _exponents(scene: Scene, state: list[float]) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from vibroplat import load_config, orbit, orbits
 from vibroplat.errors import ConfigError
 from vibroplat.scene import COORDINATES, RATES
 from vibroplat.study.execution import Inline
+from vibroplat.study.orbits.orbit import told
 from vibroplat.study.orbits.tables import boundary_table, planned, summary, tables
 from vibroplat.study.orbits.tracing import Traced, families, trace
 from vibroplat.study.point import MEASURED
@@ -113,6 +114,15 @@ def test_summary_tells_how_each_branch_ended(scene, found):
         assert branch["ended"] == "stop of the key's range"
         assert branch["points"] == branch["stable"] > 3
     assert progressed[-1][-1] == told["points"]
+
+
+def test_pairs_of_multipliers_are_told_whole_or_not_at_all():
+    pair = np.array([0.5 + 0.1j, 0.5 - 0.1j])
+    real = np.array([0.9, 0.8, 0.7, 0.4], dtype=complex)
+    assert list(told(np.concatenate([real[:3], pair]), 4).values()) == [0.9, 0.0, 0.8, 0.0, 0.7, 0.0, None, None]
+    assert list(told(np.concatenate([real[:2], pair, real[3:]]), 4).values())[4:] == [0.5, 0.1, 0.5, -0.1]
+    assert list(told(real, 4).values())[6:] == [0.4, 0.0]
+    assert list(told(real[:1], 2).values()) == [0.9, 0.0, None, None]
 
 
 @pytest.mark.parametrize("place", ["nowhere", "."])

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
+from vibroplat.columns import Column, Columns
 from vibroplat.errors import ConfigError, VibroplatError
 from vibroplat.flow.beginning import beginning, end_of
 from vibroplat.flow.run import simulate
@@ -32,6 +33,10 @@ SETTLING = (24, 96, 384)
 INTEGRATOR = 0.1
 #: Residual, over the tolerance, within which an orbit repeats after fewer turns.
 REPEATS = 1e4
+
+#: Periods over which the turns of both exciters are compared where no orbit is found, and how far from whole turns in
+#: each those of exciter 2 may be.
+WATCHED, OUT_OF_STEP = 200, 2e-3
 
 _TURN = 2.0 * np.pi
 
@@ -109,11 +114,8 @@ class Orbit:
     @cached_property
     def run(self) -> Trajectory:
         """One period of it, as a run with dense output."""
-        names = (*COORDINATES, *RATES)
-        present = [*self.scene.coordinates, *(7 + i for i in self.scene.coordinates)]
-        state = {names[i]: float(self.state[i]) for i in present}
-        initial = {"run.initial": {"state": state}, "run.duration_s": self.period_s, "run.perturbation": 0.0}
-        return simulate(self.scene.replace(initial))
+        changes = {"run.duration_s": self.period_s, "run.perturbation": 0.0}
+        return simulate(beginning_at(self.scene, self.state).replace(changes))
 
 
 def orbit(scene: Scene, guess: Any = None, *, period: int = 1, tolerance: float = 1e-8) -> Orbit:
@@ -194,7 +196,26 @@ def first_orbit(
         return problem, frame, found
     assert why is not None
     last = ", ".join(f"{r:.1e}" for r in why.residuals[-4:]) or "none"
-    raise OrbitError(f"no orbit of period {period} near the start: {why.why}; last residuals: {last}")
+    reason = _out_of_step(shooter, state, period) or why.why
+    raise OrbitError(f"no orbit of period {period} near the start: {reason}; last residuals: {last}")
+
+
+def _out_of_step(shooter: Shooter, state: FloatArray, period: int) -> str:
+    """Say so if exciter 2 does not make whole turns in a period of the motion from a state; else ""."""
+    scene = shooter.scene
+    shot = shooter.shot(state, WATCHED * period * _TURN / scene.speed_scale)
+    first, second = shot.state[3:5] - state[3:5]
+    if shot.outcome != "ok" or abs(first) < _TURN:
+        return ""
+    turns = period * second / abs(first)
+    if abs(turns - round(turns)) < OUT_OF_STEP:
+        return ""
+    poles = [exciter.pole_pairs for exciter in scene.exciter_pair]
+    unequal = f"; their motors have {poles[0]} and {poles[1]} pole pairs" if poles[0] != poles[1] else ""
+    return (
+        f"exciters are not in step: exciter 2 makes {abs(turns):.4g} turns in {period} of exciter 1, "
+        f"allowed: whole turns{unequal}"
+    )
 
 
 def guesses(shooter: Shooter, guess: Any) -> Any:
@@ -214,6 +235,13 @@ def guesses(shooter: Shooter, guess: Any) -> Any:
     if not motion.to_section(1, 4.0 * _TURN / scene.speed_scale):
         raise OrbitError("exciter 1 does not turn; allowed: a motion whose exciters turn")
     yield motion.state
+
+
+def beginning_at(scene: Scene, state: FloatArray) -> Scene:
+    """Return a scene that begins at a full state, shape (14,)."""
+    names = (*COORDINATES, *RATES)
+    present = [*scene.coordinates, *(7 + i for i in scene.coordinates)]
+    return scene.replace({"run.initial": {"state": {names[i]: float(state[i]) for i in present}}})
 
 
 def state_of(scene: Scene, guess: Any) -> FloatArray:
@@ -291,6 +319,30 @@ def orbit_of(problem: Problem, frame: Frame, found: Found) -> Orbit:
         measures=measures_of_orbit(scene, found.shot, problem.turns),
         residuals=found.residuals,
     )
+
+
+def told(multipliers: npt.NDArray[np.complex128], most: int) -> dict[str, float | None]:
+    """Return the columns of so many of the largest multipliers; the last is left out if it is half of a pair."""
+    whole = multipliers[:most]
+    if multipliers.size > most and multipliers[most] == multipliers[most - 1].conjugate() != multipliers[most - 1]:
+        whole = whole[:-1]
+    columns: dict[str, float | None] = {}
+    for i in range(most):
+        known = i < whole.size
+        columns[f"multiplier_{i + 1}_re"] = float(whole[i].real) if known else None
+        columns[f"multiplier_{i + 1}_im"] = float(whole[i].imag) if known else None
+    return columns
+
+
+def columns_told(most: int) -> Columns:
+    """Describe the columns of :func:`told`."""
+    meanings = dict.fromkeys(range(1, most), "the largest is the first")
+    meanings[most] = "empty where only half of a complex pair would have a place"
+    return {
+        f"multiplier_{i}_{part}": Column(f"{which} part of Floquet multiplier {i}", meaning)
+        for i, meaning in meanings.items()
+        for part, which in (("re", "real"), ("im", "imaginary"))
+    }
 
 
 def measures_of_orbit(scene: Scene, shot: Shot, turns: tuple[int, int]) -> dict[str, Any]:

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import pandas as pd
 
 from vibroplat.columns import Column, Columns, labelled
-from vibroplat.errors import ConfigError
-from vibroplat.flow.beginning import end_of
 from vibroplat.keys import key_of
 from vibroplat.observe.summary import MEASURES
 from vibroplat.observe.table import TRAJECTORY
@@ -20,6 +17,7 @@ from vibroplat.study.branches import EXCITATION, FREQUENCY, SUPPLY
 from vibroplat.study.execution import pool
 from vibroplat.study.orbits.curves import Boundary, boundaries, require_inside
 from vibroplat.study.orbits.kinds import KINDS
+from vibroplat.study.orbits.orbit import columns_told
 from vibroplat.study.orbits.tracing import TOLD, Family, Progress, Traced, families, orbits_plan, trace
 from vibroplat.study.point import MEASURED, POINT
 from vibroplat.study.store import Record, Store
@@ -38,7 +36,7 @@ COLUMNS = (
     "sequence",
     "stable",
     "unstable",
-    *(f"multiplier_{i + 1}_{part}" for i in range(TOLD) for part in ("re", "im")),
+    *columns_told(TOLD),
     "residual",
     "turns",
 )
@@ -61,11 +59,7 @@ BRANCHES: Columns = {
     "sequence": Column("events of a period", "stick: an impact, or several that accumulate, after which contact holds"),
     "stable": Column("whether disturbances decay"),
     "unstable": Column("number of Floquet multipliers outside the unit circle"),
-    **{
-        f"multiplier_{i + 1}_{part}": Column(f"{which} part of Floquet multiplier {i + 1}", "the largest is the first")
-        for i in range(TOLD)
-        for part, which in (("re", "real"), ("im", "imaginary"))
-    },
+    **columns_told(TOLD),
     "residual": Column("how far the orbit is from closing", "in the scales of the scene"),
     "turns": Column("turns of exciter 1 that were integrated for the point", "with those of special points before it"),
 }
@@ -161,14 +155,6 @@ def planned(scene: Scene) -> list[Family]:
     if plan.boundaries is not None:
         for family in found:
             require_inside(family.scene, plan.boundaries)
-    source = plan.from_
-    if source not in ("settled", "state"):
-        for family in found:
-            try:
-                end_of(Path(source), family.scene)
-            except ConfigError as error:
-                text = str(error).replace("run.initial.from", "orbits.from", 1)
-                raise ConfigError(text.replace("; allowed: ", "; allowed: settled, state, or ", 1)) from None
     return found
 
 

@@ -9,11 +9,13 @@ import itertools
 from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from vibroplat.errors import ConfigError
+from vibroplat.flow.beginning import end_of
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.sensitivity import parameter_direction, value_of
 from vibroplat.orbits_plan import OrbitsPlan
@@ -22,7 +24,7 @@ from vibroplat.study.execution import Pool
 from vibroplat.study.orbits.branch import Branch, Point, Steps
 from vibroplat.study.orbits.kinds import BRANCH_POINT, DOUBLING
 from vibroplat.study.orbits.newton import ANGLE, Frame, MissedError, Problem, correct
-from vibroplat.study.orbits.orbit import OrbitError, accurate, first_orbit, measures_of_orbit
+from vibroplat.study.orbits.orbit import OrbitError, accurate, beginning_at, first_orbit, measures_of_orbit, told
 from vibroplat.study.orbits.shooting import Shooter
 from vibroplat.study.orbits.special import Special, specials
 from vibroplat.study.orbits.words import spelled
@@ -108,8 +110,26 @@ def families(scene: Scene) -> list[Family]:
             parameter_direction(placed, plan.key)
         except ConfigError as error:
             raise ConfigError(f"orbits.grid: {error}") from None
+        if plan.from_ not in ("settled", "state"):
+            placed = _at_end(placed, plan.from_)
         found.append(Family(len(found), values, accurate(placed, plan.tolerance)))
     return found
+
+
+def _at_end(scene: Scene, directory: str) -> Scene:
+    """Return the scene at the end of a run, so that workers need not read it.
+
+    Raises
+    ------
+    ConfigError
+        The directory holds no finished run that the scene can go on from.
+    """
+    try:
+        state = end_of(Path(directory), scene).state
+    except ConfigError as error:
+        text = str(error).replace("run.initial.from", "orbits.from", 1)
+        raise ConfigError(text.replace("; allowed: ", "; allowed: settled, state, or ", 1)) from None
+    return beginning_at(scene, state)
 
 
 @dataclass
@@ -292,10 +312,9 @@ def _branch(problem: Problem, plan: OrbitsPlan) -> Branch:
 
 def _first(shooter: Shooter, plan: OrbitsPlan) -> Branch:
     """Find the first orbit of the first branch, towards the stop."""
-    guess: Any = {"settled": None, "state": shooter.scene.run.initial.state}.get(plan.from_, plan.from_)
+    state = shooter.scene.run.initial.state
     shooter.set({plan.key: float(plan.start)})
-    if plan.from_ == "state":
-        guess = {k: v for k, v in shooter.scene.run.initial.state.model_dump().items() if v is not None}  # type: ignore[union-attr]
+    guess = None if plan.from_ == "settled" or state is None else state.model_dump()
     problem, frame, found = first_orbit(shooter, guess, plan.period, [plan.unit], plan.tolerance)
     branch = _branch(problem, plan)
     towards = np.zeros(found.u.size)
@@ -466,11 +485,6 @@ def row_of_point(branch: Branch, point: Point, shooter: Shooter, *, count: bool 
     turns = shooter.turns
     if count:
         shooter.turns = 0.0
-    multipliers: dict[str, float | None] = {}
-    for i in range(TOLD):
-        known = i < point.multipliers.size
-        multipliers[f"multiplier_{i + 1}_re"] = float(point.multipliers[i].real) if known else None
-        multipliers[f"multiplier_{i + 1}_im"] = float(point.multipliers[i].imag) if known else None
     return {
         "value": float(f"{values[0]:.15g}"),  # without what units leave of a round number
         "period": abs(problem.turns[0]),
@@ -479,7 +493,7 @@ def row_of_point(branch: Branch, point: Point, shooter: Shooter, *, count: bool 
         "sequence": spelled(point.word),
         "stable": point.unstable == 0,
         "unstable": point.unstable,
-        **multipliers,
+        **told(point.multipliers, TOLD),
         "residual": point.found.residuals[-1],
         "turns": turns,
         "state": state.tolist(),
