@@ -16,6 +16,9 @@ MAX_COMBINATIONS = 1000
 #: Lengths of steps that are not given, over the range of the key: the first, the largest, the least.
 FIRST, LARGEST, LEAST = 1.0 / 300.0, 1.0 / 40.0, 1e-8
 
+#: What a branch over the range of its key is long in units of the unknowns.
+UNITS = 8.0
+
 Switch = Literal["branch-point", "period-doubling"]
 Boundary = Literal["fold", "period-doubling", "neimark-sacker", "branch-point", "liftoff", "end-of-sticking", "grazing"]
 
@@ -55,12 +58,20 @@ class BoundariesPlan(Section, title="Boundaries"):
     max_points: Annotated[int, BeforeValidator(not_bool), Field(ge=2, le=10_000)] = Field(
         100, description="most points of a curve to either side"
     )
+    check: Annotated[int, BeforeValidator(not_bool), Field(ge=0, le=1000)] = Field(
+        5, description="points of each curve on both sides of which motion settles, to check the curve"
+    )
 
     @model_validator(mode="after")
     def _range(self) -> Self:
         if self.start == self.stop:
             raise ValueError(f"stop = {self.stop} is start; allowed: another value")
         return self
+
+    @property
+    def unit(self) -> float:
+        """Unit of the second key among the unknowns of an orbit."""
+        return abs(self.stop - self.start) / UNITS
 
 
 class OrbitsPlan(Section, title="Orbits", populate_by_name=True):
@@ -116,5 +127,5 @@ class OrbitsPlan(Section, title="Orbits", populate_by_name=True):
 
     @property
     def unit(self) -> float:
-        """Unit of the key among the unknowns of an orbit: what a branch over the range is long in them."""
-        return abs(self.stop - self.start) / 8.0
+        """Unit of the key among the unknowns of an orbit."""
+        return abs(self.stop - self.start) / UNITS

@@ -113,7 +113,8 @@ def _print(scene: Scene, made: OrbitTables, told: Mapping[str, Any], more: dict[
     print_lines(report.overview(made.branches, told) | more)
     for curve in told["boundaries"]:
         which = "".join(f", {key} {value}" for key, value in curve["grid"].items())
-        print(f"boundary of {curve['kind']}{which}: {curve['points']} points; {' and '.join(curve['ended'])}")
+        checks = "".join(f"; {number} {what}" for what, number in curve["checks"].items())
+        print(f"boundary of {curve['kind']}{which}: {curve['points']} points; {' and '.join(curve['ended'])}{checks}")
     print()
     print_table(*report.branch_lines(scene, told), most=TOLD, more="orbits.json")
     if len(made.special):

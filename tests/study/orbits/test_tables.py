@@ -86,7 +86,10 @@ def test_columns_of_state_are_those_of_the_scenes():
 
 
 def test_boundaries_have_both_keys(scene):
-    first, last = [MASS, "curve", "kind", "branch", KEY], ["excitation_frequency_hz", "period"]
+    first, last = (
+        [MASS, "curve", "kind", "branch", KEY],
+        ["excitation_frequency_hz", "period", "below", "above", "check"],
+    )
     assert list(boundary_table(scene, []).columns) == [*first, *last]
     second = {"boundaries": {"key": "contact.restitution", "start": 0.0, "stop": 0.5}}
     table = boundary_table(scene.replace({"orbits": PLAN | second}), [])

@@ -18,7 +18,9 @@ from vibroplat.study.execution import Pool
 from vibroplat.study.orbits.boundaries import Curve, Spot, follow
 from vibroplat.study.orbits.newton import Frame, MissedError, Problem
 from vibroplat.study.orbits.shooting import Shooter
+from vibroplat.study.orbits.sides import FAILED, across, check, chosen, others_outside
 from vibroplat.study.orbits.tracing import Family, Progress, Traced, orbits_plan, same_special
+from vibroplat.study.orbits.words import whole
 from vibroplat.study.store import Record, Records
 from vibroplat.study.tasks import StoredChain, Task, Tasks, run_stored
 
@@ -94,23 +96,31 @@ def _known(special: Record, branch: Traced, traced: Sequence[Traced], place: int
 
 
 def _both_ways(boundary: Boundary, plan: OrbitsPlan, special: Record) -> Tasks[None]:
-    """Follow a boundary both ways from a special point."""
+    """Follow a boundary both ways from a special point, then check it."""
     for sense in (-1, 1):
         record = yield Task(_one_way, (boundary.family.scene, plan, special, sense), _lost)
         rows = record["rows"]
         boundary.rows = [*reversed(rows), *boundary.rows] if sense < 0 else [*boundary.rows, *rows[1:]]
         boundary.ended.append(record["ended"])
+    for place in chosen(boundary.rows, plan):
+        row, way = boundary.rows[place], across(boundary.rows, place, plan)
+        found = yield Task(check, (boundary.family.scene, plan, boundary.kind, row, way), _unchecked)
+        boundary.rows[place] = row | found
 
 
 def _lost(reason: str) -> Record:
     return {"rows": [], "ended": reason}
 
 
+def _unchecked(reason: str) -> Record:
+    return {"check": FAILED}
+
+
 def _one_way(scene: Scene, plan: OrbitsPlan, special: Record, sense: int) -> Record:
     """Follow a boundary from a special point in one sense of the second key."""
     wanted = plan.boundaries
     assert wanted is not None
-    unit = abs(wanted.stop - wanted.start) / 8.0
+    unit = wanted.unit
     first, largest, least = wanted.step.lengths(abs(wanted.stop - wanted.start))
     record: Record = {"rows": [], "ended": ""}
     with closing(Shooter(scene, [plan.key, wanted.key])) as shooter:
@@ -128,7 +138,7 @@ def _one_way(scene: Scene, plan: OrbitsPlan, special: Record, sense: int) -> Rec
 
         try:
             for spot in follow(curve, frame, u, sense, first / unit, inside):
-                record["rows"].append(_row(problem, spot))
+                record["rows"].append(_row(problem, spot, curve.kind))
                 if len(record["rows"]) >= wanted.max_points:
                     return record | {"ended": f"max_points = {wanted.max_points} reached"}
         except MissedError as error:
@@ -136,11 +146,16 @@ def _one_way(scene: Scene, plan: OrbitsPlan, special: Record, sense: int) -> Rec
     return record | {"ended": "end of a key's range"}
 
 
-def _row(problem: Problem, spot: Spot) -> dict[str, Any]:
-    _, seconds, values = problem.unpack(spot.frame, spot.found.u)
+def _row(problem: Problem, spot: Spot, kind: str) -> dict[str, Any]:
+    state, seconds, values = problem.unpack(spot.frame, spot.found.u)
     return {
         "value": values[0],
         "second": values[1],
         "excitation_frequency_hz": abs(problem.turns[0]) / seconds,
         "period": abs(problem.turns[0]),
+        "period_s": seconds,
+        "turns": list(problem.turns),
+        "word": whole(spot.word, float(problem.shooter.p["restitution"])),
+        "state": state.tolist(),
+        "others_outside": others_outside(kind, spot.multipliers),
     }

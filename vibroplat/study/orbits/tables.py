@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -40,8 +41,10 @@ COLUMNS = (
     "residual",
     "turns",
 )
+#: Columns of what is found on both sides of a boundary.
+SIDES = ("below", "above", "check")
 #: Columns of text, of whole numbers and of yes and no; all others but keys hold floating-point numbers.
-TEXTS = ("sync", "notes", "sequence", "kind")
+TEXTS = ("sync", "notes", "sequence", "kind", *SIDES)
 COUNTS = ("branch", "curve", "parent", "point", "period", "unstable")
 ANSWERS = ("stable",)
 
@@ -77,6 +80,15 @@ BOUNDARIES: Columns = {
     "branch": Column("branch whose special point it goes through"),
     EXCITATION: BRANCHES[EXCITATION],
     "period": BRANCHES["period"],
+    "below": Column(
+        "motion to which a run settles beside the point", "where the first key is lower; empty if not checked"
+    ),
+    "above": Column("the same on the other side"),
+    "check": Column(
+        "whether both sides differ as the kind says",
+        "agrees; differs; undecided: no period was found on either side; failed: no motion; unstable: so is the orbit "
+        "on both sides, and no run stays there; empty if not checked",
+    ),
 }
 
 
@@ -202,8 +214,11 @@ def boundary_table(scene: Scene, curves: Sequence[Boundary]) -> pd.DataFrame:
     for number, curve in enumerate(curves):
         place = {column_of(key): value for key, value in curve.family.grid.items()}
         place |= {"curve": number, "kind": curve.kind, "branch": curve.branch}
-        rows += [place | row | dict(zip(keys, (row["value"], row["second"]), strict=True)) for row in curve.rows]
-    return _frame(rows, scene, ["curve", "kind", "branch", *keys, EXCITATION, "period"], BOUNDARIES)
+        rows += [
+            place | dict.fromkeys(SIDES, "") | row | dict(zip(keys, (row["value"], row["second"]), strict=True))
+            for row in curve.rows
+        ]
+    return _frame(rows, scene, ["curve", "kind", "branch", *keys, EXCITATION, "period", *SIDES], BOUNDARIES)
 
 
 def column_of(key: str) -> str:
@@ -221,7 +236,14 @@ def summary(scene: Scene, traced: Sequence[Traced], curves: Sequence[Boundary] =
         "failed": sum(b["failed"] for b in branches),
         "branches": branches,
         "boundaries": [
-            {"grid": c.family.grid, "kind": c.kind, "branch": c.branch, "points": len(c.rows), "ended": c.ended}
+            {
+                "grid": c.family.grid,
+                "kind": c.kind,
+                "branch": c.branch,
+                "points": len(c.rows),
+                "ended": c.ended,
+                "checks": dict(Counter(row["check"] for row in c.rows if "check" in row)),
+            }
             for c in curves
         ],
     }

@@ -29,7 +29,17 @@ def word_of(events: npt.NDArray[np.void], restitution: float) -> str:
             letters += "L"
         elif event["kind"] in (IMPACT, LATCH):
             letters += "S" if event["mode_after"] == Mode.ATTACHED else "I"
-    return re.sub("I+S", "S", letters) if restitution > 0.0 else letters
+    return _shortened(letters, restitution)
+
+
+def whole(word: str, restitution: float) -> str:
+    """Turn the word of a period that may begin between impacts that accumulate, as :func:`turned` does."""
+    begin = word.rfind("S") + 1
+    return turned(_shortened(word[begin:] + word[:begin], restitution))
+
+
+def _shortened(word: str, restitution: float) -> str:
+    return re.sub("I+S", "S", word) if restitution > 0.0 else word
 
 
 def turned(word: str) -> str:
