@@ -6,6 +6,7 @@ from contextlib import closing
 
 import numpy as np
 import pytest
+import scipy.linalg
 from common.orbits import bounded, traced
 from common.shaken_table import GRAVITY, shaken, stable_range
 
@@ -15,7 +16,9 @@ from vibroplat.flow.motion import Motion
 from vibroplat.hybrid.scales import state_scales
 from vibroplat.integrate.choice import make_engine
 from vibroplat.model.parameters import parameters
+from vibroplat.study.orbits.newton import ANGLE, Frame, Problem, correct
 from vibroplat.study.orbits.orbit import OrbitError
+from vibroplat.study.orbits.shooting import Shooter
 
 KEY, MASS = "drive.supply_frequency_hz", "material.mass_ratio"
 
@@ -120,6 +123,49 @@ def test_stable_orbits_stay_and_unstable_ones_leave(branches, mass):
     assert min(len(stable), len(unstable)) >= 3
     assert max(farthest(row, mass, 60.0) for row in stable) < 1e-5
     assert min(farthest(row, mass, 60.0) for row in unstable) > 1e-2
+
+
+def growth(row, mass, longest):
+    """Disturb an orbit by 1e-4 in the direction of its leading multiplier m, for N periods.
+
+    Returns N, m, and the complex factor by which the disturbance in that direction has grown. N is the largest for
+    which it stays within a factor of 20.
+    """
+    scene = machine(mass).replace({KEY: row["value"], "solver.tolerance": 1e-10})
+    start = np.array(row["state"])
+    with closing(Shooter(scene)) as shooter:
+        problem = Problem(shooter, (1, -1), tolerance=1e-9)
+        frame = Frame(start, shooter.shot(start, 0.0).begins)
+        found = correct(problem, frame, problem.pack(frame, start, row["period_s"]), np.empty((0, frame.places.size)))
+        start, seconds, _ = problem.unpack(frame, found.u)
+        values, left, right = scipy.linalg.eig(problem.section_map(frame, found.shot), left=True)
+        leading = np.argmax(np.abs(values))
+        multiplier, left = values[leading], left[:, leading].conj()
+        direction = right[:, leading].real / np.abs(right[:, leading].real).max()
+        periods = min(int(np.log(20.0) / abs(np.log(abs(multiplier)))), int(longest / seconds))
+
+        places = np.delete(frame.places, frame.phase)
+        disturbed = start.copy()
+        disturbed[places] += 1e-4 * direction * shooter.scales[places]
+        ends = [shooter.shot(state, periods * seconds) for state in (start, disturbed)]
+        change = ends[1].state - ends[0].state
+        change -= ends[0].rates * change[ANGLE] / ends[0].rates[ANGLE]  # to the section
+        factor = left @ (change / shooter.scales)[places] / (1e-4 * left @ direction)
+    return periods, multiplier, factor
+
+
+@pytest.mark.parametrize("mass", [0.0, 0.1, 0.2])
+def test_disturbances_change_by_the_leading_multiplier_in_each_period(branches, mass):
+    """Whatever its size: near 1, where 60 s tell little of stability, as well as far from it."""
+    rows = [row for branch in branches[mass] for row in branch.rows]
+    size = np.array([abs(complex(row["multiplier_1_re"], row["multiplier_1_im"])) for row in rows])
+    order = np.argsort(size)
+    near = [i for i in order if 0.98 < size[i] < 1.03]
+    far = [i for i in order if not 0.98 < size[i] < 1.03 and size[i] < 3.0]
+    for i in (*near[:: max(len(near) // 12, 1)], *far[:: max(len(far) // 8, 1)]):
+        periods, multiplier, factor = growth(rows[i], mass, 60.0)
+        assert periods > 0
+        assert abs(factor / multiplier**periods - 1.0) < 0.1, (rows[i]["value"], multiplier, periods)
 
 
 def test_boundaries_go_through_the_points_of_other_branches(branches):
