@@ -244,6 +244,17 @@ def test_with_a_stiff_layer(ratio):
     assert {"liftoff", "impact"} <= set(kinds)
 
 
+@pytest.mark.parametrize("ratio", [0.05, 1.0, 10.0])
+@pytest.mark.parametrize(("engine", "tolerance"), [("taylor", 1e-13), ("sundae", 1e-10)])
+def test_engines_agree_with_a_stiff_layer(engine, tolerance, ratio):
+    """Steps of Taylor's series are short there, those of IDA as long as with native."""
+    scene = scene_of(2).replace({"material.natural_frequency_hz": 1000.0, "material.damping_ratio": ratio})
+    start = later(scene.replace({"solver.tolerance": 1e-8}), 0.5)
+    other = scene.replace({"solver": {"engine": engine, "tolerance": tolerance}})
+    found, expected = (scaled(variation(each, start, 0.08), each) for each in (other, scene))
+    np.testing.assert_allclose(found, expected, atol=1e-6 * np.abs(expected).max())
+
+
 # -- volume and rank --------------------------------------------------------------------------------------
 
 
