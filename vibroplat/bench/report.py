@@ -164,6 +164,16 @@ def report_taylor(directory: Path, reference: Path, repeats: int) -> None:
     _show(scaling.paper([scaling.FIG_3]), directory, "taylor-fig3")
 
 
+def report_orbits(directory: Path, reference: Path, repeats: int) -> None:
+    """Measure branches of orbits beside sweeps and heyoka, and orbits of bodies on a table beside MapPy's."""
+    from vibroplat.bench import bouncing, orbits  # noqa: PLC0415  (imports studies)
+
+    _show(orbits.cost(), directory, "orbits-cost")
+    if reason := bouncing.missing():
+        print(f"left out: MapPy: {reason}", file=sys.stderr)
+    _show(bouncing.compare(min(repeats, 3)), directory, "orbits-table")
+
+
 def require_oracle() -> None:
     """Check early that the oracle, against which errors are measured, is installed.
 
@@ -218,6 +228,7 @@ REPORTS: dict[str, Callable[[Path, Path, int], None]] = {
     "soak": report_soak,
     "peers": report_peers,
     "taylor": report_taylor,
+    "orbits": report_orbits,
 }
 
 

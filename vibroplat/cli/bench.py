@@ -24,6 +24,7 @@ class BenchName(StrEnum):
     soak = "soak"
     peers = "peers"
     taylor = "taylor"
+    orbits = "orbits"
 
 
 #: About how long each takes on two cores; "" is the one without a name.
@@ -37,6 +38,7 @@ DURATIONS = {
     BenchName.soak: "two to five minutes",
     BenchName.peers: "five minutes",
     BenchName.taylor: "seven minutes",
+    BenchName.orbits: "three minutes",
 }
 _NAMES = ", ".join(f"{name} ({duration})" for name, duration in DURATIONS.items() if name)
 
@@ -70,7 +72,7 @@ def bench(
     soaking = long and names == [BenchName.soak]
     if names and long and not soaking:
         raise VibroplatError(f"{names[0].value} --long: --long runs every bench; allowed: names, --long, soak --long")
-    if (long and not soaking) or not names or {BenchName.peers, BenchName.taylor} & {*names}:
+    if (long and not soaking) or not names or {BenchName.peers, BenchName.taylor, BenchName.orbits} & {*names}:
         report.require_oracle()
     load_kernels()
     directory = result_directory(out, "benchmarks")

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 import scipy.linalg
 from common.orbits import bounded, traced
-from common.shaken_table import GRAVITY, shaken, stable_range
 
 from study.orbits.helpers import MACHINE
 from vibroplat import load_config, orbit
+from vibroplat.bench.shaken_table import GRAVITY, shaken, stable_range
 from vibroplat.flow.motion import Motion
 from vibroplat.hybrid.scales import state_scales
 from vibroplat.integrate.choice import make_engine

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
-from vibroplat import Scene
+from vibroplat.scene import Scene
 
 GRAVITY = 9.81
 OMEGA = 2.0 * math.pi * 25.0
@@ -12,22 +13,23 @@ MASS, DAMPING = 1e6, 0.2
 STIFFNESS = MASS * (0.1 * OMEGA) ** 2
 
 
-def amplitude(unbalance):
+def amplitude(unbalance: float) -> float:
     """Amplitude of the table (m): a linear oscillator under a turning unbalance (kg·m)."""
     damper = 2.0 * DAMPING * math.sqrt(STIFFNESS * MASS)
     return unbalance * OMEGA**2 / math.hypot(STIFFNESS - MASS * OMEGA**2, damper * OMEGA)
 
 
-def stable_range(restitution):
+def stable_range(restitution: float) -> tuple[float, float]:
     """Range of Γ in which the orbit with one impact a period is stable (Luck and Mehta 1993)."""
     low = math.pi * (1.0 - restitution) / (1.0 + restitution)
     return low, math.hypot(low, 2.0 * (1.0 + restitution**2) / (1.0 + restitution) ** 2)
 
 
-def shaken(gamma, restitution=0.0, gravity=GRAVITY, **changes):
-    """A table with Γ = Aω²/g at this gravity, and one layer of 1e-12 of its mass, just after the impact of its orbit.
+def shaken(gamma: float, restitution: float = 0.0, gravity: float = GRAVITY) -> Scene:
+    """Return a table with Γ = Aω²/g at this gravity, and one layer of 1e-12 of its mass.
 
-    Exciter 1 has a rotor that nothing slows down, exciter 2 hangs still.
+    It begins just after the impact of the layer's orbit with one impact a period. Exciter 1 has a rotor that nothing
+    slows down, exciter 2 hangs still.
     """
     unbalance = gamma * gravity / OMEGA**2 / amplitude(1.0)
     mass = 1e3
@@ -48,7 +50,7 @@ def shaken(gamma, restitution=0.0, gravity=GRAVITY, **changes):
         "phi2_rate_rad_per_s": 0.0,
         "gap_rate_m_per_s": (math.pi - gamma * cosine) * gravity / OMEGA if restitution else 0.0,
     }
-    tree = {
+    tree: dict[str, Any] = {
         "name": "table",
         "machine": {
             "platform_mass_kg": MASS - 2.0 * mass,
@@ -69,4 +71,4 @@ def shaken(gamma, restitution=0.0, gravity=GRAVITY, **changes):
         "run": {"initial": {"state": state}, "duration_s": 1.0},
         "solver": {"engine": "taylor", "tolerance": 1e-10},
     }
-    return Scene.from_tree(tree).replace(changes)
+    return Scene.from_tree(tree)

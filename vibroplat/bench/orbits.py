@@ -1,0 +1,106 @@
+"""Cost of branches of orbits beside a sweep of the same curves, and beside that sweep with heyoka's integrators."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from vibroplat.bench.peers.following import follow
+from vibroplat.flow.run import simulate
+from vibroplat.paper.trial import machine_numbers, paper_scene
+from vibroplat.scene import Scene
+from vibroplat.study.branches import FREQUENCY, SUPPLY
+from vibroplat.study.orbits.orbit import beginning_at
+from vibroplat.study.orbits.tables import orbits
+from vibroplat.study.sweep import sweep
+
+MASS = "material.mass_ratio"
+
+#: Tolerances to which sweeps settle: that of a sweep unless it says otherwise, and one as exact as an orbit.
+SETTLED = (1e-3, 1e-7)
+
+#: Every so many frequencies of the sweep heyoka is timed, after the motion has settled (s), over a time (s); the best
+#: of some runs counts.
+EVERY, BEFORE, OVER, RUNS = 8, 5.0, 10.0, 3
+
+
+def curves() -> Scene:
+    """Return the paper's Fig. 3 on the calibrated machine: three masses, up and down."""
+    changes = {"solver.engine": "taylor", "sweep.lyapunov": False}
+    return paper_scene("fig3", machine_numbers("calibrated"), changes)
+
+
+def cost() -> pd.DataFrame:
+    """Measure the processor time of branches, of sweeps, and of heyoka over the motion of these sweeps.
+
+    Branches have the unstable parts and both synchronizations. ``times_branches`` is the time over theirs,
+    ``times_point`` the time of a point over that of one of theirs.
+    """
+    scene = curves()
+    assert scene.sweep is not None
+    frequencies = scene.sweep.supply_frequency_hz
+    plan = {"key": FREQUENCY, "start": frequencies.start, "stop": frequencies.stop, "grid": scene.sweep.grid}
+    short = plan | {"stop": frequencies.start + 1.0}
+    orbits(scene.replace({"orbits": short}))  # loads the kernels
+    seconds, found = processor_time(lambda: orbits(scene.replace({"orbits": plan})).branches)
+    rows: list[dict[str, Any]] = [
+        {
+            "what": "branches",
+            "processor_s": seconds,
+            "points": len(found),
+            "turns_per_point": (found["turns"] / found["period"]).mean(),
+        }
+    ]
+    brute = heyoka(scene)
+    for tolerance in SETTLED:
+        settled = scene.replace({"sweep.settle_tolerance": tolerance})
+        seconds, table = processor_time(lambda settled=settled: sweep(settled))  # type: ignore[misc]
+        motion = {"points": len(table), "simulated_s": table["simulated_s"].sum()}
+        rows.append({"what": f"sweep, settled to {tolerance:g}", "processor_s": seconds} | motion)
+        for column, name in (("ms_per_s", "heyoka"), ("core_ms_per_s", "heyoka, its integrator alone")):
+            total = 1e-3 * sum(at(brute, row, column) * row["simulated_s"] for _, row in table.iterrows())
+            told = {"what": f"{name}, settled to {tolerance:g}", "processor_s": total}
+            rows.append(told | motion | {"ms_per_s": 1e3 * total / motion["simulated_s"]})
+    result = pd.DataFrame(rows)
+    result["times_branches"] = result["processor_s"] / result["processor_s"].iloc[0]
+    per_point = result["processor_s"] / result["points"]
+    result["times_point"] = per_point / per_point.iloc[0]
+    return result
+
+
+def heyoka(scene: Scene) -> pd.DataFrame:
+    """Time heyoka at masses and frequencies of a sweep: processor time of a run, and time of its integrator alone.
+
+    Its kernels are compiled before, and the motion has settled.
+    """
+    from vibroplat.bench.peers.taylor import Taylor  # noqa: PLC0415  (optional)
+
+    assert scene.sweep is not None
+    rows = []
+    for mass in scene.sweep.grid[MASS]:
+        for supply in scene.sweep.supply_frequency_hz.upward[::EVERY]:
+            placed = scene.replace({MASS: mass, FREQUENCY: supply, "run.duration_s": BEFORE})
+            begun = beginning_at(placed, simulate(placed, keep="summary").final_state)
+            begun = begun.replace({"run.duration_s": OVER, "run.perturbation": 0.0})
+            peer = Taylor(begun, begun.solver.tolerance)
+            runs = [processor_time(lambda begun=begun, peer=peer: follow(begun, peer)) for _ in range(RUNS)]  # type: ignore[misc]
+            row = {MASS: mass, SUPPLY: supply, "ms_per_s": 1e3 * min(seconds for seconds, _ in runs) / OVER}
+            rows.append(row | {"core_ms_per_s": 1e3 * min(run.core_s for _, run in runs) / OVER})
+    return pd.DataFrame(rows)
+
+
+def at(brute: pd.DataFrame, row: pd.Series, column: str) -> float:
+    """Time per simulated second at a row of the sweep, between the frequencies that were measured."""
+    of = brute[brute[MASS] == row[MASS]]
+    return float(np.interp(row[SUPPLY], of[SUPPLY], of[column]))
+
+
+def processor_time(what: Callable[[], Any]) -> tuple[float, Any]:
+    """Do something; the processor time it took (s), and its result."""
+    began = time.process_time()
+    result = what()
+    return time.process_time() - began, result
