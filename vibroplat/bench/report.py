@@ -167,9 +167,10 @@ def report_taylor(directory: Path, reference: Path, repeats: int) -> None:
 def report_orbits(directory: Path, reference: Path, repeats: int) -> None:
     """Measure branches of orbits beside sweeps and heyoka, and orbits of bodies on a table beside MapPy's."""
     from vibroplat.bench import bouncing, orbits  # noqa: PLC0415  (imports studies)
+    from vibroplat.bench.peers import maps  # noqa: PLC0415
 
     _show(orbits.cost(), directory, "orbits-cost")
-    if reason := bouncing.missing():
+    if reason := maps.missing():
         print(f"left out: MapPy: {reason}", file=sys.stderr)
     _show(bouncing.compare(min(repeats, 3)), directory, "orbits-table")
 
