@@ -95,7 +95,7 @@ def draw_impulses(axis: Axes, events: pd.DataFrame, color: str = BLACK, label: s
     axis.add_collection(LineCollection(list(stems), colors=color, lw=0.9))
     axis.plot(times, impulses, "o", color=color, ms=3.0 if len(times) <= 60 else 1.5, label=label)
     axis.set_ylim(bottom=0.0)
-    axis.set_ylabel("impulse $P$ (N s)")
+    axis.set_ylabel("impulse $P$ (N·s)")
     return axis
 
 

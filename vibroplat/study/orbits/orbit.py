@@ -109,11 +109,15 @@ class Orbit:
     @cached_property
     def run(self) -> Trajectory:
         """One period of it, as a run with dense output."""
-        names = (*COORDINATES, *RATES)
-        present = [*self.scene.coordinates, *(7 + i for i in self.scene.coordinates)]
-        state = {names[i]: float(self.state[i]) for i in present}
-        initial = {"run.initial": {"state": state}, "run.duration_s": self.period_s, "run.perturbation": 0.0}
-        return simulate(self.scene.replace(initial))
+        return run_from(self.scene, self.state, self.period_s)
+
+
+def run_from(scene: Scene, state: FloatArray, seconds: float) -> Trajectory:
+    """Simulate for some seconds from a full state, shape (14,), exactly as it is."""
+    names = (*COORDINATES, *RATES)
+    present = [*scene.coordinates, *(7 + i for i in scene.coordinates)]
+    initial = {"state": {names[i]: float(state[i]) for i in present}}
+    return simulate(scene.replace({"run.initial": initial, "run.duration_s": seconds, "run.perturbation": 0.0}))
 
 
 def orbit(scene: Scene, guess: Any = None, *, period: int = 1, tolerance: float = 1e-8) -> Orbit:
@@ -126,7 +130,8 @@ def orbit(scene: Scene, guess: Any = None, *, period: int = 1, tolerance: float 
     guess
         Where to begin: None, to let the motion settle from ``run.initial``; a full state, shape (14,), or a mapping
         with its names, as a row of a trajectory table; a finished run (a Trajectory or its directory); a row of a
-        sweep table of this scene, whose keys are set and whose phase difference the motion settles from.
+        table of this scene, whose keys are set: one of ``branches`` or ``special`` has a state, from one of a sweep the
+        motion settles, with the phase difference of the row.
     period
         Turns of exciter 1 after which it is to repeat.
     tolerance
@@ -147,7 +152,7 @@ def orbit(scene: Scene, guess: Any = None, *, period: int = 1, tolerance: float 
     ('none', True)
     """
     if isinstance(guess, Mapping | pd.Series) and "excitation_frequency_hz" in guess:
-        scene, guess = at_row(scene, guess), None
+        scene, guess = at_row(scene, guess), guess if has_state(guess) else None
     scene = accurate(scene, tolerance)
     with closing(Shooter(scene)) as shooter:
         problem, frame, found = first_orbit(shooter, guess, period, (), tolerance)
@@ -168,15 +173,21 @@ def accurate(scene: Scene, tolerance: float) -> Scene:
 
 
 def at_row(scene: Scene, row: Mapping[str, Any] | pd.Series) -> Scene:
-    """Return a scene at the keys of a row of its sweep table, settling from the row's phase difference."""
+    """Return a scene at the keys of a row of one of its tables; without a state, at the row's phase difference too."""
     found = {str(key): value for key, value in row.items()}
-    values: dict[str, Any] = {"drive.supply_frequency_hz": float(found["supply_frequency_hz"])}
-    values |= {key: value for key, value in found.items() if "." in key}
+    values = {key: value for key, value in found.items() if "." in key}
+    if "supply_frequency_hz" in found:
+        values["drive.supply_frequency_hz"] = float(found["supply_frequency_hz"])
     phase = found.get("phase_difference_rad")
-    if phase is not None and np.isfinite(phase):
+    if phase is not None and np.isfinite(phase) and not has_state(row):
         name = "phase_sum_rad" if scene.rotation == "counter-rotating" else "phase_difference_rad"
         values[f"run.initial.{name}"] = float(phase)
     return scene.replace(values)
+
+
+def has_state(row: Mapping[str, Any] | pd.Series) -> bool:
+    """Whether a row of a table has a state, as rows of branches and of special points have."""
+    return RATES[0] in row
 
 
 def first_orbit(
@@ -233,7 +244,7 @@ def state_of(scene: Scene, guess: Any) -> FloatArray:
     names = (*COORDINATES, *RATES)
     if isinstance(guess, Mapping | pd.Series):
         state = initial_state(scene)
-        given = {name: guess[name] for name in names if name in guess and guess[name] is not None}
+        given = {name: guess[name] for name in names if name in guess and pd.notna(guess[name])}
         if given:
             for place, name in enumerate(names):
                 state[place] = float(given.get(name, state[place]))

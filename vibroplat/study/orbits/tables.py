@@ -48,6 +48,8 @@ COUNTS = ("branch", "curve", "parent", "point", "period", "unstable")
 ANSWERS = ("stable",)
 
 
+#: The state of an orbit where its period begins, in the columns of a trajectory.
+STATE: Columns = {name: TRAJECTORY[name] for name in (*COORDINATES, *RATES)}
 #: What the columns mean, of the three tables.
 BRANCHES: Columns = {
     "branch": Column("number of the branch", "among those of one combination of the grid's values"),
@@ -68,6 +70,7 @@ BRANCHES: Columns = {
     },
     "residual": Column("how far the orbit is from closing", "in the scales of the scene"),
     "turns": Column("turns of exciter 1 that were integrated for the point", "with those of special points before it"),
+    **STATE,
 }
 SPECIAL: Columns = {
     "branch": BRANCHES["branch"],
@@ -75,7 +78,7 @@ SPECIAL: Columns = {
     EXCITATION: BRANCHES[EXCITATION],
     "period": BRANCHES["period"],
     "point": Column("last point of the branch before it"),
-    **{name: TRAJECTORY[name] for name in (*COORDINATES, *RATES)},
+    **STATE,
 }
 BOUNDARIES: Columns = {
     "curve": Column("number of the curve"),
@@ -178,34 +181,48 @@ def tables(scene: Scene, traced: Sequence[Traced], curves: Sequence[Boundary] = 
 
 
 def branch_table(scene: Scene, traced: Sequence[Traced]) -> pd.DataFrame:
-    """Return the table of branches: the grid's keys, the key, and COLUMNS."""
+    """Return the table of branches: the grid's keys, the key, COLUMNS, and the state where each period begins."""
     key = column_of(orbits_plan(scene).key)
     rows = [
-        _place(branch) | {"parent": branch.parent, "point": point} | row | {key: row["value"]}
+        _place(branch)
+        | {"parent": branch.parent, "point": point}
+        | row
+        | {key: row["value"]}
+        | _state(branch, row["state"])
         for branch in traced
         for point, row in enumerate(branch.rows)
     ]
-    return _frame(rows, scene, [key, *COLUMNS], BRANCHES)
+    return _frame(rows, scene, [key, *COLUMNS, *_state_columns(traced)], BRANCHES)
 
 
 def special_table(scene: Scene, traced: Sequence[Traced]) -> pd.DataFrame:
-    """Return the table of special points.
+    """Return the table of special points, with the state of the orbit there.
 
-    ``point`` is the last point of the branch before it. The state is that of the orbit there, in the columns of a
-    trajectory; coordinates that no combination of the grid's values has are absent.
+    ``point`` is the last point of the branch before it.
     """
     key = column_of(orbits_plan(scene).key)
-    names = (*COORDINATES, *RATES)
-    has = {branch.family.number: branch.family.scene.coordinates for branch in traced}
-    present = [i + half for half in (0, 7) for i in sorted({i for found in has.values() for i in found})]
-    rows = []
-    for branch in traced:
-        own = [i for i in present if i % 7 in has[branch.family.number]]
-        for special in branch.special:
-            state = {names[i]: special["state"][i] for i in own}
-            rows.append(_place(branch) | special | {"point": special["after"] - 1, key: special["value"]} | state)
-    columns = ["branch", "kind", key, EXCITATION, "period", "point", *(names[i] for i in present)]
+    rows = [
+        _place(branch)
+        | special
+        | {"point": special["after"] - 1, key: special["value"]}
+        | _state(branch, special["state"])
+        for branch in traced
+        for special in branch.special
+    ]
+    columns = ["branch", "kind", key, EXCITATION, "period", "point", *_state_columns(traced)]
     return _frame(rows, scene, columns, SPECIAL)
+
+
+def _state_columns(traced: Sequence[Traced]) -> list[str]:
+    """List the columns of a state; coordinates that no combination of the grid's values has are absent."""
+    present = sorted({i for branch in traced for i in branch.family.scene.coordinates})
+    return [names[i] for names in (COORDINATES, RATES) for i in present]
+
+
+def _state(branch: Traced, state: Sequence[float]) -> Record:
+    """Return a state by its columns; coordinates that the branch does not have are left out."""
+    own, half = branch.family.scene.coordinates, len(COORDINATES)
+    return {COORDINATES[i]: state[i] for i in own} | {RATES[i]: state[i + half] for i in own}
 
 
 def boundary_table(scene: Scene, curves: Sequence[Boundary]) -> pd.DataFrame:
