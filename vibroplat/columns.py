@@ -11,6 +11,8 @@ from typing import NamedTuple
 
 import pandas as pd
 
+import vibroplat.accessor  # noqa: F401  (whoever has a table can ask it for its figure)
+
 #: Units by the ends of names, longer ends before those that they end with.
 UNITS = {
     "n_m_s_per_rad": "N·m·s/rad",

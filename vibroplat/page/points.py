@@ -178,7 +178,7 @@ def sweep_axes(table: pd.DataFrame) -> list[dict[str, Any]]:
 
 def orbit_axes(found: Branches, table: pd.DataFrame) -> list[dict[str, Any]]:
     """Return what branches may be drawn over: their key and the excitation frequency, as figures have it first."""
-    return axes(table, [EXCITATION, SUPPLY] if found.key == SUPPLY else [found.key, EXCITATION])
+    return axes(table, [found.abscissa, found.key, EXCITATION])
 
 
 def measures(table: pd.DataFrame) -> list[dict[str, Any]]:

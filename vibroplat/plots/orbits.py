@@ -52,8 +52,8 @@ class Branches:
 
     Attributes
     ----------
-    result
-        Where they are.
+    name, directory
+        What they are called, and where they are; None in memory.
     points, special
         The tables.
     swept
@@ -64,12 +64,18 @@ class Branches:
         Columns of the grid.
     """
 
-    result: Result
+    name: str
+    directory: Path | None
     points: pd.DataFrame
     special: pd.DataFrame
     swept: pd.DataFrame | None
     key: str
     grid: list[str]
+
+    @property
+    def abscissa(self) -> str:
+        """Column that they are drawn over first."""
+        return EXCITATION if self.key == SUPPLY else self.key
 
     @property
     def varied(self) -> list[str]:
@@ -127,7 +133,7 @@ def plot_orbits(
         Tables are missing, have another schema version, or lack data that a figure needs.
     """
     found = read_branches(directory)
-    column = x or (EXCITATION if found.key == SUPPLY else found.key)
+    column = x or found.abscissa
     has_curves = any(directory.glob("boundaries.*"))
     if "boundaries" in kinds and not has_curves:
         raise TableError(f"{directory} holds no boundaries; add orbits.boundaries to its configuration")
@@ -156,7 +162,15 @@ def read_branches(directory: Path) -> Branches:
     if points.empty:
         raise TableError(f"{directory} holds an empty table of branches; there is nothing to plot")
     swept = Result(directory, "sweep").table("sweep") if any(directory.glob("sweep.*")) else None
-    return Branches(result, points, special, swept, key, list(points.columns[: list(points.columns).index(key)]))
+    grid = list(points.columns[: list(points.columns).index(key)])
+    return Branches(directory.resolve().name, directory, points, special, swept, key, grid)
+
+
+def branches_of(points: pd.DataFrame, special: pd.DataFrame | None = None) -> Branches:
+    """Prepare tables in memory, those of special points if there are any; the key stands before ``branch``."""
+    *grid, key = (str(column) for column in points.columns[: list(points.columns).index("branch")])
+    none = pd.DataFrame({name: [] for name in (*grid, "branch", "kind", "point", EXCITATION)})
+    return Branches("orbits", None, points, none if special is None else special, None, key, grid)
 
 
 # -- branches ----------------------------------------------------------------------------------------------------------
@@ -180,7 +194,7 @@ def branches_figure(found: Branches, x: str) -> Figure:
     for axis in axes.T.ravel()[[height - 1, len(columns) - 1]]:
         axis.set_xlabel(key_label(x))
         axis.tick_params(labelbottom=True)
-    head(figure, found.result.directory.resolve().name)
+    head(figure, found.name)
     handles = _legend(found, x)
     if len(columns) % 2:  # there is room
         axes[-1, 1].legend(handles=handles, loc="center left")
@@ -295,7 +309,8 @@ def _legend(found: Branches, x: str) -> list[Line2D]:
 
 def boundaries_figure(found: Branches, x: str) -> Figure:
     """Draw curves of special points over two keys: the second one over a column; a colour for each kind."""
-    table = Result(found.result.directory, "orbits").table("boundaries")
+    assert found.directory is not None
+    table = Result(found.directory, "orbits").table("boundaries")
     second = boundary_keys(found, table)[1]
     combinations = table[found.varied].drop_duplicates() if found.varied else table.iloc[:1]
     figure, axes = new_figure(
@@ -312,7 +327,7 @@ def boundaries_figure(found: Branches, x: str) -> Figure:
     kinds = [kind for kind in KINDS if (table["kind"] == kind).any()]
     handles = [Line2D([], [], color=_colour(kind), lw=1.8, label=f"{kind}: {KINDS[kind]}") for kind in kinds]
     figure.legend(handles=handles, loc="outside lower center", ncols=1)
-    head(figure, found.result.directory.resolve().name)
+    head(figure, found.name)
     return figure
 
 
@@ -321,7 +336,7 @@ def boundary_keys(found: Branches, table: pd.DataFrame) -> list[str]:
     others = ("curve", "kind", "branch", EXCITATION, "period", *found.grid)
     keys = [str(column) for column in table if column not in others]
     if len(keys) != 2 or not all(is_number(table[key]) for key in keys):
-        raise TableError(f"the boundaries table in {found.result.directory} has no numbers of two keys")
+        raise TableError(f"the boundaries table in {found.directory} has no numbers of two keys")
     return keys
 
 
@@ -378,7 +393,7 @@ def multipliers_figure(found: Branches, x: str) -> Figure:
     if np.hypot(found.points["multiplier_1_re"], found.points["multiplier_1_im"]).max() > LOGARITHMIC:
         axes[1, 0].set_yscale("log")
     figure.colorbar(ScalarMappable(norm, "viridis"), ax=list(axes[0]), pad=0.01).set_label(key_label(x))
-    head(figure, found.result.directory.resolve().name)
+    head(figure, found.name)
     return figure
 
 

@@ -83,7 +83,8 @@ def draw_impacts(axis: Axes, events: pd.DataFrame) -> Axes:
     """Mark the times of impacts on the line of zero gap."""
     impacts = events[events["kind"] == "impact"]
     size = 5.0 if len(impacts) <= 60 else 2.5
-    axis.plot(impacts["t_s"], np.zeros(len(impacts)), "v", color=BLACK, ms=size, mew=0, label="impact", clip_on=False)
+    look: dict[str, Any] = {"ms": size, "mew": 0, "clip_on": False, "label": "impact" if len(impacts) else None}
+    axis.plot(impacts["t_s"], np.zeros(len(impacts)), "v", color=BLACK, **look)
     return axis
 
 

@@ -6,8 +6,9 @@ from collections.abc import Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from functools import cached_property
+from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -25,6 +26,9 @@ from vibroplat.study.orbits.newton import ANGLE, Found, Frame, MissedError, Prob
 from vibroplat.study.orbits.shooting import Shooter, Shot
 from vibroplat.study.orbits.words import spelled, turned
 from vibroplat.study.point import MEASURED, row_of
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 #: Turns of exciter 1 after which a motion that settles is tried as a guess, one after the other.
 SETTLING = (24, 96, 384)
@@ -105,6 +109,11 @@ class Orbit:
     def excitation_frequency_hz(self) -> float:
         """Turns of exciter 1 per second."""
         return self.period / self.period_s
+
+    def plot(self) -> Figure:
+        """Draw it: its speed over its height, and the gap over the phase where there is material."""
+        figure: Figure = import_module("vibroplat.display").orbit_figure(self)
+        return figure
 
     @cached_property
     def run(self) -> Trajectory:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from importlib import import_module
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import pandas as pd
 
@@ -23,6 +24,9 @@ from vibroplat.study.orbits.kinds import KINDS
 from vibroplat.study.orbits.tracing import TOLD, Family, Progress, Traced, families, orbits_plan, trace
 from vibroplat.study.point import MEASURED, POINT
 from vibroplat.study.store import Record, Store
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 #: Columns of the table of branches after the grid's keys and the key.
 COLUMNS = (
@@ -105,6 +109,11 @@ class OrbitTables(NamedTuple):
     branches: pd.DataFrame
     special: pd.DataFrame
     boundaries: pd.DataFrame
+
+    def plot(self) -> Figure:
+        """Draw the branches with their special points."""
+        figure: Figure = import_module("vibroplat.display").orbits_figure(self.branches, self.special)
+        return figure
 
 
 def orbits(
