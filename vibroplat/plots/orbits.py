@@ -178,7 +178,7 @@ def branches_of(points: pd.DataFrame, special: pd.DataFrame | None = None) -> Br
 
 def branches_figure(found: Branches, x: str) -> Figure:
     """Draw all quantities of branches over a column."""
-    columns = [c for c in PANELS if c != "contact_force_max_n" or found.points[c].notna().any()]
+    columns = [c for c in PANELS if c in found.points and found.points[c].notna().any()]
     height = (len(columns) + 1) // 2
     figure, axes = new_figure(height, 2, (11.0, 2.2 + 2.5 * height), sharex=True)
     for axis, column in zip(axes.T.ravel(), columns, strict=False):

@@ -131,3 +131,12 @@ def test_an_orbit_closes(scene):
     assert gap[:, 1].max() == pytest.approx(1e3 * found.measures["gap_max_m"], rel=1e-3)
     bare = orbit(scene.replace({MASS: 0.0}))
     assert plot_orbit(bare, Figure().subplots(1, 2))[1].texts[0].get_text() == "no material"
+
+
+def test_an_orbit_and_branches_draw_themselves(scene, found):
+    loaded = orbit(scene.replace({MASS: 0.1, "drive.supply_frequency_hz": 49.0}))
+    assert [axis.get_xlabel() for axis in loaded.plot().axes] == ["$y$ (mm)", "phase of exciter 1 (turns)"]
+    assert len(orbit(scene.replace({MASS: 0.0})).plot().axes) == 1
+    axis = found.plot().axes[0]
+    marks = [line.get_xdata()[0] for line in axis.lines if line.get_marker() == MARKERS["liftoff"]]
+    assert marks == pytest.approx(found.special["excitation_frequency_hz"].tolist())
