@@ -359,7 +359,8 @@ def draw_boundaries(axis: Axes, table: pd.DataFrame, key: str, x: str = EXCITATI
     """
     for _, rows in table.groupby("curve"):
         kind = rows["kind"].iloc[0]
-        axis.plot(rows[x], rows[key], color=_colour(kind), lw=1.8)
+        mark = "o" if len(rows) == 1 else ""  # of a point that could not be followed there is no line
+        axis.plot(rows[x], rows[key], color=_colour(kind), lw=1.8, marker=mark, ms=4.0)
     return axis
 
 
