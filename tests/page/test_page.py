@@ -471,3 +471,14 @@ def test_a_table_without_a_column_is_refused(swept, followed, tmp_path, name, co
     write_table(read_table(copy, name).drop(columns=column), copy, name, "parquet")
     with pytest.raises(TableError, match=f"the {name} table in .* has no column {column}"):
         shown(copy)
+
+
+def test_the_command_computes_orbits_unless_told_otherwise(branched, tmp_path):
+    sizes = []
+    for option in ("--orbits", "--no-orbits"):
+        done = command("report", branched, option, "--out", tmp_path / "page.html")
+        assert (done.code, done.err) == (0, "")
+        data = re.search(r'type="application/json">(.*?)</script>', (tmp_path / "page.html").read_text(), re.DOTALL)
+        sizes.append(len(json.loads(data.group(1))["points"][0]["motions"]["list"]))
+    assert sizes[0] > 10
+    assert sizes[1] == 0
