@@ -473,7 +473,7 @@ def test_a_table_without_a_column_is_refused(swept, followed, tmp_path, name, co
         shown(copy)
 
 
-def test_the_command_computes_orbits_unless_told_otherwise(branched, tmp_path):
+def test_the_command_computes_orbits_unless_told_otherwise(branched, tmp_path, command):
     sizes = []
     for option in ("--orbits", "--no-orbits"):
         done = command("report", branched, option, "--out", tmp_path / "page.html")
