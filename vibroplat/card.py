@@ -7,6 +7,7 @@ from typing import Any
 
 from vibroplat.observe.summary import COHERENCE
 from vibroplat.scene import Scene
+from vibroplat.study.point import synchronization
 
 
 def results(scene: Scene, summary: Mapping[str, Any], origin: Mapping[str, Any] | None) -> dict[str, str]:
@@ -14,7 +15,6 @@ def results(scene: Scene, summary: Mapping[str, Any], origin: Mapping[str, Any] 
 
     ``origin`` is what provenance says of the run that it goes on from, if any.
     """
-    kinds = ("liftoffs", "impacts", "latches")
     phases = "phi1-phi2" if scene.co_rotating else "phi1+phi2"
     return _lines(
         ("outcome", summary["outcome"], ""),
@@ -24,23 +24,21 @@ def results(scene: Scene, summary: Mapping[str, Any], origin: Mapping[str, Any] 
         ("excitation frequency", summary["excitation_frequency_hz"], "Hz"),
         ("speeds of the exciters", _speeds(summary), "Hz"),
         (f"phase difference {phases}", *_phase(summary)),
-        ("RMS x, y", [summary["rms_x_m"], summary["rms_y_m"]], "m"),
+        ("RMS x, y", [_mm(summary["rms_x_m"]), _mm(summary["rms_y_m"])], "mm"),
         ("RMS phi", summary["rms_phi_rad"], "rad"),
         ("contact force, largest", summary["contact_force_max_n"], "N"),
-        ("gap, largest", summary["gap_max_m"] or None, "m"),
+        ("gap, largest", _mm(summary["gap_max_m"]) or None, "mm"),
         ("impulse, largest", summary["impulse_max_n_s"] or None, "N·s"),
         ("flight fraction", summary["flight_fraction"] if scene.has_contact else None, ""),
-        ("liftoffs, impacts, latches", [summary[f"measured_{kind}"] for kind in kinds], ""),
+        ("liftoffs, impacts, latches", _counts(summary), ""),
     )
 
 
 def whole(summary: Mapping[str, Any]) -> dict[str, str]:
     """Return what is of the whole run, and the work done."""
-    kinds = ("liftoffs", "impacts", "latches")
     return _lines(
-        ("whole run: these counts", [summary[kind] for kind in kinds], ""),
-        ("whole run: phi, largest", summary["phi_max_rad"], "rad"),
-        ("whole run: energy residual", summary["energy_residual"], ""),
+        ("phi, largest in whole run", summary["phi_max_rad"], "rad"),
+        ("energy residual", summary["energy_residual"], ""),
         *_work(summary),
         ("wall time", summary["wall_s"], "s"),
     )
@@ -49,6 +47,19 @@ def whole(summary: Mapping[str, Any]) -> dict[str, str]:
 def _lines(*rows: tuple[str, Any, str]) -> dict[str, str]:
     """Write values with their units; None is left out."""
     return {label: f"{_number(value)} {unit}".rstrip() for label, value, unit in rows if value is not None}
+
+
+def _mm(metres: float | None) -> float | None:
+    return None if metres is None else 1e3 * metres
+
+
+def _counts(summary: Mapping[str, Any]) -> str:
+    """Return the counts of events in the measured part, and in the whole run."""
+    measured, whole_run = (
+        ", ".join(str(summary[f"{part}{kind}"]) for kind in ("liftoffs", "impacts", "latches"))
+        for part in ("measured_", "")
+    )
+    return f"{measured}; in the whole run {whole_run}"
 
 
 def _work(summary: Mapping[str, Any]) -> list[tuple[str, Any, str]]:
@@ -74,7 +85,10 @@ def _speeds(summary: Mapping[str, Any]) -> list[float] | None:
 def _phase(summary: Mapping[str, Any]) -> tuple[float | str | None, str]:
     """Return the mean phase difference with its unit, unless it drifts so much that it has no mean."""
     drifts = summary["phase_coherence"] is not None and summary["phase_coherence"] < COHERENCE
-    return ("drifts", "") if drifts else (summary["phase_difference_rad"], "rad")
+    if drifts or summary["phase_difference_rad"] is None:
+        return ("drifts" if drifts else None), ""
+    named = synchronization(summary)
+    return summary["phase_difference_rad"], "rad" if named == "none" else f"rad, {named}"
 
 
 def _window(summary: Mapping[str, Any]) -> str:

@@ -26,19 +26,34 @@ _LEFT_OUT = (
 )
 _HEAD = """\
 # A configuration to start from. Lines that begin with # are other ways to give something, or keys that are not needed.
-# vibroplat run {file}      simulates it, writes results/{name} and prints a summary
-# vibroplat sweep {file}    sweeps over supply frequencies, as section sweep says
-# vibroplat plot results/{name}   draws both
-# All keys, also two unequal motors or exciters and a supply that changes in time: vibroplat schema --markdown
 """
+_COMMANDS = {
+    "vibroplat run {file}": "simulates it, prints a summary, writes results/{name}",
+    "vibroplat sweep {file}": "sweeps over supply frequencies, as section sweep says",
+    "vibroplat orbits {file}": "follows periodic orbits, unstable ones as well, as section orbits says",
+    "vibroplat plot results/{name}": "draws what is in results/{name}",
+    "vibroplat report results/{name}": "writes it into an HTML page",
+    "vibroplat schema --markdown": "lists all keys, also of two unequal motors or exciters",
+}
 _SWEEP = {"sweep.grid": "{material.mass_ratio: [0, 0.1, 0.2]}"}
+#: Stands after the supply frequency.
+_PROGRAM = """\
+  # program:                                # instead: the supply over time, here a start in 3 s; starts from rest
+  #   - {t_s: 0, supply_frequency_hz: 0}    # also need run.initial.speed_ratio: 0
+  #   - {t_s: 3, supply_frequency_hz: 51.5}"""
+_ORBITS = """\
+orbits:
+  key: drive.supply_frequency_hz            # dotted key that varies along a branch
+  start: 42                                 # one end of its range
+  stop: 80                                  # the other end
+  grid: {material.mass_ratio: [0, 0.1, 0.2]}  # branches for each value"""
 
 
 def template(file: str, name: str) -> str:
     """Return the text of a configuration; its head names the file and the scene."""
     given = flat(load_tree(configurations() / "quickstart.yaml"))
     wanted = [key for key in keys().values() if not key.name.startswith(_LEFT_OUT)]
-    lines: list[str] = [_HEAD.format(file=file, name=name)]
+    lines: list[str] = [_head(file, name)]
     above: list[str] = []
     for key in wanted:
         *sections, last = key.name.split(".")
@@ -47,7 +62,16 @@ def template(file: str, name: str) -> str:
                 lines.append(f"{'  ' * depth}{section}:")
         above = sections
         lines += _lines(last, "  " * len(sections), key, given)
-    return "\n".join(lines) + "\n"
+        if key.name == "drive.supply_frequency_hz":
+            lines.append(_PROGRAM)
+    return "\n".join([*lines, _ORBITS]) + "\n"
+
+
+def _head(file: str, name: str) -> str:
+    """Say what can be done with the file."""
+    rows = [(command.format(file=file, name=name), does.format(name=name)) for command, does in _COMMANDS.items()]
+    width = max(len(command) for command, _ in rows)
+    return _HEAD + "".join(f"#   {command:<{width}}  {does}\n" for command, does in rows)
 
 
 def _lines(last: str, indent: str, key: Key, given: Mapping[str, Any]) -> list[str]:

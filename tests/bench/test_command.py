@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
-from vibroplat.bench import report
+from vibroplat.bench import report, timing
 from vibroplat.bench.peers import peers, scaling
 from vibroplat.cli import app
 from vibroplat.errors import VibroplatError
@@ -64,6 +64,13 @@ def test_run_times_over_simulated_time():
     assert list(table["simulated_s"]) == [0.1, 0.2] * 2
     assert list(table["scene"]) == ["attached, f_e 46"] * 2 + ["impacts, f_e 50"] * 2
     assert (table["ms_per_s"] * table["simulated_s"]).to_numpy() == pytest.approx(1e3 * table["wall_s"].to_numpy())
+
+
+def test_run_times_by_engine():
+    table = timing.runtime(seconds=0.05, repeats=1, engines=("native", "taylor")).set_index(["scene", "engine"])
+    attached = table.loc["attached, f_e 46"]
+    assert (attached[["ms_per_s_median", "steps_per_s", "ratio"]] > 0.0).all(axis=None)
+    assert attached["residual_calls_per_s"].notna().to_dict() == {"native": True, "taylor": False}
 
 
 def test_run_times_over_events():

@@ -255,6 +255,14 @@ def test_branches_of_each_combination_are_curves_of_their_own(branched):
             assert found.points.iloc[rows][["material.mass_ratio", "branch"]].drop_duplicates().shape[0] == 1
 
 
+def test_page_of_orbits_tells_no_section_that_was_left_empty(followed):
+    data = shown(followed)
+    told = {row["words"]: row["values"] for row in data["parameters"] if row["section"] == "orbits"}
+    assert told["stop"] == [56.0]
+    assert "step" not in told
+    assert "followed" in report.page(data)
+
+
 def test_special_points_stand_where_they_were_found(followed):
     found = read_branches(followed)
     fold, grazing = points.special_marks(found, found.special, found.points)

@@ -53,7 +53,7 @@ def drawn(result, figures, kind, **options):
 def test_motion_shows_the_range_over_the_whole_run_and_the_last_turns(written, figures):
     figure = drawn(written / "a", figures, "motion")
     titles = [axis.get_title(loc="left").splitlines()[-1] for axis in figure.axes[:2]]
-    assert titles == ["whole run, range of values", "last turns"]
+    assert titles == ["whole run, range of values", "last turns, grey on the left"]
     table = read_table(written / "a", "trajectory")
     whole = figure.axes[0].collections[0].get_datalim(figure.axes[0].transData)
     assert (whole.y0, whole.y1) == pytest.approx((1e3 * table["y_m"].min(), 1e3 * table["y_m"].max()))

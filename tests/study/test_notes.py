@@ -9,7 +9,7 @@ from common.places import LOADED, ROOT
 from common.results import bits
 
 from vibroplat.study.branches import branches
-from vibroplat.study.report import notes_on_branches, notes_on_points
+from vibroplat.study.report import note_on_undecided, notes_on_branches, notes_on_points
 from vibroplat.tables import read_table
 
 from .helpers import planned, swept
@@ -99,3 +99,19 @@ def test_notes_do_not_change_a_table_written_and_read(table, tmp_path):
     again = read_table(tmp_path, "sweep")
     assert notes_on_points(again) == notes_on_points(table) != []
     assert bits(again) == bits(table)
+
+
+def test_undecided_points_are_told_with_the_first_reason():
+    table = pd.DataFrame(
+        {
+            "supply_frequency_hz": [45.0, 46.0, 47.0],
+            "motion": ["periodic", "undecided", "undecided"],
+            "outcome": "ok",
+            "detail": ["", "sign unclear", "section drifts"],
+        }
+    )
+    told = "2 points are undecided, the first at a supply of 46 Hz: sign unclear; sweep.max_settle_s may help"
+    assert note_on_undecided(table) == [told]
+    one = "1 point is undecided, at a supply of 47 Hz: section drifts; sweep.max_settle_s may help"
+    assert note_on_undecided(table[table["detail"] != "sign unclear"]) == [one]
+    assert note_on_undecided(table[:1]) == []

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import platform
 import statistics
@@ -72,7 +73,7 @@ def runtime(
             "ms_per_s_median": statistics.median(per_second),
             "ms_per_s_min": min(per_second),
             "ms_per_s_max": max(per_second),
-            **{f"{k}_per_s": summary[k] / seconds for k in ("steps", "residual_calls", "restarts", "events")},
+            **{f"{k}_per_s": _over(summary[k], seconds) for k in ("steps", "residual_calls", "restarts", "events")},
             "us_per_step": 1e6 * statistics.median(times) / summary["steps"],
             "energy_residual": summary["energy_residual"],
         }
@@ -80,6 +81,11 @@ def runtime(
             row["ratio"] = statistics.median(mine / its for mine, its in zip(times, native[0], strict=True))
         rows.append(row)
     return pd.DataFrame(rows)
+
+
+def _over(count: float | None, seconds: float) -> float:
+    """Return a count per second; NaN where an engine has no such count, as ``taylor`` has no residual."""
+    return math.nan if count is None else count / seconds
 
 
 def precision(

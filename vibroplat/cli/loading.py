@@ -27,7 +27,7 @@ def tell_of_compilation(engine: str | None = None) -> None:
     from vibroplat.kernels.cache import is_compiled, notice
 
     if not is_compiled(engine or "auto"):
-        told = notice() or "this happens once and takes about half a minute"
+        told = notice() or "this happens once for each engine and takes about half a minute"
         require_memory(COMPILING, "compiling the kernels for the first time")
         print(f"vibroplat: compiling the numerical kernels; {told}", file=sys.stderr)
 

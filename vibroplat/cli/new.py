@@ -26,4 +26,5 @@ def new(file: Annotated[Path, typer.Argument(metavar="FILE", help="The file to w
         raise ConfigError(f"{file}: there is such a file already; allowed: a new one") from None
     except OSError as error:
         raise ConfigError(f"{file}: cannot be written ({error.strerror or error})") from None
-    print(f"{file}: change it, then run `vibroplat run {file}` or `vibroplat sweep {file}`")
+    commands = (f"`vibroplat {command} {file}`" for command in ("run", "sweep", "orbits"))
+    print("{}: change it, then run {}, {} or {}".format(file, *commands))

@@ -57,9 +57,9 @@ def plot(
     dpi: Annotated[int | None, typer.Option(min=10, max=2400, help="Dots per inch. Default: 130.")] = None,
     out: Annotated[Path | None, typer.Option(help="Directory for the figures. Default: the first DIR.")] = None,
 ) -> None:
-    """Draw the figures of a run, a sweep, orbits or the paper, or lay several runs or sweeps over each other.
+    """Draw figures of a run, a sweep, orbits or the paper.
 
-    Only the tables in DIR are read; nothing is simulated.
+    Several runs or sweeps are laid over each other. Only the tables in DIR are read; nothing is simulated.
     """
     from vibroplat.plots.command import Wanted, plot_results
     from vibroplat.plots.style import Saving

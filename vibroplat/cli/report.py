@@ -28,7 +28,7 @@ def report(
         typer.Option(help="Compute orbits of points of sweeps and branches: a click on such a point draws its orbit."),
     ] = True,
 ) -> None:
-    """Write a page to look at and to hand on.
+    """Write an HTML page of results, to look at and to hand on.
 
     One HTML file with curves, tables and the moving machine of all results side by side; it opens offline in a browser.
     """

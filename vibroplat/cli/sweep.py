@@ -115,7 +115,8 @@ def _print_sweep(planned: Sequence[Branch], directory: Path, done: _Done) -> boo
     print_lines(report.overview(table) | {"wall time": took, "tables": str(directory)})
     for line in report.band_report(Result(directory, "sweep").table("bands")):
         print(line)
-    print_notes(report.notes_on_branches(planned) + report.notes_on_points(table))
+    print_notes(report.notes_on_branches(planned))
+    print_notes(report.notes_on_points(table) + report.note_on_undecided(table))
     failed = report.failures(table)
     _complain_of(failed, f"{len(failed)} of {points} points failed")
     return (done.check is None or _print_check(done.check)) and not failed

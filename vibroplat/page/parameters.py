@@ -23,8 +23,8 @@ def parameters(commands: Sequence[str], configurations: Sequence[Mapping[str, An
         for command, tree in zip(commands, configurations, strict=True)
     ]
     sections = list(dict.fromkeys(section for tree in used for section in tree))
-    trees = [dict(flat(tree)) for tree in used]
-    keys = dict.fromkeys(key for tree in trees for key, value in tree.items() if value != {})  # no empty sections
+    trees = [{key: value for key, value in flat(tree) if value != {}} for tree in used]  # empty sections say nothing
+    keys = dict.fromkeys(key for tree in trees for key in tree)
     ordered = sorted(keys, key=lambda key: sections.index(key.partition(".")[0]))
     return [_row(key, [tree.get(key) for tree in trees]) for key in ordered]
 

@@ -16,7 +16,16 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from vibroplat.errors import TableError
-from vibroplat.plots.names import COORDINATES, MEASURES, PHASE_COLUMN, is_number, key_label, value_label
+from vibroplat.plots.names import (
+    COORDINATES,
+    MEASURES,
+    PHASE_COLUMN,
+    is_number,
+    key_label,
+    scene_of,
+    sweep_parameters,
+    value_label,
+)
 from vibroplat.plots.reading import read_columns
 from vibroplat.plots.style import CURVES, DIRECTIONS, REFERENCE, Saving, head, new_figure, save, styled
 from vibroplat.plots.timelines import phase_axis, wrapped
@@ -36,8 +45,8 @@ PANELS = ("rms_y_m", "rms_x_m", PHASE_COLUMN, "motor_power_w", "contact_force_ma
 MARKERS = dict(zip(KINDS, "oDsX^vP", strict=True))
 #: Colours of what is behind the branches, and of lines of reference.
 BEHIND = "#9a9a9a"
-#: Largest real and imaginary part of multipliers that are drawn.
-FARTHEST = 2.0
+#: Largest real and imaginary part of multipliers that are drawn, and the least frame, just around the unit circle.
+FARTHEST, NEAREST = 2.0, 1.1
 #: Largest multiplier above which their axis is logarithmic.
 LOGARITHMIC = 10.0
 #: Least range of an axis of RMS, relative to the largest RMS of y: small quantities are drawn small.
@@ -76,6 +85,14 @@ class Branches:
     def abscissa(self) -> str:
         """Column that they are drawn over first."""
         return EXCITATION if self.key == SUPPLY else self.key
+
+    @property
+    def parameters(self) -> str:
+        """What a reader wants to know of the scene, but for the key and the grid; nothing of tables in memory."""
+        if self.directory is None:
+            return ""
+        scene = scene_of(Result(self.directory, "orbits").provenance)
+        return sweep_parameters(scene, [*self.grid, self.key])
 
     @property
     def varied(self) -> list[str]:
@@ -194,10 +211,10 @@ def branches_figure(found: Branches, x: str) -> Figure:
     for axis in axes.T.ravel()[[height - 1, len(columns) - 1]]:
         axis.set_xlabel(key_label(x))
         axis.tick_params(labelbottom=True)
-    head(figure, found.name)
+    head(figure, found.name, found.parameters)
     handles = _legend(found, x)
-    if len(columns) % 2:  # there is room
-        axes[-1, 1].legend(handles=handles, loc="center left")
+    if len(columns) < axes.size:  # the empty place
+        axes[-1, -1].legend(handles=handles, loc="center left", borderpad=0.0)
     else:
         figure.legend(handles=handles, loc="outside lower center", ncols=2 if len(found.special) else len(handles))
     return figure
@@ -327,7 +344,7 @@ def boundaries_figure(found: Branches, x: str) -> Figure:
     kinds = [kind for kind in KINDS if (table["kind"] == kind).any()]
     handles = [Line2D([], [], color=_colour(kind), lw=1.8, label=f"{kind}: {KINDS[kind]}") for kind in kinds]
     figure.legend(handles=handles, loc="outside lower center", ncols=1)
-    head(figure, found.name)
+    head(figure, found.name, found.parameters)
     return figure
 
 
@@ -378,11 +395,13 @@ def multipliers_figure(found: Branches, x: str) -> Figure:
         combinations.setdefault((number, label), []).append(points)
     values = found.points[x]
     norm = Normalize(float(values.min()), float(values.max()))
+    farthest = found.points.filter(regex=r"^multiplier_\d+_(re|im)$").abs().max().max()
+    frame = float(np.clip(1.05 * farthest, NEAREST, FARTHEST))
     size = (1.5 + 4.3 * len(combinations), 8.2)
     figure, axes = new_figure(2, len(combinations), size, sharey="row", height_ratios=(1.35, 1.0))
     for (number, label), (plane, largest) in zip(combinations, axes.T, strict=True):
         parts = combinations[number, label]
-        _draw_plane(plane, pd.concat(parts), x, norm)
+        _draw_plane(plane, pd.concat(parts), x, norm, frame)
         plane.set_title(label, loc="left")
         for points in parts:
             _draw_largest(largest, points, x, CURVES[number % len(CURVES)])
@@ -394,11 +413,11 @@ def multipliers_figure(found: Branches, x: str) -> Figure:
     if np.hypot(found.points["multiplier_1_re"], found.points["multiplier_1_im"]).max() > LOGARITHMIC:
         axes[1, 0].set_yscale("log")
     figure.colorbar(ScalarMappable(norm, "viridis"), ax=list(axes[0]), pad=0.01).set_label(key_label(x))
-    head(figure, found.name)
+    head(figure, found.name, found.parameters)
     return figure
 
 
-def _draw_plane(axis: Axes, points: pd.DataFrame, x: str, norm: Normalize) -> None:
+def _draw_plane(axis: Axes, points: pd.DataFrame, x: str, norm: Normalize, frame: float) -> None:
     """Draw multipliers and the unit circle; say how many lie farther away than the frame."""
     angle = np.linspace(0.0, 2.0 * np.pi, 361)
     axis.plot(np.cos(angle), np.sin(angle), color=REFERENCE, lw=1.0)
@@ -407,7 +426,7 @@ def _draw_plane(axis: Axes, points: pd.DataFrame, x: str, norm: Normalize) -> No
         if f"multiplier_{i}_re" not in points:
             break
         real, imaginary = (points[f"multiplier_{i}_{part}"].to_numpy(dtype=float) for part in ("re", "im"))
-        far = (np.abs(real) > FARTHEST) | (np.abs(imaginary) > FARTHEST)
+        far = (np.abs(real) > frame) | (np.abs(imaginary) > frame)
         outside += int(far.sum())
         shown = points[x].to_numpy(dtype=float)[~far]
         for sign in (1.0, -1.0):  # of a pair the table may have one only
@@ -415,8 +434,8 @@ def _draw_plane(axis: Axes, points: pd.DataFrame, x: str, norm: Normalize) -> No
     if outside:
         axis.text(0.02, 0.02, f"{outside} farther away", transform=axis.transAxes, fontsize=8, color=REFERENCE)
     axis.set_aspect("equal")
-    axis.set_xlim(-FARTHEST, FARTHEST)
-    axis.set_ylim(-FARTHEST, FARTHEST)
+    axis.set_xlim(-frame, frame)
+    axis.set_ylim(-frame, frame)
 
 
 def _draw_largest(axis: Axes, points: pd.DataFrame, x: str, color: Any) -> None:

@@ -224,7 +224,7 @@ def marker_legend(table: pd.DataFrame) -> Iterator[Line2D]:
     found = [filling for filling, _ in fillings(table)]
     if found != ["full"]:
         for filling in found:
-            look = {"fillstyle": filling, "markerfacecoloralt": "white", "color": BLACK, "ls": "", "ms": 4.5}
+            look = {"fillstyle": filling, "markerfacecoloralt": "white", "color": BLACK, "ls": "", "ms": 7.0}
             yield Line2D([], [], marker="^", mew=0.7, label=_MEANING[filling], **look)
     if _failed(table).any():
         yield Line2D([], [], ls="", marker="x", color=FAILED, ms=5.0, mew=1.4, label="failed")

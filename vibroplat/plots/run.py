@@ -172,7 +172,7 @@ def _motion(shown: Shown) -> Figure:
         _detail(row[-1], shown, column)
     if overview:
         axes[0, 0].set_title("whole run, range of values", loc="left")
-        axes[0, 1].set_title("last turns", loc="left")
+        axes[0, 1].set_title("last turns, grey on the left" if shown.only else "last turns", loc="left")
         axes[-1, 0].set_xlabel("$t$ (s)")
     axes[-1, -1].set_xlabel(shown.detail)
     if shown.only is not None and "gap_m" in rows:

@@ -313,7 +313,7 @@ def mean_turn(measures: Measures) -> float:
     return float(times[-1] - times[0]) / (len(times) - 1)
 
 
-def synchronization(found: dict[str, Any]) -> str:
+def synchronization(found: Mapping[str, Any]) -> str:
     """Name the synchronization: ``antiphase``, ``in-phase``, ``intermediate`` or ``none``.
 
     It is ``none`` if the phase difference drifts by more than WANDER over the measured part or is incoherent.

@@ -106,6 +106,19 @@ def notes_on_points(table: pd.DataFrame) -> list[str]:
     return lines
 
 
+def note_on_undecided(table: pd.DataFrame) -> list[str]:
+    """Say where the kind of motion is undecided, and why at the first of these points."""
+    rows = table[(table["motion"] == "undecided") & (table["outcome"] == "ok")]
+    if rows.empty:
+        return []
+    first = rows.iloc[0]
+    count = "1 point is" if len(rows) == 1 else f"{len(rows)} points are"
+    where = "at" if len(rows) == 1 else "the first at"
+    return [
+        f"{count} undecided, {where} a supply of {first[SUPPLY]:g} Hz: {first['detail']}; sweep.max_settle_s may help"
+    ]
+
+
 def _kind(note: str) -> str:
     """Return what notes of one kind have in common: their text without numbers."""
     return re.sub(r"\d[\d.e+-]*", "", note)

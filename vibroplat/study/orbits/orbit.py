@@ -89,7 +89,7 @@ class Orbit:
             f"Orbit of {self.scene.name}: period {self.period} ({self.period_s:.9g} s), {kind}",
             f"  events of a period    {self.sequence}",
             f"  excitation frequency  {self.excitation_frequency_hz:.9g} Hz",
-            f"  RMS x, y              {self.measures['rms_x_m']:.6g}, {self.measures['rms_y_m']:.6g} m",
+            f"  RMS x, y              {1e3 * self.measures['rms_x_m']:.6g}, {1e3 * self.measures['rms_y_m']:.6g} mm",
             f"  largest multiplier    {largest:.9g}",
             f"  residual              {self.residual:.2g}",
         )
