@@ -107,7 +107,7 @@ def test_points_of_a_sweep_lie_behind(written, figures):
 def test_multipliers_lie_about_the_unit_circle(written, found, figures):
     plot_orbits(written, ["multipliers"])
     planes = [axis for axis in figures["multipliers"].axes if axis.get_xlabel() == "real part"]
-    assert [axis.get_title(loc="left") for axis in planes] == [r"$\mu_w$ = 0", r"$\mu_w$ = 0.1"]
+    assert [axis.get_title(loc="left").split("\n")[-1] for axis in planes] == [r"$\mu_w$ = 0", r"$\mu_w$ = 0.1"]
     for axis, (_, rows) in zip(planes, found.branches.groupby(MASS), strict=True):
         drawn = np.concatenate([collection.get_offsets() for collection in axis.collections])
         assert len(drawn) == 2 * 4 * len(rows)  # with their conjugates
