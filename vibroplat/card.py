@@ -28,7 +28,7 @@ def results(scene: Scene, summary: Mapping[str, Any], origin: Mapping[str, Any] 
         ("RMS phi", summary["rms_phi_rad"], "rad"),
         ("contact force, largest", summary["contact_force_max_n"], "N"),
         ("gap, largest", _mm(summary["gap_max_m"]) or None, "mm"),
-        ("impulse, largest", summary["impulse_max_n_s"] or None, "N s"),
+        ("impulse, largest", summary["impulse_max_n_s"] or None, "N·s"),
         ("flight fraction", summary["flight_fraction"] if scene.has_contact else None, ""),
         ("liftoffs, impacts, latches", _counts(summary), ""),
     )

@@ -11,11 +11,12 @@ from typing import NamedTuple
 
 import pandas as pd
 
+import vibroplat.accessor  # noqa: F401  (whoever has a table can ask it for its figure)
+
 #: Units by the ends of names, longer ends before those that they end with.
 UNITS = {
     "n_m_s_per_rad": "N·m·s/rad",
     "n_m_per_rad": "N·m/rad",
-    "per_mass_per_s": "1/s",
     "rad_per_s": "rad/s",
     "m_per_s2": "m/s²",
     "n_s_per_m": "N·s/m",
@@ -62,8 +63,14 @@ Columns = Mapping[str, Column]
 
 def unit_of(name: str) -> str:
     """Return the unit that a key or column has by its name; "" for pure numbers, texts and counts."""
+    return split(name)[1]
+
+
+def split(name: str) -> tuple[str, str]:
+    """Return the last part of a dotted key, or a column, without the unit at its end, and the unit."""
     last = name.rpartition(".")[2]
-    return next((unit for end, unit in UNITS.items() if last.endswith(f"_{end}")), "")
+    found = next((end for end in UNITS if last.endswith(f"_{end}")), None)
+    return (last, "") if found is None else (last.removesuffix(f"_{found}"), UNITS[found])
 
 
 def labelled(table: pd.DataFrame, columns: Columns) -> pd.DataFrame:

@@ -41,6 +41,16 @@ def orbits_progress(name: str, branches: int) -> Iterator[Callable[[int, int, in
 
 
 @contextmanager
+def points_progress(name: str) -> Iterator[Callable[[int, int], None] | None]:
+    """Show the number of finished points, of at most so many."""
+    with _bar(name, 1, "points", "") as update:
+        if update is None:
+            yield None
+        else:
+            yield lambda finished, most: update(finished, total=most)
+
+
+@contextmanager
 def _bar(
     name: str, total: float, unit: str, counts: str, number: str = "", **fields: Any
 ) -> Iterator[Callable[..., None] | None]:

@@ -49,15 +49,17 @@ def branches():
     stable = (along < 0.35) | (along > 0.7)
     return pd.DataFrame(
         {
+            "supply_frequency_hz": supply,
             "branch": 0,
-            "parent": pd.array([pd.NA] * along.size, dtype="Int64"),
+            "parent": -1,
             "point": np.arange(along.size),
-            "drive.supply_frequency_hz": supply,
             "excitation_frequency_hz": 0.5 * supply,
             "period": 1,
             "period_s": 2.0 / supply,
+            "rms_x_m": 1e-6,
             "rms_y_m": 1e-3 * (1.0 + along),
             "phase_difference_rad": np.pi - along,
+            "motor_power_w": 10.0,
             "sequence": "liftoff impact",
             "stable": stable,
             "unstable": np.where(stable, 0, 1),
@@ -76,8 +78,10 @@ def special(table):
         {
             "branch": 0,
             "kind": ["fold", "grazing"],
-            "drive.supply_frequency_hz": rows["drive.supply_frequency_hz"].to_numpy(),
+            "supply_frequency_hz": rows["supply_frequency_hz"].to_numpy(),
             "excitation_frequency_hz": rows["excitation_frequency_hz"].to_numpy(),
+            "period": 1,
+            "point": rows["point"].to_numpy(),
             "y_m": [0.0, 1e-4],
         }
     )
@@ -86,8 +90,10 @@ def special(table):
 def boundaries():
     """A boundary of each of two kinds."""
     ratio = np.linspace(0.0, 0.3, 7)
-    columns = {"drive.supply_frequency_hz": 50.0 + 10.0 * ratio, "material.mass_ratio": ratio}
-    parts = [pd.DataFrame({"kind": kind, **columns, "excitation_frequency_hz": 25.0}) for kind in ("fold", "liftoff")]
+    columns = {"branch": 0, "supply_frequency_hz": 50.0 + 10.0 * ratio, "material.mass_ratio": ratio}
+    more = {"excitation_frequency_hz": 25.0, "period": 1}
+    kinds = enumerate(("fold", "liftoff"))
+    parts = [pd.DataFrame({"curve": curve, "kind": kind, **columns, **more}) for curve, kind in kinds]
     return pd.concat(parts, ignore_index=True)
 
 
@@ -103,7 +109,8 @@ def write_orbits(directory):
     directory.mkdir(parents=True)
     table = branches()
     tables = {"branches": table, "special": special(table), "boundaries": boundaries()}
-    plan = {"key": "material.mass_ratio", "start": 0.0, "stop": 0.3}
+    second = {"key": "material.mass_ratio", "start": 0.0, "stop": 0.3}
+    plan = {"key": "drive.supply_frequency_hz", "start": 50.0, "stop": 56.0, "boundaries": second}
     write_result(directory, "orbits", origin("followed", orbits=plan), tables, form="parquet")
     return directory
 

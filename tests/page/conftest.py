@@ -3,8 +3,10 @@ from __future__ import annotations
 import pytest
 from common import handmade
 
-from vibroplat import load_config
+from vibroplat import load_config, orbits, sweep
+from vibroplat.provenance import provenance
 from vibroplat.results import write_result
+from vibroplat.study.orbits.report import write_orbits
 
 
 @pytest.fixture(scope="session")
@@ -33,6 +35,33 @@ def swept(tmp_path_factory):
 def followed(tmp_path_factory):
     """Result of orbits."""
     return handmade.write_orbits(tmp_path_factory.mktemp("orbits") / "followed")
+
+
+@pytest.fixture(scope="session")
+def branched(tmp_path_factory):
+    """Result of orbits that were followed: without material, and with material that lifts off."""
+    plan = {
+        "key": "drive.supply_frequency_hz",
+        "start": 45.0,
+        "stop": 50.0,
+        "grid": {"material.mass_ratio": [0.0, 0.1]},
+    }
+    scene = load_config(handmade.QUICKSTART, {"name": "branched", "solver.engine": "taylor", "orbits": plan})
+    directory = tmp_path_factory.mktemp("orbits") / "branched"
+    directory.mkdir()
+    write_orbits(scene, orbits(scene), {"branches": []}, directory, "parquet")
+    return directory
+
+
+@pytest.fixture(scope="session")
+def measured(tmp_path_factory):
+    """Result of a sweep that was measured."""
+    plan = {"supply_frequency_hz": {"start": 45.0, "stop": 51.0, "step": 2.0}, "grid": {}, "measure_s": 1.0}
+    scene = load_config(handmade.QUICKSTART, {"name": "measured", "solver.engine": "taylor", "sweep": plan})
+    directory = tmp_path_factory.mktemp("sweeps") / "measured"
+    directory.mkdir()
+    write_result(directory, "sweep", provenance(scene, "taylor"), {"sweep": sweep(scene)}, form="parquet")
+    return directory
 
 
 @pytest.fixture(scope="session")

@@ -13,9 +13,11 @@ from common import handmade
 from common.results import unproven
 from PIL import Image
 
+from vibroplat.page import motions
 from vibroplat.page.browser import browser, missing, open_page, resize
 from vibroplat.page.film import HEIGHT, write_film
 from vibroplat.page.report import write_report
+from vibroplat.study.orbits.motions import motion_of
 
 pytestmark = [pytest.mark.long, pytest.mark.skipif(bool(missing()), reason=missing())]
 
@@ -33,22 +35,29 @@ def driver(request):
 
 
 @pytest.fixture(scope="module")
-def pages(moved, swept, followed, tmp_path_factory):
+def pages(moved, swept, followed, branched, measured, tmp_path_factory):
     """Paths of pages by name."""
     place = tmp_path_factory.mktemp("pages")
     layers, bare, bouncing = (moved[name] for name in ("two layers", "bare", "bouncing"))
-    wanted = {"one": [layers], "several": [layers, bare, bouncing], "points": [swept, followed], "all": [layers, swept]}
-    return {name: write_report(of, place / f"{name}.html") for name, of in wanted.items()}
+    wanted = {"one": [layers], "several": [layers, bare, bouncing], "all": [layers, swept]}
+    wanted["orbits"] = [branched, measured]
+    return {name: write_report(of, place / f"{name}.html", mover=motion_of) for name, of in wanted.items()}
+
+
+@pytest.fixture(scope="module")
+def by_hand(swept, followed, tmp_path_factory):
+    """Path of a page of results that no motion belongs to."""
+    return {"points": write_report([swept, followed], tmp_path_factory.mktemp("points") / "points.html")}
 
 
 @pytest.fixture
-def visit(driver, pages):
+def visit(driver, pages, by_hand):
     """Open a page at the driver's width; its console must stay silent."""
 
     def visit(path):
         resize(driver, driver.width, 1000)
         driver.get_log("browser")
-        open_page(driver, pages.get(path, path))
+        open_page(driver, (pages | by_hand).get(path, path))
         return driver
 
     yield visit
@@ -97,7 +106,7 @@ def place_of(driver, figure, share_x, axis="yaxis", share_y=0.5):
     return found[0] + share_x * found[1], found[2] + share_y * found[3]
 
 
-@pytest.mark.parametrize("name", ["one", "several", "points", "all"])
+@pytest.mark.parametrize("name", ["one", "several", "points", "all", "orbits"])
 def test_nothing_is_loaded_and_nothing_is_wider_than_the_screen(visit, name):
     page = visit(name)
     assert js(page, "performance.getEntriesByType('resource').map(entry => entry.name)") == []
@@ -230,15 +239,23 @@ def test_a_row_of_events_sets_the_time_and_shows_the_curves_there(visit):
     assert clock(page) == pytest.approx(wanted)
 
 
+def point_of(driver, figure, trace, place):
+    """Place in the window of a point of a curve in the first panel."""
+    return js(
+        driver,
+        """(() => { const box = document.getElementById(arguments[0]), {xaxis, yaxis} = box._fullLayout;
+        box.scrollIntoView(); const {left, top} = box.getBoundingClientRect(), line = box.data[arguments[1]];
+        return [left + xaxis._offset + xaxis.l2p(line.x[arguments[2]]),
+          top + yaxis._offset + yaxis.l2p(line.y[arguments[2]])]; })()""",
+        figure,
+        trace,
+        place,
+    )
+
+
 def test_a_click_on_a_point_shows_its_row(visit):
     page = visit("points")
-    place = js(
-        page,
-        """(() => { const box = document.getElementById('points-0'), {xaxis, yaxis} = box._fullLayout;
-        box.scrollIntoView(); const {left, top} = box.getBoundingClientRect(), line = box.data[0];
-        return [left + xaxis._offset + xaxis.l2p(line.x[1]), top + yaxis._offset + yaxis.l2p(line.y[1])]; })()""",
-    )
-    click_at(page, *place)
+    click_at(page, *point_of(page, "points-0", 0, 1))
     told = js(page, "document.querySelector('.study .row').textContent")
     assert "43 Hz" in told
     assert "antiphase" in told
@@ -253,10 +270,110 @@ def test_orbits_show_stability_multipliers_and_special_points(visit):
     assert {"solid", "dash"} <= {*lines}
     page.execute_script("document.querySelectorAll('.study')[1].querySelector('tbody tr:nth-child(3)').click()")
     assert js(page, "document.querySelectorAll('.circle circle').length") == 3  # the unit circle and two multipliers
+    assert js(page, "document.querySelectorAll('.orbit').length") == 0
+    assert "without orbits" in js(page, "document.querySelectorAll('.study')[1].textContent")
     grazing = "{points: [{customdata: {special: 1}}]}"
     page.execute_script(f"document.getElementById('points-1').emit('plotly_click', {grazing})")
     assert "grazing" in js(page, "document.querySelectorAll('.study .row')[1].textContent")
     assert js(page, "document.getElementById('boundaries-0').data.length") == 2
+
+
+def orbit_drawing(driver):
+    return js(driver, "document.querySelector('.orbit svg').innerHTML")
+
+
+def curves_of_orbit(driver, number=0):
+    """Values of the solid curves in the figure of an orbit, without what is missing."""
+    return js(
+        driver,
+        """[...document.getElementById(`orbit-${arguments[0]}`).data].filter(({line}) => line.dash !== 'dot')
+        .map(({x, y}) => [x, y].map(values => [...values].filter(value => value !== null)))""",
+        number,
+    )
+
+
+def test_a_click_on_a_point_of_a_branch_draws_its_orbit(visit):
+    page = visit("orbits")
+    rows, period, gap = js(
+        page,
+        """(() => { const {table, series} = window.vibroplat.data.points[0];
+        const values = name => table.columns.find(column => column.name === name).values, gaps = values('gap_max_m');
+        const flies = gaps.findLastIndex(gap => gap > 0), number = series.findIndex(({rows}) => rows.includes(flies));
+        return [[number, series[number].rows.indexOf(flies)], values('period_s')[flies], gaps[flies]]; })()""",
+    )
+    click_at(page, *point_of(page, "points-0", *rows))
+    time.sleep(0.5)
+    (y, speed), (turns, opened) = curves_of_orbit(page)
+    assert max(opened) == pytest.approx(1e3 * gap, rel=0.01)
+    assert (min(turns), max(turns)) == (0.0, pytest.approx(1.0))
+    assert abs(speed[-1] - speed[0]) < 1e-3 * (max(speed) - min(speed))
+    assert abs(y[-1] - y[0]) < 1e-3 * (max(y) - min(y))
+    assert f"Period {1e3 * period:.4g} ms, 1 turn" in js(page, "document.querySelector('.orbit').textContent")
+    assert js(page, "document.getElementById('points-0').layout.shapes.length") == js(
+        page, "window.vibroplat.data.points[0].measures.length"
+    )
+    box = js(page, "document.querySelector('.row').getBoundingClientRect()")
+    top, bottom = box["top"], box["bottom"]
+    assert top < 1000.0
+    assert bottom > 0.0
+    assert js(page, "document.documentElement.scrollWidth") <= page.width
+
+
+def test_the_machine_moves_through_an_orbit(visit):
+    page = visit("orbits")
+    page.execute_script("document.querySelector('.study tbody tr').click()")
+    time.sleep(0.3)
+    still = orbit_drawing(page)
+    time.sleep(0.3)
+    assert orbit_drawing(page) == still
+    dot = "document.querySelector('.orbit .dot').style.transform"
+    place = js(page, dot)
+    page.execute_script("document.querySelector('.orbit .play').click()")
+    time.sleep(0.7)
+    assert orbit_drawing(page) != still
+    assert js(page, dot) != place
+    page.execute_script("document.querySelector('.orbit .play').click()")
+    stopped = orbit_drawing(page)
+    time.sleep(0.3)
+    assert orbit_drawing(page) == stopped
+    page.execute_script(
+        "const at = document.querySelector('.orbit input'); at.value = 0; at.dispatchEvent(new Event('input'))"
+    )
+    assert orbit_drawing(page) == still
+
+
+def test_special_points_and_points_of_a_sweep_have_orbits(visit):
+    page = visit("orbits")
+    page.execute_script(
+        "document.querySelectorAll('.study')[0].querySelectorAll('.table')[1].querySelector('tr[tabindex]').click()"
+    )
+    time.sleep(0.3)
+    assert "Orbit at this liftoff" in js(page, "document.querySelector('.orbit').textContent")
+    (_, (_, opened)) = curves_of_orbit(page)
+    assert max(opened) < 1e-3  # mm: contact is about to be lost
+    page.execute_script("document.querySelectorAll('.study')[1].querySelector('tbody tr:nth-child(2)').click()")
+    time.sleep(0.3)
+    assert len(curves_of_orbit(page, 1)) == 2
+    assert "Orbit of this point" in js(page, "document.querySelectorAll('.study')[1].querySelector('.row').textContent")
+
+
+def test_a_point_without_an_orbit_says_so_and_shows_its_neighbour(visit, branched, tmp_path, monkeypatch):
+    monkeypatch.setattr(motions, "ROWS", 600)
+    page = visit(write_report([branched], tmp_path / "few.html", mover=motion_of))
+    row = js(
+        page,
+        """(() => { const {table, motions} = window.vibroplat.data.points[0];
+        return [...Array(table.rows).keys()].find(row => !(row in motions.rows)); })()""",
+    )
+    page.execute_script(
+        f"document.getElementById('points-0').emit('plotly_click', {{points: [{{customdata: {row}}}]}})"
+    )
+    time.sleep(0.3)
+    told = js(page, "document.querySelector('.orbit').textContent")
+    assert "does not hold the orbit of this point" in told
+    assert "the nearest one" in told
+    assert len(curves_of_orbit(page)) >= 1
+    assert "orbits of" in js(page, "document.querySelector('.study').textContent")
 
 
 def test_several_machines_move_side_by_side(visit):

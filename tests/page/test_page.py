@@ -7,6 +7,7 @@ import hashlib
 import json
 import re
 import shutil
+from itertools import groupby
 
 import numpy as np
 import pandas as pd
@@ -14,20 +15,23 @@ import pytest
 from common import handmade
 from common.results import unproven
 
+from vibroplat.columns import unit_of
 from vibroplat.errors import TableError
-from vibroplat.page import points, report, run
-from vibroplat.page.labels import field, flat, unit, words
+from vibroplat.page import motions, points, report, run
+from vibroplat.page.labels import field, flat, words
 from vibroplat.page.parameters import meaning, parameters
 from vibroplat.page.reading import find_results
-from vibroplat.page.thinning import extremes, packed, plain_column
+from vibroplat.page.thinning import extremes, packed, packed_coarsely, plain_column, spread
+from vibroplat.plots.orbits import read_branches
+from vibroplat.study.orbits.motions import motion_of
 from vibroplat.tables import read_table, write_table
 
 HOSTILE = "</script><script>window.hacked = 1</script><img src=x onerror='window.hacked = 1'>"
 
 
-def shown(*directories, **interval):
+def shown(*directories, **options):
     """Data of a page."""
-    return report.page_data(find_results(list(directories)), **interval)
+    return report.page_data(find_results(list(directories)), **options)
 
 
 def opened(text):
@@ -42,21 +46,21 @@ def opened(text):
     ("key", "said", "of"),
     [
         ("machine.unbalance_mass_kg", "unbalance mass", "kg"),
-        ("machine.damping_phi_n_m_s_per_rad", "damping φ", "N m s/rad"),
+        ("machine.damping_phi_n_m_s_per_rad", "damping φ", "N·m·s/rad"),
         ("contact.viscous_per_mass_per_s", "viscous per mass", "1/s"),
         ("rms_y_m", "RMS y", "m"),
         ("gap_max_m", "largest gap", "m"),
-        ("impulse_n_s", "impulse", "N s"),
+        ("impulse_n_s", "impulse", "N·s"),
         ("material.mass_ratio", "mass ratio", ""),
         ("layers", "layers", ""),
     ],
 )
 def test_words_and_units_follow_from_keys(key, said, of):
-    assert (words(key), unit(key)) == (said, of)
+    assert (words(key), unit_of(key)) == (said, of)
 
 
 def test_every_number_of_a_machine_has_its_unit(quickstart_scene):
-    machine = {key: unit(key) for key, _ in flat(quickstart_scene.to_tree()["machine"])}
+    machine = {key: unit_of(key) for key, _ in flat(quickstart_scene.to_tree()["machine"])}
     assert all(machine.values()), machine
 
 
@@ -227,28 +231,49 @@ def test_a_sweep_is_broken_where_it_jumps():
     assert others[-1]["failed"] == [31]
 
 
-def test_orbits_are_solid_where_stable_and_dashed_elsewhere():
-    table = handmade.branches()
-    series = points.orbit_series(table)
-    assert [one["dash"] for one in series] == ["solid", "dash", "solid"]
-    assert series[1]["rows"][0] == series[0]["rows"][-1]  # joined
-    assert {row for one in series for row in one["rows"]} == {*table.index}
+def test_orbits_are_solid_where_stable_and_dashed_elsewhere(followed):
+    found = read_branches(followed)
+    table = found.points
+    stable, unstable = points.orbit_series(found, table)
+    assert [(one["label"], one["colour"], one["dash"]) for one in (stable, unstable)] == [
+        ("branch 0", 0, "solid"),
+        ("branch 0", 0, "dash"),
+    ]
+    edges = np.flatnonzero(np.diff(table["stable"])).tolist()
+    assert unstable["rows"] == [*range(edges[0], edges[1] + 1), None]  # joined to the stretch before
+    assert {*stable["rows"], *unstable["rows"]} == {*table.index, None}
+    assert table["stable"][[row for row in stable["rows"] if row not in (None, edges[1])]].all()
+
+
+def test_branches_of_each_combination_are_curves_of_their_own(branched):
+    """Numbers of branches begin anew for each combination of the grid's values."""
+    found = read_branches(branched)
+    series = points.orbit_series(found, found.points)
+    assert len({one["label"] for one in series}) == len({one["colour"] for one in series}) == 2
     for one in series:
-        assert (table["stable"][one["rows"][1:]] == (one["dash"] == "solid")).all()
+        for rows in (list(part) for broken, part in groupby(one["rows"], lambda row: row is None) if not broken):
+            assert found.points.iloc[rows][["material.mass_ratio", "branch"]].drop_duplicates().shape[0] == 1
 
 
 def test_page_of_orbits_tells_no_section_that_was_left_empty(followed):
     data = shown(followed)
     told = {row["words"]: row["values"] for row in data["parameters"] if row["section"] == "orbits"}
-    assert told["stop"] == [0.3]
+    assert told["stop"] == [56.0]
     assert "step" not in told
     assert "followed" in report.page(data)
 
 
-def test_special_points_stand_at_the_nearest_orbit():
-    table = handmade.branches()
-    marks = points.special_marks(handmade.special(table), table)
-    assert marks == [{"kind": "fold", "rows": [0], "nearest": [11]}, {"kind": "grazing", "rows": [1], "nearest": [30]}]
+def test_special_points_stand_where_they_were_found(followed):
+    found = read_branches(followed)
+    fold, grazing = points.special_marks(found, found.special, found.points)
+    assert [(m["kind"], m["rows"], m["nearest"]) for m in (fold, grazing)] == [
+        ("fold", [0], [11]),
+        ("grazing", [1], [30]),
+    ]
+    assert "merge" in fold["meaning"]
+    for mark, row in ((fold, 11), (grazing, 30)):
+        assert mark["at"]["supply_frequency_hz"] == pytest.approx([found.points["supply_frequency_hz"][row]])
+        assert mark["at"]["rms_y_m"] == pytest.approx([found.points["rms_y_m"][row]])
 
 
 def test_points_can_be_drawn_over_each_key(swept, followed):
@@ -258,11 +283,110 @@ def test_points_can_be_drawn_over_each_key(swept, followed):
         "supply_frequency_hz",
         "material.mass_ratio",
     ]
-    assert [axis["column"] for axis in orbits["axes"]] == ["excitation_frequency_hz", "drive.supply_frequency_hz"]
+    assert [axis["column"] for axis in orbits["axes"]] == ["excitation_frequency_hz", "supply_frequency_hz"]
     assert orbits["special"]["rows"] == 2
-    assert [one["keys"] for one in shown(followed)["boundaries"]] == [
-        ["drive.supply_frequency_hz", "material.mass_ratio"]
+
+
+def test_boundaries_lie_in_the_plane_of_both_keys(followed):
+    (found,) = shown(followed)["boundaries"]
+    assert found["keys"] == ["supply_frequency_hz", "material.mass_ratio"]
+    assert [(one["label"], one["rows"]) for one in found["series"]] == [
+        ("fold", [*range(7), None]),
+        ("liftoff", [*range(7, 14), None]),
     ]
+
+
+# -- orbits of points -----------------------------------------------------------------------------------
+
+
+def unpacked(column):
+    """Numbers that were packed coarsely."""
+    low, high, text = column
+    parts = np.frombuffer(base64.b64decode(text), "<u2").astype(float)
+    return np.where(parts == 65535, np.nan, low + (high - low) * parts / 65534)
+
+
+def test_coarse_numbers_are_right_to_a_pixel():
+    values = np.array([-2.0, np.nan, 0.1, 3.0])
+    np.testing.assert_allclose(unpacked(packed_coarsely(values)), values, atol=5.0 / 65534)
+    assert unpacked(packed_coarsely([7.0, 7.0])).tolist() == [7.0, 7.0]
+    assert np.isnan(unpacked(packed_coarsely([np.nan]))).all()
+
+
+@pytest.mark.parametrize("count", [1, 2, 7, 64, 100])
+def test_the_first_rows_of_a_spread_lie_evenly(count):
+    order = spread(count)
+    assert sorted(order) == [*range(count)]
+    first = sorted(order[: max(count // 4, 1)])
+    assert max(np.diff([*first, count])) <= 8
+
+
+def test_points_of_branches_have_their_orbits(branched):
+    (orbits,) = shown(branched, mover=motion_of)["points"]
+    table, motions = read_branches(branched).points, orbits["motions"]
+    assert [*motions["rows"]] != []
+    assert {*motions["rows"]} == {*table.index}
+    assert {*motions["special"]} == {*range(orbits["special"]["rows"])}
+    assert len(motions["machines"]) == 2  # with material and without
+    for row, place in motions["rows"].items():
+        found = {name: unpacked(column) for name, column in motions["list"][place]["columns"].items()}
+        y = found["y_m"]
+        assert motions["list"][place]["end"] == pytest.approx(table["period_s"][row])
+        assert y[-1] == pytest.approx(y[0], abs=1e-3 * np.ptp(y))
+        assert np.sqrt(np.trapezoid((y - y.mean()) ** 2, found["t_s"]) / found["t_s"][-1]) == pytest.approx(
+            table["rms_y_m"][row], rel=0.02
+        )
+        largest = table["gap_max_m"][row]
+        assert ("gap_m" in found) == (table["material.mass_ratio"][row] > 0.0)
+        if "gap_m" in found:
+            assert found["gap_m"].max() == pytest.approx(largest, rel=0.01, abs=1e-8)
+            assert bool(largest) == ("f" in motions["list"][place]["modes"])
+
+
+def test_rows_of_a_sweep_have_the_orbit_that_is_theirs(measured):
+    (sweep,) = shown(measured, mover=motion_of)["points"]
+    assert all(isinstance(found, int) for found in sweep["motions"]["rows"].values())
+    assert len(sweep["motions"]["list"]) == sweep["table"]["rows"]
+
+
+def test_the_orbit_of_another_motion_is_refused(measured, tmp_path):
+    copy = unproven(shutil.copytree(measured, tmp_path / "copy"))
+    table = read_table(copy, "sweep")
+    table.loc[0, "rms_y_m"] *= 1.1
+    table.loc[1, ["motion", "period"]] = ["chaotic", 0]
+    table.loc[2, "outcome"] = "solver-failure"
+    write_table(table, copy, "sweep", "parquet")
+    rows = shown(copy, mover=motion_of)["points"][0]["motions"]["rows"]
+    assert "another motion settles" in rows[0]
+    assert "does not repeat" in rows[1]
+    assert "failed (solver-failure)" in rows[2]
+    assert isinstance(rows[3], int)
+
+
+def test_a_state_that_is_on_no_orbit_is_told(branched, tmp_path):
+    copy = unproven(shutil.copytree(branched, tmp_path / "copy"))
+    table = read_table(copy, "branches")
+    table.loc[0, "y_m"] += 1e-3
+    write_table(table, copy, "branches", "parquet")
+    rows = shown(copy, mover=motion_of)["points"][0]["motions"]["rows"]
+    assert "is not on an orbit of period 1" in rows[0]
+    assert isinstance(rows[1], int)
+
+
+def test_special_points_and_ends_come_first_where_there_is_little_room(branched, monkeypatch):
+    monkeypatch.setattr(motions, "ROWS", 600)
+    told = []
+    (orbits,) = shown(branched, mover=motion_of, progress=lambda *counts: told.append(counts))["points"]
+    found, table = orbits["motions"], read_branches(branched)
+    assert len(found["list"]) < orbits["table"]["rows"]
+    assert {*found["special"]} == {*range(len(table.special))}
+    assert {*points.ends(table, table.points)} <= {*found["rows"]}
+    assert [done for done, _ in told] == [*range(len(told))]
+
+
+def test_a_page_can_be_written_without_orbits(branched):
+    found = shown(branched)["points"][0]["motions"]
+    assert (found["rows"], found["special"], found["list"]) == ({}, {}, [])
 
 
 def test_a_long_table_loses_rows_evenly_and_says_so(swept, monkeypatch):
@@ -355,3 +479,14 @@ def test_a_table_without_a_column_is_refused(swept, followed, tmp_path, name, co
     write_table(read_table(copy, name).drop(columns=column), copy, name, "parquet")
     with pytest.raises(TableError, match=f"the {name} table in .* has no column {column}"):
         shown(copy)
+
+
+def test_the_command_computes_orbits_unless_told_otherwise(branched, tmp_path, command):
+    sizes = []
+    for option in ("--orbits", "--no-orbits"):
+        done = command("report", branched, option, "--out", tmp_path / "page.html")
+        assert (done.code, done.err) == (0, "")
+        data = re.search(r'type="application/json">(.*?)</script>', (tmp_path / "page.html").read_text(), re.DOTALL)
+        sizes.append(len(json.loads(data.group(1))["points"][0]["motions"]["list"]))
+    assert sizes[0] > 10
+    assert sizes[1] == 0

@@ -131,7 +131,7 @@ def test_synchronous_speed_follows_the_program_and_ends_where_a_motor_is_off(axi
     ("key", "label", "value"),
     [
         ("material.mass_ratio", r"mass ratio $\mu_w$", r"$\mu_w$ = 0.2"),
-        ("machine.damping_y_n_s_per_m", "damping along y $b_y$ (N s/m)", "$b_y$ = 0.2 N s/m"),
+        ("machine.damping_y_n_s_per_m", "damping along y $b_y$ (N·s/m)", "$b_y$ = 0.2 N·s/m"),
         ("machine.exciter_distance_m", "exciter distance (m)", "exciter distance 0.2 m"),
         ("contact.viscous_per_mass_per_s", "viscous per mass (1/s)", "viscous per mass 0.2 1/s"),
     ],

@@ -74,7 +74,7 @@ def test_parameters_are_in_the_title(written, figures):
 
 def test_impulses_are_stems_on_an_axis_of_their_own(written, figures):
     force, impulses = drawn(written / "a", figures, "force").axes
-    assert [axis.get_ylabel() for axis in (force, impulses)] == ["contact force $F_c$ (N)", "impulse $P$ (N s)"]
+    assert [axis.get_ylabel() for axis in (force, impulses)] == ["contact force $F_c$ (N)", "impulse $P$ (N·s)"]
     events = read_table(written / "a", "events")
     strikes = events[(events["impulse_n_s"] > 0.0) & (events["t_s"] >= impulses.lines[0].get_xdata()[0])]
     assert impulses.lines[0].get_ydata().tolist() == strikes["impulse_n_s"].tolist()

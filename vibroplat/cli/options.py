@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import inspect
+from collections.abc import Callable
+from dataclasses import dataclass, fields
 from enum import StrEnum
+from functools import wraps
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any, get_type_hints
 
 import typer
 
 from vibroplat.interrupts import offer_resume
+from vibroplat.study import WAIT
 
 
 class TableFormat(StrEnum):
@@ -51,3 +56,40 @@ Wait = Annotated[
         min=0.0, metavar="S", help="With --scheduler: end after S seconds without a worker. After 5 s a line says so."
     ),
 ]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Study:
+    """The options of commands that compute many points and can be resumed; each is an option of the same name."""
+
+    set_: Settings = None
+    engine: EngineName = None
+    out: Out = Path("results")
+    jobs: Jobs = 1
+    resume: Resume = False
+    overwrite: Overwrite = False
+    scheduler: Scheduler = None
+    wait: Wait = WAIT
+    format_: Format = TableFormat.parquet
+
+
+def with_study(command: Callable[..., None]) -> Callable[..., None]:
+    """Give a command the options of :class:`Study`, after its own; it gets them as its last parameter, ``study``."""
+    own = inspect.signature(command, eval_str=True)
+    types = get_type_hints(Study, include_extras=True)
+    options = [
+        inspect.Parameter(
+            field.name, inspect.Parameter.KEYWORD_ONLY, default=field.default, annotation=types[field.name]
+        )
+        for field in fields(Study)
+    ]
+
+    @wraps(command)
+    def given(*arguments: Any, **values: Any) -> None:
+        study = Study(**{option.name: values.pop(option.name) for option in options})
+        command(*arguments, **values, study=study)
+
+    shown = [parameter for name, parameter in own.parameters.items() if name != "study"]
+    given.__signature__ = own.replace(parameters=[*shown, *options])  # type: ignore[attr-defined]
+    given.__annotations__ = {parameter.name: parameter.annotation for parameter in (*shown, *options)}
+    return given

@@ -11,21 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from vibroplat.cli.loading import load_kernels, require_scheduler, tell_of_compilation
-from vibroplat.cli.options import (
-    EngineName,
-    Format,
-    Jobs,
-    Out,
-    Overwrite,
-    Resume,
-    Scheduler,
-    Settings,
-    TableFormat,
-    Wait,
-)
+from vibroplat.cli.options import Study, with_study
 from vibroplat.cli.printing import print_lines, print_notes, print_table
 from vibroplat.progress import orbits_progress
-from vibroplat.study import WAIT
 
 if TYPE_CHECKING:
     from vibroplat.scene import Scene
@@ -40,17 +28,11 @@ FILE = "orbits.sqlite"
 TOLD = 40
 
 
+@with_study
 def orbits(
     config: Annotated[Path, typer.Argument(help="Configuration file with an orbits section.")],
-    set_: Settings = None,
-    engine: EngineName = None,
-    out: Out = Path("results"),
-    jobs: Jobs = 1,
-    resume: Resume = False,
-    overwrite: Overwrite = False,
-    scheduler: Scheduler = None,
-    wait: Wait = WAIT,
-    format_: Format = TableFormat.parquet,
+    *,
+    study: Study,
 ) -> None:
     """Follow branches of periodic orbits over a key.
 
@@ -58,34 +40,34 @@ def orbits(
     """
     from vibroplat.config import load_config, parse_overrides
 
-    scene = load_config(config, parse_overrides(set_ or [], engine))
+    scene = load_config(config, parse_overrides(study.set_ or [], study.engine))
     tell_of_compilation(scene.solver.engine)
     from vibroplat.study.orbits import report
     from vibroplat.study.orbits.curves import boundaries
     from vibroplat.study.orbits.tables import planned, summary, tables
 
     found = planned(scene)
-    require_scheduler(scheduler)
+    require_scheduler(study.scheduler)
     from vibroplat.results import read_provenance
     from vibroplat.study.execution import pool
     from vibroplat.study.store import Store
     from vibroplat.study.sweep import conditions
     from vibroplat.tables import result_directory
 
-    directory = result_directory(out, scene.name)
-    if resume and (directory / "provenance.json").exists():
+    directory = result_directory(study.out, scene.name)
+    if study.resume and (directory / "provenance.json").exists():
         read_provenance(directory, "orbits")
     kept: dict[str, Any] = {"file": FILE, "what": "parts of branches"}
-    with Store(directory, conditions(scene), resume=resume, overwrite=overwrite, **kept) as store:
+    with Store(directory, conditions(scene), resume=study.resume, overwrite=study.overwrite, **kept) as store:
         load_kernels(scene.solver.engine)
         began = time.perf_counter()
-        with pool(jobs, scheduler, wait=wait, chains=len(found)) as workers:
+        with pool(study.jobs, study.scheduler, wait=study.wait, chains=len(found)) as workers:
             traced = _trace(scene, len(found), store, workers)
             curves = boundaries(scene, traced, store, workers)
         seconds, known = time.perf_counter() - began, store.reused
         store.finish()
         told, made = summary(scene, traced, curves), tables(scene, traced, curves)
-        report.write_orbits(scene, made, told, directory, format_.value)
+        report.write_orbits(scene, made, told, directory, study.format_.value)
     took = f"{told['points'] / seconds:.3g} points per s" if not known else f"{known} parts of branches from before"
     _print(scene, made, told, {"wall time": f"{seconds:.3g} s, {took}", "tables": str(directory)})
     print_notes(report.notes_on_families(found))

@@ -2,10 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+
+from vibroplat.cli.loading import tell_of_compilation
+
+if TYPE_CHECKING:
+    from vibroplat.scene import Scene
+    from vibroplat.study.orbits.motions import OrbitMotion
 
 
 def report(
@@ -15,11 +23,29 @@ def report(
     ] = None,
     start: Annotated[float | None, typer.Option(help="Start of the interval in which the machine moves (s).")] = None,
     stop: Annotated[float | None, typer.Option(help="End of that interval (s).")] = None,
+    orbits: Annotated[
+        bool,
+        typer.Option(help="Compute orbits of points of sweeps and branches: a click on such a point draws its orbit."),
+    ] = True,
 ) -> None:
     """Write an HTML page of results, to look at and to hand on.
 
     One HTML file with curves, tables and the moving machine of all results side by side; it opens offline in a browser.
     """
     from vibroplat.page.report import write_report
+    from vibroplat.progress import points_progress
 
-    print(write_report(directories, out, start, stop))
+    with points_progress("orbits") as progress:
+        print(write_report(directories, out, start, stop, mover=_move if orbits else None, progress=progress))
+
+
+def _move(scene: Scene, row: Mapping[str, Any]) -> OrbitMotion:
+    """Compute the orbit of a row; what computes is loaded when the first one is wanted."""
+    from vibroplat.study.orbits.motions import motion_of
+
+    _tell(scene.solver.engine)
+    return motion_of(scene, row)
+
+
+#: Once for each engine.
+_tell = cache(tell_of_compilation)

@@ -11,21 +11,9 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 import typer
 
 from vibroplat.cli.loading import about, load_kernels, require_scheduler, tell_of_compilation
-from vibroplat.cli.options import (
-    EngineName,
-    Format,
-    Jobs,
-    Out,
-    Overwrite,
-    Resume,
-    Scheduler,
-    Settings,
-    TableFormat,
-    Wait,
-)
+from vibroplat.cli.options import Study, with_study
 from vibroplat.cli.printing import print_lines, print_notes
 from vibroplat.progress import sweep_progress
-from vibroplat.study import WAIT
 
 if TYPE_CHECKING:
     from vibroplat.scene import Scene
@@ -47,21 +35,15 @@ class _Done(NamedTuple):
     check: SweepCheck | None
 
 
+@with_study
 def sweep(
     config: Annotated[Path, typer.Argument(help="Configuration file with a sweep section.")],
-    set_: Settings = None,
-    engine: EngineName = None,
     check: Annotated[
         float | None,
         typer.Option(metavar="SHARE", help="Repeat this share of the points with another engine, and compare both."),
     ] = None,
-    out: Out = Path("results"),
-    jobs: Jobs = 1,
-    resume: Resume = False,
-    overwrite: Overwrite = False,
-    scheduler: Scheduler = None,
-    wait: Wait = WAIT,
-    format_: Format = TableFormat.parquet,
+    *,
+    study: Study,
 ) -> None:
     """Sweep over supply frequencies and a grid of values.
 
@@ -73,16 +55,16 @@ def sweep(
 
     if check is not None:
         require_share(check)
-    scene = load_config(config, parse_overrides(set_ or [], engine))
+    scene = load_config(config, parse_overrides(study.set_ or [], study.engine))
     with about(config):
         planned = branches(scene)
     places = [] if check is None else chosen(scene, check)
-    require_scheduler(scheduler)
+    require_scheduler(study.scheduler)
     from vibroplat.results import read_provenance
     from vibroplat.tables import result_directory
 
-    directory = result_directory(out, scene.name)
-    if resume and (directory / "provenance.json").exists():
+    directory = result_directory(study.out, scene.name)
+    if study.resume and (directory / "provenance.json").exists():
         read_provenance(directory, "sweep")
     tell_of_compilation(scene.solver.engine)
     from vibroplat.study import report
@@ -92,15 +74,15 @@ def sweep(
     from vibroplat.study.sweep import conditions
 
     engines = [scene.solver.engine, *([require_other_engine(scene)] if places else [])]
-    with Store(directory, conditions(scene), resume=resume, overwrite=overwrite) as store:
+    with Store(directory, conditions(scene), resume=study.resume, overwrite=study.overwrite) as store:
         stored = store.lengths()
         left = sum(stored.get(branch.number, 0) < len(branch.frequencies) for branch in planned)
         load_kernels(*engines)
-        with pool(jobs, scheduler, wait=wait, chains=max(left, len(places))) as workers:
+        with pool(study.jobs, study.scheduler, wait=study.wait, chains=max(left, len(places))) as workers:
             done = _measure(scene, planned, places, store, workers)
         store.finish()
         found = None if done.check is None else done.check.to_tree()
-        report.write_sweep(scene, store, directory, format_.value, check=found)
+        report.write_sweep(scene, store, directory, study.format_.value, check=found)
     if not _print_sweep(planned, directory, done):
         raise typer.Exit(1)
 

@@ -1,40 +1,16 @@
-"""Words and units of keys and columns, which end with their unit, and symbols from the configuration model."""
+"""Words for keys and columns, and their fields in the configuration model."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping
 from typing import Any, get_args
 
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
+from vibroplat.columns import split
 from vibroplat.scene import Scene
 
-#: Units by the ends of keys; of two that fit, the longer one holds.
-UNITS = {
-    "kg": "kg",
-    "kg_m2": "kg m²",
-    "m": "m",
-    "m_per_s": "m/s",
-    "m_per_s2": "m/s²",
-    "deg": "°",
-    "rad": "rad",
-    "rad_per_s": "rad/s",
-    "n": "N",
-    "n_per_m": "N/m",
-    "n_s": "N s",
-    "n_s_per_m": "N s/m",
-    "n_m": "N m",
-    "n_m_per_rad": "N m/rad",
-    "n_m_s_per_rad": "N m s/rad",
-    "hz": "Hz",
-    "s": "s",
-    "per_s": "1/s",
-    "j": "J",
-    "w": "W",
-}
-_END = re.compile(f"_({'|'.join(sorted(UNITS, key=len, reverse=True))})$")
 #: Words that are written otherwise.
 _WORDS = {"rms": "RMS", "phi": "φ", "phi1": "φ₁", "phi2": "φ₂", "lyapunov": "Lyapunov", "re": "(real)", "im": "(imag.)"}
 
@@ -43,16 +19,10 @@ _EXTREMES = {"max": "largest", "min": "smallest"}
 
 def words(key: str) -> str:
     """Return a key as a person says it, without its unit: ``gap_max_m`` is "largest gap"."""
-    parts = _END.sub("", key.rpartition(".")[2]).split("_")
+    parts = split(key)[0].split("_")
     if len(parts) > 1 and parts[-1] in _EXTREMES:
         parts = [_EXTREMES[parts[-1]], *parts[:-1]]
     return " ".join(_WORDS.get(part, part) for part in parts)
-
-
-def unit(key: str) -> str:
-    """Return the unit of a key; "" where it has none."""
-    end = _END.search(key)
-    return UNITS[end.group(1)] if end else ""
 
 
 def flat(tree: Any, place: str = "") -> Iterator[tuple[str, Any]]:

@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
-from vibroplat.page.labels import field, flat, unit, words
+from vibroplat.columns import unit_of
+from vibroplat.page.labels import field, flat, words
 
 #: Sections that a command does not use.
 UNUSED = {"run": ("sweep", "orbits"), "sweep": ("run", "output", "orbits"), "orbits": ("sweep", "output")}
@@ -30,10 +32,12 @@ def parameters(commands: Sequence[str], configurations: Sequence[Mapping[str, An
 def _row(key: str, values: Sequence[Any]) -> dict[str, Any]:
     info = field(key)
     default = None if info is None or info.default is PydanticUndefined else info.default
+    if isinstance(default, BaseModel):
+        default = default.model_dump(exclude_none=True)
     return {
         "section": " ".join(_count(part) for part in key.split(".")[:-1]),
         "words": words(key) or key,
-        "unit": unit(key),
+        "unit": unit_of(key),
         "meaning": meaning(info),
         "default": default,
         "values": list(values),

@@ -15,21 +15,20 @@ import pandas as pd
 from plotly.offline import get_plotlyjs
 
 from vibroplat.errors import TableError
-from vibroplat.page import points, run
+from vibroplat.page import motions, points, run
+from vibroplat.page.motions import Motions, Mover, Progress
 from vibroplat.page.parameters import parameters
 from vibroplat.page.reading import Found, find_results
 from vibroplat.page.summary import remarks, summary_rows
+from vibroplat.plots.orbits import boundary_keys, read_branches
 from vibroplat.plots.reading import read_columns
 from vibroplat.results import Result
 from vibroplat.tables import replace_files
 
 #: The parts of the script, in the order in which they use each other.
-SCRIPTS = ("text", "tables", "curves", "machine", "player", "points", "page")
-#: Tables of results with points, and the columns that they need.
-POINTS: dict[str, tuple[str, tuple[str, ...]]] = {
-    "sweep": ("sweep", ("branch", "direction", "sync", "motion", "outcome", "rms_x_m", "rms_y_m")),
-    "orbits": ("branches", ("branch", "stable")),
-}
+SCRIPTS = ("text", "tables", "curves", "machine", "player", "orbit", "points", "page")
+#: Columns that a table of a sweep needs.
+SWEEP_COLUMNS = ("branch", "direction", "sync", "motion", "outcome", "rms_x_m", "rms_y_m")
 #: What is told of how a result was made.
 _MADE = ("vibroplat", "git_commit", "created", "engine", "tolerance")
 #: Name of the page where none is given.
@@ -37,7 +36,13 @@ NAME = "report.html"
 
 
 def write_report(
-    directories: Sequence[Path], out: Path | None = None, start: float | None = None, stop: float | None = None
+    directories: Sequence[Path],
+    out: Path | None = None,
+    start: float | None = None,
+    stop: float | None = None,
+    *,
+    mover: Mover | None = None,
+    progress: Progress | None = None,
 ) -> Path:
     """Write a page of the results in some directories.
 
@@ -50,6 +55,9 @@ def write_report(
     start, stop
         The interval of runs that is kept at full resolution and moves (s). Default: the whole run, or the last rows of
         it if there are too many.
+    mover, progress
+        What computes the orbits of the points of sweeps and branches, and who is told of each. Default: the page has
+        no orbits.
 
     Returns
     -------
@@ -62,15 +70,24 @@ def write_report(
         A directory holds no result, or the page cannot be written.
     """
     path = directories[0] / NAME if out is None else out
-    text = page(page_data(find_results(directories), start, stop))
+    text = page(page_data(find_results(directories), start, stop, mover=mover, progress=progress))
     replace_files({path: lambda place: place.write_text(text, encoding="utf-8", newline="\n")})
     return path
 
 
-def page_data(found: Sequence[Found], start: float | None = None, stop: float | None = None) -> dict[str, Any]:
+def page_data(
+    found: Sequence[Found],
+    start: float | None = None,
+    stop: float | None = None,
+    *,
+    mover: Mover | None = None,
+    progress: Progress | None = None,
+) -> dict[str, Any]:
     """Return all that a page shows of some results."""
     runs = _runs(found, start, stop)
     summaries = [one for one in found if one.command == "run"]
+    studies = [(number, one) for number, one in enumerate(found) if one.command != "run"]
+    room = motions.ROWS // max(len(studies), 1)
     return {
         "title": ", ".join(dict.fromkeys(one.label for one in found)),
         "results": [_origin(one) for one in found],
@@ -83,7 +100,7 @@ def page_data(found: Sequence[Found], start: float | None = None, stop: float | 
         "runs": runs,
         "turns": run.SHOWN_TURNS,
         "panels": run.panels(runs),
-        "points": [shown for number, one in enumerate(found) for shown in _points(number, one)],
+        "points": [_points(n, one, motions.Motions(one.scene, mover, room, progress)) for n, one in studies],
         "tables": [table for number, one in enumerate(found) for table in _tables(number, one)],
         "boundaries": [table for number, one in enumerate(found) for table in _boundaries(number, one)],
     }
@@ -157,39 +174,54 @@ def _tables(number: int, one: Found) -> list[dict[str, Any]]:
     return [points.table_data("events", number, points.thinned(events), len(events))]
 
 
-def _points(number: int, one: Found) -> list[dict[str, Any]]:
-    """Return the figure of a sweep or of orbits, with its table."""
-    if one.command == "run":
-        return []
-    name, needed = POINTS[one.command]
-    whole = _table(one.result, name, needed)
+def _points(number: int, one: Found, motions: Motions) -> dict[str, Any]:
+    """Return the figure of a sweep or of orbits, with its table and what moves when a point is clicked."""
+    return (_sweep if one.command == "sweep" else _orbits)(number, one, motions)
+
+
+def _sweep(number: int, one: Found, motions: Motions) -> dict[str, Any]:
+    whole = _table(one.result, "sweep", SWEEP_COLUMNS)
     table = points.thinned(whole)
-    figure = {
+    return {
         "command": one.command,
         "result": number,
-        "table": points.table_data(one.command, number, table, len(whole)),
-        "axes": points.axes(table, points.EXCITATION),
+        "table": points.table_data("sweep", number, table, len(whole)),
+        "axes": points.sweep_axes(table),
         "measures": points.measures(table),
-        "series": points.sweep_series(table) if one.command == "sweep" else points.orbit_series(table),
+        "series": points.sweep_series(table),
         "marks": [],
         "special": None,
+        "motions": motions.of(None, table, ()),
     }
-    if one.command == "orbits" and one.has("special"):
-        special = points.thinned(_table(one.result, "special", ("branch", "kind")))
-        figure["marks"] = points.special_marks(special, table)
-        figure["special"] = points.table_data("special points", number, special, len(special))
-    return [figure]
+
+
+def _orbits(number: int, one: Found, motions: Motions) -> dict[str, Any]:
+    found = read_branches(one.result.directory)
+    table, special = points.thinned(found.points), points.thinned(found.special)
+    marks = points.special_marks(found, special, table)
+    return {
+        "command": one.command,
+        "result": number,
+        "table": points.table_data("branches", number, table, len(found.points)),
+        "axes": points.orbit_axes(found, table),
+        "measures": points.measures(table),
+        "series": points.orbit_series(found, table),
+        "marks": marks,
+        "special": points.table_data("special points", number, special, len(found.special)),
+        "motions": motions.of(special, table, [*points.ends(found, table), *(n for m in marks for n in m["nearest"])]),
+    }
 
 
 def _boundaries(number: int, one: Found) -> list[dict[str, Any]]:
     """Return the table of boundaries of orbits in the plane of two keys."""
     if one.command != "orbits" or not one.has("boundaries"):
         return []
-    whole = _table(one.result, "boundaries", ("kind",))
-    keys = [name for name in whole.columns if name != "kind" and points.is_numeric(whole[name])][:2]
-    if len(keys) < 2:
-        raise TableError(f"the boundaries table in {one.result.directory} has no numbers of two keys")
-    return [{"table": points.table_data("boundaries", number, points.thinned(whole), len(whole)), "keys": keys}]
+    found = read_branches(one.result.directory)
+    whole = _table(one.result, "boundaries", ("kind", "curve"))
+    table = points.thinned(whole)
+    keys = boundary_keys(found, table)
+    curves = points.boundary_series(found, table)
+    return [{"table": points.table_data("boundaries", number, table, len(whole)), "keys": keys, "series": curves}]
 
 
 def _table(result: Result, name: str, needed: Sequence[str]) -> pd.DataFrame:

@@ -34,7 +34,7 @@ PANELS: tuple[tuple[str, str, dict[str, str]], ...] = (
     ("platform y", "m", {"y_m": ""}),
     ("gap", "m", {"gap_m": ""}),
     ("contact force", "N", {"contact_force_n": ""}),
-    ("impulse", "N s", {}),  # stems, of the events
+    ("impulse", "N·s", {}),  # stems, of the events
     ("platform x", "m", {"x_m": ""}),
     ("rotation φ", "rad", {"phi_rad": ""}),
     ("upper layer against lower one", "m", {"upper_m": ""}),
@@ -97,14 +97,14 @@ def run_data(
         "turns": frequency if isinstance(frequency, int | float) and frequency > 0.0 else None,
         "columns": {name: packed(kept[name] - (t[0] if name == "t_s" else 0.0)) for name in kept if name != "mode"},
         "largest": {name: float(kept[name].abs().max()) for name in kept if name != "mode"},
-        "modes": "".join(kept["mode"].map(_initials).tolist()),
+        "modes": "".join(kept["mode"].map(initials).tolist()),
         "coarse": None if whole else _coarse(result, scene, times),
-        "impacts": _impacts(events, t[0], t[-1]),
-        "machine": _machine(scene),
+        "impacts": impacts_of(events, t[0], t[-1]),
+        "machine": machine_of(scene),
     }
 
 
-def _impacts(events: pd.DataFrame, start: float, end: float) -> list[list[float]]:
+def impacts_of(events: pd.DataFrame, start: float, end: float) -> list[list[float]]:
     """Return times (s) and impulses (N·s) of the last impacts of an interval."""
     struck = events[(events["impulse_n_s"] > 0.0) & events["t_s"].between(start, end)]
     return struck[["t_s", "impulse_n_s"]].tail(IMPACTS).to_numpy(dtype=float).tolist()
@@ -134,7 +134,8 @@ def _scaled(unit: str, largest: float) -> tuple[float, str]:
     return fitting[-1] if fitting else next(iter(_SCALED[unit].items()))
 
 
-def _initials(mode: object) -> str:
+def initials(mode: object) -> str:
+    """Return the letter of a mode."""
     return str(mode)[:1]
 
 
@@ -193,7 +194,7 @@ def _coarse(result: Result, scene: Scene, times: Times) -> dict[str, Any]:
     }
 
 
-def _machine(scene: Scene) -> dict[str, Any]:
+def machine_of(scene: Scene) -> dict[str, Any]:
     """Return what the drawing of the machine needs; lengths in m."""
     return {
         "axis": scene.machine.exciter_axis,
@@ -201,5 +202,5 @@ def _machine(scene: Scene) -> dict[str, Any]:
         "directions": [exciter.direction for exciter in scene.exciter_pair],
         "layers": scene.layers,
         "lower_share": scene.material.lower_share if scene.layers == 2 else 1.0,
-        "contact_initial": _initials(Mode.ATTACHED.label),
+        "contact_initial": initials(Mode.ATTACHED.label),
     }

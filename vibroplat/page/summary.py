@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from vibroplat.page.labels import unit, words
+from vibroplat.columns import unit_of
+from vibroplat.page.labels import words
 
 #: Keys shown first. Lengths are shown in mm.
 FIRST = (
@@ -37,9 +38,9 @@ def summary_rows(summaries: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]
 
 
 def _row(key: str, values: list[Any]) -> dict[str, Any]:
-    in_mm = key.endswith("_m") and unit(key) == "m"
+    in_mm = key.endswith("_m") and unit_of(key) == "m"
     shown = [1e3 * v if in_mm and isinstance(v, int | float) else v for v in values]
-    return {"words": words(key), "unit": "mm" if in_mm else unit(key), "values": shown, "first": key in FIRST}
+    return {"words": words(key), "unit": "mm" if in_mm else unit_of(key), "values": shown, "first": key in FIRST}
 
 
 def remarks(label: str, summary: Mapping[str, Any]) -> list[dict[str, Any]]:

@@ -6,43 +6,56 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
+from vibroplat.columns import split, unit_of
 from vibroplat.plots.style import plain
 from vibroplat.scene import Scene
 from vibroplat.study.branches import EXCITATION, SUPPLY
 
 
 class Quantity(NamedTuple):
-    """What a column is called on an axis, and the factor from SI units to those of the axis."""
+    """What a column is called on an axis, its unit there, and the factor from SI units to it."""
 
-    label: str
+    name: str
+    unit: str = ""
     factor: float = 1.0
 
+    @property
+    def label(self) -> str:
+        """Name and unit."""
+        return f"{self.name} ({self.unit})" if self.unit else self.name
 
-#: Phase difference of the exciters, everywhere.
+
+def _quantity(column: str, name: str, factor: float = 1.0) -> Quantity:
+    """Return a column in its own unit, or in a thousandth of it."""
+    return Quantity(name, {1.0: "", 1e3: "m"}[factor] + unit_of(column), factor)
+
+
+#: Phase difference of the exciters, everywhere. Its ticks are parts of π, so it has no unit.
 PHASE = r"$\Delta\varphi$"
 PHASE_COLUMN = "phase_difference_rad"
 
-#: Columns of a sweep.
+#: Columns of a sweep, and of branches.
 MEASURES = {
-    "rms_y_m": Quantity("RMS $y$ (mm)", 1e3),
-    "rms_x_m": Quantity("RMS $x$ (mm)", 1e3),
-    "rms_phi_rad": Quantity(r"RMS $\varphi$ (mrad)", 1e3),
+    "rms_y_m": _quantity("rms_y_m", "RMS $y$", 1e3),
+    "rms_x_m": _quantity("rms_x_m", "RMS $x$", 1e3),
+    "rms_phi_rad": _quantity("rms_phi_rad", r"RMS $\varphi$", 1e3),
     PHASE_COLUMN: Quantity(PHASE),
-    "motor_power_w": Quantity("motor power (W)"),
-    "contact_force_max_n": Quantity("largest $F_c$ (N)"),
-    "gap_max_m": Quantity("largest gap (mm)", 1e3),
-    "flight_fraction": Quantity("flight fraction"),
-    "amplitude_y_m": Quantity("amplitude of $y$ (mm)", 1e3),
-    "impulse_max_n_s": Quantity("largest impulse (N s)"),
-    "impacts_per_period": Quantity("impacts per period"),
+    "motor_power_w": _quantity("motor_power_w", "motor power"),
+    "contact_force_max_n": _quantity("contact_force_max_n", "largest $F_c$"),
+    "gap_max_m": _quantity("gap_max_m", "largest gap", 1e3),
+    "flight_fraction": _quantity("flight_fraction", "flight fraction"),
+    "amplitude_y_m": _quantity("amplitude_y_m", "amplitude of $y$", 1e3),
+    "impulse_max_n_s": _quantity("impulse_max_n_s", "largest impulse"),
+    "impacts_per_period": _quantity("impacts_per_period", "impacts per period"),
+    "lyapunov_per_s": _quantity("lyapunov_per_s", "Lyapunov exponent"),
 }
 #: Columns of a trajectory.
 COORDINATES = {
-    "y_m": Quantity("$y$ (mm)", 1e3),
-    "x_m": Quantity("$x$ (mm)", 1e3),
-    "phi_rad": Quantity(r"$\varphi$ (mrad)", 1e3),
-    "gap_m": Quantity("gap $y_{w1}$ (mm)", 1e3),
-    "contact_force_n": Quantity("contact force $F_c$ (N)"),
+    "y_m": _quantity("y_m", "$y$", 1e3),
+    "x_m": _quantity("x_m", "$x$", 1e3),
+    "phi_rad": _quantity("phi_rad", r"$\varphi$", 1e3),
+    "gap_m": _quantity("gap_m", "gap $y_{w1}$", 1e3),
+    "contact_force_n": _quantity("contact_force_n", "contact force $F_c$"),
 }
 #: What curves of a sweep are drawn over, by the names of option ``--x``.
 ABSCISSAE = {"excitation": EXCITATION, "supply": SUPPLY}
@@ -65,45 +78,21 @@ _KEYS = {
     "motor.critical_slip": ("critical slip", "$s_c$"),
     "motor.friction_radius_m": ("bearing friction radius", "$k_R$"),
 }
-#: Ends of names and the units they stand for, the longer ones first.
-_UNITS = {
-    "_n_m_s_per_rad": "N m s/rad",
-    "_n_m_per_rad": "N m/rad",
-    "_n_s_per_m": "N s/m",
-    "_m_per_s2": "m/s²",
-    "_m_per_s": "m/s",
-    "_n_per_m": "N/m",
-    "_kg_m2": "kg m²",
-    "_per_s": "1/s",
-    "_n_m": "N m",
-    "_n_s": "N s",
-    "_deg": "°",
-    "_rad": "rad",
-    "_kg": "kg",
-    "_hz": "Hz",
-    "_s": "s",
-    "_m": "m",
-    "_n": "N",
-}
-
-
-def _split(key: str) -> tuple[str, str]:
-    """Return the last part of a key as words, and its unit."""
-    last = key.rpartition(".")[2]
-    end = next((end for end in _UNITS if last.endswith(end)), "")
-    return last.removesuffix(end).replace("_", " "), _UNITS.get(end, "")
 
 
 def key_label(key: str) -> str:
-    """Return what a key of the grid is called on an axis."""
-    words, unit = _split(key)
-    name, symbol = _KEYS.get(key, (words, ""))
+    """Return what a key, or the column of a frequency, is called on an axis."""
+    if key in FREQUENCIES:
+        return FREQUENCIES[key]
+    last, unit = split(key)
+    name, symbol = _KEYS.get(key, (last.replace("_", " "), ""))
     return " ".join(part for part in (plain(name), symbol, f"({unit})" if unit else "") if part)
 
 
 def value_label(key: str, value: Any) -> str:
     """Return a value of a key in a legend, with its symbol and unit."""
-    words, unit = _split(key)
+    last, unit = split(key)
+    words = last.replace("_", " ")
     if not is_number(value):
         return plain(str(value)) if isinstance(value, str) else f"{plain(words)}: {value}"
     symbol = _KEYS.get(key, ("", ""))[1]

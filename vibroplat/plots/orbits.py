@@ -6,7 +6,7 @@ import itertools
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -16,9 +16,19 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from vibroplat.errors import TableError
-from vibroplat.plots.names import scene_of, sweep_parameters
+from vibroplat.plots.names import (
+    COORDINATES,
+    MEASURES,
+    PHASE_COLUMN,
+    is_number,
+    key_label,
+    scene_of,
+    sweep_parameters,
+    value_label,
+)
 from vibroplat.plots.reading import read_columns
-from vibroplat.plots.style import CURVES, DIRECTIONS, REFERENCE, Saving, head, new_figure, plain, save, styled
+from vibroplat.plots.style import CURVES, DIRECTIONS, REFERENCE, Saving, head, new_figure, save, styled
+from vibroplat.plots.timelines import phase_axis, wrapped
 from vibroplat.results import Result
 from vibroplat.study.branches import EXCITATION, FREQUENCY, SUPPLY
 from vibroplat.study.orbits.kinds import KINDS
@@ -29,23 +39,8 @@ if TYPE_CHECKING:
     from vibroplat.study.orbits.orbit import Orbit
 
 
-class Panel(NamedTuple):
-    """A quantity over the key: its label and the factor from SI units."""
-
-    label: str
-    factor: float = 1.0
-
-
-PHASE = "phase_difference_rad"
 #: What is drawn over the key; force only where there is any.
-PANELS = {
-    "rms_y_m": Panel("RMS $y$ (mm)", 1e3),
-    "rms_x_m": Panel("RMS $x$ (mm)", 1e3),
-    PHASE: Panel(r"$\Delta\varphi$"),
-    "motor_power_w": Panel("motor power (W)"),
-    "contact_force_max_n": Panel("largest $F_c$ (N)"),
-}
-ABSCISSAE = {EXCITATION: "excitation frequency $f$ (Hz)", SUPPLY: "supply frequency $f_e$ (Hz)"}
+PANELS = ("rms_y_m", "rms_x_m", PHASE_COLUMN, "motor_power_w", "contact_force_max_n")
 #: Markers of kinds of special points.
 MARKERS = dict(zip(KINDS, "oDsX^vP", strict=True))
 #: Colours of what is behind the branches, and of lines of reference.
@@ -66,8 +61,8 @@ class Branches:
 
     Attributes
     ----------
-    result
-        Where they are.
+    name, directory
+        What they are called, and where they are; None in memory.
     points, special
         The tables.
     swept
@@ -78,7 +73,8 @@ class Branches:
         Columns of the grid.
     """
 
-    result: Result
+    name: str
+    directory: Path | None
     points: pd.DataFrame
     special: pd.DataFrame
     swept: pd.DataFrame | None
@@ -86,9 +82,17 @@ class Branches:
     grid: list[str]
 
     @property
+    def abscissa(self) -> str:
+        """Column that they are drawn over first."""
+        return EXCITATION if self.key == SUPPLY else self.key
+
+    @property
     def parameters(self) -> str:
-        """What a reader wants to know of the scene, but for the key and the grid."""
-        return sweep_parameters(scene_of(self.result.provenance), [*self.grid, self.key])
+        """What a reader wants to know of the scene, but for the key and the grid; nothing of tables in memory."""
+        if self.directory is None:
+            return ""
+        scene = scene_of(Result(self.directory, "orbits").provenance)
+        return sweep_parameters(scene, [*self.grid, self.key])
 
     @property
     def varied(self) -> list[str]:
@@ -99,7 +103,7 @@ class Branches:
         """Yield the number and label of the grid's combination, the points and the special points of each branch."""
         labels: dict[str, int] = {}
         for _, rows in self.points.groupby([*self.grid, "branch"], sort=False):
-            label = ", ".join(_valued(key, rows[key].iloc[0]) for key in self.varied)
+            label = ", ".join(value_label(key, rows[key].iloc[0]) for key in self.varied)
             first = rows.iloc[0]
             own = self.special
             for key in (*self.grid, "branch"):
@@ -146,7 +150,7 @@ def plot_orbits(
         Tables are missing, have another schema version, or lack data that a figure needs.
     """
     found = read_branches(directory)
-    column = x or (EXCITATION if found.key == SUPPLY else found.key)
+    column = x or found.abscissa
     has_curves = any(directory.glob("boundaries.*"))
     if "boundaries" in kinds and not has_curves:
         raise TableError(f"{directory} holds no boundaries; add orbits.boundaries to its configuration")
@@ -167,13 +171,23 @@ def read_branches(directory: Path) -> Branches:
     except (KeyError, TypeError):
         raise TableError(f"{directory}/provenance.json is not the provenance of branches of orbits") from None
     key = SUPPLY if key == FREQUENCY else key
-    numbers = (key, EXCITATION, "branch", "rms_x_m", "rms_y_m", PHASE, "motor_power_w", "multiplier_1_re")
+    numbers = (key, EXCITATION, "branch", "rms_x_m", "rms_y_m", PHASE_COLUMN, "motor_power_w", "multiplier_1_re")
     points = read_columns(result, "branches", "sequence", numbers, ("contact_force_max_n",))
+    if "stable" not in points:
+        raise TableError(f"the branches table in {directory} has no column stable")
     special = read_columns(result, "special", "kind", (key, EXCITATION, "branch", "point"))
     if points.empty:
         raise TableError(f"{directory} holds an empty table of branches; there is nothing to plot")
     swept = Result(directory, "sweep").table("sweep") if any(directory.glob("sweep.*")) else None
-    return Branches(result, points, special, swept, key, list(points.columns[: list(points.columns).index(key)]))
+    grid = list(points.columns[: list(points.columns).index(key)])
+    return Branches(directory.resolve().name, directory, points, special, swept, key, grid)
+
+
+def branches_of(points: pd.DataFrame, special: pd.DataFrame | None = None) -> Branches:
+    """Prepare tables in memory, those of special points if there are any; the key stands before ``branch``."""
+    *grid, key = (str(column) for column in points.columns[: list(points.columns).index("branch")])
+    none = pd.DataFrame({name: [] for name in (*grid, "branch", "kind", "point", EXCITATION)})
+    return Branches("orbits", None, points, none if special is None else special, None, key, grid)
 
 
 # -- branches ----------------------------------------------------------------------------------------------------------
@@ -181,7 +195,7 @@ def read_branches(directory: Path) -> Branches:
 
 def branches_figure(found: Branches, x: str) -> Figure:
     """Draw all quantities of branches over a column."""
-    columns = [c for c in PANELS if c != "contact_force_max_n" or found.points[c].notna().any()]
+    columns = [c for c in PANELS if c in found.points and found.points[c].notna().any()]
     height = (len(columns) + 1) // 2
     figure, axes = new_figure(height, 2, (11.0, 2.2 + 2.5 * height), sharex=True)
     for axis, column in zip(axes.T.ravel(), columns, strict=False):
@@ -195,12 +209,12 @@ def branches_figure(found: Branches, x: str) -> Figure:
     for axis in axes.T.ravel()[len(columns) :]:
         axis.set_axis_off()
     for axis in axes.T.ravel()[[height - 1, len(columns) - 1]]:
-        axis.set_xlabel(_abscissa(x))
+        axis.set_xlabel(key_label(x))
         axis.tick_params(labelbottom=True)
-    head(figure, found.result.directory.resolve().name, found.parameters)
+    head(figure, found.name, found.parameters)
     handles = _legend(found, x)
     if len(columns) < axes.size:  # the empty place
-        axes[-1, -1].legend(handles=handles, loc="center", borderpad=0.0)
+        axes[-1, -1].legend(handles=handles, loc="center left", borderpad=0.0)
     else:
         figure.legend(handles=handles, loc="outside lower center", ncols=2 if len(found.special) else len(handles))
     return figure
@@ -222,11 +236,11 @@ def draw_branch(
     color
         Of the line.
     """
-    shares = _shares(points, special)
+    shares = places_of(points, special)
     places = np.sort(np.concatenate([np.arange(len(points)), shares]))
     xs, ys = _at(points, places, x), _at(points, places, column)
     looks: list[bool | None] = [_segment(points, places[i : i + 2]) for i in range(places.size - 1)]
-    if column == PHASE:  # it passes the end of its axis
+    if column == PHASE_COLUMN:  # it passes the end of its axis
         looks = [None if jump > np.pi else look for look, jump in zip(looks, np.abs(np.diff(ys)), strict=True)]
     for kind, run in itertools.groupby(range(len(looks)), looks.__getitem__):
         if kind is not None:
@@ -237,14 +251,14 @@ def draw_branch(
     exact = special[x].to_numpy(dtype=float) if x in special else _at(points, shares, x)
     for where, value, kind in zip(exact, marks, special["kind"], strict=True):
         axis.plot(where, value, MARKERS.get(kind, "*"), ms=5.0, mfc="white", mec=color, mew=1.1, zorder=3)
-    axis.set_ylabel(PANELS[column].label)
-    if column == PHASE:
-        axis.set_ylim(-0.6, 2.0 * np.pi - 0.4)
-        axis.set_yticks([0.0, 0.5 * np.pi, np.pi, 1.5 * np.pi], ["0", "π/2", "π", "3π/2"])
+    if column == PHASE_COLUMN:
+        phase_axis(axis)
+    else:
+        axis.set_ylabel(MEASURES[column].label)
     return axis
 
 
-def _shares(points: pd.DataFrame, special: pd.DataFrame) -> Any:
+def places_of(points: pd.DataFrame, special: pd.DataFrame) -> Any:
     """Return where special points lie along a branch: the number of the point before and the share of the step."""
     before = np.clip(special["point"].to_numpy(dtype=int), 0, max(len(points) - 2, 0))
     if len(points) < 2:
@@ -258,11 +272,11 @@ def _shares(points: pd.DataFrame, special: pd.DataFrame) -> Any:
 def _at(points: pd.DataFrame, places: Any, column: str) -> Any:
     """Return a column in units of the axis at places along a branch; phase differences lie about 0 … 2π."""
     values = points[column].to_numpy(dtype=float)
-    if column == PHASE:
+    if column == PHASE_COLUMN:
         found = np.interp(places, np.arange(len(points)), np.unwrap(values))
-        return np.mod(found + 0.5, 2.0 * np.pi) - 0.5
-    panel = PANELS.get(column)
-    return (1.0 if panel is None else panel.factor) * np.interp(places, np.arange(len(points)), values)
+        return wrapped(found)
+    factor = MEASURES[column].factor if column in MEASURES else 1.0
+    return factor * np.interp(places, np.arange(len(points)), values)
 
 
 def _segment(points: pd.DataFrame, ends: Any) -> bool:
@@ -280,7 +294,7 @@ def draw_sweep(axis: Axes, table: pd.DataFrame, column: str, x: str, *, color: A
     if x not in table or column not in table:
         return
     values = table[column].to_numpy(dtype=float)
-    values = np.mod(values + 0.5, 2.0 * np.pi) - 0.5 if column == PHASE else PANELS[column].factor * values
+    values = wrapped(values) if column == PHASE_COLUMN else MEASURES[column].factor * values
     for direction, marker in DIRECTIONS.items():
         chosen = (table["direction"] == direction).to_numpy()
         places = table[x].to_numpy(dtype=float)[chosen]
@@ -312,24 +326,40 @@ def _legend(found: Branches, x: str) -> list[Line2D]:
 
 def boundaries_figure(found: Branches, x: str) -> Figure:
     """Draw curves of special points over two keys: the second one over a column; a colour for each kind."""
-    table = Result(found.result.directory, "orbits").table("boundaries")
-    others = ("curve", "kind", "branch", EXCITATION, "period", *found.grid)
-    keys = [str(column) for column in table if column not in others]
+    assert found.directory is not None
+    table = Result(found.directory, "orbits").table("boundaries")
+    second = boundary_keys(found, table)[1]
     combinations = table[found.varied].drop_duplicates() if found.varied else table.iloc[:1]
-    figure, axes = new_figure(1, max(len(combinations), 1), (1.5 + 5.5 * max(len(combinations), 1), 5.2), sharey=True)
+    figure, axes = new_figure(
+        1, max(len(combinations), 1), (1.5 + 5.5 * max(len(combinations), 1), 5.2), sharex=True, sharey=True
+    )
     for axis, (_, values) in zip(axes[0], combinations.iterrows(), strict=True):
         rows = table
         for key in found.varied:
             rows = rows[rows[key] == values[key]]
-        draw_boundaries(axis, rows, keys[1], x)
-        axis.set_xlabel(_abscissa(x))
-        axis.set_title(", ".join(_valued(key, values[key]) for key in found.varied), loc="left")
-    axes[0, 0].set_ylabel(_abscissa(keys[1]))
+        draw_boundaries(axis, rows, second, x)
+        axis.set_xlabel(key_label(x))
+        axis.set_title(", ".join(value_label(key, values[key]) for key in found.varied), loc="left")
+    axes[0, 0].set_ylabel(key_label(second))
     kinds = [kind for kind in KINDS if (table["kind"] == kind).any()]
     handles = [Line2D([], [], color=_colour(kind), lw=1.8, label=f"{kind}: {KINDS[kind]}") for kind in kinds]
     figure.legend(handles=handles, loc="outside lower center", ncols=1)
-    head(figure, found.result.directory.resolve().name, found.parameters)
+    head(figure, found.name, found.parameters)
     return figure
+
+
+def boundary_keys(found: Branches, table: pd.DataFrame) -> list[str]:
+    """Return the columns of both keys of the table ``boundaries``."""
+    others = ("curve", "kind", "branch", EXCITATION, "period", *found.grid)
+    keys = [str(column) for column in table if column not in others]
+    if len(keys) != 2 or not all(is_number(table[key]) for key in keys):
+        raise TableError(f"the boundaries table in {found.directory} has no numbers of two keys")
+    return keys
+
+
+def meaning(kind: str) -> str:
+    """Say what happens at a kind of special point."""
+    return KINDS.get(kind, "")
 
 
 def draw_boundaries(axis: Axes, table: pd.DataFrame, key: str, x: str = EXCITATION) -> Axes:
@@ -346,7 +376,8 @@ def draw_boundaries(axis: Axes, table: pd.DataFrame, key: str, x: str = EXCITATI
     """
     for _, rows in table.groupby("curve"):
         kind = rows["kind"].iloc[0]
-        axis.plot(rows[x], rows[key], color=_colour(kind), lw=1.8)
+        mark = "o" if len(rows) == 1 else ""  # of a point that could not be followed there is no line
+        axis.plot(rows[x], rows[key], color=_colour(kind), lw=1.8, marker=mark, ms=4.0)
     return axis
 
 
@@ -376,13 +407,13 @@ def multipliers_figure(found: Branches, x: str) -> Figure:
             _draw_largest(largest, points, x, CURVES[number % len(CURVES)])
         largest.axhline(1.0, color=REFERENCE, lw=0.8)
         plane.set_xlabel("real part")
-        largest.set_xlabel(_abscissa(x))
+        largest.set_xlabel(key_label(x))
     axes[0, 0].set_ylabel("imaginary part")
     axes[1, 0].set_ylabel("largest |multiplier|")
     if np.hypot(found.points["multiplier_1_re"], found.points["multiplier_1_im"]).max() > LOGARITHMIC:
         axes[1, 0].set_yscale("log")
-    figure.colorbar(ScalarMappable(norm, "viridis"), ax=list(axes[0]), pad=0.01).set_label(_abscissa(x))
-    head(figure, found.result.directory.resolve().name, found.parameters)
+    figure.colorbar(ScalarMappable(norm, "viridis"), ax=list(axes[0]), pad=0.01).set_label(key_label(x))
+    head(figure, found.name, found.parameters)
     return figure
 
 
@@ -398,7 +429,8 @@ def _draw_plane(axis: Axes, points: pd.DataFrame, x: str, norm: Normalize, frame
         far = (np.abs(real) > frame) | (np.abs(imaginary) > frame)
         outside += int(far.sum())
         shown = points[x].to_numpy(dtype=float)[~far]
-        axis.scatter(real[~far], imaginary[~far], s=7.0, c=shown, cmap="viridis", norm=norm, linewidths=0.0)
+        for sign in (1.0, -1.0):  # of a pair the table may have one only
+            axis.scatter(real[~far], sign * imaginary[~far], s=7.0, c=shown, cmap="viridis", norm=norm, linewidths=0.0)
     if outside:
         axis.text(0.02, 0.02, f"{outside} farther away", transform=axis.transAxes, fontsize=8, color=REFERENCE)
     axis.set_aspect("equal")
@@ -427,8 +459,9 @@ def plot_orbit(orbit: Orbit, axes: Sequence[Axes]) -> Sequence[Axes]:
     run = orbit.run
     table = run(np.linspace(0.0, run.segments[-1].end, DRAWN))
     first = axes[0]
-    first.plot(1e3 * table["y_m"], table["y_rate_m_per_s"], color=CURVES[0])
-    first.set_xlabel("$y$ (mm)")
+    height = COORDINATES["y_m"]
+    first.plot(height.factor * table["y_m"], table["y_rate_m_per_s"], color=CURVES[0])
+    first.set_xlabel(height.label)
     first.set_ylabel(r"$\dot y$ (m/s)")
     first.set_title(f"period {orbit.period}, {'stable' if orbit.stable else 'unstable'}, {orbit.sequence}", loc="left")
     if len(axes) > 1:
@@ -439,24 +472,13 @@ def plot_orbit(orbit: Orbit, axes: Sequence[Axes]) -> Sequence[Axes]:
 def _draw_gap(axis: Axes, table: pd.DataFrame) -> None:
     turns = (table["phi1_rad"] - table["phi1_rad"].iloc[0]).abs() / (2.0 * np.pi)
     axis.set_xlabel("phase of exciter 1 (turns)")
-    axis.set_ylabel("gap $y_{w1}$ (mm)")
+    gap = COORDINATES["gap_m"]
+    axis.set_ylabel(gap.label)
     if "gap_m" in table:
-        axis.plot(turns, 1e3 * table["gap_m"], color=CURVES[1])
+        axis.plot(turns, gap.factor * table["gap_m"], color=CURVES[1])
         axis.set_ylim(bottom=0.0)
     else:
         axis.text(0.5, 0.5, "no material", transform=axis.transAxes, ha="center", color=REFERENCE)
-
-
-def _valued(key: str, value: Any) -> str:
-    """Return a value of a key in a legend."""
-    words = plain(key.rpartition(".")[2].replace("_", " "))
-    return (
-        f"{words} {value:g}" if isinstance(value, int | float) and not isinstance(value, bool) else f"{words} {value}"
-    )
-
-
-def _abscissa(column: str) -> str:
-    return ABSCISSAE.get(column, plain(column.rpartition(".")[2].replace("_", " ")))
 
 
 FIGURES: Mapping[str, Callable[[Branches, str], Figure]] = {

@@ -118,7 +118,7 @@ def read_run(directory: Path, start: float | None = None, stop: float | None = N
 
 def run_of(
     summary: Mapping[str, Any],
-    scene: Scene,
+    scene: Scene | None,
     trajectory: pd.DataFrame,
     events: pd.DataFrame,
     start: float | None = None,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
@@ -40,7 +40,7 @@ class Response:
     Attributes
     ----------
     results, names
-        The results and what they are called.
+        The results, none of a table in memory, and what they are called.
     table
         Their rows, with the column ``result`` if there are several.
     keys
@@ -96,15 +96,28 @@ def read_response(directory: Path | Sequence[Path], *, x: str = EXCITATION, data
             raise TableError(f"{place} holds an empty sweep table; there is nothing to plot")
         results.append(result)
         tables.append(table)
-    grid = list(
-        dict.fromkeys(key for table in tables for key in table.columns[1 : list(table.columns).index("direction")])
-    )
+    grid = list(dict.fromkeys(key for table in tables for key in _grid(table)))
     names = _names(directories)
     if len(tables) > 1:
         tables = [table.assign(**{RESULT: name}) for name, table in zip(names, tables, strict=True)]
     joined = pd.concat(tables, ignore_index=True)
-    keys = [key for key in grid if len(joined[key].unique()) > 1]
+    keys = _varied(joined, grid)
     return Response(results, names, joined, ([RESULT] if len(tables) > 1 else []) + keys, x, data)
+
+
+def response_of(table: pd.DataFrame, x: str = EXCITATION) -> Response:
+    """Prepare the table of a sweep in memory."""
+    return Response([], ["sweep"], table, _varied(table, _grid(table)), x)
+
+
+def _grid(table: pd.DataFrame) -> list[str]:
+    """Return the keys of the grid of a sweep."""
+    return [str(key) for key in table.columns[1 : list(table.columns).index("direction")]]
+
+
+def _varied(table: pd.DataFrame, keys: Iterable[str]) -> list[str]:
+    """Return the keys that have several values."""
+    return [key for key in keys if len(table[key].unique()) > 1]
 
 
 def _names(directories: Sequence[Path]) -> list[str]:

@@ -83,7 +83,8 @@ def draw_impacts(axis: Axes, events: pd.DataFrame) -> Axes:
     """Mark the times of impacts on the line of zero gap."""
     impacts = events[events["kind"] == "impact"]
     size = 5.0 if len(impacts) <= 60 else 2.5
-    axis.plot(impacts["t_s"], np.zeros(len(impacts)), "v", color=BLACK, ms=size, mew=0, label="impact", clip_on=False)
+    look: dict[str, Any] = {"ms": size, "mew": 0, "clip_on": False, "label": "impact" if len(impacts) else None}
+    axis.plot(impacts["t_s"], np.zeros(len(impacts)), "v", color=BLACK, **look)
     return axis
 
 
@@ -95,7 +96,7 @@ def draw_impulses(axis: Axes, events: pd.DataFrame, color: str = BLACK, label: s
     axis.add_collection(LineCollection(list(stems), colors=color, lw=0.9))
     axis.plot(times, impulses, "o", color=color, ms=3.0 if len(times) <= 60 else 1.5, label=label)
     axis.set_ylim(bottom=0.0)
-    axis.set_ylabel("impulse $P$ (N s)")
+    axis.set_ylabel("impulse $P$ (N·s)")
     return axis
 
 

@@ -66,7 +66,7 @@ def test_between_two_special_points_nothing_is_called_stable():
 
 
 def test_phase_difference_breaks_at_the_end_of_its_axis():
-    phases = np.array([-0.3, -0.45, -0.6, -0.7])
+    phases = np.array([-1.4, -1.5, -1.6, -1.7])
     ends, _ = lines(branch([True] * 4, phases), special(), "phase_difference_rad")
     assert ends == [(0.0, 1.0, "-"), (2.0, 3.0, "-")]
 
@@ -81,9 +81,9 @@ def test_branches_over_excitation_frequency(written, found, figures):
     assert axes[0].get_ylabel() == "RMS $y$ (mm)"
     shown = np.concatenate([line.get_xdata() for line in axes[0].lines])
     assert shown.min() == pytest.approx(found.branches["excitation_frequency_hz"].min())
-    (legend,) = figures["branches"].legends
+    legend = axes[-1].get_legend()  # five panels leave room for it
     texts = [text.get_text() for text in legend.get_texts()]
-    assert texts == ["mass ratio 0", "mass ratio 0.1", "stable", "liftoff: contact is lost for the first time"]
+    assert texts == [r"$\mu_w$ = 0", r"$\mu_w$ = 0.1", "stable", "liftoff: contact is lost for the first time"]
 
 
 def test_supply_frequency_can_be_chosen(written, figures):
@@ -100,17 +100,18 @@ def test_points_of_a_sweep_lie_behind(written, figures):
     plot_orbits(written, ["branches"])
     marks = [line for line in figures["branches"].axes[0].lines if line.get_marker() == "^" and line.get_zorder() < 2]
     assert sorted(float(line.get_ydata()[0]) for line in marks if len(line.get_xdata())) == [1.0, 2.0]
-    texts = [text.get_text() for text in figures["branches"].legends[0].get_texts()]
+    texts = [text.get_text() for text in figures["branches"].axes[-1].get_legend().get_texts()]
     assert "sweep, up" in texts
 
 
 def test_multipliers_lie_about_the_unit_circle(written, found, figures):
     plot_orbits(written, ["multipliers"])
     planes = [axis for axis in figures["multipliers"].axes if axis.get_xlabel() == "real part"]
-    assert [axis.get_title(loc="left") for axis in planes] == ["mass ratio 0", "mass ratio 0.1"]
+    assert [axis.get_title(loc="left").split("\n")[-1] for axis in planes] == [r"$\mu_w$ = 0", r"$\mu_w$ = 0.1"]
     for axis, (_, rows) in zip(planes, found.branches.groupby(MASS), strict=True):
         drawn = np.concatenate([collection.get_offsets() for collection in axis.collections])
-        assert len(drawn) == 4 * len(rows)
+        assert len(drawn) == 2 * 4 * len(rows)  # with their conjugates
+        np.testing.assert_allclose(np.sort_complex(drawn @ [1.0, 1j]), np.sort_complex(drawn @ [1.0, -1j]))
         circle = axis.lines[0]
         np.testing.assert_allclose(np.hypot(circle.get_xdata(), circle.get_ydata()), 1.0)
 
@@ -130,3 +131,12 @@ def test_an_orbit_closes(scene):
     assert gap[:, 1].max() == pytest.approx(1e3 * found.measures["gap_max_m"], rel=1e-3)
     bare = orbit(scene.replace({MASS: 0.0}))
     assert plot_orbit(bare, Figure().subplots(1, 2))[1].texts[0].get_text() == "no material"
+
+
+def test_an_orbit_and_branches_draw_themselves(scene, found):
+    loaded = orbit(scene.replace({MASS: 0.1, "drive.supply_frequency_hz": 49.0}))
+    assert [axis.get_xlabel() for axis in loaded.plot().axes] == ["$y$ (mm)", "phase of exciter 1 (turns)"]
+    assert len(orbit(scene.replace({MASS: 0.0})).plot().axes) == 1
+    axis = found.plot().axes[0]
+    marks = [line.get_xdata()[0] for line in axis.lines if line.get_marker() == MARKERS["liftoff"]]
+    assert marks == pytest.approx(found.special["excitation_frequency_hz"].tolist())

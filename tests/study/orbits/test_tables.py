@@ -9,6 +9,7 @@ from vibroplat import load_config, orbit, orbits
 from vibroplat.errors import ConfigError
 from vibroplat.scene import COORDINATES, RATES
 from vibroplat.study.execution import Inline
+from vibroplat.study.orbits.motions import motion_of
 from vibroplat.study.orbits.orbit import told
 from vibroplat.study.orbits.tables import boundary_table, planned, summary, tables
 from vibroplat.study.orbits.tracing import Traced, families, trace
@@ -25,7 +26,8 @@ def test_columns_of_branches_are_those_of_the_interface(found):
     last = ["sequence", "stable", "unstable", *(f"multiplier_{i}_{p}" for i in range(1, 5) for p in ("re", "im"))]
     columns = list(found.branches.columns)
     assert columns[: len(first)] == first
-    assert columns[-len(last) - 2 :] == [*last, "residual", "turns"]
+    state = [*COORDINATES, *RATES]  # the second combination has material
+    assert columns[-len(last) - 2 - len(state) :] == [*last, "residual", "turns", *state]
     assert {*MEASURED, "sync"} <= {*columns}
     assert len(set(columns)) == len(columns)
 
@@ -52,6 +54,24 @@ def test_a_row_is_the_orbit_there(found, scene):
     assert abs(told) == pytest.approx(abs(there.multipliers[0]), rel=1e-4)
 
 
+@pytest.mark.parametrize("mass", [0.0, 0.1])
+def test_a_row_leads_back_to_its_orbit(found, scene, mass):
+    row = found.branches[found.branches[MASS] == mass].iloc[-1]
+    there = orbit(scene, row)
+    assert there.scene.material.mass_ratio == mass
+    assert there.scene.drive.supply_frequency_hz == pytest.approx(row[KEY])
+    assert there.period_s == pytest.approx(row["period_s"], rel=1e-8)
+    motion = motion_of(scene, row.to_dict()).trajectory.iloc[[0, -1]]
+    assert motion["y_m"].tolist() == pytest.approx([row["y_m"]] * 2, abs=1e-8)  # its state is that of the orbit
+
+
+def test_special_points_lead_back_to_their_orbits(found, scene):
+    (special,) = (row for _, row in found.special.iterrows())
+    there = orbit(scene, special)
+    assert there.excitation_frequency_hz == pytest.approx(special["excitation_frequency_hz"], rel=1e-7)
+    assert there.measures["gap_max_m"] < 1e-6  # contact is about to be lost
+
+
 def test_special_points_have_place_and_state(found):
     (special,) = (row for _, row in found.special.iterrows())
     assert (special["kind"], special[MASS], special["branch"], special["period"]) == ("liftoff", 0.1, 0, 1)
@@ -66,9 +86,9 @@ def test_types_do_not_depend_on_what_was_found(found, scene):
     nothing = tables(scene, [])
     assert nothing.branches.empty
     assert nothing.special.empty
-    assert nothing.branches.dtypes.equals(found.branches.dtypes)
-    common = [column for column in nothing.special if column in found.special]
-    assert nothing.special[common].dtypes.equals(found.special[common].dtypes)
+    for none, some in ((nothing.branches, found.branches), (nothing.special, found.special)):
+        assert [*none] == [column for column in some if column not in (*COORDINATES, *RATES)]  # no scene, no state
+        assert none.dtypes.equals(some[[*none]].dtypes)
     types = {column: str(kind) for column, kind in found.branches.dtypes.items()}
     assert types["stable"] == "bool"
     assert {types[name] for name in ("branch", "parent", "point", "period", "unstable")} == {"Int64"}

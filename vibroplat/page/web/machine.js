@@ -32,7 +32,7 @@ class Machine {
     this.heights = layers === 2 ? [10 + 14 * share, 10 + 14 * (1 - share)] : [layers ? 22 : 0, 0];
     const stack = this.heights[0] + this.heights[1] + (layers === 2 ? LAYER_SPRING : 0);
     const above = this.top + (layers ? 2.4 : 1) * ROOM + stack + 12;
-    this.svg = drawn("svg", {viewBox: `-160 ${-above} 316 ${above - this.floor + 12}`, role: "img",
+    this.svg = drawn("svg", {viewBox: `-160 ${-above} 344 ${above - this.floor + 12}`, role: "img",
       "aria-label": `Drawing of the machine: ${this.run.label}`});
     this.ground();
     this.springs = [[-72, 1], [72, 1]].map(([x]) => ({x, line: this.stroke(this.svg, 1.6)}));
@@ -183,7 +183,7 @@ class Machine {
     const age = last ? (t - last[0]) * (turns || 25) : 1;
     set(group, {visibility: age < 0.12 ? "visible" : "hidden", opacity: Math.max(0, 1 - 0.8 * age / 0.12),
       transform: `${carried} translate(0 ${-this.top})`});
-    if (last) text.textContent = `${shown(last[1], 2)} N s`;
+    if (last) text.textContent = `${shown(last[1], 2)} N·s`;
   }
 
   drawLabel(t, inside) {

@@ -1,10 +1,18 @@
-// Sweeps and orbits: points over frequency; a click shows a point's row.
+// Sweeps and orbits: points over frequency; a click shows a point's row and its orbit.
 
 const POINT_PANEL = 138, BETWEEN_POINTS = 34, ABOVE_POINTS = 46;
 const MEANINGS = {
   sweep: "▲ up, ▼ down; filled: periodic, open: not periodic, ×: failed. Where the motion jumps, a line is broken.",
-  orbits: "Solid: stable orbits, dashed with open points: unstable ones. Special points stand at the nearest orbit.",
+  orbits: "Solid: stable orbits; dashed, with open points: unstable ones. White marks: special points of branches, at " +
+    "their exact frequency.",
 };
+
+// A value in the unit of its panel; phases lie between −π/2 and 3π/2.
+function scaled(measure, value) {
+  if (value === null || value === undefined) return null;
+  if (measure.column !== "phase_difference_rad") return value * measure.factor;
+  return value - 2 * Math.PI * Math.floor((value + 0.5 * Math.PI) / (2 * Math.PI));
+}
 
 class Points {
   constructor(data, label, number, several) {
@@ -14,18 +22,26 @@ class Points {
     this.scale = {};
     const title = {sweep: "Sweep", orbits: "Orbits"}[data.command];
     this.figure = element("div", {class: "figure", id: `points-${number}`});
+    this.orbit = new OrbitView(data.motions, number);
+    const more = data.motions.list.length ? " and its orbit" : "";
     this.row = element("div", {class: "row", "aria-live": "polite"},
-      element("p", {class: "hint"}, "Click a point, or pick a row of the table, to see all its numbers."));
-    this.table = new Table(data.table, `Table ${data.command === "orbits" ? "branches" : "sweep"}`,
-      `${label}-${data.command === "orbits" ? "branches" : "sweep"}.csv`, row => this.pick(row));
+      element("p", {class: "hint"}, `Click a point, or pick a row of the table, to see its numbers${more}.`));
+    this.table = new Table(data.table, `Table ${data.table.title}`, `${label}-${data.table.title}.csv`, row => this.pick(row));
     this.section = element("section", {class: "study"}, element("h2", {}, several ? `${title}: ${label}` : title),
       this.choice(), element("div", {class: "beside"}, this.figure, this.row),
-      element("p", {class: "hint"}, MEANINGS[data.command]), this.table.box);
+      element("p", {class: "hint"}, `${MEANINGS[data.command]} ${this.told()}`), this.table.box);
     if (data.special) {
       const special = new Table(data.special, "Special points", `${label}-special.csv`, row => this.special(row));
       this.section.append(special.box);
     }
-    this.picked = null;
+    this.picked = null; // where the ring is: a function of a column
+  }
+
+  // How many points have an orbit.
+  told() {
+    const found = Object.values(this.data.motions.rows).filter(Number.isInteger).length, of = this.data.table.rows;
+    if (!found) return "This page was written without orbits.";
+    return found < of ? `The page holds the orbits of ${found} of ${of} points.` : "The page holds the orbits of all points.";
   }
 
   choice() {
@@ -38,7 +54,7 @@ class Points {
       this.draw();
     });
     return element("p", {class: "screen"}, element("label", {}, "drawn over ", box), " ",
-      element("label", {}, logarithmic, " logarithmic"));
+      element("label", {class: "whole"}, logarithmic, " logarithmic"));
   }
 
   colour(number) {
@@ -54,6 +70,7 @@ class Points {
     const layout = {height: inner + above + BOTTOM, margin: {l: LEFT, r: RIGHT, t: above, b: BOTTOM}, font: FONT,
       hovermode: "closest", clickmode: "event", plot_bgcolor: "#fff", dragmode: "zoom",
       legend: {orientation: "h", x: 0, y: 1 + 26 / inner, yanchor: "bottom", font: {size: 11}}, annotations: [],
+      shapes: this.rings(),
       xaxis: {title: {text: plain(withUnit(this.axis.words, this.axis.unit))}, anchor: count > 1 ? `y${count}` : "y",
         gridcolor: "#eee", zeroline: false}};
     this.data.measures.forEach((measure, number) => {
@@ -72,8 +89,9 @@ class Points {
 
   // A guess of the room that the legend takes; Plotly moves nothing for it.
   legendHeight() {
-    const letters = this.data.series.reduce((sum, series) => sum + series.label.length + 9, 0);
-    return 19 * Math.ceil(6.4 * letters / Math.max(this.figure.clientWidth - LEFT, 200));
+    const names = new Set([...this.data.series.map(series => series.label), ...this.data.marks.map(mark => mark.kind)]);
+    const wide = [...names].reduce((sum, name) => sum + 6.6 * name.length + 46, 0);
+    return 19 * Math.ceil(wide / Math.max(this.figure.clientWidth - LEFT, 200));
   }
 
   clicked(found) {
@@ -82,10 +100,7 @@ class Points {
   }
 
   value(measure, row) {
-    const value = this.values[measure.column][row];
-    if (value === null || value === undefined) return null;
-    if (measure.column !== "phase_difference_rad") return value * measure.factor;
-    return value < -0.5 * Math.PI ? value + 2 * Math.PI : value;
+    return scaled(measure, this.values[measure.column][row]);
   }
 
   traces() {
@@ -95,8 +110,7 @@ class Points {
       return [
         ...this.data.series.map((series, number) =>
           this.series(series, measure, over, place, panel === 0 && this.isFirst(series, number))),
-        ...this.data.marks.map((mark, number) => this.mark(mark, measure, over, place, panel === 0, number)),
-        this.ring(measure, over, place),
+        ...this.data.marks.map((mark, number) => this.mark(mark, measure, place, panel === 0, number)),
       ];
     });
     return traces;
@@ -109,10 +123,17 @@ class Points {
     return {...place, mode: "lines+markers", name: plain(series.label), legendgroup: plain(series.label), showlegend: inLegend,
       x: wrapped.map(row => row === null ? null : over[row]),
       y: wrapped.map(row => row === null ? null : this.value(measure, row)), customdata: wrapped,
+      text: wrapped.map(row => row === null ? "" : this.hint(series, row)),
       line: {color: colour, dash: series.dash, width: isOrbit ? 1.8 : 1}, connectgaps: false,
       marker: {color: colour, size: isOrbit ? 4 : 7, symbol: wrapped.map(row => row === null ? "circle" : symbol(row)),
         line: {width: 1, color: colour}},
-      hovertemplate: `${plain(series.label)}<br>%{x:.5g}, %{y:.5g}<extra></extra>`};
+      hovertemplate: "%{text}<br>%{x:.5g}, %{y:.5g}<extra></extra>"};
+  }
+
+  hint(series, row) {
+    if (this.data.command === "sweep") return plain(series.label);
+    const branch = `branch ${this.values.branch[row]}`, stable = this.values.stable[row] ? "stable" : "unstable";
+    return plain([series.label === branch ? "" : series.label, branch, stable].filter(Boolean).join(", "));
   }
 
   // A branch may have several stretches of one kind; the legend names each once.
@@ -127,43 +148,71 @@ class Points {
     return rows.flatMap((row, number) => number && far(row, rows[number - 1]) ? [null, row] : [row]);
   }
 
-  mark(mark, measure, over, place, inLegend, number) {
+  mark(mark, measure, place, inLegend, number) {
     const symbols = ["diamond", "square", "star", "hexagon", "cross", "pentagon", "bowtie"];
     return {...place, mode: "markers", name: plain(mark.kind), legendgroup: plain(mark.kind), showlegend: inLegend,
-      x: mark.nearest.map(row => over[row]), y: mark.nearest.map(row => this.value(measure, row)),
+      x: mark.at[this.axis.column], y: mark.at[measure.column].map(value => scaled(measure, value)),
       customdata: mark.rows.map(special => ({special})),
-      marker: {size: 10, symbol: symbols[number % symbols.length], color: "#fff", line: {color: "#000", width: 1.6}},
-      hovertemplate: `${plain(mark.kind)}<extra></extra>`};
+      marker: {size: 9, symbol: symbols[number % symbols.length], color: "#fff", line: {color: "#000", width: 1.3}},
+      hovertemplate: `${plain([mark.kind, mark.meaning].filter(Boolean).join(": "))}<br>%{x:.7g}<extra></extra>`};
   }
 
-  ring(measure, over, place) {
-    const rows = this.picked === null ? [] : [this.picked];
-    return {...place, mode: "markers", showlegend: false, hoverinfo: "skip", x: rows.map(row => over[row]),
-      y: rows.map(row => this.value(measure, row)),
-      marker: {size: 15, symbol: "circle-open", color: "#000", line: {width: 2.2, color: "#000"}}};
+  // Rings around the picked point. They are shapes: to move a point of a curve, Plotly draws all curves anew.
+  rings() {
+    if (!this.picked) return [];
+    const x = this.picked(this.axis.column), size = {xsizemode: "pixel", ysizemode: "pixel", x0: -8, x1: 8, y0: -8, y1: 8};
+    return this.data.measures.map((measure, panel) => [panel, scaled(measure, this.picked(measure.column))])
+      .filter(([, y]) => y !== null && x !== null).map(([panel, y]) => ({type: "circle", xref: "x",
+        yref: panel ? `y${panel + 1}` : "y", xanchor: x, yanchor: y, ...size, line: {width: 2.2, color: "#000"}}));
   }
 
   pick(row) {
-    this.picked = row;
+    this.picked = column => this.values[column][row];
     this.table.pick(row);
-    this.tell(this.data.table, row);
-    this.draw();
+    Plotly.relayout(this.figure, {shapes: this.rings()});
+    this.tell(this.data.table, row, this.orbitOf(row));
   }
 
   special(row) {
-    this.tell(this.data.special, row);
+    const mark = this.data.marks.find(one => one.rows.includes(row)), place = mark.rows.indexOf(row);
+    this.picked = column => mark.at[column]?.[place];
+    Plotly.relayout(this.figure, {shapes: this.rings()});
+    const found = this.data.motions.special[row];
+    this.tell(this.data.special, row, Number.isInteger(found) ? {place: found, text: `Orbit at this ${mark.kind}.`} :
+      {text: found ?? "The page does not hold the orbit of this point."});
   }
 
-  // All numbers of a row, and the multipliers of an orbit beside the unit circle.
-  tell(table, row) {
-    const list = element("dl");
+  // The orbit of a row; where it has none, that of its nearest neighbour on the curve.
+  orbitOf(row) {
+    const {rows, list} = this.data.motions, found = rows[row];
+    if (Number.isInteger(found)) return {place: found, text: "Orbit of this point."};
+    if (found !== undefined || !list.length) return {text: found ?? ""};
+    const series = this.data.series.find(one => one.rows.includes(row))?.rows ?? [];
+    const near = series.filter(other => other !== null && Number.isInteger(rows[other]))
+      .sort((a, b) => Math.abs(a - row) - Math.abs(b - row))[0];
+    if (near === undefined) return {text: "The page does not hold the orbit of this point."};
+    return {place: rows[near], text: `The page does not hold the orbit of this point. Shown: that of row ${near + 1}, the nearest one.`};
+  }
+
+  // All numbers of a row, the orbit, and its multipliers beside the unit circle.
+  tell(table, row, orbit) {
+    const list = element("dl"), state = element("dl");
     for (const column of table.columns) {
       const value = column.values[row];
-      if (value === null || value === "") continue;
-      list.append(element("dt", {title: column.name}, column.words),
+      if (value === null || value === "" || /^multiplier_/.test(column.name)) continue;
+      (column.state ? state : list).append(element("dt", {title: column.name}, column.words),
         element("dd", {}, `${shown(value)}${column.unit ? ` ${column.unit}` : ""}`));
     }
-    this.row.replaceChildren(element("h3", {}, `Row ${row + 1} of ${table.title}`), ...this.circle(table, row), list);
+    const back = element("button", {type: "button", class: "back screen"}, "↑ Back to the curves");
+    back.addEventListener("click", () => this.figure.scrollIntoView({block: "nearest"}));
+    const drawn = orbit.place === undefined ? [element("p", {class: "hint"}, orbit.text)] : [this.orbit.box];
+    const more = state.children.length ? [element("details", {}, element("summary", {}, "State where the period begins"), state)] : [];
+    this.row.replaceChildren(back, element("h3", {}, `Row ${row + 1} of ${table.title}`), ...drawn, ...this.circle(table, row),
+      list, ...more);
+    if (orbit.place === undefined) this.orbit.play(false);
+    else this.orbit.show(orbit.place, orbit.text);
+    const {top, bottom} = this.row.getBoundingClientRect();
+    if (bottom < 80 || top > window.innerHeight - 80) this.row.scrollIntoView({block: "start"});
   }
 
   circle(table, row) {
@@ -181,7 +230,9 @@ class Points {
       const size = Math.hypot(re, im), fit = size > 1.5 ? 1.5 / size : 1;
       drawn("circle", {cx: re * fit, cy: -im * fit, r: 0.07, fill: size > 1 ? COLOURS[1] : COLOURS[0]}, picture);
     }
-    return [picture, element("p", {class: "hint"}, "multipliers; those far outside stand at the edge")];
+    const values = found.map(([re, im]) => im ? `${shown(re, 4)} ${im < 0 ? "−" : "+"} ${shown(Math.abs(im), 4)} i` : shown(re, 4));
+    return [picture, element("p", {class: "hint"}, `Floquet multipliers: ${values.join("; ")}` +
+      `${found.some(([re, im]) => Math.hypot(re, im) > 1.5) ? ". Those far outside stand at the edge" : ""}.`)];
   }
 }
 
@@ -196,15 +247,16 @@ class Boundaries {
 
   draw() {
     const columns = Object.fromEntries(this.data.table.columns.map(column => [column.name, column]));
-    const [first, second] = this.data.keys.map(key => columns[key]), kinds = columns.kind.values;
-    const traces = [...new Set(kinds)].map((kind, number) => {
-      const rows = range(0, kinds.length).filter(row => kinds[row] === kind);
-      return {x: rows.map(row => first.values[row]), y: rows.map(row => second.values[row]), name: plain(String(kind)),
-        type: "scatter", mode: "lines+markers", marker: {size: 4}, line: {color: COLOURS[number % COLOURS.length],
-          dash: DASHES[number % DASHES.length]}};
-    });
+    const [first, second] = this.data.keys.map(key => columns[key]);
+    const at = (column, rows) => rows.map(row => row === null ? null : column.values[row]);
+    const traces = this.data.series.map(({label, colour, dash, rows}) => ({x: at(first, rows), y: at(second, rows),
+      name: plain(label), type: "scatter", mode: "lines+markers", marker: {size: 4}, connectgaps: false,
+      line: {color: COLOURS[colour % COLOURS.length], dash: DASHES[dash % DASHES.length]}}));
     const title = column => ({text: plain(withUnit(column.words, column.unit))});
-    return figure(this.figure, traces, {height: 420, margin: {l: LEFT, r: RIGHT, t: 20, b: 44}, font: FONT,
-      xaxis: {title: title(first)}, yaxis: {title: title(second)}, legend: {orientation: "h"}});
+    const rows = Math.ceil(traces.reduce((sum, {name}) => sum + 7 * name.length + 46, 0) / Math.max(this.figure.clientWidth - LEFT, 200));
+    return figure(this.figure, traces, {height: 400 + 19 * rows, margin: {l: LEFT, r: RIGHT, t: 24 + 19 * rows, b: 44}, font: FONT,
+      plot_bgcolor: "#fff", xaxis: {title: title(first), gridcolor: "#eee", zeroline: false},
+      yaxis: {title: title(second), gridcolor: "#eee", zeroline: false}, showlegend: true,
+      legend: {orientation: "h", x: 0, y: 1.01, yanchor: "bottom"}});
   }
 }

@@ -6,8 +6,9 @@ from collections.abc import Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from functools import cached_property
+from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -26,6 +27,9 @@ from vibroplat.study.orbits.newton import ANGLE, Found, Frame, MissedError, Prob
 from vibroplat.study.orbits.shooting import Shooter, Shot
 from vibroplat.study.orbits.words import spelled, turned
 from vibroplat.study.point import MEASURED, row_of
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 #: Turns of exciter 1 after which a motion that settles is tried as a guess, one after the other.
 SETTLING = (24, 96, 384)
@@ -111,11 +115,21 @@ class Orbit:
         """Turns of exciter 1 per second."""
         return self.period / self.period_s
 
+    def plot(self) -> Figure:
+        """Draw it: its speed over its height, and the gap over the phase where there is material."""
+        figure: Figure = import_module("vibroplat.display").orbit_figure(self)
+        return figure
+
     @cached_property
     def run(self) -> Trajectory:
         """One period of it, as a run with dense output."""
-        changes = {"run.duration_s": self.period_s, "run.perturbation": 0.0}
-        return simulate(beginning_at(self.scene, self.state).replace(changes))
+        return run_from(self.scene, self.state, self.period_s)
+
+
+def run_from(scene: Scene, state: FloatArray, seconds: float) -> Trajectory:
+    """Simulate for some seconds from a full state, shape (14,), exactly as it is."""
+    changes = {"run.duration_s": seconds, "run.perturbation": 0.0}
+    return simulate(beginning_at(scene, state).replace(changes))
 
 
 def orbit(scene: Scene, guess: Any = None, *, period: int = 1, tolerance: float = 1e-8) -> Orbit:
@@ -128,7 +142,8 @@ def orbit(scene: Scene, guess: Any = None, *, period: int = 1, tolerance: float 
     guess
         Where to begin: None, to let the motion settle from ``run.initial``; a full state, shape (14,), or a mapping
         with its names, as a row of a trajectory table; a finished run (a Trajectory or its directory); a row of a
-        sweep table of this scene, whose keys are set and whose phase difference the motion settles from.
+        table of this scene, whose keys are set: one of ``branches`` or ``special`` has a state, from one of a sweep the
+        motion settles, with the phase difference of the row.
     period
         Turns of exciter 1 after which it is to repeat.
     tolerance
@@ -149,7 +164,7 @@ def orbit(scene: Scene, guess: Any = None, *, period: int = 1, tolerance: float 
     ('none', True)
     """
     if isinstance(guess, Mapping | pd.Series) and "excitation_frequency_hz" in guess:
-        scene, guess = at_row(scene, guess), None
+        scene, guess = at_row(scene, guess), guess if has_state(guess) else None
     scene = accurate(scene, tolerance)
     with closing(Shooter(scene)) as shooter:
         problem, frame, found = first_orbit(shooter, guess, period, (), tolerance)
@@ -170,15 +185,21 @@ def accurate(scene: Scene, tolerance: float) -> Scene:
 
 
 def at_row(scene: Scene, row: Mapping[str, Any] | pd.Series) -> Scene:
-    """Return a scene at the keys of a row of its sweep table, settling from the row's phase difference."""
+    """Return a scene at the keys of a row of one of its tables; without a state, at the row's phase difference too."""
     found = {str(key): value for key, value in row.items()}
-    values: dict[str, Any] = {"drive.supply_frequency_hz": float(found["supply_frequency_hz"])}
-    values |= {key: value for key, value in found.items() if "." in key}
+    values = {key: value for key, value in found.items() if "." in key}
+    if "supply_frequency_hz" in found:
+        values["drive.supply_frequency_hz"] = float(found["supply_frequency_hz"])
     phase = found.get("phase_difference_rad")
-    if phase is not None and np.isfinite(phase):
+    if phase is not None and np.isfinite(phase) and not has_state(row):
         name = "phase_sum_rad" if scene.rotation == "counter-rotating" else "phase_difference_rad"
         values[f"run.initial.{name}"] = float(phase)
     return scene.replace(values)
+
+
+def has_state(row: Mapping[str, Any] | pd.Series) -> bool:
+    """Whether a row of a table has a state, as rows of branches and of special points have."""
+    return RATES[0] in row
 
 
 def first_orbit(
@@ -261,7 +282,7 @@ def state_of(scene: Scene, guess: Any) -> FloatArray:
     names = (*COORDINATES, *RATES)
     if isinstance(guess, Mapping | pd.Series):
         state = initial_state(scene)
-        given = {name: guess[name] for name in names if name in guess and guess[name] is not None}
+        given = {name: guess[name] for name in names if name in guess and pd.notna(guess[name])}
         if given:
             for place, name in enumerate(names):
                 state[place] = float(given.get(name, state[place]))

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import pandas as pd
 
@@ -22,6 +23,9 @@ from vibroplat.study.orbits.orbit import columns_told
 from vibroplat.study.orbits.tracing import TOLD, Family, Progress, Traced, families, orbits_plan, trace
 from vibroplat.study.point import MEASURED, POINT
 from vibroplat.study.store import Record, Store
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 #: Columns of the table of branches after the grid's keys and the key.
 COLUMNS = (
@@ -49,6 +53,8 @@ COUNTS = ("branch", "curve", "parent", "point", "period", "unstable")
 ANSWERS = ("stable",)
 
 
+#: The state of an orbit where its period begins, in the columns of a trajectory.
+STATE: Columns = {name: TRAJECTORY[name] for name in (*COORDINATES, *RATES)}
 #: What the columns mean, of the three tables.
 BRANCHES: Columns = {
     "branch": Column("number of the branch", "among those of one combination of the grid's values"),
@@ -65,6 +71,7 @@ BRANCHES: Columns = {
     **columns_told(TOLD),
     "residual": Column("how far the orbit is from closing", "in the scales of the scene"),
     "turns": Column("turns of exciter 1 that were integrated for the point", "with those of special points before it"),
+    **STATE,
 }
 SPECIAL: Columns = {
     "branch": BRANCHES["branch"],
@@ -72,7 +79,7 @@ SPECIAL: Columns = {
     EXCITATION: BRANCHES[EXCITATION],
     "period": BRANCHES["period"],
     "point": Column("last point of the branch before it"),
-    **{name: TRAJECTORY[name] for name in (*COORDINATES, *RATES)},
+    **STATE,
 }
 BOUNDARIES: Columns = {
     "curve": Column("number of the curve"),
@@ -108,6 +115,11 @@ class OrbitTables(NamedTuple):
     branches: pd.DataFrame
     special: pd.DataFrame
     boundaries: pd.DataFrame
+
+    def plot(self) -> Figure:
+        """Draw the branches with their special points."""
+        figure: Figure = import_module("vibroplat.display").orbits_figure(self.branches, self.special)
+        return figure
 
 
 def orbits(
@@ -176,34 +188,48 @@ def tables(scene: Scene, traced: Sequence[Traced], curves: Sequence[Boundary] = 
 
 
 def branch_table(scene: Scene, traced: Sequence[Traced]) -> pd.DataFrame:
-    """Return the table of branches: the grid's keys, the key, and COLUMNS."""
+    """Return the table of branches: the grid's keys, the key, COLUMNS, and the state where each period begins."""
     key = column_of(orbits_plan(scene).key)
     rows = [
-        _place(branch) | {"parent": branch.parent, "point": point} | row | {key: row["value"]}
+        _place(branch)
+        | {"parent": branch.parent, "point": point}
+        | row
+        | {key: row["value"]}
+        | _state(branch, row["state"])
         for branch in traced
         for point, row in enumerate(branch.rows)
     ]
-    return _frame(rows, scene, [key, *COLUMNS], BRANCHES)
+    return _frame(rows, scene, [key, *COLUMNS, *_state_columns(traced)], BRANCHES)
 
 
 def special_table(scene: Scene, traced: Sequence[Traced]) -> pd.DataFrame:
-    """Return the table of special points.
+    """Return the table of special points, with the state of the orbit there.
 
-    ``point`` is the last point of the branch before it. The state is that of the orbit there, in the columns of a
-    trajectory; coordinates that no combination of the grid's values has are absent.
+    ``point`` is the last point of the branch before it.
     """
     key = column_of(orbits_plan(scene).key)
-    names = (*COORDINATES, *RATES)
-    has = {branch.family.number: branch.family.scene.coordinates for branch in traced}
-    present = [i + half for half in (0, 7) for i in sorted({i for found in has.values() for i in found})]
-    rows = []
-    for branch in traced:
-        own = [i for i in present if i % 7 in has[branch.family.number]]
-        for special in branch.special:
-            state = {names[i]: special["state"][i] for i in own}
-            rows.append(_place(branch) | special | {"point": special["after"] - 1, key: special["value"]} | state)
-    columns = ["branch", "kind", key, EXCITATION, "period", "point", *(names[i] for i in present)]
+    rows = [
+        _place(branch)
+        | special
+        | {"point": special["after"] - 1, key: special["value"]}
+        | _state(branch, special["state"])
+        for branch in traced
+        for special in branch.special
+    ]
+    columns = ["branch", "kind", key, EXCITATION, "period", "point", *_state_columns(traced)]
     return _frame(rows, scene, columns, SPECIAL)
+
+
+def _state_columns(traced: Sequence[Traced]) -> list[str]:
+    """List the columns of a state; coordinates that no combination of the grid's values has are absent."""
+    present = sorted({i for branch in traced for i in branch.family.scene.coordinates})
+    return [names[i] for names in (COORDINATES, RATES) for i in present]
+
+
+def _state(branch: Traced, state: Sequence[float]) -> Record:
+    """Return a state by its columns; coordinates that the branch does not have are left out."""
+    own, half = branch.family.scene.coordinates, len(COORDINATES)
+    return {COORDINATES[i]: state[i] for i in own} | {RATES[i]: state[i + half] for i in own}
 
 
 def boundary_table(scene: Scene, curves: Sequence[Boundary]) -> pd.DataFrame:
