@@ -19,7 +19,7 @@ from vibroplat.integrate.seam import Engine
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.memory import NO_MORE, OutOfMemoryError
 from vibroplat.model.accelerations import accelerations
-from vibroplat.model.parameters import Parameters, supply
+from vibroplat.model.parameters import Parameters, supply, words
 from vibroplat.model.systems import SYSTEMS
 from vibroplat.observe.audit import Energies
 from vibroplat.observe.statistics import Measures, Statistics, copied
@@ -97,6 +97,8 @@ class Motion:
         supply(p, scene, self._interval)
         self.automaton = automaton(scene, p, steps, engine.turns_per_segment, state, time)
         self._beginning = self.automaton.run.copy()
+        self._run = np.asarray(self.automaton.run).reshape(1)
+        self._held = words(p), words(self.automaton.p), words(self.automaton.inelastic)
         first_mode(self.automaton)
         if mode is Mode.FLIGHT and self.automaton.run["mode"] == Mode.ATTACHED:
             fly(self.automaton)
@@ -105,18 +107,17 @@ class Motion:
 
     def set_parameters(self, p: Parameters) -> None:
         """Change the parameters for all who hold them: of another scene of the same modes, with the same tolerances."""
-        kept = self.automaton.p.base
-        np.asarray(self._p.base)[0] = kept[0] = kept[1] = p
-        kept["restitution"][1] = 0.0
+        for held in self._held:
+            held[:] = words(p)
+        self.automaton.inelastic["restitution"] = 0.0
 
     def begin_again(self, state: FloatArray) -> None:
         """Begin anew at another full state, shape (14,), at the time and in the interval of the drive as before.
 
         It saves making records and steps for each of many short motions. What the engine has counted goes on.
         """
-        run = np.asarray(self.automaton.run).reshape(1)
-        run[0] = self._beginning
-        run["state"] = state
+        self._run[0] = self._beginning
+        self._run["state"] = state
         self.events = 0
         if self.now < self._interval.start or self.now >= self._interval.end:
             self._interval = interval_at(self._intervals, self.now)

@@ -8,6 +8,7 @@ round-off (Squire and Trapp 1998).
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -36,8 +37,8 @@ COMPLEX = np.dtype(
 #: Sections of a scene whose numbers enter the equations.
 SECTIONS = ("machine", "motor", "motors", "exciters", "drive", "material", "contact")
 
-#: Nodes of the polynomials in a key, and their largest error over the largest value.
-NODES, EXACT = 32, 1e-14
+#: Nodes of the polynomials in a key, as many as are needed, and their largest error over the largest value.
+NODES, EXACT = (4, 32), 1e-14
 
 #: Size h of the imaginary part: its square vanishes beside 1.
 IMAGINARY = 1e-30
@@ -113,25 +114,32 @@ class Course:
     """
 
     def __init__(self, scene: Scene, key: str, low: float, high: float) -> None:
-        path = key.split(".")
         self._low, self._high = low, high
-        self._choices = {name: parameters(scene)[name] for name in CHOICES}
-        nodes: FloatArray = np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES)
+        self._at, self._slope = parameters(scene), blank()
+        self._numbers = flat(self._at), flat(self._slope)
+        path = key.split(".")
+        self.exact = any(self._through(scene, path, nodes) for nodes in NODES)
+
+    def _through(self, scene: Scene, path: list[str], count: int) -> bool:
+        """Find the polynomials through so many nodes; whether they are exact."""
+        self._orders = np.arange(count)
+        nodes: FloatArray = np.cos(np.pi * (self._orders + 0.5) / count)
         found = np.array([self._of(scene, path, x) for x in nodes])
-        basis = np.polynomial.chebyshev.chebvander(nodes, NODES - 1)
-        self._c: FloatArray = np.linalg.solve(basis, found)
-        self._rates: Any = np.polynomial.chebyshev.chebder(self._c) * 2.0 / (high - low)  # by the key
+        self._c: FloatArray = np.linalg.solve(np.polynomial.chebyshev.chebvander(nodes, count - 1), found)
+        self._rates: Any = np.polynomial.chebyshev.chebder(self._c) * 2.0 / (self._high - self._low)  # by the key
         between = np.cos(np.pi * np.arange(1, 6) / 6.0)
-        apart = [np.abs(_flat(self.at(self._value(x))) - self._of(scene, path, x)) for x in between]
-        self.exact = bool((np.array(apart) <= EXACT * np.abs(found).max(axis=0)).all())
+        apart = [np.abs(flat(self.at(self._value(x))) - self._of(scene, path, x)) for x in between]
+        return bool((np.array(apart) <= EXACT * np.abs(found).max(axis=0)).all())
 
     def at(self, value: float) -> Parameters:
-        """Return the parameters at a value of the key."""
-        return self._record(self._c, value)
+        """Return the parameters at a value of the key: one record, which the next call changes."""
+        self._fill(self._numbers[0], self._c, value)
+        return self._at
 
     def slope(self, value: float) -> Parameters:
-        """Return their derivatives by the key there."""
-        return self._record(self._rates, value)
+        """Return their derivatives by the key there: one record, which the next call changes."""
+        self._fill(self._numbers[1], self._rates, value)
+        return self._slope
 
     def covers(self, value: float) -> bool:
         """Whether a value lies in the range."""
@@ -141,38 +149,34 @@ class Course:
         return 0.5 * (self._low + self._high) + 0.5 * x * (self._high - self._low)
 
     def _of(self, scene: Scene, path: list[str], x: float) -> FloatArray:
-        return _flat(parameters(with_value(scene, path, self._value(x))))
+        return flat(parameters(with_value(scene, path, self._value(x))))
 
-    def _record(self, c: Any, value: float) -> Parameters:
+    def _fill(self, numbers: FloatArray, c: Any, value: float) -> None:
         x = min(max((2.0 * value - self._low - self._high) / (self._high - self._low), -1.0), 1.0)  # but for round-off
-        record = blank()
-        np.asarray(record.base).view(float)[:_WIDTH] = np.cos(np.arange(len(c)) * np.arccos(x)) @ c
-        for name, choice in self._choices.items():
-            record[name] = choice
-        return record
+        numbers[:] = np.cos(self._orders[: len(c)] * math.acos(x)) @ c
 
 
 def difference(above: Parameters, below: Parameters, step: float) -> Parameters:
     """Difference quotient of two records."""
     quotient = blank()
-    flat = np.asarray(quotient.base).view(float)
-    flat[:_WIDTH] = (_flat(above) - _flat(below)) / step
+    flat(quotient)[:] = (flat(above) - flat(below)) / step
     return quotient
 
 
 def shifted(p: Parameters, dp: Parameters) -> Any:
     """Return p + ih dp."""
-    shifted = np.zeros(1, COMPLEX)
-    shifted.view(complex)[:_WIDTH] = _flat(p) + 1j * IMAGINARY * _flat(dp)
+    found = np.zeros(1, COMPLEX)
+    flat(found)[:] = flat(p) + 1j * IMAGINARY * flat(dp)
     for name in CHOICES:
-        shifted[name] = p[name]
-    return shifted[0]
+        found[name] = p[name]
+    return found[0]
 
 
-def _flat(p: Parameters) -> FloatArray:
-    """All numbers of a record, one after the other."""
-    found: FloatArray = np.array(p).reshape(1).view(float)[:_WIDTH]
-    return found
+def flat(p: Any) -> Any:
+    """View the numbers that enter the equations, of a record or an array of records, along a last axis."""
+    records = np.asarray(p)
+    numbers = records.reshape(records.shape or 1).view(complex if records.dtype == COMPLEX else float)
+    return numbers.reshape(*records.shape, -1)[..., :_WIDTH]
 
 
 def _along(values: FloatArray, direction: FloatArray) -> npt.NDArray[np.complex128]:

@@ -68,7 +68,9 @@ class Events:
     @property
     def rows(self) -> npt.NDArray[np.void]:
         """All events so far."""
-        return np.concatenate(self._kept)
+        if len(self._kept) > 1:
+            self._kept = [np.concatenate(self._kept)]
+        return self._kept[0]
 
 
 class EventParts:

@@ -25,8 +25,8 @@ from vibroplat.kernels.polynomial import values
 from vibroplat.model.accelerations import accelerations, linearize, solve
 from vibroplat.model.equations import rows
 from vibroplat.model.impact import impact, latch
-from vibroplat.model.parameters import Parameters, blank
-from vibroplat.model.sensitivity import COMPLEX, IMAGINARY, shifted
+from vibroplat.model.parameters import Parameters
+from vibroplat.model.sensitivity import CHOICES, COMPLEX, IMAGINARY, flat
 from vibroplat.model.systems import (
     DIFFERENTIAL,
     FULL_SIZE,
@@ -158,9 +158,11 @@ class Variation:
     """
 
     def __init__(self, directions: Sequence[Parameters] = (), *, rough: bool = False) -> None:
-        self._directions = directions
         self._of = b""  # the parameters that ``turned`` was made of
         turned = np.zeros((2, 1 + len(directions)), COMPLEX)
+        self._numbers = flat(turned)
+        self._directions: FloatArray = np.zeros(self._numbers.shape[1:])
+        self._columns = FULL_SIZE + len(directions)
         methods = ROUGH_METHODS if rough else METHODS
         self._carried = Carried(
             np.zeros((FULL_SIZE, COLUMNS)),
@@ -171,7 +173,7 @@ class Variation:
             _room(),
             methods,
         )
-        self.begin(np.eye(FULL_SIZE))
+        self.begin(np.eye(FULL_SIZE), directions)
 
     def begin(self, start: FloatArray, directions: Sequence[Parameters] | None = None) -> None:
         """Begin anew with the derivative of the full state by up to 14 numbers, shape (14, m); other keys if given."""
@@ -179,7 +181,9 @@ class Variation:
         carried.s[:], carried.late[:], carried.at_event[0] = 0.0, 0.0, 0
         carried.s[:, : start.shape[1]] = start
         if directions is not None:
-            self._directions, self._of = directions, b""
+            for row, direction in zip(self._directions[1:], directions, strict=True):
+                row[:] = flat(direction)
+            self._of = b""
 
     def read(self, h: Automaton) -> None:
         """Go along the closed pieces, and through the events."""
@@ -190,7 +194,7 @@ class Variation:
         """Find the derivative of the motion's full state now, shape (14, 14 + keys)."""
         self._turn(h)
         arrive(h, self._carried)
-        found: FloatArray = self._carried.s[:, : FULL_SIZE + len(self._directions)].copy()
+        found: FloatArray = self._carried.s[:, : self._columns].copy()
         return found
 
     def _turn(self, h: Automaton) -> None:
@@ -200,30 +204,33 @@ class Variation:
             return
         self._of, turned = now, self._carried.turned
         self._carried.step[:] = steps_of(h.p, float(h.run["period"]))
-        still = blank()
-        for i, p in enumerate((h.p, h.inelastic)):
-            for k, dp in enumerate([still, *self._directions]):
-                turned[i, k] = shifted(p, dp)
+        for numbers, p in zip(self._numbers, (h.p, h.inelastic), strict=True):
+            numbers.real, numbers.imag = flat(p), IMAGINARY * self._directions
+        for name in CHOICES:
+            turned[name] = h.p[name]
         turned["restitution"][1] = 0.0
 
 
+@compiled
 def steps_of(p: Parameters, period: float) -> tuple[float, float]:
     """First and longest step of the collocation in a piece (s).
 
     The longest resolves turns of a period (s) and the oscillations of platform and layers, each taken alone; what is
     damped too strongly to oscillate does not shorten it.
     """
-    layers = 1.0 + p["upper_mass"] / p["lower_mass"] if p["lower_mass"] > 0.0 else 0.0
-    springs = (
-        (p["stiffness_x"] / p["mass"], p["damping_x"] / p["mass"]),
-        (p["stiffness_y"] / p["mass"], p["damping_y"] / p["mass"]),
-        (p["stiffness_phi"] / p["inertia"], p["damping_phi"] / p["inertia"]),
-        (layers * p["layer_stiffness"], layers * p["layer_damping"]),
-    )
-    bends = [(0.5 * damping, float(stiffness - 0.25 * damping**2)) for stiffness, damping in springs]
-    slopes = 2.0 * p["torque"] / np.maximum(p["slip_speed"], _SLOWEST) / p["exciter_inertia"]
-    quickest = math.sqrt(max(0.0, *(bend for _, bend in bends)))
-    decay = max(*(half + math.sqrt(max(-bend, 0.0)) for half, bend in bends), *slopes.tolist())
+    layers = 1.0 + p.upper_mass / p.lower_mass if p.lower_mass > 0.0 else 0.0
+    quickest, decay = 0.0, 0.0
+    for stiffness, damping in (
+        (p.stiffness_x / p.mass, p.damping_x / p.mass),
+        (p.stiffness_y / p.mass, p.damping_y / p.mass),
+        (p.stiffness_phi / p.inertia, p.damping_phi / p.inertia),
+        (layers * p.layer_stiffness, layers * p.layer_damping),
+    ):
+        bend = stiffness - 0.25 * damping**2
+        quickest = max(quickest, math.sqrt(max(bend, 0.0)))
+        decay = max(decay, 0.5 * damping + math.sqrt(max(-bend, 0.0)))
+    for i in range(2):
+        decay = max(decay, 2.0 * p.torque[i] / max(p.slip_speed[i], _SLOWEST) / p.exciter_inertia[i])
     longest = min(STEP * period, ANGLE / quickest if quickest > 0.0 else math.inf)
     return min(longest, ANGLE / decay if decay > 0.0 else math.inf), longest
 

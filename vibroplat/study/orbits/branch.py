@@ -7,7 +7,7 @@ corner, at which the direction is reversed.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -16,17 +16,20 @@ import numpy.typing as npt
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.systems import GAP, GAP_RATE, SYSTEMS
 from vibroplat.study.orbits.newton import ANGLE, Found, Frame, MissedError, Problem, correct, solved
+from vibroplat.study.orbits.prediction import MOST, predicted
 from vibroplat.study.orbits.shooting import Shot
 from vibroplat.study.orbits.words import turned
 
 #: Iterations after which the next step is longer, as long, or else shorter.
-EASY, HARD = 4, 6
+EASY, HARD = 3, 5
 LONGER, SHORTER = 1.5, 0.7
 #: Least cosine between the tangents of points with one sequence of events.
 STRAIGHT = 0.6
 #: Most that a point may lie beside its prediction, over the length of the step; the second where a step shorter than
 #: ANGULAR changes the sequence of events, at which a branch may have a corner.
 BESIDE, ANGULAR = (0.5, 5.0), 1e-3
+#: Most that a point between two others may lie beside its prediction, over their distance.
+ASIDE = 0.2
 #: Length of the new tangent over its part along the old one, beyond which it is checked as a step is.
 BENT = 1e3
 #: Distance of a multiplier from the unit circle that counts: its own error is far smaller.
@@ -137,15 +140,15 @@ class Branch:
         value = float(found.u[-1]) * self.problem.units[0]
         return Point(frame, found, tangent_of(found.jacobian, tangent), multipliers, value)
 
-    def beyond(self, point: Point, length: float, earlier: Point | None = None) -> Point:
+    def beyond(self, point: Point, length: float, known: Sequence[Point] = ()) -> Point:
         """Find the point of the branch so far along the tangent at another one.
 
         Parameters
         ----------
         point, length
             Where it begins, and how far it goes.
-        earlier
-            A point before in the same frame: the branch is expected to bend as from there to here.
+        known
+            Other points, the nearest first: the branch is expected to go on as from them to here.
 
         Raises
         ------
@@ -153,30 +156,27 @@ class Branch:
             There is none.
         """
         tangent = point.tangent
-        u = point.u + length * tangent
-        if earlier is not None and earlier.frame is point.frame and (point.u - earlier.u) @ tangent > 0.0:
-            u = hermite(earlier, point, 1.0 + length / float(np.linalg.norm(point.u - earlier.u)))
-        found = correct(self.problem, point.frame, u, tangent[np.newaxis], point.found.jacobian)
+        u, jacobian = predicted([point, *known], point.u, tangent, length)
+        found = correct(self.problem, point.frame, u, tangent[np.newaxis], jacobian)
         there = self.point(point.frame, found, tangent)
         angular = there.word != point.word and abs(length) < ANGULAR
         if np.linalg.norm(found.u - u) > (BESIDE[1] if angular else BESIDE[0]) * abs(length):
             raise MissedError("another branch was found")
         return there
 
-    def between(self, first: Point, second: Point, share: float) -> Point:
-        """Find the point at a fraction of the way between two neighbours in one frame.
+    def between(self, points: Sequence[Point], origin: Point, direction: FloatArray, place: float) -> Point:
+        """Find the point at a place along a direction from an origin, among others, the nearest first.
 
         Raises
         ------
         MissedError
             There is none.
         """
-        near = first if share < 0.5 else second
-        u = hermite(first, second, share)
-        found = correct(self.problem, first.frame, u, near.tangent[np.newaxis], None)
-        if np.linalg.norm(found.u - u) > 0.2 * np.linalg.norm(second.u - first.u):
+        u, jacobian = predicted(points, origin.u, direction, place)
+        found = correct(self.problem, origin.frame, u, direction[np.newaxis], jacobian)
+        if np.linalg.norm(found.u - u) > ASIDE * np.linalg.norm(points[0].u - points[1].u):
             raise MissedError("another branch was found")
-        return self.point(first.frame, found, near.tangent)
+        return self.point(origin.frame, found, direction)
 
     def grow(self, look: Callable[[Point, Point], None]) -> bool:
         """Add a point, or say in ``ended`` why there is none; ``look`` is shown it and the one before, in one frame.
@@ -190,7 +190,7 @@ class Branch:
         steps.now = min(steps.now, steps.longest(before.tangent))
         while True:
             try:
-                point = self.beyond(before, steps.now, self.points[-2] if len(self.points) > 1 else None)
+                point = self.beyond(before, steps.now, self.points[-2 : -2 - MOST : -1])
                 turn = point.tangent @ before.tangent < STRAIGHT and point.word == before.word
                 if not turn or steps.now <= 20.0 * steps.least:
                     break
@@ -251,6 +251,7 @@ def to_middle(
 def _carried(problem: Problem, frame: Frame, there: Frame, way: Shot, direction: FloatArray) -> FloatArray:
     """Carry a direction of unknowns along a part of an orbit, to another section."""
     assert way.derivative is not None
+    assert way.rates is not None
     scales, count = problem.shooter.scales, frame.places.size
     start = np.zeros(scales.size)
     start[frame.places] = direction[:count]
@@ -262,18 +263,6 @@ def _carried(problem: Problem, frame: Frame, there: Frame, way: Shot, direction:
     carried[there.phase] = direction[frame.phase]
     carried = np.append(carried, direction[count:])
     return np.asarray(carried / np.linalg.norm(carried))
-
-
-def hermite(first: Point, second: Point, share: float) -> FloatArray:
-    """Unknowns by the cubic through two points with their tangents, at a fraction of the way, or beyond."""
-    x, way = share, float(np.linalg.norm(second.u - first.u))
-    u: FloatArray = (
-        (2.0 * x**3 - 3.0 * x**2 + 1.0) * first.u
-        + (x**3 - 2.0 * x**2 + x) * way * first.tangent
-        + (3.0 * x**2 - 2.0 * x**3) * second.u
-        + (x**3 - x**2) * way * second.tangent
-    )
-    return u
 
 
 def tangent_of(jacobian: FloatArray, near: FloatArray) -> FloatArray:

@@ -8,12 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
 from vibroplat.kernels.compiled import FloatArray
-from vibroplat.model.systems import SYSTEMS
+from vibroplat.model.systems import GAP, SYSTEMS
+from vibroplat.scene import Mode
 from vibroplat.study.orbits.shooting import Shooter, Shot
 
 #: Residual, in the scales of the scene, beyond which an iteration has left all sense.
@@ -63,15 +65,20 @@ class Frame:
     base: FloatArray
     system: int
 
-    @property
+    @cached_property
     def places(self) -> npt.NDArray[np.int64]:
         """Places of the unknowns in the full state, that of the angle for the period."""
         return np.sort(SYSTEMS[self.system].places)
 
-    @property
+    @cached_property
     def phase(self) -> int:
         """Which of the unknowns is the period."""
         return int(np.searchsorted(self.places, ANGLE))
+
+    @cached_property
+    def flying(self) -> bool:
+        """Whether the section lies in flight."""
+        return SYSTEMS[self.system].mode is Mode.FLIGHT
 
 
 class Problem:
@@ -124,7 +131,7 @@ class Problem:
         state, period, values = self.unpack(frame, u)
         if not period > 0.0 or period * self._speed > 1e4:
             raise MissedError(f"the period became {period:.3g} s")
-        if SYSTEMS[frame.system].mode.label == "flight" and state[5] <= 0.0:
+        if frame.flying and state[GAP] <= 0.0:
             raise MissedError("the gap closed on the section")
         try:
             self.shooter.set(dict(zip(self.shooter.keys, values, strict=True)))
@@ -144,20 +151,24 @@ class Problem:
 
     def jacobian(self, frame: Frame, shot: Shot) -> FloatArray:
         """Differentiate the residual by the unknowns, shape (m, m + keys)."""
-        assert shot.derivative is not None
-        places, scales = frame.places, self.shooter.scales
-        found: FloatArray = self.monodromy(frame, shot) - np.eye(places.size)
-        found[:, frame.phase] = (shot.rates / scales)[places] / self._speed
-        by_keys = (shot.derivative[:, scales.size :] / scales[:, np.newaxis])[places] * np.array(self.units)
-        return np.column_stack([found, by_keys])
-
-    def monodromy(self, frame: Frame, shot: Shot) -> FloatArray:
-        """Differentiate the end by the start, in the scales of the scene, shape (m, m)."""
-        assert shot.derivative is not None
-        places, scales = frame.places, self.shooter.scales
-        scaled = shot.derivative[:, : scales.size] * scales / scales[:, np.newaxis]
-        found: FloatArray = scaled[np.ix_(places, places)]
+        found = self._derivative(frame, shot)
+        m = frame.places.size
+        found[:, :m] -= np.eye(m)
+        found[:, frame.phase] = self._along(frame, shot) / self._speed
         return found
+
+    def _derivative(self, frame: Frame, shot: Shot) -> FloatArray:
+        """Differentiate the end by the start and by the keys, in scales and units, shape (m, m + keys)."""
+        assert shot.derivative is not None
+        places, scales = frame.places, self.shooter.scales
+        columns = np.append(places, np.arange(scales.size, shot.derivative.shape[1]))
+        found: FloatArray = shot.derivative[places[:, np.newaxis], columns]
+        return found * np.append(scales[places], self.units) / scales[places, np.newaxis]
+
+    def _along(self, frame: Frame, shot: Shot) -> FloatArray:
+        """Rates at the end, in scales, shape (m,)."""
+        assert shot.rates is not None
+        return np.asarray(shot.rates[frame.places] / self.shooter.scales[frame.places])
 
     def multipliers(self, frame: Frame, shot: Shot) -> npt.NDArray[np.complex128]:
         """Floquet multipliers but the 1 along the motion, the largest first: of the map from section to section."""
@@ -165,10 +176,11 @@ class Problem:
 
     def section_map(self, frame: Frame, shot: Shot) -> FloatArray:
         """Differentiate the map from section to section, shape (m − 1, m − 1)."""
-        along = (shot.rates / self.shooter.scales)[frame.places]
-        whole, i = self.monodromy(frame, shot), frame.phase
-        whole = whole - np.outer(along, whole[i]) / along[i]
-        return np.delete(np.delete(whole, i, 0), i, 1)
+        along, i = self._along(frame, shot), frame.phase
+        whole = self._derivative(frame, shot)[:, : along.size]
+        whole = whole - np.outer(along / along[i], whole[i])
+        others = np.flatnonzero(np.arange(along.size) != i)
+        return np.asarray(whole[others[:, np.newaxis], others])
 
 
 def sorted_multipliers(section_map: FloatArray) -> npt.NDArray[np.complex128]:
@@ -234,7 +246,7 @@ def correct(
     border
         Directions in which the unknowns stay, one for each key, shape (keys, m + keys).
     jacobian
-        That of an orbit nearby, to begin with; a new one is made where it serves no longer.
+        Nearly that of the orbit, to begin with (Broyden 1965); a new one is made where it serves no longer.
     most
         Largest number of iterations.
 
@@ -244,25 +256,26 @@ def correct(
         There is none.
     """
     begun, residuals = u, list[float]()
-    size, full = 0.0, jacobian is None
+    full = jacobian is None
+    step, left = np.zeros_like(u), np.zeros(0)
     while len(residuals) < most:
         try:
             residual, shot = problem.shoot(frame, u, full=full)
+            size = float(np.abs(residual).max())
+            residuals.append(size)
+            slow = len(residuals) > 1 and size > residuals[-2] / SLOW
+            if full:
+                jacobian = problem.jacobian(frame, shot)
+                if size < problem.tolerance:
+                    return Found(u, shot, jacobian, residuals)
+            elif size < problem.tolerance or slow:
+                full = True
+                continue
+            elif step.any():
+                jacobian = jacobian + np.outer(residual - left - jacobian @ step, step) / (step @ step)
+            step = solved(np.vstack([jacobian, border]), -np.append(residual, border @ (u - begun)), LONGEST)
         except MissedError as error:
             raise MissedError(error.why, residuals) from None
-        before, size = size, float(np.abs(residual).max())
-        residuals.append(size)
-        if full:
-            jacobian = problem.jacobian(frame, shot)
-            if size < problem.tolerance:
-                return Found(u, shot, jacobian, residuals)
-        elif size < problem.tolerance or (len(residuals) > 1 and size > before / SLOW):
-            full = True
-            continue
-        assert jacobian is not None
-        try:
-            u = u + solved(np.vstack([jacobian, border]), -np.append(residual, border @ (u - begun)), LONGEST)
-        except MissedError as error:
-            raise MissedError(error.why, residuals) from None
+        u, left = u + step, residual
         full = size < QUICK * problem.tolerance
     raise MissedError(f"no convergence in {most} iterations", residuals)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -30,6 +31,8 @@ from vibroplat.study.orbits.words import word_of
 STEP = 1e-4
 
 _TURN = 2.0 * math.pi
+#: Derivative of a full state by itself.
+_UNVARIED = np.eye(FULL_SIZE)
 
 
 @dataclass
@@ -38,8 +41,8 @@ class Shot:
 
     Attributes
     ----------
-    start, state, rates
-        Full states at its ends, the angles with all their turns, and the rates at the second, shape (14,).
+    start, state
+        Full states at its ends, the angles with all their turns, shape (14,).
     begins, ends
         Systems at its ends, by their number.
     duration
@@ -48,10 +51,11 @@ class Shot:
         As of a run.
     events
         Records of :data:`vibroplat.hybrid.state.EVENT`.
-    word
-        Their sequence.
-    derivative
-        Of the state by the start and by the keys, shape (14, 14 + keys); None if it was not asked for.
+    restitution
+        In the law of impact.
+    rates, derivative
+        Rates of the state, shape (14,), and its derivative by the start and by the keys, shape (14, 14 + keys);
+        None if they were not asked for.
     part
         What was measured; None if it was not asked for.
     pieces
@@ -62,19 +66,24 @@ class Shot:
 
     start: FloatArray
     state: FloatArray
-    rates: FloatArray
     begins: int
     ends: int
     duration: float
     outcome: str
     detail: str
     events: npt.NDArray[np.void]
-    word: str
+    restitution: float
+    rates: FloatArray | None = None
     derivative: FloatArray | None = None
     part: Part | None = None
     pieces: Sequence[tuple[int, float, float]] = ()
     least_force: float = math.inf
     least_gap: float = math.inf
+
+    @cached_property
+    def word(self) -> str:
+        """Sequence of events."""
+        return word_of(self.events, self.restitution)
 
     @property
     def landing_force(self) -> float:
@@ -157,7 +166,7 @@ class Shooter:
         Parameters
         ----------
         varied
-            Whether to find the derivative by the start and by the keys.
+            Whether to find the rates, and the derivative by the start and by the keys.
         measured
             Whether to measure it.
         """
@@ -172,26 +181,25 @@ class Shooter:
         motion.begin_again(start)
         begins = self._system
         if varied:
-            self._variation.begin(np.eye(FULL_SIZE), [self.direction(key) for key in self.keys])
-        before = Energies.of(h.run["state"], h.p)
+            self._variation.begin(_UNVARIED, [self.direction(key) for key in self.keys])
+        before = Energies.of(h.run["state"], h.p) if measured else None
         motion.to_time(duration, observers)
-        self.turns += abs(motion.state[3] - start[3]) / _TURN
-        rows = events.rows
+        state = motion.state
+        self.turns += abs(state[3] - start[3]) / _TURN
         found = Shot(
             start=start,
-            state=motion.state,
-            rates=motion.rates,
+            state=state,
             begins=begins,
             ends=self._system,
             duration=duration,
             outcome=motion.outcome,
             detail=motion.detail,
-            events=rows,
-            word=word_of(rows, float(h.p["restitution"])),
+            events=events.rows,
+            restitution=float(h.p["restitution"]),
         )
         if varied:
-            found.derivative = self._variation.derivative(h)
-        if statistics is not None:
+            found.rates, found.derivative = motion.rates, self._variation.derivative(h)
+        if statistics is not None and before is not None:
             found.part = Part(_undivided(statistics), before, Energies.of(h.run["state"], h.p))
             found.pieces = near.pieces
             found.least_force, found.least_gap = near.least_force, near.least_gap

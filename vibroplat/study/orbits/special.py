@@ -7,13 +7,13 @@ that does not lift off; their zeros are extrapolated from that side.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from vibroplat.kernels.compiled import FloatArray
-from vibroplat.study.orbits.branch import NEUTRAL, Branch, Point, hermite
+from vibroplat.study.orbits.branch import Branch, Point
 from vibroplat.study.orbits.kinds import (
     BRANCH_POINT,
     DOUBLING,
@@ -24,16 +24,23 @@ from vibroplat.study.orbits.kinds import (
     TORUS,
 )
 from vibroplat.study.orbits.newton import MissedError
+from vibroplat.study.orbits.prediction import predicted
 
-#: Accuracy of the place of a special point along the branch, in units of the unknowns.
-ACCURACY = 1e-10
-#: Evaluations from one side, and what part of the way to the extrapolated zero each goes.
-SIDED, APPROACH = 7, 0.95
-#: Distance of a known orbit from the zero at which it is interpolated; nearer to a branch point than the second, an
-#: orbit cannot be told from those of the branch that crosses.
-NARROW, BLURRED = 1e-4, 1e-3
+#: Evaluations from one side, what part of the way to the extrapolated zero each goes, and the distance, in units of the
+#: unknowns, at which the zero is extrapolated through three of them: two others are 20 and 400 times as far.
+SIDED, APPROACH, CLOSE = 7, 0.95, 1e-6
+#: Distance of a known orbit from the zero at which it is interpolated. Nearer to a branch point than the second, an
+#: orbit cannot be told from those of the branch that crosses; nearer than the third, neither can the tangent of the
+#: branch that bends there, whose key hardly depends on where exactly the zero is.
+NARROW, BLURRED, BENDING = 1e-4, 1e-3, 0.03
 #: How far beside a point that cannot be found others are tried, as a part of the way.
 ASIDE = 0.1
+#: How far beyond the place where the events change an orbit is looked for that has them, as a part of the way.
+BEYOND = 0.01
+#: How often an interval in which the key seems to turn back and forth is divided.
+DEEPEST = 3
+#: Imaginary part up to which a multiplier is real, but for round-off.
+REAL = 1e-9
 #: Most evaluations between two points.
 LOCATING = 12
 
@@ -61,6 +68,8 @@ class Special:
 
 
 Test = Callable[[Point], float]
+#: A place along a direction, a test function there, and the point.
+Tried = tuple[float, float, Point]
 
 
 def fold(point: Point) -> float:
@@ -80,37 +89,113 @@ def branching(point: Point) -> float:
 
 
 def torus(point: Point) -> float:
-    """How far the largest pair of complex multipliers is outside the unit circle."""
-    pairs = np.abs(point.multipliers[np.abs(point.multipliers.imag) > 1e-9])
-    return float(pairs.max() - 1.0) if pairs.size else math.nan
+    """Product of 1 − products of two multipliers, which is also 0 where a real multiplier is the inverse of another."""
+    m = point.multipliers
+    one, other = np.triu_indices(m.size, 1)
+    return float(np.prod(1.0 - m[one] * m[other]).real)
 
 
 def specials(branch: Branch, before: Point, after: Point) -> Iterator[Special]:
-    """Find the special points between two neighbouring points in one frame."""
-    if before.word != after.word:
-        found = corner(branch, before, after)
-        if found is not None:
-            yield found
-    folds = before.tangent[-1] * after.tangent[-1] < 0.0
-    if before.word != after.word:
-        if folds:
+    """Find the special points between two neighbouring points in one frame, in the order of the branch.
+
+    Where the sequence of events changes, multipliers may jump and the branch may have a corner: its parts on both sides
+    are looked at one by one.
+    """
+    if before.word == after.word:
+        yield from smooth(branch, before, after)
+        return
+    there = corner(branch, before, after)
+    if there is None:
+        if fold(before) * fold(after) < 0.0:
             yield located(branch, before, after, FOLD, fold)
-        return  # multipliers may jump there, and pass infinity
+        return
+    forth = there.point.word == before.word
+    near, far = ordered(before, after, forth)
+    parts = [smooth(branch, *ordered(near, there.point, forth)), iter([there])]
+    beyond = _beyond(branch, there.point, far, forth)
+    if beyond is not None:
+        parts.append(smooth(branch, *ordered(beyond, far, forth)))
+        if fold(there.point) * fold(beyond) < 0.0:
+            parts.insert(2, iter([_fold_beside(branch, there, beyond, forth)]))
+    for part in parts if forth else reversed(parts):
+        yield from part
+
+
+def ordered(one: Point, other: Point, forth: bool) -> tuple[Point, Point]:
+    """Return two points in the order of the branch."""
+    return (one, other) if forth else (other, one)
+
+
+def _beyond(branch: Branch, last: Point, far: Point, forth: bool, share: float = BEYOND) -> Point | None:
+    """Find an orbit next to the place where the events change that has those of the far side."""
+    chord = (far.u - last.u) * (1.0 if forth else -1.0)
+    whole = float(np.linalg.norm(chord))
+    try:
+        found = branch.between([last, far], last, chord / whole, (share if forth else -share) * whole)
+    except MissedError:
+        return None
+    return found if found.word == far.word else None
+
+
+def _fold_beside(branch: Branch, there: Special, beyond: Point, forth: bool) -> Special:
+    """Find the fold between the place where the events change and an orbit next to it."""
+    nearer = _beyond(branch, there.point, beyond, forth)
+    if nearer is not None and fold(nearer) * fold(beyond) < 0.0:
+        return located(branch, *ordered(nearer, beyond, forth), FOLD, fold)
+    return Special(FOLD, there.point, there.value, there.direction)
+
+
+def smooth(branch: Branch, before: Point, after: Point, depth: int = 0) -> Iterator[Special]:
+    """Find the special points between two points with the same sequence of events."""
+    place = turning(before, after)
+    if place is not None and depth < DEEPEST:
+        chord = after.u - before.u
+        whole = float(np.linalg.norm(chord))
+        try:
+            middle = branch.between([before, after], before, chord / whole, place * whole)
+        except MissedError:
+            middle = before
+        if middle is not before and middle.word == before.word:
+            yield from smooth(branch, before, middle, depth + 1)
+            yield from smooth(branch, middle, after, depth + 1)
+            return
     crosses = branching(before) * branching(after) < 0.0
-    if folds:  # at a pitchfork the branch that bends crosses the straight one
+    if fold(before) * fold(after) < 0.0:  # at a pitchfork the branch that bends crosses the straight one
         yield located(branch, before, after, BRANCH_POINT if crosses else FOLD, fold)
     elif crosses:
         yield located(branch, before, after, BRANCH_POINT, branching)
     if doubling(before) * doubling(after) < 0.0:
         yield located(branch, before, after, DOUBLING, doubling)
-    if outside(before) != outside(after) and torus(before) * torus(after) < 0.0:
-        yield located(branch, before, after, TORUS, torus)
+    if torus(before) * torus(after) < 0.0 and complex_pairs(before, after):
+        found = located(branch, before, after, TORUS, torus)
+        if complex_pairs(found.point):
+            yield found
 
 
-def outside(point: Point) -> int:
-    """Count the complex multipliers outside the unit circle."""
-    complex_ones = np.abs(point.multipliers.imag) > 1e-9
-    return int((complex_ones & (np.abs(point.multipliers) > 1.0 + NEUTRAL)).sum())
+def turning(before: Point, after: Point) -> float | None:
+    """Return where the key turns back and forth between two points, as a part of the way; None if it does not.
+
+    By the cubic through both with their tangents, whose slope is a parabola.
+    """
+    chord = after.u - before.u
+    one, other = (fold(p) / float(p.tangent @ chord) for p in (before, after))
+    mean = float(chord[-1]) / float(chord @ chord)
+    bend, bow = -4.0 * one - 2.0 * other + 6.0 * mean, 3.0 * one + 3.0 * other - 6.0 * mean
+    if one * other <= 0.0 or bow == 0.0 or not 0.0 < -0.5 * bend / bow < 1.0:
+        return None
+    place = -0.5 * bend / bow
+    return place if one * (one + 0.5 * bend * place) < 0.0 else None
+
+
+def complex_pairs(*points: Point) -> bool:
+    """Whether at any of the points the two multipliers whose product is next to 1 are complex."""
+    for point in points:
+        m = point.multipliers
+        one, other = np.triu_indices(m.size, 1)
+        nearest = int(np.argmin(np.abs(1.0 - m[one] * m[other])))
+        if abs(m[one[nearest]].imag) > REAL and abs(m[other[nearest]].imag) > REAL:
+            return True
+    return False
 
 
 def located(branch: Branch, before: Point, after: Point, kind: str, test: Test) -> Special:
@@ -118,7 +203,8 @@ def located(branch: Branch, before: Point, after: Point, kind: str, test: Test) 
     chord = after.u - before.u
     whole = float(np.linalg.norm(chord))
     direction = chord / whole
-    known = [(0.0, test(before), before), (whole, test(after), after)]
+    enough = NARROW if kind != BRANCH_POINT else BLURRED if test is branching else BENDING
+    known: list[Tried] = [(0.0, test(before), before), (whole, test(after), after)]
     while True:
         low = max((k for k in known if k[1] * known[0][1] > 0.0), key=lambda k: k[0])
         high = min((k for k in known if k[1] * known[0][1] <= 0.0), key=lambda k: k[0])
@@ -126,29 +212,35 @@ def located(branch: Branch, before: Point, after: Point, kind: str, test: Test) 
         root = extrapolated([k[0] for k in nearest], [k[1] for k in nearest])
         if root is None or not low[0] < root < high[0]:
             root = low[0] + (high[0] - low[0]) * low[1] / (low[1] - high[1])
-        share = (root - low[0]) / (high[0] - low[0])
         near = min(low, high, key=lambda k: abs(k[0] - root))
-        if abs(near[0] - root) < (BLURRED if kind == BRANCH_POINT else NARROW) or len(known) > LOCATING:
+        if abs(near[0] - root) < enough or len(known) > LOCATING:
             break
-        found = _near(branch, low[2], high[2], share)
+        found = _near(branch, known, low[0], high[0], root, direction)
         tested = math.nan if found is None else test(found)
         if found is None or not math.isfinite(tested):
             break
         known.append((float((found.u - before.u) @ direction), tested, found))
-    way = high[0] - low[0]
-    ahead = hermite(low[2], high[2], share) - hermite(low[2], high[2], (near[0] - low[0]) / way)
-    return Special(kind, near[2], near[2].value + float(ahead[-1]) * branch.problem.units[0], direction)
+    there, _ = predicted(_nearest(known, root), before.u, direction, root)
+    return Special(kind, near[2], float(there[-1]) * branch.problem.units[0], direction)
 
 
-def _near(branch: Branch, low: Point, high: Point, share: float) -> Point | None:
-    """Find an orbit near a fraction of the way between two points; beside it where branches cross, if need be."""
-    for beside in (share, share + ASIDE, share - ASIDE, share + 2.0 * ASIDE, share - 2.0 * ASIDE):
-        if 0.0 < beside < 1.0:
+def _near(
+    branch: Branch, known: Sequence[Tried], low: float, high: float, place: float, direction: FloatArray
+) -> Point | None:
+    """Find an orbit near a place between two others; beside it where branches cross, if need be."""
+    for beside in (0.0, ASIDE, -ASIDE, 2.0 * ASIDE, -2.0 * ASIDE):
+        there = place + beside * (high - low)
+        if low < there < high:
             try:
-                return branch.between(low, high, beside)
+                return branch.between(_nearest(known, there), known[0][2], direction, there)
             except MissedError:
                 continue
     return None
+
+
+def _nearest(known: Sequence[Tried], place: float) -> list[Point]:
+    """Points by their distance from a place."""
+    return [point for _, _, point in sorted(known, key=lambda k: abs(k[0] - place))]
 
 
 def corner(branch: Branch, before: Point, after: Point) -> Special | None:
@@ -196,18 +288,18 @@ def approached(branch: Branch, near: Point, far: Point, measure: Test) -> tuple[
     for _ in range(2 * SIDED):
         last = points[-1]
         try:
-            tried = branch.beyond(last, step)
+            tried = branch.beyond(last, step, points[-2::-1])
             valid = tried.word == near.word and 0.0 < measure(tried) < measure(last)
         except MissedError:
             valid = False
         if not valid:
             step *= 0.4
-            if abs(step) < ACCURACY:
+            if abs(step) < CLOSE:
                 break
             continue
         points.append(tried)
         left = -measure(tried) * step / (measure(tried) - measure(last))
-        if abs(left) < ACCURACY or len(points) > SIDED:
+        if abs(left) < CLOSE or len(points) > SIDED:
             break
         step = APPROACH * left
     if len(points) < 3:

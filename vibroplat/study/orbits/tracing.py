@@ -32,11 +32,11 @@ from vibroplat.study.store import Record, Records
 from vibroplat.study.tasks import StoredChain, Task, Tasks, run_stored
 
 #: Points of a branch that a task makes.
-PART = 40
+PART = 100
 #: Largest multipliers that are told.
 TOLD = 4
 #: First steps along a new branch, over the largest step, one after the other.
-AWAY = (0.5, 0.2, 0.05, 1.0)
+AWAY = (0.5, 1.0, 0.2, 0.05)
 #: How far apart, as a part of the step between its neighbours, a point may lie from a former one to be the same.
 SAME = 0.1
 #: Least part of the way along a branch that must be covered across it by a point that has left it.
@@ -197,7 +197,7 @@ def _branches(family: Family, plan: OrbitsPlan, traced: list[Traced], take: Call
         parent, origin, begin = waiting.pop(0)
         branch = Traced(family, len(own), parent, origin)
         traced.append(branch)
-        yield from _parts(branch, own, plan, begin, take)
+        yield from _parts(branch, own, switched, plan, begin, take)
         if parent >= 0 and not branch.rows and not branch.failed:
             traced.remove(branch)  # a direction of a branch that is known
             continue
@@ -215,22 +215,28 @@ def same_special(one: Record, other: Record, plan: OrbitsPlan) -> bool:
     return bool(near and one["kind"] == other["kind"] and abs(frequencies[0] / frequencies[1] - 1.0) < SAME_PLACE)
 
 
+def _seen(special: Record) -> Record:
+    """Return what tells a special point from others, see :func:`same_special`."""
+    return {name: special[name] for name in ("kind", "value", "excitation_frequency_hz")}
+
+
 def _parts(
-    branch: Traced, others: Sequence[Traced], plan: OrbitsPlan, begin: Record | None, take: Callable[[Record], None]
+    branch: Traced,
+    others: Sequence[Traced],
+    switched: Sequence[Record],
+    plan: OrbitsPlan,
+    begin: Record | None,
+    take: Callable[[Record], None],
 ) -> Tasks[None]:
     """Make a branch part by part."""
+    passed = [(other.number, [_compared(row) for row in other.rows]) for other in others]
     while not branch.ended:
-        record = yield Task(_part, (branch.family.scene, plan, begin), _lost)
-        rows, branch.ended, branch.failed = record["rows"], record["ended"], record["failed"]
-        again = _met_again(branch, others, rows)
-        if again is not None:
-            rows, branch.ended, branch.failed = rows[: again[0]], again[1], again[1] == RETURNED
-        branch.special += [
-            special | {"after": special["after"] + len(branch.rows)}
-            for special in record["special"]
-            if special["after"] <= len(rows)
-        ]
-        branch.rows += rows
+        special = [_seen(s) for s in [*switched, *branch.special] if s["branches"]]
+        known = Known(special, passed, [_compared(row) for row in branch.rows])
+        record = yield Task(_part, (branch.family.scene, plan, begin, known), _lost)
+        branch.ended, branch.failed = record["ended"], record["failed"]
+        branch.special += [special | {"after": special["after"] + len(branch.rows)} for special in record["special"]]
+        branch.rows += record["rows"]
         if not branch.ended and len(branch.rows) >= plan.max_points:
             branch.ended = f"max_points = {plan.max_points} reached"
         begin = record["last"]
@@ -241,19 +247,42 @@ def _lost(reason: str) -> Record:
     return {"rows": [], "special": [], "last": None, "ended": reason, "failed": True}
 
 
-def _met_again(branch: Traced, others: Sequence[Traced], new: Sequence[Record]) -> tuple[int, str] | None:
-    """Find the first new point that a branch, or another one of its family, has passed: its place, and which."""
-    for place, row in enumerate(new):
-        for other in others:
-            mirrored = _passed(row, other.rows)
+def _compared(row: Record) -> Record:
+    """Return what tells points apart."""
+    return {name: row[name] for name in ("value", "period", "phase_difference_rad", *COMPARED)}
+
+
+@dataclass(frozen=True)
+class Known:
+    """What a part of a branch is told of all that is known of its family.
+
+    Attributes
+    ----------
+    special
+        Special points from which other branches have been followed.
+    others
+        Numbers and points of other branches.
+    own
+        Points of this branch.
+    """
+
+    special: Sequence[Record]
+    others: Sequence[tuple[int, Sequence[Record]]]
+    own: Sequence[Record]
+
+    def met_again(self, rows: Sequence[Record]) -> str:
+        """Say in which way a branch has passed the last of its new points before; empty if it has not."""
+        row = rows[-1]
+        for number, former in self.others:
+            mirrored = _passed(row, former)
             if mirrored is not None:
-                return place, f"{'mirror image of' if mirrored else 'joins'} branch {other.number}"
-        own = [*branch.rows, *new[:place]][:-2]
+                return f"{'mirror image of' if mirrored else 'joins'} branch {number}"
+        own = [*self.own, *rows[:-1]][:-2]
         mirrored = _passed(row, own)
-        if mirrored is not None:
-            back = not mirrored and _passed(row, own[-RETURN:]) is not None
-            return place, RETURNED if back else "mirror image" if mirrored else "loop"
-    return None
+        if mirrored is None:
+            return ""
+        back = not mirrored and _passed(row, own[-RETURN:]) is not None
+        return RETURNED if back else "mirror image" if mirrored else "loop"
 
 
 def _passed(row: Record, former: Sequence[Record]) -> bool | None:
@@ -277,31 +306,46 @@ def _near(value: float, first: float, second: float, share: float) -> bool:
 # -- what a worker does ------------------------------------------------------------------------------------------------
 
 
-def _part(scene: Scene, plan: OrbitsPlan, begin: Record | None) -> Record:
-    """Make a part of a branch: from a start, from a special point, or going on from a last point."""
+def _part(scene: Scene, plan: OrbitsPlan, begin: Record | None, known: Sequence[Record]) -> Record:
+    """Make a part of a branch: from a start, from a special point, or going on from a last point.
+
+    Branches that begin at its special points are looked for, but not at those that are known.
+    """
     record: Record = {"rows": [], "special": [], "last": None, "ended": "", "failed": False}
     with closing(Shooter(scene, [plan.key], plan.range)) as shooter:
         try:
             branch = _first(shooter, plan) if begin is None else _again(shooter, plan, begin)
         except (MissedError, OrbitError) as error:
             return record | {"ended": str(error), "failed": True}
-        if begin is None or begin["new"]:
-            record["rows"].append(row_of_point(branch, branch.points[0], shooter))
+        rows, seen = record["rows"], list(known.special)
 
         def look(before: Point, after: Point) -> None:
             for special in specials(branch, before, after):
-                found = _special_record(branch, special, len(record["rows"]))
-                record["special"].append(found | {"branches": _new_branches(branch, special, plan)})
+                found = _special_record(branch, special, len(rows))
+                old = any(same_special(found, other, plan) for other in seen)
+                found["branches"] = [] if old else _new_branches(branch, special, plan)
+                record["special"].append(found)
+                seen.append(found)
 
-        while len(record["rows"]) < PART and not branch.ended:
+        if begin is None or begin["new"]:
+            _take(branch, known, record)
+        while len(rows) < PART and not record["ended"]:
             if not branch.grow(look):
-                record["failed"] = True
-                break
+                return record | {"ended": branch.ended, "failed": True}
             _stop_at_end(branch, plan)
-            record["rows"].append(row_of_point(branch, branch.points[-1], shooter))
-        record["ended"] = branch.ended
+            _take(branch, known, record)
         record["last"] = _place(branch, branch.points[-1], branch.steps.now, new=False)
     return record
+
+
+def _take(branch: Branch, known: Known, record: Record) -> None:
+    """Add the row of the last point, unless it was passed before: then the branch ends."""
+    rows = record["rows"]
+    rows.append(row_of_point(branch, branch.points[-1], branch.problem.shooter))
+    again = known.met_again(rows)
+    record["ended"], record["failed"] = again or branch.ended, again == RETURNED
+    if again:
+        rows.pop()
 
 
 def _branch(problem: Problem, plan: OrbitsPlan) -> Branch:

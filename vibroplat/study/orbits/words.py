@@ -24,11 +24,11 @@ def word_of(events: npt.NDArray[np.void], restitution: float) -> str:
     many: with restitution, impacts before one that sticks belong to it.
     """
     letters = ""
-    for event in events:
-        if event["kind"] == LIFTOFF:
+    for kind, mode in zip(events["kind"].tolist(), events["mode_after"].tolist(), strict=True):
+        if kind == LIFTOFF:
             letters += "L"
-        elif event["kind"] in (IMPACT, LATCH):
-            letters += "S" if event["mode_after"] == Mode.ATTACHED else "I"
+        elif kind in (IMPACT, LATCH):
+            letters += "S" if mode == Mode.ATTACHED else "I"
     return _shortened(letters, restitution)
 
 

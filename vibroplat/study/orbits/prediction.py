@@ -1,0 +1,112 @@
+"""Orbits of a branch beside those that are known: unknowns and Jacobian by polynomials through them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+import numpy as np
+
+from vibroplat.kernels.compiled import FloatArray
+from vibroplat.study.orbits.newton import Found, Frame
+
+#: Points that a prediction rests on, at most.
+MOST = 3
+#: Least cosine between the tangent at a point and the direction in which its place is measured.
+ALIGNED = 0.3
+#: Least distance of two points, as a part of the way that is predicted.
+APART = 0.05
+
+
+class Known(Protocol):
+    """A point of a branch, see :class:`vibroplat.study.orbits.branch.Point`."""
+
+    @property
+    def frame(self) -> Frame:
+        """Of the unknowns."""
+
+    @property
+    def found(self) -> Found:
+        """The orbit."""
+
+    @property
+    def tangent(self) -> FloatArray:
+        """Of the branch, of length 1."""
+
+    @property
+    def word(self) -> str:
+        """Sequence of events."""
+
+
+def predicted(
+    points: Sequence[Known], origin: FloatArray, direction: FloatArray, place: float
+) -> tuple[FloatArray, FloatArray]:
+    """Predict the orbit at a place along a direction from an origin.
+
+    Parameters
+    ----------
+    points
+        Of one branch, the nearest first; those in another frame or with other events than the first are left out.
+    origin, direction, place
+        Unknowns, a direction of length 1, and the distance along it, which the prediction has exactly.
+
+    Returns
+    -------
+    u, jacobian
+        The polynomial through the points with their tangents, and that through their Jacobians.
+    """
+    used, places = _usable(points, origin, direction, place)
+    values = [p.found.u for p in used]
+    slopes = [p.tangent / float(p.tangent @ direction) for p in used]
+    return osculating(places, values, slopes, place), interpolated(places, [p.found.jacobian for p in used], place)
+
+
+def _usable(
+    points: Sequence[Known], origin: FloatArray, direction: FloatArray, place: float
+) -> tuple[list[Known], list[float]]:
+    """Choose the points that a prediction rests on, and their places."""
+    first = points[0]
+    used, places = [first], [float((first.found.u - origin) @ direction)]
+    apart = APART * abs(place - places[0])
+    for point in points[1:]:
+        alike = point.frame is first.frame and point.word == first.word
+        if len(used) == MOST or not alike or point.tangent @ direction < ALIGNED:
+            break
+        here = float((point.found.u - origin) @ direction)
+        if min(abs(here - p) for p in places) > apart:
+            used.append(point)
+            places.append(here)
+    return used, places
+
+
+def osculating(
+    places: Sequence[float], values: Sequence[FloatArray], slopes: Sequence[FloatArray], place: float
+) -> FloatArray:
+    """Evaluate the polynomial with given values and slopes at places (Hermite), by divided differences."""
+    nodes = np.repeat(np.array(places), 2)
+    table = [value for value in values for _ in range(2)]
+    terms = [table[0]]
+    for order in range(1, nodes.size):
+        table = [
+            slopes[i // 2]
+            if order == 1 and i % 2 == 0
+            else (table[i + 1] - table[i]) / (nodes[i + order] - nodes[i])
+            for i in range(nodes.size - order)
+        ]
+        terms.append(table[0])
+    found = terms[-1]
+    for term, node in zip(terms[-2::-1], nodes[-2::-1], strict=True):
+        found = term + (place - node) * found
+    return found
+
+
+def interpolated(places: Sequence[float], values: Sequence[FloatArray], place: float) -> FloatArray:
+    """Evaluate the polynomial with given values at places (Lagrange)."""
+    found = np.zeros_like(values[0])
+    for i, value in enumerate(values):
+        weight = 1.0
+        for j, other in enumerate(places):
+            if j != i:
+                weight *= (place - other) / (places[i] - other)
+        found += weight * value
+    return found
