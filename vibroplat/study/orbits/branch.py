@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -76,7 +77,7 @@ class Point:
         """Over the period."""
         return self.found.shot
 
-    @property
+    @cached_property
     def word(self) -> str:
         """Sequence of events, wherever the period begins."""
         return turned(self.shot.word)
@@ -164,8 +165,17 @@ class Branch:
             raise MissedError("another branch was found")
         return there
 
-    def between(self, points: Sequence[Point], origin: Point, direction: FloatArray, place: float) -> Point:
-        """Find the point at a place along a direction from an origin, among others, the nearest first.
+    def between(
+        self, points: Sequence[Point], origin: Point, direction: FloatArray, place: float, width: float
+    ) -> Point:
+        """Find the point at a place along a direction from an origin, between two that are so far apart.
+
+        Parameters
+        ----------
+        points
+            Those that are known, the nearest first.
+        origin, direction, place, width
+            Where it is to be.
 
         Raises
         ------
@@ -174,7 +184,7 @@ class Branch:
         """
         u, jacobian = predicted(points, origin.u, direction, place)
         found = correct(self.problem, origin.frame, u, direction[np.newaxis], jacobian)
-        if np.linalg.norm(found.u - u) > ASIDE * np.linalg.norm(points[0].u - points[1].u):
+        if np.linalg.norm(found.u - u) > ASIDE * width:
             raise MissedError("another branch was found")
         return self.point(origin.frame, found, direction)
 

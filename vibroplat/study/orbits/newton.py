@@ -163,7 +163,8 @@ class Problem:
         places, scales = frame.places, self.shooter.scales
         columns = np.append(places, np.arange(scales.size, shot.derivative.shape[1]))
         found: FloatArray = shot.derivative[places[:, np.newaxis], columns]
-        return found * np.append(scales[places], self.units) / scales[places, np.newaxis]
+        found *= np.append(scales[places], self.units) / scales[places, np.newaxis]
+        return found
 
     def _along(self, frame: Frame, shot: Shot) -> FloatArray:
         """Rates at the end, in scales, shape (m,)."""
@@ -271,7 +272,8 @@ def correct(
             elif size < problem.tolerance or slow:
                 full = True
                 continue
-            elif step.any():
+            assert jacobian is not None
+            if not full and step.any():
                 jacobian = jacobian + np.outer(residual - left - jacobian @ step, step) / (step @ step)
             step = solved(np.vstack([jacobian, border]), -np.append(residual, border @ (u - begun)), LONGEST)
         except MissedError as error:

@@ -88,9 +88,7 @@ def osculating(
     terms = [table[0]]
     for order in range(1, nodes.size):
         table = [
-            slopes[i // 2]
-            if order == 1 and i % 2 == 0
-            else (table[i + 1] - table[i]) / (nodes[i + order] - nodes[i])
+            slopes[i // 2] if order == 1 and i % 2 == 0 else (table[i + 1] - table[i]) / (nodes[i + order] - nodes[i])
             for i in range(nodes.size - order)
         ]
         terms.append(table[0])

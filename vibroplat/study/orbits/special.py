@@ -9,8 +9,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
+import numpy.typing as npt
 
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.study.orbits.branch import Branch, Point
@@ -59,12 +61,15 @@ class Special:
         Of the key there.
     direction
         Of the branch there, from neighbour to neighbour: where branches cross, a point has no single tangent.
+    bends
+        Whether it is a branch point at which this branch turns back: the other one knows its place more exactly.
     """
 
     kind: str
     point: Point
     value: float
     direction: FloatArray
+    bends: bool = False
 
 
 Test = Callable[[Point], float]
@@ -90,9 +95,20 @@ def branching(point: Point) -> float:
 
 def torus(point: Point) -> float:
     """Product of 1 − products of two multipliers, which is also 0 where a real multiplier is the inverse of another."""
-    m = point.multipliers
-    one, other = np.triu_indices(m.size, 1)
-    return float(np.prod(1.0 - m[one] * m[other]).real)
+    return float(np.prod(1.0 - products(point)[0]).real)
+
+
+def products(point: Point) -> tuple[npt.NDArray[np.complex128], npt.NDArray[np.int64]]:
+    """Return the products of two multipliers, and which two they are, shape (2, pairs)."""
+    pairs = _pairs(point.multipliers.size)
+    found: npt.NDArray[np.complex128] = point.multipliers[pairs[0]] * point.multipliers[pairs[1]]
+    return found, pairs
+
+
+@cache
+def _pairs(count: int) -> npt.NDArray[np.int64]:
+    """All pairs of different numbers below a count."""
+    return np.array(np.triu_indices(count, 1))
 
 
 def specials(branch: Branch, before: Point, after: Point) -> Iterator[Special]:
@@ -131,7 +147,7 @@ def _beyond(branch: Branch, last: Point, far: Point, forth: bool, share: float =
     chord = (far.u - last.u) * (1.0 if forth else -1.0)
     whole = float(np.linalg.norm(chord))
     try:
-        found = branch.between([last, far], last, chord / whole, (share if forth else -share) * whole)
+        found = branch.between([last, far], last, chord / whole, (share if forth else -share) * whole, whole)
     except MissedError:
         return None
     return found if found.word == far.word else None
@@ -152,7 +168,7 @@ def smooth(branch: Branch, before: Point, after: Point, depth: int = 0) -> Itera
         chord = after.u - before.u
         whole = float(np.linalg.norm(chord))
         try:
-            middle = branch.between([before, after], before, chord / whole, place * whole)
+            middle = branch.between([before, after], before, chord / whole, place * whole, whole)
         except MissedError:
             middle = before
         if middle is not before and middle.word == before.word:
@@ -190,38 +206,54 @@ def turning(before: Point, after: Point) -> float | None:
 def complex_pairs(*points: Point) -> bool:
     """Whether at any of the points the two multipliers whose product is next to 1 are complex."""
     for point in points:
-        m = point.multipliers
-        one, other = np.triu_indices(m.size, 1)
-        nearest = int(np.argmin(np.abs(1.0 - m[one] * m[other])))
-        if abs(m[one[nearest]].imag) > REAL and abs(m[other[nearest]].imag) > REAL:
+        found, pairs = products(point)
+        if found.size and (np.abs(point.multipliers[pairs[:, np.argmin(np.abs(1.0 - found))]].imag) > REAL).all():
             return True
     return False
 
 
 def located(branch: Branch, before: Point, after: Point, kind: str, test: Test) -> Special:
-    """Find the zero of a test function between two points, by inverse interpolation through up to three of them."""
+    """Find the zero of a test function between two points (Chandrupatla 1997)."""
     chord = after.u - before.u
     whole = float(np.linalg.norm(chord))
     direction = chord / whole
     enough = NARROW if kind != BRANCH_POINT else BLURRED if test is branching else BENDING
     known: list[Tried] = [(0.0, test(before), before), (whole, test(after), after)]
+    last, other = known[1], known[0]
+    share = last[1] / (last[1] - other[1])
     while True:
-        low = max((k for k in known if k[1] * known[0][1] > 0.0), key=lambda k: k[0])
-        high = min((k for k in known if k[1] * known[0][1] <= 0.0), key=lambda k: k[0])
-        nearest = sorted(known, key=lambda k: abs(k[1]))[:3]
-        root = extrapolated([k[0] for k in nearest], [k[1] for k in nearest])
-        if root is None or not low[0] < root < high[0]:
-            root = low[0] + (high[0] - low[0]) * low[1] / (low[1] - high[1])
-        near = min(low, high, key=lambda k: abs(k[0] - root))
+        root = last[0] + share * (other[0] - last[0])
+        near = min(last, other, key=lambda k: abs(k[0] - root))
         if abs(near[0] - root) < enough or len(known) > LOCATING:
             break
-        found = _near(branch, known, low[0], high[0], root, direction)
+        found = _near(branch, known, min(last[0], other[0]), max(last[0], other[0]), root, direction)
         tested = math.nan if found is None else test(found)
         if found is None or not math.isfinite(tested):
             break
         known.append((float((found.u - before.u) @ direction), tested, found))
+        if tested * last[1] > 0.0:
+            dropped = last
+        else:
+            dropped, other = other, last
+        last = known[-1]
+        share = _share(last, other, dropped)
     there, _ = predicted(_nearest(known, root), before.u, direction, root)
-    return Special(kind, near[2], float(there[-1]) * branch.problem.units[0], direction)
+    bends = kind == BRANCH_POINT and test is fold
+    return Special(kind, near[2], float(there[-1]) * branch.problem.units[0], direction, bends)
+
+
+def _share(last: Tried, other: Tried, dropped: Tried) -> float:
+    """Where to look next, as a part of the way from the last place to the other end of the bracket.
+
+    By the inverse parabola through both and the place before, where that one is monotonic, else in the middle.
+    """
+    (a, fa, _), (b, fb, _), (c, fc, _) = last, other, dropped
+    if c == b or fc == fb or fc == fa:
+        return 0.5
+    place, height = (a - b) / (c - b), (fa - fb) / (fc - fb)
+    if not (height**2 < place and (1.0 - height) ** 2 < 1.0 - place):
+        return 0.5
+    return fa / (fb - fa) * fc / (fb - fc) + (c - a) / (b - a) * fa / (fc - fa) * fb / (fc - fb)
 
 
 def _near(
@@ -232,7 +264,7 @@ def _near(
         there = place + beside * (high - low)
         if low < there < high:
             try:
-                return branch.between(_nearest(known, there), known[0][2], direction, there)
+                return branch.between(_nearest(known, there), known[0][2], direction, there, high - low)
             except MissedError:
                 continue
     return None

@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -206,6 +206,17 @@ def _branches(family: Family, plan: OrbitsPlan, traced: list[Traced], take: Call
             if special["branches"] and not any(same_special(special, other, plan) for other in switched):
                 switched.append(special)
                 waiting += [(branch.number, special["kind"], place) for place in special["branches"]]
+    _agree(own, plan)
+
+
+def _agree(own: Sequence[Traced], plan: OrbitsPlan) -> None:
+    """Take the place of a branch point at which a branch bends from the branch that it meets there."""
+    every = [special for branch in own for special in branch.special]
+    exact = [special for special in every if special["kind"] == BRANCH_POINT and not special["bends"]]
+    for special in every:
+        if special["bends"]:
+            same = next((other for other in exact if same_special(special, other, plan)), special)
+            special |= {name: same[name] for name in ("value", "excitation_frequency_hz", "period_s", "state")}
 
 
 def same_special(one: Record, other: Record, plan: OrbitsPlan) -> bool:
@@ -252,8 +263,7 @@ def _compared(row: Record) -> Record:
     return {name: row[name] for name in ("value", "period", "phase_difference_rad", *COMPARED)}
 
 
-@dataclass(frozen=True)
-class Known:
+class Known(NamedTuple):
     """What a part of a branch is told of all that is known of its family.
 
     Attributes
@@ -306,7 +316,7 @@ def _near(value: float, first: float, second: float, share: float) -> bool:
 # -- what a worker does ------------------------------------------------------------------------------------------------
 
 
-def _part(scene: Scene, plan: OrbitsPlan, begin: Record | None, known: Sequence[Record]) -> Record:
+def _part(scene: Scene, plan: OrbitsPlan, begin: Record | None, known: Known) -> Record:
     """Make a part of a branch: from a start, from a special point, or going on from a last point.
 
     Branches that begin at its special points are looked for, but not at those that are known.
@@ -510,6 +520,7 @@ def _special_record(branch: Branch, special: Special, after: int) -> Record:
     frequency = abs(branch.problem.turns[0]) / seconds
     return {
         "kind": special.kind,
+        "bends": special.bends,
         "value": special.value,
         "excitation_frequency_hz": frequency,
         "period": abs(branch.problem.turns[0]),
