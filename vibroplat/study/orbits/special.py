@@ -34,7 +34,7 @@ SIDED, APPROACH, CLOSE = 7, 0.95, 1e-6
 #: Distance of a known orbit from the zero at which it is interpolated. Nearer to a branch point than the second, an
 #: orbit cannot be told from those of the branch that crosses; nearer than the third, neither can the tangent of the
 #: branch that bends there, whose key hardly depends on where exactly the zero is.
-NARROW, BLURRED, BENDING = 1e-4, 1e-3, 0.03
+NARROW, BLURRED, BENDING = 1e-4, 1e-3, 0.01
 #: How far beside a point that cannot be found others are tried, as a part of the way.
 ASIDE = 0.1
 #: How far beyond the place where the events change an orbit is looked for that has them, as a part of the way.
@@ -237,9 +237,11 @@ def located(branch: Branch, before: Point, after: Point, kind: str, test: Test) 
             dropped, other = other, last
         last = known[-1]
         share = _share(last, other, dropped)
-    there, _ = predicted(_nearest(known, root), before.u, direction, root)
     bends = kind == BRANCH_POINT and test is fold
-    return Special(kind, near[2], float(there[-1]) * branch.problem.units[0], direction, bends)
+    clear = [k for k in known if kind != BRANCH_POINT or abs(k[0] - root) > enough] or known[:2]
+    there, here = (predicted(_nearest(clear, root), before.u, direction, place)[0] for place in (root, near[0]))
+    ahead = float(there[-1] - here[-1]) * branch.problem.units[0]
+    return Special(kind, near[2], near[2].value + ahead, direction, bends)
 
 
 def _share(last: Tried, other: Tried, dropped: Tried) -> float:
@@ -248,7 +250,7 @@ def _share(last: Tried, other: Tried, dropped: Tried) -> float:
     By the inverse parabola through both and the place before, where that one is monotonic, else in the middle.
     """
     (a, fa, _), (b, fb, _), (c, fc, _) = last, other, dropped
-    if c == b or fc == fb or fc == fa:
+    if c == b or fc in (fb, fa):
         return 0.5
     place, height = (a - b) / (c - b), (fa - fb) / (fc - fb)
     if not (height**2 < place and (1.0 - height) ** 2 < 1.0 - place):
