@@ -163,7 +163,8 @@ def growth(row, mass, longest):
         disturbed[places] += 1e-4 * direction * shooter.scales[places]
         ends = [shooter.shot(state, periods * seconds) for state in (start, disturbed)]
         change = ends[1].state - ends[0].state
-        change -= ends[0].rates * change[ANGLE] / ends[0].rates[ANGLE]  # to the section
+        rates = shooter.motion.rates
+        change -= rates * change[ANGLE] / rates[ANGLE]  # to the section
         factor = left @ (change / shooter.scales)[places] / (1e-4 * left @ direction)
     return periods, multiplier, factor
 
