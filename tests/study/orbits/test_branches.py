@@ -183,6 +183,28 @@ def test_disturbances_change_by_the_leading_multiplier_in_each_period(branches, 
         assert abs(factor / multiplier**periods - 1.0) < 0.1, (rows[i]["value"], multiplier, periods)
 
 
+def test_branch_points_are_the_same_from_all_branches(branches):
+    """Each is found along both branches that cross there."""
+    for found in branches.values():
+        values = np.sort([s["value"] for branch in found for s in branch.special if s["kind"] == "branch-point"])
+        apart = np.diff(values)
+        assert values.size >= 8
+        assert ((apart < 1e-7) | (apart > 0.1)).all()
+
+
+def test_curves_of_branch_points_go_through_those_of_other_masses(branches):
+    second = {"key": MASS, "start": 0.05, "stop": 0.3, "kinds": ["branch-point"], "check": 0}
+    _, curves = bounded(machine(0.2, boundaries=second))
+    assert len(curves) >= 4
+    known = np.array([s["value"] for branch in branches[0.1] for s in branch.special if s["kind"] == "branch-point"])
+    for curve in curves:
+        ratio, value = (np.array([row[name] for row in curve.rows]) for name in ("second", "value"))
+        assert curve.ended == ["end of a key's range"] * 2
+        near = np.argsort(np.abs(ratio - 0.1))[:6]
+        fitted = np.polyval(np.polyfit(ratio[near] - 0.1, value[near], 5), 0.0)
+        assert np.abs(known - fitted).min() < 1e-5
+
+
 def test_boundaries_go_through_the_points_of_other_branches(branches):
     """Curves over the mass ratio from 0.2 pass the special points found at 0.1."""
     second = {"key": MASS, "start": 0.05, "stop": 0.3, "max_points": 60}

@@ -17,7 +17,6 @@ import numpy.typing as npt
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.study.orbits.branch import to_middle
 from vibroplat.study.orbits.kinds import (
-    BRANCH_POINT,
     DOUBLING,
     END_OF_STICKING,
     FOLD,
@@ -80,7 +79,6 @@ def _finite(value: float) -> float:
 #: Test functions by kind. The last three are known on the side of the curve where the event is not there yet.
 TESTS: dict[str, Callable[[Spot], float]] = {
     FOLD: lambda spot: float(np.prod(1.0 - spot.multipliers).real),
-    BRANCH_POINT: lambda spot: float(np.prod(1.0 - spot.multipliers).real),
     DOUBLING: lambda spot: float(np.prod(1.0 + spot.multipliers).real),
     TORUS: _torus,
     LIFTOFF: lambda spot: _finite(spot.shot.least_force),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
 from typing import Any
@@ -16,6 +16,8 @@ from vibroplat.orbits_plan import BoundariesPlan, OrbitsPlan
 from vibroplat.scene import Scene
 from vibroplat.study.execution import Pool
 from vibroplat.study.orbits.boundaries import Curve, Spot, follow
+from vibroplat.study.orbits.crossings import follow_crossings
+from vibroplat.study.orbits.kinds import BRANCH_POINT
 from vibroplat.study.orbits.newton import Frame, MissedError, Problem
 from vibroplat.study.orbits.shooting import Shooter
 from vibroplat.study.orbits.sides import FAILED, across, check, chosen, others_outside
@@ -129,16 +131,23 @@ def _one_way(scene: Scene, plan: OrbitsPlan, special: Record, sense: int) -> Rec
         problem = Problem(shooter, tuple(special["turns"]), [plan.unit, unit], plan.tolerance)
         frame = Frame(state, shooter.shot(state, 0.0).begins)
         u = problem.pack(frame, state, special["period_s"], values)
-        curve = Curve(problem, special["kind"], special["word"], largest / unit, least / unit)
 
         def inside(u: FloatArray) -> bool:
             one, other = u[-2] * plan.unit, u[-1] * unit
             low, high = min(wanted.start, wanted.stop), max(wanted.start, wanted.stop)
             return bool(plan.range[0] <= one <= plan.range[1] and low <= other <= high)
 
+        spots: Iterator[Spot]
+        if special["kind"] == BRANCH_POINT:
+            steps = first / unit, largest / unit, least / unit
+            crossings = follow_crossings(problem, frame, u, sense, steps, inside)
+            spots = (Spot(f, found, problem.multipliers(f, found.shot)) for f, found in crossings)
+        else:
+            curve = Curve(problem, special["kind"], special["word"], largest / unit, least / unit)
+            spots = follow(curve, frame, u, sense, first / unit, inside)
         try:
-            for spot in follow(curve, frame, u, sense, first / unit, inside):
-                record["rows"].append(_row(problem, spot, curve.kind))
+            for spot in spots:
+                record["rows"].append(_row(problem, spot, special["kind"]))
                 if len(record["rows"]) >= wanted.max_points:
                     return record | {"ended": f"max_points = {wanted.max_points} reached"}
         except MissedError as error:

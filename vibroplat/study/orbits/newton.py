@@ -224,12 +224,15 @@ class Found:
         Unknowns, the measured shot from them, and the derivative of its residual by them.
     residuals
         Of all iterations.
+    slack
+        How much of a vector there is in the residual, if one was allowed.
     """
 
     u: FloatArray
     shot: Shot
     jacobian: FloatArray
     residuals: list[float]
+    slack: float = 0.0
 
 
 def correct(
@@ -239,6 +242,7 @@ def correct(
     border: FloatArray,
     jacobian: FloatArray | None = None,
     most: int = 12,
+    slack: FloatArray | None = None,
 ) -> Found:
     """Find an orbit near a vector of unknowns, in the directions that a border leaves free.
 
@@ -250,6 +254,8 @@ def correct(
         Nearly that of the orbit, to begin with (Broyden 1965); a new one is made where it serves no longer.
     most
         Largest number of iterations.
+    slack
+        A vector, of which the residual may have as much as it needs; then the border has a row more.
 
     Raises
     ------
@@ -258,26 +264,38 @@ def correct(
     """
     begun, residuals = u, list[float]()
     full = jacobian is None
-    step, left = np.zeros_like(u), np.zeros(0)
+    step, left, much = np.zeros_like(u), np.zeros(0), 0.0
     while len(residuals) < most:
         try:
             residual, shot = problem.shoot(frame, u, full=full)
-            size = float(np.abs(residual).max())
+            missing = residual if slack is None else residual + much * slack
+            size = float(np.abs(missing).max())
             residuals.append(size)
             slow = len(residuals) > 1 and size > residuals[-2] / SLOW
             if full:
                 jacobian = problem.jacobian(frame, shot)
                 if size < problem.tolerance:
-                    return Found(u, shot, jacobian, residuals)
+                    return Found(u, shot, jacobian, residuals, much)
             elif size < problem.tolerance or slow:
                 full = True
                 continue
             assert jacobian is not None
             if not full and step.any():
                 jacobian = jacobian + np.outer(residual - left - jacobian @ step, step) / (step @ step)
-            step = solved(np.vstack([jacobian, border]), -np.append(residual, border @ (u - begun)), LONGEST)
+            step, more = _step(jacobian, border, slack, -np.append(missing, border @ (u - begun)))
         except MissedError as error:
             raise MissedError(error.why, residuals) from None
-        u, left = u + step, residual
+        u, left, much = u + step, residual, much + more
         full = size < QUICK * problem.tolerance
     raise MissedError(f"no convergence in {most} iterations", residuals)
+
+
+def _step(
+    jacobian: FloatArray, border: FloatArray, slack: FloatArray | None, right: FloatArray
+) -> tuple[FloatArray, float]:
+    """Solve for a step of Newton's method, and for how much more of the slack it needs."""
+    matrix = np.vstack([jacobian, border])
+    if slack is None:
+        return solved(matrix, right, LONGEST), 0.0
+    found = solved(np.column_stack([matrix, np.append(slack, np.zeros(border.shape[0]))]), right, LONGEST)
+    return found[:-1], float(found[-1])

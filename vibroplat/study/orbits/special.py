@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.study.orbits.branch import Branch, Point
+from vibroplat.study.orbits.crossings import crossing
 from vibroplat.study.orbits.kinds import (
     BRANCH_POINT,
     DOUBLING,
@@ -31,15 +32,16 @@ from vibroplat.study.orbits.prediction import predicted
 #: Evaluations from one side, what part of the way to the extrapolated zero each goes, and the distance, in units of the
 #: unknowns, at which the zero is extrapolated through three of them: two others are 20 and 400 times as far.
 SIDED, APPROACH, CLOSE = 7, 0.95, 1e-6
-#: Distance of a known orbit from the zero at which it is interpolated. Nearer to a branch point than the second, an
-#: orbit cannot be told from those of the branch that crosses; nearer than the third, neither can the tangent of the
-#: branch that bends there, whose key hardly depends on where exactly the zero is.
-NARROW, BLURRED, BENDING = 1e-4, 1e-3, 0.01
+#: Distance of a known orbit from the zero at which it is interpolated; nearer to a branch point than the second, an
+#: orbit cannot be told from those of the branch that crosses.
+NARROW, BLURRED = 1e-4, 1e-3
 #: How far beside a point that cannot be found others are tried, as a part of the way.
 ASIDE = 0.1
 #: How far beyond the place where the events change an orbit is looked for that has them, as a part of the way.
 BEYOND = 0.01
-#: How often an interval in which the key seems to turn back and forth is divided.
+#: Multipliers larger than the first are watched: one may move by the second between two points, over its size above 1.
+WATCHED, MOVED = 0.9, 0.4
+#: How often an interval in which the key seems to turn back and forth, or more happens than is seen, is divided.
 DEEPEST = 3
 #: Imaginary part up to which a multiplier is real, but for round-off.
 REAL = 1e-9
@@ -61,15 +63,15 @@ class Special:
         Of the key there.
     direction
         Of the branch there, from neighbour to neighbour: where branches cross, a point has no single tangent.
-    bends
-        Whether it is a branch point at which this branch turns back: the other one knows its place more exactly.
+    across
+        Direction of the other branch at a branch point.
     """
 
     kind: str
     point: Point
     value: float
     direction: FloatArray
-    bends: bool = False
+    across: FloatArray | None = None
 
 
 Test = Callable[[Point], float]
@@ -164,6 +166,8 @@ def _fold_beside(branch: Branch, there: Special, beyond: Point, forth: bool) -> 
 def smooth(branch: Branch, before: Point, after: Point, depth: int = 0) -> Iterator[Special]:
     """Find the special points between two points with the same sequence of events."""
     place = turning(before, after)
+    if place is None and unexplained(before, after):
+        place = 0.5
     if place is not None and depth < DEEPEST:
         chord = after.u - before.u
         whole = float(np.linalg.norm(chord))
@@ -175,17 +179,43 @@ def smooth(branch: Branch, before: Point, after: Point, depth: int = 0) -> Itera
             yield from smooth(branch, before, middle, depth + 1)
             yield from smooth(branch, middle, after, depth + 1)
             return
-    crosses = branching(before) * branching(after) < 0.0
-    if fold(before) * fold(after) < 0.0:  # at a pitchfork the branch that bends crosses the straight one
-        yield located(branch, before, after, BRANCH_POINT if crosses else FOLD, fold)
-    elif crosses:
-        yield located(branch, before, after, BRANCH_POINT, branching)
+    if branching(before) * branching(after) < 0.0:  # at a pitchfork the branch that bends has a fold as well
+        yield crossed(branch, before, after)
+    elif fold(before) * fold(after) < 0.0:
+        yield located(branch, before, after, FOLD, fold)
     if doubling(before) * doubling(after) < 0.0:
         yield located(branch, before, after, DOUBLING, doubling)
     if torus(before) * torus(after) < 0.0 and complex_pairs(before, after):
         found = located(branch, before, after, TORUS, torus)
         if complex_pairs(found.point):
             yield found
+
+
+def unexplained(before: Point, after: Point) -> bool:
+    """Whether multipliers have left the unit circle, or entered it, where no test function has changed its sign.
+
+    They may also have gone so far that this cannot be told.
+    """
+    changed = np.not_equal(_outside(before), _outside(after))
+    tests = ((fold, branching), (torus,), (doubling,))
+    flipped = [any(test(before) * test(after) < 0.0 for test in several) for several in tests]
+    return bool((changed & ~np.array(flipped)).any()) or _far(before, after) or _far(after, before)
+
+
+def _far(one: Point, other: Point) -> bool:
+    """Whether a multiplier near the unit circle, or outside, has none near it at another point."""
+    m = one.multipliers[np.abs(one.multipliers) > WATCHED]
+    apart = np.abs(m[:, np.newaxis] - other.multipliers).min(axis=1, initial=math.inf)
+    return bool((apart > MOVED * np.maximum(1.0, np.abs(m))).any())
+
+
+def _outside(point: Point) -> tuple[int, int, int]:
+    """Count the multipliers above 1, the complex ones outside the unit circle, and those below −1."""
+    m = point.multipliers
+    paired = np.abs(m.imag) > REAL
+    several = ~paired & (m.real > 1.0), paired & (np.abs(m) > 1.0), ~paired & (m.real < -1.0)
+    above, around, below = (int(found.sum()) for found in several)
+    return above, around, below
 
 
 def turning(before: Point, after: Point) -> float | None:
@@ -217,7 +247,7 @@ def located(branch: Branch, before: Point, after: Point, kind: str, test: Test) 
     chord = after.u - before.u
     whole = float(np.linalg.norm(chord))
     direction = chord / whole
-    enough = NARROW if kind != BRANCH_POINT else BLURRED if test is branching else BENDING
+    enough = NARROW if kind != BRANCH_POINT else BLURRED
     known: list[Tried] = [(0.0, test(before), before), (whole, test(after), after)]
     last, other = known[1], known[0]
     share = last[1] / (last[1] - other[1])
@@ -237,11 +267,34 @@ def located(branch: Branch, before: Point, after: Point, kind: str, test: Test) 
             dropped, other = other, last
         last = known[-1]
         share = _share(last, other, dropped)
-    bends = kind == BRANCH_POINT and test is fold
     clear = [k for k in known if kind != BRANCH_POINT or abs(k[0] - root) > enough] or known[:2]
     there, here = (predicted(_nearest(clear, root), before.u, direction, place)[0] for place in (root, near[0]))
     ahead = float(there[-1] - here[-1]) * branch.problem.units[0]
-    return Special(kind, near[2], near[2].value + ahead, direction, bends)
+    return Special(kind, near[2], near[2].value + ahead, direction)
+
+
+def crossed(branch: Branch, before: Point, after: Point) -> Special:
+    """Find the branch point between two points; if that fails, by the determinant, which is known less exactly."""
+    chord = after.u - before.u
+    whole = float(np.linalg.norm(chord))
+    direction = chord / whole
+    share = branching(before) / (branching(before) - branching(after))
+    u, jacobian = predicted(ordered(before, after, share < 0.5), before.u, direction, share * whole)
+    try:
+        found = crossing(branch.problem, before.frame, u, jacobian)
+        if not 0.0 < (found.found.u - before.u) @ direction < whole:
+            raise MissedError("it lies elsewhere")
+    except MissedError:
+        rough = located(branch, before, after, BRANCH_POINT, branching)
+        null = np.linalg.svd(rough.point.found.jacobian)[2][-2:]
+        along = null @ direction
+        across = null.T @ np.array([-along[1], along[0]])
+        rough.across = across / np.linalg.norm(across)
+        return rough
+    across, along = sorted(found.directions, key=lambda way: abs(float(way @ direction)))
+    point = branch.point(before.frame, found.found, along if along @ direction > 0.0 else -along)
+    point.tangent = along if along @ direction > 0.0 else -along
+    return Special(BRANCH_POINT, point, point.value, direction, across)
 
 
 def _share(last: Tried, other: Tried, dropped: Tried) -> float:

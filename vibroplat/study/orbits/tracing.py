@@ -6,6 +6,7 @@ A branch that is found at a special point becomes a chain of its own, after thos
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
@@ -206,17 +207,6 @@ def _branches(family: Family, plan: OrbitsPlan, traced: list[Traced], take: Call
             if special["branches"] and not any(same_special(special, other, plan) for other in switched):
                 switched.append(special)
                 waiting += [(branch.number, special["kind"], place) for place in special["branches"]]
-    _agree(own, plan)
-
-
-def _agree(own: Sequence[Traced], plan: OrbitsPlan) -> None:
-    """Take the place of a branch point at which a branch bends from the branch that it meets there."""
-    every = [special for branch in own for special in branch.special]
-    exact = [special for special in every if special["kind"] == BRANCH_POINT and not special["bends"]]
-    for special in every:
-        if special["bends"]:
-            same = next((other for other in exact if same_special(special, other, plan)), special)
-            special |= {name: same[name] for name in ("value", "excitation_frequency_hz", "period_s", "state")}
 
 
 def same_special(one: Record, other: Record, plan: OrbitsPlan) -> bool:
@@ -297,20 +287,30 @@ class Known(NamedTuple):
 
 def _passed(row: Record, former: Sequence[Record]) -> bool | None:
     """Whether a branch has passed a point: None if not, else whether as its mirror image."""
-    for first, second in itertools.pairwise(former):
-        if not min(first["value"], second["value"]) <= row["value"] <= max(first["value"], second["value"]):
+    for i, (first, second) in enumerate(itertools.pairwise(former)):
+        low, high = sorted((first["value"], second["value"]))
+        if not low <= row["value"] <= high or row["period"] != first["period"]:
             continue
-        share = (row["value"] - first["value"]) / (second["value"] - first["value"] or 1.0)
-        if row["period"] == first["period"] and all(_near(row[n], first[n], second[n], share) for n in COMPARED):
+        thirds = [p for p in (*former[max(i - 1, 0) : i], *former[i + 2 : i + 3]) if not low <= p["value"] <= high]
+        ways = [[first, second], *([first, second, third] for third in thirds)]
+        if any(all(_near(row, name, known) for name in COMPARED) for known in ways):
             here, there = row["phase_difference_rad"], first["phase_difference_rad"]
             apart, mirrored = (abs(np.angle(np.exp(1j * (here - sign * there)))) for sign in (1, -1))
             return bool(mirrored < apart - 1e-6)
     return None
 
 
-def _near(value: float, first: float, second: float, share: float) -> bool:
-    expected = first + share * (second - first)
-    return abs(value - expected) <= SAME * abs(second - first) + 1e-7 * abs(expected) + 1e-12
+def _near(row: Record, name: str, known: Sequence[Record]) -> bool:
+    """Whether a measure lies on the polynomial through those of known points, as exactly as it can be told."""
+    first, second = known[0][name], known[1][name]
+    expected = 0.0
+    for point in known:
+        weight = 1.0
+        for other in known:
+            if other is not point:
+                weight *= (row["value"] - other["value"]) / (point["value"] - other["value"] or math.inf)
+        expected += weight * point[name]
+    return bool(abs(row[name] - expected) <= SAME * abs(second - first) + 1e-7 * abs(expected) + 1e-12)
 
 
 # -- what a worker does ------------------------------------------------------------------------------------------------
@@ -440,8 +440,9 @@ def _new_branches(branch: Branch, special: Special, plan: OrbitsPlan) -> list[Re
     if special.kind not in plan.switch:
         return []
     if special.kind == BRANCH_POINT:
-        across, new = _across(special), _branch(branch.problem, plan)
-        ahead, back = (_first_away(new, special, special.point.u, sign * across) for sign in (1.0, -1.0))
+        assert special.across is not None
+        new = _branch(branch.problem, plan)
+        ahead, back = (_first_away(new, special, special.point.u, sign * special.across) for sign in (1.0, -1.0))
         if ahead is None or back is None:
             return [_place(new, point, new.steps.now, new=True) for point in (ahead, back) if point is not None]
         if _mirrors(branch, ahead, back):
@@ -457,10 +458,7 @@ def _new_branches(branch: Branch, special: Special, plan: OrbitsPlan) -> list[Re
 
 
 def _through(branch: Branch, ahead: Point, back: Point) -> list[Record]:
-    """Describe a branch that goes through a branch point, from a point on one side of it: both ways from there.
-
-    On its way through, the branch point is located again: more exactly than on a branch that bends there.
-    """
+    """Describe a branch that goes through a branch point, from a point on one side of it: both ways from there."""
     forth = Point(back.frame, back.found, -back.tangent, back.multipliers, back.value)
     return [
         _place(branch, forth, float(np.linalg.norm(ahead.u - back.u)), new=True),
@@ -493,14 +491,6 @@ def _doubled(branch: Branch, point: Point) -> bool:
     return bool(np.abs(difference / problem.shooter.scales).max() > 1e3 * problem.tolerance)
 
 
-def _across(special: Special) -> FloatArray:
-    """Direction of the branch that crosses at a branch point: the other null vector of the Jacobian."""
-    null = np.linalg.svd(special.point.found.jacobian)[2][-2:]
-    along = null @ special.direction
-    across = null.T @ np.array([-along[1], along[0]])
-    return np.asarray(across / np.linalg.norm(across))
-
-
 def _doubling_direction(problem: Problem, point: Point) -> FloatArray:
     """Direction of the branch of twice the period: the eigenvector of the multiplier −1."""
     values, vectors = np.linalg.eig(problem.section_map(point.frame, point.shot))
@@ -520,7 +510,6 @@ def _special_record(branch: Branch, special: Special, after: int) -> Record:
     frequency = abs(branch.problem.turns[0]) / seconds
     return {
         "kind": special.kind,
-        "bends": special.bends,
         "value": special.value,
         "excitation_frequency_hz": frequency,
         "period": abs(branch.problem.turns[0]),
