@@ -14,14 +14,18 @@ from vibroplat.flow.run import simulate
 from vibroplat.paper.trial import machine_numbers, paper_scene
 from vibroplat.scene import Scene
 from vibroplat.study.branches import FREQUENCY, SUPPLY
-from vibroplat.study.orbits.orbit import beginning_at
+from vibroplat.study.orbits.orbit import OrbitError, beginning_at, orbit
 from vibroplat.study.orbits.tables import orbits
 from vibroplat.study.sweep import sweep
 
 MASS = "material.mass_ratio"
 
-#: Tolerances to which sweeps settle: that of a sweep unless it says otherwise, and one as exact as an orbit.
-SETTLED = (1e-3, 1e-7)
+#: Tolerances to which sweeps settle, and of their integrator: those of a sweep unless it says otherwise, and two with
+#: which its points are about as exact as orbits, and more exact.
+SETTLED = ((1e-3, 1e-6), (1e-7, 1e-6), (1e-9, 1e-9))
+#: Every so many points are compared with orbits found to this tolerance; those that are farther from them than the last
+#: number, over the RMS of y, are other motions.
+COMPARED, EXACT, OTHER = 7, 1e-11, 0.01
 
 #: Every so many frequencies of the sweep heyoka is timed, after the motion has settled (s), over a time (s); the best
 #: of some runs counts.
@@ -38,7 +42,8 @@ def cost() -> pd.DataFrame:
     """Measure the processor time of branches, of sweeps, and of heyoka over the motion of these sweeps.
 
     Branches have the unstable parts and both synchronizations. ``times_branches`` is the time over theirs,
-    ``times_point`` the time of a point over that of one of theirs.
+    ``times_point`` the time of a point over that of one of theirs. ``error`` is that of the RMS of y, over it: the
+    median, and what a tenth of the points exceeds.
     """
     scene = curves()
     assert scene.sweep is not None
@@ -53,14 +58,18 @@ def cost() -> pd.DataFrame:
             "processor_s": seconds,
             "points": len(found),
             "turns_per_point": (found["turns"] / found["period"]).mean(),
+            **errors(scene, found),
         }
     ]
     brute = heyoka(scene)
-    for tolerance in SETTLED:
-        settled = scene.replace({"sweep.settle_tolerance": tolerance})
+    for tolerance, solver in SETTLED:
+        settled = scene.replace({"sweep.settle_tolerance": tolerance, "solver.tolerance": solver})
         seconds, table = processor_time(lambda settled=settled: sweep(settled))  # type: ignore[misc]
         motion = {"points": len(table), "simulated_s": table["simulated_s"].sum()}
-        rows.append({"what": f"sweep, settled to {tolerance:g}", "processor_s": seconds} | motion)
+        told = {"what": f"sweep, settled to {tolerance:g}", "processor_s": seconds}
+        rows.append(told | motion | errors(scene, table[table["period"] == 1]))
+        if solver < scene.solver.tolerance:
+            continue  # heyoka was timed at the other tolerance
         for column, name in (("ms_per_s", "heyoka"), ("core_ms_per_s", "heyoka, its integrator alone")):
             total = 1e-3 * sum(at(brute, row, column) * row["simulated_s"] for _, row in table.iterrows())
             told = {"what": f"{name}, settled to {tolerance:g}", "processor_s": total}
@@ -70,6 +79,19 @@ def cost() -> pd.DataFrame:
     per_point = result["processor_s"] / result["points"]
     result["times_point"] = per_point / per_point.iloc[0]
     return result
+
+
+def errors(scene: Scene, table: pd.DataFrame) -> dict[str, float]:
+    """Compare points of a sweep or of branches with orbits that are known more exactly."""
+    found = []
+    for _, row in table.iloc[::COMPARED].iterrows():
+        try:
+            exact = orbit(scene, row, tolerance=EXACT).measures["rms_y_m"]
+        except OrbitError:
+            continue
+        found.append(abs(row["rms_y_m"] / exact - 1.0))
+    same = [error for error in found if error < OTHER]
+    return {"error": float(np.median(same)), "error_of_a_tenth": float(np.quantile(same, 0.9)), "compared": len(same)}
 
 
 def heyoka(scene: Scene) -> pd.DataFrame:
