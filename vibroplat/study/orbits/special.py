@@ -65,6 +65,8 @@ class Special:
         Of the branch there, from neighbour to neighbour: where branches cross, a point has no single tangent.
     across
         Direction of the other branch at a branch point.
+    mirrors
+        Whether this branch turns back at a branch point: beyond are the mirror images of the orbits before.
     """
 
     kind: str
@@ -72,6 +74,7 @@ class Special:
     value: float
     direction: FloatArray
     across: FloatArray | None = None
+    mirrors: bool = False
 
 
 Test = Callable[[Point], float]
@@ -179,7 +182,7 @@ def smooth(branch: Branch, before: Point, after: Point, depth: int = 0) -> Itera
             yield from smooth(branch, before, middle, depth + 1)
             yield from smooth(branch, middle, after, depth + 1)
             return
-    if branching(before) * branching(after) < 0.0:  # at a pitchfork the branch that bends has a fold as well
+    if branching(before) * branching(after) < 0.0:  # where this branch bends, it has a fold as well
         yield crossed(branch, before, after)
     elif fold(before) * fold(after) < 0.0:
         yield located(branch, before, after, FOLD, fold)
@@ -294,7 +297,8 @@ def crossed(branch: Branch, before: Point, after: Point) -> Special:
     across, along = sorted(found.directions, key=lambda way: abs(float(way @ direction)))
     point = branch.point(before.frame, found.found, along if along @ direction > 0.0 else -along)
     point.tangent = along if along @ direction > 0.0 else -along
-    return Special(BRANCH_POINT, point, point.value, direction, across)
+    mirrors = fold(before) * fold(after) < 0.0  # a pitchfork
+    return Special(BRANCH_POINT, point, point.value, direction, across, mirrors)
 
 
 def _share(last: Tried, other: Tried, dropped: Tried) -> float:

@@ -141,8 +141,8 @@ class Traced:
     ----------
     family, number, parent
         Its combination of the grid's values, its number there, and that of the branch it was found on, or −1.
-    origin
-        What it begins with: ``start``, or the kind of special point.
+    origin, source
+        What it begins with: ``start``, or the kind of special point, and that point.
     rows, special
         Its points and special points, as plain values.
     ended
@@ -155,10 +155,17 @@ class Traced:
     number: int
     parent: int
     origin: str
+    source: Record | None = None
     rows: list[Record] = field(default_factory=list)
     special: list[Record] = field(default_factory=list)
     ended: str = ""
     failed: bool = False
+
+    def passes(self, source: Record | None, plan: OrbitsPlan) -> bool:
+        """Whether it goes through a special point from elsewhere: all that begins there is known then."""
+        if source is None or self.source is source:
+            return False
+        return any(same_special(source, special, plan) for special in self.special)
 
 
 #: Called after each part of a branch with the numbers of finished branches, of known ones, and of points.
@@ -192,11 +199,13 @@ def trace(scene: Scene, records: Records, workers: Pool, progress: Progress | No
 def _branches(family: Family, plan: OrbitsPlan, traced: list[Traced], take: Callable[[Record], None]) -> Tasks[None]:
     """Follow the branches of a family, one after the other, and add them to those that are traced."""
     own: list[Traced] = []
-    waiting: list[tuple[int, str, Record | None]] = [(-1, "start", None)]
+    waiting: list[tuple[int, Record | None, Record | None]] = [(-1, None, None)]
     switched: list[Record] = []
     while waiting and len(own) < plan.max_branches:
-        parent, origin, begin = waiting.pop(0)
-        branch = Traced(family, len(own), parent, origin)
+        parent, source, begin = waiting.pop(0)
+        if any(other.number != parent and other.passes(source, plan) for other in own):
+            continue
+        branch = Traced(family, len(own), parent, "start" if source is None else source["kind"], source)
         traced.append(branch)
         yield from _parts(branch, own, switched, plan, begin, take)
         if parent >= 0 and not branch.rows and not branch.failed:
@@ -206,7 +215,7 @@ def _branches(family: Family, plan: OrbitsPlan, traced: list[Traced], take: Call
         for special in branch.special:
             if special["branches"] and not any(same_special(special, other, plan) for other in switched):
                 switched.append(special)
-                waiting += [(branch.number, special["kind"], place) for place in special["branches"]]
+                waiting += [(branch.number, special, place) for place in special["branches"]]
 
 
 def same_special(one: Record, other: Record, plan: OrbitsPlan) -> bool:
@@ -327,7 +336,7 @@ def _part(scene: Scene, plan: OrbitsPlan, begin: Record | None, known: Known) ->
             branch = _first(shooter, plan) if begin is None else _again(shooter, plan, begin)
         except (MissedError, OrbitError) as error:
             return record | {"ended": str(error), "failed": True}
-        rows, seen = record["rows"], list(known.special)
+        rows, seen, ends = record["rows"], list(known.special), list[Point]()
 
         def look(before: Point, after: Point) -> None:
             for special in specials(branch, before, after):
@@ -336,13 +345,19 @@ def _part(scene: Scene, plan: OrbitsPlan, begin: Record | None, known: Known) ->
                 found["branches"] = [] if old else _new_branches(branch, special, plan)
                 record["special"].append(found)
                 seen.append(found)
+                if special.mirrors and len(known.own) + len(rows) > 1:
+                    ends.append(special.point)
+                    return
 
         if begin is None or begin["new"]:
             _take(branch, known, record)
         while len(rows) < PART and not record["ended"]:
             if not branch.grow(look):
                 return record | {"ended": branch.ended, "failed": True}
-            _stop_at_end(branch, plan)
+            if ends:
+                branch.points[-1], branch.ended = ends[0], "mirror image beyond"
+            else:
+                _stop_at_end(branch, plan)
             _take(branch, known, record)
         record["last"] = _place(branch, branch.points[-1], branch.steps.now, new=False)
     return record
