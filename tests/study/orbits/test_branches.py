@@ -17,13 +17,15 @@ from vibroplat.hybrid.scales import state_scales
 from vibroplat.integrate.choice import make_engine
 from vibroplat.model.parameters import parameters
 from vibroplat.study.orbits.newton import ANGLE, Frame, Problem, correct
-from vibroplat.study.orbits.orbit import OrbitError
+from vibroplat.study.orbits.orbit import OrbitError, beginning_at
 from vibroplat.study.orbits.shooting import Shooter
 
-KEY, MASS = "drive.supply_frequency_hz", "material.mass_ratio"
+KEY, MASS, RESTITUTION = "drive.supply_frequency_hz", "material.mass_ratio", "contact.restitution"
+#: Range in which impacts with a restitution of 0.3 accumulate no longer, down to a single one.
+REBOUNDS = {"restitution": 0.3, "start": 50.0, "stop": 54.0, "switch": []}
 
 #: Special points at these mass ratios, found by another program of the same model: supply frequency or, above 1 in the
-#: third place, excitation frequency (Hz).
+#: third place, excitation frequency (Hz). With the restitution, where it is not 0.
 KNOWN = [
     (0.0, "branch-point", "value", (61.974, 62.617, 69.264, 71.190)),
     (0.1, "liftoff", "excitation_frequency_hz", (24.06,)),
@@ -34,19 +36,22 @@ KNOWN = [
     (0.2, "end-of-sticking", "excitation_frequency_hz", (27.53,)),
     (0.2, "period-doubling", "excitation_frequency_hz", (28.129,)),
     (0.2, "neimark-sacker", "excitation_frequency_hz", (28.78,)),
+    ((0.2, 0.3), "fold", "value", (50.714,)),
+    ((0.2, 0.3), "period-doubling", "value", (51.381,)),
+    ((0.2, 0.3), "grazing", "value", (53.161,)),
 ]
 
 
-def machine(mass, engine="taylor", **changes):
+def machine(mass, engine="taylor", restitution=0.0, **changes):
     """The machine, with its whole range of frequencies as the plan of its branches."""
     plan = {"key": KEY, "start": 42.0, "stop": 80.0} | changes
-    return load_config(MACHINE, {"solver.engine": engine, MASS: mass, "orbits": plan})
+    return load_config(MACHINE, {"solver.engine": engine, MASS: mass, RESTITUTION: restitution, "orbits": plan})
 
 
 @pytest.fixture(scope="module")
 def branches():
-    """Branches by mass ratio."""
-    return {mass: traced(machine(mass)) for mass in (0.0, 0.1, 0.2)}
+    """Branches by mass ratio, and by mass ratio and restitution."""
+    return {mass: traced(machine(mass)) for mass in (0.0, 0.1, 0.2)} | {(0.2, 0.3): traced(machine(0.2, **REBOUNDS))}
 
 
 @pytest.mark.parametrize(("mass", "kind", "column", "places"), KNOWN)
@@ -104,9 +109,9 @@ def test_engines_agree_on_orbits():
         assert ends[0][name] == pytest.approx(ends[1][name], rel=1e-6)
 
 
-def farthest(row, mass, seconds):
+def farthest(row, mass, seconds, restitution=0.0):
     """Follow an orbit disturbed by 1e-3; its distance from the orbit at the section in the first and last turns."""
-    scene = machine(mass).replace({KEY: row["value"], "solver.tolerance": 1e-9})
+    scene = machine(mass, restitution=restitution).replace({KEY: row["value"], "solver.tolerance": 1e-9})
     scales, start = state_scales(scene), np.array(row["state"])
     rates = np.random.default_rng(0).standard_normal(5)
     begun = start.copy()
@@ -137,6 +142,59 @@ def test_stable_orbits_stay_and_unstable_ones_leave(branches, mass):
     assert min(len(stable), len(unstable)) >= 3
     assert max(farthest(row, mass, 60.0) for row in stable) < 1e-5
     assert min(farthest(row, mass, 60.0) for row in unstable) > 1e-2
+
+
+#: Special points with restitution as far as impacts are few: kind, impacts of the orbit next to it, supply frequency.
+FEW_IMPACTS = [
+    ("grazing", 3, 51.437912),
+    ("fold", 3, 51.379888),
+    ("period-doubling", 3, 51.394662),
+    ("grazing", 2, 51.746617),
+    ("fold", 2, 51.401103),
+    ("period-doubling", 2, 51.450892),
+    ("grazing", 1, 53.161387),
+    ("fold", 1, 50.714276),
+    ("period-doubling", 1, 51.381290),
+    ("neimark-sacker", 1, 52.269419),
+]
+
+
+def few_impacts(branch):
+    """Special points of a branch as in FEW_IMPACTS."""
+    places = [(s["kind"], s["word"].count("I"), s["value"]) for s in branch.special if s["word"] in ("I", "II", "III")]
+    return sorted(places, key=lambda place: place[1:])
+
+
+@pytest.mark.parametrize("engine", ["taylor", "native"])
+@pytest.mark.parametrize("tolerance", [1e-8, 1e-10])
+def test_branches_go_through_grazing_with_fewer_and_fewer_impacts(engine, tolerance):
+    """The same special points whatever the engine and the tolerance, up to where impacts accumulate."""
+    (branch,) = traced(machine(0.2, engine, tolerance=tolerance, step={"largest": 0.1}, **REBOUNDS))
+    assert branch.ended == "stop of the key's range"
+    expected = sorted(FEW_IMPACTS, key=lambda place: place[1:])
+    found = few_impacts(branch)
+    assert [place[:2] for place in found] == [place[:2] for place in expected]
+    assert [place[2] for place in found] == pytest.approx([place[2] for place in expected], abs=2e-6)
+
+
+def test_branches_go_through_grazing_with_more_and_more_impacts(branches):
+    """The branch back from its end, to where impacts accumulate."""
+    row = branches[0.2, 0.3][0].rows[-1]
+    back = REBOUNDS | {"start": row["value"], "stop": 50.0, "from": "state"}
+    (branch,) = traced(beginning_at(machine(0.2, **back).replace({KEY: row["value"]}), np.array(row["state"])))
+    places = {place[:2]: place[2] for place in reversed(few_impacts(branch))}
+    assert places == pytest.approx({place[:2]: place[2] for place in FEW_IMPACTS}, abs=2e-6)
+
+
+def test_orbits_with_a_single_impact_stay_where_they_are_stable(branches):
+    """Between fold and period doubling, beside orbits whose impacts accumulate."""
+    single = [row for row in branches[0.2, 0.3][0].rows if row["sequence"] == "impact"]
+    stable = [row for row in single if row["stable"]]
+    assert len(stable) >= 3
+    assert all(50.714 < row["value"] < 51.382 for row in stable)
+    assert max(farthest(row, 0.2, 60.0, 0.3) for row in stable if row["value"] < 51.3) < 1e-5
+    unstable = [row for row in single if abs(row["multiplier_1_re"]) > 1.2]
+    assert min(farthest(row, 0.2, 60.0, 0.3) for row in unstable[::4]) > 1e-2
 
 
 def growth(row, mass, longest):

@@ -1,21 +1,23 @@
 """Branches of periodic orbits: pseudo-arclength continuation in one key (Keller 1977).
 
 Each point is corrected orthogonally to the tangent of the branch at the point before. Where the mode on the section is
-about to change, the section is moved along the orbit; where the sequence of events changes, the branch may have a
-corner, at which the direction is reversed.
+about to change, the section is moved along the orbit. Where the sequence of events changes, the branch may have a
+corner, after which its direction is told by a determinant; over grazing it goes as :mod:`.grazing` says.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.systems import GAP, GAP_RATE, SYSTEMS
+from vibroplat.study.orbits.grazing import over_grazing
 from vibroplat.study.orbits.newton import ANGLE, Found, Frame, MissedError, Problem, correct, solved
 from vibroplat.study.orbits.prediction import MOST, predicted
 from vibroplat.study.orbits.shooting import Shot
@@ -24,6 +26,11 @@ from vibroplat.study.orbits.words import turned
 #: Iterations after which the next step is longer, as long, or else shorter.
 EASY, HARD = 3, 5
 LONGER, SHORTER = 1.5, 0.7
+#: Part of the first step below which steps are perhaps so short because of grazing.
+GRAZING = 0.3
+#: Where impacts accumulate the sequence changes infinitely often: a step over changes that cannot be located is taken
+#: after all when steps down to this part of it did no better.
+SKIPPED = 1e-2
 #: Least cosine between the tangents of points with one sequence of events.
 STRAIGHT = 0.6
 #: Most that a point may lie beside its prediction, over the length of the step; the second where a step shorter than
@@ -38,8 +45,6 @@ NEUTRAL = 1e-6
 #: The section is moved when the piece it lies in ends nearer to it than this part of the piece, or when it lies in
 #: flight while contact takes at least a share of the period.
 MARGIN, CONTACT_SHARE = 0.15, 0.06
-#: Points back from a corner within which its sequences of events must differ.
-CORNER = 3
 
 
 @dataclass
@@ -99,6 +104,18 @@ class Steps:
     def longest(self, tangent: FloatArray) -> float:
         """Longest step that changes the key by no more than the largest change."""
         return self.largest / max(abs(float(tangent[-1])), 1e-2)
+
+
+class Look(Protocol):
+    """What is shown a new point and the one before.
+
+    Raises
+    ------
+    MissedError
+        It cannot tell what happens between them, and this is asked for ``strictly``.
+    """
+
+    def __call__(self, before: Point, after: Point, *, strictly: bool) -> None: ...
 
 
 @dataclass
@@ -188,7 +205,7 @@ class Branch:
             raise MissedError("another branch was found")
         return self.point(origin.frame, found, direction)
 
-    def grow(self, look: Callable[[Point, Point], None]) -> bool:
+    def grow(self, look: Look) -> bool:
         """Add a point, or say in ``ended`` why there is none; ``look`` is shown it and the one before, in one frame.
 
         Returns
@@ -196,32 +213,57 @@ class Branch:
         bool
             Whether there is one.
         """
-        before, steps, reversed_here = self.points[-1], self.steps, False
-        steps.now = min(steps.now, steps.longest(before.tangent))
+        before, steps = self.points[-1], self.steps
+        across: Point | None = None
+        steps.now = begun = min(steps.now, steps.longest(before.tangent))
+        leapt = False
         while True:
             try:
                 point = self.beyond(before, steps.now, self.points[-2 : -2 - MOST : -1])
                 turn = point.tangent @ before.tangent < STRAIGHT and point.word == before.word
-                if not turn or steps.now <= 20.0 * steps.least:
-                    break
-                why = "the branch turns too sharply"
+                point.step = steps.now
+                orient(point, before)
+                if turn and steps.now > 20.0 * steps.least:
+                    raise MissedError("the branch turns too sharply")
+                across = across or point
+                look(before, point, strictly=True)
+                break
             except MissedError as error:
                 why = error.why
             steps.now *= 0.5
+            if across is not None and steps.now < across.step * SKIPPED:
+                point = across
+                steps.now = point.step
+                look(before, point, strictly=False)
+                break
+            if not leapt and steps.now < GRAZING * begun:
+                leapt = True
+                beyond = self._leap(before, look)
+                if beyond is not None:
+                    point = beyond
+                    break
             if steps.now >= steps.least:
                 continue
-            if reversed_here or all(p.word == before.word for p in self.points[-CORNER:]):
-                self.ended = f"no point beyond: {why}"
-                return False
-            before.tangent, reversed_here = -before.tangent, True  # a corner, at which it comes back
-            steps.now = 1e3 * steps.least
-        point.step = steps.now
-        look(before, point)
+            self.ended = f"no point beyond: {why}"
+            return False
         iterations = len(point.found.residuals)
         factor = LONGER if iterations <= EASY else 1.0 if iterations <= HARD else SHORTER
         steps.now *= factor
         self.points.append(self.in_middle(point))
         return True
+
+    def _leap(self, before: Point, look: Look) -> Point | None:
+        """Find a point beyond grazing and have it looked at; None if there is none."""
+        point = over_grazing(self)
+        if point is None:
+            return None
+        point.step = self.steps.now = float(np.linalg.norm(point.u - before.u))
+        orient(point, before)
+        try:
+            look(before, point, strictly=True)
+        except MissedError:
+            return None
+        return point
 
     def in_middle(self, point: Point) -> Point:
         """Move the section to the middle of the longest piece of contact, or of flight, if it is near an end."""
@@ -281,6 +323,18 @@ def tangent_of(jacobian: FloatArray, near: FloatArray) -> FloatArray:
     right[-1] = 1.0
     found = solved(np.vstack([jacobian, near]), right, BENT)
     return np.asarray(found / np.linalg.norm(found))
+
+
+def orient(point: Point, before: Point) -> None:
+    """Let the tangent lead on from the point before, also where it jumps because the sequence of events changes.
+
+    The determinant of Jacobian and tangent changes its sign at branch points only: not at folds, nor at corners, where
+    the residual is continuous (Allgower and Georg 1990).
+    """
+    if point.word != before.word:
+        signs = [np.linalg.slogdet(np.vstack([p.found.jacobian, p.tangent]))[0] for p in (point, before)]
+        if signs[0] != signs[1]:
+            point.tangent = -point.tangent
 
 
 def moved_section(shot: Shot) -> float:

@@ -92,6 +92,13 @@ class Shot:
         forces = self.events["force_after"][began & (self.events["mode_after"] == Mode.ATTACHED)]
         return float(forces.min()) if forces.size else math.inf
 
+    @property
+    def slowest_impact(self) -> float:
+        """Least speed of an impact with a rebound (m/s); inf without one."""
+        rebounds = (self.events["kind"] == IMPACT) & (self.events["mode_after"] == Mode.FLIGHT)
+        speeds = -self.events["rate_before"][rebounds]
+        return float(speeds.min()) if speeds.size else math.inf
+
 
 class Shooter:
     """Takes shots of a scene, at any values of up to two of its keys.

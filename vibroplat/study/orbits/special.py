@@ -32,6 +32,8 @@ from vibroplat.study.orbits.prediction import predicted
 #: Evaluations from one side, what part of the way to the extrapolated zero each goes, and the distance, in units of the
 #: unknowns, at which the zero is extrapolated through three of them: two others are 20 and 400 times as far.
 SIDED, APPROACH, CLOSE = 7, 0.95, 1e-6
+#: Least length of the first step towards the zero.
+FIRST = 1e-4
 #: Distance of a known orbit from the zero at which it is interpolated; nearer to a branch point than the second, an
 #: orbit cannot be told from those of the branch that crosses.
 NARROW, BLURRED = 1e-4, 1e-3
@@ -43,6 +45,8 @@ BEYOND = 0.01
 WATCHED, MOVED = 0.9, 0.4
 #: How often an interval in which the key seems to turn back and forth, or more happens than is seen, is divided.
 DEEPEST = 3
+#: How often an interval is halved in which the events change in a way that is not known yet.
+HALVED = 5
 #: Imaginary part up to which a multiplier is real, but for round-off.
 REAL = 1e-9
 #: Most evaluations between two points.
@@ -116,18 +120,31 @@ def _pairs(count: int) -> npt.NDArray[np.int64]:
     return np.array(np.triu_indices(count, 1))
 
 
-def specials(branch: Branch, before: Point, after: Point) -> Iterator[Special]:
+def specials(
+    branch: Branch, before: Point, after: Point, *, strictly: bool = False, depth: int = 0
+) -> Iterator[Special]:
     """Find the special points between two neighbouring points in one frame, in the order of the branch.
 
     Where the sequence of events changes, multipliers may jump and the branch may have a corner: its parts on both sides
     are looked at one by one.
+
+    Raises
+    ------
+    MissedError
+        The place where the sequence changes cannot be found, and this is asked for ``strictly``.
     """
     if before.word == after.word:
         yield from smooth(branch, before, after)
         return
     there = corner(branch, before, after)
     if there is None:
-        if fold(before) * fold(after) < 0.0:
+        middle = halfway(branch, before, after) if depth < HALVED else None
+        if middle is not None:
+            yield from specials(branch, before, middle, strictly=strictly, depth=depth + 1)
+            yield from specials(branch, middle, after, strictly=strictly, depth=depth + 1)
+        elif strictly:
+            raise MissedError("the sequence of events changes at an unknown place")
+        elif fold(before) * fold(after) < 0.0:
             yield located(branch, before, after, FOLD, fold)
         return
     forth = there.point.word == before.word
@@ -145,6 +162,16 @@ def specials(branch: Branch, before: Point, after: Point) -> Iterator[Special]:
 def ordered(one: Point, other: Point, forth: bool) -> tuple[Point, Point]:
     """Return two points in the order of the branch."""
     return (one, other) if forth else (other, one)
+
+
+def halfway(branch: Branch, before: Point, after: Point) -> Point | None:
+    """Find an orbit halfway between two; nearer to an impact that begins or ends, its distance is known."""
+    chord = after.u - before.u
+    whole = float(np.linalg.norm(chord))
+    try:
+        return branch.between([before, after], before, chord / whole, 0.5 * whole, whole)
+    except MissedError:
+        return None
 
 
 def _beyond(branch: Branch, last: Point, far: Point, forth: bool, share: float = BEYOND) -> Point | None:
@@ -372,19 +399,22 @@ def least_gap(point: Point) -> float:
 
 
 def approached(branch: Branch, near: Point, far: Point, measure: Test) -> tuple[Point, float] | None:
-    """Approach the zero of a test function from the side of a point; the last orbit on the way, and the key there."""
+    """Approach the zero of a test function from the side of a point; the last orbit on the way, and the key there.
+
+    At a corner the tangent does not tell on which side of the point the zero is: the first step is tried both ways.
+    """
     whole = float((far.u - near.u) @ near.tangent)
     points = [near]
-    step = 0.5 * whole
+    step = math.copysign(max(0.5 * abs(whole), FIRST), whole)
     for _ in range(2 * SIDED):
         last = points[-1]
         try:
             tried = branch.beyond(last, step, points[-2::-1])
-            valid = tried.word == near.word and 0.0 < measure(tried) < measure(last)
+            valid = tried.word == near.word and 0.0 < measure(tried) < (measure(last) if points[1:] else math.inf)
         except MissedError:
             valid = False
         if not valid:
-            step *= 0.4
+            step *= 0.4 if points[1:] else -0.4
             if abs(step) < CLOSE:
                 break
             continue

@@ -38,8 +38,6 @@ PART = 100
 TOLD = 4
 #: First steps along a new branch, over the largest step, one after the other.
 AWAY = (0.5, 1.0, 0.2, 0.05)
-#: How far apart, as a part of the step between its neighbours, a point may lie from a former one to be the same.
-SAME = 0.1
 #: Least part of the way along a branch that must be covered across it by a point that has left it.
 LEFT = 0.3
 #: Distance of two special points, as a part of the key's range, within which they are one.
@@ -47,8 +45,11 @@ SAME_PLACE = 1e-4
 #: Points back within which a branch that meets itself has not gone round, but come back from a corner.
 RETURN = 8
 RETURNED = "no point beyond a corner: the branch came back on itself"
-#: Measures that tell points apart.
-COMPARED = ("period_s", "rms_x_m", "rms_y_m", "rms_phi_rad", "motor_power_w")
+#: Measures that tell points apart, and how far that of a point may lie from a former one, as a part of the step between
+#: its neighbours, to be the same. Where impacts accumulate, the parts of a branch between its folds differ in stability
+#: much more than in other measures.
+MEASURES = ("period_s", "rms_x_m", "rms_y_m", "rms_phi_rad", "motor_power_w")
+COMPARED = dict.fromkeys(MEASURES, 0.1) | {"multiplier_1_re": 0.3}
 
 
 def orbits_plan(scene: Scene) -> OrbitsPlan:
@@ -259,7 +260,7 @@ def _lost(reason: str) -> Record:
 
 def _compared(row: Record) -> Record:
     """Return what tells points apart."""
-    return {name: row[name] for name in ("value", "period", "phase_difference_rad", *COMPARED)}
+    return {name: row[name] for name in ("value", "period", "sequence", "phase_difference_rad", *COMPARED)}
 
 
 class Known(NamedTuple):
@@ -300,16 +301,18 @@ def _passed(row: Record, former: Sequence[Record]) -> bool | None:
         low, high = sorted((first["value"], second["value"]))
         if not low <= row["value"] <= high or row["period"] != first["period"]:
             continue
+        if row["sequence"] not in (first["sequence"], second["sequence"]):
+            continue
         thirds = [p for p in (*former[max(i - 1, 0) : i], *former[i + 2 : i + 3]) if not low <= p["value"] <= high]
         ways = [[first, second], *([first, second, third] for third in thirds)]
-        if any(all(_near(row, name, known) for name in COMPARED) for known in ways):
+        if any(all(_near(row, *alike, known) for alike in COMPARED.items()) for known in ways):
             here, there = row["phase_difference_rad"], first["phase_difference_rad"]
             apart, mirrored = (abs(np.angle(np.exp(1j * (here - sign * there)))) for sign in (1, -1))
             return bool(mirrored < apart - 1e-6)
     return None
 
 
-def _near(row: Record, name: str, known: Sequence[Record]) -> bool:
+def _near(row: Record, name: str, part: float, known: Sequence[Record]) -> bool:
     """Whether a measure lies on the polynomial through those of known points, as exactly as it can be told."""
     first, second = known[0][name], known[1][name]
     expected = 0.0
@@ -319,7 +322,7 @@ def _near(row: Record, name: str, known: Sequence[Record]) -> bool:
             if other is not point:
                 weight *= (row["value"] - other["value"]) / (point["value"] - other["value"] or math.inf)
         expected += weight * point[name]
-    return bool(abs(row[name] - expected) <= SAME * abs(second - first) + 1e-7 * abs(expected) + 1e-12)
+    return bool(abs(row[name] - expected) <= part * abs(second - first) + 1e-7 * abs(expected) + 1e-12)
 
 
 # -- what a worker does ------------------------------------------------------------------------------------------------
@@ -338,8 +341,8 @@ def _part(scene: Scene, plan: OrbitsPlan, begin: Record | None, known: Known) ->
             return record | {"ended": str(error), "failed": True}
         rows, seen, ends = record["rows"], list(known.special), list[Point]()
 
-        def look(before: Point, after: Point) -> None:
-            for special in specials(branch, before, after):
+        def look(before: Point, after: Point, *, strictly: bool) -> None:
+            for special in list(specials(branch, before, after, strictly=strictly)):
                 found = _special_record(branch, special, len(rows))
                 old = any(same_special(found, other, plan) for other in seen)
                 found["branches"] = [] if old else _new_branches(branch, special, plan)
@@ -517,7 +520,7 @@ def _doubling_direction(problem: Problem, point: Point) -> FloatArray:
 def _mirrors(branch: Branch, one: Point, other: Point) -> bool:
     """Whether two orbits are mirror images of each other."""
     rows = [row_of_point(branch, point, branch.problem.shooter, count=False) for point in (one, other)]
-    return all(abs(rows[0][n] - rows[1][n]) <= 1e-3 * abs(rows[0][n]) for n in ("value", *COMPARED))
+    return all(abs(rows[0][n] - rows[1][n]) <= 1e-3 * abs(rows[0][n]) for n in ("value", *MEASURES))
 
 
 def _special_record(branch: Branch, special: Special, after: int) -> Record:
