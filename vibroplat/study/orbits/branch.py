@@ -7,6 +7,7 @@ corner, after which its direction is told by a determinant; over grazing it goes
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -107,15 +108,16 @@ class Steps:
 
 
 class Look(Protocol):
-    """What is shown a new point and the one before.
+    """What is shown a new point and the one before."""
 
-    Raises
-    ------
-    MissedError
-        It cannot tell what happens between them, and this is asked for ``strictly``.
-    """
+    def __call__(self, before: Point, after: Point, *, strictly: bool) -> None:
+        """Look at what happens between two points.
 
-    def __call__(self, before: Point, after: Point, *, strictly: bool) -> None: ...
+        Raises
+        ------
+        MissedError
+            It cannot be told, and this is asked for ``strictly``.
+        """
 
 
 @dataclass
@@ -213,56 +215,64 @@ class Branch:
         bool
             Whether there is one.
         """
-        before, steps = self.points[-1], self.steps
-        across: Point | None = None
-        steps.now = begun = min(steps.now, steps.longest(before.tangent))
-        leapt = False
-        while True:
-            try:
-                point = self.beyond(before, steps.now, self.points[-2 : -2 - MOST : -1])
-                turn = point.tangent @ before.tangent < STRAIGHT and point.word == before.word
-                point.step = steps.now
-                orient(point, before)
-                if turn and steps.now > 20.0 * steps.least:
-                    raise MissedError("the branch turns too sharply")
-                across = across or point
-                look(before, point, strictly=True)
-                break
-            except MissedError as error:
-                why = error.why
-            steps.now *= 0.5
-            if across is not None and steps.now < across.step * SKIPPED:
-                point = across
-                steps.now = point.step
-                look(before, point, strictly=False)
-                break
-            if not leapt and steps.now < GRAZING * begun:
-                leapt = True
-                beyond = self._leap(before, look)
-                if beyond is not None:
-                    point = beyond
-                    break
-            if steps.now >= steps.least:
-                continue
-            self.ended = f"no point beyond: {why}"
+        try:
+            point = self._next(look)
+        except MissedError as error:
+            self.ended = f"no point beyond: {error.why}"
             return False
         iterations = len(point.found.residuals)
         factor = LONGER if iterations <= EASY else 1.0 if iterations <= HARD else SHORTER
-        steps.now *= factor
+        self.steps.now = point.step * factor
         self.points.append(self.in_middle(point))
         return True
 
-    def _leap(self, before: Point, look: Look) -> Point | None:
-        """Find a point beyond grazing and have it looked at; None if there is none."""
+    def _next(self, look: Look) -> Point:
+        """Find the next point and have it looked at, with ever shorter steps; from a part of the first, over grazing.
+
+        Raises
+        ------
+        MissedError
+            There is none.
+        """
+        steps, across, leapt = self.steps, None, False
+        begun = steps.now = min(steps.now, steps.longest(self.points[-1].tangent))
+        while True:
+            try:
+                point = self._step()
+                across = across or point
+                return self._looked_at(point, look)
+            except MissedError as error:
+                missed = error
+            steps.now *= 0.5
+            if across is not None and steps.now < across.step * SKIPPED:
+                return self._looked_at(across, look, strictly=False)
+            if not leapt and steps.now < GRAZING * begun:
+                leapt = True
+                with contextlib.suppress(MissedError):
+                    return self._looked_at(self._leap(), look)
+            if steps.now < steps.least:
+                raise missed
+
+    def _step(self) -> Point:
+        """Find the point that is a step away from the last one."""
+        before, steps = self.points[-1], self.steps
+        point = self.beyond(before, steps.now, self.points[-2 : -2 - MOST : -1])
+        turns = point.tangent @ before.tangent < STRAIGHT and point.word == before.word
+        if turns and steps.now > 20.0 * steps.least:
+            raise MissedError("the branch turns too sharply")
+        point.step = steps.now
+        return oriented(point, before)
+
+    def _leap(self) -> Point:
+        """Find a point beyond the grazing that is ahead."""
+        before = self.points[-1]
         point = over_grazing(self)
-        if point is None:
-            return None
-        point.step = self.steps.now = float(np.linalg.norm(point.u - before.u))
-        orient(point, before)
-        try:
-            look(before, point, strictly=True)
-        except MissedError:
-            return None
+        point.step = float(np.linalg.norm(point.u - before.u))
+        return oriented(point, before)
+
+    def _looked_at(self, point: Point, look: Look, *, strictly: bool = True) -> Point:
+        """Show a new point, and return it."""
+        look(self.points[-1], point, strictly=strictly)
         return point
 
     def in_middle(self, point: Point) -> Point:
@@ -325,8 +335,8 @@ def tangent_of(jacobian: FloatArray, near: FloatArray) -> FloatArray:
     return np.asarray(found / np.linalg.norm(found))
 
 
-def orient(point: Point, before: Point) -> None:
-    """Let the tangent lead on from the point before, also where it jumps because the sequence of events changes.
+def oriented(point: Point, before: Point) -> Point:
+    """Let the tangent of a point lead on from the point before, also where the sequence of events changes and it jumps.
 
     The determinant of Jacobian and tangent changes its sign at branch points only: not at folds, nor at corners, where
     the residual is continuous (Allgower and Georg 1990).
@@ -335,6 +345,7 @@ def orient(point: Point, before: Point) -> None:
         signs = [np.linalg.slogdet(np.vstack([p.found.jacobian, p.tangent]))[0] for p in (point, before)]
         if signs[0] != signs[1]:
             point.tangent = -point.tangent
+    return point
 
 
 def moved_section(shot: Shot) -> float:

@@ -29,16 +29,19 @@ LEAST = 1e-5
 BESIDE, BESIDE_LEAST = 10.0, 1e-3
 
 
-def over_grazing(branch: Branch) -> Point | None:
-    """Find an orbit on the other side of the grazing that is ahead of the last two points of a branch; None if not.
+def over_grazing(branch: Branch) -> Point:
+    """Find an orbit on the other side of the grazing that is ahead of the last two points of a branch.
 
-    Its tangent leads away from grazing.
+    Raises
+    ------
+    MissedError
+        There is none, or it cannot be seen from these points.
     """
     if len(branch.points) < 2:
-        return None
+        raise MissedError("one point does not tell what is ahead")
     before, last = branch.points[-2:]
     if before.frame is not last.frame or before.word != last.word:
-        return None
+        raise MissedError("the last points cannot be compared")
     for guesses, change in ((_without, -1), (_with, 1)):
         for guess, direction, ahead in guesses(branch, before, last):
             try:
@@ -49,7 +52,7 @@ def over_grazing(branch: Branch) -> Point | None:
             near = np.linalg.norm(point.u - guess) < max(BESIDE * ahead, BESIDE_LEAST)
             if near and len(point.word) == len(last.word) + change:
                 return point
-    return None
+    raise MissedError("no grazing is ahead")
 
 
 #: What is tried: unknowns, a direction away from grazing, and how far that is ahead of the last point.
@@ -92,9 +95,9 @@ def _with(branch: Branch, before: Point, last: Point) -> Guesses:
     normal = np.linalg.svd(grown)[2][0]
     kappa = -(speed**2) / (far * float(normal @ last.tangent))
     push = residual / speed
-    tangent = _null(np.vstack([np.column_stack([smooth, push]), np.append(normal, 0.0)]))
-    tangent = tangent[:-1] / np.linalg.norm(tangent[:-1]), tangent[-1] / np.linalg.norm(tangent[:-1])
-    direction, growth = tangent if tangent[1] > 0.0 else (-tangent[0], -tangent[1])
+    extended = _null(np.vstack([np.column_stack([smooth, push]), np.append(normal, 0.0)]))
+    extended *= np.copysign(1.0, extended[-1]) / np.linalg.norm(extended[:-1])
+    direction, growth = extended[:-1], extended[-1]
     for share in AWAY:
         away = max(share * ahead, LEAST)
         yield grazing + away * direction - normal * (growth * away) ** 2 / kappa, direction, ahead
