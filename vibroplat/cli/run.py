@@ -49,10 +49,6 @@ def run(
     from vibroplat.flow.space import require_disk
 
     require_disk(scene, directory, format_.value)
-    if check:
-        from vibroplat.study.checking.changes import require_other_engine
-
-        require_other_engine(scene)
     load_kernels(scene.solver.engine)
     result, found = _simulate_and_write(scene, directory, format_, check=check)
     print_summary(result, directory)

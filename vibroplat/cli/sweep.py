@@ -67,13 +67,13 @@ def sweep(
     if study.resume and (directory / "provenance.json").exists():
         read_provenance(directory, "sweep")
     tell_of_compilation(scene.solver.engine)
+    from vibroplat.integrate.choice import other_engine
     from vibroplat.study import report
-    from vibroplat.study.checking.changes import require_other_engine
     from vibroplat.study.execution import pool
     from vibroplat.study.store import Store
     from vibroplat.study.sweep import conditions
 
-    engines = [scene.solver.engine, *([require_other_engine(scene)] if places else [])]
+    engines = [scene.solver.engine, *([other_engine(scene.solver.engine)] if places else [])]
     with Store(directory, conditions(scene), resume=study.resume, overwrite=study.overwrite) as store:
         stored = store.lengths()
         left = sum(stored.get(branch.number, 0) < len(branch.frequencies) for branch in planned)

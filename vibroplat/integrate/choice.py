@@ -6,15 +6,11 @@ import logging
 import threading
 from contextlib import closing
 from functools import cache
-from typing import Final, get_args
 
 from vibroplat.integrate.seam import Engine
 from vibroplat.integrate.sundials import Library, UnavailableError, library
 from vibroplat.model.parameters import Parameters, parameters
-from vibroplat.scene import Scene, Solver
-
-#: Names that ``solver.engine`` may have.
-ENGINES: Final[tuple[str, ...]] = get_args(Solver.model_fields["engine"].annotation)
+from vibroplat.scene import Scene
 
 # Each engine's module is imported where it is asked for: its kernels are compiled or loaded then.
 
@@ -65,11 +61,6 @@ def engine_name(scene: Scene) -> str:
 def other_engine(name: str) -> str:
     """Name the engine that checks another: that which shares least with it.
 
-    Engines ``native`` and ``sundae`` are two ways to SUNDIALS, so ``taylor`` checks both where there is one, and
-    SUNDIALS checks ``taylor``.
+    Engines ``native`` and ``sundae`` are two ways to SUNDIALS, so ``taylor`` checks both, and SUNDIALS checks ``taylor``.
     """
-    if name == "taylor":
-        return "auto"
-    if "taylor" in ENGINES:
-        return "taylor"
-    return "native" if name == "sundae" else "sundae"
+    return "auto" if name == "taylor" else "taylor"

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Final
 
 from vibroplat.errors import ConfigError
-from vibroplat.integrate.choice import engine_name, other_engine
+from vibroplat.integrate.choice import other_engine
 from vibroplat.scene import Scene
 
 #: How many times the largest change under repetitions is allowed between engines. In runs of fourteen kinds (with and
@@ -25,23 +25,6 @@ Other = Callable[[Scene], Scene]
 def by_other_engine(scene: Scene) -> Scene:
     """Return a scene with the engine that checks its own."""
     return scene.replace({"solver.engine": other_engine(scene.solver.engine)})
-
-
-def require_other_engine(scene: Scene) -> str:
-    """Return the name of the engine that checks a scene; refuse a scene that no other engine can compute.
-
-    Raises
-    ------
-    ConfigError
-        It is beyond the limits of the other engine, or there is no other one here.
-    """
-    try:
-        other = by_other_engine(scene)
-    except ConfigError as error:
-        raise ConfigError(f"--check with engine {other_engine(scene.solver.engine)}: {error}") from None
-    if engine_name(other) == engine_name(scene):
-        raise ConfigError(f"--check: engine {engine_name(scene)} is the only one here; allowed: to leave it out")
-    return other.solver.engine
 
 
 def with_other_tolerance(scene: Scene) -> Scene:

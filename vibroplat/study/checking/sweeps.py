@@ -10,7 +10,7 @@ from vibroplat.integrate.choice import engine_name
 from vibroplat.scene import Scene
 from vibroplat.study import WAIT
 from vibroplat.study.branches import Branch, branches, sweep_plan
-from vibroplat.study.checking.changes import Other, by_other_engine, require_other_engine, with_other_tolerance
+from vibroplat.study.checking.changes import Other, by_other_engine, with_other_tolerance
 from vibroplat.study.checking.measures import CLASS, Difference, Row, class_of, compared
 from vibroplat.study.choice import Place, chosen, require_share
 from vibroplat.study.execution import Pool, pool, run_chains
@@ -170,7 +170,7 @@ def check_sweep(
     Raises
     ------
     ConfigError
-        The share is not allowed, or the scene is beyond the limits of the other engine; and as for ``sweep``.
+        The share is not allowed; and as for ``sweep``.
 
     Examples
     --------
@@ -180,8 +180,6 @@ def check_sweep(
     True
     """
     require_share(share)
-    if other is by_other_engine:
-        require_other_engine(scene)
     places = chosen(scene, share)
     opened = pool(jobs, scheduler, wait=wait, chains=max(len(branches(scene)), len(places)))
     with Store(None, {}) as store, opened as workers:
