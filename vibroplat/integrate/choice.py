@@ -61,6 +61,6 @@ def engine_name(scene: Scene) -> str:
 def other_engine(name: str) -> str:
     """Name the engine that checks another: that which shares least with it.
 
-    Engines ``native`` and ``sundae`` are two ways to SUNDIALS, so ``taylor`` checks both, and SUNDIALS checks ``taylor``.
+    Engines ``native`` and ``sundae`` are two ways to SUNDIALS, so ``taylor`` checks both, and SUNDIALS checks it.
     """
     return "auto" if name == "taylor" else "taylor"
