@@ -71,6 +71,8 @@ class Branches:
         Column of the key.
     grid
         Columns of the grid.
+    second
+        Column of the second key of boundaries, "" where there is none.
     """
 
     name: str
@@ -80,6 +82,7 @@ class Branches:
     swept: pd.DataFrame | None
     key: str
     grid: list[str]
+    second: str = ""
 
     @property
     def abscissa(self) -> str:
@@ -89,10 +92,14 @@ class Branches:
     @property
     def parameters(self) -> str:
         """What a reader wants to know of the scene, but for the key and the grid; nothing of tables in memory."""
+        return self.parameters_without()
+
+    def parameters_without(self, *columns: str) -> str:
+        """Return the same without what varies along more columns."""
         if self.directory is None:
             return ""
         scene = scene_of(Result(self.directory, "orbits").provenance)
-        return sweep_parameters(scene, [*self.grid, self.key])
+        return sweep_parameters(scene, [*self.grid, self.key, *columns])
 
     @property
     def varied(self) -> list[str]:
@@ -167,10 +174,11 @@ def read_branches(directory: Path) -> Branches:
         raise TableError(f"{directory} holds unfinished branches; continue them with `vibroplat orbits --resume`")
     result = Result(directory, "orbits")
     try:
-        key = str(result.provenance["configuration"]["orbits"]["key"])
-    except (KeyError, TypeError):
+        plan = result.provenance["configuration"]["orbits"]
+        named = str(plan["key"]), str((plan.get("boundaries") or {}).get("key", ""))
+    except (AttributeError, KeyError, TypeError):
         raise TableError(f"{directory}/provenance.json is not the provenance of branches of orbits") from None
-    key = SUPPLY if key == FREQUENCY else key
+    key, second = (SUPPLY if name == FREQUENCY else name for name in named)
     numbers = (key, EXCITATION, "branch", "rms_x_m", "rms_y_m", PHASE_COLUMN, "motor_power_w", "multiplier_1_re")
     points = read_columns(result, "branches", "sequence", numbers, ("contact_force_max_n",))
     if "stable" not in points:
@@ -180,7 +188,7 @@ def read_branches(directory: Path) -> Branches:
         raise TableError(f"{directory} holds an empty table of branches; there is nothing to plot")
     swept = Result(directory, "sweep").table("sweep") if any(directory.glob("sweep.*")) else None
     grid = list(points.columns[: list(points.columns).index(key)])
-    return Branches(directory.resolve().name, directory, points, special, swept, key, grid)
+    return Branches(directory.resolve().name, directory, points, special, swept, key, grid, second)
 
 
 def branches_of(points: pd.DataFrame, special: pd.DataFrame | None = None) -> Branches:
@@ -344,15 +352,14 @@ def boundaries_figure(found: Branches, x: str) -> Figure:
     kinds = [kind for kind in KINDS if (table["kind"] == kind).any()]
     handles = [Line2D([], [], color=_colour(kind), lw=1.8, label=f"{kind}: {KINDS[kind]}") for kind in kinds]
     figure.legend(handles=handles, loc="outside lower center", ncols=1)
-    head(figure, found.name, found.parameters)
+    head(figure, found.name, found.parameters_without(second))
     return figure
 
 
 def boundary_keys(found: Branches, table: pd.DataFrame) -> list[str]:
     """Return the columns of both keys of the table ``boundaries``."""
-    others = ("curve", "kind", "branch", EXCITATION, "period", *found.grid)
-    keys = [str(column) for column in table if column not in others]
-    if len(keys) != 2 or not all(is_number(table[key]) for key in keys):
+    keys = [found.key, found.second]
+    if not all(key in table and is_number(table[key]) for key in keys):
         raise TableError(f"the boundaries table in {found.directory} has no numbers of two keys")
     return keys
 

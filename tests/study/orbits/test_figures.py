@@ -7,14 +7,17 @@ import json
 import numpy as np
 import pandas as pd
 import pytest
+from common import handmade
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 
 from vibroplat import orbit
 from vibroplat.errors import TableError
 from vibroplat.plots.orbits import MARKERS, draw_branch, plot_orbit, plot_orbits, read_branches
 from vibroplat.study.orbits.kinds import KINDS
 from vibroplat.study.orbits.report import write_orbits
-from vibroplat.tables import write_table
+from vibroplat.study.orbits.tables import BOUNDARIES
+from vibroplat.tables import read_table, write_table
 
 from .helpers import LIFTOFF, MASS
 
@@ -114,6 +117,18 @@ def test_multipliers_lie_about_the_unit_circle(written, found, figures):
         np.testing.assert_allclose(np.sort_complex(drawn @ [1.0, 1j]), np.sort_complex(drawn @ [1.0, -1j]))
         circle = axis.lines[0]
         np.testing.assert_allclose(np.hypot(circle.get_xdata(), circle.get_ydata()), 1.0)
+
+
+def test_boundaries_are_drawn_over_two_keys(tmp_path, figures):
+    place = handmade.write_orbits(tmp_path / "followed")
+    assert set(BOUNDARIES) <= set(read_table(place, "boundaries"))  # as the command writes them, with both sides
+    plot_orbits(place, ["boundaries"])
+    (axis,) = figures["boundaries"].axes
+    assert [line.get_ydata()[-1] for line in axis.lines] == [0.3, 0.3]
+    assert axis.get_ylabel() == r"mass ratio $\mu_w$"
+    words = "".join(text.get_text() for text in figures["boundaries"].findobj(Text))
+    assert "two layers" in words
+    assert r"$\mu_w$ =" not in words  # it varies along the curves
 
 
 def test_unfinished_branches_are_refused(tmp_path):
