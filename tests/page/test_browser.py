@@ -128,6 +128,22 @@ def test_all_panels_are_drawn(visit):
     assert js(page, "document.querySelectorAll('#machines svg').length") == 1
 
 
+@pytest.mark.parametrize("name", ["one", "several"])
+def test_headings_lie_between_panels(visit, name):
+    page = visit(name)
+    places = js(
+        page,
+        """(() => { const box = document.getElementById('curves'), top = box.getBoundingClientRect().top;
+        const axes = Object.entries(box._fullLayout).filter(([key]) => key.startsWith('yaxis')).map(([, axis]) => axis);
+        return [...document.querySelectorAll('#curves .readout')].map((readout, number) => {
+          const {top: from, bottom: to} = readout.getBoundingClientRect(), before = axes[number - 1];
+          return [before ? before._offset + before._length : 0, from - top, to - top, axes[number]._offset]; }); })()""",
+    )
+    assert len(places) == PANELS
+    for end, first, last, begin in places:
+        assert end <= first < last <= begin + 0.5
+
+
 def test_figures_keep_their_place_when_the_window_changes(visit):
     page = visit("all")
     boxes = "[...document.querySelectorAll('.figure')].map(box => box.getBoundingClientRect().height)"

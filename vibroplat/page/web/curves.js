@@ -3,7 +3,9 @@
 const BUCKETS = 900;
 const PANEL = 92, LEFT = 58, RIGHT = 10, BOTTOM = 40;
 const PHASE_TICKS = {tickvals: [0, Math.PI / 2, Math.PI, 3 * Math.PI / 2], ticktext: ["0", "π/2", "π", "3π/2"],
-  range: [-Math.PI / 2 - 0.1, 3 * Math.PI / 2 + 0.1]};
+  range: [-Math.PI / 2 - 0.1, 3 * Math.PI / 2 + 0.45]}; // room for the highest tick's label below the heading
+// As wide as any value of a heading.
+const WIDEST = "−0.0000";
 const CONFIG = {responsive: true, displaylogo: false, displayModeBar: window.innerWidth > 700 ? "hover" : false,
   modeBarButtonsToRemove: ["select2d", "lasso2d", "autoScale2d"]};
 
@@ -82,8 +84,6 @@ class Curves {
     this.data = data;
     this.runs = runs;
     this.box = byId("curves");
-    this.between = runs.length > 1 && window.innerWidth < 480 ? 44 : 26; // headings take several lines there
-    this.top = this.between - 4;
     this.whole = [Math.min(...runs.map(run => run.first)), Math.max(...runs.map(run => run.last))];
     this.view = this.lastTurns();
     this.onTime = onTime;
@@ -107,9 +107,11 @@ class Curves {
 
   async draw() {
     const count = this.data.panels.length;
-    const height = this.top + count * PANEL + (count - 1) * this.between + BOTTOM, inner = height - this.top - BOTTOM;
+    this.readouts = this.data.panels.map((panel, number) => this.heading(panel, number));
+    this.makeRoom();
+    const [above] = this.tops, inner = this.tops[count - 1] + PANEL - above, height = above + inner + BOTTOM;
     const layout = {
-      height, margin: {l: LEFT, r: RIGHT, t: this.top, b: BOTTOM}, font: FONT, showlegend: false, hovermode: "x",
+      height, margin: {l: LEFT, r: RIGHT, t: above, b: BOTTOM}, font: FONT, showlegend: false, hovermode: "x",
       hoversubplots: "axis", dragmode: "zoom", plot_bgcolor: "#fff", paper_bgcolor: "#fff",
       hoverlabel: {font: {size: 11}, namelength: -1},
       xaxis: {title: {text: "t (s)", standoff: 6}, range: this.view, minallowed: this.whole[0],
@@ -118,14 +120,14 @@ class Curves {
         spikecolor: "#888", spikesnap: "cursor"},
     };
     this.data.panels.forEach((panel, number) => {
-      const top = 1 - number * (PANEL + this.between) / inner;
+      const top = 1 - (this.tops[number] - above) / inner;
       layout[number ? `yaxis${number + 1}` : "yaxis"] = {
         domain: [Math.max(top - PANEL / inner, 0), top], anchor: "x", gridcolor: "#eee", zerolinecolor: "#ccc",
         nticks: 5, fixedrange: false, ...(panel.title === "phase difference" ? PHASE_TICKS : {})};
     });
-    this.readouts = this.data.panels.map((panel, number) => this.heading(panel, number));
     await figure(this.box, this.traces(), layout);
-    this.cursor = element("div", {class: "cursor", "aria-hidden": "true", style: `top:${this.top}px;height:${inner}px`});
+    this.cursor = element("div", {class: "cursor", "aria-hidden": "true", style: `top:${above}px;height:${inner}px`});
+    this.readouts.forEach(({box}, number) => { box.style.bottom = `calc(100% - ${this.tops[number] - 2}px)`; });
     this.box.append(...this.readouts.map(readout => readout.box), this.cursor);
     this.box.on("plotly_relayout", change => this.moved(change));
     this.box.on("plotly_click", ({points: [point]}) => this.onTime(point.x));
@@ -162,9 +164,22 @@ class Curves {
     return [Math.max(from - more, first), Math.min(to + more, last)];
   }
 
+  // Where panels begin, so that each heading has room above its panel; it may take several lines.
+  makeRoom() {
+    const boxes = this.readouts.map(readout => readout.box);
+    for (const {values} of this.readouts) for (const {text} of values) text.textContent = WIDEST;
+    this.box.append(...boxes);
+    let below = -4;
+    this.tops = boxes.map(box => {
+      const top = below + box.offsetHeight + 8;
+      below = top + PANEL;
+      return top;
+    });
+    for (const box of boxes) box.remove();
+  }
+
   heading(panel, number) {
-    const box = element("div", {class: "readout", style: `bottom:calc(100% - ${this.top + number * (PANEL + this.between) - 2}px)`},
-      element("b", {}, withUnit(panel.title, panel.unit)));
+    const box = element("div", {class: "readout"}, element("b", {}, withUnit(panel.title, panel.unit)));
     const values = this.curves.filter(curve => curve.panel === number).map(curve => {
       const text = element("output"), style = this.style(curve);
       const label = panel.curves.length > 1 ? curve.label.split(" ") : [];
@@ -234,7 +249,7 @@ class Overview {
 
   async draw() {
     const curve = {column: "y_m", factor: 1e3};
-    const traces = this.curves.runs.map(run => ({...points(run, curve, this.curves.whole, 250), type: "scatter",
+    const traces = this.curves.runs.map(run => ({...points(run, curve, this.curves.whole, 500), type: "scatter",
       mode: "lines", line: {width: 0.8, color: this.curves.runs.length > 1 ? run.colour : COLOURS[0]}, hoverinfo: "skip"}));
     const layout = {height: 92, margin: {l: LEFT, r: RIGHT, t: 18, b: 22}, font: {...FONT, size: 11}, showlegend: false,
       dragmode: "select", selectdirection: "h", plot_bgcolor: "#fafafa",
