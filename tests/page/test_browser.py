@@ -137,7 +137,8 @@ def test_headings_lie_between_panels(visit, name):
         const axes = Object.entries(box._fullLayout).filter(([key]) => key.startsWith('yaxis')).map(([, axis]) => axis);
         return [...document.querySelectorAll('#curves .readout')].map((readout, number) => {
           const {top: from, bottom: to} = readout.getBoundingClientRect(), before = axes[number - 1];
-          return [before ? before._offset + before._length : 0, from - top, to - top, axes[number]._offset]; }); })()""",
+          const end = before ? before._offset + before._length : 0;
+          return [end, from - top, to - top, axes[number]._offset]; }); })()""",
     )
     assert len(places) == PANELS
     for end, first, last, begin in places:

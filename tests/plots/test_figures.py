@@ -11,16 +11,18 @@ from common import commands
 from common.places import QUICKSTART
 from matplotlib.collections import LineCollection
 
+from vibroplat import load_config
 from vibroplat.errors import TableError, VibroplatError
 from vibroplat.plots.bench import SCALED, plot_precision
 from vibroplat.plots.command import Wanted, plot_results
 from vibroplat.plots.histories import history
+from vibroplat.plots.names import run_parameters
 from vibroplat.plots.paper import FIGURES, MASSES
 from vibroplat.plots.run import plot_run
 from vibroplat.plots.style import Saving
 from vibroplat.plots.sweep import plot_sweep
 from vibroplat.results import Result
-from vibroplat.tables import read_table
+from vibroplat.tables import read_json, read_table, write_json, write_table
 
 PLAN = "sweep.supply_frequency_hz={start: 44, stop: 50, step: 2, direction: [up, down]}"
 
@@ -72,6 +74,18 @@ def test_parameters_are_in_the_title(written, figures):
     assert figure.axes[0].get_title(loc="left") == r"$f_e$ = 51.5 Hz, $\mu_w$ = 0.2, two layers, $R$ = 0.5"
 
 
+def test_what_is_switched_is_in_the_title():
+    program = [{"t_s": 0.0, "supply_frequency_hz": 50.0}, {"t_s": 2.0, "exciter_2": "off"}, {"t_s": 3.5, "off": True}]
+    scene = load_config(QUICKSTART, {"drive": {"program": program}})
+    assert run_parameters(scene).startswith("$f_e$ = 50 Hz, motor 2 off at 2 s, motors off at 3.5 s, ")
+
+
+def test_force_alone_is_refused_without_contact(runs, tmp_path):
+    runs["bare"].save(tmp_path / "bare")
+    with pytest.raises(TableError, match="has no contact force, as its scene is bare or non-impact"):
+        plot_results([tmp_path / "bare"], Wanted(["force"]))
+
+
 def test_impulses_are_stems_on_an_axis_of_their_own(written, figures):
     force, impulses = drawn(written / "a", figures, "force").axes
     assert [axis.get_ylabel() for axis in (force, impulses)] == ["contact force $F_c$ (N)", "impulse $P$ (N·s)"]
@@ -110,6 +124,19 @@ def test_sweeps_are_laid_over_each_other(written, figures):
     lines = [line for line in figures["response"].axes[0].lines if line.get_linestyle() != "None"]
     assert len(lines) == 4
     path.unlink()
+
+
+def test_a_key_that_one_sweep_does_not_vary_has_the_value_it_was_made_with(written, figures, tmp_path):
+    plain = tmp_path / "plain"
+    shutil.copytree(written / "hard", plain)
+    write_table(read_table(plain, "sweep").drop(columns="material.mass_ratio"), plain, "sweep", "parquet")
+    proof = read_json(plain, "provenance")
+    proof["configuration"]["material"]["mass_ratio"] = 0.3
+    del proof["files"]  # the digests
+    write_json(proof, plain, "provenance")
+    plot_results([written / "soft", plain], Wanted(saving=Saving(directory=tmp_path)))
+    named = [text.get_text() for text in figures["response"].legends[0].get_texts()]
+    assert named[:2] == [r"soft, $\mu_w$ = 0.1", r"plain, $\mu_w$ = 0.3"]
 
 
 def test_x_is_the_supply_frequency_if_asked_for(written, figures, tmp_path):

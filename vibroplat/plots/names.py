@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import pandas as pd
 
 from vibroplat.columns import split, unit_of
+from vibroplat.drive import Entry
 from vibroplat.plots.style import plain
 from vibroplat.scene import Scene
 from vibroplat.study.branches import EXCITATION, SUPPLY
@@ -137,10 +138,19 @@ def sweep_parameters(scene: Scene | None, varied: list[str]) -> str:
 def _supply(scene: Scene) -> str:
     if scene.drive.program is None:
         return f"$f_e$ = {scene.drive.largest_frequency:g} Hz"
-    frequencies = [e.supply_frequency_hz for e in scene.drive.program if e.supply_frequency_hz is not None]
-    if len(set(frequencies)) == 1:
-        return f"$f_e$ = {frequencies[0]:g} Hz"
-    return f"$f_e$ = {' → '.join(f'{f:g}' for f in frequencies[:4])}{' …' if len(frequencies) > 4 else ''} Hz"
+    program = scene.drive.program
+    frequencies = [e.supply_frequency_hz for e in program if e.supply_frequency_hz is not None]
+    passed = frequencies[:1] if len(set(frequencies)) == 1 else frequencies
+    text = f"$f_e$ = {' → '.join(f'{f:g}' for f in passed[:4])}{' …' if len(passed) > 4 else ''} Hz"
+    switched = [f"{who} at {entry.t_s:g} s" for entry in program for who in _switched(entry)]
+    return ", ".join([text, *switched[:2], *(["…"] if len(switched) > 2 else [])])
+
+
+def _switched(entry: Entry) -> list[str]:
+    """Say what an entry of a program switches."""
+    whole = [] if entry.off is None else [f"motors {'off' if entry.off else 'on'}"]
+    given = enumerate((entry.exciter_1, entry.exciter_2), 1)
+    return whole + [f"motor {number} {state}" for number, state in given if state is not None]
 
 
 def _material(scene: Scene, mass_varies: bool = False, restitution_varies: bool = False) -> list[str]:

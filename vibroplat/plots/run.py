@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from vibroplat.errors import TableError
 from vibroplat.plots.data import Data
 from vibroplat.plots.names import COORDINATES, PHASE, run_parameters
 from vibroplat.plots.run_tables import Run, matters, range_of, read_run
@@ -117,7 +118,7 @@ def plot_run(
     Returns
     -------
     list of Path
-        The files. ``force`` is omitted if no scene has contact.
+        The files. ``force`` is omitted if no scene has contact, and refused if nothing else is asked for.
 
     Raises
     ------
@@ -134,6 +135,8 @@ def plot_run(
         with styled():
             figure = FIGURES[kind](shown)
             written.append(save(figure, directories[0], f"{kind}{compared}", saving))
+    if not written:
+        raise TableError(f"--kind force: {directories[0]} has no contact force, as its scene is bare or non-impact")
     return written
 
 

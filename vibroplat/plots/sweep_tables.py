@@ -10,6 +10,7 @@ from typing import NamedTuple
 import pandas as pd
 
 from vibroplat.errors import TableError
+from vibroplat.overrides import flat
 from vibroplat.plots.data import Data
 from vibroplat.plots.names import MEASURES, is_number, scene_of, sweep_parameters, value_label
 from vibroplat.plots.reading import read_columns, read_result
@@ -97,6 +98,7 @@ def read_response(directory: Path | Sequence[Path], *, x: str = EXCITATION, data
         results.append(result)
         tables.append(table)
     grid = list(dict.fromkeys(key for table in tables for key in _grid(table)))
+    tables = [_completed(table, result, grid) for table, result in zip(tables, results, strict=True)]
     names = _names(directories)
     if len(tables) > 1:
         tables = [table.assign(**{RESULT: name}) for name, table in zip(names, tables, strict=True)]
@@ -113,6 +115,12 @@ def response_of(table: pd.DataFrame, x: str = EXCITATION) -> Response:
 def _grid(table: pd.DataFrame) -> list[str]:
     """Return the keys of the grid of a sweep."""
     return [str(key) for key in table.columns[1 : list(table.columns).index("direction")]]
+
+
+def _completed(table: pd.DataFrame, result: Result, keys: Iterable[str]) -> pd.DataFrame:
+    """Add the keys that only other sweeps vary, with the value that this one was made with."""
+    made = flat(result.provenance["configuration"])
+    return table.assign(**{key: made[key] for key in keys if key not in table and key in made})
 
 
 def _varied(table: pd.DataFrame, keys: Iterable[str]) -> list[str]:
