@@ -287,6 +287,13 @@ def test_points_can_be_drawn_over_each_key(swept, followed):
     assert orbits["special"]["rows"] == 2
 
 
+def test_motion_that_is_rounding_has_no_panel(followed):
+    table = read_table(followed, "branches").assign(rms_y_m=9e-3, rms_x_m=2e-13, rms_phi_rad=4e-9)
+    drawn = [measure["column"] for measure in points.measures(table)]
+    assert {"rms_y_m", "rms_phi_rad"} <= {*drawn}
+    assert "rms_x_m" not in drawn
+
+
 def test_boundaries_lie_in_the_plane_of_both_keys(followed):
     (found,) = shown(followed)["boundaries"]
     assert found["keys"] == ["supply_frequency_hz", "material.mass_ratio"]

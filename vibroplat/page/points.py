@@ -24,6 +24,9 @@ JUMP = 1 / 3
 #: Columns of a state, which few readers want to see.
 _STATE = {*COORDINATES, *RATES}
 _SIZES = ["rms_x_m", "rms_y_m"]
+#: Share of the largest RMS (m or rad) up to which another one is rounding: orbits in antiphase have 2e-13 m along x and
+#: 4e-11 rad beside 9e-3 m along y.
+ROUNDING = 1e-7
 #: Columns drawn over the frequency, one panel each.
 DRAWN = (
     *("rms_y_m", "phase_difference_rad", "gap_max_m", "contact_force_max_n", "motor_power_w", "flight_fraction"),
@@ -182,10 +185,13 @@ def orbit_axes(found: Branches, table: pd.DataFrame) -> list[dict[str, Any]]:
 
 
 def measures(table: pd.DataFrame) -> list[dict[str, Any]]:
-    """Return the panels that a table fills."""
+    """Return the panels that a table fills; what does not move but for rounding has none."""
+    numbers = [name for name in DRAWN if name in table and is_number(table[name]) and table[name].notna().any()]
+    largest = {name: float(table[name].abs().max()) for name in numbers}
+    moved = max((size for name, size in largest.items() if name.startswith("rms")), default=0.0)
     found = []
-    for name in DRAWN:
-        if name in table and is_number(table[name]) and table[name].notna().any() and table[name].abs().max() > 0.0:
+    for name in numbers:
+        if largest[name] > (ROUNDING * moved if name.startswith("rms") else 0.0):
             shown = MEASURES[name]
             unit = "rad" if name == PHASE_COLUMN else shown.unit
             found.append({"column": name, "words": words(name), "unit": unit, "factor": shown.factor})
