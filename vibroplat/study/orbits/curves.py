@@ -19,9 +19,10 @@ from vibroplat.study.orbits.boundaries import Curve, Spot, follow
 from vibroplat.study.orbits.crossings import follow_crossings
 from vibroplat.study.orbits.kinds import BRANCH_POINT
 from vibroplat.study.orbits.newton import Frame, MissedError, Problem
+from vibroplat.study.orbits.passing import same_special
 from vibroplat.study.orbits.shooting import Shooter
 from vibroplat.study.orbits.sides import FAILED, across, check, chosen, others_outside
-from vibroplat.study.orbits.tracing import Family, Progress, Traced, orbits_plan, same_special
+from vibroplat.study.orbits.tracing import Family, Progress, Traced, orbits_plan
 from vibroplat.study.orbits.words import whole
 from vibroplat.study.store import Record, Records
 from vibroplat.study.tasks import StoredChain, Task, Tasks, run_stored

@@ -20,7 +20,8 @@ from vibroplat.study.execution import pool
 from vibroplat.study.orbits.curves import Boundary, boundaries, require_inside
 from vibroplat.study.orbits.kinds import KINDS
 from vibroplat.study.orbits.orbit import columns_told
-from vibroplat.study.orbits.tracing import TOLD, Family, Progress, Traced, families, orbits_plan, trace
+from vibroplat.study.orbits.parts import TOLD
+from vibroplat.study.orbits.tracing import Family, Progress, Traced, families, orbits_plan, trace
 from vibroplat.study.point import MEASURED, POINT
 from vibroplat.study.store import Record, Store
 
