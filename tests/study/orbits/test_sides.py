@@ -63,9 +63,10 @@ def test_motion_differs_on_both_sides_of_boundaries_over_restitution():
     assert {curve.kind for curve in curves} >= {"liftoff", "end-of-sticking", "period-doubling"}
     found = {kind: sum((checks(c) for c in curves if c.kind == kind), Counter()) for kind in {c.kind for c in curves}}
     for kind in ("liftoff", "end-of-sticking", "fold"):
-        assert found[kind] == {AGREES: 5}
+        assert found[kind].total() >= 5
+        assert set(found[kind]) == {AGREES}
     # one of these curves bounds orbits of three impacts, which in places attract too little to be met
-    assert found["period-doubling"].total() == 10
+    assert found["period-doubling"].total() >= 10
     assert found["period-doubling"][AGREES] >= 6
 
 

@@ -32,6 +32,9 @@ GRAZING = 0.3
 #: Where impacts accumulate the sequence changes infinitely often: a step over changes that cannot be located is taken
 #: after all when steps down to this part of it did no better.
 SKIPPED = 1e-2
+#: Largest change of the period in a step, over it: curves are drawn over the excitation frequency. Where the key hardly
+#: changes, a step is as long as if this were the tangent's part along it.
+PERIOD, FLAT = 1.0 / 120.0, 0.03
 #: Least cosine between the tangents of points with one sequence of events.
 STRAIGHT = 0.6
 #: Most that a point may lie beside its prediction, over the length of the step; the second where a step shorter than
@@ -102,9 +105,11 @@ class Steps:
     least: float
     largest: float
 
-    def longest(self, tangent: FloatArray) -> float:
-        """Longest step that changes the key by no more than the largest change."""
-        return self.largest / max(abs(float(tangent[-1])), 1e-2)
+    def longest(self, point: Point) -> float:
+        """Longest step that changes the key by no more than the largest change, and the period by no more than a part."""
+        tangent, phase = point.tangent, point.frame.phase
+        period = PERIOD * float(point.u[phase]) / max(abs(float(tangent[phase])), 1e-9)
+        return min(self.largest / max(abs(float(tangent[-1])), FLAT), period)
 
 
 class Look(Protocol):
@@ -235,7 +240,7 @@ class Branch:
             There is none.
         """
         steps, across, leapt = self.steps, None, False
-        begun = steps.now = min(steps.now, steps.longest(self.points[-1].tangent))
+        begun = steps.now = min(steps.now, steps.longest(self.points[-1]))
         while True:
             try:
                 point = self._step()
