@@ -74,6 +74,20 @@ def test_special_points_with_restitution_are_where_they_were_found_before(reboun
     assert special == [pytest.approx(place, abs=0.002)]
 
 
+def test_ranges_end_before_what_lies_beyond_them(branches):
+    beyond = next(s["value"] for s in branches[0.2][0].special if s["kind"] == "period-doubling")
+    (branch,) = traced(machine(0.2, start=beyond - 1.0, stop=beyond - 0.005, switch=[]))
+    assert branch.rows[-1]["value"] == beyond - 0.005
+    assert all(special["value"] < beyond - 0.005 for special in branch.special)
+
+
+@pytest.mark.parametrize("stop", [52.4, 54.2])
+def test_ranges_end_where_they_are_told_though_the_section_moves_there(stop):
+    (branch,) = traced(machine(0.2, start=stop - 1.5, stop=stop, switch=[], step={"first": 0.2, "largest": 0.3}))
+    assert branch.ended == "stop of the key's range"
+    assert branch.rows[-1]["value"] == stop
+
+
 @pytest.mark.parametrize("mass", [0.0, 0.1, 0.2])
 def test_branches_go_through_the_whole_range_in_both_synchronizations(branches, mass):
     found = branches[mass]

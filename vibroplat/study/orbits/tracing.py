@@ -8,7 +8,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Sequence
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -339,10 +339,13 @@ def _part(scene: Scene, plan: OrbitsPlan, begin: Record | None, known: Known) ->
             branch = _first(shooter, plan) if begin is None else _again(shooter, plan, begin)
         except (MissedError, OrbitError) as error:
             return record | {"ended": str(error), "failed": True}
-        rows, seen, ends = record["rows"], list(known.special), list[Point]()
+        rows, seen, ends, step = record["rows"], list(known.special), list[Point](), list[Point]()
 
         def look(before: Point, after: Point, *, strictly: bool) -> None:
+            step[:] = before, after
             for special in list(specials(branch, before, after, strictly=strictly)):
+                if not (plan.covers(special.value) or plan.covers(after.value)):
+                    return  # beyond the end of the branch
                 found = _special_record(branch, special, len(rows))
                 old = any(same_special(found, other, plan) for other in seen)
                 found["branches"] = [] if old else _new_branches(branch, special, plan)
@@ -360,7 +363,7 @@ def _part(scene: Scene, plan: OrbitsPlan, begin: Record | None, known: Known) ->
             if ends:
                 branch.points[-1], branch.ended = ends[0], "mirror image beyond"
             else:
-                _stop_at_end(branch, plan)
+                _stop_at_end(branch, plan, *step)
             _take(branch, known, record)
         record["last"] = _place(branch, branch.points[-1], branch.steps.now, new=False)
     return record
@@ -432,24 +435,20 @@ def _full_tangent(problem: Problem, frame: Frame, tangent: FloatArray) -> FloatA
     return full
 
 
-def _stop_at_end(branch: Branch, plan: OrbitsPlan) -> None:
-    """End a branch that has left the range of the key with a point at the end of it."""
-    low, high = plan.range
-    last, before = branch.points[-1], branch.points[-2]
-    if low <= last.value <= high:
+def _stop_at_end(branch: Branch, plan: OrbitsPlan, before: Point, last: Point) -> None:
+    """End a branch with a point at the end of the key's range, if its last step, between points in one frame, left it."""
+    if plan.covers(last.value):
         return
+    low, high = plan.range
     end = low if last.value < low else high
     branch.ended = "start of the key's range" if end == plan.start else "stop of the key's range"
-    if last.frame is before.frame:
-        share = (end - before.value) / (last.value - before.value)
-        u = before.u + share * (last.u - before.u)
-        u[-1] = end / branch.problem.units[0]
-        border = np.zeros((1, u.size))
-        border[0, -1] = 1.0
-        try:
-            found = correct(branch.problem, last.frame, u, border, last.found.jacobian)
-        except MissedError:
-            return
+    share = (end - before.value) / (last.value - before.value)
+    u = before.u + share * (last.u - before.u)
+    u[-1] = end / branch.problem.units[0]
+    border = np.zeros((1, u.size))
+    border[0, -1] = 1.0
+    with suppress(MissedError):
+        found = correct(branch.problem, last.frame, u, border, last.found.jacobian)
         branch.points[-1] = branch.point(last.frame, found, last.tangent)
 
 
