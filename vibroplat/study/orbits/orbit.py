@@ -250,7 +250,9 @@ def guesses(shooter: Shooter, guess: Any) -> Any:
             done = turns
             if motion.outcome != "ok":
                 raise OrbitError(f"the motion ended while it settled: {motion.outcome}: {motion.detail}")
-            yield motion.state
+            state = motion.state
+            yield state
+            motion.begin_again(state)  # the search has moved it
         return
     motion.begin_again(state_of(scene, guess))
     if not motion.to_section(1, 4.0 * _TURN / scene.speed_scale):
