@@ -40,7 +40,7 @@ REPEATS = 1e4
 
 #: Periods over which the turns of both exciters are compared where no orbit is found, and how far from whole turns in
 #: each those of exciter 2 may be.
-WATCHED, OUT_OF_STEP = 200, 2e-3
+WATCHED, OUT_OF_STEP = 1000, 4e-4
 
 _TURN = 2.0 * np.pi
 
