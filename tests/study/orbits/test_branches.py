@@ -20,6 +20,7 @@ from vibroplat.study.orbits.newton import ANGLE, Frame, Problem, correct
 from vibroplat.study.orbits.orbit import OrbitError, beginning_at, guesses
 from vibroplat.study.orbits.shooting import Shooter
 
+CALIBRATED = MACHINE.parents[3] / "configs" / "machines" / "calibrated.yaml"
 KEY, MASS, RESTITUTION = "drive.supply_frequency_hz", "material.mass_ratio", "contact.restitution"
 #: Range in which impacts with a restitution of 0.3 accumulate no longer, down to a single one.
 REBOUNDS = {"restitution": 0.3, "start": 50.0, "stop": 54.0, "switch": []}
@@ -317,6 +318,20 @@ def test_doubling_of_the_ball_over_restitution():
         assert gamma == pytest.approx(stable_range(row["second"])[1], rel=1e-6)
 
 
+def test_doubled_periods_end_where_they_begin():
+    scene = load_config(CALIBRATED, {"solver.engine": "taylor", MASS: 0.2})
+    single, double = (
+        traced(scene.replace({"orbits": {"key": KEY, "start": start, "stop": stop, "switch": [], "period": period}}))[0]
+        for start, stop, period in ((59.5, 60.2, 1), (61.5, 55.0, 2))
+    )
+    (begins,) = [s["value"] for s in single.special if s["kind"] == "period-doubling"]
+    assert double.ended == "half the period beyond"
+    assert not double.failed
+    assert (double.special[-1]["kind"], double.special[-1]["period"]) == ("period-doubling", 2)
+    assert double.special[-1]["value"] == pytest.approx(begins, abs=1e-6)
+    assert double.rows[-1]["value"] == pytest.approx(begins, abs=1e-6)
+
+
 def test_an_orbit_is_found_from_all_guesses():
     scene = load_config(MACHINE, {"solver.engine": "taylor", MASS: 0.2, KEY: 50.0})
     settled = orbit(scene)
@@ -333,7 +348,7 @@ def test_an_orbit_is_found_from_all_guesses():
 
 
 def test_a_motion_goes_on_settling_after_a_search_in_vain():
-    scene = machine(0.2, **{"start": 50.0})
+    scene = machine(0.2, start=50.0)
     undisturbed, searched = [], []
     for found, disturb in ((undisturbed, False), (searched, True)):
         with closing(Shooter(scene)) as shooter:

@@ -182,6 +182,8 @@ class Branch:
         angular = there.word != point.word and abs(length) < ANGULAR
         if np.linalg.norm(found.u - u) > (BESIDE[1] if angular else BESIDE[0]) * abs(length):
             raise MissedError("another branch was found")
+        if self.problem.halves(there.frame, there.u):
+            raise MissedError("an orbit of half the period was found")
         return there
 
     def between(

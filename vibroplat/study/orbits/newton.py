@@ -29,6 +29,9 @@ QUICK = 300.0
 #: those with singular values below the other number.
 LONGEST, UNDETERMINED = 1.0, 1e-8
 
+#: Residual after half of the period, over the tolerance, within which an orbit repeats there.
+HALVED = 1e3
+
 #: Place of the angle of exciter 1 in the full state.
 ANGLE = 3
 
@@ -156,6 +159,15 @@ class Problem:
         found[:, :m] -= np.eye(m)
         found[:, frame.phase] = self._along(frame, shot) / self._speed
         return found
+
+    def halves(self, frame: Frame, u: FloatArray) -> bool:
+        """Whether an orbit repeats after half of its period already."""
+        if any(turns % 2 for turns in self.turns):
+            return False
+        state, seconds, _ = self.unpack(frame, u)
+        difference = self.shooter.shot(state, 0.5 * seconds).state - state
+        difference[3:5] -= np.pi * np.array(self.turns)
+        return bool(np.abs(difference / self.shooter.scales).max() < HALVED * self.tolerance)
 
     def _derivative(self, frame: Frame, shot: Shot) -> FloatArray:
         """Differentiate the end by the start and by the keys, in scales and units, shape (m, m + keys)."""

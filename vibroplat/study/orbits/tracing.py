@@ -339,7 +339,7 @@ def _part(scene: Scene, plan: OrbitsPlan, begin: Record | None, known: Known) ->
             branch = _first(shooter, plan) if begin is None else _again(shooter, plan, begin)
         except (MissedError, OrbitError) as error:
             return record | {"ended": str(error), "failed": True}
-        rows, seen, ends, step = record["rows"], list(known.special), list[Point](), list[Point]()
+        rows, seen, ends, step = record["rows"], list(known.special), list[Special](), list[Point]()
 
         def look(before: Point, after: Point, *, strictly: bool) -> None:
             step[:] = before, after
@@ -352,7 +352,7 @@ def _part(scene: Scene, plan: OrbitsPlan, begin: Record | None, known: Known) ->
                 record["special"].append(found)
                 seen.append(found)
                 if special.mirrors and len(known.own) + len(rows) > 1:
-                    ends.append(special.point)
+                    ends.append(special)
                     return
 
         if begin is None or begin["new"]:
@@ -361,7 +361,8 @@ def _part(scene: Scene, plan: OrbitsPlan, begin: Record | None, known: Known) ->
             if not branch.grow(look):
                 return record | {"ended": branch.ended, "failed": True}
             if ends:
-                branch.points[-1], branch.ended = ends[0], "mirror image beyond"
+                beyond = "half the period beyond" if ends[0].kind == DOUBLING else "mirror image beyond"
+                branch.points[-1], branch.ended = ends[0].point, beyond
             else:
                 _stop_at_end(branch, plan, *step)
             _take(branch, known, record)
@@ -454,7 +455,7 @@ def _stop_at_end(branch: Branch, plan: OrbitsPlan, before: Point, last: Point) -
 
 def _new_branches(branch: Branch, special: Special, plan: OrbitsPlan) -> list[Record]:
     """Find the first points of the branches that begin at a special point, where they are to be followed."""
-    if special.kind not in plan.switch:
+    if special.kind not in plan.switch or (special.kind == DOUBLING and special.mirrors):
         return []
     if special.kind == BRANCH_POINT:
         assert special.across is not None
@@ -494,18 +495,9 @@ def _first_away(branch: Branch, origin: Special, u: FloatArray, direction: Float
             continue
         way = point.u - u
         apart = abs(way @ direction) > LEFT * abs(way @ origin.direction)
-        if _doubled(branch, point) if origin.kind == DOUBLING else apart:
+        if not branch.problem.halves(point.frame, point.u) if origin.kind == DOUBLING else apart:
             return point
     return None
-
-
-def _doubled(branch: Branch, point: Point) -> bool:
-    """Whether an orbit does not repeat after half of its period."""
-    problem = branch.problem
-    state, seconds, _ = problem.unpack(point.frame, point.u)
-    difference = problem.shooter.shot(state, 0.5 * seconds).state - state
-    difference[3:5] -= np.pi * np.array(problem.turns)
-    return bool(np.abs(difference / problem.shooter.scales).max() > 1e3 * problem.tolerance)
 
 
 def _doubling_direction(problem: Problem, point: Point) -> FloatArray:
