@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import closing
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -316,6 +317,18 @@ def test_doubling_of_the_ball_over_restitution():
     for row in doubling.rows:
         gamma = middle * GRAVITY / row["value"]
         assert gamma == pytest.approx(stable_range(row["second"])[1], rel=1e-6)
+
+
+def test_orbits_and_branches_count_the_same_multipliers_as_unstable(branches):
+    """At a branch point a multiplier is 1 but for its error."""
+    branch = next(b for b in branches[0.0] if b.ended == "mirror image beyond")
+    row = branch.rows[-1]
+    assert abs(np.abs(row["multiplier_1_re"]) - 1.0) < 1e-5
+    scene = load_config(MACHINE, {"solver.engine": "taylor", MASS: 0.0, KEY: row["value"]})
+    found = orbit(scene, row["state"])
+    for size, unstable in ((1.0 + 1e-7, 0), (1.0 + 1e-5, 1)):
+        assert replace(found, multipliers=np.array([size + 0.0j])).unstable == unstable
+    assert found.unstable == row["unstable"]
 
 
 def test_doubled_periods_end_where_they_begin():

@@ -19,7 +19,7 @@ import numpy.typing as npt
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.systems import GAP, GAP_RATE, SYSTEMS
 from vibroplat.study.orbits.grazing import over_grazing
-from vibroplat.study.orbits.newton import ANGLE, Found, Frame, MissedError, Problem, correct, solved
+from vibroplat.study.orbits.newton import ANGLE, Found, Frame, MissedError, Problem, correct, leaving, solved
 from vibroplat.study.orbits.prediction import MOST, predicted
 from vibroplat.study.orbits.shooting import Shot
 from vibroplat.study.orbits.words import turned
@@ -41,8 +41,6 @@ BESIDE, ANGULAR = (0.5, 5.0), 1e-3
 ASIDE = 0.2
 #: Length of the new tangent over its part along the old one, beyond which it is checked as a step is.
 BENT = 1e3
-#: Distance of a multiplier from the unit circle that counts: its own error is far smaller.
-NEUTRAL = 1e-6
 #: The section is moved when the piece it lies in ends nearer to it than this part of the piece, or when it lies in
 #: flight while contact takes at least a share of the period.
 MARGIN, CONTACT_SHARE = 0.15, 0.06
@@ -91,7 +89,7 @@ class Point:
     @property
     def unstable(self) -> int:
         """Number of multipliers outside the unit circle."""
-        return int((np.abs(self.multipliers) > 1.0 + NEUTRAL).sum())
+        return leaving(self.multipliers)
 
 
 @dataclass

@@ -29,6 +29,8 @@ QUICK = 300.0
 #: those with singular values below the other number.
 LONGEST, UNDETERMINED = 1.0, 1e-8
 
+#: Distance of a multiplier from the unit circle that counts: its own error is far smaller.
+NEUTRAL = 1e-6
 #: Residual after half of the period, over the tolerance, within which an orbit repeats there.
 HALVED = 1e3
 
@@ -200,6 +202,11 @@ def sorted_multipliers(section_map: FloatArray) -> npt.NDArray[np.complex128]:
     """Eigenvalues by size, the largest first; of a pair that with the positive imaginary part."""
     found = np.linalg.eigvals(section_map).astype(complex)
     return found[np.lexsort((-found.imag, -np.round(np.abs(found), 12)))]
+
+
+def leaving(multipliers: npt.NDArray[np.complex128]) -> int:
+    """Count the multipliers outside the unit circle."""
+    return int((np.abs(multipliers) > 1.0 + NEUTRAL).sum())
 
 
 def solved(matrix: FloatArray, right: FloatArray, longest: float) -> FloatArray:

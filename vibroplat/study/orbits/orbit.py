@@ -23,7 +23,7 @@ from vibroplat.kernels.compiled import FloatArray
 from vibroplat.observe.summary import Part, measured
 from vibroplat.observe.trajectory import Trajectory
 from vibroplat.scene import COORDINATES, RATES, Scene
-from vibroplat.study.orbits.newton import ANGLE, Found, Frame, MissedError, Problem, correct
+from vibroplat.study.orbits.newton import ANGLE, Found, Frame, MissedError, Problem, correct, leaving
 from vibroplat.study.orbits.shooting import Shooter, Shot
 from vibroplat.study.orbits.words import spelled, turned
 from vibroplat.study.point import MEASURED, row_of
@@ -103,7 +103,7 @@ class Orbit:
     @property
     def unstable(self) -> int:
         """Number of multipliers outside the unit circle."""
-        return int((np.abs(self.multipliers) > 1.0).sum())
+        return leaving(self.multipliers)
 
     @property
     def stable(self) -> bool:

@@ -437,7 +437,7 @@ def _full_tangent(problem: Problem, frame: Frame, tangent: FloatArray) -> FloatA
 
 
 def _stop_at_end(branch: Branch, plan: OrbitsPlan, before: Point, last: Point) -> None:
-    """End a branch with a point at the end of the key's range, if its last step, between points in one frame, left it."""
+    """End a branch at the end of the key's range, if its last step, between points in one frame, has left it."""
     if plan.covers(last.value):
         return
     low, high = plan.range
