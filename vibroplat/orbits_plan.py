@@ -125,6 +125,11 @@ class OrbitsPlan(Section, title="Orbits", populate_by_name=True):
         """Least and largest value of the key."""
         return min(self.start, self.stop), max(self.start, self.stop)
 
+    def covers(self, value: float) -> bool:
+        """Whether a value of the key is in its range."""
+        low, high = self.range
+        return low <= value <= high
+
     @property
     def unit(self) -> float:
         """Unit of the key among the unknowns of an orbit."""

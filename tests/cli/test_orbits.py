@@ -189,6 +189,13 @@ def test_start_that_is_not_periodic_is_refused(command, config):
     assert " turns in 1 of exciter 1, allowed: whole turns; their motors have 2 and 3 pole pairs; " in done.err
 
 
+def test_exciters_nearly_in_step_are_told_apart_from_those_in_step(command, config):
+    """With half as many poles an exciter turns nearly twice as fast, but for what both need against friction."""
+    motors = "[{friction_radius_m: 1.0e-5}, {friction_radius_m: 1.0e-5, pole_pairs: 1, critical_torque_n_m: 0.6}]"
+    text = f"machine: {{unbalance_radius_m: 0.03}}\nmotors: {motors}\norbits: {{{KEY}, start: 50, stop: 51}}\n"
+    assert " exciters are not in step: exciter 2 makes 1.99" in command("orbits", config(text)).err
+
+
 class Elsewhere(Inline):
     """Works in another directory, as workers of a scheduler do."""
 

@@ -12,6 +12,7 @@ from vibroplat.columns import Column, Columns
 from vibroplat.errors import VibroplatError
 from vibroplat.scene import Scene
 from vibroplat.study.lyapunov import lyapunov
+from vibroplat.study.orbits.newton import leaving
 from vibroplat.study.orbits.orbit import accurate, columns_told, first_orbit, measures_of_orbit, told
 from vibroplat.study.orbits.shooting import Shooter
 from vibroplat.study.point import Point, lost, measure_point
@@ -71,7 +72,7 @@ def _orbit(scene: Scene, state: list[float], period: int) -> dict[str, Any]:
         }
         row["orbit_distance"] = float(np.abs((near - frame.base) / shooter.scales).max())
         row["orbit_residual"] = found.residuals[-1]
-        row["orbit_unstable"] = int((np.abs(multipliers) > 1.0).sum())
+        row["orbit_unstable"] = leaving(multipliers)
         return row | told(multipliers, TOLD)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import closing
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,9 +18,10 @@ from vibroplat.hybrid.scales import state_scales
 from vibroplat.integrate.choice import make_engine
 from vibroplat.model.parameters import parameters
 from vibroplat.study.orbits.newton import ANGLE, Frame, Problem, correct
-from vibroplat.study.orbits.orbit import OrbitError, beginning_at
+from vibroplat.study.orbits.orbit import OrbitError, beginning_at, guesses
 from vibroplat.study.orbits.shooting import Shooter
 
+CALIBRATED = MACHINE.parents[3] / "configs" / "machines" / "calibrated.yaml"
 KEY, MASS, RESTITUTION = "drive.supply_frequency_hz", "material.mass_ratio", "contact.restitution"
 #: Range in which impacts with a restitution of 0.3 accumulate no longer, down to a single one.
 REBOUNDS = {"restitution": 0.3, "start": 50.0, "stop": 54.0, "switch": []}
@@ -72,6 +74,20 @@ def test_special_points_are_where_they_were_found_before(branches, mass, kind, c
 def test_special_points_with_restitution_are_where_they_were_found_before(rebounding, kind, place):
     special = [s["value"] for s in rebounding.special if s["kind"] == kind and s["word"] == "I"]
     assert special == [pytest.approx(place, abs=0.002)]
+
+
+def test_ranges_end_before_what_lies_beyond_them(branches):
+    beyond = next(s["value"] for s in branches[0.2][0].special if s["kind"] == "period-doubling")
+    (branch,) = traced(machine(0.2, start=beyond - 1.0, stop=beyond - 0.005, switch=[]))
+    assert branch.rows[-1]["value"] == pytest.approx(beyond - 0.005, rel=1e-14)
+    assert all(special["value"] < beyond - 0.005 for special in branch.special)
+
+
+@pytest.mark.parametrize("stop", [52.4, 54.2])
+def test_ranges_end_where_they_are_told_though_the_section_moves_there(stop):
+    (branch,) = traced(machine(0.2, start=stop - 1.5, stop=stop, switch=[], step={"first": 0.2, "largest": 0.3}))
+    assert branch.ended == "stop of the key's range"
+    assert branch.rows[-1]["value"] == stop
 
 
 @pytest.mark.parametrize("mass", [0.0, 0.1, 0.2])
@@ -303,6 +319,32 @@ def test_doubling_of_the_ball_over_restitution():
         assert gamma == pytest.approx(stable_range(row["second"])[1], rel=1e-6)
 
 
+def test_orbits_and_branches_count_the_same_multipliers_as_unstable(branches):
+    """At a branch point a multiplier is 1 but for its error."""
+    branch = next(b for b in branches[0.0] if b.ended == "mirror image beyond")
+    row = branch.rows[-1]
+    assert abs(np.abs(row["multiplier_1_re"]) - 1.0) < 1e-5
+    scene = load_config(MACHINE, {"solver.engine": "taylor", MASS: 0.0, KEY: row["value"]})
+    found = orbit(scene, row["state"])
+    for size, unstable in ((1.0 + 1e-7, 0), (1.0 + 1e-5, 1)):
+        assert replace(found, multipliers=np.array([size + 0.0j])).unstable == unstable
+    assert found.unstable == row["unstable"]
+
+
+def test_doubled_periods_end_where_they_begin():
+    scene = load_config(CALIBRATED, {"solver.engine": "taylor", MASS: 0.2})
+    single, double = (
+        traced(scene.replace({"orbits": {"key": KEY, "start": start, "stop": stop, "switch": [], "period": period}}))[0]
+        for start, stop, period in ((59.5, 60.2, 1), (61.5, 55.0, 2))
+    )
+    (begins,) = [s["value"] for s in single.special if s["kind"] == "period-doubling"]
+    assert double.ended == "half the period beyond"
+    assert not double.failed
+    assert (double.special[-1]["kind"], double.special[-1]["period"]) == ("period-doubling", 2)
+    assert double.special[-1]["value"] == pytest.approx(begins, abs=1e-6)
+    assert double.rows[-1]["value"] == pytest.approx(begins, abs=1e-6)
+
+
 def test_an_orbit_is_found_from_all_guesses():
     scene = load_config(MACHINE, {"solver.engine": "taylor", MASS: 0.2, KEY: 50.0})
     settled = orbit(scene)
@@ -316,6 +358,20 @@ def test_an_orbit_is_found_from_all_guesses():
         again = orbit(scene, guess)
         assert again.period_s == pytest.approx(settled.period_s, rel=1e-9)
         assert np.abs(again.multipliers[:3]) == pytest.approx(np.abs(settled.multipliers[:3]), abs=1e-6)
+
+
+def test_a_motion_goes_on_settling_after_a_search_in_vain():
+    scene = machine(0.2, start=50.0)
+    undisturbed, searched = [], []
+    for found, disturb in ((undisturbed, False), (searched, True)):
+        with closing(Shooter(scene)) as shooter:
+            for state in guesses(shooter, None):
+                found.append(state)
+                if disturb:
+                    shooter.shot(np.where(np.arange(14) == 9, 100.0, state), 0.01)
+    assert len(searched) == 3
+    for one, other in zip(undisturbed, searched, strict=True):
+        assert np.delete(other, [3, 4]) == pytest.approx(np.delete(one, [3, 4]), rel=1e-6, abs=1e-9)
 
 
 def test_an_orbit_that_is_not_there_is_told_with_its_residuals():

@@ -19,7 +19,7 @@ import numpy.typing as npt
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.systems import GAP, GAP_RATE, SYSTEMS
 from vibroplat.study.orbits.grazing import over_grazing
-from vibroplat.study.orbits.newton import ANGLE, Found, Frame, MissedError, Problem, correct, solved
+from vibroplat.study.orbits.newton import ANGLE, Found, Frame, MissedError, Problem, correct, leaving, solved
 from vibroplat.study.orbits.prediction import MOST, predicted
 from vibroplat.study.orbits.shooting import Shot
 from vibroplat.study.orbits.words import turned
@@ -44,8 +44,6 @@ BESIDE, ANGULAR = (0.5, 5.0), 1e-3
 ASIDE = 0.2
 #: Length of the new tangent over its part along the old one, beyond which it is checked as a step is.
 BENT = 1e3
-#: Distance of a multiplier from the unit circle that counts: its own error is far smaller.
-NEUTRAL = 1e-6
 #: The section is moved when the piece it lies in ends nearer to it than this part of the piece, or when it lies in
 #: flight while contact takes at least a share of the period.
 MARGIN, CONTACT_SHARE = 0.15, 0.06
@@ -94,7 +92,7 @@ class Point:
     @property
     def unstable(self) -> int:
         """Number of multipliers outside the unit circle."""
-        return int((np.abs(self.multipliers) > 1.0 + NEUTRAL).sum())
+        return leaving(self.multipliers)
 
 
 @dataclass
@@ -106,7 +104,7 @@ class Steps:
     largest: float
 
     def longest(self, point: Point) -> float:
-        """Longest step that changes the key by no more than the largest change, and the period by no more than a part."""
+        """Longest step that changes the key by at most the largest change, and the period by at most a part."""
         tangent, phase = point.tangent, point.frame.phase
         period = PERIOD * float(point.u[phase]) / max(abs(float(tangent[phase])), 1e-9)
         return min(self.largest / max(abs(float(tangent[-1])), FLAT), period)
@@ -187,6 +185,8 @@ class Branch:
         angular = there.word != point.word and abs(length) < ANGULAR
         if np.linalg.norm(found.u - u) > (BESIDE[1] if angular else BESIDE[0]) * abs(length):
             raise MissedError("another branch was found")
+        if self.problem.halves(there.frame, there.u):
+            raise MissedError("an orbit of half the period was found")
         return there
 
     def between(

@@ -29,6 +29,11 @@ QUICK = 300.0
 #: those with singular values below the other number.
 LONGEST, UNDETERMINED = 1.0, 1e-8
 
+#: Distance of a multiplier from the unit circle that counts: its own error is far smaller.
+NEUTRAL = 1e-6
+#: Residual after half of the period, over the tolerance, within which an orbit repeats there.
+HALVED = 1e3
+
 #: Place of the angle of exciter 1 in the full state.
 ANGLE = 3
 
@@ -157,6 +162,15 @@ class Problem:
         found[:, frame.phase] = self._along(frame, shot) / self._speed
         return found
 
+    def halves(self, frame: Frame, u: FloatArray) -> bool:
+        """Whether an orbit repeats after half of its period already."""
+        if any(turns % 2 for turns in self.turns):
+            return False
+        state, seconds, _ = self.unpack(frame, u)
+        difference = self.shooter.shot(state, 0.5 * seconds).state - state
+        difference[3:5] -= np.pi * np.array(self.turns)
+        return bool(np.abs(difference / self.shooter.scales).max() < HALVED * self.tolerance)
+
     def _derivative(self, frame: Frame, shot: Shot) -> FloatArray:
         """Differentiate the end by the start and by the keys, in scales and units, shape (m, m + keys)."""
         assert shot.derivative is not None
@@ -188,6 +202,11 @@ def sorted_multipliers(section_map: FloatArray) -> npt.NDArray[np.complex128]:
     """Eigenvalues by size, the largest first; of a pair that with the positive imaginary part."""
     found = np.linalg.eigvals(section_map).astype(complex)
     return found[np.lexsort((-found.imag, -np.round(np.abs(found), 12)))]
+
+
+def leaving(multipliers: npt.NDArray[np.complex128]) -> int:
+    """Count the multipliers outside the unit circle."""
+    return int((np.abs(multipliers) > 1.0 + NEUTRAL).sum())
 
 
 def solved(matrix: FloatArray, right: FloatArray, longest: float) -> FloatArray:

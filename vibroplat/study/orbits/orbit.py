@@ -23,7 +23,7 @@ from vibroplat.kernels.compiled import FloatArray
 from vibroplat.observe.summary import Part, measured
 from vibroplat.observe.trajectory import Trajectory
 from vibroplat.scene import COORDINATES, RATES, Scene
-from vibroplat.study.orbits.newton import ANGLE, Found, Frame, MissedError, Problem, correct
+from vibroplat.study.orbits.newton import ANGLE, Found, Frame, MissedError, Problem, correct, leaving
 from vibroplat.study.orbits.shooting import Shooter, Shot
 from vibroplat.study.orbits.words import spelled, turned
 from vibroplat.study.point import MEASURED, row_of
@@ -40,7 +40,7 @@ REPEATS = 1e4
 
 #: Periods over which the turns of both exciters are compared where no orbit is found, and how far from whole turns in
 #: each those of exciter 2 may be.
-WATCHED, OUT_OF_STEP = 200, 2e-3
+WATCHED, OUT_OF_STEP = 1000, 4e-4
 
 _TURN = 2.0 * np.pi
 
@@ -103,7 +103,7 @@ class Orbit:
     @property
     def unstable(self) -> int:
         """Number of multipliers outside the unit circle."""
-        return int((np.abs(self.multipliers) > 1.0).sum())
+        return leaving(self.multipliers)
 
     @property
     def stable(self) -> bool:
@@ -250,7 +250,9 @@ def guesses(shooter: Shooter, guess: Any) -> Any:
             done = turns
             if motion.outcome != "ok":
                 raise OrbitError(f"the motion ended while it settled: {motion.outcome}: {motion.detail}")
-            yield motion.state
+            state = motion.state
+            yield state
+            motion.begin_again(state)  # the search has moved it
         return
     motion.begin_again(state_of(scene, guess))
     if not motion.to_section(1, 4.0 * _TURN / scene.speed_scale):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from contextlib import closing
+from contextlib import closing, suppress
 
 import numpy as np
 
@@ -40,17 +40,20 @@ def part(scene: Scene, plan: OrbitsPlan, begin: Record | None, known: Known) -> 
             branch = _first(shooter, plan) if begin is None else _again(shooter, plan, begin)
         except (MissedError, OrbitError) as error:
             return record | {"ended": str(error), "failed": True}
-        rows, seen, ends = record["rows"], list(known.special), list[Point]()
+        rows, seen, ends, step = record["rows"], list(known.special), list[Special](), list[Point]()
 
         def look(before: Point, after: Point, *, strictly: bool) -> None:
+            step[:] = before, after
             for special in list(specials(branch, before, after, strictly=strictly)):
+                if not (plan.covers(special.value) or plan.covers(after.value)):
+                    return  # beyond the end of the branch
                 found = _special_record(branch, special, len(rows))
                 old = any(same_special(found, other, plan) for other in seen)
                 found["branches"] = [] if old else _new_branches(branch, special, plan)
                 record["special"].append(found)
                 seen.append(found)
                 if special.mirrors and len(known.own) + len(rows) > 1:
-                    ends.append(special.point)
+                    ends.append(special)
                     return
 
         if begin is None or begin["new"]:
@@ -59,9 +62,10 @@ def part(scene: Scene, plan: OrbitsPlan, begin: Record | None, known: Known) -> 
             if not branch.grow(look):
                 return record | {"ended": branch.ended, "failed": True}
             if ends:
-                branch.points[-1], branch.ended = ends[0], "mirror image beyond"
+                beyond = "half the period beyond" if ends[0].kind == DOUBLING else "mirror image beyond"
+                branch.points[-1], branch.ended = ends[0].point, beyond
             else:
-                _stop_at_end(branch, plan)
+                _stop_at_end(branch, plan, *step)
             _take(branch, known, record)
         record["last"] = _place(branch, branch.points[-1], branch.steps.now, new=False)
     return record
@@ -133,30 +137,26 @@ def _full_tangent(problem: Problem, frame: Frame, tangent: FloatArray) -> FloatA
     return full
 
 
-def _stop_at_end(branch: Branch, plan: OrbitsPlan) -> None:
-    """End a branch that has left the range of the key with a point at the end of it."""
-    low, high = plan.range
-    last, before = branch.points[-1], branch.points[-2]
-    if low <= last.value <= high:
+def _stop_at_end(branch: Branch, plan: OrbitsPlan, before: Point, last: Point) -> None:
+    """End a branch at the end of the key's range, if its last step, between points in one frame, has left it."""
+    if plan.covers(last.value):
         return
+    low, high = plan.range
     end = low if last.value < low else high
     branch.ended = "start of the key's range" if end == plan.start else "stop of the key's range"
-    if last.frame is before.frame:
-        share = (end - before.value) / (last.value - before.value)
-        u = before.u + share * (last.u - before.u)
-        u[-1] = end / branch.problem.units[0]
-        border = np.zeros((1, u.size))
-        border[0, -1] = 1.0
-        try:
-            found = correct(branch.problem, last.frame, u, border, last.found.jacobian)
-        except MissedError:
-            return
+    share = (end - before.value) / (last.value - before.value)
+    u = before.u + share * (last.u - before.u)
+    u[-1] = end / branch.problem.units[0]
+    border = np.zeros((1, u.size))
+    border[0, -1] = 1.0
+    with suppress(MissedError):
+        found = correct(branch.problem, last.frame, u, border, last.found.jacobian)
         branch.points[-1] = branch.point(last.frame, found, last.tangent)
 
 
 def _new_branches(branch: Branch, special: Special, plan: OrbitsPlan) -> list[Record]:
     """Find the first points of the branches that begin at a special point, where they are to be followed."""
-    if special.kind not in plan.switch:
+    if special.kind not in plan.switch or (special.kind == DOUBLING and special.mirrors):
         return []
     if special.kind == BRANCH_POINT:
         assert special.across is not None
@@ -196,18 +196,9 @@ def _first_away(branch: Branch, origin: Special, u: FloatArray, direction: Float
             continue
         way = point.u - u
         apart = abs(way @ direction) > LEFT * abs(way @ origin.direction)
-        if _doubled(branch, point) if origin.kind == DOUBLING else apart:
+        if not branch.problem.halves(point.frame, point.u) if origin.kind == DOUBLING else apart:
             return point
     return None
-
-
-def _doubled(branch: Branch, point: Point) -> bool:
-    """Whether an orbit does not repeat after half of its period."""
-    problem = branch.problem
-    state, seconds, _ = problem.unpack(point.frame, point.u)
-    difference = problem.shooter.shot(state, 0.5 * seconds).state - state
-    difference[3:5] -= np.pi * np.array(problem.turns)
-    return bool(np.abs(difference / problem.shooter.scales).max() > 1e3 * problem.tolerance)
 
 
 def _doubling_direction(problem: Problem, point: Point) -> FloatArray:

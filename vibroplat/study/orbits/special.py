@@ -70,7 +70,8 @@ class Special:
     across
         Direction of the other branch at a branch point.
     mirrors
-        Whether this branch turns back at a branch point: beyond are the mirror images of the orbits before.
+        Whether this branch turns back: beyond are the mirror images of the orbits before or, where it is one of doubled
+        periods and has come to their end, the same orbits begun half a period later.
     """
 
     kind: str
@@ -325,6 +326,8 @@ def crossed(branch: Branch, before: Point, after: Point) -> Special:
     point = branch.point(before.frame, found.found, along if along @ direction > 0.0 else -along)
     point.tangent = along if along @ direction > 0.0 else -along
     mirrors = fold(before) * fold(after) < 0.0  # a pitchfork
+    if branch.problem.halves(point.frame, point.u):
+        return Special(DOUBLING, point, point.value, direction, mirrors=mirrors)
     return Special(BRANCH_POINT, point, point.value, direction, across, mirrors)
 
 
