@@ -331,6 +331,14 @@ def test_orbits_and_branches_count_the_same_multipliers_as_unstable(branches):
     assert found.unstable == row["unstable"]
 
 
+def test_branches_end_where_the_law_of_impact_jumps_and_say_so():
+    plan = {"key": KEY, "start": 49.0, "stop": 51.0, "switch": []}
+    scene = load_config(CALIBRATED, {"solver.engine": "taylor", MASS: 0.2, RESTITUTION: 0.7, "orbits": plan})
+    (branch,) = traced(scene)
+    assert branch.failed
+    assert branch.ended == ("no point beyond: an impact reaches contact.sticking_speed_m_per_s, where rebounds begin")
+
+
 def test_doubled_periods_end_where_they_begin():
     scene = load_config(CALIBRATED, {"solver.engine": "taylor", MASS: 0.2})
     single, double = (

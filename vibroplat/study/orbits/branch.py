@@ -16,8 +16,10 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
+from vibroplat.hybrid.modes import IMPACT
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.systems import GAP, GAP_RATE, SYSTEMS
+from vibroplat.scene import Scene
 from vibroplat.study.orbits.grazing import over_grazing
 from vibroplat.study.orbits.newton import ANGLE, Found, Frame, MissedError, Problem, correct, leaving, solved
 from vibroplat.study.orbits.prediction import MOST, predicted
@@ -47,6 +49,9 @@ BENT = 1e3
 #: The section is moved when the piece it lies in ends nearer to it than this part of the piece, or when it lies in
 #: flight while contact takes at least a share of the period.
 MARGIN, CONTACT_SHARE = 0.15, 0.06
+
+#: How near an impact must be, as a part of its speed, to that below which impacts stick, for an end to be due to it.
+NEARLY, LAW_JUMPS = 1e-4, "an impact reaches contact.sticking_speed_m_per_s, where rebounds begin"
 
 
 @dataclass
@@ -223,7 +228,8 @@ class Branch:
         try:
             point = self._next(look)
         except MissedError as error:
-            self.ended = f"no point beyond: {error.why}"
+            why = LAW_JUMPS if _law_jumps(self.points[-1].shot, self.problem.shooter.scene) else error.why
+            self.ended = f"no point beyond: {why}"
             return False
         iterations = len(point.found.residuals)
         factor = LONGER if iterations <= EASY else 1.0 if iterations <= HARD else SHORTER
@@ -292,6 +298,13 @@ class Branch:
             return point
         moved.step = point.step
         return moved
+
+
+def _law_jumps(shot: Shot, scene: Scene) -> bool:
+    """Whether an impact of an orbit is just as fast as those below which there is no rebound."""
+    bound = scene.contact.sticking_speed_m_per_s
+    speeds = -shot.events["rate_before"][shot.events["kind"] == IMPACT]
+    return bool((np.abs(speeds - bound) < NEARLY * bound).any()) and scene.contact.restitution > 0.0
 
 
 def to_middle(
