@@ -286,6 +286,7 @@ def test_curves_of_branch_points_go_through_those_of_other_masses(branches):
     for curve in curves:
         ratio, value = (np.array([row[name] for row in curve.rows]) for name in ("second", "value"))
         assert curve.ended == ["end of a key's range"] * 2
+        assert (ratio.min(), ratio.max()) == pytest.approx((0.05, 0.3), abs=1e-7)
         near = np.argsort(np.abs(ratio - 0.1))[:6]
         fitted = np.polyval(np.polyfit(ratio[near] - 0.1, value[near], 5), 0.0)
         assert np.abs(known - fitted).min() < 1e-5
@@ -299,6 +300,7 @@ def test_boundaries_go_through_the_points_of_other_branches(branches):
     for curve in curves:
         ratio, value = (np.array([row[name] for row in curve.rows]) for name in ("second", "value"))
         assert curve.ended == ["end of a key's range"] * 2
+        assert (ratio.min(), ratio.max()) == pytest.approx((0.05, 0.3), abs=1e-7)
         order = np.argsort(ratio)
         near = np.argsort(np.abs(ratio - 0.1))[:4]
         fitted = np.polyval(np.polyfit(ratio[near] - 0.1, value[near], 3), 0.0)

@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.study.orbits.branch import to_middle
+from vibroplat.study.orbits.crossings import Window
 from vibroplat.study.orbits.kinds import (
     DOUBLING,
     END_OF_STICKING,
@@ -178,10 +179,8 @@ def plane(jacobian: FloatArray) -> FloatArray:
     return found
 
 
-def follow(
-    curve: Curve, frame: Frame, u: FloatArray, sense: float, first: float, inside: Callable[[FloatArray], bool]
-) -> Iterator[Spot]:
-    """Follow a curve from unknowns near it, in the sense of the second key, and yield its points.
+def follow(curve: Curve, frame: Frame, u: FloatArray, sense: float, first: float, window: Window) -> Iterator[Spot]:
+    """Follow a curve from unknowns near it, in the sense of the second key, and yield its points up to a range's end.
 
     Raises
     ------
@@ -211,12 +210,28 @@ def follow(
                 raise
             continue
         along = way / np.linalg.norm(way)
+        out = window.passed(found.found.u)
+        if out is not None:
+            if abs(spot.found.u[out[0]] - out[1]) > ACROSS:  # not there already
+                yield _at_end(curve, spot, found, across, *out)
+            return
         spot = found
         yield spot
-        if not inside(spot.found.u):
-            return
         step = min(step * LONGER, curve.longest / max(abs(float(along[-1])), 0.05))
         spot, along, across = _on_section(curve, spot, along, across)
+
+
+def _at_end(curve: Curve, before: Spot, after: Spot, across: FloatArray, place: int, end: float) -> Spot:
+    """Find the point of a curve at the end of a key's range, between two in one frame."""
+    one, other = before.found.u, after.found.u
+    u = one + (end - one[place]) / (other[place] - one[place]) * (other - one)
+    key = np.zeros(u.size)
+    key[place] = 1.0
+    surface = plane(after.found.jacobian)
+    first, second = surface[:, place]
+    level = surface.T @ np.array([second, -first])
+    level *= math.copysign(1.0, level @ across) / np.linalg.norm(level)
+    return curve.on_curve(before.frame, u, key, level, before)
 
 
 def _beside(curve: Curve, frame: Frame, u: FloatArray, keys: FloatArray) -> Spot:

@@ -7,7 +7,7 @@ it is 0 without a slope, and the directions in which it does not bend are those 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,6 +26,27 @@ CLOSE, MOST, CROSSING = 1e-7, 10, 1e-6
 LONGER, SHORTER, ASTRAY, ASIDE = 1.5, 0.5, 0.5, 1.0
 #: Points that the next one is predicted from.
 KNOWN = 3
+
+
+@dataclass(frozen=True)
+class Window:
+    """Ranges of both keys, in units of the unknowns.
+
+    Attributes
+    ----------
+    low, high
+        Their ends, shape (2,).
+    """
+
+    low: FloatArray
+    high: FloatArray
+
+    def passed(self, u: FloatArray) -> tuple[int, float] | None:
+        """Return the place of the key that has left its range, −2 or −1, and the end that it has passed."""
+        for place in (-2, -1):
+            if not self.low[place] <= u[place] <= self.high[place]:
+                return place, float((self.low if u[place] < self.low[place] else self.high)[place])
+        return None
 
 
 @dataclass
@@ -120,7 +141,7 @@ def follow_crossings(
     u: FloatArray,
     sense: float,
     steps: tuple[float, float, float],
-    inside: Callable[[FloatArray], bool],
+    window: Window,
 ) -> Iterator[tuple[Frame, Found]]:
     """Follow a curve of branch points over both keys, by steps of the second one.
 
@@ -132,8 +153,8 @@ def follow_crossings(
         In which the second key goes, 1 or −1.
     steps
         The first, the longest and the least, in units of the unknowns.
-    inside
-        Whether unknowns are in the range of both keys; the first point that is not is the last.
+    window
+        Ranges of the keys, at whose ends the curve ends.
 
     Raises
     ------
@@ -148,8 +169,6 @@ def follow_crossings(
     while True:
         last = known[-1]
         yield last.frame, last.found
-        if not inside(last.found.u):
-            return
         while True:
             places = [float(c.found.u[-1]) for c in known]
             second = places[-1] + sense * step
@@ -165,8 +184,26 @@ def follow_crossings(
                 step *= SHORTER
                 if step < least:
                     raise
+        out = window.passed(there.found.u)
+        if out is not None:
+            if abs(last.found.u[out[0]] - out[1]) > CLOSE:  # not there already
+                end = _at_end(problem, last, there, held, *out)
+                yield end.frame, end.found
+            return
         step = min(LONGER * step, longest)
         known = _moved(problem, [*known, there][-KNOWN:])
+
+
+def _at_end(problem: Problem, before: Crossing, after: Crossing, held: FloatArray, place: int, end: float) -> Crossing:
+    """Find the branch point at the end of a key's range, between two in one frame."""
+    one, other = before, after
+    for _ in range(MOST):
+        apart = other.found.u - one.found.u
+        guess = one.found.u + (end - one.found.u[place]) / apart[place] * apart
+        one, other = other, crossing(problem, before.frame, guess, before.found.jacobian, held)
+        if abs(other.found.u[place] - end) < CLOSE:
+            return other
+    raise MissedError("the end of the range is not met")
 
 
 def _moved(problem: Problem, known: list[Crossing]) -> list[Crossing]:

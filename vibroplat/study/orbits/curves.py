@@ -10,13 +10,12 @@ from typing import Any
 import numpy as np
 
 from vibroplat.errors import ConfigError
-from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.sensitivity import value_of
 from vibroplat.orbits_plan import BoundariesPlan, OrbitsPlan
 from vibroplat.scene import Scene
 from vibroplat.study.execution import Pool
 from vibroplat.study.orbits.boundaries import Curve, Spot, follow
-from vibroplat.study.orbits.crossings import follow_crossings
+from vibroplat.study.orbits.crossings import Window, follow_crossings
 from vibroplat.study.orbits.kinds import BRANCH_POINT
 from vibroplat.study.orbits.newton import Frame, MissedError, Problem
 from vibroplat.study.orbits.passing import same_special
@@ -133,19 +132,17 @@ def _one_way(scene: Scene, plan: OrbitsPlan, special: Record, sense: int) -> Rec
         frame = Frame(state, shooter.shot(state, 0.0).begins)
         u = problem.pack(frame, state, special["period_s"], values)
 
-        def inside(u: FloatArray) -> bool:
-            one, other = u[-2] * plan.unit, u[-1] * unit
-            low, high = min(wanted.start, wanted.stop), max(wanted.start, wanted.stop)
-            return bool(plan.range[0] <= one <= plan.range[1] and low <= other <= high)
-
+        low, high = min(wanted.start, wanted.stop), max(wanted.start, wanted.stop)
+        units = np.array([plan.unit, unit])
+        window = Window(np.array([plan.range[0], low]) / units, np.array([plan.range[1], high]) / units)
         spots: Iterator[Spot]
         if special["kind"] == BRANCH_POINT:
             steps = first / unit, largest / unit, least / unit
-            crossings = follow_crossings(problem, frame, u, sense, steps, inside)
+            crossings = follow_crossings(problem, frame, u, sense, steps, window)
             spots = (Spot(f, found, problem.multipliers(f, found.shot)) for f, found in crossings)
         else:
             curve = Curve(problem, special["kind"], special["word"], largest / unit, least / unit)
-            spots = follow(curve, frame, u, sense, first / unit, inside)
+            spots = follow(curve, frame, u, sense, first / unit, window)
         try:
             for spot in spots:
                 record["rows"].append(_row(problem, spot, special["kind"]))

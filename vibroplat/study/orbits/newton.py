@@ -135,7 +135,7 @@ class Problem:
         """
         state, period, values = self.unpack(frame, u)
         if not period > 0.0 or period * self._speed > 1e4:
-            raise MissedError(f"the period became {period:.3g} s")
+            raise MissedError(f"the search went astray, to a period of {period:.3g} s")
         if frame.flying and state[GAP] <= 0.0:
             raise MissedError("the gap closed on the section")
         try:

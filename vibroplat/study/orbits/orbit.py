@@ -33,6 +33,8 @@ if TYPE_CHECKING:
 
 #: Turns of exciter 1 after which a motion that settles is tried as a guess, one after the other.
 SETTLING = (24, 96, 384)
+#: Residual of a motion that has settled, in the scales of the scene, beyond which it does not repeat.
+UNSETTLED = 1e-3
 #: The tolerance of the integrator over that of an orbit, at most.
 INTEGRATOR = 0.1
 #: Residual, over the tolerance, within which an orbit repeats after fewer turns.
@@ -218,6 +220,8 @@ def first_orbit(
     assert why is not None
     last = ", ".join(f"{r:.1e}" for r in why.residuals[-4:]) or "none"
     reason = _out_of_step(shooter, state, period) or why.why
+    if guess is None and why.residuals and why.residuals[0] > UNSETTLED:
+        reason = f"after {SETTLING[-1]} turns the motion does not repeat after {period}; {reason}"
     raise OrbitError(f"no orbit of period {period} near the start: {reason}; last residuals: {last}")
 
 
