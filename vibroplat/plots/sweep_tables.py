@@ -119,7 +119,10 @@ def _grid(table: pd.DataFrame) -> list[str]:
 
 def _completed(table: pd.DataFrame, result: Result, keys: Iterable[str]) -> pd.DataFrame:
     """Add the keys that only other sweeps vary, with the value that this one was made with."""
-    made = flat(result.provenance["configuration"])
+    try:
+        made = flat(result.provenance["configuration"])
+    except (KeyError, TypeError, AttributeError):
+        raise TableError(f"{result.directory}/provenance.json is not the provenance of a sweep") from None
     return table.assign(**{key: made[key] for key in keys if key not in table and key in made})
 
 
