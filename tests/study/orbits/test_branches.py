@@ -392,3 +392,9 @@ def test_an_orbit_that_is_not_there_is_told_with_its_residuals():
     state[7:12] += 30.0 * state_scales(scene)[7:12]
     with pytest.raises(OrbitError, match=r"no orbit of period 1 near the start: .*; last residuals: \d"):
         orbit(scene, state)
+
+
+def test_motion_that_settles_to_another_period_is_told():
+    """Beyond the period doubling."""
+    with pytest.raises(OrbitError, match="the motion that settles does not repeat after 1 turns; "):
+        orbit(machine(0.2).replace({KEY: 56.7}))

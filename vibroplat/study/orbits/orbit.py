@@ -219,9 +219,10 @@ def first_orbit(
         return problem, frame, found
     assert why is not None
     last = ", ".join(f"{r:.1e}" for r in why.residuals[-4:]) or "none"
-    reason = _out_of_step(shooter, state, period) or why.why
-    if guess is None and why.residuals and why.residuals[0] > UNSETTLED:
-        reason = f"after {SETTLING[-1]} turns the motion does not repeat after {period}; {reason}"
+    reason = _out_of_step(shooter, state, period)
+    if not reason and guess is None and why.residuals and why.residuals[0] > UNSETTLED:
+        reason = f"the motion that settles does not repeat after {period} turns; {why.why}"
+    reason = reason or why.why
     raise OrbitError(f"no orbit of period {period} near the start: {reason}; last residuals: {last}")
 
 
