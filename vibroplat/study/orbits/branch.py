@@ -34,8 +34,8 @@ GRAZING = 0.3
 #: Where impacts accumulate the sequence changes infinitely often: a step over changes that cannot be located is taken
 #: after all when steps down to this part of it did no better.
 SKIPPED = 1e-2
-#: Largest change of the period in a step, over it: curves are drawn over the excitation frequency. Where the key hardly
-#: changes, a step is as long as if this were the tangent's part along it.
+#: Largest change of the period in a step, over the period: curves are drawn over the excitation frequency. Where the
+#: key hardly changes, the tangent's part along it counts as no less than the second number.
 PERIOD, FLAT = 1.0 / 120.0, 0.03
 #: Least cosine between the tangents of points with one sequence of events.
 STRAIGHT = 0.6

@@ -139,7 +139,8 @@ def specials(
         return
     there = corner(branch, before, after)
     if there is None:
-        middle = halfway(branch, before, after) if depth < HALVED else None
+        # nearer to an impact that begins or ends, its distance is known
+        middle = inside(branch, before, after, 0.5) if depth < HALVED else None
         if middle is not None:
             yield from specials(branch, before, middle, strictly=strictly, depth=depth + 1)
             yield from specials(branch, middle, after, strictly=strictly, depth=depth + 1)
@@ -165,12 +166,12 @@ def ordered(one: Point, other: Point, forth: bool) -> tuple[Point, Point]:
     return (one, other) if forth else (other, one)
 
 
-def halfway(branch: Branch, before: Point, after: Point) -> Point | None:
-    """Find an orbit halfway between two; nearer to an impact that begins or ends, its distance is known."""
+def inside(branch: Branch, before: Point, after: Point, share: float) -> Point | None:
+    """Find an orbit between two, at a part of the way; None if there is none."""
     chord = after.u - before.u
     whole = float(np.linalg.norm(chord))
     try:
-        return branch.between([before, after], before, chord / whole, 0.5 * whole, whole)
+        return branch.between([before, after], before, chord / whole, share * whole, whole)
     except MissedError:
         return None
 
@@ -200,13 +201,8 @@ def smooth(branch: Branch, before: Point, after: Point, depth: int = 0) -> Itera
     if place is None and unexplained(before, after):
         place = 0.5
     if place is not None and depth < DEEPEST:
-        chord = after.u - before.u
-        whole = float(np.linalg.norm(chord))
-        try:
-            middle = branch.between([before, after], before, chord / whole, place * whole, whole)
-        except MissedError:
-            middle = before
-        if middle is not before and middle.word == before.word:
+        middle = inside(branch, before, after, place)
+        if middle is not None and middle.word == before.word:
             yield from smooth(branch, before, middle, depth + 1)
             yield from smooth(branch, middle, after, depth + 1)
             return
@@ -323,8 +319,9 @@ def crossed(branch: Branch, before: Point, after: Point) -> Special:
         rough.across = across / np.linalg.norm(across)
         return rough
     across, along = sorted(found.directions, key=lambda way: abs(float(way @ direction)))
-    point = branch.point(before.frame, found.found, along if along @ direction > 0.0 else -along)
-    point.tangent = along if along @ direction > 0.0 else -along
+    along = along if along @ direction > 0.0 else -along
+    point = branch.point(before.frame, found.found, along)
+    point.tangent = along
     mirrors = fold(before) * fold(after) < 0.0  # a pitchfork
     if branch.problem.halves(point.frame, point.u):
         return Special(DOUBLING, point, point.value, direction, mirrors=mirrors)
