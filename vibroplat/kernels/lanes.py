@@ -55,8 +55,8 @@ class _Rows:
             address = b.add(address, b.mul(column, ir.Constant(_INDEX, _BYTES)))
         return b.inttoptr(address, kind.as_pointer())
 
-    def load(self, row: Any) -> Any:
-        return self._builder.load(self._place(row, None, self.vector), align=_BYTES)
+    def load(self, row: Any, column: Any = None) -> Any:
+        return self._builder.load(self._place(row, column, self.vector), align=_BYTES)
 
     def store(self, row: Any, numbers: Any, column: Any = None) -> None:
         self._builder.store(numbers, self._place(row, column, numbers.type), align=_BYTES)
@@ -234,6 +234,18 @@ def _sizes(typing_context: Any, c: Any, first: Any, degree: Any, out: Any) -> An
     return types.void(c, types.int64, types.int64, out), generate
 
 
+@intrinsic
+def _reduce(typing_context: Any, a: Any, row: Any, other: Any, column: Any, factor: Any) -> Any:
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        rows = _Rows(context, builder, signature.args[0], values[0], 16)
+        _, row, other, column, factor = values
+        product = builder.fmul(_repeated(builder, factor, rows.vector), rows.load(other, column), flags=_FUSED)
+        rows.store(row, builder.fsub(rows.load(row, column), product, flags=_FUSED), column)
+        return context.get_dummy_value()
+
+    return types.void(a, types.int64, types.int64, types.int64, types.float64), generate
+
+
 #: π/2 in three parts, the first ones with so many zeros at their ends that their products with a number of quarter
 #: turns are exact, and coefficients of sine and cosine on [−π/4, π/4], highest first (Moshier, Cephes, 1989).
 _QUARTER = (1.57079625129699707031, 7.54978941586159635335e-8, 5.39030285815811905290e-15)
@@ -346,6 +358,9 @@ if TYPE_CHECKING:
     def sizes_16(c: FloatArray, first: int, degree: int, out: FloatArray) -> None:
         """Sum up the sizes of all 16 columns over rows ``first`` to ``degree``."""
 
+    def reduce_16(a: FloatArray, row: int, other: int, column: int, factor: float) -> None:
+        """Subtract a multiple of another row from a row, in 16 columns from one on."""
+
     def sines(first: float, second: float) -> tuple[float, float, float, float]:
         """Sine and cosine of an angle, then of another, in the time of one of them; to round-off below 1e5 rad."""
 
@@ -368,5 +383,6 @@ if TYPE_CHECKING:
         """
 else:
     products_2, products_16 = _cauchy(2), _cauchy(16)
-    put_row, put_step, horner_pair_16, sizes_16, sines = _put_row, _put_step, _horner_pair, _sizes, _sines
+    put_row, put_step, horner_pair_16, sizes_16 = _put_row, _put_step, _horner_pair, _sizes
+    reduce_16, sines = _reduce, _sines
     horner_16, horner_8 = _horner(16, derivatives=0), _horner(8, derivatives=2)

@@ -20,6 +20,7 @@ from vibroplat.hybrid.state import Automaton
 from vibroplat.hybrid.steps import Steps
 from vibroplat.kernels.compiled import FloatArray, compiled, copy, fused, inlined
 from vibroplat.kernels.foreign import borrow
+from vibroplat.kernels.lanes import in_lines, reduce_16
 from vibroplat.kernels.linear import pivot_row
 from vibroplat.kernels.polynomial import values
 from vibroplat.model.accelerations import accelerations, linearize, solve
@@ -41,6 +42,8 @@ from vibroplat.model.systems import (
 #: Parameters by which a state is differentiated at a time, and columns: those of the start, then of the parameters.
 MOST_KEYS = 2
 COLUMNS = FULL_SIZE + MOST_KEYS
+#: Columns that are reduced at once: those of the right-hand sides are as many.
+LANE = 16
 
 #: Longest step of the collocation, as a part of a turn of the synchronous speed and times the quickest natural
 #: frequency (rad/s), and its points. Beside differences, derivatives over a turn are good to 1e-9 with 16 steps in a
@@ -99,7 +102,7 @@ class Room(NamedTuple):
     slopes: FloatArray
     a: FloatArray  # (points, 7, 14) derivatives of the accelerations by the unknowns
     b: FloatArray  # (points, 7, MOST_KEYS) by the parameters
-    matrix: FloatArray  # (points · 7, points · 7 + COLUMNS)
+    matrix: FloatArray  # (points · 7, whole lanes for points · 7, then COLUMNS)
     part: FloatArray  # (14, COLUMNS) unknowns of the system
 
 
@@ -141,7 +144,7 @@ def _room() -> Room:
         np.zeros((FULL_SIZE, FULL_SIZE)),
         np.zeros((_MOST_POINTS, FULL_SIZE // 2, FULL_SIZE)),
         np.zeros((_MOST_POINTS, FULL_SIZE // 2, MOST_KEYS)),
-        np.zeros((equations, equations + COLUMNS)),
+        in_lines((equations, behind(equations) + COLUMNS)),
         np.zeros((FULL_SIZE, COLUMNS)),
     )
 
@@ -373,6 +376,7 @@ def collocate(n: int, h: float, method: Radau, room: Room) -> None:
     """
     points, s = method.nodes.size, room.part
     m = points * n
+    right = behind(m)
     for i in range(points):
         lead = h * method.nodes[i]
         for r in range(n):
@@ -383,13 +387,13 @@ def collocate(n: int, h: float, method: Radau, room: Room) -> None:
                     row[j * n + c] = -twice * room.a[i, r, c] - once * room.a[i, r, n + c]
             row[i * n + r] += 1.0
             for k in range(COLUMNS):
-                row[m + k] = 0.0
+                row[right + k] = 0.0
             for c in range(n):
                 stiffness, damping = room.a[i, r, c], room.a[i, r, n + c] + lead * room.a[i, r, c]
                 for k in range(COLUMNS):
-                    row[m + k] += stiffness * s[c, k] + damping * s[n + c, k]
+                    row[right + k] += stiffness * s[c, k] + damping * s[n + c, k]
             for k in range(MOST_KEYS):
-                row[m + FULL_SIZE + k] += room.b[i, r, k]
+                row[right + FULL_SIZE + k] += room.b[i, r, k]
     eliminate(room.matrix, m)
     last = points - 1
     for c in range(n):
@@ -398,34 +402,41 @@ def collocate(n: int, h: float, method: Radau, room: Room) -> None:
         for i in range(points):
             twice, once = h * h * method.twice[last, i], h * method.once[last, i]
             for k in range(COLUMNS):
-                found = room.matrix[i * n + c, m + k]
+                found = room.matrix[i * n + c, right + k]
                 s[c, k] += twice * found
                 s[n + c, k] += once * found
 
 
+@inlined
+def behind(m: int) -> int:
+    """Column at which the right-hand sides of m equations begin."""
+    return -(-m // LANE) * LANE
+
+
 @fused
 def eliminate(matrix: FloatArray, m: int) -> None:
-    """Solve m linear equations for COLUMNS right-hand sides, which stand behind the matrix and become the solutions."""
-    width = m + COLUMNS
+    """Solve m linear equations for COLUMNS right-hand sides, which stand behind the matrix and become the solutions.
+
+    Rows are reduced in whole lanes: what that leaves before the diagonal is never read.
+    """
+    right = behind(m)
     for k in range(m):
+        first = k // LANE * LANE
         best = pivot_row(matrix[:m], k)
         if best != k:
-            for j in range(k, width):
+            for j in range(first, right + COLUMNS):
                 matrix[k, j], matrix[best, j] = matrix[best, j], matrix[k, j]
         inverse = 1.0 / matrix[k, k]
         for i in range(k + 1, m):
             factor = matrix[i, k] * inverse
-            if factor != 0.0:
-                for j in range(k + 1, width):
-                    matrix[i, j] -= factor * matrix[k, j]
+            for j in range(first, right + COLUMNS, LANE):
+                reduce_16(matrix, i, k, j, factor)
     for k in range(m - 1, -1, -1):
         inverse = 1.0 / matrix[k, k]
-        for j in range(m, width):
+        for j in range(right, right + COLUMNS):
             matrix[k, j] *= inverse
         for i in range(k):
-            factor = matrix[i, k]
-            for j in range(m, width):
-                matrix[i, j] -= factor * matrix[k, j]
+            reduce_16(matrix, i, k, right, matrix[i, k])
 
 
 @compiled

@@ -9,22 +9,20 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from functools import cached_property
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
 from vibroplat.hybrid.modes import IMPACT
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.systems import GAP, GAP_RATE, SYSTEMS
 from vibroplat.scene import Scene
 from vibroplat.study.orbits.grazing import over_grazing
-from vibroplat.study.orbits.newton import ANGLE, Found, Frame, MissedError, Problem, correct, leaving, solved
+from vibroplat.study.orbits.newton import ANGLE, Found, Frame, MissedError, Problem, bordered, correct, solved
+from vibroplat.study.orbits.point import Point
 from vibroplat.study.orbits.prediction import MOST, predicted
 from vibroplat.study.orbits.shooting import Shot
-from vibroplat.study.orbits.words import turned
 
 #: Iterations after which the next step is longer, as long, or else shorter.
 EASY, HARD = 3, 5
@@ -52,52 +50,6 @@ MARGIN, CONTACT_SHARE = 0.15, 0.06
 
 #: How near an impact must be, as a part of its speed, to that below which impacts stick, for an end to be due to it.
 NEARLY, LAW_JUMPS = 1e-4, "an impact reaches contact.sticking_speed_m_per_s, where rebounds begin"
-
-
-@dataclass
-class Point:
-    """A point of a branch.
-
-    Attributes
-    ----------
-    frame, found
-        The orbit.
-    tangent
-        Of the branch in the space of unknowns, of length 1.
-    multipliers
-        But the 1 along the motion.
-    value
-        Of the key.
-    step
-        Length of the step to here.
-    """
-
-    frame: Frame
-    found: Found
-    tangent: FloatArray
-    multipliers: npt.NDArray[np.complex128]
-    value: float
-    step: float = 0.0
-
-    @property
-    def u(self) -> FloatArray:
-        """Unknowns."""
-        return self.found.u
-
-    @property
-    def shot(self) -> Shot:
-        """Over the period."""
-        return self.found.shot
-
-    @cached_property
-    def word(self) -> str:
-        """Sequence of events, wherever the period begins."""
-        return turned(self.shot.word)
-
-    @property
-    def unstable(self) -> int:
-        """Number of multipliers outside the unit circle."""
-        return leaving(self.multipliers)
 
 
 @dataclass
@@ -271,15 +223,13 @@ class Branch:
         turns = point.tangent @ before.tangent < STRAIGHT and point.word == before.word
         if turns and steps.now > 20.0 * steps.least:
             raise MissedError("the branch turns too sharply")
-        point.step = steps.now
-        return oriented(point, before)
+        return oriented(point, before, steps.now)
 
     def _leap(self) -> Point:
         """Find a point beyond the grazing that is ahead."""
         before = self.points[-1]
         point = over_grazing(self)
-        point.step = float(np.linalg.norm(point.u - before.u))
-        return oriented(point, before)
+        return oriented(point, before, float(np.linalg.norm(point.u - before.u)))
 
     def _looked_at(self, point: Point, look: Look, *, strictly: bool = True) -> Point:
         """Show a new point, and return it."""
@@ -296,8 +246,7 @@ class Branch:
             moved = self.point(frame, correct(self.problem, frame, u, tangent[np.newaxis]), tangent)
         except MissedError:
             return point
-        moved.step = point.step
-        return moved
+        return replace(moved, step=point.step)
 
 
 def _law_jumps(shot: Shot, scene: Scene) -> bool:
@@ -349,21 +298,18 @@ def tangent_of(jacobian: FloatArray, near: FloatArray) -> FloatArray:
     """Direction of length 1 in which the residual does not change, on the side of a given one."""
     right = np.zeros(near.size)
     right[-1] = 1.0
-    found = solved(np.vstack([jacobian, near]), right, BENT)
+    found = solved(bordered(jacobian, near), right, BENT)
     return np.asarray(found / np.linalg.norm(found))
 
 
-def oriented(point: Point, before: Point) -> Point:
+def oriented(point: Point, before: Point, step: float) -> Point:
     """Let the tangent of a point lead on from the point before, also where the sequence of events changes and it jumps.
 
     The determinant of Jacobian and tangent changes its sign at branch points only: not at folds, nor at corners, where
     the residual is continuous (Allgower and Georg 1990).
     """
-    if point.word != before.word:
-        signs = [np.linalg.slogdet(np.vstack([p.found.jacobian, p.tangent]))[0] for p in (point, before)]
-        if signs[0] != signs[1]:
-            point.tangent = -point.tangent
-    return point
+    turned_round = point.word != before.word and point.branching * before.branching < 0.0
+    return replace(point, tangent=-point.tangent if turned_round else point.tangent, step=step)
 
 
 def moved_section(shot: Shot) -> float:

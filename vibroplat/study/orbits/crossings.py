@@ -14,7 +14,7 @@ import numpy as np
 
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.study.orbits.branch import to_middle
-from vibroplat.study.orbits.newton import Found, Frame, MissedError, Problem, correct
+from vibroplat.study.orbits.newton import Found, Frame, MissedError, Problem, bordered, correct
 from vibroplat.study.orbits.prediction import interpolated
 
 #: Distance at which slopes are compared to find how b bends, and the longest step, in units of the unknowns.
@@ -115,8 +115,8 @@ def crossing(
 def _slopes(found: Found, border: FloatArray, slack: FloatArray) -> FloatArray:
     """Differentiate b by the place in the plane, shape (2,)."""
     m, free = found.jacobian.shape
-    matrix = np.zeros((free + 1, free + 1))
-    matrix[:m, :free], matrix[:m, free], matrix[m:, :free] = found.jacobian, slack, border
+    matrix = bordered(found.jacobian, border, border.shape[0], columns=1)
+    matrix[:m, free] = slack
     last = np.zeros(free + 1)
     last[-1] = 1.0
     try:

@@ -16,9 +16,10 @@ import numpy as np
 
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.study.orbits.newton import MissedError, correct
+from vibroplat.study.orbits.point import Point
 
 if TYPE_CHECKING:
-    from vibroplat.study.orbits.branch import Branch, Point
+    from vibroplat.study.orbits.branch import Branch
 
 #: Farthest that grazing may be ahead (units of the unknowns), and distances beyond it at which an orbit is looked for,
 #: over how far ahead it is, one after the other.

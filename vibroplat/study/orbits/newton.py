@@ -209,6 +209,14 @@ def leaving(multipliers: npt.NDArray[np.complex128]) -> int:
     return int((np.abs(multipliers) > 1.0 + NEUTRAL).sum())
 
 
+def bordered(jacobian: FloatArray, border: FloatArray, rows: int = 1, columns: int = 0) -> FloatArray:
+    """Put rows under a Jacobian, and room for columns of zeros beside both."""
+    m, free = jacobian.shape
+    found = np.zeros((m + rows, free + columns))
+    found[:m, :free], found[m:, :free] = jacobian, border
+    return found
+
+
 def solved(matrix: FloatArray, right: FloatArray, longest: float) -> FloatArray:
     """Solve linear equations; where the solution is longer than is sensible, leave out what they hardly determine.
 
@@ -313,8 +321,10 @@ def _step(
     jacobian: FloatArray, border: FloatArray, slack: FloatArray | None, right: FloatArray
 ) -> tuple[FloatArray, float]:
     """Solve for a step of Newton's method, and for how much more of the slack it needs."""
-    matrix = np.vstack([jacobian, border])
+    rows = border.shape[0]
     if slack is None:
-        return solved(matrix, right, LONGEST), 0.0
-    found = solved(np.column_stack([matrix, np.append(slack, np.zeros(border.shape[0]))]), right, LONGEST)
+        return solved(bordered(jacobian, border, rows), right, LONGEST), 0.0
+    matrix = bordered(jacobian, border, rows, columns=1)
+    matrix[: slack.size, -1] = slack
+    found = solved(matrix, right, LONGEST)
     return found[:-1], float(found[-1])

@@ -9,11 +9,12 @@ import numpy as np
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.orbits_plan import OrbitsPlan
 from vibroplat.scene import Scene
-from vibroplat.study.orbits.branch import Branch, Point, Steps
+from vibroplat.study.orbits.branch import Branch, Steps
 from vibroplat.study.orbits.kinds import BRANCH_POINT, DOUBLING
 from vibroplat.study.orbits.newton import ANGLE, Frame, MissedError, Problem, correct
 from vibroplat.study.orbits.orbit import OrbitError, first_orbit, measures_of_orbit, told
 from vibroplat.study.orbits.passing import MEASURES, RETURNED, Known, same_special
+from vibroplat.study.orbits.point import Point
 from vibroplat.study.orbits.shooting import Shooter
 from vibroplat.study.orbits.special import Special, specials
 from vibroplat.study.orbits.words import spelled

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Protocol
 
 import numpy as np
 
 from vibroplat.kernels.compiled import FloatArray
-from vibroplat.study.orbits.newton import Found, Frame
+from vibroplat.study.orbits.point import Point
 
 #: Points that a prediction rests on, at most.
 MOST = 3
@@ -18,28 +17,8 @@ ALIGNED = 0.3
 APART = 0.05
 
 
-class Known(Protocol):
-    """A point of a branch, see :class:`vibroplat.study.orbits.branch.Point`."""
-
-    @property
-    def frame(self) -> Frame:
-        """Of the unknowns."""
-
-    @property
-    def found(self) -> Found:
-        """The orbit."""
-
-    @property
-    def tangent(self) -> FloatArray:
-        """Of the branch, of length 1."""
-
-    @property
-    def word(self) -> str:
-        """Sequence of events."""
-
-
 def predicted(
-    points: Sequence[Known], origin: FloatArray, direction: FloatArray, place: float
+    points: Sequence[Point], origin: FloatArray, direction: FloatArray, place: float
 ) -> tuple[FloatArray, FloatArray]:
     """Predict the orbit at a place along a direction from an origin.
 
@@ -62,8 +41,8 @@ def predicted(
 
 
 def _usable(
-    points: Sequence[Known], origin: FloatArray, direction: FloatArray, place: float
-) -> tuple[list[Known], list[float]]:
+    points: Sequence[Point], origin: FloatArray, direction: FloatArray, place: float
+) -> tuple[list[Point], list[float]]:
     """Choose the points that a prediction rests on, and their places."""
     first = points[0]
     used, places = [first], [float((first.found.u - origin) @ direction)]

@@ -8,14 +8,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from functools import cache
+from dataclasses import dataclass, replace
+from operator import attrgetter
 
 import numpy as np
-import numpy.typing as npt
 
 from vibroplat.kernels.compiled import FloatArray
-from vibroplat.study.orbits.branch import Branch, Point
+from vibroplat.study.orbits.branch import Branch
 from vibroplat.study.orbits.crossings import crossing
 from vibroplat.study.orbits.kinds import (
     BRANCH_POINT,
@@ -27,6 +26,7 @@ from vibroplat.study.orbits.kinds import (
     TORUS,
 )
 from vibroplat.study.orbits.newton import MissedError
+from vibroplat.study.orbits.point import REAL, Point, pairs
 from vibroplat.study.orbits.prediction import predicted
 
 #: Evaluations from one side, what part of the way to the extrapolated zero each goes, and the distance, in units of the
@@ -47,8 +47,6 @@ WATCHED, MOVED = 0.9, 0.4
 DEEPEST = 3
 #: How often an interval is halved in which the events change in a way that is not known yet.
 HALVED = 5
-#: Imaginary part up to which a multiplier is real, but for round-off.
-REAL = 1e-9
 #: Most evaluations between two points.
 LOCATING = 12
 
@@ -86,39 +84,13 @@ Test = Callable[[Point], float]
 #: A place along a direction, a test function there, and the point.
 Tried = tuple[float, float, Point]
 
-
-def fold(point: Point) -> float:
-    """Component of the tangent along the key."""
-    return float(point.tangent[-1])
-
-
-def doubling(point: Point) -> float:
-    """Product of 1 + multipliers."""
-    return float(np.prod(1.0 + point.multipliers).real)
-
-
-def branching(point: Point) -> float:
-    """Return the determinant of the Jacobian with the tangent, which changes its sign where branches cross."""
-    sign, size = np.linalg.slogdet(np.vstack([point.found.jacobian, point.tangent]))
-    return float(sign * math.exp(min(size, 700.0)))
-
-
-def torus(point: Point) -> float:
-    """Product of 1 − products of two multipliers, which is also 0 where a real multiplier is the inverse of another."""
-    return float(np.prod(1.0 - products(point)[0]).real)
-
-
-def products(point: Point) -> tuple[npt.NDArray[np.complex128], npt.NDArray[np.int64]]:
-    """Return the products of two multipliers, and which two they are, shape (2, pairs)."""
-    pairs = _pairs(point.multipliers.size)
-    found: npt.NDArray[np.complex128] = point.multipliers[pairs[0]] * point.multipliers[pairs[1]]
-    return found, pairs
-
-
-@cache
-def _pairs(count: int) -> npt.NDArray[np.int64]:
-    """All pairs of different numbers below a count."""
-    return np.array(np.triu_indices(count, 1))
+#: Test functions that change their sign at special points between points with the same sequence of events.
+TESTS: dict[str, Test] = {
+    FOLD: attrgetter("fold"),
+    DOUBLING: attrgetter("doubling"),
+    TORUS: attrgetter("torus"),
+    BRANCH_POINT: attrgetter("branching"),
+}
 
 
 def specials(
@@ -146,8 +118,8 @@ def specials(
             yield from specials(branch, middle, after, strictly=strictly, depth=depth + 1)
         elif strictly:
             raise MissedError("the sequence of events changes at an unknown place")
-        elif fold(before) * fold(after) < 0.0:
-            yield located(branch, before, after, FOLD, fold)
+        elif before.fold * after.fold < 0.0:
+            yield located(branch, before, after, FOLD)
         return
     forth = there.point.word == before.word
     near, far = ordered(before, after, forth)
@@ -155,7 +127,7 @@ def specials(
     beyond = _beyond(branch, there.point, far, forth)
     if beyond is not None:
         parts.append(smooth(branch, *ordered(beyond, far, forth)))
-        if fold(there.point) * fold(beyond) < 0.0:
+        if there.point.fold * beyond.fold < 0.0:
             parts.insert(2, iter([_fold_beside(branch, there, beyond, forth)]))
     for part in parts if forth else reversed(parts):
         yield from part
@@ -190,8 +162,8 @@ def _beyond(branch: Branch, last: Point, far: Point, forth: bool, share: float =
 def _fold_beside(branch: Branch, there: Special, beyond: Point, forth: bool) -> Special:
     """Find the fold between the place where the events change and an orbit next to it."""
     nearer = _beyond(branch, there.point, beyond, forth)
-    if nearer is not None and fold(nearer) * fold(beyond) < 0.0:
-        return located(branch, *ordered(nearer, beyond, forth), FOLD, fold)
+    if nearer is not None and nearer.fold * beyond.fold < 0.0:
+        return located(branch, *ordered(nearer, beyond, forth), FOLD)
     return Special(FOLD, there.point, there.value, there.direction)
 
 
@@ -206,14 +178,14 @@ def smooth(branch: Branch, before: Point, after: Point, depth: int = 0) -> Itera
             yield from smooth(branch, before, middle, depth + 1)
             yield from smooth(branch, middle, after, depth + 1)
             return
-    if branching(before) * branching(after) < 0.0:  # where this branch bends, it has a fold as well
+    if before.branching * after.branching < 0.0:  # where this branch bends, it has a fold as well
         yield crossed(branch, before, after)
-    elif fold(before) * fold(after) < 0.0:
-        yield located(branch, before, after, FOLD, fold)
-    if doubling(before) * doubling(after) < 0.0:
-        yield located(branch, before, after, DOUBLING, doubling)
-    if torus(before) * torus(after) < 0.0 and complex_pairs(before, after):
-        found = located(branch, before, after, TORUS, torus)
+    elif before.fold * after.fold < 0.0:
+        yield located(branch, before, after, FOLD)
+    if before.doubling * after.doubling < 0.0:
+        yield located(branch, before, after, DOUBLING)
+    if before.torus * after.torus < 0.0 and complex_pairs(before, after):
+        found = located(branch, before, after, TORUS)
         if complex_pairs(found.point):
             yield found
 
@@ -223,10 +195,14 @@ def unexplained(before: Point, after: Point) -> bool:
 
     They may also have gone so far that this cannot be told.
     """
-    changed = np.not_equal(_outside(before), _outside(after))
-    tests = ((fold, branching), (torus,), (doubling,))
-    flipped = [any(test(before) * test(after) < 0.0 for test in several) for several in tests]
-    return bool((changed & ~np.array(flipped)).any()) or _far(before, after) or _far(after, before)
+    passed = (
+        before.fold * after.fold < 0.0 or before.branching * after.branching < 0.0,
+        before.torus * after.torus < 0.0,
+        before.doubling * after.doubling < 0.0,
+    )
+    changed = (one != other for one, other in zip(before.outside, after.outside, strict=True))
+    unseen = any(c and not p for c, p in zip(changed, passed, strict=True))
+    return unseen or _far(before, after) or _far(after, before)
 
 
 def _far(one: Point, other: Point) -> bool:
@@ -236,22 +212,13 @@ def _far(one: Point, other: Point) -> bool:
     return bool((apart > MOVED * np.maximum(1.0, np.abs(m))).any())
 
 
-def _outside(point: Point) -> tuple[int, int, int]:
-    """Count the multipliers above 1, the complex ones outside the unit circle, and those below −1."""
-    m = point.multipliers
-    paired = np.abs(m.imag) > REAL
-    several = ~paired & (m.real > 1.0), paired & (np.abs(m) > 1.0), ~paired & (m.real < -1.0)
-    above, around, below = (int(found.sum()) for found in several)
-    return above, around, below
-
-
 def turning(before: Point, after: Point) -> float | None:
     """Return where the key turns back and forth between two points, as a part of the way; None if it does not.
 
     By the cubic through both with their tangents, whose slope is a parabola.
     """
     chord = after.u - before.u
-    one, other = (fold(p) / float(p.tangent @ chord) for p in (before, after))
+    one, other = (p.fold / float(p.tangent @ chord) for p in (before, after))
     mean = float(chord[-1]) / float(chord @ chord)
     bend, bow = -4.0 * one - 2.0 * other + 6.0 * mean, 3.0 * one + 3.0 * other - 6.0 * mean
     if one * other <= 0.0 or bow == 0.0 or not 0.0 < -0.5 * bend / bow < 1.0:
@@ -263,14 +230,17 @@ def turning(before: Point, after: Point) -> float | None:
 def complex_pairs(*points: Point) -> bool:
     """Whether at any of the points the two multipliers whose product is next to 1 are complex."""
     for point in points:
-        found, pairs = products(point)
-        if found.size and (np.abs(point.multipliers[pairs[:, np.argmin(np.abs(1.0 - found))]].imag) > REAL).all():
-            return True
+        found = point.products
+        if found.size:
+            nearest = pairs(point.multipliers.size)[:, np.argmin(np.abs(1.0 - found))]
+            if (np.abs(point.multipliers[nearest].imag) > REAL).all():
+                return True
     return False
 
 
-def located(branch: Branch, before: Point, after: Point, kind: str, test: Test) -> Special:
-    """Find the zero of a test function between two points (Chandrupatla 1997)."""
+def located(branch: Branch, before: Point, after: Point, kind: str) -> Special:
+    """Find the zero of the test function of a kind between two points (Chandrupatla 1997)."""
+    test = TESTS[kind]
     chord = after.u - before.u
     whole = float(np.linalg.norm(chord))
     direction = chord / whole
@@ -305,14 +275,14 @@ def crossed(branch: Branch, before: Point, after: Point) -> Special:
     chord = after.u - before.u
     whole = float(np.linalg.norm(chord))
     direction = chord / whole
-    share = branching(before) / (branching(before) - branching(after))
+    share = before.branching / (before.branching - after.branching)
     u, jacobian = predicted(ordered(before, after, share < 0.5), before.u, direction, share * whole)
     try:
         found = crossing(branch.problem, before.frame, u, jacobian)
         if not 0.0 < (found.found.u - before.u) @ direction < whole:
             raise MissedError("it lies elsewhere")
     except MissedError:
-        rough = located(branch, before, after, BRANCH_POINT, branching)
+        rough = located(branch, before, after, BRANCH_POINT)
         null = np.linalg.svd(rough.point.found.jacobian)[2][-2:]
         along = null @ direction
         across = null.T @ np.array([-along[1], along[0]])
@@ -320,9 +290,8 @@ def crossed(branch: Branch, before: Point, after: Point) -> Special:
         return rough
     across, along = sorted(found.directions, key=lambda way: abs(float(way @ direction)))
     along = along if along @ direction > 0.0 else -along
-    point = branch.point(before.frame, found.found, along)
-    point.tangent = along
-    mirrors = fold(before) * fold(after) < 0.0  # a pitchfork
+    point = replace(branch.point(before.frame, found.found, along), tangent=along)
+    mirrors = before.fold * after.fold < 0.0  # a pitchfork
     if branch.problem.halves(point.frame, point.u):
         return Special(DOUBLING, point, point.value, direction, mirrors=mirrors)
     return Special(BRANCH_POINT, point, point.value, direction, across, mirrors)
