@@ -317,6 +317,9 @@ def _plain(value: Any) -> Any:
     return value.model_dump(exclude_unset=True, by_alias=True) if isinstance(value, BaseModel) else value
 
 
+#: Sections that say what the exciters are.
+PAIRED = frozenset({"machine", "motor", "motors", "exciters"})
+
 #: Keys of :class:`State` in the order of the state vector: coordinates, then their rates.
 COORDINATES = ("x_m", "y_m", "phi_rad", "phi1_rad", "phi2_rad", "gap_m", "upper_m")
 RATES = (
@@ -454,7 +457,8 @@ class Scene(Section):
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
         """Copy the scene, with some sections changed; what follows from them is found anew."""
         copied = super().model_copy(update=update, deep=deep)
-        copied.__dict__.pop("exciter_pair", None)
+        if not PAIRED.isdisjoint(update or ()):
+            copied.__dict__.pop("exciter_pair", None)
         return copied
 
     @cached_property

@@ -29,7 +29,7 @@ class Closeness:
 
     def __init__(self) -> None:
         self.pieces: list[tuple[int, float, float]] = []
-        self._least = np.full(2, math.inf)
+        self._least = np.array([math.inf, math.inf])
 
     def read(self, h: Automaton) -> None:
         """Look at the closed pieces."""

@@ -36,6 +36,9 @@ FIELDS = ("t", "kind", "rate_before", "rate_after", "impulse", "loss", "force_af
 #: Events that are written at a time.
 BLOCK = 2**15
 
+#: No events.
+NONE = np.zeros(0, EVENT)
+
 
 def event_table(rows: npt.NDArray[np.void]) -> pd.DataFrame:
     """Make an event table of records of :data:`vibroplat.hybrid.state.EVENT`."""
@@ -55,7 +58,7 @@ class Events:
     """
 
     def __init__(self, share: Share | None = None) -> None:
-        self._kept: list[npt.NDArray[np.void]] = [np.zeros(0, EVENT)]
+        self._kept: list[npt.NDArray[np.void]] = []
         self._share = Share() if share is None else share
 
     def read(self, h: Automaton) -> None:
@@ -70,7 +73,7 @@ class Events:
         """All events so far."""
         if len(self._kept) > 1:
             self._kept = [np.concatenate(self._kept)]
-        return self._kept[0]
+        return self._kept[0] if self._kept else NONE
 
 
 class EventParts:

@@ -40,7 +40,7 @@ SUMS = np.dtype(
 #: A point of the Poincaré section: time (s), full state, F_c (N).
 SECTION = np.dtype([("t", np.float64), ("state", np.float64, FULL_SIZE), ("force", np.float64)], align=True)
 
-#: Points of the Poincaré section that are kept, the last ones.
+#: Points of the Poincaré section that are kept, the last ones, where nothing else is said.
 SECTION_ROWS = 1024
 
 #: What is remembered from step to step.
@@ -132,7 +132,7 @@ class Measures(NamedTuple):
         A record of :data:`MARKS`: extremes, counts and what is remembered from step to step.
     section
         Poincaré section: records of :data:`SECTION` at the whole turns of exciter 1 in the measured part, the last
-        SECTION_ROWS of them, turn n in row n modulo that.
+        of them, turn n in row n modulo their number.
     """
 
     work: FloatArray
@@ -143,14 +143,24 @@ class Measures(NamedTuple):
     section: npt.NDArray[np.void]
 
 
-def no_measures(window: float) -> Measures:
-    """Make empty sums whose measured part begins at a time (s)."""
+def no_measures(window: float, points: int = SECTION_ROWS) -> Measures:
+    """Make empty sums whose measured part begins at a time (s), with room for points of the Poincaré section."""
+    marks = _NO_MARKS.copy()
+    marks["window"], marks["until"] = window, window
+    plain, open_turn, whole = np.zeros(3, SUMS)
+    return Measures(np.zeros(N_WORK), plain, open_turn, whole, marks[0], np.zeros(points, SECTION))
+
+
+def _no_marks() -> npt.NDArray[np.void]:
+    """Make a record of MARKS before the first step, but for the window."""
     marks = np.zeros(1, MARKS)
-    marks["window"], marks["until"], marks["passed"] = window, window, math.nan
+    marks["passed"] = math.nan
     for name in ("force", "y", "phi"):
         marks[f"{name}_min"], marks[f"{name}_max"] = math.inf, -math.inf
-    plain, open_turn, whole = np.zeros(3, SUMS)
-    return Measures(np.zeros(N_WORK), plain, open_turn, whole, marks[0], np.zeros(SECTION_ROWS, SECTION))
+    return marks
+
+
+_NO_MARKS = _no_marks()
 
 
 def numbers(sums: Any) -> FloatArray:
@@ -176,8 +186,8 @@ def between(earlier: Measures, later: Measures) -> Measures:
 
 def section_rows(ms: Measures) -> npt.NDArray[np.void]:
     """Points of the Poincaré section that are kept, records of :data:`SECTION` in the order of time."""
-    turns = int(ms.marks["turns"])
-    return ms.section[np.arange(max(turns - SECTION_ROWS, 0), turns) % SECTION_ROWS]
+    turns, most = int(ms.marks["turns"]), ms.section.size
+    return ms.section[np.arange(max(turns - most, 0), turns) % most]
 
 
 def node_count(degree: int) -> int:
@@ -193,10 +203,12 @@ class Statistics:
     ----------
     window
         When the measured part begins (s).
+    points
+        Points of the Poincaré section that are kept, the last ones.
     """
 
-    def __init__(self, window: float) -> None:
-        self.measures = no_measures(window)
+    def __init__(self, window: float, points: int = SECTION_ROWS) -> None:
+        self.measures = no_measures(window, points)
         self._room = in_lines((ROOM.itemsize // 8,)).view(ROOM)[0]
 
     def read(self, h: Automaton) -> None:
@@ -508,7 +520,7 @@ def goes_on(marks: Any, rate: float) -> bool:
 def close_turn(ms: Measures, now: float, turns: FloatArray, full: FloatArray, force: float) -> None:
     """Exciter 1 has completed a turn in the measured part: what was open since the last one is whole."""
     marks = ms.marks
-    point = ms.section[marks.turns % SECTION_ROWS]
+    point = ms.section[marks.turns % ms.section.size]
     point.t, point.force = now, force
     copy(full, point.state)
     for i in range(2):

@@ -162,6 +162,7 @@ class Variation:
 
     def __init__(self, directions: Sequence[Parameters] = (), *, rough: bool = False) -> None:
         self._of = b""  # the parameters that ``turned`` was made of
+        self._given: tuple[Any, ...] = ()  # their records, and views of their numbers
         turned = np.zeros((2, 1 + len(directions)), COMPLEX)
         self._numbers = flat(turned)
         self._directions: FloatArray = np.zeros(self._numbers.shape[1:])
@@ -207,8 +208,10 @@ class Variation:
             return
         self._of, turned = now, self._carried.turned
         self._carried.step[:] = steps_of(h.p, float(h.run["period"]))
-        for numbers, p in zip(self._numbers, (h.p, h.inelastic), strict=True):
-            numbers.real, numbers.imag = flat(p), IMAGINARY * self._directions
+        if not self._given or self._given[0] is not h.p:
+            self._given = h.p, flat(h.p), flat(h.inelastic)
+        self._numbers.imag = IMAGINARY * self._directions
+        self._numbers.real[0], self._numbers.real[1] = self._given[1:]
         for name in CHOICES:
             turned[name] = h.p[name]
         turned["restitution"][1] = 0.0

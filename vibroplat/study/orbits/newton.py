@@ -6,9 +6,11 @@ exactly the period T, which is unknown too. The angle's place among the unknowns
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -86,6 +88,28 @@ class Frame:
         return SYSTEMS[self.system].mode is Mode.FLIGHT
 
 
+class Layout(NamedTuple):
+    """How the unknowns of a frame lie in the full state and in its derivative.
+
+    Attributes
+    ----------
+    frame
+        The frame.
+    scales
+        Of the unknowns, shape (m,).
+    rows, columns
+        Places of the unknowns, and of these with the keys behind them, as indices of a matrix.
+    sizes
+        Scales and units of the columns over the scales of the rows, shape (m, m + keys).
+    """
+
+    frame: Frame
+    scales: FloatArray
+    rows: npt.NDArray[np.int64]
+    columns: npt.NDArray[np.int64]
+    sizes: FloatArray
+
+
 class Problem:
     """Orbits of one period, at any values of the shooter's keys.
 
@@ -109,20 +133,31 @@ class Problem:
         self.units = tuple(units)
         self.tolerance = tolerance
         self._speed = shooter.scene.speed_scale
+        self._angles = 2.0 * np.pi * np.array(turns)
+        self._layout: Layout | None = None
+
+    def _laid(self, frame: Frame) -> Layout:
+        """Find the layout of a frame, which is mostly that of the time before."""
+        if self._layout is None or self._layout.frame is not frame:
+            places, all_scales = frame.places, self.shooter.scales
+            scales = all_scales[places]
+            columns = np.append(places, np.arange(all_scales.size, all_scales.size + len(self.units)))
+            sizes = np.append(scales, self.units) / scales[:, np.newaxis]
+            self._layout = Layout(frame, scales, places[:, np.newaxis], columns, sizes)
+        return self._layout
 
     def pack(self, frame: Frame, state: FloatArray, period: float, values: Sequence[float] = ()) -> FloatArray:
         """Write a state on the section, the period (s) and the values of the keys as a vector of unknowns."""
-        found = (state / self.shooter.scales)[frame.places]
+        found = state[frame.places] / self._laid(frame).scales
         found[frame.phase] = period * self._speed
         return np.append(found, [value / unit for value, unit in zip(values, self.units, strict=True)])
 
     def unpack(self, frame: Frame, u: FloatArray) -> tuple[FloatArray, float, list[float]]:
         """Read state, period (s) and values from a vector of unknowns."""
-        state = frame.base.copy()
-        places = frame.places
-        state[places] = u[: places.size] * self.shooter.scales[places]
+        state, m = frame.base.copy(), frame.places.size
+        state[frame.places] = u[:m] * self._laid(frame).scales
         state[ANGLE] = frame.base[ANGLE]
-        values = [float(v) * unit for v, unit in zip(u[places.size :], self.units, strict=True)]
+        values = [v * unit for v, unit in zip(u[m:].tolist(), self.units, strict=True)]
         return state, float(u[frame.phase]) / self._speed, values
 
     def shoot(self, frame: Frame, u: FloatArray, *, full: bool) -> tuple[FloatArray, Shot]:
@@ -148,8 +183,8 @@ class Problem:
         if not shot.begins == shot.ends == frame.system:
             raise MissedError("the mode on the section changed")
         difference = shot.state - state
-        difference[3:5] -= 2.0 * np.pi * np.array(self.turns)
-        residual = (difference / self.shooter.scales)[frame.places]
+        difference[3:5] -= self._angles
+        residual = difference[frame.places] / self._laid(frame).scales
         if not np.abs(residual).max() < FAR:
             raise MissedError("the residual grew beyond all bounds")
         return residual, shot
@@ -158,7 +193,7 @@ class Problem:
         """Differentiate the residual by the unknowns, shape (m, m + keys)."""
         found = self._derivative(frame, shot)
         m = frame.places.size
-        found[:, :m] -= np.eye(m)
+        found[np.arange(m), np.arange(m)] -= 1.0
         found[:, frame.phase] = self._along(frame, shot) / self._speed
         return found
 
@@ -168,22 +203,19 @@ class Problem:
             return False
         state, seconds, _ = self.unpack(frame, u)
         difference = self.shooter.shot(state, 0.5 * seconds).state - state
-        difference[3:5] -= np.pi * np.array(self.turns)
+        difference[3:5] -= 0.5 * self._angles
         return bool(np.abs(difference / self.shooter.scales).max() < HALVED * self.tolerance)
 
     def _derivative(self, frame: Frame, shot: Shot) -> FloatArray:
         """Differentiate the end by the start and by the keys, in scales and units, shape (m, m + keys)."""
         assert shot.derivative is not None
-        places, scales = frame.places, self.shooter.scales
-        columns = np.append(places, np.arange(scales.size, shot.derivative.shape[1]))
-        found: FloatArray = shot.derivative[places[:, np.newaxis], columns]
-        found *= np.append(scales[places], self.units) / scales[places, np.newaxis]
-        return found
+        laid = self._laid(frame)
+        return np.asarray(shot.derivative[laid.rows, laid.columns] * laid.sizes)
 
     def _along(self, frame: Frame, shot: Shot) -> FloatArray:
         """Rates at the end, in scales, shape (m,)."""
         assert shot.rates is not None
-        return np.asarray(shot.rates[frame.places] / self.shooter.scales[frame.places])
+        return np.asarray(shot.rates[frame.places] / self._laid(frame).scales)
 
     def multipliers(self, frame: Frame, shot: Shot) -> npt.NDArray[np.complex128]:
         """Floquet multipliers but the 1 along the motion, the largest first: of the map from section to section."""
@@ -227,14 +259,14 @@ def solved(matrix: FloatArray, right: FloatArray, longest: float) -> FloatArray:
     MissedError
         The matrix is not finite.
     """
-    if not np.isfinite(matrix).all():
-        raise MissedError("the Jacobian is not finite")
     try:
         found: FloatArray = np.asarray(np.linalg.solve(matrix, right), dtype=float)
-        if np.linalg.norm(found) <= longest:
+        if math.sqrt(found @ found) <= longest:
             return found
     except np.linalg.LinAlgError:
         pass
+    if not np.isfinite(matrix).all():
+        raise MissedError("the Jacobian is not finite")
     left, sizes, turned = np.linalg.svd(matrix)
     kept = sizes > UNDETERMINED
     least: FloatArray = turned[kept].T @ ((left.T @ right)[kept] / sizes[kept])

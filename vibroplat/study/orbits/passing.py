@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Sequence
+from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -75,12 +75,12 @@ class Known(NamedTuple):
 
 def _passed(row: Record, former: Sequence[Record]) -> bool | None:
     """Whether a branch has passed a point: None if not, else whether as its mirror image."""
-    for i, (first, second) in enumerate(itertools.pairwise(former)):
+    beyond = np.fromiter(map(itemgetter("value"), former), float, len(former)) - row["value"]
+    for i in np.flatnonzero(beyond[:-1] * beyond[1:] <= 0.0).tolist():
+        first, second = former[i], former[i + 1]
+        if row["period"] != first["period"] or row["sequence"] not in (first["sequence"], second["sequence"]):
+            continue
         low, high = sorted((first["value"], second["value"]))
-        if not low <= row["value"] <= high or row["period"] != first["period"]:
-            continue
-        if row["sequence"] not in (first["sequence"], second["sequence"]):
-            continue
         thirds = [p for p in (*former[max(i - 1, 0) : i], *former[i + 2 : i + 3]) if not low <= p["value"] <= high]
         ways = [[first, second], *([first, second, third] for third in thirds)]
         if any(all(_near(row, *alike, known) for alike in COMPARED.items()) for known in ways):

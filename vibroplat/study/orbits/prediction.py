@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -61,29 +62,23 @@ def _usable(
 def osculating(
     places: Sequence[float], values: Sequence[FloatArray], slopes: Sequence[FloatArray], place: float
 ) -> FloatArray:
-    """Evaluate the polynomial with given values and slopes at places (Hermite), by divided differences."""
-    nodes = np.repeat(np.array(places), 2)
-    table = [value for value in values for _ in range(2)]
-    terms = [table[0]]
-    for order in range(1, nodes.size):
-        table = [
-            slopes[i // 2] if order == 1 and i % 2 == 0 else (table[i + 1] - table[i]) / (nodes[i + order] - nodes[i])
-            for i in range(nodes.size - order)
-        ]
-        terms.append(table[0])
-    found = terms[-1]
-    for term, node in zip(terms[-2::-1], nodes[-2::-1], strict=True):
-        found = term + (place - node) * found
+    """Evaluate the polynomial with given values and slopes at places (Hermite)."""
+    found = np.zeros_like(values[0])
+    for here, weight, value, slope in zip(places, _weights(places, place), values, slopes, strict=True):
+        away = place - here
+        steepness = sum(1.0 / (here - other) for other in places if other != here)
+        found += weight**2 * ((1.0 - 2.0 * away * steepness) * value + away * slope)
     return found
 
 
 def interpolated(places: Sequence[float], values: Sequence[FloatArray], place: float) -> FloatArray:
     """Evaluate the polynomial with given values at places (Lagrange)."""
     found = np.zeros_like(values[0])
-    for i, value in enumerate(values):
-        weight = 1.0
-        for j, other in enumerate(places):
-            if j != i:
-                weight *= (place - other) / (places[i] - other)
+    for weight, value in zip(_weights(places, place), values, strict=True):
         found += weight * value
     return found
+
+
+def _weights(places: Sequence[float], place: float) -> list[float]:
+    """Evaluate the polynomials that are 1 at one of the places and 0 at the others."""
+    return [math.prod((place - other) / (here - other) for other in places if other != here) for here in places]

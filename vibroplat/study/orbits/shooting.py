@@ -179,7 +179,7 @@ class Shooter:
         """
         motion, h = self.motion, self.motion.automaton
         events, near = Events(), Closeness()
-        statistics = Statistics(0.0) if measured else None
+        statistics = Statistics(0.0, points=1) if measured else None
         observers: list[Observer] = [events]
         if varied:
             observers.append(self._variation)
