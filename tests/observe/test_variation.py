@@ -14,6 +14,7 @@ from vibroplat.bench.known import ball_on_table
 from vibroplat.drive import Drive, Entry
 from vibroplat.exciters import Exciter
 from vibroplat.flow.motion import Motion
+from vibroplat.hybrid.modes import IMPACT
 from vibroplat.hybrid.scales import state_scales
 from vibroplat.integrate.choice import make_engine
 from vibroplat.model.parameters import IMPACT_LAWS, parameters
@@ -21,7 +22,8 @@ from vibroplat.model.sensitivity import with_value
 from vibroplat.model.systems import GAP, GAP_RATE
 from vibroplat.observe.events import Events
 from vibroplat.observe.names import state_places
-from vibroplat.scene import Contact, Machine, Material, Scene
+from vibroplat.observe.variation import Variation
+from vibroplat.scene import Contact, Machine, Material, Mode, Scene
 
 TOLERANCES = {"native": 1e-12, "taylor": 1e-13}
 EACH_ENGINE = pytest.mark.parametrize("engine", TOLERANCES)
@@ -183,6 +185,35 @@ def test_through_liftoff_and_inelastic_closing(setup, layers, engine):
     scene = scene_of(layers, setup, engine)
     kinds = agrees(scene, later(scene, 0.5), 0.07, keys=KEYS)
     assert {"liftoff", "impact"} <= set(kinds)
+
+
+def test_impact_too_slow_to_rebound_after_which_flight_goes_on():
+    """As below the speed that round-off resolves; here that is above the speeds of this motion."""
+    scene = scene_of(1, engine="taylor", frequency=63.0, restitution=0.3)
+    start, scales, step = (
+        flying(later(scene.replace({"contact.restitution": 0.0}), 0.5), rate=0.0),
+        state_scales(scene),
+        1e-4,
+    )
+    p, events, varied = parameters(scene), Events(), Variation()
+
+    def end(state, observers=()):
+        with closing(make_engine(scene, p)) as engine:
+            motion = Motion(scene, p, engine, state)
+            motion.automaton.run["slowest"] = 10.0
+            motion.to_time(0.05, observers)
+            return varied.derivative(motion.automaton) if observers else motion.state
+
+    found, expected = end(start, [events, varied]), np.zeros((14, 14))
+    assert [(e["kind"], e["rate_after"], e["mode_after"]) for e in events.rows] == [(IMPACT, 0.0, Mode.FLIGHT)]
+    for place in state_places(scene).values():
+        for n, weight in WEIGHTS:
+            shift = n * step * scales[place] * np.eye(14)[place]
+            expected[:, place] += weight * (end(start + shift) - end(start - shift)) / step
+    places = list(state_places(scene).values())
+    assert_close(
+        (found * scales / scales[:, np.newaxis])[:, places], (expected / scales[:, np.newaxis])[:, places], 1e-6
+    )
 
 
 @EACH_ENGINE

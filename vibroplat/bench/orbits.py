@@ -11,6 +11,7 @@ import pandas as pd
 
 from vibroplat.bench.peers.following import follow
 from vibroplat.flow.run import simulate
+from vibroplat.kernels.compiled import FloatArray
 from vibroplat.paper.trial import machine_numbers, paper_scene
 from vibroplat.scene import Scene
 from vibroplat.study.branches import FREQUENCY, SUPPLY
@@ -38,46 +39,55 @@ def curves() -> Scene:
     return paper_scene("fig3", machine_numbers("calibrated"), changes)
 
 
-def cost() -> pd.DataFrame:
+def cost(repeats: int = 3) -> pd.DataFrame:
     """Measure the processor time of branches, of sweeps, and of heyoka over the motion of these sweeps.
 
-    Branches have the unstable parts and both synchronizations. ``times_branches`` is the time over theirs,
-    ``times_point`` the time of a point over that of one of theirs. ``error`` is that of the RMS of y, over it: the
-    median, and what a tenth of the points exceeds.
+    Branches have the unstable parts and both synchronizations. They are timed anew right before each sweep: times are
+    medians over repeats, and ``times_branches`` is the median of the time over that of the branches just before, as the
+    speed of a machine changes. ``times_point`` is the same for one point. ``error`` is that of the RMS of y, over it:
+    the median, and what a tenth of the points exceeds.
     """
     scene = curves()
     assert scene.sweep is not None
     frequencies = scene.sweep.supply_frequency_hz
     plan = {"key": FREQUENCY, "start": frequencies.start, "stop": frequencies.stop, "grid": scene.sweep.grid}
-    short = plan | {"stop": frequencies.start + 1.0}
-    orbits(scene.replace({"orbits": short}))  # loads the kernels
-    seconds, found = processor_time(lambda: orbits(scene.replace({"orbits": plan})).branches)
+    orbits(scene.replace({"orbits": plan | {"stop": frequencies.start + 1.0}}))  # loads the kernels
+    followed = scene.replace({"orbits": plan})
+    sweeps = [scene.replace({"sweep.settle_tolerance": t, "solver.tolerance": solver}) for t, solver in SETTLED]
+    seconds: FloatArray = np.zeros((repeats, len(sweeps), 2))
+    tables: list[pd.DataFrame] = []
+    for timed in seconds:
+        tables = []
+        for pair, settled in zip(timed, sweeps, strict=True):
+            pair[0], branches = processor_time(lambda: orbits(followed).branches)
+            pair[1], table = processor_time(lambda settled=settled: sweep(settled))  # type: ignore[misc]
+            tables.append(table)
+    took = np.median(seconds, axis=0)
+    once = float(np.median(seconds[:, :, 0]))
     rows: list[dict[str, Any]] = [
         {
             "what": "branches",
-            "processor_s": seconds,
-            "points": len(found),
-            "turns_per_point": (found["turns"] / found["period"]).mean(),
-            **errors(scene, found),
+            "processor_s": once,
+            "times_branches": 1.0,
+            "points": len(branches),
+            "turns_per_point": (branches["turns"] / branches["period"]).mean(),
+            **errors(scene, branches),
         }
     ]
     brute = heyoka(scene)
-    for tolerance, solver in SETTLED:
-        settled = scene.replace({"sweep.settle_tolerance": tolerance, "solver.tolerance": solver})
-        seconds, table = processor_time(lambda settled=settled: sweep(settled))  # type: ignore[misc]
+    for i, ((tolerance, solver), table) in enumerate(zip(SETTLED, tables, strict=True)):
         motion = {"points": len(table), "simulated_s": table["simulated_s"].sum()}
-        told = {"what": f"sweep, settled to {tolerance:g}", "processor_s": seconds}
+        told = {"what": f"sweep, settled to {tolerance:g}", "processor_s": took[i, 1]}
+        told["times_branches"] = np.median(seconds[:, i, 1] / seconds[:, i, 0])
         rows.append(told | motion | errors(scene, table[table["period"] == 1]))
         if solver < scene.solver.tolerance:
             continue  # heyoka was timed at the other tolerance
         for column, name in (("ms_per_s", "heyoka"), ("core_ms_per_s", "heyoka, its integrator alone")):
             total = 1e-3 * sum(at(brute, row, column) * row["simulated_s"] for _, row in table.iterrows())
-            told = {"what": f"{name}, settled to {tolerance:g}", "processor_s": total}
+            told = {"what": f"{name}, settled to {tolerance:g}", "processor_s": total, "times_branches": total / once}
             rows.append(told | motion | {"ms_per_s": 1e3 * total / motion["simulated_s"]})
     result = pd.DataFrame(rows)
-    result["times_branches"] = result["processor_s"] / result["processor_s"].iloc[0]
-    per_point = result["processor_s"] / result["points"]
-    result["times_point"] = per_point / per_point.iloc[0]
+    result["times_point"] = result["times_branches"] * result["points"].iloc[0] / result["points"]
     return result
 
 

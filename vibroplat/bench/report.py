@@ -169,7 +169,7 @@ def report_orbits(directory: Path, reference: Path, repeats: int) -> None:
     from vibroplat.bench import bouncing, orbits  # noqa: PLC0415  (imports studies)
     from vibroplat.bench.peers import maps  # noqa: PLC0415
 
-    _show(orbits.cost(), directory, "orbits-cost")
+    _show(orbits.cost(min(repeats, 3)), directory, "orbits-cost")
     if reason := maps.missing():
         print(f"left out: MapPy: {reason}", file=sys.stderr)
     _show(bouncing.compare(min(repeats, 3)), directory, "orbits-table")

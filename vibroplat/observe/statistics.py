@@ -208,8 +208,13 @@ class Statistics:
     """
 
     def __init__(self, window: float, points: int = SECTION_ROWS) -> None:
-        self.measures = no_measures(window, points)
+        self._points = points
         self._room = in_lines((ROOM.itemsize // 8,)).view(ROOM)[0]
+        self.begin(window)
+
+    def begin(self, window: float) -> None:
+        """Begin anew; what was measured before stays as it is with those who hold it."""
+        self.measures = no_measures(window, self._points)
 
     def read(self, h: Automaton) -> None:
         """Add the steps and events since the last reading."""

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from vibroplat.hybrid.modes import IMPACT, LATCH
+from vibroplat.hybrid.modes import ATTACHED, IMPACT, LATCH
 from vibroplat.hybrid.state import Automaton
 from vibroplat.hybrid.steps import Steps
 from vibroplat.kernels.compiled import FloatArray, compiled, copy, fused, inlined
@@ -446,9 +446,9 @@ def eliminate(matrix: FloatArray, m: int) -> None:
 def through_impact(steps: Steps, piece: Any, event: Any, slowest: float, p: Parameters, v: Carried) -> None:
     """Carry the derivative through an impact, to the event.
 
-    One without a rebound that is too slow to move anything is contact that goes on.
+    One too slow to move anything, with contact after it, is contact that goes on.
     """
-    if -event.rate_before < slowest and event.rate_after == 0.0:
+    if -event.rate_before < slowest and event.rate_after == 0.0 and event.mode_after == ATTACHED:
         for j in range(COLUMNS):
             v.s[GAP, j] = v.s[GAP_RATE, j] = 0.0
         return

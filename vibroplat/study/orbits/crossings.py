@@ -8,7 +8,7 @@ it is 0 without a slope, and the directions in which it does not bend are those 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,11 +19,14 @@ from vibroplat.study.orbits.prediction import interpolated
 
 #: Distance at which slopes are compared to find how b bends, and the longest step, in units of the unknowns.
 BESIDE, FARTHEST = 1e-3, 1.0
-#: Step with which a branch point is found, most steps, and the largest b, in the scales of the scene.
-CLOSE, MOST, CROSSING = 1e-7, 10, 1e-6
+#: Last step to a branch point, which is not followed by a shot, most steps, and the largest b, in the scales of the
+#: scene.
+CLOSE, MOST, CROSSING = 1e-6, 10, 1e-6
 #: Steps along a curve of branch points grow and shrink by these; farthest from the prediction, over the step, and from
 #: the first point, in units of the unknowns.
 LONGER, SHORTER, ASTRAY, ASIDE = 1.5, 0.5, 0.5, 1.0
+#: Distance from the end of a range at which a curve is there, in units of the unknowns.
+THERE = 1e-7
 #: Points that the next one is predicted from.
 KNOWN = 3
 
@@ -99,15 +102,15 @@ def crossing(
     bends = np.array([slope - slopes for slope in beside]) / BESIDE
     for _ in range(MOST):
         step = np.linalg.lstsq(bends, -slopes, rcond=None)[0]
-        if not np.linalg.norm(step) < FARTHEST:
+        way = float(np.linalg.norm(step))
+        if not way < FARTHEST:
             break
-        place = place + step
-        before = slopes
-        found, slopes = at(place, found.jacobian)
-        if np.linalg.norm(step) < CLOSE:
+        if way < CLOSE:
             if abs(found.slack) > CROSSING:
                 raise MissedError("branches pass each other without crossing")
-            return Crossing(frame, found, _directions(bends, plane))
+            return Crossing(frame, replace(found, u=found.u + step @ plane), _directions(bends, plane))
+        place, before = place + step, slopes
+        found, slopes = at(place, found.jacobian)
         bends += np.outer(slopes - before - bends @ step, step) / (step @ step)
     raise MissedError("no branch point nearby")
 
@@ -186,7 +189,7 @@ def follow_crossings(
                     raise
         out = window.passed(there.found.u)
         if out is not None:
-            if abs(last.found.u[out[0]] - out[1]) > CLOSE:  # not there already
+            if abs(last.found.u[out[0]] - out[1]) > THERE:  # not there already
                 end = _at_end(problem, last, there, held, *out)
                 yield end.frame, end.found
             return
@@ -201,7 +204,7 @@ def _at_end(problem: Problem, before: Crossing, after: Crossing, held: FloatArra
         apart = other.found.u - one.found.u
         guess = one.found.u + (end - one.found.u[place]) / apart[place] * apart
         one, other = other, crossing(problem, before.frame, guess, before.found.jacobian, held)
-        if abs(other.found.u[place] - end) < CLOSE:
+        if abs(other.found.u[place] - end) < THERE:
             return other
     raise MissedError("the end of the range is not met")
 

@@ -129,6 +129,7 @@ class Shooter:
         self.motion = Motion(scene, self.p, self.engine)
         self.turns = 0.0
         self._variation = Variation([self.p.copy()] * len(self.keys))
+        self._statistics = Statistics(0.0, points=1)
         self._numbers = {int(mode): system.index for mode, system in systems(scene).items()}
         self.held: dict[str, float] = {}
         self._course = None if course is None or len(self.keys) != 1 else Course(scene, self.keys[0], *course)
@@ -179,12 +180,12 @@ class Shooter:
         """
         motion, h = self.motion, self.motion.automaton
         events, near = Events(), Closeness()
-        statistics = Statistics(0.0, points=1) if measured else None
         observers: list[Observer] = [events]
         if varied:
             observers.append(self._variation)
-        if statistics is not None:
-            observers += [statistics, near]
+        if measured:
+            self._statistics.begin(0.0)
+            observers += [self._statistics, near]
         motion.begin_again(start)
         begins = self._system
         if varied:
@@ -206,8 +207,8 @@ class Shooter:
         )
         if varied:
             found.rates, found.derivative = motion.rates, self._variation.derivative(h)
-        if statistics is not None and before is not None:
-            found.part = Part(_undivided(statistics), before, Energies.of(h.run["state"], h.p))
+        if before is not None:
+            found.part = Part(_undivided(self._statistics.measures), before, Energies.of(h.run["state"], h.p))
             found.pieces = near.pieces
             found.least_force, found.least_gap = near.least_force, near.least_gap
         return found
@@ -218,10 +219,8 @@ class Shooter:
         return self._numbers[int(self.motion.automaton.run["mode"])]
 
 
-def _undivided(statistics: Statistics) -> Measures:
+def _undivided(measures: Measures) -> Measures:
     """Return what was measured with the sums over all of it, not cut to whole turns of exciter 1."""
-    measures = statistics.measures
-    total = np.zeros(1, SUMS)
-    numbers(total[0])[:] = numbers(measures.plain) + numbers(measures.whole) + numbers(measures.open_turn)
-    none = np.zeros(1, SUMS)[0]
-    return measures._replace(plain=total[0], whole=none, open_turn=none)
+    total, none = np.zeros(2, SUMS)
+    numbers(total)[:] = numbers(measures.plain) + numbers(measures.whole) + numbers(measures.open_turn)
+    return measures._replace(plain=total, whole=none, open_turn=none)
