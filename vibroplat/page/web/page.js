@@ -3,6 +3,8 @@
 const data = JSON.parse(byId("data").textContent);
 const several = data.results.length > 1;
 const nameOf = number => data.results[number].label;
+// How a result differs from the others of its command.
+const differs = number => element("small", {}, data.results[number].differs && ` ${data.results[number].differs}`);
 
 function header() {
   byId("title").textContent = data.title;
@@ -25,7 +27,7 @@ function header() {
 function legend(runs) {
   const box = byId("legend");
   box.hidden = runs.length < 2;
-  box.append(...runs.map(run => element("li", {}, sample(run.colour, run.dash), run.label)));
+  box.append(...runs.map(run => element("li", {}, sample(run.colour, run.dash), run.label, differs(run.result))));
 }
 
 async function motion() {
@@ -140,10 +142,20 @@ function printing() {
 
 let player = null;
 
+// The library of the curves is packed: as it is, it would be most of the page.
+async function library() {
+  const packed = Uint8Array.from(atob(byId("library").textContent), letter => letter.charCodeAt(0));
+  const opened = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate"));
+  document.head.append(element("script", {}, await new Response(opened).text()));
+}
+
 async function build() {
   header();
   summary();
   parameters();
+  byId("fault").hidden = "DecompressionStream" in window;
+  if (!byId("fault").hidden) return;
+  await library();
   byId("footer").textContent = "Made by vibroplat report; the curves are drawn by plotly.js.";
   player = await motion();
   tables();
@@ -154,4 +166,8 @@ async function build() {
   document.documentElement.dataset.ready = "true";
 }
 
-build();
+// Whoever prints a page without a window does so when it is loaded: an open document inside lets it wait until it is built.
+const waiting = element("iframe", {hidden: ""});
+document.body.append(waiting);
+waiting.contentDocument.open();
+build().finally(() => { waiting.contentDocument.close(); waiting.remove(); });

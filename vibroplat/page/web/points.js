@@ -7,7 +7,7 @@ const MEANINGS = {
     "their exact frequency.",
 };
 
-// A value in the unit of its panel; phases lie between −π/2 and 3π/2.
+// A value in the unit of its panel, where it is drawn.
 function scaled(measure, value) {
   if (value === null || value === undefined) return null;
   if (measure.column !== "phase_difference_rad") return value * measure.factor;
@@ -27,7 +27,7 @@ class Points {
     this.row = element("div", {class: "row", "aria-live": "polite"},
       element("p", {class: "hint"}, `Click a point, or pick a row of the table, to see its numbers${more}.`));
     this.table = new Table(data.table, `Table ${data.table.title}`, `${label}-${data.table.title}.csv`, row => this.pick(row));
-    this.section = element("section", {class: "study"}, element("h2", {}, several ? `${title}: ${label}` : title),
+    this.section = element("section", {class: "study"}, element("h2", {}, several ? `${title}: ${label}` : title, differs(data.result)),
       this.choice(), element("div", {class: "beside"}, this.figure, this.row),
       element("p", {class: "hint"}, `${MEANINGS[data.command]} ${this.told()}`), this.table.box);
     if (data.special) {
@@ -127,7 +127,13 @@ class Points {
       line: {color: colour, dash: series.dash, width: isOrbit ? 1.8 : 1}, connectgaps: false,
       marker: {color: colour, size: isOrbit ? 4 : 7, symbol: wrapped.map(row => row === null ? "circle" : symbol(row)),
         line: {width: 1, color: colour}},
-      hovertemplate: "%{text}<br>%{x:.5g}, %{y:.5g}<extra></extra>"};
+      hovertemplate: wrapped.map(row => `%{text}<br>%{x:.5g}, ${row === null ? "" : this.read(measure, row)}<extra></extra>`)};
+  }
+
+  // As in the table, in the unit of its panel.
+  read(measure, row) {
+    const value = this.values[measure.column][row];
+    return value === null ? "" : shown(value * measure.factor, 5);
   }
 
   hint(series, row) {
