@@ -28,7 +28,7 @@ def moved(runs, tmp_path_factory):
 @pytest.fixture(scope="session")
 def started(tmp_path_factory):
     """Result of a start from rest."""
-    changes = {"name": "started", "solver.engine": "taylor", "run.duration_s": 0.3, "run.initial.speed_ratio": 0.0}
+    changes = {"name": "started", "solver.engine": "taylor", "run.duration_s": 1.5, "run.initial.speed_ratio": 0.0}
     run = simulate(load_config(handmade.QUICKSTART, changes))
     directory = tmp_path_factory.mktemp("starts") / "started"
     directory.mkdir()

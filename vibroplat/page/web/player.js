@@ -24,6 +24,12 @@ class Player {
     this.seek(this.start);
   }
 
+  // Letters and the cursor have their places again after the page's width has changed.
+  fit() {
+    for (const machine of this.machines) machine.fitLetters();
+    this.curves.point(this.time);
+  }
+
   choose(id, values, first, label) {
     const all = values.includes(first) ? values : [...values, first].sort((a, b) => a - b);
     const box = byId(id);
