@@ -148,6 +148,9 @@ def _names(directories: Sequence[Path]) -> list[str]:
 
 def _labels(names: Sequence[str], results: Sequence[Result], keys: Sequence[str]) -> dict[str, str]:
     """Return what several results are called: their names, and how they differ but for keys that each curve names."""
-    trees = [result.provenance.get("configuration") or {} for result in results]
+    scenes = [scene_of(result.provenance) for result in results]
+    trees = [scene.to_tree() for scene in scenes if scene is not None]
+    if len(trees) < len(results):
+        return {}
     found = [{key: value for key, value in one.items() if key not in keys} for one in differing("sweep", trees)]
-    return dict(zip(names, labels(names, found), strict=True)) if len(results) > 1 else {}
+    return dict(zip(names, labels(names, found), strict=True))
