@@ -10,7 +10,8 @@ const WIDEST = "−0.0000";
 const CONFIG = {responsive: true, displaylogo: false, displayModeBar: window.innerWidth > 700 ? "hover" : false,
   modeBarButtonsToRemove: ["select2d", "lasso2d", "autoScale2d"]};
 
-const principal = phase => phase - 2 * Math.PI * Math.ceil((phase - Math.PI) / (2 * Math.PI));
+// What is π but for the rounding of 32-bit floats stays π.
+const principal = phase => phase - 2 * Math.PI * Math.ceil((phase - Math.PI - 1e-5) / (2 * Math.PI));
 const floats = text => new Float32Array(Uint8Array.from(atob(text), letter => letter.charCodeAt(0)).buffer);
 
 // A run with its packed numbers opened.
