@@ -131,12 +131,17 @@ OF_SCENES = (
             s.length_scale * s.speed_scale**2 / s.machine.gravity_m_per_s2 if s.machine.gravity_m_per_s2 else None
         ),
     ),
+    Usual("", ("machine.rotor_inertia_kg_m2",), 0.0, 100.0, "kg·m²", lambda s: _largest(s, "rotor_inertia_kg_m2")),
+    Usual("", ("run.initial.speed_ratio",), -1.5, 1.5, "", lambda s: s.run.initial.speed_ratio),
+    Usual("", ("run.initial.state.x_m",), -1.0, 1.0, "m", lambda s: s.run.initial.state and s.run.initial.state.x_m),
+    Usual("", ("run.initial.state.y_m",), -1.0, 1.0, "m", lambda s: s.run.initial.state and s.run.initial.state.y_m),
 )
 
 #: Usual ranges in a motor.
 OF_MOTORS = (
     Usual("", ("critical_slip",), 0.0, 1.0, "", lambda m: m.critical_slip),
     Usual("", ("friction_radius_m",), 0.0, 0.01, "m", lambda m: m.friction_radius_m),
+    Usual("", ("critical_torque_n_m",), 0.0, 1e4, "N·m", lambda m: m.critical_torque_n_m),
 )
 
 #: Keys whose default is that of any machine.
@@ -173,14 +178,21 @@ def _motors(scene: Scene) -> Iterator[tuple[str, BaseModel]]:
         yield "motor", scene.motor
 
 
+def _largest(scene: Scene, key: str) -> float:
+    return float(max(getattr(exciter, key) for exciter in scene.exciter_pair))
+
+
 def _unusual(usual: Usual, section: BaseModel, prefix: str = "") -> str:
     """Return the note on a quantity, or an empty text if it has a usual value or none."""
     value = usual.of(section)
     if value is None or usual.low <= value <= usual.high:
         return ""
     given = {key: reduce(getattr, key.split("."), section) for key in usual.keys}
-    if getattr(section, "exciters", None) is not None:
-        given = {key: number for key, number in given.items() if key.split(".")[-1] not in OF_EXCITERS}
+    if (exciters := getattr(section, "exciters", None)) is not None:
+        own = [key for key in given if key.split(".")[-1] in OF_EXCITERS]
+        given = {key: number for key, number in given.items() if key not in own}
+        for name in (key.split(".")[-1] for key in own):
+            given |= {f"exciters.{i}.{name}": getattr(exciter, name) for i, exciter in enumerate(exciters)}
     named = ", ".join(f"{prefix}{key} = {number:g}" for key, number in given.items() if number)
     what = usual.text.format(f"{rounded(value)} {usual.unit}".rstrip())
     ends = f"{usual.low:g} to {usual.high:g}" if usual.low else f"up to {usual.high:g}"

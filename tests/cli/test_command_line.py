@@ -146,6 +146,9 @@ def test_run_that_ends_early_exits_1_and_keeps_what_it_has(command, tmp_path):
     assert {name.partition(".")[0] for name in names(directory)} == RUN_FILES | {"files"}
     summary, trajectory = read_json(directory, "summary"), read_table(directory, "trajectory")
     assert summary["outcome"] == "event-storm"
+    assert "state [" not in done.err  # 14 numbers that nobody reads on a terminal
+    assert done.err.endswith(f" s; the state then is in {directory / 'summary.json'}\n")
+    assert ", state [" in summary["detail"]
     assert trajectory["t_s"].iloc[-1] == summary["simulated_s"] < 1.0
     assert len(read_table(directory, "events")) == summary["events"] >= 3
     assert done.out.startswith("outcome                     event-storm\n")

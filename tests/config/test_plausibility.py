@@ -90,6 +90,30 @@ SECTIONS = {"machine": load_config(QUICKSTART).machine, "motor": load_config(QUI
             {"motors": [{**SECTIONS["motor"].model_dump(), "friction_radius_m": 0.05}, SECTIONS["motor"].model_dump()]},
             ["motors.0.friction_radius_m = 0.05; usual: up to 0.01 m"],
         ),
+        ({"motor.critical_torque_n_m": 2e4}, ["motor.critical_torque_n_m = 20000; usual: up to 10000 N·m"]),
+        ({"machine.rotor_inertia_kg_m2": 500.0}, ["machine.rotor_inertia_kg_m2 = 500; usual: up to 100 kg·m²"]),
+        ({"run.initial.speed_ratio": -2.0}, ["run.initial.speed_ratio = -2; usual: -1.5 to 1.5"]),
+        (
+            {"run.initial": {"state": {"x_m": 2.0, "y_m": 1e9}}},
+            [
+                "run.initial.state.x_m = 2; usual: -1 to 1 m",
+                "run.initial.state.y_m = 1e+09; usual: -1 to 1 m",
+            ],
+        ),
+        ({"run.initial": {"state": {"gap_m": 0.0}}}, []),
+        (
+            {
+                "exciters": [
+                    {**SECTIONS["motor"].model_dump(), "rotor_inertia_kg_m2": 8e-4, "unbalance_radius_m": r}
+                    for r in (10.0, 0.03)
+                ]
+            },
+            [
+                "machine.unbalance_mass_kg = 0.045, drive.supply_frequency_hz = 51.5, exciters.0.unbalance_radius_m = "
+                "10, exciters.1.unbalance_radius_m = 0.03: acceleration 96.3 g of the platform far above resonance; "
+                "usual: up to 30 g",
+            ],
+        ),
     ],
     ids=lambda value: next(iter(value)) if isinstance(value, dict) else "",
 )

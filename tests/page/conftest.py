@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 from common import handmade
 
-from vibroplat import load_config, orbits, sweep
+from vibroplat import load_config, orbits, simulate, sweep
 from vibroplat.provenance import provenance
 from vibroplat.results import write_result
 from vibroplat.study.orbits.report import write_orbits
@@ -23,6 +23,18 @@ def moved(runs, tmp_path_factory):
         write_result(directory, "run", origin, tables, {"summary": run.summary | {"notes": []}}, form="parquet")
         found[name] = directory
     return found
+
+
+@pytest.fixture(scope="session")
+def started(tmp_path_factory):
+    """Result of a start from rest."""
+    changes = {"name": "started", "solver.engine": "taylor", "run.duration_s": 1.5, "run.initial.speed_ratio": 0.0}
+    run = simulate(load_config(handmade.QUICKSTART, changes))
+    directory = tmp_path_factory.mktemp("starts") / "started"
+    directory.mkdir()
+    tables = {"trajectory": run.trajectory, "events": run.events}
+    write_result(directory, "run", provenance(run.scene, "taylor"), tables, {"summary": run.summary}, form="parquet")
+    return directory
 
 
 @pytest.fixture(scope="session")

@@ -35,12 +35,12 @@ def driver(request):
 
 
 @pytest.fixture(scope="module")
-def pages(moved, swept, followed, branched, measured, tmp_path_factory):
+def pages(moved, started, swept, followed, branched, measured, tmp_path_factory):
     """Paths of pages by name."""
     place = tmp_path_factory.mktemp("pages")
     layers, bare, bouncing = (moved[name] for name in ("two layers", "bare", "bouncing"))
     wanted = {"one": [layers], "several": [layers, bare, bouncing], "all": [layers, swept]}
-    wanted["orbits"] = [branched, measured]
+    wanted |= {"orbits": [branched, measured], "start": [started]}
     return {name: write_report(of, place / f"{name}.html", mover=motion_of) for name, of in wanted.items()}
 
 
@@ -293,6 +293,66 @@ def test_orbits_show_stability_multipliers_and_special_points(visit):
     page.execute_script(f"document.getElementById('points-1').emit('plotly_click', {grazing})")
     assert "grazing" in js(page, "document.querySelectorAll('.study .row')[1].textContent")
     assert js(page, "document.getElementById('boundaries-0').data.length") == 2
+
+
+def test_a_start_is_played_from_its_beginning(visit):
+    page = visit("start")
+    whole = js(page, "window.vibroplat.player.curves.whole")
+    assert whole == pytest.approx([0.0, 1.5])
+    assert js(page, "document.getElementById('curves')._fullLayout.xaxis.range") == pytest.approx(whole)
+    assert js(page, "[window.vibroplat.player.start, window.vibroplat.player.end]") == pytest.approx(whole)
+    assert clock(page) == 0.0
+    page.find_element("css selector", "#views button:first-child").click()
+    time.sleep(0.5)
+    assert clock(page) > 0.0  # the last turns
+
+
+def test_phases_are_told_as_in_the_tables(visit):
+    page = visit("one")
+    number = js(page, "window.vibroplat.data.panels.findIndex(panel => panel.title === 'phase difference')")
+    shown = f"document.querySelectorAll('#curves .readout')[{number}].querySelector('output').textContent"
+    phases = "window.vibroplat.player.runs[0].columns.phase"
+    row = js(page, f"{phases}.findIndex(phase => phase > Math.PI + 1e-3)")
+    assert row >= 0
+    page.execute_script("window.vibroplat.player.seek(window.vibroplat.player.runs[0].t[arguments[0]])", row)
+    told, drawn = js(page, shown), js(page, f"{phases}[arguments[0]]", row)
+    assert float(told.replace("−", "-")) == pytest.approx(drawn - 2.0 * np.pi, abs=2e-3)
+    lines = js(page, "document.getElementById('curves').data.map(({y, text}) => [Array.from(y), text])")
+    above = [(y, text) for ys, texts in lines if texts for y, text in zip(ys, texts, strict=True) if "−3.1" in text]
+    assert above
+    assert all(y > np.pi for y, _ in above if y > 0.0)
+    ticks = js(page, f"document.getElementById('curves')._fullLayout.yaxis{number + 1}.ticktext")
+    assert ticks == ["0", "π/2", "±π", "−π/2"]
+
+
+@pytest.mark.parametrize("name", ["one", "several", "all", "orbits"])
+def test_figures_fit_on_a_sheet_of_paper_and_controls_are_left_out(visit, name):
+    page = visit(name)
+    sizes = """[...document.querySelectorAll('.figure')].map(box => box.getBoundingClientRect())
+        .map(({width, height}) => [width, height])"""
+    before = js(page, sizes)
+    page.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
+    page.execute_script("window.dispatchEvent(new Event('beforeprint'))")
+    time.sleep(0.5)
+    millimetre = 96.0 / 25.4
+    for width, height in js(page, sizes):
+        assert width == pytest.approx(180.0 * millimetre, rel=0.01) or (width, height) == (
+            0.0,
+            0.0,
+        )  # no run, no curves
+        assert height < 210.0 * millimetre  # a heading and the strip of the whole run have room as well
+    plots = js(
+        page, "[...document.querySelectorAll('.figure .main-svg:first-child')].map(svg => svg.getBoundingClientRect())"
+    )
+    assert all(plot["width"] == pytest.approx(180.0 * millimetre, rel=0.02) for plot in plots)
+    shown = js(
+        page, "[...document.querySelectorAll('.screen, #play, #time, .buttons button')].map(box => box.offsetHeight)"
+    )
+    assert not any(shown)
+    page.execute_script("window.dispatchEvent(new Event('afterprint'))")
+    page.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})
+    time.sleep(0.5)
+    assert js(page, sizes) == [pytest.approx(size, abs=1.0) for size in before]
 
 
 def orbit_drawing(driver):

@@ -7,6 +7,7 @@ import hashlib
 import json
 import re
 import shutil
+import zlib
 from itertools import groupby
 
 import numpy as np
@@ -14,6 +15,7 @@ import pandas as pd
 import pytest
 from common import handmade
 from common.results import unproven
+from plotly.offline import get_plotlyjs
 
 from vibroplat.columns import unit_of
 from vibroplat.errors import TableError
@@ -23,6 +25,7 @@ from vibroplat.page.parameters import meaning, parameters
 from vibroplat.page.reading import find_results
 from vibroplat.page.thinning import extremes, packed, packed_coarsely, plain_column, spread
 from vibroplat.plots.orbits import read_branches
+from vibroplat.scene import Scene
 from vibroplat.study.orbits.motions import motion_of
 from vibroplat.tables import read_table, write_table
 
@@ -152,6 +155,39 @@ def test_a_long_run_keeps_its_last_rows_and_the_extremes_of_all(moved, monkeypat
         np.testing.assert_allclose(
             [coarse.min(), coarse.max()], [trajectory[name].min(), trajectory[name].max()], rtol=1e-6
         )
+
+
+def test_a_start_is_shown_from_its_beginning(moved, started, monkeypatch):
+    assert not shown(moved["two layers"])["transient"]
+    data = shown(started)
+    assert data["transient"]
+    monkeypatch.setattr(run, "ROWS", 100)
+    (cut,) = shown(started)["runs"]
+    assert (cut["origin"], cut["rows"]) == (0.0, 100)
+    (chosen,) = shown(started, start=0.1)["runs"]
+    assert chosen["origin"] == pytest.approx(0.1, abs=1e-3)
+    monkeypatch.setattr(run, "ROWS", 200)
+    together = shown(moved["two layers"], started)
+    assert [one["origin"] for one in together["runs"]] == [0.0, 0.0]
+
+
+def test_a_switch_of_the_supply_is_a_transient_if_the_run_reaches_it(quickstart_scene):
+    speeds = np.array([160.0, -160.0])
+    times = run.Times(10, 0.0, 2.0, (speeds, speeds))
+    off = {"drive": {"program": [{"t_s": 0.0, "supply_frequency_hz": 50.0}, {"t_s": 1.0, "exciter_1": "off"}]}}
+    tree = quickstart_scene.to_tree()
+    scene = Scene.from_tree(tree | off)
+    assert not times.is_transient(quickstart_scene)
+    assert times.is_transient(scene)
+    assert not run.Times(10, 0.0, 0.9, (speeds, speeds)).is_transient(scene)
+    assert run.Times(10, 0.0, 2.0, (0.0 * speeds, speeds)).is_transient(quickstart_scene)
+    assert not run.Times(10, 0.0, 2.0, (0.98 * speeds, speeds)).is_transient(quickstart_scene)
+
+
+def test_results_name_the_parameters_in_which_they_differ(moved):
+    differs = [one["differs"] for one in shown(moved["two layers"], moved["bare"])["results"]]
+    assert any("mass ratio 0" in one for one in differs), differs
+    assert shown(moved["bare"])["results"][0]["differs"] == ""
 
 
 def test_the_interval_of_a_run_can_be_chosen(moved):
@@ -429,7 +465,10 @@ def test_a_page_needs_nothing_else(text):
 
 def test_only_the_scripts_of_the_page_may_run(text):
     policy = re.search(r"script-src ([^;]+);", text).group(1)
-    scripts = re.findall(r"<script>(.*?)</script>", text, re.DOTALL)
+    packed = re.search(r'<script id="library" type="text/plain">(.*?)</script>', text).group(1)
+    library = zlib.decompress(base64.b64decode(packed)).decode()
+    assert library == get_plotlyjs()
+    scripts = [library, *re.findall(r"<script>(.*?)</script>", text, re.DOTALL)]
     digests = [base64.b64encode(hashlib.sha256(script.encode()).digest()).decode() for script in scripts]
     assert policy == " ".join(f"'sha256-{digest}'" for digest in digests)
     assert len(scripts) == 2
@@ -454,6 +493,15 @@ def test_no_more_than_8_mb_for_ten_seconds(moved):
     row = {c["name"]: -0.00123456789 for c in data["tables"][0]["columns"]}
     data["tables"] = [points.table_data("events", 0, pd.DataFrame([row] * points.MOST_ROWS), points.MOST_ROWS)]
     assert len(report.page(data).encode()) < 8_000_000
+
+
+def test_a_page_over_8_mb_is_told_with_what_makes_it_smaller(command, moved, swept, tmp_path, monkeypatch, caplog):
+    monkeypatch.setattr(report, "LARGE", 1_000_000)
+    command("report", moved["bare"], swept, "--no-orbits", "--out", tmp_path / "both.html")
+    size = (tmp_path / "both.html").stat().st_size / 1e6
+    (told,) = caplog.messages
+    assert f"both.html has {size:.1f} MB, over 1 MB; smaller with fewer results, or a shorter interval" in told
+    assert "--no-orbits" not in told  # there are none
 
 
 # -- what is refused ------------------------------------------------------------------------------------

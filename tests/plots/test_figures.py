@@ -107,7 +107,10 @@ def test_runs_are_laid_over_each_other_from_a_whole_turn_on(written, figures, tm
     for line in figures["motion"].axes[1].lines:
         times = line.get_xdata()
         assert 0.0 <= times[0] < 1e-3
-    assert [line.get_label() for line in figures["motion"].axes[1].lines] == ["a", "b"]
+    assert [line.get_label() for line in figures["motion"].axes[1].lines] == ["a ($R$ = 0)", "b ($R$ = 0.5)"]
+    for kind in ("motion", "force", "exciters"):
+        named = [text.get_text() for text in figures[kind].legends[0].get_texts()]
+        assert named[:2] == ["a ($R$ = 0)", "b ($R$ = 0.5)"]
     colours = {line.get_color() for line in figures["motion"].axes[1].lines}
     assert len(colours) == 2
     assert not figures["motion"].axes[1].patches  # contact of two runs cannot be shaded

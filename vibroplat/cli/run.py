@@ -56,7 +56,9 @@ def run(
     if found is not None:
         print_lines(found.lines())
     if result.outcome != "ok":
-        print(f"vibroplat: {result.outcome}: {result.summary['detail']}", file=sys.stderr)
+        why, state, _ = result.summary["detail"].partition(", state [")
+        more = f"; the state then is in {directory / 'summary.json'}" if state else ""
+        print(f"vibroplat: {result.outcome}: {why}{more}", file=sys.stderr)
     if found is not None and not found.agrees:
         print(f"vibroplat: engines disagree {found.disagreement}", file=sys.stderr)
     if result.outcome != "ok" or (found is not None and not found.agrees):

@@ -10,10 +10,9 @@ from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
 from vibroplat.columns import unit_of
+from vibroplat.drive import Drive
 from vibroplat.page.labels import field, flat, words
-
-#: Sections that a command does not use.
-UNUSED = {"run": ("sweep", "orbits"), "sweep": ("run", "output", "orbits"), "orbits": ("sweep", "output")}
+from vibroplat.plots.differences import SUPPLY, UNUSED, differing, shortened
 
 
 def parameters(commands: Sequence[str], configurations: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
@@ -27,6 +26,26 @@ def parameters(commands: Sequence[str], configurations: Sequence[Mapping[str, An
     keys = dict.fromkeys(key for tree in trees for key in tree)
     ordered = sorted(keys, key=lambda key: sections.index(key.partition(".")[0]))
     return [_row(key, [tree.get(key) for tree in trees]) for key in ordered]
+
+
+def differences(commands: Sequence[str], configurations: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return for each result the values of parameters in which results of its command differ; "" for a single one."""
+    found = [""] * len(commands)
+    for command in dict.fromkeys(commands):
+        places = [place for place, one in enumerate(commands) if one == command]
+        for place, keys in zip(places, differing(command, [configurations[place] for place in places]), strict=True):
+            found[place] = ", ".join(shortened([_told(key, value) for key, value in keys.items()]))
+    return found
+
+
+def _told(key: str, value: Any) -> str:
+    """Return a value with the words of its key and its unit; of a supply, that of its only or largest frequency."""
+    if key == SUPPLY:
+        drive = Drive.model_validate(value)
+        return f"supply {'' if drive.program is None else 'program up to '}{drive.largest_frequency:g} Hz"
+    place = next((f"{int(part) + 1} " for part in key.split(".") if part.isdecimal()), "")
+    number = f"{value:g}" if isinstance(value, int | float) and not isinstance(value, bool) else str(value)
+    return f"{words(key)} {place}{number} {unit_of(key)}".rstrip()
 
 
 def _row(key: str, values: Sequence[Any]) -> dict[str, Any]:

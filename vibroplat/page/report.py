@@ -6,7 +6,9 @@ import base64
 import hashlib
 import html
 import json
-from collections.abc import Sequence
+import logging
+import zlib
+from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -17,7 +19,7 @@ from plotly.offline import get_plotlyjs
 from vibroplat.errors import TableError
 from vibroplat.page import motions, points, run
 from vibroplat.page.motions import Motions, Mover, Progress
-from vibroplat.page.parameters import parameters
+from vibroplat.page.parameters import differences, parameters
 from vibroplat.page.reading import Found, find_results
 from vibroplat.page.summary import remarks, summary_rows
 from vibroplat.plots.orbits import boundary_keys, read_branches
@@ -25,12 +27,16 @@ from vibroplat.plots.reading import read_columns
 from vibroplat.results import Result
 from vibroplat.tables import replace_files
 
+_LOG = logging.getLogger("vibroplat")
+
 #: The parts of the script, in the order in which they use each other.
 SCRIPTS = ("text", "tables", "curves", "machine", "player", "orbit", "points", "page")
 #: Columns that a table of a sweep needs.
 SWEEP_COLUMNS = ("branch", "direction", "sync", "motion", "outcome", "rms_x_m", "rms_y_m")
 #: What is told of how a result was made.
 _MADE = ("vibroplat", "git_commit", "created", "engine", "tolerance")
+#: Size of a page that is told (bytes): mail takes what is smaller.
+LARGE = 8_000_000
 #: Name of the page where none is given.
 NAME = "report.html"
 
@@ -53,8 +59,8 @@ def write_report(
     out
         The file. Default: ``report.html`` in the first directory.
     start, stop
-        The interval of runs that is kept at full resolution and moves (s). Default: the whole run, or the last rows of
-        it if there are too many.
+        The interval of runs that is kept at full resolution and moves (s). Default: the whole run; if it has too many
+        rows, its end, or its beginning where the supply or the speeds change.
     mover, progress
         What computes the orbits of the points of sweeps and branches, and who is told of each. Default: the page has
         no orbits.
@@ -70,9 +76,23 @@ def write_report(
         A directory holds no result, or the page cannot be written.
     """
     path = directories[0] / NAME if out is None else out
-    text = page(page_data(find_results(directories), start, stop, mover=mover, progress=progress))
+    data = page_data(find_results(directories), start, stop, mover=mover, progress=progress)
+    text = page(data)
     replace_files({path: lambda place: place.write_text(text, encoding="utf-8", newline="\n")})
+    if (size := path.stat().st_size) > LARGE:
+        _LOG.warning("%s has %.1f MB, over %.0f MB; %s", path, size / 1e6, LARGE / 1e6, _smaller(data))
     return path
+
+
+def _smaller(data: Mapping[str, Any]) -> str:
+    """Say what would make a page smaller."""
+    ways = [
+        ("fewer results", len(data["results"]) > 1),
+        ("--no-orbits", any(one["motions"]["list"] for one in data["points"])),
+        ("a shorter interval, by --start and --stop", bool(data["runs"])),
+        ("fewer rows", not data["runs"] and len(data["results"]) == 1),
+    ]
+    return "smaller with " + ", or ".join(way for way, helps in ways if helps)
 
 
 def page_data(
@@ -84,20 +104,23 @@ def page_data(
     progress: Progress | None = None,
 ) -> dict[str, Any]:
     """Return all that a page shows of some results."""
-    runs = _runs(found, start, stop)
+    runs, transient = _runs(found, start, stop)
     summaries = [one for one in found if one.command == "run"]
     studies = [(number, one) for number, one in enumerate(found) if one.command != "run"]
     room = motions.ROWS // max(len(studies), 1)
+    commands, trees = [one.command for one in found], [one.configuration for one in found]
+    different = differences(commands, trees)
     return {
         "title": ", ".join(dict.fromkeys(one.label for one in found)),
-        "results": [_origin(one) for one in found],
-        "parameters": parameters([one.command for one in found], [one.configuration for one in found]),
+        "results": [_origin(one) | {"differs": how} for one, how in zip(found, different, strict=True)],
+        "parameters": parameters(commands, trees),
         "summary": {
             "results": [found.index(one) for one in summaries],
             "rows": summary_rows([one.summary for one in summaries]),
         },
         "remarks": [remark for one in summaries for remark in remarks(one.label, one.summary)],
         "runs": runs,
+        "transient": transient,
         "turns": run.SHOWN_TURNS,
         "panels": run.panels(runs),
         "points": [_points(n, one, motions.Motions(one.scene, mover, room, progress)) for n, one in studies],
@@ -113,10 +136,11 @@ def page(data: dict[str, Any]) -> str:
     Should it fail to do so, the policy of the page lets no other script run and nothing be loaded.
     """
     ours = "\n".join(_web(f"{name}.js") for name in SCRIPTS)
-    scripts = {"PLOTLY": str(get_plotlyjs()), "SCRIPT": f'(() => {{\n"use strict";\n{ours}}})();'}
-    policy = " ".join(f"'sha256-{_sha256(script)}'" for script in scripts.values())
-    parts = scripts | {
-        "POLICY": policy,
+    library, script = str(get_plotlyjs()), f'(() => {{\n"use strict";\n{ours}}})();'
+    parts = {
+        "LIBRARY": base64.b64encode(zlib.compress(library.encode(), 9)).decode("ascii"),
+        "SCRIPT": script,
+        "POLICY": " ".join(f"'sha256-{_sha256(text)}'" for text in (library, script)),
         "TITLE": html.escape(data["title"]),
         "STYLE": _web("style.css"),
         "DATA": _inside_script(json.dumps(data, ensure_ascii=False, allow_nan=False, separators=(",", ":"))),
@@ -148,18 +172,23 @@ def _origin(one: Found) -> dict[str, Any]:
     return {"label": one.label, "command": one.command, "directory": str(one.result.directory), **told}
 
 
-def _runs(found: Sequence[Found], start: float | None, stop: float | None) -> list[dict[str, Any]]:
-    """Return all runs. The machines move side by side until the first one ends, if all have begun by then."""
+def _runs(found: Sequence[Found], start: float | None, stop: float | None) -> tuple[list[dict[str, Any]], bool]:
+    """Return all runs, and whether they are shown from their beginning, as a start is.
+
+    The machines move side by side until the first run ends, if all have begun by then.
+    """
     ours = [(number, one, run.run_times(one.result)) for number, one in enumerate(found) if one.command == "run"]
     ours = [(number, one, times) for number, one, times in ours if times.rows > 1]
     common = min((times.last for _, _, times in ours), default=0.0)
     if stop is None and all(times.first < common for _, _, times in ours):
         stop = common
     most = max(run.ROWS // max(len(ours), 1), 2)
-    return [
-        {"result": number, **run.run_data(one.result, one.scene, one.summary, _events(one), times, most, start, stop)}
-        for number, one, times in ours
+    first = any(times.is_transient(one.scene) for _, one, times in ours)
+    runs = [
+        run.run_data(one.result, one.scene, one.summary, _events(one), times, most, start, stop, first=first)
+        for _, one, times in ours
     ]
+    return [{"result": number, **data} for (number, _, _), data in zip(ours, runs, strict=True)], first
 
 
 def _events(one: Found) -> pd.DataFrame:

@@ -16,16 +16,19 @@ from vibroplat.plots.reading import read_parts
 from vibroplat.results import Result
 from vibroplat.scene import Mode, Scene
 
-#: Most rows of all runs together that are kept as they are: 10 s at 2000 Hz with their events.
-ROWS = 24_000
+#: Most rows of all runs together that are kept as they are, each of 80 bytes: 25 s at 2000 Hz with their events.
+ROWS = 52_000
 #: Most impacts of a run, which are drawn one by one.
 IMPACTS = 5000
 #: Intervals over the whole run, of which the smallest and the largest value are kept where it has more rows.
 INTERVALS = 1000
 #: Turns of the exciters that are shown first.
 SHOWN_TURNS = 10
+#: Change of an exciter's speed over a run, as a share of its largest speed, from which on the run is a start or a stop.
+CHANGE = 0.1
 
-_ANGLES = ("phi1_rad", "phi2_rad", "phi1_rate_rad_per_s", "phi2_rate_rad_per_s")
+_SPEEDS = ["phi1_rate_rad_per_s", "phi2_rate_rad_per_s"]
+_ANGLES = ("phi1_rad", "phi2_rad", *_SPEEDS)
 _NEEDED = ("t_s", "x_m", "y_m", "phi_rad", *_ANGLES)
 _OPTIONAL = ("gap_m", "upper_m", "contact_force_n", "motor_power_1_w", "motor_power_2_w", "supply_frequency_hz")
 
@@ -48,11 +51,21 @@ _SCALED = {"m": {1e-6: "µm", 1e-3: "mm", 1.0: "m"}, "rad": {1e-6: "µrad", 1e-3
 
 @dataclass(frozen=True)
 class Times:
-    """The rows of a trajectory: how many, and its first and last time (s)."""
+    """The rows of a trajectory: how many, its first and last time (s), and the speeds of both exciters then (rad/s)."""
 
     rows: int
     first: float
     last: float
+    speeds: tuple[FloatArray, FloatArray]
+
+    def is_transient(self, scene: Scene) -> bool:
+        """Whether the supply or a speed changes on the way: such a run is looked at from its beginning."""
+        before, after = self.speeds
+        changes = np.abs(after - before) > CHANGE * max(np.abs(before).max(), np.abs(after).max())
+        supply = scene.drive.intervals
+        ramps = any(one.ramp and one.start < self.last and one.end > self.first for one in supply)
+        switches = any(self.first < one.start < self.last for one in supply)
+        return bool(changes.any()) or ramps or switches
 
 
 def run_data(
@@ -64,6 +77,8 @@ def run_data(
     most: int,
     start: float | None,
     stop: float | None,
+    *,
+    first: bool = False,
 ) -> dict[str, Any]:
     """Return what the page shows of a run with two rows or more.
 
@@ -77,13 +92,15 @@ def run_data(
         Most rows that are kept as they are: the last ones of the interval.
     start, stop
         The interval of these rows (s). Default: the whole run.
+    first
+        The first rows are kept instead of the last ones.
 
     Raises
     ------
     TableError
         A table is missing or of another run, or the interval is empty.
     """
-    kept = _kept(result, scene, most, times, start, stop)
+    kept = _kept(result, scene, most if first else -most, times, start, stop)
     t = kept["t_s"].to_numpy()
     whole = len(kept) == times.rows
     frequency = summary.get("excitation_frequency_hz")
@@ -141,10 +158,16 @@ def initials(mode: object) -> str:
 
 def run_times(result: Result) -> Times:
     """Count the rows of a trajectory."""
-    parts = [part["t_s"] for part in read_parts(result, "trajectory", (), ("t_s",)) if len(part)]
-    if not parts:
-        return Times(0, math.nan, math.nan)
-    return Times(sum(map(len, parts)), float(parts[0].iloc[0]), float(parts[-1].iloc[-1]))
+    rows = 0
+    ends: list[pd.Series] = []
+    for part in read_parts(result, "trajectory", (), ("t_s", *_SPEEDS)):
+        if len(part):
+            rows += len(part)
+            ends = [ends[0] if ends else part.iloc[0], part.iloc[-1]]
+    if not ends:
+        return Times(0, math.nan, math.nan, (np.zeros(2), np.zeros(2)))
+    (first, before), (last, after) = ((float(row["t_s"]), row[_SPEEDS].to_numpy(dtype=float)) for row in ends)
+    return Times(rows, first, last, (before, after))
 
 
 def _parts(result: Result, scene: Scene) -> Iterator[pd.DataFrame]:
@@ -166,18 +189,22 @@ def _parts(result: Result, scene: Scene) -> Iterator[pd.DataFrame]:
 def _kept(
     result: Result, scene: Scene, most: int, times: Times, start: float | None, stop: float | None
 ) -> pd.DataFrame:
-    """Return the last rows of an interval."""
+    """Return the first rows of an interval; with a negative number of them, the last ones."""
     begin, end = times.first if start is None else start, times.last if stop is None else stop
     kept: pd.DataFrame | None = None
     for part in _parts(result, scene):
         inside = part[part["t_s"].between(begin, end)]
-        kept = inside if kept is None else pd.concat((kept, inside), ignore_index=True).tail(most)
+        kept = _end(inside if kept is None else pd.concat((kept, inside), ignore_index=True), most)
     if kept is None or kept["t_s"].nunique() < 2:
         raise TableError(
             f"no data between {begin:g} and {end:g} s in {result.directory}; "
             f"allowed: an interval within {times.first:g} … {times.last:g} s"
         )
-    return kept.tail(most)
+    return kept
+
+
+def _end(table: pd.DataFrame, most: int) -> pd.DataFrame:
+    return table.head(most) if most > 0 else table.tail(-most)
 
 
 def _coarse(result: Result, scene: Scene, times: Times) -> dict[str, Any]:

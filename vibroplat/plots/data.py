@@ -12,8 +12,9 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from vibroplat.errors import TableError
-from vibroplat.plots.names import Quantity, is_number
+from vibroplat.plots.names import PHASE_COLUMN, Quantity, is_number
 from vibroplat.plots.style import BLACK, plain
+from vibroplat.plots.timelines import wrapped
 
 _LOG = logging.getLogger("vibroplat")
 
@@ -28,7 +29,8 @@ class Data:
     def draw(self, axis: Axes, x: str, column: str, quantity: Quantity) -> Axes:
         """Draw a column over another where the data have both, in black diamonds."""
         if {x, column} <= {*self.table.columns}:
-            values = quantity.factor * self.table[column]
+            values = quantity.factor * self.table[column].to_numpy(dtype=float)
+            values = wrapped(values) if column == PHASE_COLUMN else values
             look: dict[str, Any] = {"color": BLACK, "mfc": "white", "ms": 4.0, "mew": 1.0, "zorder": 5.0, "ls": ""}
             axis.plot(self.table[x], values, marker="D", label=f"measured: {plain(self.name)}", **look)
         return axis

@@ -125,7 +125,7 @@ def scene_of(provenance: dict[str, Any]) -> Scene | None:
 
 def run_parameters(scene: Scene | None) -> str:
     """Return the parameters of a run that a reader of its figures wants to know."""
-    return "" if scene is None else ", ".join([_supply(scene), *_material(scene)])
+    return "" if scene is None else ", ".join([supply_label(scene), *_material(scene)])
 
 
 def sweep_parameters(scene: Scene | None, varied: list[str]) -> str:
@@ -135,7 +135,8 @@ def sweep_parameters(scene: Scene | None, varied: list[str]) -> str:
     return ", ".join(_material(scene, "material.mass_ratio" in varied, "contact.restitution" in varied))
 
 
-def _supply(scene: Scene) -> str:
+def supply_label(scene: Scene) -> str:
+    """Return the supply frequency, or a program's frequencies and switches."""
     if scene.drive.program is None:
         return f"$f_e$ = {scene.drive.largest_frequency:g} Hz"
     program = scene.drive.program

@@ -14,7 +14,7 @@ from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.lines import Line2D
 
 from vibroplat.plots.names import FREQUENCIES, MEASURES, PHASE_COLUMN, key_label
-from vibroplat.plots.style import BLACK, CURVES, DIRECTIONS, FAILED, REFERENCE, head, new_figure
+from vibroplat.plots.style import BLACK, CURVES, DIRECTIONS, FAILED, REFERENCE, head, legend_below, new_figure
 from vibroplat.plots.timelines import phase_axis, wrapped
 from vibroplat.study.bands import jumps
 from vibroplat.study.branches import EXCITATION, SUPPLY
@@ -212,7 +212,7 @@ def _legend(figure: Figure, response: Response, colours: Sequence[Any]) -> None:
     if response.data is not None:
         known = [h for axis in figure.axes for h in axis.get_legend_handles_labels()[0]]
         handles += known[:1]
-    figure.legend(handles=handles, loc="outside lower center", ncols=min(len(handles), 5))
+    legend_below(figure, handles, [handle.get_label() for handle in handles])
 
 
 def marker_legend(table: pd.DataFrame) -> Iterator[Line2D]:

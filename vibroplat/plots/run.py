@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,6 +11,7 @@ import numpy as np
 
 from vibroplat.errors import TableError
 from vibroplat.plots.data import Data
+from vibroplat.plots.differences import differing, distinct, labels
 from vibroplat.plots.names import COORDINATES, PHASE, run_parameters
 from vibroplat.plots.run_tables import Run, matters, range_of, read_run
 from vibroplat.plots.style import (
@@ -22,8 +23,8 @@ from vibroplat.plots.style import (
     REFERENCE,
     Saving,
     head,
+    legend_below,
     new_figure,
-    plain,
     save,
     styled,
 )
@@ -50,10 +51,11 @@ MOST_TURNS = 60
 
 @dataclass(frozen=True)
 class Shown:
-    """The runs of a figure, and measured data laid over them."""
+    """The runs of a figure, measured data laid over them, and what several of them are called."""
 
     runs: list[Run]
     data: Data | None = None
+    names: Sequence[str] = ()
 
     @property
     def only(self) -> Run | None:
@@ -76,8 +78,8 @@ class Shown:
         """Return the look of a run's line: a colour for each quantity, or for each run if there are several."""
         if self.only is not None:
             return {"color": {"gap_m": MATERIAL, "contact_force_n": FORCE}.get(column, PLATFORM)}
-        name, colour = plain(self.runs[number].name), CURVES[number % len(CURVES)]
-        return {"color": colour, "label": name, "lw": 1.8 - 0.9 * number / len(self.runs), "alpha": 0.9}
+        colour = CURVES[number % len(CURVES)]
+        return {"color": colour, "label": self.names[number], "lw": 1.8 - 0.9 * number / len(self.runs), "alpha": 0.9}
 
     def measured(self, axis: Axes, column: str) -> None:
         """Lay the data over an axis in time."""
@@ -126,7 +128,7 @@ def plot_run(
         Tables are missing or have another schema version, or the interval is empty.
     """
     directories = [directory] if isinstance(directory, Path) else list(directory)
-    shown = Shown([read_run(place, start, stop) for place in directories], data)
+    shown = _shown([read_run(place, start, stop) for place in directories], directories, data)
     compared = "" if shown.only else "-compared"
     written = []
     for kind in kinds:
@@ -138,6 +140,15 @@ def plot_run(
     if not written:
         raise TableError(f"--kind force: {directories[0]} has no contact force, as its scene is bare or non-impact")
     return written
+
+
+def _shown(runs: list[Run], directories: Sequence[Path], data: Data | None) -> Shown:
+    """Name several runs by how they differ."""
+    if len(runs) == 1:
+        return Shown(runs, data)
+    trees = [run.scene.to_tree() for run in runs if run.scene is not None]
+    found: Sequence[Mapping[str, Any]] = differing("run", trees) if len(trees) == len(runs) else [{}] * len(runs)
+    return Shown(runs, data, labels(distinct([run.name for run in runs], directories), found))
 
 
 def _head(figure: Figure, shown: Shown, named: Axes | None = None) -> None:
@@ -158,7 +169,7 @@ def _head(figure: Figure, shown: Shown, named: Axes | None = None) -> None:
 def _legend_below(figure: Figure, axis: Axes) -> None:
     handles, labels = axis.get_legend_handles_labels()
     named = dict(zip(labels, handles, strict=True))
-    figure.legend(named.values(), named.keys(), loc="outside lower center", ncols=4)
+    legend_below(figure, named.values(), named.keys())
 
 
 def _motion(shown: Shown) -> Figure:
@@ -247,7 +258,7 @@ def _force(shown: Shown) -> Figure:
     for number, run in enumerate(shown.runs if strikes else []):
         events = run.events.assign(t_s=run.events["t_s"] - shown.origin(run))
         colour = BLACK if shown.only is not None else shown.look(number, "")["color"]
-        draw_impulses(axes[1, 0], events, colour, None if shown.only is not None else plain(run.name))
+        draw_impulses(axes[1, 0], events, colour, None if shown.only is not None else shown.names[number])
     if strikes and shown.only is not None and shown.only.turns <= MOST_TURNS:
         draw_contact(axes[1, 0], shown.only.shown)
     axes[-1, 0].set_xlabel(shown.detail)
@@ -264,17 +275,19 @@ def _exciters(shown: Shown) -> Figure:
     for number, run in enumerate(shown.runs):
         several = shown.only is None
         colour = CURVES[number % len(CURVES)]
-        name = f"{plain(run.name)}, " if several else ""
-        draw_speeds(speeds, run.whole, (colour, colour if several else CURVES[1]), name)
+        draw_speeds(speeds, run.whole, (colour, colour if several else CURVES[1]))
         if run.scene is not None and not several:
             draw_synchronous_speed(speeds, run.scene, run.whole["t_s"])
-        draw_phase_difference(
-            phases, run.whole, co_rotating=run.co_rotating, color=colour, label=plain(run.name) if several else None
-        )
+        label = shown.names[number] if several else None
+        draw_phase_difference(phases, run.whole, co_rotating=run.co_rotating, color=colour, label=label)
+    if shown.only is None:
+        for number, line in enumerate(speeds.lines[:2], 1):
+            look: dict[str, Any] = {"ls": line.get_linestyle(), "lw": line.get_linewidth(), "color": REFERENCE}
+            phases.plot([], [], label=f"exciter {number}", **look)
     if len({run.co_rotating for run in shown.runs}) > 1:
         phases.set_ylabel(PHASE)
     phases.set_xlabel("$t$ (s)")
-    _head(figure, shown, speeds)
+    _head(figure, shown, speeds if shown.only is not None else phases)
     return figure
 
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator
+import re
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -35,6 +36,8 @@ CONTACT, REFERENCE, FAILED = "#e3eaf0", "#666666", "#a00000"
 #: Markers of the directions of a branch, and of curves that may lie on each other.
 DIRECTIONS = {"up": "^", "down": "v"}
 MARKERS = "osD^vPX<>hp"
+#: Letters of a legend that an inch has room for.
+LETTERS = 14.0
 
 _STYLE: Any = {
     "figure.constrained_layout.use": True,
@@ -115,6 +118,15 @@ def head(figure: Figure, name: str, parameters: str = "") -> None:
         first: Axes = figure.axes[0]
         own = first.get_title(loc="left")
         first.set_title(f"{parameters}\n{own}" if own else parameters, loc="left")
+
+
+def legend_below(figure: Figure, handles: Iterable[Any], labels: Iterable[str]) -> None:
+    """Put a legend below a figure, in as many columns as its labels leave room for."""
+    names = list(labels)
+    longest = max((len(re.sub(r"\$[^$]*\$", "MM", name)) for name in names), default=0)
+    room = figure.get_figwidth() * LETTERS
+    columns = max(1, min(5, len(names), int(room / (longest + 6))))
+    figure.legend(list(handles), names, loc="outside lower center", ncols=columns)
 
 
 def save(figure: Figure, directory: Path, name: str, saving: Saving | None = None) -> Path:

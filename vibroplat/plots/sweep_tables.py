@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
@@ -12,6 +12,7 @@ import pandas as pd
 from vibroplat.errors import TableError
 from vibroplat.overrides import flat
 from vibroplat.plots.data import Data
+from vibroplat.plots.differences import differing, distinct, labels
 from vibroplat.plots.names import MEASURES, is_number, scene_of, sweep_parameters, value_label
 from vibroplat.plots.reading import read_columns, read_result
 from vibroplat.plots.style import plain
@@ -50,6 +51,8 @@ class Response:
         The column of the horizontal axis.
     data
         Measured data laid over the curves.
+    labels
+        What several results are called in a legend, by their names.
     """
 
     results: list[Result]
@@ -58,6 +61,7 @@ class Response:
     keys: list[str]
     x: str = EXCITATION
     data: Data | None = field(default=None)
+    labels: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def result(self) -> Result:
@@ -69,13 +73,17 @@ class Response:
         """What does not vary, for a title."""
         return sweep_parameters(scene_of(self.result.provenance), self.keys) if len(self.results) == 1 else ""
 
+    def called(self, name: str) -> str:
+        """Return what one of several results is called in a legend: its name, and how it differs otherwise."""
+        return self.labels.get(name, plain(name))
+
     def curves(self) -> Iterator[Curve]:
         """Yield each branch, in the order of the table."""
         numbers: dict[str, int] = {}
         parts = [RESULT, "branch"] if RESULT in self.table else ["branch"]
         for _, rows in self.table.groupby(parts, sort=False):
             label = ", ".join(
-                plain(str(rows[key].iloc[0])) if key == RESULT else value_label(key, rows[key].iloc[0])
+                self.called(str(rows[key].iloc[0])) if key == RESULT else value_label(key, rows[key].iloc[0])
                 for key in self.keys
             )
             yield Curve(label, numbers.setdefault(label, len(numbers)), str(rows["direction"].iloc[0]), rows)
@@ -104,7 +112,9 @@ def read_response(directory: Path | Sequence[Path], *, x: str = EXCITATION, data
         tables = [table.assign(**{RESULT: name}) for name, table in zip(names, tables, strict=True)]
     joined = pd.concat(tables, ignore_index=True)
     keys = _varied(joined, grid)
-    return Response(results, names, joined, ([RESULT] if len(tables) > 1 else []) + keys, x, data)
+    return Response(
+        results, names, joined, ([RESULT] if len(tables) > 1 else []) + keys, x, data, _labels(names, results, keys)
+    )
 
 
 def response_of(table: pd.DataFrame, x: str = EXCITATION) -> Response:
@@ -132,6 +142,15 @@ def _varied(table: pd.DataFrame, keys: Iterable[str]) -> list[str]:
 
 
 def _names(directories: Sequence[Path]) -> list[str]:
-    """Return the names of directories, or their paths if two have the same name."""
-    names = [directory.resolve().name for directory in directories]
-    return names if len({*names}) == len(names) else [str(directory) for directory in directories]
+    """Return the names of directories, or their paths where two have the same name."""
+    return distinct([directory.resolve().name for directory in directories], directories)
+
+
+def _labels(names: Sequence[str], results: Sequence[Result], keys: Sequence[str]) -> dict[str, str]:
+    """Return what several results are called: their names, and how they differ but for keys that each curve names."""
+    scenes = [scene_of(result.provenance) for result in results]
+    trees = [scene.to_tree() for scene in scenes if scene is not None]
+    if len(trees) < len(results):
+        return {}
+    found = [{key: value for key, value in one.items() if key not in keys} for one in differing("sweep", trees)]
+    return dict(zip(names, labels(names, found), strict=True))

@@ -132,7 +132,7 @@ def draw_synchronous_speed(axis: Axes, scene: Scene, times: pd.Series) -> Axes:
 def draw_phase_difference(
     axis: Axes, table: pd.DataFrame, *, co_rotating: bool = False, color: str = PLATFORM, label: str | None = None
 ) -> Axes:
-    """Draw the phase difference of the exciters over time, from −π/2 to 3π/2; wraps are left out."""
+    """Draw the phase difference of the exciters over time; wraps are left out."""
     sign = -1.0 if co_rotating else 1.0
     phase = wrapped((table["phi1_rad"] + sign * table["phi2_rad"]).to_numpy(dtype=float))
     times, broken = without_wraps(table["t_s"].to_numpy(dtype=float), phase)
@@ -154,9 +154,9 @@ def without_wraps(times: FloatArray, phase: FloatArray) -> tuple[FloatArray, Flo
 
 
 def phase_axis(axis: Axes, label: str = PHASE) -> None:
-    """Label an axis of phase differences."""
+    """Label an axis of phase differences: a circle that is cut at −π/2, with values in (−π, π] as in the tables."""
     axis.set_ylim(LOWEST_PHASE - 0.1, LOWEST_PHASE + TURN + 0.1)
-    ticks = {-0.5: "−π/2", 0.0: "0", 0.5: "π/2", 1.0: "π", 1.5: "3π/2"}
+    ticks = {-0.5: "−π/2", 0.0: "0", 0.5: "π/2", 1.0: "±π", 1.5: "−π/2"}
     axis.set_yticks([np.pi * tick for tick in ticks], list(ticks.values()))
     axis.set_ylabel(label)
     for angle, name in () if axis.texts else ((0.0, "in-phase"), (np.pi, "antiphase")):

@@ -2,13 +2,16 @@
 
 const BUCKETS = 900;
 const PANEL = 92, LEFT = 58, RIGHT = 10, BOTTOM = 40;
-const PHASE_TICKS = {tickvals: [0, Math.PI / 2, Math.PI, 3 * Math.PI / 2], ticktext: ["0", "π/2", "π", "3π/2"],
+// Phases are drawn from −π/2 to 3π/2, so that 0 and π are well inside; their values are told in (−π, π] as in the tables.
+const PHASE_TICKS = {tickvals: [0, Math.PI / 2, Math.PI, 3 * Math.PI / 2], ticktext: ["0", "π/2", "±π", "−π/2"],
   range: [-Math.PI / 2 - 0.1, 3 * Math.PI / 2 + 0.45]}; // room for the highest tick's label below the heading
 // As wide as any value of a heading.
 const WIDEST = "−0.0000";
 const CONFIG = {responsive: true, displaylogo: false, displayModeBar: window.innerWidth > 700 ? "hover" : false,
   modeBarButtonsToRemove: ["select2d", "lasso2d", "autoScale2d"]};
 
+// What is π but for the rounding of 32-bit floats stays π.
+const principal = phase => phase - 2 * Math.PI * Math.ceil((phase - Math.PI - 1e-5) / (2 * Math.PI));
 const floats = text => new Float32Array(Uint8Array.from(atob(text), letter => letter.charCodeAt(0)).buffer);
 
 // A run with its packed numbers opened.
@@ -85,11 +88,17 @@ class Curves {
     this.runs = runs;
     this.box = byId("curves");
     this.whole = [Math.min(...runs.map(run => run.first)), Math.max(...runs.map(run => run.last))];
-    this.view = this.lastTurns();
+    this.view = data.transient ? this.moving() : this.lastTurns();
     this.onTime = onTime;
     this.onView = [];
     this.curves = data.panels.flatMap((panel, number) => panel.curves.flatMap((curve, place) =>
       runs.filter(run => run.columns[curve.column]).map(run => ({...curve, run, panel: number, place}))));
+  }
+
+  // Where all machines have samples to move through.
+  moving() {
+    const from = Math.max(...this.runs.map(run => run.origin)), to = Math.min(...this.runs.map(run => run.end));
+    return from < to ? [from, to] : this.whole;
   }
 
   lastTurns() {
@@ -135,11 +144,11 @@ class Curves {
   }
 
   traces() {
-    return this.curves.map(curve => ({
-      ...points(curve.run, curve, this.around(curve.run)), type: "scatter", mode: "lines", line: this.style(curve), xaxis: "x",
+    return this.curves.map(curve => ({curve, found: points(curve.run, curve, this.around(curve.run))})).map(({curve, found}) => ({
+      ...found, text: found.y.map(value => told(curve.column, value)), type: "scatter", mode: "lines", line: this.style(curve), xaxis: "x",
       yaxis: curve.panel ? `y${curve.panel + 1}` : "y", connectgaps: false,
       hovertemplate: `${plain([this.runs.length > 1 ? curve.run.label : "", curve.label].filter(Boolean).join(", "))} ` +
-        "%{y:.4g}<extra></extra>",
+        "%{text}<extra></extra>",
     })).concat(this.impulses());
   }
 
@@ -216,7 +225,7 @@ class Curves {
     for (const {values} of this.readouts) for (const {curve, text} of values) {
       const value = valueAt(curve.run, curve.column, t, curve.column === "phase" ? 2 * Math.PI : 0);
       const inside = t >= curve.run.origin && t <= curve.run.end;
-      text.textContent = inside && value !== null ? fixed(value * curve.factor) : "–";
+      text.textContent = inside && value !== null ? fixed(curve.column === "phase" ? principal(value) : value * curve.factor) : "–";
     }
   }
 
@@ -233,6 +242,9 @@ class Curves {
     this.cursor.addEventListener("pointerup", () => this.cursor.removeEventListener("pointermove", move));
   }
 }
+
+// A value of a curve as it is told where one points at it.
+const told = (column, value) => value === null ? "" : shown(column === "phase" ? principal(value) : value, 4);
 
 // Four digits that do not change their number while they run.
 function fixed(value) {

@@ -1,8 +1,12 @@
 // Puts the page together.
 
 const data = JSON.parse(byId("data").textContent);
+//: Height of a figure that a sheet of paper has room for, below a heading and the strip (px).
+const SHEET = 760;
 const several = data.results.length > 1;
 const nameOf = number => data.results[number].label;
+// How a result differs from the others of its command.
+const differs = number => element("small", {}, data.results[number].differs && ` ${data.results[number].differs}`);
 
 function header() {
   byId("title").textContent = data.title;
@@ -25,7 +29,7 @@ function header() {
 function legend(runs) {
   const box = byId("legend");
   box.hidden = runs.length < 2;
-  box.append(...runs.map(run => element("li", {}, sample(run.colour, run.dash), run.label)));
+  box.append(...runs.map(run => element("li", {}, sample(run.colour, run.dash), run.label, differs(run.result))));
 }
 
 async function motion() {
@@ -48,9 +52,8 @@ async function motion() {
   await new Overview(curves).draw();
   views(curves);
   notes(runs);
-  const fit = () => { machines.forEach(machine => machine.fitLetters()); curves.point(player.time); };
-  window.addEventListener("resize", () => requestAnimationFrame(fit));
-  fit();
+  window.addEventListener("resize", () => requestAnimationFrame(() => player.fit()));
+  player.fit();
   return player;
 }
 
@@ -69,8 +72,10 @@ function notes(runs) {
   const told = runs.filter(run => !run.isWhole).map(run => `${several ? `${run.label}: ` : ""}the machine moves, and curves ` +
     `have all samples, from ${shown(run.origin)} to ${shown(run.end)} s; elsewhere the curves keep the smallest and the ` +
     "largest value of each thousandth of the run.");
-  byId("curves-note").textContent = ["Drag over the strip to choose an interval, over a panel to zoom; double-click for the whole run; " +
-    "click a curve or drag the cursor to move through time.", ...told].join(" ") + (told.length ? "" : " All samples of the run are on this page.");
+  const all = [`All samples of the ${several ? "runs" : "run"} are on this page.`];
+  byId("curves-note").append(element("span", {class: "screen"}, "Drag over the strip to choose an interval, over a panel to " +
+    "zoom; double-click for the whole run; click a curve or drag the cursor to move through time. "),
+  `Numbers above a panel: values at the cursor. ${(told.length ? told : all).join(" ")}`);
 }
 
 function summary() {
@@ -128,30 +133,54 @@ async function figures() {
     byId("points").append(figure.section);
     await figure.draw();
   }
+  return all;
 }
 
-// Plots have the width of the sheet while the page is printed.
-function printing() {
-  const fit = () => document.querySelectorAll(".figure").forEach(box => { if (box.data) Plotly.Plots.resize(box); });
-  for (const [event, isOn] of [["beforeprint", true], ["afterprint", false]]) {
-    window.addEventListener(event, () => { document.body.classList.toggle("printing", isOn); fit(); });
-  }
+// While the page is printed, figures have the width of the sheet and are not higher than it.
+function printing(studies) {
+  const print = isOn => {
+    document.body.classList.toggle("printing", isOn);
+    const boxes = [...document.querySelectorAll(".figure")].filter(box => box.data);
+    for (const box of boxes) box.style.zoom = "";
+    for (const study of studies) study.print?.(isOn);
+    for (const box of boxes) {
+      const zoom = isOn ? Math.min(1, SHEET / box.offsetHeight) : 1;
+      box.style.zoom = zoom === 1 ? "" : zoom;
+      Plotly.relayout(box, {width: isOn ? box.parentNode.clientWidth / zoom : null, autosize: !isOn});
+    }
+    if (player) player.fit();
+  };
+  window.addEventListener("beforeprint", () => print(true));
+  window.addEventListener("afterprint", () => print(false));
 }
 
 let player = null;
+
+// The library of the curves is packed: as it is, it would be most of the page.
+async function library() {
+  const packed = Uint8Array.from(atob(byId("library").textContent), letter => letter.charCodeAt(0));
+  const opened = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate"));
+  document.head.append(element("script", {}, await new Response(opened).text()));
+}
 
 async function build() {
   header();
   summary();
   parameters();
+  byId("fault").hidden = "DecompressionStream" in window;
+  if (!byId("fault").hidden) return;
+  await library();
   byId("footer").textContent = "Made by vibroplat report; the curves are drawn by plotly.js.";
   player = await motion();
   tables();
-  await figures();
-  printing();
+  printing(await figures());
   // For tests and for `python -m vibroplat.page.film`.
   window.vibroplat = {data, player};
   document.documentElement.dataset.ready = "true";
 }
 
-build();
+// Whoever prints a page without a window does so when it is loaded: an open document inside lets it wait until it is built.
+const waiting = element("iframe", {hidden: ""});
+document.body.append(waiting);
+waiting.contentDocument.open();
+build().finally(() => { waiting.contentDocument.close(); waiting.remove(); });

@@ -2,8 +2,8 @@
 
 const RATES = [1, 1 / 2, 1 / 5, 1 / 10, 1 / 20, 1 / 50, 1 / 100, 1 / 200, 1 / 500];
 const MAGNIFICATIONS = [1, 2, 3, 5].flatMap(step => [1, 10, 100, 1000, 1e4].map(power => step * power));
-//: Turns a second at which a person sees an exciter turn.
-const TURNS = 0.5;
+//: Turns a second at which a person sees an exciter turn, and sees it change its speed.
+const TURNS = 0.5, TURNS_OF_STARTS = 5;
 
 class Player {
   constructor(runs, machines, curves) {
@@ -13,7 +13,8 @@ class Player {
     this.isPlaying = false;
     this.turn = 1 / (runs[0].turns || 25);
     this.limits = [Math.min(...runs.map(run => run.origin)), Math.max(...runs.map(run => run.end))];
-    this.rate = this.choose("rate", RATES, RATES.find(rate => rate <= 1.3 * TURNS * this.turn) || RATES.at(-1),
+    const wanted = 1.3 * this.turn * (curves.data.transient ? TURNS_OF_STARTS : TURNS);
+    this.rate = this.choose("rate", RATES, RATES.find(rate => rate <= wanted) || RATES.at(-1),
       rate => rate === 1 ? "real time" : `1/${Math.round(1 / rate)}`);
     this.magnification = this.choose("magnification", MAGNIFICATIONS.sort((a, b) => a - b),
       Math.min(...machines.map(machine => machine.fitting())), factor => String(factor));
@@ -21,6 +22,12 @@ class Player {
     this.listen();
     this.restrict(curves.view);
     this.seek(this.start);
+  }
+
+  // Letters and the cursor have their places again after the page's width has changed.
+  fit() {
+    for (const machine of this.machines) machine.fitLetters();
+    this.curves.point(this.time);
   }
 
   choose(id, values, first, label) {

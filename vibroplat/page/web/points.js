@@ -1,13 +1,13 @@
 // Sweeps and orbits: points over frequency; a click shows a point's row and its orbit.
 
-const POINT_PANEL = 138, BETWEEN_POINTS = 34, ABOVE_POINTS = 46;
+const POINT_PANEL = 138, PRINTED_PANEL = 84, BETWEEN_POINTS = 34, ABOVE_POINTS = 46;
 const MEANINGS = {
   sweep: "▲ up, ▼ down; filled: periodic, open: not periodic, ×: failed. Where the motion jumps, a line is broken.",
   orbits: "Solid: stable orbits; dashed, with open points: unstable ones. White marks: special points of branches, at " +
     "their exact frequency.",
 };
 
-// A value in the unit of its panel; phases lie between −π/2 and 3π/2.
+// A value in the unit of its panel, where it is drawn.
 function scaled(measure, value) {
   if (value === null || value === undefined) return null;
   if (measure.column !== "phase_difference_rad") return value * measure.factor;
@@ -20,14 +20,15 @@ class Points {
     this.values = Object.fromEntries(data.table.columns.map(column => [column.name, column.values]));
     this.axis = data.axes[0];
     this.scale = {};
+    this.panel = POINT_PANEL;
     const title = {sweep: "Sweep", orbits: "Orbits"}[data.command];
     this.figure = element("div", {class: "figure", id: `points-${number}`});
     this.orbit = new OrbitView(data.motions, number);
     const more = data.motions.list.length ? " and its orbit" : "";
     this.row = element("div", {class: "row", "aria-live": "polite"},
-      element("p", {class: "hint"}, `Click a point, or pick a row of the table, to see its numbers${more}.`));
+      element("p", {class: "hint screen"}, `Click a point, or pick a row of the table, to see its numbers${more}.`));
     this.table = new Table(data.table, `Table ${data.table.title}`, `${label}-${data.table.title}.csv`, row => this.pick(row));
-    this.section = element("section", {class: "study"}, element("h2", {}, several ? `${title}: ${label}` : title),
+    this.section = element("section", {class: "study"}, element("h2", {}, several ? `${title}: ${label}` : title, differs(data.result)),
       this.choice(), element("div", {class: "beside"}, this.figure, this.row),
       element("p", {class: "hint"}, `${MEANINGS[data.command]} ${this.told()}`), this.table.box);
     if (data.special) {
@@ -65,7 +66,7 @@ class Points {
   }
 
   draw() {
-    const count = this.data.measures.length, inner = count * (POINT_PANEL + BETWEEN_POINTS) - BETWEEN_POINTS;
+    const count = this.data.measures.length, inner = count * (this.panel + BETWEEN_POINTS) - BETWEEN_POINTS;
     const above = ABOVE_POINTS + this.legendHeight();
     const layout = {height: inner + above + BOTTOM, margin: {l: LEFT, r: RIGHT, t: above, b: BOTTOM}, font: FONT,
       hovermode: "closest", clickmode: "event", plot_bgcolor: "#fff", dragmode: "zoom",
@@ -74,8 +75,8 @@ class Points {
       xaxis: {title: {text: plain(withUnit(this.axis.words, this.axis.unit))}, anchor: count > 1 ? `y${count}` : "y",
         gridcolor: "#eee", zeroline: false}};
     this.data.measures.forEach((measure, number) => {
-      const top = 1 - number * (POINT_PANEL + BETWEEN_POINTS) / inner;
-      const domain = [Math.max(top - POINT_PANEL / inner, 0), top];
+      const top = 1 - number * (this.panel + BETWEEN_POINTS) / inner;
+      const domain = [Math.max(top - this.panel / inner, 0), top];
       layout[number ? `yaxis${number + 1}` : "yaxis"] = {domain, anchor: "x", gridcolor: "#eee", zerolinecolor: "#ccc",
         nticks: 6, ...(measure.column === "phase_difference_rad" ? PHASE_TICKS : this.scale)};
       layout.annotations.push({text: `<b>${plain(withUnit(measure.words, measure.unit))}</b>`, xref: "paper", yref: "paper",
@@ -85,6 +86,12 @@ class Points {
     const done = figure(this.figure, this.traces(), layout);
     if (isFirst) this.figure.on("plotly_click", ({points: [point]}) => this.clicked(point.customdata));
     return done;
+  }
+
+  // Panels are lower on paper, where all of them have to fit on a sheet.
+  print(isOn) {
+    this.panel = isOn ? PRINTED_PANEL : POINT_PANEL;
+    return this.draw();
   }
 
   // A guess of the room that the legend takes; Plotly moves nothing for it.
@@ -127,7 +134,13 @@ class Points {
       line: {color: colour, dash: series.dash, width: isOrbit ? 1.8 : 1}, connectgaps: false,
       marker: {color: colour, size: isOrbit ? 4 : 7, symbol: wrapped.map(row => row === null ? "circle" : symbol(row)),
         line: {width: 1, color: colour}},
-      hovertemplate: "%{text}<br>%{x:.5g}, %{y:.5g}<extra></extra>"};
+      hovertemplate: wrapped.map(row => `%{text}<br>%{x:.5g}, ${row === null ? "" : this.read(measure, row)}<extra></extra>`)};
+  }
+
+  // As in the table, in the unit of its panel.
+  read(measure, row) {
+    const value = this.values[measure.column][row];
+    return value === null ? "" : shown(value * measure.factor, 5);
   }
 
   hint(series, row) {

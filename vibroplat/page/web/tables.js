@@ -1,6 +1,8 @@
 // Tables: sorted by a click on a heading, read page by page, saved as CSV.
 
 const PAGE = 14;
+// Columns that a sheet of paper has room for, as in the style.
+const PRINTED = 12;
 
 class Table {
   // onPick is called with the number of a row that a person has picked.
@@ -22,7 +24,9 @@ class Table {
       this.button("Save as CSV", "Save as CSV", () => save(this.csv(), file)),
     ];
     this.box = element("div", {class: "table"}, element("h3", {}, heading), element("div", {class: "wide"}, table),
-      element("div", {class: "screen buttons"}, ...buttons));
+      element("div", {class: "buttons"}, ...buttons));
+    if (data.columns.length > PRINTED) this.box.append(element("p", {class: "hint paper"},
+      `On paper: the first ${PRINTED} of ${data.columns.length} columns.`));
     if (data.rows < data.of) this.box.append(element("p", {class: "hint"},
       `The page holds ${data.rows} of ${data.of} rows, evenly chosen; the result table holds all of them.`));
     this.fill();
