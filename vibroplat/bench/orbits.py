@@ -45,8 +45,8 @@ def cost(repeats: int = 3) -> pd.DataFrame:
 
     Branches have the unstable parts and both synchronizations. They are timed anew right before each sweep: times are
     medians over repeats, and ``times_branches`` is the median of the time over that of the branches just before, as the
-    speed of a machine changes. ``times_point`` is the same for one point. ``error`` is that of the RMS of y over the RMS
-    of (x, y): the median, and what a tenth of the points exceeds.
+    speed of a machine changes. ``times_point`` is the same for one point. ``error`` is that of the RMS of y over the
+    RMS of (x, y): the median, and what a tenth of the points exceeds.
     """
     scene = curves()
     assert scene.sweep is not None
@@ -93,7 +93,7 @@ def cost(repeats: int = 3) -> pd.DataFrame:
 
 
 def errors(scene: Scene, table: pd.DataFrame) -> dict[str, float]:
-    """Compare points of a sweep or of branches with orbits that are known more exactly: RMS of y over that of (x, y)."""
+    """Compare the RMS of y at points of a sweep or of branches with orbits that are known more exactly."""
     found = []
     for _, row in table.iloc[::COMPARED].iterrows():
         try:

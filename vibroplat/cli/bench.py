@@ -38,7 +38,7 @@ DURATIONS = {
     BenchName.soak: "two to five minutes",
     BenchName.peers: "five minutes",
     BenchName.taylor: "seven minutes",
-    BenchName.orbits: "three minutes",
+    BenchName.orbits: "eight minutes",
 }
 _NAMES = ", ".join(f"{name} ({duration})" for name, duration in DURATIONS.items() if name)
 
