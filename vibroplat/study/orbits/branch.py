@@ -8,7 +8,6 @@ corner, after which its direction is told by a determinant; over grazing it goes
 from __future__ import annotations
 
 import contextlib
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Protocol
@@ -26,18 +25,16 @@ from vibroplat.study.orbits.prediction import MOST, predicted
 from vibroplat.study.orbits.shooting import Shot
 
 #: Iterations after which the next step is longer, as long, or else shorter.
-EASY, HARD = 4, 6
-LONGER, SHORTER = 2.0, 0.7
+EASY, HARD = 3, 5
+LONGER, SHORTER = 1.5, 0.7
 #: Part of the first step below which steps are perhaps so short because of grazing.
 GRAZING = 0.3
 #: Where impacts accumulate the sequence changes infinitely often: a step over changes that cannot be located is taken
 #: after all when steps down to this part of it did no better.
 SKIPPED = 1e-2
-#: Largest change of the period in a step, over the period: curves are drawn over the excitation frequency. The second
-#: is for a branch that is straight: whose tangent turns by no more than BEND (rad) in a step.
-PERIOD, BEND = (1.0 / 120.0, 1.0 / 40.0), 0.12
-#: Where the key hardly changes, the tangent's part along it counts as no less than this.
-FLAT = 0.03
+#: Largest change of the period in a step, over the period: curves are drawn over the excitation frequency. Where the
+#: key hardly changes, the tangent's part along it counts as no less than the second number.
+PERIOD, FLAT = 1.0 / 120.0, 0.03
 #: Least cosine between the tangents of points with one sequence of events.
 STRAIGHT = 0.6
 #: Most that a point may lie beside its prediction, over the length of the step; the second where a step shorter than
@@ -63,21 +60,11 @@ class Steps:
     least: float
     largest: float
 
-    def longest(self, points: Sequence[Point]) -> float:
-        """Longest step from the last point: by the largest change of the key, by the change of the period."""
-        last = points[-1]
-        steepness = max(abs(float(last.tangent[last.frame.phase])), 1e-9) / float(last.u[last.frame.phase])
-        curved, straight = (part / steepness for part in PERIOD)
-        period = min(max(curved, BEND / bend(points)), straight)
-        return min(self.largest / max(abs(float(last.tangent[-1])), FLAT), period)
-
-
-def bend(points: Sequence[Point]) -> float:
-    """How much the tangent of a branch has turned on the way to its last point (rad), over the way; inf if unknown."""
-    if len(points) < 2 or points[-2].frame is not points[-1].frame or not points[-1].step > 0.0:
-        return math.inf
-    turn = points[-1].tangent - points[-2].tangent
-    return max(math.sqrt(turn @ turn) / points[-1].step, 1e-9)
+    def longest(self, point: Point) -> float:
+        """Longest step that changes the key by at most the largest change, and the period by at most a part."""
+        tangent, phase = point.tangent, point.frame.phase
+        period = PERIOD * float(point.u[phase]) / max(abs(float(tangent[phase])), 1e-9)
+        return min(self.largest / max(abs(float(tangent[-1])), FLAT), period)
 
 
 class Look(Protocol):
@@ -211,7 +198,7 @@ class Branch:
             There is none.
         """
         steps, across, leapt = self.steps, None, False
-        begun = steps.now = min(steps.now, steps.longest(self.points))
+        begun = steps.now = min(steps.now, steps.longest(self.points[-1]))
         while True:
             try:
                 point = self._step()
