@@ -187,6 +187,22 @@ def test_through_liftoff_and_inelastic_closing(setup, layers, engine):
     assert {"liftoff", "impact"} <= set(kinds)
 
 
+def test_by_restitution_at_an_inelastic_impact_after_which_flight_goes_on():
+    key, step = "contact.restitution", 1e-4
+    scene = scene_of(1, engine="taylor")
+    start = flying(later(scene, 0.51), 1e-3, 0.0)
+    ends = []
+    for n in range(3):
+        with closing(Followed(scene, start, 0.02, key, n * step)) as followed:
+            ends.append(followed.end(start))
+            (event,) = followed.events.rows
+            assert (event["kind"], event["mode_after"]) == (IMPACT, Mode.FLIGHT)
+    expected = (4.0 * ends[1] - 3.0 * ends[0] - ends[2]) / (2.0 * step)
+    found = variation(scene, start, 0.02, key).derivative[key]
+    places = list(state_places(scene).values())
+    np.testing.assert_allclose(found, expected[places], rtol=0.0, atol=1e-6 * np.abs(expected).max())
+
+
 def test_impact_too_slow_to_rebound_after_which_flight_goes_on():
     """As below the speed that round-off resolves; here that is above the speeds of this motion."""
     scene = scene_of(1, engine="taylor", frequency=63.0, restitution=0.3)

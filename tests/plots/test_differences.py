@@ -98,3 +98,30 @@ def test_a_phase_axis_tells_values_as_tables_do():
     drawn = axis.lines[0].get_ydata()
     assert all(low < value < high for value in drawn)
     assert all(abs(b - a) < 0.02 for a, b in itertools.pairwise(drawn))
+
+
+OVER_FREQUENCY = {"key": "drive.supply_frequency_hz", "start": 42.0, "stop": 50.0}
+
+
+@pytest.mark.parametrize(
+    ("command", "study", "changes"),
+    [
+        ("sweep", {"sweep.grid": {"material.mass_ratio": [0.1]}}, {"material.mass_ratio": 0.3}),
+        ("sweep", {}, {"drive.supply_frequency_hz": 60.0}),
+        (
+            "orbits",
+            {"orbits": {"key": "material.mass_ratio", "start": 0.1, "stop": 0.2}},
+            {"material.mass_ratio": 0.3},
+        ),
+        ("orbits", {"orbits": OVER_FREQUENCY}, {"drive.supply_frequency_hz": 60.0}),
+        (
+            "orbits",
+            {"orbits": OVER_FREQUENCY | {"grid": {"material.mass_ratio": [0.1]}}},
+            {"material.mass_ratio": 0.3},
+        ),
+    ],
+)
+def test_what_a_study_varies_itself_is_no_difference(command, study, changes):
+    trees = [tree(**study), tree(**study, **changes)]
+    assert differing(command, trees) == [{}, {}]
+    assert differing("run", trees)[1]

@@ -43,10 +43,10 @@ def curves() -> Scene:
 def cost(repeats: int = 3) -> pd.DataFrame:
     """Measure the processor time of branches, of sweeps, and of heyoka over the motion of these sweeps.
 
-    Branches have the unstable parts and both synchronizations. They are timed anew right before each sweep: times are
-    medians over repeats, and ``times_branches`` is the median of the time over that of the branches just before, as the
-    speed of a machine changes. ``times_point`` is the same for one point. ``error`` is that of the RMS of y over the
-    RMS of (x, y): the median, and what a tenth of the points exceeds.
+    Branches have the unstable parts and both synchronizations. As the speed of a machine changes, they are timed anew
+    right before each sweep: times are medians over repeats, and ``times_branches`` is the median of the time over that
+    of the branches just before; that of heyoka is over the median. ``times_point`` is the same for one point.
+    ``error`` is that of the RMS of y over the RMS of (x, y): the median, and what a tenth of the points exceeds.
     """
     scene = curves()
     assert scene.sweep is not None

@@ -446,11 +446,14 @@ def eliminate(matrix: FloatArray, m: int) -> None:
 def through_impact(steps: Steps, piece: Any, event: Any, slowest: float, p: Parameters, v: Carried) -> None:
     """Carry the derivative through an impact, to the event.
 
-    One too slow to move anything, with contact after it, is contact that goes on.
+    One too slow to move anything, with contact after it, is contact that goes on; one without speed, none.
     """
-    if -event.rate_before < slowest and event.rate_after == 0.0 and event.mode_after == ATTACHED:
+    attached = event.mode_after == ATTACHED
+    if -event.rate_before < slowest and event.rate_after == 0.0 and attached:
         for j in range(COLUMNS):
             v.s[GAP, j] = v.s[GAP_RATE, j] = 0.0
+        return
+    if event.rate_before == 0.0:
         return
     state, rates = np.empty(FULL_SIZE), np.empty(FULL_SIZE)
     ends = steps.ends[piece.end - 1]
@@ -471,7 +474,7 @@ def through_impact(steps: Steps, piece: Any, event: Any, slowest: float, p: Para
         impact(before, after, v.turned[law, max(j - FULL_SIZE + 1, 0)])
         for i in range(FULL_SIZE):
             v.s[i, j] = after[i].imag / IMAGINARY
-    if law == 0 and event.rate_after == 0.0:
+    if law == 0 and event.rate_after == 0.0 and attached:
         through_small_impacts(piece.system, event.t, state, after, p, v)
 
 

@@ -109,7 +109,7 @@ def page_data(
     studies = [(number, one) for number, one in enumerate(found) if one.command != "run"]
     room = motions.ROWS // max(len(studies), 1)
     commands, trees = [one.command for one in found], [one.configuration for one in found]
-    different = differences(commands, trees)
+    different = differences(commands, [one.scene.to_tree() for one in found])
     return {
         "title": ", ".join(dict.fromkeys(one.label for one in found)),
         "results": [_origin(one) | {"differs": how} for one, how in zip(found, different, strict=True)],

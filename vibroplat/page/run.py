@@ -59,7 +59,7 @@ class Times:
     speeds: tuple[FloatArray, FloatArray]
 
     def is_transient(self, scene: Scene) -> bool:
-        """Whether the supply or a speed changes on the way: such a run is looked at from its beginning."""
+        """Whether the supply has a corner or a speed changes on the way: it is looked at from its beginning."""
         before, after = self.speeds
         changes = np.abs(after - before) > CHANGE * max(np.abs(before).max(), np.abs(after).max())
         supply = scene.drive.intervals

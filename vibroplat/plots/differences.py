@@ -21,25 +21,35 @@ UNUSED: dict[str, tuple[str, ...]] = {
 _SHOWN = ("sweep.supply_frequency_hz.", "sweep.grid.", "orbits.")
 #: Most parameters of a result in a legend.
 MOST = 4
-#: The supply, constant or a program: one parameter.
-SUPPLY = "drive"
+#: The supply, constant or a program: one parameter, and its key where it is constant.
+SUPPLY, FREQUENCY = "drive", "drive.supply_frequency_hz"
 
 
 def differing(command: str, configurations: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Return for each configuration of a command the keys in which they differ, with its values.
+    """Return for each full configuration of a command the keys in which they differ, with its values.
 
-    Keys that a configuration does not have are left out of its own. Lists count by their entries; the supply, which may
-    be a number or a program, is the key ``drive``.
+    Keys that a configuration does not have, or that a study varies itself, are left out of its own. Lists count by
+    their entries; the supply, which may be a number or a program, is the key ``drive``.
     """
     unused = ("name", *UNUSED[command])
     trees = []
     for tree in configurations:
         used = {key: value for key, value in tree.items() if key not in unused}
         supply = {SUPPLY: used.pop(SUPPLY)} if SUPPLY in used else {}
-        trees.append(supply | flat(_numbered(used)))
+        own = _varied(command, tree)
+        kept = supply | flat(_numbered(used))
+        trees.append({key: value for key, value in kept.items() if key not in own})
     keys = [key for key in dict.fromkeys(key for tree in trees for key in tree) if not key.startswith(_SHOWN)]
     varied = [key for key in keys if any(tree.get(key) != trees[0].get(key) for tree in trees)]
     return [{key: tree[key] for key in varied if tree.get(key) not in (None, {})} for tree in trees]
+
+
+def _varied(command: str, tree: Mapping[str, Any]) -> set[str]:
+    """Return the keys that a study gives values of its own, as in the result of :func:`differing`."""
+    study = tree.get(command, {})
+    found = {*study.get("grid", {})}
+    found |= {"orbits": {study.get("key", "")}, "sweep": {FREQUENCY}}.get(command, set())
+    return found | {SUPPLY} if FREQUENCY in found else found
 
 
 def distinct(names: Sequence[str], directories: Sequence[Path]) -> list[str]:

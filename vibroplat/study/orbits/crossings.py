@@ -19,9 +19,10 @@ from vibroplat.study.orbits.prediction import interpolated
 
 #: Distance at which slopes are compared to find how b bends, and the longest step, in units of the unknowns.
 BESIDE, FARTHEST = 1e-3, 1.0
-#: Last step to a branch point, which is not followed by a shot, most steps, and the largest b, in the scales of the
-#: scene.
-CLOSE, MOST, CROSSING = 1e-6, 10, 1e-6
+#: Last step to a branch point, after which no shot is taken: in units of the unknowns, and over the tolerance.
+CLOSE, CLOSER = 1e-6, 100.0
+#: Most steps, and the largest b, in the scales of the scene.
+MOST, CROSSING = 10, 1e-6
 #: Steps along a curve of branch points grow and shrink by these; farthest from the prediction, over the step, and from
 #: the first point, in units of the unknowns.
 LONGER, SHORTER, ASTRAY, ASIDE = 1.5, 0.5, 0.5, 1.0
@@ -59,7 +60,7 @@ class Crossing:
     Attributes
     ----------
     frame, found
-        The orbit.
+        The orbit; its unknowns are a last step ahead of its shot.
     directions
         Of both branches in the space of unknowns, of length 1.
     """
@@ -105,7 +106,7 @@ def crossing(
         way = float(np.linalg.norm(step))
         if not way < FARTHEST:
             break
-        if way < CLOSE:
+        if way < min(CLOSE, CLOSER * problem.tolerance):
             if abs(found.slack) > CROSSING:
                 raise MissedError("branches pass each other without crossing")
             return Crossing(frame, replace(found, u=found.u + step @ plane), _directions(bends, plane))

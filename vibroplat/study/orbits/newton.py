@@ -137,7 +137,7 @@ class Problem:
         self._layout: Layout | None = None
 
     def _laid(self, frame: Frame) -> Layout:
-        """Find the layout of a frame, which is mostly that of the time before."""
+        """Find the layout of a frame, usually the one that was asked for last."""
         if self._layout is None or self._layout.frame is not frame:
             places, all_scales = frame.places, self.shooter.scales
             scales = all_scales[places]
@@ -201,7 +201,8 @@ class Problem:
         """Whether an orbit repeats after half of its period already."""
         if any(turns % 2 for turns in self.turns):
             return False
-        state, seconds, _ = self.unpack(frame, u)
+        state, seconds, values = self.unpack(frame, u)
+        self.shooter.set(dict(zip(self.shooter.keys, values, strict=True)))
         difference = self.shooter.shot(state, 0.5 * seconds).state - state
         difference[3:5] -= 0.5 * self._angles
         return bool(np.abs(difference / self.shooter.scales).max() < HALVED * self.tolerance)
@@ -259,14 +260,14 @@ def solved(matrix: FloatArray, right: FloatArray, longest: float) -> FloatArray:
     MissedError
         The matrix is not finite.
     """
+    if not np.isfinite(matrix).all():
+        raise MissedError("the Jacobian is not finite")
     try:
         found: FloatArray = np.asarray(np.linalg.solve(matrix, right), dtype=float)
         if math.sqrt(found @ found) <= longest:
             return found
     except np.linalg.LinAlgError:
         pass
-    if not np.isfinite(matrix).all():
-        raise MissedError("the Jacobian is not finite")
     left, sizes, turned = np.linalg.svd(matrix)
     kept = sizes > UNDETERMINED
     least: FloatArray = turned[kept].T @ ((left.T @ right)[kept] / sizes[kept])

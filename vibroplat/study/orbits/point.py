@@ -74,7 +74,7 @@ class Point:
 
     @cached_property
     def products(self) -> npt.NDArray[np.complex128]:
-        """Products of two multipliers, of those that :func:`pairs` says."""
+        """Products of each pair of multipliers, in the order of :func:`pairs`."""
         one, other = pairs(self.multipliers.size)
         found: npt.NDArray[np.complex128] = self.multipliers[one] * self.multipliers[other]
         return found
