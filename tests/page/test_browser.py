@@ -325,6 +325,15 @@ def test_phases_are_told_as_in_the_tables(visit):
     assert ticks == ["0", "π/2", "±π", "−π/2"]
 
 
+def eventually(look, wanted):
+    """Look until it is as wanted, and return it; a busy machine draws late."""
+    deadline = time.monotonic() + 20.0
+    while not wanted(found := look()):
+        assert time.monotonic() < deadline, found
+        time.sleep(0.1)
+    return found
+
+
 @pytest.mark.parametrize("name", ["one", "several", "all", "orbits"])
 def test_figures_fit_on_a_sheet_of_paper_and_controls_are_left_out(visit, name):
     page = visit(name)
@@ -333,26 +342,23 @@ def test_figures_fit_on_a_sheet_of_paper_and_controls_are_left_out(visit, name):
     before = js(page, sizes)
     page.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
     page.execute_script("window.dispatchEvent(new Event('beforeprint'))")
-    time.sleep(0.5)
     millimetre = 96.0 / 25.4
-    for width, height in js(page, sizes):
-        assert width == pytest.approx(180.0 * millimetre, rel=0.01) or (width, height) == (
-            0.0,
-            0.0,
-        )  # no run, no curves
-        assert height < 210.0 * millimetre  # a heading and the strip of the whole run have room as well
-    plots = js(
-        page, "[...document.querySelectorAll('.figure .main-svg:first-child')].map(svg => svg.getBoundingClientRect())"
+    width, none = pytest.approx(180.0 * millimetre, rel=0.01), (0.0, 0.0)  # no run, no curves
+    found = eventually(lambda: js(page, sizes), lambda found: all(w == width or (w, h) == none for w, h in found))
+    assert all(height < 210.0 * millimetre for _, height in found)  # a heading and the whole run's strip have room too
+    drawn = (
+        "[...document.querySelectorAll('.figure .main-svg:first-child')].map(svg => svg.getBoundingClientRect().width)"
     )
-    assert all(plot["width"] == pytest.approx(180.0 * millimetre, rel=0.02) for plot in plots)
+    eventually(
+        lambda: js(page, drawn), lambda found: all(w == pytest.approx(180.0 * millimetre, rel=0.02) for w in found)
+    )
     shown = js(
         page, "[...document.querySelectorAll('.screen, #play, #time, .buttons button')].map(box => box.offsetHeight)"
     )
     assert not any(shown)
     page.execute_script("window.dispatchEvent(new Event('afterprint'))")
     page.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})
-    time.sleep(0.5)
-    assert js(page, sizes) == [pytest.approx(size, abs=1.0) for size in before]
+    eventually(lambda: js(page, sizes), lambda found: found == [pytest.approx(size, abs=1.0) for size in before])
 
 
 def orbit_drawing(driver):
