@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import gc
 import http.server
 import logging
 import math
@@ -100,8 +101,16 @@ def closed():
     return contextlib.nullcontext(clusters.free_port())
 
 
-#: Dask leaves sockets of connections that it gave up to the garbage collector.
+#: Dask leaves connections that it gave up to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+
+
+@pytest.fixture(autouse=True)
+def collected():
+    """Let the garbage collector complain in the test whose garbage it is, not in a later one."""
+    yield
+    gc.collect()
+
 
 SERVERS = {
     "closed": closed,
