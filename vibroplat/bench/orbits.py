@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -55,14 +55,7 @@ def cost(repeats: int = 3) -> pd.DataFrame:
     orbits(scene.replace({"orbits": plan | {"stop": frequencies.start + 1.0}}))  # loads the kernels
     followed = scene.replace({"orbits": plan})
     sweeps = [scene.replace({"sweep.settle_tolerance": t, "solver.tolerance": solver}) for t, solver in SETTLED]
-    seconds: FloatArray = np.zeros((repeats, len(sweeps), 2))
-    tables: list[pd.DataFrame] = []
-    for timed in seconds:
-        tables = []
-        for pair, settled in zip(timed, sweeps, strict=True):
-            pair[0], branches = processor_time(lambda: orbits(followed).branches)
-            pair[1], table = processor_time(lambda settled=settled: sweep(settled))  # type: ignore[misc]
-            tables.append(table)
+    seconds, branches, tables = in_rounds(followed, sweeps, repeats)
     took = np.median(seconds, axis=0)
     once = float(np.median(seconds[:, :, 0]))
     rows: list[dict[str, Any]] = [
@@ -90,6 +83,23 @@ def cost(repeats: int = 3) -> pd.DataFrame:
     result = pd.DataFrame(rows)
     result["times_point"] = result["times_branches"] * result["points"].iloc[0] / result["points"]
     return result
+
+
+def in_rounds(followed: Scene, sweeps: Sequence[Scene], repeats: int) -> tuple[FloatArray, pd.DataFrame, list[Any]]:
+    """Time branches and then a sweep, for each sweep, in rounds.
+
+    Returns
+    -------
+    seconds, branches, tables
+        Processor times (s) of branches and sweep, shape (repeats, sweeps, 2), and the tables of the last round.
+    """
+    seconds: FloatArray = np.zeros((repeats, len(sweeps), 2))
+    tables = [pd.DataFrame()] * len(sweeps)
+    for timed in seconds:
+        for i, settled in enumerate(sweeps):
+            timed[i, 0], branches = processor_time(lambda: orbits(followed).branches)
+            timed[i, 1], tables[i] = processor_time(lambda settled=settled: sweep(settled))  # type: ignore[misc]
+    return seconds, branches, tables
 
 
 def errors(scene: Scene, table: pd.DataFrame) -> dict[str, float]:

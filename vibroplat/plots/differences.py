@@ -10,6 +10,7 @@ from vibroplat.overrides import flat
 from vibroplat.plots.names import supply_label, value_label
 from vibroplat.plots.style import plain
 from vibroplat.scene import Scene
+from vibroplat.study.branches import FREQUENCY
 
 #: Sections that a command does not use.
 UNUSED: dict[str, tuple[str, ...]] = {
@@ -21,8 +22,8 @@ UNUSED: dict[str, tuple[str, ...]] = {
 _SHOWN = ("sweep.supply_frequency_hz.", "sweep.grid.", "orbits.")
 #: Most parameters of a result in a legend.
 MOST = 4
-#: The supply, constant or a program: one parameter, and its key where it is constant.
-SUPPLY, FREQUENCY = "drive", "drive.supply_frequency_hz"
+#: The supply, constant or a program: one parameter.
+SUPPLY = "drive"
 
 
 def differing(command: str, configurations: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:

@@ -19,7 +19,7 @@ from vibroplat.study.orbits.prediction import interpolated
 
 #: Distance at which slopes are compared to find how b bends, and the longest step, in units of the unknowns.
 BESIDE, FARTHEST = 1e-3, 1.0
-#: Last step to a branch point, after which no shot is taken: in units of the unknowns, and over the tolerance.
+#: Largest last step to a branch point, after which no shot is taken: in units of the unknowns, and over the tolerance.
 CLOSE, CLOSER = 1e-6, 100.0
 #: Most steps, and the largest b, in the scales of the scene.
 MOST, CROSSING = 10, 1e-6
@@ -119,7 +119,7 @@ def crossing(
 def _slopes(found: Found, border: FloatArray, slack: FloatArray) -> FloatArray:
     """Differentiate b by the place in the plane, shape (2,)."""
     m, free = found.jacobian.shape
-    matrix = bordered(found.jacobian, border, border.shape[0], columns=1)
+    matrix = bordered(found.jacobian, border, columns=1)
     matrix[:m, free] = slack
     last = np.zeros(free + 1)
     last[-1] = 1.0

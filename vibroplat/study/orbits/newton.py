@@ -242,10 +242,10 @@ def leaving(multipliers: npt.NDArray[np.complex128]) -> int:
     return int((np.abs(multipliers) > 1.0 + NEUTRAL).sum())
 
 
-def bordered(jacobian: FloatArray, border: FloatArray, rows: int = 1, columns: int = 0) -> FloatArray:
-    """Put rows under a Jacobian, and room for columns of zeros beside both."""
+def bordered(jacobian: FloatArray, border: FloatArray, columns: int = 0) -> FloatArray:
+    """Put a row or several under a Jacobian, and columns of zeros beside both."""
     m, free = jacobian.shape
-    found = np.zeros((m + rows, free + columns))
+    found = np.zeros((m + border.size // free, free + columns))
     found[:m, :free], found[m:, :free] = jacobian, border
     return found
 
@@ -354,10 +354,9 @@ def _step(
     jacobian: FloatArray, border: FloatArray, slack: FloatArray | None, right: FloatArray
 ) -> tuple[FloatArray, float]:
     """Solve for a step of Newton's method, and for how much more of the slack it needs."""
-    rows = border.shape[0]
     if slack is None:
-        return solved(bordered(jacobian, border, rows), right, LONGEST), 0.0
-    matrix = bordered(jacobian, border, rows, columns=1)
+        return solved(bordered(jacobian, border), right, LONGEST), 0.0
+    matrix = bordered(jacobian, border, columns=1)
     matrix[: slack.size, -1] = slack
     found = solved(matrix, right, LONGEST)
     return found[:-1], float(found[-1])
