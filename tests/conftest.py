@@ -10,8 +10,8 @@ from common import commands
 from common.places import QUICKSTART
 
 from vibroplat import load_config, simulate
-from vibroplat.config import load_tree
-from vibroplat.flow.warm import load_kernels
+from vibroplat.config.reader import load_tree
+from vibroplat.motion.warm import load_kernels
 
 CHANGES = {
     "two layers": {},

@@ -11,12 +11,12 @@ from pathlib import Path
 import numpy as np
 from scipy.integrate import solve_ivp
 
+from vibroplat.config.scene import Mode, Scene
 from vibroplat.hybrid.initial import initial_state
 from vibroplat.model.accelerations import accelerations
 from vibroplat.model.impact import impact
 from vibroplat.model.parameters import parameters
 from vibroplat.model.systems import GAP, GAP_RATE, systems
-from vibroplat.scene import Mode, Scene
 
 REFERENCE = Path(__file__).parent / "reference"
 #: Rebounds slower than this end with an inelastic impact (m/s).

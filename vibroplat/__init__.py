@@ -11,14 +11,12 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from vibroplat.config import load_config
-    from vibroplat.drive import Drive
-    from vibroplat.exciters import Exciter, Motor
-    from vibroplat.flow.run import simulate
-    from vibroplat.flow.variation import variation
-    from vibroplat.loading import load
-    from vibroplat.observe.trajectory import Trajectory
-    from vibroplat.scene import (
+    from vibroplat.check.runs import check_run
+    from vibroplat.check.sweeps import check_sweep
+    from vibroplat.config.drive import Drive
+    from vibroplat.config.exciters import Exciter, Motor
+    from vibroplat.config.reader import load_config
+    from vibroplat.config.scene import (
         Contact,
         Initial,
         Machine,
@@ -29,28 +27,30 @@ if TYPE_CHECKING:
         Solver,
         State,
     )
-    from vibroplat.study.checking.runs import check_run
-    from vibroplat.study.checking.sweeps import check_sweep
+    from vibroplat.continuation.orbit import Orbit, orbit
+    from vibroplat.continuation.tables import orbits
+    from vibroplat.motion.run import simulate
+    from vibroplat.motion.variation import variation
+    from vibroplat.observe.trajectory import Trajectory
+    from vibroplat.results.loading import load
     from vibroplat.study.lyapunov import lyapunov
-    from vibroplat.study.orbits.orbit import Orbit, orbit
-    from vibroplat.study.orbits.tables import orbits
     from vibroplat.study.sweep import sweep
 
 _HOMES = {
-    "load_config": "vibroplat.config",
-    "Drive": "vibroplat.drive",
-    "Exciter": "vibroplat.exciters",
-    "Motor": "vibroplat.exciters",
-    "simulate": "vibroplat.flow.run",
-    "variation": "vibroplat.flow.variation",
-    "load": "vibroplat.loading",
+    "load_config": "vibroplat.config.reader",
+    "Drive": "vibroplat.config.drive",
+    "Exciter": "vibroplat.config.exciters",
+    "Motor": "vibroplat.config.exciters",
+    "simulate": "vibroplat.motion.run",
+    "variation": "vibroplat.motion.variation",
+    "load": "vibroplat.results.loading",
     "Trajectory": "vibroplat.observe.trajectory",
-    "check_run": "vibroplat.study.checking.runs",
-    "check_sweep": "vibroplat.study.checking.sweeps",
+    "check_run": "vibroplat.check.runs",
+    "check_sweep": "vibroplat.check.sweeps",
     "lyapunov": "vibroplat.study.lyapunov",
-    "Orbit": "vibroplat.study.orbits.orbit",
-    "orbit": "vibroplat.study.orbits.orbit",
-    "orbits": "vibroplat.study.orbits.tables",
+    "Orbit": "vibroplat.continuation.orbit",
+    "orbit": "vibroplat.continuation.orbit",
+    "orbits": "vibroplat.continuation.tables",
     "sweep": "vibroplat.study.sweep",
     **dict.fromkeys(
         (
@@ -64,7 +64,7 @@ _HOMES = {
             "Solver",
             "State",
         ),
-        "vibroplat.scene",
+        "vibroplat.config.scene",
     ),
 }
 

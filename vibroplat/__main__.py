@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from vibroplat.interrupts import end_at_signals
-from vibroplat.surroundings import open_streams
+from vibroplat.system.interrupts import end_at_signals
+from vibroplat.system.preflight import open_streams
 
 
 def main() -> None:

@@ -17,11 +17,11 @@ from common.places import QUICKSTART
 
 from vibroplat import __version__, load_config
 from vibroplat.cli import main
-from vibroplat.config import configuration_schema
+from vibroplat.config.reader import configuration_schema
+from vibroplat.config.scene import Scene
 from vibroplat.kernels.cache import is_compiled
-from vibroplat.provenance import configuration_hash, provenance
-from vibroplat.scene import Scene
-from vibroplat.tables import read_json, read_table
+from vibroplat.results.provenance import configuration_hash, provenance
+from vibroplat.results.tables import read_json, read_table
 
 SHORT = ("--set", "run.duration_s=0.1")
 STORM = (
@@ -222,7 +222,7 @@ def test_provenance_says_where_a_result_came_from(written):
 
 
 def test_commit_is_none_outside_of_a_checkout(monkeypatch, tmp_path):
-    monkeypatch.setattr("vibroplat.provenance.__file__", str(tmp_path / "provenance.py"))
+    monkeypatch.setattr("vibroplat.results.provenance.__file__", str(tmp_path / "provenance.py"))
     assert provenance(Scene(), "none")["git_commit"] is None
     monkeypatch.setenv("PATH", "")
     assert provenance(Scene(), "none")["git_commit"] is None

@@ -11,12 +11,12 @@ from common.commands import command as run_command
 from common.places import QUICKSTART
 
 from vibroplat import simulate, sweep
-from vibroplat.columns import unit_of
-from vibroplat.dictionary import TABLES
-from vibroplat.keys import key_of, keys
-from vibroplat.scene import Scene
+from vibroplat.cli.dictionary import TABLES
+from vibroplat.config.keys import key_of, keys
+from vibroplat.config.scene import Scene
+from vibroplat.results.columns import unit_of
+from vibroplat.results.tables import read_parts, read_table
 from vibroplat.study.bands import bands
-from vibroplat.tables import read_parts, read_table
 
 RESULTS = Path(__file__).parents[2] / "results"
 COLUMNS = {table.name: table.columns for table in TABLES}

@@ -6,11 +6,11 @@ import pytest
 from common.commands import not_a_line
 from common.places import QUICKSTART
 
+from vibroplat.check.runs import compared
+from vibroplat.check.sweeps import check_points
 from vibroplat.paper import reproduction
 from vibroplat.paper.calibration import search
-from vibroplat.study.checking.runs import compared
-from vibroplat.study.checking.sweeps import check_points
-from vibroplat.tables import read_json
+from vibroplat.results.tables import read_json
 
 SHORT = ("--set", "run.duration_s=0.1")
 FREQUENCIES = "{start: 44.0, stop: 46.0, step: 1.0, direction: up}"

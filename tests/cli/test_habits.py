@@ -15,8 +15,8 @@ from common.places import QUICKSTART
 
 from vibroplat import load_config
 from vibroplat.cli.bench import DURATIONS, BenchName
-from vibroplat.interrupts import KEPT, RESUMABLE
-from vibroplat.keys import keys
+from vibroplat.config.keys import keys
+from vibroplat.system.interrupts import KEPT, RESUMABLE
 
 RESULTS = Path(__file__).parents[2] / "results"
 SHORT = ("--set", "run.duration_s=0.05")
@@ -122,7 +122,7 @@ def test_resume_is_promised_where_there_is_one(name, kept, command, monkeypatch)
     def fail(*_):
         raise MemoryError
 
-    monkeypatch.setattr("vibroplat.config.load_config", fail)
+    monkeypatch.setattr("vibroplat.config.reader.load_config", fail)
     monkeypatch.setattr("vibroplat.kernels.cache.is_compiled", fail)
     arguments = [] if name == "bench" else [QUICKSTART]
     assert command(name, *arguments) == (1, "", f"vibroplat: not enough memory; {kept}\n")

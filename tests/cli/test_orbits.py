@@ -14,13 +14,13 @@ from common.places import ROOT
 from common.results import bits, left
 
 from vibroplat import load_config, orbit
-from vibroplat.flow.warm import load_kernels
+from vibroplat.continuation.tables import planned
+from vibroplat.continuation.tracing import trace
+from vibroplat.motion.warm import load_kernels
 from vibroplat.study.execution import Inline
-from vibroplat.study.orbits.tables import planned
-from vibroplat.study.orbits.tracing import trace
 from vibroplat.study.store import Store
 
-MACHINE = Path(__file__).parents[1] / "study/orbits/machine.yaml"
+MACHINE = Path(__file__).parents[1] / "continuation/machine.yaml"
 HEAD = f"extends: {MACHINE}\nname: c\nsolver: {{engine: taylor}}\n"
 KEY = "key: drive.supply_frequency_hz"
 STEP = "step: {first: 0.4, largest: 0.5}"
@@ -105,7 +105,7 @@ def test_a_sweep_keeps_its_files_in_the_same_directory(command, config):
 
 
 def test_a_branch_that_fails_keeps_its_points(command, config, monkeypatch):
-    from vibroplat.study.orbits.branch import Branch
+    from vibroplat.continuation.branch import Branch
 
     grow = Branch.grow
 

@@ -12,7 +12,7 @@ from matplotlib.text import Text
 
 from vibroplat.errors import TableError
 from vibroplat.plots.run import plot_run
-from vibroplat.tables import read_json, read_table, write_table
+from vibroplat.results.tables import read_json, read_table, write_table
 
 TURN = 2.0 * np.pi
 
@@ -76,9 +76,9 @@ def test_exciters_show_both_speeds_and_their_phase_over_the_whole_run(figures, r
 def test_plot_of_a_long_table_reads_it_in_parts_and_thins_out_what_shows_all_of_it(figures, result, monkeypatch):
     plot_run(result, ["motion"])
     (whole,) = (points(figures["motion"].axes[0].lines[0]),)
-    monkeypatch.setattr("vibroplat.tables.PART", 50)
+    monkeypatch.setattr("vibroplat.results.tables.PART", 50)
     monkeypatch.setattr("vibroplat.plots.run_tables.POINTS", 100)
-    monkeypatch.setattr("vibroplat.results.read_table", None)
+    monkeypatch.setattr("vibroplat.results.files.read_table", None)
     plot_run(result, ["motion", "exciters"])
     np.testing.assert_array_equal(points(figures["motion"].axes[0].lines[0]), whole)
     table = read_table(result, "trajectory")

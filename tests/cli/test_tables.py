@@ -10,7 +10,7 @@ import pytest
 
 from vibroplat import simulate
 from vibroplat.errors import TableError
-from vibroplat.tables import (
+from vibroplat.results.tables import (
     FORMATS,
     GrowingTable,
     read_json,
@@ -122,7 +122,7 @@ def test_table_in_parts_reads_back_bit_for_bit(form, columns, runs, tmp_path, mo
         grown.finish().rename(tmp_path / f"t.{form}")
     write_table(table, tmp_path, "whole", form)
     pd.testing.assert_frame_equal(read_table(tmp_path, "t"), read_table(tmp_path, "whole"), check_exact=True)
-    monkeypatch.setattr("vibroplat.tables.PART", 64)
+    monkeypatch.setattr("vibroplat.results.tables.PART", 64)
     parts = list(read_parts(tmp_path, "t", columns=columns))
     assert max(map(len, parts)) <= 64
     wanted = table if columns is None else table[["mode", "y_m"]]

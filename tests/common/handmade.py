@@ -7,8 +7,8 @@ import pandas as pd
 
 from common.places import QUICKSTART
 from vibroplat import load_config
-from vibroplat.results import SCHEMA, write_result
-from vibroplat.tables import read_json, write_json, write_table
+from vibroplat.results.files import SCHEMA, write_result
+from vibroplat.results.tables import read_json, write_json, write_table
 
 
 def origin(name, **changes):

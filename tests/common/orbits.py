@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from vibroplat.continuation.curves import boundaries
+from vibroplat.continuation.tracing import trace
 from vibroplat.study.execution import pool
-from vibroplat.study.orbits.curves import boundaries
-from vibroplat.study.orbits.tracing import trace
 from vibroplat.study.store import Store
 
 

@@ -8,8 +8,8 @@ from itertools import pairwise
 import pytest
 
 from vibroplat import Drive, Scene
-from vibroplat.config import parse_overrides
-from vibroplat.drive import FREQUENCY, LEAST_SHARE, MOST_ENTRIES, interval_at
+from vibroplat.config.drive import FREQUENCY, LEAST_SHARE, MOST_ENTRIES, interval_at
+from vibroplat.config.reader import parse_overrides
 from vibroplat.errors import ConfigError
 from vibroplat.study.branches import sweep_plan
 

@@ -7,7 +7,7 @@ import math
 import pytest
 
 from vibroplat import Exciter, Machine, Motor, Scene, load_config
-from vibroplat.config import parse_overrides
+from vibroplat.config.reader import parse_overrides
 from vibroplat.errors import ConfigError
 from vibroplat.study.branches import branches
 

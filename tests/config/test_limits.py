@@ -8,7 +8,7 @@ from common.places import QUICKSTART
 
 from vibroplat import load_config, simulate
 from vibroplat.errors import ConfigError
-from vibroplat.tables import write_json, write_table
+from vibroplat.results.tables import write_json, write_table
 
 FINISHED = {"ok", "inaccurate"}
 OUTCOMES = FINISHED | {"solver-failure", "non-finite", "event-storm", "beyond-model"}

@@ -9,8 +9,8 @@ import pytest
 from common.places import QUICKSTART, ROOT
 
 from vibroplat import Machine, Scene, load_config, simulate
+from vibroplat.config.plausibility import OF_SCENES, notes_on_input
 from vibroplat.errors import ConfigError
-from vibroplat.plausibility import OF_SCENES, notes_on_input
 from vibroplat.study.branches import branches
 from vibroplat.study.report import notes_on_branches
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from pydantic import BaseModel
 
 from vibroplat import Motor, Scene, load_config
-from vibroplat.config import parse_overrides
+from vibroplat.config.reader import parse_overrides
 from vibroplat.errors import ConfigError
 
 quick = settings(

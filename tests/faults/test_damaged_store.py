@@ -13,9 +13,9 @@ from common.commands import command, ended, not_a_line
 from common.places import FLYING
 from common.results import bits, finished_points
 
+from vibroplat.results.tables import read_table
 from vibroplat.study import point
 from vibroplat.study.store import FILE, SpoiledError, Store
-from vibroplat.tables import read_table
 
 pytestmark = pytest.mark.usefixtures("kernels")
 

@@ -321,7 +321,7 @@ def meddle(name, monkeypatch, change):
             change()
 
     if name == "run":
-        from vibroplat.flow import run
+        from vibroplat.motion import run
 
         simulate = run.simulate
 

@@ -39,14 +39,14 @@ sys.meta_path.insert(0, Finder())
 LOST = {
     "a callback of C code": """
 import ctypes, os, signal
-from vibroplat.interrupts import end_at_signals
+from vibroplat.system.interrupts import end_at_signals
 end_at_signals()
 ctypes.CFUNCTYPE(None)(lambda: os.kill(0, signal.SIGINT))()
 print("lost")
 """,
     "a destructor": """
 import os, signal
-from vibroplat.interrupts import end_at_signals
+from vibroplat.system.interrupts import end_at_signals
 end_at_signals()
 class Object:
     def __del__(self):
@@ -115,7 +115,7 @@ def test_ctrl_c_in_a_long_run(engine, place):
 #: A program that makes a file when the motion of its scene begins.
 ANNOUNCED = """
 from pathlib import Path
-from vibroplat.flow import run
+from vibroplat.motion import run
 simulate = run.simulate
 def announced(*arguments, **options):
     Path("running").touch()
@@ -224,7 +224,7 @@ def test_ctrl_c_again_while_workers_stop_is_still_one_line(after, place):
 #: A program with workers that gets Ctrl-C while they are idle.
 IDLE = """
 import os, signal
-from vibroplat.interrupts import end_at_signals
+from vibroplat.system.interrupts import end_at_signals
 from vibroplat.study.execution import pool
 from vibroplat.study.store import Store
 from vibroplat.study.tasks import StoredChain, Task, run_stored

@@ -269,7 +269,8 @@ def test_edit_of_a_called_function_is_in_the_next_run(place, tmp_path):
     """Two kernels in two files, compiled by real processes."""
     package = tmp_path / "site/vibroplat"
     shutil.copytree(PACKAGE / "kernels", package / "kernels", ignore=shutil.ignore_patterns("__pycache__"))
-    for name in ("__init__.py", "errors.py", "scene.py"):
+    (package / "config").mkdir()
+    for name in ("__init__.py", "errors.py", "config/scene.py"):
         shutil.copy(PACKAGE / name, package / name)
     for room in ("model", "hybrid"):
         (package / room).mkdir()

@@ -18,8 +18,8 @@ from common.results import bits, finished_points
 
 from vibroplat import load_config, sweep
 from vibroplat.errors import ConfigError
+from vibroplat.results.tables import read_table, write_table
 from vibroplat.study.store import FILE, Store, digest
-from vibroplat.tables import read_table, write_table
 
 POINTS = 44
 CONFIGURATION = (

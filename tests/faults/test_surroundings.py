@@ -13,9 +13,9 @@ import pytest
 from common.commands import PROGRAM, Done
 from common.places import FLYING, QUICKSTART
 
-from vibroplat import surroundings
-from vibroplat.interrupts import KEPT, RESUMABLE
-from vibroplat.tables import read_table
+from vibroplat.results.tables import read_table
+from vibroplat.system import preflight
+from vibroplat.system.interrupts import KEPT, RESUMABLE
 
 SHORT = ("--set", "run.duration_s=0.05")
 SWEEP = FLYING + "name: few\nsweep: {supply_frequency_hz: {start: 50.0, stop: 52.0, step: 1.0}, settle_s: 0.1}\n"
@@ -33,7 +33,7 @@ def shell(*arguments, redirect="", before="", **environment):
 
 _NUMBERS = """
 import os, sys
-from vibroplat.surroundings import open_streams
+from vibroplat.system.preflight import open_streams
 open_streams()
 print("out \\u2026 \\udc80"); print("err \\u2026", file=sys.stderr); sys.stdin.read()
 file = os.open(os.devnull, os.O_RDONLY)
@@ -52,7 +52,8 @@ def test_files_never_get_the_number_of_a_closed_stream(redirect):
 
 @pytest.mark.parametrize("stream", ["stdout", "stderr"])
 def test_characters_that_a_stream_does_not_have_are_escaped(stream):
-    code = f"import sys\nfrom vibroplat.surroundings import open_streams\nopen_streams()\nprint('…', file=sys.{stream})"
+    code = "import sys\nfrom vibroplat.system.preflight import open_streams\nopen_streams()\n"
+    code += f"print('…', file=sys.{stream})"
     environment = os.environ | {"PYTHONIOENCODING": "ascii"}
     done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
     assert getattr(done, stream) == "\\u2026\n"
@@ -138,7 +139,7 @@ def test_too_little_address_space_is_told_before_anything_is_loaded(command, her
 
 @pytest.mark.parametrize("arguments", [("run", QUICKSTART), ("sweep", QUICKSTART), ("paper",), ("bench", "runtime")])
 def test_first_start_without_the_memory_to_compile_is_told_before_it_compiles(arguments, here, tmp_path):
-    limit = surroundings.LEAST_ADDRESSES // 1024 + 1
+    limit = preflight.LEAST_ADDRESSES // 1024 + 1
     done = shell(*arguments, before=f"ulimit -v {limit};", NUMBA_CACHE_DIR=str(tmp_path / "empty"))
     assert (done.code, done.out, len(done.err.splitlines())) == (1, "", 1)
     assert "; compiling the kernels for the first time takes 1450 MB: " in done.err
@@ -151,7 +152,7 @@ def test_help_needs_little_address_space(here):
 
 @pytest.mark.long
 def test_run_in_the_least_address_space_is_done(here, kernels):
-    limit = surroundings.LEAST_ADDRESSES // 1024 + 1
+    limit = preflight.LEAST_ADDRESSES // 1024 + 1
     done = shell("run", QUICKSTART, *SHORT, before=f"ulimit -v {limit};")
     assert (done.code, done.err) == (0, "")
 
@@ -173,13 +174,13 @@ def raising(error):
 
 @pytest.mark.parametrize("error", SHORTAGES, ids=repr)
 def test_run_that_runs_out_of_memory_exits_1_with_one_line(error, command, here, kernels, monkeypatch):
-    monkeypatch.setattr("vibroplat.flow.run.simulate", raising(error))
+    monkeypatch.setattr("vibroplat.motion.run.simulate", raising(error))
     assert command("run", QUICKSTART) == (1, "", f"vibroplat: not enough memory; {KEPT}\n")
 
 
 @pytest.mark.parametrize("error", [ImportError("No module named 'x'"), RuntimeError("a mistake")], ids=repr)
 def test_other_errors_are_not_taken_for_a_lack_of_memory(error):
-    assert not surroundings.is_short_of_memory(error)
+    assert not preflight.is_short_of_memory(error)
 
 
 def test_sweep_that_runs_out_of_memory_keeps_its_finished_points(command, here, kernels, monkeypatch):

@@ -16,12 +16,12 @@ from common.commands import command, not_a_line
 from common.places import LOADED, ROOT
 from common.results import bits, left
 
-from vibroplat import locks, tables
 from vibroplat.errors import TableError
-from vibroplat.locks import Lock, is_gone, mark
-from vibroplat.results import Result, write_result
+from vibroplat.results import locks, tables
+from vibroplat.results.files import Result, write_result
+from vibroplat.results.locks import Lock, is_gone, mark
+from vibroplat.results.tables import FORMATS, read_table, write_table
 from vibroplat.study.store import Store
-from vibroplat.tables import FORMATS, read_table, write_table
 
 TABLE = pd.DataFrame({"v": [1.0, 2.0]})
 BOTH = (
@@ -54,7 +54,7 @@ sys.path.insert(0, {tests!r})
 from pathlib import Path
 from faults.test_two_writers import write
 from vibroplat.errors import TableError
-from vibroplat import results
+from vibroplat.results import files as results
 replace = os.replace
 def slowly(*arguments):
     time.sleep(random.uniform(0.0, 0.003))
@@ -269,7 +269,7 @@ def test_store_names_the_process_that_uses_it(tmp_path):
 
 def test_lock_of_a_process_that_was_killed_is_free(tmp_path):
     text = (
-        f"import os, signal\nfrom pathlib import Path\nfrom vibroplat.locks import Lock\n"
+        f"import os, signal\nfrom pathlib import Path\nfrom vibroplat.results.locks import Lock\n"
         f"Lock(Path({str(tmp_path / 'x.lock')!r})).acquire()\nos.kill(os.getpid(), signal.SIGKILL)"
     )
     subprocess.run([sys.executable, "-c", text], check=False)
@@ -350,7 +350,7 @@ def test_temporary_file_of_a_live_process_in_another_process_namespace_is_kept(t
         pytest.skip("no process namespace can be made")
     path = temporary(tmp_path, mark())
     text = (
-        "from pathlib import Path\nimport pandas as pd\nfrom vibroplat.tables import write_table\n"
+        "from pathlib import Path\nimport pandas as pd\nfrom vibroplat.results.tables import write_table\n"
         f"write_table(pd.DataFrame({{'v': [1]}}), Path({str(tmp_path)!r}), 't', 'csv')"
     )
     subprocess.run([*inside, sys.executable, "-c", text], check=True)

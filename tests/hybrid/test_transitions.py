@@ -8,9 +8,9 @@ import pytest
 from vibroplat import simulate
 from vibroplat.bench.known import ball_on_table
 from vibroplat.bench.scenes import base
+from vibroplat.config.scene import COORDINATES, RATES
 from vibroplat.model.impact import impulse_response
 from vibroplat.model.parameters import IMPACT_LAWS, parameters
-from vibroplat.scene import COORDINATES, RATES
 
 
 @pytest.mark.parametrize("torque", [2e4, 1e5, 2e5])

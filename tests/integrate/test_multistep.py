@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from vibroplat.config.scene import Scene
 from vibroplat.hybrid.automaton import automaton
 from vibroplat.hybrid.loop import AT_GUARD, AT_TARGET
 from vibroplat.hybrid.modes import ATTACHED
@@ -24,7 +25,6 @@ from vibroplat.integrate.multistep import (
 from vibroplat.kernels.polynomial import extremes, first_fall, slopes, values
 from vibroplat.model.parameters import parameters
 from vibroplat.observe.segments import sample
-from vibroplat.scene import Scene
 
 #: Unknowns of a step that are none of its own, as many as the exciters' angle 1 asks for.
 OTHERS = 4

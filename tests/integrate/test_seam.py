@@ -14,14 +14,14 @@ from vibroplat import load_config, simulate
 from vibroplat.bench.known import accumulation_time, ball_on_table, dropped_ball
 from vibroplat.bench.reference import coordinate_errors, event_errors
 from vibroplat.bench.stability.campaign import random_scene
-from vibroplat.config import load_tree
-from vibroplat.flow.motion import Motion
-from vibroplat.flow.run import simulate_with
+from vibroplat.config.reader import load_tree
+from vibroplat.config.scene import COORDINATES
 from vibroplat.hybrid.scales import state_scales
 from vibroplat.integrate.seam import IntegrationError
 from vibroplat.integrate.stepwise import Stepwise
 from vibroplat.model.parameters import parameters
-from vibroplat.scene import COORDINATES
+from vibroplat.motion.motion import Motion
+from vibroplat.motion.run import simulate_with
 
 REFERENCE = ROOT / "tests/reference"
 CASES = sorted(path.stem for path in REFERENCE.glob("*.yaml"))

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from vibroplat.drive import Drive, Entry
-from vibroplat.exciters import Exciter, Motor
+from vibroplat.config.drive import Drive, Entry
+from vibroplat.config.exciters import Exciter, Motor
+from vibroplat.config.scene import Contact, Machine, Material, Scene
 from vibroplat.model.accelerations import accelerations, second_derivatives
 from vibroplat.model.parameters import parameters
 from vibroplat.model.systems import FULL_SIZE, SYSTEMS
-from vibroplat.scene import Contact, Machine, Material, Scene
 
 #: A machine on which no mass, lever or angle is small or round.
 LOPSIDED = {

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import sympy as sp
 
+from vibroplat.config.scene import Material, Mode
 from vibroplat.model.impact import impulse_response
 from vibroplat.model.parameters import PARAMETERS, parameters
-from vibroplat.scene import Material, Mode
 
 from .helpers import (
     EACH_MACHINE,

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from vibroplat.config.scene import Scene
 from vibroplat.errors import ConfigError
 from vibroplat.model.accelerations import accelerations
 from vibroplat.model.equations import rows
@@ -18,7 +19,6 @@ from vibroplat.model.sensitivity import (
     residual_derivative,
 )
 from vibroplat.model.systems import SYSTEMS
-from vibroplat.scene import Scene
 
 from .helpers import SIZES, central_difference, random_states, scene_of
 

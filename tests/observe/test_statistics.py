@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from vibroplat import simulate
-from vibroplat.flow.motion import Motion
 from vibroplat.integrate.choice import make_engine
 from vibroplat.model.parameters import parameters
+from vibroplat.motion.motion import Motion
 from vibroplat.observe.statistics import Statistics
 
 

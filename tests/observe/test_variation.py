@@ -11,19 +11,19 @@ from common.divergence import integral_of_divergence
 
 from vibroplat import simulate, variation
 from vibroplat.bench.known import ball_on_table
-from vibroplat.drive import Drive, Entry
-from vibroplat.exciters import Exciter
-from vibroplat.flow.motion import Motion
+from vibroplat.config.drive import Drive, Entry
+from vibroplat.config.exciters import Exciter
+from vibroplat.config.scene import Contact, Machine, Material, Mode, Scene
 from vibroplat.hybrid.modes import IMPACT
 from vibroplat.hybrid.scales import state_scales
 from vibroplat.integrate.choice import make_engine
 from vibroplat.model.parameters import IMPACT_LAWS, parameters
 from vibroplat.model.sensitivity import with_value
 from vibroplat.model.systems import GAP, GAP_RATE
+from vibroplat.motion.motion import Motion
 from vibroplat.observe.events import Events
 from vibroplat.observe.names import state_places
 from vibroplat.observe.variation import Variation
-from vibroplat.scene import Contact, Machine, Material, Mode, Scene
 
 TOLERANCES = {"native": 1e-12, "taylor": 1e-13}
 EACH_ENGINE = pytest.mark.parametrize("engine", TOLERANCES)

@@ -4,9 +4,9 @@ import pytest
 from common import handmade
 
 from vibroplat import load_config, orbits, simulate, sweep
-from vibroplat.provenance import provenance
-from vibroplat.results import write_result
-from vibroplat.study.orbits.report import write_orbits
+from vibroplat.continuation.report import write_orbits
+from vibroplat.results.files import write_result
+from vibroplat.results.provenance import provenance
 
 
 @pytest.fixture(scope="session")

@@ -13,11 +13,11 @@ from common import handmade
 from common.results import unproven
 from PIL import Image
 
+from vibroplat.continuation.motions import motion_of
 from vibroplat.page import motions
 from vibroplat.page.browser import browser, missing, open_page, resize
 from vibroplat.page.film import HEIGHT, write_film
 from vibroplat.page.report import write_report
-from vibroplat.study.orbits.motions import motion_of
 
 pytestmark = [pytest.mark.long, pytest.mark.skipif(bool(missing()), reason=missing())]
 

@@ -17,7 +17,8 @@ from common import handmade
 from common.results import unproven
 from plotly.offline import get_plotlyjs
 
-from vibroplat.columns import unit_of
+from vibroplat.config.scene import Scene
+from vibroplat.continuation.motions import motion_of
 from vibroplat.errors import TableError
 from vibroplat.page import motions, points, report, run
 from vibroplat.page.labels import field, flat, words
@@ -25,9 +26,8 @@ from vibroplat.page.parameters import meaning, parameters
 from vibroplat.page.reading import find_results
 from vibroplat.page.thinning import extremes, packed, packed_coarsely, plain_column, spread
 from vibroplat.plots.orbits import read_branches
-from vibroplat.scene import Scene
-from vibroplat.study.orbits.motions import motion_of
-from vibroplat.tables import read_table, write_table
+from vibroplat.results.columns import unit_of
+from vibroplat.results.tables import read_table, write_table
 
 HOSTILE = "</script><script>window.hacked = 1</script><img src=x onerror='window.hacked = 1'>"
 
@@ -144,7 +144,7 @@ def test_a_short_run_is_on_the_page_as_it_is(moved):
 def test_a_long_run_keeps_its_last_rows_and_the_extremes_of_all(moved, monkeypatch):
     monkeypatch.setattr(run, "ROWS", 100)
     monkeypatch.setattr(run, "INTERVALS", 20)
-    monkeypatch.setattr("vibroplat.tables.PART", 37)
+    monkeypatch.setattr("vibroplat.results.tables.PART", 37)
     (data,) = shown(moved["two layers"])["runs"]
     trajectory = read_table(moved["two layers"], "trajectory")
     assert (data["rows"], data["of"]) == (100, len(trajectory))

@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 
 from vibroplat.cli import paper
-from vibroplat.config import configurations
+from vibroplat.config.reader import configurations
 from vibroplat.errors import ConfigError
 from vibroplat.paper import trial
 from vibroplat.paper.calibration import search

@@ -5,7 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from vibroplat.config import configurations, load_list
+from vibroplat.config.reader import configurations, load_list
+from vibroplat.config.scene import Scene
+from vibroplat.config.sweep_plan import SweepPlan
 from vibroplat.paper import boundaries
 from vibroplat.paper.claims import judge
 from vibroplat.paper.evidence import REGIMES, Course, Evidence, F, Key, runs
@@ -13,9 +15,7 @@ from vibroplat.paper.finding import EDGE
 from vibroplat.paper.narrowing import JUMP_WIDTH, WIDTH
 from vibroplat.paper.scoreboard import FORMER, expected, scoreboard
 from vibroplat.paper.trial import claims, former_claims, machine_numbers
-from vibroplat.scene import Scene
 from vibroplat.study.branches import Branch
-from vibroplat.sweep_plan import SweepPlan
 
 CLAIMS = {claim["id"]: claim for claim in claims()}
 FORMERLY = {claim["id"]: claim for claim in former_claims()}

@@ -8,9 +8,10 @@ import pytest
 from scipy.optimize import brentq
 from study.helpers import MACHINE
 
-from vibroplat.config import load_tree
+from vibroplat.config.overrides import flat
+from vibroplat.config.reader import load_tree
+from vibroplat.config.scene import Scene
 from vibroplat.errors import ConfigError
-from vibroplat.overrides import flat
 from vibroplat.paper import histories, reproduction
 from vibroplat.paper.evidence import Course, Evidence, F, Key
 from vibroplat.paper.narrowing import JUMP_WIDTH, narrow, steps_read
@@ -19,7 +20,6 @@ from vibroplat.paper.report import write_reproduction
 from vibroplat.paper.scoreboard import FORMER
 from vibroplat.paper.trial import BETA, LAWS, machine_numbers, paper_scene
 from vibroplat.plots.paper import FIGURES, plot_paper
-from vibroplat.scene import Scene
 from vibroplat.study.branches import branches
 from vibroplat.study.execution import Inline
 from vibroplat.study.point import measure_point

@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 from matplotlib.figure import Figure
 
+from vibroplat.config.scene import Scene
 from vibroplat.plots import (
     draw_coordinate,
     draw_impulses,
@@ -16,7 +17,6 @@ from vibroplat.plots import (
 )
 from vibroplat.plots.names import key_label, value_label
 from vibroplat.plots.response import failed_places
-from vibroplat.scene import Scene
 
 from .test_bands import after, branch
 

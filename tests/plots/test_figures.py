@@ -21,8 +21,8 @@ from vibroplat.plots.paper import FIGURES, MASSES
 from vibroplat.plots.run import plot_run
 from vibroplat.plots.style import Saving
 from vibroplat.plots.sweep import plot_sweep
-from vibroplat.results import Result
-from vibroplat.tables import read_json, read_table, write_json, write_table
+from vibroplat.results.files import Result
+from vibroplat.results.tables import read_json, read_table, write_json, write_table
 
 PLAN = "sweep.supply_frequency_hz={start: 44, stop: 50, step: 2, direction: [up, down]}"
 

@@ -10,16 +10,16 @@ import vibroplat
 from study.helpers import CHAOTIC, planned
 from vibroplat import check_run, check_sweep, load_config
 from vibroplat.bench.stability.campaign import random_scene
-from vibroplat.config import configurations
+from vibroplat.check import measures
+from vibroplat.check.agreement import EVENT_TIME
+from vibroplat.check.changes import by_other_engine, with_other_tolerance
+from vibroplat.check.courses import Course
+from vibroplat.check.events import Errors, paired
+from vibroplat.check.runs import repetitions
+from vibroplat.check.sweeps import check_points
+from vibroplat.config.reader import configurations
 from vibroplat.errors import ConfigError
 from vibroplat.integrate.choice import other_engine
-from vibroplat.study.checking import measures
-from vibroplat.study.checking.agreement import EVENT_TIME
-from vibroplat.study.checking.changes import by_other_engine, with_other_tolerance
-from vibroplat.study.checking.courses import Course
-from vibroplat.study.checking.events import Errors, paired
-from vibroplat.study.checking.runs import repetitions
-from vibroplat.study.checking.sweeps import check_points
 from vibroplat.study.choice import chosen
 from vibroplat.study.execution import Inline
 from vibroplat.study.store import Store
@@ -140,7 +140,7 @@ def test_a_run_that_amplifies_errors_is_compared_while_that_makes_sense():
 
 
 def test_samples_are_thinned_and_progress_is_told(monkeypatch):
-    monkeypatch.setattr("vibroplat.study.checking.courses.MOST", 50)
+    monkeypatch.setattr("vibroplat.check.courses.MOST", 50)
     told = []
     found = check_run(run_scene(0.1), other=honest, progress=lambda reached, events: told.append(reached))
     assert found.agrees

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from common.places import LOADED
 
-from vibroplat.flow.motion import Motion
 from vibroplat.integrate.choice import make_engine
 from vibroplat.model.parameters import parameters
+from vibroplat.motion.motion import Motion
 from vibroplat.observe import statistics as m
 from vibroplat.observe.summary import half_open, statistics
 from vibroplat.study.branches import branches

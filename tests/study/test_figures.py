@@ -15,7 +15,7 @@ from common.results import unproven
 from vibroplat.errors import TableError
 from vibroplat.plots.regimes import PERIODS, SYNC
 from vibroplat.plots.sweep import FIGURES, plot_sweep, read_response
-from vibroplat.tables import read_table, write_table
+from vibroplat.results.tables import read_table, write_table
 
 from .helpers import CHAOTIC, MACHINE
 

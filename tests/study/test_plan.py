@@ -6,9 +6,9 @@ import pytest
 from common.places import FLYING, LOADED
 
 from vibroplat import Scene, load_config
+from vibroplat.config.sweep_plan import Frequencies
 from vibroplat.errors import ConfigError
 from vibroplat.study.branches import branches
-from vibroplat.sweep_plan import Frequencies
 
 from .helpers import planned
 

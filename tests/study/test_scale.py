@@ -10,12 +10,12 @@ import pyarrow.parquet as pq
 import pytest
 from common.places import LOADED
 
+from vibroplat.results.tables import read_table
 from vibroplat.study import report
 from vibroplat.study.execution import Inline
 from vibroplat.study.point import MEASURED, Point
 from vibroplat.study.store import Store
 from vibroplat.study.sweep import run_sweeps
-from vibroplat.tables import read_table
 
 from .helpers import planned
 

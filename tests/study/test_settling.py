@@ -10,9 +10,9 @@ import pandas as pd
 import pytest
 from common.places import LOADED
 
-from vibroplat.flow.motion import Motion
 from vibroplat.integrate.choice import make_engine
 from vibroplat.model.parameters import parameters
+from vibroplat.motion.motion import Motion
 from vibroplat.study.point import BLOCKS, ERRORS
 from vibroplat.study.settling import BLOCK, TURNS, settle
 

@@ -13,18 +13,18 @@ from common.places import FLYING, LOADED
 from common.results import bits
 
 from vibroplat import load_config, simulate, sweep
+from vibroplat.config.scene import Scene
 from vibroplat.errors import ConfigError
 from vibroplat.hybrid.initial import initial_state, perturbed
 from vibroplat.hybrid.scales import state_scales
 from vibroplat.integrate.choice import make_engine
 from vibroplat.observe import audit
-from vibroplat.scene import Scene
+from vibroplat.results.tables import read_table
 from vibroplat.study.branches import branches
 from vibroplat.study.execution import Inline
 from vibroplat.study.point import Point, measure_point, synchronization
 from vibroplat.study.store import Store
 from vibroplat.study.sweep import impact_tables, run_sweeps, section_tables, tables
-from vibroplat.tables import read_table
 
 from .helpers import CHAOTIC, MACHINE, planned, swept
 

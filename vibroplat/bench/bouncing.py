@@ -15,11 +15,11 @@ import pandas as pd
 from vibroplat.bench.orbits import processor_time
 from vibroplat.bench.peers.maps import Bouncing, Spring, missing, rebound
 from vibroplat.bench.shaken_table import GRAVITY, OMEGA, shaken, stable_range
+from vibroplat.config.scene import Scene
+from vibroplat.continuation.kinds import DOUBLING, FOLD
+from vibroplat.continuation.orbit import Orbit, beginning_at, orbit
+from vibroplat.continuation.tables import orbits
 from vibroplat.hybrid.initial import static_rest
-from vibroplat.scene import Scene
-from vibroplat.study.orbits.kinds import DOUBLING, FOLD
-from vibroplat.study.orbits.orbit import Orbit, beginning_at, orbit
-from vibroplat.study.orbits.tables import orbits
 
 KEY = "machine.gravity_m_per_s2"
 

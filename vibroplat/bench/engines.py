@@ -20,13 +20,13 @@ from vibroplat.bench.reference import Reference
 from vibroplat.bench.scenes import base, kinds, regimes
 from vibroplat.bench.stability.endurance import resident
 from vibroplat.bench.timing import TOLERANCES, with_engine
-from vibroplat.flow.motion import Motion
-from vibroplat.flow.run import simulate
+from vibroplat.config.scene import Mode, Scene
 from vibroplat.hybrid.scales import absolute_tolerances
 from vibroplat.integrate.choice import make_engine
 from vibroplat.model.parameters import parameters
 from vibroplat.model.systems import GAP, systems
-from vibroplat.scene import Mode, Scene
+from vibroplat.motion.motion import Motion
+from vibroplat.motion.run import simulate
 
 #: Engines of the long run.
 ENGINES = ("native", "taylor")

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
-from vibroplat.drive import Drive
-from vibroplat.exciters import Motor
-from vibroplat.scene import Contact, Initial, Machine, Material, Run, Scene, Solver, State
+from vibroplat.config.drive import Drive
+from vibroplat.config.exciters import Motor
+from vibroplat.config.scene import Contact, Initial, Machine, Material, Run, Scene, Solver, State
 
 GRAVITY = 9.81
 TURN = 2.0 * math.pi

@@ -11,13 +11,13 @@ import numpy as np
 import pandas as pd
 
 from vibroplat.bench.peers.following import follow
-from vibroplat.flow.run import simulate
+from vibroplat.config.scene import Scene
+from vibroplat.continuation.orbit import OrbitError, beginning_at, orbit
+from vibroplat.continuation.tables import orbits
 from vibroplat.kernels.compiled import FloatArray
+from vibroplat.motion.run import simulate
 from vibroplat.paper.trial import machine_numbers, paper_scene
-from vibroplat.scene import Scene
 from vibroplat.study.branches import FREQUENCY, SUPPLY
-from vibroplat.study.orbits.orbit import OrbitError, beginning_at, orbit
-from vibroplat.study.orbits.tables import orbits
 from vibroplat.study.sweep import sweep
 
 MASS = "material.mass_ratio"

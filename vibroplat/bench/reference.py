@@ -12,10 +12,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from vibroplat.config import load_config
+from vibroplat.config.reader import load_config
+from vibroplat.config.scene import COORDINATES, Scene
 from vibroplat.errors import TableError
 from vibroplat.observe.trajectory import Trajectory
-from vibroplat.scene import COORDINATES, Scene
 
 #: Slower impacts (m/s) are not compared: each integration ends an accumulation at its own threshold.
 SLOWEST = 1e-3

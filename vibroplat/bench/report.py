@@ -16,7 +16,7 @@ from vibroplat.bench.reference import load_references
 from vibroplat.bench.timing import ENGINES, precision, runtime
 from vibroplat.errors import VibroplatError
 from vibroplat.plots.bench import OWN, SCALED, plot_precision, plot_scaling
-from vibroplat.tables import write_table
+from vibroplat.results.tables import write_table
 
 if TYPE_CHECKING:
     from vibroplat.bench.peers.peers import Peer

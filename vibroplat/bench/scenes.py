@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from vibroplat.config.scene import Material, Scene
 from vibroplat.model.systems import systems
-from vibroplat.scene import Material, Scene
 
 #: Supply frequencies (Hz) that give the machine below the excitation frequencies of the paper's time histories.
 PAPER_SUPPLY = {"25.75": 51.5, "30.7": 62.5, "38.75": 78.0}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from vibroplat.scene import Scene
+from vibroplat.config.scene import Scene
 
 GRAVITY = 9.81
 OMEGA = 2.0 * math.pi * 25.0

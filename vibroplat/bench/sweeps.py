@@ -9,8 +9,8 @@ import time
 import numpy as np
 import pandas as pd
 
+from vibroplat.config.scene import Scene
 from vibroplat.paper.trial import machine_numbers, paper_scene
-from vibroplat.scene import Scene
 from vibroplat.study.sweep import sweep
 
 #: Fixed settling times (s) compared with the adaptive one, and the one that serves as the truth.

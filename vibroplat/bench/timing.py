@@ -14,8 +14,8 @@ import pandas as pd
 
 from vibroplat.bench.reference import Reference, coordinate_errors, event_errors
 from vibroplat.bench.scenes import kinds, unknowns
-from vibroplat.flow.run import simulate
-from vibroplat.scene import Scene
+from vibroplat.config.scene import Scene
+from vibroplat.motion.run import simulate
 
 TOLERANCES = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10)
 

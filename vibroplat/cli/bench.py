@@ -67,7 +67,7 @@ def bench(
     tell_of_compilation()
     from vibroplat.bench import report
     from vibroplat.bench.timing import machine
-    from vibroplat.tables import result_directory
+    from vibroplat.results.tables import result_directory
 
     soaking = long and names == [BenchName.soak]
     if names and long and not soaking:

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from vibroplat.errors import ConfigError
-from vibroplat.surroundings import COMPILING, require_memory
+from vibroplat.system.preflight import COMPILING, require_memory
 
 
 @contextmanager
@@ -34,7 +34,7 @@ def tell_of_compilation(engine: str | None = None) -> None:
 
 def load_kernels(*engines: str) -> None:
     """Compile or load what a motion needs by these engines, once, before workers would each do so."""
-    from vibroplat.flow import warm
+    from vibroplat.motion import warm
 
     for engine in engines or ("auto",):
         warm.load_kernels(engine)

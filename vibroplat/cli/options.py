@@ -12,8 +12,8 @@ from typing import Annotated, Any, get_type_hints
 
 import typer
 
-from vibroplat.interrupts import offer_resume
 from vibroplat.study import WAIT
+from vibroplat.system.interrupts import offer_resume
 
 
 class TableFormat(StrEnum):

@@ -13,13 +13,13 @@ import typer
 from vibroplat.cli.loading import load_kernels, require_scheduler, tell_of_compilation
 from vibroplat.cli.options import Study, with_study
 from vibroplat.cli.printing import print_lines, print_notes, print_table
-from vibroplat.progress import orbits_progress
+from vibroplat.system.progress import orbits_progress
 
 if TYPE_CHECKING:
-    from vibroplat.scene import Scene
+    from vibroplat.config.scene import Scene
+    from vibroplat.continuation.tables import OrbitTables
+    from vibroplat.continuation.tracing import Traced
     from vibroplat.study.execution import Pool
-    from vibroplat.study.orbits.tables import OrbitTables
-    from vibroplat.study.orbits.tracing import Traced
     from vibroplat.study.store import Store
 
 #: Name of the file that keeps finished parts of branches, so that a sweep may have its points beside it.
@@ -38,21 +38,21 @@ def orbits(
 
     Writes a table of their points and one of special points to OUT/NAME. Exit code 1 says that a branch failed.
     """
-    from vibroplat.config import load_config, parse_overrides
+    from vibroplat.config.reader import load_config, parse_overrides
 
     scene = load_config(config, parse_overrides(study.set_ or [], study.engine))
     tell_of_compilation(scene.solver.engine)
-    from vibroplat.study.orbits import report
-    from vibroplat.study.orbits.curves import boundaries
-    from vibroplat.study.orbits.tables import planned, summary, tables
+    from vibroplat.continuation import report
+    from vibroplat.continuation.curves import boundaries
+    from vibroplat.continuation.tables import planned, summary, tables
 
     found = planned(scene)
     require_scheduler(study.scheduler)
-    from vibroplat.results import read_provenance
+    from vibroplat.results.files import read_provenance
+    from vibroplat.results.tables import result_directory
     from vibroplat.study.execution import pool
     from vibroplat.study.store import Store
     from vibroplat.study.sweep import conditions
-    from vibroplat.tables import result_directory
 
     directory = result_directory(study.out, scene.name)
     if study.resume and (directory / "provenance.json").exists():
@@ -77,8 +77,8 @@ def orbits(
 
 def _trace(scene: Scene, families: int, store: Store, workers: Pool) -> list[Traced]:
     """Follow the branches that are not stored yet; where there is no orbit to begin with, nothing is left to resume."""
-    from vibroplat.study.orbits.orbit import OrbitError
-    from vibroplat.study.orbits.tracing import trace
+    from vibroplat.continuation.orbit import OrbitError
+    from vibroplat.continuation.tracing import trace
 
     try:
         with orbits_progress(scene.name, families) as progress:
@@ -90,7 +90,7 @@ def _trace(scene: Scene, families: int, store: Store, workers: Pool) -> list[Tra
 
 def _print(scene: Scene, made: OrbitTables, told: Mapping[str, Any], more: dict[str, str]) -> None:
     """Print an overview of branches and special points."""
-    from vibroplat.study.orbits import report
+    from vibroplat.continuation import report
 
     print_lines(report.overview(made.branches, told) | more)
     for curve in told["boundaries"]:
@@ -106,7 +106,7 @@ def _print(scene: Scene, made: OrbitTables, told: Mapping[str, Any], more: dict[
 
 def _print_failures(told: Mapping[str, Any]) -> bool:
     """Print which branches failed; return whether none did."""
-    from vibroplat.study.orbits import report
+    from vibroplat.continuation import report
 
     failed = report.failures(told)
     for line in failed[:TOLD]:

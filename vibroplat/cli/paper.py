@@ -11,8 +11,8 @@ import typer
 from vibroplat.cli.loading import load_kernels, require_scheduler, tell_of_compilation
 from vibroplat.cli.options import EngineName, Jobs, Out, Overwrite, Resume, Scheduler, Settings, Wait
 from vibroplat.cli.printing import print_lines
-from vibroplat.progress import calibration_progress, sweep_progress
 from vibroplat.study import WAIT
+from vibroplat.system.progress import calibration_progress, sweep_progress
 
 if TYPE_CHECKING:
     from vibroplat.study.execution import Pool
@@ -38,7 +38,7 @@ def paper(
     Computes figures 2-7 and their tables, and compares each claim of the paper with what was measured.
     """
     tell_of_compilation(engine)
-    from vibroplat.config import parse_overrides
+    from vibroplat.config.reader import parse_overrides
     from vibroplat.paper.trial import machine_numbers, paper_scene
 
     changes = parse_overrides(set_ or [], engine)
@@ -61,7 +61,7 @@ def _reproduce(
     """Reproduce the paper with one machine; write its tables and figures and print an overview."""
     from vibroplat.paper import report, reproduction
     from vibroplat.plots.paper import plot_paper
-    from vibroplat.tables import result_directory
+    from vibroplat.results.tables import result_directory
 
     directory = result_directory(out / "paper", name)
     began = time.perf_counter()
@@ -95,7 +95,7 @@ def calibrate(
     Writes a table with one row per evaluation to OUT/calibration.
     """
     tell_of_compilation(engine)
-    from vibroplat.config import ENGINE, configurations, parse_overrides
+    from vibroplat.config.reader import ENGINE, configurations, parse_overrides
     from vibroplat.paper.calibration.plan import load_plan
 
     overrides = {} if generations is None else {"generations": generations}
@@ -104,9 +104,9 @@ def calibrate(
     require_scheduler(scheduler)
     from vibroplat.paper.calibration import reading, search
     from vibroplat.paper.report import write_calibration
+    from vibroplat.results.tables import result_directory
     from vibroplat.study.execution import pool
     from vibroplat.study.store import Store
-    from vibroplat.tables import result_directory
 
     directory = result_directory(out, "calibration")
     total = plan.evaluations + plan.confirmations

@@ -38,7 +38,7 @@ def print_notes(notes: list[str]) -> None:
 
 def print_summary(result: Trajectory, directory: Path) -> None:
     """Print the most important results, first those of the measured part; summary.json holds all of them."""
-    from vibroplat.card import results, whole
+    from vibroplat.results.card import results, whole
 
     lines = results(result.scene, result.summary, result.origin) | whole(result.summary)
     print_lines(lines | {"tables": str(directory)})

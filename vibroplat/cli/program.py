@@ -14,8 +14,8 @@ from typer.core import TyperGroup
 from vibroplat import __version__
 from vibroplat.cli import bench, new, orbits, paper, plot, report, run, schema, sweep
 from vibroplat.errors import VibroplatError
-from vibroplat.interrupts import kept, offer_resume
-from vibroplat.surroundings import is_short_of_memory, require_memory
+from vibroplat.system.interrupts import kept, offer_resume
+from vibroplat.system.preflight import is_short_of_memory, require_memory
 
 #: Options that print help.
 HELP = ["-h", "--help"]

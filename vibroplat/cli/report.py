@@ -12,8 +12,8 @@ import typer
 from vibroplat.cli.loading import tell_of_compilation
 
 if TYPE_CHECKING:
-    from vibroplat.scene import Scene
-    from vibroplat.study.orbits.motions import OrbitMotion
+    from vibroplat.config.scene import Scene
+    from vibroplat.continuation.motions import OrbitMotion
 
 
 def report(
@@ -33,7 +33,7 @@ def report(
     One HTML file with curves, tables and the moving machine of all results side by side; it opens offline in a browser.
     """
     from vibroplat.page.report import write_report
-    from vibroplat.progress import points_progress
+    from vibroplat.system.progress import points_progress
 
     with points_progress("orbits") as progress:
         print(write_report(directories, out, start, stop, mover=_move if orbits else None, progress=progress))
@@ -41,7 +41,7 @@ def report(
 
 def _move(scene: Scene, row: Mapping[str, Any]) -> OrbitMotion:
     """Compute the orbit of a row; what computes is loaded when the first one is wanted."""
-    from vibroplat.study.orbits.motions import motion_of
+    from vibroplat.continuation.motions import motion_of
 
     _tell(scene.solver.engine)
     return motion_of(scene, row)

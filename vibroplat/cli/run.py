@@ -12,13 +12,13 @@ from vibroplat.cli.loading import about, load_kernels, tell_of_compilation
 from vibroplat.cli.options import EngineName, Format, Out, Settings, TableFormat
 from vibroplat.cli.printing import print_lines, print_notes, print_summary
 from vibroplat.errors import ConfigError
-from vibroplat.progress import run_progress
+from vibroplat.system.progress import run_progress
 
 if TYPE_CHECKING:
-    from vibroplat.flow.keeping import Sink
+    from vibroplat.check.agreement import RunCheck
+    from vibroplat.config.scene import Scene
+    from vibroplat.motion.recorder import Sink
     from vibroplat.observe.trajectory import Trajectory
-    from vibroplat.scene import Scene
-    from vibroplat.study.checking.agreement import RunCheck
 
 
 def run(
@@ -36,9 +36,9 @@ def run(
     Writes trajectory, events, summary and provenance to OUT/NAME and prints the summary. With --check, exit code 1 says
     that two engines disagree.
     """
-    from vibroplat.config import load_config, parse_overrides
-    from vibroplat.flow.beginning import beginning
-    from vibroplat.tables import result_directory
+    from vibroplat.config.reader import load_config, parse_overrides
+    from vibroplat.motion.initial_condition import beginning
+    from vibroplat.results.tables import result_directory
 
     scene = load_config(config, parse_overrides(set_ or [], engine))
     with about(config):
@@ -46,7 +46,7 @@ def run(
         _require_other_place(scene, out)
     directory = result_directory(out, scene.name)
     tell_of_compilation(scene.solver.engine)
-    from vibroplat.flow.space import require_disk
+    from vibroplat.motion.space import require_disk
 
     require_disk(scene, directory, format_.value)
     load_kernels(scene.solver.engine)
@@ -76,10 +76,10 @@ def _simulate_and_write(
     scene: Scene, directory: Path, form: TableFormat, *, check: bool
 ) -> tuple[Trajectory, RunCheck | None]:
     """Simulate a scene and write its result; with ``check``, return what another engine has found as well."""
-    from vibroplat.flow.keeping import Sink
-    from vibroplat.provenance import provenance
-    from vibroplat.results import write_result
-    from vibroplat.tables import GrowingTable
+    from vibroplat.motion.recorder import Sink
+    from vibroplat.results.files import write_result
+    from vibroplat.results.provenance import provenance
+    from vibroplat.results.tables import GrowingTable
 
     trajectory, events = (GrowingTable(directory, name, form.value) for name in ("trajectory", "events"))
     with trajectory, events:
@@ -94,16 +94,16 @@ def _simulate_and_write(
 def _simulate(scene: Scene, sink: Sink, *, check: bool) -> tuple[Trajectory, RunCheck | None]:
     """Simulate a scene; with ``check``, compare the finished run with that of another engine."""
     with run_progress(scene.name, scene.run.duration_s) as report:
-        from vibroplat.flow.run import simulate
+        from vibroplat.motion.run import simulate
 
         if not check:
             return simulate(scene, keep="summary", sink=sink, progress=report), None
-        from vibroplat.study.checking.courses import Course
+        from vibroplat.check.courses import Course
 
         course = Course(scene, sink).run(report)
     if course.result.outcome == "out-of-memory":
         return course.result, None
-    from vibroplat.study.checking.runs import RUNS, compared
+    from vibroplat.check.runs import RUNS, compared
 
     with run_progress(f"{scene.name}, check", RUNS * scene.run.duration_s) as report:
         return course.result, compared(course, progress=report)

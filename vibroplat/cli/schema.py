@@ -16,17 +16,17 @@ def schema(
     import json
 
     if markdown:
-        from vibroplat.dictionary import configuration_page
+        from vibroplat.cli.dictionary import configuration_page
 
         print(configuration_page(), end="")
         return
-    from vibroplat.config import configuration_schema
+    from vibroplat.config.reader import configuration_schema
 
     print(json.dumps(configuration_schema(), indent=2))
 
 
 def columns() -> None:
     """Print what the columns of all tables mean."""
-    from vibroplat.dictionary import columns_page
+    from vibroplat.cli.dictionary import columns_page
 
     print(columns_page(), end="")

@@ -13,12 +13,12 @@ import typer
 from vibroplat.cli.loading import about, load_kernels, require_scheduler, tell_of_compilation
 from vibroplat.cli.options import Study, with_study
 from vibroplat.cli.printing import print_lines, print_notes
-from vibroplat.progress import sweep_progress
+from vibroplat.system.progress import sweep_progress
 
 if TYPE_CHECKING:
-    from vibroplat.scene import Scene
+    from vibroplat.check.sweeps import SweepCheck
+    from vibroplat.config.scene import Scene
     from vibroplat.study.branches import Branch
-    from vibroplat.study.checking.sweeps import SweepCheck
     from vibroplat.study.choice import Place
     from vibroplat.study.execution import Pool
     from vibroplat.study.store import Store
@@ -49,7 +49,7 @@ def sweep(
 
     Writes a table with one row per point to OUT/NAME. With --check, exit code 1 says that two engines disagree.
     """
-    from vibroplat.config import load_config, parse_overrides
+    from vibroplat.config.reader import load_config, parse_overrides
     from vibroplat.study.branches import branches
     from vibroplat.study.choice import chosen, require_share
 
@@ -60,8 +60,8 @@ def sweep(
         planned = branches(scene)
     places = [] if check is None else chosen(scene, check)
     require_scheduler(study.scheduler)
-    from vibroplat.results import read_provenance
-    from vibroplat.tables import result_directory
+    from vibroplat.results.files import read_provenance
+    from vibroplat.results.tables import result_directory
 
     directory = result_directory(study.out, scene.name)
     if study.resume and (directory / "provenance.json").exists():
@@ -89,7 +89,7 @@ def sweep(
 
 def _measure(scene: Scene, planned: Sequence[Branch], places: list[Place], store: Store, workers: Pool) -> _Done:
     """Measure the points of a sweep that are not stored yet, and check those at some places."""
-    from vibroplat.study.checking.sweeps import check_points
+    from vibroplat.check.sweeps import check_points
     from vibroplat.study.sweep import run_sweeps
 
     began = time.perf_counter()
@@ -105,7 +105,7 @@ def _measure(scene: Scene, planned: Sequence[Branch], places: list[Place], store
 
 def _print_sweep(planned: Sequence[Branch], directory: Path, done: _Done) -> bool:
     """Print an overview of a finished sweep; return whether all points are good and no engine disagrees."""
-    from vibroplat.results import Result
+    from vibroplat.results.files import Result
     from vibroplat.study import report
 
     table = Result(directory, "sweep").table("sweep")

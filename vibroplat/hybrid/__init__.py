@@ -7,14 +7,14 @@ of numbers, what a guard's fall or an impact means. :mod:`~vibroplat.hybrid.stat
 
 To add
 
-* a contact law: its name in ``Contact.impact_law`` (:mod:`vibroplat.scene`) and in ``IMPACT_LAWS``
+* a contact law: its name in ``Contact.impact_law`` (:mod:`vibroplat.config.scene`) and in ``IMPACT_LAWS``
   (:mod:`vibroplat.model.parameters`), its formula in :func:`vibroplat.model.impact.impulse_response`, a case in
   ``tests/model/test_impact.py``. Modes and jumps do not change.
 * a force: its term in :func:`vibroplat.model.platform.forces` or, for the material, in
   :func:`vibroplat.model.equations.rows`; its derivative in :func:`vibroplat.model.equations.jacobian`; its power in
   :func:`vibroplat.model.energy.powers`. The sympy derivation in ``tests/model/test_equations.py`` judges all three.
-* a mode: its name in :class:`vibroplat.scene.Mode`, its unknowns in :data:`vibroplat.model.systems.SYSTEMS`, its rows
-  in :func:`vibroplat.model.equations.rows`, its guard in :mod:`~vibroplat.hybrid.modes`, its jump in
-  :mod:`~vibroplat.hybrid.jumps`, called by :func:`~vibroplat.hybrid.loop.conclude`.
+* a mode: its name in :class:`vibroplat.config.scene.Mode`, its unknowns in
+  :data:`vibroplat.model.systems.SYSTEMS`, its rows in :func:`vibroplat.model.equations.rows`, its guard in
+  :mod:`~vibroplat.hybrid.modes`, its jump in :mod:`~vibroplat.hybrid.jumps`, called by :func:`~vibroplat.hybrid.loop.conclude`.
 * an integrator: see :mod:`vibroplat.integrate.seam`.
 """

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from vibroplat.config.scene import Scene
 from vibroplat.hybrid.initial import initial_state
 from vibroplat.hybrid.scales import FORCE_NOISE, ROUND_OFF, absolute_tolerances, state_scales
 from vibroplat.hybrid.starts import start_callback
@@ -14,7 +15,6 @@ from vibroplat.hybrid.steps import Steps
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.parameters import PARAMETERS
 from vibroplat.model.systems import GAP, systems
-from vibroplat.scene import Scene
 
 #: Events between two readings of their list: an engine returns when its steps are full, well before that.
 _EVENT_ROWS = 4096

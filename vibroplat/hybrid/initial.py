@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from vibroplat.config.scene import COORDINATES, RATES, Scene
 from vibroplat.hybrid.scales import state_scales
 from vibroplat.model.parameters import FloatArray
 from vibroplat.model.systems import FULL_SIZE
-from vibroplat.scene import COORDINATES, RATES, Scene
 
 
 def static_rest(scene: Scene) -> FloatArray:

@@ -24,8 +24,8 @@ from typing import Any
 
 import numpy as np
 
+from vibroplat.config.scene import Mode
 from vibroplat.model.systems import GAP, SYSTEMS
-from vibroplat.scene import Mode
 
 # Modes as compiled code knows them. Integers of numpy: a function that is called with them is compiled once, not once
 # for each.

@@ -10,10 +10,10 @@ import math
 
 import numpy as np
 
+from vibroplat.config.scene import Mode, Scene
 from vibroplat.kernels.compiled import compiled
 from vibroplat.model.parameters import FloatArray
 from vibroplat.model.systems import System
-from vibroplat.scene import Mode, Scene
 
 #: Local tolerance of F_c in units of its scale, over the tolerance of the run. Ten costs no accuracy of
 #: F_c, whose error is that of the state it follows from; less takes more steps where it is in the error test.

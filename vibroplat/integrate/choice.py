@@ -7,10 +7,10 @@ import threading
 from contextlib import closing
 from functools import cache
 
+from vibroplat.config.scene import Scene
 from vibroplat.integrate.seam import Engine
 from vibroplat.integrate.sundials import Library, UnavailableError, library
 from vibroplat.model.parameters import Parameters, parameters
-from vibroplat.scene import Scene
 
 # Each engine's module is imported where it is asked for: its kernels are compiled or loaded then.
 

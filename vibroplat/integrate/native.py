@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from vibroplat.config.scene import Mode, Scene
 from vibroplat.hybrid import loop
 from vibroplat.hybrid.automaton import automaton
 from vibroplat.hybrid.modes import GUARDS
@@ -36,7 +37,6 @@ from vibroplat.integrate.sundials import Library, UnavailableError
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.parameters import Parameters, address, parameters
 from vibroplat.model.systems import FULL_SIZE, System, systems
-from vibroplat.scene import Mode, Scene
 
 #: Steps between two returns to Python: many against what a return costs, few against the processor's cache.
 ROWS = 2048

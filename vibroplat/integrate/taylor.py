@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import math
 
+from vibroplat.config.scene import Scene
 from vibroplat.hybrid.state import Automaton
 from vibroplat.integrate.expansion import STATUS, Expansion, drive
 from vibroplat.kernels.lanes import in_lines
 from vibroplat.model.parameters import Parameters
 from vibroplat.model.series import HIGHEST, room
-from vibroplat.scene import Scene
 
 #: Degree of the series at tolerance 1e-6, and degrees more for each power of ten below it. At equal errors degrees from
 #: 14 to 22 take equal times within a tenth at this tolerance, and higher ones at tighter tolerances.

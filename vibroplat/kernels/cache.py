@@ -31,9 +31,9 @@ from numba.core import caching, config
 PACKAGE = Path(__file__).parents[1]
 
 #: Folders of the package whose functions are compiled.
-ROOMS = ("kernels", "model", "hybrid", "integrate", "observe", "flow")
+ROOMS = ("kernels", "model", "hybrid", "integrate", "observe", "motion")
 #: Files besides, with constants that are compiled into kernels: the numbers of the modes and of the coordinates.
-SHARED = ("scene.py",)
+SHARED = ("config/scene.py",)
 #: The kernel that is compiled last, as it calls the others, by engine: its room, and its name in numba's index.
 LAST = {"taylor": ("integrate", "expansion.drive"), "native": ("integrate", "drive.drive")}
 #: Settings of numba that change machine code and are not in its index.
@@ -57,7 +57,7 @@ def digest() -> str:
 
 def _folders(room: Path) -> Iterator[Path]:
     """Folders that may keep the machine code of one room, best first."""
-    name = f"vibroplat-{hashlib.sha256(str(room).encode()).hexdigest()[:16]}"
+    name = f"vibroplat-{room.name}"  # the digest tells checkouts apart, so that those of one version share it
     chosen = os.environ.get("NUMBA_CACHE_DIR")
     if chosen:
         yield Path(chosen) / name

@@ -135,7 +135,7 @@ def resistance(speed: float, friction: float) -> float:
     """Resistance L_R = k_R k φ̇|φ̇| (N·m), proportional to the centrifugal force.
 
     Its second derivative jumps where the exciter stops: multistep methods pass that without an event, and
-    ``tests/flow/test_standstill.py`` says what it costs; the Taylor series ends a step there.
+    ``tests/motion/test_standstill.py`` says what it costs; the Taylor series ends a step there.
     """
     return friction * speed * abs(speed)
 

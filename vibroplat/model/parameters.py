@@ -10,9 +10,9 @@ import math
 
 import numpy as np
 
-from vibroplat.drive import Interval
+from vibroplat.config.drive import Interval
+from vibroplat.config.scene import Scene
 from vibroplat.kernels.compiled import FloatArray
-from vibroplat.scene import Scene
 
 __all__ = ["FloatArray", "Parameters", "parameters"]
 

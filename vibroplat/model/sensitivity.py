@@ -14,13 +14,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from vibroplat.config.scene import Scene
 from vibroplat.errors import ConfigError
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.accelerations import solve
 from vibroplat.model.equations import rows
 from vibroplat.model.impact import impact, latch
 from vibroplat.model.parameters import PARAMETERS, Parameters, blank, parameters
-from vibroplat.scene import Scene
 
 #: Names of the fields that enter the equations as numbers; the others are choices, or say where the equations hold.
 CHOICES = ("safe_rotation", "impact_law")

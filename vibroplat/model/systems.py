@@ -1,7 +1,7 @@
 """The five systems of equations: which unknowns each has, and how a scene picks them.
 
 A *system* is a mode together with the number of layers. States cross between systems as the *full
-state* of 14 numbers — the seven coordinates of :data:`vibroplat.scene.COORDINATES`, then their rates —
+state* of 14 numbers — the seven coordinates of :data:`vibroplat.config.scene.COORDINATES`, then their rates —
 in which what a scene does not have is 0.
 """
 
@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from vibroplat.config.scene import Mode, Scene
 from vibroplat.kernels.compiled import FloatArray, compiled
-from vibroplat.scene import Mode, Scene
 
 FULL_SIZE = 14
 GAP, GAP_RATE = 5, 12  # places in the full state

@@ -5,5 +5,5 @@ the rows of the trajectory table, and :mod:`~vibroplat.observe.trajectory` holds
 :mod:`~vibroplat.observe.statistics` sums up while the run goes (statistics, extremes, Poincaré section, powers),
 :mod:`~vibroplat.observe.audit` and :mod:`~vibroplat.observe.summary` make the numbers of tables from these sums. An
 observer has a method ``read(h)``
-(:class:`vibroplat.flow.motion.Observer`); it knows no method of integration and takes no step for short.
+(:class:`vibroplat.motion.motion.Observer`); it knows no method of integration and takes no step for short.
 """

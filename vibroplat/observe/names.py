@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import pandas as pd
 
+from vibroplat.config.scene import COORDINATES, RATES, Scene
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.systems import FULL_SIZE
-from vibroplat.scene import COORDINATES, RATES, Scene
 
 
 def state_places(scene: Scene) -> dict[str, int]:

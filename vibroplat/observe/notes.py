@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from vibroplat.plausibility import rounded
-from vibroplat.scene import Scene
+from vibroplat.config.plausibility import rounded
+from vibroplat.config.scene import Scene
 
 #: Rotation of the platform (rad) beyond which a model of first order in φ is inaccurate.
 LARGE_ROTATION = 0.1

@@ -10,8 +10,8 @@ import numpy as np
 from vibroplat.hybrid.state import Automaton
 from vibroplat.kernels.compiled import FloatArray, compiled, copy
 from vibroplat.kernels.polynomial import values
-from vibroplat.memory import Share
 from vibroplat.model.systems import SYSTEMS, System
+from vibroplat.system.memory import Share
 
 
 @dataclass(frozen=True)

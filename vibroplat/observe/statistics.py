@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from vibroplat.config.scene import Mode
 from vibroplat.hybrid.modes import IMPACT, LATCH, LIFTOFF, MODES
 from vibroplat.hybrid.state import Automaton
 from vibroplat.hybrid.steps import WIDTH, Steps
@@ -22,7 +23,6 @@ from vibroplat.kernels.polynomial import bend, crossing, extremes, slope, turnin
 from vibroplat.model.energy import FORCE_SIZE, POWERS, powers
 from vibroplat.model.parameters import Parameters
 from vibroplat.model.systems import DIFFERENTIAL, FULL_SIZE, GAP, PLACES, SIZES
-from vibroplat.scene import Mode
 
 N_POWERS = len(POWERS)
 N_WORK = FORCE_SIZE + 1

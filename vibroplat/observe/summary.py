@@ -9,9 +9,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from vibroplat.columns import Column, Columns
 from vibroplat.observe.audit import AUDIT, Energies, audit
 from vibroplat.observe.statistics import SUMS, Measures, between, numbers
+from vibroplat.results.columns import Column, Columns
 
 #: Phase coherence below which exciters are not synchronous: their phase difference has no mean that says anything.
 COHERENCE = 0.8

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from vibroplat.columns import labelled
+from vibroplat.config.scene import Scene
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.observe.audit import INACCURATE
 from vibroplat.observe.events import event_table
@@ -20,13 +20,13 @@ from vibroplat.observe.notes import Peaks, notes_on_samples
 from vibroplat.observe.segments import Segment
 from vibroplat.observe.statistics import Measures, section_rows
 from vibroplat.observe.table import TRAJECTORY, TableMaker, TableParts, together
-from vibroplat.prompt import AtPrompt
-from vibroplat.scene import Scene
+from vibroplat.results.columns import labelled
+from vibroplat.results.prompt import AtPrompt
 
 
 @dataclass(repr=False)
 class Trajectory(AtPrompt):
-    """A finished run. :class:`~vibroplat.prompt.AtPrompt` has its card, figures and files.
+    """A finished run. :class:`~vibroplat.results.prompt.AtPrompt` has its card, figures and files.
 
     Attributes
     ----------

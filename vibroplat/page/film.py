@@ -16,7 +16,7 @@ import typer
 from vibroplat.errors import VibroplatError
 from vibroplat.page.browser import browser, open_page
 from vibroplat.page.report import write_report
-from vibroplat.tables import replace_files
+from vibroplat.results.tables import replace_files
 
 if TYPE_CHECKING:
     from PIL.Image import Image

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from vibroplat.config.scene import Scene
 from vibroplat.errors import VibroplatError
 from vibroplat.page.run import impacts_of, initials, machine_of
 from vibroplat.page.thinning import packed_coarsely, spread
-from vibroplat.scene import Scene
 
 #: Most samples of all orbits on a page, some 65 for each turn: 1.5 MB.
 ROWS = 50_000

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from vibroplat.config.scene import Scene
 from vibroplat.errors import ConfigError, TableError
 from vibroplat.plots.reading import read_result
-from vibroplat.results import Command, Result
-from vibroplat.scene import Scene
+from vibroplat.results.files import Command, Result
 
 #: The table by which the result of a command is found.
 TABLES: dict[Command, str] = {"run": "trajectory", "sweep": "sweep", "orbits": "branches"}

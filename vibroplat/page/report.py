@@ -24,8 +24,8 @@ from vibroplat.page.reading import Found, find_results
 from vibroplat.page.summary import remarks, summary_rows
 from vibroplat.plots.orbits import boundary_keys, read_branches
 from vibroplat.plots.reading import read_columns
-from vibroplat.results import Result
-from vibroplat.tables import replace_files
+from vibroplat.results.files import Result
+from vibroplat.results.tables import replace_files
 
 _LOG = logging.getLogger("vibroplat")
 

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from vibroplat.config.scene import Mode, Scene
 from vibroplat.errors import TableError
 from vibroplat.page.thinning import FloatArray, extremes, packed
 from vibroplat.plots.reading import read_parts
-from vibroplat.results import Result
-from vibroplat.scene import Mode, Scene
+from vibroplat.results.files import Result
 
 #: Most rows of all runs together that are kept as they are, each of 80 bytes: 25 s at 2000 Hz with their events.
 ROWS = 52_000

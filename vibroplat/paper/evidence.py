@@ -9,13 +9,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from vibroplat.config.scene import Scene
+from vibroplat.config.sweep_plan import SweepPlan
 from vibroplat.model.parameters import FloatArray
-from vibroplat.scene import Scene
 from vibroplat.study.branches import EXCITATION, SUPPLY, Branch, branches, sweep_plan
 from vibroplat.study.point import ERRORS
 from vibroplat.study.store import Record, Records
 from vibroplat.study.sweep import branch_records
-from vibroplat.sweep_plan import SweepPlan
 
 #: Row of a sweep table, by column.
 Row = dict[str, Any]

@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
+from vibroplat.config.scene import Material
 from vibroplat.paper.evidence import Evidence, F, Key, error_of
 from vibroplat.paper.finding import Claim, Finding
-from vibroplat.scene import Material
 
 
 def frequencies(claim: Claim, evidence: Evidence) -> Finding:

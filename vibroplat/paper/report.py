@@ -11,9 +11,9 @@ import pandas as pd
 from vibroplat.integrate.choice import engine_name
 from vibroplat.paper.reproduction import SWEEPS, Reproduction
 from vibroplat.paper.trial import paper_scene
-from vibroplat.provenance import provenance
-from vibroplat.results import write_result
-from vibroplat.tables import remove_table, write_table
+from vibroplat.results.files import write_result
+from vibroplat.results.provenance import provenance
+from vibroplat.results.tables import remove_table, write_table
 
 
 def write_reproduction(found: Reproduction, numbers: Mapping[str, Any], directory: Path) -> None:

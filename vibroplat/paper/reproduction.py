@@ -15,7 +15,8 @@ from typing import Any
 
 import pandas as pd
 
-from vibroplat.config import configurations, load_list
+from vibroplat.config.reader import configurations, load_list
+from vibroplat.config.scene import Scene
 from vibroplat.paper.claims import judge
 from vibroplat.paper.contradictions import contradictions
 from vibroplat.paper.evidence import Evidence
@@ -37,7 +38,6 @@ from vibroplat.paper.trial import (
     former_claims,
     paper_scene,
 )
-from vibroplat.scene import Scene
 from vibroplat.study.branches import branches
 from vibroplat.study.execution import Pool
 from vibroplat.study.store import Records, Store

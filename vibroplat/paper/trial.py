@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from vibroplat.config import configurations, load_config, load_list, load_tree
+from vibroplat.config.overrides import flat
+from vibroplat.config.reader import configurations, load_config, load_list, load_tree
+from vibroplat.config.scene import Scene
 from vibroplat.errors import ConfigError
-from vibroplat.overrides import flat
 from vibroplat.paper.evidence import Evidence
 from vibroplat.paper.nonimpact import match_beta
-from vibroplat.scene import Scene
 from vibroplat.study.branches import branches, sweep_plan
 from vibroplat.study.store import Record
 from vibroplat.study.sweep import branch_points

@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from vibroplat.overrides import flat
+from vibroplat.config.overrides import flat
+from vibroplat.config.scene import Scene
 from vibroplat.plots.names import supply_label, value_label
 from vibroplat.plots.style import plain
-from vibroplat.scene import Scene
 from vibroplat.study.branches import FREQUENCY
 
 #: Sections that a command does not use.

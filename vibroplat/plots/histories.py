@@ -10,7 +10,7 @@ import pandas as pd
 
 from vibroplat.plots.names import COORDINATES
 from vibroplat.plots.style import REFERENCE, new_figure
-from vibroplat.results import Result
+from vibroplat.results.files import Result
 from vibroplat.study.branches import EXCITATION
 
 if TYPE_CHECKING:

@@ -15,6 +15,7 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from vibroplat.continuation.kinds import KINDS
 from vibroplat.errors import TableError
 from vibroplat.plots.names import (
     COORDINATES,
@@ -29,14 +30,13 @@ from vibroplat.plots.names import (
 from vibroplat.plots.reading import read_columns
 from vibroplat.plots.style import CURVES, DIRECTIONS, REFERENCE, Saving, head, new_figure, save, styled
 from vibroplat.plots.timelines import phase_axis, wrapped
-from vibroplat.results import Result
+from vibroplat.results.files import Result
 from vibroplat.study.branches import EXCITATION, FREQUENCY, SUPPLY
-from vibroplat.study.orbits.kinds import KINDS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from vibroplat.study.orbits.orbit import Orbit
+    from vibroplat.continuation.orbit import Orbit
 
 
 #: What is drawn over the key; force only where there is any.

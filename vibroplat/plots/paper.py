@@ -15,7 +15,7 @@ from vibroplat.plots.names import MEASURES, PHASE, PHASE_COLUMN
 from vibroplat.plots.response import draw_response, marker_legend
 from vibroplat.plots.style import BLACK, BLUE, GREEN, ORANGE, PURPLE, VERMILION, Saving, new_figure, save, styled
 from vibroplat.plots.timelines import wrapped
-from vibroplat.results import Result
+from vibroplat.results.files import Result
 from vibroplat.study.bands import jumps
 from vibroplat.study.branches import EXCITATION
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pandas as pd
 
 from vibroplat.errors import TableError
-from vibroplat.results import Command, Result
+from vibroplat.results.files import Command, Result
 
 
 def read_result(directory: Path, command: Command) -> Result:

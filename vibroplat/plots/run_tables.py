@@ -12,10 +12,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
+from vibroplat.config.scene import Scene
 from vibroplat.errors import TableError
 from vibroplat.plots.names import COORDINATES, scene_of
 from vibroplat.plots.reading import read_parts, read_result
-from vibroplat.scene import Scene
 
 _LOG = logging.getLogger("vibroplat")
 

@@ -14,7 +14,7 @@ import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from vibroplat.tables import replace_files, result_directory
+from vibroplat.results.tables import replace_files, result_directory
 
 Form = Literal["png", "pdf", "svg"]
 

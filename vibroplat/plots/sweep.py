@@ -13,7 +13,7 @@ from vibroplat.plots.regimes import regimes
 from vibroplat.plots.response import response_figure
 from vibroplat.plots.style import Saving, save, styled
 from vibroplat.plots.sweep_tables import Response, read_response
-from vibroplat.results import Result
+from vibroplat.results.files import Result
 from vibroplat.study.branches import EXCITATION
 
 if TYPE_CHECKING:

@@ -9,14 +9,14 @@ from typing import NamedTuple
 
 import pandas as pd
 
+from vibroplat.config.overrides import flat
 from vibroplat.errors import TableError
-from vibroplat.overrides import flat
 from vibroplat.plots.data import Data
 from vibroplat.plots.differences import differing, distinct, labels
 from vibroplat.plots.names import MEASURES, is_number, scene_of, sweep_parameters, value_label
 from vibroplat.plots.reading import read_columns, read_result
 from vibroplat.plots.style import plain
-from vibroplat.results import Result
+from vibroplat.results.files import Result
 from vibroplat.study.branches import EXCITATION, SUPPLY
 
 #: Columns that figures need in addition to the swept keys, and those they show if there are any.

@@ -9,9 +9,9 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 
+from vibroplat.config.scene import Scene
 from vibroplat.plots.names import COORDINATES, PHASE, phase_label
 from vibroplat.plots.style import BLACK, CONTACT, CURVES, PLATFORM, REFERENCE
-from vibroplat.scene import Scene
 
 FloatArray = np.ndarray[Any, np.dtype[np.float64]]
 

@@ -6,9 +6,9 @@ import itertools
 from dataclasses import dataclass
 from typing import Any
 
+from vibroplat.config.scene import Scene
+from vibroplat.config.sweep_plan import SweepPlan
 from vibroplat.errors import ConfigError
-from vibroplat.scene import Scene
-from vibroplat.sweep_plan import SweepPlan
 
 #: Key of a scene that varies along a branch.
 FREQUENCY = "drive.supply_frequency_hz"

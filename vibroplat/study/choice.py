@@ -6,8 +6,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from vibroplat.config.scene import Scene
 from vibroplat.errors import ConfigError
-from vibroplat.scene import Scene
 from vibroplat.study.branches import SUPPLY, Branch, branches, sweep_plan
 
 #: With the seed of a sweep, the seed of the choice of its points.

@@ -14,12 +14,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from vibroplat.config.scene import Scene
+from vibroplat.config.sweep_plan import SweepPlan
 from vibroplat.model.parameters import FloatArray
-from vibroplat.scene import Scene
 from vibroplat.study.lyapunov import Exponent, largest_exponent
 from vibroplat.study.section import LONGEST_PERIOD, MAX_PERIOD, period
 from vibroplat.study.settling import Settling, draws_together, noise
-from vibroplat.sweep_plan import SweepPlan
 
 #: Least ratio of the smaller to the larger extent of the section, in both halves of the measured part, at which it is
 #: steady: a section that still shrinks or grows has not settled.

@@ -15,8 +15,8 @@ from contextlib import suppress
 from typing import Any
 
 from vibroplat.errors import ConfigError, VibroplatError
-from vibroplat.interrupts import resume_is_offered
 from vibroplat.study import WAIT
+from vibroplat.system.interrupts import resume_is_offered
 
 #: Seconds without a worker after which the user is told what is waited for.
 NOTICE = 5.0

@@ -17,9 +17,9 @@ from multiprocessing import resource_tracker
 from typing import Any, Protocol, TypeVar
 
 from vibroplat.errors import VibroplatError
-from vibroplat.interrupts import stop_if_asked, unheard, unwinding, watching
 from vibroplat.study import WAIT
 from vibroplat.study.cluster import Cluster
+from vibroplat.system.interrupts import stop_if_asked, unheard, unwinding, watching
 
 #: Environment of workers: without it numerical libraries would start a pool of threads in each process.
 PINNED = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA")}

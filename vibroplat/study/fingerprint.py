@@ -27,12 +27,12 @@ import numpy as np
 from llvmlite.binding import get_host_cpu_name
 
 import vibroplat
-from vibroplat.flow.motion import Motion
+from vibroplat.config.scene import Scene
 from vibroplat.integrate.choice import make_engine, native_library
 from vibroplat.integrate.sundials import UnavailableError, configuration
 from vibroplat.model.parameters import parameters
+from vibroplat.motion.motion import Motion
 from vibroplat.observe.summary import measured
-from vibroplat.scene import Scene
 
 Fingerprint = Mapping[str, str]
 

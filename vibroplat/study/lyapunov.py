@@ -16,16 +16,16 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
+from vibroplat.config.scene import Scene
 from vibroplat.errors import ConfigError, MotionError
-from vibroplat.flow.beginning import beginning
-from vibroplat.flow.motion import Motion
 from vibroplat.hybrid.scales import state_scales
 from vibroplat.integrate.choice import make_engine
 from vibroplat.model.parameters import FloatArray, parameters
 from vibroplat.model.systems import FULL_SIZE
+from vibroplat.motion.initial_condition import beginning
+from vibroplat.motion.motion import Motion
 from vibroplat.observe.names import state_places
 from vibroplat.observe.variation import Variation
-from vibroplat.scene import Scene
 
 #: Number of turns of exciter 1 between measurements of growth, and number of first ones that are not counted.
 TURNS, SKIPPED = 3, 8

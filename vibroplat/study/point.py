@@ -13,26 +13,26 @@ from typing import Any
 
 import numpy as np
 
-from vibroplat.columns import Column, Columns
-from vibroplat.flow.motion import Motion, Observer
+from vibroplat.config.scene import Scene
+from vibroplat.config.sweep_plan import SweepPlan
 from vibroplat.hybrid.initial import initial_state, perturbed
 from vibroplat.hybrid.modes import IMPACT
 from vibroplat.hybrid.scales import state_scales
 from vibroplat.hybrid.state import Automaton
 from vibroplat.integrate.choice import make_engine
-from vibroplat.memory import NO_MORE
 from vibroplat.model.parameters import FloatArray, parameters
+from vibroplat.motion.motion import Motion, Observer
 from vibroplat.observe.audit import INACCURATE, inaccuracy
 from vibroplat.observe.notes import notes_on_measures, stiffness
 from vibroplat.observe.statistics import Measures, section_rows
 from vibroplat.observe.summary import COHERENCE, Part, block_errors, half_open, measured
-from vibroplat.scene import Scene
+from vibroplat.results.columns import Column, Columns
 from vibroplat.study.classification import Kind, classify
 from vibroplat.study.section import period, section_points
 from vibroplat.study.settling import Settling, settle
 from vibroplat.study.store import Record
 from vibroplat.study.tasks import Task
-from vibroplat.sweep_plan import SweepPlan
+from vibroplat.system.memory import NO_MORE
 
 #: Distance of the phase difference from 0 or π (rad) up to which exciters count as in phase or in antiphase.
 SYNCHRONOUS = math.pi / 3.0

@@ -9,16 +9,16 @@ from typing import Any
 
 import pandas as pd
 
+from vibroplat.config.plausibility import notes_on_inputs
+from vibroplat.config.scene import Scene
 from vibroplat.integrate.choice import engine_name
-from vibroplat.plausibility import notes_on_inputs
-from vibroplat.provenance import provenance
-from vibroplat.results import write_result
-from vibroplat.scene import Scene
+from vibroplat.results.files import write_result
+from vibroplat.results.provenance import provenance
+from vibroplat.results.tables import Format, Table
 from vibroplat.study.bands import NEEDED, band_lines, band_tables
 from vibroplat.study.branches import FREQUENCY, SUPPLY, Branch, sweep_plan
 from vibroplat.study.store import Records
 from vibroplat.study.sweep import branch_tables, impact_tables, section_tables, tables
-from vibroplat.tables import Format, Table
 
 #: Branches whose bands are told; the table ``bands`` holds those of all.
 TOLD_BRANCHES = 6

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from vibroplat.config.scene import Scene
 from vibroplat.hybrid.scales import state_scales
 from vibroplat.model.parameters import FloatArray
 from vibroplat.observe.statistics import Measures, section_rows
-from vibroplat.scene import Scene
 
 #: Longest period, in turns of exciter 1, that is searched for while a motion settles and at its end.
 MAX_PERIOD, LONGEST_PERIOD = 16, 64

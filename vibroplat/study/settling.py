@@ -14,12 +14,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibroplat.flow.motion import Motion
+from vibroplat.config.scene import Scene
+from vibroplat.config.sweep_plan import SweepPlan
 from vibroplat.model.parameters import FloatArray
+from vibroplat.motion.motion import Motion
 from vibroplat.observe.statistics import section_rows
-from vibroplat.scene import Scene
 from vibroplat.study.section import section_points, spreads
-from vibroplat.sweep_plan import SweepPlan
 
 #: Turns of exciter 1 that are compared with as many before, and turns between two checks.
 TURNS, BLOCK = 32, 16

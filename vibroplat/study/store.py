@@ -18,9 +18,9 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Protocol, Self
 
+from vibroplat.config.overrides import flat
 from vibroplat.errors import ConfigError, TableError
-from vibroplat.locks import Lock
-from vibroplat.overrides import flat
+from vibroplat.results.locks import Lock
 
 #: Name of the file, next to the tables made from it.
 FILE = "points.sqlite"

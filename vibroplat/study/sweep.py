@@ -8,12 +8,13 @@ from typing import Any
 import pandas as pd
 
 import vibroplat
-from vibroplat.columns import Column, Columns, labelled
+from vibroplat.config.keys import key_of
+from vibroplat.config.scene import Scene
+from vibroplat.config.sweep_plan import SweepPlan
 from vibroplat.integrate.choice import engine_name
 from vibroplat.integrate.seam import WORK
-from vibroplat.keys import key_of
 from vibroplat.observe.summary import MEASURES
-from vibroplat.scene import Scene
+from vibroplat.results.columns import Column, Columns, labelled
 from vibroplat.study import WAIT
 from vibroplat.study.branches import EXCITATION, SUPPLY, Branch, branches, sweep_plan
 from vibroplat.study.confirming import CONFIRMED, confirmed_task
@@ -21,7 +22,6 @@ from vibroplat.study.execution import Pool, pool, run_chains
 from vibroplat.study.point import ERRORS, MEASURED, POINT, point_task
 from vibroplat.study.store import Record, Records, SpoiledError, Store
 from vibroplat.study.tasks import StoredChain, Tasks
-from vibroplat.sweep_plan import SweepPlan
 
 #: Columns of text and of whole numbers; all others hold floating-point numbers.
 TEXTS = ("direction", "rotation", "sync", "motion", "outcome", "detail", "notes", "confirmation")

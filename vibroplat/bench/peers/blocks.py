@@ -15,11 +15,11 @@ from pathsim.events import ZeroCrossingDown
 from pathsim.solvers import RKCK54, RKDP87
 
 from vibroplat.bench.peers.following import Leg, Legs, flow, guard, straight
+from vibroplat.config.scene import Mode, Scene
 from vibroplat.hybrid.scales import ROUND_OFF, state_scales
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.parameters import Parameters, parameters
 from vibroplat.model.systems import GAP, System, systems
-from vibroplat.scene import Mode, Scene
 
 #: Longest step in a mode that may end, in turns: a longer one could pass over a short flight.
 LONGEST = 0.1

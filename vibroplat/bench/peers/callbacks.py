@@ -14,6 +14,7 @@ import numpy as np
 from sksundae.ida import IDA
 
 from vibroplat.bench.peers.following import Leg, Legs, straight
+from vibroplat.config.scene import Mode, Scene
 from vibroplat.hybrid.modes import GUARDS
 from vibroplat.hybrid.scales import FORCE_SHARE, ROUND_OFF, state_scales
 from vibroplat.hybrid.steps import fill_cubic
@@ -23,7 +24,6 @@ from vibroplat.model.equations import jacobian as jacobian_kernel
 from vibroplat.model.equations import residual as residual_kernel
 from vibroplat.model.parameters import Parameters, parameters
 from vibroplat.model.systems import System, systems
-from vibroplat.scene import Mode, Scene
 
 #: Longest step in flight, in turns: a longer one could pass over a short flight.
 FLIGHT_STEP = 0.05

@@ -15,9 +15,9 @@ import numpy as np
 from vibroplat.bench.peers.following import Followed, at_tolerance, follow
 from vibroplat.bench.reference import compared_events, load_reference
 from vibroplat.bench.scenes import base
+from vibroplat.config.scene import Scene
 from vibroplat.errors import TableError
 from vibroplat.model.parameters import FloatArray
-from vibroplat.scene import Scene
 
 #: Errors at which run times are compared: of coordinates over their scales, of event times (s), of F_c over its
 #: largest value.

@@ -18,7 +18,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 import pandas as pd
 
-from vibroplat.flow.motion import Motion
+from vibroplat.config.scene import COORDINATES, RATES, Mode, Scene
 from vibroplat.hybrid.loop import AT_GUARD, AT_TIME, begin, conclude
 from vibroplat.hybrid.state import RUNNING, Automaton
 from vibroplat.hybrid.steps import rewind
@@ -28,11 +28,11 @@ from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.accelerations import accelerations, explicit, linearize
 from vibroplat.model.parameters import Parameters, parameters
 from vibroplat.model.systems import FULL_SIZE, GAP, SYSTEMS, System
+from vibroplat.motion.motion import Motion
 from vibroplat.observe.events import Events
 from vibroplat.observe.segments import Segments
 from vibroplat.observe.statistics import no_measures
 from vibroplat.observe.trajectory import Trajectory
-from vibroplat.scene import COORDINATES, RATES, Mode, Scene
 
 
 @dataclass

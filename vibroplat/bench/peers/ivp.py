@@ -12,12 +12,12 @@ from numpy.polynomial import Polynomial
 from scipy import integrate
 
 from vibroplat.bench.peers.following import flow, jacobian
+from vibroplat.config.scene import Scene
 from vibroplat.hybrid.steps import CUBIC
 from vibroplat.integrate.seam import WORK, IntegrationError
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.parameters import parameters
 from vibroplat.model.systems import System
-from vibroplat.scene import Scene
 
 #: Degrees of the methods' dense outputs, of LSODA's Adams methods at most.
 DEGREES = {"DOP853": 7, "LSODA": 12, "Radau": 3}

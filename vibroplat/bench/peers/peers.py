@@ -13,13 +13,13 @@ import numpy as np
 
 from vibroplat.bench.peers import siconos
 from vibroplat.bench.peers.following import Followed, at_tolerance, follow, sampled
-from vibroplat.flow.motion import Motion
-from vibroplat.flow.run import SETTLE_SHARE, simulate
+from vibroplat.config.scene import Scene
 from vibroplat.integrate.choice import make_engine
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.parameters import parameters
 from vibroplat.model.systems import FULL_SIZE
-from vibroplat.scene import Scene
+from vibroplat.motion.motion import Motion
+from vibroplat.motion.run import SETTLE_SHARE, simulate
 
 #: Runs a scene; states at the times given, or none in timed runs.
 Runner = Callable[[FloatArray | None], Followed]

@@ -17,7 +17,7 @@ from vibroplat.bench.peers.peers import Peer
 from vibroplat.bench.peers.precision import timed
 from vibroplat.bench.scenes import base, kinds
 from vibroplat.bench.timing import side_by_side
-from vibroplat.config import configurations
+from vibroplat.config.reader import configurations
 from vibroplat.study.sweep import sweep
 
 #: Tolerance at which everything here is run.

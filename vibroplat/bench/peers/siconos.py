@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 
 from vibroplat.bench.peers.following import Followed
+from vibroplat.config.scene import Mode, Scene
 from vibroplat.hybrid.initial import initial_state
 from vibroplat.model.parameters import FloatArray, parameters
 from vibroplat.model.systems import FULL_SIZE, GAP
-from vibroplat.scene import Mode, Scene
 
 #: The interpreter of Debian's packages, isolated: neither this directory nor PYTHONPATH is its business.
 INTERPRETER = ("/usr/bin/python3", "-I")

@@ -12,11 +12,11 @@ import heyoka as hk
 import numpy as np
 
 from vibroplat.bench.peers.following import Leg, Legs, straight
+from vibroplat.config.scene import Mode, Scene
 from vibroplat.hybrid.steps import CUBIC
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.parameters import Parameters, parameters
 from vibroplat.model.systems import GAP, System, systems
-from vibroplat.scene import Mode, Scene
 
 #: Outcome of an integration that its only terminal event has ended.
 _FIRST_EVENT = -1

@@ -17,7 +17,7 @@ import numpy as np
 
 import vibroplat
 from vibroplat.errors import VibroplatError
-from vibroplat.interrupts import stop_if_asked, unwinding
+from vibroplat.system.interrupts import stop_if_asked, unwinding
 
 #: Longest time (s) of a command. The longest takes minutes; one that takes longer hangs.
 LONGEST = 3600.0

@@ -15,9 +15,9 @@ import pandas as pd
 
 from vibroplat.bench.soak.processes import Done, Places, missing_dask
 from vibroplat.bench.stability.campaign import Draw, drawn, judged, random_scene
+from vibroplat.config.scene import Scene
 from vibroplat.errors import VibroplatError
-from vibroplat.results import Result
-from vibroplat.scene import Scene
+from vibroplat.results.files import Result
 
 ENGINES = ("native", "sundae")
 #: Longest settling and measuring time of a point, in turns at the larger synchronous speed.

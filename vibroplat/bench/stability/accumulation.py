@@ -10,8 +10,8 @@ import numpy as np
 from vibroplat.bench.known import GRAVITY, OMEGA, TURN, accumulation_time, dropped_ball
 from vibroplat.bench.scenes import base
 from vibroplat.bench.stability.checks import NAMED, Limit, row, sound, with_engine
-from vibroplat.flow.run import simulate
-from vibroplat.scene import Scene
+from vibroplat.config.scene import Scene
+from vibroplat.motion.run import simulate
 
 TOLERANCE = 1e-10
 #: Largest relative error of the time of a latch.

@@ -10,12 +10,12 @@ import numpy as np
 
 from vibroplat.bench.stability.campaign import random_scene
 from vibroplat.bench.stability.checks import NAMED, row, with_engine
-from vibroplat.scene import Scene
-from vibroplat.study.checking.agreement import RunCheck
-from vibroplat.study.checking.changes import by_other_engine
-from vibroplat.study.checking.courses import Course
-from vibroplat.study.checking.events import Errors, paired
-from vibroplat.study.checking.runs import check_run
+from vibroplat.check.agreement import RunCheck
+from vibroplat.check.changes import by_other_engine
+from vibroplat.check.courses import Course
+from vibroplat.check.events import Errors, paired
+from vibroplat.check.runs import check_run
+from vibroplat.config.scene import Scene
 
 #: Every THOROUGH-th scene is also compared in its coordinates, with repetitions that show what errors grow to.
 THOROUGH = 10

@@ -8,12 +8,12 @@ from typing import Any, Protocol
 import numpy as np
 
 from vibroplat.bench.stability.checks import Limit, row, sound, with_engine
-from vibroplat.flow.run import simulate
+from vibroplat.config.overrides import nest
+from vibroplat.config.scene import COORDINATES, RATES, Scene
 from vibroplat.hybrid.scales import state_scales
 from vibroplat.integrate.native import MAX_STEPS
+from vibroplat.motion.run import simulate
 from vibroplat.observe.audit import INACCURATE
-from vibroplat.overrides import nest
-from vibroplat.scene import COORDINATES, RATES, Scene
 
 #: Duration of each scene in turns at the larger synchronous speed.
 TURNS = 20.0

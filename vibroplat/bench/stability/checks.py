@@ -10,14 +10,14 @@ from typing import Any, TypeVar
 import numpy as np
 import pandas as pd
 
-from vibroplat.flow.motion import OUTCOMES, Motion
+from vibroplat.config.scene import Scene
 from vibroplat.hybrid.scales import FORCE_ERROR, force_spread, state_scales
 from vibroplat.integrate.choice import make_engine
 from vibroplat.model.parameters import parameters
 from vibroplat.model.systems import GAP
+from vibroplat.motion.motion import OUTCOMES, Motion
 from vibroplat.observe.audit import INACCURATE
 from vibroplat.observe.summary import measured
-from vibroplat.scene import Scene
 
 T = TypeVar("T")
 

@@ -12,13 +12,13 @@ import numpy as np
 from vibroplat.bench.known import TURN
 from vibroplat.bench.scenes import kinds
 from vibroplat.bench.stability.checks import ENERGY, Limit, row, with_engine
-from vibroplat.flow.motion import Motion
+from vibroplat.config.scene import Scene
 from vibroplat.hybrid.modes import IMPACT
 from vibroplat.hybrid.state import Automaton
 from vibroplat.integrate.choice import make_engine
 from vibroplat.model.parameters import parameters
+from vibroplat.motion.motion import Motion
 from vibroplat.observe.summary import measured
-from vibroplat.scene import Scene
 
 #: The scenes: one without events, one with an impact in each turn, one with accumulating impacts.
 SCENES = ("bare, f_e 50", "attached, f_e 46", "impacts, f_e 50")

@@ -12,10 +12,10 @@ from scipy.optimize import brentq
 from vibroplat.bench.known import GRAVITY, OMEGA, ball_on_table
 from vibroplat.bench.scenes import base
 from vibroplat.bench.stability.checks import Limit, row, sound, with_engine
-from vibroplat.flow.run import simulate
+from vibroplat.config.scene import Scene
 from vibroplat.model.systems import GAP, GAP_RATE
+from vibroplat.motion.run import simulate
 from vibroplat.observe.trajectory import Trajectory
-from vibroplat.scene import Scene
 
 TOLERANCE = 1e-11
 #: Minimal gap, over the platform's amplitude, that integration does not distinguish from 0.

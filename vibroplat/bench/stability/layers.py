@@ -12,10 +12,10 @@ import numpy as np
 from vibroplat.bench.known import GRAVITY, OMEGA, TURN
 from vibroplat.bench.scenes import base
 from vibroplat.bench.stability.checks import NAMED, row, sound, spread_over, steady, with_engine
-from vibroplat.flow.run import simulate
+from vibroplat.config.scene import Scene
 from vibroplat.hybrid.scales import state_scales
 from vibroplat.kernels.compiled import FloatArray
-from vibroplat.scene import Scene
+from vibroplat.motion.run import simulate
 
 FREQUENCIES = (1.0, 3.0, 10.0, 18.5, 25.0, 60.0, 200.0, 1e3, 5e3, 20e3)
 DAMPINGS = (0.0, 1e-3, 0.05, 0.5, 1.0, 5.0)

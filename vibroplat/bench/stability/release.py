@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 
 from vibroplat.bench.scenes import base
 from vibroplat.bench.stability.checks import Limit, row, sound, steady, with_engine
-from vibroplat.scene import Scene
+from vibroplat.config.scene import Scene
 
 #: A tolerance at which the error of F_c is below 1e-8 of its amplitude, its shortfall in the shortest flight.
 CLOSE, USUAL = 1e-11, 1e-6

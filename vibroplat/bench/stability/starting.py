@@ -8,7 +8,7 @@ from typing import Any
 
 from vibroplat.bench.scenes import base
 from vibroplat.bench.stability.checks import Limit, row, sound, with_engine
-from vibroplat.flow.run import simulate
+from vibroplat.motion.run import simulate
 from vibroplat.observe.trajectory import Trajectory
 
 #: Motors strong enough to pass all three resonances.

@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 
 from vibroplat.bench.scenes import kinds
 from vibroplat.bench.stability.checks import Limit, off, row, sound, spread_over, with_engine
-from vibroplat.flow.run import simulate
-from vibroplat.scene import Scene
+from vibroplat.config.scene import Scene
+from vibroplat.motion.run import simulate
 
 
 class Units(NamedTuple):

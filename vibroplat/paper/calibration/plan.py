@@ -9,11 +9,11 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, ValidationError, model_validator
 
-from vibroplat.config import load_tree
+from vibroplat.config.fields import Real, Section
+from vibroplat.config.messages import explain
+from vibroplat.config.overrides import flat
+from vibroplat.config.reader import load_tree
 from vibroplat.errors import ConfigError
-from vibroplat.fields import Real, Section
-from vibroplat.messages import explain
-from vibroplat.overrides import flat
 from vibroplat.paper.trial import IMPACT, paper_scene
 
 #: Smallest population that differential evolution allows.

@@ -19,7 +19,7 @@ import pandas as pd
 from scipy.optimize import differential_evolution
 from scipy.stats import qmc
 
-from vibroplat.config import ENGINE
+from vibroplat.config.reader import ENGINE
 from vibroplat.model.parameters import FloatArray
 from vibroplat.paper.calibration.plan import CalibrationPlan
 from vibroplat.paper.claims import judge

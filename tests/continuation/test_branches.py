@@ -1,0 +1,400 @@
+"""Branches, boundaries and single orbits of a machine whose special points are known."""
+
+from __future__ import annotations
+
+from contextlib import closing
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy.linalg
+from common.orbits import bounded, traced
+from continuation.helpers import MACHINE
+
+from vibroplat import load_config, orbit
+from vibroplat.bench.shaken_table import GRAVITY, shaken, stable_range
+from vibroplat.continuation.newton import ANGLE, Frame, Problem, correct
+from vibroplat.continuation.orbit import OrbitError, beginning_at, guesses
+from vibroplat.continuation.shooting import Shooter
+from vibroplat.hybrid.scales import state_scales
+from vibroplat.integrate.choice import make_engine
+from vibroplat.model.parameters import parameters
+from vibroplat.motion.motion import Motion
+
+CALIBRATED = MACHINE.parents[3] / "configs" / "machines" / "calibrated.yaml"
+KEY, MASS, RESTITUTION = "drive.supply_frequency_hz", "material.mass_ratio", "contact.restitution"
+#: Range in which impacts with a restitution of 0.3 accumulate no longer, down to a single one.
+REBOUNDS = {"restitution": 0.3, "start": 50.0, "stop": 54.0, "switch": []}
+
+#: Special points at these mass ratios, found by another program of the same model: supply frequency or, above 1 in the
+#: third place, excitation frequency (Hz).
+KNOWN = [
+    (0.0, "branch-point", "value", (61.974, 62.617, 69.264, 71.190)),
+    (0.1, "liftoff", "excitation_frequency_hz", (24.06,)),
+    (0.1, "end-of-sticking", "excitation_frequency_hz", (26.93,)),
+    (0.1, "period-doubling", "excitation_frequency_hz", (27.332,)),
+    (0.1, "neimark-sacker", "excitation_frequency_hz", (28.28,)),
+    (0.2, "liftoff", "excitation_frequency_hz", (23.92,)),
+    (0.2, "end-of-sticking", "excitation_frequency_hz", (27.53,)),
+    (0.2, "period-doubling", "excitation_frequency_hz", (28.129,)),
+    (0.2, "neimark-sacker", "excitation_frequency_hz", (28.78,)),
+]
+#: The same of orbits with a single impact, at the mass ratio 0.2 and restitution 0.3: supply frequency.
+KNOWN_WITH_ONE_IMPACT = [("fold", 50.714), ("period-doubling", 51.381), ("grazing", 53.161)]
+
+
+def machine(mass, engine="taylor", restitution=0.0, **changes):
+    """The machine, with its whole range of frequencies as the plan of its branches."""
+    plan = {"key": KEY, "start": 42.0, "stop": 80.0} | changes
+    return load_config(MACHINE, {"solver.engine": engine, MASS: mass, RESTITUTION: restitution, "orbits": plan})
+
+
+@pytest.fixture(scope="module")
+def branches():
+    """Branches by mass ratio."""
+    return {mass: traced(machine(mass)) for mass in (0.0, 0.1, 0.2)}
+
+
+@pytest.fixture(scope="module")
+def rebounding():
+    """The branch at a mass ratio of 0.2 with restitution."""
+    (branch,) = traced(machine(0.2, **REBOUNDS))
+    return branch
+
+
+@pytest.mark.parametrize(("mass", "kind", "column", "places"), KNOWN)
+def test_special_points_are_where_they_were_found_before(branches, mass, kind, column, places):
+    special = [s for branch in branches[mass] for s in branch.special if s["kind"] == kind]
+    for place in places:
+        digits = len(str(place).partition(".")[2])
+        assert min(abs(s[column] - place) for s in special) <= max(0.002, 0.6 * 10.0**-digits)
+
+
+@pytest.mark.parametrize(("kind", "place"), KNOWN_WITH_ONE_IMPACT)
+def test_special_points_with_restitution_are_where_they_were_found_before(rebounding, kind, place):
+    special = [s["value"] for s in rebounding.special if s["kind"] == kind and s["word"] == "I"]
+    assert special == [pytest.approx(place, abs=0.002)]
+
+
+def test_ranges_end_before_what_lies_beyond_them(branches):
+    beyond = next(s["value"] for s in branches[0.2][0].special if s["kind"] == "period-doubling")
+    (branch,) = traced(machine(0.2, start=beyond - 1.0, stop=beyond - 0.005, switch=[]))
+    assert branch.rows[-1]["value"] == pytest.approx(beyond - 0.005, rel=1e-14)
+    assert all(special["value"] < beyond - 0.005 for special in branch.special)
+
+
+@pytest.mark.parametrize("stop", [52.4, 54.2])
+def test_ranges_end_where_they_are_told_though_the_section_moves_there(stop):
+    (branch,) = traced(machine(0.2, start=stop - 1.5, stop=stop, switch=[], step={"first": 0.2, "largest": 0.3}))
+    assert branch.ended == "stop of the key's range"
+    assert branch.rows[-1]["value"] == stop
+
+
+@pytest.mark.parametrize("mass", [0.0, 0.1, 0.2])
+def test_branches_go_through_the_whole_range_in_both_synchronizations(branches, mass):
+    found = branches[mass]
+    assert not any(branch.failed for branch in found)
+    for sync in ("antiphase", "in-phase"):
+        values = [row["value"] for branch in found for row in branch.rows if row["sync"] == sync]
+        assert (min(values), max(values)) == (42.0, 80.0)
+
+
+def test_points_are_orbits_and_cost_few_turns(branches):
+    rows = [row for found in branches.values() for branch in found for row in branch.rows]
+    assert max(row["residual"] for row in rows) < 1e-8
+    assert sum(row["turns"] / row["period"] for row in rows) < 6.0 * len(rows)
+    assert {row["period"] for row in rows} == {1}
+
+
+@pytest.mark.parametrize("mass", [0.0, 0.1, 0.2])
+def test_no_special_point_is_missed_by_long_steps(branches, mass):
+    """Steps a fifth as long find the same points, at the same places."""
+    span = 80.0 - 42.0
+    found = [branches[mass], traced(machine(mass, step={"largest": span / 200.0}))]
+    kinds = ("fold", "liftoff", "end-of-sticking", "period-doubling", "neimark-sacker", "branch-point", "grazing")
+    for kind in kinds:
+        few, many = (
+            np.array([s["value"] for branch in family for s in branch.special if s["kind"] == kind]) for family in found
+        )
+        assert few.size == many.size == 0 or np.abs(few[:, None] - many).min(axis=0).max() < 1e-5, kind
+        assert few.size == 0 or np.abs(few[:, None] - many).min(axis=1).max() < 1e-5, kind
+
+
+def test_intermediate_orbits_without_material_are_unstable(branches):
+    between = [row for branch in branches[0.0] for row in branch.rows if row["sync"] == "intermediate"]
+    assert between
+    assert not any(row["stable"] for row in between)
+
+
+def test_engines_agree_on_orbits():
+    ends = {"start": 47.0, "stop": 48.5, "switch": []}
+    by_engine = [traced(machine(0.1, engine, **ends))[0] for engine in ("taylor", "native")]
+    # native's steps are cubics, between whose ends a state is good to some 1e-8
+    first, second = ([s["value"] for s in branch.special] for branch in by_engine)
+    assert first == pytest.approx(second, abs=1e-6)
+    ends = [branch.rows[-1] for branch in by_engine]
+    for name in ("period_s", "rms_y_m", "multiplier_1_re", "contact_force_max_n"):
+        assert ends[0][name] == pytest.approx(ends[1][name], rel=1e-6)
+
+
+def farthest(row, mass, seconds, restitution=0.0):
+    """Follow an orbit disturbed by 1e-3; its distance from the orbit at the section in the first and last turns."""
+    scene = machine(mass, restitution=restitution).replace({KEY: row["value"], "solver.tolerance": 1e-9})
+    scales, start = state_scales(scene), np.array(row["state"])
+    rates = np.random.default_rng(0).standard_normal(5)
+    begun = start.copy()
+    begun[7:12] += 1e-3 * scales[7:12] * rates / np.linalg.norm(rates)
+    turns = int(seconds / row["period_s"])
+    p = parameters(scene)
+    with closing(make_engine(scene, p)) as engine:
+        motion = Motion(scene, p, engine, begun)
+        motion.to_time(seconds)
+        motion.to_section(1, 1.0)
+        disturbed = motion.state
+        motion.begin_again(start)
+        motion.to_section(1, 1.0)
+        own = motion.state
+    assert turns > 100
+    difference = (disturbed - own) / scales
+    difference[3:5] -= 2.0 * np.pi * np.round(difference[3:5] / (2.0 * np.pi))
+    return float(np.abs(difference).max())
+
+
+@pytest.mark.parametrize("mass", [0.0, 0.2])
+def test_stable_orbits_stay_and_unstable_ones_leave(branches, mass):
+    """Points well inside and outside the unit circle; 60 s are 1200 turns and more."""
+    rows = [row for branch in branches[mass] for row in branch.rows]
+    size = np.array([abs(complex(row["multiplier_1_re"], row["multiplier_1_im"])) for row in rows])
+    stable = [rows[i] for i in np.flatnonzero(size < 0.993)][::12]
+    unstable = [rows[i] for i in np.flatnonzero(size > 1.03)][::12]
+    assert min(len(stable), len(unstable)) >= 3
+    assert max(farthest(row, mass, 60.0) for row in stable) < 1e-5
+    assert min(farthest(row, mass, 60.0) for row in unstable) > 1e-2
+
+
+#: Special points with restitution as far as impacts are few: kind, impacts of the orbit next to it, supply frequency.
+FEW_IMPACTS = [
+    ("grazing", 3, 51.437912),
+    ("fold", 3, 51.379888),
+    ("period-doubling", 3, 51.394662),
+    ("grazing", 2, 51.746617),
+    ("fold", 2, 51.401103),
+    ("period-doubling", 2, 51.450892),
+    ("grazing", 1, 53.161387),
+    ("fold", 1, 50.714276),
+    ("period-doubling", 1, 51.381290),
+    ("neimark-sacker", 1, 52.269419),
+]
+
+
+def few_impacts(branch):
+    """Special points of a branch as in FEW_IMPACTS."""
+    places = [(s["kind"], s["word"].count("I"), s["value"]) for s in branch.special if s["word"] in ("I", "II", "III")]
+    return sorted(places, key=lambda place: place[1:])
+
+
+@pytest.mark.parametrize("engine", ["taylor", "native"])
+@pytest.mark.parametrize("tolerance", [1e-8, 1e-10])
+def test_branches_go_through_grazing_with_fewer_and_fewer_impacts(engine, tolerance):
+    """The same special points whatever the engine and the tolerance, up to where impacts accumulate."""
+    (branch,) = traced(machine(0.2, engine, tolerance=tolerance, step={"largest": 0.1}, **REBOUNDS))
+    assert branch.ended == "stop of the key's range"
+    expected = sorted(FEW_IMPACTS, key=lambda place: place[1:])
+    found = few_impacts(branch)
+    assert [place[:2] for place in found] == [place[:2] for place in expected]
+    assert [place[2] for place in found] == pytest.approx([place[2] for place in expected], abs=2e-6)
+
+
+def test_branches_go_through_grazing_with_more_and_more_impacts(rebounding):
+    """The branch back from its end, to where impacts accumulate."""
+    row = rebounding.rows[-1]
+    back = REBOUNDS | {"start": row["value"], "stop": 50.0, "from": "state"}
+    (branch,) = traced(beginning_at(machine(0.2, **back).replace({KEY: row["value"]}), np.array(row["state"])))
+    places = {place[:2]: place[2] for place in reversed(few_impacts(branch))}
+    assert places == pytest.approx({place[:2]: place[2] for place in FEW_IMPACTS}, abs=2e-6)
+
+
+def test_orbits_with_a_single_impact_stay_where_they_are_stable(rebounding):
+    """Between fold and period doubling, beside orbits whose impacts accumulate."""
+    single = [row for row in rebounding.rows if row["sequence"] == "impact"]
+    stable = [row for row in single if row["stable"]]
+    assert len(stable) >= 3
+    assert all(50.714 < row["value"] < 51.382 for row in stable)
+    assert max(farthest(row, 0.2, 60.0, 0.3) for row in stable if row["value"] < 51.3) < 1e-5
+    unstable = [row for row in single if abs(row["multiplier_1_re"]) > 1.2]
+    assert min(farthest(row, 0.2, 60.0, 0.3) for row in unstable[::4]) > 1e-2
+
+
+def growth(row, mass, longest):
+    """Disturb an orbit by 1e-4 in the direction of its leading multiplier m, for N periods.
+
+    Returns N, m, and the complex factor by which the disturbance in that direction has grown. N is the largest for
+    which it stays within a factor of 20.
+    """
+    scene = machine(mass).replace({KEY: row["value"], "solver.tolerance": 1e-10})
+    start = np.array(row["state"])
+    with closing(Shooter(scene)) as shooter:
+        problem = Problem(shooter, (1, -1), tolerance=1e-9)
+        frame = Frame(start, shooter.shot(start, 0.0).begins)
+        found = correct(problem, frame, problem.pack(frame, start, row["period_s"]), np.empty((0, frame.places.size)))
+        start, seconds, _ = problem.unpack(frame, found.u)
+        values, left, right = scipy.linalg.eig(problem.section_map(frame, found.shot), left=True)
+        leading = np.argmax(np.abs(values))
+        multiplier, left = values[leading], left[:, leading].conj()
+        direction = right[:, leading].real / np.abs(right[:, leading].real).max()
+        periods = min(int(np.log(20.0) / abs(np.log(abs(multiplier)))), int(longest / seconds))
+
+        places = np.delete(frame.places, frame.phase)
+        disturbed = start.copy()
+        disturbed[places] += 1e-4 * direction * shooter.scales[places]
+        ends = [shooter.shot(state, periods * seconds) for state in (start, disturbed)]
+        change = ends[1].state - ends[0].state
+        rates = shooter.motion.rates
+        change -= rates * change[ANGLE] / rates[ANGLE]  # to the section
+        factor = left @ (change / shooter.scales)[places] / (1e-4 * left @ direction)
+    return periods, multiplier, factor
+
+
+@pytest.mark.parametrize("mass", [0.0, 0.1, 0.2])
+def test_disturbances_change_by_the_leading_multiplier_in_each_period(branches, mass):
+    """Whatever its size: near 1, where 60 s tell little of stability, as well as far from it."""
+    rows = [row for branch in branches[mass] for row in branch.rows]
+    size = np.array([abs(complex(row["multiplier_1_re"], row["multiplier_1_im"])) for row in rows])
+    order = np.argsort(size)
+    near = [i for i in order if 0.98 < size[i] < 1.03]
+    far = [i for i in order if not 0.98 < size[i] < 1.03 and size[i] < 3.0]
+    for i in (*near[:: max(len(near) // 12, 1)], *far[:: max(len(far) // 8, 1)]):
+        periods, multiplier, factor = growth(rows[i], mass, 60.0)
+        assert periods > 0
+        assert abs(factor / multiplier**periods - 1.0) < 0.1, (rows[i]["value"], multiplier, periods)
+
+
+def test_branch_points_are_the_same_from_all_branches(branches):
+    """Each is found along both branches that cross there."""
+    for found in branches.values():
+        values = np.sort([s["value"] for branch in found for s in branch.special if s["kind"] == "branch-point"])
+        apart = np.diff(values)
+        assert values.size >= 8
+        assert ((apart < 1e-7) | (apart > 0.1)).all()
+
+
+def test_curves_of_branch_points_go_through_those_of_other_masses(branches):
+    second = {"key": MASS, "start": 0.05, "stop": 0.3, "kinds": ["branch-point"], "check": 0}
+    _, curves = bounded(machine(0.2, boundaries=second))
+    assert len(curves) >= 4
+    known = np.array([s["value"] for branch in branches[0.1] for s in branch.special if s["kind"] == "branch-point"])
+    for curve in curves:
+        ratio, value = (np.array([row[name] for row in curve.rows]) for name in ("second", "value"))
+        assert curve.ended == ["end of a key's range"] * 2
+        assert (ratio.min(), ratio.max()) == pytest.approx((0.05, 0.3), abs=1e-7)
+        near = np.argsort(np.abs(ratio - 0.1))[:6]
+        fitted = np.polyval(np.polyfit(ratio[near] - 0.1, value[near], 5), 0.0)
+        assert np.abs(known - fitted).min() < 1e-5
+
+
+def test_boundaries_go_through_the_points_of_other_branches(branches):
+    """Curves over the mass ratio from 0.2 pass the special points found at 0.1."""
+    second = {"key": MASS, "start": 0.05, "stop": 0.3, "max_points": 60}
+    _, curves = bounded(machine(0.2, start=46.0, stop=60.0, switch=[], boundaries=second))
+    assert {curve.kind for curve in curves} == {"liftoff", "end-of-sticking", "period-doubling", "neimark-sacker"}
+    for curve in curves:
+        ratio, value = (np.array([row[name] for row in curve.rows]) for name in ("second", "value"))
+        assert curve.ended == ["end of a key's range"] * 2
+        assert (ratio.min(), ratio.max()) == pytest.approx((0.05, 0.3), abs=1e-7)
+        order = np.argsort(ratio)
+        near = np.argsort(np.abs(ratio - 0.1))[:4]
+        fitted = np.polyval(np.polyfit(ratio[near] - 0.1, value[near], 3), 0.0)
+        (special,) = [s for s in branches[0.1][0].special if s["kind"] == curve.kind and s["value"] < 60.0]
+        assert fitted == pytest.approx(special["value"], abs=2e-4)
+        assert np.diff(ratio[order]).max() < 0.02
+
+
+def test_doubling_of_the_ball_over_restitution():
+    middle = 0.5 * sum(stable_range(0.5))
+    plan = {"key": "machine.gravity_m_per_s2", "start": GRAVITY, "stop": GRAVITY * middle / 1.7, "from": "state"}
+    plan |= {"switch": [], "boundaries": {"key": "contact.restitution", "start": 0.45, "stop": 0.55}}
+    _, curves = bounded(shaken(middle, 0.5).replace({"orbits": plan}))
+    (doubling,) = [curve for curve in curves if curve.kind == "period-doubling"]
+    assert len(doubling.rows) > 10
+    for row in doubling.rows:
+        gamma = middle * GRAVITY / row["value"]
+        assert gamma == pytest.approx(stable_range(row["second"])[1], rel=1e-6)
+
+
+def test_orbits_and_branches_count_the_same_multipliers_as_unstable(branches):
+    """At a branch point a multiplier is 1 but for its error."""
+    branch = next(b for b in branches[0.0] if b.ended == "mirror image beyond")
+    row = branch.rows[-1]
+    assert abs(np.abs(row["multiplier_1_re"]) - 1.0) < 1e-5
+    scene = load_config(MACHINE, {"solver.engine": "taylor", MASS: 0.0, KEY: row["value"]})
+    found = orbit(scene, row["state"])
+    for size, unstable in ((1.0 + 1e-7, 0), (1.0 + 1e-5, 1)):
+        assert replace(found, multipliers=np.array([size + 0.0j])).unstable == unstable
+    assert found.unstable == row["unstable"]
+
+
+def test_branches_end_where_the_law_of_impact_jumps_and_say_so():
+    plan = {"key": KEY, "start": 49.0, "stop": 51.0, "switch": []}
+    scene = load_config(CALIBRATED, {"solver.engine": "taylor", MASS: 0.2, RESTITUTION: 0.7, "orbits": plan})
+    (branch,) = traced(scene)
+    assert branch.failed
+    assert branch.ended == ("no point beyond: an impact reaches contact.sticking_speed_m_per_s, where rebounds begin")
+
+
+def test_doubled_periods_end_where_they_begin():
+    scene = load_config(CALIBRATED, {"solver.engine": "taylor", MASS: 0.2})
+    single, double = (
+        traced(scene.replace({"orbits": {"key": KEY, "start": start, "stop": stop, "switch": [], "period": period}}))[0]
+        for start, stop, period in ((59.5, 60.2, 1), (61.5, 55.0, 2))
+    )
+    (begins,) = [s["value"] for s in single.special if s["kind"] == "period-doubling"]
+    assert double.ended == "half the period beyond"
+    assert not double.failed
+    assert (double.special[-1]["kind"], double.special[-1]["period"]) == ("period-doubling", 2)
+    assert double.special[-1]["value"] == pytest.approx(begins, abs=1e-6)
+    assert double.rows[-1]["value"] == pytest.approx(begins, abs=1e-6)
+
+
+def test_an_orbit_is_found_from_all_guesses():
+    scene = load_config(MACHINE, {"solver.engine": "taylor", MASS: 0.2, KEY: 50.0})
+    settled = orbit(scene)
+    assert (settled.sequence, settled.period, settled.stable) == ("liftoff stick", 1, True)
+    assert settled.residual < 1e-8
+    assert repr(settled).splitlines()[1] == "  events of a period    liftoff stick"
+    run = settled.run
+    assert run.summary["simulated_s"] == pytest.approx(settled.period_s)
+    assert run.final_state[[0, 1, 2]] == pytest.approx(settled.state[[0, 1, 2]], abs=1e-9)
+    for guess in (settled, settled.state, run, run.trajectory.iloc[3]):
+        again = orbit(scene, guess)
+        assert again.period_s == pytest.approx(settled.period_s, rel=1e-9)
+        assert np.abs(again.multipliers[:3]) == pytest.approx(np.abs(settled.multipliers[:3]), abs=1e-6)
+
+
+def test_a_motion_goes_on_settling_after_a_search_in_vain():
+    scene = machine(0.2, start=50.0)
+    undisturbed, searched = [], []
+    for found, disturb in ((undisturbed, False), (searched, True)):
+        with closing(Shooter(scene)) as shooter:
+            for state in guesses(shooter, None):
+                found.append(state)
+                if disturb:
+                    shooter.shot(np.where(np.arange(14) == 9, 100.0, state), 0.01)
+    assert len(searched) == 3
+    for one, other in zip(undisturbed, searched, strict=True):
+        assert np.delete(other, [3, 4]) == pytest.approx(np.delete(one, [3, 4]), rel=1e-6, abs=1e-9)
+
+
+def test_an_orbit_that_is_not_there_is_told_with_its_residuals():
+    scene = load_config(MACHINE, {"solver.engine": "taylor", MASS: 0.2, KEY: 50.0})
+    with pytest.raises(OrbitError, match=r"orbits.period = 2 but the motion repeats after 1; allowed: 1"):
+        orbit(scene, period=2)
+    state = orbit(scene).state
+    state[7:12] += 30.0 * state_scales(scene)[7:12]
+    with pytest.raises(OrbitError, match=r"no orbit of period 1 near the start: .*; last residuals: \d"):
+        orbit(scene, state)
+
+
+def test_motion_that_settles_to_another_period_is_told():
+    """Beyond the period doubling."""
+    with pytest.raises(OrbitError, match="the motion that settles does not repeat after 1 turns; "):
+        orbit(machine(0.2).replace({KEY: 56.7}))

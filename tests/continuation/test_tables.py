@@ -1,0 +1,158 @@
+"""Tables of branches of orbits: rows, columns, types."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from vibroplat import load_config, orbit, orbits
+from vibroplat.config.scene import COORDINATES, RATES
+from vibroplat.continuation.motions import motion_of
+from vibroplat.continuation.orbit import told
+from vibroplat.continuation.tables import boundary_table, planned, summary, tables
+from vibroplat.continuation.tracing import Traced, families, trace
+from vibroplat.errors import ConfigError
+from vibroplat.study.execution import Inline
+from vibroplat.study.point import MEASURED
+from vibroplat.study.store import Store
+
+from .helpers import LIFTOFF, MACHINE, MASS, PLAN
+
+KEY = "supply_frequency_hz"
+
+
+def test_columns_of_branches_are_those_of_the_interface(found):
+    first = [MASS, KEY, "branch", "parent", "point", "excitation_frequency_hz", "period", "period_s"]
+    last = ["sequence", "stable", "unstable", *(f"multiplier_{i}_{p}" for i in range(1, 5) for p in ("re", "im"))]
+    columns = list(found.branches.columns)
+    assert columns[: len(first)] == first
+    state = [*COORDINATES, *RATES]  # the second combination has material
+    assert columns[-len(last) - 2 - len(state) :] == [*last, "residual", "turns", *state]
+    assert {*MEASURED, "sync"} <= {*columns}
+    assert len(set(columns)) == len(columns)
+
+
+def test_rows_are_in_the_order_of_the_grid_and_of_points(found):
+    table = found.branches
+    assert table[MASS].is_monotonic_increasing
+    assert sorted(set(table[MASS])) == [0.0, 0.1]
+    for _, rows in table.groupby(MASS):
+        assert rows["branch"].tolist() == [0] * len(rows)
+        assert rows["parent"].tolist() == [-1] * len(rows)
+        assert rows["point"].tolist() == list(range(len(rows)))
+        np.testing.assert_allclose(rows[KEY].iloc[[0, -1]], [47.0, 49.0], rtol=1e-12)
+
+
+def test_a_row_is_the_orbit_there(found, scene):
+    row = found.branches[found.branches[MASS] == 0.1].iloc[-1]
+    there = orbit(scene.replace({MASS: 0.1, "drive.supply_frequency_hz": 49.0}))
+    assert (row["sequence"], row["stable"], row["unstable"]) == (there.sequence, True, 0)
+    for name in ("rms_y_m", "motor_power_w", "flight_fraction"):
+        assert row[name] == pytest.approx(there.measures[name], rel=1e-6)
+    assert row["period_s"] == pytest.approx(there.period_s, rel=1e-8)
+    told = complex(row["multiplier_1_re"], row["multiplier_1_im"])
+    assert abs(told) == pytest.approx(abs(there.multipliers[0]), rel=1e-4)
+
+
+@pytest.mark.parametrize("mass", [0.0, 0.1])
+def test_a_row_leads_back_to_its_orbit(found, scene, mass):
+    row = found.branches[found.branches[MASS] == mass].iloc[-1]
+    there = orbit(scene, row)
+    assert there.scene.material.mass_ratio == mass
+    assert there.scene.drive.supply_frequency_hz == pytest.approx(row[KEY])
+    assert there.period_s == pytest.approx(row["period_s"], rel=1e-8)
+    motion = motion_of(scene, row.to_dict()).trajectory.iloc[[0, -1]]
+    assert motion["y_m"].tolist() == pytest.approx([row["y_m"]] * 2, abs=1e-8)  # its state is that of the orbit
+
+
+def test_special_points_lead_back_to_their_orbits(found, scene):
+    (special,) = (row for _, row in found.special.iterrows())
+    there = orbit(scene, special)
+    assert there.excitation_frequency_hz == pytest.approx(special["excitation_frequency_hz"], rel=1e-7)
+    assert there.measures["gap_max_m"] < 1e-6  # contact is about to be lost
+
+
+def test_special_points_have_place_and_state(found):
+    (special,) = (row for _, row in found.special.iterrows())
+    assert (special["kind"], special[MASS], special["branch"], special["period"]) == ("liftoff", 0.1, 0, 1)
+    assert special[KEY] == pytest.approx(LIFTOFF, abs=1e-5)
+    assert found.special[[*COORDINATES, *RATES]].notna().all(axis=None)
+    rows = found.branches[found.branches[MASS] == 0.1].reset_index(drop=True)
+    before, after = rows[KEY][special["point"]], rows[KEY][special["point"] + 1]
+    assert before <= special[KEY] <= after
+
+
+def test_types_do_not_depend_on_what_was_found(found, scene):
+    nothing = tables(scene, [])
+    assert nothing.branches.empty
+    assert nothing.special.empty
+    for none, some in ((nothing.branches, found.branches), (nothing.special, found.special)):
+        assert [*none] == [column for column in some if column not in (*COORDINATES, *RATES)]  # no scene, no state
+        assert none.dtypes.equals(some[[*none]].dtypes)
+    types = {column: str(kind) for column, kind in found.branches.dtypes.items()}
+    assert types["stable"] == "bool"
+    assert {types[name] for name in ("branch", "parent", "point", "period", "unstable")} == {"Int64"}
+    assert {types[name] for name in ("sequence", "sync", "notes")} == {"str"}
+
+
+def test_columns_of_state_are_those_of_the_scenes():
+    bare = load_config(MACHINE, {"orbits": {**PLAN, "grid": {}}, MASS: 0.0})
+    (family,) = families(bare)
+    special = {"kind": "fold", "value": 48.0, "excitation_frequency_hz": 24.0, "period": 1}
+    branch = Traced(family, 0, -1, "start", special=[special | {"after": 1, "state": list(range(14))}])
+    table = tables(bare, [branch]).special
+    assert "gap_m" not in table
+    assert table[["x_m", "phi2_rad", "x_rate_m_per_s"]].iloc[0].tolist() == [0.0, 4.0, 7.0]
+
+
+def test_boundaries_have_both_keys(scene):
+    first, last = (
+        [MASS, "curve", "kind", "branch", KEY],
+        ["excitation_frequency_hz", "period", "below", "above", "check"],
+    )
+    assert list(boundary_table(scene, []).columns) == [*first, *last]
+    second = {"boundaries": {"key": "contact.restitution", "start": 0.0, "stop": 0.5}}
+    table = boundary_table(scene.replace({"orbits": PLAN | second}), [])
+    assert list(table.columns) == [*first, "contact.restitution", *last]
+
+
+def test_key_that_is_no_frequency_keeps_its_name():
+    plan = {"key": "machine.damping_y_n_s_per_m", "start": 400.0, "stop": 420.0}
+    bare = load_config(MACHINE, {"solver.engine": "taylor", "orbits": plan, MASS: 0.0})
+    table = orbits(bare).branches
+    assert table.columns[0] == "machine.damping_y_n_s_per_m"
+    assert table["machine.damping_y_n_s_per_m"].iloc[[0, -1]].tolist() == pytest.approx([400.0, 420.0])
+
+
+def test_summary_tells_how_each_branch_ended(scene, found):
+    progressed = []
+    with Store(None, {}) as store:
+        told = summary(scene, trace(scene, store, Inline(), lambda *numbers: progressed.append(numbers)))
+    assert told["key"] == "drive.supply_frequency_hz"
+    assert (told["points"], told["failed"]) == (len(found.branches), 0)
+    assert told["turns"] == pytest.approx(found.branches["turns"].sum())
+    assert [branch["grid"] for branch in told["branches"]] == [{MASS: 0.0}, {MASS: 0.1}]
+    for branch in told["branches"]:
+        assert (branch["branch"], branch["parent"], branch["origin"]) == (0, None, "start")
+        assert branch["ended"] == "stop of the key's range"
+        assert branch["points"] == branch["stable"] > 3
+    assert progressed[-1][-1] == told["points"]
+
+
+def test_pairs_of_multipliers_are_told_whole_or_not_at_all():
+    pair = np.array([0.5 + 0.1j, 0.5 - 0.1j])
+    real = np.array([0.9, 0.8, 0.7, 0.4], dtype=complex)
+    assert list(told(np.concatenate([real[:3], pair]), 4).values()) == [0.9, 0.0, 0.8, 0.0, 0.7, 0.0, None, None]
+    assert list(told(np.concatenate([real[:2], pair, real[3:]]), 4).values())[4:] == [0.5, 0.1, 0.5, -0.1]
+    assert list(told(real, 4).values())[6:] == [0.4, 0.0]
+    assert list(told(real[:1], 2).values()) == [0.9, 0.0, None, None]
+
+
+@pytest.mark.parametrize("place", ["nowhere", "."])
+def test_start_that_is_no_run_is_refused(scene, here, place):
+    with pytest.raises(ConfigError) as caught:
+        planned(scene.replace({"orbits": PLAN | {"from": place}}))
+    assert str(caught.value) == (
+        f"orbits.from = '{place}': {place} holds no provenance.json; "
+        "allowed: settled, state, or the directory of a finished run"
+    )

@@ -1,0 +1,361 @@
+"""Where runs begin: where another one ended, and slightly off a start that is symmetric."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from common.commands import not_a_line
+from common.places import QUICKSTART
+from common.results import unproven
+
+from vibroplat import load_config, simulate
+from vibroplat.config.scene import COORDINATES, RATES
+from vibroplat.hybrid.initial import initial_state, perturbed
+from vibroplat.hybrid.scales import state_scales
+from vibroplat.motion.initial_condition import beginning
+from vibroplat.results.provenance import configuration_hash
+from vibroplat.results.tables import read_json, read_table
+from vibroplat.study.branches import branches
+
+#: Starts, ramps, a jump and switching; 1 s lies in the middle of a ramp.
+PROGRAM = [
+    {"t_s": 0.0, "supply_frequency_hz": 40.0},
+    {"t_s": 0.7, "supply_frequency_hz": 44.0},
+    {"t_s": 1.3, "supply_frequency_hz": 50.0},
+    {"t_s": 1.5, "exciter_2": "off"},
+    {"t_s": 1.7, "exciter_2": "on", "supply_frequency_hz": 52.0},
+    {"t_s": 1.7, "supply_frequency_hz": 48.0},
+]
+
+#: Changes of the quickstart, and the mode in which its first second ends.
+SCENES = {
+    "attached": ({"drive.supply_frequency_hz": 46.0}, "attached"),
+    "flight": ({}, "flight"),
+    "contact between flights": ({"drive.supply_frequency_hz": 50.5}, "attached"),
+    "one layer": ({"material": {"mass_ratio": 0.1, "layers": 1}}, "flight"),
+    "bare": ({"material.mass_ratio": 0.0}, "bare"),
+    "program": ({"drive.program": PROGRAM}, None),
+    "co-rotating": (
+        {"exciters": [{}, {"rotation": "counter-clockwise"}], "run.initial": {"phase_difference_rad": 3.0}},
+        None,
+    ),
+}
+
+
+def write(scene, name):
+    """Write a scene as NAME.yaml."""
+    Path(f"{name}.yaml").write_text(json.dumps(scene.to_tree() | {"name": name}))
+
+
+@pytest.fixture
+def first(here, command, quickstart, kernels):
+    """Make a command leave a run of one second in results/first; return its scene."""
+
+    def run(changes, form="parquet", seconds=1.0):
+        scene = quickstart.replace({**changes, "solver.tolerance": 1e-9, "run.perturbation": 0.01})
+        scene = scene.replace({"run.duration_s": seconds})
+        write(scene, "first")
+        done = command("run", "first.yaml", "--format", form)
+        assert (done.code, done.err) == (0, "")
+        return scene
+
+    return run
+
+
+def going_on(scene, **changes):
+    """Return a scene that goes on where results/first ended."""
+    return scene.replace({"run.initial": {"from": "results/first"}, "run.perturbation": None, **changes})
+
+
+# -- a run that goes on -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("form", ["parquet", "csv"])
+@pytest.mark.parametrize("name", SCENES)
+def test_two_runs_of_a_second_are_one_of_two(name, form, first):
+    changes, mode = SCENES[name]
+    scene = first(changes, form)
+    rest = simulate(going_on(scene)).trajectory
+    whole = simulate(scene.replace({"run.duration_s": 2.0})).trajectory
+    last = read_table(Path("results/first"), "trajectory").iloc[-1]
+    assert mode in (last["mode"], None)
+    # it begins with the same numbers, whole turns of the exciters included
+    names = [c for c in rest.columns if c in (*COORDINATES, *RATES)]
+    assert rest.loc[0, names].to_list() == last[names].to_list()
+    assert (rest.loc[0, "t_s"], rest.loc[0, "mode"]) == (1.0, last["mode"])
+    assert abs(rest.loc[0, "phi1_rad"]) > 100.0
+    # and is what follows in the whole, at the same times
+    assert rest["t_s"].iloc[-1] == 2.0
+    both = whole[whole["t_s"] > 1.0].merge(rest, on=["t_s", "mode"], suffixes=("", "_of_rest"))
+    both = both.drop_duplicates("t_s", keep=False)
+    assert len(both) > 1900
+    scales = dict(zip((*COORDINATES, *RATES), state_scales(scene), strict=True))
+    for column in names:
+        error = np.abs(both[column] - both[f"{column}_of_rest"]).max()
+        assert error <= 1e-6 * scales[column], column  # tolerance 1e-9; amplified by up to 200
+
+
+def test_a_run_goes_on_through_its_program(first):
+    scene = first({"drive.program": PROGRAM})
+    rest = simulate(going_on(scene))
+    table = rest.trajectory
+    times, frequencies = zip(*((e["t_s"], e.get("supply_frequency_hz", 50.0)) for e in PROGRAM[:4]), strict=True)
+    ramp = table[table["t_s"] < 1.5]
+    np.testing.assert_allclose(ramp["supply_frequency_hz"], np.interp(ramp["t_s"], times, frequencies), rtol=1e-14)
+    assert rest.events.loc[rest.events["kind"] == "drive", "t_s"].to_list() == [1.3, 1.5, 1.7]
+
+
+def test_a_flight_that_has_just_begun_goes_on(first, quickstart):
+    changes = {"drive.supply_frequency_hz": 50.5, "run.perturbation": 0.01, "solver.tolerance": 1e-9}
+    events = simulate(quickstart.replace({**changes, "run.duration_s": 1.0})).events
+    liftoff = events.loc[events["kind"] == "liftoff", "t_s"].iloc[3]
+    impact = events.loc[events["kind"] == "impact", "t_s"].iloc[3]
+    for after in (1e-12, 1e-9, 1e-6):
+        scene = first({"drive.supply_frequency_hz": 50.5}, seconds=float(liftoff + after))
+        assert read_table(Path("results/first"), "trajectory")["mode"].iloc[-1] == "flight"
+        found = simulate(going_on(scene, **{"run.duration_s": 0.1})).events
+        assert found["kind"].iloc[0] == "impact"
+        assert found["t_s"].iloc[0] == pytest.approx(impact, abs=1e-6)
+
+
+def test_it_may_go_on_under_another_supply(first):
+    """A coast-down from a settled motion; all that the scene does not have in common with the first is its own."""
+    scene = first({})
+    program = [{"t_s": 0.0, "supply_frequency_hz": 51.5}, {"t_s": 1.2, "off": True}]
+    table = simulate(going_on(scene, **{"drive.program": program})).trajectory
+    assert (table.loc[table["t_s"] > 1.2, "motor_power_1_w"] == 0.0).all()
+    assert table["phi1_rate_rad_per_s"].iloc[-1] < 0.99 * table["phi1_rate_rad_per_s"].iloc[0]
+
+
+def test_bare_platform_goes_on_with_material_on_it(first):
+    scene = first({"material.mass_ratio": 0.0})
+    material = scene.replace({"material.mass_ratio": 0.2})
+    state = beginning(going_on(material)).state
+    static = initial_state(going_on(material))
+    assert state[6] == static[6] < 0.0
+    assert state[3] > 100.0
+
+
+def test_provenance_says_where_a_run_begins(first, command):
+    scene = first({})
+    write(going_on(scene), "second")
+    done = command("run", "second.yaml")
+    assert (done.code, done.err) == (0, "")
+    origin = read_json(Path("results/second"), "provenance")
+    found = origin["begins_from"]
+    assert found["directory"] == "results/first"
+    assert found["t_s"] == 1.0
+    assert found["configuration_sha256"] == configuration_hash(scene.replace(name="first"))
+    assert "begins_from" not in read_json(Path("results/first"), "provenance")
+
+
+def test_a_run_that_goes_on_does_not_replace_the_one_before(first, command):
+    scene = first({}, seconds=0.05)
+    write(going_on(scene), "first")
+    done = command("run", "first.yaml")
+    line = "first.yaml: run.initial.from = 'results/first' is where this run would be written; allowed: another name"
+    assert (done.code, done.err) == (2, f"vibroplat: {line}\n")
+    assert read_table(Path("results/first"), "trajectory")["t_s"].iloc[-1] == 0.05
+
+
+def test_a_run_that_goes_on_is_not_perturbed_unless_asked(first):
+    scene = first({})
+    assert simulate(going_on(scene), keep="summary").summary["perturbation"] == 0.0
+    asked = beginning(going_on(scene, **{"run.perturbation": 0.01}))
+    plain = beginning(going_on(scene))
+    assert (asked.state[:7] == plain.state[:7]).all()
+    assert (asked.state[7:12] != plain.state[7:12]).all()
+
+
+# -- what cannot be gone on from --------------------------------------------------------------------------
+
+
+def lines_of(scene, command, here):
+    """Run a scene that cannot begin; return what the user is told, without the key."""
+    write(scene, "second")
+    before = sorted(path.name for path in here.rglob("*"))
+    done = command("run", "second.yaml")
+    assert not_a_line(done) == ""
+    assert sorted(path.name for path in here.rglob("*")) == before
+    return done.err.removeprefix("vibroplat: second.yaml: ").strip().removeprefix("run.initial.from = 'results/first'")
+
+
+FINISHED = "; allowed: the directory of a finished run"
+
+
+def spoilt(name, **changes):
+    """Change values in a JSON file of results/first."""
+
+    def spoil(directory):
+        file = directory / f"{name}.json"
+        file.write_text(json.dumps(json.loads(file.read_text()) | changes))
+
+    return spoil
+
+
+def removed(name):
+    return lambda directory: (directory / name).unlink()
+
+
+def emptied(directory):
+    shutil.rmtree(directory)
+    directory.mkdir()
+
+
+def without(column):
+    def spoil(directory):
+        table = pd.read_parquet(directory / "trajectory.parquet")
+        table.drop(columns=column).to_parquet(directory / "trajectory.parquet")
+
+    return spoil
+
+
+def not_finite(directory):
+    table = pd.read_parquet(directory / "trajectory.parquet")
+    table.loc[table.index[-1], "y_m"] = np.nan
+    table.to_parquet(directory / "trajectory.parquet")
+
+
+def no_rows(directory):
+    table = pd.read_parquet(directory / "trajectory.parquet")
+    table.iloc[:0].to_parquet(directory / "trajectory.parquet")
+
+
+SPOILT = {
+    "no directory": (shutil.rmtree, f": results/first holds no provenance.json{FINISHED}"),
+    "nothing in it": (emptied, f": results/first holds no provenance.json{FINISHED}"),
+    "no trajectory": (
+        removed("trajectory.parquet"),
+        f": results/first holds no trajectory table{FINISHED}",
+    ),
+    "no summary": (removed("summary.json"), f": results/first holds no summary.json{FINISHED}"),
+    "ended early": (
+        spoilt("summary", outcome="event-storm"),
+        f": the run ended early (event-storm){FINISHED}",
+    ),
+    "another schema": (
+        spoilt("provenance", schema=7),
+        f": results/first holds results of schema 7; this version reads schema 1{FINISHED}",
+    ),
+    "no JSON": (
+        lambda directory: (directory / "summary.json").write_text("{"),
+        ": results/first/summary.json cannot be read: Expecting property name enclosed in double quotes: "
+        f"line 1 column 2 (char 1){FINISHED}",
+    ),
+    "no time": (without("t_s"), ": its trajectory is not as vibroplat writes it"),
+    "not finite": (not_finite, ": its trajectory is not as vibroplat writes it"),
+    "no rows": (no_rows, ": its trajectory is not as vibroplat writes it"),
+}
+
+
+@pytest.mark.parametrize("case", SPOILT)
+def test_run_that_cannot_be_gone_on_from(case, first, command, here):
+    spoil, line = SPOILT[case]
+    scene = first({}, seconds=0.05)
+    spoil(unproven(here / "results/first"))
+    assert lines_of(going_on(scene), command, here) == line
+
+
+def test_run_whose_files_were_changed_cannot_be_gone_on_from(first, command, here):
+    scene = first({}, seconds=0.05)
+    not_finite(here / "results/first")
+    line = (
+        ": results/first/trajectory.parquet does not belong to this result: it has been changed, or is of another one"
+    )
+    assert lines_of(going_on(scene), command, here).startswith(line)
+
+
+def test_sweep_cannot_be_gone_on_from(first, command, here):
+    scene = first({}, seconds=0.05)
+    shutil.rmtree(here / "results/first")
+    plan = {"supply_frequency_hz": {"start": 46, "stop": 46}, "settle_s": 0.1, "measure_s": 0.1, "lyapunov": False}
+    write(scene.replace({"sweep": plan}), "first")
+    assert command("sweep", "first.yaml").code == 0
+    assert lines_of(going_on(scene), command, here) == f": results/first holds a result of sweep{FINISHED}"
+
+
+def test_coordinates_that_the_scene_does_not_have(first, command, here):
+    scene = first({}, seconds=0.05)
+    line = lines_of(going_on(scene, **{"material.mass_ratio": 0.0}), command, here)
+    assert line.startswith(" ends with ")
+    assert line.endswith(" but this scene has no such coordinate; allowed: a run with the same layers")
+
+
+def test_program_that_begins_later(first, command, here):
+    scene = first({}, seconds=0.05)
+    late = {"drive.program": [{"t_s": 0.1, "supply_frequency_hz": 50.0}]}
+    line = "drive.program.0.t_s = 0.1 but the run begins at 0.05 s; allowed: an entry for its beginning"
+    assert lines_of(going_on(scene, **late), command, here) == line
+    assert lines_of(scene.replace(late), command, here) == line.replace("0.05", "0")
+
+
+# -- the perturbation -------------------------------------------------------------------------------------
+
+
+def test_start_is_perturbed_as_a_first_point_of_a_sweep(quickstart):
+    plan = {"supply_frequency_hz": {"start": 65, "stop": 66}, "grid": {}, "seed": 3}
+    scene = quickstart.replace(
+        {"drive.supply_frequency_hz": 65.0, "run.perturbation": None, "run.seed": 3, "sweep": plan}
+    )
+    (branch,) = branches(scene.replace({"sweep.supply_frequency_hz.direction": "up"}))
+    key = (scene.sweep.seed, *branch.key(branch.frequencies[0]))
+    of_sweep = perturbed(initial_state(branch.scene), branch.scene, scene.sweep.perturbation, key)
+    assert (beginning(scene).state == of_sweep).all()
+
+
+def test_perturbation_changes_the_rates_of_platform_and_exciters_alone(quickstart):
+    scene = quickstart.replace({"run.perturbation": None})
+    change = (beginning(scene).state - initial_state(scene)) / state_scales(scene)
+    assert (change[:7] == 0.0).all()
+    assert (change[12:] == 0.0).all()
+    assert ((np.abs(change[7:12]) > 1e-5) & (np.abs(change[7:12]) < 0.05)).all()
+    double = (beginning(scene.replace({"run.perturbation": 0.02})).state - initial_state(scene)) / state_scales(scene)
+    np.testing.assert_allclose(double[7:12], 2.0 * change[7:12], rtol=1e-9)
+
+
+def test_seed_decides(quickstart):
+    def start(seed, **changes):
+        return beginning(quickstart.replace({"run.perturbation": None, "run.seed": seed, **changes})).state
+
+    assert (start(1) == start(1)).all()
+    assert (start(1)[7:12] != start(2)[7:12]).all()
+    assert (start(1)[7:12] != start(1, **{"drive.supply_frequency_hz": 51.6})[7:12]).all()
+
+
+@pytest.mark.parametrize("initial", [{}, {"state": {"y_m": -3e-4}}, {"phase_difference_rad": 1.0}])
+def test_0_is_the_start_as_it_is_given(quickstart, initial):
+    scene = quickstart.replace({"run": {"perturbation": 0, "initial": initial}})
+    assert (beginning(scene).state == initial_state(scene)).all()
+    assert simulate(scene.replace({"run.duration_s": 0.01})).summary["perturbation"] == 0.0
+
+
+def test_given_state_is_not_perturbed(quickstart):
+    scene = quickstart.replace({"run": {"perturbation": None, "initial": {"state": {"y_m": -3e-4}}}})
+    assert (beginning(scene).state == initial_state(scene)).all()
+
+
+def test_unstable_symmetric_motion_is_left(quickstart):
+    """At 65 Hz exciters in antiphase are unstable; symmetric motion stays so all the same."""
+    scene = quickstart.replace({"drive.supply_frequency_hz": 65.0, "run.duration_s": 10.0, "run.perturbation": None})
+    found = simulate(scene, keep="summary").summary
+    assert found["rms_x_m"] == pytest.approx(2.49e-3, rel=0.01)
+    assert found["rms_y_m"] < 1e-5
+    assert abs(found["phase_difference_rad"]) < 0.01
+    symmetric = simulate(scene.replace({"run.perturbation": 0.0}), keep="summary").summary
+    assert symmetric["rms_y_m"] > 2e-3
+    assert symmetric["rms_x_m"] < 1e-9
+    assert abs(symmetric["phase_difference_rad"]) == pytest.approx(np.pi, abs=1e-6)
+
+
+@pytest.mark.long
+def test_quickstart_at_65_hz_is_in_phase():
+    """As a user runs it, long enough for the exciters to turn towards each other."""
+    scene = load_config(QUICKSTART, {"drive.supply_frequency_hz": 65.0, "run.duration_s": 60.0})
+    found = simulate(scene, keep="summary").summary
+    assert abs(found["phase_difference_rad"]) < 0.01
+    assert found["rms_x_m"] > 10.0 * found["rms_y_m"]

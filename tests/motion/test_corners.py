@@ -1,0 +1,351 @@
+"""A supply that ramps, jumps and is switched: its corners are events, and all engines take them alike."""
+
+from __future__ import annotations
+
+from contextlib import closing, contextmanager
+
+import numpy as np
+import pandas as pd
+import pytest
+from integrate.dop853 import Dop853
+
+from vibroplat import simulate
+from vibroplat.config.scene import COORDINATES, RATES, Mode
+from vibroplat.hybrid.modes import KINDS
+from vibroplat.hybrid.scales import state_scales
+from vibroplat.integrate.choice import make_engine
+from vibroplat.integrate.stepwise import Stepwise
+from vibroplat.model.accelerations import accelerations
+from vibroplat.model.parameters import parameters
+from vibroplat.model.systems import systems
+from vibroplat.motion.motion import Motion
+from vibroplat.motion.run import simulate_with
+from vibroplat.observe.events import Events
+from vibroplat.observe.segments import Segments
+
+#: A ramp, a jump, and switching; the first entry is the run's beginning.
+PROGRAM = [
+    {"t_s": 0.0, "supply_frequency_hz": 20.0},
+    {"t_s": 0.4, "supply_frequency_hz": 46.0},
+    {"t_s": 0.6, "supply_frequency_hz": 50.0},
+    {"t_s": 0.6, "supply_frequency_hz": 44.0},
+    {"t_s": 0.8, "exciter_2": "off"},
+    {"t_s": 1.0, "off": True},
+]
+CORNERS = [0.4, 0.6, 0.8, 1.0]
+
+#: From standstill; the supply passes a thousandth of its largest frequency at 1 ms.
+STARTING = [
+    {"t_s": 0.0, "supply_frequency_hz": 0.0},
+    {"t_s": 1.0, "supply_frequency_hz": 50.0},
+    {"t_s": 1.2, "exciter_1": "off"},
+]
+
+BARE = {"material.mass_ratio": 0.0}
+ONE_LAYER = {"material": {"mass_ratio": 0.1, "layers": 1}}
+
+
+@pytest.fixture
+def scene(quickstart):
+    return quickstart.replace({"drive.program": PROGRAM, "run.duration_s": 1.3, "run.perturbation": 0.01})
+
+
+def corners(events):
+    return events.loc[events["kind"] == "drive", "t_s"].to_list()
+
+
+# -- what the tables say ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("changes", [{}, ONE_LAYER, BARE], ids=["two layers", "one layer", "bare"])
+def test_corners_are_events(scene, changes):
+    run = simulate(scene.replace(changes))
+    assert run.outcome == "ok"
+    assert corners(run.events) == CORNERS
+    told = run.events[run.events["kind"] == "drive"]
+    zeros = ["gap_rate_before_m_per_s", "gap_rate_after_m_per_s", "impulse_n_s", "energy_loss_j", "impacts"]
+    assert (told[zeros] == 0.0).all(axis=None)
+    attached = told["mode_after"] == "attached"
+    assert ((told["contact_force_after_n"] > 0.0) == attached).all()
+    assert attached.any() == bool(changes != BARE)
+    assert run.summary["events"] == len(run.events) - len(CORNERS)  # liftoffs, impacts, latches
+
+
+def test_two_rows_share_the_time_of_a_corner(scene):
+    table = simulate(scene).trajectory
+    for time in CORNERS:
+        before, after = table[table["t_s"] == time].to_dict("records")
+        for name in (*COORDINATES, *RATES):
+            assert after[name] == pytest.approx(before[name], rel=1e-15, abs=0.0)  # whole turns are taken off anew
+    frequencies = [table.loc[table["t_s"] == time, "supply_frequency_hz"].to_list() for time in CORNERS]
+    assert np.array(frequencies) == pytest.approx(np.array([[46, 46], [50, 44], [44, 44], [44, 44]]), rel=1e-14)
+    powers = table.set_index("t_s")[["motor_power_1_w", "motor_power_2_w"]]
+    assert (powers.loc[0.8].to_numpy() != 0.0).tolist() == [[True, True], [True, False]]
+    assert (powers.loc[1.0].to_numpy() != 0.0).tolist() == [[True, False], [False, False]]
+    assert (powers.loc[1.0001:] == 0.0).all(axis=None)
+
+
+def test_corner_that_is_none_of_the_program_is_not_told(quickstart):
+    """Where the critical slip speed begins to follow the frequency the integration restarts, and nothing happens."""
+    starting = {"drive.program": STARTING, "run.initial": {"speed_ratio": 0.0}, "run.duration_s": 0.2}
+    scene = quickstart.replace({**BARE, **starting, "output.sample_rate_hz": 3000.0})
+    assert scene.drive.intervals[0].end == pytest.approx(1e-3, rel=1e-12)
+    assert not scene.drive.intervals[1].corner
+    run = simulate(scene)
+    assert run.summary["restarts"] == 2
+    assert corners(run.events) == []
+    assert not run.trajectory["t_s"].duplicated().any()
+
+
+def test_corners_at_the_ends_of_a_run_are_none_of_it(scene):
+    """A run goes from its beginning up to its end; what goes on from there has the corner."""
+    assert corners(simulate(scene.replace({"run.duration_s": 0.6})).events) == [0.4]
+    assert corners(simulate(scene.replace({"run.duration_s": 0.6 + 1e-9})).events) == [0.4, 0.6]
+
+
+def test_power_of_the_table_is_the_work_of_the_motors(scene):
+    run = simulate(scene.replace({"solver.tolerance": 1e-9, "output.sample_rate_hz": 50_000.0}))
+    table = run.trajectory
+    work = np.trapezoid(table["motor_power_1_w"] + table["motor_power_2_w"], table["t_s"])
+    assert work == pytest.approx(run.summary["motor_work_j"], rel=1e-5)
+    assert run.summary["energy_residual"] < 1e-6
+
+
+def test_program_of_one_entry_is_a_constant_supply(quickstart):
+    scene = quickstart.replace({"run.duration_s": 0.5})
+    constant, program = (
+        simulate(scene.replace(drive=drive))
+        for drive in ({"supply_frequency_hz": 51.5}, {"program": [{"t_s": 0.0, "supply_frequency_hz": 51.5}]})
+    )
+    pd.testing.assert_frame_equal(program.events, constant.events, check_exact=True)
+    assert (program.trajectory.pop("supply_frequency_hz") == 51.5).all()
+    pd.testing.assert_frame_equal(program.trajectory, constant.trajectory, check_exact=True)
+
+
+def test_exciter_that_is_off_slows_down_by_its_resistance(quickstart):
+    """On a platform that does not move: J_e ω′ = −k_R k ω² has the solution ω₀/(1 + k_R k ω₀ t/J_e)."""
+    heavy = {"platform_mass_kg": 1e9, "platform_inertia_kg_m2": 1e9, "gravity_m_per_s2": 0.0}
+    motor = {"friction_radius_m": 5e-3}
+    entries = [{"t_s": 0.0, "supply_frequency_hz": 50.0, "off": True}]
+    scene = quickstart.replace({"machine": heavy, "motor": motor, "drive.program": entries, **BARE})
+    scene = scene.replace({"run.initial": {"speed_ratio": 1.0}, "run.duration_s": 1.0, "solver.tolerance": 1e-9})
+    run = simulate(scene)
+    speed, share = scene.synchronous_speeds[0], 5e-3 * scene.unbalances[0] / scene.exciter_inertias[0]
+    expected = speed / (1.0 + share * speed * run.trajectory["t_s"])
+    np.testing.assert_allclose(run.trajectory["phi1_rate_rad_per_s"], expected, rtol=1e-7)
+    np.testing.assert_allclose(run.trajectory["phi2_rate_rad_per_s"], -expected, rtol=1e-7)
+    assert expected.iloc[-1] < 0.4 * speed
+
+
+# -- contact at a corner ----------------------------------------------------------------------------------
+
+
+def force_behind(scene, before, time):
+    """Return the contact force of a row of a trajectory by the equations under the supply from a time on (N)."""
+    system = systems(scene)[Mode.ATTACHED]
+    y, yp = np.zeros(system.size), np.empty(system.size)
+    full = np.array([before.get(name, 0.0) for name in (*COORDINATES, *RATES)])
+    y[: system.differential] = full[system.places]
+    assert accelerations(system.index, time, y, yp, parameters(scene, time))
+    return y[-1]
+
+
+def jumping(scene, time, frequency):
+    entries = [(0.0, 51.5), (time, 51.5), (time, frequency)]
+    return scene.replace({"drive.program": [{"t_s": t, "supply_frequency_hz": f} for t, f in entries]})
+
+
+@pytest.fixture(params=[{}, ONE_LAYER], ids=["two layers", "one layer"])
+def near_liftoff(request, quickstart):
+    """A scene, the row of its trajectory shortly before a liftoff, when little force is left; strong motors."""
+    strong = {"motor.critical_torque_n_m": 10.0, "solver.tolerance": 1e-10, "run.duration_s": 0.7}
+    scene = quickstart.replace({**request.param, **strong})
+    run = simulate(scene)
+    liftoffs = run.events.loc[run.events["kind"] == "liftoff", "t_s"]
+    before = run(liftoffs[liftoffs > 0.5].iloc[0] - 1e-4).iloc[0].to_dict()
+    assert before["mode"] == "attached"
+    assert 0.0 < before["contact_force_n"] < 1.0
+    return scene, before
+
+
+@pytest.mark.parametrize("frequency", [30.0, 44.0])
+def test_force_jumps_where_the_torque_does(near_liftoff, frequency):
+    scene, before = near_liftoff
+    time = before["t_s"]
+    scene = jumping(scene, time, frequency)
+    run, expected = simulate(scene), force_behind(scene, before, time)
+    assert expected > 1.5 * before["contact_force_n"]
+    (event,) = run.events[run.events["t_s"] == time].to_dict("records")
+    assert (event["kind"], event["mode_after"]) == ("drive", "attached")
+    assert event["contact_force_after_n"] == pytest.approx(expected, rel=1e-6)
+    forces = run.trajectory.loc[run.trajectory["t_s"] == time, "contact_force_n"].to_list()
+    assert forces == pytest.approx([before["contact_force_n"], expected], rel=1e-6)
+
+
+@pytest.mark.parametrize("frequency", [60.0, 90.0])
+def test_torque_that_leaves_no_force_lifts_off_at_once(near_liftoff, frequency):
+    scene, before = near_liftoff
+    time = before["t_s"]
+    scene = jumping(scene, time, frequency)
+    run = simulate(scene)
+    assert force_behind(scene, before, time) < -0.5
+    found = run.events[run.events["t_s"] == time]
+    assert found["kind"].to_list() == ["drive", "liftoff"]
+    assert (found["contact_force_after_n"] == 0.0).all()
+    assert found["mode_after"].iloc[-1] == "flight"
+    rows = run.trajectory[run.trajectory["t_s"] == time]
+    assert rows["mode"].to_list() == ["attached", "flight"]
+    assert rows["contact_force_n"].to_list() == pytest.approx([before["contact_force_n"], 0.0], rel=1e-6)
+    after = run.events[run.events["t_s"] > time].iloc[0]
+    assert after["kind"] == "impact"
+    assert after["t_s"] - time > 1e-3
+    assert run.summary["gap_min_m"] >= 0.0
+    assert run.summary["energy_residual"] < 1e-7
+
+
+def time_of(scene, kind):
+    """Return when an event of a kind is, late in a motion under a constant supply."""
+    events = simulate(scene).events
+    return float(events.loc[(events["kind"] == kind) & (events["t_s"] > 0.5), "t_s"].iloc[0])
+
+
+@pytest.mark.parametrize("kind", ["liftoff", "impact"])
+@pytest.mark.parametrize("shift", [-1e-9, 0.0, 1e-9])
+def test_corner_at_another_event(quickstart, kind, shift):
+    """To whichever side round-off takes it, each of the two is told once; a rise of the supply takes force away."""
+    scene = quickstart.replace({"solver.tolerance": 1e-9, "run.duration_s": 0.6})
+    time = time_of(scene, kind) + shift
+    run = simulate(jumping(scene, time, 52.0))
+    assert run.outcome == "ok"
+    assert corners(run.events) == [time]
+    near = run.events[(run.events["t_s"] - time).abs() < 1e-6]
+    assert sorted(near["kind"]) == sorted(["drive", kind])
+    assert run.summary["energy_residual"] < 1e-7
+
+
+@pytest.mark.parametrize(
+    ("shift", "told"),
+    [(-1e-9, ["drive"]), (1e-9, ["liftoff", "drive", "impact"]), (1e-6, ["liftoff", "drive", "impact"])],
+)
+def test_supply_that_falls_presses_on_a_layer_that_is_about_to_lift_off(quickstart, shift, told):
+    scene = quickstart.replace({"solver.tolerance": 1e-9, "run.duration_s": 0.6})
+    time = time_of(scene, "liftoff") + shift
+    run = simulate(jumping(scene, time, 51.0))
+    assert run.outcome == "ok"
+    found = run.events[run.events["t_s"] > time - 3e-6]
+    assert found["kind"].to_list()[: len(told) + 1] == [*told, "liftoff"]
+    assert found["t_s"].iloc[len(told)] - time < 1e-4  # there was little force left
+    assert run.summary["gap_min_m"] >= 0.0
+
+
+# -- a motion that stops on the way -----------------------------------------------------------------------
+
+
+@contextmanager
+def motion_of(scene):
+    p = parameters(scene)
+    with closing(make_engine(scene, p)) as engine:
+        yield Motion(scene, p, engine)
+
+
+def test_motion_waits_for_a_corner(scene):
+    whole, seen = simulate(scene), Events()
+    with motion_of(scene) as motion:
+        for time in CORNERS:
+            assert motion.to_event("drive", 1.0, [seen])
+            assert motion.now == time
+            assert motion.outcome == "ok"
+        assert not motion.to_event("drive", 0.1, [seen])
+    assert seen.rows["t"][seen.rows["kind"] == KINDS.index("drive")].tolist() == CORNERS
+    assert len(seen.rows) == len(whole.events[whole.events["t_s"] <= 1.1])
+
+
+def test_motion_waits_for_the_liftoff_of_a_corner(near_liftoff):
+    scene, before = near_liftoff
+    seen = Events()
+    with motion_of(jumping(scene, before["t_s"], 60.0)) as motion:
+        motion.to_time(before["t_s"] - 1e-5)
+        assert motion.to_event("liftoff", 0.1, [seen])
+        assert motion.now == before["t_s"]
+        assert [KINDS[kind] for kind in seen.rows["kind"]] == ["drive", "liftoff"]
+        assert motion.to_event("impact", 0.1, [seen])
+    assert len(seen.rows) == 3
+
+
+def test_motion_that_stops_at_corners_is_the_one_that_does_not(scene):
+    scene = scene.replace({"solver.tolerance": 1e-9, "run.perturbation": 0.0})
+    whole, seen, kept = simulate(scene), Events(), Segments()
+    with motion_of(scene) as motion:
+        for time in (0.2, 0.4, 0.4, 0.6, 1.0, 1.3):
+            motion.to_time(time, [seen, kept])
+    assert [KINDS[kind] for kind in seen.rows["kind"]] == whole.events["kind"].to_list()
+    assert np.abs(seen.rows["t"] - whole.events["t_s"]).max() < 1e-6
+    assert kept.kept[-1].end == 1.3
+
+
+def test_motion_reaches_its_section_across_corners(scene):
+    with motion_of(scene.replace(BARE)) as motion:
+        assert motion.to_section(12, 1.3)
+        assert motion.now > 0.6
+        assert motion.state[3] == pytest.approx(24.0 * np.pi, abs=1e-9)
+
+
+# -- engines ----------------------------------------------------------------------------------------------
+
+
+def by_dop853(scene):
+    p = parameters(scene)
+    return simulate_with(Stepwise(Dop853(p), p), scene, p)
+
+
+LONG = pytest.mark.long
+
+
+@pytest.mark.parametrize("engine", ["native", "taylor", pytest.param("sundae", marks=LONG)])
+@pytest.mark.parametrize(
+    "changes",
+    [
+        pytest.param({}, id="contact"),
+        pytest.param({"drive.program": STARTING, "run.initial": {"speed_ratio": 0.0}}, id="contact from 0 Hz"),
+        pytest.param(BARE, id="bare", marks=LONG),
+        pytest.param(
+            {**BARE, "drive.program": STARTING, "run.initial": {"speed_ratio": 0.0}}, id="bare from 0 Hz", marks=LONG
+        ),
+        pytest.param(
+            {"exciters": [{"rated_frequency_hz": 50.0}, {"rotation": "counter-clockwise", "unbalance_radius_m": 0.08}]}
+            | {"run.initial": {"phase_difference_rad": 3.0, "speed_ratio": 0.98}},
+            id="co-rotating",
+            marks=LONG,
+        ),
+    ],
+)
+def test_engines_agree_through_ramps_and_switching(scene, changes, engine):
+    """At tolerance 1e-8; errors of the angles are up to 700 times as large, those of coordinates in scales 10 times."""
+    scene = scene.replace({**changes, "solver.tolerance": 1e-8})
+    reference, run = by_dop853(scene), simulate(scene.replace({"solver.engine": engine}))
+    assert (run.outcome, reference.outcome) == ("ok", "ok")
+    assert run.events["kind"].to_list() == reference.events["kind"].to_list()
+    assert np.abs(run.events["t_s"] - reference.events["t_s"]).max() < 2e-7
+    times = np.linspace(0.0, 1.3, 2001)
+    mine, theirs = run(times), reference(times)
+    same = (mine["mode"] == theirs["mode"]).to_numpy()
+    assert same.mean() > 0.998
+    for name, scale in zip(COORDINATES, state_scales(scene), strict=False):
+        if name in mine:
+            error = np.abs(mine[name] - theirs[name])[same].max() / scale
+            assert error < 2e-5, name
+
+
+@pytest.mark.parametrize("engine", ["native", "taylor"])
+@pytest.mark.parametrize("changes", [{}, BARE], ids=["contact", "bare"])
+def test_errors_fall_with_the_tolerance(scene, changes, engine):
+    scene = scene.replace({**changes, "solver.engine": engine})
+    exact = simulate(scene.replace({"solver.tolerance": 1e-12})).final_state
+    errors = [
+        np.abs(
+            (simulate(scene.replace({"solver.tolerance": tolerance})).final_state - exact) / state_scales(scene)
+        ).max()
+        for tolerance in (1e-6, 1e-8, 1e-10)
+    ]
+    assert errors[0] > 10.0 * errors[1] > 100.0 * errors[2]
+    assert errors[2] < 1e-6

@@ -1,0 +1,308 @@
+"""Memory of a run: tables are made while it goes on, what cannot fit is refused, what runs out ends it with a name."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import tracemalloc
+from contextlib import closing
+
+import numpy as np
+import pandas as pd
+import pytest
+from common.places import QUICKSTART
+
+from vibroplat import load_config, simulate
+from vibroplat.errors import ConfigError
+from vibroplat.integrate.choice import make_engine
+from vibroplat.integrate.native import NativeEngine
+from vibroplat.model.parameters import parameters
+from vibroplat.motion.motion import Motion
+from vibroplat.motion.recorder import Sink
+from vibroplat.observe.events import Events
+from vibroplat.observe.segments import Segments
+from vibroplat.system.memory import OutOfMemoryError, Share, amount, available
+
+pytestmark = pytest.mark.usefixtures("kernels")
+
+PROGRAM = [
+    {"t_s": 0.0, "supply_frequency_hz": 51.5},
+    {"t_s": 0.05, "supply_frequency_hz": 51.5},
+    {"t_s": 0.2, "supply_frequency_hz": 56.0},
+    {"t_s": 0.21, "exciter_1": "off"},
+]
+SCENES = {
+    "flight": {},
+    "bouncing": {"contact.restitution": 0.5},
+    "bare": {"material.mass_ratio": 0.0},
+    "one layer at an odd rate": {"material.layers": 1, "output.sample_rate_hz": 1000.0 / 3.0},
+    "seldom sampled": {"output.sample_rate_hz": 1.0},
+    "drive program": {"drive.program": PROGRAM},
+    "through Python": {"solver.engine": "sundae", "run.duration_s": 0.1},
+    "ends early": {"contact.restitution": 0.5, "solver.max_events_per_period": 3},
+}
+
+
+@pytest.fixture
+def block(monkeypatch):
+    """Set how many rows are handed over at a time."""
+
+    def change(rows):
+        for module in ("table", "events"):
+            monkeypatch.setattr(f"vibroplat.observe.{module}.BLOCK", rows)
+
+    return change
+
+
+@pytest.fixture
+def small_blocks(block):
+    """Hand over tables a few rows at a time."""
+    block(7)
+
+
+class Parts:
+    """A sink that keeps what it is given."""
+
+    def __init__(self):
+        self.trajectory, self.events = [], []
+
+    @property
+    def sink(self):
+        return Sink(self.trajectory.append, self.events.append)
+
+    def tables(self):
+        return [pd.concat(parts, ignore_index=True) for parts in (self.trajectory, self.events)]
+
+
+def same(found, wanted):
+    pd.testing.assert_frame_equal(found, wanted, check_exact=True)
+
+
+# -- tables are made while a run goes on ----------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_tables_made_while_a_run_goes_on_are_those_made_afterwards(name, small_blocks):
+    scene = load_config(QUICKSTART, {"run.duration_s": 0.25, **SCENES[name]})
+    parts, whole = Parts(), simulate(scene)
+    run = simulate(scene, keep="table", sink=parts.sink)
+    assert (run.outcome == "ok") == (name != "ends early")
+    assert max(map(len, (*parts.trajectory, *parts.events))) <= 7
+    for trajectory, events in ((run.trajectory, run.events), parts.tables()):
+        same(trajectory, whole.trajectory)
+        same(events, whole.events)
+    assert run.notes == whole.notes
+    assert not run.segments
+    assert run.summary | {"wall_s": 0.0} == whole.summary | {"wall_s": 0.0}
+
+
+def test_a_peak_that_is_missed_is_noted_without_the_table(quickstart, small_blocks):
+    coarse = quickstart.replace({"run.duration_s": 1.0, "output.sample_rate_hz": 1.0})
+    run = simulate(coarse, keep="summary", sink=Parts().sink)
+    assert run.notes == simulate(coarse).notes != []
+
+
+def test_a_run_without_a_step_has_tables_without_rows(quickstart, monkeypatch):
+    def broken(scene):
+        p = parameters(scene)
+        p.gravity = np.nan
+        return p
+
+    monkeypatch.setattr("vibroplat.motion.run.parameters", broken)
+    parts = Parts()
+    assert simulate(quickstart, sink=parts.sink).outcome == "non-finite"
+    assert [len(part) for part in (*parts.trajectory, *parts.events)] == [0, 0]
+
+
+def peak(scene, **options):
+    """Most memory (bytes) that a run takes besides what was there before."""
+    tracemalloc.start()
+    try:
+        simulate(scene, **options)
+        return tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+
+
+def test_memory_grows_neither_with_duration_nor_with_rows_nor_with_events(quickstart, block):
+    block(100)
+    short = quickstart.replace({"run.duration_s": 0.5, "output.sample_rate_hz": 1000.0})
+    drop = Sink(len, len)
+    peak(short, keep="summary", sink=drop)  # loads what is needed
+    little = peak(short, keep="summary", sink=drop)
+    long = short.replace({"run.duration_s": 2.5})
+    assert peak(long, keep="summary", sink=drop) < little + 100_000
+    assert peak(long) > little + 2_000_000
+
+
+# -- what cannot fit is refused -------------------------------------------------------------------------
+
+
+def test_table_that_does_not_fit_into_memory_is_refused_at_once(quickstart, monkeypatch):
+    monkeypatch.setattr("vibroplat.motion.space.available", lambda: 4.0 * 2**30)
+    monkeypatch.setattr("vibroplat.motion.run.make_engine", None)
+    scene = quickstart.replace({"run.duration_s": 1e4, "output.sample_rate_hz": 5000.0})
+    with pytest.raises(ConfigError) as caught:
+        simulate(scene, keep="table")
+    assert str(caught.value) == (
+        "output.sample_rate_hz = 5000 asks for 5e+07 rows of 19 columns in 10000 s: 14.2 GiB of memory with "
+        "keep='table', where 2 GiB may be taken of 4 GiB available; allowed: at most 7.1e+02 Hz, "
+        "or a shorter run.duration_s"
+    )
+
+
+@pytest.mark.parametrize(
+    ("form", "needed", "rate"), [("parquet", "6.33 GiB", "1.6e+03"), ("csv", "15.8 GiB", "6.3e+02")]
+)
+def test_table_that_does_not_fit_on_the_disk_is_refused_at_once(form, needed, rate, command, tmp_path, monkeypatch):
+    class Usage:
+        free = 2 * 2**30
+
+    monkeypatch.setattr("shutil.disk_usage", lambda _path: Usage)
+    monkeypatch.setattr("vibroplat.motion.run.simulate", None)
+    settings = ("--set", "run.duration_s=1e4", "--set", "output.sample_rate_hz=5000", "--set", "material.layers=1")
+    done = command("run", QUICKSTART, "--out", tmp_path, "--format", form, *settings)
+    assert (done.code, done.out) == (2, "")
+    assert done.err == (
+        "vibroplat: output.sample_rate_hz = 5000 asks for 5e+07 rows of 17 columns in 10000 s: "
+        f"{needed} on disk, where 2 GiB are free; allowed: at most {rate} Hz, or a shorter run.duration_s\n"
+    )
+    assert list((tmp_path / "quickstart").iterdir()) == []
+
+
+# -- memory that runs out -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("keep", "advice"),
+    [
+        ("segments", "shorten run.duration_s, or simulate with keep='table'"),
+        ("table", "lower output.sample_rate_hz or shorten run.duration_s"),
+        ("events", "shorten run.duration_s, or simulate with keep='summary'"),
+    ],
+)
+def test_run_that_would_keep_more_than_its_share_ends_with_what_was_computed(
+    keep, advice, quickstart, monkeypatch, small_blocks
+):
+    scene = quickstart.replace({"run.duration_s": 3.0, "output.sample_rate_hz": 50.0})
+    whole = simulate(scene)
+    most = {"segments": 2e6, "table": 5e4, "events": 12e3}[keep]
+    monkeypatch.setattr("vibroplat.system.memory.INTERVAL", 0)
+    monkeypatch.setattr("vibroplat.system.memory.available", lambda: most)
+    run = simulate(scene, keep=keep)
+    assert run.outcome == "out-of-memory"
+    assert run.summary["detail"].startswith("what the run keeps would take more than ")
+    assert f", 0.5 of the memory that is available; {advice}; mode " in run.summary["detail"]
+    assert 0.0 < run.summary["simulated_s"] < 3.0
+    same(run.trajectory, whole.trajectory.iloc[: len(run.trajectory)])
+    assert (len(run.trajectory) > 10) == (keep != "events")
+    assert len(run.events) > 10
+    same(run.events, whole.events.iloc[: len(run.events)])
+
+
+class Full:
+    """An observer for which memory runs out at its third reading."""
+
+    def __init__(self):
+        self.readings = 0
+
+    def read(self, _h):
+        self.readings += 1
+        if self.readings == 3:
+            raise MemoryError
+
+
+def test_observer_without_memory_ends_the_motion_and_all_others_read_to_the_end(quickstart):
+    p, segments, events = parameters(quickstart), Segments(), Events()
+    with closing(make_engine(quickstart, p)) as engine:
+        motion = Motion(quickstart, p, engine)
+        full = Full()
+        motion.to_time(4.0, [full, segments, events])
+    assert (motion.outcome, full.readings) == ("out-of-memory", 3)
+    assert motion.detail.startswith("the system gave no more memory; ")
+    assert segments.kept[-1].end == motion.now > 0.0
+    assert motion.events == len(events.rows) > 0
+
+
+def test_engine_without_memory_ends_the_run_with_what_was_computed(quickstart, monkeypatch):
+    advance, calls = NativeEngine.advance, []
+
+    def without(self, h):
+        calls.append(h.run["now"])
+        if len(calls) == 3:
+            raise MemoryError
+        advance(self, h)
+
+    whole = simulate(quickstart)
+    monkeypatch.setattr(NativeEngine, "advance", without)
+    run = simulate(quickstart)
+    assert run.outcome == "out-of-memory"
+    assert run.trajectory["t_s"].iloc[-1] == run.summary["simulated_s"] == calls[-1] > 0.0
+    same(run.trajectory.iloc[:-1], whole.trajectory.iloc[: len(run.trajectory) - 1])
+
+
+#: A program that lets a long run keep all its steps, with 200 MiB more than it has when it begins.
+LIMITED = """
+import json, resource
+from pathlib import Path
+from vibroplat import load_config, simulate
+scene = load_config({path!r}, {{"run.duration_s": 0.2}})
+assert simulate(scene).trajectory is not None
+taken = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+resource.setrlimit(resource.RLIMIT_AS, (taken + 200 * 2**20,) * 2)
+run = simulate(scene.replace({{"run.duration_s": 1e5, "output.sample_rate_hz": 1.0}}))
+print(json.dumps([run.outcome, run.summary["detail"], len(run.segments), len(run.trajectory)]))
+"""
+
+
+@pytest.mark.long
+@pytest.mark.skipif(sys.platform != "linux", reason="the limit and what is taken of it are Linux's")
+def test_long_run_under_a_limit_of_memory_ends_with_an_outcome():
+    done = subprocess.run(
+        [sys.executable, "-c", LIMITED.format(path=str(QUICKSTART))],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    outcome, detail, segments, rows = json.loads(done.stdout)
+    assert outcome == "out-of-memory"
+    assert detail.startswith("what the run keeps would take more than ")
+    assert min(segments, rows) > 100
+
+
+# -- how much there is ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("size", "text"), [(0.0, "0 bytes"), (999.0, "999 bytes"), (2.5 * 2**30, "2.5 GiB"), (1e30, "8.67e+11 EiB")]
+)
+def test_amounts_are_told_in_units_of_their_size(size, text):
+    assert amount(size) == text
+
+
+@pytest.mark.parametrize("version", [1, 2])
+def test_limit_of_a_container_is_what_is_available(version, tmp_path, monkeypatch):
+    names = ("memory.max", "memory.current")
+    if version == 1:
+        names = ("memory/memory.limit_in_bytes", "memory/memory.usage_in_bytes")
+    (tmp_path / "memory").mkdir()
+    for name, text in zip(names, ("5000000", "3000000"), strict=True):
+        (tmp_path / name).write_text(text)
+    (tmp_path / names[0]).with_name("memory.stat").write_text("anon 1\ninactive_file 1000000\n")
+    before = available()
+    monkeypatch.setattr("vibroplat.system.memory.GROUPS", tmp_path)
+    assert available() == 3e6 < before
+
+
+def test_share_is_counted_over_all_that_is_kept(monkeypatch):
+    monkeypatch.setattr("vibroplat.system.memory.INTERVAL", 0)
+    monkeypatch.setattr("vibroplat.system.memory.available", lambda: 100.0)
+    share = Share("keep less")
+    share.take(40)
+    with pytest.raises(OutOfMemoryError, match=r"^what the run keeps would take more than 70 bytes, .*; keep less$"):
+        share.take(40)
+    assert share.taken == 40
+    Share(bounded=False).take(10**9)

@@ -1,0 +1,278 @@
+"""A motion carried on to a time, to points of its section, to events, and read while it goes."""
+
+from __future__ import annotations
+
+import math
+from contextlib import closing, contextmanager
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from vibroplat import simulate
+from vibroplat.bench.known import dropped_ball
+from vibroplat.config.scene import Mode
+from vibroplat.hybrid.modes import KINDS
+from vibroplat.integrate.choice import make_engine
+from vibroplat.model.energy import FORCE_SIZE
+from vibroplat.model.parameters import parameters
+from vibroplat.model.systems import GAP, GAP_RATE
+from vibroplat.motion.motion import Motion
+from vibroplat.observe.events import Events
+from vibroplat.observe.segments import Segments
+from vibroplat.observe.statistics import Statistics, section_rows
+
+TURN = 2.0 * math.pi
+
+#: Difference in time that a stop may make in these motions at tolerance 1e-9 (s): the integrator starts anew, and
+#: errors of a run against the reference tables are as large.
+STOPPED = 1e-7
+
+
+@contextmanager
+def motion_of(scene):
+    p = parameters(scene)
+    with closing(make_engine(scene, p)) as engine:
+        yield Motion(scene, p, engine)
+
+
+@pytest.fixture(params=["native", "taylor", pytest.param("sundae", marks=pytest.mark.long)])
+def engine(request):
+    return request.param
+
+
+@pytest.fixture(params=["impacts", "R 0.5", "one layer", "bare"])
+def scene(request, quickstart, engine):
+    changes = {
+        "impacts": {},
+        "R 0.5": {"contact.restitution": 0.5},
+        "one layer": {"material": {"mass_ratio": 0.1, "layers": 1}, "contact.restitution": 0.3},
+        "bare": {"material.mass_ratio": 0.0},
+    }[request.param]
+    usual = {"drive.supply_frequency_hz": 50.0, "solver": {"tolerance": 1e-9, "engine": engine}}
+    return quickstart.replace({**usual, "run.duration_s": 0.5, **changes})
+
+
+@pytest.fixture
+def ball(engine):
+    return dropped_ball(0.5).replace({"solver.engine": engine})
+
+
+def events_of(scene, until=None):
+    """Events of an undisturbed motion, records."""
+    events = Events()
+    with motion_of(scene) as motion:
+        motion.to_time(until or scene.run.duration_s, [events])
+    return events.rows
+
+
+def assert_alike(rows, others, within=STOPPED):
+    assert [KINDS[k] for k in rows["kind"]] == [KINDS[k] for k in others["kind"]]
+    assert np.abs(rows["t"] - others["t"]).max(initial=0.0) <= within
+
+
+# -- to the section ---------------------------------------------------------------------------------------
+
+
+def test_points_of_the_section_are_met_exactly_one_after_the_other(scene):
+    whole, seen = Statistics(0.0), Statistics(0.0)
+    with motion_of(scene) as motion:
+        motion.to_time(0.5, [whole])
+    expected = section_rows(whole.measures)
+    with motion_of(scene) as motion:
+        for point in expected[:8]:
+            assert motion.to_section(1, 0.1, [seen])
+            assert abs(motion.now - point["t"]) <= STOPPED
+            assert abs(motion.state[3] - TURN * round(motion.state[3] / TURN)) <= 1e-12
+            assert section_rows(seen.measures)["t"][-1] == pytest.approx(motion.now, abs=1e-13)
+        assert motion.to_section(3, 0.2, [seen])
+        assert abs(motion.now - expected["t"][10]) <= STOPPED
+        assert motion.state[3] == pytest.approx(11 * TURN, abs=1e-12)
+    assert np.abs(section_rows(seen.measures)["t"] - expected["t"][:11]).max() <= STOPPED
+    assert seen.measures.marks["turns"] == 11
+
+
+def test_a_motion_stopped_at_its_section_goes_on_as_before(scene):
+    expected, seen = events_of(scene), Events()
+    with motion_of(scene) as motion:
+        for _ in range(9):
+            assert motion.to_section(1, 0.1, [seen])
+        motion.to_time(0.5, [seen])
+    assert_alike(seen.rows, expected)
+
+
+def test_a_motion_that_does_not_get_to_its_section_says_so(scene):
+    with motion_of(scene) as motion:
+        assert not motion.to_section(2, 0.05)
+        assert motion.now == 0.05
+        assert motion.to_section(1, 0.1)
+        assert motion.state[3] == pytest.approx(2 * TURN, abs=1e-12)
+
+
+@pytest.mark.parametrize("ahead", [-1e-2, -1e-4, -1e-5, 1e-5, 1e-4, 1e-2])
+def test_the_first_of_an_event_and_an_angle_ends_a_step(scene, ahead):
+    """Angles just before each event are met before it, those just after it in the next segment."""
+    run = simulate(scene.replace({"run.duration_s": 0.2}))
+    for t in run.events["t_s"][:4]:
+        angle = float(run(t)["phi1_rad"].iloc[0]) + ahead
+        with motion_of(scene) as motion:
+            motion.automaton.run["target"] = angle
+            seen = Events()
+            motion.to_time(0.5, [seen])
+            assert motion.state[3] == pytest.approx(angle, abs=1e-12)
+        assert len(seen.rows) == (run.events["t_s"] < t).sum() + (ahead > 0.0)
+
+
+# -- to events --------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", ["liftoff", "impact", "latch"])
+def test_the_first_event_of_a_kind_ends_the_way_to_it(scene, kind):
+    whole, seen = simulate(scene), Events()
+    with motion_of(scene) as motion:
+        found = motion.to_event(kind, 0.5, [seen])
+        rows = whole.events[whole.events["kind"] == kind]
+        assert found == (len(rows) > 0)
+        if not found:
+            assert motion.now == 0.5
+            return
+        row = rows.iloc[0]
+        assert motion.now == row["t_s"]
+        assert len(seen.rows) == rows.index[0] + 1
+        state, run = motion.state, motion.automaton.run
+        assert state[GAP] == 0.0
+        assert state[GAP_RATE] == row["gap_rate_after_m_per_s"]
+        assert Mode(int(run["mode"])).label == row["mode_after"]
+
+
+@pytest.mark.parametrize("kind", ["liftoff", "impact", "latch"])
+def test_a_motion_stopped_at_events_goes_on_as_before(scene, kind):
+    """An event ends a segment with or without a stop, so nothing at all changes."""
+    expected, seen = events_of(scene), Events()
+    with motion_of(scene) as motion:
+        stops = 0
+        while motion.to_event(kind, 0.5 - motion.now, [seen]):
+            assert motion.now == seen.rows["t"][-1]
+            stops += 1
+    assert (seen.rows == expected).all()
+    assert stops == (expected["kind"] == KINDS.index(kind)).sum()
+
+
+def test_impacts_that_accumulate_are_latched_after_a_stop_too(ball):
+    """The last impact that is followed is a stop of its own; the latch comes when the motion goes on."""
+    expected, seen = events_of(ball), Events()
+    assert KINDS[expected["kind"][-1]] == "latch"
+    with motion_of(ball) as motion:
+        for row in expected[:-1]:
+            assert motion.to_event("impact", 10.0, [seen])
+            assert (motion.now, motion.state[GAP_RATE]) == (row["t"], row["rate_after"])
+        assert motion.to_event("latch", 10.0, [seen])
+        assert (motion.now, motion.state[GAP_RATE]) == (expected["t"][-1], 0.0)
+    assert (seen.rows == expected).all()
+
+
+def test_tables_of_a_stopped_motion_have_both_states_at_an_event(scene):
+    segments = Segments()
+    with motion_of(scene) as motion:
+        while motion.to_event("impact", 0.5 - motion.now, [segments]):
+            motion.to_time(min(motion.now + 1e-3, 0.5), [segments])
+    whole = simulate(scene).segments
+    kept = segments.kept
+    assert sum(not segment.joined for segment in kept) == sum(not segment.joined for segment in whole)
+    for before, after in pairwise(kept):
+        assert after.start == before.end
+
+
+# -- to times ---------------------------------------------------------------------------------------------
+
+
+def test_a_motion_stopped_at_times_goes_on_as_before(scene):
+    expected, seen = events_of(scene), Events()
+    with motion_of(scene) as motion:
+        for time in (0.1, 0.1234, 0.1235, 0.3, 0.47, 0.5):
+            motion.to_time(time, [seen])
+            assert motion.now == time
+    assert_alike(seen.rows, expected)
+
+
+def test_parts_of_a_motion_add_up(scene):
+    with motion_of(scene) as motion:
+        whole = motion.go_on(0.5)
+        events = motion.events
+    with motion_of(scene) as motion:
+        parts = [motion.go_on(0.1) for _ in range(5)]
+        assert motion.events == events
+    assert sum(part.measures.marks["turns"] for part in parts) == whole.measures.marks["turns"]
+    for name in ("liftoffs", "impacts", "latches"):
+        assert sum(part.measures.marks[name] for part in parts) == whole.measures.marks[name]
+    work, expected = sum(part.measures.work for part in parts)[:FORCE_SIZE], whole.measures.work[:FORCE_SIZE]
+    assert np.abs(work - expected).max() <= 1e-6 * np.abs(expected).max()
+
+
+# -- observers --------------------------------------------------------------------------------------------
+
+
+class Counter:
+    """Counts steps and events, and adds up how long they take."""
+
+    def __init__(self):
+        self.steps = self.events = self.latches = 0
+        self.seconds = 0.0
+
+    def read(self, h):
+        for piece in h.steps.pieces[: h.steps.used["pieces"]]:
+            rows = slice(int(piece["first"]), int(piece["end"]))
+            self.steps += rows.stop - rows.start
+            self.seconds += h.steps.length[rows].sum()
+        self.events += int(h.run["events"])
+        self.latches += int((h.events["kind"][: h.run["events"]] == KINDS.index("latch")).sum())
+
+
+@pytest.mark.parametrize("rows", [8, 2000])
+def test_observers_see_each_step_and_event_once(scene, rows, monkeypatch):
+    name = scene.solver.engine
+    monkeypatch.setattr(f"vibroplat.integrate.{name}.{name.capitalize()}Engine.rows", rows)
+    counter, segments = Counter(), Segments()
+    with motion_of(scene) as motion:
+        for time in (0.2, 0.3, 0.5):
+            motion.to_time(time, [counter, segments])
+        steps = motion.engine.work["steps"]
+    assert counter.seconds == pytest.approx(0.5, abs=1e-12)
+    assert counter.events == len(events_of(scene, 0.5))
+    # a latch is a step of its own; where the guard's root is at the very end of a step, another adds nothing
+    assert counter.steps == steps + counter.latches
+    assert [segment.start for segment in segments.kept[1:]] == [segment.end for segment in segments.kept[:-1]]
+
+
+@pytest.mark.parametrize("engine", ["native", "taylor"])
+def test_a_motion_that_begins_again_is_a_new_one(quickstart, engine):
+    scene = quickstart.replace({"solver.engine": engine, "drive.program": [{"t_s": 0.1, "supply_frequency_hz": 50.0}]})
+    p = parameters(scene)
+    found = []
+    with closing(make_engine(scene, p)) as made:
+        motion = Motion(scene, p, made)
+        state = motion.state
+        for _ in range(2):
+            motion.to_time(0.3)
+            found.append((motion.now, motion.events, motion.state))
+            motion.begin_again(state)
+            assert (motion.now, motion.events) == (0.0, 0)
+            np.testing.assert_array_equal(motion.state, state)
+    assert found[0][:2] == found[1][:2]
+    np.testing.assert_array_equal(found[0][2], found[1][2])
+
+
+@pytest.mark.parametrize("engine", ["native", "taylor"])
+def test_steps_are_counted_anew_where_a_motion_begins_again(quickstart, engine, monkeypatch):
+    """However often it does, no stretch takes as many steps as one that is stuck."""
+    for module in ("native", "taylor"):
+        monkeypatch.setattr(f"vibroplat.integrate.{module}.MAX_STEPS", 400)
+    scene = quickstart.replace({"solver.engine": engine, "solver.max_events_per_period": 6})
+    p = parameters(scene)
+    with closing(make_engine(scene, p)) as made:
+        motion = Motion(scene, p, made)
+        state = motion.state
+        for stretch in range(240):
+            motion.begin_again(state)
+            motion.to_time(0.1 if stretch % 2 else 0.01)  # of several turns, or shorter than one
+            assert motion.outcome == "ok", motion.detail

@@ -1,0 +1,169 @@
+"""A run at a prompt and in a notebook: card, figure, files."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.io import loadmat
+
+from vibroplat import Scene, load, simulate
+from vibroplat.errors import TableError
+from vibroplat.results.files import Result
+
+
+@pytest.fixture(scope="module")
+def run(runs):
+    return runs["two layers"]
+
+
+@pytest.fixture
+def saved(run, tmp_path):
+    return run.save(tmp_path / "saved")
+
+
+def test_card_is_short_and_has_the_main_results(run):
+    lines = repr(run).splitlines()
+    assert lines[0] == "vibroplat run quickstart"
+    assert len(lines) < 20
+    assert max(map(len, lines)) < 100
+    shown = {line[:28].rstrip(): line[28:] for line in lines}
+    assert shown["outcome"] == "ok"
+    assert shown["excitation frequency"] == f"{run.summary['excitation_frequency_hz']:.6g} Hz"
+
+
+def test_card_of_a_run_that_failed_says_why(kernels):
+    run = simulate(Scene().replace({"run.initial.state": {"phi_rad": 1e20}, "run.duration_s": 0.1}))
+    assert "detail                      the platform has turned by 1e+20 rad" in repr(run)
+    assert "<img" not in run._repr_html_()  # there is nothing to draw
+
+
+def test_page_has_the_card_and_a_picture(run):
+    page = run._repr_html_()
+    assert "<td>outcome</td><td>ok</td>" in page
+    assert page.count("data:image/png;base64,") == 1
+
+
+@pytest.mark.parametrize("kind", ["motion", "force", "exciters"])
+def test_run_draws_itself(kind, run):
+    figure = run.plot(kind)
+    assert len(figure.axes) == (1 if kind == "force" else 2) + (kind == "force")
+
+
+def test_figure_shows_the_interval(run):
+    line = run.plot("force", start=0.1, stop=0.2).axes[0].lines[0]
+    assert 0.1 <= line.get_xdata().min() < line.get_xdata().max() <= 0.2
+    with pytest.raises(TableError, match=r"start = 100: the run lasted from 0 to 0\.25 s; allowed: a time within it"):
+        run.plot("force", start=100.0)
+
+
+def test_a_figure_shows_itself_in_a_notebook_and_is_none_of_pyplots(run):
+    picture = run.plot("motion")._repr_png_()
+    assert picture.startswith(b"\x89PNG")
+    assert int.from_bytes(picture[16:20]) == 8 * 130  # inches, dots per inch
+    assert plt.get_fignums() == []
+
+
+def test_figures_that_there_are_not(run, runs):
+    with pytest.raises(ValueError, match="kind = 'map'; allowed: motion, force, exciters"):
+        run.plot("map")
+    with pytest.raises(ValueError, match="this run has no contact; allowed: motion, exciters"):
+        runs["bare"].plot("force")
+
+
+def test_a_run_loads_no_matplotlib_unless_it_draws():
+    code = (
+        "import sys; from vibroplat import Scene, simulate; run = simulate(Scene().replace({'run.duration_s': 0.01}));"
+        "repr(run); run.rows('unique'); print('matplotlib' in sys.modules);"
+        "run.plot(); print('matplotlib' in sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["False", "True"]
+
+
+# -- files ----------------------------------------------------------------------------------------------
+
+
+def test_saved_run_is_the_same_when_it_is_loaded(run, saved):
+    found = load(saved)
+    assert (found.scene, found.outcome, found.notes) == (run.scene, run.outcome, run.notes)
+    assert found.summary == run.summary | {"notes": run.notes}
+    pd.testing.assert_frame_equal(found.trajectory, run.trajectory)
+    pd.testing.assert_frame_equal(found.events, run.events)
+    assert found.trajectory.attrs == run.trajectory.attrs
+    assert repr(found) == repr(run)
+    assert found.plot("force").axes
+
+
+def test_saved_run_is_a_result_of_the_command(saved):
+    assert {path.name for path in saved.iterdir()} == {
+        "trajectory.parquet",
+        "events.parquet",
+        "summary.json",
+        "provenance.json",
+        "files.lock",
+    }
+    assert Result(saved, "run").provenance["command"] == "run"
+
+
+def test_run_can_be_saved_as_csv(run, tmp_path):
+    found = load(run.save(tmp_path / "saved", "csv"))
+    assert (found.trajectory["y_m"].to_numpy() == run.trajectory["y_m"].to_numpy()).all()
+
+
+def test_load_of_a_directory_without_a_result(tmp_path):
+    with pytest.raises(TableError, match="holds neither a run nor a sweep; allowed: a result directory of vibroplat"):
+        load(tmp_path)
+
+
+def test_damaged_file_is_refused(saved):
+    (saved / "events.parquet").write_bytes(b"x")
+    with pytest.raises(TableError, match="events"):
+        _ = load(saved).events
+
+
+def test_mat_file_has_tables_summary_and_units(run, tmp_path):
+    found = loadmat(run.save_mat(tmp_path / "a.mat"), simplify_cells=True)
+    assert (np.diff(found["trajectory"]["t_s"]) > 0.0).all()
+    assert found["trajectory"]["gap_m"].tolist() == run.rows("unique")["gap_m"].tolist()
+    assert found["trajectory"]["mode"].tolist() == run.rows("unique")["mode"].tolist()
+    assert found["events"]["impulse_n_s"].tolist() == run.events["impulse_n_s"].tolist()
+    assert found["summary"]["rms_y_m"] == run.summary["rms_y_m"]
+    assert found["units"]["gap_rate_m_per_s"] == "m/s"
+
+
+def test_mat_file_of_a_run_with_engine_taylor(kernels, tmp_path):
+    """Its summary has numbers that are not known."""
+    run = simulate(Scene().replace({"solver.engine": "taylor", "run.duration_s": 0.05}))
+    found = loadmat(run.save_mat(tmp_path / "a.mat"), simplify_cells=True)
+    assert np.isnan(found["summary"]["residual_calls"])
+
+
+def test_unique_rows_ascend_and_begin_after_an_event(run):
+    rows, events = run.rows("unique"), run.events
+    assert (np.diff(rows["t_s"]) > 0.0).all()
+    assert len(run.rows()) - len(rows) == len(events)
+    impact = events[events["kind"] == "impact"].iloc[0]
+    after = rows.loc[rows["t_s"] == impact["t_s"], "gap_rate_m_per_s"].item()
+    assert after == pytest.approx(impact["gap_rate_after_m_per_s"], abs=1e-9)
+    with pytest.raises(ValueError, match="sample = 'some'; allowed: all, unique"):
+        run.rows("some")
+
+
+def test_dataset_has_units_and_meanings(run):
+    pytest.importorskip("xarray", reason="optional, pip install 'vibroplat[xarray]'")
+    found = run.to_xarray()
+    assert found["y_m"].attrs["units"] == "m"
+    assert found["gap_m"].attrs["long_name"] == "gap between platform and lower layer; 0 in contact"
+    assert found["y_m"].interp(t_s=0.1).item() == pytest.approx(run([0.1])["y_m"].item(), abs=1e-5)
+    assert found.attrs == {"name": "quickstart", "outcome": "ok"}
+
+
+def test_without_xarray_it_says_what_to_install(run, monkeypatch):
+    monkeypatch.setitem(sys.modules, "xarray", None)
+    with pytest.raises(ImportError, match=r"to_xarray needs xarray; pip install 'vibroplat\[xarray\]'"):
+        run.to_xarray()

@@ -1,0 +1,152 @@
+"""Whole runs: repeatability, scenes that need less, outcomes, memory, continuation."""
+
+from __future__ import annotations
+
+import math
+import resource
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from vibroplat import simulate
+from vibroplat.bench.known import ball_on_table
+from vibroplat.config.scene import Mode
+from vibroplat.hybrid.modes import GUARDS
+from vibroplat.model.parameters import parameters
+from vibroplat.model.systems import systems
+
+
+def test_two_runs_of_one_scene_are_bit_identical(quickstart):
+    scene = quickstart.replace({"contact.restitution": 0.5, "run.duration_s": 0.6})
+    first, second = simulate(scene), simulate(scene)
+    pd.testing.assert_frame_equal(first.trajectory, second.trajectory, check_exact=True)
+    pd.testing.assert_frame_equal(first.events, second.events, check_exact=True)
+    same = [k for k in first.summary if k != "wall_s"]
+    assert [first.summary[k] for k in same] == [second.summary[k] for k in same]
+
+
+@pytest.mark.parametrize(
+    ("changes", "sizes"),
+    [
+        ({"material.mass_ratio": 0.0}, {Mode.BARE: 10}),
+        ({"contact.model": "non-impact"}, {Mode.BARE: 10}),
+        ({"material.layers": 1}, {Mode.ATTACHED: 11, Mode.FLIGHT: 12}),
+        ({}, {Mode.ATTACHED: 13, Mode.FLIGHT: 14}),
+    ],
+)
+def test_a_scene_has_only_the_unknowns_it_needs(quickstart, changes, sizes):
+    assert {mode: system.size for mode, system in systems(quickstart.replace(changes)).items()} == sizes
+
+
+def test_scenes_without_contact_have_no_guard_and_no_events(quickstart):
+    scene = quickstart.replace({"contact.model": "non-impact", "run.duration_s": 0.3})
+    assert [GUARDS[system.index] for system in systems(scene).values()] == [-1]
+    run = simulate(scene)
+    assert run.summary["events"] == 0
+    assert "contact_force_n" not in run.trajectory
+
+
+def test_non_impact_damping_equals_a_damper(quickstart):
+    scene = quickstart.replace({"run.duration_s": 0.3})
+    beta = scene.replace({"contact": {"model": "non-impact", "viscous_per_mass_per_s": 20.0}})
+    damper = scene.replace(
+        {
+            "material.mass_ratio": 0.0,
+            "machine.damping_y_n_s_per_m": 400.0 + 20.0 * scene.material_mass,
+        }
+    )
+    pd.testing.assert_frame_equal(simulate(beta).trajectory, simulate(damper).trajectory)
+
+
+def test_unequal_motors_differ_from_equal_ones(quickstart):
+    motor = quickstart.motor.model_dump()
+    scene = quickstart.replace(
+        {
+            "motors": [motor, motor | {"critical_torque_n_m": 0.9}],
+            "run.duration_s": 3.0,
+            "material.mass_ratio": 0.0,
+        }
+    )
+    summary = simulate(scene, keep="summary").summary
+    assert summary["outcome"] == "ok"
+    assert abs(abs(summary["phase_difference_rad"]) - np.pi) > 1e-3
+    assert summary["phase_coherence"] > 0.99
+
+
+def test_summary_needs_no_segments(quickstart):
+    scene = quickstart.replace({"run.duration_s": 0.5})
+    full, lean = simulate(scene), simulate(scene, keep="summary")
+    assert not lean.segments
+    assert lean.events.empty
+    assert full.summary | {"wall_s": 0.0} == lean.summary | {"wall_s": 0.0}
+
+
+def test_a_run_can_be_continued_from_its_last_row(quickstart):
+    scene = quickstart.replace({"run.duration_s": 1.0, "solver.tolerance": 1e-9})
+    half = simulate(scene.replace({"run.duration_s": 0.5}))
+    last = half.trajectory.iloc[-1].to_dict()
+    rest = simulate(scene.replace({"run.duration_s": 0.5, "run.initial": {"state": last}}))
+    whole = simulate(scene).trajectory.iloc[-1]
+    end = rest.trajectory.iloc[-1]
+    for name in ("y_m", "gap_m", "upper_m", "phi1_rad"):
+        assert end[name] == pytest.approx(whole[name], abs=1e-6)
+
+
+# -- outcomes -------------------------------------------------------------------------------------------
+
+
+def test_event_storm_is_named(quickstart):
+    scene = quickstart.replace({"contact.restitution": 0.5, "solver.max_events_per_period": 5})
+    run = simulate(scene)
+    assert run.outcome == "event-storm"
+    assert 0.0 < run.summary["simulated_s"] < scene.run.duration_s
+    assert "mode flight, t = " in run.summary["detail"]
+    assert run.trajectory["t_s"].iloc[-1] == run.summary["simulated_s"]
+
+
+def test_state_without_finite_accelerations_is_named(quickstart, monkeypatch):
+    def broken(scene):
+        p = parameters(scene)
+        p.gravity = math.nan
+        return p
+
+    monkeypatch.setattr("vibroplat.motion.run.parameters", broken)
+    run = simulate(quickstart)
+    assert run.outcome == "non-finite"
+    assert run.trajectory.empty
+    assert run.summary["detail"].startswith("there are no finite accelerations; mode attached, ")
+    assert "t = 0 s, state [0, " in run.summary["detail"]
+
+
+@pytest.mark.parametrize(("key", "value"), [("phi1_rate_rad_per_s", 1e30), ("y_m", 1e25), ("gap_m", 1e30)])
+def test_absurd_states_end_with_an_outcome(quickstart, key, value):
+    run = simulate(quickstart.replace({"run.initial": {"state": {key: value}}, "run.duration_s": 0.01}))
+    assert run.outcome in ("ok", "solver-failure", "non-finite", "event-storm", "inaccurate")
+    assert all(np.isfinite(v) for v in run.summary.values() if isinstance(v, float))
+
+
+# -- memory ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.long
+def test_memory_stays_flat_over_1e5_restarts(damped):
+    scene = damped.replace({"material.mass_ratio": 0.1, "drive.supply_frequency_hz": 50.0, "solver.tolerance": 1e-4})
+    simulate(scene.replace({"run.duration_s": 50.0}), keep="summary")
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    summary = simulate(scene.replace({"run.duration_s": 2020.0}), keep="summary").summary
+    grown = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
+    assert summary["outcome"] == "ok"
+    assert summary["restarts"] >= 1e5
+    assert grown < 2048  # KiB
+
+
+def test_a_long_bare_run_is_restarted_seldom(printed):
+    for engine, restarts in (("native", 1), ("sundae", 5)):
+        scene = printed.replace({"run.duration_s": 20.0, "solver.engine": engine})
+        assert simulate(scene, keep="summary").summary["restarts"] == restarts
+
+
+def test_period_of_the_storm_bound_is_the_synchronous_turn():
+    run = simulate(ball_on_table(1.5, periods=3).replace({"solver.max_events_per_period": 1}))
+    assert run.outcome == "event-storm"

@@ -1,0 +1,149 @@
+"""The data dictionary: pages on every key of a configuration and on every column of the result tables.
+
+Keys are described where they are defined (:mod:`vibroplat.config.scene`), columns where they are made.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import groupby
+from typing import NamedTuple
+
+from vibroplat.config.keys import keys
+from vibroplat.continuation.tables import BOUNDARIES, BRANCHES, SPECIAL
+from vibroplat.motion.run import SUMMARY
+from vibroplat.observe.events import EVENTS
+from vibroplat.observe.table import TRAJECTORY
+from vibroplat.paper.calibration.reading import CONFIRMATION, EVALUATIONS, LEFT_OUT, SPREAD
+from vibroplat.paper.contradictions import CONTRADICTIONS
+from vibroplat.paper.histories import HISTORY
+from vibroplat.paper.scoreboard import CLAIMS
+from vibroplat.paper.summaries import IMPACT_LAWS, SYNC_BANDS
+from vibroplat.results.columns import Column, Columns, unit_of
+from vibroplat.study.bands import BANDS
+from vibroplat.study.branches import SUPPLY
+from vibroplat.study.confirming import CONFIRMED
+from vibroplat.study.sweep import COLUMNS, DIAGRAM, SWEEP
+
+
+class TableOf(NamedTuple):
+    """A result table.
+
+    Attributes
+    ----------
+    name
+        Its file, without the ending.
+    about
+        What its rows are.
+    columns
+        Its columns.
+    """
+
+    name: str
+    about: str
+    columns: Columns
+
+
+#: The swept keys of a sweep's tables.
+_SWEPT = {"…": Column("the keys of the sweep's grid, by their dotted names", "see configuration.md")}
+_FOLLOWED = {"…": Column("the keys of the grid and the keys that vary, by their dotted names", "see configuration.md")}
+_IN_ORDER = {SUPPLY: SWEEP[SUPPLY], **_SWEPT, **{name: SWEEP[name] for name in COLUMNS}}
+
+
+def _diagram(name: str) -> Columns:
+    """Return the columns of a table of a bifurcation diagram, whose last one is given."""
+    return {SUPPLY: DIAGRAM[SUPPLY], **_SWEPT} | {key: DIAGRAM[key] for key in (*list(DIAGRAM)[1:-2], name)}
+
+
+#: All result tables but those of benchmarks, in the order of the commands that write them.
+TABLES = (
+    TableOf("trajectory", "`vibroplat run`: a row for each sample; at an event two, before and after it.", TRAJECTORY),
+    TableOf("events", "`vibroplat run`: a row for each event.", EVENTS),
+    TableOf(
+        "summary.json",
+        "`vibroplat run`: numbers of the second half of the run, cut to whole turns of exciter 1; what is of the whole "
+        "run says so.",
+        SUMMARY,
+    ),
+    TableOf("sweep", "`vibroplat sweep`: a row for each point.", _IN_ORDER),
+    TableOf("sweep, confirmed", "Columns that `confirm: orbits` adds to `sweep`.", CONFIRMED),
+    TableOf(
+        "bands",
+        "`vibroplat sweep`: where each branch synchronizes how, jumps, lifts off, is largest along y, and fails.",
+        {**_SWEPT, **{name: SWEEP[name] for name in ("direction", "branch")}, **BANDS},
+    ),
+    TableOf("section", "`vibroplat sweep` with `kind: bifurcation`: the last turns of each point.", _diagram("y_m")),
+    TableOf(
+        "impacts",
+        "`vibroplat sweep` with `kind: bifurcation`: the last impacts of each point.",
+        _diagram("impact_speed_m_per_s"),
+    ),
+    TableOf("branches", "`vibroplat orbits`: a row for each point of each branch.", {**_FOLLOWED, **BRANCHES}),
+    TableOf("special", "`vibroplat orbits`: a row for each special point.", {**_FOLLOWED, **SPECIAL}),
+    TableOf(
+        "boundaries",
+        "`vibroplat orbits` with `boundaries`: the points of each curve in their order.",
+        {**_FOLLOWED, **BOUNDARIES},
+    ),
+    TableOf("claims", "`vibroplat paper`: a row for each claim.", CLAIMS),
+    TableOf("contradictions", "`vibroplat paper`: the paper's numbers against its figures.", CONTRADICTIONS),
+    TableOf(
+        "fig4, fig5, fig7",
+        "`vibroplat paper`: time histories. Its other tables, `fig2`, `fig3`, `fig6` and `laws`, are as `sweep`.",
+        HISTORY,
+    ),
+    TableOf("sync-bands", "`vibroplat paper`: where the exciters synchronize how.", SYNC_BANDS),
+    TableOf("impact-laws", "`vibroplat paper`: how much the impact law matters.", IMPACT_LAWS),
+    TableOf(
+        "evaluations",
+        "`vibroplat calibrate`: a row for each set of numbers. It also has a column for each of its keys, and two for "
+        "each claim: its score, and whether it holds.",
+        EVALUATIONS,
+    ),
+    TableOf(
+        "confirmation", "`vibroplat calibrate`: the best sets with other seeds; more columns, as above.", CONFIRMATION
+    ),
+    TableOf("left-out", "`vibroplat calibrate`: claims left out one by one; also the keys of the set.", LEFT_OUT),
+    TableOf("spread", "`vibroplat calibrate`: how well each key is determined.", SPREAD),
+)
+
+
+def configuration_page() -> str:
+    """Return a page on all keys of a configuration, in Markdown."""
+    lines = [
+        "# Configuration",
+        "",
+        "All keys of a configuration, in YAML 1.2. Names end with their unit. `N` is a place in a list. A key that is",
+        "not given has its default; where the default is empty, the meaning says what holds. `extends: FILE`, relative",
+        "to the file itself, takes all keys from another file; those given here override them. The symbols are those",
+        "of [the model](model.md). This page is written by `vibroplat schema --markdown`.",
+    ]
+    sections = groupby(keys().values(), key=lambda key: key.name.partition(".")[0] if "." in key.name else "")
+    for section, found in sections:
+        rows = [(f"`{k.name}`", k.symbol, k.unit, k.default, k.allowed, k.meaning) for k in found]
+        lines += ["", f"## {section or 'Top level'}", ""]
+        lines += _table(("key", "symbol", "unit", "default", "allowed", "meaning"), rows)
+    return "\n".join(lines) + "\n"
+
+
+def columns_page() -> str:
+    """Return a page on all columns of result tables, in Markdown."""
+    lines = [
+        "# Columns of the result tables",
+        "",
+        "Names end with their unit; columns without one are texts, counts or pure numbers. Parquet files carry units",
+        "and meanings in the metadata of their fields, tables in Python in `DataFrame.attrs` (`units`, `meanings`).",
+        "The symbols are those of [the model](model.md). This page is written by `vibroplat columns`.",
+    ]
+    for table in TABLES:
+        rows = [(f"`{name}`", unit_of(name), c.meaning, c.definition) for name, c in table.columns.items()]
+        lines += ["", f"## {table.name}", "", table.about, ""]
+        lines += _table(("column", "unit", "meaning", "definition"), rows)
+    return "\n".join(lines) + "\n"
+
+
+def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> Iterator[str]:
+    """Yield the lines of a table in Markdown."""
+    for row in (head, ["---"] * len(head), *rows):
+        cells = (cell.replace("|", "\\|") for cell in row)
+        yield f"| {' | '.join(cells)} |"

@@ -1,0 +1,205 @@
+"""The supply of both motors: a constant frequency, or a program over time."""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Annotated, Any, Literal, NamedTuple, Self
+
+from pydantic import BeforeValidator, Field, model_validator
+
+from vibroplat.config.fields import NonNegative, Positive, Section, described
+
+#: Supply frequency where none is given (Hz).
+FREQUENCY = 50.0
+
+#: Share of a program's largest frequency below which the critical slip speed falls no more with the frequency. Kloss's
+#: formula with a constant critical slip has no limit at 0 Hz and standstill: any torque up to the critical one, by the
+#: way one gets there, and a motor infinitely stiff.
+LEAST_SHARE = 1e-3
+
+#: Least supply frequency of a program above 0 (Hz).
+LEAST_FREQUENCY = 1e-3
+
+#: Most entries of a program.
+MOST_ENTRIES = 1000
+
+
+def _switch(value: Any) -> Any:
+    """Accept true and false as well: YAML 1.1 reads on and off so."""
+    return ("off", "on")[value] if isinstance(value, bool) else value
+
+
+Switch = Annotated[Literal["on", "off"], BeforeValidator(_switch)]
+
+
+class Entry(Section):
+    """An entry of a program. What it leaves out is as in the entry before; at first both exciters are on."""
+
+    t_s: NonNegative = described(..., "t", "time of the entry")
+    supply_frequency_hz: NonNegative | None = described(
+        None,
+        "f_e",
+        "supply frequency then; linear between entries, with a jump where two share a time; scales and tolerances "
+        "follow the largest one, and below a thousandth of it critical slip speeds fall no more",
+    )
+    exciter_1: Switch | None = described(None, "", "exciter 1 on or off from then on; off: no torque, resistance alone")
+    exciter_2: Switch | None = described(None, "", "the same of exciter 2")
+    off: bool | None = described(None, "", "true: both exciters off from then on; false: both on")
+
+    @model_validator(mode="after")
+    def _no_minute_frequency(self) -> Self:
+        if self.supply_frequency_hz is not None and 0.0 < self.supply_frequency_hz < LEAST_FREQUENCY:
+            raise ValueError(
+                f"supply_frequency_hz = {self.supply_frequency_hz}; allowed: 0, or at least {LEAST_FREQUENCY:g}"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Self:
+        given = [name for name in ("exciter_1", "exciter_2") if getattr(self, name) is not None]
+        if self.off is not None and given:
+            raise ValueError(f"off and {given[0]} are both given; allowed: one of the two")
+        return self
+
+
+class Interval(NamedTuple):
+    """A time over which the supply frequency is linear and nothing is switched.
+
+    Attributes
+    ----------
+    start, end
+        When it begins and ends (s); the last one ends at infinity.
+    frequency
+        Supply frequency at its start (Hz).
+    ramp
+        Rate of that frequency (Hz/s).
+    driven
+        Whether exciters 1 and 2 are on.
+    slip_frequency
+        Frequency at its start from which critical slip speeds follow (Hz), and that frequency's rate (Hz/s).
+    corner
+        Whether it begins with an entry of the program.
+    """
+
+    start: float
+    end: float
+    frequency: float
+    ramp: float
+    driven: tuple[bool, bool]
+    slip_frequency: tuple[float, float]
+    corner: bool = True
+
+    def frequency_at(self, time: float) -> float:
+        """Supply frequency at a time (Hz)."""
+        return self.frequency + self.ramp * (time - self.start) if self.ramp else self.frequency
+
+
+class Drive(Section):
+    """The common supply of both motors."""
+
+    supply_frequency_hz: Positive | None = described(
+        None, "f_e", f"supply frequency of both motors; not given: {FREQUENCY:g}, or as in program"
+    )
+    program: Annotated[list[Entry], Field(max_length=MOST_ENTRIES)] | None = Field(
+        None, description="supply over time: a list of entries, instead of supply_frequency_hz"
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _default(cls, given: Any) -> Any:
+        if isinstance(given, dict) and "supply_frequency_hz" not in given and given.get("program") is None:
+            return given | {"supply_frequency_hz": FREQUENCY}
+        return given
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if self.program is None:
+            if self.supply_frequency_hz is None:
+                raise ValueError("supply_frequency_hz = None; allowed: a number, or a program instead")
+            return self
+        if not self.program:
+            raise ValueError("program is empty; allowed: one entry or more")
+        if self.supply_frequency_hz is not None:
+            raise ValueError("supply_frequency_hz and program are both given; allowed: one of the two")
+        if self.program[0].supply_frequency_hz is None:
+            raise ValueError("program.0: supply_frequency_hz is required in the first entry")
+        times = [entry.t_s for entry in self.program]
+        for i, (before, after) in enumerate(pairwise(times), start=1):
+            if after < before:
+                raise ValueError(f"program.{i}.t_s = {after} lies before {before}; allowed: times in ascending order")
+            if i > 1 and times[i - 2] == after:
+                raise ValueError(f"program.{i}.t_s = {after} is given three times; allowed: twice, for a jump")
+        if not self.largest_frequency > 0.0:
+            raise ValueError("program has no supply_frequency_hz above 0; allowed: at least one, the scales follow it")
+        return self
+
+    @property
+    def largest_frequency(self) -> float:
+        """Largest supply frequency (Hz)."""
+        if self.program is None:
+            assert self.supply_frequency_hz is not None  # ensured by the validator
+            return self.supply_frequency_hz
+        return max(entry.supply_frequency_hz or 0.0 for entry in self.program)
+
+    @property
+    def intervals(self) -> tuple[Interval, ...]:
+        """The intervals between corners of the program in order of time; a constant supply has one."""
+        if self.program is None:
+            constant = self.largest_frequency
+            return (Interval(-math.inf, math.inf, constant, 0.0, (True, True), (constant, 0.0)),)
+        found: list[Interval] = []
+        least = LEAST_SHARE * self.largest_frequency
+        frequencies, driven = self._filled()
+        times = [*(entry.t_s for entry in self.program), math.inf]
+        for i, (start, end) in enumerate(pairwise(times)):
+            if end > start:
+                rise = frequencies[i + 1] - frequencies[i] if end < math.inf else 0.0
+                found += _pieces(start, end, frequencies[i], rise / (end - start), driven[i], least)
+        return tuple(found)
+
+    def _filled(self) -> tuple[list[float], list[tuple[bool, bool]]]:
+        """Frequencies (Hz) and switches of all entries, with what they leave out."""
+        frequencies: list[float] = []
+        switches: list[tuple[bool, bool]] = []
+        frequency, driven = 0.0, (True, True)
+        for entry in self.program or []:
+            if entry.supply_frequency_hz is not None:
+                frequency = entry.supply_frequency_hz
+            if entry.off is not None:
+                driven = (not entry.off, not entry.off)
+            first, second = entry.exciter_1, entry.exciter_2
+            driven = (
+                driven[0] if first is None else first == "on",
+                driven[1] if second is None else second == "on",
+            )
+            frequencies.append(frequency)
+            switches.append(driven)
+        return frequencies, switches
+
+    def at(self, time: float) -> Interval:
+        """Interval of a time (s); at a corner the one that begins there."""
+        return interval_at(self.intervals, time)
+
+
+def interval_at(intervals: Sequence[Interval], time: float) -> Interval:
+    """Pick the interval of a time (s) among all of a drive; at a corner the one that begins there."""
+    return intervals[max(bisect_right(intervals, time, key=lambda interval: interval.start) - 1, 0)]
+
+
+def _pieces(
+    start: float, end: float, frequency: float, ramp: float, driven: tuple[bool, bool], least: float
+) -> list[Interval]:
+    """Split the time between two entries where the supply passes the least frequency of a critical slip speed."""
+    passed = start + (least - frequency) / ramp if ramp else end
+    if not start < passed < end:
+        low = max(frequency, frequency + ramp * (end - start) if ramp else frequency) <= least
+        return [Interval(start, end, frequency, ramp, driven, (least, 0.0) if low else (frequency, ramp))]
+    falls = ramp < 0.0
+    first, second = ((frequency, ramp), (least, 0.0)) if falls else ((least, 0.0), (least, ramp))
+    return [
+        Interval(start, passed, frequency, ramp, driven, first),
+        Interval(passed, end, least, ramp, driven, second, corner=False),
+    ]

@@ -1,0 +1,245 @@
+"""Reads YAML files, which may extend other files, applies overrides and builds a scene."""
+
+from __future__ import annotations
+
+import copy
+import os
+import re
+import warnings
+from collections.abc import Iterable, Mapping
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from ruamel.yaml import YAML
+from ruamel.yaml.constructor import DuplicateKeyError
+from ruamel.yaml.error import MarkedYAMLError, ReusedAnchorWarning
+from ruamel.yaml.nodes import MappingNode, ScalarNode
+
+from vibroplat.config.messages import short
+from vibroplat.config.overrides import flat, merge, nest
+from vibroplat.config.scene import Scene
+from vibroplat.errors import ConfigError
+
+#: Key that ``--engine`` is short for.
+ENGINE = "solver.engine"
+
+#: A configuration has about sixty keys; anything much larger is something else.
+MAX_BYTES = 25_000
+MAX_VALUES = 5_000
+MAX_BRACKETS = 200
+#: What a key looks like. Messages quote keys; a file that is no configuration, such as one with passwords, has others.
+KEY = re.compile(r"[^\W\d][\w .-]{0,79}")
+
+#: Quotations in messages of the parser: single characters and the parser's own words, or anything else.
+_QUOTED = re.compile(r"""(["'])(?:(?P<harmless>.|\\.|<[a-z ]+>)|.*)\1""", re.DOTALL)
+
+
+def load_config(path: str | os.PathLike[str], overrides: Mapping[str, Any] | None = None) -> Scene:
+    """Read a scene from a YAML 1.2 file.
+
+    Parameters
+    ----------
+    path
+        The file. Its ``extends`` may name another file, relative to this one, whose values it overrides.
+    overrides
+        Dotted keys and values that override those of the file, as given by ``--set``.
+
+    Raises
+    ------
+    vibroplat.errors.ConfigError
+        One line with the file, the key, the value and what is allowed.
+    """
+    file = Path(path)
+    tree = merge(_read_chain(file, ()), nest(overrides or {}))
+    tree.setdefault("name", file.stem)
+    try:
+        return Scene.from_tree(tree)
+    except ConfigError as error:
+        raise ConfigError(f"{file}: {error}") from None
+
+
+def load_tree(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """Read the keys and values of a YAML file and of those it extends, without building a scene.
+
+    Raises
+    ------
+    vibroplat.errors.ConfigError
+        The file or one that it extends cannot be read.
+    """
+    return _read_chain(Path(path), ())
+
+
+def load_list(path: str | os.PathLike[str]) -> list[Any]:
+    """Read a YAML file that holds a list.
+
+    Raises
+    ------
+    vibroplat.errors.ConfigError
+        It cannot be read or holds something else.
+    """
+    found = _parse(_text(Path(path), str(path)), str(path))
+    if not isinstance(found, list):
+        raise ConfigError(f"{path}: holds a {type(found).__name__}; allowed: a list")
+    return found
+
+
+def configurations() -> Path:
+    """Return the directory of the configurations that come with vibroplat."""
+    package = Path(__file__).parents[1]
+    inside = package / "configs"
+    return inside if inside.is_dir() else package.parent / "configs"
+
+
+def parse_overrides(settings: Iterable[str], engine: str | None = None) -> dict[str, Any]:
+    """Parse ``key.sub=value`` into dotted keys and values, typed as in YAML.
+
+    ``engine`` is that of ``--engine``, short for ``solver.engine=…``.
+
+    Raises
+    ------
+    vibroplat.errors.ConfigError
+        A setting has no ``=``, its value is not YAML, or two engines are given.
+    """
+    overrides: dict[str, Any] = {}
+    for setting in settings:
+        key, equals, text = setting.partition("=")
+        if not equals or not all(key.strip().split(".")):
+            raise ConfigError(f"--set {setting!r}; allowed: key.sub=value")
+        overrides[key.strip()] = _parse(text, f"--set {key.strip()}")
+    if engine is not None:
+        named, given = _parse(engine, "--engine"), flat(overrides)
+        if given.get(ENGINE, named) != named:
+            raise ConfigError(f"--engine {engine} and --set {ENGINE}={given[ENGINE]} differ; allowed: one of the two")
+        overrides[ENGINE] = named
+    return overrides
+
+
+def configuration_schema() -> dict[str, Any]:
+    """JSON schema of a configuration file."""
+    schema = Scene.model_json_schema()
+    schema["title"] = "vibroplat configuration"
+    schema["properties"]["extends"] = {"type": "string", "description": "file whose values this one overrides"}
+    return schema
+
+
+def _read_chain(file: Path, above: tuple[Path, ...], told: str = "") -> dict[str, Any]:
+    """Read a file and those it extends; ``told`` is what to call it if it cannot be read."""
+    text = _text(file, told or str(file))
+    place = file.resolve()
+    if place in above:
+        raise ConfigError(f"{file}: extends itself through {above[-1].name}")
+    tree = _parse(text, str(file))
+    if tree is None:
+        tree = {}
+    if not isinstance(tree, dict):
+        raise ConfigError(f"{file}: holds a {type(tree).__name__}; allowed: keys and values")
+    base = tree.pop("extends", None)
+    if base is None:
+        return tree
+    if not isinstance(base, str) or not base:
+        raise ConfigError(f"{file}: extends is not text; allowed: a file name")
+    below = _read_chain(file.parent / base, (*above, place), f"{file}: extends = {short(base)}")
+    below.pop("name", None)  # a file that extends another describes another scene
+    return merge(below, tree)
+
+
+def _text(file: Path, told: str) -> str:
+    try:
+        if not (file.is_file() or file.is_dir()) and file.exists():  # a device or a pipe may never end
+            raise ConfigError(f"{told}: not a file")
+        with file.open("rb") as opened:  # files in /proc report a size of 0
+            content = opened.read(MAX_BYTES + 1)
+        if len(content) > MAX_BYTES:
+            raise ConfigError(f"{told}: larger than {MAX_BYTES} bytes; not a configuration")
+        return content.decode("utf-8").replace("\r\n", "\n").replace("\r", "\n")
+    except FileNotFoundError:
+        raise ConfigError(f"{told}: no such file") from None
+    except UnicodeDecodeError:
+        raise ConfigError(f"{told}: not UTF-8 text") from None
+    except (OSError, ValueError) as error:
+        raise ConfigError(f"{told}: cannot be read ({_reason(error)})") from None
+
+
+def _parse(text: str, source: str) -> Any:
+    """Load YAML without building objects; every error becomes one line."""
+    return copy.deepcopy(_parsed(text, source))
+
+
+@lru_cache(maxsize=64)
+def _parsed(text: str, source: str) -> Any:
+    """Parse a text once: a study builds hundreds of scenes from a few files, and parsing takes longer than a run."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", ReusedAnchorWarning)
+            if text.count("[") + text.count("{") > MAX_BRACKETS:  # the parser takes quadratic time
+                raise ConfigError(f"{source}: more than {MAX_BRACKETS} brackets; not a configuration")
+            if text.count(",") > MAX_VALUES:  # of a list in one line; the parser takes a second for as many
+                raise ConfigError(f"{source}: more than {MAX_VALUES} values; not a configuration")
+            node = YAML(typ="safe", pure=True).compose(text)
+            if _values(node, {}) > MAX_VALUES:
+                raise ConfigError(f"{source}: more than {MAX_VALUES} values; not a configuration")
+            _require_names(node, source)
+            tree = YAML(typ="safe", pure=True).load(text)
+            _require_text_keys(tree)
+    except ConfigError:
+        raise
+    except DuplicateKeyError as error:
+        line = error.problem_mark.line + 1 if error.problem_mark else "?"
+        problem = str(error.problem).split("with value")[0].removeprefix("found ").strip()
+        raise ConfigError(f"{source}: {problem} in line {line}; allowed: each key once") from None
+    except MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        where = f" in line {mark.line + 1}, column {mark.column + 1}" if mark else ""
+        raise ConfigError(f"{source}: not valid YAML{where}: {_unquoted(error.problem)}") from None
+    except RecursionError:
+        raise ConfigError(f"{source}: nested too deeply") from None
+    except Exception as error:  # on invalid YAML the parser may raise anything: IndexError, AssertionError …
+        raise ConfigError(f"{source}: not valid YAML: {_unquoted(error) or type(error).__name__}") from None
+    return tree
+
+
+def _values(node: Any, known: dict[int, int]) -> int:
+    """Count the values of a composed document with all aliases and merges expanded."""
+    if node is None:
+        return 0
+    if id(node) not in known:
+        known[id(node)] = MAX_VALUES + 1  # a node that contains itself never ends
+        inside = [n for entry in node.value for n in (entry if isinstance(entry, tuple) else (entry,))]
+        known[id(node)] = 1 + sum(_values(n, known) for n in inside if not isinstance(n, str))
+    return known[id(node)]
+
+
+def _require_names(node: Any, source: str) -> None:
+    """Refuse keys that do not look like keys, without quoting them."""
+    for entry in getattr(node, "value", ()) if not isinstance(node, ScalarNode) else ():
+        key, value = entry if isinstance(node, MappingNode) else (None, entry)
+        if isinstance(key, ScalarNode) and str(key.tag).endswith(":str") and not KEY.fullmatch(key.value):
+            line = key.start_mark.line + 1
+            raise ConfigError(f"{source}: the key in line {line} is no name; allowed: letters, digits and _ . -")
+        _require_names(value, source)
+
+
+def _require_text_keys(tree: Any) -> None:
+    """Refuse keys that are not text."""
+    if isinstance(tree, dict):
+        for key, value in tree.items():
+            if not isinstance(key, str):
+                raise ValueError("a key is not text")
+            _require_text_keys(value)
+    elif isinstance(tree, list):
+        for value in tree:
+            _require_text_keys(value)
+
+
+def _one_line(text: object) -> str:
+    return " ".join(str(text).split())[:200]
+
+
+def _unquoted(problem: object) -> str:
+    """Return a message of the parser without what it quotes: the file may be one that nobody should see."""
+    return _QUOTED.sub(lambda found: found[0] if found["harmless"] else "…", _one_line(problem))
+
+
+def _reason(error: OSError | ValueError) -> str:
+    return error.strerror if isinstance(error, OSError) and error.strerror else _one_line(error)

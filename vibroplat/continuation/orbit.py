@@ -1,0 +1,386 @@
+"""One periodic orbit of a scene, by Newton's method from a guess."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from functools import cached_property
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from vibroplat.config.scene import COORDINATES, RATES, Scene
+from vibroplat.continuation.event_sequence import spelled, turned
+from vibroplat.continuation.newton import ANGLE, Found, Frame, MissedError, Problem, correct, leaving
+from vibroplat.continuation.shooting import Shooter, Shot
+from vibroplat.errors import ConfigError, VibroplatError
+from vibroplat.hybrid.initial import initial_state
+from vibroplat.kernels.compiled import FloatArray
+from vibroplat.motion.initial_condition import beginning, end_of
+from vibroplat.motion.run import simulate
+from vibroplat.observe.summary import Part, measured
+from vibroplat.observe.trajectory import Trajectory
+from vibroplat.results.columns import Column, Columns
+from vibroplat.study.point import MEASURED, row_of
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+#: Turns of exciter 1 after which a motion that settles is tried as a guess, one after the other.
+SETTLING = (24, 96, 384)
+#: Residual of a motion that has settled, in the scales of the scene, beyond which it does not repeat.
+UNSETTLED = 1e-3
+#: The tolerance of the integrator over that of an orbit, at most.
+INTEGRATOR = 0.1
+#: Residual, over the tolerance, within which an orbit repeats after fewer turns.
+REPEATS = 1e4
+
+#: Periods over which the turns of both exciters are compared where no orbit is found, and how far from whole turns in
+#: each those of exciter 2 may be.
+WATCHED, OUT_OF_STEP = 1000, 4e-4
+
+_TURN = 2.0 * np.pi
+
+
+class OrbitError(VibroplatError):
+    """No periodic orbit was found; the message says why, with the last residuals."""
+
+    exit_code = 2
+
+
+@dataclass(frozen=True, repr=False)
+class Orbit:
+    """A periodic orbit.
+
+    Attributes
+    ----------
+    scene
+        Whose orbit it is.
+    state
+        Full state on it, shape (14,), as :data:`vibroplat.config.scene.COORDINATES` and their rates.
+    period
+        In turns of exciter 1.
+    period_s
+        (s).
+    multipliers
+        Floquet multipliers but the 1 along the motion, the largest first.
+    residual
+        How far it is from closing, in the scales of the scene.
+    sequence
+        Its events, as ``liftoff stick``; ``none`` without any.
+    measures
+        As in the table of a sweep.
+    residuals
+        Of Newton's iterations.
+    """
+
+    scene: Scene
+    state: FloatArray
+    period: int
+    period_s: float
+    multipliers: npt.NDArray[np.complex128]
+    residual: float
+    sequence: str
+    measures: dict[str, Any]
+    residuals: Sequence[float] = ()
+
+    def __repr__(self) -> str:
+        kind = "stable" if self.stable else f"unstable ({self.unstable} multipliers outside the unit circle)"
+        largest = abs(self.multipliers[0]) if self.multipliers.size else 0.0
+        lines = (
+            f"Orbit of {self.scene.name}: period {self.period} ({self.period_s:.9g} s), {kind}",
+            f"  events of a period    {self.sequence}",
+            f"  excitation frequency  {self.excitation_frequency_hz:.9g} Hz",
+            f"  RMS x, y              {1e3 * self.measures['rms_x_m']:.6g}, {1e3 * self.measures['rms_y_m']:.6g} mm",
+            f"  largest multiplier    {largest:.9g}",
+            f"  residual              {self.residual:.2g}",
+        )
+        return "\n".join(lines)
+
+    @property
+    def unstable(self) -> int:
+        """Number of multipliers outside the unit circle."""
+        return leaving(self.multipliers)
+
+    @property
+    def stable(self) -> bool:
+        """Whether disturbances decay."""
+        return self.unstable == 0
+
+    @property
+    def excitation_frequency_hz(self) -> float:
+        """Turns of exciter 1 per second."""
+        return self.period / self.period_s
+
+    def plot(self) -> Figure:
+        """Draw it: its speed over its height, and the gap over the phase where there is material."""
+        figure: Figure = import_module("vibroplat.plots.display").orbit_figure(self)
+        return figure
+
+    @cached_property
+    def run(self) -> Trajectory:
+        """One period of it, as a run with dense output."""
+        return run_from(self.scene, self.state, self.period_s)
+
+
+def run_from(scene: Scene, state: FloatArray, seconds: float) -> Trajectory:
+    """Simulate for some seconds from a full state, shape (14,), exactly as it is."""
+    changes = {"run.duration_s": seconds, "run.perturbation": 0.0}
+    return simulate(beginning_at(scene, state).replace(changes))
+
+
+def orbit(scene: Scene, guess: Any = None, *, period: int = 1, tolerance: float = 1e-8) -> Orbit:
+    """Find a periodic orbit of a scene.
+
+    Parameters
+    ----------
+    scene
+        With a constant supply.
+    guess
+        Where to begin: None, to let the motion settle from ``run.initial``; a full state, shape (14,), or a mapping
+        with its names, as a row of a trajectory table; a finished run (a Trajectory or its directory); a row of a
+        table of this scene, whose keys are set: one of ``branches`` or ``special`` has a state, from one of a sweep the
+        motion settles, with the phase difference of the row.
+    period
+        Turns of exciter 1 after which it is to repeat.
+    tolerance
+        Residual at which it is found, in the scales of the scene.
+
+    Raises
+    ------
+    OrbitError
+        There is none near the guess, or it repeats after fewer turns.
+    ConfigError
+        The scene has a drive program, or the guess is none of these.
+
+    Examples
+    --------
+    >>> from vibroplat import Scene, orbit
+    >>> found = orbit(Scene())
+    >>> found.sequence, found.stable
+    ('none', True)
+    """
+    if isinstance(guess, Mapping | pd.Series) and "excitation_frequency_hz" in guess:
+        scene, guess = at_row(scene, guess), guess if has_state(guess) else None
+    scene = accurate(scene, tolerance)
+    with closing(Shooter(scene)) as shooter:
+        problem, frame, found = first_orbit(shooter, guess, period, (), tolerance)
+        return orbit_of(problem, frame, found)
+
+
+def accurate(scene: Scene, tolerance: float) -> Scene:
+    """Return the scene with a tolerance of the integrator that orbits of a tolerance need.
+
+    Raises
+    ------
+    ConfigError
+        It has a drive program.
+    """
+    if scene.drive.program is not None:
+        raise ConfigError("drive.program is given, but orbits have a constant supply; allowed: supply_frequency_hz")
+    return scene.replace({"solver.tolerance": min(scene.solver.tolerance, INTEGRATOR * tolerance)})
+
+
+def at_row(scene: Scene, row: Mapping[str, Any] | pd.Series) -> Scene:
+    """Return a scene at the keys of a row of one of its tables; without a state, at the row's phase difference too."""
+    found = {str(key): value for key, value in row.items()}
+    values = {key: value for key, value in found.items() if "." in key}
+    if "supply_frequency_hz" in found:
+        values["drive.supply_frequency_hz"] = float(found["supply_frequency_hz"])
+    phase = found.get("phase_difference_rad")
+    if phase is not None and np.isfinite(phase) and not has_state(row):
+        name = "phase_sum_rad" if scene.rotation == "counter-rotating" else "phase_difference_rad"
+        values[f"run.initial.{name}"] = float(phase)
+    return scene.replace(values)
+
+
+def has_state(row: Mapping[str, Any] | pd.Series) -> bool:
+    """Whether a row of a table has a state, as rows of branches and of special points have."""
+    return RATES[0] in row
+
+
+def first_orbit(
+    shooter: Shooter, guess: Any, period: int, units: Sequence[float], tolerance: float
+) -> tuple[Problem, Frame, Found]:
+    """Find an orbit near a guess at the values that the shooter has; what :func:`orbit` says of guesses."""
+    why: MissedError | None = None
+    for state in guesses(shooter, guess):
+        try:
+            problem, frame, found = _from_state(shooter, state, period, units, tolerance)
+        except MissedError as error:
+            why = error
+            continue
+        _require_whole(problem, frame, found, period)
+        return problem, frame, found
+    assert why is not None
+    last = ", ".join(f"{r:.1e}" for r in why.residuals[-4:]) or "none"
+    reason = _out_of_step(shooter, state, period)
+    if not reason and guess is None and why.residuals and why.residuals[0] > UNSETTLED:
+        reason = f"the motion that settles does not repeat after {period} turns; {why.why}"
+    reason = reason or why.why
+    raise OrbitError(f"no orbit of period {period} near the start: {reason}; last residuals: {last}")
+
+
+def _out_of_step(shooter: Shooter, state: FloatArray, period: int) -> str:
+    """Say so if exciter 2 does not make whole turns in a period of the motion from a state; else ""."""
+    scene = shooter.scene
+    shot = shooter.shot(state, WATCHED * period * _TURN / scene.speed_scale)
+    first, second = shot.state[3:5] - state[3:5]
+    if shot.outcome != "ok" or abs(first) < _TURN:
+        return ""
+    turns = period * second / abs(first)
+    if abs(turns - round(turns)) < OUT_OF_STEP:
+        return ""
+    poles = [exciter.pole_pairs for exciter in scene.exciter_pair]
+    unequal = f"; their motors have {poles[0]} and {poles[1]} pole pairs" if poles[0] != poles[1] else ""
+    return (
+        f"exciters are not in step: exciter 2 makes {abs(turns):.4g} turns in {period} of exciter 1, "
+        f"allowed: whole turns{unequal}"
+    )
+
+
+def guesses(shooter: Shooter, guess: Any) -> Any:
+    """Yield full states on the section, φ₁ = 0, to begin with."""
+    scene, motion = shooter.scene, shooter.motion
+    if guess is None:
+        motion.begin_again(beginning(scene).state)
+        done = 0
+        for turns in SETTLING:
+            motion.to_section(turns - done, 4.0 * turns * _TURN / scene.speed_scale)
+            done = turns
+            if motion.outcome != "ok":
+                raise OrbitError(f"the motion ended while it settled: {motion.outcome}: {motion.detail}")
+            state = motion.state
+            yield state
+            motion.begin_again(state)  # the search has moved it
+        return
+    motion.begin_again(state_of(scene, guess))
+    if not motion.to_section(1, 4.0 * _TURN / scene.speed_scale):
+        raise OrbitError("exciter 1 does not turn; allowed: a motion whose exciters turn")
+    yield motion.state
+
+
+def beginning_at(scene: Scene, state: FloatArray) -> Scene:
+    """Return a scene that begins at a full state, shape (14,)."""
+    names = (*COORDINATES, *RATES)
+    present = [*scene.coordinates, *(7 + i for i in scene.coordinates)]
+    return scene.replace({"run.initial": {"state": {names[i]: float(state[i]) for i in present}}})
+
+
+def state_of(scene: Scene, guess: Any) -> FloatArray:
+    """Read a full state, shape (14,), from what a user gives.
+
+    Raises
+    ------
+    ConfigError
+        It is nothing of the kind.
+    """
+    if isinstance(guess, Trajectory):
+        return guess.final_state.copy()
+    if isinstance(guess, str | Path):
+        return end_of(Path(guess), scene).state
+    if isinstance(guess, Orbit):
+        return guess.state.copy()
+    names = (*COORDINATES, *RATES)
+    if isinstance(guess, Mapping | pd.Series):
+        state = initial_state(scene)
+        given = {name: guess[name] for name in names if name in guess and pd.notna(guess[name])}
+        if given:
+            for place, name in enumerate(names):
+                state[place] = float(given.get(name, state[place]))
+            return state
+    else:
+        state = np.array(guess, dtype=float)
+        if state.shape == (len(names),) and np.isfinite(state).all():
+            return state
+    raise ConfigError("guess is no state; allowed: 14 numbers, a row of a trajectory or of a sweep, a run, an orbit")
+
+
+def _from_state(
+    shooter: Shooter, state: FloatArray, period: int, units: Sequence[float], tolerance: float
+) -> tuple[Problem, Frame, Found]:
+    """Find the orbit near a state on the section; where events are near the section, on another one."""
+    state = state.copy()
+    state[3:5] -= _TURN * np.round(state[3:5] / _TURN)
+    shot = shooter.shot(state, period * _TURN / max(abs(state[10]), 1e-6 * shooter.scene.speed_scale))
+    if shot.outcome != "ok":
+        raise MissedError(f"{shot.outcome}: {shot.detail}")
+    turns = tuple(int(n) for n in np.round((shot.state[3:5] - state[3:5]) / _TURN))
+    problem = Problem(shooter, (turns[0], turns[1]), units, tolerance)
+    frame = Frame(state, shot.begins)
+    values = [shooter.held[key] for key in shooter.keys]
+    u = problem.pack(frame, state, shot.duration, values)
+    border = np.eye(u.size)[u.size - len(values) :]
+    return problem, frame, correct(problem, frame, u, border, most=20)
+
+
+def _require_whole(problem: Problem, frame: Frame, found: Found, period: int) -> None:
+    """Refuse an orbit that repeats after fewer turns."""
+    state, seconds, _ = problem.unpack(frame, found.u)
+    for turns in range(1, period):
+        if period % turns == 0:
+            shot = problem.shooter.shot(state, seconds * turns / period)
+            difference = (shot.state - state)[frame.places] / problem.shooter.scales[frame.places]
+            difference -= np.round(difference / _TURN) * _TURN * np.isin(frame.places, (ANGLE, ANGLE + 1))
+            if np.abs(difference).max() < REPEATS * problem.tolerance:
+                raise OrbitError(f"orbits.period = {period} but the motion repeats after {turns}; allowed: {turns}")
+
+
+def orbit_of(problem: Problem, frame: Frame, found: Found) -> Orbit:
+    """Describe an orbit for users."""
+    state, seconds, values = problem.unpack(frame, found.u)
+    scene = problem.shooter.scene_at(dict(zip(problem.shooter.keys, values, strict=True)))
+    turns = abs(problem.turns[0])
+    return Orbit(
+        scene=scene,
+        state=state,
+        period=turns,
+        period_s=seconds,
+        multipliers=problem.multipliers(frame, found.shot),
+        residual=found.residuals[-1],
+        sequence=spelled(turned(found.shot.word)),
+        measures=measures_of_orbit(scene, found.shot, problem.turns),
+        residuals=found.residuals,
+    )
+
+
+def told(multipliers: npt.NDArray[np.complex128], most: int) -> dict[str, float | None]:
+    """Return the columns of so many of the largest multipliers; the last is left out if it is half of a pair."""
+    whole = multipliers[:most]
+    if multipliers.size > most and multipliers[most] == multipliers[most - 1].conjugate() != multipliers[most - 1]:
+        whole = whole[:-1]
+    columns: dict[str, float | None] = {}
+    for i in range(most):
+        known = i < whole.size
+        columns[f"multiplier_{i + 1}_re"] = float(whole[i].real) if known else None
+        columns[f"multiplier_{i + 1}_im"] = float(whole[i].imag) if known else None
+    return columns
+
+
+def columns_told(most: int) -> Columns:
+    """Describe the columns of :func:`told`."""
+    meanings = dict.fromkeys(range(1, most), "the largest is the first")
+    meanings[most] = "empty where only half of a complex pair would have a place"
+    return {
+        f"multiplier_{i}_{part}": Column(f"{which} part of Floquet multiplier {i}", meaning)
+        for i, meaning in meanings.items()
+        for part, which in (("re", "real"), ("im", "imaginary"))
+    }
+
+
+def measures_of_orbit(scene: Scene, shot: Shot, turns: tuple[int, int]) -> dict[str, Any]:
+    """Return the measures of a sweep over the period of an orbit."""
+    assert isinstance(shot.part, Part)
+    first, second = (abs(n) / shot.duration for n in turns)
+    found = measured(shot.part) | {
+        "excitation_frequency_hz": 0.5 * (first + second),
+        "frequency_split_hz": first - second,
+        "impacts_per_period": float(shot.part.measures.marks["measured_impacts"]) / abs(turns[0]),
+    }
+    row = row_of(found, scene)
+    return {name: row[name] for name in (*MEASURED, "sync", "notes")}

@@ -1,0 +1,106 @@
+"""Where a run begins: as its scene says, slightly perturbed, or where another run ended."""
+
+from __future__ import annotations
+
+from collections import deque
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from vibroplat.config.scene import COORDINATES, RATES, Mode, Scene
+from vibroplat.errors import ConfigError, TableError
+from vibroplat.hybrid.initial import initial_state, perturbed
+from vibroplat.kernels.compiled import FloatArray
+from vibroplat.results.files import Result
+
+
+class Beginning(NamedTuple):
+    """Where a run begins.
+
+    Attributes
+    ----------
+    state
+        Full state, shape (14,).
+    time
+        When (s).
+    mode
+        Its mode, where the run goes on from another.
+    origin
+        What provenance says of that other run.
+    """
+
+    state: FloatArray
+    time: float = 0.0
+    mode: Mode | None = None
+    origin: dict[str, Any] | None = None
+
+
+def beginning(scene: Scene) -> Beginning:
+    """Find where a run of a scene begins.
+
+    Raises
+    ------
+    ConfigError
+        ``run.initial.from`` names no finished run, or one whose end this scene cannot go on from.
+    """
+    source, share = scene.run.initial.from_, scene.run.start_perturbation
+    found = Beginning(initial_state(scene)) if source is None else end_of(Path(source), scene)
+    key = (scene.run.seed, 0, round(1e6 * scene.drive.largest_frequency))  # as the first point of a sweep
+    start = found._replace(state=perturbed(found.state, scene, share, key))
+    if scene.drive.program is not None and scene.drive.program[0].t_s > start.time:
+        raise ConfigError(
+            f"drive.program.0.t_s = {scene.drive.program[0].t_s} but the run begins at {start.time:g} s; "
+            "allowed: an entry for its beginning"
+        )
+    return start
+
+
+def end_of(directory: Path, scene: Scene) -> Beginning:
+    """Read the last row of a run's trajectory.
+
+    Raises
+    ------
+    ConfigError
+        The directory holds no finished run, or one that this scene cannot go on from.
+    """
+    key = f"run.initial.from = {str(directory)!r}"
+    try:
+        result = Result(directory, "run")
+        origin, summary = result.provenance, result.document("summary")
+        table = deque(result.parts("trajectory", last=True), maxlen=1)[0]  # its last rows
+    except TableError as error:
+        wrong = str(error).partition("; allowed: ")[0]
+        raise ConfigError(f"{key}: {wrong}; allowed: the directory of a finished run") from None
+    outcome = summary.get("outcome") if isinstance(summary, dict) else None
+    if outcome != "ok":
+        raise ConfigError(f"{key}: the run ended early ({outcome}); allowed: the directory of a finished run")
+    try:
+        row = {str(column): value for column, value in table.iloc[-1].items()}
+        time, mode = float(row["t_s"]), Mode[str(row["mode"]).upper()]
+        state = _state_of(row, scene, key)
+    except (IndexError, KeyError, TypeError, ValueError):
+        raise ConfigError(f"{key}: its trajectory is not as vibroplat writes it") from None
+    told = {"directory": str(directory), "t_s": time} | {
+        name: origin.get(name) for name in ("result", "configuration_sha256", "created")
+    }
+    return Beginning(state, time, mode if mode in scene.modes else None, told)
+
+
+def _state_of(row: dict[str, Any], scene: Scene, key: str) -> FloatArray:
+    """Full state of a row; what the scene has beyond the row's coordinates is at rest."""
+    state = initial_state(scene)
+    for half, names in ((0, COORDINATES), (7, RATES)):
+        for place, name in enumerate(names):
+            if name not in row:
+                continue
+            if place not in scene.coordinates and row[name] != 0.0:
+                raise ConfigError(
+                    f"{key} ends with {name} = {row[name]:g} but this scene has no such coordinate; "
+                    "allowed: a run with the same layers"
+                )
+            if place in scene.coordinates:
+                state[half + place] = row[name]
+    if not np.isfinite([*state, row["t_s"]]).all():
+        raise ValueError
+    return state

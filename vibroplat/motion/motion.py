@@ -1,0 +1,326 @@
+"""A scene in motion, carried on to a time, to a point of its section, to an event."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Protocol
+
+import numpy as np
+
+from vibroplat.config.drive import interval_at
+from vibroplat.config.scene import Mode, Scene
+from vibroplat.hybrid import state as hy
+from vibroplat.hybrid.automaton import automaton
+from vibroplat.hybrid.jumps import join, turn_corner
+from vibroplat.hybrid.loop import first_mode, fly
+from vibroplat.hybrid.modes import KINDS
+from vibroplat.hybrid.steps import no_steps, rewind
+from vibroplat.integrate.seam import Engine
+from vibroplat.kernels.compiled import FloatArray
+from vibroplat.model.accelerations import accelerations
+from vibroplat.model.parameters import Parameters, supply, words
+from vibroplat.model.systems import SYSTEMS
+from vibroplat.observe.audit import Energies
+from vibroplat.observe.statistics import Measures, Statistics, copied
+from vibroplat.observe.summary import Part
+from vibroplat.system.memory import NO_MORE, OutOfMemoryError
+
+#: Names of outcomes, by the automaton's number.
+OUTCOMES = {
+    hy.RUNNING: "ok",
+    hy.OK: "ok",
+    hy.SOLVER_FAILURE: "solver-failure",
+    hy.NON_FINITE: "non-finite",
+    hy.INCONSISTENT: "non-finite",
+    hy.EVENT_STORM: "event-storm",
+    hy.BEYOND_MODEL: "beyond-model",
+    hy.OUT_OF_MEMORY: "out-of-memory",
+}
+
+_TURN = 2.0 * math.pi
+
+#: Part of a turn that a state on the section may lie before it, by round-off.
+_ON_SECTION = 1e-9
+
+
+class Observer(Protocol):
+    """What reads a motion while it goes on."""
+
+    def read(self, h: hy.Automaton) -> None:
+        """Read the closed pieces of ``h.steps`` and the first ``run.events`` of ``h.events``, before they go."""
+
+
+class Motion:
+    """A scene in motion.
+
+    Parameters
+    ----------
+    scene
+        What moves; its duration is not used.
+    p
+        Parameters of the scene.
+    engine
+        An engine made for both, driven by this motion alone; whoever made it closes it.
+    state
+        Full state to begin with, shape (14,); that of ``run.initial`` without it.
+    time
+        When it begins (s).
+    mode
+        Mode to begin with, where the state alone does not tell: a gap of 0 may be about to open.
+
+    Attributes
+    ----------
+    automaton
+        Where the motion is, in the records that the engine changes.
+    events
+        Events so far.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        p: Parameters,
+        engine: Engine,
+        state: FloatArray | None = None,
+        time: float = 0.0,
+        mode: Mode | None = None,
+    ) -> None:
+        self.scene = scene
+        self.engine = engine
+        self.events = 0
+        self._lack = ""
+        steps = no_steps(engine.rows, engine.degree)
+        self._p = p
+        self._intervals = scene.drive.intervals
+        self._interval = interval_at(self._intervals, time)
+        supply(p, scene, self._interval)
+        self.automaton = automaton(scene, p, steps, engine.turns_per_segment, state, time)
+        self._beginning = self.automaton.run.copy()
+        self._run = np.asarray(self.automaton.run).reshape(1)
+        self._held = words(p), words(self.automaton.p), words(self.automaton.inelastic)
+        first_mode(self.automaton)
+        if mode is Mode.FLIGHT and self.automaton.run["mode"] == Mode.ATTACHED:
+            fly(self.automaton)
+        if mode is not None:
+            join(self.automaton, mode is Mode.ATTACHED, self._interval.start == time and self._interval.corner)
+
+    def set_parameters(self, p: Parameters) -> None:
+        """Change the parameters for all who hold them: of another scene of the same modes, with the same tolerances."""
+        for held in self._held:
+            held[:] = words(p)
+        self.automaton.inelastic["restitution"] = 0.0
+
+    def begin_again(self, state: FloatArray) -> None:
+        """Begin anew at another full state, shape (14,), at the time and in the interval of the drive as before.
+
+        It saves making records and steps for each of many short motions. What the engine has counted goes on.
+        """
+        self._run[0] = self._beginning
+        self._run["state"] = state
+        self.events = 0
+        if self.now < self._interval.start or self.now >= self._interval.end:
+            self._interval = interval_at(self._intervals, self.now)
+            for p in (self._p, self.automaton.p, self.automaton.inelastic):
+                supply(p, self.scene, self._interval)
+        first_mode(self.automaton)
+
+    def go_on(
+        self, seconds: float, *, settle: float = 0.0, blocks: int = 1, observers: Sequence[Observer] = ()
+    ) -> Part:
+        """Carry the motion on for a time, and measure it.
+
+        Parameters
+        ----------
+        seconds
+            How long, unless it ends early; see :attr:`outcome`.
+        settle
+            What is not measured of it at its beginning (s).
+        blocks
+            Equally long parts in which it is carried on; the sums at their ends are kept in the part that is returned.
+        observers
+            What else reads it.
+        """
+        begun, h = self.now, self.automaton
+        statistics = Statistics(begun + settle)
+        before = Energies.of(h.run["state"], h.p)
+        ends: list[Measures] = []
+        for block in range(1, blocks + 1):
+            self.to_time(begun + seconds * block / blocks, (statistics, *observers))
+            if self.outcome != "ok":
+                break
+            if blocks > 1:
+                ends.append(copied(statistics.measures))
+        return Part(statistics.measures, before, Energies.of(h.run["state"], h.p), ends)
+
+    def go_round(self, turns: int, longest: float, observers: Sequence[Observer] = ()) -> Part:
+        """Carry the motion on to the next point of its section and for whole turns of exciter 1 from there; measure it.
+
+        Parameters
+        ----------
+        turns
+            How many whole turns.
+        longest, observers
+            As in :meth:`to_section`.
+        """
+        h, statistics = self.automaton, Statistics(self.now)
+        before = Energies.of(h.run["state"], h.p)
+        self.to_section(turns + 1, longest, (statistics, *observers))
+        return Part(statistics.measures, before, Energies.of(h.run["state"], h.p))
+
+    def to_time(self, time: float, observers: Sequence[Observer] = ()) -> None:
+        """Carry the motion on to a time (s), unless it ends early, through the corners of the drive's program."""
+        run = self.automaton.run
+        awaited = run["awaited"]
+        while True:
+            if self.now >= self._interval.end and time > self.now and self.outcome == "ok":
+                self._turn_corner(observers)
+            if run["awaited"] != awaited:  # the corner is what the motion waits for
+                return
+            end = min(time, self._interval.end)
+            self._within_interval(end, observers)
+            reached = self.outcome == "ok" and run["awaited"] == awaited and self.now >= end
+            if not reached or end >= time:
+                return
+
+    def _turn_corner(self, observers: Sequence[Observer]) -> None:
+        """Change the supply of the motors for all who hold the parameters."""
+        h = self.automaton
+        self._interval = interval_at(self._intervals, self.now)
+        for p in (self._p, h.p, h.inelastic):
+            supply(p, self.scene, self._interval)
+        turn_corner(h, self._interval.corner)
+        rewind(h.steps)  # they have been read
+        self._tell(observers)
+
+    def _within_interval(self, time: float, observers: Sequence[Observer]) -> None:
+        """Carry the motion on to a time (s) at which or before which the supply does not change."""
+        h = self.automaton
+        h.run["end"] = time
+        if h.run["outcome"] == hy.OK:
+            h.run["outcome"] = hy.RUNNING
+        while h.run["outcome"] == hy.RUNNING:
+            rewind(h.steps)  # should memory run out before the engine does so
+            try:
+                self.engine.advance(h)
+            except MemoryError as error:
+                self._end_without_memory(error)
+            self._tell(observers)
+
+    def _tell(self, observers: Sequence[Observer]) -> None:
+        """Let observers read the new steps and events, all of them even if one runs out of memory."""
+        h = self.automaton
+        for observer in observers:
+            try:
+                observer.read(h)
+            except MemoryError as error:
+                self._end_without_memory(error)
+        self.events += int(h.run["events"])
+        h.run["events"] = 0
+
+    def _end_without_memory(self, error: MemoryError) -> None:
+        """End the motion early; what was computed is kept."""
+        self.automaton.run["outcome"] = hy.OUT_OF_MEMORY
+        self._lack = str(error) if isinstance(error, OutOfMemoryError) else NO_MORE
+
+    def to_section(self, turns: int, longest: float, observers: Sequence[Observer] = ()) -> bool:
+        """Carry the motion on until exciter 1 has completed so many whole turns more, exactly.
+
+        Parameters
+        ----------
+        turns
+            How many points of the Poincaré section, φ₁ = 0 modulo 2π, are passed; the motion stops at the last.
+        longest
+            Time after which it stops in any case (s).
+
+        Returns
+        -------
+        bool
+            Whether it got there.
+        """
+        run = self.automaton.run
+        passed = math.floor((run["state"][3] + run["turns"][0]) / _TURN + _ON_SECTION)
+        run["target"] = target = _TURN * (passed + turns)
+        self.to_time(self.now + longest, observers)
+        run["target"] = math.nan
+        return self.outcome == "ok" and self.state[3] > target - _TURN * _ON_SECTION
+
+    def to_event(self, kind: str, longest: float, observers: Sequence[Observer] = ()) -> bool:
+        """Carry the motion on to the next event of a kind; the state is that after it.
+
+        Parameters
+        ----------
+        kind
+            ``liftoff``, ``impact``, ``latch`` or ``drive``.
+        longest
+            Time after which it stops in any case (s).
+
+        Returns
+        -------
+        bool
+            Whether it got there.
+
+        Raises
+        ------
+        ValueError
+            There is no such kind.
+        """
+        if kind not in KINDS:
+            raise ValueError(f"kind of event {kind!r}; allowed: {', '.join(KINDS)}")
+        run = self.automaton.run
+        run["awaited"] = KINDS.index(kind)
+        self.to_time(self.now + longest, observers)
+        found = bool(run["awaited"] < 0)
+        run["awaited"] = -1
+        return found
+
+    @property
+    def now(self) -> float:
+        """Time since the beginning (s)."""
+        return float(self.automaton.run["now"])
+
+    @property
+    def state(self) -> FloatArray:
+        """Full state, shape (14,), its exciter angles with all their turns."""
+        state: FloatArray = self.automaton.run["state"].copy()
+        state[3:5] += self.automaton.run["turns"]
+        return state
+
+    @property
+    def rates(self) -> FloatArray:
+        """Rates of the full state, shape (14,)."""
+        h = self.automaton
+        system = SYSTEMS[h.run["systems"][h.run["mode"]]]
+        y, yp = system.unknowns(h.run["state"]), np.zeros(system.size)
+        accelerations(system.index, self.now, y, yp, h.p)
+        found: FloatArray = system.full(yp)
+        return found
+
+    @property
+    def restarts(self) -> int:
+        """Restarts of the integrator so far."""
+        return int(self.automaton.run["restarts"])
+
+    @property
+    def outcome(self) -> str:
+        """``ok``, or why the motion has ended early."""
+        return OUTCOMES[int(self.automaton.run["outcome"])]
+
+    @property
+    def detail(self) -> str:
+        """Why the motion has ended early, in which mode, when and where; empty if it has not."""
+        if self.outcome == "ok":
+            return ""
+        h, run = self.automaton, self.automaton.run
+        oldest = h.recent[run["restarts"] % h.recent.size]
+        safe = h.p["safe_rotation"]
+        why = {
+            hy.INCONSISTENT: "there are no finite accelerations",
+            hy.BEYOND_MODEL: f"the platform has turned by {run['state'][2]:.3g} rad; beyond {safe:.3g} rad "
+            "the mass matrix of the model, of first order in phi, need not be positive definite",
+            hy.EVENT_STORM: f"{h.recent.size} restarts within {run['now'] - oldest:.3g} s, less than one period; "
+            "raise solver.max_events_per_period to follow them",
+            hy.OUT_OF_MEMORY: self._lack,
+        }.get(int(run["outcome"]), self.engine.detail)
+        state = ", ".join(f"{v:.6g}" for v in run["state"])
+        return f"{why}; mode {Mode(int(run['mode'])).label}, t = {run['now']:.9g} s, state [{state}]"

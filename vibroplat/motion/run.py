@@ -1,0 +1,176 @@
+"""A run: build the automaton of a scene, let an engine drive it, keep what was asked for."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from contextlib import closing
+
+from vibroplat.config.plausibility import notes_on_input
+from vibroplat.config.scene import Scene
+from vibroplat.hybrid.scales import force_noise
+from vibroplat.hybrid.state import Automaton
+from vibroplat.integrate.choice import make_engine
+from vibroplat.integrate.seam import WORK, Engine
+from vibroplat.model.parameters import Parameters, parameters
+from vibroplat.motion.initial_condition import beginning
+from vibroplat.motion.motion import Motion, Observer
+from vibroplat.motion.recorder import Keep, Kept, Sink
+from vibroplat.motion.space import require_memory
+from vibroplat.motion.variation import directions, listed
+from vibroplat.observe.audit import INACCURATE, inaccuracy
+from vibroplat.observe.names import named_derivative
+from vibroplat.observe.notes import drift, notes_on_measures, stiffness
+from vibroplat.observe.summary import MEASURES, measured
+from vibroplat.observe.trajectory import Trajectory
+from vibroplat.observe.variation import Variation
+from vibroplat.results.columns import Column, Columns
+
+#: The measured part is what follows this share of the duration, cut to whole turns of exciter 1.
+SETTLE_SHARE = 0.5
+
+#: The summary of a run.
+SUMMARY: Columns = {
+    "name": Column("name of the scene"),
+    "outcome": Column("ok, or why the run ended early or is inaccurate"),
+    "detail": Column("where and why, unless the outcome is ok"),
+    "simulated_s": Column("simulated time"),
+    "rotation": Column("counter-rotating or co-rotating exciters"),
+    "perturbation": Column("random change of the rates at the start", "in the scales of the scene"),
+    **MEASURES,
+    "contact_force_noise_n": Column("contact forces up to this size, of either sign, are noise"),
+    "engine": Column("integrator that ran"),
+    "tolerance": Column("its tolerance", "local error relative to the scales of the scene"),
+    **WORK,
+    "restarts": Column("starts of the integrator", "the first one, and one after each event"),
+    "wall_s": Column("time that the computation took"),
+    "notes": Column("what deserves a second look"),
+}
+
+
+def simulate(
+    scene: Scene,
+    *,
+    keep: Keep = "segments",
+    progress: Callable[[float, int], None] | None = None,
+    sink: Sink | None = None,
+    variation: bool | str | Sequence[str] = False,
+) -> Trajectory:
+    """Integrate a scene in time.
+
+    Parameters
+    ----------
+    scene
+        What to simulate, how long and how accurately.
+    keep
+        ``segments``: all that tables and dense output need; ``table``: both tables; ``events``: the event table;
+        ``summary``: neither, in memory that does not grow with the length of the run. All have the summary.
+    progress
+        Called now and then with the time reached (s) and the number of events so far.
+    sink
+        Takes both tables part by part while the run goes on, whatever it keeps.
+    variation
+        ``True``: find the derivative of the end by the start too, :attr:`Trajectory.monodromy`; keys as in
+        :func:`vibroplat.motion.variation.variation`: also by these, :attr:`Trajectory.variation`.
+
+    Returns
+    -------
+    Trajectory
+        With ``summary["outcome"]`` ``ok``, or the reason why the run ended early: ``solver-failure``
+        (the integrator gave up), ``non-finite`` (a state or residual is not finite), ``event-storm``
+        (more events within a turn of the synchronous speed than ``solver.max_events_per_period``),
+        ``beyond-model`` (the platform has turned so far that the model, of first order in φ, breaks down).
+        ``out-of-memory`` (what is kept would take more than half of the memory available, or there is none left).
+        What was computed until then is kept; ``summary["detail"]`` has mode, time and state. A run that ended on time
+        but whose energy or momentum residual is beyond its limit is ``inaccurate``, and the detail says by how much.
+
+    Raises
+    ------
+    ConfigError
+        The table that is to be kept does not fit into memory, the run cannot begin as the scene says, or a key cannot
+        be varied.
+    """
+    if keep == "table":
+        require_memory(scene)
+    p = parameters(scene)
+    began = time.perf_counter()
+    with closing(make_engine(scene, p)) as engine:
+        run = simulate_with(engine, scene, p, keep=keep, progress=progress, sink=sink, variation=variation)
+    run.summary["wall_s"] = time.perf_counter() - began
+    return run
+
+
+def simulate_with(
+    engine: Engine,
+    scene: Scene,
+    p: Parameters,
+    *,
+    keep: Keep = "segments",
+    progress: Callable[[float, int], None] | None = None,
+    sink: Sink | None = None,
+    variation: bool | str | Sequence[str] = False,
+) -> Trajectory:
+    """Integrate a scene in time with an engine of one's own; see :func:`simulate`.
+
+    Parameters
+    ----------
+    engine
+        Made for the scene and used for nothing else; whoever made it closes it.
+    p
+        Parameters of the scene: the record that the engine was made with, which a drive's program changes in place.
+    """
+    began = time.perf_counter()
+    keys = listed(() if isinstance(variation, bool) else variation)
+    varied = None if variation is False else Variation(directions(scene, keys))
+    start = beginning(scene)
+    motion = Motion(scene, p, engine, start.state, start.time, start.mode)
+    duration = scene.run.duration_s
+    settle = SETTLE_SHARE * duration
+    kept = Kept(scene, keep, sink, motion.now + settle)
+    observers: list[Observer] = [*kept.observers]
+    if progress is not None:
+        observers.append(_Progress(progress, motion.now))
+    if varied is not None:
+        observers.append(varied)
+    part = motion.go_on(duration, settle=settle, observers=observers)
+    kept.finish()
+    run = Trajectory(
+        scene, kept.segments, kept.events, motion.state, part.measures, start.origin, table=kept.table, peaks=kept.peaks
+    )
+    if varied is not None and motion.outcome == "ok":
+        run.derivative = named_derivative(varied.derivative(motion.automaton), scene, keys)
+    found = measured(part)
+    doubt = inaccuracy(found, scene) if motion.outcome == "ok" else ""
+    run.summary = {
+        "name": scene.name,
+        "outcome": INACCURATE if doubt else motion.outcome,
+        "detail": doubt or motion.detail,
+        "simulated_s": motion.now - start.time,
+        "rotation": scene.rotation,
+        "perturbation": scene.run.start_perturbation,
+        **found,
+        "contact_force_noise_n": force_noise(scene) if scene.has_contact else None,
+        "engine": engine.name,
+        "tolerance": scene.solver.tolerance,
+        **engine.work,
+        "restarts": motion.restarts,
+        "wall_s": time.perf_counter() - began,
+    }
+    stiff = stiffness(scene, engine.name, engine.work["steps"], motion.restarts, motion.now - start.time)
+    notes = [*notes_on_input(scene), *notes_on_measures(scene, run.summary), drift(run.summary), stiff]
+    run.summary["notes"] = [note for note in notes if note]
+    return run
+
+
+class _Progress:
+    """Tells how far a run is."""
+
+    def __init__(self, tell: Callable[[float, int], None], start: float) -> None:
+        self._tell = tell
+        self._start = start
+        self._events = 0
+
+    def read(self, h: Automaton) -> None:
+        """Tell the time since the start (s) and the number of events so far."""
+        self._events += int(h.run["events"])
+        self._tell(float(h.run["now"]) - self._start, self._events)

@@ -1,0 +1,126 @@
+"""The derivative of a motion's end by its start and by keys of its scene."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import closing
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from vibroplat.config.scene import Scene
+from vibroplat.errors import ConfigError, MotionError
+from vibroplat.integrate.choice import make_engine
+from vibroplat.kernels.compiled import FloatArray
+from vibroplat.model.parameters import Parameters, parameters
+from vibroplat.model.sensitivity import parameter_direction
+from vibroplat.model.systems import FULL_SIZE
+from vibroplat.motion.initial_condition import Beginning, beginning
+from vibroplat.motion.motion import Motion
+from vibroplat.observe.names import named_derivative, named_state, state_places
+from vibroplat.observe.variation import MOST_KEYS, Variation
+
+#: Sections whose keys leave the supply alone, which a program changes from time to time.
+_BESIDE_THE_SUPPLY = ("machine", "material", "contact")
+
+
+class Varied(NamedTuple):
+    """Where a motion ends, and how that depends on its start and on keys.
+
+    Attributes
+    ----------
+    state
+        State at the end by the names of the trajectory table, the exciter angles with all their turns.
+    derivative
+        Its derivative: a row for each of its numbers, a column for each number of the start and for each key.
+    """
+
+    state: pd.Series[float]
+    derivative: pd.DataFrame
+
+
+def variation(
+    scene: Scene,
+    state: pd.Series[float] | npt.ArrayLike | None = None,
+    seconds: float | None = None,
+    keys: str | Sequence[str] = (),
+) -> Varied:
+    """Follow a motion for a time, with the derivative of its state by the start and by keys of the scene.
+
+    The derivative goes through liftoffs, impacts and latches; it is that of the state at a fixed time. That by a key
+    is at a fixed start. A start in contact cannot vary in gap and gap rate: these columns are 0.
+
+    Parameters
+    ----------
+    scene
+        The scene; with a drive program the motion begins at 0 s.
+    state
+        State to begin with: named as :attr:`Varied.state`, or a full state, shape (14,). Default: as a run begins.
+    seconds
+        For how long (s). Default: ``run.duration_s``.
+    keys
+        Dotted keys with continuous values, as ``drive.supply_frequency_hz``, at most two.
+
+    Raises
+    ------
+    vibroplat.errors.ConfigError
+        A key cannot be varied.
+    vibroplat.errors.MotionError
+        The motion ended early.
+    ValueError
+        The state is none of this scene.
+    """
+    keys = listed(keys)
+    observer = Variation(directions(scene, keys))
+    start = beginning(scene) if state is None else Beginning(_full(state, scene))
+    p = parameters(scene, start.time)
+    with closing(make_engine(scene, p)) as engine:
+        motion = Motion(scene, p, engine, start.state, start.time, start.mode)
+        motion.to_time(motion.now + (scene.run.duration_s if seconds is None else seconds), [observer])
+        if motion.outcome != "ok":
+            raise MotionError(f"the motion ended early ({motion.outcome}): {motion.detail}")
+        derivative = named_derivative(observer.derivative(motion.automaton), scene, keys)
+        return Varied(named_state(motion.state, scene), derivative)
+
+
+def listed(keys: str | Sequence[str]) -> tuple[str, ...]:
+    """Return keys as a tuple, also a single one."""
+    return (keys,) if isinstance(keys, str) else tuple(keys)
+
+
+def directions(scene: Scene, keys: Sequence[str]) -> list[Parameters]:
+    """Differentiate the parameters of a scene by keys that may be varied together.
+
+    Raises
+    ------
+    vibroplat.errors.ConfigError
+        They are more than two, or one of them cannot be varied.
+    """
+    if len(keys) > MOST_KEYS:
+        raise ConfigError(f"{len(keys)} keys to vary: {', '.join(keys)}; allowed: at most {MOST_KEYS}")
+    for key in keys:
+        if scene.drive.program is not None and key.partition(".")[0] not in _BESIDE_THE_SUPPLY:
+            raise ConfigError(
+                f"{key} cannot be varied under a drive.program; allowed: a key in {', '.join(_BESIDE_THE_SUPPLY)}"
+            )
+    return [parameter_direction(scene, key) for key in keys]
+
+
+def _full(state: pd.Series[float] | npt.ArrayLike, scene: Scene) -> FloatArray:
+    """Return a state of the scene as a full state."""
+    found = np.zeros(FULL_SIZE)
+    if not isinstance(state, pd.Series):
+        given = np.asarray(state, dtype=float)
+        if given.shape != found.shape:
+            raise ValueError(f"a full state has the shape ({FULL_SIZE},), not {given.shape}")
+        return given
+    places = state_places(scene)
+    if set(state.index) != set(places):
+        raise ValueError(
+            f"a state of this scene has the names {', '.join(places)}, not {', '.join(map(str, state.index))}"
+        )
+    for name, place in places.items():
+        found[place] = state[name]
+    return found

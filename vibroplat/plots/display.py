@@ -1,0 +1,112 @@
+"""Figures at a prompt and in a notebook: the one place between runs, orbits and tables and what draws them."""
+
+from __future__ import annotations
+
+import base64
+import io
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+
+from vibroplat.errors import TableError
+from vibroplat.plots import run as drawing
+from vibroplat.plots.names import ABSCISSAE, run_parameters
+from vibroplat.plots.orbits import branches_figure, branches_of, plot_orbit
+from vibroplat.plots.response import response_figure
+from vibroplat.plots.run_tables import Run, run_of
+from vibroplat.plots.style import head, new_figure, styled
+from vibroplat.plots.sweep_tables import response_of
+from vibroplat.results.prompt import AtPrompt, Kind
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from vibroplat.continuation.orbit import Orbit
+
+EXCITATION = ABSCISSAE["excitation"]
+#: Columns by which tables are recognized.
+_NEEDED = {
+    "branches": {"branch", "stable", "multiplier_1_re", EXCITATION},
+    "sweep": {"direction", "branch", "sync", EXCITATION},
+    "trajectory": {"t_s", "mode", "y_m", "phi1_rad", "phi1_rate_rad_per_s"},
+}
+
+
+def figure(run: AtPrompt, kind: Kind, start: float | None = None, stop: float | None = None) -> Figure:
+    """Draw a figure of a run.
+
+    Raises
+    ------
+    ValueError
+        The figure is unknown, or the run has no contact force to draw.
+    TableError
+        There is nothing to draw in the interval.
+    """
+    if kind not in drawing.FIGURES:
+        raise ValueError(f"kind = {kind!r}; allowed: {', '.join(drawing.FIGURES)}")
+    if kind == "force" and not run.scene.has_contact:
+        raise ValueError("kind = 'force' but this run has no contact; allowed: motion, exciters")
+    shown = drawing.Shown([run_of(run.summary, run.scene, run.trajectory, run.events, start, stop)])
+    with styled():
+        return drawing.FIGURES[kind](shown)
+
+
+def table_figure(table: pd.DataFrame, x: str | None = None) -> Figure:
+    """Draw the figure of a table; see :meth:`vibroplat.results.accessor.TableAccessor.plot`."""
+    kind = next((kind for kind, needed in _NEEDED.items() if needed <= {*table.columns}), None)
+    if kind is None:
+        raise ValueError(
+            "no figure of this table is known; allowed: of a trajectory, of a sweep, of branches of orbits"
+        )
+    if x is not None and (kind == "trajectory" or x not in table):
+        raise ValueError(f"x = {x!r}; allowed: {'not given' if kind == 'trajectory' else 'a column of the table'}")
+    if table.empty:
+        raise TableError("the table is empty; there is nothing to plot")
+    with styled():
+        if kind == "branches":
+            found = branches_of(table)
+            return branches_figure(found, x or found.abscissa)
+        if kind == "sweep":
+            return response_figure(response_of(table, x or EXCITATION))
+        return drawing.FIGURES["motion"](drawing.Shown([_run_of_table(table)]))
+
+
+def _run_of_table(table: pd.DataFrame) -> Run:
+    """Prepare a trajectory of which nothing else is known: how the exciters turn is seen at its end."""
+    first, second = (float(table[f"phi{n}_rate_rad_per_s"].tail(len(table) // 4 + 1).mean()) for n in (1, 2))
+    rotation = "co-rotating" if first * second > 0.0 else "counter-rotating"
+    seen = {"name": "trajectory", "excitation_frequency_hz": abs(first) / (2.0 * math.pi), "rotation": rotation}
+    return run_of(seen, None, table, _impacts(table))
+
+
+def _impacts(table: pd.DataFrame) -> pd.DataFrame:
+    """Return the impacts of a trajectory, at which it has two rows between which the gap's rate jumps."""
+    times = table["t_s"]
+    struck = times[(times.diff() == 0.0) & (table["gap_rate_m_per_s"].diff() != 0.0)] if "gap_m" in table else times[:0]
+    return pd.DataFrame({"kind": "impact", "t_s": struck.to_numpy(), "impulse_n_s": np.nan})
+
+
+def orbits_figure(points: pd.DataFrame, special: pd.DataFrame) -> Figure:
+    """Draw branches of orbits with their special points."""
+    found = branches_of(points, special)
+    with styled():
+        return branches_figure(found, found.abscissa)
+
+
+def orbit_figure(found: Orbit) -> Figure:
+    """Draw an orbit: its speed over its height, and the gap over the phase where there is material."""
+    with styled():
+        count = 2 if found.scene.has_contact else 1
+        figure, axes = new_figure(1, count, (1.0 + 4.2 * count, 4.0))
+        plot_orbit(found, list(axes[0]))
+        head(figure, found.scene.name, run_parameters(found.scene))
+    return figure
+
+
+def picture(run: AtPrompt) -> str:
+    """Return the figure of the motion as an HTML image."""
+    written = io.BytesIO()
+    figure(run, "motion").savefig(written, format="png", dpi=90)
+    return f'<img alt="motion" src="data:image/png;base64,{base64.b64encode(written.getvalue()).decode()}">'

@@ -1,0 +1,1 @@
+"""Results: tables and their columns, files that are always complete, provenance, and runs as a user holds them."""

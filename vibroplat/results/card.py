@@ -1,0 +1,105 @@
+"""A run in a few lines: label and text of each."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from vibroplat.config.scene import Scene
+from vibroplat.observe.summary import COHERENCE
+from vibroplat.study.point import synchronization
+
+
+def results(scene: Scene, summary: Mapping[str, Any], origin: Mapping[str, Any] | None) -> dict[str, str]:
+    """Return the most important results of the measured part of a run.
+
+    ``origin`` is what provenance says of the run that it goes on from, if any.
+    """
+    phases = "phi1-phi2" if scene.co_rotating else "phi1+phi2"
+    return _lines(
+        ("outcome", summary["outcome"], ""),
+        ("start", _start(scene, summary, origin), ""),
+        ("simulated", summary["simulated_s"], "s"),
+        ("measured", _window(summary), ""),
+        ("excitation frequency", summary["excitation_frequency_hz"], "Hz"),
+        ("speeds of the exciters", _speeds(summary), "Hz"),
+        (f"phase difference {phases}", *_phase(summary)),
+        ("RMS x, y", [_mm(summary["rms_x_m"]), _mm(summary["rms_y_m"])], "mm"),
+        ("RMS phi", summary["rms_phi_rad"], "rad"),
+        ("contact force, largest", summary["contact_force_max_n"], "N"),
+        ("gap, largest", _mm(summary["gap_max_m"]) or None, "mm"),
+        ("impulse, largest", summary["impulse_max_n_s"] or None, "N·s"),
+        ("flight fraction", summary["flight_fraction"] if scene.has_contact else None, ""),
+        ("liftoffs, impacts, latches", _counts(summary), ""),
+    )
+
+
+def whole(summary: Mapping[str, Any]) -> dict[str, str]:
+    """Return what is of the whole run, and the work done."""
+    return _lines(
+        ("phi, largest in whole run", summary["phi_max_rad"], "rad"),
+        ("energy residual", summary["energy_residual"], ""),
+        *_work(summary),
+        ("wall time", summary["wall_s"], "s"),
+    )
+
+
+def _lines(*rows: tuple[str, Any, str]) -> dict[str, str]:
+    """Write values with their units; None is left out."""
+    return {label: f"{_number(value)} {unit}".rstrip() for label, value, unit in rows if value is not None}
+
+
+def _mm(metres: float | None) -> float | None:
+    return None if metres is None else 1e3 * metres
+
+
+def _counts(summary: Mapping[str, Any]) -> str:
+    """Return the counts of events in the measured part, and in the whole run."""
+    measured, whole_run = (
+        ", ".join(str(summary[f"{part}{kind}"]) for kind in ("liftoffs", "impacts", "latches"))
+        for part in ("measured_", "")
+    )
+    return f"{measured}; in the whole run {whole_run}"
+
+
+def _work(summary: Mapping[str, Any]) -> list[tuple[str, Any, str]]:
+    """Return the rows on the work done; engine ``taylor`` has no residual."""
+    if summary["residual_calls"] is None:
+        return [("steps", summary["steps"], "")]
+    return [("steps, residual calls", [summary["steps"], summary["residual_calls"]], "")]
+
+
+def _start(scene: Scene, summary: Mapping[str, Any], origin: Mapping[str, Any] | None) -> str:
+    """Describe how a run began."""
+    share, seed = summary["perturbation"], scene.run.seed
+    changed = f"rates perturbed by {share:g} of their scales, seed {seed}" if share else "not perturbed"
+    return changed if origin is None else f"where {origin['directory']} ended, {origin['t_s']:g} s; {changed}"
+
+
+def _speeds(summary: Mapping[str, Any]) -> list[float] | None:
+    """Return the mean speeds of both exciters (Hz) where they differ."""
+    mean, split = summary["excitation_frequency_hz"], summary["frequency_split_hz"]
+    return [mean + 0.5 * split, mean - 0.5 * split] if mean and abs(split) > 1e-3 * mean else None
+
+
+def _phase(summary: Mapping[str, Any]) -> tuple[float | str | None, str]:
+    """Return the mean phase difference with its unit, unless it drifts so much that it has no mean."""
+    drifts = summary["phase_coherence"] is not None and summary["phase_coherence"] < COHERENCE
+    if drifts or summary["phase_difference_rad"] is None:
+        return ("drifts" if drifts else None), ""
+    named = synchronization(summary)
+    return summary["phase_difference_rad"], "rad" if named == "none" else f"rad, {named}"
+
+
+def _window(summary: Mapping[str, Any]) -> str:
+    """Describe the measured part of a run."""
+    first, last, turns = (summary[f"measured_{key}"] for key in ("from_s", "to_s", "turns"))
+    if last <= first:
+        return f"nothing: the run ended before {_number(first)} s"
+    return f"{_number(first)} … {_number(last)} s, {turns or 'no'} whole turn{'' if turns == 1 else 's'}"
+
+
+def _number(value: Any) -> str:
+    if isinstance(value, list):
+        return ", ".join(_number(v) for v in value)
+    return f"{value:.6g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,179 @@
+"""Results: the files that one command writes together, and the provenance that proves that they belong together.
+
+``provenance.json`` says which command wrote a result, gives the result an id, and holds the SHA-256 of each of its
+files, of whatever format. Readers refuse a file with another digest. A lock keeps two commands from replacing files at
+the same time; the digests also hold where a file system has no locks, and find files that were damaged or changed.
+
+A directory may hold a result of each command. The first of them has ``provenance.json``; that of another command is
+then ``run-provenance.json``, ``sweep-provenance.json`` or ``orbits-provenance.json``, so that none overwrites that of
+another.
+"""
+
+from __future__ import annotations
+
+import uuid
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Any, Literal
+
+import pandas as pd
+
+from vibroplat.errors import TableError
+from vibroplat.results.locks import replacing
+from vibroplat.results.tables import (
+    Format,
+    GrowingTable,
+    Table,
+    drop_other_formats,
+    json_writer,
+    prepared,
+    put_in_place,
+    read_json,
+    read_parts,
+    read_table,
+    remove_file,
+    remove_table,
+    sha256,
+    table_writer,
+)
+
+Command = Literal["run", "sweep", "orbits", "paper"]
+#: Version of the contents of result directories; increased when an older reader would misread them.
+SCHEMA = 1
+
+
+def write_result(
+    directory: Path,
+    command: Command,
+    origin: Mapping[str, Any],
+    tables: Mapping[str, Table | GrowingTable],
+    documents: Mapping[str, Any] | None = None,
+    *,
+    form: Format,
+    absent: Iterable[str] = (),
+) -> None:
+    """Write the result of a command: all of its files or none.
+
+    If the process is killed while it renames them, the last files are missing; old and new ones are never mixed.
+
+    Parameters
+    ----------
+    directory
+        Where the files are written.
+    command
+        The command that wrote them.
+    origin
+        Its provenance, to which the command, the id and the digests are added.
+    tables, documents
+        Tables, whole, in parts or written already, and contents of JSON files, by name. Tables that are written come
+        first; the last of all is renamed last.
+    form
+        Format of the tables.
+    absent
+        Tables of former results that this one does not have.
+
+    Raises
+    ------
+    TableError
+        A file cannot be written, or another process holds the lock.
+    """
+    written = [table for table in tables.values() if isinstance(table, GrowingTable)]
+    writers = {
+        directory / f"{name}.{form}": table_writer(table, form)
+        for name, table in tables.items()
+        if not isinstance(table, GrowingTable)
+    }
+    writers |= {directory / f"{name}.json": json_writer(value) for name, value in (documents or {}).items()}
+    with prepared(writers) as made:
+        files = {table.path: table.finish() for table in written} | made
+        digests = {path.name: _sha256(temporary) for path, temporary in files.items()}
+        proof = dict(origin) | {"command": command, "result": uuid.uuid4().hex, "files": digests}
+        with replacing(directory):
+            path = _place_to_write(directory, command)
+            with prepared({path: json_writer(proof)}) as provenance:
+                if path != _own(directory, command):
+                    remove_file(_own(directory, command))
+                last = list(files)[-1]
+                put_in_place({**{p: t for p, t in files.items() if p != last}, **provenance, last: files[last]})
+            for name in tables:
+                drop_other_formats(directory, name, form)
+            for name in absent:
+                remove_table(directory, name)
+
+
+class Result:
+    """The result of a command in a directory. All that is read belongs together.
+
+    Parameters
+    ----------
+    directory
+        Where it is.
+    command
+        The command that wrote it.
+
+    Attributes
+    ----------
+    directory
+        Where it is.
+    provenance
+        How it was made.
+
+    Raises
+    ------
+    TableError
+        There is no such result, or it has another schema.
+    """
+
+    def __init__(self, directory: Path, command: Command) -> None:
+        self.directory = directory
+        self.provenance = read_provenance(directory, command)
+        if self.provenance.get("command", command) != command:
+            raise TableError(f"{directory} holds a result of {self.provenance['command']}; allowed: one of {command}")
+        files = self.provenance.get("files")
+        # results of former versions have no digests
+        self._digests = {str(name): str(digest) for name, digest in files.items()} if isinstance(files, dict) else None
+
+    def table(self, name: str) -> pd.DataFrame:
+        """Read a table; raises :class:`TableError` if it is missing, damaged or of another result."""
+        return read_table(self.directory, name, self._digests)
+
+    def parts(self, name: str, columns: Collection[str] | None = None, *, last: bool = False) -> Iterator[pd.DataFrame]:
+        """Read a table in parts; see :func:`vibroplat.results.tables.read_parts`."""
+        return read_parts(self.directory, name, self._digests, columns, last=last)
+
+    def document(self, name: str) -> Any:
+        """Read a JSON file; raises :class:`TableError` if it is missing, damaged or of another result."""
+        return read_json(self.directory, name, self._digests)
+
+
+def read_provenance(directory: Path, command: Command) -> dict[str, Any]:
+    """Return the provenance of a command's result, or that of another one if it has none; refuse other schemas."""
+    own = _own(directory, command)
+    origin = read_json(directory, own.stem if own.exists() else "provenance")
+    found = origin.get("schema") if isinstance(origin, dict) else None
+    if type(found) is not int or found != SCHEMA:
+        raise TableError(f"{directory} holds results of schema {found}; this version reads schema {SCHEMA}")
+    return dict(origin)
+
+
+def _own(directory: Path, command: Command) -> Path:
+    """Return where the provenance of a command is if ``provenance.json`` belongs to another one."""
+    return directory / f"{command}-provenance.json"
+
+
+def _place_to_write(directory: Path, command: Command) -> Path:
+    """Return where the provenance of a command is to be written."""
+    try:
+        found = read_json(directory, "provenance")
+    except TableError:
+        found = None
+    others = isinstance(found, dict) and found.get("command", command) != command
+    return _own(directory, command) if others else directory / "provenance.json"
+
+
+def _sha256(path: Path) -> str:
+    try:
+        with path.open("rb") as file:
+            return sha256(file)
+    except OSError as error:
+        raise TableError(f"{path} cannot be read: {error.strerror or error}") from None

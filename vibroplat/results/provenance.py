@@ -1,0 +1,77 @@
+"""Records how a result was made."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import platform
+import subprocess
+from datetime import UTC, datetime
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import vibroplat
+from vibroplat.config.scene import Scene
+from vibroplat.integrate.sundials import UnavailableError, configuration
+from vibroplat.results.files import SCHEMA
+
+_LIBRARIES = ("scikit-sundae", "numpy", "numba", "llvmlite", "pandas", "pydantic", "pyarrow", "ruamel.yaml")
+
+
+def provenance(scene: Scene, engine: str, origin: dict[str, Any] | None = None) -> dict[str, Any]:
+    """Collect versions, the machine and the full configuration of a result, and the run that it goes on from."""
+    begins = {} if origin is None else {"begins_from": origin}
+    return begins | {
+        "schema": SCHEMA,
+        "vibroplat": vibroplat.__version__,
+        "git_commit": _commit(),
+        "created": datetime.now(UTC).isoformat(timespec="seconds"),
+        "configuration_sha256": configuration_hash(scene),
+        "engine": engine,
+        "sundials": _sundials(),
+        "tolerance": scene.solver.tolerance,
+        "python": platform.python_version(),
+        "platform": platform.platform(),
+        "libraries": {name: _version(name) for name in _LIBRARIES},
+        "configuration": scene.to_tree(),
+    }
+
+
+def configuration_hash(scene: Scene) -> str:
+    """SHA-256 of the resolved configuration, independent of how it was written."""
+    text = json.dumps(scene.to_tree(), sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _version(name: str) -> str | None:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return None
+
+
+def _sundials() -> str | None:
+    """Version of SUNDIALS inside scikit-sundae."""
+    try:
+        return configuration().get("SUNDIALS_VERSION")
+    except UnavailableError:
+        return None
+
+
+def _commit() -> str | None:
+    """Git commit of the package, with ``+`` if files have changed; None outside a checkout."""
+    file = Path(__file__)
+    here = file.parents[1]
+
+    def git(*arguments: str) -> str:
+        # a process that is killed meanwhile must not leave a lock in the repository
+        command = ["git", "--no-optional-locks", "-C", str(here), *arguments]
+        return subprocess.run(command, capture_output=True, text=True, check=True, timeout=5).stdout.strip()
+
+    try:
+        git("ls-files", "--error-unmatch", str(file.relative_to(here)))
+        changed = git("status", "--porcelain", "--untracked-files=no", "--", ".")
+        return git("rev-parse", "HEAD") + ("+" if changed else "")
+    except (OSError, subprocess.SubprocessError):
+        return None

@@ -1,0 +1,427 @@
+"""Writes and reads tables. Files are written under a temporary name and renamed once they are complete."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import re
+import tempfile
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
+from io import BufferedReader
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, Self
+
+import pandas as pd
+
+from vibroplat.errors import TableError
+from vibroplat.results.locks import is_gone, mark
+from vibroplat.system.interrupts import unfinished, watching
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+Format = Literal["parquet", "csv"]
+Writer = Callable[[Path], object]
+#: A table, or its parts, with one of them in memory at a time.
+Table = pd.DataFrame | Iterable[pd.DataFrame]
+FORMATS: tuple[Format, ...] = ("parquet", "csv")
+#: Most rows that are read at a time.
+PART = 2**15
+#: Age (s) at which a temporary file is removed whosever it is: its owner may be on another machine. A writer that is
+#: alive changes its file much more often.
+LEFTOVER = 86_400.0
+
+
+def result_directory(out: Path, name: str) -> Path:
+    """Create and return the directory of one result.
+
+    Raises
+    ------
+    TableError
+        It cannot be created or is not writable, or the encoding of the system has not understood its name.
+    """
+    directory = out / name
+    try:
+        str(directory).encode()
+    except UnicodeEncodeError:  # pyarrow could not open files in it
+        raise TableError(f"output {directory} is no text in the encoding of this system; allowed: UTF-8") from None
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=directory):
+            pass
+    except OSError as error:
+        raise TableError(f"output {directory} is not writable: {error.strerror or error}") from None
+    return directory
+
+
+def write_table(table: Table, directory: Path, name: str, form: Format) -> Path:
+    """Write a table as ``name.parquet`` or ``name.csv``; a file of the other format is removed.
+
+    In CSV each number has the fewest digits from which it reads back exactly. Parts of a table have the same columns
+    and types; each becomes a row group of a Parquet file.
+    """
+    path = directory / f"{name}.{form}"
+    replace_files({path: table_writer(table, form)})
+    drop_other_formats(directory, name, form)
+    return path
+
+
+def remove_table(directory: Path, name: str) -> None:
+    """Remove a table of any format if it exists."""
+    for form in FORMATS:
+        remove_file(directory / f"{name}.{form}")
+
+
+def write_json(value: Any, directory: Path, name: str) -> Path:
+    """Write ``name.json``; numbers must be finite."""
+    path = directory / f"{name}.json"
+    replace_files({path: json_writer(value)})
+    return path
+
+
+def read_table(directory: Path, name: str, digests: Mapping[str, str] | None = None) -> pd.DataFrame:
+    """Read a table of a result in either format.
+
+    Parameters
+    ----------
+    directory, name
+        Where it is.
+    digests
+        SHA-256 of the files that belong together, by their names; others are refused.
+
+    Raises
+    ------
+    TableError
+        It does not exist, is not the one of the digest, or cannot be read.
+    """
+    with _opened_table(directory, name, digests) as file:
+        if file.name.endswith(".parquet"):
+            return pd.read_parquet(file, page_checksum_verification=True)
+        return pd.read_csv(file)
+
+
+def read_parts(
+    directory: Path,
+    name: str,
+    digests: Mapping[str, str] | None = None,
+    columns: Collection[str] | None = None,
+    *,
+    last: bool = False,
+) -> Iterator[pd.DataFrame]:
+    """Read a table of a result in parts, with one of them in memory at a time; at least one, without rows if need be.
+
+    Parameters
+    ----------
+    directory, name, digests
+        As of :func:`read_table`, which raises the same errors.
+    columns
+        Columns that are read if the table has them; all of them by default.
+    last
+        Whether only the end of the table is wanted.
+    """
+    with _opened_table(directory, name, digests) as file:
+        read = _read_row_groups if file.name.endswith(".parquet") else _read_lines
+        yield from read(file, columns, last=last)
+
+
+def _read_row_groups(file: BufferedReader, columns: Collection[str] | None, *, last: bool) -> Iterator[pd.DataFrame]:
+    import pyarrow as pa  # noqa: PLC0415  (a table in CSV does not need it)
+    import pyarrow.parquet as pq  # noqa: PLC0415
+
+    source = pq.ParquetFile(file, page_checksum_verification=True)
+    wanted = [name for name in source.schema_arrow.names if columns is None or name in columns]
+    groups = list(range(source.num_row_groups))
+    found = False
+    for rows in source.iter_batches(PART, groups[-1:] if last else groups, wanted):
+        found = True
+        yield pa.Table.from_batches([rows]).to_pandas()
+    if not found:
+        yield source.schema_arrow.empty_table().select(wanted).to_pandas()
+
+
+def _read_lines(file: BufferedReader, columns: Collection[str] | None, *, last: bool) -> Iterator[pd.DataFrame]:
+    part = None
+    for part in pd.read_csv(file, usecols=None if columns is None else columns.__contains__, chunksize=PART):
+        if not last:
+            yield part
+    if last and part is not None:
+        yield part
+
+
+@contextmanager
+def _opened_table(directory: Path, name: str, digests: Mapping[str, str] | None) -> Iterator[BufferedReader]:
+    """Open a table of a result in either format."""
+    names = [f"{name}.{form}" for form in FORMATS]
+    known = [file for file in names if digests is None or file in digests]
+    with ExitStack() as stack:
+        for path in (directory / file for file in known or names):
+            with suppress(FileNotFoundError):
+                file = stack.enter_context(_opened(path, digests))
+                break
+        else:
+            raise TableError(f"{directory} holds no {name} table; allowed: a result directory of vibroplat")
+        yield file
+
+
+def read_json(directory: Path, name: str, digests: Mapping[str, str] | None = None) -> Any:
+    """Read ``name.json`` of a result; raises :class:`TableError` like :func:`read_table`."""
+    path = directory / f"{name}.json"
+    try:
+        with _opened(path, digests) as file:
+            return json.loads(file.read().decode("utf-8"))
+    except FileNotFoundError:
+        raise TableError(f"{directory} holds no {name}.json") from None
+
+
+@contextmanager
+def _opened(path: Path, digests: Mapping[str, str] | None) -> Iterator[BufferedReader]:
+    """Open a file of a result; what is wrong with its contents becomes one line.
+
+    What is compared with the digest is what is read, even if the file is replaced meanwhile.
+    """
+    try:
+        with path.open("rb") as file:
+            if digests is not None and sha256(file) != digests.get(path.name):
+                raise TableError(
+                    f"{path} does not belong to this result: it has been changed, or is of another one; "
+                    "repeat the command that wrote it"
+                )
+            file.seek(0)
+            yield file
+    except (TableError, FileNotFoundError):
+        raise
+    except Exception as error:  # on damaged files readers may raise anything: KeyError, OverflowError, MemoryError …
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise TableError(f"{path} cannot be read: {reason}") from None
+
+
+def sha256(file: BufferedReader) -> str:
+    """Return the SHA-256 of the rest of a file."""
+    return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+class GrowingTable:
+    """A table that is written part by part, with one of them in memory at a time.
+
+    It is a file with a temporary name next to its final one, which is made with the first part and removed when the
+    context is left, unless it has got its final name; see :func:`vibroplat.results.files.write_result`.
+
+    Parameters
+    ----------
+    directory, name, form
+        As of :func:`write_table`. Parts have the same columns and types; each becomes a row group of a Parquet file.
+
+    Attributes
+    ----------
+    path
+        The file's final name.
+    """
+
+    def __init__(self, directory: Path, name: str, form: Format) -> None:
+        self.path = directory / f"{name}.{form}"
+        self._form = form
+        self._file = ExitStack()
+        self._writing = ExitStack()
+        self._temporary: Path | None = None
+        self._append: Callable[[pd.DataFrame], object]
+
+    def append(self, part: pd.DataFrame) -> None:
+        """Write the next part; raises :class:`TableError`."""
+        with _complaints(self.path):
+            if self._temporary is None:
+                self._temporary = self._file.enter_context(_temporary(self.path))
+                self._append = self._writing.enter_context(_appending(self._temporary, self._form))
+            self._append(part)
+
+    def finish(self) -> Path:
+        """Complete the file and return its temporary name; raises :class:`TableError`."""
+        assert self._temporary is not None, "a table has one part at least"
+        with _complaints(self.path):
+            self._writing.close()
+            self._temporary.chmod(0o644)
+        return self._temporary
+
+    def __enter__(self) -> Self:
+        if self._form == "parquet":
+            import pyarrow.parquet  # noqa: F401, PLC0415  (before memory is short)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        with suppress(Exception):  # a file that could not be written cannot be completed either
+            self._writing.close()
+        self._file.close()
+
+
+@contextmanager
+def _appending(path: Path, form: Format) -> Iterator[Callable[[pd.DataFrame], object]]:
+    """Yield a function that appends parts of a table to an empty file."""
+    yield from (_row_groups if form == "parquet" else _lines)(path)
+
+
+def _row_groups(path: Path) -> Iterator[Callable[[pd.DataFrame], object]]:
+    import pyarrow as pa  # noqa: PLC0415  (a table in CSV does not need it)
+    import pyarrow.parquet as pq  # noqa: PLC0415
+
+    writer: pq.ParquetWriter | None = None
+
+    def append(part: pd.DataFrame) -> None:
+        nonlocal writer
+        rows = _with_meanings(pa.Table.from_pandas(part, preserve_index=False), part.attrs)
+        writer = writer or pq.ParquetWriter(path, rows.schema, write_page_checksum=True)
+        writer.write_table(rows)
+
+    try:
+        yield append
+    finally:
+        if writer is not None:
+            writer.close()
+
+
+def _with_meanings(rows: pa.Table, attrs: Mapping[Any, Any]) -> pa.Table:
+    """Put the units and meanings in a table's ``attrs`` into the metadata of its fields."""
+    import pyarrow as pa  # noqa: PLC0415  (a table in CSV does not need it)
+
+    units, meanings = attrs.get("units", {}), attrs.get("meanings", {})
+    fields = [
+        field.with_metadata({"unit": units.get(field.name, ""), "meaning": meanings[field.name]})
+        if field.name in meanings
+        else field
+        for field in rows.schema
+    ]
+    return pa.Table.from_arrays(rows.columns, schema=pa.schema(fields, rows.schema.metadata))
+
+
+def _lines(path: Path) -> Iterator[Callable[[pd.DataFrame], object]]:
+    begun = False
+
+    def append(part: pd.DataFrame) -> None:
+        nonlocal begun
+        part.to_csv(path, mode="a", index=False, header=not begun)
+        begun = True
+
+    yield append
+
+
+def _write_parts(parts: Iterable[pd.DataFrame], path: Path, form: Format) -> None:
+    with _appending(path, form) as append:
+        for part in parts:
+            append(part)
+
+
+@contextmanager
+def _complaints(path: Path) -> Iterator[None]:
+    """Turn errors of the system into one line."""
+    try:
+        yield
+    except OSError as error:
+        raise TableError(f"{path} cannot be written: {error.strerror or error}") from None
+
+
+def drop_other_formats(directory: Path, name: str, form: Format) -> None:
+    """Remove the file of a table in the other format."""
+    for other in FORMATS:
+        if other != form:
+            remove_file(directory / f"{name}.{other}")
+
+
+def remove_file(path: Path) -> None:
+    """Remove a file if it exists; raises :class:`TableError`."""
+    try:
+        path.unlink(missing_ok=True)
+    except OSError as error:
+        raise TableError(f"{path} cannot be removed: {error.strerror or error}") from None
+
+
+def replace_files(writers: Mapping[Path, Writer]) -> None:
+    """Write files under temporary names next to their final ones, and rename them once all are written.
+
+    Raises
+    ------
+    TableError
+        A file cannot be written; all old files are kept.
+    """
+    with prepared(writers) as temporaries:
+        put_in_place(temporaries)
+
+
+@contextmanager
+def prepared(writers: Mapping[Path, Writer]) -> Iterator[dict[Path, Path]]:
+    """Write files under temporary names next to their final ones, and yield these by the final ones.
+
+    Temporary files that are left at the end are removed. Raises :class:`TableError` like :func:`replace_files`.
+    """
+    temporaries: dict[Path, Path] = {}
+    with ExitStack() as stack:
+        for path, write in writers.items():
+            with _complaints(path):
+                temporaries[path] = stack.enter_context(_temporary(path))
+                write(temporaries[path])
+                temporaries[path].chmod(0o644)
+        yield temporaries
+
+
+def put_in_place(temporaries: Mapping[Path, Path]) -> None:
+    """Give temporary files their final names.
+
+    All old files but the first are removed before the first new one is renamed, so that the files of two results are
+    never found together if the process is killed in between.
+    """
+    path = next(iter(temporaries))
+    try:
+        with watching():
+            for path in list(temporaries)[1:]:
+                path.unlink(missing_ok=True)
+            for path, temporary in temporaries.items():
+                os.replace(temporary, path)
+    except OSError as error:
+        raise TableError(f"{path} cannot be written: {error.strerror or error}") from None
+
+
+@contextmanager
+def _temporary(path: Path) -> Iterator[Path]:
+    """Make a temporary file next to another; it is removed at the end, even after Ctrl-C."""
+    with ExitStack() as stack:
+        with watching():
+            temporary = _empty_file(path)
+            stack.enter_context(unfinished(temporary))
+        try:
+            yield temporary
+        finally:
+            with suppress(OSError):
+                temporary.unlink()
+
+
+def _empty_file(path: Path) -> Path:
+    """Make an empty file next to another, with the mark of this process; remove those left by killed processes."""
+    handle, name = tempfile.mkstemp(prefix=f".{path.stem}-{mark()}", suffix=path.suffix, dir=path.parent)
+    with os.fdopen(handle) as file:
+        now = os.fstat(file.fileno()).st_mtime  # by the clock of the file system, which may be another machine's
+    for old in path.parent.glob(f".{path.stem}-*"):
+        rest = old.name.removeprefix(f".{path.stem}-")
+        if re.match(r"\d+-\w+\.", rest) and (is_gone(rest) or _is_old(old, now)):
+            old.unlink(missing_ok=True)
+    return Path(name)
+
+
+def _is_old(path: Path, now: float) -> bool:
+    try:
+        return now - path.stat().st_mtime > LEFTOVER
+    except FileNotFoundError:
+        return False
+
+
+def table_writer(table: Table, form: Format) -> Writer:
+    """Return a function that writes a table, whole or in parts, to a path."""
+    if not isinstance(table, pd.DataFrame):
+        return lambda path: _write_parts(table, path, form)
+    if form == "parquet":
+        return lambda path: _write_parts([table], path, form)
+    return lambda path: table.to_csv(path, index=False)
+
+
+def json_writer(value: Any) -> Writer:
+    """Return a function that writes a value to a path; its numbers must be finite."""
+    text = json.dumps(value, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    return lambda path: path.write_text(text, encoding="utf-8")
