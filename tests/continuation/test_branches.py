@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 import scipy.linalg
 from common.orbits import bounded, traced
-from continuation.helpers import MACHINE
 
+from continuation.helpers import MACHINE
 from vibroplat import load_config, orbit
 from vibroplat.bench.shaken_table import GRAVITY, shaken, stable_range
 from vibroplat.continuation.newton import ANGLE, Frame, Problem, correct
@@ -21,7 +21,7 @@ from vibroplat.integrate.choice import make_engine
 from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Motion
 
-CALIBRATED = MACHINE.parents[3] / "configs" / "machines" / "calibrated.yaml"
+CALIBRATED = MACHINE.parents[2] / "configs" / "machines" / "calibrated.yaml"
 KEY, MASS, RESTITUTION = "drive.supply_frequency_hz", "material.mass_ratio", "contact.restitution"
 #: Range in which impacts with a restitution of 0.3 accumulate no longer, down to a single one.
 REBOUNDS = {"restitution": 0.3, "start": 50.0, "stop": 54.0, "switch": []}

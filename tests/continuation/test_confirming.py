@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from continuation.helpers import MACHINE
 
+from continuation.helpers import MACHINE
 from vibroplat import load_config, sweep
 
 

@@ -15,6 +15,7 @@ To add
   :func:`vibroplat.model.energy.powers`. The sympy derivation in ``tests/model/test_equations.py`` judges all three.
 * a mode: its name in :class:`vibroplat.config.scene.Mode`, its unknowns in
   :data:`vibroplat.model.systems.SYSTEMS`, its rows in :func:`vibroplat.model.equations.rows`, its guard in
-  :mod:`~vibroplat.hybrid.modes`, its jump in :mod:`~vibroplat.hybrid.jumps`, called by :func:`~vibroplat.hybrid.loop.conclude`.
+  :mod:`~vibroplat.hybrid.modes`, its jump in :mod:`~vibroplat.hybrid.jumps`, called by
+  :func:`~vibroplat.hybrid.loop.conclude`.
 * an integrator: see :mod:`vibroplat.integrate.seam`.
 """
