@@ -124,7 +124,7 @@ def test_measured_part_begins_within_a_step(bouncing):
     for settle in (0.0123, 0.05, 0.0801):
         motion = Motion(scene, parameters(scene), engine(scene))
         part = motion.advance(0.1, settle=settle)
-        assert float(part.measures.plain["time"] + part.measures.open_turn["time"]) == pytest.approx(0.1 - settle)
+        assert float(part.measures.plain[0] + part.measures.open_turn[0]) == pytest.approx(0.1 - settle)
 
 
 class Even(Dop853):

@@ -203,8 +203,7 @@ def test_parts_of_a_motion_add_up(scene):
         parts = [motion.advance(0.1) for _ in range(5)]
         assert motion.events == events
     assert sum(part.measures.marks["turns"] for part in parts) == whole.measures.marks["turns"]
-    for name in ("liftoffs", "impacts", "latches"):
-        assert sum(part.measures.marks[name] for part in parts) == whole.measures.marks[name]
+    assert (sum(part.measures.marks["counts"] for part in parts) == whole.measures.marks["counts"]).all()
     work, expected = sum(part.measures.work for part in parts)[:FORCE_SIZE], whole.measures.work[:FORCE_SIZE]
     assert np.abs(work - expected).max() <= 1e-6 * np.abs(expected).max()
 

@@ -23,7 +23,7 @@ from vibroplat.motion.motion import Motion, Observer
 from vibroplat.observe.audit import Energies
 from vibroplat.observe.events import Events
 from vibroplat.observe.guard_margins import GuardMargins
-from vibroplat.observe.statistics import SUMS, Measures, Statistics, numbers
+from vibroplat.observe.statistics import Measures, Statistics
 from vibroplat.observe.summary import Part
 from vibroplat.observe.variation import Variation
 
@@ -221,6 +221,5 @@ class Shooter:
 
 def _undivided(measures: Measures) -> Measures:
     """Return what was measured with the sums over all of it, not cut to whole turns of exciter 1."""
-    total, none = np.zeros(2, SUMS)
-    numbers(total)[:] = numbers(measures.plain) + numbers(measures.whole) + numbers(measures.open_turn)
+    total, none = measures.plain + measures.whole + measures.open_turn, np.zeros(len(measures.plain))
     return measures._replace(plain=total, whole=none, open_turn=none)
