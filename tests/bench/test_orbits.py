@@ -12,7 +12,7 @@ import scipy.linalg
 
 from vibroplat.bench import bouncing, orbits
 from vibroplat.bench.peers import maps
-from vibroplat.motion.warm import load_kernels
+from vibroplat.motion.run import load_kernels
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -21,7 +21,6 @@ from vibroplat.integrate.seam import IntegrationError
 from vibroplat.integrate.stepwise import Stepwise
 from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Motion
-from vibroplat.motion.run import simulate_with
 
 REFERENCE = ROOT / "tests/reference"
 CASES = sorted(path.stem for path in REFERENCE.glob("*.yaml"))
@@ -49,9 +48,12 @@ def engine(scene, integrator=Dop853):
 
 
 def run(scene, integrator=Dop853, rows=None, **options):
-    through = engine(scene, integrator)
-    through.rows = rows or through.rows
-    return simulate_with(through, scene, parameters(scene), **options)
+    def through(scene, p):
+        made = Stepwise(integrator(p), p)
+        made.rows = rows or made.rows
+        return made
+
+    return simulate(scene, engine=through, **options)
 
 
 def at(name, tolerance):

@@ -15,7 +15,7 @@ import pandas as pd
 from vibroplat.config.reader import load_config
 from vibroplat.config.scene import COORDINATES, Scene
 from vibroplat.errors import TableError
-from vibroplat.observe.trajectory import Trajectory
+from vibroplat.results.run import Trajectory
 
 #: Slower impacts (m/s) are not compared: each integration ends an accumulation at its own threshold.
 SLOWEST = 1e-3

@@ -13,10 +13,11 @@ import pandas as pd
 from vibroplat.config.scene import COORDINATES, Scene
 from vibroplat.hybrid.scales import force_spread, state_scales
 from vibroplat.kernels.compiled import FloatArray
+from vibroplat.motion.initial_condition import Start
 from vibroplat.motion.recorder import Sink
 from vibroplat.motion.run import simulate
 from vibroplat.observe.audit import INACCURATE
-from vibroplat.observe.trajectory import Trajectory
+from vibroplat.results.run import Trajectory
 from vibroplat.system.memory import Share
 
 #: Most samples of a run that are compared; they are those of the trajectory table, or every second, third … of them.
@@ -38,6 +39,8 @@ class Course:
         What is run.
     also
         Is given all of both tables.
+    start
+        Where the run begins, if that is known already.
 
     Attributes
     ----------
@@ -45,9 +48,9 @@ class Course:
         The sampled quantities: coordinates and contact force.
     """
 
-    def __init__(self, scene: Scene, also: Sink | None = None) -> None:
+    def __init__(self, scene: Scene, also: Sink | None = None, start: Start | None = None) -> None:
         self.scene = scene
-        self._also = also
+        self._also, self._start = also, start
         self.names = tuple(COORDINATES[i] for i in scene.coordinates) + ((_FORCE,) if scene.has_contact else ())
         self._result: Trajectory | None = None
         samples = scene.run.duration_s * scene.output.sample_rate_hz
@@ -58,14 +61,14 @@ class Course:
 
     def run(self, progress: Progress | None = None) -> Course:
         """Run the scene."""
-        sink = Sink(self._take_trajectory, self._take_events)
-        self._result = simulate(self.scene, keep="summary", sink=sink, progress=progress)
+        sink = self._take_trajectory, self._take_events
+        self._result = simulate(self.scene, keep="summary", sink=sink, progress=progress, start=self._start)
         return self
 
     def _take_trajectory(self, part: pd.DataFrame) -> None:
         """Keep the rows on the output grid, and the last one."""
         if self._also is not None:
-            self._also.trajectory(part)
+            self._also[0](part)
         rate, times = self.scene.output.sample_rate_hz, part["t_s"].to_numpy()
         numbers = np.rint(times * rate)
         wanted = (numbers / rate == times) & (numbers % self._every == 0)
@@ -74,7 +77,7 @@ class Course:
 
     def _take_events(self, part: pd.DataFrame) -> None:
         if self._also is not None:
-            self._also.events(part)
+            self._also[1](part)
         self._keep(self._events, part[["t_s", "kind", "gap_rate_before_m_per_s"]])
 
     def _keep(self, parts: list[pd.DataFrame], part: pd.DataFrame) -> None:

@@ -13,8 +13,7 @@ from vibroplat.columns import Column, Columns, unit_of
 from vibroplat.config.keys import keys
 from vibroplat.continuation.tables import BOUNDARIES, BRANCHES, SPECIAL
 from vibroplat.motion.run import SUMMARY
-from vibroplat.observe.events import EVENTS
-from vibroplat.observe.table import TRAJECTORY
+from vibroplat.observe.tables import EVENTS, TRAJECTORY
 from vibroplat.paper.calibration.reading import CONFIRMATION, EVALUATIONS, LEFT_OUT, SPREAD
 from vibroplat.paper.contradictions import CONTRADICTIONS
 from vibroplat.paper.histories import HISTORY

@@ -26,7 +26,7 @@ from vibroplat.kernels.compiled import FloatArray
 from vibroplat.motion.initial_condition import end_of, initial_condition
 from vibroplat.motion.run import simulate
 from vibroplat.observe.summary import Part, measured
-from vibroplat.observe.trajectory import Trajectory
+from vibroplat.results.run import Trajectory
 from vibroplat.study.point import MEASURED, row_of
 
 if TYPE_CHECKING:

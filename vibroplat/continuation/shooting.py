@@ -20,8 +20,8 @@ from vibroplat.model.parameters import Parameters, parameters
 from vibroplat.model.sensitivity import Course, difference, with_value
 from vibroplat.model.systems import FULL_SIZE, systems
 from vibroplat.motion.motion import Motion, Observer
+from vibroplat.motion.recorder import Recorder
 from vibroplat.observe.audit import Energies
-from vibroplat.observe.events import Events
 from vibroplat.observe.guard_margins import GuardMargins
 from vibroplat.observe.statistics import Measures, Statistics
 from vibroplat.observe.summary import Part
@@ -179,8 +179,8 @@ class Shooter:
             Whether to measure it.
         """
         motion, h = self.motion, self.motion.automaton
-        events, near = Events(), GuardMargins()
-        observers: list[Observer] = [events]
+        recorder, near = Recorder(motion.scene, "events"), GuardMargins()
+        observers: list[Observer] = [recorder]
         if varied:
             observers.append(self._variation)
         if measured:
@@ -202,7 +202,7 @@ class Shooter:
             duration=duration,
             outcome=motion.outcome,
             detail=motion.detail,
-            events=events.rows,
+            events=recorder.events,
             restitution=float(h.p["restitution"]),
         )
         if varied:

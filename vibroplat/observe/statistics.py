@@ -61,7 +61,7 @@ MARKS = np.dtype(
 )
 #: Places of y, φ, gap and F_c in ``least`` and ``largest``. Integers of numpy, so that functions are compiled once for
 #: all, like the places of y, φ, φ₁ and the gap among the unknowns.
-HEIGHT, ROTATION, OPENING, FORCE = np.arange(4)
+HEIGHT, ROTATION, OPENING, FORCE = np.array([0, 1, 2, 3])
 _Y, _PHI, _ANGLE, _GAP = np.array([1, 2, 3, GAP])
 
 #: Change of the phase difference within a step (rad) up to which its mean and variance say cosine and sine: what they
@@ -128,7 +128,8 @@ def no_measures(window: float, points: int = SECTION_ROWS) -> Measures:
     marks = np.zeros(1, MARKS)[0]
     marks["window"], marks["until"], marks["passed"] = window, window, math.nan
     marks["least"], marks["largest"] = _LEAST, _LARGEST
-    return Measures(np.zeros(N_WORK), *np.zeros((3, len(SUMS))), marks, np.zeros(points, SECTION))
+    plain, open_turn, whole = np.zeros((3, len(SUMS)))
+    return Measures(np.zeros(N_WORK), plain, open_turn, whole, marks, np.zeros(points, SECTION))
 
 
 #: Extremes before the first step. The gap is 0 unless a layer flies.

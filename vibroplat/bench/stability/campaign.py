@@ -49,7 +49,7 @@ def judged(scene: Scene) -> dict[str, Any]:
     summary = run.summary
     limits: dict[str, Limit] = {
         "restarts": (summary["restarts"], STORM * (TURNS + 1.0)),
-        "not_a_number": (_missing(*run.measures, run.final_state), 0.0),
+        "not_a_number": (_missing(*(run.measures or ()), run.final_state), 0.0),
         **sound(scene, summary),
     }
     if thorough:
