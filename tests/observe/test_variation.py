@@ -85,7 +85,7 @@ class Followed:
             for name in path:
                 section = section[int(name)] if name.isdecimal() else getattr(section, name)
             scene = with_value(scene, path, section + shift)
-        self._p = parameters(scene)
+        self._scene, self._p = scene, parameters(scene)
         self._engine = make_engine(scene, self._p)
         self._motion = Motion(scene, self._p, self._engine, start)
         self._seconds = seconds
@@ -93,7 +93,7 @@ class Followed:
 
     def end(self, state):
         self._motion.reset(state)
-        self.events = Recorder(scene, "events")
+        self.events = Recorder(self._scene, "events")
         self._motion.to_time(self._seconds, [self.events])
         assert self._motion.outcome == "ok"
         return self._motion.state

@@ -175,9 +175,11 @@ class TrajectoryRows:
 
     def add(self, segment: Segment) -> None:
         """Make the rows of the next segment: its beginning after an event, the output grid strictly inside, its end."""
+        ended, self._end = self._end, self._end[:0]
+        beginning: list[float] = []
         if not segment.joined:
-            self._blocks.put(self._end)
-        beginning = [] if segment.joined else [segment.start]
+            self._blocks.put(ended)
+            beginning = [segment.start]
         rate = self._sample.scene.output.sample_rate_hz
         first, last = math.floor(segment.start * rate), math.ceil(segment.end * rate) + 1
         for number in range(first, last, BLOCK):
@@ -186,9 +188,9 @@ class TrajectoryRows:
             end = [segment.end] if number + BLOCK >= last else []
             rows = self._sample(segment, np.concatenate((beginning, inside, end)))
             beginning = []
+            self._blocks.put(rows[: len(rows) - len(end)])
             if end:
-                rows, self._end = rows[:-1], rows[-1:].copy()
-            self._blocks.put(rows)
+                self._end = rows[-1:]
 
     def finish(self) -> None:
         """Hand over the rest; a run without a step has one part without rows."""
