@@ -16,7 +16,7 @@ from vibroplat.bench.reference import coordinate_errors, event_errors
 from vibroplat.bench.stability.campaign import random_scene
 from vibroplat.config.reader import load_tree
 from vibroplat.config.scene import COORDINATES
-from vibroplat.hybrid.scales import state_scales
+from vibroplat.hybrid.state import state_scales
 from vibroplat.integrate.seam import IntegrationError
 from vibroplat.integrate.stepwise import Stepwise
 from vibroplat.model.parameters import parameters

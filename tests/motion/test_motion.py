@@ -13,7 +13,7 @@ from vibroplat import simulate
 from vibroplat.bench.known import dropped_ball
 from vibroplat.config.scene import Mode
 from vibroplat.hybrid.modes import KINDS
-from vibroplat.integrate.choice import make_engine
+from vibroplat.integrate import make_engine
 from vibroplat.model.energy import FORCE_SIZE
 from vibroplat.model.parameters import parameters
 from vibroplat.model.systems import GAP, GAP_RATE

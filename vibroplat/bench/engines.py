@@ -21,8 +21,8 @@ from vibroplat.bench.scenes import base, kinds, regimes
 from vibroplat.bench.stability.endurance import resident
 from vibroplat.bench.timing import TOLERANCES, with_engine
 from vibroplat.config.scene import Mode, Scene
-from vibroplat.hybrid.scales import absolute_tolerances
-from vibroplat.integrate.choice import make_engine
+from vibroplat.hybrid.state import absolute_tolerances
+from vibroplat.integrate import make_engine
 from vibroplat.model.parameters import parameters
 from vibroplat.model.systems import GAP, systems
 from vibroplat.motion.motion import Motion

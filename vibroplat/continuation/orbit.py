@@ -19,7 +19,7 @@ from vibroplat.continuation.event_sequence import spelled, turned
 from vibroplat.continuation.newton import ANGLE, Found, Frame, MissedError, Problem, correct, leaving
 from vibroplat.continuation.shooting import Shooter, Shot
 from vibroplat.errors import ConfigError, VibroplatError
-from vibroplat.hybrid.initial import initial_state
+from vibroplat.hybrid.state import initial_state
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.motion.initial_condition import beginning, end_of
 from vibroplat.motion.run import simulate

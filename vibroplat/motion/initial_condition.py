@@ -10,7 +10,7 @@ import numpy as np
 
 from vibroplat.config.scene import COORDINATES, RATES, Mode, Scene
 from vibroplat.errors import ConfigError, TableError
-from vibroplat.hybrid.initial import initial_state, perturbed
+from vibroplat.hybrid.state import initial_state, perturbed
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.results.files import Result
 

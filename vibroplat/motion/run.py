@@ -8,9 +8,8 @@ from contextlib import closing
 
 from vibroplat.config.plausibility import notes_on_input
 from vibroplat.config.scene import Scene
-from vibroplat.hybrid.scales import force_noise
-from vibroplat.hybrid.state import Automaton
-from vibroplat.integrate.choice import make_engine
+from vibroplat.hybrid.state import Automaton, force_noise
+from vibroplat.integrate import make_engine
 from vibroplat.integrate.seam import WORK, Engine
 from vibroplat.model.parameters import Parameters, parameters
 from vibroplat.motion.initial_condition import beginning

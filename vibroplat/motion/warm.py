@@ -5,7 +5,7 @@ from __future__ import annotations
 from contextlib import closing
 
 from vibroplat.config.scene import Scene
-from vibroplat.integrate.choice import make_engine
+from vibroplat.integrate import make_engine
 from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Motion
 

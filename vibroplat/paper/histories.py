@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from vibroplat.config.scene import Scene
-from vibroplat.hybrid.initial import static_rest
+from vibroplat.hybrid.state import static_rest
 from vibroplat.motion.run import simulate
 from vibroplat.paper.trial import BETA, paper_scene
 from vibroplat.results.columns import Column, Columns

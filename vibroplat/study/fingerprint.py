@@ -28,7 +28,7 @@ from llvmlite.binding import get_host_cpu_name
 
 import vibroplat
 from vibroplat.config.scene import Scene
-from vibroplat.integrate.choice import make_engine, native_library
+from vibroplat.integrate import make_engine, native_library
 from vibroplat.integrate.sundials import UnavailableError, configuration
 from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Motion

@@ -15,11 +15,9 @@ import numpy as np
 
 from vibroplat.config.scene import Scene
 from vibroplat.config.sweep_plan import SweepPlan
-from vibroplat.hybrid.initial import initial_state, perturbed
 from vibroplat.hybrid.modes import IMPACT
-from vibroplat.hybrid.scales import state_scales
-from vibroplat.hybrid.state import Automaton
-from vibroplat.integrate.choice import make_engine
+from vibroplat.hybrid.state import Automaton, initial_state, perturbed, state_scales
+from vibroplat.integrate import make_engine
 from vibroplat.model.parameters import FloatArray, parameters
 from vibroplat.motion.motion import Motion, Observer
 from vibroplat.observe.audit import INACCURATE, inaccuracy

@@ -11,7 +11,7 @@ import vibroplat
 from vibroplat.config.keys import key_of
 from vibroplat.config.scene import Scene
 from vibroplat.config.sweep_plan import SweepPlan
-from vibroplat.integrate.choice import engine_name
+from vibroplat.integrate import engine_name
 from vibroplat.integrate.seam import WORK
 from vibroplat.observe.summary import MEASURES
 from vibroplat.results.columns import Column, Columns, labelled

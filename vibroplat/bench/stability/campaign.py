@@ -10,7 +10,7 @@ import numpy as np
 from vibroplat.bench.stability.checks import Limit, row, sound, with_engine
 from vibroplat.config.overrides import nest
 from vibroplat.config.scene import COORDINATES, RATES, Scene
-from vibroplat.hybrid.scales import state_scales
+from vibroplat.hybrid.state import state_scales
 from vibroplat.integrate.native import MAX_STEPS
 from vibroplat.motion.run import simulate
 from vibroplat.observe.audit import INACCURATE

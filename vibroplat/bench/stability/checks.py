@@ -11,8 +11,8 @@ import numpy as np
 import pandas as pd
 
 from vibroplat.config.scene import Scene
-from vibroplat.hybrid.scales import FORCE_ERROR, force_spread, state_scales
-from vibroplat.integrate.choice import make_engine
+from vibroplat.hybrid.state import FORCE_ERROR, force_spread, state_scales
+from vibroplat.integrate import make_engine
 from vibroplat.model.parameters import parameters
 from vibroplat.model.systems import GAP
 from vibroplat.motion.motion import OUTCOMES, Motion

@@ -15,7 +15,7 @@ from vibroplat.bench.stability.checks import ENERGY, Limit, row, with_engine
 from vibroplat.config.scene import Scene
 from vibroplat.hybrid.modes import IMPACT
 from vibroplat.hybrid.state import Automaton
-from vibroplat.integrate.choice import make_engine
+from vibroplat.integrate import make_engine
 from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Motion
 from vibroplat.observe.summary import measured
