@@ -151,7 +151,7 @@ def farthest(row, mass, seconds, restitution=0.0):
         motion.to_time(seconds)
         motion.to_section(1, 1.0)
         disturbed = motion.state
-        motion.begin_again(start)
+        motion.reset(start)
         motion.to_section(1, 1.0)
         own = motion.state
     assert turns > 100

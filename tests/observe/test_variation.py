@@ -92,7 +92,7 @@ class Followed:
         self.close = self._engine.close
 
     def end(self, state):
-        self._motion.begin_again(state)
+        self._motion.reset(state)
         self.events = Events()
         self._motion.to_time(self._seconds, [self.events])
         assert self._motion.outcome == "ok"

@@ -67,7 +67,7 @@ def _work(scene: Scene, turns: float) -> tuple[int, int, int]:
     with closing(make_engine(scene, p)) as engine:
         engine.turns_per_segment = turns
         motion = Motion(scene, p, engine)
-        motion.go_on(scene.run.duration_s)
+        motion.advance(scene.run.duration_s)
         work = engine.work
     return int(work["steps"] or 0), int(work["residual_calls"] or 0), motion.restarts
 

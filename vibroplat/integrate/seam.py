@@ -16,10 +16,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Protocol
 
+from vibroplat.columns import Column, Columns
 from vibroplat.hybrid.state import Automaton
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.systems import System
-from vibroplat.results.columns import Column, Columns
 
 #: What engines count, in the order of the summary.
 WORK: Columns = {

@@ -110,7 +110,7 @@ class Motion:
             held[:] = words(p)
         self.automaton.inelastic["restitution"] = 0.0
 
-    def begin_again(self, state: FloatArray) -> None:
+    def reset(self, state: FloatArray) -> None:
         """Begin anew at another full state, shape (14,), at the time and in the interval of the drive as before.
 
         It saves making records and steps for each of many short motions. What the engine has counted goes on.
@@ -124,7 +124,7 @@ class Motion:
                 supply(p, self.scene, self._interval)
         first_mode(self.automaton)
 
-    def go_on(
+    def advance(
         self, seconds: float, *, settle: float = 0.0, blocks: int = 1, observers: Sequence[Observer] = ()
     ) -> Part:
         """Carry the motion on for a time, and measure it.

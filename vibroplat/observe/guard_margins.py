@@ -16,7 +16,7 @@ from vibroplat.model.parameters import Parameters
 from vibroplat.model.systems import ALGEBRAIC, SIZES
 
 
-class Closeness:
+class GuardMargins:
     """Observes a motion: its pieces, and the least values at which F_c and the gap turn from falling to rising.
 
     Attributes

@@ -130,7 +130,7 @@ def _motion() -> list[Any]:
     p = parameters(scene)
     with closing(make_engine(scene, p)) as engine:
         motion = Motion(scene, p, engine)
-        part = motion.go_on(FOLLOWED)
+        part = motion.advance(FOLLOWED)
         return [motion.outcome, motion.events, motion.state.tolist(), measured(part)]
 
 

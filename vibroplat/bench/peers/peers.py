@@ -70,7 +70,7 @@ def _vibroplat(scene: Scene, tolerance: float, engine: str = "native") -> Runner
         with closing(make_engine(scene, p)) as made:
             motion = Motion(scene, p, made)
             began = time.perf_counter()
-            motion.go_on(duration, settle=SETTLE_SHARE * duration)
+            motion.advance(duration, settle=SETTLE_SHARE * duration)
             wall = time.perf_counter() - began
         return Followed(np.empty((0, FULL_SIZE)), [], wall, wall, [_UNTOLD] * motion.events)
 

@@ -62,8 +62,8 @@ def steady(scene: Scene, settle: float, measure: float) -> dict[str, Any]:
     p = parameters(scene)
     with closing(make_engine(scene, p)) as engine:
         motion = Motion(scene, p, engine)
-        motion.go_on(settle)
-        part = motion.go_on(measure)
+        motion.advance(settle)
+        part = motion.advance(measure)
         work = {"outcome": motion.outcome, "detail": motion.detail, "steps": engine.work["steps"] or 0}
     return measured(part) | work
 
