@@ -21,11 +21,10 @@ from vibroplat.paper.scoreboard import FORMER
 from vibroplat.paper.trial import BETA, LAWS, machine_numbers, paper_scene
 from vibroplat.plots.paper import FIGURES, plot_paper
 from vibroplat.study.branches import branches
-from vibroplat.study.execution import Inline
 from vibroplat.study.point import measure_point
+from vibroplat.study.pool import Inline, StoredChain, run_stored
 from vibroplat.study.store import Store
 from vibroplat.study.sweep import run_sweeps
-from vibroplat.study.tasks import StoredChain, run_stored
 
 COARSE = {
     "sweep.supply_frequency_hz.start": 42.0,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 import pytest
+from vibroplat.study.choice import chosen
 
 import vibroplat
 from study.helpers import CHAOTIC, planned
@@ -20,8 +21,7 @@ from vibroplat.check.sweeps import check_points
 from vibroplat.config.reader import configurations
 from vibroplat.errors import ConfigError
 from vibroplat.integrate.choice import other_engine
-from vibroplat.study.choice import chosen
-from vibroplat.study.execution import Inline
+from vibroplat.study.pool import Inline
 from vibroplat.study.store import Store
 from vibroplat.study.sweep import run_sweeps
 

@@ -24,7 +24,7 @@ from common.results import bits, finished_points
 from vibroplat.errors import ConfigError
 from vibroplat.study import cluster
 from vibroplat.study.cluster import ForeignWorkerError, LostError, require_scheduler
-from vibroplat.study.execution import pool, run_chains
+from vibroplat.study.pool import pool, run_chains
 
 #: Seconds in which an address without a scheduler is refused after the start of the program, whose time varies
 #: with what else the machine does.

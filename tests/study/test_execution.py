@@ -18,9 +18,9 @@ from common.results import bits
 
 from vibroplat import sweep
 from vibroplat.errors import ConfigError
-from vibroplat.study import execution
-from vibroplat.study.execution import LIVES, PINNED, Cluster, Inline, Processes, WorkerLostError, pool, run_chains
+from vibroplat.study import pool as execution
 from vibroplat.study.point import Point
+from vibroplat.study.pool import LIVES, PINNED, Cluster, Inline, Processes, WorkerLostError, pool, run_chains
 from vibroplat.study.store import Store
 from vibroplat.study.sweep import run_sweeps, tables
 

@@ -7,10 +7,10 @@ import pandas as pd
 import pytest
 from common.places import LOADED, ROOT
 from common.results import bits
+from vibroplat.study.report import note_on_undecided, notes_on_branches, notes_on_points
 
 from vibroplat.results.tables import read_table
 from vibroplat.study.branches import branches
-from vibroplat.study.report import note_on_undecided, notes_on_branches, notes_on_points
 
 from .helpers import planned, swept
 

@@ -12,8 +12,8 @@ from common.places import LOADED
 
 from vibroplat.results.tables import read_table
 from vibroplat.study import report
-from vibroplat.study.execution import Inline
 from vibroplat.study.point import MEASURED, Point
+from vibroplat.study.pool import Inline
 from vibroplat.study.store import Store
 from vibroplat.study.sweep import run_sweeps
 

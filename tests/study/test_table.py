@@ -21,8 +21,8 @@ from vibroplat.integrate.choice import make_engine
 from vibroplat.observe import audit
 from vibroplat.results.tables import read_table
 from vibroplat.study.branches import branches
-from vibroplat.study.execution import Inline
 from vibroplat.study.point import Point, measure_point, synchronization
+from vibroplat.study.pool import Inline
 from vibroplat.study.store import Store
 from vibroplat.study.sweep import impact_tables, run_sweeps, section_tables, tables
 

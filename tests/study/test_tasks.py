@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from vibroplat.study.execution import Inline, WorkerLostError
+from vibroplat.study.pool import Inline, StoredChain, Task, WorkerLostError, run_stored
 from vibroplat.study.store import Store
-from vibroplat.study.tasks import StoredChain, Task, run_stored
 
 
 class Interrupted(BaseException):

@@ -14,11 +14,10 @@ from vibroplat.integrate.choice import engine_name
 from vibroplat.study import WAIT
 from vibroplat.study.branches import Branch, branches, sweep_plan
 from vibroplat.study.choice import Place, chosen, require_share
-from vibroplat.study.execution import Pool, pool, run_chains
 from vibroplat.study.point import point_task
+from vibroplat.study.pool import Pool, StoredChain, Task, Tasks, pool, run_chains
 from vibroplat.study.store import Record, Records, Store
 from vibroplat.study.sweep import Progress, branch_records, run_sweeps
-from vibroplat.study.tasks import StoredChain, Task, Tasks
 
 
 class PointCheck(NamedTuple):

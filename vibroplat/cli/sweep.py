@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from vibroplat.config.scene import Scene
     from vibroplat.study.branches import Branch
     from vibroplat.study.choice import Place
-    from vibroplat.study.execution import Pool
+    from vibroplat.study.pool import Pool
     from vibroplat.study.store import Store
 
 #: Failed points of a sweep that are reported one by one.
@@ -69,7 +69,7 @@ def sweep(
     tell_of_compilation(scene.solver.engine)
     from vibroplat.integrate.choice import other_engine
     from vibroplat.study import report
-    from vibroplat.study.execution import pool
+    from vibroplat.study.pool import pool
     from vibroplat.study.store import Store
     from vibroplat.study.sweep import conditions
 

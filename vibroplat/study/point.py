@@ -28,10 +28,10 @@ from vibroplat.observe.statistics import Measures, section_rows
 from vibroplat.observe.summary import COHERENCE, Part, block_errors, half_open, measured
 from vibroplat.results.columns import Column, Columns
 from vibroplat.study.classification import Kind, classify
+from vibroplat.study.pool import Task
 from vibroplat.study.section import period, section_points
 from vibroplat.study.settling import Settling, settle
 from vibroplat.study.store import Record
-from vibroplat.study.tasks import Task
 from vibroplat.system.memory import NO_MORE
 
 #: Distance of the phase difference from 0 or π (rad) up to which exciters count as in phase or in antiphase.
