@@ -1,6 +1,6 @@
-"""Makes a GIF of the moving machine from the page of a run: ``PYTHONPATH=tests python -m tools.film DIR --out machine.gif``.
+"""Makes a GIF of the moving machine from the page of a run: ``python -m tools.film DIR --out machine.gif``.
 
-It needs Chromium, its driver and selenium.
+It needs Chromium, its driver, selenium, and ``tests`` on PYTHONPATH.
 """
 
 from __future__ import annotations
