@@ -8,7 +8,7 @@ import numpy as np
 
 from vibroplat.config.overrides import nest
 from vibroplat.config.scene import COORDINATES, RATES, Scene
-from vibroplat.hybrid.scales import state_scales
+from vibroplat.hybrid.state import state_scales
 
 #: Duration of each scene in turns at the larger synchronous speed.
 TURNS = 20.0
