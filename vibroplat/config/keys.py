@@ -9,9 +9,9 @@ from collections.abc import Iterator, Mapping
 from functools import cache
 from typing import Any, NamedTuple
 
+from vibroplat.columns import unit_of
 from vibroplat.config.fields import LARGEST, LARGEST_ANGLE, LEAST
 from vibroplat.config.scene import Scene
-from vibroplat.results.columns import unit_of
 
 #: Limits that only keep products of numbers finite; they are not worth a word.
 _TRIVIAL = {LEAST, LARGEST, -LARGEST, LARGEST_ANGLE, -LARGEST_ANGLE, 2**63 - 1}

@@ -9,10 +9,10 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
+from vibroplat.columns import unit_of
 from vibroplat.config.drive import Drive
 from vibroplat.page.labels import field, flat, words
 from vibroplat.plots.differences import SUPPLY, UNUSED, differing, shortened
-from vibroplat.results.columns import unit_of
 
 
 def parameters(commands: Sequence[str], configurations: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:

@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from vibroplat.model.parameters import FloatArray
 from vibroplat.config.sweep_plan import SweepPlan
+from vibroplat.model.parameters import FloatArray
 from vibroplat.study.branches import EXCITATION, SUPPLY, Branch
 from vibroplat.study.point import ERRORS
 from vibroplat.study.store import Record, Store

@@ -5,20 +5,24 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
+import numpy as np
 import pandas as pd
 
+from vibroplat.columns import Column, Columns, labelled
 from vibroplat.config.keys import key_of
 from vibroplat.config.scene import Scene
 from vibroplat.config.sweep_plan import SweepPlan
 from vibroplat.errors import ConfigError
-from vibroplat.results.columns import Column, Columns, labelled
 
 #: Key of a scene that varies along a branch.
 FREQUENCY = "drive.supply_frequency_hz"
 #: Columns of supply and excitation frequency.
 SUPPLY, EXCITATION = "supply_frequency_hz", "excitation_frequency_hz"
+
+#: With the seed of a sweep, the seed of the choice of its points.
+_CHOICE = 0xC4EC
 
 #: Columns of text, of whole numbers, and of yes and no, in tables of studies; all others hold floating-point numbers.
 TEXTS = {"direction", "rotation", "sync", "motion", "outcome", "detail", "notes", "confirmation", "kind", "name"} | {
@@ -101,6 +105,34 @@ def branches(scene: Scene) -> list[Branch]:
             first = placed.replace({FREQUENCY: frequencies[0]})
             found.append(Branch(len(found), direction, values, first, frequencies))
     return found
+
+
+class Place(NamedTuple):
+    """A point of a sweep: its branch, and its place in the branch."""
+
+    branch: Branch
+    point: int
+
+    @property
+    def text(self) -> str:
+        """The swept keys and their values, and the branch."""
+        keys = {SUPPLY: self.branch.frequencies[self.point], **self.branch.grid}
+        swept = ", ".join(f"{key} = {value}" for key, value in keys.items())
+        return f"{swept}, branch {self.branch.number} ({self.branch.direction})"
+
+
+def require_share(share: float) -> None:
+    """Refuse a share of points that is none (ConfigError)."""
+    if not 0.0 < share <= 1.0:
+        raise ConfigError(f"--check {share:g}; allowed: more than 0, at most 1")
+
+
+def chosen(planned: Sequence[Branch], share: float) -> list[Place]:
+    """Choose a share of the points of a sweep, at least one; the sweep's seed determines which."""
+    places = [Place(branch, point) for branch in planned for point in range(len(branch.frequencies))]
+    count = max(1, round(share * len(places)))
+    random = np.random.default_rng((_CHOICE, planned[0].plan.seed))
+    return [places[k] for k in sorted(random.choice(len(places), count, replace=False))]
 
 
 def study_table(

@@ -10,12 +10,12 @@ from typing import Any
 import pandas as pd
 
 import vibroplat
+from vibroplat.columns import Column, Columns
 from vibroplat.config.plausibility import notes_on_inputs
 from vibroplat.config.scene import Scene
-from vibroplat.integrate.choice import engine_name
+from vibroplat.integrate import engine_name
 from vibroplat.integrate.seam import WORK
 from vibroplat.observe.summary import MEASURES
-from vibroplat.results.columns import Column, Columns
 from vibroplat.results.files import write_result
 from vibroplat.results.provenance import provenance
 from vibroplat.results.tables import Format, Table

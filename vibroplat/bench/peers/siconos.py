@@ -15,7 +15,7 @@ import numpy as np
 
 from vibroplat.bench.peers.following import Followed
 from vibroplat.config.scene import Mode, Scene
-from vibroplat.hybrid.initial import initial_state
+from vibroplat.hybrid.state import initial_state
 from vibroplat.model.parameters import FloatArray, parameters
 from vibroplat.model.systems import FULL_SIZE, GAP
 
