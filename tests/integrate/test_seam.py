@@ -14,8 +14,8 @@ from vibroplat import load_config, simulate
 from vibroplat.bench.known import accumulation_time, ball_on_table, dropped_ball
 from vibroplat.bench.reference import coordinate_errors, event_errors
 from vibroplat.bench.stability.campaign import random_scene
+from vibroplat.config.coordinates import COORDINATES
 from vibroplat.config.reader import load_tree
-from vibroplat.config.scene import COORDINATES
 from vibroplat.hybrid.scales import state_scales
 from vibroplat.integrate.seam import IntegrationError
 from vibroplat.integrate.stepwise import Stepwise

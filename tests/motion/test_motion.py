@@ -11,7 +11,7 @@ import pytest
 
 from vibroplat import simulate
 from vibroplat.bench.known import dropped_ball
-from vibroplat.config.scene import Mode
+from vibroplat.config.coordinates import Mode
 from vibroplat.hybrid.modes import KINDS
 from vibroplat.integrate.choice import make_engine
 from vibroplat.model.energy import FORCE_SIZE

@@ -20,7 +20,8 @@ from vibroplat.bench.reference import Reference
 from vibroplat.bench.scenes import base, kinds, regimes
 from vibroplat.bench.stability.endurance import resident
 from vibroplat.bench.timing import TOLERANCES, with_engine
-from vibroplat.config.scene import Mode, Scene
+from vibroplat.config.coordinates import Mode
+from vibroplat.config.scene import Scene
 from vibroplat.hybrid.scales import absolute_tolerances
 from vibroplat.integrate.choice import make_engine
 from vibroplat.model.parameters import parameters

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from vibroplat.config.scene import COORDINATES, RATES, Scene
+from vibroplat.config.coordinates import COORDINATES, RATES
+from vibroplat.config.scene import Scene
 from vibroplat.hybrid.scales import state_scales
 from vibroplat.model.parameters import FloatArray
 from vibroplat.model.systems import FULL_SIZE

@@ -10,7 +10,8 @@ import math
 
 import numpy as np
 
-from vibroplat.config.scene import Mode, Scene
+from vibroplat.config.coordinates import Mode
+from vibroplat.config.scene import Scene
 from vibroplat.kernels.compiled import compiled
 from vibroplat.model.parameters import FloatArray
 from vibroplat.model.systems import System

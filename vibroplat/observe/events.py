@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from vibroplat.config.scene import Mode
+from vibroplat.config.coordinates import Mode
 from vibroplat.hybrid.modes import KINDS
 from vibroplat.hybrid.state import EVENT, Automaton
 from vibroplat.results.columns import Column, Columns, labelled

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from vibroplat.config.plans import SweepPlan
 from vibroplat.config.scene import Scene
-from vibroplat.config.sweep_plan import SweepPlan
 from vibroplat.hybrid.initial import initial_state, perturbed
 from vibroplat.hybrid.modes import IMPACT
 from vibroplat.hybrid.scales import state_scales

@@ -9,8 +9,8 @@ import pandas as pd
 
 import vibroplat
 from vibroplat.config.keys import key_of
+from vibroplat.config.plans import SweepPlan
 from vibroplat.config.scene import Scene
-from vibroplat.config.sweep_plan import SweepPlan
 from vibroplat.integrate.choice import engine_name
 from vibroplat.integrate.seam import WORK
 from vibroplat.observe.summary import MEASURES

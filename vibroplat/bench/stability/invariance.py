@@ -8,7 +8,8 @@ from typing import Any
 from vibroplat.bench.known import TURN
 from vibroplat.bench.scenes import kinds
 from vibroplat.bench.stability.checks import Limit, off, row, sound, spread_over, steady, with_engine
-from vibroplat.config.scene import COORDINATES, RATES, Scene
+from vibroplat.config.coordinates import COORDINATES, RATES
+from vibroplat.config.scene import Scene
 from vibroplat.motion.run import simulate
 
 #: Compared statistics.
