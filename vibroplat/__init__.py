@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from vibroplat.motion.run import simulate
     from vibroplat.motion.variation import variation
     from vibroplat.observe.trajectory import Trajectory
+    from vibroplat.plots.display import figure_of as figure_of
     from vibroplat.results.loading import load
     from vibroplat.study.lyapunov import lyapunov
     from vibroplat.study.sweep import sweep
@@ -56,6 +57,8 @@ _HOMES = {
     "orbit": "vibroplat.continuation.orbit",
     "orbits": "vibroplat.continuation.tables",
     "sweep": "vibroplat.study.sweep",
+    # not for users: runs, orbits and tables ask for their figures here, and know nothing else of what draws them
+    "figure_of": "vibroplat.plots.display",
 }
 
 __all__ = [

@@ -10,10 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from vibroplat.config.scene import Scene
-from vibroplat.hybrid.automaton import automaton
-from vibroplat.hybrid.loop import AT_GUARD, AT_TARGET
+from vibroplat.hybrid.loop import AT_GUARD, AT_TARGET, automaton
 from vibroplat.hybrid.modes import ATTACHED
-from vibroplat.hybrid.steps import CUBIC, fill_cubic, no_steps
+from vibroplat.hybrid.state import CUBIC, fill_cubic, no_steps
 from vibroplat.integrate.multistep import (
     begin_steps,
     calm,

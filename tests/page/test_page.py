@@ -17,6 +17,7 @@ from common import handmade
 from common.results import unproven
 from plotly.offline import get_plotlyjs
 
+from vibroplat.columns import unit_of
 from vibroplat.config.scene import Scene
 from vibroplat.continuation.motions import motion_of
 from vibroplat.errors import TableError
@@ -26,7 +27,6 @@ from vibroplat.page.parameters import parameters
 from vibroplat.page.reading import find_results
 from vibroplat.page.thinning import extremes, packed, packed_coarsely, plain_column, spread
 from vibroplat.plots.orbits import read_branches
-from vibroplat.results.columns import unit_of
 from vibroplat.results.tables import read_table, write_table
 
 HOSTILE = "</script><script>window.hacked = 1</script><img src=x onerror='window.hacked = 1'>"

@@ -19,7 +19,7 @@ from vibroplat.check.runs import repetitions
 from vibroplat.check.sweeps import check_points
 from vibroplat.config.reader import configurations
 from vibroplat.errors import ConfigError
-from vibroplat.integrate.choice import other_engine
+from vibroplat.integrate import other_engine
 from vibroplat.study.choice import chosen
 from vibroplat.study.execution import Inline
 from vibroplat.study.store import Store

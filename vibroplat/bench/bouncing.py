@@ -19,7 +19,7 @@ from vibroplat.config.scene import Scene
 from vibroplat.continuation.kinds import DOUBLING, FOLD
 from vibroplat.continuation.orbit import Orbit, beginning_at, orbit
 from vibroplat.continuation.tables import orbits
-from vibroplat.hybrid.initial import static_rest
+from vibroplat.hybrid.state import static_rest
 
 KEY = "machine.gravity_m_per_s2"
 

@@ -22,8 +22,8 @@ from vibroplat.bench.stability.endurance import resident
 from vibroplat.bench.timing import TOLERANCES, with_engine
 from vibroplat.config.coordinates import Mode
 from vibroplat.config.scene import Scene
-from vibroplat.hybrid.scales import absolute_tolerances
-from vibroplat.integrate.choice import make_engine
+from vibroplat.hybrid.state import absolute_tolerances
+from vibroplat.integrate import make_engine
 from vibroplat.model.parameters import parameters
 from vibroplat.model.systems import GAP, systems
 from vibroplat.motion.motion import Motion
@@ -68,7 +68,7 @@ def _work(scene: Scene, turns: float) -> tuple[int, int, int]:
     with closing(make_engine(scene, p)) as engine:
         engine.turns_per_segment = turns
         motion = Motion(scene, p, engine)
-        motion.go_on(scene.run.duration_s)
+        motion.advance(scene.run.duration_s)
         work = engine.work
     return int(work["steps"] or 0), int(work["residual_calls"] or 0), motion.restarts
 

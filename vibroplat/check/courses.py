@@ -12,7 +12,7 @@ import pandas as pd
 
 from vibroplat.config.coordinates import COORDINATES
 from vibroplat.config.scene import Scene
-from vibroplat.hybrid.scales import force_spread, state_scales
+from vibroplat.hybrid.state import force_spread, state_scales
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.motion.recorder import Sink
 from vibroplat.motion.run import simulate

@@ -9,6 +9,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from itertools import groupby
 from typing import NamedTuple
 
+from vibroplat.columns import Column, Columns, unit_of
 from vibroplat.config.keys import keys, yaml
 from vibroplat.continuation.tables import BOUNDARIES, BRANCHES, SPECIAL
 from vibroplat.motion.run import SUMMARY
@@ -19,7 +20,6 @@ from vibroplat.paper.contradictions import CONTRADICTIONS
 from vibroplat.paper.histories import HISTORY
 from vibroplat.paper.scoreboard import CLAIMS
 from vibroplat.paper.summaries import IMPACT_LAWS, SYNC_BANDS
-from vibroplat.results.columns import Column, Columns, unit_of
 from vibroplat.study.bands import BANDS
 from vibroplat.study.branches import SUPPLY
 from vibroplat.study.confirming import CONFIRMED

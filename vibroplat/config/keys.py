@@ -10,11 +10,11 @@ from functools import cache
 from textwrap import wrap
 from typing import Any, NamedTuple
 
+from vibroplat.columns import unit_of
 from vibroplat.config.overrides import flat
 from vibroplat.config.reader import configurations, load_tree
 from vibroplat.config.scene import Scene
 from vibroplat.config.schema import LARGEST, LARGEST_ANGLE, LEAST, Node, in_lists, nodes
-from vibroplat.results.columns import unit_of
 
 #: Limits that only keep products of numbers finite; they are not worth a word.
 _TRIVIAL = {LEAST, LARGEST, -LARGEST, LARGEST_ANGLE, -LARGEST_ANGLE, 2**63 - 1}

@@ -151,7 +151,7 @@ def _on_section(scene: Scene, plan: OrbitsPlan, row: Record) -> FloatArray:
         scene = with_value(scene, key.split("."), value)
     points = []
     with closing(Shooter(scene)) as shooter:
-        shooter.motion.begin_again(np.array(row["state"]))
+        shooter.motion.reset(np.array(row["state"]))
         for _ in range(abs(row["turns"][0])):
             shooter.motion.to_section(1, 2.0 * row["period_s"])
             points.append(_point(shooter.motion.state, scene, shooter.scales))

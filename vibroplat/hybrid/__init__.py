@@ -3,7 +3,7 @@
 :mod:`~vibroplat.hybrid.modes` is the table of modes. :mod:`~vibroplat.hybrid.loop` begins a segment and concludes it.
 :mod:`~vibroplat.hybrid.jumps` has liftoff, impact and latch; :mod:`~vibroplat.hybrid.rules` decides, by pure functions
 of numbers, what a guard's fall or an impact means. :mod:`~vibroplat.hybrid.state` holds where a run is, and
-:mod:`~vibroplat.hybrid.steps` what an integrator hands over.
+:mod:`~vibroplat.hybrid.state` what an integrator hands over.
 
 To add
 

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
+from vibroplat.columns import Column, Columns, labelled
 from vibroplat.config.coordinates import COORDINATES, RATES, Mode
 from vibroplat.config.scene import Scene
 from vibroplat.config.sections import State
@@ -20,7 +21,6 @@ from vibroplat.model.motor import motor_powers
 from vibroplat.model.parameters import parameters, supply
 from vibroplat.model.systems import FULL_SIZE
 from vibroplat.observe.segments import Segment, closed
-from vibroplat.results.columns import Column, Columns, labelled
 
 #: Rows that are made and written at a time.
 BLOCK = 2**15

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from vibroplat.results.columns import split
+from vibroplat.columns import split
 
 #: Words that are written otherwise.
 _WORDS = {"rms": "RMS", "phi": "φ", "phi1": "φ₁", "phi2": "φ₂", "lyapunov": "Lyapunov", "re": "(real)", "im": "(imag.)"}

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from vibroplat.columns import unit_of
 from vibroplat.config.drive import Drive
 from vibroplat.config.keys import Key, key_of
 from vibroplat.page.labels import flat, words
 from vibroplat.plots.differences import SUPPLY, UNUSED, differing, shortened
-from vibroplat.results.columns import unit_of
 
 
 def parameters(commands: Sequence[str], configurations: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:

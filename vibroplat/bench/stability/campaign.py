@@ -11,7 +11,7 @@ from vibroplat.bench.stability.checks import Limit, row, sound, with_engine
 from vibroplat.config.coordinates import COORDINATES, RATES
 from vibroplat.config.overrides import nest
 from vibroplat.config.scene import Scene
-from vibroplat.hybrid.scales import state_scales
+from vibroplat.hybrid.state import state_scales
 from vibroplat.integrate.native import MAX_STEPS
 from vibroplat.motion.run import simulate
 from vibroplat.observe.audit import INACCURATE

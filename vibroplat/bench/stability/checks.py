@@ -11,8 +11,8 @@ import numpy as np
 import pandas as pd
 
 from vibroplat.config.scene import Scene
-from vibroplat.hybrid.scales import FORCE_ERROR, force_spread, state_scales
-from vibroplat.integrate.choice import make_engine
+from vibroplat.hybrid.state import FORCE_ERROR, force_spread, state_scales
+from vibroplat.integrate import make_engine
 from vibroplat.model.parameters import parameters
 from vibroplat.model.systems import GAP
 from vibroplat.motion.motion import OUTCOMES, Motion
@@ -62,8 +62,8 @@ def steady(scene: Scene, settle: float, measure: float) -> dict[str, Any]:
     p = parameters(scene)
     with closing(make_engine(scene, p)) as engine:
         motion = Motion(scene, p, engine)
-        motion.go_on(settle)
-        part = motion.go_on(measure)
+        motion.advance(settle)
+        part = motion.advance(measure)
         work = {"outcome": motion.outcome, "detail": motion.detail, "steps": engine.work["steps"] or 0}
     return measured(part) | work
 

@@ -15,7 +15,7 @@ from vibroplat.bench.stability.checks import ENERGY, Limit, row, with_engine
 from vibroplat.config.scene import Scene
 from vibroplat.hybrid.modes import IMPACT
 from vibroplat.hybrid.state import Automaton
-from vibroplat.integrate.choice import make_engine
+from vibroplat.integrate import make_engine
 from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Motion
 from vibroplat.observe.summary import measured
@@ -48,12 +48,12 @@ def _long(name: str, scene: Scene, turns: float) -> dict[str, Any]:
     parts = []
     with closing(make_engine(scene, p)) as engine:
         motion = Motion(scene, p, engine)
-        motion.go_on(max(10.0, 0.1 * seconds))  # let it settle
+        motion.advance(max(10.0, 0.1 * seconds))  # let it settle
         memory = []
         steps = engine.work["steps"] or 0
         for _ in range(PARTS):
             times = Impacts([])
-            found = measured(motion.go_on(seconds, observers=[times]))
+            found = measured(motion.advance(seconds, observers=[times]))
             found["interval_spread"] = times.spread
             steps, before = engine.work["steps"] or 0, steps
             parts.append(found | {"steps": steps - before})

@@ -13,7 +13,7 @@ from vibroplat.bench.known import GRAVITY, OMEGA, TURN
 from vibroplat.bench.scenes import base
 from vibroplat.bench.stability.checks import NAMED, row, sound, spread_over, steady, with_engine
 from vibroplat.config.scene import Scene
-from vibroplat.hybrid.scales import state_scales
+from vibroplat.hybrid.state import state_scales
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.motion.run import simulate
 

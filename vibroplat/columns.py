@@ -1,4 +1,4 @@
-"""What columns of tables mean. Each description stands where its column is made; units follow from names.
+"""What columns of tables mean, and their figures. Descriptions stand where columns are made; units follow from names.
 
 A table carries the units and meanings of its columns in ``DataFrame.attrs`` (``units``, ``meanings``), and a Parquet
 file in the metadata of its fields.
@@ -7,11 +7,14 @@ file in the metadata of its fields.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import pandas as pd
 
-import vibroplat.results.accessor  # noqa: F401  (whoever has a table can ask it for its figure)
+import vibroplat
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 #: Units by the ends of names, longer ends before those that they end with.
 UNITS = {
@@ -78,3 +81,42 @@ def labelled(table: pd.DataFrame, columns: Columns) -> pd.DataFrame:
     table.attrs["units"] = {name: unit_of(name) for name in map(str, table)}
     table.attrs["meanings"] = {name: columns[name].text for name in map(str, table) if name in columns}
     return table
+
+
+@pd.api.extensions.register_dataframe_accessor("vibroplat")
+class TableAccessor:
+    """What tables offer at a prompt: ``table.vibroplat.plot()``.
+
+    Parameters
+    ----------
+    table
+        Of a trajectory, a sweep or branches of orbits, or rows of it.
+    """
+
+    def __init__(self, table: pd.DataFrame) -> None:
+        self._table = table
+
+    def plot(self, x: str | None = None) -> Figure:
+        """Draw the figure of the table: a motion over time, the response of a sweep, or branches of orbits.
+
+        Parameters
+        ----------
+        x
+            Column of the horizontal axis of a sweep or of branches. Default: the excitation frequency; for branches
+            over another key than the supply frequency, the key.
+
+        Raises
+        ------
+        ValueError
+            It is no such table, or has no such column.
+        TableError
+            There is nothing to draw.
+
+        Examples
+        --------
+        >>> from vibroplat import Scene, simulate
+        >>> run = simulate(Scene(run={"duration_s": 0.5}))
+        >>> len(run.trajectory.vibroplat.plot().axes) > 1
+        True
+        """
+        return vibroplat.figure_of(self._table, x)
