@@ -8,9 +8,9 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from common.known import dropped_ball
 
 from vibroplat import simulate
-from vibroplat.bench.known import dropped_ball
 from vibroplat.config.coordinates import Mode
 from vibroplat.hybrid.modes import KINDS
 from vibroplat.integrate import make_engine

@@ -8,9 +8,9 @@ from contextlib import closing
 import numpy as np
 import pytest
 from common.divergence import integral_of_divergence
+from common.known import ball_on_table
 
 from vibroplat import simulate, variation
-from vibroplat.bench.known import ball_on_table
 from vibroplat.config.coordinates import Mode
 from vibroplat.config.drive import Drive, Entry
 from vibroplat.config.scene import Scene

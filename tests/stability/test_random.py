@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import pytest
+from common.random_scenes import STORM, TURNS, Draw, drawn
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from stability.checks import NAMED, row, sound, with_engine
+from stability.situations import ENGINES
 from vibroplat import simulate
-from vibroplat.bench.stability.campaign import STORM, TURNS, Draw, drawn
-from vibroplat.bench.stability.checks import NAMED, row, sound, with_engine
-from vibroplat.bench.stability.situations import ENGINES
 from vibroplat.integrate.native import MAX_STEPS
 
 

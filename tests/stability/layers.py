@@ -8,10 +8,10 @@ from itertools import product
 from typing import Any
 
 import numpy as np
+from common.known import GRAVITY, OMEGA, TURN
 
-from vibroplat.bench.known import GRAVITY, OMEGA, TURN
+from stability.checks import NAMED, row, sound, spread_over, steady, with_engine
 from vibroplat.bench.scenes import base
-from vibroplat.bench.stability.checks import NAMED, row, sound, spread_over, steady, with_engine
 from vibroplat.config.scene import Scene
 from vibroplat.hybrid.state import state_scales
 from vibroplat.kernels.compiled import FloatArray

@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from common.known import TURN
 
-from vibroplat.bench.known import TURN
+from stability.checks import ENERGY, Limit, row, with_engine
 from vibroplat.bench.scenes import kinds
-from vibroplat.bench.stability.checks import ENERGY, Limit, row, with_engine
 from vibroplat.config.scene import Scene
 from vibroplat.hybrid.modes import IMPACT
 from vibroplat.hybrid.state import Automaton

@@ -6,8 +6,8 @@ import math
 from collections.abc import Callable
 from typing import Any
 
+from stability.checks import Limit, row, sound, with_engine
 from vibroplat.bench.scenes import base
-from vibroplat.bench.stability.checks import Limit, row, sound, with_engine
 from vibroplat.motion.run import simulate
 from vibroplat.observe.trajectory import Trajectory
 

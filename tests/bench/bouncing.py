@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
+from common.shaken_table import GRAVITY, OMEGA, shaken, stable_range
 
+from bench.maps import Bouncing, Spring, missing, rebound
 from vibroplat.bench.orbits import processor_time
-from vibroplat.bench.peers.maps import Bouncing, Spring, missing, rebound
-from vibroplat.bench.shaken_table import GRAVITY, OMEGA, shaken, stable_range
 from vibroplat.config.scene import Scene
 from vibroplat.continuation.kinds import DOUBLING, FOLD
 from vibroplat.continuation.orbit import Orbit, beginning_at, orbit

@@ -12,9 +12,10 @@ from typing import Any, NamedTuple
 import matplotlib.image
 import numpy as np
 import pandas as pd
+from common.random_scenes import Draw, drawn, random_scene
+from stability.campaign import judged
 
-from vibroplat.bench.soak.processes import Done, Places, missing_dask
-from vibroplat.bench.stability.campaign import Draw, drawn, judged, random_scene
+from bench.processes import Done, Places, missing_dask
 from vibroplat.config.scene import Scene
 from vibroplat.errors import VibroplatError
 from vibroplat.results.files import Result

@@ -7,9 +7,9 @@ from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
+from common.random_scenes import random_scene
 
-from vibroplat.bench.stability.campaign import random_scene
-from vibroplat.bench.stability.checks import NAMED, row, with_engine
+from stability.checks import NAMED, row, with_engine
 from vibroplat.check.agreement import RunCheck
 from vibroplat.check.changes import by_other_engine
 from vibroplat.check.courses import Course

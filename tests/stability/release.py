@@ -11,8 +11,8 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from scipy.optimize import brentq
 
+from stability.checks import Limit, row, sound, steady, with_engine
 from vibroplat.bench.scenes import base
-from vibroplat.bench.stability.checks import Limit, row, sound, steady, with_engine
 from vibroplat.config.scene import Scene
 
 #: A tolerance at which the error of F_c is below 1e-8 of its amplitude, its shortfall in the shortest flight.

@@ -7,16 +7,16 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
-from vibroplat.bench.stability.accumulation import accumulation, elastic
-from vibroplat.bench.stability.agreement import agreement
-from vibroplat.bench.stability.campaign import campaign
-from vibroplat.bench.stability.endurance import endurance
-from vibroplat.bench.stability.grazing import grazing
-from vibroplat.bench.stability.invariance import invariance
-from vibroplat.bench.stability.layers import layers
-from vibroplat.bench.stability.release import release
-from vibroplat.bench.stability.starting import starting
-from vibroplat.bench.stability.units import units
+from stability.accumulation import accumulation, elastic
+from stability.agreement import agreement
+from stability.campaign import campaign
+from stability.endurance import endurance
+from stability.grazing import grazing
+from stability.invariance import invariance
+from stability.layers import layers
+from stability.release import release
+from stability.starting import starting
+from stability.units import units
 
 #: Engines whose figures stand side by side.
 ENGINES = ("native", "taylor")

@@ -21,7 +21,7 @@ _OPTIONS = ("--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--disa
 def missing() -> str:
     """Say what is not installed; "" where nothing is missing."""
     try:
-        import selenium  # noqa: F401, PLC0415  (only films and tests need it)
+        import selenium  # noqa: F401  (only films and tests need it)
     except ImportError:
         return "selenium is not installed"
     if not any(map(shutil.which, BROWSERS)):
@@ -41,8 +41,8 @@ def browser(width: int, height: int) -> Iterator[Any]:
     lacking = missing()
     if lacking:
         raise VibroplatError(f"{lacking}; install chromium, chromium-driver and selenium")
-    from selenium import webdriver  # noqa: PLC0415
-    from selenium.webdriver.chrome.service import Service  # noqa: PLC0415
+    from selenium import webdriver
+    from selenium.webdriver.chrome.service import Service
 
     options = webdriver.ChromeOptions()
     for option in _OPTIONS:
@@ -65,7 +65,7 @@ def resize(driver: Any, width: int, height: int) -> None:
 
 def open_page(driver: Any, path: Path) -> None:
     """Open a page and wait until it is built."""
-    from selenium.webdriver.support.ui import WebDriverWait  # noqa: PLC0415
+    from selenium.webdriver.support.ui import WebDriverWait
 
     driver.get(path.resolve().as_uri())
     WebDriverWait(driver, PATIENCE).until(

@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from vibroplat.bench.known import TURN
+from common.known import TURN
+
+from stability.checks import Limit, off, row, sound, spread_over, steady, with_engine
 from vibroplat.bench.scenes import kinds
-from vibroplat.bench.stability.checks import Limit, off, row, sound, spread_over, steady, with_engine
 from vibroplat.config.coordinates import COORDINATES, RATES
 from vibroplat.config.scene import Scene
 from vibroplat.motion.run import simulate

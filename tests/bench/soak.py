@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from vibroplat.bench.soak.rounds import Row, Size, run_round
+from bench.rounds import Row, Size, run_round
 from vibroplat.study.fingerprint import code
 from vibroplat.study.store import Store, digest
 

@@ -6,10 +6,10 @@ import math
 from typing import Any
 
 import numpy as np
+from common.known import GRAVITY, OMEGA, TURN, accumulation_time, dropped_ball
 
-from vibroplat.bench.known import GRAVITY, OMEGA, TURN, accumulation_time, dropped_ball
+from stability.checks import NAMED, Limit, row, sound, with_engine
 from vibroplat.bench.scenes import base
-from vibroplat.bench.stability.checks import NAMED, Limit, row, sound, with_engine
 from vibroplat.config.scene import Scene
 from vibroplat.motion.run import simulate
 

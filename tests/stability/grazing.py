@@ -7,11 +7,11 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
+from common.known import GRAVITY, OMEGA, ball_on_table
 from scipy.optimize import brentq
 
-from vibroplat.bench.known import GRAVITY, OMEGA, ball_on_table
+from stability.checks import Limit, row, sound, with_engine
 from vibroplat.bench.scenes import base
-from vibroplat.bench.stability.checks import Limit, row, sound, with_engine
 from vibroplat.config.scene import Scene
 from vibroplat.model.systems import GAP, GAP_RATE
 from vibroplat.motion.run import simulate

@@ -1,20 +1,19 @@
-"""Makes a GIF of the moving machine from the page of a run: ``python -m vibroplat.page.film DIR --out machine.gif``.
+"""Makes a GIF of the moving machine from the page of a run: ``python -m tools.film DIR --out machine.gif``.
 
-It needs Chromium, its driver and selenium.
+It needs Chromium, its driver, selenium, and ``tests`` on PYTHONPATH.
 """
 
 from __future__ import annotations
 
 import io
 import tempfile
-from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from tools.browser import browser, open_page
 from vibroplat.errors import VibroplatError
-from vibroplat.page.browser import browser, open_page
 from vibroplat.page.report import write_report
 from vibroplat.results.tables import replace_files
 
@@ -66,9 +65,9 @@ def write_film(directory: Path, out: Path, turns: int, frames: int, width: int, 
 
 def _pictures(driver: Any, turns: int, frames: int) -> list[Image]:
     """Take pictures at even times over the last whole turns."""
-    from PIL import Image  # noqa: PLC0415
+    from PIL import Image
 
-    style = files("vibroplat.page").joinpath("web", "film.css").read_text(encoding="utf-8")
+    style = Path(__file__).with_name("film.css").read_text(encoding="utf-8")
     driver.execute_script(
         "document.head.append(Object.assign(document.createElement('style'), {textContent: arguments[0]}));", style
     )
@@ -89,7 +88,7 @@ def _pictures(driver: Any, turns: int, frames: int) -> list[Image]:
 
 def _reduced(pictures: list[Image], colours: int) -> list[Image]:
     """Give all pictures the same few colours, so that only what moves is stored anew."""
-    from PIL import Image  # noqa: PLC0415
+    from PIL import Image
 
     sample = Image.new("RGB", (pictures[0].width, SAMPLES * pictures[0].height))
     for number in range(SAMPLES):

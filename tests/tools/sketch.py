@@ -1,4 +1,4 @@
-"""The sketch of the model: ``python -m vibroplat.plots.sketch results/model.svg`` draws it."""
+"""The sketch of the model: ``python -m tools.sketch results/model.svg`` draws it."""
 
 from __future__ import annotations
 

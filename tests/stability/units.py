@@ -5,8 +5,8 @@ from __future__ import annotations
 from itertools import product
 from typing import Any, NamedTuple
 
+from stability.checks import Limit, off, row, sound, spread_over, with_engine
 from vibroplat.bench.scenes import kinds
-from vibroplat.bench.stability.checks import Limit, off, row, sound, spread_over, with_engine
 from vibroplat.config.scene import Scene
 from vibroplat.motion.run import simulate
 
