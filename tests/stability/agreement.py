@@ -10,11 +10,8 @@ import numpy as np
 from common.random_scenes import random_scene
 
 from stability.checks import NAMED, row, with_engine
-from vibroplat.check.runs import RunCheck
 from vibroplat.check import by_other_engine
-from vibroplat.check.runs import Course
-from vibroplat.check.runs import Errors, paired
-from vibroplat.check.runs import check_run
+from vibroplat.check.runs import Course, Errors, RunCheck, check_run, paired
 from vibroplat.config.scene import Scene
 
 #: Every THOROUGH-th scene is also compared in its coordinates, with repetitions that show what errors grow to.

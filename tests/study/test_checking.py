@@ -5,17 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 import pytest
-from vibroplat.study.choice import chosen
 from common.random_scenes import random_scene
+from vibroplat.check.agreement import EVENT_TIME
+from vibroplat.check.changes import by_other_engine, with_other_tolerance
+from vibroplat.check.events import Errors, paired
+from vibroplat.study.choice import chosen
 
 import vibroplat
 from study.helpers import CHAOTIC, planned
 from vibroplat import check_run, check_sweep, load_config
 from vibroplat.check import measures
-from vibroplat.check.agreement import EVENT_TIME
-from vibroplat.check.changes import by_other_engine, with_other_tolerance
 from vibroplat.check.courses import Course
-from vibroplat.check.events import Errors, paired
 from vibroplat.check.runs import repetitions
 from vibroplat.check.sweeps import check_points
 from vibroplat.config.reader import configurations

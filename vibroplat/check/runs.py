@@ -13,7 +13,8 @@ import numpy.typing as npt
 import pandas as pd
 
 from vibroplat.check import FLOOR, MULTIPLE, Other, by_other_engine, with_other_tolerance
-from vibroplat.config.scene import COORDINATES, Scene
+from vibroplat.config.coordinates import COORDINATES
+from vibroplat.config.scene import Scene
 from vibroplat.hybrid.state import force_spread, state_scales
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.systems import GAP_RATE

@@ -302,8 +302,10 @@ def _conclusion(place: Place, scene: Scene, first: list[Row], other: list[Row]) 
     """Compare the first rows of both that are of one class, with the repetitions that are of it too."""
     classes = [[tuple(row.get(column) for column in CLASS) for row in rows] for rows in (first, other)]
     common = next((c for c in classes[0] if c in classes[1]), None)
-    alike = [[row for row, c in zip(*pair, strict=True) if c == common] for pair in zip((first, other), classes)]
-    differences = [] if common is None else deviations(scene, place.branch.plan.settle_tolerance, *alike)
+    one, two = (
+        [r for r, c in zip(*pair, strict=True) if c == common] for pair in ((first, classes[0]), (other, classes[1]))
+    )
+    differences = [] if common is None else deviations(scene, place.branch.plan.settle_tolerance, one, two)
     return PointCheck(place, classes[0][0], classes[1][0], differences, common is not None)
 
 

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from vibroplat.config.sweep_plan import SweepPlan
+from vibroplat.config.plans import SweepPlan
 from vibroplat.model.parameters import FloatArray
 from vibroplat.study.branches import EXCITATION, SUPPLY, Branch
 from vibroplat.study.point import ERRORS

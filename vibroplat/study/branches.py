@@ -12,8 +12,8 @@ import pandas as pd
 
 from vibroplat.columns import Column, Columns, labelled
 from vibroplat.config.keys import key_of
+from vibroplat.config.plans import SweepPlan
 from vibroplat.config.scene import Scene
-from vibroplat.config.sweep_plan import SweepPlan
 from vibroplat.errors import ConfigError
 
 #: Key of a scene that varies along a branch.

@@ -231,15 +231,18 @@ class Pool(Protocol):
 
     def renew(self) -> None:
         """Replace workers that have died."""
+        ...
 
     def check(self) -> None:
         """Raise :class:`.LostError` if no worker can answer any more."""
+        ...
 
     def close(self) -> None:
         """Stop the workers, even in the middle of a task."""
+        ...
 
 
-class Inline(Pool):
+class Inline:
     """Runs tasks in this process."""
 
     slots = 1
@@ -253,12 +256,18 @@ class Inline(Pool):
             future.set_exception(error)
         return future
 
+    def renew(self) -> None:
+        """Nothing to replace."""
 
-class Processes(Pool):
-    """Worker processes of this machine, started by loky; numerical libraries use one thread in each.
+    def check(self) -> None:
+        """Nothing to look for: a task has finished when it is submitted."""
 
-    The futures of workers that die fail by themselves.
-    """
+    def close(self) -> None:
+        """Nothing to stop."""
+
+
+class Processes:
+    """Worker processes of this machine, started by loky; numerical libraries use one thread in each."""
 
     def __init__(self, jobs: int) -> None:
         self._jobs = jobs
@@ -283,6 +292,9 @@ class Processes(Pool):
         # a worker that has been idle for long ends, and is replaced when there is work
         warnings.filterwarnings("ignore", message="A worker stopped while some jobs were given", category=UserWarning)
         self._executor: Executor = get_reusable_executor(self._jobs, timeout=IDLE, env=PINNED)
+
+    def check(self) -> None:
+        """Nothing to look for: the futures of workers that die fail by themselves."""
 
     def close(self) -> None:
         """Stop the workers."""

@@ -326,8 +326,8 @@ def notes_on_sweep(planned: Sequence[Branch], table: pd.DataFrame) -> list[str]:
         first = ", the first" if count > 1 else ""
         lines.append(f"{place} at a supply of {ends} Hz{first}: {rows['note'].iloc[0]}")
     undecided = table[(table["motion"] == "undecided") & (table["outcome"] == "ok")]
-    if len(undecided):
-        one, first = len(undecided) == 1, undecided.iloc[0]
-        count = "1 point is undecided, at" if one else f"{len(undecided)} points are undecided, the first at"
-        lines.append(f"{count} a supply of {first[SUPPLY]:g} Hz: {first['detail']}; sweep.max_settle_s may help")
+    for _, row in undecided.head(1).iterrows():
+        several = len(undecided) > 1
+        which = f"{len(undecided)} points are undecided, the first" if several else "1 point is undecided,"
+        lines.append(f"{which} at a supply of {row[SUPPLY]:g} Hz: {row['detail']}; sweep.max_settle_s may help")
     return lines
