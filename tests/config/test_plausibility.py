@@ -7,12 +7,12 @@ import pickle
 
 import pytest
 from common.places import QUICKSTART, ROOT
-from vibroplat.study.report import notes_on_branches
 
 from vibroplat import Machine, Scene, load_config, simulate
 from vibroplat.config.plausibility import OF_SCENES, notes_on_input
 from vibroplat.errors import ConfigError
 from vibroplat.study.branches import branches
+from vibroplat.study.sweep import notes_on_branches
 
 SHIPPED = sorted([QUICKSTART, *ROOT.glob("configs/machines/*.yaml"), *ROOT.glob("configs/paper/*.yaml")])
 SECTIONS = {"machine": load_config(QUICKSTART).machine, "motor": load_config(QUICKSTART).motor}

@@ -75,8 +75,8 @@ def test_beta_is_found_again(share):
     scene = paper_scene("fig6-nonimpact", machine_numbers("damped"), changes)
     evidence = Evidence()
     with Store(None, {}) as store:
-        run_sweeps([(scene, store)], Inline())
-        evidence.add(scene, store)
+        run_sweeps([(branches(scene), store)], Inline())
+        evidence.add(branches(scene), store)
     course = evidence.courses.pop(Key(0.2, model="non-impact"))
     impact = course.branch.scene.replace({"contact.model": "impact", BETA: 0.0})
     branch = branches(scene)[0]
@@ -167,8 +167,8 @@ def bare():
     scene = paper_scene("fig2", machine_numbers("damped"), FINE)
     evidence = Evidence()
     with Store(None, {}) as store:
-        run_sweeps([(scene, store)], Inline())
-        evidence.add(scene, store)
+        run_sweeps([(branches(scene), store)], Inline())
+        evidence.add(branches(scene), store)
     return evidence
 
 

@@ -77,7 +77,7 @@ def sweep(
     print_lines(sweeps.overview(table) | {"wall time": took, "tables": str(directory)})
     for line in band_lines(bands):
         print(line)
-    print_notes(sweeps.notes_on_sweep(planned, table))
+    print_notes(sweeps.notes_on_branches(planned) + sweeps.notes_on_points(table))
     failed = sweeps.failures(table)
     _complain_of(failed, f"{len(failed)} of {len(table)} points failed")
     agrees = found is None or _print_check(found)

@@ -310,15 +310,21 @@ def failures(table: pd.DataFrame) -> list[str]:
     ]
 
 
-def notes_on_sweep(planned: Sequence[Branch], table: pd.DataFrame) -> list[str]:
-    """Return the notes on the input of a sweep and on its points, and where the kind of motion is undecided.
+def notes_on_branches(planned: Sequence[Branch]) -> list[str]:
+    """Return the notes on the input of a sweep; supply frequencies are unusual if they are large."""
+    return notes_on_inputs(branch.scene.replace({FREQUENCY: max(branch.frequencies)}) for branch in planned)
 
-    Supply frequencies are unusual if they are large. Each kind of note on points is told once, with its points and an
-    example.
-    """
-    lines = notes_on_inputs(branch.scene.replace({FREQUENCY: max(branch.frequencies)}) for branch in planned)
-    notes = table[[SUPPLY]].assign(note=table["notes"].str.split("; ")).explode("note")
-    notes = notes[notes["note"].notna() & (notes["note"] != "")]
+
+def notes_on_points(table: pd.DataFrame) -> list[str]:
+    """Sum up the notes in a sweep table, each kind once with its points and an example, and what is undecided."""
+    lines: list[str] = []
+    noted = table[table["notes"].notna() & (table["notes"] != "")]
+    notes = (
+        noted[[SUPPLY]]
+        .assign(note=noted["notes"].astype("str").str.split("; "))
+        .explode("note")
+        .astype({"note": "str"})
+    )
     for _, rows in notes.groupby(notes["note"].str.replace(r"\d[\d.e+-]*", "", regex=True), sort=False):
         count, low, high = rows.index.nunique(), rows[SUPPLY].min(), rows[SUPPLY].max()
         place = "1 point" if count == 1 else f"{count} points"
