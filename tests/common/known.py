@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 from vibroplat.config.drive import Drive
-from vibroplat.config.exciters import Motor
-from vibroplat.config.scene import Contact, Initial, Machine, Material, Run, Scene, Solver, State
+from vibroplat.config.scene import Scene
+from vibroplat.config.sections import Contact, Initial, Machine, Material, Motor, Run, Solver, State
 
 GRAVITY = 9.81
 TURN = 2.0 * math.pi

@@ -6,8 +6,9 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from vibroplat.config.coordinates import COORDINATES, RATES
 from vibroplat.config.overrides import nest
-from vibroplat.config.scene import COORDINATES, RATES, Scene
+from vibroplat.config.scene import Scene
 from vibroplat.hybrid.state import state_scales
 
 #: Duration of each scene in turns at the larger synchronous speed.

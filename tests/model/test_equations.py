@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from vibroplat.config.scene import Material, Mode
+from vibroplat.config.coordinates import Mode
+from vibroplat.config.sections import Material
 from vibroplat.model.impact import impulse_response
 from vibroplat.model.parameters import PARAMETERS, parameters
 

@@ -11,7 +11,7 @@ import pytest
 from common.known import dropped_ball
 
 from vibroplat import simulate
-from vibroplat.config.scene import Mode
+from vibroplat.config.coordinates import Mode
 from vibroplat.hybrid.modes import KINDS
 from vibroplat.integrate import make_engine
 from vibroplat.model.energy import FORCE_SIZE

@@ -9,7 +9,8 @@ from common.known import TURN
 
 from stability.checks import Limit, off, row, sound, spread_over, steady, with_engine
 from vibroplat.bench.scenes import kinds
-from vibroplat.config.scene import COORDINATES, RATES, Scene
+from vibroplat.config.coordinates import COORDINATES, RATES
+from vibroplat.config.scene import Scene
 from vibroplat.motion.run import simulate
 
 #: Compared statistics.

@@ -20,7 +20,8 @@ import pandas as pd
 from vibroplat.bench.reference import Reference
 from vibroplat.bench.scenes import base, kinds, regimes
 from vibroplat.bench.timing import TOLERANCES, with_engine
-from vibroplat.config.scene import Mode, Scene
+from vibroplat.config.coordinates import Mode
+from vibroplat.config.scene import Scene
 from vibroplat.hybrid.state import absolute_tolerances
 from vibroplat.integrate import make_engine
 from vibroplat.model.parameters import parameters

@@ -10,8 +10,9 @@ import pandas as pd
 
 import vibroplat
 from vibroplat.columns import Column, Columns, labelled
+from vibroplat.config.coordinates import COORDINATES, RATES
 from vibroplat.config.keys import key_of
-from vibroplat.config.scene import COORDINATES, RATES, Scene
+from vibroplat.config.scene import Scene
 from vibroplat.continuation.branch_worker import TOLD
 from vibroplat.continuation.curves import Boundary, boundaries, require_inside
 from vibroplat.continuation.kinds import KINDS

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from vibroplat.columns import Column, Columns
+from vibroplat.config.plans import SweepPlan
 from vibroplat.config.scene import Scene
-from vibroplat.config.sweep_plan import SweepPlan
 from vibroplat.hybrid.modes import IMPACT
 from vibroplat.hybrid.state import Automaton, initial_state, perturbed, state_scales
 from vibroplat.integrate import make_engine

@@ -10,8 +10,8 @@ import pandas as pd
 import vibroplat
 from vibroplat.columns import Column, Columns, labelled
 from vibroplat.config.keys import key_of
+from vibroplat.config.plans import SweepPlan
 from vibroplat.config.scene import Scene
-from vibroplat.config.sweep_plan import SweepPlan
 from vibroplat.integrate import engine_name
 from vibroplat.integrate.seam import WORK
 from vibroplat.observe.summary import MEASURES
