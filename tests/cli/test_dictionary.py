@@ -12,9 +12,9 @@ from common.places import QUICKSTART
 
 from vibroplat import simulate, sweep
 from vibroplat.cli.dictionary import TABLES
+from vibroplat.columns import unit_of
 from vibroplat.config.keys import key_of, keys
 from vibroplat.config.scene import Scene
-from vibroplat.results.columns import unit_of
 from vibroplat.results.tables import read_parts, read_table
 from vibroplat.study.bands import bands
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from vibroplat import load_config, orbit, orbits
-from vibroplat.config.scene import COORDINATES, RATES
+from vibroplat.config.coordinates import COORDINATES, RATES
 from vibroplat.continuation.motions import motion_of
 from vibroplat.continuation.orbit import told
 from vibroplat.continuation.tables import boundary_table, planned, summary, tables

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 import pytest
+from common.random_scenes import random_scene
 
 import vibroplat
 from study.helpers import CHAOTIC, planned
 from vibroplat import check_run, check_sweep, load_config
-from vibroplat.bench.stability.campaign import random_scene
 from vibroplat.check import measures
 from vibroplat.check.agreement import EVENT_TIME
 from vibroplat.check.changes import by_other_engine, with_other_tolerance
@@ -19,7 +19,7 @@ from vibroplat.check.runs import repetitions
 from vibroplat.check.sweeps import check_points
 from vibroplat.config.reader import configurations
 from vibroplat.errors import ConfigError
-from vibroplat.integrate.choice import other_engine
+from vibroplat.integrate import other_engine
 from vibroplat.study.choice import chosen
 from vibroplat.study.execution import Inline
 from vibroplat.study.store import Store

@@ -15,9 +15,8 @@ from common.results import bits
 from vibroplat import load_config, simulate, sweep
 from vibroplat.config.scene import Scene
 from vibroplat.errors import ConfigError
-from vibroplat.hybrid.initial import initial_state, perturbed
-from vibroplat.hybrid.scales import state_scales
-from vibroplat.integrate.choice import make_engine
+from vibroplat.hybrid.state import initial_state, perturbed, state_scales
+from vibroplat.integrate import make_engine
 from vibroplat.observe import audit
 from vibroplat.results.tables import read_table
 from vibroplat.study.branches import branches

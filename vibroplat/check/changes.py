@@ -7,7 +7,7 @@ from typing import Final
 
 from vibroplat.config.scene import Scene
 from vibroplat.errors import ConfigError
-from vibroplat.integrate.choice import other_engine
+from vibroplat.integrate import other_engine
 
 #: How many times the largest change under repetitions is allowed between engines. In runs of fourteen kinds (with and
 #: without flights, impacts, a stall, a coast-down; tolerances 1e-8 … 1e-4), ``native`` and ``sundae`` differed by at

@@ -10,8 +10,9 @@ from typing import Final
 import numpy as np
 import pandas as pd
 
-from vibroplat.config.scene import COORDINATES, Scene
-from vibroplat.hybrid.scales import force_spread, state_scales
+from vibroplat.config.coordinates import COORDINATES
+from vibroplat.config.scene import Scene
+from vibroplat.hybrid.state import force_spread, state_scales
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.motion.recorder import Sink
 from vibroplat.motion.run import simulate

@@ -10,7 +10,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from vibroplat.config.scene import Scene
-from vibroplat.hybrid.scales import state_scales
+from vibroplat.hybrid.state import state_scales
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.systems import GAP_RATE
 

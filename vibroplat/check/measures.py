@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final, NamedTuple
 
 from vibroplat.check.changes import FLOOR, MULTIPLE
+from vibroplat.config.plans import SweepPlan
 from vibroplat.config.scene import Scene
-from vibroplat.config.sweep_plan import SweepPlan
-from vibroplat.hybrid.scales import force_spread, state_scales
+from vibroplat.hybrid.state import force_spread, state_scales
 from vibroplat.model.systems import GAP, GAP_RATE
 from vibroplat.observe.summary import COHERENCE
 from vibroplat.study.point import ERRORS

@@ -19,7 +19,7 @@ from vibroplat.check.changes import (
 from vibroplat.check.courses import Course, Progress, differences, scales_of
 from vibroplat.check.events import Errors, Pairs, paired, slight
 from vibroplat.config.scene import Scene
-from vibroplat.hybrid.scales import force_spread, state_scales
+from vibroplat.hybrid.state import force_spread, state_scales
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.systems import GAP_RATE
 

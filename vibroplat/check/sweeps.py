@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 
 from vibroplat.check.changes import Other, by_other_engine, with_other_tolerance
 from vibroplat.check.measures import CLASS, Difference, Row, class_of, compared
+from vibroplat.config.plans import SweepPlan
 from vibroplat.config.scene import Scene
-from vibroplat.config.sweep_plan import SweepPlan
-from vibroplat.integrate.choice import engine_name
+from vibroplat.integrate import engine_name
 from vibroplat.study import WAIT
 from vibroplat.study.branches import Branch, branches, sweep_plan
 from vibroplat.study.choice import Place, chosen, require_share

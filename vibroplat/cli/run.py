@@ -37,12 +37,12 @@ def run(
     that two engines disagree.
     """
     from vibroplat.config.reader import load_config, parse_overrides
-    from vibroplat.motion.initial_condition import beginning
+    from vibroplat.motion.initial_condition import initial_condition
     from vibroplat.results.tables import result_directory
 
     scene = load_config(config, parse_overrides(set_ or [], engine))
     with about(config):
-        beginning(scene)  # what is wrong with it is told before anything is written or compiled
+        initial_condition(scene)  # what is wrong with it is told before anything is written or compiled
         _require_other_place(scene, out)
     directory = result_directory(out, scene.name)
     tell_of_compilation(scene.solver.engine)

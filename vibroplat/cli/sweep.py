@@ -67,7 +67,7 @@ def sweep(
     if study.resume and (directory / "provenance.json").exists():
         read_provenance(directory, "sweep")
     tell_of_compilation(scene.solver.engine)
-    from vibroplat.integrate.choice import other_engine
+    from vibroplat.integrate import other_engine
     from vibroplat.study import report
     from vibroplat.study.execution import pool
     from vibroplat.study.store import Store

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal, NamedTuple, Self
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from vibroplat.config.fields import NonNegative, Positive, Section, described
+from vibroplat.config.schema import NonNegative, Positive, Section, described
 
 #: Supply frequency where none is given (Hz).
 FREQUENCY = 50.0

@@ -16,9 +16,9 @@ from ruamel.yaml.constructor import DuplicateKeyError
 from ruamel.yaml.error import MarkedYAMLError, ReusedAnchorWarning
 from ruamel.yaml.nodes import MappingNode, ScalarNode
 
-from vibroplat.config.messages import short
 from vibroplat.config.overrides import flat, merge, nest
 from vibroplat.config.scene import Scene
+from vibroplat.config.schema import short
 from vibroplat.errors import ConfigError
 
 #: Key that ``--engine`` is short for.

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from vibroplat.config.orbits_plan import BoundariesPlan, OrbitsPlan
+from vibroplat.config.plans import BoundariesPlan, OrbitsPlan
 from vibroplat.config.scene import Scene
 from vibroplat.continuation.boundaries import Curve, Spot, follow
 from vibroplat.continuation.boundary_validation import FAILED, across, check, chosen, others_outside

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from importlib import import_module
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import pandas as pd
 
+import vibroplat
+from vibroplat.columns import Column, Columns, labelled
+from vibroplat.config.coordinates import COORDINATES, RATES
 from vibroplat.config.keys import key_of
-from vibroplat.config.scene import COORDINATES, RATES, Scene
+from vibroplat.config.scene import Scene
 from vibroplat.continuation.branch_worker import TOLD
 from vibroplat.continuation.curves import Boundary, boundaries, require_inside
 from vibroplat.continuation.kinds import KINDS
@@ -18,7 +20,6 @@ from vibroplat.continuation.orbit import columns_told
 from vibroplat.continuation.tracing import Family, Progress, Traced, families, orbits_plan, trace
 from vibroplat.observe.summary import MEASURES
 from vibroplat.observe.table import TRAJECTORY
-from vibroplat.results.columns import Column, Columns, labelled
 from vibroplat.study import WAIT
 from vibroplat.study.branches import EXCITATION, FREQUENCY, SUPPLY
 from vibroplat.study.execution import pool
@@ -119,8 +120,7 @@ class OrbitTables(NamedTuple):
 
     def plot(self) -> Figure:
         """Draw the branches with their special points."""
-        figure: Figure = import_module("vibroplat.plots.display").orbits_figure(self.branches, self.special)
-        return figure
+        return vibroplat.figure_of(self)
 
 
 def orbits(

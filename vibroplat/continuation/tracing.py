@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from vibroplat.config.orbits_plan import OrbitsPlan
+from vibroplat.config.plans import OrbitsPlan
 from vibroplat.config.scene import Scene
 from vibroplat.continuation.branch_worker import part
 from vibroplat.continuation.loop_detection import Known, compared, same_special, seen

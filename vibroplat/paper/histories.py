@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from vibroplat.columns import Column, Columns
 from vibroplat.config.scene import Scene
-from vibroplat.hybrid.initial import static_rest
+from vibroplat.hybrid.state import static_rest
 from vibroplat.motion.run import simulate
 from vibroplat.paper.trial import BETA, paper_scene
-from vibroplat.results.columns import Column, Columns
 from vibroplat.results.provenance import configuration_hash
 from vibroplat.study.execution import Pool
 from vibroplat.study.store import Record, Records

@@ -8,7 +8,7 @@ from typing import Any
 
 import pandas as pd
 
-from vibroplat.integrate.choice import engine_name
+from vibroplat.integrate import engine_name
 from vibroplat.paper.reproduction import SWEEPS, Reproduction
 from vibroplat.paper.trial import paper_scene
 from vibroplat.results.files import write_result

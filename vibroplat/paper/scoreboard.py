@@ -7,11 +7,11 @@ from typing import Any
 
 import pandas as pd
 
+from vibroplat.columns import Column, Columns
 from vibroplat.paper.claims import judge
 from vibroplat.paper.evidence import Evidence
 from vibroplat.paper.finding import Claim, Finding
 from vibroplat.paper.trial import claims, former_claims
-from vibroplat.results.columns import Column, Columns
 
 #: The table ``claims``, a row for each claim of the paper.
 CLAIMS: Columns = {

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from vibroplat.columns import Column, Columns
 from vibroplat.paper.evidence import Evidence, F
 from vibroplat.paper.finding import EDGE
-from vibroplat.results.columns import Column, Columns
 from vibroplat.study.branches import SUPPLY
 
 #: The table ``sync-bands``, a row for each stretch of points with the same synchronization.

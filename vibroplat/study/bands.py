@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from vibroplat.results.columns import Column, Columns, labelled
+from vibroplat.columns import Column, Columns, labelled
 from vibroplat.study.branches import EXCITATION, SUPPLY
 
 Flags = np.ndarray[Any, np.dtype[np.bool_]]

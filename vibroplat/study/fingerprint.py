@@ -28,7 +28,7 @@ from llvmlite.binding import get_host_cpu_name
 
 import vibroplat
 from vibroplat.config.scene import Scene
-from vibroplat.integrate.choice import make_engine, native_library
+from vibroplat.integrate import make_engine, native_library
 from vibroplat.integrate.sundials import UnavailableError, configuration
 from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Motion
@@ -130,7 +130,7 @@ def _motion() -> list[Any]:
     p = parameters(scene)
     with closing(make_engine(scene, p)) as engine:
         motion = Motion(scene, p, engine)
-        part = motion.go_on(FOLLOWED)
+        part = motion.advance(FOLLOWED)
         return [motion.outcome, motion.events, motion.state.tolist(), measured(part)]
 
 

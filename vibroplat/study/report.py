@@ -11,7 +11,7 @@ import pandas as pd
 
 from vibroplat.config.plausibility import notes_on_inputs
 from vibroplat.config.scene import Scene
-from vibroplat.integrate.choice import engine_name
+from vibroplat.integrate import engine_name
 from vibroplat.results.files import write_result
 from vibroplat.results.provenance import provenance
 from vibroplat.results.tables import Format, Table

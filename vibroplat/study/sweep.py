@@ -8,13 +8,13 @@ from typing import Any
 import pandas as pd
 
 import vibroplat
+from vibroplat.columns import Column, Columns, labelled
 from vibroplat.config.keys import key_of
+from vibroplat.config.plans import SweepPlan
 from vibroplat.config.scene import Scene
-from vibroplat.config.sweep_plan import SweepPlan
-from vibroplat.integrate.choice import engine_name
+from vibroplat.integrate import engine_name
 from vibroplat.integrate.seam import WORK
 from vibroplat.observe.summary import MEASURES
-from vibroplat.results.columns import Column, Columns, labelled
 from vibroplat.study import WAIT
 from vibroplat.study.branches import EXCITATION, SUPPLY, Branch, branches, sweep_plan
 from vibroplat.study.confirming import CONFIRMED, confirmed_task

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pandas as pd
 
+from vibroplat.columns import Column, Columns
 from vibroplat.paper.calibration.plan import CalibrationPlan
-from vibroplat.results.columns import Column, Columns
 
 #: A set that holds at most so many claims fewer than the best one counts as equally good.
 WITHIN = 1.0
