@@ -17,7 +17,6 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 from scipy.optimize import differential_evolution
-from scipy.stats import qmc
 
 from vibroplat.config.reader import ENGINE
 from vibroplat.model.parameters import FloatArray
@@ -144,6 +143,8 @@ def _search(plan: CalibrationPlan, start: int, book: _Book) -> list[_Evaluation]
 
 def _population(plan: CalibrationPlan, seed: int) -> FloatArray:
     """Return the first population: a Latin hypercube, whose first sets are replaced by the plan's ``begin``."""
+    from scipy.stats import qmc  # noqa: PLC0415  (takes half a second to load)
+
     ranges = plan.parameters
     low, high = np.array([r.bounds for r in ranges.values()]).T
     shares = qmc.LatinHypercube(len(ranges), rng=seed).random(plan.population)
