@@ -270,7 +270,7 @@ def test_edit_of_a_called_function_is_in_the_next_run(place, tmp_path):
     package = tmp_path / "site/vibroplat"
     shutil.copytree(PACKAGE / "kernels", package / "kernels", ignore=shutil.ignore_patterns("__pycache__"))
     (package / "config").mkdir()
-    for name in ("__init__.py", "errors.py", "config/scene.py"):
+    for name in ("__init__.py", "errors.py", "config/coordinates.py"):
         shutil.copy(PACKAGE / name, package / name)
     for room in ("model", "hybrid"):
         (package / room).mkdir()

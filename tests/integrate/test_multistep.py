@@ -6,8 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from common.drawing import given
 
 from vibroplat.config.scene import Scene
 from vibroplat.hybrid.loop import AT_GUARD, AT_TARGET, automaton
@@ -207,8 +206,7 @@ def test_wild_slopes_of_the_force_are_limited(slopes_given, expected):
     assert at_ends[1, 0] == pytest.approx(expected[1], abs=1e-12)
 
 
-@settings(derandomize=True, deadline=None, database=None)
-@given(st.lists(st.tuples(st.floats(0.0, 1e3), st.floats(-1e6, 1e6)), min_size=2, max_size=8))
+@given(rows=lambda st: st.lists(st.tuples(st.floats(0.0, 1e3), st.floats(-1e6, 1e6)), min_size=2, max_size=8))
 def test_a_force_that_presses_at_all_steps_presses_between_them(rows):
     forces, slopes_given = zip(*rows, strict=True)
     steps, _, _ = calmed(forces, slopes_given)

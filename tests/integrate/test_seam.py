@@ -7,15 +7,15 @@ import math
 import numpy as np
 import pandas as pd
 import pytest
+from common.known import accumulation_time, ball_on_table, dropped_ball
 from common.places import QUICKSTART, ROOT
+from common.random_scenes import random_scene
 
 from integrate.dop853 import Dop853
 from vibroplat import load_config, simulate
-from vibroplat.bench.known import accumulation_time, ball_on_table, dropped_ball
 from vibroplat.bench.reference import coordinate_errors, event_errors
-from vibroplat.bench.stability.campaign import random_scene
+from vibroplat.config.coordinates import COORDINATES
 from vibroplat.config.reader import load_tree
-from vibroplat.config.scene import COORDINATES
 from vibroplat.hybrid.state import state_scales
 from vibroplat.integrate.seam import IntegrationError
 from vibroplat.integrate.stepwise import Stepwise

@@ -10,7 +10,7 @@ import pytest
 from integrate.dop853 import Dop853
 
 from vibroplat import simulate
-from vibroplat.config.scene import COORDINATES, RATES, Mode
+from vibroplat.config.coordinates import COORDINATES, RATES, Mode
 from vibroplat.hybrid.modes import KINDS
 from vibroplat.hybrid.state import state_scales
 from vibroplat.integrate import make_engine

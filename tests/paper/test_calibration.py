@@ -14,9 +14,8 @@ from vibroplat.paper.calibration.plan import CalibrationPlan, Confirm, Range, lo
 from vibroplat.paper.calibration.reading import left_out, overview, spread
 from vibroplat.paper.calibration.search import calibrate, conditions, evaluation, objective
 from vibroplat.paper.trial import QUICK, machine_numbers, paper_scene
-from vibroplat.study.execution import Inline
+from vibroplat.study.pool import Inline, StoredChain, Task, run_stored
 from vibroplat.study.store import Store
-from vibroplat.study.tasks import StoredChain, Task, run_stored
 
 DAMPING, RATIO = "machine.damping_y_n_s_per_m", "material.damping_ratio"
 PLAN = CalibrationPlan(

@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
+from vibroplat.config.plans import SweepPlan
 from vibroplat.config.reader import configurations, load_list
 from vibroplat.config.scene import Scene
-from vibroplat.config.sweep_plan import SweepPlan
 from vibroplat.paper import boundaries
 from vibroplat.paper.claims import judge
 from vibroplat.paper.evidence import REGIMES, Course, Evidence, F, Key, runs

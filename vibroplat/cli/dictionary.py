@@ -10,7 +10,7 @@ from itertools import groupby
 from typing import NamedTuple
 
 from vibroplat.columns import Column, Columns, unit_of
-from vibroplat.config.keys import keys
+from vibroplat.config.keys import keys, yaml
 from vibroplat.continuation.tables import BOUNDARIES, BRANCHES, SPECIAL
 from vibroplat.motion.run import SUMMARY
 from vibroplat.observe.events import EVENTS
@@ -120,7 +120,7 @@ def configuration_page() -> str:
     ]
     sections = groupby(keys().values(), key=lambda key: key.name.partition(".")[0] if "." in key.name else "")
     for section, found in sections:
-        rows = [(f"`{k.name}`", k.symbol, k.unit, k.default, k.allowed, k.meaning) for k in found]
+        rows = [(f"`{k.name}`", k.symbol, k.unit, yaml(k.default), k.allowed, k.meaning) for k in found]
         lines += ["", f"## {section or 'Top level'}", ""]
         lines += _table(("key", "symbol", "unit", "default", "allowed", "meaning"), rows)
     return "\n".join(lines) + "\n"

@@ -15,7 +15,7 @@ from vibroplat.study import WAIT
 from vibroplat.system.progress import calibration_progress, sweep_progress
 
 if TYPE_CHECKING:
-    from vibroplat.study.execution import Pool
+    from vibroplat.study.pool import Pool
 
 
 def paper(
@@ -45,7 +45,7 @@ def paper(
     chosen = {name: {**machine_numbers(name), **changes} for name in machine or ("printed", "calibrated")}
     require_scheduler(scheduler)
     from vibroplat.paper.reproduction import SWEEPS, planned
-    from vibroplat.study.execution import pool
+    from vibroplat.study.pool import pool
 
     tried = range(seed, seed + seeds)
     chains = max(planned(numbers, tried)[0] for numbers in chosen.values())
@@ -105,7 +105,7 @@ def calibrate(
     from vibroplat.paper.calibration import reading, search
     from vibroplat.paper.report import write_calibration
     from vibroplat.results.tables import result_directory
-    from vibroplat.study.execution import pool
+    from vibroplat.study.pool import pool
     from vibroplat.study.store import Store
 
     directory = result_directory(out, "calibration")

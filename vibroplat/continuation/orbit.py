@@ -15,7 +15,8 @@ import pandas as pd
 
 import vibroplat
 from vibroplat.columns import Column, Columns
-from vibroplat.config.scene import COORDINATES, RATES, Scene
+from vibroplat.config.coordinates import COORDINATES, RATES
+from vibroplat.config.scene import Scene
 from vibroplat.continuation.event_sequence import spelled, turned
 from vibroplat.continuation.newton import ANGLE, Found, Frame, MissedError, Problem, correct, leaving
 from vibroplat.continuation.shooting import Shooter, Shot
@@ -62,7 +63,7 @@ class Orbit:
     scene
         Whose orbit it is.
     state
-        Full state on it, shape (14,), as :data:`vibroplat.config.scene.COORDINATES` and their rates.
+        Full state on it, shape (14,), as :data:`vibroplat.config.coordinates.COORDINATES` and their rates.
     period
         In turns of exciter 1.
     period_s

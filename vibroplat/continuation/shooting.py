@@ -10,7 +10,8 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from vibroplat.config.scene import Mode, Scene
+from vibroplat.config.coordinates import Mode
+from vibroplat.config.scene import Scene
 from vibroplat.continuation.event_sequence import word_of
 from vibroplat.hybrid.modes import IMPACT, LATCH
 from vibroplat.hybrid.state import state_scales

@@ -17,7 +17,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from vibroplat.config.scene import COORDINATES, RATES, Mode, Scene
+from vibroplat.config.coordinates import COORDINATES, RATES, Mode
+from vibroplat.config.scene import Scene
 from vibroplat.kernels.compiled import FloatArray, compiled, copy
 from vibroplat.kernels.lanes import in_lines
 from vibroplat.kernels.polynomial import stretch

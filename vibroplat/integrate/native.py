@@ -15,7 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from vibroplat.config.scene import Mode, Scene
+from vibroplat.config.coordinates import Mode
+from vibroplat.config.scene import Scene
 from vibroplat.hybrid import loop
 from vibroplat.hybrid.loop import automaton
 from vibroplat.hybrid.modes import GUARDS

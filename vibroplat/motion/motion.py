@@ -8,8 +8,9 @@ from typing import Protocol
 
 import numpy as np
 
+from vibroplat.config.coordinates import Mode
 from vibroplat.config.drive import interval_at
-from vibroplat.config.scene import Mode, Scene
+from vibroplat.config.scene import Scene
 from vibroplat.hybrid import state as hy
 from vibroplat.hybrid.jumps import join, turn_corner
 from vibroplat.hybrid.loop import automaton, first_mode, fly

@@ -9,7 +9,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from vibroplat.columns import Column, Columns, labelled
-from vibroplat.config.scene import Mode
+from vibroplat.config.coordinates import Mode
 from vibroplat.hybrid.modes import KINDS
 from vibroplat.hybrid.state import EVENT, Automaton
 from vibroplat.system.memory import Share

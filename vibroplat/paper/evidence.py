@@ -9,12 +9,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from vibroplat.config.scene import Scene
-from vibroplat.config.sweep_plan import SweepPlan
+from vibroplat.config.plans import SweepPlan
 from vibroplat.model.parameters import FloatArray
-from vibroplat.study.branches import EXCITATION, SUPPLY, Branch, branches, sweep_plan
+from vibroplat.study.branches import EXCITATION, SUPPLY, Branch
 from vibroplat.study.point import ERRORS
-from vibroplat.study.store import Record, Records
+from vibroplat.study.store import Record, Store
 from vibroplat.study.sweep import branch_records
 
 #: Row of a sweep table, by column.
@@ -117,12 +116,12 @@ class Evidence:
     beta: float | None = None
     boundaries: dict[Step, Boundary] = field(default_factory=dict)
 
-    def add(self, scene: Scene, records: Records) -> None:
+    def add(self, branches: Sequence[Branch], store: Store) -> None:
         """Add the branches of a finished sweep from its stored points."""
-        for branch in branches(scene):
-            self.add_branch(branch, sweep_plan(scene), list(branch_records(branch, records)))
+        for branch in branches:
+            self.add_branch(branch, list(branch_records(branch, store)))
 
-    def add_branch(self, branch: Branch, plan: SweepPlan, records: Sequence[Record]) -> None:
+    def add_branch(self, branch: Branch, records: Sequence[Record]) -> None:
         """Add a branch by the records of its points; one that is there already, as sweeps share branches, is kept."""
         points = [
             (record["row"] | {SUPPLY: supply}, record["state"])
@@ -130,7 +129,7 @@ class Evidence:
         ]
         course = Course(
             branch,
-            plan,
+            branch.plan,
             rows=[row for row, _ in points if row["outcome"] == "ok"],
             states={row[SUPPLY]: state for row, state in points if state is not None},
             failed=tuple(row[SUPPLY] for row, _ in points if row["outcome"] != "ok"),

@@ -14,9 +14,8 @@ from vibroplat.hybrid.state import static_rest
 from vibroplat.motion.run import simulate
 from vibroplat.paper.trial import BETA, paper_scene
 from vibroplat.results.provenance import configuration_hash
-from vibroplat.study.execution import Pool
-from vibroplat.study.store import Record, Records
-from vibroplat.study.tasks import StoredChain, Task, Tasks, run_stored
+from vibroplat.study.pool import Pool, StoredChain, Task, Tasks, run_stored
+from vibroplat.study.store import Record, Store
 
 #: Frequencies (Hz) of the panels of each figure.
 PANELS: dict[str, tuple[str, ...]] = {
@@ -38,9 +37,7 @@ RATE = 2000.0
 COLUMNS = ("scene", "excitation_frequency_hz", "t_s", "y_m", "gap_m")
 
 
-def histories(
-    numbers: Mapping[str, Any], beta: float | None, records: Records, workers: Pool
-) -> dict[str, pd.DataFrame]:
+def histories(numbers: Mapping[str, Any], beta: float | None, records: Store, workers: Pool) -> dict[str, pd.DataFrame]:
     """Simulate the time histories that are not stored yet, each once for all figures that show it.
 
     Parameters

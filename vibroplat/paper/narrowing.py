@@ -11,10 +11,9 @@ from dataclasses import dataclass, field
 
 from vibroplat.paper.evidence import MOTIONS, REGIMES, Boundary, Evidence, Step
 from vibroplat.study.branches import FREQUENCY, SUPPLY
-from vibroplat.study.execution import Pool
 from vibroplat.study.point import point_task
-from vibroplat.study.store import Records
-from vibroplat.study.tasks import StoredChain, Tasks, run_stored
+from vibroplat.study.pool import Pool, StoredChain, Tasks, run_stored
+from vibroplat.study.store import Store
 
 #: Widths (Hz of supply frequency) to which boundaries are narrowed; in excitation frequency they are about half as
 #: wide. The first is for jumps, as mass shifts them little (five points from the paper's step), the other for the rest
@@ -22,7 +21,7 @@ from vibroplat.study.tasks import StoredChain, Tasks, run_stored
 JUMP_WIDTH, WIDTH = 0.02, 0.1
 
 #: Evidence, a function that reads it, and where the points that narrow its boundaries are stored.
-Reading = tuple[Evidence, Callable[[Evidence], object], Records]
+Reading = tuple[Evidence, Callable[[Evidence], object], Store]
 
 
 def width(regime: str) -> float:

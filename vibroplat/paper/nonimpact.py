@@ -7,12 +7,12 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.optimize import brentq
 
+from vibroplat.config.plans import SweepPlan
 from vibroplat.config.scene import Scene
-from vibroplat.config.sweep_plan import SweepPlan
 from vibroplat.paper.evidence import Evidence, F, Key
 from vibroplat.study.branches import FREQUENCY, SUPPLY
 from vibroplat.study.point import point_task
-from vibroplat.study.tasks import Tasks
+from vibroplat.study.pool import Tasks
 
 #: Excitation frequency (Hz) at which the paper makes RMS y of both models equal.
 MATCHED = 30.9

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from vibroplat.config.scene import Material
+from vibroplat.config.sections import Material
 from vibroplat.paper.evidence import Evidence, F, Key, error_of
 from vibroplat.paper.finding import Claim, Finding
 

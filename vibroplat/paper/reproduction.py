@@ -38,11 +38,10 @@ from vibroplat.paper.trial import (
     former_claims,
     paper_scene,
 )
-from vibroplat.study.branches import branches
-from vibroplat.study.execution import Pool
-from vibroplat.study.store import Records, Store
+from vibroplat.study.branches import Branch, branches
+from vibroplat.study.pool import Pool, StoredChain, run_stored
+from vibroplat.study.store import Store
 from vibroplat.study.sweep import Progress, conditions, run_sweeps, tables
-from vibroplat.study.tasks import StoredChain, run_stored
 
 #: Sweeps of the impact model from which figures are drawn or claims judged.
 SWEEPS = ("fig2", *IMPACT)
@@ -147,7 +146,7 @@ class _Trial:
     evidence
         What has been found so far.
     sweeps
-        By name: the scenes of finished sweeps and where their points are.
+        By name: the branches of finished sweeps and where their points are.
     """
 
     name: str
@@ -156,7 +155,7 @@ class _Trial:
     settings: Mapping[str, Any]
     names: tuple[str, ...]
     evidence: Evidence = field(default_factory=Evidence)
-    sweeps: dict[str, tuple[Scene, Records]] = field(default_factory=dict)
+    sweeps: dict[str, tuple[list[Branch], Store]] = field(default_factory=dict)
     store: Store = field(init=False)
 
     @property
@@ -233,8 +232,7 @@ def _sweep(wanted: Mapping[_Trial, tuple[str, ...]], workers: Pool, progress: Pr
     begun = []
     for trial, names in wanted.items():
         for name in names:
-            scene = trial.scene(name)
-            trial.sweeps[name] = scene, trial.store.part(name)
+            trial.sweeps[name] = branches(trial.scene(name)), trial.store.part(name)
             begun.append((trial, trial.sweeps[name]))
     run_sweeps([sweep for _, sweep in begun], workers, progress)
     for trial, sweep in begun:

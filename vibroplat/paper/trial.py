@@ -11,10 +11,10 @@ from vibroplat.config.scene import Scene
 from vibroplat.errors import ConfigError
 from vibroplat.paper.evidence import Evidence
 from vibroplat.paper.nonimpact import match_beta
-from vibroplat.study.branches import branches, sweep_plan
+from vibroplat.study.branches import branches
+from vibroplat.study.pool import Tasks
 from vibroplat.study.store import Record
 from vibroplat.study.sweep import branch_points
-from vibroplat.study.tasks import Tasks
 
 #: Sweeps of the impact model by which claims are judged.
 IMPACT = ("fig3", "fig6")
@@ -98,5 +98,5 @@ def _swept(evidence: Evidence, scene: Scene) -> Tasks[None]:
     """Run a sweep and add its branches to the evidence."""
     for branch in branches(scene):
         records: list[Record] = []
-        yield from branch_points(branch, sweep_plan(scene), records.append)
-        evidence.add_branch(branch, sweep_plan(scene), records)
+        yield from branch_points(branch, records.append)
+        evidence.add_branch(branch, records)

@@ -9,10 +9,9 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, ValidationError, model_validator
 
-from vibroplat.config.fields import Real, Section
-from vibroplat.config.messages import explain
 from vibroplat.config.overrides import flat
 from vibroplat.config.reader import load_tree
+from vibroplat.config.schema import Real, Section, explain
 from vibroplat.errors import ConfigError
 from vibroplat.paper.trial import IMPACT, paper_scene
 

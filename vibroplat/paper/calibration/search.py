@@ -17,7 +17,6 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 from scipy.optimize import differential_evolution
-from scipy.stats import qmc
 
 from vibroplat.config.reader import ENGINE
 from vibroplat.model.parameters import FloatArray
@@ -26,9 +25,8 @@ from vibroplat.paper.claims import judge
 from vibroplat.paper.evidence import Evidence
 from vibroplat.paper.trial import IMPACT, NON_IMPACT, QUICK, SEED, SHARED, claims, paper_scene, quick_trial
 from vibroplat.study import sweep
-from vibroplat.study.execution import Pool, run_chains
-from vibroplat.study.store import Record, Records
-from vibroplat.study.tasks import StoredChain, Tasks
+from vibroplat.study.pool import Pool, StoredChain, Tasks, run_chains
+from vibroplat.study.store import Record, Store
 
 #: Called after each evaluation: their number so far, the most claims held, and the best score of those that hold most.
 Progress = Callable[[int, int, float], None]
@@ -89,7 +87,7 @@ class Calibration:
 
 
 def calibrate(
-    fixed: Mapping[str, Any], plan: CalibrationPlan, records: Records, workers: Pool, progress: Progress | None = None
+    fixed: Mapping[str, Any], plan: CalibrationPlan, records: Store, workers: Pool, progress: Progress | None = None
 ) -> Calibration:
     """Search from all starts, one after the other, and confirm the best sets.
 
@@ -145,6 +143,8 @@ def _search(plan: CalibrationPlan, start: int, book: _Book) -> list[_Evaluation]
 
 def _population(plan: CalibrationPlan, seed: int) -> FloatArray:
     """Return the first population: a Latin hypercube, whose first sets are replaced by the plan's ``begin``."""
+    from scipy.stats import qmc  # noqa: PLC0415  (takes half a second to load)
+
     ranges = plan.parameters
     low, high = np.array([r.bounds for r in ranges.values()]).T
     shares = qmc.LatinHypercube(len(ranges), rng=seed).random(plan.population)
@@ -193,7 +193,7 @@ class _Evaluation(NamedTuple):
 class _Book:
     """Evaluations by set and seed, each made once."""
 
-    def __init__(self, fixed: Mapping[str, Any], records: Records, workers: Pool, progress: Progress | None) -> None:
+    def __init__(self, fixed: Mapping[str, Any], records: Store, workers: Pool, progress: Progress | None) -> None:
         self._fixed = fixed
         self._records = records
         self._workers = workers
