@@ -71,7 +71,7 @@ class Step(NamedTuple):
 
 
 class Curve(NamedTuple):
-    """A measure over excitation frequency and its standard error."""
+    """RMS y over excitation frequency, or a ratio of two, and its standard error."""
 
     values: FloatArray
     errors: FloatArray
@@ -132,8 +132,8 @@ class Evidence:
         """Return the supply frequencies (Hz) of the other points of a branch."""
         return [row[SUPPLY] for row in self.courses[key].rows if row["outcome"] != "ok"]
 
-    def curve(self, key: Key, at: FloatArray, column: str = "rms_y_m") -> Curve:
-        """Interpolate a measure of a branch's antiphase motion at excitation frequencies (Hz), shape (n,).
+    def curve(self, key: Key, at: FloatArray) -> Curve:
+        """Interpolate RMS y (m) of a branch's antiphase motion at excitation frequencies (Hz), shape (n,).
 
         Both arrays have shape (n,): nan and inf beyond the rows and across jumps. The errors of neighbouring rows are
         taken as independent.
@@ -142,13 +142,13 @@ class Evidence:
         rows.sort(key=lambda row: float(row[F]))
         if len(rows) < 2:
             return Curve(np.full(len(at), np.nan), np.full(len(at), np.nan))
-        f, values = np.array([r[F] for r in rows]), np.array([r[column] for r in rows], dtype=float)
+        f, values = np.array([r[F] for r in rows]), np.array([r["rms_y_m"] for r in rows])
         # at equal frequency a curve is also off by its slope times the error of the frequency
         slope = np.abs(np.diff(values) / np.maximum(np.diff(f), 1e-6))
         steepest = np.maximum(np.append(slope, 0.0), np.insert(slope, 0, 0.0))
         across = np.array([error_of(r, F) for r in rows])
         # the least slope is above 0, as inf · 0 is nan
-        errors = np.array([error_of(r, column) for r in rows]) + across * np.maximum(steepest, 1e-300)
+        errors = np.array([error_of(r, "rms_y_m") for r in rows]) + across * np.maximum(steepest, 1e-300)
         found = np.interp(at, f, values, left=np.nan, right=np.nan)
         place = np.clip(np.searchsorted(f, at), 1, len(f) - 1)
         gap = np.diff(f)[place - 1]
