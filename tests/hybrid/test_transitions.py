@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from common.known import ball_on_table
 
 from vibroplat import simulate
-from vibroplat.bench.known import ball_on_table
 from vibroplat.bench.scenes import base
-from vibroplat.config.scene import COORDINATES, RATES
+from vibroplat.config.coordinates import COORDINATES, RATES
 from vibroplat.model.impact import impulse_response
 from vibroplat.model.parameters import IMPACT_LAWS, parameters
 

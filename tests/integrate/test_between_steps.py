@@ -10,8 +10,7 @@ from oracle import REFERENCE
 from scipy.integrate import solve_ivp
 
 from vibroplat import load_config, simulate
-from vibroplat.hybrid.initial import initial_state
-from vibroplat.hybrid.scales import state_scales
+from vibroplat.hybrid.state import initial_state, state_scales
 from vibroplat.model.accelerations import accelerations
 from vibroplat.model.parameters import parameters
 from vibroplat.model.systems import systems

@@ -14,13 +14,11 @@ import pandas as pd
 import pytest
 from oracle import REFERENCE
 
+from vibroplat import integrate as engines
 from vibroplat import load_config, simulate
 from vibroplat.bench.reference import compared_events, coordinate_errors, event_errors
-from vibroplat.hybrid.automaton import automaton
-from vibroplat.hybrid.loop import first_mode
-from vibroplat.hybrid.state import NON_FINITE, RUNNING
-from vibroplat.hybrid.steps import no_steps
-from vibroplat.integrate import choice as engines
+from vibroplat.hybrid.loop import automaton, first_mode
+from vibroplat.hybrid.state import NON_FINITE, RUNNING, no_steps
 from vibroplat.integrate.native import NativeEngine, self_check
 from vibroplat.integrate.sundials import Library, UnavailableError, library
 from vibroplat.model.parameters import parameters

@@ -6,14 +6,12 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from common.drawing import given
 
 from vibroplat.config.scene import Scene
-from vibroplat.hybrid.automaton import automaton
-from vibroplat.hybrid.loop import AT_GUARD, AT_TARGET
+from vibroplat.hybrid.loop import AT_GUARD, AT_TARGET, automaton
 from vibroplat.hybrid.modes import ATTACHED
-from vibroplat.hybrid.steps import CUBIC, fill_cubic, no_steps
+from vibroplat.hybrid.state import CUBIC, fill_cubic, no_steps
 from vibroplat.integrate.multistep import (
     begin_steps,
     calm,
@@ -208,8 +206,7 @@ def test_wild_slopes_of_the_force_are_limited(slopes_given, expected):
     assert at_ends[1, 0] == pytest.approx(expected[1], abs=1e-12)
 
 
-@settings(derandomize=True, deadline=None, database=None)
-@given(st.lists(st.tuples(st.floats(0.0, 1e3), st.floats(-1e6, 1e6)), min_size=2, max_size=8))
+@given(rows=lambda st: st.lists(st.tuples(st.floats(0.0, 1e3), st.floats(-1e6, 1e6)), min_size=2, max_size=8))
 def test_a_force_that_presses_at_all_steps_presses_between_them(rows):
     forces, slopes_given = zip(*rows, strict=True)
     steps, _, _ = calmed(forces, slopes_given)

@@ -7,16 +7,16 @@ import math
 import numpy as np
 import pandas as pd
 import pytest
+from common.known import accumulation_time, ball_on_table, dropped_ball
 from common.places import QUICKSTART, ROOT
+from common.random_scenes import random_scene
 
 from integrate.dop853 import Dop853
 from vibroplat import load_config, simulate
-from vibroplat.bench.known import accumulation_time, ball_on_table, dropped_ball
 from vibroplat.bench.reference import coordinate_errors, event_errors
-from vibroplat.bench.stability.campaign import random_scene
+from vibroplat.config.coordinates import COORDINATES
 from vibroplat.config.reader import load_tree
-from vibroplat.config.scene import COORDINATES
-from vibroplat.hybrid.scales import state_scales
+from vibroplat.hybrid.state import state_scales
 from vibroplat.integrate.seam import IntegrationError
 from vibroplat.integrate.stepwise import Stepwise
 from vibroplat.model.parameters import parameters
@@ -123,7 +123,7 @@ def test_measured_part_begins_within_a_step(bouncing):
     scene = scene.replace({"motor": {"critical_torque_n_m": 0.0, "friction_radius_m": 0.0}, "run.duration_s": 0.1})
     for settle in (0.0123, 0.05, 0.0801):
         motion = Motion(scene, parameters(scene), engine(scene))
-        part = motion.go_on(0.1, settle=settle)
+        part = motion.advance(0.1, settle=settle)
         assert float(part.measures.plain["time"] + part.measures.open_turn["time"]) == pytest.approx(0.1 - settle)
 
 

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from common.random_scenes import random_scene
 
 from vibroplat import Scene, simulate
-from vibroplat.bench.stability.campaign import random_scene
-from vibroplat.integrate.expansion import LAST, comes_to_rest, guard_fall
-from vibroplat.integrate.taylor import TaylorEngine, degree_of
+from vibroplat.integrate.taylor import LAST, TaylorEngine, comes_to_rest, degree_of, guard_fall
 from vibroplat.kernels.lanes import in_lines
 from vibroplat.model.parameters import parameters
 from vibroplat.model.series import HIGHEST

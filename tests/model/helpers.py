@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from vibroplat.config.drive import Drive, Entry
-from vibroplat.config.exciters import Exciter, Motor
-from vibroplat.config.scene import Contact, Machine, Material, Scene
+from vibroplat.config.scene import Scene
+from vibroplat.config.sections import Contact, Exciter, Machine, Material, Motor
 from vibroplat.model.accelerations import accelerations, second_derivatives
 from vibroplat.model.parameters import parameters
 from vibroplat.model.systems import FULL_SIZE, SYSTEMS

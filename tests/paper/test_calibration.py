@@ -23,9 +23,8 @@ from vibroplat.paper.calibration import (
     spread,
 )
 from vibroplat.paper.scenes import QUICK, coarse_scene, machine_numbers
-from vibroplat.study.execution import Inline
+from vibroplat.study.pool import Inline, Task
 from vibroplat.study.store import Store
-from vibroplat.study.tasks import Task
 
 DAMPING, RATIO = "machine.damping_y_n_s_per_m", "material.damping_ratio"
 PLAN = CalibrationPlan(

@@ -20,11 +20,10 @@ from vibroplat.paper.root_finding import JUMP_WIDTH, LARGEST_BETA, MATCHED, beta
 from vibroplat.paper.scenes import BETA, machine_numbers, paper_scene
 from vibroplat.plots.paper import FIGURES, plot_paper
 from vibroplat.study.branches import branches
-from vibroplat.study.execution import Inline
 from vibroplat.study.point import measure_point
+from vibroplat.study.pool import Inline, StoredChain, run_stored
 from vibroplat.study.store import Store
 from vibroplat.study.sweep import run_sweeps
-from vibroplat.study.tasks import StoredChain, run_stored
 
 COARSE = {
     "sweep.supply_frequency_hz.start": 42.0,
@@ -75,8 +74,8 @@ def test_beta_is_found_again(share):
     scene = paper_scene("fig6-nonimpact", machine_numbers("damped"), changes)
     evidence = Evidence()
     with Store(None, {}) as store:
-        run_sweeps([(scene, store)], Inline())
-        evidence.add_sweep(scene, store)
+        run_sweeps([(branches(scene), store)], Inline())
+        evidence.add_sweep(branches(scene), store)
     course = evidence.courses.pop(Key(0.2, model="non-impact"))
     impact = course.branch.scene.replace({"contact.model": "impact", BETA: 0.0})
     branch = branches(scene)[0]
@@ -166,8 +165,8 @@ def bare():
     scene = paper_scene("fig2", machine_numbers("damped"), FINE)
     evidence = Evidence()
     with Store(None, {}) as store:
-        run_sweeps([(scene, store)], Inline())
-        evidence.add_sweep(scene, store)
+        run_sweeps([(branches(scene), store)], Inline())
+        evidence.add_sweep(branches(scene), store)
     return evidence
 
 

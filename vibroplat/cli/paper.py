@@ -44,7 +44,7 @@ def paper(
     from vibroplat.paper import reproduction
     from vibroplat.plots.paper import plot_paper
     from vibroplat.results.tables import result_directory
-    from vibroplat.study.execution import pool
+    from vibroplat.study.pool import pool
 
     tried = range(seed, seed + seeds)
     planned = {name: reproduction.planned(numbers, tried) for name, numbers in chosen.items()}
@@ -90,7 +90,7 @@ def calibrate(
     fixed, plan = calibration.load_plan(path, overrides, parse_overrides([], engine))
     require_scheduler(scheduler)
     from vibroplat.results.tables import remove_table, result_directory, write_table
-    from vibroplat.study.execution import pool
+    from vibroplat.study.pool import pool
     from vibroplat.study.store import Store
 
     directory = result_directory(out, "calibration")

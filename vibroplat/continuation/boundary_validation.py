@@ -10,9 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from vibroplat.config.orbits_plan import UNITS, OrbitsPlan
+from vibroplat.config.plans import UNITS, OrbitsPlan, SweepPlan
 from vibroplat.config.scene import Scene
-from vibroplat.config.sweep_plan import SweepPlan
 from vibroplat.continuation.boundaries import ONE_SIDED
 from vibroplat.continuation.event_sequence import spelled, whole
 from vibroplat.continuation.kinds import BRANCH_POINT, DOUBLING, FOLD, TORUS
@@ -152,7 +151,7 @@ def _on_section(scene: Scene, plan: OrbitsPlan, row: Record) -> FloatArray:
         scene = with_value(scene, key.split("."), value)
     points = []
     with closing(Shooter(scene)) as shooter:
-        shooter.motion.begin_again(np.array(row["state"]))
+        shooter.motion.reset(np.array(row["state"]))
         for _ in range(abs(row["turns"][0])):
             shooter.motion.to_section(1, 2.0 * row["period_s"])
             points.append(_point(shooter.motion.state, scene, shooter.scales))

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from functools import cached_property
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,18 +13,20 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from vibroplat.config.scene import COORDINATES, RATES, Scene
+import vibroplat
+from vibroplat.columns import Column, Columns
+from vibroplat.config.coordinates import COORDINATES, RATES
+from vibroplat.config.scene import Scene
 from vibroplat.continuation.event_sequence import spelled, turned
 from vibroplat.continuation.newton import ANGLE, Found, Frame, MissedError, Problem, correct, leaving
 from vibroplat.continuation.shooting import Shooter, Shot
 from vibroplat.errors import ConfigError, VibroplatError
-from vibroplat.hybrid.initial import initial_state
+from vibroplat.hybrid.state import initial_state
 from vibroplat.kernels.compiled import FloatArray
-from vibroplat.motion.initial_condition import beginning, end_of
+from vibroplat.motion.initial_condition import end_of, initial_condition
 from vibroplat.motion.run import simulate
 from vibroplat.observe.summary import Part, measured
 from vibroplat.observe.trajectory import Trajectory
-from vibroplat.results.columns import Column, Columns
 from vibroplat.study.point import MEASURED, row_of
 
 if TYPE_CHECKING:
@@ -62,7 +63,7 @@ class Orbit:
     scene
         Whose orbit it is.
     state
-        Full state on it, shape (14,), as :data:`vibroplat.config.scene.COORDINATES` and their rates.
+        Full state on it, shape (14,), as :data:`vibroplat.config.coordinates.COORDINATES` and their rates.
     period
         In turns of exciter 1.
     period_s
@@ -119,8 +120,7 @@ class Orbit:
 
     def plot(self) -> Figure:
         """Draw it: its speed over its height, and the gap over the phase where there is material."""
-        figure: Figure = import_module("vibroplat.plots.display").orbit_figure(self)
-        return figure
+        return vibroplat.figure_of(self)
 
     @cached_property
     def run(self) -> Trajectory:
@@ -248,7 +248,7 @@ def guesses(shooter: Shooter, guess: Any) -> Any:
     """Yield full states on the section, φ₁ = 0, to begin with."""
     scene, motion = shooter.scene, shooter.motion
     if guess is None:
-        motion.begin_again(beginning(scene).state)
+        motion.reset(initial_condition(scene).state)
         done = 0
         for turns in SETTLING:
             motion.to_section(turns - done, 4.0 * turns * _TURN / scene.speed_scale)
@@ -257,9 +257,9 @@ def guesses(shooter: Shooter, guess: Any) -> Any:
                 raise OrbitError(f"the motion ended while it settled: {motion.outcome}: {motion.detail}")
             state = motion.state
             yield state
-            motion.begin_again(state)  # the search has moved it
+            motion.reset(state)  # the search has moved it
         return
-    motion.begin_again(state_of(scene, guess))
+    motion.reset(state_of(scene, guess))
     if not motion.to_section(1, 4.0 * _TURN / scene.speed_scale):
         raise OrbitError("exciter 1 does not turn; allowed: a motion whose exciters turn")
     yield motion.state

@@ -1,7 +1,7 @@
 """Engine ``native``: SUNDIALS IDA without the interpreter in the loop.
 
 The library of :mod:`vibroplat.integrate.sundials` is driven from compiled code through the addresses of its
-functions; it calls back the C functions of :mod:`vibroplat.integrate.callbacks`. Between two readings of the
+functions; it calls back the C functions of :mod:`vibroplat.integrate.ida`. Between two readings of the
 steps — some thousand, with all events in them — no Python runs and the interpreter's lock is free.
 """
 
@@ -15,14 +15,14 @@ from typing import Any
 
 import numpy as np
 
-from vibroplat.config.scene import Mode, Scene
+from vibroplat.config.coordinates import Mode
+from vibroplat.config.scene import Scene
 from vibroplat.hybrid import loop
-from vibroplat.hybrid.automaton import automaton
+from vibroplat.hybrid.loop import automaton
 from vibroplat.hybrid.modes import GUARDS
-from vibroplat.hybrid.state import OK, Automaton
-from vibroplat.hybrid.steps import CUBIC, no_steps
-from vibroplat.integrate import callbacks as cb
-from vibroplat.integrate.drive import (
+from vibroplat.hybrid.state import CUBIC, OK, Automaton, no_steps
+from vibroplat.integrate import ida
+from vibroplat.integrate.ida import (
     FUNCTIONS,
     HANDLES,
     NAMES,
@@ -105,7 +105,7 @@ class NativeEngine:
         self._n = Native(
             functions=np.array([tuple(library.address(name) for name in NAMES.values())], FUNCTIONS)[0],
             handles=np.zeros(3, HANDLES),
-            links=np.zeros(3, cb.LINKS),
+            links=np.zeros(3, ida.LINKS),
             y=np.zeros(shape),
             yp=np.zeros(shape),
             atol=np.ones(shape),
@@ -203,13 +203,13 @@ class NativeEngine:
         head = _words(dense, _SOLVER_WORDS)
         place = np.flatnonzero(head == self._context)  # the table of operations is before it, its place differs
         operations = _words(int(head[place[0] - 1]), _SOLVER_OPERATIONS) if place.size == 1 and place[0] > 1 else head
-        for name, ours in (("SUNLinSolSetup_Dense", cb.setup), ("SUNLinSolSolve_Dense", cb.solve)):
+        for name, ours in (("SUNLinSolSetup_Dense", ida.setup), ("SUNLinSolSolve_Dense", ida.solve)):
             found = operations == lib.address(name)
             if found.sum() != 1:
                 raise UnavailableError(f"{name} is not found among the operations of its dense linear solver")
             operations[found] = ours.address
-        content = _words(int(head[0]), cb.USER_DATA)
-        content[cb.USER_DATA] = self._links(mode)
+        content = _words(int(head[0]), ida.USER_DATA)
+        content[ida.USER_DATA] = self._links(mode)
         head[0], head[place[0] - 1] = content.ctypes.data, operations.ctypes.data
         self._alive += [head, content, operations]
         return head.ctypes.data, matrix
@@ -218,11 +218,11 @@ class NativeEngine:
         lib, n = self._lib, self._n
         y, yp = self._vectors(mode, system)
         memory = self._made(lib.IDACreate(self._context), lib.IDAFree, by_reference=True)
-        _check(lib.IDAInit(memory, cb.residual.address, 0.0, y, yp))
-        _check(lib.IDAWFtolerances(memory, cb.weights.address))
+        _check(lib.IDAInit(memory, ida.residual.address, 0.0, y, yp))
+        _check(lib.IDAWFtolerances(memory, ida.weights.address))
         _check(lib.IDASetUserData(memory, self._links(mode)))
         _check(lib.IDASetLinearSolver(memory, *self._linear_solver(mode, system, y)))
-        _check(lib.IDASetJacFn(memory, cb.jacobian.address))
+        _check(lib.IDASetJacFn(memory, ida.jacobian.address))
         _check(lib.IDASetEtaFixedStepBounds(memory, *ETA_FIXED))
         _check(lib.IDASetEtaMax(memory, ETA_MAX))
         _check(lib.IDASetDeltaCjLSetup(memory, DELTA_CJ))
@@ -234,7 +234,7 @@ class NativeEngine:
             # F_c stays in the Newton norm and leaves the error test: its error is that of the state
             _check(lib.IDASetSuppressAlg(memory, 1))
         if GUARDS[system.index] >= 0:
-            _check(lib.IDARootInit(memory, 1, cb.guard.address))
+            _check(lib.IDARootInit(memory, 1, ida.guard.address))
             _check(lib.IDASetRootDirection(memory, self._direction.ctypes.data))
             _check(lib.IDASetNoInactiveRootWarn(memory))
         n.handles[mode] = (memory, y, yp)

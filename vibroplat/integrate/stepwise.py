@@ -7,11 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from vibroplat.hybrid.jumps import cut_piece
 from vibroplat.hybrid.loop import AT_GUARD, AT_TARGET, AT_TIME, FAILED, NOT_FINITE, begin, conclude
 from vibroplat.hybrid.modes import GUARDS
-from vibroplat.hybrid.pieces import cut_piece
-from vibroplat.hybrid.state import RUNNING, Automaton
-from vibroplat.hybrid.steps import CUBIC, MARGIN, Steps, rewind
+from vibroplat.hybrid.state import CUBIC, MARGIN, RUNNING, Automaton, Steps, rewind
 from vibroplat.integrate.seam import IntegrationError, Integrator
 from vibroplat.kernels.compiled import FloatArray, compiled
 from vibroplat.kernels.polynomial import Fit, crossing, first_fall, fit, fit_column, stretch, values

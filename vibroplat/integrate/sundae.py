@@ -18,6 +18,7 @@ os.environ.setdefault("SUNLOGGER_WARNING_FILENAME", os.devnull)
 
 from sksundae.ida import IDA
 
+from vibroplat.hybrid.jumps import cut_piece
 from vibroplat.hybrid.loop import (
     AT_GUARD,
     AT_TIME,
@@ -27,10 +28,7 @@ from vibroplat.hybrid.loop import (
     conclude,
 )
 from vibroplat.hybrid.modes import GUARDS
-from vibroplat.hybrid.pieces import cut_piece
-from vibroplat.hybrid.scales import ROUND_OFF
-from vibroplat.hybrid.state import Automaton
-from vibroplat.hybrid.steps import CUBIC, MARGIN, rewind
+from vibroplat.hybrid.state import CUBIC, MARGIN, ROUND_OFF, Automaton, rewind
 from vibroplat.integrate.multistep import begin_steps, calm, no_past, prepare_first_step, transcribe
 from vibroplat.integrate.seam import WORK
 from vibroplat.kernels.compiled import FloatArray

@@ -19,25 +19,22 @@ import numpy as np
 import pandas as pd
 from pydantic import Field, ValidationError, model_validator
 from scipy.optimize import differential_evolution
-from scipy.stats import qmc
 
-from vibroplat.config.fields import Real, Section
-from vibroplat.config.messages import explain
+from vibroplat.columns import Column, Columns
 from vibroplat.config.overrides import flat
 from vibroplat.config.reader import ENGINE, load_tree
 from vibroplat.config.scene import Scene
+from vibroplat.config.schema import Real, Section, explain
 from vibroplat.errors import ConfigError
 from vibroplat.model.parameters import FloatArray
 from vibroplat.paper.claims import judge
 from vibroplat.paper.evidence import Evidence
 from vibroplat.paper.root_finding import match_beta
 from vibroplat.paper.scenes import BETA, IMPACT, NON_IMPACT, SEED, claims, coarse_scene, paper_scene
-from vibroplat.results.columns import Column, Columns
 from vibroplat.study import sweep
-from vibroplat.study.branches import branches, sweep_plan
-from vibroplat.study.execution import Pool, run_chains
-from vibroplat.study.store import Record, Records
-from vibroplat.study.tasks import StoredChain, Tasks
+from vibroplat.study.branches import branches
+from vibroplat.study.pool import Pool, StoredChain, Tasks, run_chains
+from vibroplat.study.store import Record, Store
 
 #: Smallest population that differential evolution allows.
 LEAST_POPULATION = 5
@@ -246,7 +243,7 @@ def _swept(evidence: Evidence, scene: Scene) -> Tasks[None]:
     """Run a sweep and add its branches to the evidence."""
     for branch in branches(scene):
         records: list[Record] = []
-        yield from sweep.branch_points(branch, sweep_plan(scene), records.append)
+        yield from sweep.branch_points(branch, records.append)
         evidence.add(branch, records)
 
 
@@ -262,7 +259,7 @@ def objective(result: Mapping[str, Any]) -> float:
 
 
 def calibrate(
-    fixed: Mapping[str, Any], plan: CalibrationPlan, records: Records, workers: Pool, progress: Progress | None = None
+    fixed: Mapping[str, Any], plan: CalibrationPlan, records: Store, workers: Pool, progress: Progress | None = None
 ) -> dict[str, pd.DataFrame]:
     """Search from all starts, one after the other, and confirm the best sets.
 
@@ -337,6 +334,8 @@ def _search(
     plan: CalibrationPlan, seed: int, judged: Callable[[Sequence[dict[str, Any]]], list[Record]]
 ) -> list[dict[str, Any]]:
     """Search with a seed and return the sets that were judged, in their order, with their results."""
+    from scipy.stats import qmc  # noqa: PLC0415  (takes half a second to load)
+
     ranges = plan.parameters
     rows: list[dict[str, Any]] = []
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import pandas as pd
 
+from vibroplat.columns import Column, Columns
 from vibroplat.paper import boundaries, comparisons
 from vibroplat.paper.evidence import (
     EDGE,
@@ -23,7 +24,6 @@ from vibroplat.paper.evidence import (
     name_of,
 )
 from vibroplat.paper.scenes import claims
-from vibroplat.results.columns import Column, Columns
 
 _FALLS = comparisons.ordered("falls", (Key(0.2), Key(0.1)), (Key(0.1), Key(0.0)))
 

@@ -15,9 +15,9 @@ from typing import Any
 import pandas as pd
 from scipy.optimize import brentq
 
+from vibroplat.columns import Column, Columns
 from vibroplat.config.scene import Scene
 from vibroplat.paper.scenes import paper_scene
-from vibroplat.results.columns import Column, Columns
 
 #: Frequencies (Hz) up to which motion is attached in the paper, by mass ratio.
 LIFTOFF = {0.1: 24.5, 0.2: 24.0}

@@ -9,11 +9,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from vibroplat.config.scene import Scene
 from vibroplat.model.parameters import FloatArray
-from vibroplat.study.branches import EXCITATION, SUPPLY, Branch, branches
+from vibroplat.study.branches import EXCITATION, SUPPLY, Branch
 from vibroplat.study.point import ERRORS
-from vibroplat.study.store import Record, Records
+from vibroplat.study.store import Record, Store
 from vibroplat.study.sweep import branch_records
 
 #: Row of a sweep table, by column.
@@ -106,10 +105,10 @@ class Evidence:
     boundaries: dict[Step, Boundary] = field(default_factory=dict)
     read: dict[Step, None] = field(default_factory=dict, compare=False)
 
-    def add_sweep(self, scene: Scene, records: Records) -> None:
+    def add_sweep(self, branches: Iterable[Branch], store: Store) -> None:
         """Add the branches of a finished sweep from its stored points."""
-        for branch in branches(scene):
-            self.add(branch, branch_records(branch, records))
+        for branch in branches:
+            self.add(branch, branch_records(branch, store))
 
     def add(self, branch: Branch, records: Iterable[Record]) -> None:
         """Add a branch by the records of its points; one that is there already, as sweeps share branches, is kept."""

@@ -17,7 +17,7 @@ import pandas as pd
 
 from vibroplat.config.reader import configurations, load_list
 from vibroplat.config.scene import Scene
-from vibroplat.integrate.choice import engine_name
+from vibroplat.integrate import engine_name
 from vibroplat.paper.claims import judge, scoreboard
 from vibroplat.paper.contradictions import contradictions
 from vibroplat.paper.evidence import Evidence
@@ -26,11 +26,10 @@ from vibroplat.paper.scenes import BETA, IMPACT, NON_IMPACT, QUICK, SEED, SHARED
 from vibroplat.paper.tables import histories, impact_laws, sync_bands
 from vibroplat.results.files import write_result
 from vibroplat.results.provenance import provenance
-from vibroplat.study.branches import branches
-from vibroplat.study.execution import Pool
-from vibroplat.study.store import Records, Store
+from vibroplat.study.branches import Branch, branches
+from vibroplat.study.pool import Pool, StoredChain, run_stored
+from vibroplat.study.store import Store
 from vibroplat.study.sweep import Progress, conditions, run_sweeps, tables
-from vibroplat.study.tasks import StoredChain, run_stored
 
 #: Sweeps of the impact model from which figures are drawn or claims judged, and that of the impact laws.
 SWEEPS, LAWS = ("fig2", *IMPACT), "laws"
@@ -99,7 +98,7 @@ class Trial:
     evidence
         What has been found so far.
     sweeps
-        By name: the scenes of finished sweeps and where their points are.
+        By name: the branches of finished sweeps and where their points are.
     """
 
     name: str
@@ -108,7 +107,7 @@ class Trial:
     settings: Mapping[str, Any]
     names: tuple[str, ...] = IMPACT
     evidence: Evidence = field(default_factory=Evidence)
-    sweeps: dict[str, tuple[Scene, Records]] = field(default_factory=dict)
+    sweeps: dict[str, tuple[list[Branch], Store]] = field(default_factory=dict)
     store: Store = field(init=False)
 
     def scene(self, name: str) -> Scene:
@@ -212,7 +211,7 @@ def _sweep(wanted: Iterable[tuple[Trial, str]], workers: Pool, progress: Progres
     """Run sweeps of trials side by side and add their branches to the evidence."""
     begun = []
     for trial, name in wanted:
-        trial.sweeps[name] = trial.scene(name), trial.store.part(name)
+        trial.sweeps[name] = branches(trial.scene(name)), trial.store.part(name)
         begun.append((trial, trial.sweeps[name]))
     run_sweeps([sweep for _, sweep in begun], workers, progress)
     for trial, sweep in begun:

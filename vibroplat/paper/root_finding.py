@@ -13,15 +13,14 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy.optimize import brentq
 
+from vibroplat.config.plans import SweepPlan
 from vibroplat.config.scene import Scene
-from vibroplat.config.sweep_plan import SweepPlan
 from vibroplat.paper.evidence import IMPACT_KEY, MOTIONS, REGIMES, Boundary, Evidence, F, Step
 from vibroplat.paper.scenes import BETA
-from vibroplat.study.branches import FREQUENCY, SUPPLY, sweep_plan
-from vibroplat.study.execution import Pool
+from vibroplat.study.branches import FREQUENCY, SUPPLY
 from vibroplat.study.point import point_task
-from vibroplat.study.store import Records
-from vibroplat.study.tasks import StoredChain, Tasks, run_stored
+from vibroplat.study.pool import Pool, StoredChain, Tasks, run_stored
+from vibroplat.study.store import Store
 
 #: Widths (Hz of supply frequency) to which boundaries are narrowed; in excitation frequency they are about half as
 #: wide. The first is for jumps, as mass shifts them little (five points from the paper's step), the other for the rest
@@ -42,7 +41,7 @@ SAME = 0.01
 CAPTURED = 1.0
 
 
-def narrow(judged: Sequence[tuple[Evidence, Records]], workers: Pool) -> None:
+def narrow(judged: Sequence[tuple[Evidence, Store]], workers: Pool) -> None:
     """Narrow the boundaries that have been read of each evidence and are not narrow yet, and add them to it."""
     found = [(e, step, records) for e, records in judged for step in e.read if step not in e.boundaries]
     chains = [StoredChain(_bisected(e, step), records, json.dumps(step)) for e, step, records in found]
@@ -57,7 +56,7 @@ def _bisected(evidence: Evidence, step: Step) -> Tasks[Boundary]:
     """
     course = evidence.courses[step.key]
     before, after = (next(row for row in course.rows if row[SUPPLY] == supply) for supply in (step.before, step.after))
-    plan = sweep_plan(course.branch.scene)
+    plan = course.branch.plan
     plan = plan.model_copy(update={"lyapunov": plan.lyapunov and step.regime in MOTIONS})
     width = JUMP_WIDTH if step.regime in ("antiphase", "in-phase") else WIDTH
     while abs(after[SUPPLY] - before[SUPPLY]) > width:
@@ -85,8 +84,8 @@ def match_beta(evidence: Evidence) -> Tasks[float | None]:
     if wanted is None:
         return None
     impact = float(evidence.curve(IMPACT_KEY, np.array([wanted])).values[0])
-    scene = evidence.courses[IMPACT_KEY].branch.scene
-    plan = sweep_plan(scene).model_copy(update={"measure_s": 1.0, "lyapunov": False, "perturbation": 0.0})
+    branch = evidence.courses[IMPACT_KEY].branch
+    plan = branch.plan.model_copy(update={"measure_s": 1.0, "lyapunov": False, "perturbation": 0.0})
     begin = min(evidence.rows(IMPACT_KEY), key=lambda row: abs(row[F] - wanted + 1.0))[SUPPLY]
     excess: dict[float, float] = {}
     while True:
@@ -94,7 +93,7 @@ def match_beta(evidence: Evidence) -> Tasks[float | None]:
             return beta_without_excess(excess, SAME * impact)
         except KeyError as missing:
             beta = missing.args[0]
-            viscous = scene.replace({"contact.model": "non-impact"}).replace({BETA: beta})
+            viscous = branch.scene.replace({"contact.model": "non-impact", BETA: beta})
             found = yield from _rms_at(viscous, plan, begin, wanted)
             excess[beta] = CAPTURED if found is None else found - impact
 

@@ -9,17 +9,16 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from vibroplat.columns import Column, Columns
 from vibroplat.config.scene import Scene
-from vibroplat.hybrid.initial import static_rest
+from vibroplat.hybrid.state import static_rest
 from vibroplat.motion.run import simulate
 from vibroplat.paper.evidence import EDGE, Evidence, F
 from vibroplat.paper.scenes import BETA, paper_scene
-from vibroplat.results.columns import Column, Columns
 from vibroplat.results.provenance import configuration_hash
 from vibroplat.study.branches import SUPPLY
-from vibroplat.study.execution import Pool
-from vibroplat.study.store import Record, Records
-from vibroplat.study.tasks import StoredChain, Task, Tasks, run_stored
+from vibroplat.study.pool import Pool, StoredChain, Task, Tasks, run_stored
+from vibroplat.study.store import Record, Store
 
 #: Frequencies (Hz) of the panels of Figs. 4, 5 and 7, and the scenes of their curves in the paper's numbering.
 PANELS: dict[str, tuple[str, ...]] = {
@@ -74,9 +73,7 @@ IMPACT_LAWS: Columns = {
 }
 
 
-def histories(
-    numbers: Mapping[str, Any], beta: float | None, records: Records, workers: Pool
-) -> dict[str, pd.DataFrame]:
+def histories(numbers: Mapping[str, Any], beta: float | None, records: Store, workers: Pool) -> dict[str, pd.DataFrame]:
     """Return the tables of Figs. 4, 5 and 7; time histories that are not stored yet are simulated, each once.
 
     Without β of the non-impact model (1/s) the curves of this model are left out.
