@@ -14,16 +14,17 @@ if TYPE_CHECKING:
     from vibroplat.check.runs import check_run
     from vibroplat.check.sweeps import check_sweep
     from vibroplat.config.drive import Drive
-    from vibroplat.config.exciters import Exciter, Motor
     from vibroplat.config.reader import load_config
-    from vibroplat.config.scene import (
+    from vibroplat.config.scene import Scene
+    from vibroplat.config.sections import (
         Contact,
+        Exciter,
         Initial,
         Machine,
         Material,
+        Motor,
         Output,
         Run,
-        Scene,
         Solver,
         State,
     )
@@ -38,9 +39,12 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "load_config": "vibroplat.config.reader",
+    "Scene": "vibroplat.config.scene",
     "Drive": "vibroplat.config.drive",
-    "Exciter": "vibroplat.config.exciters",
-    "Motor": "vibroplat.config.exciters",
+    **dict.fromkeys(
+        ("Contact", "Exciter", "Initial", "Machine", "Material", "Motor", "Output", "Run", "Solver", "State"),
+        "vibroplat.config.sections",
+    ),
     "simulate": "vibroplat.motion.run",
     "variation": "vibroplat.motion.variation",
     "load": "vibroplat.results.run",
@@ -54,20 +58,6 @@ _HOMES = {
     "sweep": "vibroplat.study.sweep",
     # not for users: runs, orbits and tables ask for their figures here, and know nothing else of what draws them
     "figure_of": "vibroplat.plots.display",
-    **dict.fromkeys(
-        (
-            "Contact",
-            "Initial",
-            "Machine",
-            "Material",
-            "Output",
-            "Run",
-            "Scene",
-            "Solver",
-            "State",
-        ),
-        "vibroplat.config.scene",
-    ),
 }
 
 __all__ = [

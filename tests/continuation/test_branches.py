@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 import scipy.linalg
 from common.orbits import bounded, traced
+from common.shaken_table import GRAVITY, shaken, stable_range
 
 from continuation.helpers import MACHINE
 from vibroplat import load_config, orbit
-from vibroplat.bench.shaken_table import GRAVITY, shaken, stable_range
 from vibroplat.continuation.newton import ANGLE, Frame, Problem, correct
 from vibroplat.continuation.orbit import OrbitError, beginning_at, guesses
 from vibroplat.continuation.shooting import Shooter
-from vibroplat.hybrid.scales import state_scales
-from vibroplat.integrate.choice import make_engine
+from vibroplat.hybrid.state import state_scales
+from vibroplat.integrate import make_engine
 from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Motion
 

@@ -7,10 +7,10 @@ from collections import Counter
 import numpy as np
 import pytest
 from common.orbits import bounded
+from common.shaken_table import GRAVITY, shaken, stable_range
 
 from continuation.helpers import MACHINE, MASS
 from vibroplat import load_config
-from vibroplat.bench.shaken_table import GRAVITY, shaken, stable_range
 from vibroplat.continuation.boundary_validation import AGREES, DIFFERS, UNSTABLE, across, check, chosen, others_outside
 
 KEY, RESTITUTION = "drive.supply_frequency_hz", "contact.restitution"

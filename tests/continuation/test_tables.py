@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from vibroplat import load_config, orbit, orbits
-from vibroplat.config.scene import COORDINATES, RATES
+from vibroplat.config.coordinates import COORDINATES, RATES
 from vibroplat.continuation.motions import motion_of
 from vibroplat.continuation.orbit import told
 from vibroplat.continuation.tables import boundary_table, planned, summary, tables
 from vibroplat.continuation.tracing import Traced, families, trace
 from vibroplat.errors import ConfigError
-from vibroplat.study.execution import Inline
 from vibroplat.study.point import MEASURED
+from vibroplat.study.pool import Inline
 from vibroplat.study.store import Store
 
 from .helpers import LIFTOFF, MACHINE, MASS, PLAN

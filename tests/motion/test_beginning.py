@@ -14,9 +14,8 @@ from common.places import QUICKSTART
 from common.results import unproven
 
 from vibroplat import load_config, simulate
-from vibroplat.config.scene import COORDINATES, RATES
-from vibroplat.hybrid.initial import initial_state, perturbed
-from vibroplat.hybrid.scales import state_scales
+from vibroplat.config.coordinates import COORDINATES, RATES
+from vibroplat.hybrid.state import initial_state, perturbed, state_scales
 from vibroplat.motion.initial_condition import initial_condition
 from vibroplat.results.provenance import configuration_hash
 from vibroplat.results.tables import read_json, read_table

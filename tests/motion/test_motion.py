@@ -8,12 +8,12 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from common.known import dropped_ball
 
 from vibroplat import simulate
-from vibroplat.bench.known import dropped_ball
-from vibroplat.config.scene import Mode
+from vibroplat.config.coordinates import Mode
 from vibroplat.hybrid.modes import KINDS
-from vibroplat.integrate.choice import make_engine
+from vibroplat.integrate import make_engine
 from vibroplat.model.energy import FORCE_SIZE
 from vibroplat.model.parameters import parameters
 from vibroplat.model.systems import GAP, GAP_RATE

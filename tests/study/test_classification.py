@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from common.places import LOADED
 
-from vibroplat.integrate.choice import make_engine
+from vibroplat.integrate import make_engine
 from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Motion
 from vibroplat.observe import statistics as m

@@ -10,9 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from vibroplat.config.orbits_plan import UNITS, OrbitsPlan
+from vibroplat.config.plans import UNITS, OrbitsPlan, SweepPlan
 from vibroplat.config.scene import Scene
-from vibroplat.config.sweep_plan import SweepPlan
 from vibroplat.continuation.boundaries import ONE_SIDED
 from vibroplat.continuation.event_sequence import spelled, whole
 from vibroplat.continuation.kinds import BRANCH_POINT, DOUBLING, FOLD, TORUS

@@ -6,7 +6,7 @@ from contextlib import closing, suppress
 
 import numpy as np
 
-from vibroplat.config.orbits_plan import OrbitsPlan
+from vibroplat.config.plans import OrbitsPlan
 from vibroplat.config.scene import Scene
 from vibroplat.continuation.branch import Branch, Steps
 from vibroplat.continuation.event_sequence import spelled

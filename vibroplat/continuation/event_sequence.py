@@ -7,7 +7,7 @@ import re
 import numpy as np
 import numpy.typing as npt
 
-from vibroplat.config.scene import Mode
+from vibroplat.config.coordinates import Mode
 from vibroplat.hybrid.modes import IMPACT, LATCH, LIFTOFF
 
 #: What the letters stand for in tables: S is an impact, or impacts that accumulate, after which contact holds.

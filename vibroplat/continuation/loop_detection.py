@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibroplat.config.orbits_plan import OrbitsPlan
+from vibroplat.config.plans import OrbitsPlan
 from vibroplat.study.store import Record
 
 #: Distance of two special points, as a part of the key's range, within which they are one.

@@ -10,7 +10,7 @@ import pandas as pd
 
 from vibroplat.config.scene import Scene
 from vibroplat.continuation.orbit import OrbitError, accurate, at_row, has_state, orbit, run_from, state_of
-from vibroplat.hybrid.scales import state_scales
+from vibroplat.hybrid.state import state_scales
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.results.run import Trajectory
 

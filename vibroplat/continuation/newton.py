@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from vibroplat.config.scene import Mode
+from vibroplat.config.coordinates import Mode
 from vibroplat.continuation.shooting import Shooter, Shot
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.systems import GAP, SYSTEMS

@@ -15,13 +15,14 @@ import pandas as pd
 
 import vibroplat
 from vibroplat.columns import Column, Columns
-from vibroplat.config.scene import COORDINATES, RATES, Scene
+from vibroplat.config.coordinates import COORDINATES, RATES
+from vibroplat.config.scene import Scene
 from vibroplat.continuation.event_sequence import spelled, turned
 from vibroplat.continuation.newton import ANGLE, Found, Frame, MissedError, Problem, correct, leaving
 from vibroplat.continuation.shooting import Shooter, Shot
 from vibroplat.errors import ConfigError, VibroplatError
-from vibroplat.hybrid.initial import initial_state
 from vibroplat.hybrid.modes import IMPACT
+from vibroplat.hybrid.state import initial_state
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.motion.initial_condition import end_of, initial_condition
 from vibroplat.motion.run import simulate
@@ -63,7 +64,7 @@ class Orbit:
     scene
         Whose orbit it is.
     state
-        Full state on it, shape (14,), as :data:`vibroplat.config.scene.COORDINATES` and their rates.
+        Full state on it, shape (14,), as :data:`vibroplat.config.coordinates.COORDINATES` and their rates.
     period
         In turns of exciter 1.
     period_s

@@ -12,7 +12,7 @@ from vibroplat.config.plausibility import notes_on_inputs
 from vibroplat.config.scene import Scene
 from vibroplat.continuation.tables import OrbitTables, column_of
 from vibroplat.continuation.tracing import Family, orbits_plan
-from vibroplat.integrate.choice import engine_name
+from vibroplat.integrate import engine_name
 from vibroplat.results.files import write_result
 from vibroplat.results.provenance import provenance
 from vibroplat.results.tables import Format, Table

@@ -8,9 +8,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from vibroplat.config.scene import COORDINATES, RATES, Mode, Scene
+from vibroplat.config.coordinates import COORDINATES, RATES, Mode
+from vibroplat.config.scene import Scene
 from vibroplat.errors import ConfigError, TableError
-from vibroplat.hybrid.initial import initial_state, perturbed
+from vibroplat.hybrid.state import initial_state, perturbed
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.results.files import Result
 

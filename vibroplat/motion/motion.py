@@ -8,14 +8,14 @@ from typing import Protocol
 
 import numpy as np
 
+from vibroplat.config.coordinates import Mode
 from vibroplat.config.drive import interval_at
-from vibroplat.config.scene import Mode, Scene
+from vibroplat.config.scene import Scene
 from vibroplat.hybrid import state as hy
-from vibroplat.hybrid.automaton import automaton
 from vibroplat.hybrid.jumps import join, turn_corner
-from vibroplat.hybrid.loop import first_mode, fly
+from vibroplat.hybrid.loop import automaton, first_mode, fly
 from vibroplat.hybrid.modes import KINDS
-from vibroplat.hybrid.steps import no_steps, rewind
+from vibroplat.hybrid.state import no_steps, rewind
 from vibroplat.integrate.seam import Engine
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.accelerations import accelerations

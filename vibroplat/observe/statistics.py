@@ -13,10 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from vibroplat.hybrid.modes import FLIGHT, IMPACT, KINDS, MODES
-from vibroplat.hybrid.state import Automaton
-from vibroplat.hybrid.steps import WIDTH, Steps
-from vibroplat.kernels.compiled import FloatArray, compiled, copy, inlined
-from vibroplat.kernels.foreign import borrow
+from vibroplat.hybrid.state import WIDTH, Automaton, Steps
+from vibroplat.kernels.compiled import FloatArray, borrow, compiled, copy, inlined
 from vibroplat.kernels.lanes import horner_16, horner_pair_16, in_lines
 from vibroplat.kernels.polynomial import bend, crossing, extremes, slope, turning_value
 from vibroplat.model.energy import FORCE_SIZE, POWERS, powers

@@ -14,7 +14,9 @@ import numpy.typing as npt
 import pandas as pd
 
 from vibroplat.columns import Column, Columns, labelled
-from vibroplat.config.scene import COORDINATES, RATES, Mode, Scene, State
+from vibroplat.config.coordinates import COORDINATES, RATES, Mode
+from vibroplat.config.scene import Scene
+from vibroplat.config.sections import State
 from vibroplat.hybrid.modes import KINDS
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.motor import motor_powers

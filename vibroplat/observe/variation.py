@@ -15,10 +15,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from vibroplat.hybrid.modes import ATTACHED, IMPACT, LATCH
-from vibroplat.hybrid.state import Automaton
-from vibroplat.hybrid.steps import Steps
-from vibroplat.kernels.compiled import FloatArray, compiled, copy
-from vibroplat.kernels.foreign import borrow
+from vibroplat.hybrid.state import Automaton, Steps
+from vibroplat.kernels.compiled import FloatArray, borrow, compiled, copy
 from vibroplat.kernels.lanes import in_lines
 from vibroplat.kernels.polynomial import values
 from vibroplat.model.accelerations import accelerations, linearize, solve

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from vibroplat.columns import unit_of
-from vibroplat.config.scene import COORDINATES, RATES
+from vibroplat.config.coordinates import COORDINATES, RATES
 from vibroplat.page.labels import words
 from vibroplat.page.thinning import plain_column
 from vibroplat.plots.names import ABSCISSAE, MEASURES, PHASE_COLUMN, is_number

@@ -9,15 +9,15 @@ from typing import Any
 import numpy as np
 
 from vibroplat.columns import Column, Columns
+from vibroplat.config.plans import SweepPlan
 from vibroplat.config.scene import Scene
-from vibroplat.config.sweep_plan import SweepPlan
 from vibroplat.continuation.newton import leaving
 from vibroplat.continuation.orbit import accurate, columns_told, first_orbit, measures_of_orbit, told
 from vibroplat.continuation.shooting import Shooter
 from vibroplat.errors import VibroplatError
 from vibroplat.study.lyapunov import lyapunov
 from vibroplat.study.point import Point, lost, measure_point
-from vibroplat.study.tasks import Task
+from vibroplat.study.pool import Task
 
 #: Residual of the orbits, in the scales of the scene.
 TOLERANCE = 1e-8

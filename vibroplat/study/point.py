@@ -14,13 +14,11 @@ from typing import Any
 import numpy as np
 
 from vibroplat.columns import Column, Columns
+from vibroplat.config.plans import SweepPlan
 from vibroplat.config.scene import Scene
-from vibroplat.config.sweep_plan import SweepPlan
-from vibroplat.hybrid.initial import initial_state, perturbed
 from vibroplat.hybrid.modes import IMPACT
-from vibroplat.hybrid.scales import state_scales
-from vibroplat.hybrid.state import Automaton
-from vibroplat.integrate.choice import make_engine
+from vibroplat.hybrid.state import Automaton, initial_state, perturbed, state_scales
+from vibroplat.integrate import make_engine
 from vibroplat.model.parameters import FloatArray, parameters
 from vibroplat.motion.motion import Motion, Observer
 from vibroplat.observe.audit import INACCURATE, inaccuracy
@@ -35,10 +33,10 @@ from vibroplat.observe.summary import (
     synchronization,
 )
 from vibroplat.study.classification import Kind, classify
+from vibroplat.study.pool import Task
 from vibroplat.study.section import period, section_points
 from vibroplat.study.settling import Settling, settle
 from vibroplat.study.store import Record
-from vibroplat.study.tasks import Task
 from vibroplat.system.memory import NO_MORE
 
 #: Distance from −π (rad) up to which a phase difference is reported as π: a few times the error left by settling.

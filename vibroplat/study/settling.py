@@ -14,8 +14,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from vibroplat.config.plans import SweepPlan
 from vibroplat.config.scene import Scene
-from vibroplat.config.sweep_plan import SweepPlan
 from vibroplat.model.parameters import FloatArray
 from vibroplat.motion.motion import Motion
 from vibroplat.observe.statistics import section_rows

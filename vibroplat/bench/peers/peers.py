@@ -14,7 +14,7 @@ import numpy as np
 from vibroplat.bench.peers import siconos
 from vibroplat.bench.peers.following import Followed, at_tolerance, follow, sampled
 from vibroplat.config.scene import Scene
-from vibroplat.integrate.choice import make_engine
+from vibroplat.integrate import make_engine
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.parameters import parameters
 from vibroplat.model.systems import FULL_SIZE
