@@ -10,7 +10,7 @@ import pytest
 from vibroplat import Drive, Scene
 from vibroplat.config.drive import FREQUENCY, LEAST_SHARE, interval_at
 from vibroplat.errors import ConfigError
-from vibroplat.study.branches import sweep_plan
+from vibroplat.study.branches import branches
 
 
 def test_sweep_refuses_a_supply_and_a_start_of_its_own(scene_of, here, command):
@@ -21,7 +21,7 @@ def test_sweep_refuses_a_supply_and_a_start_of_its_own(scene_of, here, command):
         ("run: {initial: {from: x}}", "run.initial.from is given, but a sweep does not begin with a run; "),
     ):
         with pytest.raises(ConfigError) as caught:
-            sweep_plan(scene_of(f"{text}\nsweep: {{supply_frequency_hz: {{start: 40, stop: 50}}}}"))
+            branches(scene_of(f"{text}\nsweep: {{supply_frequency_hz: {{start: 40, stop: 50}}}}"))
         assert str(caught.value).startswith(line)
         assert command("sweep", "c.yaml") == (2, "", f"vibroplat: c.yaml: {caught.value}\n")
         assert [path.name for path in here.iterdir()] == ["c.yaml"]

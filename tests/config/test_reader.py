@@ -11,7 +11,7 @@ from vibroplat.config.drive import FREQUENCY
 from vibroplat.config.plausibility import notes_on_input
 from vibroplat.config.reader import parse_overrides
 from vibroplat.study.branches import branches
-from vibroplat.study.report import notes_on_branches
+from vibroplat.study.sweep import notes_on_branches
 
 # -- what is read ---------------------------------------------------------------------------------------
 

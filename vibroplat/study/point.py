@@ -33,10 +33,10 @@ from vibroplat.observe.summary import (
     synchronization,
 )
 from vibroplat.study.classification import Kind, classify
+from vibroplat.study.pool import Task
 from vibroplat.study.section import period, section_points
 from vibroplat.study.settling import Settling, settle
 from vibroplat.study.store import Record
-from vibroplat.study.tasks import Task
 from vibroplat.system.memory import NO_MORE
 
 #: Distance from −π (rad) up to which a phase difference is reported as π: a few times the error left by settling.
