@@ -11,7 +11,7 @@ from vibroplat import Scene
 from vibroplat.hybrid.state import state_scales
 from vibroplat.observe import statistics as m
 from vibroplat.observe.statistics import no_measures
-from vibroplat.study.section import MAX_PERIOD, period, section_points, spreads
+from vibroplat.study.settling import MAX_PERIOD, period, section_points, spreads
 
 GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 
