@@ -24,10 +24,9 @@ from vibroplat.observe.names import state_places
 from vibroplat.study.lyapunov import (
     ALL,
     BLOCKS,
-    LEAST,
     MORE,
+    ONE,
     PER_TURN,
-    SKIPPED,
     Effort,
     Exponent,
     _grow,
@@ -336,14 +335,14 @@ def measured(monkeypatch):
         monkeypatch.setattr("vibroplat.study.lyapunov._grow", growing)
         scene = load_config(MACHINE)
         found = largest_exponent(scene, initial_state(scene), OF_THE_BALL, Effort(2, **options))
-        return found, growing.calls - SKIPPED
+        return found, growing.calls - ONE.skipped
 
     return told
 
 
 def test_even_growth_is_measured_least(measured):
     found, count = measured(lambda _: 0.5)
-    assert count == LEAST
+    assert count == ONE.least
     assert found.value == pytest.approx(0.5 / 0.08, rel=1e-12)
     assert (found.error, found.turn) == (pytest.approx(0.0, abs=1e-12), pytest.approx(0.04))
 
@@ -351,8 +350,8 @@ def test_even_growth_is_measured_least(measured):
 def test_uneven_growth_is_measured_until_its_error_is_small_enough(measured):
     random = np.random.default_rng(0)
     found, count = measured(lambda _: random.normal(0.1, 0.4))
-    assert LEAST < count <= 640
-    assert (count - LEAST) % MORE == 0
+    assert ONE.least < count <= 640
+    assert (count - ONE.least) % MORE == 0
     assert found.error <= found.value / 6.0
     assert abs(found.value - 0.1 / 0.08) <= 3.0 * found.error
 
@@ -365,7 +364,7 @@ def test_measurements_end_at_the_most_that_are_allowed(measured):
 
 
 def test_first_measurements_are_not_counted(measured):
-    found, _ = measured(lambda call: 100.0 if call <= SKIPPED else 0.5)
+    found, _ = measured(lambda call: 100.0 if call <= ONE.skipped else 0.5)
     assert found.value == pytest.approx(0.5 / 0.08, rel=1e-12)
 
 
@@ -373,7 +372,7 @@ def test_error_is_the_largest_of_those_of_few_and_many_blocks(measured):
     """Growth that is alike within each of so many blocks: what remembers for longer has fewer that are independent."""
     for count in BLOCKS:
         levels = 0.3 + 0.1 * np.cos(math.pi * np.arange(count) * (1.0 if count > 4 else 0.5))
-        found, _ = measured(lambda call, n=count, of=levels: of[max(call - SKIPPED - 1, 0) * n // 96], most=96)
+        found, _ = measured(lambda call, n=count, of=levels: of[max(call - ONE.skipped - 1, 0) * n // 96], most=96)
         assert found.value == pytest.approx(levels.mean() / 0.08, rel=1e-12)
         assert found.error == pytest.approx(levels.std(ddof=1) / math.sqrt(count) / 0.08, rel=1e-12)
 
