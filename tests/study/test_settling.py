@@ -43,7 +43,7 @@ def phase_distance(one, other):
 
 
 #: Those that are tried each time.
-QUICK = {"bare", "bouncing"}
+QUICK = {"bare"}
 
 
 @pytest.mark.parametrize(
