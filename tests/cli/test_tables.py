@@ -12,7 +12,7 @@ from vibroplat import simulate
 from vibroplat.errors import TableError
 from vibroplat.results.tables import (
     FORMATS,
-    GrowingTable,
+    TableFile,
     read_json,
     read_parts,
     read_table,
@@ -115,7 +115,7 @@ def test_tables_of_a_run_read_back_bit_for_bit(form, name, finished, tmp_path):
 @pytest.mark.parametrize("columns", [None, ("mode", "y_m", "unknown")])
 def test_table_in_parts_reads_back_bit_for_bit(form, columns, runs, tmp_path, monkeypatch):
     table = runs["two layers"].trajectory
-    with GrowingTable(tmp_path, "t", form) as grown:
+    with TableFile(tmp_path, "t", form) as grown:
         for first in range(0, len(table), 100):
             grown.append(table.iloc[first : first + 100])
         assert not (tmp_path / f"t.{form}").exists()
@@ -135,7 +135,7 @@ def test_table_in_parts_reads_back_bit_for_bit(form, columns, runs, tmp_path, mo
 @pytest.mark.parametrize("form", FORMATS)
 def test_table_without_rows_is_one_part(form, runs, tmp_path):
     table = runs["bare"].events
-    with GrowingTable(tmp_path, "t", form) as grown:
+    with TableFile(tmp_path, "t", form) as grown:
         grown.append(table)
         grown.finish().rename(tmp_path / f"t.{form}")
     for last in (False, True):
@@ -149,7 +149,7 @@ def test_table_whose_next_part_cannot_be_written_leaves_the_old_one(form, tmp_pa
         raise OSError(28, "No space left on device")
 
     write_table(OLD, tmp_path, "t", form)
-    with GrowingTable(tmp_path, "t", form) as grown:
+    with TableFile(tmp_path, "t", form) as grown:
         grown.append(NEW)
         monkeypatch.setattr(pd.DataFrame, "to_csv", full)
         monkeypatch.setattr("pyarrow.parquet.ParquetWriter.write_table", full)
