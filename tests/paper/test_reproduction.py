@@ -19,7 +19,8 @@ from vibroplat.paper.nonimpact import LARGEST_BETA, MATCHED, UnknownError, beta_
 from vibroplat.paper.report import write_reproduction
 from vibroplat.paper.scoreboard import FORMER
 from vibroplat.paper.trial import BETA, LAWS, machine_numbers, paper_scene
-from vibroplat.plots.paper import FIGURES, plot_paper
+from vibroplat.plots.command import plot_results
+from vibroplat.plots.paper import FIGURES
 from vibroplat.study.branches import branches
 from vibroplat.study.execution import Inline
 from vibroplat.study.point import measure_point
@@ -286,7 +287,7 @@ def test_paper_is_reproduced_and_resumed(tmp_path, coarse):
     assert np.isfinite(found.tables["fig4"]["y_m"]).all()
     assert set(found.tables["impact-laws"]["impact_law"]) == {"conservative", "central", "printed"}
     write_reproduction(found, coarse, tmp_path)
-    assert [path.stem for path in plot_paper(tmp_path)] == list(FIGURES)
+    assert [path.stem for path in plot_results([tmp_path])] == list(FIGURES)
     # judged again from what is stored
     same(reproduction.reproduce(coarse, place, Refusing(), seeds=seeds, resume=True), found)
     # interrupted in each of the stages

@@ -60,7 +60,7 @@ def _reproduce(
 ) -> None:
     """Reproduce the paper with one machine; write its tables and figures and print an overview."""
     from vibroplat.paper import report, reproduction
-    from vibroplat.plots.paper import plot_paper
+    from vibroplat.plots.command import plot_results
     from vibroplat.results.tables import result_directory
 
     directory = result_directory(out / "paper", name)
@@ -71,7 +71,7 @@ def _reproduce(
             numbers, directory / "points", workers, seeds=seeds, resume=resume, overwrite=overwrite, progress=progress
         )
     report.write_reproduction(found, numbers, directory)
-    figures = plot_paper(directory)
+    figures = plot_results([directory])
     for line in report.overview(name, found, time.perf_counter() - began):
         print(line)
     print(f"{'tables and figures':<24}{directory}, {len(figures)} figures")

@@ -61,11 +61,11 @@ def plot(
 
     Several runs or sweeps are laid over each other. Only the tables in DIR are read; nothing is simulated.
     """
-    from vibroplat.plots.command import Wanted, plot_results
+    from vibroplat.plots.command import plot_results
     from vibroplat.plots.style import Saving
 
     kinds = [k.value for k in kind or []]
     saving = Saving(format_.value, dpi, out)
-    wanted = Wanted(kinds, start, stop, None if x is None else x.value, data, saving)
-    for path in plot_results(directories, wanted):
+    axis = None if x is None else x.value
+    for path in plot_results(directories, kinds, saving=saving, start=start, stop=stop, x=axis, data=data):
         print(path)
