@@ -17,9 +17,9 @@ from vibroplat.hybrid.state import state_scales
 from vibroplat.integrate import make_engine
 from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Motion
-from vibroplat.motion.run import SETTLE_SHARE, simulate_with
+from vibroplat.motion.run import SETTLE_SHARE, simulate
 from vibroplat.observe.audit import INACCURATE
-from vibroplat.observe.trajectory import Trajectory
+from vibroplat.results.run import Trajectory
 
 #: Slower impacts (m/s) are not compared: each integration ends an accumulation at its own threshold.
 SLOWEST = 1e-3
@@ -78,10 +78,9 @@ class Solver:
 
     def run(self, times: Iterable[float]) -> Trajectory:
         """Run the scene, states at these times wanted; RuntimeError if it ends early."""
-        if self.peer is not None:
-            self.peer.wanted = np.asarray(times)
-        with closing(self.peer or make_engine(self.scene, self.p)) as engine:
-            run = simulate_with(engine, self.scene, self.p)
+        if (peer := self.peer) is not None:
+            peer.wanted = np.asarray(times)
+        run = simulate(self.scene, engine=lambda scene, p: peer or make_engine(scene, p))
         if run.outcome not in ("ok", INACCURATE):  # the audit knows no more of a peer than its points
             raise RuntimeError(f"{run.outcome}: {run.summary['detail']}")
         return run

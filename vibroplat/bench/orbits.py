@@ -13,7 +13,7 @@ import pandas as pd
 from vibroplat.config.scene import Scene
 from vibroplat.continuation.orbit import OrbitError, orbit
 from vibroplat.continuation.tables import orbits
-from vibroplat.paper.trial import machine_numbers, paper_scene
+from vibroplat.paper.scenes import machine_numbers, paper_scene
 from vibroplat.study.branches import FREQUENCY
 from vibroplat.study.sweep import sweep
 

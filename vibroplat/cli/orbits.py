@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from vibroplat.config.scene import Scene
     from vibroplat.continuation.tables import OrbitTables
     from vibroplat.continuation.tracing import Traced
-    from vibroplat.study.execution import Pool
+    from vibroplat.study.pool import Pool
     from vibroplat.study.store import Store
 
 #: Name of the file that keeps finished parts of branches, so that a sweep may have its points beside it.
@@ -50,7 +50,7 @@ def orbits(
     require_scheduler(study.scheduler)
     from vibroplat.results.files import read_provenance
     from vibroplat.results.tables import result_directory
-    from vibroplat.study.execution import pool
+    from vibroplat.study.pool import pool
     from vibroplat.study.store import Store
     from vibroplat.study.sweep import conditions
 

@@ -1,4 +1,4 @@
-"""The paper's scenes, sweeps and claims, and a trial: what these give with one set of numbers."""
+"""The paper's scenes, sweeps and claims, and the machines that they are tried with."""
 
 from __future__ import annotations
 
@@ -9,21 +9,11 @@ from vibroplat.config.overrides import flat
 from vibroplat.config.reader import configurations, load_config, load_list, load_tree
 from vibroplat.config.scene import Scene
 from vibroplat.errors import ConfigError
-from vibroplat.paper.evidence import Evidence
-from vibroplat.paper.nonimpact import match_beta
-from vibroplat.study.branches import branches, sweep_plan
-from vibroplat.study.store import Record
-from vibroplat.study.sweep import branch_points
-from vibroplat.study.tasks import Tasks
 
 #: Sweeps of the impact model by which claims are judged.
 IMPACT = ("fig3", "fig6")
-#: Mass ratio at which contact models and restitutions are compared.
-MASS_RATIO = 0.2
 #: Sweep of the non-impact model, and the key of its β, of which each machine has its own value.
 NON_IMPACT, BETA = "fig6-nonimpact", "contact.viscous_per_mass_per_s"
-#: Sweep of the impact laws.
-LAWS = "laws"
 #: Key of the seed of the perturbations.
 SEED = "sweep.seed"
 
@@ -73,30 +63,11 @@ def paper_scene(name: str, numbers: Mapping[str, Any], changes: Mapping[str, Any
     return load_config(path, laid)
 
 
-def claims() -> list[dict[str, Any]]:
-    """Return the paper's claims."""
-    return load_list(configurations() / "claims" / "claims.yaml")
+def coarse_scene(name: str, numbers: Mapping[str, Any], changes: Mapping[str, Any] | None = None) -> Scene:
+    """Return the scene of a coarse sweep."""
+    return paper_scene(name, numbers, {**QUICK, **SHARED.get(name, {}), **(changes or {})})
 
 
-def former_claims() -> list[dict[str, Any]]:
-    """Return the claims in their first wording, without quotes."""
-    return load_list(configurations() / "claims" / "former.yaml")
-
-
-def quick_trial(numbers: Mapping[str, Any]) -> Tasks[Evidence]:
-    """Run the coarse sweeps with a machine's numbers, one point after the other; the result is the evidence."""
-    evidence = Evidence()
-    for name in IMPACT:
-        yield from _swept(evidence, paper_scene(name, numbers, QUICK | SHARED.get(name, {})))
-    evidence.beta = yield from match_beta(evidence, MASS_RATIO)
-    if evidence.beta is not None:
-        yield from _swept(evidence, paper_scene(NON_IMPACT, numbers, {**QUICK, BETA: evidence.beta}))
-    return evidence
-
-
-def _swept(evidence: Evidence, scene: Scene) -> Tasks[None]:
-    """Run a sweep and add its branches to the evidence."""
-    for branch in branches(scene):
-        records: list[Record] = []
-        yield from branch_points(branch, sweep_plan(scene), records.append)
-        evidence.add_branch(branch, sweep_plan(scene), records)
+def claims(wording: str = "claims") -> list[dict[str, Any]]:
+    """Return the paper's claims; with wording ``former`` as they were worded at first, without quotes."""
+    return load_list(configurations() / "claims" / f"{wording}.yaml")
