@@ -8,8 +8,7 @@ from typing import Annotated
 
 import typer
 
-from vibroplat.cli.loading import load_kernels, tell_of_compilation
-from vibroplat.cli.options import Out
+from vibroplat.cli.common import Out, load_kernels, tell_of_compilation
 from vibroplat.errors import VibroplatError
 
 
