@@ -11,7 +11,8 @@ from study.helpers import CHAOTIC, planned
 import vibroplat
 from vibroplat import check_run, check_sweep, load_config
 from vibroplat.check import by_other_engine, sweeps, with_other_tolerance
-from vibroplat.check.runs import EVENT_TIME, Course, Errors, paired, repetitions
+from vibroplat.check.events import Errors, paired
+from vibroplat.check.runs import EVENT_TIME, Course, repetitions
 from vibroplat.check.sweeps import check_points
 from vibroplat.config.reader import configurations
 from vibroplat.errors import ConfigError
