@@ -121,6 +121,7 @@ def test_no_workers_outlive_a_sweep_that_was_ended(signal_, seconds, here):
     """A killed process cannot stop its workers; they end when no more tasks come. At SIGTERM a line is told."""
     (here / "c.yaml").write_text(LONGER)
     before = sending(signal_, WRITE, 10).replace("os.kill(0,", "os.kill(os.getpid(),")
+    before += "import vibroplat.study.pool\nvibroplat.study.pool.IDLE = 1\n"
     with Child(here, "sweep", "c.yaml", "--jobs", "2", before=before) as child:
         done = child.end()
         _, alive = psutil.wait_procs(child.members(), timeout=seconds)
