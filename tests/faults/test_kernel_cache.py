@@ -266,7 +266,7 @@ def test_edit_of_a_called_function_is_in_the_next_run(place, tmp_path):
         shutil.copy(PACKAGE / name, package / name)
     for room in ("model", "hybrid"):
         (package / room).mkdir()
-    (package / "hybrid/automaton.py").write_text(_CALLING)
+    (package / "hybrid/loop.py").write_text(_CALLING)
     environment = {name: value for name, value in os.environ.items() if name not in ("NUMBA_CACHE_DIR", "HOME")}
     environment |= {"PYTHONPATH": str(package.parent), "PYTHONDONTWRITEBYTECODE": "1"}
     environment |= {} if place == "its own" else {place: str(tmp_path / "chosen")}
@@ -360,15 +360,10 @@ def called(tmp_path, name, arguments):
     return subprocess.run(line, env=environment, capture_output=True, text=True, check=True).stdout.strip()
 
 
+@pytest.mark.long
 def test_what_kernels_call_is_kept_for_kernels_of_later_processes(tmp_path):
-    """``slope`` is compiled for ``crossing``, and taken from disk for ``at_highest``."""
-    first = called(tmp_path, "crossing", "c, 3, 0, 1.2")
-    assert first == f"{CROSSED} 0 0"
-    assert called(tmp_path, "crossing", "c, 3, 0, 1.2") == first
-    assert called(tmp_path, "at_highest", "c, 3, 0").endswith(" 1 0")
-
-
-def test_a_kernel_is_compiled_for_its_kinds_of_callers_alone(tmp_path):
-    called(tmp_path, "crossing", "c, 3, 0, 1.2")
+    """``slope`` is compiled for ``crossing`` alone, not for Python, and taken from disk for ``at_highest``."""
+    assert called(tmp_path, "crossing", "c, 3, 0, 1.2") == f"{CROSSED} 0 0"
     names = {path.name.split("-")[0] for path in tmp_path.rglob("*.nbi")}
     assert names == {"polynomial.crossing", "polynomial.slope.inside", "polynomial.value.inside"}
+    assert called(tmp_path, "at_highest", "c, 3, 0").endswith(" 1 0")
