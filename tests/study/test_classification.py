@@ -321,10 +321,10 @@ def test_difference_of_two_copies_is_what_was_summed_between_them():
         later = motion.advance(2.0)
     first, second = part.blocks
     found, fresh = statistics(m.between(first, second)), statistics(later.measures)
-    turn = first.marks["last_time"]
+    turn = first.marks["last"][0]
     assert m.between(first, second).marks["turns"] == later.measures.marks["turns"] + 1.0
-    assert m.between(first, second).whole["time"] == pytest.approx(second.marks["last_time"] - turn, abs=1e-12)
-    assert later.measures.marks["last_time"] == pytest.approx(second.marks["last_time"], abs=1e-6)
+    assert m.between(first, second).whole[m.TIME] == pytest.approx(second.marks["last"][0] - turn, abs=1e-12)
+    assert later.measures.marks["last"][0] == pytest.approx(second.marks["last"][0], abs=1e-6)
     one_of_them = 2.0 / later.measures.marks["turns"]
     for name in ("rms_x_m", "rms_y_m", "rms_phi_rad", "excitation_frequency_hz", "flight_fraction", "motor_power_w"):
         assert found[name] == pytest.approx(fresh[name], rel=one_of_them), name
@@ -338,12 +338,12 @@ def test_blocks_add_up_to_the_whole():
         part = Motion(scene, p, engine).advance(2.0, blocks=BLOCKS)
     assert len(part.blocks) == BLOCKS
     differences = [m.between(*pair) for pair in zip(part.blocks[:-1], part.blocks[1:], strict=True)]
-    total = m.numbers(part.blocks[0].whole) + sum(m.numbers(block.whole) for block in differences)
-    assert total == pytest.approx(m.numbers(part.measures.whole), rel=1e-12, abs=1e-15)
+    total = part.blocks[0].whole + sum(block.whole for block in differences)
+    assert total == pytest.approx(part.measures.whole, rel=1e-12, abs=1e-15)
     turns = part.blocks[0].marks["turns"] + sum(block.marks["turns"] - 1.0 for block in differences)
     assert turns == part.measures.marks["turns"]
-    impacts = [block.marks["last_impacts"] - block.marks["first_impacts"] for block in [part.blocks[0], *differences]]
-    assert sum(impacts) == part.measures.marks["last_impacts"] - part.measures.marks["first_impacts"]
+    impacts = [(block.marks["last"] - block.marks["first"])[3] for block in [part.blocks[0], *differences]]
+    assert sum(impacts) == (part.measures.marks["last"] - part.measures.marks["first"])[3]
 
 
 # -- phase difference -------------------------------------------------------------------------------------

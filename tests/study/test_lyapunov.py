@@ -17,7 +17,7 @@ from vibroplat.hybrid.state import initial_state
 from vibroplat.integrate import make_engine
 from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Motion
-from vibroplat.observe.names import state_places
+from vibroplat.observe.tables import state_places
 from vibroplat.study.lyapunov import (
     ALL,
     BLOCKS,

@@ -24,7 +24,7 @@ from vibroplat.model.parameters import FloatArray, parameters
 from vibroplat.model.systems import FULL_SIZE
 from vibroplat.motion.initial_condition import initial_condition
 from vibroplat.motion.motion import Motion
-from vibroplat.observe.names import state_places
+from vibroplat.observe.tables import state_places
 from vibroplat.observe.variation import Variation
 
 #: How many measurements of growth are added while an error is too large.
