@@ -11,8 +11,7 @@ from typing import Annotated, Any
 
 import typer
 
-from vibroplat.cli.loading import load_kernels, tell_of_compilation
-from vibroplat.cli.options import Out
+from vibroplat.cli.common import Out, load_kernels, tell_of_compilation
 from vibroplat.errors import VibroplatError
 
 #: The benchmarks, and about how long each takes on two cores; "" is the one without a name.
