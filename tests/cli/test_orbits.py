@@ -16,8 +16,8 @@ from common.results import bits, left
 from vibroplat import load_config, orbit
 from vibroplat.continuation.tables import planned
 from vibroplat.continuation.tracing import trace
-from vibroplat.motion.warm import load_kernels
-from vibroplat.study.execution import Inline
+from vibroplat.motion.run import load_kernels
+from vibroplat.study.pool import Inline
 from vibroplat.study.store import Store
 
 MACHINE = Path(__file__).parents[1] / "continuation/machine.yaml"

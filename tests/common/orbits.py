@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from vibroplat.continuation.curves import boundaries
 from vibroplat.continuation.tracing import trace
-from vibroplat.study.execution import pool
+from vibroplat.study.pool import pool
 from vibroplat.study.store import Store
 
 

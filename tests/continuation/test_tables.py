@@ -12,8 +12,8 @@ from vibroplat.continuation.orbit import told
 from vibroplat.continuation.tables import boundary_table, planned, summary, tables
 from vibroplat.continuation.tracing import Traced, families, trace
 from vibroplat.errors import ConfigError
-from vibroplat.study.execution import Inline
 from vibroplat.study.point import MEASURED
+from vibroplat.study.pool import Inline
 from vibroplat.study.store import Store
 
 from .helpers import LIFTOFF, MACHINE, MASS, PLAN

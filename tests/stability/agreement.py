@@ -10,11 +10,9 @@ import numpy as np
 from common.random_scenes import random_scene
 
 from stability.checks import NAMED, row, with_engine
-from vibroplat.check.agreement import RunCheck
-from vibroplat.check.changes import by_other_engine
-from vibroplat.check.courses import Course
+from vibroplat.check import by_other_engine
 from vibroplat.check.events import Errors, paired
-from vibroplat.check.runs import check_run
+from vibroplat.check.runs import Course, RunCheck, check_run
 from vibroplat.config.scene import Scene
 
 #: Every THOROUGH-th scene is also compared in its coordinates, with repetitions that show what errors grow to.
@@ -42,7 +40,7 @@ def agreed(scene: Scene, *, thorough: bool = False) -> dict[str, Any]:
     varies from scene to scene, and a tenth of the tolerance does not always show it. What is then left would be an
     error of the other engine. ``at_first`` says in what they disagreed at the tolerance of the scene.
     """
-    one, two = Course(scene).run(), Course(by_other_engine(scene)).run()
+    one, two = Course(scene), Course(by_other_engine(scene))
     end = min(one.end, two.end)
     pairs = paired(one.events, two.events, _NONE, scene, end)
     figures = {

@@ -73,25 +73,20 @@ def paired(one: pd.DataFrame, two: pd.DataFrame, errors: Errors, scene: Scene, u
     apart = APART / scene.speed_scale
     rows: list[tuple[int, int]] = []
     at = [0, 0]
-
-    def found() -> npt.NDArray[np.int64]:
-        return np.array(rows, dtype=np.int64).reshape(-1, 2)
-
-    while True:
-        left = [at[k] < len(times[k]) and times[k][at[k]] < until for k in (0, 1)]
-        if not any(left):
-            return Pairs(found())
+    differ, why = math.inf, ("", "")
+    while any(left := [at[k] < len(times[k]) and times[k][at[k]] < until for k in (0, 1)]):
         i, j = at
         if all(left) and kinds[0][i] == kinds[1][j] and abs(times[0][i] - times[1][j]) <= apart:
             rows.append((i, j))
             at = [i + 1, j + 1]
-            continue
-        skipped = [k for k in (0, 1) if left[k] and may_lack[k][at[k]]]
-        if skipped:
+        elif skipped := [k for k in (0, 1) if left[k] and may_lack[k][at[k]]]:
             at[skipped[0]] += 1
-            continue
-        first = min(times[k][at[k]] for k in (0, 1) if left[k])
-        if first >= until - apart:  # the other may have it after the end
-            return Pairs(found())
-        why = [f"{kinds[k][at[k]]} at {times[k][at[k]]:.9g} s" if left[k] else "no more events" for k in (0, 1)]
-        return Pairs(found(), float(first), (why[0], why[1]))
+        else:
+            first = float(min(times[k][at[k]] for k in (0, 1) if left[k]))
+            if first < until - apart:  # otherwise the other may have it after the end
+                told = [
+                    f"{kinds[k][at[k]]} at {times[k][at[k]]:.9g} s" if left[k] else "no more events" for k in (0, 1)
+                ]
+                differ, why = first, (told[0], told[1])
+            break
+    return Pairs(np.array(rows, dtype=np.int64).reshape(-1, 2), differ, why)

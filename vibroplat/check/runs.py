@@ -3,30 +3,132 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from typing import Any, Final
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from typing import Any, Final, NamedTuple
 
 import numpy as np
+import pandas as pd
 
-from vibroplat.check.agreement import CLOSE, EVENT_TIME, Difference, RunCheck
-from vibroplat.check.changes import (
-    FLOOR,
-    MULTIPLE,
-    Other,
-    by_other_engine,
-    with_other_tolerance,
-)
-from vibroplat.check.courses import Course, Progress, differences, scales_of
+from vibroplat.check import FLOOR, MULTIPLE, Other, by_other_engine, with_other_tolerance
 from vibroplat.check.events import Errors, Pairs, paired, slight
+from vibroplat.config.coordinates import COORDINATES
 from vibroplat.config.scene import Scene
 from vibroplat.hybrid.state import force_spread, state_scales
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.systems import GAP_RATE
+from vibroplat.motion.initial_condition import Start
+from vibroplat.motion.recorder import Sink
+from vibroplat.motion.run import simulate
+from vibroplat.observe.audit import INACCURATE
+from vibroplat.results.run import Trajectory
+from vibroplat.system.memory import Share
 
+#: Difference, in the scales of the scene, up to which engines are said to agree.
+CLOSE: Final = 1e-3
 #: Allowed difference, in the scales of the scene, from which on nothing is compared any more.
 LOST: Final = 0.3
+#: Most samples of a run that are compared; they are those of the trajectory table, or every second, third … of them.
+MOST: Final = 100_000
 #: How many times a scene is run besides the run that is checked.
 RUNS: Final = 5
+#: Name of the quantity that is the time of an event.
+EVENT_TIME: Final = "event time"
+
+_FORCE: Final = "contact_force_n"
+
+#: Called with the time reached (s) and the number of events.
+Progress = Callable[[float, int], None]
+
+
+class Difference(NamedTuple):
+    """A difference of a quantity between two engines.
+
+    Attributes
+    ----------
+    quantity
+        Column of the trajectory table, or EVENT_TIME.
+    t_s, place
+        When, and in which mode or at which event of the first engine's run.
+    first, other
+        Both values, in the quantity's unit.
+    difference, allowed
+        In its scale; that of event times is 1/ω₀.
+    scale
+        In the quantity's unit.
+    """
+
+    quantity: str
+    t_s: float
+    place: str
+    first: float
+    other: float
+    difference: float
+    allowed: float
+    scale: float
+
+
+@dataclass(frozen=True)
+class RunCheck:
+    """What the check of a run has found.
+
+    Attributes
+    ----------
+    engine, other
+        Names of the engine of the run and of that which checked it.
+    outcomes
+        How the runs of both ended.
+    compared_until_s
+        Until when they were compared: until a run ended, or until what is allowed had grown to LOST.
+    agree_until_s
+        Until when no coordinate, and not the contact force, differed by more than CLOSE of its scale.
+    amplification
+        Largest change under a repetition until then, over the tolerance, in the scales of the scene.
+    events
+        Number of events that both have until then.
+    largest
+        The largest difference of each quantity.
+    disagreement
+        What amplification does not explain, where it first shows; empty if the engines agree.
+    """
+
+    engine: str
+    other: str
+    outcomes: tuple[str, str]
+    compared_until_s: float
+    agree_until_s: float
+    amplification: float
+    events: int
+    largest: tuple[Difference, ...]
+    disagreement: str
+
+    @property
+    def agrees(self) -> bool:
+        """Whether amplification explains all differences."""
+        return not self.disagreement
+
+    def to_tree(self) -> dict[str, Any]:
+        """Return all of it as nested plain values."""
+        largest = {d.quantity: {k: v for k, v in d._asdict().items() if k != "quantity"} for d in self.largest}
+        return asdict(self) | {"largest": largest, "agrees": self.agrees}
+
+    def lines(self) -> dict[str, str]:
+        """Summarize it in a few lines: label and text."""
+        found = {
+            "checked by": f"engine {self.other}, until {self.compared_until_s:.6g} s; "
+            f"errors of the tolerance grow {self.amplification:.2g} times until then"
+        }
+        states = [d for d in self.largest if d.quantity != EVENT_TIME]
+        if states:
+            worst = max(states, key=lambda d: d.difference)
+            found["largest difference"] = (
+                f"{worst.quantity}, {worst.difference:.2g} of its scale at {worst.t_s:.6g} s; "
+                f"all within {CLOSE:g} until {self.agree_until_s:.6g} s"
+            )
+        for d in self.largest[len(states) :]:
+            found["events of both"] = f"{self.events}, their times within {abs(d.first - d.other):.2g} s"
+        return found
 
 
 def check_run(scene: Scene, *, other: Other = by_other_engine, progress: Progress | None = None) -> RunCheck:
@@ -37,7 +139,7 @@ def check_run(scene: Scene, *, other: Other = by_other_engine, progress: Progres
     scene
         What is run.
     other
-        Returns the scene that checks it; by default the same one with another engine.
+        Makes the scene that checks it; by default the same one with another engine.
     progress
         Called now and then with the time reached in all runs together (s) and the number of events in this one.
 
@@ -52,15 +154,14 @@ def check_run(scene: Scene, *, other: Other = by_other_engine, progress: Progres
     >>> check_run(Scene().replace({"run.duration_s": 0.1})).agrees
     True
     """
-    return compared(Course(scene).run(progress), other=other, progress=_later(progress, scene.run.duration_s))
+    return compared(Course(scene, progress), other=other, progress=_later(progress, scene.run.duration_s))
 
 
 def compared(first: Course, *, other: Other = by_other_engine, progress: Progress | None = None) -> RunCheck:
     """Compare a finished run with that of another engine; see :func:`check_run`."""
     scene = first.scene
     scenes = [other(scene), with_other_tolerance(other(scene)), *repetitions(scene)]
-    seconds = scene.run.duration_s
-    runs = [Course(s).run(_later(progress, n * seconds)) for n, s in enumerate(scenes)]
+    runs = [Course(s, _later(progress, n * scene.run.duration_s)) for n, s in enumerate(scenes)]
     return _Comparison(first, runs[0], runs[1], runs[2:]).result()
 
 
@@ -77,18 +178,113 @@ def _later(progress: Progress | None, seconds: float) -> Progress | None:
     return None if progress is None else lambda reached, events: progress(seconds + reached, events)
 
 
-class _Comparison:
-    """The comparison of two engines' runs.
+# -- what is compared -------------------------------------------------------------------------------------
+
+
+class Course:
+    """What is compared of a run: samples of its trajectory, and its events, collected while it goes on.
 
     Parameters
     ----------
-    first, other
-        The runs.
-    again
-        The other run with another tolerance.
-    changed
-        Repetitions of the first run.
+    scene
+        What is run.
+    progress, start
+        As of :func:`vibroplat.simulate`.
+    also
+        Is given all of the trajectory table and the event table.
+
+    Attributes
+    ----------
+    names, scales
+        The sampled quantities, coordinates and contact force, and their scales. That of the force is its change when
+        the state changes by its scales.
+    result
+        The run; its tables are not kept.
     """
+
+    def __init__(
+        self, scene: Scene, progress: Progress | None = None, also: Sink | None = None, start: Start | None = None
+    ) -> None:
+        self.scene = scene
+        self.names = [COORDINATES[i] for i in scene.coordinates]
+        self.scales = [float(state_scales(scene)[i]) for i in scene.coordinates]
+        if scene.has_contact:
+            self.names.append(_FORCE)
+            self.scales.append(force_spread(scene))
+        self._also = also
+        self._share = Share("shorten run.duration_s, or leave out --check")
+        self._samples: list[pd.DataFrame] = []
+        self._events: list[pd.DataFrame] = []
+        sink = self._take_trajectory, self._take_events
+        self.result: Trajectory = simulate(scene, keep="summary", sink=sink, progress=progress, start=start)
+
+    def _take_trajectory(self, part: pd.DataFrame) -> None:
+        """Keep the rows on the output grid, and the last one."""
+        if self._also is not None:
+            self._also[0](part)
+        rate, times = self.scene.output.sample_rate_hz, part["t_s"].to_numpy()
+        every = max(1, math.ceil(self.scene.run.duration_s * rate / MOST))
+        numbers = np.rint(times * rate)
+        wanted = (numbers / rate == times) & (numbers % every == 0)
+        wanted[-1:] = True
+        self._keep(self._samples, part.loc[wanted, ["t_s", "mode", *self.names]])
+
+    def _take_events(self, part: pd.DataFrame) -> None:
+        if self._also is not None:
+            self._also[1](part)
+        self._keep(self._events, part[["t_s", "kind", "gap_rate_before_m_per_s"]])
+
+    def _keep(self, parts: list[pd.DataFrame], part: pd.DataFrame) -> None:
+        self._share.take(int(part.memory_usage(index=False).sum()))
+        parts.append(part)
+
+    @cached_property
+    def samples(self) -> pd.DataFrame:
+        """Samples by time, one for each time, of quantities in their scales."""
+        found = pd.concat(self._samples).drop_duplicates("t_s", keep="last").set_index("t_s")
+        found[self.names] /= self.scales
+        return found
+
+    @cached_property
+    def events(self) -> pd.DataFrame:
+        """Liftoffs and impacts. A latch stands for impacts, whose number depends on when it was found to be one."""
+        found = pd.concat(self._events)
+        return found[found["kind"].isin(["liftoff", "impact"])].reset_index(drop=True)
+
+    @property
+    def outcome(self) -> str:
+        """How the run ended; energy that was lost is not what is compared."""
+        return "ok" if self.result.outcome == INACCURATE else self.result.outcome
+
+    @property
+    def engine(self) -> str:
+        """Name of the engine that ran it."""
+        return str(self.result.summary["engine"])
+
+    @property
+    def end(self) -> float:
+        """When it ended (s); 0 if it has no sample, as it gave up at once."""
+        return float(self.samples.index[-1]) if len(self.samples) else 0.0
+
+
+def differences(one: Course, two: Course, times: pd.Index) -> FloatArray:
+    """Differences of two runs at times of the first, shape (times, quantities), in the scales of the scene.
+
+    They are nan where the second has no sample, and those of the contact force where not both are in contact.
+    """
+    a, b = one.samples.reindex(times), two.samples.reindex(times)
+    found: FloatArray = np.abs(a[one.names].to_numpy() - b[one.names].to_numpy())
+    if _FORCE in one.names:
+        apart = ~((a["mode"] == "attached") & (b["mode"] == "attached")).to_numpy()
+        found[apart, one.names.index(_FORCE)] = math.nan
+    return found
+
+
+# -- the comparison ---------------------------------------------------------------------------------------
+
+
+class _Comparison:
+    """The comparison of two runs with their repetitions: ``again`` of the other one, ``changed`` of the first."""
 
     def __init__(self, first: Course, other: Course, again: Course, changed: Sequence[Course]) -> None:
         self._first, self._other, self._again, self._changed = first, other, again, changed
@@ -105,13 +301,12 @@ class _Comparison:
         self._times = times[within].to_numpy()
         self._samples = [course.samples.reindex(times)[within] for course in (first, other)]
         self._allowed, self._change = allowed[within], change[within]
+        self._errors = Errors(self._times, self._allowed.max(axis=1))
         self._found = differences(first, other, times)[within]
 
     def result(self) -> RunCheck:
         """Compare samples, events and ends."""
         pairs, moved = self._events() if self._times.size else (Pairs(np.empty((0, 2), np.int64)), [])
-        told = [(d.t_s, self._told(d)) for d in (*self._beyond(), *moved) if d.difference > d.allowed]
-        told += [*self._other_sequence(pairs), *self._other_end()]
         apart = np.flatnonzero((self._found > CLOSE).any(axis=1))
         columns = [k for k in range(self._found.shape[1]) if np.isfinite(self._found[:, k]).any()]
         largest = [self._sample(int(np.nanargmax(self._found[:, k])), k) for k in columns]
@@ -125,20 +320,41 @@ class _Comparison:
             amplification=float(self._change.max(initial=0.0)) / self._tolerance,
             events=len(pairs.rows),
             largest=tuple(largest),
-            disagreement=min(told, default=(0.0, ""))[1],
+            disagreement=min(self._disagreements(pairs, moved), default=(0.0, ""))[1],
         )
 
-    def _beyond(self) -> Iterator[Difference]:
-        """Yield the first sample beyond what is allowed, in the quantity where it is farthest beyond."""
+    def _disagreements(self, pairs: Pairs, moved: Sequence[Difference]) -> Iterator[tuple[float, str]]:
+        """Yield when engines disagree, in what, and what was allowed."""
+        first, other = self._first, self._other
+        beyond = [d for d in moved if d.difference > d.allowed]
         rows = np.flatnonzero((self._found > self._allowed).any(axis=1))
-        if rows.size:
+        if rows.size:  # the first sample beyond what is allowed, in the quantity where it is farthest beyond
             row = int(rows[0])
-            yield self._sample(row, int(np.nanargmax(self._found[row] / self._allowed[row])))
+            beyond.append(self._sample(row, int(np.nanargmax(self._found[row] / self._allowed[row]))))
+        for d in beyond:
+            yield (
+                d.t_s,
+                f"at {d.t_s:.9g} s, {d.place}: {d.quantity} = {d.first:.12g} ({first.engine}) and {d.other:.12g} "
+                f"({other.engine}); allowed difference {d.allowed * d.scale:.2g}",
+            )
+        # another sequence of events, unless that of a repetition differs by then
+        turn = 2.0 * math.pi / self._scene.speed_scale
+        if math.isfinite(pairs.differ_s) and not any(
+            self._paired(first, course).differ_s <= pairs.differ_s + turn for course in self._changed
+        ):
+            one, two = (f"{why} ({c.engine})" for why, c in zip(pairs.why, (first, other), strict=True))
+            yield pairs.differ_s, f"at {pairs.differ_s:.9g} s: sequence of events, {one} and {two}; allowed: the same"
+        # another end, unless a repetition has it too or nothing was compared so late
+        ended = min(first.end, other.end)
+        outcomes = {first.outcome, *(course.outcome for course in self._changed)}
+        if other.outcome not in outcomes and self._lost > ended:
+            ends = f"outcome {first.outcome} ({first.engine}) and {other.outcome} ({other.engine})"
+            yield ended, f"at {ended:.9g} s: {ends}; allowed: the same"
 
     def _sample(self, row: int, column: int) -> Difference:
         """Describe the difference of a quantity in a sample."""
         name, time = self._first.names[column], float(self._times[row])
-        scale = scales_of(self._scene)[name]
+        scale = self._first.scales[column]
         one, two = (float(samples[name].iloc[row]) * scale for samples in self._samples)
         mode = str(self._samples[0]["mode"].iloc[row])
         difference, allowed = float(self._found[row, column]), float(self._allowed[row, column])
@@ -179,40 +395,8 @@ class _Comparison:
         force = force_spread(scene) / scene.force_scale if scene.has_contact else 1.0
         return np.where(relative > 0.0, 1.0 / np.clip(relative, 1e-12, 1.0), force)
 
-    @property
-    def _errors(self) -> Errors:
-        return Errors(self._times, self._allowed.max(axis=1))
-
     def _paired(self, one: Course, two: Course) -> Pairs:
         return paired(one.events, two.events, self._errors, self._scene, self._until)
-
-    def _other_sequence(self, pairs: Pairs) -> list[tuple[float, str]]:
-        """Say when the sequence of events differs, unless that of a repetition has by then."""
-        if not math.isfinite(pairs.differ_s):
-            return []
-        turn = 2.0 * math.pi / self._scene.speed_scale
-        if any(self._paired(self._first, course).differ_s <= pairs.differ_s + turn for course in self._changed):
-            return []
-        one, two = (f"{why} ({c.engine})" for why, c in zip(pairs.why, (self._first, self._other), strict=True))
-        return [(pairs.differ_s, f"at {pairs.differ_s:.9g} s: sequence of events, {one} and {two}; allowed: the same")]
-
-    def _other_end(self) -> list[tuple[float, str]]:
-        """Say that the other run ended otherwise, unless a repetition has or nothing was compared so late."""
-        first, other = self._first, self._other
-        ended = min(first.end, other.end)
-        if first.outcome == other.outcome or self._lost <= ended:
-            return []
-        if any(course.outcome == other.outcome for course in self._changed):
-            return []
-        ends = f"outcome {first.outcome} ({first.engine}) and {other.outcome} ({other.engine})"
-        return [(ended, f"at {ended:.9g} s: {ends}; allowed: the same")]
-
-    def _told(self, d: Difference) -> str:
-        """Say where engines disagree, in what, and what was allowed."""
-        return (
-            f"at {d.t_s:.9g} s, {d.place}: {d.quantity} = {d.first:.12g} ({self._first.engine}) and {d.other:.12g} "
-            f"({self._other.engine}); allowed difference {d.allowed * d.scale:.2g}"
-        )
 
 
 def _so_far(changes: FloatArray) -> FloatArray:

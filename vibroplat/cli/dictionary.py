@@ -13,13 +13,11 @@ from vibroplat.columns import Column, Columns, unit_of
 from vibroplat.config.keys import keys, yaml
 from vibroplat.continuation.tables import BOUNDARIES, BRANCHES, SPECIAL
 from vibroplat.motion.run import SUMMARY
-from vibroplat.observe.events import EVENTS
-from vibroplat.observe.table import TRAJECTORY
-from vibroplat.paper.calibration.reading import CONFIRMATION, EVALUATIONS, LEFT_OUT, SPREAD
+from vibroplat.observe.tables import EVENTS, TRAJECTORY
+from vibroplat.paper.calibration import CONFIRMATION, EVALUATIONS, LEFT_OUT, SPREAD
+from vibroplat.paper.claims import CLAIMS
 from vibroplat.paper.contradictions import CONTRADICTIONS
-from vibroplat.paper.histories import HISTORY
-from vibroplat.paper.scoreboard import CLAIMS
-from vibroplat.paper.summaries import IMPACT_LAWS, SYNC_BANDS
+from vibroplat.paper.tables import HISTORY, IMPACT_LAWS, SYNC_BANDS
 from vibroplat.study.bands import BANDS
 from vibroplat.study.branches import SUPPLY
 from vibroplat.study.confirming import CONFIRMED

@@ -99,6 +99,14 @@ def key_of(name: str) -> Key:
     return keys().get(general) or keys()[general.removesuffix(".N")]
 
 
+def configuration_schema() -> dict[str, Any]:
+    """JSON schema of a configuration file."""
+    schema = Scene.model_json_schema()
+    schema["title"] = "vibroplat configuration"
+    schema["properties"]["extends"] = {"type": "string", "description": "file whose values this one overrides"}
+    return schema
+
+
 def _key(name: str, node: Node) -> Key:
     section, _, last = name.rpartition(".")
     unit = "Hz" if section == _FREQUENCIES and last != "direction" else unit_of(last)

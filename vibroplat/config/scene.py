@@ -16,10 +16,11 @@ from pydantic import BaseModel, Field, ValidationError, model_validator
 
 from vibroplat.config.coordinates import COORDINATES, RATES, Mode
 from vibroplat.config.drive import Drive
-from vibroplat.config.overrides import OF_EXCITERS, merge, nest
+from vibroplat.config.overrides import merge, nest
 from vibroplat.config.plans import OrbitsPlan, SweepPlan
 from vibroplat.config.schema import Section, described, explain
 from vibroplat.config.sections import (
+    OF_EXCITERS,
     ROTATIONS,
     Contact,
     Exciter,
@@ -41,26 +42,11 @@ MAX_TURNS = 1e9
 MAX_TURNS_SUNDAE = 5e7
 
 
-def _decay(damping: float, stiffness: float) -> float:
-    """Larger decay rate of u″ + damping u′ + stiffness u = 0 (1/s)."""
-    half = 0.5 * damping
-    return half + math.sqrt(max(half * half - stiffness, 0.0))
-
-
-def _set(section: Section) -> dict[str, Any]:
-    """Keys and values of a section that are not None."""
-    return {key: value for key, value in section if value is not None}
-
-
 def _plain(value: Any) -> Any:
     """Turn a section, or a list of some, into the keys and values that it was given."""
     if isinstance(value, list):
         return [_plain(entry) for entry in value]
     return value.model_dump(exclude_unset=True, by_alias=True) if isinstance(value, BaseModel) else value
-
-
-#: Sections that say what the exciters are.
-PAIRED = frozenset({"machine", "motor", "motors", "exciters"})
 
 
 class Scene(Section):
@@ -97,6 +83,8 @@ class Scene(Section):
     sweep: SweepPlan | None = described(None, "", "what vibroplat sweep does")
     orbits: OrbitsPlan | None = described(None, "", "what vibroplat orbits does")
 
+    alternatives = (("motor", "motors"), ("motor", "exciters"), ("motors", "exciters"))
+
     @model_validator(mode="before")
     @classmethod
     def _default_motor(cls, given: Any) -> Any:
@@ -106,59 +94,59 @@ class Scene(Section):
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
-        self._require_one_way()
+        for name in OF_EXCITERS if self.exciters is not None else ():
+            if name in self.machine.model_fields_set:
+                raise ValueError(f"exciters and machine.{name} are both given; allowed: one of the two")
+        if self.co_rotating and self.run.initial.phase_sum_rad is not None:
+            raise ValueError(
+                f"run.initial.phase_sum_rad = {self.run.initial.phase_sum_rad} but these exciters turn the same way; "
+                "allowed: phase_difference_rad"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _bounded(self) -> Self:
+        """Refuse durations that no computer would ever finish."""
         rows = self.run.duration_s * self.output.sample_rate_hz
         if rows > MAX_ROWS:
             raise ValueError(
                 f"output.sample_rate_hz = {self.output.sample_rate_hz} asks for {rows:.3g} rows in "
                 f"{self.run.duration_s} s; allowed: at most {MAX_ROWS} rows"
             )
-        self._require_end("run.duration_s", self.run.duration_s, self.drive.largest_frequency)
+        durations = [("run.duration_s", self.run.duration_s, self.drive.largest_frequency)]
         if self.sweep is not None:
-            for key in ("settle_s", "max_settle_s", "measure_s"):
-                seconds = getattr(self.sweep, key)
-                if seconds != "auto":
-                    self._require_end(f"sweep.{key}", seconds, self.sweep.supply_frequency_hz.stop)
-        state = self.run.initial.state
-        if state is not None:
-            given = state.model_dump(exclude_none=True)
-            for index in sorted(set(range(7)) - set(self.coordinates)):
-                for key in (COORDINATES[index], RATES[index]):
-                    if given.get(key, 0.0) != 0.0:
-                        raise ValueError(
-                            f"run.initial.state.{key} = {given[key]} but this scene has no such coordinate; "
-                            "allowed: leave it out"
-                        )
-            if not state.gap_m and state.gap_rate_m_per_s < 0.0:
+            stop = self.sweep.supply_frequency_hz.stop
+            times = {f"sweep.{key}": getattr(self.sweep, key) for key in ("settle_s", "max_settle_s", "measure_s")}
+            durations += [(key, seconds, stop) for key, seconds in times.items() if seconds != "auto"]
+        slow = self.solver.engine == "sundae"
+        most = MAX_TURNS_SUNDAE if slow else MAX_TURNS
+        for key, seconds, supply in durations:
+            turns = seconds * supply / min(exciter.pole_pairs for exciter in self.exciter_pair)
+            if turns > most:
                 raise ValueError(
-                    f"run.initial.state.gap_rate_m_per_s = {state.gap_rate_m_per_s} closes a gap that is 0; "
-                    "allowed: at least 0 while gap_m is 0"
+                    f"{key} = {seconds} takes {turns:.3g} turns at the synchronous speed; "
+                    f"allowed{' with engine sundae' if slow else ''}: at most {most:.0e}"
                 )
         return self
 
-    def _require_one_way(self) -> None:
-        """Refuse keys that say the same twice."""
-        given = [name for name in ("motor", "motors", "exciters") if getattr(self, name) is not None]
-        if self.exciters is not None:
-            given += [f"machine.{name}" for name in OF_EXCITERS if name in self.machine.model_fields_set]
-        if len(given) > 1:
-            raise ValueError(f"{given[0]} and {given[1]} are both given; allowed: one of the two")
-        if self.co_rotating and self.run.initial.phase_sum_rad is not None:
+    @model_validator(mode="after")
+    def _possible_state(self) -> Self:
+        state = self.run.initial.state
+        if state is None:
+            return self
+        for index in range(len(self.coordinates), len(COORDINATES)):
+            for key in (COORDINATES[index], RATES[index]):
+                if getattr(state, key):
+                    raise ValueError(
+                        f"run.initial.state.{key} = {getattr(state, key)} but this scene has no such coordinate; "
+                        "allowed: leave it out"
+                    )
+        if not state.gap_m and state.gap_rate_m_per_s < 0.0:
             raise ValueError(
-                f"run.initial.phase_sum_rad = {self.run.initial.phase_sum_rad} but these exciters turn the same way; "
-                "allowed: phase_difference_rad"
+                f"run.initial.state.gap_rate_m_per_s = {state.gap_rate_m_per_s} closes a gap that is 0; "
+                "allowed: at least 0 while gap_m is 0"
             )
-
-    def _require_end(self, key: str, seconds: float, supply: float) -> None:
-        """Refuse durations that no computer would ever finish."""
-        turns = seconds * supply / min(exciter.pole_pairs for exciter in self.exciter_pair)
-        slow = self.solver.engine == "sundae"
-        most = MAX_TURNS_SUNDAE if slow else MAX_TURNS
-        if turns > most:
-            raise ValueError(
-                f"{key} = {seconds} takes {turns:.3g} turns at the synchronous speed; "
-                f"allowed{' with engine sundae' if slow else ''}: at most {most:.0e}"
-            )
+        return self
 
     # -- structure of the scene -------------------------------------------------------------------------
 
@@ -185,10 +173,9 @@ class Scene(Section):
     # -- derived quantities -------------------------------------------------------------------------
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
-        """Copy the scene, with some sections changed; what follows from them is found anew."""
+        """Copy the scene, with some sections changed; the exciters are found anew."""
         copied = super().model_copy(update=update, deep=deep)
-        if not PAIRED.isdisjoint(update or ()):
-            copied.__dict__.pop("exciter_pair", None)
+        copied.__dict__.pop("exciter_pair", None)
         return copied
 
     @cached_property
@@ -197,7 +184,7 @@ class Scene(Section):
         common = {} if self.exciters is not None else {name: getattr(self.machine, name) for name in OF_EXCITERS}
         given = self.exciters or self.motors or [self.motor or Motor()] * 2
         first, second = (
-            Exciter.model_construct(**{"rotation": rotation, **_set(numbers), **common})
+            Exciter.model_construct(**{"rotation": rotation, **numbers.model_dump(exclude_none=True), **common})
             for numbers, rotation in zip(given, ROTATIONS, strict=True)
         )
         return first, second
@@ -268,10 +255,10 @@ class Scene(Section):
             (self.platform_mass, self.damping_y, machine.stiffness_y_n_per_m),
             (machine.inertia, machine.damping_phi_n_m_s_per_rad, machine.stiffness_phi_n_m_per_rad),
         )
-        rates = [_decay(damping / mass, stiffness / mass) for mass, damping, stiffness in springs]
-        frequency = self.drive.largest_frequency
+        halves = [(0.5 * (damping / mass), stiffness / mass) for mass, damping, stiffness in springs]
+        rates = [half + math.sqrt(max(half * half - stiffness, 0.0)) for half, stiffness in halves]
         for exciter, inertia in zip(self.exciter_pair, self.exciter_inertias, strict=True):
-            slope = 2.0 * exciter.critical_torque_n_m / exciter.critical_slip_speed(frequency)
+            slope = 2.0 * exciter.critical_torque_n_m / exciter.critical_slip_speed(self.drive.largest_frequency)
             rates.append(slope / inertia)
         return max(rates)
 

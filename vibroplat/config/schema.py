@@ -5,9 +5,9 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any, ClassVar, NamedTuple, Self
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 from pydantic_core import PydanticCustomError
 
 #: No physical quantity in SI units lies outside these limits; products of numbers inside them stay finite.
@@ -67,6 +67,18 @@ class Section(BaseModel):
     """A section of a configuration: immutable, with strict types and no unknown keys."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
+
+    #: Pairs of keys that say the same and exclude each other.
+    alternatives: ClassVar[tuple[tuple[str, str], ...]] = ()
+
+    @model_validator(mode="after")
+    def _one_of_each_pair(self) -> Self:
+        fields = type(self).model_fields
+        given = {fields[name].alias or name for name in self.model_fields_set if getattr(self, name) is not None}
+        for first, second in self.alternatives:
+            if given >= {first, second}:
+                raise ValueError(f"{first} and {second} are both given; allowed: one of the two")
+        return self
 
 
 class Node(NamedTuple):

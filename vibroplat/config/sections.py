@@ -29,6 +29,9 @@ LEAST_TOLERANCE, LEAST_TOLERANCE_SUNDIALS = 1e-14, 1e-12
 
 Rotation = Literal["counter-clockwise", "clockwise"]
 
+#: Keys of the machine that the section ``exciters`` gives for each exciter instead.
+OF_EXCITERS = ("unbalance_radius_m", "rotor_inertia_kg_m2")
+
 #: Rotations of exciters 1 and 2 where they are not given.
 ROTATIONS: tuple[Rotation, Rotation] = ("counter-clockwise", "clockwise")
 
@@ -161,12 +164,10 @@ class Material(Section):
         None, "b_w", "damping between the layers, instead of damping_ratio"
     )
 
+    alternatives = (("natural_frequency_hz", "stiffness_n_per_m"), ("damping_ratio", "damping_n_s_per_m"))
+
     @model_validator(mode="after")
-    def _one_of_each_pair(self) -> Self:
-        if self.natural_frequency_hz is not None and self.stiffness_n_per_m is not None:
-            raise ValueError("natural_frequency_hz and stiffness_n_per_m are both given; allowed: one of the two")
-        if self.damping_ratio is not None and self.damping_n_s_per_m is not None:
-            raise ValueError("damping_ratio and damping_n_s_per_m are both given; allowed: one of the two")
+    def _two_layers(self) -> Self:
         if self.mass_ratio > 0.0 and self.layers == 2:
             if self.lower_share == 1.0:
                 raise ValueError(
@@ -236,6 +237,10 @@ class State(Section):
     motor_power_2_w: Real | None = described(None, "", "mechanical power of motor 2: torque times speed")
 
 
+#: Keys of a start with rotating exciters.
+_PHASES = ("phase_difference_rad", "phase_sum_rad", "phi1_rad", "speed_ratio")
+
+
 class Initial(Section, populate_by_name=True):
     """Initial state: static rest of platform and material with rotating exciters, a full state, or a run's end."""
 
@@ -253,16 +258,11 @@ class Initial(Section, populate_by_name=True):
         None, alias="from", description="directory of a run; this one begins where it ended, and its times go on"
     )
 
-    @model_validator(mode="after")
-    def _one_way(self) -> Self:
-        ways = [name for name in ("state", "from_") if getattr(self, name) is not None]
-        extra = sorted(self.model_fields_set - {"state", "from_"}) if ways else []
-        if self.phase_sum_rad is not None and self.phase_difference_rad is not None:
-            extra, ways = ["phase_sum_rad"], ["phase_difference_rad"]
-        if extra or len(ways) > 1:
-            first, second = [name.strip("_") for name in (*ways, *extra)][:2]
-            raise ValueError(f"{first} and {second} are both given; allowed: one of the two")
-        return self
+    alternatives = (
+        ("state", "from"),
+        *((way, key) for way in ("state", "from") for key in _PHASES),
+        ("phase_difference_rad", "phase_sum_rad"),
+    )
 
     @property
     def phase_difference(self) -> float:

@@ -22,9 +22,8 @@ from vibroplat.continuation.shooting import Shooter
 from vibroplat.continuation.tracing import Family, Progress, Traced, orbits_plan
 from vibroplat.errors import ConfigError
 from vibroplat.model.sensitivity import value_of
-from vibroplat.study.execution import Pool
-from vibroplat.study.store import Record, Records
-from vibroplat.study.tasks import StoredChain, Task, Tasks, run_stored
+from vibroplat.study.pool import Pool, StoredChain, Task, Tasks, run_stored
+from vibroplat.study.store import Record, Store
 
 
 @dataclass
@@ -51,7 +50,7 @@ class Boundary:
 
 
 def boundaries(
-    scene: Scene, traced: Sequence[Traced], records: Records, workers: Pool, progress: Progress | None = None
+    scene: Scene, traced: Sequence[Traced], records: Store, workers: Pool, progress: Progress | None = None
 ) -> list[Boundary]:
     """Follow the boundaries that begin at the special points of branches; those that are stored are not repeated.
 

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import pandas as pd
 
 import vibroplat
-from vibroplat.columns import Column, Columns, labelled
+from vibroplat.columns import Column, Columns
 from vibroplat.config.coordinates import COORDINATES, RATES
-from vibroplat.config.keys import key_of
 from vibroplat.config.scene import Scene
 from vibroplat.continuation.branch_worker import TOLD
 from vibroplat.continuation.curves import Boundary, boundaries, require_inside
@@ -19,11 +18,11 @@ from vibroplat.continuation.kinds import KINDS
 from vibroplat.continuation.orbit import columns_told
 from vibroplat.continuation.tracing import Family, Progress, Traced, families, orbits_plan, trace
 from vibroplat.observe.summary import MEASURES
-from vibroplat.observe.table import TRAJECTORY
+from vibroplat.observe.tables import TRAJECTORY
 from vibroplat.study import WAIT
-from vibroplat.study.branches import EXCITATION, FREQUENCY, SUPPLY
-from vibroplat.study.execution import pool
+from vibroplat.study.branches import EXCITATION, FREQUENCY, SUPPLY, study_table
 from vibroplat.study.point import MEASURED, POINT
+from vibroplat.study.pool import pool
 from vibroplat.study.store import Record, Store
 
 if TYPE_CHECKING:
@@ -49,11 +48,6 @@ COLUMNS = (
 )
 #: Columns of what is found on both sides of a boundary.
 SIDES = ("below", "above", "check")
-#: Columns of text, of whole numbers and of yes and no; all others but keys hold floating-point numbers.
-TEXTS = ("sync", "notes", "sequence", "kind", *SIDES)
-COUNTS = ("branch", "curve", "parent", "point", "period", "unstable")
-ANSWERS = ("stable",)
-
 
 #: The state of an orbit where its period begins, in the columns of a trajectory.
 STATE: Columns = {name: TRAJECTORY[name] for name in (*COORDINATES, *RATES)}
@@ -300,14 +294,6 @@ def _place(branch: Traced) -> Record:
 
 
 def _frame(rows: list[Record], scene: Scene, columns: Sequence[str], meant: Columns) -> pd.DataFrame:
-    """Make a table with the grid's keys first; its types do not depend on what was found."""
+    """Make a table with the grid's keys first."""
     grid = {column_of(key): values for key, values in orbits_plan(scene).grid.items()}
-    table = pd.DataFrame(rows, columns=[*grid, *columns])
-    types: dict[Any, Any] = {key: pd.Series(values).dtype for key, values in grid.items()}
-    keyed = {key: Column(key_of(key).meaning) for key in grid if key != SUPPLY} | {SUPPLY: Column("supply frequency")}
-    return labelled(table.astype(types | {column: _type(column) for column in columns}), {**keyed, **meant})
-
-
-def _type(column: str) -> str:
-    named: tuple[tuple[Sequence[str], str], ...] = ((TEXTS, "str"), (COUNTS, "Int64"), (ANSWERS, "bool"))
-    return next((kind for names, kind in named if column in names), "float64")
+    return study_table(rows, [*grid, *columns], grid, {SUPPLY: Column("supply frequency"), **meant})

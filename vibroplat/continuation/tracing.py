@@ -19,9 +19,8 @@ from vibroplat.continuation.orbit import OrbitError, accurate, beginning_at
 from vibroplat.errors import ConfigError
 from vibroplat.model.sensitivity import parameter_direction, value_of
 from vibroplat.motion.initial_condition import end_of
-from vibroplat.study.execution import Pool
-from vibroplat.study.store import Record, Records
-from vibroplat.study.tasks import StoredChain, Task, Tasks, run_stored
+from vibroplat.study.pool import Pool, StoredChain, Task, Tasks, run_stored
+from vibroplat.study.store import Record, Store
 
 
 def orbits_plan(scene: Scene) -> OrbitsPlan:
@@ -145,7 +144,7 @@ class Traced:
 Progress = Callable[[int, int, int], None]
 
 
-def trace(scene: Scene, records: Records, workers: Pool, progress: Progress | None = None) -> list[Traced]:
+def trace(scene: Scene, records: Store, workers: Pool, progress: Progress | None = None) -> list[Traced]:
     """Follow all branches of a scene; parts that are stored already are not repeated.
 
     Raises

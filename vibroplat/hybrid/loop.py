@@ -152,12 +152,20 @@ def begin(h: Automaton) -> bool:
     if run.now >= run.end:  # the last event was at the very end
         run.outcome = OK
         return False
-    if not count_restart(h):
+    most = h.recent.size
+    oldest = run.restarts % most  # all restarts count, so that nothing can go on for ever
+    if run.restarts >= most and run.now - h.recent[oldest] < run.period:
+        run.outcome = EVENT_STORM
         return False
+    h.recent[oldest] = run.now
+    run.restarts += 1
     mode = run.mode
     if not prepare(h, mode, CONSISTENT):
         return False
-    take_off_turns(run.state, run.turns)
+    for exciter in range(2):  # whole turns of its angle
+        whole = _TURN * math.floor(run.state[3 + exciter] / _TURN)
+        run.state[3 + exciter] -= whole
+        run.turns[exciter] += whole
     gather(run.systems[mode], run.state, run.y[mode])
     left = run.end - run.now
     run.origin = run.now
@@ -166,28 +174,6 @@ def begin(h: Automaton) -> bool:
     for i in range(run.atol.size):
         run.atol[i] = run.tolerances[mode, i]
     return True
-
-
-@inlined
-def count_restart(h: Automaton) -> bool:
-    """End the run when restarts pile up; all of them count, so that nothing can go on for ever."""
-    run, most = h.run, h.recent.size
-    oldest = run.restarts % most
-    if run.restarts >= most and run.now - h.recent[oldest] < run.period:
-        run.outcome = EVENT_STORM
-        return False
-    h.recent[oldest] = run.now
-    run.restarts += 1
-    return True
-
-
-@compiled
-def take_off_turns(state: FloatArray, turns: FloatArray) -> None:
-    """Move whole turns of both exciter angles from the state into ``turns`` (rad), in place."""
-    for exciter in range(2):
-        whole = _TURN * math.floor(state[3 + exciter] / _TURN)
-        state[3 + exciter] -= whole
-        turns[exciter] += whole
 
 
 @compiled

@@ -35,7 +35,7 @@ from vibroplat.model.equations import finite
 from vibroplat.model.equations import jacobian as fill_jacobian
 from vibroplat.model.equations import residual as fill_residual
 from vibroplat.model.parameters import PARAMETERS
-from vibroplat.model.systems import DIFFERENTIAL, FULL_SIZE, SIZES
+from vibroplat.model.systems import ALGEBRAIC, FULL_SIZE, SIZES
 
 #: What a callback knows of its mode: addresses, the system with its size and guard, calls counted, and matrices of
 #: the Jacobian's last evaluation with their c_j.
@@ -92,15 +92,6 @@ def _condensed(links: Any) -> FloatArray:
     return carray(pointer(links.solver), (links.size - links.size // 2, links.size))
 
 
-@compiled
-def _matrices(links: Any) -> tuple[FloatArray, FloatArray]:
-    """Matrices of full size and of the dynamic rows."""
-    size = links.size
-    m = size - size // 2
-    rows = links.rows[: size * size].reshape((size, size))
-    return rows, links.dynamic[: m * m].reshape((m, m))
-
-
 @callback("int32(float64, float64, intp, intp, intp, intp, voidptr, intp, intp, intp)")
 def jacobian(
     t: float, cj: float, y: int, yp: int, res: int, matrix: int, data: Any, work_1: int, work_2: int, work_3: int
@@ -108,9 +99,10 @@ def jacobian(
     """IDALsJacFn; leaves the library's matrix alone and prepares :func:`solve`."""
     links = carray(data, (1,), dtype=LINKS)[0]
     links.jacobians += 1
-    rows, dynamic = _matrices(links)
-    p = _parameters(links)
-    fill_jacobian(links.system, links.origin + t, _values(y, links), _values(yp, links), cj, rows, p)
+    size = links.size
+    m = size - size // 2
+    rows, dynamic = links.rows[: size * size].reshape((size, size)), links.dynamic[: m * m].reshape((m, m))
+    fill_jacobian(links.system, links.origin + t, _values(y, links), _values(yp, links), cj, rows, _parameters(links))
     links.cj = cj
     return _OK if condense(rows, cj, dynamic, _condensed(links)) else _SINGULAR
 
@@ -227,14 +219,17 @@ def drive(owned_h: Automaton, owned_n: Native) -> None:
             if full or not loop.begin(h) or not start(h, n):
                 return
         stop = advance(h, n)
-        algebraic = SIZES[h.run.systems[h.run.mode]] > DIFFERENTIAL[h.run.systems[h.run.mode]]
-        if algebraic:
+        if ALGEBRAIC[h.run.systems[h.run.mode]]:
             calm(h, stop == _FULL)
         if stop == _FULL:
             cut_piece(h)
             return
         n.status.open = 0
-        count(h.run.mode, n)
+        memory, number = n.handles[h.run.mode].memory, n.number.ctypes.data
+        call_int(n.functions.error_failures, (memory, number))  # since the integrator's restart
+        n.status.errors += n.number[0]
+        call_int(n.functions.newton_failures, (memory, number))
+        n.status.newtons += n.number[0]
         loop.conclude(h, stop)
 
 
@@ -298,7 +293,9 @@ def advance(h: Automaton, n: Native) -> int:
             if stop == AT_TARGET:
                 end_at_angle(target, share, derivative, handles, steps, y, yp)
             elif stop == AT_GUARD and not found:
-                end_step(share, derivative, handles, steps, y)
+                # the integrator's polynomial is smooth where slopes at the ends of a step carry errors of a stiff layer
+                interpolate_at(steps.start[row] + share * steps.length[row], derivative, handles)
+                end_at(steps, row, share, y)
             if stop >= 0:
                 return stop
         if ended:
@@ -312,17 +309,6 @@ def advance(h: Automaton, n: Native) -> int:
     if status.flag >= 0:
         return _FULL
     return NOT_FINITE if status.flag == RESIDUAL_FAILURE else FAILED
-
-
-@compiled
-def end_step(share: float, derivative: int, handles: tuple[int, int, int], steps: Steps, y: FloatArray) -> None:
-    """Let the last step end at a fraction of it, with what the integrator says of that time.
-
-    Its polynomial is smooth where slopes at the ends of a step carry the errors of a stiff layer.
-    """
-    row = steps.used.steps - 1
-    interpolate_at(steps.start[row] + share * steps.length[row], derivative, handles)
-    end_at(steps, row, share, y)
 
 
 @compiled
@@ -353,13 +339,3 @@ def interpolate_at(t: float, derivative: int, handles: tuple[int, int, int]) -> 
     memory, y, yp = handles
     call_int(derivative, (memory, t, np.int32(0), y))
     call_int(derivative, (memory, t, np.int32(1), yp))
-
-
-@compiled
-def count(mode: int, n: Native) -> None:
-    """Add what the integrator has counted since its restart."""
-    handle, functions, number = n.handles[mode], n.functions, n.number.ctypes.data
-    call_int(functions.error_failures, (handle.memory, number))
-    n.status.errors += n.number[0]
-    call_int(functions.newton_failures, (handle.memory, number))
-    n.status.newtons += n.number[0]

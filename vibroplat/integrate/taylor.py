@@ -23,6 +23,7 @@ from vibroplat.hybrid.jumps import cut_piece
 from vibroplat.hybrid.loop import AT_GUARD, AT_TARGET, AT_TIME, FAILED, NOT_FINITE
 from vibroplat.hybrid.modes import GUARDS
 from vibroplat.hybrid.state import MARGIN, RUNNING, WIDTH, Automaton, rewind
+from vibroplat.integrate.seam import WORK
 from vibroplat.kernels.compiled import FloatArray, borrow, compiled, inlined
 from vibroplat.kernels.lanes import horner_8, in_lines, put_step, sizes_16
 from vibroplat.kernels.polynomial import crossing, first_fall
@@ -67,27 +68,23 @@ class TaylorEngine:
     def __init__(self, scene: Scene, p: Parameters) -> None:
         self.degree = degree_of(scene.solver.tolerance)
         self._p = p  # not a copy: a drive's program changes it in place
-        self._status = in_lines((STATUS.itemsize // 8,)).view(STATUS)
-        self._status["degree"] = self.degree
-        self._status["most"] = max(MAX_STEPS, STEPS_PER_EVENT * scene.solver.max_events_per_period)
-        self._e = Expansion(room(), self._status[0])
+        self._e = Expansion(room(), in_lines((STATUS.itemsize // 8,)).view(STATUS)[0])
+        self._e.status["degree"] = self.degree
+        self._e.status["most"] = max(MAX_STEPS, STEPS_PER_EVENT * scene.solver.max_events_per_period)
 
     @property
     def work(self) -> dict[str, int | None]:
         """How much was done so far."""
-        status = self._status[0]
-        return {
+        status = self._e.status
+        return dict.fromkeys(WORK) | {
             "steps": int(status["steps"]),
-            "residual_calls": None,
-            "jacobian_calls": None,
             "error_test_failures": int(status["rejected"]),
-            "newton_failures": None,
         }
 
     @property
     def detail(self) -> str:
         """Why the integrator failed."""
-        status = self._status[0]
+        status = self._e.status
         if status["counted"] > status["most"]:
             return f"taylor: more than {int(status['most'])} steps within a period"
         return "taylor: no step is short enough" if status["short"] else "the series is not finite"
@@ -178,39 +175,53 @@ def start(h: Automaton, e: Expansion) -> None:
     system = run.systems[run.mode]
     n = DIFFERENTIAL[system] // 2
     for i in range(2 * n):
-        e.status.y[i] = run.y[run.mode, i]
+        status.y[i] = run.y[run.mode, i]
     for i in range(FORCE):
-        e.status.weights[i] = 1.0 / run.atol[n + i] if i < n else 0.0
-    e.status.weights[FORCE] = 1.0 / run.atol[2 * n] if ALGEBRAIC[system] else 0.0
+        status.weights[i] = 1.0 / run.atol[n + i] if i < n else 0.0
+    status.weights[FORCE] = 1.0 / run.atol[2 * n] if ALGEBRAIC[system] else 0.0
     status.open, status.done = 1, 0.0
     if run.origin <= status.counted_from:  # the motion has begun, or begun again
         status.counted, status.counted_from = 0, run.origin
-    expand(system, run.origin, e.status.y, status.degree, e.room, h.p)
+    expand(system, run.origin, status.y, status.degree, e.room, h.p)
 
 
 @compiled
 def step(h: Automaton, e: Expansion) -> int:
-    """Take a step by the series at its beginning; why the segment ends with it, or _ON."""
+    """Take a step by the series at its beginning, and move to its end; why the segment ends with it, or _ON."""
     run, steps, status = h.run, h.steps, e.status
     system, row, degree = run.systems[run.mode], steps.used.steps, status.degree
     c = steps.c[row]
-    length = longest_step(e.room.q, degree, e.status.weights)
+    length = longest_step(e.room.q, degree, status.weights)
     while True:
         if not length >= SHORTEST * run.period:
             status.short = 1 if length > 0.0 else 0
             return FAILED if length > 0.0 else NOT_FINITE
         stop, length = end_of_step(h, e, c, min(length, run.until - status.done))
         status.steps += 1
-        horner_8(e.room.q, degree, length, e.status.at_end)
+        horner_8(e.room.q, degree, length, status.at_end)
         if confirmed(h, e, system, stop, length):
             break
         status.rejected += 1
-        expand(system, run.origin + status.done, e.status.y, degree, e.room, h.p)
+        expand(system, run.origin + status.done, status.y, degree, e.room, h.p)
         length *= 0.5
-    keep_step(h, e, system, stop, length)
-    if stop == _ON and stuck(run, status):
-        return FAILED
-    return stop
+    n = DIFFERENTIAL[system] // 2
+    steps.start[row], steps.length[row] = status.done, length
+    for i in range(2 * n):
+        steps.ends[row, i] = status.y[i] = status.ahead[i]
+    if ALGEBRAIC[system]:
+        steps.ends[row, 2 * n] = status.at_end[0, FORCE]
+    if stop == AT_TARGET:
+        steps.ends[row, 3] = run.target - run.turns[0]
+    steps.used.steps = row + 1
+    status.done += length
+    run.zeros = 0  # they were of the segment's start
+    if stop != _ON:
+        return stop
+    status.counted += 1
+    now = run.origin + status.done
+    if now - status.counted_from >= run.period:
+        status.counted, status.counted_from = 0, now
+    return FAILED if status.counted > status.most else _ON
 
 
 @inlined
@@ -234,34 +245,32 @@ def longest_step(q: FloatArray, degree: int, weights: FloatArray) -> float:
 @compiled
 def end_of_step(h: Automaton, e: Expansion, c: FloatArray, length: float) -> tuple[int, float]:
     """Write the series as a step's polynomials, and find where the step ends: why the segment does, and its length."""
-    run, degree = h.run, e.status.degree
+    run, status, degree = h.run, e.status, e.status.degree
     system = run.systems[run.mode]
     n, guard = DIFFERENTIAL[system] // 2, GUARDS[system]
-    stop, share = AT_TIME if length >= run.until - e.status.done else _ON, 1.0
-    put_step(e.room.q, degree, length, n, c)
-    sizes_16(c, 1, degree, e.status.sizes)
-    if guard >= 0:
-        fall, sure = guard_fall(c, degree, guard, run.zeros, ALGEBRAIC[system], e)
-        while not sure:
-            stop, length = _ON, 0.5 * length
-            put_step(e.room.q, degree, length, n, c)
-            sizes_16(c, 1, degree, e.status.sizes)
-            fall, sure = guard_fall(c, degree, guard, run.zeros, ALGEBRAIC[system], e)
-        if fall >= 0.0:
-            stop, share = AT_GUARD, fall
-    e.status.resting = -1
+    stop, share = AT_TIME if length >= run.until - status.done else _ON, 1.0
+    while True:
+        put_step(e.room.q, degree, length, n, c)
+        sizes_16(c, 1, degree, status.sizes)
+        fall, sure = guard_fall(c, degree, guard, run.zeros, ALGEBRAIC[system], e) if guard >= 0 else (-1.0, True)
+        if sure:
+            break
+        stop, length = _ON, 0.5 * length
+    if fall >= 0.0:
+        stop, share = AT_GUARD, fall
+    status.resting = -1
     for i in range(2):
         j = n + 3 + i
-        if abs(c[0, j]) <= e.status.sizes[j]:
-            rest = comes_to_rest(c, degree, j, e.status.guard)
+        if abs(c[0, j]) <= status.sizes[j]:
+            rest = comes_to_rest(c, degree, j, status.guard)
             if 0.0 <= rest < share:
-                stop, share, e.status.resting = _ON, rest, i
+                stop, share, status.resting = _ON, rest, i
     if share < 1.0:
         length *= share
         put_step(e.room.q, degree, length, n, c)
     target = run.target - run.turns[0]
     if not math.isnan(target) and reaches(c, degree, target):
-        stop, e.status.resting = AT_TARGET, -1
+        stop, status.resting = AT_TARGET, -1
         length *= crossing(c, degree, 3, target)
         put_step(e.room.q, degree, length, n, c)
     return stop, length
@@ -360,30 +369,3 @@ def rounded(c: FloatArray, n: int, worst: float, e: Expansion) -> bool:
     for k in range(e.status.degree + 1):
         force += abs(c[k, 2 * n])
     return worst <= _NOISE * max(size, force * e.status.weights[FORCE])
-
-
-@inlined
-def keep_step(h: Automaton, e: Expansion, system: int, stop: int, length: float) -> None:
-    """Add a step to the steps, and move to its end."""
-    run, steps, status = h.run, h.steps, e.status
-    row, n = steps.used.steps, DIFFERENTIAL[system] // 2
-    steps.start[row], steps.length[row] = status.done, length
-    for i in range(2 * n):
-        steps.ends[row, i] = e.status.y[i] = e.status.ahead[i]
-    if ALGEBRAIC[system]:
-        steps.ends[row, 2 * n] = e.status.at_end[0, FORCE]
-    if stop == AT_TARGET:
-        steps.ends[row, 3] = run.target - run.turns[0]
-    steps.used.steps = row + 1
-    status.done += length
-    run.zeros = 0  # they were of the segment's start
-
-
-@inlined
-def stuck(run: Any, status: Any) -> bool:
-    """Whether more steps were taken within a period than any motion needs."""
-    status.counted += 1
-    now = run.origin + status.done
-    if now - status.counted_from >= run.period:
-        status.counted, status.counted_from = 0, now
-    return bool(status.counted > status.most)

@@ -17,7 +17,7 @@ from vibroplat.plots.labels import run_parameters
 from vibroplat.plots.orbits import branches_figure, branches_of, plot_orbit
 from vibroplat.plots.response import response_figure, response_of
 from vibroplat.plots.style import head, new_figure, styled
-from vibroplat.results.prompt import AtPrompt, Kind
+from vibroplat.results.run import Kind, Trajectory
 from vibroplat.study.branches import EXCITATION
 
 #: Columns by which tables are recognized.
@@ -35,7 +35,7 @@ def figure_of(shown: object, *_: object) -> Figure:
 
 
 @figure_of.register
-def _(run: AtPrompt, kind: Kind = "motion", start: float | None = None, stop: float | None = None) -> Figure:
+def _(run: Trajectory, kind: Kind = "motion", start: float | None = None, stop: float | None = None) -> Figure:
     """Draw a figure of a run.
 
     Raises

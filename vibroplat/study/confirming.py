@@ -17,7 +17,7 @@ from vibroplat.continuation.shooting import Shooter
 from vibroplat.errors import VibroplatError
 from vibroplat.study.lyapunov import lyapunov
 from vibroplat.study.point import Point, lost, measure_point
-from vibroplat.study.tasks import Task
+from vibroplat.study.pool import Task
 
 #: Residual of the orbits, in the scales of the scene.
 TOLERANCE = 1e-8

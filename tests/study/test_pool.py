@@ -1,0 +1,581 @@
+"""Chains of tasks: stored once, the same results however they are spread over workers, and when workers die."""
+
+from __future__ import annotations
+
+import math
+import os
+import signal
+import sqlite3
+import sys
+import threading
+import time
+import warnings
+from concurrent.futures import BrokenExecutor, Future
+
+import pytest
+from common.commands import loky_workers
+from common.results import bits
+
+from vibroplat import sweep
+from vibroplat.errors import ConfigError
+from vibroplat.study import pool as pools
+from vibroplat.study.branches import branches
+from vibroplat.study.point import Point
+from vibroplat.study.pool import (
+    LIVES,
+    PINNED,
+    Cluster,
+    Inline,
+    Processes,
+    StoredChain,
+    Task,
+    WorkerLostError,
+    pool,
+    run_chains,
+    run_stored,
+)
+from vibroplat.study.store import Store
+from vibroplat.study.sweep import run_sweeps, tables
+
+from .helpers import MACHINE, Calls, planned
+
+
+class Counting:
+    """A chain whose next task follows from the result of the one before."""
+
+    def __init__(self, start, tasks):
+        self.results = [start]
+        self.left = tasks
+
+    @property
+    def next(self):
+        return Task(math.ldexp, (self.results[-1], 1))
+
+    @property
+    def done(self):
+        return not self.left
+
+    def take(self, result):
+        self.left -= 1
+        self.results.append(result)
+
+
+KILLER = (os._exit, (1,))
+NAP = (time.sleep, (0.02,))
+
+
+def finish(chains, workers):
+    """Run all chains; return their results, those of lost tasks by their type's name."""
+    yielded = list(run_chains(chains, workers))
+    assert sorted(map(id, yielded)) == sorted(id(c) for c in chains for _ in c.results)
+    return [["lost" if isinstance(r, WorkerLostError) else r for r in chain.results] for chain in chains]
+
+
+@pytest.fixture(autouse=True)
+def _guard():
+    """End a test whose chains never end."""
+
+    def stop(_signal, _frame):
+        pytest.fail("did not end")
+
+    before = signal.signal(signal.SIGALRM, stop)
+    signal.alarm(120)
+    yield
+    signal.alarm(0)
+    signal.signal(signal.SIGALRM, before)
+
+
+@pytest.fixture(scope="module")
+def processes():
+    """Two worker processes."""
+    with pool(jobs=2) as workers:
+        yield workers
+
+
+@pytest.fixture(scope="module")
+def scheduler():
+    """Address of a dask scheduler with two workers on this machine."""
+    from distributed import LocalCluster
+
+    options = {"n_workers": 2, "threads_per_worker": 1, "processes": True, "dashboard_address": ":0"}
+    with LocalCluster(silence_logs=50, **options) as cluster:
+        yield cluster.scheduler_address
+
+
+@pytest.fixture
+def cluster(scheduler):
+    with pool(scheduler=scheduler) as workers:
+        yield workers
+
+
+# -- stored chains ---------------------------------------------------------------------------------------
+
+
+class Interrupted(BaseException):
+    pass
+
+
+class Squares:
+    """Squares numbers, and counts; may be interrupted after some."""
+
+    def __init__(self, most=100):
+        self.calls = []
+        self.most = most
+
+    def square(self, number):
+        if len(self.calls) == self.most:
+            raise Interrupted
+        self.calls.append(number)
+        return {"square": number**2}
+
+    def powers(self, number, limit):
+        """Square a number until a limit is passed: how often follows from the results."""
+        count = 0
+        while number <= limit:
+            record = yield Task(self.square, (number,))
+            number, count = record["square"], count + 1
+        return number, count
+
+
+def run(squares, store, *numbers):
+    return run_stored([StoredChain(squares.powers(n, 100), store, f"from {n}") for n in numbers], Inline())
+
+
+def test_tasks_follow_from_results_and_chains_take_turns():
+    squares = Squares()
+    with Store(None, {}) as store:
+        assert run(squares, store, 2, 3, 200) == [(256, 3), (6561, 3), (200, 0)]
+        assert [record for _, record in store.read("from 2")] == [{"square": n} for n in (4, 16, 256)]
+        assert len(store) == 6
+    assert squares.calls == [2, 3, 4, 9, 16, 81]
+
+
+@pytest.mark.parametrize("most", [0, 3, 6])
+def test_interrupted_chains_go_on_where_they_were(most, tmp_path):
+    with Store(tmp_path, {}) as store:
+        if most < 6:
+            with pytest.raises(Interrupted):
+                run(Squares(most), store, 2, 3)
+        else:
+            run(Squares(most), store, 2, 3)
+    squares = Squares()
+    with Store(tmp_path, {}, resume=True) as store:
+        assert len(store) == most
+        assert run(squares, store, 2, 3) == [(256, 3), (6561, 3)]
+    assert len(squares.calls) == 6 - most
+
+
+def test_parts_of_a_store_have_chains_of_their_own():
+    squares = Squares()
+    with Store(None, {}) as store:
+        assert run(squares, store, 2) == run(squares, store.part("a"), 2) == run(squares, store.part("b"), 2)
+        assert len(store) == 9
+        assert run(squares, store.part("a"), 2) == [(256, 3)]
+    assert len(squares.calls) == 9
+
+
+def test_chain_is_done_when_nothing_is_left():
+    with Store(None, {}) as store:
+        chain = StoredChain(Squares().powers(20, 100), store, 0)
+        assert not chain.done
+        chain.take({"square": 400})
+        assert chain.done
+        assert chain.result == (400, 1)
+
+
+def test_task_whose_worker_is_lost_is_no_result():
+    with Store(None, {}) as store:
+        chain = StoredChain(Squares().powers(2, 100), store, 0)
+        with pytest.raises(WorkerLostError, match="died"):
+            chain.take(WorkerLostError("its worker died 2 times"))
+        assert len(store) == 0
+
+
+def test_task_may_have_a_record_for_a_lost_worker():
+    def one():
+        return (yield Task(dict, if_lost=lambda reason: {"why": reason}))
+
+    with Store(None, {}) as store:
+        chain = StoredChain(one(), store, 0)
+        chain.take(WorkerLostError("its worker died 2 times"))
+        assert chain.result == {"why": "its worker died 2 times"}
+        assert len(store) == 1
+
+
+# -- chains ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["inline", "processes", pytest.param("cluster", marks=pytest.mark.long)])
+def test_tasks_of_a_chain_follow_one_another(name, request):
+    workers = Inline() if name == "inline" else request.getfixturevalue(name)
+    chains = [Counting(float(k), k) for k in range(6)]
+    finish_ = list(run_chains(chains, workers))
+    assert [chain.results for chain in chains] == [[float(k * 2**n) for n in range(k + 1)] for k in range(6)]
+    assert len(finish_) == sum(range(6))
+
+
+def test_no_chains_are_no_work():
+    assert list(run_chains([], Inline())) == []
+    assert list(run_chains([Calls(), Calls()], Inline())) == []
+
+
+@pytest.mark.parametrize("name", ["processes", pytest.param("cluster", marks=pytest.mark.long)])
+def test_workers_work_side_by_side(name, request):
+    chains = [Calls(*[(time.sleep, (0.1,)), (os.getpid, ())] * 4) for _ in range(4)]
+    found = finish(chains, request.getfixturevalue(name))
+    pids = {result for results in found for result in results[1::2]}
+    assert len(pids) == 2
+    assert os.getpid() not in pids
+
+
+def test_numerical_libraries_have_one_thread_in_each_worker(processes):
+    assert {"OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"} <= set(PINNED)
+    (found,) = finish([Calls(*[(os.getenv, (name,)) for name in PINNED])], processes)
+    assert found == ["1"] * len(PINNED)
+
+
+def test_workers_do_not_hear_ctrl_c(processes):
+    """A terminal sends it to them too; their parent stops them."""
+    assert finish([Calls((signal.pthread_sigmask, (signal.SIG_BLOCK, ())))], processes) == [[{signal.SIGINT}]]
+
+
+@pytest.mark.parametrize("name", ["inline", "processes", pytest.param("cluster", marks=pytest.mark.long)])
+def test_error_of_a_task_is_raised(name, request):
+    workers = Inline() if name == "inline" else request.getfixturevalue(name)
+    with pytest.raises(ValueError, match="math domain error"):
+        finish([Calls((math.sqrt, (-1.0,)))], workers)
+
+
+# -- workers that die -----------------------------------------------------------------------------------
+
+
+@pytest.mark.faults
+@pytest.mark.parametrize("killers", [(3,), (0, 2)], ids=str)
+def test_task_that_kills_its_worker_costs_its_own_point_alone(killers, processes):
+    chains = [Calls(NAP, KILLER if k in killers else NAP, NAP, (abs, (-k,))) for k in range(4)]
+    found = finish(chains, processes)
+    assert found == [[None, "lost" if k in killers else None, None, k] for k in range(4)]
+
+
+class Fragile:
+    """Workers that all break together, a little after a killer was given to them."""
+
+    slots = 3
+    given_up = ()
+
+    def __init__(self):
+        self.deaths = []  # how many tasks each has cost
+        self._open = []
+        self._broken = False
+        self._lock = threading.Lock()
+
+    def submit(self, function, *arguments):
+        future = Future()
+        if self._broken:
+            future.set_exception(BrokenExecutor())
+        else:
+            self._open.append(future)
+            threading.Timer(0.01, self._finish, (future, function, arguments)).start()
+        return future
+
+    def _finish(self, future, function, arguments):
+        with self._lock:
+            if future.done():
+                return
+            if (function, arguments) != KILLER:
+                future.set_result(function(*arguments))
+                return
+            hit = [other for other in self._open if not other.done()]
+            self.deaths.append(len(hit))
+            self._broken = True
+            for other in hit:
+                other.set_exception(BrokenExecutor())
+
+    def renew(self):
+        self._open, self._broken = [], False
+
+    def close(self):
+        """Nothing to stop."""
+
+
+@pytest.mark.parametrize("killers", [(0,), (0, 4), (1, 2, 3)], ids=str)
+def test_suspects_run_alone(killers):
+    """Each death costs what the other workers are at: once at first, then a killer's own work alone."""
+    workers = Fragile()
+    chains = [Calls((abs, (-1,)), KILLER if k in killers else (abs, (-2,)), (abs, (-3,))) for k in range(5)]
+    assert finish(chains, workers) == [[1, "lost" if k in killers else 2, 3] for k in range(5)]
+    in_company = [cost for cost in workers.deaths if cost > 1]
+    assert len(in_company) <= len(killers)
+    assert len(workers.deaths) <= len(killers) * (1 + LIVES)
+
+
+@pytest.mark.faults
+def test_dask_task_that_kills_its_worker_costs_its_own_point_alone(cluster):
+    chains = [Calls(NAP, KILLER if k == 1 else NAP, NAP, (abs, (-k,))) for k in range(4)]
+    assert finish(chains, cluster) == [[None, "lost" if k == 1 else None, None, k] for k in range(4)]
+
+
+# -- sweeps ---------------------------------------------------------------------------------------------
+
+
+#: What does not repeat is not followed for long.
+SHORT = {"max_settle_s": 5.0, "measure_s": 0.5, "lyapunov": False}
+
+
+@pytest.fixture(scope="module")
+def scene():
+    """Attached, periodic and non-periodic points in eight branches."""
+    changes = {"material.damping_ratio": 0.005}
+    grid = {"material.mass_ratio": [0.0, 0.2], "contact.restitution": [0.0, 0.3]}
+    return planned(MACHINE, 46.0, 62.0, step=8.0, direction=["up", "down"], changes=changes, grid=grid, **SHORT)
+
+
+@pytest.fixture(scope="module")
+def table(scene):
+    """Its table, made in this process."""
+    found = sweep(scene)
+    assert len(found) == 24
+    assert {0, 1} <= set(found["period"])
+    return found
+
+
+def interrupted(scene, workers, disturb, after):
+    """Sweep, and disturb it once when so many points are finished."""
+    disturbed = []
+
+    def progress(_branches, points, _events):
+        if points >= after and not disturbed:
+            disturbed.append(points)
+            disturb()
+
+    with Store(None, {}) as store:
+        run_sweeps([(branches(scene), store)], workers, progress)
+        assert disturbed
+        (table,) = tables(branches(scene), store)
+        return table
+
+
+@pytest.mark.long
+def test_dask_gives_the_same_table(scene, table, scheduler):
+    found = sweep(scene, scheduler=scheduler)
+    assert bits(found) == bits(table)
+    assert found.dtypes.equals(table.dtypes)
+
+
+@pytest.mark.faults
+@pytest.mark.parametrize("after", [1, 12])
+def test_killed_worker_changes_nothing(after, scene, table, processes):
+    def kill_one():
+        os.kill(loky_workers()[0].pid, signal.SIGKILL)
+
+    assert bits(interrupted(scene, processes, kill_one, after)) == bits(table)
+
+
+@pytest.mark.faults
+def test_all_workers_killed_changes_nothing(scene, table, processes):
+    def kill_all():
+        for worker in loky_workers():
+            os.kill(worker.pid, signal.SIGKILL)
+
+    assert bits(interrupted(scene, processes, kill_all, 10)) == bits(table)
+
+
+@pytest.mark.faults
+def test_killed_worker_of_dask_changes_nothing(scene, table, scheduler, cluster):
+    from distributed import Client
+
+    def kill_one():
+        with Client(scheduler, set_as_default=False) as client:
+            pids = client.run(os.getpid)
+        os.kill(next(iter(pids.values())), signal.SIGKILL)
+
+    assert bits(interrupted(scene, cluster, kill_one, 5)) == bits(table)
+
+
+def place(scene, key):
+    """Where a point of the scene's sweep is: mass, restitution, direction, frequency."""
+    return scene.material.mass_ratio, scene.contact.restitution, key[0], scene.drive.supply_frequency_hz
+
+
+#: Point 1 of branch 2, and the one after it.
+LOST, NEXT = (0.0, 0.3, 0, 54.0), (0.0, 0.3, 0, 62.0)
+
+
+class KillsAt:
+    """In the place of ``measure_point``: the point at this place takes its worker along."""
+
+    def __init__(self, lost):
+        self.lost = lost
+
+    def __call__(self, scene, plan, state, key):
+        if place(scene, key) == self.lost:
+            os._exit(1)
+        return Point({"outcome": "ok"}, [scene.drive.supply_frequency_hz if state is None else state[0]] * 14)
+
+
+class Mortal(Inline):
+    """This process, which pretends to have died of the point at this place."""
+
+    def __init__(self, lost):
+        self.lost = lost
+
+    def submit(self, function, *arguments):
+        if place(arguments[0], arguments[3]) != self.lost:
+            return super().submit(function, *arguments)
+        future = Future()
+        future.set_exception(BrokenExecutor())
+        return future
+
+
+def with_a_lost_point(scene, workers, monkeypatch):
+    """The table of a sweep whose point 1 of branch 2 is lost, and the state that each point began with."""
+    begun = {}
+
+    def measure(scene, plan, state, key):
+        begun[place(scene, key)] = None if state is None else state[0]
+        return KillsAt(LOST)(scene, plan, state, key)
+
+    monkeypatch.setattr("vibroplat.study.point.measure_point", measure if workers.slots == 1 else KillsAt(LOST))
+    with Store(None, {}) as store:
+        run_sweeps([(branches(scene), store)], workers)
+        (found,) = tables(branches(scene), store)
+    return found, begun
+
+
+def test_point_that_kills_its_workers_is_a_row_and_the_branch_goes_on(scene, monkeypatch):
+    found, begun = with_a_lost_point(scene, Mortal(LOST), monkeypatch)
+    lost = found[found["outcome"] != "ok"]
+    assert lost[["branch", "supply_frequency_hz", "outcome"]].to_numpy().tolist() == [[2, 54.0, "worker-lost"]]
+    assert lost["detail"].item() == f"its worker died {LIVES} times"
+    assert not lost[["steps", "residual_calls", "events", "simulated_s"]].isna().any(axis=None)
+    assert len(found) == 24
+    assert LOST not in begun
+    assert begun[NEXT] == 46.0
+
+
+@pytest.mark.faults
+def test_point_that_really_kills_its_workers_is_a_row(scene, processes, monkeypatch):
+    found, _ = with_a_lost_point(scene, processes, monkeypatch)
+    assert found["outcome"].tolist() == ["worker-lost" if k == 7 else "ok" for k in range(24)]
+
+
+# -- schedulers that are none ---------------------------------------------------------------------------
+
+
+def test_scheduler_without_dask_is_refused(monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(ConfigError) as caught:
+        Cluster("tcp://127.0.0.1:8786")
+    assert str(caught.value) == "--scheduler needs dask.distributed; pip install 'vibroplat[cluster]' has it"
+
+
+SMALL = "sweep: {supply_frequency_hz: {start: 50.0, stop: 50.0}}\n"
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("address", ["nonsense", "foo://127.0.0.1:8786", "127.0.0.1"])
+def test_scheduler_that_does_not_answer_is_told_in_a_line(address, vibroplat, here):
+    (here / "c.yaml").write_text(SMALL)
+    done = vibroplat("sweep", "c.yaml", "--scheduler", address)
+    assert (done.code, done.out, len(done.err.splitlines())) == (2, "", 1)
+    assert done.err.startswith(f"vibroplat: --scheduler {address}: ")
+
+
+@pytest.mark.long
+def test_sweep_on_a_scheduler_by_the_command_line(vibroplat, here, scheduler):
+    (here / "c.yaml").write_text(SMALL)
+    done = vibroplat("sweep", "c.yaml", "--scheduler", scheduler)
+    assert (done.code, done.err) == (0, "")
+
+
+@pytest.mark.parametrize("jobs", ["0", "two"])
+def test_number_of_jobs_is_checked(jobs, command, here):
+    (here / "c.yaml").write_text(SMALL)
+    done = command("sweep", "c.yaml", "--jobs", jobs)
+    assert (done.code, done.out, len(done.err.splitlines())) == (2, "", 1)
+    assert "'--jobs'" in done.err
+
+
+# -- pools of their own: loky has one in a process, so that the one of the tests above ends here -----------
+
+
+@pytest.mark.long
+def test_jobs_of_the_python_function_give_the_same_table(scene, table):
+    assert bits(sweep(scene, jobs=2)) == bits(table)
+
+
+def test_workers_are_gone_when_the_pool_is_closed_and_another_may_be_opened():
+    for _ in range(2):
+        with pool(jobs=2) as workers:
+            assert isinstance(workers, Processes)
+            assert finish([Calls((abs, (-3,))), Calls(NAP)], workers) == [[3], [None]]
+            assert len(loky_workers()) == 2
+        assert loky_workers() == []
+
+
+# -- no more processes than are of use --------------------------------------------------------------------
+
+
+@pytest.fixture
+def cores(monkeypatch):
+    """Give the machine a number of cores."""
+
+    def give(number):
+        monkeypatch.setattr("loky.cpu_count", lambda: number)
+
+    return give
+
+
+NO_CORES, NO_WORK = "there are no more cores", "there is no work for more at a time"
+
+
+@pytest.mark.parametrize(
+    ("jobs", "available", "chains", "used", "told"),
+    [
+        (8, 4, 100, 4, f"--jobs 8: 4 processes are used, as {NO_CORES}"),
+        (8, 16, 3, 3, f"--jobs 8: 3 processes are used, as {NO_WORK}"),
+        (2, 16, 1, 1, f"--jobs 2: one process is used, as {NO_WORK}"),
+        (2, 1, 5, 1, f"--jobs 2: one process is used, as {NO_CORES}"),
+        (8, 16, None, 8, ""),
+        (None, 4, 2, 2, ""),
+        (3, 4, 0, 1, ""),
+    ],
+)
+def test_processes_have_a_core_and_a_chain(jobs, available, chains, used, told, cores, caplog):
+    cores(available)
+    assert pools._useful(jobs, chains) == used
+    assert [record.getMessage() for record in caplog.records] == [told] * bool(told)
+
+
+def test_one_branch_is_swept_in_this_process(command, kernels, here, monkeypatch, caplog):
+    monkeypatch.delattr(pools, "Processes")
+    (here / "c.yaml").write_text(SMALL)
+    assert command("sweep", "c.yaml", "--jobs", "2").code == 0
+    assert [r.getMessage() for r in caplog.records] == [
+        "--jobs 2: one process is used, as there is no work for more at a time"
+    ]
+
+
+@pytest.mark.long
+def test_finished_branches_need_no_processes(vibroplat, here):
+    """Two of three branches are finished: the third is resumed in one process."""
+    (here / "c.yaml").write_text(f"{SMALL.rstrip()[:-1]}, grid: {{contact.restitution: [0.0, 0.1, 0.2]}}}}\n")
+    assert vibroplat("sweep", "c.yaml").code == 0
+    with sqlite3.connect(here / "results/c/points.sqlite") as base:
+        base.execute("DELETE FROM records WHERE first = 1")
+    done = vibroplat("sweep", "c.yaml", "--jobs", "2", "--resume")
+    assert done.err.splitlines() == [
+        "vibroplat: results/c/points.sqlite: 1 of 3 records damaged or missing; computing them again",
+        "vibroplat: --jobs 2: one process is used, as there is no work for more at a time",
+    ]
+    assert done.code == 0
+
+
+@pytest.mark.long
+def test_workers_that_end_because_they_were_idle_are_replaced_without_a_word(monkeypatch):
+    monkeypatch.setattr(pools, "IDLE", 0.001)
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        with pool(jobs=2) as workers:
+            finish([Calls(*[NAP] * 40) for _ in range(3)], workers)
+    assert [str(warning.message) for warning in told] == []
