@@ -12,14 +12,7 @@ from vibroplat.config.scene import Scene
 from vibroplat.hybrid.loop import AT_GUARD, AT_TARGET, automaton
 from vibroplat.hybrid.modes import ATTACHED
 from vibroplat.hybrid.state import CUBIC, fill_cubic, no_steps
-from vibroplat.integrate.multistep import (
-    begin_steps,
-    calm,
-    excursion,
-    fall_within,
-    no_past,
-    transcribe,
-)
+from vibroplat.integrate.multistep import begin_steps, calm, excursion, fall_within, no_past, transcribe
 from vibroplat.kernels.polynomial import extremes, first_fall
 from vibroplat.model.parameters import parameters
 from vibroplat.observe.segments import sample

@@ -27,18 +27,10 @@ STEADY = 0.1
 
 
 class Past(NamedTuple):
-    """The last end of a step.
+    """The last end of a step."""
 
-    Attributes
-    ----------
-    t
-        Time in the segment (s), shape (1,).
-    y, yp
-        Unknowns and derivatives, shape (14,).
-    """
-
-    t: FloatArray
-    y: FloatArray
+    t: FloatArray  # time in the segment (s), shape (1,)
+    y: FloatArray  # unknowns and derivatives, shape (14,)
     yp: FloatArray
 
 
@@ -96,19 +88,9 @@ def transcribe(
 ) -> int:
     """Add steps by their ends, up to where a guard first falls through zero or exciter 1 has an angle.
 
-    Parameters
-    ----------
-    guard
-        Its index among the unknowns; −1 for none.
-    at_guard
-        Whether the integrator has found a fall itself, at the last end.
-    target
-        The angle (rad); nan for none.
-
-    Returns
-    -------
-    int
-        AT_GUARD for a fall that the integrator has not found, AT_TARGET for the angle, −1 if all ends were added.
+    The guard is its index among the unknowns, −1 for none; ``at_guard`` says whether the integrator has found a fall
+    itself, at the last end. The angle (rad) is nan for none. Returns AT_GUARD for a fall that the integrator has not
+    found, AT_TARGET for the angle, −1 if all ends were added.
     """
     end, full, slopes = np.empty(y.shape[1]), np.zeros(FULL_SIZE), np.zeros(FULL_SIZE)
     for k in range(t.size):
@@ -135,14 +117,8 @@ def stop_within(
 ) -> tuple[int, float]:
     """Why a segment ends within its last step, AT_GUARD or AT_TARGET, and at which fraction; −1 if it does not.
 
-    Parameters
-    ----------
-    guard, target
-        As in :func:`transcribe`.
-    found
-        Whether the integrator has found the guard's fall itself, at the end of the step.
-    y, yp
-        Unknowns and derivatives at its end.
+    ``found`` says whether the integrator has found the guard's fall itself, at the end of the step; y and y′ are those
+    there.
     """
     passed, fall = np.inf, 1.0 if found else np.inf
     if y[3] >= target:

@@ -88,11 +88,6 @@ class SundaeEngine:
     scikit-sundae fixes tolerances and first step when an IDA object is made, so there is one for each
     combination of system, tolerances and first step that occurs (the latter two in powers of 4, so
     there are few), made once and reused by re-initialisation.
-
-    Parameters
-    ----------
-    p
-        Parameter vector of the scene.
     """
 
     name = "sundae"

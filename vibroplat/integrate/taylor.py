@@ -49,15 +49,7 @@ def degree_of(tolerance: float) -> int:
 
 
 class TaylorEngine:
-    """Taylor series of high order, driven in compiled code.
-
-    Parameters
-    ----------
-    scene
-        Its tolerance.
-    p
-        Parameters of the scene.
-    """
+    """Taylor series of high order, driven in compiled code."""
 
     name = "taylor"
     #: Few enough to stay in the processor's cache until they are read.
@@ -76,10 +68,7 @@ class TaylorEngine:
     def work(self) -> dict[str, int | None]:
         """How much was done so far."""
         status = self._e.status
-        return dict.fromkeys(WORK) | {
-            "steps": int(status["steps"]),
-            "error_test_failures": int(status["rejected"]),
-        }
+        return dict.fromkeys(WORK) | {"steps": int(status["steps"]), "error_test_failures": int(status["rejected"])}
 
     @property
     def detail(self) -> str:
