@@ -258,20 +258,14 @@ def end_of_step(h: Automaton, e: Expansion, c: FloatArray, length: float) -> tup
         length *= share
         put_step(e.room.q, degree, length, n, c)
     target = run.target - run.turns[0]
-    if not math.isnan(target) and reaches(c, degree, target):
+    angle = c[degree, 3]  # of exciter 1 at the end
+    for k in range(degree - 1, -1, -1):
+        angle += c[k, 3]
+    if angle >= target:  # never where there is none: nan
         stop, status.resting = AT_TARGET, -1
         length *= crossing(c, degree, 3, target)
         put_step(e.room.q, degree, length, n, c)
     return stop, length
-
-
-@inlined
-def reaches(c: FloatArray, degree: int, target: float) -> bool:
-    """Whether exciter 1 ends a step at an angle (rad), or beyond."""
-    angle = c[degree, 3]
-    for k in range(degree - 1, -1, -1):
-        angle += c[k, 3]
-    return bool(angle >= target)
 
 
 @compiled
