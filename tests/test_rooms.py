@@ -22,7 +22,6 @@ ROOMS = (
 OF_THE_PAGE = {"errors", "columns", "system", "config", "results", "plots", "page"}
 #: Arrows that still point up, or close a circle.
 LEFT = {
-    ("observe.trajectory", "results"),
     ("study.confirming", "continuation"),
     ("continuation.grazing", "continuation.branch"),
 }

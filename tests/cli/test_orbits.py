@@ -16,7 +16,7 @@ from common.results import bits, left
 from vibroplat import load_config, orbit
 from vibroplat.continuation.tables import planned
 from vibroplat.continuation.tracing import trace
-from vibroplat.motion.warm import load_kernels
+from vibroplat.motion.run import load_kernels
 from vibroplat.study.pool import Inline
 from vibroplat.study.store import Store
 

@@ -12,7 +12,7 @@ from vibroplat.config.scene import Scene
 from vibroplat.continuation.orbit import OrbitError, accurate, at_row, has_state, orbit, run_from, state_of
 from vibroplat.hybrid.state import state_scales
 from vibroplat.kernels.compiled import FloatArray
-from vibroplat.observe.trajectory import Trajectory
+from vibroplat.results.run import Trajectory
 
 #: Samples of a turn: between two of them a line through a sine is beside it by 0.1 % of its amplitude.
 SAMPLES = 64

@@ -21,12 +21,13 @@ from vibroplat.continuation.event_sequence import spelled, turned
 from vibroplat.continuation.newton import ANGLE, Found, Frame, MissedError, Problem, correct, leaving
 from vibroplat.continuation.shooting import Shooter, Shot
 from vibroplat.errors import ConfigError, VibroplatError
+from vibroplat.hybrid.modes import IMPACT
 from vibroplat.hybrid.state import initial_state
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.motion.initial_condition import end_of, initial_condition
 from vibroplat.motion.run import simulate
 from vibroplat.observe.summary import Part, measured
-from vibroplat.observe.trajectory import Trajectory
+from vibroplat.results.run import Trajectory
 from vibroplat.study.point import MEASURED, row_of
 
 if TYPE_CHECKING:
@@ -380,7 +381,7 @@ def measures_of_orbit(scene: Scene, shot: Shot, turns: tuple[int, int]) -> dict[
     found = measured(shot.part) | {
         "excitation_frequency_hz": 0.5 * (first + second),
         "frequency_split_hz": first - second,
-        "impacts_per_period": float(shot.part.measures.marks["measured_impacts"]) / abs(turns[0]),
+        "impacts_per_period": float(shot.part.measures.marks["measured"][IMPACT]) / abs(turns[0]),
     }
     row = row_of(found, scene)
     return {name: row[name] for name in (*MEASURED, "sync", "notes")}

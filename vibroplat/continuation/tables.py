@@ -18,7 +18,7 @@ from vibroplat.continuation.kinds import KINDS
 from vibroplat.continuation.orbit import columns_told
 from vibroplat.continuation.tracing import Family, Progress, Traced, families, orbits_plan, trace
 from vibroplat.observe.summary import MEASURES
-from vibroplat.observe.table import TRAJECTORY
+from vibroplat.observe.tables import TRAJECTORY
 from vibroplat.study import WAIT
 from vibroplat.study.branches import EXCITATION, FREQUENCY, SUPPLY, study_table
 from vibroplat.study.point import MEASURED, POINT
