@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from collections.abc import Mapping
 from pathlib import Path
@@ -10,9 +9,25 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from vibroplat.cli.loading import load_kernels, require_scheduler, tell_of_compilation
-from vibroplat.cli.options import Study, with_study
-from vibroplat.cli.printing import print_lines, print_notes, print_table
+from vibroplat.cli.common import (
+    EngineName,
+    Format,
+    Jobs,
+    Out,
+    Overwrite,
+    Resume,
+    Scheduler,
+    Settings,
+    Wait,
+    complain_of,
+    load_kernels,
+    print_lines,
+    print_notes,
+    print_table,
+    require_scheduler,
+    tell_of_compilation,
+)
+from vibroplat.study import WAIT
 from vibroplat.system.progress import orbits_progress
 
 if TYPE_CHECKING:
@@ -28,11 +43,17 @@ FILE = "orbits.sqlite"
 TOLD = 40
 
 
-@with_study
 def orbits(
     config: Annotated[Path, typer.Argument(help="Configuration file with an orbits section.")],
-    *,
-    study: Study,
+    set_: Settings = None,
+    engine: EngineName = None,
+    out: Out = Path("results"),
+    jobs: Jobs = 1,
+    resume: Resume = False,
+    overwrite: Overwrite = False,
+    scheduler: Scheduler = None,
+    wait: Wait = WAIT,
+    format_: Format = "parquet",
 ) -> None:
     """Follow branches of periodic orbits over a key.
 
@@ -40,38 +61,39 @@ def orbits(
     """
     from vibroplat.config.reader import load_config, parse_overrides
 
-    scene = load_config(config, parse_overrides(study.set_ or [], study.engine))
+    scene = load_config(config, parse_overrides(set_ or [], engine))
     tell_of_compilation(scene.solver.engine)
     from vibroplat.continuation import report
     from vibroplat.continuation.curves import boundaries
     from vibroplat.continuation.tables import planned, summary, tables
 
     found = planned(scene)
-    require_scheduler(study.scheduler)
+    require_scheduler(scheduler)
     from vibroplat.results.files import read_provenance
     from vibroplat.results.tables import result_directory
     from vibroplat.study.pool import pool
     from vibroplat.study.store import Store
     from vibroplat.study.sweep import conditions
 
-    directory = result_directory(study.out, scene.name)
-    if study.resume and (directory / "provenance.json").exists():
+    directory = result_directory(out, scene.name)
+    if resume and (directory / "provenance.json").exists():
         read_provenance(directory, "orbits")
     kept: dict[str, Any] = {"file": FILE, "what": "parts of branches"}
-    with Store(directory, conditions(scene), resume=study.resume, overwrite=study.overwrite, **kept) as store:
+    with Store(directory, conditions(scene), resume=resume, overwrite=overwrite, **kept) as store:
         load_kernels(scene.solver.engine)
         began = time.perf_counter()
-        with pool(study.jobs, study.scheduler, wait=study.wait, chains=len(found)) as workers:
+        with pool(jobs, scheduler, wait=wait, chains=len(found)) as workers:
             traced = _trace(scene, len(found), store, workers)
             curves = boundaries(scene, traced, store, workers)
         seconds, known = time.perf_counter() - began, store.reused
         store.finish()
         told, made = summary(scene, traced, curves), tables(scene, traced, curves)
-        report.write_orbits(scene, made, told, directory, study.format_.value)
+        report.write_orbits(scene, made, told, directory, format_)
     took = f"{told['points'] / seconds:.3g} points per s" if not known else f"{known} parts of branches from before"
     _print(scene, made, told, {"wall time": f"{seconds:.3g} s, {took}", "tables": str(directory)})
     print_notes(report.notes_on_families(found))
-    if not _print_failures(told):
+    if failed := report.failures(told):
+        complain_of(failed, f"{len(failed)} of {len(told['branches'])} branches failed", most=TOLD)
         raise typer.Exit(1)
 
 
@@ -102,15 +124,3 @@ def _print(scene: Scene, made: OrbitTables, told: Mapping[str, Any], more: dict[
     if len(made.special):
         print()
         print_table(*report.special_lines(scene, made.special), most=TOLD, more="table special")
-
-
-def _print_failures(told: Mapping[str, Any]) -> bool:
-    """Print which branches failed; return whether none did."""
-    from vibroplat.continuation import report
-
-    failed = report.failures(told)
-    for line in failed[:TOLD]:
-        print(f"vibroplat: {line}", file=sys.stderr)
-    if failed:
-        print(f"vibroplat: {len(failed)} of {len(told['branches'])} branches failed", file=sys.stderr)
-    return not failed
