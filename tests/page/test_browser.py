@@ -13,7 +13,7 @@ from common import handmade
 from common.results import unproven
 from PIL import Image
 
-from vibroplat.continuation.motions import motion_of
+from vibroplat.continuation.orbit import motion_of
 from vibroplat.page import motions
 from vibroplat.page.browser import browser, missing, open_page, resize
 from vibroplat.page.film import HEIGHT, write_film

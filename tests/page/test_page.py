@@ -18,7 +18,7 @@ from common.results import unproven
 from plotly.offline import get_plotlyjs
 
 from vibroplat.config.scene import Scene
-from vibroplat.continuation.motions import motion_of
+from vibroplat.continuation.orbit import motion_of
 from vibroplat.errors import TableError
 from vibroplat.page import motions, points, report, run
 from vibroplat.page.labels import field, flat, words

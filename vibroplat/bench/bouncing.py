@@ -16,7 +16,7 @@ from vibroplat.bench.orbits import processor_time
 from vibroplat.bench.peers.maps import Bouncing, Spring, missing, rebound
 from vibroplat.bench.shaken_table import GRAVITY, OMEGA, shaken, stable_range
 from vibroplat.config.scene import Scene
-from vibroplat.continuation.kinds import DOUBLING, FOLD
+from vibroplat.continuation.test_functions import DOUBLING, FOLD
 from vibroplat.continuation.orbit import Orbit, beginning_at, orbit
 from vibroplat.continuation.tables import orbits
 from vibroplat.hybrid.initial import static_rest

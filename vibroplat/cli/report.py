@@ -13,7 +13,7 @@ from vibroplat.cli.loading import tell_of_compilation
 
 if TYPE_CHECKING:
     from vibroplat.config.scene import Scene
-    from vibroplat.continuation.motions import OrbitMotion
+    from vibroplat.continuation.orbit import OrbitMotion
 
 
 def report(
@@ -41,7 +41,7 @@ def report(
 
 def _move(scene: Scene, row: Mapping[str, Any]) -> OrbitMotion:
     """Compute the orbit of a row; what computes is loaded when the first one is wanted."""
-    from vibroplat.continuation.motions import motion_of
+    from vibroplat.continuation.orbit import motion_of
 
     _tell(scene.solver.engine)
     return motion_of(scene, row)

@@ -10,8 +10,14 @@ import numpy as np
 
 from vibroplat.config.scene import Scene
 from vibroplat.config.sweep_plan import SweepPlan
-from vibroplat.continuation.newton import leaving
-from vibroplat.continuation.orbit import accurate, columns_told, first_orbit, measures_of_orbit, told
+from vibroplat.continuation.newton import n_unstable
+from vibroplat.continuation.orbit import (
+    accurate,
+    describe_multipliers,
+    first_orbit,
+    measures_of_orbit,
+    multiplier_columns,
+)
 from vibroplat.continuation.shooting import Shooter
 from vibroplat.errors import VibroplatError
 from vibroplat.results.columns import Column, Columns
@@ -32,7 +38,7 @@ CONFIRMED: Columns = {
     "orbit_distance": Column("distance of the settled motion from the orbit", "largest, in the scales of the scene"),
     "orbit_residual": Column("how far the orbit is from closing", "in the scales of the scene"),
     "orbit_unstable": Column("number of Floquet multipliers outside the unit circle"),
-    **columns_told(TOLD),
+    **describe_multipliers(TOLD),
     **{
         f"exponent_{i + 1}_per_s": Column(f"Lyapunov exponent {i + 1}", "of motion that does not repeat")
         for i in range(TOLD)
@@ -63,17 +69,16 @@ def confirmed_point(scene: Scene, plan: SweepPlan, state: list[float] | None, ke
 def _orbit(scene: Scene, state: list[float], period: int) -> dict[str, Any]:
     """Find the orbit near a settled state."""
     with closing(Shooter(accurate(scene, TOLERANCE))) as shooter:
-        problem, frame, found = first_orbit(shooter, np.array(state), period, (), TOLERANCE)
-        near, _, _ = problem.unpack(frame, found.u)
-        measures = measures_of_orbit(scene, found.shot, problem.turns)
-        multipliers = problem.multipliers(frame, found.shot)
+        problem, found = first_orbit(shooter, np.array(state), period, (), TOLERANCE)
+        near, _, _ = found.chart.unpack(found.u)
+        measures = measures_of_orbit(problem, found)
         row: dict[str, Any] = {
             f"orbit_{name}": measures[name] for name in ("excitation_frequency_hz", "rms_x_m", "rms_y_m")
         }
-        row["orbit_distance"] = float(np.abs((near - frame.base) / shooter.scales).max())
+        row["orbit_distance"] = float(np.abs((near - found.chart.base) / shooter.scales).max())
         row["orbit_residual"] = found.residuals[-1]
-        row["orbit_unstable"] = leaving(multipliers)
-        return row | told(multipliers, TOLD)
+        row["orbit_unstable"] = n_unstable(found.multipliers)
+        return row | multiplier_columns(found.multipliers, TOLD)
 
 
 def _exponents(scene: Scene, state: list[float]) -> dict[str, Any]:
