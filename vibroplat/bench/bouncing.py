@@ -16,9 +16,9 @@ from vibroplat.bench.orbits import processor_time
 from vibroplat.bench.peers.maps import Bouncing, Spring, missing, rebound
 from vibroplat.bench.shaken_table import GRAVITY, OMEGA, shaken, stable_range
 from vibroplat.config.scene import Scene
-from vibroplat.continuation.test_functions import DOUBLING, FOLD
 from vibroplat.continuation.orbit import Orbit, beginning_at, orbit
 from vibroplat.continuation.tables import orbits
+from vibroplat.continuation.test_functions import DOUBLING, FOLD
 from vibroplat.hybrid.initial import static_rest
 
 KEY = "machine.gravity_m_per_s2"

@@ -1,8 +1,8 @@
 """Special points of branches: which there are between two points, and where exactly.
 
-All but branch points are found by :func:`locate`: orbits are corrected at places of a line, {F(u) = 0, d·u = place}, and
-the zero of a test function is sought over the place. At a discontinuity the function does not exist beyond the zero,
-which is then extrapolated from one side.
+All but branch points are found by :func:`locate`: orbits are corrected with a border, {F(u) = 0, d·u = s}, and the zero
+of a test function is sought over s. At a discontinuity the function does not exist beyond the zero, which is then
+extrapolated from one side.
 """
 
 from __future__ import annotations
@@ -30,7 +30,6 @@ from vibroplat.continuation.test_functions import (
     Test,
     coming,
 )
-from vibroplat.kernels.compiled import FloatArray
 
 #: Most evaluations between two points, and from one side.
 LOCATING, SIDED = 12, 7
@@ -92,7 +91,7 @@ def locate(
         What part of the way to the zero is gone at once: less than 1 if the function does not exist beyond, and is
         positive on this side.
     most, reach
-        Number of known orbits beyond which the search ends, as after twice as many trials; the farthest place of a zero.
+        Number of known orbits beyond which the search ends, as after twice as many trials; farthest place of a zero.
 
     Raises
     ------
@@ -158,7 +157,7 @@ def _root(known: Sequence[Tried]) -> float:
         # by the inverse parabola through all three, where it is monotonic, else in the middle
         share = 0.5
         if c.place != b.place and c.value not in (a.value, b.value):
-            place, height = ((a[i] - b[i]) / (c[i] - b[i]) for i in (0, 1))
+            place, height = (a.place - b.place) / (c.place - b.place), (a.value - b.value) / (c.value - b.value)
             if height**2 < place and (1.0 - height) ** 2 < 1.0 - place:
                 fa, fb, fc = a.value, b.value, c.value
                 share = fa / (fb - fa) * fc / (fb - fc)
@@ -210,15 +209,14 @@ def specials(
             yield _located(branch, before, after, FOLD)
         return
     forth = there.point.word == before.word
-    order = slice(None) if forth else slice(None, None, -1)
-    near, far = (before, after)[order]
-    parts: list[Iterator[Special]] = [_smooth(branch, *(near, there.point)[order]), iter([there])]
+    near, far = (before, after) if forth else (after, before)
+    parts = [_smooth(branch, near, there.point, forth=forth), iter([there])]
     beyond = _beyond(branch, there.point, far, forth)
     if beyond is not None:
         if there.point.along_key * beyond.along_key < 0.0:
             parts.append(iter([_fold_beside(branch, there, beyond, forth)]))
-        parts.append(_smooth(branch, *(beyond, far)[order]))
-    for part in parts[order]:
+        parts.append(_smooth(branch, beyond, far, forth=forth))
+    for part in parts if forth else reversed(parts):
         yield from part
 
 
@@ -251,8 +249,13 @@ def _fold_beside(branch: Branch, there: Special, beyond: Point, forth: bool) -> 
     return Special(FOLD, there.point, there.value, there.direction)
 
 
-def _smooth(branch: Branch, before: Point, after: Point, depth: int = 0) -> Iterator[Special]:
-    """Find the special points between two points with the same sequence of events."""
+def _smooth(branch: Branch, before: Point, after: Point, depth: int = 0, *, forth: bool = True) -> Iterator[Special]:
+    """Find the special points between two points with the same sequence of events, given in the order of the branch.
+
+    If not ``forth``, they are given the other way round.
+    """
+    if not forth:
+        before, after = after, before
     place = turning(before, after)
     if place is None and unexplained(before, after):
         place = 0.5

@@ -188,7 +188,7 @@ class Problem:
         self._angles = TURN * np.array(self.turns)
 
     def chart(self, base: FloatArray, system: int | None = None) -> Chart:
-        """Make the chart about a state on the section; without a system, of that in which a motion from there begins."""
+        """Make the chart about a state on the section, in a system or else in that of a motion from there."""
         system = self.shooter.shot(base, 0.0).begins if system is None else system
         return Chart(base, system, self.shooter.scales, self.shooter.scene.speed_scale, self.units)
 

@@ -1,6 +1,6 @@
 """Shooting: motions of an exact duration from a full state, and the sequence of events on the way.
 
-A sequence of events is a word of one letter an event: L a liftoff, I an impact, S an impact, or impacts that accumulate,
+The sequence is a word of one letter an event: L is a liftoff, I an impact, S an impact, or impacts that accumulate,
 after which contact holds.
 """
 

@@ -1,4 +1,4 @@
-"""A study of periodic orbits: its plan, its orchestration, and the tables of branches, special points and boundaries."""
+"""A study of periodic orbits: what is planned, how it is followed, and the tables of what was found."""
 
 from __future__ import annotations
 
@@ -187,9 +187,14 @@ class Planned(NamedTuple):
     plan: OrbitsPlan
     families: list[Family]
 
+    @property
+    def column(self) -> str:
+        """Column of the key."""
+        return column_of(self.plan.key)
+
 
 def planned(scene: Scene) -> Planned:
-    """Validate the section ``orbits`` of a scene, and list the combinations of the grid's values, the first key slowest.
+    """Validate the section ``orbits`` of a scene, and list the combinations of the grid's values, the last key fastest.
 
     Raises
     ------
@@ -203,10 +208,10 @@ def planned(scene: Scene) -> Planned:
         raise ConfigError("drive.program is given, but orbits have a constant supply; allowed: supply_frequency_hz")
     if plan.from_ == "state" and scene.run.initial.state is None:
         raise ConfigError("orbits.from = state but run.initial.state is not given; allowed: give it, or settled")
-    ranges = {"orbits": plan, "orbits.boundaries": plan.boundaries}
-    for place, of in ranges.items():
-        for value in () if of is None else (of.start, of.stop):
-            _require_continuous(scene, f"{place}.key", of.key, value)
+    for place, of in (("orbits", plan), ("orbits.boundaries", plan.boundaries)):
+        if of is not None:
+            for value in (of.start, of.stop):
+                _require_continuous(scene, f"{place}.key", of.key, value)
     families: list[Family] = []
     for combination in itertools.product(*plan.grid.values()):
         values = dict(zip(plan.grid, combination, strict=True))
@@ -295,8 +300,10 @@ def trace(study: Planned, store: Store, workers: Pool, progress: Progress | None
 def boundaries(study: Planned, traced: Sequence[Traced], store: Store, workers: Pool) -> list[Boundary]:
     """Follow the boundaries of a study, which begin at the special points of its branches; see :func:`follow`."""
     plan, found, chains = study.plan, list[Boundary](), list[StoredChain[None]]()
+    if plan.boundaries is None:
+        return found
     passed: list[tuple[Family, Record]] = []
-    for branch, special in ((b, s) for b in traced for s in b.special if plan.boundaries is not None):
+    for branch, special in ((b, s) for b in traced for s in b.special):
         family, kind = branch.family, special["kind"]
         new = not any(of is family and same_special(special, other, plan) for of, other in passed)
         if new and (plan.boundaries.kinds is None or kind in plan.boundaries.kinds):

@@ -186,12 +186,12 @@ def _steps(plan: OrbitsPlan) -> list[float]:
 
 
 def _begun(shooter: Shooter, plan: OrbitsPlan, begin: Record | None) -> Branch:
-    """Begin a branch towards the stop, or go on with one from one of its points, with the direction in which it goes."""
+    """Begin a branch towards the stop, or go on with one from one of its points."""
     first, largest, least = _steps(plan)
     if begin is None:
-        state = shooter.scene.run.initial.state
+        initial = shooter.scene.run.initial.state
         shooter.set([float(plan.start)])
-        guess = None if plan.from_ == "settled" or state is None else state.model_dump()
+        guess = None if plan.from_ == "settled" or initial is None else initial.model_dump()
         problem, found = first_orbit(shooter, guess, plan.period, [plan.unit], plan.tolerance)
         towards = np.zeros(found.u.size)
         towards[-1] = np.sign(plan.stop - plan.start)
