@@ -11,8 +11,9 @@ from pathlib import Path
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from vibroplat.config.scene import Mode, Scene
-from vibroplat.hybrid.initial import initial_state
+from vibroplat.config.coordinates import Mode
+from vibroplat.config.scene import Scene
+from vibroplat.hybrid.state import initial_state
 from vibroplat.model.accelerations import accelerations
 from vibroplat.model.impact import impact
 from vibroplat.model.parameters import parameters

@@ -14,33 +14,39 @@ if TYPE_CHECKING:
     from vibroplat.check.runs import check_run
     from vibroplat.check.sweeps import check_sweep
     from vibroplat.config.drive import Drive
-    from vibroplat.config.exciters import Exciter, Motor
     from vibroplat.config.reader import load_config
-    from vibroplat.config.scene import (
+    from vibroplat.config.scene import Scene
+    from vibroplat.config.sections import (
         Contact,
+        Exciter,
         Initial,
         Machine,
         Material,
+        Motor,
         Output,
         Run,
-        Scene,
         Solver,
         State,
     )
     from vibroplat.continuation.orbit import Orbit, orbit
+    from vibroplat.continuation.orbit import confirmed_point as confirmed_point
     from vibroplat.continuation.tables import orbits
     from vibroplat.motion.run import simulate
     from vibroplat.motion.variation import variation
     from vibroplat.observe.trajectory import Trajectory
+    from vibroplat.plots.display import figure_of as figure_of
     from vibroplat.results.loading import load
     from vibroplat.study.lyapunov import lyapunov
     from vibroplat.study.sweep import sweep
 
 _HOMES = {
     "load_config": "vibroplat.config.reader",
+    "Scene": "vibroplat.config.scene",
     "Drive": "vibroplat.config.drive",
-    "Exciter": "vibroplat.config.exciters",
-    "Motor": "vibroplat.config.exciters",
+    **dict.fromkeys(
+        ("Contact", "Exciter", "Initial", "Machine", "Material", "Motor", "Output", "Run", "Solver", "State"),
+        "vibroplat.config.sections",
+    ),
     "simulate": "vibroplat.motion.run",
     "variation": "vibroplat.motion.variation",
     "load": "vibroplat.results.loading",
@@ -52,20 +58,10 @@ _HOMES = {
     "orbit": "vibroplat.continuation.orbit",
     "orbits": "vibroplat.continuation.tables",
     "sweep": "vibroplat.study.sweep",
-    **dict.fromkeys(
-        (
-            "Contact",
-            "Initial",
-            "Machine",
-            "Material",
-            "Output",
-            "Run",
-            "Scene",
-            "Solver",
-            "State",
-        ),
-        "vibroplat.config.scene",
-    ),
+    # not for users: runs, orbits and tables ask for their figures here, and know nothing else of what draws them
+    "figure_of": "vibroplat.plots.display",
+    # not for users: sweeps whose points are confirmed know nothing else of orbits
+    "confirmed_point": "vibroplat.continuation.orbit",
 }
 
 __all__ = [

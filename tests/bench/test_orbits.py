@@ -10,8 +10,8 @@ import pandas as pd
 import pytest
 import scipy.linalg
 
-from vibroplat.bench import bouncing, orbits
-from vibroplat.bench.peers import maps
+from bench import bouncing, maps
+from vibroplat.bench import orbits
 from vibroplat.motion.warm import load_kernels
 
 

@@ -10,11 +10,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 import pytest
-from typer.testing import CliRunner
 
-from vibroplat.bench import report
-from vibroplat.bench.soak import processes, rounds, soak
-from vibroplat.cli import app
+from bench import processes, rounds, soak
 
 TINY = rounds.Size(2, 3, ("up",), (0.4,), dask=False)
 
@@ -75,7 +72,7 @@ def test_rounds_of_other_code_or_size_do_not_count(tmp_path, done, monkeypatch):
 KILLED = """
 import os, sys
 from pathlib import Path
-from vibroplat.bench.soak import soak
+from bench import soak
 def run_round(number, size, directory):
     (directory / "half").touch()
     if number == 1:
@@ -95,41 +92,6 @@ def test_killed_soak_goes_on_with_its_round(tmp_path, done):
     assert list(soak.soak(tmp_path, seconds=15.0)["round"]) == [0, 1]
     assert done == [1]
     assert list(tmp_path.glob("*/round-*")) == []
-
-
-# -- what is told ---------------------------------------------------------------------------------------
-
-
-def test_each_failure_is_a_line_and_the_table_is_written(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(
-        soak, "run_round", lambda number, *_: row(number, "scene 3, native: outcome bad; steps 9 | run: late")
-    )
-    with pytest.raises(report.FailedRoundsError, match="1 of 1 rounds failed") as raised:
-        report.report_soak(tmp_path, tmp_path, 1)
-    assert raised.value.exit_code == 1
-    assert capsys.readouterr().err.splitlines() == [
-        "left out: dask",
-        "vibroplat: round 0: scene 3, native: outcome bad; steps 9",
-        "vibroplat: round 0: run: late",
-    ]
-    assert pd.read_csv(tmp_path / "soak.csv")["processor_s"].tolist() == [10.0]
-
-
-@pytest.mark.parametrize(
-    ("arguments", "seconds"), [(["--long"], [0.0]), (["soak"], [0.0]), (["soak", "--long"], [soak.LONG])]
-)
-def test_only_a_long_soak_takes_a_day(tmp_path, monkeypatch, arguments, seconds):
-    asked = []
-
-    def report_soak(directory, reference, repeats, seconds=0.0):
-        asked.append(seconds)
-
-    monkeypatch.setattr(report, "REPORTS", dict.fromkeys(report.REPORTS, lambda *_: None) | {"soak": report_soak})
-    monkeypatch.setattr(report, "report_soak", report_soak)
-    monkeypatch.setattr(report, "require_oracle", lambda: None)
-    monkeypatch.setattr("vibroplat.cli.bench.load_kernels", lambda: None)
-    assert CliRunner().invoke(app, ["bench", *arguments, "--out", str(tmp_path)]).exit_code == 0
-    assert asked == seconds
 
 
 def test_dask_that_is_not_there_is_left_out_by_name(monkeypatch):

@@ -17,7 +17,7 @@ from common.places import QUICKSTART
 
 from vibroplat import __version__, load_config
 from vibroplat.cli import main
-from vibroplat.config.reader import configuration_schema
+from vibroplat.config.keys import configuration_schema
 from vibroplat.config.scene import Scene
 from vibroplat.kernels.cache import is_compiled
 from vibroplat.results.provenance import configuration_hash, provenance

@@ -12,9 +12,9 @@ from common.places import QUICKSTART
 
 from vibroplat import simulate, sweep
 from vibroplat.cli.dictionary import TABLES
+from vibroplat.columns import unit_of
 from vibroplat.config.keys import key_of, keys
 from vibroplat.config.scene import Scene
-from vibroplat.results.columns import unit_of
 from vibroplat.results.tables import read_parts, read_table
 from vibroplat.study.bands import bands
 
@@ -51,8 +51,8 @@ def test_every_key_has_a_meaning_and_says_what_is_allowed():
 
 
 def test_a_key_is_told_with_symbol_unit_default_and_range():
-    assert key_of("machine.damping_y_n_s_per_m")[1:5] == ("b_y", "N·s/m", "40", "number, ≥ 0")
-    assert key_of("exciters.1.critical_slip")[1:5] == ("s_c", "", "0.15", "number, > 0")
+    assert key_of("machine.damping_y_n_s_per_m")[1:5] == ("b_y", "N·s/m", 40.0, "number, ≥ 0")
+    assert key_of("exciters.1.critical_slip")[1:5] == ("s_c", "", 0.15, "number, > 0")
     assert key_of("sweep.supply_frequency_hz.step").unit == "Hz"
     assert key_of("contact.impact_law").allowed == "conservative, central, printed"
     assert key_of("run.seed").allowed == "whole number, ≥ 0"

@@ -8,8 +8,7 @@ from common.places import QUICKSTART
 
 from vibroplat.check.runs import compared
 from vibroplat.check.sweeps import check_points
-from vibroplat.paper import reproduction
-from vibroplat.paper.calibration import search
+from vibroplat.paper import calibration, reproduction
 from vibroplat.results.tables import read_json
 
 SHORT = ("--set", "run.duration_s=0.1")
@@ -65,7 +64,8 @@ def test_engine_reaches_the_paper(command, kernels, here, monkeypatch):
     found = []
 
     def caught(numbers, *_, seeds, **__):
-        trials = reproduction._trials(numbers, seeds)
+        machine, others, laws = reproduction.trials_of(numbers, seeds)
+        trials = [*machine, *others, laws]
         found.extend(trial.scene(name) for trial in trials for name in (*trial.names, reproduction.NON_IMPACT))
         found.extend(trial.conditions() for trial in trials)
         raise _Caught
@@ -86,7 +86,7 @@ def test_engine_reaches_a_calibration(command, kernels, here, monkeypatch):
         found.update(fixed)
         raise _Caught
 
-    monkeypatch.setattr(search, "calibrate", caught)
+    monkeypatch.setattr(calibration, "calibrate", caught)
     with pytest.raises(_Caught):
         command("calibrate", "--engine", "sundae")
     assert found["solver.engine"] == "sundae"

@@ -12,8 +12,6 @@ import sys
 import time
 from pathlib import Path
 
-from distributed import Client
-
 import vibroplat
 
 PACKAGE = Path(vibroplat.__file__).parent
@@ -96,12 +94,16 @@ def no_package(place):
 
 def await_workers(address, number):
     """Wait until a scheduler has so many workers."""
+    from distributed import Client
+
     with Client(address, set_as_default=False) as client:
         client.wait_for_workers(number, timeout=60.0)
 
 
 def kill_workers(address):
     """Kill all workers of a scheduler; their nannies start them anew."""
+    from distributed import Client
+
     with Client(address, set_as_default=False) as client:
         for pid in client.run(os.getpid).values():
             os.kill(pid, signal.SIGKILL)

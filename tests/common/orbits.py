@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from vibroplat.continuation.tables import boundaries, planned, trace
-from vibroplat.study.execution import pool
+from vibroplat.study.pool import pool
 from vibroplat.study.store import Store
 
 

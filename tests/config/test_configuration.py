@@ -10,7 +10,8 @@ from common.places import ROOT
 from ruamel.yaml import YAML
 
 from vibroplat import Contact, Drive, Initial, Material, Motor, Scene, load_config
-from vibroplat.config.reader import configuration_schema, parse_overrides
+from vibroplat.config.keys import configuration_schema
+from vibroplat.config.reader import parse_overrides
 from vibroplat.errors import ConfigError
 
 SECTIONS = "name, machine, motor, motors, exciters, material, contact, drive, run, solver, output, sweep, orbits"

@@ -11,7 +11,7 @@ from vibroplat import Drive, Scene
 from vibroplat.config.drive import FREQUENCY, LEAST_SHARE, MOST_ENTRIES, interval_at
 from vibroplat.config.reader import parse_overrides
 from vibroplat.errors import ConfigError
-from vibroplat.study.branches import sweep_plan
+from vibroplat.study.branches import branches
 
 ENTRY = "t_s, supply_frequency_hz, exciter_1, exciter_2, off"
 
@@ -127,7 +127,7 @@ def test_sweep_refuses(key, text, line, scene_of, here, command):
     """A scene with both is a scene: it can be run."""
     text += "\nsweep: {supply_frequency_hz: {start: 40, stop: 50}}"
     with pytest.raises(ConfigError) as caught:
-        sweep_plan(scene_of(text))
+        branches(scene_of(text))
     assert str(caught.value).startswith(line)
     done = command("sweep", "c.yaml")
     assert (done.code, done.out) == (2, "")

@@ -6,21 +6,12 @@ import json
 import typing
 
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
+from common.drawing import given
 from pydantic import BaseModel
 
 from vibroplat import Motor, Scene, load_config
 from vibroplat.config.reader import parse_overrides
 from vibroplat.errors import ConfigError
-
-quick = settings(
-    max_examples=100,
-    derandomize=True,
-    deadline=None,
-    database=None,
-    suppress_health_check=[HealthCheck.function_scoped_fixture],
-)
 
 VALID = {
     "material": {"mass_ratio": 0.2, "natural_frequency_hz": 18.5, "damping_ratio": 0.05},
@@ -40,22 +31,22 @@ def dotted_keys(model, path=()):
 
 
 KEYS = sorted(dotted_keys(Scene))
-NUMBERS = st.one_of(
-    st.floats(),
-    st.integers(),
-    st.sampled_from([0, 1, 2, -1, 0.0, 0.5, 1.0, 1e-320, 1e300, 10**400, float("nan"), float("inf")]),
-)
-PLAIN = st.one_of(
-    st.none(), st.booleans(), NUMBERS, st.text(max_size=20), st.sampled_from(["impact", "central", "auto"])
-)
-VALUES = st.recursive(
-    PLAIN,
-    lambda inner: st.one_of(
-        st.lists(inner, max_size=3),
-        st.dictionaries(st.sampled_from([key.rpartition(".")[2] for key in KEYS]), inner, max_size=3),
-    ),
-    max_leaves=5,
-)
+EDGES = [0, 1, 2, -1, 0.0, 0.5, 1.0, 1e-320, 1e300, 10**400, float("nan"), float("inf")]
+
+
+def numbers(st):
+    return st.one_of(st.floats(), st.integers(), st.sampled_from(EDGES))
+
+
+def values(st):
+    texts = st.sampled_from(["impact", "central", "auto"])
+    plain = st.one_of(st.none(), st.booleans(), numbers(st), st.text(max_size=20), texts)
+    names = st.sampled_from([key.rpartition(".")[2] for key in KEYS])
+    return st.recursive(
+        plain,
+        lambda inner: st.one_of(st.lists(inner, max_size=3), st.dictionaries(names, inner, max_size=3)),
+        max_leaves=5,
+    )
 
 
 def accepted(load, kind=Scene):
@@ -76,42 +67,36 @@ def test_all_sections_are_drawn_from():
     assert found <= set(KEYS)
 
 
-@quick
-@given(changes=st.dictionaries(st.sampled_from(KEYS), VALUES, min_size=1, max_size=3))
+@given(changes=lambda st: st.dictionaries(st.sampled_from(KEYS), values(st), min_size=1, max_size=3))
 def test_any_value_is_accepted_or_told_in_a_line(changes, here):
     (here / "c.yaml").write_text(json.dumps(VALID))
     accepted(lambda: load_config("c.yaml", changes))
 
 
-@quick
-@given(key=st.sampled_from([key for key in KEYS if "." in key]), value=NUMBERS)
+@given(key=lambda st: st.sampled_from([key for key in KEYS if "." in key]), value=numbers)
 def test_any_number_is_accepted_or_told_in_a_line(key, value, here):
     (here / "c.yaml").write_text("material: {mass_ratio: 0.2, natural_frequency_hz: 18.5}\n")
     accepted(lambda: load_config("c.yaml", {key: value}))
 
 
-@quick
-@given(tree=st.dictionaries(st.sampled_from(list(Scene.model_fields)), VALUES, max_size=4))
+@given(tree=lambda st: st.dictionaries(st.sampled_from(list(Scene.model_fields)), values(st), max_size=4))
 def test_any_file_is_accepted_or_told_in_a_line(tree, here):
     (here / "c.yaml").write_text(json.dumps(tree, ensure_ascii=False), encoding="utf-8", errors="replace")
     accepted(lambda: load_config("c.yaml"))
 
 
-@quick
-@given(key=st.text(min_size=1, max_size=300))
+@given(key=lambda st: st.text(min_size=1, max_size=300))
 def test_any_key_is_told_in_a_line(key, here):
     (here / "c.yaml").write_text("")
     assert not accepted(lambda: load_config("c.yaml", {"machine." + key.replace(".", ""): 1.0}))
 
 
-@quick
-@given(text=st.one_of(st.text(max_size=60), st.text("[]{}:,-&*!|>%#? \n\t'\"aé1.~<", max_size=30)))
+@given(text=lambda st: st.one_of(st.text(max_size=60), st.text("[]{}:,-&*!|>%#? \n\t'\"aé1.~<", max_size=30)))
 def test_any_text_is_a_setting_or_told_in_a_line(text):
     accepted(lambda: parse_overrides([f"key.sub={text}"]), dict)
 
 
-@quick
-@given(content=st.binary(max_size=80))
+@given(content=lambda st: st.binary(max_size=80))
 def test_any_bytes_are_told_in_a_line(content, here):
     (here / "c.yaml").write_bytes(content)
     accepted(lambda: load_config("c.yaml"))
@@ -145,46 +130,56 @@ def test_what_is_accepted_can_be_used(value):
 
 # -- what is accepted is written and read without a change ------------------------------------------------
 
-SIZE = st.floats(1e-3, 10.0)
-NUMBERS_OF_EXCITERS = {
-    "unbalance_radius_m": SIZE,
-    "rotor_inertia_kg_m2": SIZE,
-    "critical_torque_n_m": SIZE,
-    "critical_slip": SIZE,
-    "pole_pairs": st.integers(1, 6),
-    "friction_radius_m": SIZE,
-    "rated_frequency_hz": SIZE,
-    "rotation": st.sampled_from(["counter-clockwise", "clockwise"]),
-}
-MOTORS = st.fixed_dictionaries(
-    {}, optional={name: NUMBERS_OF_EXCITERS[name] for name in Motor.model_fields if name in NUMBERS_OF_EXCITERS}
-)
-EXCITERS = st.lists(st.fixed_dictionaries({}, optional=NUMBERS_OF_EXCITERS), min_size=2, max_size=2)
-COMMON = st.fixed_dictionaries({}, optional={"unbalance_radius_m": SIZE, "rotor_inertia_kg_m2": SIZE})
-GIVEN = st.one_of(
-    st.fixed_dictionaries({"exciters": EXCITERS}),
-    st.fixed_dictionaries({"machine": COMMON, "motor": MOTORS}),
-    st.fixed_dictionaries({"machine": COMMON, "motors": st.lists(MOTORS, min_size=2, max_size=2)}),
-    st.fixed_dictionaries({"machine": COMMON}),
-)
-SWITCH = st.sampled_from(["on", "off", True, False])
-SWITCHES = st.one_of(
-    st.fixed_dictionaries({}, optional={"exciter_1": SWITCH, "exciter_2": SWITCH}),
-    st.fixed_dictionaries({"off": st.booleans()}),
-)
-DRIVES = st.one_of(
-    st.fixed_dictionaries({"supply_frequency_hz": st.floats(1.0, 100.0)}),
-    st.lists(st.tuples(st.one_of(st.none(), st.just(0.0), st.floats(1e-3, 100.0)), SWITCHES), max_size=5).map(
-        lambda rows: {
-            "program": [{"t_s": 0.0, "supply_frequency_hz": 50.0}]
-            + [{"t_s": 1.0 + i // 2, "supply_frequency_hz": f, **switches} for i, (f, switches) in enumerate(rows)]
-        }
-    ),
-)
+
+def numbers_of_exciters(st):
+    size = st.floats(1e-3, 10.0)
+    names = ("unbalance_radius_m", "rotor_inertia_kg_m2", "critical_torque_n_m", "critical_slip", "friction_radius_m")
+    return dict.fromkeys((*names, "rated_frequency_hz"), size) | {
+        "pole_pairs": st.integers(1, 6),
+        "rotation": st.sampled_from(["counter-clockwise", "clockwise"]),
+    }
 
 
-@quick
-@given(given=GIVEN, drive=DRIVES)
+def one_number_of_an_exciter(st):
+    each = numbers_of_exciters(st)
+    return st.sampled_from(sorted(each)).flatmap(lambda key: st.tuples(st.just(key), each[key]))
+
+
+def exciters(st):
+    return st.lists(st.fixed_dictionaries({}, optional=numbers_of_exciters(st)), min_size=2, max_size=2)
+
+
+def machines(st):
+    """Exciters by themselves, or the machine with one motor, two or the usual one."""
+    each = numbers_of_exciters(st)
+    motor = st.fixed_dictionaries({}, optional={name: each[name] for name in Motor.model_fields if name in each})
+    common = st.fixed_dictionaries({}, optional={n: each[n] for n in ("unbalance_radius_m", "rotor_inertia_kg_m2")})
+    return st.one_of(
+        st.fixed_dictionaries({"exciters": exciters(st)}),
+        st.fixed_dictionaries({"machine": common, "motor": motor}),
+        st.fixed_dictionaries({"machine": common, "motors": st.lists(motor, min_size=2, max_size=2)}),
+        st.fixed_dictionaries({"machine": common}),
+    )
+
+
+def drives(st):
+    switch = st.sampled_from(["on", "off", True, False])
+    switches = st.one_of(
+        st.fixed_dictionaries({}, optional={"exciter_1": switch, "exciter_2": switch}),
+        st.fixed_dictionaries({"off": st.booleans()}),
+    )
+    return st.one_of(
+        st.fixed_dictionaries({"supply_frequency_hz": st.floats(1.0, 100.0)}),
+        st.lists(st.tuples(st.one_of(st.none(), st.just(0.0), st.floats(1e-3, 100.0)), switches), max_size=5).map(
+            lambda rows: {
+                "program": [{"t_s": 0.0, "supply_frequency_hz": 50.0}]
+                + [{"t_s": 1.0 + i // 2, "supply_frequency_hz": f, **switches} for i, (f, switches) in enumerate(rows)]
+            }
+        ),
+    )
+
+
+@given(given=machines, drive=drives)
 def test_scene_is_written_and_read_without_a_change(given, drive):
     scene = Scene.from_tree({**given, "drive": drive})
     assert scene.replace() == scene
@@ -195,8 +190,7 @@ def test_scene_is_written_and_read_without_a_change(given, drive):
     assert again.drive.intervals == scene.drive.intervals
 
 
-@quick
-@given(given=GIVEN, differences=EXCITERS)
+@given(given=machines, differences=exciters)
 def test_exciters_are_overridden_number_by_number(given, differences):
     before, after = (
         scene.exciter_pair for scene in (Scene.from_tree(given), Scene.from_tree(given).replace(exciters=differences))
@@ -205,10 +199,9 @@ def test_exciters_are_overridden_number_by_number(given, differences):
         assert new.model_dump() == old.model_dump() | change
 
 
-@quick
-@given(given=GIVEN, place=st.sampled_from([0, 1]), key=st.sampled_from(sorted(NUMBERS_OF_EXCITERS)), data=st.data())
-def test_one_number_of_one_exciter_is_set(given, place, key, data):
-    value = data.draw(NUMBERS_OF_EXCITERS[key])
+@given(given=machines, place=lambda st: st.sampled_from([0, 1]), change=one_number_of_an_exciter)
+def test_one_number_of_one_exciter_is_set(given, place, change):
+    key, value = change
     scene = Scene.from_tree(given)
     after = scene.replace({f"exciters.{place}.{key}": value}).exciter_pair
     assert after[1 - place] == scene.exciter_pair[1 - place]

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 from common.orbits import traced
+from common.shaken_table import GRAVITY, shaken, stable_range
 
-from vibroplat.bench.shaken_table import GRAVITY, shaken, stable_range
 from vibroplat.continuation.orbit import orbit
 
 GAMMA = "machine.gravity_m_per_s2"

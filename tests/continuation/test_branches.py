@@ -14,8 +14,8 @@ from vibroplat import load_config, orbit
 from vibroplat.continuation.newton import ANGLE, Problem, correct
 from vibroplat.continuation.orbit import OrbitError, beginning_at, guesses
 from vibroplat.continuation.shooting import Shooter
-from vibroplat.hybrid.scales import state_scales
-from vibroplat.integrate.choice import make_engine
+from vibroplat.hybrid.state import state_scales
+from vibroplat.integrate import make_engine
 from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Motion
 
@@ -143,7 +143,7 @@ def farthest(row, mass, seconds, restitution=0.0):
         motion.to_time(seconds)
         motion.to_section(1, 1.0)
         disturbed = motion.state
-        motion.begin_again(start)
+        motion.reset(start)
         motion.to_section(1, 1.0)
         own = motion.state
     assert turns > 100

@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 from vibroplat import load_config, orbit, orbits
-from vibroplat.config.scene import COORDINATES, RATES
-from vibroplat.continuation.orbit import motion_of, multiplier_columns
+from vibroplat.config.coordinates import COORDINATES, RATES
+from vibroplat.continuation.orbit import motion_of
 from vibroplat.continuation.tables import follow, planned, tables
 from vibroplat.continuation.worker import Traced
 from vibroplat.errors import ConfigError
-from vibroplat.study.execution import Inline
+from vibroplat.study.confirming import multiplier_columns
 from vibroplat.study.point import MEASURED
+from vibroplat.study.pool import Inline
 from vibroplat.study.store import Store
 
 from .helpers import LIFTOFF, MACHINE, MASS, PLAN

@@ -7,10 +7,10 @@ from collections import Counter
 import numpy as np
 import pytest
 from common.orbits import bounded, traced
+from common.shaken_table import GRAVITY, shaken, stable_range
 
 from continuation.helpers import MACHINE, MASS
 from vibroplat import load_config
-from vibroplat.bench.shaken_table import GRAVITY, shaken, stable_range
 from vibroplat.continuation.test_functions import others_outside
 from vibroplat.continuation.two_keys import AGREES, DIFFERS, UNSTABLE, across, check, chosen
 

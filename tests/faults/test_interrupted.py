@@ -200,7 +200,7 @@ def test_ctrl_c_at_a_point_of_a_sweep(jobs, place):
 @pytest.mark.faults
 @pytest.mark.parametrize(
     "function",
-    ["vibroplat.study.execution:Processes.renew", "loky:get_reusable_executor", "vibroplat.study.sweep:run_sweeps"],
+    ["vibroplat.study.pool:Processes.renew", "loky:get_reusable_executor", "vibroplat.study.sweep:run_sweeps"],
 )
 def test_ctrl_c_while_workers_start(function, place):
     with Child(place, *SWEEP, "2", before=sending(signal.SIGINT, function)) as child:
@@ -212,7 +212,7 @@ def test_ctrl_c_while_workers_start(function, place):
 @pytest.mark.parametrize("after", [False, True])
 def test_ctrl_c_again_while_workers_stop_is_still_one_line(after, place):
     first = sending(signal.SIGINT, "vibroplat.study.store:Store.write", 10)
-    again = sending(signal.SIGINT, "vibroplat.study.execution:Processes.close", after=after)
+    again = sending(signal.SIGINT, "vibroplat.study.pool:Processes.close", after=after)
     renamed = {name: f"again_{name}" for name in ("holder", "calls", "original", "sending")}
     for name, other in renamed.items():
         again = again.replace(name, other)
@@ -225,9 +225,9 @@ def test_ctrl_c_again_while_workers_stop_is_still_one_line(after, place):
 IDLE = """
 import os, signal
 from vibroplat.system.interrupts import end_at_signals
-from vibroplat.study.execution import pool
+from vibroplat.study.pool import pool
 from vibroplat.study.store import Store
-from vibroplat.study.tasks import StoredChain, Task, run_stored
+from vibroplat.study.pool import StoredChain, Task, run_stored
 end_at_signals()
 def tasks():
     yield Task(dict)

@@ -270,7 +270,7 @@ def test_edit_of_a_called_function_is_in_the_next_run(place, tmp_path):
     package = tmp_path / "site/vibroplat"
     shutil.copytree(PACKAGE / "kernels", package / "kernels", ignore=shutil.ignore_patterns("__pycache__"))
     (package / "config").mkdir()
-    for name in ("__init__.py", "errors.py", "config/scene.py"):
+    for name in ("__init__.py", "errors.py", "config/coordinates.py"):
         shutil.copy(PACKAGE / name, package / name)
     for room in ("model", "hybrid"):
         (package / room).mkdir()
@@ -284,7 +284,7 @@ def test_edit_of_a_called_function_is_in_the_next_run(place, tmp_path):
 
     def run(factor):
         (package / "model/motor.py").write_text(_CALLED.format(factor=factor))
-        line = [sys.executable, "-c", "import vibroplat.hybrid.automaton"]
+        line = [sys.executable, "-c", "import vibroplat.hybrid.loop"]
         done = subprocess.run(line, env=environment, capture_output=True, text=True, check=True, cwd=tmp_path)
         number, hits, folder = done.stdout.split()
         return float(number), int(hits), Path(folder)

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from common.known import ball_on_table
 
 from vibroplat import simulate
-from vibroplat.bench.known import ball_on_table
 from vibroplat.bench.scenes import base
-from vibroplat.config.scene import COORDINATES, RATES
+from vibroplat.config.coordinates import COORDINATES, RATES
 from vibroplat.model.impact import impulse_response
 from vibroplat.model.parameters import IMPACT_LAWS, parameters
 
 
-@pytest.mark.parametrize("torque", [2e4, 1e5, 2e5])
+@pytest.mark.parametrize("torque", [2e4, 2e5])
 def test_force_that_stays_below_zero_where_it_turns_is_a_flight(quickstart, torque):
     """A jerky drive: F_c rises again 3e-4 N below zero; contact that went on there would not end."""
     run = simulate(quickstart.replace({"motor.critical_torque_n_m": torque, "run.duration_s": 0.1}))
@@ -29,8 +29,7 @@ def test_contact_that_touches_zero_goes_on():
     assert run.summary["gap_max_m"] < 1e-15
 
 
-@pytest.mark.parametrize("restitution", [0.0, 0.3, 0.7])
-@pytest.mark.parametrize("layers", [1, 2])
+@pytest.mark.parametrize(("layers", "restitution"), [(1, 0.0), (2, 0.3), (1, 0.7)])
 def test_gap_and_force_keep_their_sign(damped, restitution, layers):
     scene = damped.replace(
         {
@@ -64,8 +63,7 @@ def test_positions_are_continuous_and_only_impacts_jump(quickstart):
             assert after["gap_rate_m_per_s"] == pytest.approx(-0.4 * before["gap_rate_m_per_s"], rel=1e-12)
 
 
-@pytest.mark.parametrize("law", IMPACT_LAWS)
-@pytest.mark.parametrize("restitution", [0.5, 1.0])
+@pytest.mark.parametrize(("law", "restitution"), list(zip(IMPACT_LAWS, (0.5, 1.0, 0.5), strict=True)))
 def test_slow_impacts_stick_and_fast_ones_rebound(quickstart, restitution, law):
     slowest = 0.3
     contact = {"restitution": restitution, "sticking_speed_m_per_s": slowest, "impact_law": law}
@@ -87,9 +85,8 @@ def test_slow_impacts_stick_and_fast_ones_rebound(quickstart, restitution, law):
             assert event.energy_loss_j == pytest.approx(loss, rel=1e-9, abs=1e-14)
 
 
-@pytest.mark.parametrize("law", IMPACT_LAWS)
-def test_where_all_impacts_stick_restitution_does_not_matter(quickstart, law):
-    contact = {"restitution": 0.5, "sticking_speed_m_per_s": 1e30, "impact_law": law}
+def test_where_all_impacts_stick_restitution_does_not_matter(quickstart):
+    contact = {"restitution": 0.5, "sticking_speed_m_per_s": 1e30, "impact_law": "central"}
     scene = quickstart.replace({"contact": contact, "run.duration_s": 1.0})
     runs = [simulate(scene.replace({"contact.restitution": r})) for r in (0.0, 0.5, 1.0)]
     runs.append(simulate(scene.replace({"contact": {"restitution": 0.0, "sticking_speed_m_per_s": 0.0}})))
@@ -130,7 +127,7 @@ def test_flight_that_the_platform_drives_off_and_meets_again_at_once(damped):
             "run.initial": {"state": state},
         }
     )
-    for shift in np.linspace(0.0, 0.03, 31):
+    for shift in np.linspace(0.0, 0.03, 7):
         run = simulate(scene.replace({"run.initial.state.phi1_rad": state["phi1_rad"] + shift}), keep="summary")
         assert run.outcome == "ok"
         assert run.summary["restarts"] < 40

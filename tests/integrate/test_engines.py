@@ -14,13 +14,11 @@ import pandas as pd
 import pytest
 from oracle import REFERENCE
 
+from vibroplat import integrate as engines
 from vibroplat import load_config, simulate
 from vibroplat.bench.reference import compared_events, coordinate_errors, event_errors
-from vibroplat.hybrid.automaton import automaton
-from vibroplat.hybrid.loop import first_mode
-from vibroplat.hybrid.state import NON_FINITE, RUNNING
-from vibroplat.hybrid.steps import no_steps
-from vibroplat.integrate import choice as engines
+from vibroplat.hybrid.loop import automaton, first_mode
+from vibroplat.hybrid.state import NON_FINITE, RUNNING, no_steps
 from vibroplat.integrate.native import NativeEngine, self_check
 from vibroplat.integrate.sundials import Library, UnavailableError, library
 from vibroplat.model.parameters import parameters
@@ -52,11 +50,13 @@ def scaled_errors(run, name):
 
 
 @pytest.mark.parametrize(
-    ("engine", "tolerance"),
-    [("native", 1e-6), ("native", 1e-8), *(pytest.param("sundae", t, marks=pytest.mark.long) for t in (1e-6, 1e-8))],
+    ("name", "engine", "tolerance"),
+    [
+        *((name, "native", tolerance) for name, tolerance in zip(CASES, (1e-6, 1e-8, 1e-6), strict=True)),
+        pytest.param(CASES[2], "sundae", 1e-6, marks=pytest.mark.long),
+    ],
 )
-@pytest.mark.parametrize("name", CASES)
-def test_errors_follow_the_tolerance(name, tolerance, engine):
+def test_errors_follow_the_tolerance(name, engine, tolerance):
     scene = with_engine(load_config(REFERENCE / f"{name}.yaml"), engine)
     run = simulate(scene.replace({"solver.tolerance": tolerance}))
     assert (run.outcome, run.summary["engine"]) == ("ok", engine)
@@ -84,9 +84,7 @@ REMAINS = {
 }
 
 
-@pytest.mark.parametrize(
-    "exponent", [6, 9, 13, 14, *(pytest.param(n, marks=pytest.mark.long) for n in (7, 8, 10, 11, 12))]
-)
+@pytest.mark.parametrize("exponent", [6, 14, pytest.param(9, marks=pytest.mark.long)])
 @pytest.mark.parametrize("name", GROWN)
 def test_errors_of_a_series_follow_the_tolerance_to_round_off(name, exponent):
     """Within ten times what the motion makes of its tolerance; at 1e-14, within three times what remains."""
@@ -100,14 +98,14 @@ def test_errors_of_a_series_follow_the_tolerance_to_round_off(name, exponent):
 
 
 @pytest.mark.parametrize(
-    "name",
+    ("name", "both"),
     [
-        "inelastic-mu02-fe51.5",
-        "onelayer-R03-mu01-fe48",
-        *(pytest.param(name, marks=pytest.mark.long) for name in (*CASES[:2], "restitution05-mu02-fe51.5")),
+        ("inelastic-mu02-fe51.5", ("native", "taylor")),
+        ("onelayer-R03-mu01-fe48", ("native", "sundae")),
+        pytest.param("restitution05-mu02-fe51.5", ("native", "taylor"), marks=pytest.mark.long),
     ],
+    ids=str,
 )
-@pytest.mark.parametrize("both", [("native", "sundae"), ("native", "taylor")], ids="-".join)
 def test_engines_agree_event_by_event(name, both):
     scene = load_config(REFERENCE / f"{name}.yaml").replace({"solver.tolerance": 1e-9})
     mine, theirs = (compared_events(simulate(with_engine(scene, e)).events) for e in both)
@@ -131,14 +129,13 @@ def test_a_scene_without_a_guard_is_integrated_in_one_piece(quickstart):
 @pytest.mark.parametrize("engine", ["native", "taylor", pytest.param("sundae", marks=pytest.mark.long)])
 def test_a_run_may_end_at_an_event(quickstart, engine):
     scene = with_engine(quickstart.replace({"contact.restitution": 0.4, "run.duration_s": 0.2}), engine)
-    for t in simulate(scene).events["t_s"]:
+    for t in simulate(scene).events["t_s"][:6]:
         for end in (np.nextafter(t, 0.0), t, np.nextafter(t, 1.0)):
             run = simulate(scene.replace({"run.duration_s": float(end)}))
             assert (run.outcome, run.summary["simulated_s"]) == ("ok", end)
 
 
-@pytest.mark.parametrize("rows", [8, 20])
-@pytest.mark.parametrize("name", ["native", "sundae", "taylor"])
+@pytest.mark.parametrize(("name", "rows"), [("native", 8), ("sundae", 20), ("taylor", 8)])
 def test_pieces_of_a_few_steps_do_not_show(quickstart, monkeypatch, name, rows):
     """Room for a few steps cuts a run into many pieces; nothing but round-off of sums tells."""
     changes = {"contact.restitution": 0.5, "run.duration_s": 0.5, "solver.tolerance": 1e-8}
@@ -213,7 +210,7 @@ def test_engines_leave_no_memory_behind(quickstart, engine):
     for _ in range(200):
         simulate(scene, keep="summary")
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    for _ in range(2000):
+    for _ in range(1000):
         simulate(scene, keep="summary")
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 1024  # KiB
 
@@ -222,10 +219,9 @@ def test_engines_leave_no_memory_behind(quickstart, engine):
 def test_two_threads_give_the_tables_of_one(quickstart, engine):
     scenes = [
         with_engine(quickstart, engine).replace(
-            {"drive.supply_frequency_hz": f, "contact.restitution": r, "run.duration_s": 1.0}
+            {"drive.supply_frequency_hz": f, "contact.restitution": r, "run.duration_s": 0.5}
         )
-        for f in (46.0, 51.5, 58.0)
-        for r in (0.0, 0.4)
+        for f, r in ((46.0, 0.0), (51.5, 0.4), (58.0, 0.4))
     ]
     alone = [simulate(scene) for scene in scenes]
     with ThreadPoolExecutor(2) as pool:
@@ -294,44 +290,37 @@ def fresh_choice():
     library.cache_clear()
 
 
+LIBRARY = "vibroplat.integrate.sundials."
+TYPES = "its number types are {}; known: double, int"
 BREAKAGES = {
     "symbol": (
-        "vibroplat.integrate.sundials._FUNCTIONS",
+        f"{LIBRARY}_FUNCTIONS",
         {"IDANoSuchFunction": "ip"},
         "SUNDIALS function IDANoSuchFunction is missing",
     ),
     "configuration": (
-        "vibroplat.integrate.sundials.package",
+        f"{LIBRARY}package",
         lambda: Path("nowhere"),
         "scikit-sundae does not tell its configuration",
     ),
-    "extension module": ("vibroplat.integrate.sundials.EXTENSION_SUFFIXES", [], "scikit-sundae has no _cy_ida"),
-    "version": ("vibroplat.integrate.sundials._MAJOR", "6.", "is not known; known: 6.x"),
-    "types": (
-        "vibroplat.integrate.sundials._TYPES",
-        {"SUNDIALS_INT_TYPE": "long"},
-        "its number types are int; known: double, int",
-    ),
+    "extension module": (f"{LIBRARY}EXTENSION_SUFFIXES", [], "scikit-sundae has no _cy_ida"),
+    "version": (f"{LIBRARY}_MAJOR", "6.", "is not known; known: 6.x"),
+    "types": (f"{LIBRARY}_TYPES", {"SUNDIALS_INT_TYPE": "long"}, TYPES.format("int")),
+    "module": (f"{LIBRARY}_TYPES", {"NO_SUCH_NAME": ""}, TYPES.format("None")),
     "linear solver": (
         "vibroplat.integrate.native._SOLVER_WORDS",
         2,
         "SUNLinSolSetup_Dense is not found among the operations of its dense linear solver",
     ),
-    "module": (
-        "vibroplat.integrate.sundials._TYPES",
-        {"NO_SUCH_NAME": ""},
-        "its number types are None; known: double, int",
-    ),
 }
 
 
 @pytest.mark.parametrize(("target", "value", "reason"), BREAKAGES.values(), ids=BREAKAGES)
-@pytest.mark.parametrize("asked", ["auto", "native"])
-def test_sundae_takes_over_with_one_notice(quickstart, monkeypatch, caplog, fresh_choice, asked, target, value, reason):
+def test_sundae_takes_over_with_one_notice(quickstart, monkeypatch, caplog, fresh_choice, target, value, reason):
     monkeypatch.setattr(target, value)
-    scene = with_engine(quickstart.replace({"run.duration_s": 0.05}), asked)
+    scene = quickstart.replace({"run.duration_s": 0.02})
     with caplog.at_level(logging.WARNING, logger="vibroplat"):
-        runs = [simulate(scene, keep="summary") for _ in range(2)]
+        runs = [simulate(with_engine(scene, asked), keep="summary") for asked in ("auto", "native")]
     assert [run.summary["engine"] for run in runs] == ["sundae", "sundae"]
     assert len(caplog.records) == 1
     notice = caplog.records[0].getMessage()

@@ -6,14 +6,12 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from common.drawing import given
 
 from vibroplat.config.scene import Scene
-from vibroplat.hybrid.automaton import automaton
-from vibroplat.hybrid.loop import AT_GUARD, AT_TARGET
+from vibroplat.hybrid.loop import AT_GUARD, AT_TARGET, automaton
 from vibroplat.hybrid.modes import ATTACHED
-from vibroplat.hybrid.steps import CUBIC, fill_cubic, no_steps
+from vibroplat.hybrid.state import CUBIC, fill_cubic, no_steps
 from vibroplat.integrate.multistep import (
     begin_steps,
     calm,
@@ -22,7 +20,7 @@ from vibroplat.integrate.multistep import (
     no_past,
     transcribe,
 )
-from vibroplat.kernels.polynomial import extremes, first_fall, slopes, values
+from vibroplat.kernels.polynomial import extremes, first_fall
 from vibroplat.model.parameters import parameters
 from vibroplat.observe.segments import sample
 
@@ -78,22 +76,10 @@ def test_a_cubic_is_found_again():
     degree = CUBIC + 2  # of other steps of an engine: higher coefficients are 0
     c = np.full((degree + 1, 1), np.nan)
     fill_cubic(c, 2.0, *(np.array([f(t)]) for f in (cubic, its_rate) for t in (0.0, 2.0)))
-    y, slope = np.empty(1), np.empty(1)
+    found = np.polynomial.Polynomial(c[:, 0])
     for s in (0.0, 0.3, 1.0):
-        values(c, degree, s, y)
-        slopes(c, degree, s, slope)
-        assert y[0] == pytest.approx(cubic(2.0 * s))
-        assert slope[0] == pytest.approx(2.0 * its_rate(2.0 * s))
-
-
-def test_a_step_of_one_tenth_has_values_and_slopes():
-    ends = [np.array([f(t)]) for f in (wave, rate) for t in (0.0, 0.1)]
-    c, y, slope = np.zeros((CUBIC + 1, 1)), np.empty(1), np.empty(1)
-    fill_cubic(c, 0.1, *ends)
-    values(c, CUBIC, 0.5, y)
-    slopes(c, CUBIC, 0.5, slope)
-    assert y[0] == pytest.approx(wave(0.05), abs=3e-5)  # h⁴ max|y⁗|/384 = 2.1e-5
-    assert slope[0] / 0.1 == pytest.approx(rate(0.05), abs=1e-3)
+        assert found(s) == pytest.approx(cubic(2.0 * s))
+        assert found.deriv()(s) == pytest.approx(2.0 * its_rate(2.0 * s))
 
 
 # -- falls within steps -----------------------------------------------------------------------------------
@@ -110,11 +96,11 @@ DIPS = [
 ]
 
 
-@pytest.mark.parametrize(("g0", "g1", "rate_0", "rate_1", "expected"), DIPS)
-def test_dip_inside_a_step(g0, g1, rate_0, rate_1, expected):
-    steps, _ = added([0.0, 1.0], columns([g0, g1]), columns([rate_0, rate_1]))
-    assert first_fall(steps.c[0], CUBIC, OTHERS, 0) == pytest.approx(expected, abs=1e-9)
-    assert fall_within(steps, OTHERS) == pytest.approx(expected, abs=1e-9)
+def test_dip_inside_a_step():
+    for g0, g1, rate_0, rate_1, expected in DIPS:
+        steps, _ = added([0.0, 1.0], columns([g0, g1]), columns([rate_0, rate_1]))
+        assert first_fall(steps.c[0], CUBIC, OTHERS, 0) == pytest.approx(expected, abs=1e-9)
+        assert fall_within(steps, OTHERS) == pytest.approx(expected, abs=1e-9)
 
 
 def transcribed(g, rates, at_guard=False, target=math.nan, phi1=None):
@@ -176,12 +162,9 @@ def calmed(forces, given_slopes):
     before = steps.c[:, :, :10].copy()
     calm(h, False)
     assert (steps.c[:, :, :10] == before).all()
-    at_ends = np.empty((2, count - 1))
-    slope = np.empty(11)
-    for s in (0, 1):
-        for row in range(count - 1):
-            slopes(steps.c[row], CUBIC, float(s), slope)
-            at_ends[s, row] = slope[10]
+    at_ends = np.array(
+        [[np.polynomial.Polynomial(c[:, 10]).deriv()(s) for c in steps.c[: count - 1]] for s in (0.0, 1.0)]
+    )
     return steps, np.append(at_ends[0], at_ends[1, -1]), at_ends
 
 
@@ -208,8 +191,7 @@ def test_wild_slopes_of_the_force_are_limited(slopes_given, expected):
     assert at_ends[1, 0] == pytest.approx(expected[1], abs=1e-12)
 
 
-@settings(derandomize=True, deadline=None, database=None)
-@given(st.lists(st.tuples(st.floats(0.0, 1e3), st.floats(-1e6, 1e6)), min_size=2, max_size=8))
+@given(rows=lambda st: st.lists(st.tuples(st.floats(0.0, 1e3), st.floats(-1e6, 1e6)), min_size=2, max_size=8))
 def test_a_force_that_presses_at_all_steps_presses_between_them(rows):
     forces, slopes_given = zip(*rows, strict=True)
     steps, _, _ = calmed(forces, slopes_given)

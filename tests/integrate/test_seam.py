@@ -7,16 +7,16 @@ import math
 import numpy as np
 import pandas as pd
 import pytest
+from common.known import accumulation_time, ball_on_table, dropped_ball
 from common.places import QUICKSTART, ROOT
+from common.random_scenes import random_scene
 
 from integrate.dop853 import Dop853
 from vibroplat import load_config, simulate
-from vibroplat.bench.known import accumulation_time, ball_on_table, dropped_ball
 from vibroplat.bench.reference import coordinate_errors, event_errors
-from vibroplat.bench.stability.campaign import random_scene
+from vibroplat.config.coordinates import COORDINATES
 from vibroplat.config.reader import load_tree
-from vibroplat.config.scene import COORDINATES
-from vibroplat.hybrid.scales import state_scales
+from vibroplat.hybrid.state import state_scales
 from vibroplat.integrate.seam import IntegrationError
 from vibroplat.integrate.stepwise import Stepwise
 from vibroplat.model.parameters import parameters
@@ -24,15 +24,9 @@ from vibroplat.motion.motion import Motion
 from vibroplat.motion.run import simulate_with
 
 REFERENCE = ROOT / "tests/reference"
-CASES = sorted(path.stem for path in REFERENCE.glob("*.yaml"))
 STATISTICS = (
-    "rms_y_m",
-    "amplitude_y_m",
-    "excitation_frequency_hz",
-    "flight_fraction",
-    "phase_coherence",
-    "motor_power_w",
-    "motor_work_j",
+    *("rms_y_m", "amplitude_y_m", "excitation_frequency_hz", "flight_fraction", "phase_coherence"),
+    *("motor_power_w", "motor_work_j"),
 )
 OF_CONTACT = ("contact_force_max_n", "gap_max_m", "impulse_sum_n_s")
 
@@ -61,7 +55,13 @@ def at(name, tolerance):
 # -- accuracy --------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("inelastic-mu02-fe51.5", "onelayer-R03-mu01-fe48"),
+        pytest.param("restitution05-mu02-fe51.5", marks=pytest.mark.long),
+    ],
+)
 def test_reference(name):
     """At tolerance 1e-8, twice the errors measured; where the motion amplifies errors, at 1e-10."""
     amplified = name.startswith(("restitution", "onelayer"))
@@ -75,11 +75,9 @@ def test_reference(name):
     assert found.summary["momentum_residual"] <= 1e-9
 
 
-@pytest.mark.parametrize("tolerance", [1e-6, pytest.param(1e-8, marks=pytest.mark.long), 1e-10])
-@pytest.mark.parametrize("name", CASES[:3])
-def test_between_steps_as_accurate_as_at_their_ends(name, tolerance):
+def test_between_steps_as_accurate_as_at_their_ends():
     """The dense output of DOP853 is one order lower than its steps: 1 to 9 times the error at ends was measured."""
-    exact, found = run(at(name, 1e-12)), run(at(name, tolerance))
+    exact, found = run(at("attached-mu01-fe46", 1e-12)), run(at("attached-mu01-fe46", 1e-6))
     scales = dict(zip(COORDINATES, state_scales(found.scene), strict=False))
     ends = np.concatenate([segment.start + segment.t for segment in found.segments])
     ends = ends[np.append(True, np.diff(ends) > 1e-6)]
@@ -88,21 +86,20 @@ def test_between_steps_as_accurate_as_at_their_ends(name, tolerance):
         mine, theirs = found(times), exact(times)
         same = (mine["mode"] == theirs["mode"]).to_numpy()
         errors = [np.abs(mine[c] - theirs[c])[same].max() / scales[c] for c in COORDINATES if c in mine]
-        if "contact_force_n" in mine:
-            force = "contact_force_n"
-            errors.append(np.abs(mine[force] - theirs[force])[same].max() / theirs[force].max())
-        return np.array(errors)
+        force = "contact_force_n"
+        return np.array([*errors, np.abs(mine[force] - theirs[force])[same].max() / theirs[force].max()])
 
     at_ends = largest_error(ends)
-    for share in (0.1, 0.3, 0.5, 0.7, 0.9):
+    for share in (0.1, 0.5, 0.9):
         between = largest_error(ends[:-1] + share * np.diff(ends))
         assert (between <= 15.0 * at_ends + 1e-12).all()
         assert between.max() <= 10.0 * at_ends.max()
 
 
-@pytest.mark.parametrize("tolerance", [1e-5, 1e-9])
 @pytest.mark.parametrize(
-    "change", [{}, {"contact.restitution": 0.0}, {"material.mass_ratio": 0.0}, {"material.layers": 1}], ids=str
+    ("change", "tolerance"),
+    [({}, 1e-5), ({"contact.restitution": 0.0}, 1e-9), ({"material.mass_ratio": 0.0}, 1e-5)],
+    ids=str,
 )
 def test_statistics_of_long_steps(bouncing, change, tolerance):
     scene = bouncing.replace({"contact.restitution": 0.3, **change})
@@ -123,7 +120,7 @@ def test_measured_part_begins_within_a_step(bouncing):
     scene = scene.replace({"motor": {"critical_torque_n_m": 0.0, "friction_radius_m": 0.0}, "run.duration_s": 0.1})
     for settle in (0.0123, 0.05, 0.0801):
         motion = Motion(scene, parameters(scene), engine(scene))
-        part = motion.go_on(0.1, settle=settle)
+        part = motion.advance(0.1, settle=settle)
         assert float(part.measures.plain["time"] + part.measures.open_turn["time"]) == pytest.approx(0.1 - settle)
 
 
@@ -151,23 +148,23 @@ def test_several_turns_within_a_step(bouncing, way):
     assert found.section["phi1_rad"].diff().dropna().to_numpy() == pytest.approx(2.0 * math.pi * way)
 
 
-@pytest.mark.parametrize("law", ["conservative", "central", "printed"])
-@pytest.mark.parametrize("restitution", [0.0, 0.5, 1.0])
-@pytest.mark.parametrize("sticking", [0.0, 0.15])
+@pytest.mark.parametrize(
+    ("law", "restitution", "sticking"),
+    [("conservative", 0.5, 0.0), ("central", 0.5, 0.15), ("printed", 1.0, 0.15), ("conservative", 0.0, 0.0)],
+)
 def test_audit(bouncing, restitution, law, sticking):
     contact = {"restitution": restitution, "impact_law": law, "sticking_speed_m_per_s": sticking}
-    scene = bouncing.replace({"contact": contact, "run.duration_s": 2.0, "solver.tolerance": 1e-8})
+    scene = bouncing.replace({"contact": contact, "run.duration_s": 1.0, "solver.tolerance": 1e-8})
     summary = run(scene, keep="summary").summary
-    assert (summary["outcome"], summary["impacts"] > 20) == ("ok", True)
+    assert (summary["outcome"], summary["impacts"] > 10) == ("ok", True)
     assert summary["energy_residual"] <= 1e-7
-    if law != "printed":
-        assert summary["momentum_residual"] <= 1e-7
+    assert law == "printed" or summary["momentum_residual"] <= 1e-7
 
 
 # -- transitions -----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("excess", [1e-4, 1e-3, 1e-2, 1e-1])
+@pytest.mark.parametrize("excess", [1e-4, 1e-2])
 def test_short_flights_are_neither_missed_nor_doubled(excess):
     """Just above lift-off the gap opens on a triple root, and steps are long against the flights."""
     summary = run(ball_on_table(1.0 + excess, tolerance=1e-10), keep="summary").summary
@@ -183,19 +180,17 @@ def test_contact_that_touches_zero_goes_on():
     assert summary["gap_max_m"] < 1e-12
 
 
-@pytest.mark.parametrize("restitution", [0.2, 0.5, 0.9])
-def test_accumulating_impacts_end_on_time(restitution):
+def test_accumulating_impacts_end_on_time():
     """Every next flight is shorter by R, down to those that are latched."""
-    found = run(dropped_ball(restitution))
+    found = run(dropped_ball(0.2))
     assert found.events["kind"].iloc[-1] == "latch"
     landed = next(segment for segment in found.segments if segment.system.algebraic)
-    assert landed.start == pytest.approx(accumulation_time(restitution), rel=1e-9)
+    assert landed.start == pytest.approx(accumulation_time(0.2), rel=1e-9)
 
 
-@pytest.mark.parametrize("height", [1e-6, 1e-10])
-def test_short_falls_land_at_the_right_speed(bouncing, height):
+def test_short_falls_land_at_the_right_speed(bouncing):
     scene = bouncing.replace(
-        {"material.layers": 1, "run.duration_s": 0.002, "run.initial": {"state": {"gap_m": height}}}
+        {"material.layers": 1, "run.duration_s": 0.002, "run.initial": {"state": {"gap_m": 1e-10}}}
     )
     speeds = [
         run(scene.replace({"solver.tolerance": t})).events["gap_rate_before_m_per_s"].iloc[0] for t in (1e-5, 1e-10)
@@ -221,15 +216,10 @@ class Several(Dop853):
         return np.concatenate(lengths), np.concatenate(coefficients)
 
 
-def test_several_steps_at_once_are_as_many_single_ones(bouncing):
-    one, other = run(bouncing), run(bouncing, Several)
-    pd.testing.assert_frame_equal(one.events, other.events, check_exact=True)
-    pd.testing.assert_frame_equal(one.trajectory, other.trajectory, check_exact=True)
-
-
-@pytest.mark.parametrize("integrator", [Dop853, Several])
-def test_pieces_do_not_show(bouncing, integrator):
-    whole, cut = run(bouncing), run(bouncing, integrator, rows=5)
+def test_pieces_and_several_steps_at_once_do_not_show(bouncing):
+    whole, several, cut = run(bouncing), run(bouncing, Several), run(bouncing, Several, rows=5)
+    pd.testing.assert_frame_equal(whole.events, several.events, check_exact=True)
+    pd.testing.assert_frame_equal(whole.trajectory, several.trajectory, check_exact=True)
     assert len(cut.segments) > len(whole.segments)
     pd.testing.assert_frame_equal(cut.events, whole.events, check_exact=True)
     pd.testing.assert_frame_equal(cut.trajectory, whole.trajectory, check_exact=False, rtol=1e-12, atol=1e-12)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from vibroplat.config.drive import Drive, Entry
-from vibroplat.config.exciters import Exciter, Motor
-from vibroplat.config.scene import Contact, Machine, Material, Scene
+from vibroplat.config.scene import Scene
+from vibroplat.config.sections import Contact, Exciter, Machine, Material, Motor
 from vibroplat.model.accelerations import accelerations, second_derivatives
 from vibroplat.model.parameters import parameters
 from vibroplat.model.systems import FULL_SIZE, SYSTEMS
@@ -28,17 +28,10 @@ UNEQUAL_MOTORS = [
 
 def exciters(first, second, **changes):
     """Return exciters that share nothing but their unbalance mass, turned these ways."""
+    motor = UNEQUAL_MOTORS[1].model_dump()
     return [
         Exciter(unbalance_radius_m=0.07, rotor_inertia_kg_m2=1.7e-3, rotation=first, **changes),
-        Exciter(
-            unbalance_radius_m=0.12,
-            rotor_inertia_kg_m2=0.9e-3,
-            critical_torque_n_m=0.9,
-            critical_slip=0.21,
-            pole_pairs=3,
-            friction_radius_m=8.0e-5,
-            rotation=second,
-        ),
+        Exciter(unbalance_radius_m=0.12, rotor_inertia_kg_m2=0.9e-3, rotation=second, **motor),
     ]
 
 
@@ -78,10 +71,18 @@ UNEVEN = {
     "direction": (-1.0, -1.0),
 }
 
-EACH_SYSTEM = pytest.mark.parametrize("system", SYSTEMS, ids=lambda system: f"{system.mode.label}-{system.layers}")
+RECORDS = (*SETUPS, "uneven")  # those of scenes, and one whose exciters differ in more than a scene allows
+
+
+def name_of(system):
+    return f"{system.mode.label}-{system.layers}"
+
+
 EACH_MACHINE = pytest.mark.parametrize("machine", SETUPS)
-#: Those of a scene, and one whose exciters differ in more than a scene allows.
-EACH_RECORD = pytest.mark.parametrize("machine", [*SETUPS, "uneven"])
+EACH_SYSTEM = pytest.mark.parametrize("system", SYSTEMS, ids=name_of)
+#: Each system with two of the machines, and each machine with two of the systems.
+PAIRS = [(system, RECORDS[(system.index + k) % 5]) for system in SYSTEMS for k in (0, 2)]
+EACH_PAIR = pytest.mark.parametrize(("system", "machine"), PAIRS, ids=[f"{name_of(s)}-{m}" for s, m in PAIRS])
 
 #: Realistic sizes of the full state: m and rad, then m/s and rad/s; the angles go round several times.
 SIZES = np.array([1e-3, 2e-3, 1e-2, 20.0, 20.0, 1e-3, 1e-3, 0.2, 0.4, 1.0, 150.0, 150.0, 0.4, 0.3])

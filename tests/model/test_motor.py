@@ -13,21 +13,14 @@ from vibroplat.model.motor import (
     motor_torque,
     net_slope,
     resistance,
-    resistance_slope,
     torque_rate,
 )
 from vibroplat.model.parameters import blank, parameters
+from vibroplat.model.systems import SYSTEMS
 
-from .helpers import EACH_SYSTEM, TIME, central_difference, random_states, scene_of
+from .helpers import TIME, central_difference, random_states, scene_of
 
 CRITICAL, SLIP, SYNCHRONOUS = 1.2, 0.15, 160.0
-
-each_direction = pytest.mark.parametrize("direction", [1.0, -1.0])
-
-
-def torque(speed, direction, synchronous=SYNCHRONOUS):
-    """Return the torque of a motor under a constant supply, counter-clockwise."""
-    return motor_torque(0, 0.3, speed, constant_supply(direction, synchronous))
 
 
 def constant_supply(direction, synchronous=SYNCHRONOUS):
@@ -38,61 +31,31 @@ def constant_supply(direction, synchronous=SYNCHRONOUS):
     return p
 
 
-def speed_at(slip, direction):
-    return direction * (1.0 - slip) * SYNCHRONOUS
+@pytest.mark.parametrize("direction", [1.0, -1.0])
+def test_torque_at_known_slips(direction):
+    """It drives below synchronous speed and brakes above; standstill and counter-rotation included."""
+    p = constant_supply(direction)
 
+    def torque(slip):
+        return motor_torque(0, 0.3, direction * (1.0 - slip) * SYNCHRONOUS, p) * direction
 
-@each_direction
-def test_torque_is_critical_at_critical_slip(direction):
-    assert torque(speed_at(SLIP, direction), direction) == pytest.approx(direction * CRITICAL, rel=1e-13)
-    assert torque(speed_at(-SLIP, direction), direction) == pytest.approx(-direction * CRITICAL, rel=1e-13)
-
-
-@each_direction
-def test_torque_is_nowhere_larger(direction):
-    speeds = np.linspace(-2.0, 3.0, 1001) * SYNCHRONOUS
-    assert max(abs(torque(speed, direction)) for speed in speeds) <= CRITICAL * (1.0 + 1e-13)
-
-
-@each_direction
-def test_torque_is_zero_at_synchronous_speed(direction):
-    assert torque(speed_at(0.0, direction), direction) == 0.0
-
-
-@each_direction
-def test_torque_drives_below_synchronous_speed_and_brakes_above(direction):
-    # standstill and counter-rotation included
+    assert (torque(SLIP), torque(-SLIP), torque(0.0)) == pytest.approx((CRITICAL, -CRITICAL, 0.0), rel=1e-13)
+    assert torque(1.0) == pytest.approx(2.0 * CRITICAL / (1.0 / SLIP + SLIP), rel=1e-13)  # at the start
     for slip in (0.01, SLIP, 1.0, 1.7):
-        assert direction * torque(speed_at(slip, direction), direction) > 0.0
-        assert direction * torque(speed_at(-slip, direction), direction) < 0.0
+        assert torque(slip) > 0.0 > torque(-slip)
+    assert max(abs(torque(slip)) for slip in np.linspace(-2.0, 3.0, 1001)) <= CRITICAL * (1.0 + 1e-13)
+    assert [torque_rate(i, 0.3, 120.0, p) for i in range(2)] == [0.0, 0.0]
 
 
-@each_direction
-def test_starting_torque(direction):
-    # s = 1: L = 2 M_c / (1/s_c + s_c)
-    expected = direction * 2.0 * CRITICAL / (1.0 / SLIP + SLIP)
-    assert torque(0.0, direction) == pytest.approx(expected, rel=1e-13)
-
-
-def test_directions_mirror_each_other():
-    for speed in (-200.0, -31.0, 0.0, 12.0, 155.0):
-        assert torque(-speed, -1.0) == -torque(speed, 1.0)
-
-
-@each_direction
-@pytest.mark.parametrize("slip", [-2.0, -SLIP, -0.05, 0.0, 0.02, SLIP, 0.4, 1.0])
-def test_slope_of_torque(direction, slip):
-    speed, p = speed_at(slip, direction), constant_supply(direction)
-    numerical = central_difference(lambda change: motor_torque(0, 0.3, speed + change, p), step=0.05)
-    steepest = 2.0 * CRITICAL / (SLIP * SYNCHRONOUS)
-    # step / (s_c ω₀) = 0.002: sixth-order error and round-off are both below 1e-12 of the steepest slope
-    assert net_slope(0, 0.3, speed, p) == pytest.approx(numerical, abs=1e-11 * steepest)
-
-
-@each_direction
-def test_slope_at_synchronous_speed_brakes(direction):
-    slope = net_slope(0, 0.3, direction * SYNCHRONOUS, constant_supply(direction))
-    assert slope == pytest.approx(-2.0 * CRITICAL / (SLIP * SYNCHRONOUS), rel=1e-13)
+@pytest.mark.parametrize("direction", [1.0, -1.0])
+def test_slope_of_torque(direction):
+    p, steepest = constant_supply(direction), 2.0 * CRITICAL / (SLIP * SYNCHRONOUS)
+    for slip in (-2.0, -SLIP, -0.05, 0.0, 0.02, SLIP, 0.4, 1.0):
+        speed = direction * (1.0 - slip) * SYNCHRONOUS
+        numerical = central_difference(lambda change, speed=speed: motor_torque(0, 0.3, speed + change, p), step=0.05)
+        # step / (s_c ω₀) = 0.002: sixth-order error and round-off are both below 1e-12 of the steepest slope
+        assert net_slope(0, 0.3, speed, p) == pytest.approx(numerical, abs=1e-11 * steepest)
+    assert net_slope(0, 0.3, direction * SYNCHRONOUS, p) == pytest.approx(-steepest, rel=1e-13)
 
 
 @pytest.mark.parametrize(("slip", "critical"), [(30.0, 24.0), (-7.0, 24.0), (0.0, 24.0), (0.0, 0.0)])
@@ -101,15 +64,14 @@ def test_no_critical_torque_is_a_switched_off_supply(slip, critical):
     assert kloss_slope(slip, critical, 0.0) == 0.0
 
 
-@pytest.mark.parametrize("slip", [-40.0, -3.0, 5.0, 24.0, 90.0])
-def test_slope_is_that_over_both_speeds(slip):
+def test_slope_is_that_over_both_speeds():
     """Slip speed and critical slip speed: the torque depends on their ratio alone."""
-    slope = kloss_slope(slip, 24.0, CRITICAL)
-    by_slip = central_difference(lambda change: kloss_torque(slip + change, 24.0, CRITICAL), step=0.05)
-    by_critical = central_difference(lambda change: kloss_torque(slip, 24.0 + change, CRITICAL), step=0.05)
     steepest = 2.0 * CRITICAL / 24.0
-    assert 24.0 * slope == pytest.approx(by_slip, abs=1e-11 * steepest)
-    assert -slip * slope == pytest.approx(by_critical, abs=1e-11 * steepest)
+    for slip in (-40.0, -3.0, 5.0, 24.0, 90.0):
+        slope = kloss_slope(slip, 24.0, CRITICAL)
+        by_slip = central_difference(lambda x, slip=slip: kloss_torque(slip + x, 24.0, CRITICAL), step=0.05)
+        by_critical = central_difference(lambda x, slip=slip: kloss_torque(slip, 24.0 + x, CRITICAL), step=0.05)
+        assert (24.0 * slope, -slip * slope) == pytest.approx((by_slip, by_critical), abs=1e-11 * steepest)
 
 
 # -- a supply that changes --------------------------------------------------------------------------------
@@ -130,15 +92,15 @@ def by_quotient(motor, frequency, speed):
 
 
 @pytest.mark.parametrize("time", [1.0, TIME, 2.9999])
-@pytest.mark.parametrize("speed", SPEEDS)
-def test_torque_under_a_rising_supply_is_that_of_the_frequency_then(time, speed):
+def test_torque_under_a_rising_supply_is_that_of_the_frequency_then(time):
     """The second motor keeps its critical slip, the first the critical slip speed of its rated frequency."""
     scene = scene_of(0, "rising")
     p, frequency = parameters(scene, TIME), 30.0 + 19.0 * (time - 1.0)
     assert p.since == 1.0
     assert p.slip_ramp[0] == 0.0 < p.slip_ramp[1] < p.speed_ramp[1]
     for i, motor in enumerate(scene.exciters):
-        assert motor_torque(i, time, speed, p) == pytest.approx(by_quotient(motor, frequency, speed), rel=1e-13)
+        for speed in SPEEDS:
+            assert motor_torque(i, time, speed, p) == pytest.approx(by_quotient(motor, frequency, speed), rel=1e-13)
 
 
 def test_rated_frequency_matters_at_others_alone():
@@ -153,18 +115,13 @@ def test_rated_frequency_matters_at_others_alone():
     assert with_it.slip_speed == pytest.approx(2.0 * without.slip_speed, rel=1e-15)
 
 
-@pytest.mark.parametrize("speed", SPEEDS)
-def test_rate_of_torque_under_a_rising_supply(speed):
+def test_rate_of_torque_under_a_rising_supply():
     p = parameters(scene_of(0, "rising"), TIME)
     for i in range(2):
-        numerical = central_difference(lambda change, i=i: motor_torque(i, TIME + change, speed, p), step=1e-3)
         fastest = 2.0 * p.torque[i] * p.speed_ramp[i] / p.slip_speed[i]
-        assert torque_rate(i, TIME, speed, p) == pytest.approx(numerical, abs=1e-11 * fastest)
-
-
-def test_torque_under_a_constant_supply_does_not_change():
-    p = constant_supply(1.0)
-    assert [torque_rate(i, 0.3, 120.0, p) for i in range(2)] == [0.0, 0.0]
+        for v in SPEEDS:
+            numerical = central_difference(lambda change, i=i, v=v: motor_torque(i, TIME + change, v, p), step=1e-3)
+            assert torque_rate(i, TIME, v, p) == pytest.approx(numerical, abs=1e-11 * fastest)
 
 
 def test_powers_of_motors():
@@ -213,12 +170,9 @@ def test_nothing_divides_by_a_critical_slip_speed_of_0():
     assert kloss_slope(0.0, 0.0, CRITICAL) == 0.0
 
 
-@EACH_SYSTEM
 @pytest.mark.parametrize("still", [True, False])
-def test_equations_have_finite_derivatives_at_0_hz(system, still):
-    material = scene_of(system.layers).material
-    program = [{"t_s": 0.0, "supply_frequency_hz": 0.0}, {"t_s": 3.0, "supply_frequency_hz": 50.0}]
-    p = parameters(Scene(material=material, drive={"program": program}))
+def test_equations_have_finite_derivatives_at_0_hz(still):
+    p, system = start(), SYSTEMS[0]
     (state,) = random_states(seed=15, count=1)
     state[7:] *= not still
     y, yp, ypp = system.unknowns(state), np.empty(system.size), np.empty(system.size)
@@ -232,20 +186,10 @@ def test_equations_have_finite_derivatives_at_0_hz(system, still):
 # -- resistance -------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("speed", [-150.0, -0.3, 0.3, 150.0])
+@pytest.mark.parametrize("speed", [-150.0, -0.3, 0.0, 0.3, 150.0])
 def test_resistance_is_against_the_rotation(speed):
-    friction = 2e-7
-    # the equations have −L_R, so L_R has the sign of the speed
+    """The equations have −L_R, so L_R has the sign of the speed."""
+    p, friction = blank(), 2e-7
+    p.friction = friction  # without motors
     assert resistance(speed, friction) == pytest.approx(np.sign(speed) * friction * speed**2, rel=1e-15)
-    assert resistance(speed, friction) * speed > 0.0
-
-
-def test_resistance_vanishes_at_standstill():
-    assert resistance(0.0, 2e-7) == 0.0
-    assert resistance_slope(0.0, 2e-7) == 0.0
-
-
-@pytest.mark.parametrize("speed", [-150.0, -2.0, 2.0, 150.0])
-def test_slope_of_resistance(speed):
-    numerical = central_difference(lambda change: resistance(speed + change, 2e-7), step=0.1)
-    assert resistance_slope(speed, 2e-7) == pytest.approx(numerical, rel=1e-11)
+    assert net_slope(0, 0.0, speed, p) == pytest.approx(-2.0 * friction * abs(speed), rel=1e-15)

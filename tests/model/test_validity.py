@@ -46,18 +46,15 @@ def least_eigenvalue(machine, phi):
     return least
 
 
-@pytest.mark.parametrize("seed", [pytest.param(seed, marks=[pytest.mark.long] if seed >= 4 else []) for seed in SEEDS])
-@pytest.mark.parametrize("side", [-1.0, 1.0])
-def test_mass_matrix_is_positive_definite_up_to_the_safe_rotation(seed, side):
-    machine = drawn(seed)
-    assert least_eigenvalue(machine, side * machine.safe_rotation) > 0.0
-
-
-@pytest.mark.long
-def test_mass_matrix_loses_it_not_much_later():
+@pytest.mark.parametrize("seed", [0, 1, pytest.param(slice(2, None), marks=pytest.mark.long)])
+def test_mass_matrix_is_positive_definite_up_to_the_safe_rotation(seed):
     """The bound is no exaggeration: with small rotors nothing else is left to make up for what J lacks."""
-    lost = [least_eigenvalue(machine, 1.5 * machine.safe_rotation) < 0.0 for machine in map(drawn, SEEDS)]
-    assert any(lost)
+    seeds = SEEDS[seed] if isinstance(seed, slice) else [seed]
+    machines = [drawn(seed) for seed in seeds]
+    for side in (-1.0, 1.0):
+        assert all(least_eigenvalue(machine, side * machine.safe_rotation) > 0.0 for machine in machines)
+    if len(seeds) > 1:
+        assert any(least_eigenvalue(machine, 1.5 * machine.safe_rotation) < 0.0 for machine in machines)
 
 
 def test_a_machine_without_arms_never_breaks_down():
@@ -70,24 +67,21 @@ def residual(machine, phi, first, second):
     system = BARE
     y, yp, res = np.zeros(10), np.zeros(10), np.empty(10)
     y[2:5] = phi, first, second
-    told = evaluate_residual(system.index, 0.0, y, yp, res, p)
-    assert told == accelerations(system.index, 0.0, y, yp, p)
-    return told
+    found = evaluate_residual(system.index, 0.0, y, yp, res, p)
+    assert found == accelerations(system.index, 0.0, y, yp, p)
+    return found
 
 
-@pytest.mark.parametrize("seed", SEEDS)
-def test_model_holds_where_the_mass_matrix_is_well_definite_and_nowhere_else(seed):
-    machine = drawn(seed)
-    scene, rng = Scene(machine=machine), np.random.default_rng(seed)
-    for _ in range(200):
-        phi = machine.safe_rotation * rng.uniform(-4.0, 4.0)
-        first, second = rng.uniform(0.0, 2.0 * math.pi, 2)
-        state = np.array([0.0, 0.0, phi, first, second])
-        definite = np.linalg.eigvalsh(mass_matrix(state, scene))[0] > 0.0
-        if not definite:
-            assert not residual(machine, phi, first, second)
-        elif abs(phi) <= machine.safe_rotation:
-            assert residual(machine, phi, first, second)
+def test_model_holds_where_the_mass_matrix_is_well_definite_and_nowhere_else():
+    for seed in SEEDS:
+        machine = drawn(seed)
+        scene, rng = Scene(machine=machine), np.random.default_rng(seed)
+        for _ in range(25):
+            phi = machine.safe_rotation * rng.uniform(-4.0, 4.0)
+            first, second = rng.uniform(0.0, 2.0 * math.pi, 2)
+            definite = np.linalg.eigvalsh(mass_matrix(np.array([0.0, 0.0, phi, first, second]), scene))[0] > 0.0
+            if not definite or abs(phi) <= machine.safe_rotation:
+                assert residual(machine, phi, first, second) == definite
 
 
 def test_accelerations_of_a_small_rotor_keep_their_digits_beside_a_strong_motor():

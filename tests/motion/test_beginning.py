@@ -14,10 +14,9 @@ from common.places import QUICKSTART
 from common.results import unproven
 
 from vibroplat import load_config, simulate
-from vibroplat.config.scene import COORDINATES, RATES
-from vibroplat.hybrid.initial import initial_state, perturbed
-from vibroplat.hybrid.scales import state_scales
-from vibroplat.motion.initial_condition import beginning
+from vibroplat.config.coordinates import COORDINATES, RATES
+from vibroplat.hybrid.state import initial_state, perturbed, state_scales
+from vibroplat.motion.initial_condition import initial_condition
 from vibroplat.results.provenance import configuration_hash
 from vibroplat.results.tables import read_json, read_table
 from vibroplat.study.branches import branches
@@ -135,7 +134,7 @@ def test_it_may_go_on_under_another_supply(first):
 def test_bare_platform_goes_on_with_material_on_it(first):
     scene = first({"material.mass_ratio": 0.0})
     material = scene.replace({"material.mass_ratio": 0.2})
-    state = beginning(going_on(material)).state
+    state = initial_condition(going_on(material)).state
     static = initial_state(going_on(material))
     assert state[6] == static[6] < 0.0
     assert state[3] > 100.0
@@ -166,8 +165,8 @@ def test_a_run_that_goes_on_does_not_replace_the_one_before(first, command):
 def test_a_run_that_goes_on_is_not_perturbed_unless_asked(first):
     scene = first({})
     assert simulate(going_on(scene), keep="summary").summary["perturbation"] == 0.0
-    asked = beginning(going_on(scene, **{"run.perturbation": 0.01}))
-    plain = beginning(going_on(scene))
+    asked = initial_condition(going_on(scene, **{"run.perturbation": 0.01}))
+    plain = initial_condition(going_on(scene))
     assert (asked.state[:7] == plain.state[:7]).all()
     assert (asked.state[7:12] != plain.state[7:12]).all()
 
@@ -305,22 +304,24 @@ def test_start_is_perturbed_as_a_first_point_of_a_sweep(quickstart):
     (branch,) = branches(scene.replace({"sweep.supply_frequency_hz.direction": "up"}))
     key = (scene.sweep.seed, *branch.key(branch.frequencies[0]))
     of_sweep = perturbed(initial_state(branch.scene), branch.scene, scene.sweep.perturbation, key)
-    assert (beginning(scene).state == of_sweep).all()
+    assert (initial_condition(scene).state == of_sweep).all()
 
 
 def test_perturbation_changes_the_rates_of_platform_and_exciters_alone(quickstart):
     scene = quickstart.replace({"run.perturbation": None})
-    change = (beginning(scene).state - initial_state(scene)) / state_scales(scene)
+    change = (initial_condition(scene).state - initial_state(scene)) / state_scales(scene)
     assert (change[:7] == 0.0).all()
     assert (change[12:] == 0.0).all()
     assert ((np.abs(change[7:12]) > 1e-5) & (np.abs(change[7:12]) < 0.05)).all()
-    double = (beginning(scene.replace({"run.perturbation": 0.02})).state - initial_state(scene)) / state_scales(scene)
+    double = (initial_condition(scene.replace({"run.perturbation": 0.02})).state - initial_state(scene)) / state_scales(
+        scene
+    )
     np.testing.assert_allclose(double[7:12], 2.0 * change[7:12], rtol=1e-9)
 
 
 def test_seed_decides(quickstart):
     def start(seed, **changes):
-        return beginning(quickstart.replace({"run.perturbation": None, "run.seed": seed, **changes})).state
+        return initial_condition(quickstart.replace({"run.perturbation": None, "run.seed": seed, **changes})).state
 
     assert (start(1) == start(1)).all()
     assert (start(1)[7:12] != start(2)[7:12]).all()
@@ -330,13 +331,13 @@ def test_seed_decides(quickstart):
 @pytest.mark.parametrize("initial", [{}, {"state": {"y_m": -3e-4}}, {"phase_difference_rad": 1.0}])
 def test_0_is_the_start_as_it_is_given(quickstart, initial):
     scene = quickstart.replace({"run": {"perturbation": 0, "initial": initial}})
-    assert (beginning(scene).state == initial_state(scene)).all()
+    assert (initial_condition(scene).state == initial_state(scene)).all()
     assert simulate(scene.replace({"run.duration_s": 0.01})).summary["perturbation"] == 0.0
 
 
 def test_given_state_is_not_perturbed(quickstart):
     scene = quickstart.replace({"run": {"perturbation": None, "initial": {"state": {"y_m": -3e-4}}}})
-    assert (beginning(scene).state == initial_state(scene)).all()
+    assert (initial_condition(scene).state == initial_state(scene)).all()
 
 
 def test_unstable_symmetric_motion_is_left(quickstart):

@@ -10,10 +10,10 @@ import pytest
 from integrate.dop853 import Dop853
 
 from vibroplat import simulate
-from vibroplat.config.scene import COORDINATES, RATES, Mode
+from vibroplat.config.coordinates import COORDINATES, RATES, Mode
 from vibroplat.hybrid.modes import KINDS
-from vibroplat.hybrid.scales import state_scales
-from vibroplat.integrate.choice import make_engine
+from vibroplat.hybrid.state import state_scales
+from vibroplat.integrate import make_engine
 from vibroplat.integrate.stepwise import Stepwise
 from vibroplat.model.accelerations import accelerations
 from vibroplat.model.parameters import parameters

@@ -20,7 +20,7 @@ from common.synchronization import (
 from scipy.optimize import brentq
 
 from vibroplat import load_config, simulate
-from vibroplat.config.scene import COORDINATES, RATES
+from vibroplat.config.coordinates import COORDINATES, RATES
 
 EXAMPLES = sorted((ROOT / "configs/examples").glob("*.yaml"))
 

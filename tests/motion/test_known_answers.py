@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 import pytest
+from common.known import GRAVITY, OMEGA, TURN, accumulation_time, ball_on_table, dropped_ball
 from scipy.optimize import brentq
 
 import vibroplat
-from vibroplat.bench.known import GRAVITY, OMEGA, TURN, accumulation_time, ball_on_table, dropped_ball
 
 
 @pytest.fixture(params=["native", "taylor"])

@@ -15,7 +15,7 @@ from common.places import QUICKSTART
 
 from vibroplat import load_config, simulate
 from vibroplat.errors import ConfigError
-from vibroplat.integrate.choice import make_engine
+from vibroplat.integrate import make_engine
 from vibroplat.integrate.native import NativeEngine
 from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Motion

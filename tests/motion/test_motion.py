@@ -8,12 +8,12 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from common.known import dropped_ball
 
 from vibroplat import simulate
-from vibroplat.bench.known import dropped_ball
-from vibroplat.config.scene import Mode
+from vibroplat.config.coordinates import Mode
 from vibroplat.hybrid.modes import KINDS
-from vibroplat.integrate.choice import make_engine
+from vibroplat.integrate import make_engine
 from vibroplat.model.energy import FORCE_SIZE
 from vibroplat.model.parameters import parameters
 from vibroplat.model.systems import GAP, GAP_RATE
@@ -197,10 +197,10 @@ def test_a_motion_stopped_at_times_goes_on_as_before(scene):
 
 def test_parts_of_a_motion_add_up(scene):
     with motion_of(scene) as motion:
-        whole = motion.go_on(0.5)
+        whole = motion.advance(0.5)
         events = motion.events
     with motion_of(scene) as motion:
-        parts = [motion.go_on(0.1) for _ in range(5)]
+        parts = [motion.advance(0.1) for _ in range(5)]
         assert motion.events == events
     assert sum(part.measures.marks["turns"] for part in parts) == whole.measures.marks["turns"]
     for name in ("liftoffs", "impacts", "latches"):
@@ -255,7 +255,7 @@ def test_a_motion_that_begins_again_is_a_new_one(quickstart, engine):
         for _ in range(2):
             motion.to_time(0.3)
             found.append((motion.now, motion.events, motion.state))
-            motion.begin_again(state)
+            motion.reset(state)
             assert (motion.now, motion.events) == (0.0, 0)
             np.testing.assert_array_equal(motion.state, state)
     assert found[0][:2] == found[1][:2]
@@ -273,6 +273,6 @@ def test_steps_are_counted_anew_where_a_motion_begins_again(quickstart, engine, 
         motion = Motion(scene, p, made)
         state = motion.state
         for stretch in range(240):
-            motion.begin_again(state)
+            motion.reset(state)
             motion.to_time(0.1 if stretch % 2 else 0.01)  # of several turns, or shorter than one
             assert motion.outcome == "ok", motion.detail

@@ -8,10 +8,10 @@ import resource
 import numpy as np
 import pandas as pd
 import pytest
+from common.known import ball_on_table
 
 from vibroplat import simulate
-from vibroplat.bench.known import ball_on_table
-from vibroplat.config.scene import Mode
+from vibroplat.config.coordinates import Mode
 from vibroplat.hybrid.modes import GUARDS
 from vibroplat.model.parameters import parameters
 from vibroplat.model.systems import systems

@@ -32,9 +32,8 @@ from common.places import ROOT
 from scipy.integrate import solve_ivp
 
 from vibroplat import load_config, simulate
-from vibroplat.config.scene import COORDINATES, RATES, Mode
-from vibroplat.hybrid.initial import initial_state
-from vibroplat.hybrid.scales import state_scales
+from vibroplat.config.coordinates import COORDINATES, RATES, Mode
+from vibroplat.hybrid.state import initial_state, state_scales
 from vibroplat.model.accelerations import explicit
 from vibroplat.model.parameters import parameters, supply
 from vibroplat.model.systems import SYSTEMS

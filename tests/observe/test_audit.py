@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 from common.places import QUICKSTART, ROOT
+from common.random_scenes import random_scene
 
 from vibroplat import load_config, simulate
-from vibroplat.bench.stability.campaign import random_scene
 from vibroplat.observe.audit import inaccuracy
 
 LAWS = ("conservative", "central", "printed")

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from vibroplat import simulate
-from vibroplat.integrate.choice import make_engine
+from vibroplat.integrate import make_engine
 from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Motion
 from vibroplat.observe.statistics import Statistics

@@ -8,15 +8,16 @@ from contextlib import closing
 import numpy as np
 import pytest
 from common.divergence import integral_of_divergence
+from common.known import ball_on_table
 
 from vibroplat import simulate, variation
-from vibroplat.bench.known import ball_on_table
+from vibroplat.config.coordinates import Mode
 from vibroplat.config.drive import Drive, Entry
-from vibroplat.config.exciters import Exciter
-from vibroplat.config.scene import Contact, Machine, Material, Mode, Scene
+from vibroplat.config.scene import Scene
+from vibroplat.config.sections import Contact, Exciter, Machine, Material
 from vibroplat.hybrid.modes import IMPACT
-from vibroplat.hybrid.scales import state_scales
-from vibroplat.integrate.choice import make_engine
+from vibroplat.hybrid.state import state_scales
+from vibroplat.integrate import make_engine
 from vibroplat.model.parameters import IMPACT_LAWS, parameters
 from vibroplat.model.sensitivity import with_value
 from vibroplat.model.systems import GAP, GAP_RATE
@@ -92,7 +93,7 @@ class Followed:
         self.close = self._engine.close
 
     def end(self, state):
-        self._motion.begin_again(state)
+        self._motion.reset(state)
         self.events = Events()
         self._motion.to_time(self._seconds, [self.events])
         assert self._motion.outcome == "ok"

@@ -12,11 +12,11 @@ import pytest
 from common import handmade
 from common.results import unproven
 from PIL import Image
+from tools.browser import browser, missing, open_page, resize
+from tools.film import HEIGHT, write_film
 
 from vibroplat.continuation.orbit import motion_of
 from vibroplat.page import motions
-from vibroplat.page.browser import browser, missing, open_page, resize
-from vibroplat.page.film import HEIGHT, write_film
 from vibroplat.page.report import write_report
 
 pytestmark = [pytest.mark.long, pytest.mark.skipif(bool(missing()), reason=missing())]

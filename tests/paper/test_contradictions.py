@@ -15,7 +15,7 @@ from vibroplat.paper.contradictions import (
     stiff_layer_liftoff,
     unbalance_for_liftoff,
 )
-from vibroplat.paper.trial import machine_numbers, paper_scene
+from vibroplat.paper.scenes import machine_numbers, paper_scene
 
 PRINTED = paper_scene("fig2", machine_numbers("printed"))
 

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -12,20 +13,17 @@ from vibroplat.config.overrides import flat
 from vibroplat.config.reader import load_tree
 from vibroplat.config.scene import Scene
 from vibroplat.errors import ConfigError
-from vibroplat.paper import histories, reproduction
+from vibroplat.paper import reproduction, tables
+from vibroplat.paper.claims import FORMER
 from vibroplat.paper.evidence import Course, Evidence, F, Key
-from vibroplat.paper.narrowing import JUMP_WIDTH, narrow, steps_read
-from vibroplat.paper.nonimpact import LARGEST_BETA, MATCHED, UnknownError, beta_without_excess, match_beta
-from vibroplat.paper.report import write_reproduction
-from vibroplat.paper.scoreboard import FORMER
-from vibroplat.paper.trial import BETA, LAWS, machine_numbers, paper_scene
+from vibroplat.paper.root_finding import JUMP_WIDTH, LARGEST_BETA, MATCHED, beta_without_excess, match_beta, narrow
+from vibroplat.paper.scenes import BETA, machine_numbers, paper_scene
 from vibroplat.plots.paper import FIGURES, plot_paper
 from vibroplat.study.branches import branches
-from vibroplat.study.execution import Inline
 from vibroplat.study.point import measure_point
+from vibroplat.study.pool import Inline, StoredChain, run_stored
 from vibroplat.study.store import Store
 from vibroplat.study.sweep import run_sweeps
-from vibroplat.study.tasks import StoredChain, run_stored
 
 COARSE = {
     "sweep.supply_frequency_hz.start": 42.0,
@@ -60,8 +58,8 @@ def test_machines_are_known_by_their_names():
 def test_every_scene_of_the_paper_takes_the_machine():
     for name in ("printed", "damped", "calibrated"):
         numbers = machine_numbers(name)
-        for figure, panels in histories.PANELS.items():
-            for scene in (paper_scene(f"f{p}-{c}", numbers) for p in panels for c in histories.CURVES[figure]):
+        for figure, panels in tables.PANELS.items():
+            for scene in (paper_scene(f"f{p}-{c}", numbers) for p in panels for c in tables.CURVES[figure]):
                 assert scene.machine.damping_y_n_s_per_m == numbers["machine.damping_y_n_s_per_m"]
         assert paper_scene("f25.75-mu0.2-R0.3", numbers).material.mass_ratio == 0.2
         assert paper_scene("f25.75-mu0.2-R0.3", numbers).contact.restitution == 0.3
@@ -76,14 +74,12 @@ def test_beta_is_found_again(share):
     scene = paper_scene("fig6-nonimpact", machine_numbers("damped"), changes)
     evidence = Evidence()
     with Store(None, {}) as store:
-        run_sweeps([(scene, store)], Inline())
-        evidence.add(scene, store)
+        run_sweeps([(branches(scene), store)], Inline())
+        evidence.add_sweep(branches(scene), store)
     course = evidence.courses.pop(Key(0.2, model="non-impact"))
     impact = course.branch.scene.replace({"contact.model": "impact", BETA: 0.0})
     branch = branches(scene)[0]
-    evidence.courses[Key(0.2)] = Course(
-        type(branch)(0, "up", branch.grid, impact, branch.frequencies), course.plan, course.rows
-    )
+    evidence.courses[Key(0.2)] = Course(replace(branch, scene=impact), course.rows)
     assert course.rows[0][F] < MATCHED < max(row[F] for row in course.rows)
     pool = Counting()
     with Store(None, {}) as store:
@@ -96,7 +92,7 @@ def test_beta_is_found_again(share):
 
 def beta_of(evidence, records, pool):
     """β of a mass ratio of 0.2."""
-    (beta,) = run_stored([StoredChain(match_beta(evidence, 0.2), records, 0)], pool)
+    (beta,) = run_stored([StoredChain(match_beta(evidence), records, 0)], pool)
     return beta
 
 
@@ -141,8 +137,9 @@ def beta_by_table(excess, tolerance=1e-3):
     while True:
         try:
             return beta_without_excess(table, tolerance), table
-        except UnknownError as unknown:
-            table[unknown.beta] = excess(unknown.beta)
+        except KeyError as unknown:
+            (beta,) = unknown.args
+            table[beta] = excess(beta)
 
 
 def test_beta_follows_from_a_table_that_is_filled_on_demand():
@@ -168,23 +165,24 @@ def bare():
     scene = paper_scene("fig2", machine_numbers("damped"), FINE)
     evidence = Evidence()
     with Store(None, {}) as store:
-        run_sweeps([(scene, store)], Inline())
-        evidence.add(scene, store)
+        run_sweeps([(branches(scene), store)], Inline())
+        evidence.add_sweep(branches(scene), store)
     return evidence
 
 
 def jump(evidence):
-    return evidence.end_of(Key(0.0), "antiphase", 20.0)
+    return evidence.jump(Key(0.0))
 
 
 def test_jump_is_narrowed_and_stored(bare):
     evidence, again = Evidence(bare.courses), Evidence(bare.courses)
     outer = jump(evidence)
     with Store(None, {}) as store:
-        narrow([(evidence, jump, store)], Inline())
+        narrow([(evidence, store)], Inline())
         inner = jump(evidence)
         assert len(store) == 5
-        narrow([(again, jump, store)], Refusing())
+        assert jump(again) == outer
+        narrow([(again, store)], Refusing())
     assert jump(again) == inner
     column = "supply_frequency_hz"
     assert outer.after[column] - outer.before[column] == pytest.approx(0.5)
@@ -193,37 +191,24 @@ def test_jump_is_narrowed_and_stored(bare):
     assert inner.before["sync"] == "antiphase" != inner.after["sync"]
 
 
-@pytest.mark.parametrize("most", [1, 4])
-def test_interrupted_narrowing_goes_on_to_the_same_boundary(most, bare, tmp_path):
-    whole, resumed = Evidence(bare.courses), Evidence(bare.courses)
-    with Store(None, {}) as store:
-        narrow([(whole, jump, store)], Inline())
-    with Store(tmp_path, {}) as store, pytest.raises(Interrupted):
-        narrow([(resumed, jump, store)], Counting(most))
-    assert resumed.boundaries == {}
-    pool = Counting()
-    with Store(tmp_path, {}, resume=True) as store:
-        narrow([(resumed, jump, store)], pool)
-    assert pool.count == 5 - most
-    assert steps_and_rows(resumed) == steps_and_rows(whole)
-
-
-def steps_and_rows(evidence):
-    """Boundaries without their wall times."""
-    return {
-        step: [{key: value for key, value in row.items() if key != "wall_s"} for row in boundary]
-        for step, boundary in evidence.boundaries.items()
-    }
-
-
-def test_reading_evidence_changes_nothing_in_it(bare):
-    evidence = Evidence(bare.courses)
-    (step,) = steps_read(evidence, jump)
-    assert (step.regime, step.begins) == ("antiphase", False)
-    assert evidence == Evidence(bare.courses)
-    evidence.boundaries[step] = jump(evidence)
-    assert steps_read(evidence, jump) == []
-    assert steps_read(evidence, lambda e: e.without([Key(0.0)]).end_of(Key(0.0), "attached")) == []
+def test_interrupted_narrowing_goes_on_to_the_same_boundary(bare, tmp_path):
+    found = []
+    for most in (math.inf, 3):
+        evidence = Evidence(bare.courses)
+        jump(evidence)
+        place = tmp_path / str(most)
+        place.mkdir()
+        if most < math.inf:
+            with Store(place, {}) as store, pytest.raises(Interrupted):
+                narrow([(evidence, store)], Counting(most))
+            assert evidence.boundaries == {}
+        pool = Counting()
+        with Store(place, {}, resume=True) as store:
+            narrow([(evidence, store)], pool)
+        assert pool.count == (5 if most == math.inf else 5 - most)
+        (boundary,) = evidence.boundaries.values()
+        found.append([{key: value for key, value in row.items() if key != "wall_s"} for row in boundary])
+    assert found[0] == found[1]
 
 
 def test_figures_share_the_curve_without_restitution():
@@ -271,7 +256,7 @@ def test_paper_is_reproduced_and_resumed(tmp_path, coarse):
     assert told[-1][:2] == reproduction.planned(coarse, seeds)
     assert found.points >= told[-1][1]
     viscous = {"fig6-nonimpact"} if found.beta else set()
-    names = {*reproduction.SWEEPS, LAWS, *histories.PANELS, *viscous}
+    names = {*reproduction.SWEEPS, reproduction.LAWS, *tables.PANELS, *viscous}
     names |= {"sync-bands", "impact-laws", "contradictions", "claims"}
     assert names == found.tables.keys()
     board = found.tables["claims"].set_index("id")
@@ -285,7 +270,8 @@ def test_paper_is_reproduced_and_resumed(tmp_path, coarse):
     assert len(shown) == (16 if found.beta else 12)
     assert np.isfinite(found.tables["fig4"]["y_m"]).all()
     assert set(found.tables["impact-laws"]["impact_law"]) == {"conservative", "central", "printed"}
-    write_reproduction(found, coarse, tmp_path)
+    found.write(coarse, tmp_path)
+    assert any(line.startswith(f"{'machine':<24}coarse; ") for line in found.overview("coarse", 1.0))
     assert [path.stem for path in plot_paper(tmp_path)] == list(FIGURES)
     # judged again from what is stored
     same(reproduction.reproduce(coarse, place, Refusing(), seeds=seeds, resume=True), found)
@@ -327,11 +313,11 @@ def test_unfinished_reproduction_is_refused_before_anything_is_simulated(tmp_pat
 
 def test_history_begins_at_a_whole_turn():
     scene = Scene().replace({"drive.supply_frequency_hz": 50.0, "run.duration_s": 2.0})
-    table = histories.history(scene)
+    table = pd.DataFrame(tables.history(scene))
     assert table["t_s"].iloc[0] == 0.0
     turn = 1.0 / table["excitation_frequency_hz"].iloc[0]
-    assert histories.SHOWN * turn <= table["t_s"].iloc[-1] <= (histories.SHOWN + 1) * turn
-    assert table["gap_m"].isna().all()
+    assert tables.SHOWN * turn <= table["t_s"].iloc[-1] <= (tables.SHOWN + 1) * turn
+    assert "gap_m" not in table
     assert abs(table["y_m"].mean()) < 0.1 * table["y_m"].max()
 
 

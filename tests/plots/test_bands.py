@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from vibroplat.study.bands import band_lines, band_tables, bands, jumps
+from vibroplat.study.bands import band_lines, bands, jumps
 
 
 def branch(count=21, **columns):
@@ -117,17 +117,13 @@ def test_failed_points_are_a_band_of_their_own():
     assert any(line.startswith("  event-storm") and "f_e 51 … 52 Hz" in line for line in band_lines(found))
 
 
-def test_bands_are_the_same_from_parts_of_a_table(monkeypatch):
+def test_bands_of_several_branches_are_in_their_order():
     table = pd.concat([branch(), branch(branch=1, direction="down"), branch(branch=2)], ignore_index=True)
-    parts = [table.iloc[:21], table.iloc[21:]]
-    monkeypatch.setattr("vibroplat.study.bands.CHUNK", 2)
-    assert len(list(band_tables(parts))) == 2
-    pd.testing.assert_frame_equal(pd.concat(band_tables(parts), ignore_index=True), bands(table))
     assert bands(table)["branch"].unique().tolist() == [0, 1, 2]
 
 
 def test_bands_of_an_empty_table_are_empty():
-    (found,) = band_tables([branch().iloc[:0]])
+    found = bands(branch().iloc[:0])
     assert found.empty
     assert "from_rms_y_m" in found
 

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
+from common.drawing import given
+from common.random_scenes import STORM, TURNS, Draw, drawn
 
+from stability.checks import NAMED, row, sound, with_engine
+from stability.situations import ENGINES
 from vibroplat import simulate
-from vibroplat.bench.stability.campaign import STORM, TURNS, Draw, drawn
-from vibroplat.bench.stability.checks import NAMED, row, sound, with_engine
-from vibroplat.bench.stability.situations import ENGINES
 from vibroplat.integrate.native import MAX_STEPS
 
 
@@ -17,26 +16,30 @@ class Numbers:
     """Random numbers that Hypothesis chooses; the middle of a range is the simplest."""
 
     def __init__(self, data):
-        self._data = data
+        from hypothesis import strategies
+
+        self._draw, self._st = data.draw, strategies
 
     def uniform(self, low=0.0, high=1.0, size=None):
         if size is not None:
             return [self.uniform(low, high) for _ in range(size)]
         middle, half = 0.5 * (low + high), 0.5 * (high - low)
-        return middle + half * self._data.draw(st.floats(-1.0, 1.0))
+        return middle + half * self._draw(self._st.floats(-1.0, 1.0))
 
     def random(self):
-        return self._data.draw(st.floats(0.0, 1.0, exclude_max=True))
+        return self._draw(self._st.floats(0.0, 1.0, exclude_max=True))
 
     def integers(self, low, high=None):
         low, high = (0, low) if high is None else (low, high)
-        return self._data.draw(st.integers(low, high - 1))
+        return self._draw(self._st.integers(low, high - 1))
 
     def standard_normal(self, size):
-        return [3.0 * self._data.draw(st.floats(-1.0, 1.0)) for _ in range(size)]
+        return [3.0 * self._draw(self._st.floats(-1.0, 1.0)) for _ in range(size)]
 
 
-def held(data, engine):
+@pytest.mark.parametrize("engine", ENGINES)
+@given(data=lambda st: st.data())
+def test_any_scene_ends_soundly_with_a_named_outcome(data, engine):
     scene = with_engine(drawn(Draw(Numbers(data)), "drawn"), engine)
     summary = simulate(scene, keep="summary").summary
     limits = sound(scene, summary) | {
@@ -45,16 +48,3 @@ def held(data, engine):
     }
     failed = row("drawn", summary["outcome"], limits, allowed=NAMED)["failed"]
     assert failed == "", scene.to_tree()
-
-
-@pytest.mark.parametrize("engine", ENGINES)
-@settings(
-    max_examples=100,
-    derandomize=True,
-    deadline=None,
-    database=None,
-    suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large],
-)
-@given(data=st.data())
-def test_any_scene_ends_soundly_with_a_named_outcome(data, engine):
-    held(data, engine)

@@ -6,12 +6,12 @@ import math
 
 import pandas as pd
 import pytest
+from common.random_scenes import TURNS, random_scene
 
+from stability.checks import overview, row, side_by_side, sound, with_engine
+from stability.situations import ENGINES, SITUATIONS
 from vibroplat import simulate
 from vibroplat.bench.scenes import base
-from vibroplat.bench.stability.campaign import TURNS, random_scene
-from vibroplat.bench.stability.checks import overview, row, side_by_side, sound, with_engine
-from vibroplat.bench.stability.situations import ENGINES, SITUATIONS
 from vibroplat.integrate.native import MAX_STEPS
 
 #: Those that take seconds.

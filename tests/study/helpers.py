@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from vibroplat import load_config, sweep
+from vibroplat.study.pool import Task
 
 #: A bare machine.
 MACHINE = Path(__file__).parents[1] / "machines" / "damped.yaml"
@@ -25,3 +26,22 @@ def planned(config, start, stop=None, *, step=0.5, direction="up", changes=None,
 def swept(config, start, stop=None, **options):
     """Sweep a configuration in this process; see :func:`planned`."""
     return sweep(planned(config, start, stop, **options))
+
+
+class Calls:
+    """A chain of calls that are known beforehand."""
+
+    def __init__(self, *calls):
+        self.calls = calls
+        self.results = []
+
+    @property
+    def next(self):
+        return None if self.done else Task(*self.calls[len(self.results)])
+
+    @property
+    def done(self):
+        return len(self.results) == len(self.calls)
+
+    def take(self, result):
+        self.results.append(result)

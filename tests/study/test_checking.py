@@ -5,23 +5,19 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 import pytest
+from common.random_scenes import random_scene
 
 import vibroplat
 from study.helpers import CHAOTIC, planned
 from vibroplat import check_run, check_sweep, load_config
-from vibroplat.bench.stability.campaign import random_scene
-from vibroplat.check import measures
-from vibroplat.check.agreement import EVENT_TIME
-from vibroplat.check.changes import by_other_engine, with_other_tolerance
-from vibroplat.check.courses import Course
-from vibroplat.check.events import Errors, paired
-from vibroplat.check.runs import repetitions
+from vibroplat.check import by_other_engine, sweeps, with_other_tolerance
+from vibroplat.check.runs import EVENT_TIME, Course, Errors, paired, repetitions
 from vibroplat.check.sweeps import check_points
 from vibroplat.config.reader import configurations
 from vibroplat.errors import ConfigError
-from vibroplat.integrate.choice import other_engine
-from vibroplat.study.choice import chosen
-from vibroplat.study.execution import Inline
+from vibroplat.integrate import other_engine
+from vibroplat.study.branches import branches, chosen
+from vibroplat.study.pool import Inline
 from vibroplat.study.store import Store
 from vibroplat.study.sweep import run_sweeps
 
@@ -140,11 +136,11 @@ def test_a_run_that_amplifies_errors_is_compared_while_that_makes_sense():
 
 
 def test_samples_are_thinned_and_progress_is_told(monkeypatch):
-    monkeypatch.setattr("vibroplat.check.courses.MOST", 50)
+    monkeypatch.setattr("vibroplat.check.runs.MOST", 50)
     told = []
     found = check_run(run_scene(0.1), other=honest, progress=lambda reached, events: told.append(reached))
     assert found.agrees
-    assert len(Course(run_scene(0.1)).run().samples) == 51
+    assert len(Course(run_scene(0.1)).samples) == 51
     assert told == sorted(told)
     assert told[-1] == pytest.approx(0.6)
 
@@ -212,7 +208,7 @@ def test_the_choice_is_repeatable_and_follows_the_seed():
     scene = sweep_scene()
 
     def numbers(scene, share):
-        return [(place.branch.number, place.point) for place in chosen(scene, share)]
+        return [(place.branch.number, place.point) for place in chosen(branches(scene), share)]
 
     assert numbers(scene, 0.5) == numbers(scene, 0.5)
     assert len(set(numbers(scene, 0.5))) == 4
@@ -235,7 +231,7 @@ def test_a_wrong_term_is_found_in_a_sweep(jobs):
     found = check_sweep(scene, 0.3, jobs=jobs, other=wrong)
     assert not found.agrees
     assert len(found.disagreements) == 2
-    for line, place in zip(found.disagreements, chosen(scene, 0.3), strict=True):
+    for line, place in zip(found.disagreements, chosen(branches(scene), 0.3), strict=True):
         assert line.startswith(f"engines disagree at supply_frequency_hz = {place.branch.frequencies[place.point]}")
         assert f"branch {place.branch.number} ({place.branch.direction}): motor_power_w = " in line
         assert "allowed: a difference of " in line
@@ -259,7 +255,7 @@ def test_chaos_is_compared_by_its_standard_errors():
     (point,) = found.checked
     assert point.first[2] == "non-periodic"
     compared = {d.column: d for d in point.differences}
-    assert set(compared) <= set(measures.ERRORS)
+    assert set(compared) <= set(sweeps.ERRORS)
     assert compared["rms_y_m"].difference > 100.0 * scene.solver.tolerance * compared["rms_y_m"].scale
     slower = check_sweep(scene, other=lambda s: s.replace({"drive.supply_frequency_hz": 56.0}))
     assert not slower.agrees
@@ -267,13 +263,12 @@ def test_chaos_is_compared_by_its_standard_errors():
 
 def test_a_check_is_resumed(tmp_path):
     scene = sweep_scene()
-    places = chosen(scene, 0.5)
+    places = chosen(branches(scene), 0.5)
     with Store(tmp_path, {}) as store:
-        run_sweeps([(scene, store)], Inline())
-        first = check_points(scene, places, store, store.part("check"), Inline(), other=honest)
+        run_sweeps([(branches(scene), store)], Inline())
+        first = check_points(branches(scene), places, store, Inline(), other=honest)
     with Store(tmp_path, {}, resume=True) as store:
-        again = check_points(scene, places, store, store.part("check"), Inline(), other=honest)
-        assert store.reused >= 4
+        again = check_points(branches(scene), places, store, None, other=honest)  # nothing is left for workers
         assert len(store) == 12
     assert again.to_tree() == first.to_tree()
 

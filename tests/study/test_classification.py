@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from common.places import LOADED
 
-from vibroplat.integrate.choice import make_engine
+from vibroplat.integrate import make_engine
 from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Motion
 from vibroplat.observe import statistics as m
@@ -359,11 +359,11 @@ def test_difference_of_two_copies_is_what_was_summed_between_them(restitution):
     )
     p = parameters(scene)
     with closing(make_engine(scene, p)) as engine:
-        part = Motion(scene, p, engine).go_on(4.0, blocks=2)
+        part = Motion(scene, p, engine).advance(4.0, blocks=2)
     with closing(make_engine(scene, p)) as engine:
         motion = Motion(scene, p, engine)
-        motion.go_on(2.0)
-        later = motion.go_on(2.0)
+        motion.advance(2.0)
+        later = motion.advance(2.0)
     first, second = part.blocks
     found, fresh = statistics(m.between(first, second)), statistics(later.measures)
     turn = first.marks["last_time"]
@@ -380,7 +380,7 @@ def test_blocks_add_up_to_the_whole():
     scene = planned(MACHINE, 62.5, changes=CHAOTIC).replace(CHAOTIC)
     p = parameters(scene)
     with closing(make_engine(scene, p)) as engine:
-        part = Motion(scene, p, engine).go_on(2.0, blocks=BLOCKS)
+        part = Motion(scene, p, engine).advance(2.0, blocks=BLOCKS)
     assert len(part.blocks) == BLOCKS
     differences = [m.between(*pair) for pair in zip(part.blocks[:-1], part.blocks[1:], strict=True)]
     total = m.numbers(part.blocks[0].whole) + sum(m.numbers(block.whole) for block in differences)

@@ -24,7 +24,9 @@ from common.results import bits, finished_points
 from vibroplat.errors import ConfigError
 from vibroplat.study import cluster
 from vibroplat.study.cluster import ForeignWorkerError, LostError, require_scheduler
-from vibroplat.study.execution import pool, run_chains
+from vibroplat.study.pool import pool, run_chains
+
+from .helpers import Calls
 
 #: Seconds in which an address without a scheduler is refused after the start of the program, whose time varies
 #: with what else the machine does.
@@ -42,20 +44,6 @@ BRANCH = f"extends: {LOADED}\nname: c\nsweep: {{supply_frequency_hz: {{start: 46
 CHANGE = ("study/point.py", "perturbed(start, scene, plan", "perturbed(start, scene, 1.01 * plan")
 #: How what is given up ends.
 KEPT = "finished points are kept: continue with --resume"
-
-
-class Tasks:
-    """A chain of calls."""
-
-    def __init__(self, *calls):
-        self.calls = calls
-        self.results = []
-
-    def task(self):
-        return self.calls[len(self.results)] if len(self.results) < len(self.calls) else None
-
-    def take(self, result):
-        self.results.append(result)
 
 
 # -- addresses where no scheduler is ----------------------------------------------------------------------
@@ -202,14 +190,14 @@ def workers(threads):
 
 
 def test_worker_with_the_same_fingerprint_works(workers):
-    chain = Tasks((math.sqrt, (4.0,)), (math.sqrt, (9.0,)))
+    chain = Calls((math.sqrt, (4.0,)), (math.sqrt, (9.0,)))
     list(run_chains([chain], workers))
     assert chain.results == [2.0, 3.0]
 
 
 def test_worker_with_another_fingerprint_gives_no_result(workers, threads):
     workers._expected = {**workers._expected, "numpy": "1.0"}
-    chain = Tasks((math.sqrt, (4.0,)))
+    chain = Calls((math.sqrt, (4.0,)))
     with pytest.raises(ForeignWorkerError) as caught:
         list(run_chains([chain], workers))
     (worker,) = threads.workers.values()
@@ -221,7 +209,7 @@ def test_worker_with_another_fingerprint_gives_no_result(workers, threads):
 def test_workers_that_join_are_given_tasks(workers, threads, monkeypatch):
     monkeypatch.setattr(cluster, "RECOUNT", 0.0)
     monkeypatch.setattr(workers, "_workers", lambda: {"one": 4, "another": 2})
-    list(run_chains([Tasks((math.sqrt, (4.0,)))], workers))
+    list(run_chains([Calls((math.sqrt, (4.0,)))], workers))
     assert workers.slots == 12
 
 
@@ -231,7 +219,7 @@ def test_scheduler_that_cannot_count_its_workers_in_time_is_given_tasks(workers,
 
     monkeypatch.setattr(cluster, "RECOUNT", 0.0)
     monkeypatch.setattr(workers, "_workers", late)
-    chain = Tasks((math.sqrt, (4.0,)))
+    chain = Calls((math.sqrt, (4.0,)))
     list(run_chains([chain], workers))
     assert chain.results == [2.0]
 
@@ -254,7 +242,7 @@ def test_worker_that_cannot_load_the_package_is_named(error, text, workers, thre
     monkeypatch.setattr(fail, "__module__", "vibroplat.study.fingerprint", raising=False)
     monkeypatch.setattr(fail, "__qualname__", "checked")
     with pytest.raises(ForeignWorkerError) as caught:
-        list(run_chains([Tasks((math.sqrt, (4.0,)))], workers))
+        list(run_chains([Calls((math.sqrt, (4.0,)))], workers))
     (worker,) = threads.workers.values()
     assert str(caught.value).startswith(f"worker {worker.address}: {text}")
 
@@ -269,7 +257,7 @@ def test_no_worker_is_told_and_given_up(kernels, monkeypatch, caplog):
         caplog.at_level(logging.WARNING, "vibroplat"),
         pytest.raises(LostError) as caught,
     ):
-        list(run_chains([Tasks((math.sqrt, (4.0,)))], workers))
+        list(run_chains([Calls((math.sqrt, (4.0,)))], workers))
     what = f"a worker of the scheduler at {empty.scheduler_address}"
     assert str(caught.value) == f"waited 1.5 s for {what}"
     told = [record.getMessage() for record in caplog.records if record.name == "vibroplat"]

@@ -18,27 +18,14 @@ from common.results import bits
 
 from vibroplat import sweep
 from vibroplat.errors import ConfigError
-from vibroplat.study import execution
-from vibroplat.study.execution import LIVES, PINNED, Cluster, Inline, Processes, WorkerLostError, pool, run_chains
+from vibroplat.study import pool as execution
+from vibroplat.study.branches import branches
 from vibroplat.study.point import Point
+from vibroplat.study.pool import LIVES, PINNED, Cluster, Inline, Processes, Task, WorkerLostError, pool, run_chains
 from vibroplat.study.store import Store
 from vibroplat.study.sweep import run_sweeps, tables
 
-from .helpers import MACHINE, planned
-
-
-class Tasks:
-    """A chain of calls that are known beforehand."""
-
-    def __init__(self, *calls):
-        self.calls = calls
-        self.results = []
-
-    def task(self):
-        return self.calls[len(self.results)] if len(self.results) < len(self.calls) else None
-
-    def take(self, result):
-        self.results.append(result)
+from .helpers import MACHINE, Calls, planned
 
 
 class Counting:
@@ -48,8 +35,13 @@ class Counting:
         self.results = [start]
         self.left = tasks
 
-    def task(self):
-        return (math.ldexp, (self.results[-1], 1)) if self.left else None
+    @property
+    def next(self):
+        return Task(math.ldexp, (self.results[-1], 1))
+
+    @property
+    def done(self):
+        return not self.left
 
     def take(self, result):
         self.left -= 1
@@ -118,12 +110,12 @@ def test_tasks_of_a_chain_follow_one_another(name, request):
 
 def test_no_chains_are_no_work():
     assert list(run_chains([], Inline())) == []
-    assert list(run_chains([Tasks(), Tasks()], Inline())) == []
+    assert list(run_chains([Calls(), Calls()], Inline())) == []
 
 
 @pytest.mark.parametrize("name", ["processes", pytest.param("cluster", marks=pytest.mark.long)])
 def test_workers_work_side_by_side(name, request):
-    chains = [Tasks(*[(time.sleep, (0.1,)), (os.getpid, ())] * 4) for _ in range(4)]
+    chains = [Calls(*[(time.sleep, (0.1,)), (os.getpid, ())] * 4) for _ in range(4)]
     found = finish(chains, request.getfixturevalue(name))
     pids = {result for results in found for result in results[1::2]}
     assert len(pids) == 2
@@ -132,25 +124,25 @@ def test_workers_work_side_by_side(name, request):
 
 def test_one_job_is_this_process():
     with pool() as workers:
-        assert finish([Tasks((os.getpid, ()))], workers) == [[os.getpid()]]
+        assert finish([Calls((os.getpid, ()))], workers) == [[os.getpid()]]
 
 
 def test_numerical_libraries_have_one_thread_in_each_worker(processes):
     assert {"OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"} <= set(PINNED)
-    (found,) = finish([Tasks(*[(os.getenv, (name,)) for name in PINNED])], processes)
+    (found,) = finish([Calls(*[(os.getenv, (name,)) for name in PINNED])], processes)
     assert found == ["1"] * len(PINNED)
 
 
 def test_workers_do_not_hear_ctrl_c(processes):
     """A terminal sends it to them too; their parent stops them."""
-    assert finish([Tasks((signal.pthread_sigmask, (signal.SIG_BLOCK, ())))], processes) == [[{signal.SIGINT}]]
+    assert finish([Calls((signal.pthread_sigmask, (signal.SIG_BLOCK, ())))], processes) == [[{signal.SIGINT}]]
 
 
 @pytest.mark.parametrize("name", ["inline", "processes", pytest.param("cluster", marks=pytest.mark.long)])
 def test_error_of_a_task_is_raised(name, request):
     workers = Inline() if name == "inline" else request.getfixturevalue(name)
     with pytest.raises(ValueError, match="math domain error"):
-        finish([Tasks((math.sqrt, (-1.0,)))], workers)
+        finish([Calls((math.sqrt, (-1.0,)))], workers)
 
 
 # -- workers that die -----------------------------------------------------------------------------------
@@ -159,14 +151,14 @@ def test_error_of_a_task_is_raised(name, request):
 @pytest.mark.faults
 @pytest.mark.parametrize("killers", [(0,), (3,), (0, 2)], ids=str)
 def test_task_that_kills_its_worker_costs_its_own_point_alone(killers, processes):
-    chains = [Tasks(NAP, KILLER if k in killers else NAP, NAP, (abs, (-k,))) for k in range(4)]
+    chains = [Calls(NAP, KILLER if k in killers else NAP, NAP, (abs, (-k,))) for k in range(4)]
     found = finish(chains, processes)
     assert found == [[None, "lost" if k in killers else None, None, k] for k in range(4)]
 
 
 @pytest.mark.faults
 def test_only_task_that_kills_its_worker_is_given_up(processes):
-    assert finish([Tasks(KILLER, (abs, (-1,)))], processes) == [["lost", 1]]
+    assert finish([Calls(KILLER, (abs, (-1,)))], processes) == [["lost", 1]]
 
 
 class Fragile:
@@ -214,7 +206,7 @@ class Fragile:
 def test_suspects_run_alone(killers):
     """Each death costs what the other workers are at: once at first, then a killer's own work alone."""
     workers = Fragile()
-    chains = [Tasks((abs, (-1,)), KILLER if k in killers else (abs, (-2,)), (abs, (-3,))) for k in range(5)]
+    chains = [Calls((abs, (-1,)), KILLER if k in killers else (abs, (-2,)), (abs, (-3,))) for k in range(5)]
     assert finish(chains, workers) == [[1, "lost" if k in killers else 2, 3] for k in range(5)]
     in_company = [cost for cost in workers.deaths if cost > 1]
     assert len(in_company) <= len(killers)
@@ -223,7 +215,7 @@ def test_suspects_run_alone(killers):
 
 @pytest.mark.faults
 def test_dask_task_that_kills_its_worker_costs_its_own_point_alone(cluster):
-    chains = [Tasks(NAP, KILLER if k == 1 else NAP, NAP, (abs, (-k,))) for k in range(4)]
+    chains = [Calls(NAP, KILLER if k == 1 else NAP, NAP, (abs, (-k,))) for k in range(4)]
     assert finish(chains, cluster) == [[None, "lost" if k == 1 else None, None, k] for k in range(4)]
 
 
@@ -261,9 +253,9 @@ def interrupted(scene, workers, disturb, after):
             disturb()
 
     with Store(None, {}) as store:
-        run_sweeps([(scene, store)], workers, progress)
+        run_sweeps([(branches(scene), store)], workers, progress)
         assert disturbed
-        (table,) = tables(scene, store)
+        (table,) = tables(branches(scene), store)
         return table
 
 
@@ -349,8 +341,8 @@ def with_a_lost_point(scene, workers, monkeypatch):
 
     monkeypatch.setattr("vibroplat.study.point.measure_point", measure if workers.slots == 1 else KillsAt(LOST))
     with Store(None, {}) as store:
-        run_sweeps([(scene, store)], workers)
-        (found,) = tables(scene, store)
+        run_sweeps([(branches(scene), store)], workers)
+        (found,) = tables(branches(scene), store)
     return found, begun
 
 
@@ -418,7 +410,7 @@ def test_number_of_jobs_is_checked(jobs, command, here):
 
 def test_workers_are_gone_when_the_pool_is_closed():
     with pool(jobs=2) as workers:
-        finish([Tasks(NAP), Tasks(NAP)], workers)
+        finish([Calls(NAP), Calls(NAP)], workers)
         assert len(loky_workers()) == 2
     assert loky_workers() == []
 
@@ -432,7 +424,7 @@ def test_pool_may_be_opened_after_another_was_closed():
     for _ in range(2):
         with pool(jobs=2) as workers:
             assert isinstance(workers, Processes)
-            assert finish([Tasks((abs, (-3,)))], workers) == [[3]]
+            assert finish([Calls((abs, (-3,)))], workers) == [[3]]
 
 
 # -- no more processes than are of use --------------------------------------------------------------------
@@ -505,5 +497,5 @@ def test_workers_that_end_because_they_were_idle_are_replaced_without_a_word(mon
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always")
         with pool(jobs=2) as workers:
-            finish([Tasks(*[NAP] * 40) for _ in range(3)], workers)
+            finish([Calls(*[NAP] * 40) for _ in range(3)], workers)
     assert [str(warning.message) for warning in told] == []

@@ -12,12 +12,12 @@ import numba
 import numpy as np
 import pytest
 from common.divergence import integral_of_divergence
+from common.known import GRAVITY, OMEGA, TURN, ball_on_table
 
 from vibroplat import load_config, lyapunov, simulate, variation
-from vibroplat.bench.known import GRAVITY, OMEGA, TURN, ball_on_table
 from vibroplat.errors import ConfigError, MotionError
-from vibroplat.hybrid.initial import initial_state
-from vibroplat.integrate.choice import make_engine
+from vibroplat.hybrid.state import initial_state
+from vibroplat.integrate import make_engine
 from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Motion
 from vibroplat.observe.names import state_places

@@ -10,7 +10,7 @@ from common.results import bits
 
 from vibroplat.results.tables import read_table
 from vibroplat.study.branches import branches
-from vibroplat.study.report import note_on_undecided, notes_on_branches, notes_on_points
+from vibroplat.study.sweep import notes_on_branches, notes_on_points
 
 from .helpers import planned, swept
 
@@ -44,7 +44,8 @@ def test_points_that_fail_have_no_notes():
 
 
 def noted(*notes):
-    return pd.DataFrame({"supply_frequency_hz": 60.0 + np.arange(len(notes)), "notes": list(notes)})
+    found = pd.DataFrame({"supply_frequency_hz": 60.0 + np.arange(len(notes)), "notes": list(notes)})
+    return found.assign(motion="periodic", outcome="ok")
 
 
 def test_each_kind_of_note_is_told_once_with_its_points():
@@ -107,11 +108,12 @@ def test_undecided_points_are_told_with_the_first_reason():
             "supply_frequency_hz": [45.0, 46.0, 47.0],
             "motion": ["periodic", "undecided", "undecided"],
             "outcome": "ok",
+            "notes": "",
             "detail": ["", "sign unclear", "section drifts"],
         }
     )
     told = "2 points are undecided, the first at a supply of 46 Hz: sign unclear; sweep.max_settle_s may help"
-    assert note_on_undecided(table) == [told]
+    assert notes_on_points(table) == [told]
     one = "1 point is undecided, at a supply of 47 Hz: section drifts; sweep.max_settle_s may help"
-    assert note_on_undecided(table[table["detail"] != "sign unclear"]) == [one]
-    assert note_on_undecided(table[:1]) == []
+    assert notes_on_points(table[table["detail"] != "sign unclear"]) == [one]
+    assert notes_on_points(table[:1]) == []

@@ -6,7 +6,7 @@ import pytest
 from common.places import FLYING, LOADED
 
 from vibroplat import Scene, load_config
-from vibroplat.config.sweep_plan import Frequencies
+from vibroplat.config.plans import Frequencies
 from vibroplat.errors import ConfigError
 from vibroplat.study.branches import branches
 

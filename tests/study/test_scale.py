@@ -11,11 +11,11 @@ import pytest
 from common.places import LOADED
 
 from vibroplat.results.tables import read_table
-from vibroplat.study import report
-from vibroplat.study.execution import Inline
+from vibroplat.study.branches import branches
 from vibroplat.study.point import MEASURED, Point
+from vibroplat.study.pool import Inline
 from vibroplat.study.store import Store
-from vibroplat.study.sweep import run_sweeps
+from vibroplat.study.sweep import run_sweeps, write_sweep
 
 from .helpers import planned
 
@@ -39,8 +39,8 @@ def sweep_of(points, directory, **plan):
     scene = planned(LOADED, 1.0, last, step=0.1, direction=["up", "down"], grid=grid, **plan)
     directory.mkdir()
     with Store(directory, {}) as store:
-        run_sweeps([(scene, store)], Inline())
-        report.write_sweep(scene, store, directory, "parquet")
+        run_sweeps([(branches(scene), store)], Inline())
+        write_sweep(scene, branches(scene), store, directory, "parquet")
 
 
 def largest_memory(*arguments, **plan):

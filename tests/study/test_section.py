@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from vibroplat import Scene
-from vibroplat.hybrid.scales import state_scales
+from vibroplat.hybrid.state import state_scales
 from vibroplat.observe import statistics as m
 from vibroplat.observe.statistics import no_measures
 from vibroplat.study.section import MAX_PERIOD, period, section_points, spreads

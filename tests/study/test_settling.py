@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 from common.places import LOADED
 
-from vibroplat.integrate.choice import make_engine
+from vibroplat.integrate import make_engine
 from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Motion
 from vibroplat.study.point import BLOCKS, ERRORS

@@ -15,16 +15,15 @@ from common.results import bits
 from vibroplat import load_config, simulate, sweep
 from vibroplat.config.scene import Scene
 from vibroplat.errors import ConfigError
-from vibroplat.hybrid.initial import initial_state, perturbed
-from vibroplat.hybrid.scales import state_scales
-from vibroplat.integrate.choice import make_engine
+from vibroplat.hybrid.state import initial_state, perturbed, state_scales
+from vibroplat.integrate import make_engine
 from vibroplat.observe import audit
 from vibroplat.results.tables import read_table
 from vibroplat.study.branches import branches
-from vibroplat.study.execution import Inline
 from vibroplat.study.point import Point, measure_point, synchronization
+from vibroplat.study.pool import Inline
 from vibroplat.study.store import Store
-from vibroplat.study.sweep import impact_tables, run_sweeps, section_tables, tables
+from vibroplat.study.sweep import diagram_tables, run_sweeps, tables
 
 from .helpers import CHAOTIC, MACHINE, planned, swept
 
@@ -401,8 +400,9 @@ def test_no_perturbation_is_the_same_state():
 
 def both_tables(scene):
     with Store(None, {}) as store:
-        run_sweeps([(scene, store)], Inline())
-        return [pd.concat(parts(scene, store)) for parts in (tables, section_tables, impact_tables)]
+        run_sweeps([(branches(scene), store)], Inline())
+        found = {"sweep": tables(branches(scene), store)} | diagram_tables(branches(scene), store)
+        return [pd.concat(parts) for parts in found.values()]
 
 
 def test_bifurcation_tables_show_the_last_turns_and_impacts_of_each_point():

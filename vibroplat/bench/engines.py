@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import resource
 import statistics
 import subprocess
 import sys
@@ -18,11 +19,11 @@ import pandas as pd
 
 from vibroplat.bench.reference import Reference
 from vibroplat.bench.scenes import base, kinds, regimes
-from vibroplat.bench.stability.endurance import resident
 from vibroplat.bench.timing import TOLERANCES, with_engine
-from vibroplat.config.scene import Mode, Scene
-from vibroplat.hybrid.scales import absolute_tolerances
-from vibroplat.integrate.choice import make_engine
+from vibroplat.config.coordinates import Mode
+from vibroplat.config.scene import Scene
+from vibroplat.hybrid.state import absolute_tolerances
+from vibroplat.integrate import make_engine
 from vibroplat.model.parameters import parameters
 from vibroplat.model.systems import GAP, systems
 from vibroplat.motion.motion import Motion
@@ -67,7 +68,7 @@ def _work(scene: Scene, turns: float) -> tuple[int, int, int]:
     with closing(make_engine(scene, p)) as engine:
         engine.turns_per_segment = turns
         motion = Motion(scene, p, engine)
-        motion.go_on(scene.run.duration_s)
+        motion.advance(scene.run.duration_s)
         work = engine.work
     return int(work["steps"] or 0), int(work["residual_calls"] or 0), motion.restarts
 
@@ -107,6 +108,15 @@ def long_run(engine: str, restarts: float, tolerance: float) -> dict[str, Any]:
         "gap_min_m": summary["gap_min_m"],
         "gap_tolerance_m": absolute_tolerances(scene, flight)[GAP],
     }
+
+
+def resident() -> float:
+    """Memory in use (KiB), or its maximum so far if the system does not report it."""
+    try:
+        pages = int(Path("/proc/self/statm").read_text(encoding="utf-8").split()[1])
+    except OSError:
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return pages * resource.getpagesize() / 1024.0
 
 
 def start_times(repeats: int = 3) -> pd.DataFrame:

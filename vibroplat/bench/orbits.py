@@ -16,7 +16,7 @@ from vibroplat.continuation.orbit import OrbitError, beginning_at, orbit
 from vibroplat.continuation.tables import orbits
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.motion.run import simulate
-from vibroplat.paper.trial import machine_numbers, paper_scene
+from vibroplat.paper.scenes import machine_numbers, paper_scene
 from vibroplat.study.branches import FREQUENCY, SUPPLY
 from vibroplat.study.sweep import sweep
 

@@ -12,8 +12,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from vibroplat.config.coordinates import COORDINATES
 from vibroplat.config.reader import load_config
-from vibroplat.config.scene import COORDINATES, Scene
+from vibroplat.config.scene import Scene
 from vibroplat.errors import TableError
 from vibroplat.observe.trajectory import Trajectory
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib.util
 import sys
-import time
 from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -20,9 +19,6 @@ from vibroplat.results.tables import write_table
 
 if TYPE_CHECKING:
     from vibroplat.bench.peers.peers import Peer
-
-#: Failed scenes of a situation that are listed one by one.
-TOLD = 5
 
 #: Repeats at least, of which medians are taken where engines are compared closely.
 MEDIAN_OF = 7
@@ -69,66 +65,6 @@ def report_sweeps(directory: Path, reference: Path, repeats: int) -> None:
     _show(sweeps.workers(min(repeats, 3)), directory, "sweeps-workers")
 
 
-def report_stability(directory: Path, reference: Path, repeats: int) -> None:
-    """Run situations that are difficult for a hybrid solver; every scene is checked and gets a row in a table."""
-    from vibroplat.bench.stability.checks import overview, side_by_side  # noqa: PLC0415
-    from vibroplat.bench.stability.situations import SITUATIONS  # noqa: PLC0415  (imports all situations)
-
-    tables = {}
-    for name, situation in SITUATIONS.items():
-        of_engines = []
-        for engine in situation.engines:
-            began = time.perf_counter()
-            table = situation.table(engine, situation.all)
-            seconds = time.perf_counter() - began
-            of_engines.append(table)
-            failed = table[table["failed"] != ""]
-            print(f"{name:<16}{engine:<8}{len(table)} scenes, {len(failed)} failed, {seconds:.3g} s", flush=True)
-            for scene, what in zip(failed["scene"].head(TOLD), failed["failed"].head(TOLD), strict=True):
-                print(f"  {scene}: {what}")
-        tables[name] = side_by_side(of_engines)
-        write_table(tables[name], directory, f"stability-{name}", "csv")
-    _show(overview(tables), directory, "stability")
-
-
-def report_soak(directory: Path, reference: Path, repeats: int, seconds: float = 0.0) -> None:
-    """Do a round of random work that is disturbed, or rounds until so many seconds of processor time are stored.
-
-    Raises
-    ------
-    FailedRoundsError
-        Something failed in these rounds or in stored ones; each failure is printed first.
-    """
-    from vibroplat.bench.soak.rounds import SEPARATOR, Row  # noqa: PLC0415  (imports all that it tries)
-    from vibroplat.bench.soak.soak import soak  # noqa: PLC0415
-
-    def tell(row: Row) -> None:
-        kills = row["sweep_kills"] + row["worker_kills"]
-        print(
-            f"round {row['round']}: {row['runs']} runs, {row['points']} points, {kills} kills, "
-            f"{row['processor_s']:.3g} s of processor time",
-            flush=True,
-        )
-        if row["left_out"]:
-            print(f"left out: {row['left_out']}", file=sys.stderr)
-
-    table = soak(directory / "soak", seconds=seconds, tell=tell)
-    _show(table, directory, "soak")
-    print(f"{table['processor_s'].sum() / 3600.0:.3g} hours of processor time in {len(table)} rounds")
-    failed = table[table["failed"] != ""]
-    for number, text in zip(failed["round"], failed["failed"], strict=True):
-        for line in text.split(SEPARATOR):
-            print(f"vibroplat: round {number}: {line}", file=sys.stderr)
-    if len(failed):
-        raise FailedRoundsError(f"{len(failed)} of {len(table)} rounds failed")
-
-
-class FailedRoundsError(VibroplatError):
-    """Something failed in a soak."""
-
-    exit_code = 1
-
-
 def report_summary(directory: Path, reference: Path, repeats: int) -> None:
     """Compare run times of the installed peers at equal error, on scenes with and without events."""
     _compare(directory, reference, repeats, "summary", quick=True)
@@ -165,14 +101,10 @@ def report_taylor(directory: Path, reference: Path, repeats: int) -> None:
 
 
 def report_orbits(directory: Path, reference: Path, repeats: int) -> None:
-    """Measure branches of orbits beside sweeps and heyoka, and orbits of bodies on a table beside MapPy's."""
-    from vibroplat.bench import bouncing, orbits  # noqa: PLC0415  (imports studies)
-    from vibroplat.bench.peers import maps  # noqa: PLC0415
+    """Measure branches of orbits beside sweeps and heyoka."""
+    from vibroplat.bench import orbits  # noqa: PLC0415  (imports studies)
 
     _show(orbits.cost(min(repeats, 3)), directory, "orbits-cost")
-    if reason := maps.missing():
-        print(f"left out: MapPy: {reason}", file=sys.stderr)
-    _show(bouncing.compare(min(repeats, 3)), directory, "orbits-table")
 
 
 def require_oracle() -> None:
@@ -225,8 +157,6 @@ REPORTS: dict[str, Callable[[Path, Path, int], None]] = {
     "precision": report_precision,
     "engines": report_engines,
     "sweeps": report_sweeps,
-    "stability": report_stability,
-    "soak": report_soak,
     "peers": report_peers,
     "taylor": report_taylor,
     "orbits": report_orbits,

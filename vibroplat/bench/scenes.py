@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from vibroplat.config.scene import Material, Scene
+from vibroplat.config.scene import Scene
+from vibroplat.config.sections import Material
 from vibroplat.model.systems import systems
 
 #: Supply frequencies (Hz) that give the machine below the excitation frequencies of the paper's time histories.

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from vibroplat.config.scene import Scene
-from vibroplat.paper.trial import machine_numbers, paper_scene
+from vibroplat.paper.scenes import machine_numbers, paper_scene
 from vibroplat.study.sweep import sweep
 
 #: Fixed settling times (s) compared with the adaptive one, and the one that serves as the truth.

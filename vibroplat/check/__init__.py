@@ -15,3 +15,36 @@ A wrong term is the same at every tolerance, so repetitions do not show it and i
 less than what errors of the tolerance change. A lower tolerance finds more. An engine that is right but less accurate
 than its tolerance says is excused; the audit of energy and momentum is there for that.
 """
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
+
+from vibroplat.config.scene import Scene
+from vibroplat.errors import ConfigError
+from vibroplat.integrate import other_engine
+
+#: How many times the largest change under repetitions is allowed between engines. In runs of fourteen kinds (with and
+#: without flights, impacts, a stall, a coast-down; tolerances 1e-8 … 1e-4), ``native`` and ``sundae`` differed by at
+#: most 1.5 times that change and five tolerances: a third of what is allowed.
+MULTIPLE: Final = 5.0
+#: What is allowed in any case, over the tolerance, in the scales of the scene.
+FLOOR: Final = 20.0
+
+#: Makes the scene that checks a given one.
+Other = Callable[[Scene], Scene]
+
+
+def by_other_engine(scene: Scene) -> Scene:
+    """Return a scene with the engine that checks its own."""
+    return scene.replace({"solver.engine": other_engine(scene.solver.engine)})
+
+
+def with_other_tolerance(scene: Scene) -> Scene:
+    """Return a scene with a tenth of its tolerance; with ten times as much where a tenth is not allowed."""
+    tolerance = scene.solver.tolerance
+    try:
+        return scene.replace({"solver.tolerance": 0.1 * tolerance})
+    except ConfigError:
+        return scene.replace({"solver.tolerance": 10.0 * tolerance})

@@ -3,30 +3,133 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from typing import Any, Final
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from typing import Any, Final, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
+import pandas as pd
 
-from vibroplat.check.agreement import CLOSE, EVENT_TIME, Difference, RunCheck
-from vibroplat.check.changes import (
-    FLOOR,
-    MULTIPLE,
-    Other,
-    by_other_engine,
-    with_other_tolerance,
-)
-from vibroplat.check.courses import Course, Progress, differences, scales_of
-from vibroplat.check.events import Errors, Pairs, paired, slight
+from vibroplat.check import FLOOR, MULTIPLE, Other, by_other_engine, with_other_tolerance
+from vibroplat.config.coordinates import COORDINATES
 from vibroplat.config.scene import Scene
-from vibroplat.hybrid.scales import force_spread, state_scales
+from vibroplat.hybrid.state import force_spread, state_scales
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.systems import GAP_RATE
+from vibroplat.motion.recorder import Sink
+from vibroplat.motion.run import simulate
+from vibroplat.observe.audit import INACCURATE
+from vibroplat.observe.trajectory import Trajectory
+from vibroplat.system.memory import Share
 
+#: Difference, in the scales of the scene, up to which engines are said to agree.
+CLOSE: Final = 1e-3
 #: Allowed difference, in the scales of the scene, from which on nothing is compared any more.
 LOST: Final = 0.3
+#: Angle of exciter 1 (rad) by which the times of an event may differ before it counts as another event.
+APART: Final = 0.5
+#: Most samples of a run that are compared; they are those of the trajectory table, or every second, third … of them.
+MOST: Final = 100_000
 #: How many times a scene is run besides the run that is checked.
 RUNS: Final = 5
+#: Name of the quantity that is the time of an event.
+EVENT_TIME: Final = "event time"
+
+_FORCE: Final = "contact_force_n"
+
+#: Called with the time reached (s) and the number of events.
+Progress = Callable[[float, int], None]
+
+
+class Difference(NamedTuple):
+    """A difference of a quantity between two engines.
+
+    Attributes
+    ----------
+    quantity
+        Column of the trajectory table, or EVENT_TIME.
+    t_s, place
+        When, and in which mode or at which event of the first engine's run.
+    first, other
+        Both values, in the quantity's unit.
+    difference, allowed
+        In its scale; that of event times is 1/ω₀.
+    scale
+        In the quantity's unit.
+    """
+
+    quantity: str
+    t_s: float
+    place: str
+    first: float
+    other: float
+    difference: float
+    allowed: float
+    scale: float
+
+
+@dataclass(frozen=True)
+class RunCheck:
+    """What the check of a run has found.
+
+    Attributes
+    ----------
+    engine, other
+        Names of the engine of the run and of that which checked it.
+    outcomes
+        How the runs of both ended.
+    compared_until_s
+        Until when they were compared: until a run ended, or until what is allowed had grown to LOST.
+    agree_until_s
+        Until when no coordinate, and not the contact force, differed by more than CLOSE of its scale.
+    amplification
+        Largest change under a repetition until then, over the tolerance, in the scales of the scene.
+    events
+        Number of events that both have until then.
+    largest
+        The largest difference of each quantity.
+    disagreement
+        What amplification does not explain, where it first shows; empty if the engines agree.
+    """
+
+    engine: str
+    other: str
+    outcomes: tuple[str, str]
+    compared_until_s: float
+    agree_until_s: float
+    amplification: float
+    events: int
+    largest: tuple[Difference, ...]
+    disagreement: str
+
+    @property
+    def agrees(self) -> bool:
+        """Whether amplification explains all differences."""
+        return not self.disagreement
+
+    def to_tree(self) -> dict[str, Any]:
+        """Return all of it as nested plain values."""
+        largest = {d.quantity: {k: v for k, v in d._asdict().items() if k != "quantity"} for d in self.largest}
+        return asdict(self) | {"largest": largest, "agrees": self.agrees}
+
+    def lines(self) -> dict[str, str]:
+        """Summarize it in a few lines: label and text."""
+        found = {
+            "checked by": f"engine {self.other}, until {self.compared_until_s:.6g} s; "
+            f"errors of the tolerance grow {self.amplification:.2g} times until then"
+        }
+        states = [d for d in self.largest if d.quantity != EVENT_TIME]
+        if states:
+            worst = max(states, key=lambda d: d.difference)
+            found["largest difference"] = (
+                f"{worst.quantity}, {worst.difference:.2g} of its scale at {worst.t_s:.6g} s; "
+                f"all within {CLOSE:g} until {self.agree_until_s:.6g} s"
+            )
+        for d in self.largest[len(states) :]:
+            found["events of both"] = f"{self.events}, their times within {abs(d.first - d.other):.2g} s"
+        return found
 
 
 def check_run(scene: Scene, *, other: Other = by_other_engine, progress: Progress | None = None) -> RunCheck:
@@ -37,7 +140,7 @@ def check_run(scene: Scene, *, other: Other = by_other_engine, progress: Progres
     scene
         What is run.
     other
-        Returns the scene that checks it; by default the same one with another engine.
+        Makes the scene that checks it; by default the same one with another engine.
     progress
         Called now and then with the time reached in all runs together (s) and the number of events in this one.
 
@@ -52,15 +155,14 @@ def check_run(scene: Scene, *, other: Other = by_other_engine, progress: Progres
     >>> check_run(Scene().replace({"run.duration_s": 0.1})).agrees
     True
     """
-    return compared(Course(scene).run(progress), other=other, progress=_later(progress, scene.run.duration_s))
+    return compared(Course(scene, progress), other=other, progress=_later(progress, scene.run.duration_s))
 
 
 def compared(first: Course, *, other: Other = by_other_engine, progress: Progress | None = None) -> RunCheck:
     """Compare a finished run with that of another engine; see :func:`check_run`."""
     scene = first.scene
     scenes = [other(scene), with_other_tolerance(other(scene)), *repetitions(scene)]
-    seconds = scene.run.duration_s
-    runs = [Course(s).run(_later(progress, n * seconds)) for n, s in enumerate(scenes)]
+    runs = [Course(s, _later(progress, n * scene.run.duration_s)) for n, s in enumerate(scenes)]
     return _Comparison(first, runs[0], runs[1], runs[2:]).result()
 
 
@@ -75,6 +177,187 @@ def repetitions(scene: Scene) -> list[Scene]:
 def _later(progress: Progress | None, seconds: float) -> Progress | None:
     """Tell the progress of a run after others that took some simulated seconds."""
     return None if progress is None else lambda reached, events: progress(seconds + reached, events)
+
+
+# -- what is compared -------------------------------------------------------------------------------------
+
+
+class Course:
+    """What is compared of a run: samples of its trajectory, and its events, collected while it goes on.
+
+    Parameters
+    ----------
+    scene
+        What is run.
+    progress
+        As of :func:`vibroplat.simulate`.
+    also
+        Is given all of the trajectory table and the event table.
+
+    Attributes
+    ----------
+    names
+        The sampled quantities: coordinates and contact force.
+    result
+        The run; its tables are not kept.
+    """
+
+    def __init__(self, scene: Scene, progress: Progress | None = None, also: Sink | None = None) -> None:
+        self.scene = scene
+        self.names = tuple(COORDINATES[i] for i in scene.coordinates) + ((_FORCE,) if scene.has_contact else ())
+        self._also = also
+        self._share = Share("shorten run.duration_s, or leave out --check")
+        self._samples: list[pd.DataFrame] = []
+        self._events: list[pd.DataFrame] = []
+        sink = Sink(self._take_trajectory, self._take_events)
+        self.result: Trajectory = simulate(scene, keep="summary", sink=sink, progress=progress)
+
+    def _take_trajectory(self, part: pd.DataFrame) -> None:
+        """Keep the rows on the output grid, and the last one."""
+        if self._also is not None:
+            self._also.trajectory(part)
+        rate, times = self.scene.output.sample_rate_hz, part["t_s"].to_numpy()
+        every = max(1, math.ceil(self.scene.run.duration_s * rate / MOST))
+        numbers = np.rint(times * rate)
+        wanted = (numbers / rate == times) & (numbers % every == 0)
+        wanted[-1:] = True
+        self._keep(self._samples, part.loc[wanted, ["t_s", "mode", *self.names]])
+
+    def _take_events(self, part: pd.DataFrame) -> None:
+        if self._also is not None:
+            self._also.events(part)
+        self._keep(self._events, part[["t_s", "kind", "gap_rate_before_m_per_s"]])
+
+    def _keep(self, parts: list[pd.DataFrame], part: pd.DataFrame) -> None:
+        self._share.take(int(part.memory_usage(index=False).sum()))
+        parts.append(part)
+
+    @cached_property
+    def samples(self) -> pd.DataFrame:
+        """Samples by time, one for each time, of quantities in their scales."""
+        found = pd.concat(self._samples).drop_duplicates("t_s", keep="last").set_index("t_s")
+        found[list(self.names)] /= [scales_of(self.scene)[name] for name in self.names]
+        return found
+
+    @cached_property
+    def events(self) -> pd.DataFrame:
+        """Liftoffs and impacts. A latch stands for impacts, whose number depends on when it was found to be one."""
+        found = pd.concat(self._events)
+        return found[found["kind"].isin(["liftoff", "impact"])].reset_index(drop=True)
+
+    @property
+    def outcome(self) -> str:
+        """How the run ended; energy that was lost is not what is compared."""
+        return "ok" if self.result.outcome == INACCURATE else self.result.outcome
+
+    @property
+    def engine(self) -> str:
+        """Name of the engine that ran it."""
+        return str(self.result.summary["engine"])
+
+    @property
+    def end(self) -> float:
+        """When it ended (s); 0 if it has no sample, as it gave up at once."""
+        return float(self.samples.index[-1]) if len(self.samples) else 0.0
+
+
+def scales_of(scene: Scene) -> dict[str, float]:
+    """Scales of coordinates, and of the contact force its change when the state changes by its scales."""
+    scales = state_scales(scene)
+    return {name: float(scales[i]) for i, name in enumerate(COORDINATES)} | {_FORCE: force_spread(scene)}
+
+
+def differences(one: Course, two: Course, times: pd.Index) -> FloatArray:
+    """Differences of two runs at times of the first, shape (times, quantities), in the scales of the scene.
+
+    They are nan where the second has no sample, and those of the contact force where not both are in contact.
+    """
+    a, b = one.samples.reindex(times), two.samples.reindex(times)
+    found: FloatArray = np.abs(a[list(one.names)].to_numpy() - b[list(one.names)].to_numpy())
+    if _FORCE in one.names:
+        apart = ~((a["mode"] == "attached") & (b["mode"] == "attached")).to_numpy()
+        found[apart, one.names.index(_FORCE)] = math.nan
+    return found
+
+
+# -- events in pairs --------------------------------------------------------------------------------------
+
+
+class Errors(NamedTuple):
+    """Errors of a motion, in the scales of its scene, that are allowed until each of some times (s)."""
+
+    times: FloatArray
+    allowed: FloatArray
+
+    def at(self, times: FloatArray) -> FloatArray:
+        """Return what is allowed at other times."""
+        return np.asarray(self.allowed[np.minimum(np.searchsorted(self.times, times), self.allowed.size - 1)])
+
+
+class Pairs(NamedTuple):
+    """Events that two runs have in common, from the first one on.
+
+    Attributes
+    ----------
+    rows
+        Their rows in both tables, shape (n, 2).
+    differ_s
+        When the sequences begin to differ (s); infinity if they do not.
+    why
+        What each has there; empty if they do not differ.
+    """
+
+    rows: npt.NDArray[np.int64]
+    differ_s: float = math.inf
+    why: tuple[str, str] = ("", "")
+
+
+def slight(events: pd.DataFrame, errors: Errors, scene: Scene) -> npt.NDArray[np.bool_]:
+    """Tell which events an error of the motion may add or remove.
+
+    With an error ε in the scales of the scene, a gap that just misses 0 becomes an impact with √(2 ε) of the scale of
+    speeds, and a contact force that just stays positive falls below 0 for √(8 ε) / ω₀. Impacts after shorter flights
+    than that may be closed into contact in one run and followed in the other; how fast they are depends on what
+    presses, which may be a stiff layer.
+    """
+    times = events["t_s"].to_numpy()
+    errors_there = errors.at(times)
+    speeds = np.abs(events["gap_rate_before_m_per_s"].to_numpy()) / state_scales(scene)[GAP_RATE]
+    short = np.sqrt(8.0 * errors_there)
+    before = scene.speed_scale * np.diff(times, prepend=-math.inf)
+    after = scene.speed_scale * np.diff(times, append=math.inf)
+    liftoffs = (events["kind"] == "liftoff").to_numpy()
+    return np.where(liftoffs, after < short, (before < short) | (speeds < np.sqrt(2.0 * errors_there)))
+
+
+def paired(one: pd.DataFrame, two: pd.DataFrame, errors: Errors, scene: Scene, until: float) -> Pairs:
+    """Pair the events of two runs in their order until a time (s); slight ones that only one run has are left out."""
+    tables = (one, two)
+    kinds, times = ([table[column].to_numpy() for table in tables] for column in ("kind", "t_s"))
+    may_lack = [slight(table, errors, scene) for table in tables]
+    apart = APART / scene.speed_scale
+    rows: list[tuple[int, int]] = []
+    at = [0, 0]
+    differ, why = math.inf, ("", "")
+    while any(left := [at[k] < len(times[k]) and times[k][at[k]] < until for k in (0, 1)]):
+        i, j = at
+        if all(left) and kinds[0][i] == kinds[1][j] and abs(times[0][i] - times[1][j]) <= apart:
+            rows.append((i, j))
+            at = [i + 1, j + 1]
+        elif skipped := [k for k in (0, 1) if left[k] and may_lack[k][at[k]]]:
+            at[skipped[0]] += 1
+        else:
+            first = float(min(times[k][at[k]] for k in (0, 1) if left[k]))
+            if first < until - apart:  # otherwise the other may have it after the end
+                told = [
+                    f"{kinds[k][at[k]]} at {times[k][at[k]]:.9g} s" if left[k] else "no more events" for k in (0, 1)
+                ]
+                differ, why = first, (told[0], told[1])
+            break
+    return Pairs(np.array(rows, dtype=np.int64).reshape(-1, 2), differ, why)
+
+
+# -- the comparison ---------------------------------------------------------------------------------------
 
 
 class _Comparison:

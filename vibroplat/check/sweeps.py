@@ -2,23 +2,52 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from itertools import groupby
+from typing import Any, Final, NamedTuple
 
-from vibroplat.check.changes import Other, by_other_engine, with_other_tolerance
-from vibroplat.check.measures import CLASS, Difference, Row, class_of, compared
+from vibroplat.check import FLOOR, MULTIPLE, Other, by_other_engine, with_other_tolerance
 from vibroplat.config.scene import Scene
-from vibroplat.config.sweep_plan import SweepPlan
-from vibroplat.integrate.choice import engine_name
+from vibroplat.hybrid.state import force_spread, state_scales
+from vibroplat.integrate import engine_name
+from vibroplat.model.systems import GAP, GAP_RATE
+from vibroplat.observe.summary import COHERENCE
 from vibroplat.study import WAIT
-from vibroplat.study.branches import Branch, branches, sweep_plan
-from vibroplat.study.choice import Place, chosen, require_share
-from vibroplat.study.execution import Pool, pool, run_chains
-from vibroplat.study.point import point_task
-from vibroplat.study.store import Record, Records, Store
-from vibroplat.study.sweep import Progress, branch_records, run_sweeps
-from vibroplat.study.tasks import StoredChain, Task, Tasks
+from vibroplat.study.branches import Branch, Place, branches, chosen, require_share
+from vibroplat.study.point import ERRORS, point_task
+from vibroplat.study.pool import Pool, StoredChain, Task, Tasks, run_chains
+from vibroplat.study.store import Store
+from vibroplat.study.sweep import Progress, branch_records, measured
+
+#: Standard errors of the difference of two means over blocks that are allowed. With eight blocks each it follows
+#: Student's distribution with 14 degrees of freedom, beyond six of them once in 30 000 cases.
+SIGMAS: Final = 6.0
+#: Change under repetitions, over the standard error, from which on errors of the tolerance have become those of chance:
+#: of independent motions, one in 10 000 times all repetitions stay below it.
+CHANCE: Final = 0.1
+#: Columns that say what kind of motion a row is.
+CLASS: Final = ("outcome", "sync", "motion", "period")
+
+_EXPONENT: Final = "lyapunov_per_s"
+_PHASE: Final = "phase_difference_rad"
+_ERRORS: Final = ERRORS | {_EXPONENT: "lyapunov_error_per_s"}
+
+#: A row of the sweep table.
+Row = Mapping[str, Any]
+
+
+class Deviation(NamedTuple):
+    """The difference of a column between two engines, and what is allowed, in units of the column."""
+
+    column: str
+    first: float
+    other: float
+    difference: float
+    allowed: float
+    scale: float
 
 
 class PointCheck(NamedTuple):
@@ -39,13 +68,8 @@ class PointCheck(NamedTuple):
     place: Place
     first: tuple[Any, ...]
     other: tuple[Any, ...]
-    differences: list[Difference]
+    differences: list[Deviation]
     explained: bool
-
-    @property
-    def reclassified(self) -> bool:
-        """Whether both rows are of different classes."""
-        return self.first != self.other
 
     @property
     def agrees(self) -> bool:
@@ -78,9 +102,9 @@ class SweepCheck:
         return all(point.agrees for point in self.checked)
 
     @property
-    def largest(self) -> dict[str, tuple[Difference, Place]]:
+    def largest(self) -> dict[str, tuple[Deviation, Place]]:
         """The largest difference of each column, and where it is."""
-        found: dict[str, tuple[Difference, Place]] = {}
+        found: dict[str, tuple[Deviation, Place]] = {}
         for point in self.checked:
             for d in point.differences:
                 if d.column not in found or d.difference > found[d.column][0].difference:
@@ -90,28 +114,32 @@ class SweepCheck:
     @property
     def disagreements(self) -> list[str]:
         """What errors of the tolerance do not explain: a line for each point, with the measure farthest beyond."""
-        return [self._told(point) for point in self.checked if not point.agrees]
+        return [self._disagreement(point) for point in self.checked if not point.agrees]
 
-    def _told(self, point: PointCheck) -> str:
+    def _disagreement(self, point: PointCheck) -> str:
         if not point.explained:
             pairs = zip(CLASS, point.first, point.other, strict=True)
             name, one, two = next(pair for pair in pairs if pair[1] != pair[2])
-            values, most = (str(one), str(two)), "the same in some repetitions"
+            most = "the same in some repetitions"
         else:
             d = max(point.differences, key=lambda d: d.difference / d.allowed)
-            name, values, most = d.column, (f"{d.first:.12g}", f"{d.other:.12g}"), f"a difference of {d.allowed:.2g}"
-        told = f"{name} = {values[0]} ({self.engine}) and {values[1]} ({self.other})"
-        return f"engines disagree at {point.place.text}: {told}; allowed: {most}"
+            name, one, two, most = d.column, f"{d.first:.12g}", f"{d.other:.12g}", f"a difference of {d.allowed:.2g}"
+        found = f"{name} = {one} ({self.engine}) and {two} ({self.other})"
+        return f"engines disagree at {point.place.text}: {found}; allowed: {most}"
 
     @property
     def reclassified(self) -> list[str]:
         """The rows that both engines classify differently, a line for each."""
-        return [
-            f"{point.place.text}: {_class_text(point.first)} ({self.engine}), {_class_text(point.other)} "
-            f"({self.other}){', but some repetitions alike' if point.explained else ''}"
-            for point in self.checked
-            if point.reclassified
-        ]
+        lines = []
+        for point in self.checked:
+            if point.first != point.other:
+                one, two = (
+                    ", ".join("none" if value is None else str(value) for value in found)
+                    for found in (point.first, point.other)
+                )
+                alike = ", but some repetitions alike" if point.explained else ""
+                lines.append(f"{point.place.text}: {one} ({self.engine}), {two} ({self.other}){alike}")
+        return lines
 
     def to_tree(self) -> dict[str, Any]:
         """Return a summary as nested plain values."""
@@ -137,10 +165,6 @@ class SweepCheck:
         yield "  classified differently", f"{len(self.reclassified)} of {len(self.checked)} points"
 
 
-def _class_text(found: Iterable[Any]) -> str:
-    return ", ".join("none" if value is None else str(value) for value in found)
-
-
 def check_sweep(
     scene: Scene,
     share: float = 1.0,
@@ -162,7 +186,7 @@ def check_sweep(
     jobs, scheduler, wait
         As in :func:`vibroplat.study.sweep.sweep`.
     other
-        Returns the scene that checks a point's scene; by default the same one with another engine.
+        Makes the scene that checks a point's scene; by default the same one with another engine.
     progress
         Called after each point of the sweep and then of the check with the numbers of finished branches or checks, of
         points and of events.
@@ -180,109 +204,184 @@ def check_sweep(
     True
     """
     require_share(share)
-    places = chosen(scene, share)
-    opened = pool(jobs, scheduler, wait=wait, chains=max(len(branches(scene)), len(places)))
-    with Store(None, {}) as store, opened as workers:
-        run_sweeps([(scene, store)], workers, progress)
-        return check_points(scene, places, store, store.part("check"), workers, other=other, progress=progress)
+    planned = branches(scene)
+    places = chosen(planned, share)
+    with (
+        Store(None, {}) as store,
+        measured(planned, store, jobs, scheduler, wait, nullcontext(progress), len(places)) as workers,
+    ):
+        return check_points(planned, places, store, workers, other=other, progress=progress)
 
 
 def check_points(
-    scene: Scene,
+    planned: Sequence[Branch],
     places: Sequence[Place],
-    records: Records,
-    kept: Records,
+    store: Store,
     workers: Pool,
     *,
     other: Other = by_other_engine,
     progress: Progress | None = None,
 ) -> SweepCheck:
-    """Repeat points of a finished sweep with another engine.
+    """Repeat points of a finished sweep with another engine; those that are stored already are not done again.
 
     Parameters
     ----------
-    scene
-        That of the sweep.
+    planned
+        The branches of the sweep.
     places
         The points, by branches.
-    records
-        Where the points of the sweep are stored.
-    kept
-        Where repetitions are stored; those that are stored already are not done again.
+    store
+        Where the points of the sweep are stored, and repetitions in a part of their own.
     workers
         Where they are done.
     other, progress
         As in :func:`check_sweep`.
     """
-    plan = sweep_plan(scene)
+    kept = store.part("check")
     chains = [
-        StoredChain(_checked(place, plan, *begun, other), kept, f"{place.branch.number}/{place.point}")
-        for place, begun in zip(places, _beginnings(places, records), strict=True)
+        StoredChain(_checked(place, *begun, other), kept, f"{place.branch.number}/{place.point}")
+        for place, begun in zip(places, _beginnings(places, store), strict=True)
     ]
     done = sum(chain.done for chain in chains)
     for chain in run_chains(chains, workers):
         done += chain.done
         if progress is not None:
             progress(done, done, 0)
-    points = sum(len(branch.frequencies) for branch in branches(scene))
-    names = engine_name(scene), engine_name(other(scene))
-    return SweepCheck(*names, points, tuple(chain.result for chain in chains))
+    points = sum(len(branch.frequencies) for branch in planned)
+    scene = planned[0].scene
+    return SweepCheck(engine_name(scene), engine_name(other(scene)), points, tuple(chain.result for chain in chains))
 
 
-def _beginnings(places: Sequence[Place], records: Records) -> Iterator[tuple[list[float] | None, Row]]:
+def _beginnings(places: Sequence[Place], store: Store) -> Iterator[tuple[list[float] | None, Row]]:
     """Yield for each point the state at the end of the last good point before it, and its row."""
-    wanted: dict[int, tuple[Branch, set[int]]] = {}
-    for place in places:
-        wanted.setdefault(place.branch.number, (place.branch, set()))[1].add(place.point)
-    for branch, points in wanted.values():
+    for _, group in groupby(places, key=lambda place: place.branch.number):
+        wanted = list(group)
+        points = {place.point for place in wanted}
         state: list[float] | None = None
-        for point, record in enumerate(branch_records(branch, records)):
+        for point, record in enumerate(branch_records(wanted[0].branch, store)):
             if point in points:
                 yield state, record["row"]
             state = record["state"] or state
 
 
-def _checked(place: Place, plan: SweepPlan, state: list[float] | None, row: Row, other: Other) -> Tasks[PointCheck]:
+def _checked(place: Place, state: list[float] | None, row: Row, other: Other) -> Tasks[PointCheck]:
     """Compare a point's row with that of the other engine, and if they differ, with repetitions of both.
 
     Both rows must be of one class, or repetitions of both; of these, or of the rows, the measures are compared.
     """
     branch, point = place
-    scene = branch.at(point)
-    key = branch.key(branch.frequencies[point])
+    scene, plan = branch.at(point), branch.plan
     tolerance = scene.solver.tolerance
 
     def task(scene: Scene, off: float = 0.0) -> Task:
         start = plan.model_copy(update={"perturbation": plan.perturbation + off})
-        return point_task(scene, start, state, key)
+        return point_task(scene, start, state, branch.key(branch.frequencies[point]))
 
     def repetitions(scene: Scene) -> Iterator[Task]:
         yield task(with_other_tolerance(scene))
         for off in (tolerance, -tolerance, 2.0 * tolerance):
             yield task(scene, off)
 
-    first: list[Row] = [row]
-    record: Record = yield task(other(scene))
-    others: list[Row] = [record["row"]]
-    found = _conclude(place, plan, scene, first, others)
+    rows: tuple[list[Row], list[Row]] = [row], [(yield task(other(scene)))["row"]]
+    found = _conclusion(place, scene, *rows)
     if found.agrees:
         return found
     for again in repetitions(scene):
-        first.append((yield again)["row"])
+        rows[0].append((yield again)["row"])
     more = repetitions(other(scene))
-    others.append((yield next(more))["row"])
-    found = _conclude(place, plan, scene, first, others)
+    rows[1].append((yield next(more))["row"])
+    found = _conclusion(place, scene, *rows)
     if found.explained:
         return found
     for again in more:
-        others.append((yield again)["row"])
-    return _conclude(place, plan, scene, first, others)
+        rows[1].append((yield again)["row"])
+    return _conclusion(place, scene, *rows)
 
 
-def _conclude(place: Place, plan: SweepPlan, scene: Scene, first: list[Row], other: list[Row]) -> PointCheck:
+def _conclusion(place: Place, scene: Scene, first: list[Row], other: list[Row]) -> PointCheck:
     """Compare the first rows of both that are of one class, with the repetitions that are of it too."""
-    classes = [class_of(row) for row in first], [class_of(row) for row in other]
+    classes = [[tuple(row.get(column) for column in CLASS) for row in rows] for rows in (first, other)]
     common = next((c for c in classes[0] if c in classes[1]), None)
-    of_it = [[row for row in rows if class_of(row) == common] for rows in (first, other)]
-    differences = [] if common is None else compared(scene, plan, *of_it)
+    one, two = (
+        [r for r, c in zip(*pair, strict=True) if c == common] for pair in ((first, classes[0]), (other, classes[1]))
+    )
+    differences = [] if common is None else deviations(scene, place.branch.plan.settle_tolerance, one, two)
     return PointCheck(place, classes[0][0], classes[1][0], differences, common is not None)
+
+
+# -- measures ---------------------------------------------------------------------------------------------
+
+
+def deviations(scene: Scene, settled: float, first: Sequence[Row], other: Sequence[Row]) -> list[Deviation]:
+    """Compare two rows of one class, each with repetitions of the class, which show what is allowed.
+
+    Means over blocks of chaotic motion may differ by SIGMAS of their standard errors; so may those of other motion that
+    does not repeat if repetitions differ by a share of them. Otherwise both motions are the same from start to end, and
+    so are their means, whatever scatters from block to block. Extremes of motion that does not repeat have no standard
+    error and are not compared. Motions that settled for different times are compared to the settling tolerance, which
+    is how far from the steady motion either may be.
+
+    Parameters
+    ----------
+    scene
+        Of the point.
+    settled
+        Settling tolerance.
+    first, other
+        Rows of the first engine and of the other one, each with its repetitions after it.
+    """
+    one, two = first[0], other[0]
+    floor = FLOOR * scene.solver.tolerance
+    turn = 2.0 * math.pi / scene.speed_scale
+    if abs((one.get("settle_s") or 0.0) - (two.get("settle_s") or 0.0)) > turn:
+        floor = max(floor, settled)
+    found = []
+    for column, scale in scales_of(scene).items():
+        if scale == 0.0 or _absent(one, column) or _absent(two, column):
+            continue
+        pairs = [(rows[0], row) for rows in (first, other) for row in rows[1:] if not _absent(row, column)]
+        change = max((_apart(column, *pair) for pair in pairs), default=0.0)
+        error = math.hypot(*(row.get(_ERRORS.get(column, "")) or 0.0 for row in (one, two)))
+        by_chance = one.get("motion") == "chaotic" or column == _EXPONENT or change > CHANCE * error
+        allowed = floor * scale + MULTIPLE * change + (SIGMAS * error if by_chance else 0.0)
+        found.append(Deviation(column, one[column], two[column], _apart(column, one, two), allowed, scale))
+    return found
+
+
+def scales_of(scene: Scene) -> dict[str, float]:
+    """Return the scales of the columns that are compared, in their units."""
+    scales, speed = state_scales(scene), scene.speed_scale
+    torque = sum(exciter.critical_torque_n_m for exciter in scene.exciter_pair)
+    frequency = speed / (2.0 * math.pi)
+    return {
+        "excitation_frequency_hz": frequency,
+        "frequency_split_hz": frequency,
+        "rms_x_m": float(scales[0]),
+        "rms_y_m": float(scales[1]),
+        "rms_phi_rad": float(scales[2]),
+        "amplitude_y_m": float(scales[1]),
+        _PHASE: 1.0,
+        "phase_coherence": 1.0,
+        "flight_fraction": 1.0,
+        "impacts_per_period": 1.0,
+        "gap_max_m": float(scales[GAP]),
+        "contact_force_max_n": force_spread(scene),
+        "impulse_max_n_s": scene.material_mass * float(scales[GAP_RATE]),
+        "motor_power_w": torque * speed,
+        _EXPONENT: frequency,
+    }
+
+
+def _absent(row: Row, column: str) -> bool:
+    """Whether a row has no value of a column that can be compared."""
+    if row.get(column) is None:
+        return True
+    if column == _PHASE and (row.get("sync") == "none" or (row.get("phase_coherence") or 0.0) < COHERENCE):
+        return True
+    return row.get("period") == 0 and row.get(_ERRORS.get(column, "")) is None
+
+
+def _apart(column: str, one: Row, two: Row) -> float:
+    """Return how far two values are apart; angles at most half a turn."""
+    difference = abs(float(one[column]) - float(two[column]))
+    return abs(math.remainder(difference, 2.0 * math.pi)) if column == _PHASE else difference

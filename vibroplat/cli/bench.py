@@ -20,8 +20,6 @@ class BenchName(StrEnum):
     precision = "precision"
     engines = "engines"
     sweeps = "sweeps"
-    stability = "stability"
-    soak = "soak"
     peers = "peers"
     taylor = "taylor"
     orbits = "orbits"
@@ -34,8 +32,6 @@ DURATIONS = {
     BenchName.precision: "a quarter of a minute",
     BenchName.engines: "ten minutes",
     BenchName.sweeps: "ten minutes",
-    BenchName.stability: "about three hours",
-    BenchName.soak: "two to five minutes",
     BenchName.peers: "five minutes",
     BenchName.taylor: "seven minutes",
     BenchName.orbits: "eight minutes",
@@ -53,8 +49,7 @@ def bench(
         bool,
         typer.Option(
             "--long",
-            help="Run all benchmarks, the soak with one round. Soak --long: rounds until they have taken 24 hours of "
-            "processor time; one that was stopped is resumed.",
+            help="Run all benchmarks.",
         ),
     ] = False,
     reference: Annotated[Path, typer.Option(help="Directory of the reference tables.")] = Path("tests/reference"),
@@ -69,20 +64,14 @@ def bench(
     from vibroplat.bench.timing import machine
     from vibroplat.results.tables import result_directory
 
-    soaking = long and names == [BenchName.soak]
-    if names and long and not soaking:
-        raise VibroplatError(f"{names[0].value} --long: --long runs every bench; allowed: names, --long, soak --long")
-    if (long and not soaking) or not names or {BenchName.peers, BenchName.taylor, BenchName.orbits} & {*names}:
+    if names and long:
+        raise VibroplatError(f"{names[0].value} --long: --long runs every bench; allowed: names or --long")
+    if long or not names or {BenchName.peers, BenchName.taylor, BenchName.orbits} & {*names}:
         report.require_oracle()
     load_kernels()
     directory = result_directory(out, "benchmarks")
     print(machine())
     if not (names or long):
         report.report_summary(directory, reference, repeats)
-    if soaking:
-        from vibroplat.bench.soak.soak import LONG
-
-        report.report_soak(directory, reference, repeats, LONG)
-        return
     for name in BenchName if long else names or []:
         report.REPORTS[name.value](directory, reference, repeats)

@@ -9,17 +9,16 @@ from collections.abc import Iterable, Iterator, Sequence
 from itertools import groupby
 from typing import NamedTuple
 
-from vibroplat.config.keys import keys
+from vibroplat.columns import Column, Columns, unit_of
+from vibroplat.config.keys import keys, yaml
 from vibroplat.continuation.tables import BOUNDARIES, BRANCHES, SPECIAL
 from vibroplat.motion.run import SUMMARY
 from vibroplat.observe.events import EVENTS
 from vibroplat.observe.table import TRAJECTORY
-from vibroplat.paper.calibration.reading import CONFIRMATION, EVALUATIONS, LEFT_OUT, SPREAD
+from vibroplat.paper.calibration import CONFIRMATION, EVALUATIONS, LEFT_OUT, SPREAD
+from vibroplat.paper.claims import CLAIMS
 from vibroplat.paper.contradictions import CONTRADICTIONS
-from vibroplat.paper.histories import HISTORY
-from vibroplat.paper.scoreboard import CLAIMS
-from vibroplat.paper.summaries import IMPACT_LAWS, SYNC_BANDS
-from vibroplat.results.columns import Column, Columns, unit_of
+from vibroplat.paper.tables import HISTORY, IMPACT_LAWS, SYNC_BANDS
 from vibroplat.study.bands import BANDS
 from vibroplat.study.branches import SUPPLY
 from vibroplat.study.confirming import CONFIRMED
@@ -120,7 +119,7 @@ def configuration_page() -> str:
     ]
     sections = groupby(keys().values(), key=lambda key: key.name.partition(".")[0] if "." in key.name else "")
     for section, found in sections:
-        rows = [(f"`{k.name}`", k.symbol, k.unit, k.default, k.allowed, k.meaning) for k in found]
+        rows = [(f"`{k.name}`", k.symbol, k.unit, yaml(k.default), k.allowed, k.meaning) for k in found]
         lines += ["", f"## {section or 'Top level'}", ""]
         lines += _table(("key", "symbol", "unit", "default", "allowed", "meaning"), rows)
     return "\n".join(lines) + "\n"

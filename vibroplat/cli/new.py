@@ -13,8 +13,8 @@ from vibroplat.errors import ConfigError
 
 def new(file: Annotated[Path, typer.Argument(metavar="FILE", help="The file to write, e.g. mine.yaml.")]) -> None:
     """Write a commented configuration to start from."""
+    from vibroplat.config.keys import template
     from vibroplat.config.scene import Scene
-    from vibroplat.config.template import template
 
     with about(file):
         Scene.from_tree({"name": file.stem})  # the file's name will be that of the results

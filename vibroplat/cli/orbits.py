@@ -47,7 +47,7 @@ def orbits(
     from vibroplat.config.plausibility import notes_on_inputs
     from vibroplat.results.files import read_provenance
     from vibroplat.results.tables import result_directory
-    from vibroplat.study.execution import pool
+    from vibroplat.study.pool import pool
     from vibroplat.study.store import Store
     from vibroplat.study.sweep import conditions
 

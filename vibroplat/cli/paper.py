@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -13,9 +13,6 @@ from vibroplat.cli.options import EngineName, Jobs, Out, Overwrite, Resume, Sche
 from vibroplat.cli.printing import print_lines
 from vibroplat.study import WAIT
 from vibroplat.system.progress import calibration_progress, sweep_progress
-
-if TYPE_CHECKING:
-    from vibroplat.study.execution import Pool
 
 
 def paper(
@@ -39,42 +36,32 @@ def paper(
     """
     tell_of_compilation(engine)
     from vibroplat.config.reader import parse_overrides
-    from vibroplat.paper.trial import machine_numbers, paper_scene
+    from vibroplat.paper.scenes import machine_numbers, paper_scene
 
     changes = parse_overrides(set_ or [], engine)
     chosen = {name: {**machine_numbers(name), **changes} for name in machine or ("printed", "calibrated")}
     require_scheduler(scheduler)
-    from vibroplat.paper.reproduction import SWEEPS, planned
-    from vibroplat.study.execution import pool
-
-    tried = range(seed, seed + seeds)
-    chains = max(planned(numbers, tried)[0] for numbers in chosen.values())
-    load_kernels(*sorted({paper_scene(SWEEPS[0], numbers).solver.engine for numbers in chosen.values()}))
-    with pool(jobs, scheduler, wait=wait, chains=chains) as workers:
-        for name, numbers in chosen.items():
-            _reproduce(name, numbers, out, workers, tried, resume=resume, overwrite=overwrite)
-
-
-def _reproduce(
-    name: str, numbers: dict[str, Any], out: Path, workers: Pool, seeds: range, *, resume: bool, overwrite: bool
-) -> None:
-    """Reproduce the paper with one machine; write its tables and figures and print an overview."""
-    from vibroplat.paper import report, reproduction
+    from vibroplat.paper import reproduction
     from vibroplat.plots.paper import plot_paper
     from vibroplat.results.tables import result_directory
+    from vibroplat.study.pool import pool
 
-    directory = result_directory(out / "paper", name)
-    began = time.perf_counter()
-    branches, points = reproduction.planned(numbers, seeds)
-    with sweep_progress(name, branches, points) as progress:
-        found = reproduction.reproduce(
-            numbers, directory / "points", workers, seeds=seeds, resume=resume, overwrite=overwrite, progress=progress
-        )
-    report.write_reproduction(found, numbers, directory)
-    figures = plot_paper(directory)
-    for line in report.overview(name, found, time.perf_counter() - began):
-        print(line)
-    print(f"{'tables and figures':<24}{directory}, {len(figures)} figures")
+    tried = range(seed, seed + seeds)
+    planned = {name: reproduction.planned(numbers, tried) for name, numbers in chosen.items()}
+    load_kernels(*sorted({paper_scene("fig2", numbers).solver.engine for numbers in chosen.values()}))
+    with pool(jobs, scheduler, wait=wait, chains=max(branches for branches, _ in planned.values())) as workers:
+        for name, numbers in chosen.items():
+            directory = result_directory(out / "paper", name)
+            began = time.perf_counter()
+            with sweep_progress(name, *planned[name]) as progress:
+                kept = {"resume": resume, "overwrite": overwrite}
+                points = directory / "points"
+                found = reproduction.reproduce(numbers, points, workers, seeds=tried, progress=progress, **kept)
+            found.write(numbers, directory)
+            figures = plot_paper(directory)
+            for line in found.overview(name, time.perf_counter() - began):
+                print(line)
+            print(f"{'tables and figures':<24}{directory}, {len(figures)} figures")
 
 
 def calibrate(
@@ -96,29 +83,27 @@ def calibrate(
     """
     tell_of_compilation(engine)
     from vibroplat.config.reader import ENGINE, configurations, parse_overrides
-    from vibroplat.paper.calibration.plan import load_plan
+    from vibroplat.paper import calibration
 
     overrides = {} if generations is None else {"generations": generations}
     path = config or configurations() / "claims" / "calibration.yaml"
-    fixed, plan = load_plan(path, overrides, parse_overrides([], engine))
+    fixed, plan = calibration.load_plan(path, overrides, parse_overrides([], engine))
     require_scheduler(scheduler)
-    from vibroplat.paper.calibration import reading, search
-    from vibroplat.paper.report import write_calibration
-    from vibroplat.results.tables import result_directory
-    from vibroplat.study.execution import pool
+    from vibroplat.results.tables import remove_table, result_directory, write_table
+    from vibroplat.study.pool import pool
     from vibroplat.study.store import Store
 
     directory = result_directory(out, "calibration")
-    total = plan.evaluations + plan.confirmations
-    with Store(directory, search.conditions(fixed), resume=resume, overwrite=overwrite) as store:
+    total, chains = plan.evaluations + plan.confirmations, max(plan.population, plan.confirmations)
+    with Store(directory, calibration.conditions(fixed), resume=resume, overwrite=overwrite) as store:
         load_kernels(fixed.get(ENGINE, "auto"))
-        opened = pool(jobs, scheduler, wait=wait, chains=plan.side_by_side)
+        opened = pool(jobs, scheduler, wait=wait, chains=chains)
         with opened as workers, calibration_progress(total) as progress:
-            found = search.calibrate(fixed, plan, store, workers, progress)
+            tables = calibration.calibrate(fixed, plan, store, workers, progress)
         store.finish()
-        tables = {"evaluations": found.evaluations, "confirmation": found.confirmation}
-        tables["left-out"] = reading.left_out(found.evaluations, plan)
-        tables["spread"] = reading.spread(found.evaluations, plan)
-        write_calibration(tables, directory)  # before the store lets another calibration in
-    lines = reading.overview(found.evaluations, tables["left-out"], tables["spread"])
-    print_lines(lines | {"tables": str(directory)}, width=40)
+        for name, table in tables.items():  # before the store lets another calibration in
+            if len(table):
+                write_table(table, directory, name, "csv")
+            else:
+                remove_table(directory, name)
+    print_lines(calibration.overview(tables) | {"tables": str(directory)}, width=40)

@@ -15,7 +15,7 @@ from vibroplat.errors import ConfigError
 from vibroplat.system.progress import run_progress
 
 if TYPE_CHECKING:
-    from vibroplat.check.agreement import RunCheck
+    from vibroplat.check.runs import RunCheck
     from vibroplat.config.scene import Scene
     from vibroplat.motion.recorder import Sink
     from vibroplat.observe.trajectory import Trajectory
@@ -37,12 +37,12 @@ def run(
     that two engines disagree.
     """
     from vibroplat.config.reader import load_config, parse_overrides
-    from vibroplat.motion.initial_condition import beginning
+    from vibroplat.motion.initial_condition import initial_condition
     from vibroplat.results.tables import result_directory
 
     scene = load_config(config, parse_overrides(set_ or [], engine))
     with about(config):
-        beginning(scene)  # what is wrong with it is told before anything is written or compiled
+        initial_condition(scene)  # what is wrong with it is told before anything is written or compiled
         _require_other_place(scene, out)
     directory = result_directory(out, scene.name)
     tell_of_compilation(scene.solver.engine)
@@ -98,12 +98,10 @@ def _simulate(scene: Scene, sink: Sink, *, check: bool) -> tuple[Trajectory, Run
 
         if not check:
             return simulate(scene, keep="summary", sink=sink, progress=report), None
-        from vibroplat.check.courses import Course
+        from vibroplat.check.runs import RUNS, Course, compared
 
-        course = Course(scene, sink).run(report)
+        course = Course(scene, report, sink)
     if course.result.outcome == "out-of-memory":
         return course.result, None
-    from vibroplat.check.runs import RUNS, compared
-
     with run_progress(f"{scene.name}, check", RUNS * scene.run.duration_s) as report:
         return course.result, compared(course, progress=report)

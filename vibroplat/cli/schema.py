@@ -20,7 +20,7 @@ def schema(
 
         print(configuration_page(), end="")
         return
-    from vibroplat.config.reader import configuration_schema
+    from vibroplat.config.keys import configuration_schema
 
     print(json.dumps(configuration_schema(), indent=2))
 

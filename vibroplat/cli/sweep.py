@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -17,22 +16,9 @@ from vibroplat.system.progress import sweep_progress
 
 if TYPE_CHECKING:
     from vibroplat.check.sweeps import SweepCheck
-    from vibroplat.config.scene import Scene
-    from vibroplat.study.branches import Branch
-    from vibroplat.study.choice import Place
-    from vibroplat.study.execution import Pool
-    from vibroplat.study.store import Store
 
 #: Failed points of a sweep that are reported one by one.
-TOLD = 5
-
-
-class _Done(NamedTuple):
-    """What a finished sweep has taken: points that were known before, seconds; and what its check has found."""
-
-    known: int
-    seconds: float
-    check: SweepCheck | None
+SHOWN = 5
 
 
 @with_study
@@ -50,15 +36,14 @@ def sweep(
     Writes a table with one row per point to OUT/NAME. With --check, exit code 1 says that two engines disagree.
     """
     from vibroplat.config.reader import load_config, parse_overrides
-    from vibroplat.study.branches import branches
-    from vibroplat.study.choice import chosen, require_share
+    from vibroplat.study.branches import branches, chosen, require_share
 
     if check is not None:
         require_share(check)
     scene = load_config(config, parse_overrides(study.set_ or [], study.engine))
     with about(config):
         planned = branches(scene)
-    places = [] if check is None else chosen(scene, check)
+    places = [] if check is None else chosen(planned, check)
     require_scheduler(study.scheduler)
     from vibroplat.results.files import read_provenance
     from vibroplat.results.tables import result_directory
@@ -67,65 +52,43 @@ def sweep(
     if study.resume and (directory / "provenance.json").exists():
         read_provenance(directory, "sweep")
     tell_of_compilation(scene.solver.engine)
-    from vibroplat.integrate.choice import other_engine
-    from vibroplat.study import report
-    from vibroplat.study.execution import pool
-    from vibroplat.study.store import Store
-    from vibroplat.study.sweep import conditions
-
-    engines = [scene.solver.engine, *([other_engine(scene.solver.engine)] if places else [])]
-    with Store(directory, conditions(scene), resume=study.resume, overwrite=study.overwrite) as store:
-        stored = store.lengths()
-        left = sum(stored.get(branch.number, 0) < len(branch.frequencies) for branch in planned)
-        load_kernels(*engines)
-        with pool(study.jobs, study.scheduler, wait=study.wait, chains=max(left, len(places))) as workers:
-            done = _measure(scene, planned, places, store, workers)
-        store.finish()
-        found = None if done.check is None else done.check.to_tree()
-        report.write_sweep(scene, store, directory, study.format_.value, check=found)
-    if not _print_sweep(planned, directory, done):
-        raise typer.Exit(1)
-
-
-def _measure(scene: Scene, planned: Sequence[Branch], places: list[Place], store: Store, workers: Pool) -> _Done:
-    """Measure the points of a sweep that are not stored yet, and check those at some places."""
     from vibroplat.check.sweeps import check_points
-    from vibroplat.study.sweep import run_sweeps
+    from vibroplat.integrate import other_engine
+    from vibroplat.study import sweep as sweeps
+    from vibroplat.study.bands import band_lines
+    from vibroplat.study.store import Store
 
-    began = time.perf_counter()
-    with sweep_progress(scene.name, len(planned), sum(len(branch.frequencies) for branch in planned)) as progress:
-        run_sweeps([(scene, store)], workers, progress)
-    known, seconds = store.reused, time.perf_counter() - began
-    if not places:
-        return _Done(known, seconds, None)
-    with sweep_progress(f"{scene.name}, check", len(places), len(places)) as progress:
-        found = check_points(scene, places, store, store.part("check"), workers, progress=progress)
-    return _Done(known, seconds, found)
-
-
-def _print_sweep(planned: Sequence[Branch], directory: Path, done: _Done) -> bool:
-    """Print an overview of a finished sweep; return whether all points are good and no engine disagrees."""
-    from vibroplat.results.files import Result
-    from vibroplat.study import report
-
-    table = Result(directory, "sweep").table("sweep")
-    points, measured = len(table), len(table) - done.known
-    resumed = f", {done.known} of the points from before" if done.known else ""
-    took = f"{done.seconds:.3g} s, {measured / done.seconds:.3g} points per s{resumed}"
-    print_lines(report.overview(table) | {"wall time": took, "tables": str(directory)})
-    for line in report.band_report(Result(directory, "sweep").table("bands")):
+    found = None
+    with Store(directory, sweeps.conditions(scene), resume=study.resume, overwrite=study.overwrite) as store:
+        load_kernels(scene.solver.engine, *([other_engine(scene.solver.engine)] if places else []))
+        began = time.perf_counter()
+        bar = sweep_progress(scene.name, len(planned), sum(len(branch.frequencies) for branch in planned))
+        measured = sweeps.measured(planned, store, study.jobs, study.scheduler, study.wait, bar, len(places))
+        with measured as workers:
+            known, seconds = store.reused, time.perf_counter() - began
+            if places:
+                with sweep_progress(f"{scene.name}, check", len(places), len(places)) as progress:
+                    found = check_points(planned, places, store, workers, progress=progress)
+        store.finish()
+        checked = None if found is None else found.to_tree()
+        table, bands = sweeps.write_sweep(scene, planned, store, directory, study.format_.value, check=checked)
+    resumed = f", {known} of the points from before" if known else ""
+    took = f"{seconds:.3g} s, {(len(table) - known) / seconds:.3g} points per s{resumed}"
+    print_lines(sweeps.overview(table) | {"wall time": took, "tables": str(directory)})
+    for line in band_lines(bands):
         print(line)
-    print_notes(report.notes_on_branches(planned))
-    print_notes(report.notes_on_points(table) + report.note_on_undecided(table))
-    failed = report.failures(table)
-    _complain_of(failed, f"{len(failed)} of {points} points failed")
-    return (done.check is None or _print_check(done.check)) and not failed
+    print_notes(sweeps.notes_on_branches(planned) + sweeps.notes_on_points(table))
+    failed = sweeps.failures(table)
+    _complain_of(failed, f"{len(failed)} of {len(table)} points failed")
+    agrees = found is None or _print_check(found)
+    if failed or not agrees:
+        raise typer.Exit(1)
 
 
 def _print_check(found: SweepCheck) -> bool:
     """Print what the check of a sweep has found; return whether the engines agree."""
     print_lines(dict(found.lines()))
-    for row in found.reclassified[:TOLD]:
+    for row in found.reclassified[:SHOWN]:
         print(f"  {row}")
     _complain_of(found.disagreements, f"engines disagree at {len(found.disagreements)} of {len(found.checked)} points")
     return found.agrees
@@ -133,7 +96,7 @@ def _print_check(found: SweepCheck) -> bool:
 
 def _complain_of(lines: list[str], total: str) -> None:
     """Print the first of some lines and their total, if there are any."""
-    for line in lines[:TOLD]:
+    for line in lines[:SHOWN]:
         print(f"vibroplat: {line}", file=sys.stderr)
     if lines:
         print(f"vibroplat: {total}", file=sys.stderr)

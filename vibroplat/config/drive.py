@@ -6,11 +6,11 @@ import math
 from bisect import bisect_right
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Annotated, Any, Literal, NamedTuple, Self
+from typing import Annotated, Any, Literal, NamedTuple, Self, TypeVar
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from vibroplat.config.fields import NonNegative, Positive, Section, described
+from vibroplat.config.schema import NonNegative, Positive, Section, described
 
 #: Supply frequency where none is given (Hz).
 FREQUENCY = 50.0
@@ -32,6 +32,7 @@ def _switch(value: Any) -> Any:
     return ("off", "on")[value] if isinstance(value, bool) else value
 
 
+T = TypeVar("T")
 Switch = Annotated[Literal["on", "off"], BeforeValidator(_switch)]
 
 
@@ -49,19 +50,22 @@ class Entry(Section):
     exciter_2: Switch | None = described(None, "", "the same of exciter 2")
     off: bool | None = described(None, "", "true: both exciters off from then on; false: both on")
 
+    alternatives = (("off", "exciter_1"), ("off", "exciter_2"))
+
+    @property
+    def driven(self) -> tuple[bool | None, bool | None]:
+        """Whether exciters 1 and 2 are on from then on; None: as before."""
+        if self.off is not None:
+            return not self.off, not self.off
+        first, second = (None if switch is None else switch == "on" for switch in (self.exciter_1, self.exciter_2))
+        return first, second
+
     @model_validator(mode="after")
     def _no_minute_frequency(self) -> Self:
         if self.supply_frequency_hz is not None and 0.0 < self.supply_frequency_hz < LEAST_FREQUENCY:
             raise ValueError(
                 f"supply_frequency_hz = {self.supply_frequency_hz}; allowed: 0, or at least {LEAST_FREQUENCY:g}"
             )
-        return self
-
-    @model_validator(mode="after")
-    def _one_way(self) -> Self:
-        given = [name for name in ("exciter_1", "exciter_2") if getattr(self, name) is not None]
-        if self.off is not None and given:
-            raise ValueError(f"off and {given[0]} are both given; allowed: one of the two")
         return self
 
 
@@ -107,6 +111,8 @@ class Drive(Section):
         None, description="supply over time: a list of entries, instead of supply_frequency_hz"
     )
 
+    alternatives = (("supply_frequency_hz", "program"),)
+
     @model_validator(mode="before")
     @classmethod
     def _default(cls, given: Any) -> Any:
@@ -122,8 +128,6 @@ class Drive(Section):
             return self
         if not self.program:
             raise ValueError("program is empty; allowed: one entry or more")
-        if self.supply_frequency_hz is not None:
-            raise ValueError("supply_frequency_hz and program are both given; allowed: one of the two")
         if self.program[0].supply_frequency_hz is None:
             raise ValueError("program.0: supply_frequency_hz is required in the first entry")
         times = [entry.t_s for entry in self.program]
@@ -152,32 +156,14 @@ class Drive(Section):
             return (Interval(-math.inf, math.inf, constant, 0.0, (True, True), (constant, 0.0)),)
         found: list[Interval] = []
         least = LEAST_SHARE * self.largest_frequency
-        frequencies, driven = self._filled()
+        frequencies = _carried([entry.supply_frequency_hz for entry in self.program], 0.0)
+        first, second = (_carried([entry.driven[i] for entry in self.program], True) for i in range(2))
         times = [*(entry.t_s for entry in self.program), math.inf]
         for i, (start, end) in enumerate(pairwise(times)):
             if end > start:
                 rise = frequencies[i + 1] - frequencies[i] if end < math.inf else 0.0
-                found += _pieces(start, end, frequencies[i], rise / (end - start), driven[i], least)
+                found += _pieces(start, end, frequencies[i], rise / (end - start), (first[i], second[i]), least)
         return tuple(found)
-
-    def _filled(self) -> tuple[list[float], list[tuple[bool, bool]]]:
-        """Frequencies (Hz) and switches of all entries, with what they leave out."""
-        frequencies: list[float] = []
-        switches: list[tuple[bool, bool]] = []
-        frequency, driven = 0.0, (True, True)
-        for entry in self.program or []:
-            if entry.supply_frequency_hz is not None:
-                frequency = entry.supply_frequency_hz
-            if entry.off is not None:
-                driven = (not entry.off, not entry.off)
-            first, second = entry.exciter_1, entry.exciter_2
-            driven = (
-                driven[0] if first is None else first == "on",
-                driven[1] if second is None else second == "on",
-            )
-            frequencies.append(frequency)
-            switches.append(driven)
-        return frequencies, switches
 
     def at(self, time: float) -> Interval:
         """Interval of a time (s); at a corner the one that begins there."""
@@ -187,6 +173,14 @@ class Drive(Section):
 def interval_at(intervals: Sequence[Interval], time: float) -> Interval:
     """Pick the interval of a time (s) among all of a drive; at a corner the one that begins there."""
     return intervals[max(bisect_right(intervals, time, key=lambda interval: interval.start) - 1, 0)]
+
+
+def _carried(values: Sequence[T | None], first: T) -> list[T]:
+    """Replace each None by the value before it; at the beginning by the first one."""
+    found = [first]
+    for value in values:
+        found.append(found[-1] if value is None else value)
+    return found[1:]
 
 
 def _pieces(

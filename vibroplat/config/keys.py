@@ -1,22 +1,63 @@
-"""The keys of a configuration as a list: symbol, unit, default, allowed values and meaning of each.
+"""The keys of a configuration as a list: symbol, unit, default, allowed values and meaning of each; and a template.
 
-All of it is read from the models in :mod:`vibroplat.config.scene`, where keys are defined.
+All of it is read from the models of the sections, where keys are defined.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from functools import cache
+from textwrap import wrap
 from typing import Any, NamedTuple
 
-from vibroplat.config.fields import LARGEST, LARGEST_ANGLE, LEAST
+from vibroplat.columns import unit_of
+from vibroplat.config.overrides import flat
+from vibroplat.config.reader import configurations, load_tree
 from vibroplat.config.scene import Scene
-from vibroplat.results.columns import unit_of
+from vibroplat.config.schema import LARGEST, LARGEST_ANGLE, LEAST, Node, in_lists, nodes
 
 #: Limits that only keep products of numbers finite; they are not worth a word.
 _TRIVIAL = {LEAST, LARGEST, -LARGEST, LARGEST_ANGLE, -LARGEST_ANGLE, 2**63 - 1}
 #: The section whose keys are the swept frequencies; all of them are in Hz.
 _FREQUENCIES = "sweep.supply_frequency_hz"
+
+#: Column at which comments begin, if there is room.
+_COMMENTS = 44
+#: Most characters of a line.
+_WIDTH = 110
+#: What the template leaves out: other ways to give the same, and what few ever need.
+_LEFT_OUT = (
+    "name",
+    "orbits.",
+    "motors.",
+    "exciters.",
+    "drive.program.",
+    "run.initial.state.",
+    "run.initial.phase_sum_rad",
+)
+_HEAD = """\
+# A configuration to start from. Lines that begin with # are other ways to give something, or keys that are not needed.
+"""
+_COMMANDS = {
+    "vibroplat run {file}": "simulates it, prints a summary, writes results/{name}",
+    "vibroplat sweep {file}": "sweeps over supply frequencies, as section sweep says",
+    "vibroplat orbits {file}": "follows periodic orbits, unstable ones as well, as section orbits says",
+    "vibroplat plot results/{name}": "draws what is in results/{name}",
+    "vibroplat report results/{name}": "writes it into an HTML page",
+    "vibroplat schema --markdown": "lists all keys, also of two unequal motors or exciters",
+}
+_SWEEP = {"sweep.grid": "{material.mass_ratio: [0, 0.1, 0.2]}"}
+#: Stands after the supply frequency.
+_PROGRAM = """\
+  # program:                                # instead: the supply over time, here a start in 3 s; starts from rest
+  #   - {t_s: 0, supply_frequency_hz: 0}    # also need run.initial.speed_ratio: 0
+  #   - {t_s: 3, supply_frequency_hz: 51.5}"""
+_ORBITS = """\
+orbits:
+  key: drive.supply_frequency_hz            # dotted key that varies along a branch
+  start: 42                                 # one end of its range
+  stop: 80                                  # the other end
+  grid: {material.mass_ratio: [0, 0.1, 0.2]}  # branches for each value"""
 
 
 class Key(NamedTuple):
@@ -31,7 +72,7 @@ class Key(NamedTuple):
     unit
         "" for none.
     default
-        As it is written in YAML; "" if the key is required or its meaning says what holds without it.
+        None if the key is required or its meaning says what holds without it.
     allowed
         What it may be.
     meaning
@@ -41,7 +82,7 @@ class Key(NamedTuple):
     name: str
     symbol: str
     unit: str
-    default: str
+    default: Any
     allowed: str
     meaning: str
 
@@ -49,30 +90,29 @@ class Key(NamedTuple):
 @cache
 def keys() -> dict[str, Key]:
     """Return all keys of a configuration by their names, in the order of the models; sections are not among them."""
-    schema = Scene.model_json_schema()
-    return {key.name: key for key in _keys(schema, schema["$defs"], "")}
+    return {name: _key(name, node) for name, node in nodes(Scene).items() if not node.is_section}
 
 
 def key_of(name: str) -> Key:
     """Return a key by its dotted name, which may have numbers as places in lists; KeyError for what is none."""
-    return keys()[".".join("N" if part.isdigit() else part for part in name.split("."))]
+    general = in_lists(name.split("."))
+    return keys().get(general) or keys()[general.removesuffix(".N")]
 
 
-def _keys(model: Mapping[str, Any], models: Mapping[str, Any], prefix: str) -> Iterator[Key]:
-    """Yield the keys of a section and of the sections in it."""
-    required = model.get("required", ())
-    for name, field in model["properties"].items():
-        dotted = f"{prefix}{name}"
-        choices = [choice for choice in field.get("anyOf", [field]) if choice.get("type") != "null"]
-        inside = [c.get("$ref") or c.get("items", {}).get("$ref") for c in choices]
-        if inside[0]:
-            below = models[inside[0].rpartition("/")[2]]
-            yield from _keys(below, models, f"{dotted}.N." if "items" in choices[0] else f"{dotted}.")
-            continue
-        unit = "Hz" if prefix == f"{_FREQUENCIES}." and name != "direction" else unit_of(name)
-        default = "" if name in required or field.get("default") is None else yaml(field["default"])
-        allowed = " or ".join(_allowed(choice) for choice in choices) + ("; required" if name in required else "")
-        yield Key(dotted, field.get("symbol", ""), unit, default, allowed, field["description"])
+def configuration_schema() -> dict[str, Any]:
+    """JSON schema of a configuration file."""
+    schema = Scene.model_json_schema()
+    schema["title"] = "vibroplat configuration"
+    schema["properties"]["extends"] = {"type": "string", "description": "file whose values this one overrides"}
+    return schema
+
+
+def _key(name: str, node: Node) -> Key:
+    section, _, last = name.rpartition(".")
+    unit = "Hz" if section == _FREQUENCIES and last != "direction" else unit_of(last)
+    allowed = " or ".join(map(_allowed, node.choices)) + ("; required" if node.required else "")
+    schema = node.schema
+    return Key(name, schema.get("symbol", ""), unit, schema.get("default"), allowed, schema["description"])
 
 
 def _allowed(field: Mapping[str, Any]) -> str:
@@ -88,7 +128,9 @@ def _allowed(field: Mapping[str, Any]) -> str:
 
 
 def yaml(value: Any) -> str:
-    """Write a plain value as in YAML."""
+    """Write a plain value as in YAML; "" for None, as of a default that is not there."""
+    if value is None:
+        return ""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, float):
@@ -97,3 +139,39 @@ def yaml(value: Any) -> str:
     if isinstance(value, list):
         return f"[{', '.join(map(yaml, value))}]"
     return str(value)
+
+
+def template(file: str, name: str) -> str:
+    """Return the text of a configuration; its head names the file and the scene."""
+    given = flat(load_tree(configurations() / "quickstart.yaml"))
+    wanted = [key for key in keys().values() if not key.name.startswith(_LEFT_OUT)]
+    lines: list[str] = [_head(file, name)]
+    above: list[str] = []
+    for key in wanted:
+        *sections, last = key.name.split(".")
+        for depth, section in enumerate(sections):
+            if sections[: depth + 1] != above[: depth + 1]:
+                lines.append(f"{'  ' * depth}{section}:")
+        above = sections
+        lines += _lines(last, "  " * len(sections), key, given)
+        if key.name == "drive.supply_frequency_hz":
+            lines.append(_PROGRAM)
+    return "\n".join([*lines, _ORBITS]) + "\n"
+
+
+def _head(file: str, name: str) -> str:
+    """Say what can be done with the file."""
+    rows = [(command.format(file=file, name=name), does.format(name=name)) for command, does in _COMMANDS.items()]
+    width = max(len(command) for command, _ in rows)
+    return _HEAD + "".join(f"#   {command:<{width}}  {does}\n" for command, does in rows)
+
+
+def _lines(last: str, indent: str, key: Key, given: Mapping[str, Any]) -> list[str]:
+    """Write a key with its value and its meaning; one without a value is a comment, and long meanings stand above."""
+    value = _SWEEP.get(key.name) or yaml(given.get(key.name, key.default))
+    text = f"{indent}{'' if value else '# '}{last}:{f' {value}' if value else ''}"
+    about = ", ".join(part for part in (key.symbol, key.meaning) if part)
+    beside = f"{text:<{_COMMENTS - 2}}  # {about}"
+    if len(beside) <= _WIDTH:
+        return [beside]
+    return [f"{indent}# {line}" for line in wrap(about, _WIDTH - len(indent) - 2)] + [text]

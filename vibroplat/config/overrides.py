@@ -5,26 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from vibroplat.config.drive import Drive
+from vibroplat.config.sections import OF_EXCITERS, Initial, Material
 from vibroplat.errors import ConfigError
 
-#: Keys that exclude each other: if an upper layer gives one, the lower layer's other is dropped.
-ALTERNATIVES: tuple[tuple[str, frozenset[str]], ...] = (
-    ("", frozenset({"motor", "motors"})),
-    ("material", frozenset({"natural_frequency_hz", "stiffness_n_per_m"})),
-    ("material", frozenset({"damping_ratio", "damping_n_s_per_m"})),
-    ("drive", frozenset({"supply_frequency_hz", "program"})),
-    *(
-        ("run.initial", frozenset({way, key}))
-        for way in ("state", "from")
-        for key in ("phase_difference_rad", "phase_sum_rad", "phi1_rad", "speed_ratio")
-    ),
-    ("run.initial", frozenset({"state", "from"})),
-    ("run.initial", frozenset({"phase_difference_rad", "phase_sum_rad"})),
-)
-
-#: Keys of the machine that the section ``exciters`` gives for each exciter instead.
-OF_EXCITERS = ("unbalance_radius_m", "rotor_inertia_kg_m2")
-
+#: Pairs of keys that exclude each other, by section: if an upper layer gives one, the lower layer's other is dropped.
+ALTERNATIVES = {
+    "": (("motor", "motors"),),
+    "material": Material.alternatives,
+    "drive": Drive.alternatives,
+    "run.initial": Initial.alternatives,
+}
 
 #: Sections with free keys: they are replaced as a whole, because merging could never remove a key.
 REPLACED = frozenset({"sweep.grid"})
@@ -46,10 +37,10 @@ def merge(lower: Mapping[str, Any], upper: Mapping[str, Any], section: str = "")
         merged = _with_exciters(merged)
     if not section and isinstance(upper.get("motors"), Mapping) and merged.get("motors") is None:
         merged["motors"] = [dict(merged.get("motor") or {}) for _ in range(2)]
-    for place, group in ALTERNATIVES:
-        given = {key for key in group & upper.keys() if upper[key] is not None} if place == section else set()
-        for key in (group - given) if given else ():
-            merged.pop(key, None)
+    for pair in ALTERNATIVES.get(section, ()):
+        for given, other in (pair, reversed(pair)):
+            if upper.get(given) is not None and upper.get(other) is None:
+                merged.pop(other, None)
     for key, value in upper.items():
         below = merged.get(key)
         inner = f"{section}.{key}".strip(".")

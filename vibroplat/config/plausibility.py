@@ -6,154 +6,46 @@ A scene with such numbers is simulated like any other; a note points at what may
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
 from functools import reduce
-from typing import Any
+from typing import Any, NamedTuple
 
 from pydantic import BaseModel
 
-from vibroplat.config.overrides import OF_EXCITERS
 from vibroplat.config.scene import Scene
-
-
-@dataclass(frozen=True)
-class Usual:
-    """A quantity and its usual range.
-
-    Attributes
-    ----------
-    text
-        What it is, with a place for its value; empty if it is the key itself.
-    keys
-        Keys that give it, relative to what ``of`` takes; of several that exclude each other the one that is given.
-    low, high
-        Ends of the usual range; with ``low`` 0 small values are usual, too.
-    unit
-        Its unit, and that of both ends.
-    of
-        Computes it; None if there is no such quantity, as the natural frequency of a free platform.
-    """
-
-    text: str
-    keys: tuple[str, ...]
-    low: float
-    high: float
-    unit: str
-    of: Callable[[Any], float | None]
-
-
-#: Usual ranges in a scene.
-OF_SCENES = (
-    Usual(
-        "natural frequency {} in x",
-        ("machine.stiffness_x_n_per_m",),
-        1.0,
-        150.0,
-        "Hz",
-        lambda s: _natural_frequency(s.machine.stiffness_x_n_per_m, s.platform_mass),
-    ),
-    Usual(
-        "natural frequency {} in y",
-        ("machine.stiffness_y_n_per_m",),
-        1.0,
-        150.0,
-        "Hz",
-        lambda s: _natural_frequency(s.machine.stiffness_y_n_per_m, s.platform_mass),
-    ),
-    Usual(
-        "natural frequency {} in phi",
-        ("machine.stiffness_phi_n_m_per_rad",),
-        1.0,
-        150.0,
-        "Hz",
-        lambda s: _natural_frequency(s.machine.stiffness_phi_n_m_per_rad, s.machine.inertia),
-    ),
-    Usual(
-        "damping ratio {} in x",
-        ("machine.damping_x_n_s_per_m",),
-        0.0,
-        1.0,
-        "",
-        lambda s: _damping_ratio(s.machine.damping_x_n_s_per_m, s.machine.stiffness_x_n_per_m, s.platform_mass),
-    ),
-    Usual(
-        "damping ratio {} in y",
-        ("machine.damping_y_n_s_per_m", "contact.viscous_per_mass_per_s"),
-        0.0,
-        1.0,
-        "",
-        lambda s: _damping_ratio(s.damping_y, s.machine.stiffness_y_n_per_m, s.platform_mass),
-    ),
-    Usual(
-        "damping ratio {} in phi",
-        ("machine.damping_phi_n_m_s_per_rad",),
-        0.0,
-        1.0,
-        "",
-        lambda s: _damping_ratio(
-            s.machine.damping_phi_n_m_s_per_rad, s.machine.stiffness_phi_n_m_per_rad, s.machine.inertia
-        ),
-    ),
-    Usual(
-        "static sag {}",
-        ("machine.stiffness_y_n_per_m",),
-        0.0,
-        0.05,
-        "m",
-        lambda s: (s.platform_mass + sum(s.layer_masses)) * s.machine.gravity_m_per_s2 / s.machine.stiffness_y_n_per_m,
-    ),
-    Usual("", ("material.mass_ratio",), 0.0, 5.0, "", lambda s: s.material.mass_ratio),
-    Usual(
-        "damping ratio {} of the layers",
-        ("material.damping_ratio", "material.damping_n_s_per_m"),
-        0.0,
-        1.0,
-        "",
-        lambda s: _damping_ratio(s.layer_spring[1], s.layer_spring[0], 1.0),
-    ),
-    Usual("", ("drive.supply_frequency_hz",), 0.0, 400.0, "Hz", lambda s: s.drive.supply_frequency_hz),
-    Usual(
-        "drive.program: supply frequency {}",
-        (),
-        0.0,
-        400.0,
-        "Hz",
-        lambda s: s.drive.largest_frequency if s.drive.program else None,
-    ),
-    Usual(
-        "acceleration {} of the platform far above resonance",
-        ("machine.unbalance_mass_kg", "machine.unbalance_radius_m", "drive.supply_frequency_hz"),
-        0.0,
-        30.0,
-        "g",
-        lambda s: (
-            s.length_scale * s.speed_scale**2 / s.machine.gravity_m_per_s2 if s.machine.gravity_m_per_s2 else None
-        ),
-    ),
-    Usual("", ("machine.rotor_inertia_kg_m2",), 0.0, 100.0, "kg·m²", lambda s: _largest(s, "rotor_inertia_kg_m2")),
-    Usual("", ("run.initial.speed_ratio",), -1.5, 1.5, "", lambda s: s.run.initial.speed_ratio),
-    Usual("", ("run.initial.state.x_m",), -1.0, 1.0, "m", lambda s: s.run.initial.state and s.run.initial.state.x_m),
-    Usual("", ("run.initial.state.y_m",), -1.0, 1.0, "m", lambda s: s.run.initial.state and s.run.initial.state.y_m),
-)
-
-#: Usual ranges in a motor.
-OF_MOTORS = (
-    Usual("", ("critical_slip",), 0.0, 1.0, "", lambda m: m.critical_slip),
-    Usual("", ("friction_radius_m",), 0.0, 0.01, "m", lambda m: m.friction_radius_m),
-    Usual("", ("critical_torque_n_m",), 0.0, 1e4, "N·m", lambda m: m.critical_torque_n_m),
-)
+from vibroplat.config.sections import OF_EXCITERS
 
 #: Keys whose default is that of any machine.
 COMMON = frozenset({"gravity_m_per_s2"})
 
 
+class Quantity(NamedTuple):
+    """A quantity of a scene and its usual range.
+
+    Attributes
+    ----------
+    value
+        In its unit; None if there is no such quantity, as the natural frequency of a free platform.
+    low, high, unit
+        Ends of the usual range and their unit; with ``low`` 0 small values are usual, too.
+    keys
+        Keys that give it; of several that exclude each other the one that is given.
+    text
+        What it is, with a place for its value; empty if it is the key itself.
+    """
+
+    value: float | None
+    low: float
+    high: float
+    unit: str
+    keys: tuple[str, ...]
+    text: str = ""
+
+
 def notes_on_input(scene: Scene) -> list[str]:
     """Say what is unusual in a scene, and which numbers of machine and motors it takes by default, in one line each."""
-    found = [_unusual(usual, scene) for usual in OF_SCENES]
-    found += [_unusual(usual, motor, f"{name}.") for name, motor in _motors(scene) for usual in OF_MOTORS]
-    elsewhere = OF_EXCITERS if scene.exciters is not None else ()
-    found.append(_by_default("machine", scene.machine, elsewhere))
+    found = [_unusual(quantity, scene) for quantity in quantities(scene)]
+    found.append(_by_default("machine", scene.machine, OF_EXCITERS if scene.exciters is not None else ()))
     found += [_by_default(name, motor) for name, motor in _motors(scene)]
     return [note for note in found if note]
 
@@ -163,40 +55,92 @@ def notes_on_inputs(scenes: Iterable[Scene]) -> list[str]:
     return list(dict.fromkeys(note for scene in scenes for note in notes_on_input(scene)))
 
 
+def quantities(scene: Scene) -> Iterator[Quantity]:
+    """Yield what of a scene has a usual range."""
+    machine, material, drive, initial = scene.machine, scene.material, scene.drive, scene.run.initial
+    springs = {
+        "x": (scene.platform_mass, "stiffness_x_n_per_m", "damping_x_n_s_per_m", machine.damping_x_n_s_per_m),
+        "y": (scene.platform_mass, "stiffness_y_n_per_m", "damping_y_n_s_per_m", scene.damping_y),
+        "phi": (
+            machine.inertia,
+            "stiffness_phi_n_m_per_rad",
+            "damping_phi_n_m_s_per_rad",
+            machine.damping_phi_n_m_s_per_rad,
+        ),
+    }
+    for axis, (mass, spring, _, _) in springs.items():
+        stiffness = getattr(machine, spring)
+        frequency = math.sqrt(stiffness / mass) / (2.0 * math.pi) if stiffness > 0.0 else None
+        yield Quantity(frequency, 1.0, 150.0, "Hz", (f"machine.{spring}",), f"natural frequency {{}} in {axis}")
+    for axis, (mass, spring, damper, damping) in springs.items():
+        keys = (f"machine.{damper}", *(["contact.viscous_per_mass_per_s"] if axis == "y" else []))
+        ratio = _damping_ratio(damping, getattr(machine, spring), mass)
+        yield Quantity(ratio, 0.0, 1.0, "", keys, f"damping ratio {{}} in {axis}")
+    weight = (scene.platform_mass + sum(scene.layer_masses)) * machine.gravity_m_per_s2
+    sag = weight / machine.stiffness_y_n_per_m
+    yield Quantity(sag, 0.0, 0.05, "m", ("machine.stiffness_y_n_per_m",), "static sag {}")
+    yield Quantity(material.mass_ratio, 0.0, 5.0, "", ("material.mass_ratio",))
+    ratio = _damping_ratio(scene.layer_spring[1], scene.layer_spring[0], 1.0)
+    keys = ("material.damping_ratio", "material.damping_n_s_per_m")
+    yield Quantity(ratio, 0.0, 1.0, "", keys, "damping ratio {} of the layers")
+    yield Quantity(drive.supply_frequency_hz, 0.0, 400.0, "Hz", ("drive.supply_frequency_hz",))
+    if drive.program:
+        yield Quantity(drive.largest_frequency, 0.0, 400.0, "Hz", (), "drive.program: supply frequency {}")
+    if machine.gravity_m_per_s2:
+        acceleration = scene.length_scale * scene.speed_scale**2 / machine.gravity_m_per_s2
+        keys = ("machine.unbalance_mass_kg", "machine.unbalance_radius_m", "drive.supply_frequency_hz")
+        text = "acceleration {} of the platform far above resonance"
+        yield Quantity(acceleration, 0.0, 30.0, "g", keys, text)
+    inertia = max(exciter.rotor_inertia_kg_m2 for exciter in scene.exciter_pair)
+    yield Quantity(inertia, 0.0, 100.0, "kg·m²", ("machine.rotor_inertia_kg_m2",))
+    yield Quantity(initial.speed_ratio, -1.5, 1.5, "", ("run.initial.speed_ratio",))
+    for key in ("x_m", "y_m") if initial.state is not None else ():
+        yield Quantity(getattr(initial.state, key), -1.0, 1.0, "m", (f"run.initial.state.{key}",))
+    for name, motor in _motors(scene):
+        for key, high, unit in (
+            ("critical_slip", 1.0, ""),
+            ("friction_radius_m", 0.01, "m"),
+            ("critical_torque_n_m", 1e4, "N·m"),
+        ):
+            yield Quantity(getattr(motor, key), 0.0, high, unit, (f"{name}.{key}",))
+
+
 def rounded(value: float, digits: int = 3) -> str:
     """Format a value for a note, without an exponent where it can be spared."""
     return f"{float(f'{value:.{digits}g}'):g}"
 
 
+def _damping_ratio(damping: float, stiffness: float, mass: float) -> float | None:
+    """Damping ratio of a mass on a spring and a damper; None without a spring."""
+    return 0.5 * damping / (math.sqrt(stiffness) * math.sqrt(mass)) if stiffness > 0.0 else None
+
+
 def _motors(scene: Scene) -> Iterator[tuple[str, BaseModel]]:
     """Yield the sections of the motors with their keys."""
-    if scene.exciters is not None:
-        yield from ((f"exciters.{i}", exciter) for i, exciter in enumerate(scene.exciters))
-    elif scene.motors is not None:
-        yield from ((f"motors.{i}", motor) for i, motor in enumerate(scene.motors))
-    elif scene.motor is not None:
+    if scene.motor is not None:
         yield "motor", scene.motor
+    yield from ((f"motors.{i}", motor) for i, motor in enumerate(scene.motors or ()))
+    yield from ((f"exciters.{i}", exciter) for i, exciter in enumerate(scene.exciters or ()))
 
 
-def _largest(scene: Scene, key: str) -> float:
-    return float(max(getattr(exciter, key) for exciter in scene.exciter_pair))
-
-
-def _unusual(usual: Usual, section: BaseModel, prefix: str = "") -> str:
+def _unusual(quantity: Quantity, scene: Scene) -> str:
     """Return the note on a quantity, or an empty text if it has a usual value or none."""
-    value = usual.of(section)
-    if value is None or usual.low <= value <= usual.high:
+    value, low, high, unit, keys, text = quantity
+    if value is None or low <= value <= high:
         return ""
-    given = {key: reduce(getattr, key.split("."), section) for key in usual.keys}
-    if (exciters := getattr(section, "exciters", None)) is not None:
-        own = [key for key in given if key.split(".")[-1] in OF_EXCITERS]
-        given = {key: number for key, number in given.items() if key not in own}
-        for name in (key.split(".")[-1] for key in own):
-            given |= {f"exciters.{i}.{name}": getattr(exciter, name) for i, exciter in enumerate(exciters)}
-    named = ", ".join(f"{prefix}{key} = {number:g}" for key, number in given.items() if number)
-    what = usual.text.format(f"{rounded(value)} {usual.unit}".rstrip())
-    ends = f"{usual.low:g} to {usual.high:g}" if usual.low else f"up to {usual.high:g}"
-    return f"{': '.join(part for part in (named, what) if part)}; usual: {ends} {usual.unit}".rstrip()
+    own = [key for key in keys if scene.exciters is not None and key.removeprefix("machine.") in OF_EXCITERS]
+    keys = (
+        *(key for key in keys if key not in own),
+        *(f"exciters.{i}.{key.removeprefix('machine.')}" for key in own for i in range(2)),
+    )
+    tree: Any = scene.model_dump()
+    given = {
+        key: reduce(lambda at, part: at[int(part) if part.isdigit() else part], key.split("."), tree) for key in keys
+    }
+    named = ", ".join(f"{key} = {number:g}" for key, number in given.items() if number)
+    what = text.format(f"{rounded(value)} {unit}".rstrip())
+    ends = f"{low:g} to {high:g}" if low else f"up to {high:g}"
+    return f"{': '.join(part for part in (named, what) if part)}; usual: {ends} {unit}".rstrip()
 
 
 def _by_default(name: str, section: BaseModel, elsewhere: Sequence[str] = ()) -> str:
@@ -204,8 +148,8 @@ def _by_default(name: str, section: BaseModel, elsewhere: Sequence[str] = ()) ->
 
     Optional keys need not be given, nor those that are given ``elsewhere``.
     """
-    needed = {key for key, field in type(section).model_fields.items() if field.default is not None}
-    keys = [key for key in type(section).model_fields if key in needed - COMMON - {*elsewhere}]
+    needed = [key for key, field in type(section).model_fields.items() if field.default is not None]
+    keys = [key for key in needed if key not in COMMON | {*elsewhere}]
     missing = [key for key in keys if key not in section.model_fields_set]
     if not missing:
         return ""
@@ -213,13 +157,3 @@ def _by_default(name: str, section: BaseModel, elsewhere: Sequence[str] = ()) ->
     which = missing[0] if more == 0 else f"{missing[0]} and {more} more key{'s' if more > 1 else ''}"
     what = "no key given" if missing == keys else f"{which} not given"
     return f"{name}: {what}; taken from the paper's test rig"
-
-
-def _natural_frequency(stiffness: float, mass: float) -> float | None:
-    """Natural frequency (Hz) of a mass (kg or kg·m²) on a spring; None without a spring."""
-    return math.sqrt(stiffness / mass) / (2.0 * math.pi) if stiffness > 0.0 else None
-
-
-def _damping_ratio(damping: float, stiffness: float, mass: float) -> float | None:
-    """Damping ratio of a mass on a spring and a damper; None without a spring."""
-    return 0.5 * damping / (math.sqrt(stiffness) * math.sqrt(mass)) if stiffness > 0.0 else None

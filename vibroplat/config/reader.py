@@ -16,9 +16,9 @@ from ruamel.yaml.constructor import DuplicateKeyError
 from ruamel.yaml.error import MarkedYAMLError, ReusedAnchorWarning
 from ruamel.yaml.nodes import MappingNode, ScalarNode
 
-from vibroplat.config.messages import short
 from vibroplat.config.overrides import flat, merge, nest
 from vibroplat.config.scene import Scene
+from vibroplat.config.schema import short
 from vibroplat.errors import ConfigError
 
 #: Key that ``--engine`` is short for.
@@ -115,14 +115,6 @@ def parse_overrides(settings: Iterable[str], engine: str | None = None) -> dict[
     return overrides
 
 
-def configuration_schema() -> dict[str, Any]:
-    """JSON schema of a configuration file."""
-    schema = Scene.model_json_schema()
-    schema["title"] = "vibroplat configuration"
-    schema["properties"]["extends"] = {"type": "string", "description": "file whose values this one overrides"}
-    return schema
-
-
 def _read_chain(file: Path, above: tuple[Path, ...], told: str = "") -> dict[str, Any]:
     """Read a file and those it extends; ``told`` is what to call it if it cannot be read."""
     text = _text(file, told or str(file))
@@ -158,7 +150,7 @@ def _text(file: Path, told: str) -> str:
     except UnicodeDecodeError:
         raise ConfigError(f"{told}: not UTF-8 text") from None
     except (OSError, ValueError) as error:
-        raise ConfigError(f"{told}: cannot be read ({_reason(error)})") from None
+        raise ConfigError(f"{told}: cannot be read ({getattr(error, 'strerror', None) or error})") from None
 
 
 def _parse(text: str, source: str) -> Any:
@@ -180,8 +172,7 @@ def _parsed(text: str, source: str) -> Any:
             if _values(node, {}) > MAX_VALUES:
                 raise ConfigError(f"{source}: more than {MAX_VALUES} values; not a configuration")
             _require_names(node, source)
-            tree = YAML(typ="safe", pure=True).load(text)
-            _require_text_keys(tree)
+            return YAML(typ="safe", pure=True).load(text)
     except ConfigError:
         raise
     except DuplicateKeyError as error:
@@ -196,7 +187,6 @@ def _parsed(text: str, source: str) -> Any:
         raise ConfigError(f"{source}: nested too deeply") from None
     except Exception as error:  # on invalid YAML the parser may raise anything: IndexError, AssertionError …
         raise ConfigError(f"{source}: not valid YAML: {_unquoted(error) or type(error).__name__}") from None
-    return tree
 
 
 def _values(node: Any, known: dict[int, int]) -> int:
@@ -211,35 +201,17 @@ def _values(node: Any, known: dict[int, int]) -> int:
 
 
 def _require_names(node: Any, source: str) -> None:
-    """Refuse keys that do not look like keys, without quoting them."""
+    """Refuse keys that are not text, and without quoting them those that do not look like keys."""
     for entry in getattr(node, "value", ()) if not isinstance(node, ScalarNode) else ():
         key, value = entry if isinstance(node, MappingNode) else (None, entry)
-        if isinstance(key, ScalarNode) and str(key.tag).endswith(":str") and not KEY.fullmatch(key.value):
+        if key is not None and not (isinstance(key, ScalarNode) and str(key.tag).endswith((":str", ":merge"))):
+            raise ConfigError(f"{source}: not valid YAML: a key is not text")
+        if key is not None and str(key.tag).endswith(":str") and not KEY.fullmatch(key.value):
             line = key.start_mark.line + 1
             raise ConfigError(f"{source}: the key in line {line} is no name; allowed: letters, digits and _ . -")
         _require_names(value, source)
 
 
-def _require_text_keys(tree: Any) -> None:
-    """Refuse keys that are not text."""
-    if isinstance(tree, dict):
-        for key, value in tree.items():
-            if not isinstance(key, str):
-                raise ValueError("a key is not text")
-            _require_text_keys(value)
-    elif isinstance(tree, list):
-        for value in tree:
-            _require_text_keys(value)
-
-
-def _one_line(text: object) -> str:
-    return " ".join(str(text).split())[:200]
-
-
 def _unquoted(problem: object) -> str:
     """Return a message of the parser without what it quotes: the file may be one that nobody should see."""
-    return _QUOTED.sub(lambda found: found[0] if found["harmless"] else "…", _one_line(problem))
-
-
-def _reason(error: OSError | ValueError) -> str:
-    return error.strerror if isinstance(error, OSError) and error.strerror else _one_line(error)
+    return _QUOTED.sub(lambda found: found[0] if found["harmless"] else "…", " ".join(str(problem).split())[:200])

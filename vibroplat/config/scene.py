@@ -9,29 +9,28 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from enum import IntEnum
 from functools import cached_property
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Self
 
-from pydantic import BaseModel, BeforeValidator, Field, ValidationError, model_validator
+from pydantic import BaseModel, Field, ValidationError, model_validator
 
+from vibroplat.config.coordinates import COORDINATES, RATES, Mode
 from vibroplat.config.drive import Drive
-from vibroplat.config.exciters import ROTATIONS, Exciter, Motor
-from vibroplat.config.fields import (
-    PERTURBATION,
-    Angle,
-    NonNegative,
-    Positive,
-    Real,
-    Section,
-    Share,
-    described,
-    not_bool,
+from vibroplat.config.overrides import merge, nest
+from vibroplat.config.plans import OrbitsPlan, SweepPlan
+from vibroplat.config.schema import Section, described, explain
+from vibroplat.config.sections import (
+    OF_EXCITERS,
+    ROTATIONS,
+    Contact,
+    Exciter,
+    Machine,
+    Material,
+    Motor,
+    Output,
+    Run,
+    Solver,
 )
-from vibroplat.config.messages import explain
-from vibroplat.config.orbits_plan import OrbitsPlan
-from vibroplat.config.overrides import OF_EXCITERS, merge, nest
-from vibroplat.config.sweep_plan import SweepPlan
 from vibroplat.errors import ConfigError
 
 #: Most rows of a trajectory table, some 15 GB; whether so many fit is found out before a run begins.
@@ -42,305 +41,12 @@ MAX_TURNS = 1e9
 #: The same with engine ``sundae``, which is ten to twenty times slower.
 MAX_TURNS_SUNDAE = 5e7
 
-#: Least tolerances: what the engines can reach.
-LEAST_TOLERANCE, LEAST_TOLERANCE_SUNDIALS = 1e-14, 1e-12
-
-
-class Mode(IntEnum):
-    """Modes of smooth motion; compiled code uses the numbers."""
-
-    ATTACHED = 0
-    FLIGHT = 1
-    BARE = 2
-
-    @property
-    def label(self) -> str:
-        """The mode's name in tables."""
-        return self.name.lower()
-
-
-class Machine(Section):
-    """Platform, springs and exciters; the defaults are the paper's test rig (section 3)."""
-
-    platform_mass_kg: Positive = described(12.42, "m_0", "mass of the platform, without the unbalances")
-    platform_inertia_kg_m2: Positive = described(
-        0.11, "J_0", "moment of inertia of the platform about its centre of mass"
-    )
-    unbalance_mass_kg: Positive = described(0.045, "m_r", "unbalance mass of each exciter")
-    unbalance_radius_m: Positive = described(0.09, "r", "radius of both unbalances; or in exciters, for each")
-    rotor_inertia_kg_m2: Positive = described(
-        0.8e-3, "J_d", "moment of inertia of both rotors; or in exciters, for each"
-    )
-    exciter_distance_m: NonNegative = described(
-        0.128, "rho", "distance of the exciter axes from the platform's centre of mass"
-    )
-    exciter_angle_deg: Real = described(
-        22.5, "gamma_1", "direction of exciter 1's axis above the x axis; exciter 2 is its mirror image"
-    )
-    stiffness_x_n_per_m: NonNegative = described(580e3, "c_x", "stiffness of the springs along x")
-    stiffness_y_n_per_m: Positive = described(470e3, "c_y", "stiffness of the springs along y")
-    stiffness_phi_n_m_per_rad: NonNegative = described(1.8e3, "c_phi", "stiffness of the springs against rotation")
-    damping_x_n_s_per_m: NonNegative = described(300.0, "b_x", "damping of the springs along x")
-    damping_y_n_s_per_m: NonNegative = described(40.0, "b_y", "damping of the springs along y")
-    damping_phi_n_m_s_per_rad: NonNegative = described(0.77, "b_phi", "damping of the springs against rotation")
-    gravity_m_per_s2: NonNegative = described(9.81, "g", "gravity")
-
-    @property
-    def total_mass(self) -> float:
-        """M = m_0 + 2 m_r (kg)."""
-        return self.platform_mass_kg + 2.0 * self.unbalance_mass_kg
-
-    @property
-    def inertia(self) -> float:
-        """Moment J about the common centre of mass (kg·m²); cos²γ₁ by the parallel-axis theorem."""
-        gamma = math.radians(self.exciter_angle_deg)
-        lever = self.platform_mass_kg + 2.0 * self.unbalance_mass_kg * math.cos(gamma) ** 2
-        exciters = 2.0 * self.unbalance_mass_kg * self.exciter_distance_m**2
-        return self.platform_inertia_kg_m2 + exciters * lever / self.total_mass
-
-    @property
-    def safe_rotation(self) -> float:
-        """Rotation φ up to which the mass matrix is positive definite wherever the exciters are (rad).
-
-        To first order in φ a rotation moves the axes out by √(1 + φ²) but leaves J unchanged. The error of J,
-        φ²(J − J_0), is at most J_0 up to this rotation.
-        """
-        exciters = self.inertia - self.platform_inertia_kg_m2
-        return math.sqrt(self.platform_inertia_kg_m2 / exciters) if exciters > 0.0 else math.inf
-
-    @property
-    def exciter_axis(self) -> tuple[float, float]:
-        """Axis (X_0, Y_0) of exciter 1 from the common centre of mass (m); exciter 2 is at (−X_0, Y_0)."""
-        gamma = math.radians(self.exciter_angle_deg)
-        share = self.platform_mass_kg / self.total_mass
-        return (
-            self.exciter_distance_m * math.cos(gamma),
-            share * self.exciter_distance_m * math.sin(gamma),
-        )
-
-
-class Material(Section):
-    """The material on the platform; a mass ratio of 0 means a bare platform."""
-
-    mass_ratio: NonNegative = described(
-        0.0, "mu_w", "mass of the material over that of the machine, m_w / M; 0: bare platform"
-    )
-    layers: Annotated[Literal[1, 2], BeforeValidator(not_bool)] = Field(
-        2, description="layers of material: 2, or 1 for a thin layer"
-    )
-    lower_share: Annotated[float, Field(gt=0.0, le=1.0, allow_inf_nan=False)] = described(
-        0.75, "m_w1 / m_w", "share of the lower layer in the mass of the material; used with two layers"
-    )
-    natural_frequency_hz: Positive | None = described(
-        None, "sqrt(c_w/m_w2) / 2 pi", "natural frequency of the upper layer on the lower one"
-    )
-    stiffness_n_per_m: Positive | None = described(
-        None, "c_w", "stiffness of the spring between the layers, instead of natural_frequency_hz"
-    )
-    damping_ratio: NonNegative | None = described(
-        None, "b_w / (2 sqrt(c_w m_w2))", "damping ratio of the upper layer on the lower one; not given: 0"
-    )
-    damping_n_s_per_m: NonNegative | None = described(
-        None, "b_w", "damping between the layers, instead of damping_ratio"
-    )
-
-    @model_validator(mode="after")
-    def _one_of_each_pair(self) -> Self:
-        if self.natural_frequency_hz is not None and self.stiffness_n_per_m is not None:
-            raise ValueError("natural_frequency_hz and stiffness_n_per_m are both given; allowed: one of the two")
-        if self.damping_ratio is not None and self.damping_n_s_per_m is not None:
-            raise ValueError("damping_ratio and damping_n_s_per_m are both given; allowed: one of the two")
-        if self.mass_ratio > 0.0 and self.layers == 2:
-            if self.lower_share == 1.0:
-                raise ValueError(
-                    "lower_share = 1 leaves no upper layer; allowed with layers = 2: more than 0, less than 1"
-                )
-            if self.natural_frequency_hz is None and self.stiffness_n_per_m is None:
-                raise ValueError(
-                    "two layers need a spring between them; give natural_frequency_hz or stiffness_n_per_m"
-                )
-        return self
-
-
-class Contact(Section):
-    """Contact between material and platform."""
-
-    model: Literal["impact", "non-impact"] = Field(
-        "impact",
-        description="impact: the material may lift off and strike the platform; non-impact: it is viscous friction",
-    )
-    restitution: Share = described(0.0, "R", "coefficient of restitution of impacts")
-    sticking_speed_m_per_s: NonNegative = described(0.0, "", "impacts slower than this are inelastic; 0: none")
-    impact_law: Literal["conservative", "central", "printed"] = Field(
-        "conservative",
-        description="conservative: keeps momentum, and energy at R = 1; central: leaves the rotation as it is, as the "
-        "paper does; printed: the paper's formula",
-    )
-    viscous_per_mass_per_s: NonNegative = described(
-        0.0, "beta", "non-impact: damping along y that the material adds, over its mass"
-    )
-    added_mass_share: Share = described(0.0, "", "non-impact: share of the material that moves with the platform")
-
-
-class State(Section):
-    """A full state. Omitted coordinates are at static rest; omitted rates are 0.
-
-    ``t_s``, ``mode``, the contact force and what is told of the supply are accepted but not used, so that the last row
-    of a trajectory can be given unchanged. Time starts at 0; mode and force follow from the state.
-    """
-
-    x_m: Real | None = described(
-        None, "x", "displacement of the machine's centre of mass along x, from unstressed springs"
-    )
-    y_m: Real | None = described(
-        None, "y", "displacement of the machine's centre of mass along y, from unstressed springs"
-    )
-    phi_rad: Real | None = described(None, "phi", "rotation of the platform")
-    phi1_rad: Angle | None = described(None, "phi_1", "angle of exciter 1, counter-clockwise")
-    phi2_rad: Angle | None = described(None, "phi_2", "angle of exciter 2, counter-clockwise")
-    gap_m: NonNegative | None = described(None, "y_w1", "gap between platform and lower layer; 0 in contact")
-    upper_m: Real | None = described(None, "y_w2", "displacement of the upper layer from the lower one; 0: unstressed")
-    x_rate_m_per_s: Real = described(0.0, "dx/dt", "velocity along x")
-    y_rate_m_per_s: Real = described(0.0, "dy/dt", "velocity along y")
-    phi_rate_rad_per_s: Real = described(0.0, "dphi/dt", "angular velocity of the platform")
-    phi1_rate_rad_per_s: Real = described(0.0, "dphi_1/dt", "angular velocity of exciter 1")
-    phi2_rate_rad_per_s: Real = described(0.0, "dphi_2/dt", "angular velocity of exciter 2")
-    gap_rate_m_per_s: Real = described(0.0, "dy_w1/dt", "rate of the gap")
-    upper_rate_m_per_s: Real = described(0.0, "dy_w2/dt", "rate of upper_m")
-    t_s: Real | None = described(None, "t", "time")
-    mode: str | None = described(
-        None, "", "mode: attached (in contact), flight (the material has lifted off) or bare (no contact in this scene)"
-    )
-    contact_force_n: Real | None = described(
-        None, "F_c", "force between lower layer and platform; impulses of impacts are events"
-    )
-    supply_frequency_hz: Real | None = described(None, "f_e", "supply frequency, where a program changes it")
-    motor_power_1_w: Real | None = described(None, "", "mechanical power of motor 1: torque times speed")
-    motor_power_2_w: Real | None = described(None, "", "mechanical power of motor 2: torque times speed")
-
-
-class Initial(Section, populate_by_name=True):
-    """Initial state: static rest of platform and material with rotating exciters, a full state, or a run's end."""
-
-    phase_difference_rad: Angle | None = described(
-        None,
-        "Delta phi",
-        "phase difference at the start: phi_1 + phi_2 of counter-rotating exciters, phi_1 - phi_2 of "
-        "co-rotating ones; not given: pi",
-    )
-    phase_sum_rad: Angle | None = described(None, "", "phase_difference_rad of counter-rotating exciters")
-    phi1_rad: Angle = described(0.0, "phi_1", "angle of exciter 1 at the start")
-    speed_ratio: Real = described(0.98, "", "speed of both exciters over the synchronous speed")
-    state: State | None = described(None, "", "a full state, such as the last row of a trajectory")
-    from_: Annotated[str, Field(min_length=1)] | None = Field(
-        None, alias="from", description="directory of a run; this one begins where it ended, and its times go on"
-    )
-
-    @model_validator(mode="after")
-    def _one_way(self) -> Self:
-        ways = [name for name in ("state", "from_") if getattr(self, name) is not None]
-        extra = sorted(self.model_fields_set - {"state", "from_"}) if ways else []
-        if self.phase_sum_rad is not None and self.phase_difference_rad is not None:
-            extra, ways = ["phase_sum_rad"], ["phase_difference_rad"]
-        if extra or len(ways) > 1:
-            first, second = [name.strip("_") for name in (*ways, *extra)][:2]
-            raise ValueError(f"{first} and {second} are both given; allowed: one of the two")
-        return self
-
-    @property
-    def phase_difference(self) -> float:
-        """Phase difference of the exciters (rad)."""
-        given = self.phase_difference_rad if self.phase_sum_rad is None else self.phase_sum_rad
-        return math.pi if given is None else given
-
-
-class Run(Section):
-    """Duration and initial state of a run."""
-
-    duration_s: Positive = described(4.0, "", "simulated time")
-    initial: Initial = Field(Initial(), description="how the run begins")
-    perturbation: Share | None = described(
-        None,
-        "",
-        "random change of the rates of platform and exciters at the start, in the scales of the scene; "
-        f"not given: {PERTURBATION:g}, and 0 where initial gives a state or a run",
-    )
-    seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = Field(0, description="seed of the perturbation")
-
-    @property
-    def start_perturbation(self) -> float:
-        """Perturbation of the start: a motion that is symmetric would stay so for ever, even where it is unstable."""
-        if self.perturbation is not None:
-            return self.perturbation
-        return PERTURBATION if self.initial.state is None and self.initial.from_ is None else 0.0
-
-
-class Solver(Section):
-    """Accuracy and integrator."""
-
-    tolerance: Annotated[float, Field(ge=LEAST_TOLERANCE, le=1e-2, allow_inf_nan=False)] = Field(
-        1.0e-6,
-        description="local error, relative to the scales of the scene; at least "
-        f"{LEAST_TOLERANCE_SUNDIALS:g}, with engine taylor {LEAST_TOLERANCE:g}",
-    )
-    engine: Literal["auto", "native", "sundae", "taylor"] = Field(
-        "auto",
-        description="native: SUNDIALS driven from compiled code; sundae: through scikit-sundae's Python callbacks; "
-        "auto: native, or sundae if the library is not as expected; taylor: Taylor series of high order, several times "
-        "faster unless a layer or a motor is stiff",
-    )
-    max_events_per_period: Annotated[int, Field(ge=1, le=10_000_000)] = Field(
-        5_000, description="a run ends if it has more events within one turn at the synchronous speed"
-    )
-
-    @model_validator(mode="after")
-    def _require_reachable_tolerance(self) -> Self:
-        if self.engine != "taylor" and self.tolerance < LEAST_TOLERANCE_SUNDIALS:
-            raise ValueError(
-                f"tolerance = {self.tolerance:g} with engine {self.engine}; "
-                f"allowed: at least {LEAST_TOLERANCE_SUNDIALS:g}, or {LEAST_TOLERANCE:g} with engine taylor"
-            )
-        return self
-
-
-class Output(Section):
-    """Output tables."""
-
-    sample_rate_hz: Positive = described(2000.0, "", "rows of the trajectory table per second")
-
-
-def _decay(damping: float, stiffness: float) -> float:
-    """Larger decay rate of u″ + damping u′ + stiffness u = 0 (1/s)."""
-    half = 0.5 * damping
-    return half + math.sqrt(max(half * half - stiffness, 0.0))
-
-
-def _set(section: Section) -> dict[str, Any]:
-    """Keys and values of a section that are not None."""
-    return {key: value for key, value in section if value is not None}
-
 
 def _plain(value: Any) -> Any:
     """Turn a section, or a list of some, into the keys and values that it was given."""
     if isinstance(value, list):
         return [_plain(entry) for entry in value]
     return value.model_dump(exclude_unset=True, by_alias=True) if isinstance(value, BaseModel) else value
-
-
-#: Sections that say what the exciters are.
-PAIRED = frozenset({"machine", "motor", "motors", "exciters"})
-
-#: Keys of :class:`State` in the order of the state vector: coordinates, then their rates.
-COORDINATES = ("x_m", "y_m", "phi_rad", "phi1_rad", "phi2_rad", "gap_m", "upper_m")
-RATES = (
-    "x_rate_m_per_s",
-    "y_rate_m_per_s",
-    "phi_rate_rad_per_s",
-    "phi1_rate_rad_per_s",
-    "phi2_rate_rad_per_s",
-    "gap_rate_m_per_s",
-    "upper_rate_m_per_s",
-)
 
 
 class Scene(Section):
@@ -377,6 +83,8 @@ class Scene(Section):
     sweep: SweepPlan | None = described(None, "", "what vibroplat sweep does")
     orbits: OrbitsPlan | None = described(None, "", "what vibroplat orbits does")
 
+    alternatives = (("motor", "motors"), ("motor", "exciters"), ("motors", "exciters"))
+
     @model_validator(mode="before")
     @classmethod
     def _default_motor(cls, given: Any) -> Any:
@@ -386,59 +94,59 @@ class Scene(Section):
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
-        self._require_one_way()
+        for name in OF_EXCITERS if self.exciters is not None else ():
+            if name in self.machine.model_fields_set:
+                raise ValueError(f"exciters and machine.{name} are both given; allowed: one of the two")
+        if self.co_rotating and self.run.initial.phase_sum_rad is not None:
+            raise ValueError(
+                f"run.initial.phase_sum_rad = {self.run.initial.phase_sum_rad} but these exciters turn the same way; "
+                "allowed: phase_difference_rad"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _bounded(self) -> Self:
+        """Refuse durations that no computer would ever finish."""
         rows = self.run.duration_s * self.output.sample_rate_hz
         if rows > MAX_ROWS:
             raise ValueError(
                 f"output.sample_rate_hz = {self.output.sample_rate_hz} asks for {rows:.3g} rows in "
                 f"{self.run.duration_s} s; allowed: at most {MAX_ROWS} rows"
             )
-        self._require_end("run.duration_s", self.run.duration_s, self.drive.largest_frequency)
+        durations = [("run.duration_s", self.run.duration_s, self.drive.largest_frequency)]
         if self.sweep is not None:
-            for key in ("settle_s", "max_settle_s", "measure_s"):
-                seconds = getattr(self.sweep, key)
-                if seconds != "auto":
-                    self._require_end(f"sweep.{key}", seconds, self.sweep.supply_frequency_hz.stop)
-        state = self.run.initial.state
-        if state is not None:
-            given = state.model_dump(exclude_none=True)
-            for index in sorted(set(range(7)) - set(self.coordinates)):
-                for key in (COORDINATES[index], RATES[index]):
-                    if given.get(key, 0.0) != 0.0:
-                        raise ValueError(
-                            f"run.initial.state.{key} = {given[key]} but this scene has no such coordinate; "
-                            "allowed: leave it out"
-                        )
-            if not state.gap_m and state.gap_rate_m_per_s < 0.0:
+            stop = self.sweep.supply_frequency_hz.stop
+            times = {f"sweep.{key}": getattr(self.sweep, key) for key in ("settle_s", "max_settle_s", "measure_s")}
+            durations += [(key, seconds, stop) for key, seconds in times.items() if seconds != "auto"]
+        slow = self.solver.engine == "sundae"
+        most = MAX_TURNS_SUNDAE if slow else MAX_TURNS
+        for key, seconds, supply in durations:
+            turns = seconds * supply / min(exciter.pole_pairs for exciter in self.exciter_pair)
+            if turns > most:
                 raise ValueError(
-                    f"run.initial.state.gap_rate_m_per_s = {state.gap_rate_m_per_s} closes a gap that is 0; "
-                    "allowed: at least 0 while gap_m is 0"
+                    f"{key} = {seconds} takes {turns:.3g} turns at the synchronous speed; "
+                    f"allowed{' with engine sundae' if slow else ''}: at most {most:.0e}"
                 )
         return self
 
-    def _require_one_way(self) -> None:
-        """Refuse keys that say the same twice."""
-        given = [name for name in ("motor", "motors", "exciters") if getattr(self, name) is not None]
-        if self.exciters is not None:
-            given += [f"machine.{name}" for name in OF_EXCITERS if name in self.machine.model_fields_set]
-        if len(given) > 1:
-            raise ValueError(f"{given[0]} and {given[1]} are both given; allowed: one of the two")
-        if self.co_rotating and self.run.initial.phase_sum_rad is not None:
+    @model_validator(mode="after")
+    def _possible_state(self) -> Self:
+        state = self.run.initial.state
+        if state is None:
+            return self
+        for index in range(len(self.coordinates), len(COORDINATES)):
+            for key in (COORDINATES[index], RATES[index]):
+                if getattr(state, key):
+                    raise ValueError(
+                        f"run.initial.state.{key} = {getattr(state, key)} but this scene has no such coordinate; "
+                        "allowed: leave it out"
+                    )
+        if not state.gap_m and state.gap_rate_m_per_s < 0.0:
             raise ValueError(
-                f"run.initial.phase_sum_rad = {self.run.initial.phase_sum_rad} but these exciters turn the same way; "
-                "allowed: phase_difference_rad"
+                f"run.initial.state.gap_rate_m_per_s = {state.gap_rate_m_per_s} closes a gap that is 0; "
+                "allowed: at least 0 while gap_m is 0"
             )
-
-    def _require_end(self, key: str, seconds: float, supply: float) -> None:
-        """Refuse durations that no computer would ever finish."""
-        turns = seconds * supply / min(exciter.pole_pairs for exciter in self.exciter_pair)
-        slow = self.solver.engine == "sundae"
-        most = MAX_TURNS_SUNDAE if slow else MAX_TURNS
-        if turns > most:
-            raise ValueError(
-                f"{key} = {seconds} takes {turns:.3g} turns at the synchronous speed; "
-                f"allowed{' with engine sundae' if slow else ''}: at most {most:.0e}"
-            )
+        return self
 
     # -- structure of the scene -------------------------------------------------------------------------
 
@@ -465,10 +173,9 @@ class Scene(Section):
     # -- derived quantities -------------------------------------------------------------------------
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
-        """Copy the scene, with some sections changed; what follows from them is found anew."""
+        """Copy the scene, with some sections changed; the exciters are found anew."""
         copied = super().model_copy(update=update, deep=deep)
-        if not PAIRED.isdisjoint(update or ()):
-            copied.__dict__.pop("exciter_pair", None)
+        copied.__dict__.pop("exciter_pair", None)
         return copied
 
     @cached_property
@@ -477,7 +184,7 @@ class Scene(Section):
         common = {} if self.exciters is not None else {name: getattr(self.machine, name) for name in OF_EXCITERS}
         given = self.exciters or self.motors or [self.motor or Motor()] * 2
         first, second = (
-            Exciter.model_construct(**{"rotation": rotation, **_set(numbers), **common})
+            Exciter.model_construct(**{"rotation": rotation, **numbers.model_dump(exclude_none=True), **common})
             for numbers, rotation in zip(given, ROTATIONS, strict=True)
         )
         return first, second
@@ -548,10 +255,10 @@ class Scene(Section):
             (self.platform_mass, self.damping_y, machine.stiffness_y_n_per_m),
             (machine.inertia, machine.damping_phi_n_m_s_per_rad, machine.stiffness_phi_n_m_per_rad),
         )
-        rates = [_decay(damping / mass, stiffness / mass) for mass, damping, stiffness in springs]
-        frequency = self.drive.largest_frequency
+        halves = [(0.5 * (damping / mass), stiffness / mass) for mass, damping, stiffness in springs]
+        rates = [half + math.sqrt(max(half * half - stiffness, 0.0)) for half, stiffness in halves]
         for exciter, inertia in zip(self.exciter_pair, self.exciter_inertias, strict=True):
-            slope = 2.0 * exciter.critical_torque_n_m / exciter.critical_slip_speed(frequency)
+            slope = 2.0 * exciter.critical_torque_n_m / exciter.critical_slip_speed(self.drive.largest_frequency)
             rates.append(slope / inertia)
         return max(rates)
 

@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from vibroplat.config.scene import Mode
+from vibroplat.config.coordinates import Mode
 from vibroplat.continuation.shooting import TURN, Shooter, Shot, rotated
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.systems import GAP, GAP_RATE, SYSTEMS

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from functools import cached_property
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -14,19 +14,22 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from vibroplat.config.scene import COORDINATES, RATES, Scene
+import vibroplat
+from vibroplat.config.coordinates import COORDINATES, RATES
+from vibroplat.config.plans import SweepPlan
+from vibroplat.config.scene import Scene
 from vibroplat.continuation.newton import MissedError, NewtonResult, Problem, correct, n_unstable
 from vibroplat.continuation.shooting import TURN, Shooter, spelled
 from vibroplat.errors import ConfigError, VibroplatError
-from vibroplat.hybrid.initial import initial_state
-from vibroplat.hybrid.scales import state_scales
+from vibroplat.hybrid.state import initial_state, state_scales
 from vibroplat.kernels.compiled import FloatArray
-from vibroplat.motion.initial_condition import beginning, end_of
+from vibroplat.motion.initial_condition import end_of, initial_condition
 from vibroplat.motion.run import simulate
 from vibroplat.observe.summary import Part, measured
 from vibroplat.observe.trajectory import Trajectory
-from vibroplat.results.columns import Column, Columns
-from vibroplat.study.point import MEASURED, row_of
+from vibroplat.study.confirming import LARGEST, multiplier_columns
+from vibroplat.study.lyapunov import lyapunov
+from vibroplat.study.point import MEASURED, Point, measure_point, row_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -70,7 +73,7 @@ class Orbit:
     scene
         Whose orbit it is.
     state
-        Full state on it, shape (14,), as :data:`vibroplat.config.scene.COORDINATES` and their rates.
+        Full state on it, shape (14,), as :data:`vibroplat.config.coordinates.COORDINATES` and their rates.
     period
         In turns of exciter 1.
     period_s
@@ -127,8 +130,7 @@ class Orbit:
 
     def plot(self) -> Figure:
         """Draw it: its speed over its height, and the gap over the phase where there is material."""
-        figure: Figure = import_module("vibroplat.plots.display").orbit_figure(self)
-        return figure
+        return vibroplat.figure_of(self)
 
     @cached_property
     def run(self) -> Trajectory:
@@ -267,7 +269,7 @@ def guesses(shooter: Shooter, guess: Any) -> Iterator[FloatArray]:
     """Yield full states on the section, φ₁ = 0, to begin with."""
     scene, motion = shooter.scene, shooter.motion
     if guess is None:
-        motion.begin_again(beginning(scene).state)
+        motion.reset(initial_condition(scene).state)
         done = 0
         for turns in SETTLING:
             motion.to_section(turns - done, 4.0 * turns * TURN / scene.speed_scale)
@@ -276,9 +278,9 @@ def guesses(shooter: Shooter, guess: Any) -> Iterator[FloatArray]:
                 raise OrbitError(f"the motion ended while it settled: {motion.outcome}: {motion.detail}")
             state = motion.state
             yield state
-            motion.begin_again(state)  # the search has moved it
+            motion.reset(state)  # the search has moved it
         return
-    motion.begin_again(state_of(scene, guess))
+    motion.reset(state_of(scene, guess))
     if not motion.to_section(1, 4.0 * TURN / scene.speed_scale):
         raise OrbitError("exciter 1 does not turn; allowed: a motion whose exciters turn")
     yield motion.state
@@ -346,30 +348,6 @@ def _require_whole(problem: Problem, found: NewtonResult, period: int) -> None:
             difference[3:5] -= np.round(difference[3:5] / TURN) * TURN
             if np.abs(difference[places] / problem.shooter.scales[places]).max() < REPEATS * problem.tolerance:
                 raise OrbitError(f"orbits.period = {period} but the motion repeats after {turns}; allowed: {turns}")
-
-
-def multiplier_columns(multipliers: npt.NDArray[np.complex128], most: int) -> dict[str, float | None]:
-    """Return the columns of so many of the largest multipliers; the last is left out if it is half of a pair."""
-    whole = multipliers[:most]
-    if multipliers.size > most and multipliers[most] == multipliers[most - 1].conjugate() != multipliers[most - 1]:
-        whole = whole[:-1]
-    columns: dict[str, float | None] = {}
-    for i in range(most):
-        known = i < whole.size
-        columns[f"multiplier_{i + 1}_re"] = float(whole[i].real) if known else None
-        columns[f"multiplier_{i + 1}_im"] = float(whole[i].imag) if known else None
-    return columns
-
-
-def describe_multipliers(most: int) -> Columns:
-    """Describe the columns of :func:`multiplier_columns`."""
-    meanings = dict.fromkeys(range(1, most), "the largest is the first")
-    meanings[most] = "empty where only half of a complex pair would have a place"
-    return {
-        f"multiplier_{i}_{part}": Column(f"{which} part of Floquet multiplier {i}", meaning)
-        for i, meaning in meanings.items()
-        for part, which in (("re", "real"), ("im", "imaginary"))
-    }
 
 
 def measures_of_orbit(problem: Problem, found: NewtonResult) -> dict[str, Any]:
@@ -452,3 +430,38 @@ def _require_same(measures: Mapping[str, Any], row: Mapping[str, Any]) -> None:
     if max(abs(measures[name] - row[name]) for name in names) > OTHER * size:
         found = 1e3 * measures["rms_y_m"]
         raise OrbitError(f"from the phase difference of this row another motion settles, with RMS y {found:.4g} mm")
+
+
+def confirmed_point(scene: Scene, plan: SweepPlan, state: list[float] | None, key: tuple[int, ...]) -> Point:
+    """Measure a point of a sweep, and confirm it; see :func:`vibroplat.study.point.measure_point`."""
+    point = measure_point(scene, plan, state, key)
+    period = point.row.get("period")
+    if point.state is None or period is None:
+        return point
+    try:
+        found = _orbit(scene, point.state, period) if period else _exponents(scene, point.state)
+    except VibroplatError as error:
+        found = {"confirmation": str(error)}
+    point.row.update({"confirmation": ""} | found)
+    return point
+
+
+def _orbit(scene: Scene, state: list[float], period: int) -> dict[str, Any]:
+    """Find the orbit near a settled state."""
+    with closing(Shooter(accurate(scene, TOLERANCE))) as shooter:
+        problem, found = first_orbit(shooter, np.array(state), period, (), TOLERANCE)
+        near, _, _ = found.chart.unpack(found.u)
+        measures = measures_of_orbit(problem, found)
+        row: dict[str, Any] = {
+            f"orbit_{name}": measures[name] for name in ("excitation_frequency_hz", "rms_x_m", "rms_y_m")
+        }
+        row["orbit_distance"] = float(np.abs((near - found.chart.base) / shooter.scales).max())
+        row["orbit_residual"] = found.residuals[-1]
+        row["orbit_unstable"] = n_unstable(found.multipliers)
+        return row | multiplier_columns(found.multipliers, LARGEST)
+
+
+def _exponents(scene: Scene, state: list[float]) -> dict[str, Any]:
+    """Find the largest Lyapunov exponents of a motion that does not repeat."""
+    values = lyapunov(scene, state)["exponent_per_s"].to_numpy()[:LARGEST]
+    return {f"exponent_{i + 1}_per_s": float(v) for i, v in enumerate(values) if math.isfinite(v)}

@@ -15,10 +15,11 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from vibroplat.config.scene import Mode, Scene
+from vibroplat.config.coordinates import Mode
+from vibroplat.config.scene import Scene
 from vibroplat.hybrid.modes import IMPACT, LATCH, LIFTOFF
-from vibroplat.hybrid.scales import state_scales
-from vibroplat.integrate.choice import make_engine
+from vibroplat.hybrid.state import state_scales
+from vibroplat.integrate import make_engine
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.parameters import Parameters, parameters
 from vibroplat.model.sensitivity import Course, difference, with_value
@@ -26,7 +27,7 @@ from vibroplat.model.systems import FULL_SIZE, SYSTEMS, systems
 from vibroplat.motion.motion import Motion, Observer
 from vibroplat.observe.audit import Energies
 from vibroplat.observe.events import Events
-from vibroplat.observe.guard_margins import Closeness
+from vibroplat.observe.guard_margins import GuardMargins
 from vibroplat.observe.statistics import SUMS, Measures, Statistics, numbers
 from vibroplat.observe.summary import Part
 from vibroplat.observe.variation import Variation
@@ -243,14 +244,14 @@ class Shooter:
             Whether to measure it.
         """
         motion, h = self.motion, self.motion.automaton
-        events, near = Events(), Closeness()
+        events, near = Events(), GuardMargins()
         observers: list[Observer] = [events]
         if varied:
             observers.append(self._variation)
         if measured:
             self._statistics.begin(0.0)
             observers += [self._statistics, near]
-        motion.begin_again(start)
+        motion.reset(start)
         begins = self._system
         if varied:
             self._variation.begin(np.eye(FULL_SIZE), [self.direction(key) for key in self.keys])

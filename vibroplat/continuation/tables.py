@@ -5,35 +5,35 @@ from __future__ import annotations
 import itertools
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import pandas as pd
 
-from vibroplat.config.keys import key_of
-from vibroplat.config.orbits_plan import OrbitsPlan
-from vibroplat.config.scene import COORDINATES, RATES, Scene
-from vibroplat.continuation.orbit import OrbitError, accurate, beginning_at, describe_multipliers
+import vibroplat
+from vibroplat.columns import Column, Columns
+from vibroplat.config.coordinates import COORDINATES, RATES
+from vibroplat.config.plans import OrbitsPlan
+from vibroplat.config.scene import Scene
+from vibroplat.continuation.orbit import OrbitError, accurate, beginning_at
 from vibroplat.continuation.test_functions import KINDS
 from vibroplat.continuation.two_keys import Boundary, follow_boundary
 from vibroplat.continuation.worker import MULTIPLIERS, Family, Traced, follow_family, same_special
 from vibroplat.errors import ConfigError
-from vibroplat.integrate.choice import engine_name
+from vibroplat.integrate import engine_name
 from vibroplat.model.sensitivity import parameter_direction, value_of
 from vibroplat.motion.initial_condition import end_of
 from vibroplat.observe.summary import MEASURES
 from vibroplat.observe.table import TRAJECTORY
-from vibroplat.results.columns import Column, Columns, labelled
 from vibroplat.results.files import write_result
 from vibroplat.results.provenance import provenance
 from vibroplat.results.tables import Format, Table
 from vibroplat.study import WAIT
-from vibroplat.study.branches import EXCITATION, FREQUENCY, SUPPLY
-from vibroplat.study.execution import Pool, pool
+from vibroplat.study.branches import EXCITATION, FREQUENCY, SUPPLY, study_table
+from vibroplat.study.confirming import describe_multipliers
 from vibroplat.study.point import MEASURED, POINT
+from vibroplat.study.pool import Pool, StoredChain, pool, run_stored
 from vibroplat.study.store import Record, Store
-from vibroplat.study.tasks import StoredChain, run_stored
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -58,13 +58,6 @@ COLUMNS = (
 )
 #: Columns of what is found on both sides of a boundary.
 SIDES = ("below", "above", "check")
-#: Columns by their types; all others but keys hold floating-point numbers.
-TYPES = {
-    "str": ("sync", "notes", "sequence", "kind", *SIDES),
-    "Int64": ("branch", "curve", "parent", "point", "period", "unstable"),
-    "bool": ("stable",),
-}
-
 #: Called after each part of a branch with the numbers of finished branches, of known ones, and of points.
 Progress = Callable[[int, int, int], None]
 
@@ -133,8 +126,7 @@ class OrbitTables(NamedTuple):
 
     def plot(self) -> Figure:
         """Draw the branches with their special points."""
-        figure: Figure = import_module("vibroplat.plots.display").orbits_figure(self.branches, self.special)
-        return figure
+        return vibroplat.figure_of(self)
 
 
 def orbits(
@@ -341,9 +333,9 @@ def tables(plan: OrbitsPlan, traced: Sequence[Traced], curves: Sequence[Boundary
         for row in curve.rows
     ]
     return OrbitTables(
-        _frame(points, plan, [key, *COLUMNS, *state], BRANCHES),
-        _frame(special, plan, ["branch", "kind", key, EXCITATION, "period", "point", *state], SPECIAL),
-        _frame(rows, plan, ["curve", "kind", "branch", *keys, EXCITATION, "period", *SIDES], BOUNDARIES),
+        _table(points, plan, [key, *COLUMNS, *state], BRANCHES),
+        _table(special, plan, ["branch", "kind", key, EXCITATION, "period", "point", *state], SPECIAL),
+        _table(rows, plan, ["curve", "kind", "branch", *keys, EXCITATION, "period", *SIDES], BOUNDARIES),
     )
 
 
@@ -368,14 +360,10 @@ def _columns(branch: Traced, row: Record, key: str) -> Record:
     return _named(branch.family.grid) | {"branch": branch.number} | row | {key: row["value"]} | state
 
 
-def _frame(rows: list[Record], plan: OrbitsPlan, columns: Sequence[str], meant: Columns) -> pd.DataFrame:
-    """Make a table with the grid's keys first; its types do not depend on what was found."""
+def _table(rows: list[Record], plan: OrbitsPlan, columns: Sequence[str], meant: Columns) -> pd.DataFrame:
+    """Make a table with the grid's keys first."""
     grid = _named(plan.grid)
-    types: dict[Any, Any] = {key: pd.Series(values).dtype for key, values in grid.items()}
-    for column in columns:
-        types[column] = next((kind for kind, names in TYPES.items() if column in names), "float64")
-    keyed = {key: Column(key_of(key).meaning) for key in grid if key != SUPPLY} | {SUPPLY: Column("supply frequency")}
-    return labelled(pd.DataFrame(rows, columns=[*types]).astype(types), {**keyed, **meant})
+    return study_table(rows, [*grid, *columns], grid, {SUPPLY: Column("supply frequency"), **meant})
 
 
 def summary(plan: OrbitsPlan, traced: Sequence[Traced], curves: Sequence[Boundary] = ()) -> dict[str, Any]:

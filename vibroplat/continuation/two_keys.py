@@ -15,9 +15,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from vibroplat.config.orbits_plan import UNITS, OrbitsPlan
+from vibroplat.config.plans import UNITS, OrbitsPlan, SweepPlan
 from vibroplat.config.scene import Scene
-from vibroplat.config.sweep_plan import SweepPlan
 from vibroplat.continuation.locate import Tried, locate
 from vibroplat.continuation.newton import Chart, MissedError, NewtonResult, Problem, correct
 from vibroplat.continuation.shooting import Shooter, rotated, spelled
@@ -35,8 +34,8 @@ from vibroplat.errors import ConfigError
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.sensitivity import value_of, with_value
 from vibroplat.study.point import measure_point
+from vibroplat.study.pool import Task, Tasks
 from vibroplat.study.store import Record
-from vibroplat.study.tasks import Task, Tasks
 
 #: Accuracy across the curve, in units of the unknowns, and most trials. From one side the zero is extrapolated when it
 #: is as near as the third number, and each trial goes a part of the way.
@@ -425,7 +424,7 @@ def _on_section(scene: Scene, values: Mapping[str, float], row: Record) -> Float
         scene = with_value(scene, key.split("."), value)
     points = []
     with closing(Shooter(scene)) as shooter:
-        shooter.motion.begin_again(np.array(row["state"]))
+        shooter.motion.reset(np.array(row["state"]))
         for _ in range(abs(row["turns"][0])):
             shooter.motion.to_section(1, 2.0 * row["period_s"])
             points.append(_in_scales(shooter.motion.state, shooter))

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from vibroplat.config.orbits_plan import OrbitsPlan
+from vibroplat.config.plans import OrbitsPlan
 from vibroplat.config.scene import Scene
 from vibroplat.continuation.arclength import Branch
 from vibroplat.continuation.locate import specials
@@ -22,13 +22,13 @@ from vibroplat.continuation.orbit import (
     OrbitError,
     first_orbit,
     measures_of_orbit,
-    multiplier_columns,
 )
 from vibroplat.continuation.shooting import Shooter, spelled
 from vibroplat.continuation.switching import MIRRORED, new_branches
 from vibroplat.continuation.test_functions import DOUBLING, Point, Special, tangent_of
+from vibroplat.study.confirming import multiplier_columns
+from vibroplat.study.pool import Task, Tasks
 from vibroplat.study.store import Record
-from vibroplat.study.tasks import Task, Tasks
 
 #: Points of a branch that a task makes.
 PART = 100

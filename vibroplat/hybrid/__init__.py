@@ -3,7 +3,7 @@
 :mod:`~vibroplat.hybrid.modes` is the table of modes. :mod:`~vibroplat.hybrid.loop` begins a segment and concludes it.
 :mod:`~vibroplat.hybrid.jumps` has liftoff, impact and latch; :mod:`~vibroplat.hybrid.rules` decides, by pure functions
 of numbers, what a guard's fall or an impact means. :mod:`~vibroplat.hybrid.state` holds where a run is, and
-:mod:`~vibroplat.hybrid.steps` what an integrator hands over.
+:mod:`~vibroplat.hybrid.state` what an integrator hands over.
 
 To add
 
@@ -13,7 +13,7 @@ To add
 * a force: its term in :func:`vibroplat.model.platform.forces` or, for the material, in
   :func:`vibroplat.model.equations.rows`; its derivative in :func:`vibroplat.model.equations.jacobian`; its power in
   :func:`vibroplat.model.energy.powers`. The sympy derivation in ``tests/model/test_equations.py`` judges all three.
-* a mode: its name in :class:`vibroplat.config.scene.Mode`, its unknowns in
+* a mode: its name in :class:`vibroplat.config.coordinates.Mode`, its unknowns in
   :data:`vibroplat.model.systems.SYSTEMS`, its rows in :func:`vibroplat.model.equations.rows`, its guard in
   :mod:`~vibroplat.hybrid.modes`, its jump in :mod:`~vibroplat.hybrid.jumps`, called by
   :func:`~vibroplat.hybrid.loop.conclude`.

@@ -1,4 +1,7 @@
-"""Jumps of the automaton: liftoff, impact, latch, and a corner of the drive's program."""
+"""Jumps of the automaton: liftoff, impact, latch, and a corner of the drive's program.
+
+Before them what they need: the consistent start of a mode at the present state, and the piece that ends there.
+"""
 
 from __future__ import annotations
 
@@ -6,16 +9,136 @@ import math
 from typing import Any
 
 import numpy as np
+from numba import carray  # type: ignore[attr-defined]
 
 from vibroplat.hybrid.modes import ATTACHED, DRIVE, FLIGHT, IMPACT, LATCH, LIFTOFF
-from vibroplat.hybrid.pieces import close_piece
-from vibroplat.hybrid.rules import ACCUMULATE, ATTACH, FLY, after_impact
-from vibroplat.hybrid.starts import contact_force, forget_starts, prepare, pressing
-from vibroplat.hybrid.state import DIFFERENTIATED, OK, RUNNING, Automaton
-from vibroplat.hybrid.steps import AFTER_EVENT, RESTARTED, fill_cubic
-from vibroplat.kernels.compiled import FloatArray, compiled, copy, inlined
+from vibroplat.hybrid.rules import ACCUMULATE, ATTACH, FLY, after_impact, presses
+from vibroplat.hybrid.state import (
+    AFTER_EVENT,
+    BEYOND_MODEL,
+    CONSISTENT,
+    CUT,
+    DIFFERENTIATED,
+    INCONSISTENT,
+    OK,
+    RESTARTED,
+    RUNNING,
+    STALE,
+    Automaton,
+    fill_cubic,
+)
+from vibroplat.kernels.compiled import FloatArray, call_int, callback, compiled, copy, inlined
+from vibroplat.model.accelerations import accelerations, second_derivatives
 from vibroplat.model.impact import impact, impacts_left, latch
+from vibroplat.model.parameters import PARAMETERS
 from vibroplat.model.systems import FULL_SIZE, GAP, GAP_RATE, SIZES, gather, scatter
+
+
+@callback("int32(int64, float64, CPointer(float64), CPointer(float64), CPointer(float64), voidptr, int64)")
+def start_callback(system: int, t: float, y: Any, yp: Any, ypp: Any, parameters: Any, order: int) -> int:
+    """Fill F_c and first derivatives, with ``order`` DIFFERENTIATED second ones too; 0 where there are none."""
+    size = SIZES[system]
+    p = carray(parameters, (1,), dtype=PARAMETERS)[0]
+    unknowns, rates = carray(y, (size,)), carray(yp, (size,))
+    if not accelerations(system, t, unknowns, rates, p):
+        return 0
+    if order == CONSISTENT:
+        return 1
+    return 1 if second_derivatives(system, t, unknowns, rates, carray(ypp, (size,)), p) else 0
+
+
+@compiled
+def derivatives(h: Automaton, system: int, y: FloatArray, yp: FloatArray, ypp: FloatArray, order: int) -> bool:
+    """Call :func:`start_callback` by address, so that the model is compiled into one place only."""
+    addresses = (y.ctypes.data, yp.ctypes.data, ypp.ctypes.data)
+    return call_int(h.start, (system, h.run.now, *addresses, h.parameters, order)) != 0
+
+
+@compiled
+def prepare(h: Automaton, mode: int, order: int) -> bool:
+    """Prepare the start of a mode at the present state; False, with the outcome set, if there is none.
+
+    ``order`` is CONSISTENT (F_c and first derivatives) or DIFFERENTIATED (second derivatives as well).
+    """
+    run = h.run
+    system = run.systems[mode]
+    if run.fresh[mode] >= order:
+        return True
+    if run.fresh[mode] == STALE:
+        gather(system, run.state, run.y[mode])
+    if not derivatives(h, system, run.y[mode], run.yp[mode], run.ypp[mode], order):
+        run.outcome = BEYOND_MODEL if turned_far(h) else INCONSISTENT
+        return False
+    run.fresh[mode] = order
+    return True
+
+
+@compiled
+def move_to(h: Automaton, system: int, y: FloatArray) -> None:
+    """Make a system's unknowns the present state."""
+    scatter(system, y, h.run.state)
+    forget_starts(h)
+
+
+@inlined
+def forget_starts(h: Automaton) -> None:
+    """Say that the present state is another."""
+    for mode in range(3):
+        h.run.fresh[mode] = STALE
+
+
+@inlined
+def turned_far(h: Automaton) -> bool:
+    """Whether the platform has turned so far that the model may have no motion there."""
+    return abs(h.run.state[2]) > h.p.safe_rotation
+
+
+@inlined
+def contact_force(h: Automaton) -> tuple[float, float]:
+    """F_c and its rate at the prepared start of contact (N, N/s)."""
+    force = SIZES[h.run.systems[ATTACHED]] - 1
+    return h.run.y[ATTACHED, force], h.run.yp[ATTACHED, force]
+
+
+@inlined
+def pressing(h: Automaton) -> bool:
+    """Whether contact holds at the prepared start of it."""
+    force, rate = contact_force(h)
+    return presses(force, rate, h.run.force_noise, h.run.speed)
+
+
+@inlined
+def last_end(h: Automaton) -> float:
+    """When the last step ends (s), in the time of the run."""
+    row = h.steps.used.steps - 1
+    return h.run.origin + (h.steps.start[row] + h.steps.length[row])
+
+
+@compiled
+def close_piece(h: Automaton, end: float) -> None:
+    """Add the open piece to the list of pieces, and move to its end, a time of the run (s)."""
+    run, used = h.run, h.steps.used
+    system = run.systems[run.mode]
+    piece = h.steps.pieces[used.pieces]
+    piece.first, piece.end, piece.system = used.first, used.steps, system
+    piece.origin, piece.until = run.origin, end
+    piece.turns[0], piece.turns[1] = run.turns[0], run.turns[1]
+    piece.joined, piece.events = run.joined, run.events
+    used.pieces += 1
+    used.first = used.steps
+    run.joined, run.zeros = AFTER_EVENT, 0
+    run.now = end
+    if piece.end > piece.first:
+        move_to(h, system, h.steps.ends[used.steps - 1])
+
+
+@compiled
+def cut_piece(h: Automaton) -> None:
+    """Close the open piece because there is no room for more steps; the next one goes on from its end."""
+    if h.steps.used.steps > h.steps.used.first:
+        close_piece(h, last_end(h))
+        h.run.joined = CUT
+
 
 #: Impacts that an event stands for; integers of numpy, see :mod:`vibroplat.hybrid.modes`.
 _COUNTS: Any = np.arange(2)

@@ -1,4 +1,4 @@
-"""The loop of a run: how a segment begins and what follows its end, for every integrator.
+"""The loop of a run: how it begins, how a segment begins and what follows its end, for every integrator.
 
 An engine calls :func:`begin`, integrates from the start that is prepared there, adds its steps to ``steps``, and
 calls :func:`conclude` with the reason why it stopped.
@@ -8,24 +8,103 @@ from __future__ import annotations
 
 import math
 
-from vibroplat.hybrid.jumps import latch_impacts, lift_off, strike
+import numpy as np
+
+from vibroplat.config.scene import Scene
+from vibroplat.hybrid.jumps import (
+    close_piece,
+    contact_force,
+    forget_starts,
+    last_end,
+    latch_impacts,
+    lift_off,
+    move_to,
+    prepare,
+    pressing,
+    start_callback,
+    strike,
+    turned_far,
+)
 from vibroplat.hybrid.modes import ATTACHED, BARE, FLIGHT
-from vibroplat.hybrid.pieces import close_piece, last_end
-from vibroplat.hybrid.starts import contact_force, forget_starts, move_to, prepare, pressing, turned_far
 from vibroplat.hybrid.state import (
     BEYOND_MODEL,
     CONSISTENT,
     DIFFERENTIATED,
+    EVENT,
     EVENT_STORM,
+    FORCE_NOISE,
     NON_FINITE,
     OK,
+    RESTARTED,
+    ROUND_OFF,
+    RUN,
     RUNNING,
     SOLVER_FAILURE,
     Automaton,
+    Steps,
+    absolute_tolerances,
+    end_at,
+    initial_state,
+    state_scales,
 )
-from vibroplat.hybrid.steps import RESTARTED, end_at
 from vibroplat.kernels.compiled import FloatArray, compiled, inlined
-from vibroplat.model.systems import DIFFERENTIAL, GAP, GAP_RATE, PLACES, SIZES, gather
+from vibroplat.model.parameters import PARAMETERS
+from vibroplat.model.systems import DIFFERENTIAL, GAP, GAP_RATE, PLACES, SIZES, gather, systems
+
+#: Events between two readings of their list: an engine returns when its steps are full, well before that.
+_EVENT_ROWS = 4096
+
+
+def automaton(
+    scene: Scene,
+    p: np.record,
+    steps: Steps,
+    turns_per_segment: float,
+    state: FloatArray | None = None,
+    time: float = 0.0,
+) -> Automaton:
+    """Build the automaton of a scene at a full state, or at its own initial state.
+
+    Parameters
+    ----------
+    p
+        Parameters of the scene.
+    steps
+        Where steps are written.
+    turns_per_segment
+        Turns of the synchronous speed after which a segment without an event is ended and restarted.
+    state
+        Full state, shape (14,).
+    time
+        When it begins (s).
+    """
+    kept, runs = np.array([p, p], PARAMETERS), np.zeros(1, RUN)
+    kept["restitution"][1] = 0.0
+    runs["systems"], runs["tolerances"] = -1, 1.0
+    for mode, system in systems(scene).items():
+        runs["systems"][0, mode] = system.index
+        runs["tolerances"][0, mode, : system.size] = absolute_tolerances(scene, system)
+    runs["state"] = initial_state(scene) if state is None else state
+    runs["now"], runs["end"] = time, time + scene.run.duration_s
+    runs["speed"] = speed = scene.speed_scale
+    runs["period"] = period = 2.0 * math.pi / speed
+    runs["longest"] = turns_per_segment * period
+    runs["tolerance"] = scene.solver.tolerance
+    runs["force_noise"] = FORCE_NOISE * scene.force_scale
+    runs["gap_scale"] = scale = state_scales(scene)[GAP]
+    runs["slowest"] = math.sqrt(ROUND_OFF) * scale * speed
+    runs["target"], runs["awaited"] = math.nan, -1
+    return Automaton(
+        p=kept[0],
+        inelastic=kept[1],
+        run=runs[0],
+        recent=np.empty(scene.solver.max_events_per_period),
+        events=np.zeros(_EVENT_ROWS, EVENT),
+        steps=steps,
+        start=start_callback.address,
+        parameters=kept.ctypes.data,
+    )
+
 
 # Why a segment ended: its guard fell through zero, its time is up, the angle that the run waits for is reached, the
 # integrator has failed, something is not finite.
@@ -73,12 +152,20 @@ def begin(h: Automaton) -> bool:
     if run.now >= run.end:  # the last event was at the very end
         run.outcome = OK
         return False
-    if not count_restart(h):
+    most = h.recent.size
+    oldest = run.restarts % most  # all restarts count, so that nothing can go on for ever
+    if run.restarts >= most and run.now - h.recent[oldest] < run.period:
+        run.outcome = EVENT_STORM
         return False
+    h.recent[oldest] = run.now
+    run.restarts += 1
     mode = run.mode
     if not prepare(h, mode, CONSISTENT):
         return False
-    take_off_turns(run.state, run.turns)
+    for exciter in range(2):  # whole turns of its angle
+        whole = _TURN * math.floor(run.state[3 + exciter] / _TURN)
+        run.state[3 + exciter] -= whole
+        run.turns[exciter] += whole
     gather(run.systems[mode], run.state, run.y[mode])
     left = run.end - run.now
     run.origin = run.now
@@ -87,28 +174,6 @@ def begin(h: Automaton) -> bool:
     for i in range(run.atol.size):
         run.atol[i] = run.tolerances[mode, i]
     return True
-
-
-@inlined
-def count_restart(h: Automaton) -> bool:
-    """End the run when restarts pile up; all of them count, so that nothing can go on for ever."""
-    run, most = h.run, h.recent.size
-    oldest = run.restarts % most
-    if run.restarts >= most and run.now - h.recent[oldest] < run.period:
-        run.outcome = EVENT_STORM
-        return False
-    h.recent[oldest] = run.now
-    run.restarts += 1
-    return True
-
-
-@compiled
-def take_off_turns(state: FloatArray, turns: FloatArray) -> None:
-    """Move whole turns of both exciter angles from the state into ``turns`` (rad), in place."""
-    for exciter in range(2):
-        whole = _TURN * math.floor(state[3 + exciter] / _TURN)
-        state[3 + exciter] -= whole
-        turns[exciter] += whole
 
 
 @compiled

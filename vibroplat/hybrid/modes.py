@@ -24,7 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from vibroplat.config.scene import Mode
+from vibroplat.config.coordinates import Mode
 from vibroplat.model.systems import GAP, SYSTEMS
 
 # Modes as compiled code knows them. Integers of numpy: a function that is called with them is compiled once, not once

@@ -1,15 +1,136 @@
-"""Where a run is, in records that compiled code reads and changes."""
+"""Where a run is: the records that compiled code reads and changes, the steps that an integrator hands over, scales.
+
+A step holds every unknown as a polynomial in the fraction of the step, so its readers need not know the method. Steps
+are written to arrays of fixed length, which are overwritten as the run goes on: memory does not grow with the run. An
+observer that keeps a trajectory copies them. A *piece* is a sequence of steps in one mode, without an event between
+them.
+
+Absolute tolerances follow from the scales of a scene. Only the machine and its drive enter these, never the state, so
+that two runs of one machine are integrated alike wherever they start, and a change of units changes nothing.
+"""
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from vibroplat.hybrid.steps import Steps
-from vibroplat.kernels.compiled import FloatArray
-from vibroplat.model.systems import FULL_SIZE
+from vibroplat.config.coordinates import COORDINATES, RATES, Mode
+from vibroplat.config.scene import Scene
+from vibroplat.kernels.compiled import FloatArray, compiled, copy
+from vibroplat.kernels.lanes import in_lines
+from vibroplat.kernels.polynomial import stretch
+from vibroplat.model.systems import FULL_SIZE, System
+
+#: Steps that one segment may need after its last one: that of a latch, and one to spare.
+MARGIN = 2
+
+#: Columns of polynomials: as many as the largest system has unknowns, made up to whole vectors of the processor.
+WIDTH = 16
+
+#: Least degree of the polynomials, that of a latch.
+CUBIC = 3
+
+# How a piece goes on from the one before.
+AFTER_EVENT, RESTARTED, CUT = range(3)
+
+#: A piece: its steps [first, end) in one system, the origin of their times and when the piece ends (s), the whole
+#: turns taken off both exciter angles (rad), how it goes on from the piece before, and the events in the list then.
+PIECE = np.dtype(
+    [
+        ("first", np.int64),
+        ("end", np.int64),
+        ("system", np.int64),
+        ("origin", np.float64),
+        ("until", np.float64),
+        ("turns", np.float64, 2),
+        ("joined", np.int64),
+        ("events", np.int64),
+    ],
+    align=True,
+)
+
+#: Steps and closed pieces so far, and where the open piece begins.
+USED = np.dtype([("steps", np.int64), ("first", np.int64), ("pieces", np.int64)], align=True)
+
+
+class Steps(NamedTuple):
+    """Steps and the pieces they make.
+
+    Attributes
+    ----------
+    start, length
+        Beginning of each step since the origin of its piece, and its duration (s), shape (rows,).
+    c
+        Coefficients of each step's polynomial in s = (t − start)/length, shape (rows, degree + 1, WIDTH); a system
+        uses the first columns, and what is in the others means nothing.
+    ends
+        Unknowns at the ends of the steps, shape (rows, 14).
+    pieces
+        Closed pieces, records of :data:`PIECE`.
+    used
+        A record of :data:`USED`.
+    """
+
+    start: FloatArray
+    length: FloatArray
+    c: FloatArray
+    ends: FloatArray
+    pieces: npt.NDArray[np.void]
+    used: Any
+
+    @property
+    def degree(self) -> int:
+        """Degree of the polynomials."""
+        return self.c.shape[1] - 1
+
+
+def no_steps(rows: int, degree: int) -> Steps:
+    """Make room for steps with polynomials of a degree."""
+    return Steps(
+        np.zeros(rows),
+        np.zeros(rows),
+        in_lines((rows, degree + 1, WIDTH)),
+        np.zeros((rows, FULL_SIZE)),
+        np.zeros(rows, PIECE),
+        np.zeros(1, USED)[0],
+    )
+
+
+@compiled
+def rewind(steps: Steps) -> None:
+    """Forget the steps; an open piece goes on with the next ones."""
+    steps.used.steps = steps.used.first = steps.used.pieces = 0
+
+
+@compiled
+def end_at(steps: Steps, row: int, share: float, end: FloatArray) -> None:
+    """Let a step end at fraction ``share`` of it, or beyond, with the unknowns ``end`` there."""
+    c, degree = steps.c[row], steps.c.shape[1] - 1
+    stretch(c, degree, share)
+    steps.length[row] *= share
+    for j in range(end.size):
+        reached = c[0, j]
+        for k in range(1, degree + 1):
+            reached += c[k, j]
+        c[2, j] += end[j] - reached
+    copy(end, steps.ends[row])
+
+
+@compiled
+def fill_cubic(c: FloatArray, step: float, y0: FloatArray, y1: FloatArray, yp0: FloatArray, yp1: FloatArray) -> None:
+    """Fill the coefficients of the cubic through values and rates at both ends of a step; higher ones are 0."""
+    for j in range(y0.size):
+        rise, rate_0, rate_1 = y1[j] - y0[j], step * yp0[j], step * yp1[j]
+        c[0, j], c[1, j] = y0[j], rate_0
+        c[2, j] = 3.0 * rise - 2.0 * rate_0 - rate_1
+        c[3, j] = rate_0 + rate_1 - 2.0 * rise
+    for k in range(4, c.shape[0]):
+        for j in range(y0.size):
+            c[k, j] = 0.0
+
 
 # Outcomes of a run.
 RUNNING, OK, SOLVER_FAILURE, NON_FINITE, INCONSISTENT, EVENT_STORM, BEYOND_MODEL, OUT_OF_MEMORY = range(8)
@@ -89,7 +210,7 @@ class Automaton(NamedTuple):
     steps
         Steps since they were read.
     start, parameters
-        Addresses of :func:`vibroplat.hybrid.starts.start_callback` and of ``p``.
+        Addresses of :func:`vibroplat.hybrid.jumps.start_callback` and of ``p``.
     """
 
     p: Any
@@ -100,3 +221,150 @@ class Automaton(NamedTuple):
     steps: Steps
     start: int
     parameters: int
+
+
+#: Local tolerance of F_c in units of its scale, over the tolerance of the run. Ten costs no accuracy of
+#: F_c, whose error is that of the state it follows from; less takes more steps where it is in the error test.
+FORCE_SHARE = 10.0
+
+#: Local tolerance of rates in units of their scales, over the tolerance of the run. At equal errors of
+#: coordinates, F_c and event times 2 takes a tenth fewer steps than 1; 4 gains nothing more.
+RATE_SHARE = 2.0
+
+#: Local tolerances in flight, over those of the other modes. A landing turns an error of the gap into one of
+#: time by its speed, which may be small: at equal errors of event times this takes a tenth fewer steps than 1.
+FLIGHT_SHARE = 0.1
+
+#: Relative error that round-off leaves of what is integrated: the least relative tolerance.
+ROUND_OFF = 100.0 * float(np.finfo(float).eps)
+
+#: Round-off of F_c in units of its scale, and the largest error of F_c that a run may have.
+FORCE_NOISE, FORCE_ERROR = 1e-12, 0.05
+
+#: Most halvings of a tolerance in low flights; those lower than 4⁻³⁰ of the scale are not followed.
+MOST_HALVINGS = 30
+
+
+def state_scales(scene: Scene) -> FloatArray:
+    """Scales of the full state, shape (14,).
+
+    With ω₀ the larger synchronous speed, and the largest of a program: lengths (k₁+k₂)/M (what both unbalances move
+    the platform by far above resonance), and g/ω₀² where larger for gap and upper layer; rotation (k₁+k₂)ρ/J;
+    exciters 1 rad; rates ω₀ times these.
+    """
+    machine, speed, length = scene.machine, scene.speed_scale, scene.length_scale
+    flight = max(length, machine.gravity_m_per_s2 / speed**2)
+    arm = max(machine.exciter_distance_m, *(exciter.unbalance_radius_m for exciter in scene.exciter_pair))
+    rotation = sum(scene.unbalances) * arm / machine.inertia
+    coordinates = np.array([length, length, rotation, 1.0, 1.0, flight, flight])
+    return np.concatenate([coordinates, speed * coordinates])
+
+
+def absolute_tolerances(scene: Scene, system: System) -> FloatArray:
+    """Absolute tolerances of a system's unknowns, shape (size,)."""
+    atol = np.empty(system.size)
+    atol[: system.differential] = state_scales(scene)[system.places]
+    atol[system.differential // 2 : system.differential] *= RATE_SHARE
+    atol[system.differential :] = FORCE_SHARE * scene.force_scale
+    if system.mode is Mode.FLIGHT:
+        atol *= FLIGHT_SHARE
+    return scene.solver.tolerance * atol
+
+
+def force_spread(scene: Scene) -> float:
+    """Change of F_c (N) when the state changes by its scales: the effect of state errors on the force.
+
+    With layers or motors that are stiff compared with the excitation it is much larger than the forces themselves.
+    """
+    machine, scales = scene.machine, state_scales(scene)
+    lower, upper = scene.layer_masses
+    stiffness, damping = scene.layer_spring
+    rates = RATE_SHARE * scales[7:]
+    layers = upper * (stiffness * scales[6] + damping * rates[6])
+    springs = machine.stiffness_y_n_per_m * scales[1] + scene.damping_y * rates[1]
+    motors = max(scene.unbalances) * scene.fastest_decay * rates[3]
+    return float(scene.force_scale + layers + lower / machine.total_mass * (springs + motors))
+
+
+def force_noise(scene: Scene) -> float:
+    """Contact forces up to this (N) are noise: what errors of the state within the tolerance, or round-off, leave.
+
+    At a liftoff F_c has either sign within it. In 400 random scenes F_c was never below zero by more than 5e-5 of it.
+    """
+    admitted = min(scene.solver.tolerance * force_spread(scene), FORCE_ERROR * scene.force_scale)
+    return max(admitted, FORCE_NOISE * scene.force_scale)
+
+
+@compiled
+def halvings(tolerance: float, height: float, scale: float, sure: bool) -> int:
+    """How often the gap rate's tolerance is halved in a flight much lower than the scale of lengths.
+
+    An absolute error of the gap moves a landing at speed v by its ratio to v, so the many low flights
+    of accumulating impacts need a gap as accurate against their own height: its tolerance is divided by
+    4ⁿ, that of its rate by 2ⁿ. Gap and rate are integrated from 0 and keep their digits however low a
+    flight is; one that may rise higher than expected must not be asked for more than round-off leaves of it.
+
+    Parameters
+    ----------
+    tolerance
+        That of the run.
+    height, scale
+        Expected height of the flight and scale of the gap (m).
+    sure
+        Whether the flight is known to be that low.
+    """
+    share = max(height / scale, 4.0**-MOST_HALVINGS if sure else ROUND_OFF / tolerance)
+    return min(int(-0.5 * math.log2(share)), MOST_HALVINGS) if share < 1.0 else 0
+
+
+def static_rest(scene: Scene) -> FloatArray:
+    """Full state of platform and material at rest on the static sag, exciters at angle 0.
+
+    y = −(M + m_w) g / c_y and y_w2 = −m_w2 g / c_w, springs being unstressed at 0.
+    """
+    state = np.zeros(FULL_SIZE)
+    gravity = scene.machine.gravity_m_per_s2
+    lower, upper = scene.layer_masses
+    state[1] = -(scene.platform_mass + lower + upper) * gravity / scene.machine.stiffness_y_n_per_m
+    if scene.layers == 2:
+        state[6] = -gravity / scene.layer_spring[0]
+    return state
+
+
+def initial_state(scene: Scene) -> FloatArray:
+    """Full state, shape (14,), that ``run.initial`` asks for; for one that goes on from another run static rest."""
+    initial = scene.run.initial
+    state = static_rest(scene)
+    if initial.state is None:
+        speeds = scene.synchronous_speeds_at(scene.drive.at(0.0).frequency_at(0.0))
+        state[3] = initial.phi1_rad
+        state[4] = scene.phase_weights[1] * (initial.phase_difference - initial.phi1_rad)
+        for i, exciter in enumerate(scene.exciter_pair):
+            state[10 + i] = initial.speed_ratio * exciter.direction * speeds[i]
+        return state
+    for places, names in ((range(7), COORDINATES), (range(7, FULL_SIZE), RATES)):
+        for place, name in zip(places, names, strict=True):
+            value = getattr(initial.state, name)
+            if value is not None:
+                state[place] = value
+    return state
+
+
+def perturbed(state: FloatArray, scene: Scene, share: float, key: tuple[int, ...]) -> FloatArray:
+    """Return a state, shape (14,), with the rates of platform and exciters changed by normal random numbers.
+
+    A symmetric motion that has lost stability would otherwise stay symmetric for ever.
+
+    Parameters
+    ----------
+    share
+        Standard deviation, in the scales of the scene.
+    key
+        Numbers that determine the random ones.
+    """
+    if share == 0.0:
+        return state
+    random = np.random.default_rng(key)
+    changed = state.copy()
+    changed[7:12] += share * state_scales(scene)[7:12] * random.standard_normal(5)
+    return changed

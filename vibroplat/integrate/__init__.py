@@ -1,6 +1,71 @@
-"""Integrators behind one seam, :mod:`~vibroplat.integrate.seam`.
+"""Integrators behind one seam, :mod:`~vibroplat.integrate.seam`, and which of them runs a scene.
 
 ``native`` drives IDA from compiled code, ``sundae`` through scikit-sundae; both use
 :mod:`~vibroplat.integrate.multistep`. ``taylor`` is the Taylor series of the model. Any other integrator becomes an
 engine by :mod:`~vibroplat.integrate.stepwise`.
 """
+
+from __future__ import annotations
+
+import logging
+import threading
+from functools import cache
+from typing import TYPE_CHECKING
+
+from vibroplat.integrate.sundials import Library, UnavailableError, library
+
+if TYPE_CHECKING:
+    from vibroplat.config.scene import Scene
+    from vibroplat.integrate.seam import Engine
+    from vibroplat.model.parameters import Parameters
+
+# Each engine's module is imported where it is asked for: its kernels are compiled or loaded then.
+
+_FINDING = threading.Lock()
+_LOG = logging.getLogger("vibroplat")
+
+
+def make_engine(scene: Scene, p: Parameters) -> Engine:
+    """Make the engine that ``solver.engine`` asks for, or ``sundae`` where ``native`` cannot be had."""
+    name = engine_name(scene)
+    if name == "taylor":
+        from vibroplat.integrate.taylor import TaylorEngine  # noqa: PLC0415
+
+        return TaylorEngine(scene, p)
+    if name == "native":
+        from vibroplat.integrate.native import NativeEngine  # noqa: PLC0415
+
+        return NativeEngine(scene, p, library())
+    from vibroplat.integrate.sundae import SundaeEngine  # noqa: PLC0415
+
+    return SundaeEngine(p)
+
+
+def engine_name(scene: Scene) -> str:
+    """Name the engine that runs a scene."""
+    if scene.solver.engine in ("taylor", "sundae"):
+        return scene.solver.engine
+    with _FINDING:
+        return "sundae" if native_library() is None else "native"
+
+
+@cache
+def native_library() -> Library | None:
+    """Open and check the library of engine ``native``, once; None, with a notice, where it is not as expected."""
+    from vibroplat.integrate.native import self_check  # noqa: PLC0415
+
+    try:
+        found = library()
+        self_check(found)
+    except (UnavailableError, MemoryError) as reason:
+        _LOG.warning("engine native is not available: %s; engine sundae takes over, ten to twenty times slower", reason)
+        return None
+    return found
+
+
+def other_engine(name: str) -> str:
+    """Name the engine that checks another: that which shares least with it.
+
+    Engines ``native`` and ``sundae`` are two ways to SUNDIALS, so ``taylor`` checks both, and SUNDIALS checks it.
+    """
+    return "auto" if name == "taylor" else "taylor"

@@ -11,12 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from vibroplat.hybrid.jumps import derivatives, prepare
 from vibroplat.hybrid.loop import AT_GUARD, AT_TARGET
 from vibroplat.hybrid.modes import FLIGHT
-from vibroplat.hybrid.scales import ROUND_OFF, halvings
-from vibroplat.hybrid.starts import derivatives, prepare
-from vibroplat.hybrid.state import DIFFERENTIATED, Automaton
-from vibroplat.hybrid.steps import CUBIC, CUT, Steps, end_at
+from vibroplat.hybrid.state import CUBIC, CUT, DIFFERENTIATED, ROUND_OFF, Automaton, Steps, end_at, halvings
 from vibroplat.kernels.compiled import FloatArray, compiled, copy, inlined
 from vibroplat.kernels.polynomial import crossing, first_fall, slope, values
 from vibroplat.model.systems import FULL_SIZE, GAP, SIZES

@@ -1,8 +1,8 @@
 """Engine ``native``: SUNDIALS IDA without the interpreter in the loop.
 
-The library of :mod:`vibroplat.integrate.sundials` is driven from compiled code through the addresses of its
-functions; it calls back the C functions of :mod:`vibroplat.integrate.callbacks`. Between two readings of the
-steps — some thousand, with all events in them — no Python runs and the interpreter's lock is free.
+The library of :mod:`vibroplat.integrate.sundials` is driven from compiled code, :mod:`vibroplat.integrate.ida`, through
+the addresses of its functions. Between two readings of the steps — some thousand, with all events in them — no Python
+runs and the interpreter's lock is free.
 """
 
 from __future__ import annotations
@@ -15,23 +15,13 @@ from typing import Any
 
 import numpy as np
 
-from vibroplat.config.scene import Mode, Scene
+from vibroplat.config.coordinates import Mode
+from vibroplat.config.scene import Scene
 from vibroplat.hybrid import loop
-from vibroplat.hybrid.automaton import automaton
+from vibroplat.hybrid.loop import automaton
 from vibroplat.hybrid.modes import GUARDS
-from vibroplat.hybrid.state import OK, Automaton
-from vibroplat.hybrid.steps import CUBIC, no_steps
-from vibroplat.integrate import callbacks as cb
-from vibroplat.integrate.drive import (
-    FUNCTIONS,
-    HANDLES,
-    NAMES,
-    RESIDUAL_FAILURE,
-    STATUS,
-    IntArray,
-    Native,
-    drive,
-)
+from vibroplat.hybrid.state import CUBIC, OK, Automaton, no_steps
+from vibroplat.integrate import ida
 from vibroplat.integrate.multistep import no_past
 from vibroplat.integrate.sundials import Library, UnavailableError
 from vibroplat.kernels.compiled import FloatArray
@@ -100,21 +90,19 @@ class NativeEngine:
         self._finalizer = weakref.finalize(self, _free_all, self._free)
         self._alive: list[Any] = []  # what the library holds addresses of
         self._p = p  # not a copy: a drive's program changes it in place
-        self._status = np.zeros(1, STATUS)
-        shape = (3, FULL_SIZE)
-        self._n = Native(
-            functions=np.array([tuple(library.address(name) for name in NAMES.values())], FUNCTIONS)[0],
-            handles=np.zeros(3, HANDLES),
-            links=np.zeros(3, cb.LINKS),
-            y=np.zeros(shape),
-            yp=np.zeros(shape),
-            atol=np.ones(shape),
+        self._n = ida.Native(
+            functions=np.array([tuple(library.address(name) for name in ida.NAMES.values())], ida.FUNCTIONS)[0],
+            handles=np.zeros(3, ida.HANDLES),
+            links=np.zeros(3, ida.LINKS),
+            y=np.zeros((3, FULL_SIZE)),
+            yp=np.zeros((3, FULL_SIZE)),
+            atol=np.ones((3, FULL_SIZE)),
             past=no_past(),
-            status=self._status[0],
+            status=np.zeros(1, ida.STATUS)[0],
             time=np.zeros(1),
             number=np.zeros(1, dtype=np.int64),
         )
-        self._status["most"] = max(MAX_STEPS, STEPS_PER_EVENT * scene.solver.max_events_per_period)
+        self._n.status["most"] = max(MAX_STEPS, STEPS_PER_EVENT * scene.solver.max_events_per_period)
         self._direction = np.array([-1], dtype=np.int32)
         self._context = self._make_context()
         for mode, system in systems(scene).items():
@@ -123,7 +111,7 @@ class NativeEngine:
     @property
     def work(self) -> dict[str, int | None]:
         """How much was done so far."""
-        links, status = self._n.links, self._status[0]
+        links, status = self._n.links, self._n.status
         return {
             "steps": int(status["steps"]),
             "residual_calls": int(links["residuals"].sum()),
@@ -135,25 +123,22 @@ class NativeEngine:
     @property
     def detail(self) -> str:
         """Why the integrator failed."""
-        status = self._status[0]
-        flag = int(status["flag"])
+        status = self._n.status
+        flag, most = int(status["flag"]), int(status["most"])
         if flag >= 0:
-            most = int(status["most"])
             stuck = status["counted"] > most
             return f"SUNDIALS: more than {most} steps within a period" if stuck else "the state is not finite"
-        if flag == RESIDUAL_FAILURE:
+        if flag == ida.RESIDUAL_FAILURE:
             return "the residual is not finite"
         return f"SUNDIALS: {_MEANINGS.get(flag, 'failure')} (flag {flag})"
 
     def advance(self, h: Automaton) -> None:
         """Go on with a run; see :class:`vibroplat.integrate.seam.Engine`."""
-        drive(h, self._n)
+        ida.drive(h, self._n)
 
     def close(self) -> None:
         """Free solvers, vectors, matrices and the context."""
         self._finalizer()
-
-    # -- the library's objects ----------------------------------------------------------------------
 
     def _made(self, handle: int | None, free: Callable[..., object], *, by_reference: bool = False) -> int:
         if not handle:
@@ -179,50 +164,22 @@ class NativeEngine:
         _check(lib.N_VEnableFusedOps_Serial(vector, 1))  # what the solver clones from it inherits this
         return vector
 
-    def _vectors(self, mode: Mode, system: System) -> tuple[int, int]:
-        """Make the vectors of a mode and fill its callbacks' user data."""
-        n, lib = self._n, self._lib
-        links = n.links[mode]
+    def _make_solver(self, mode: Mode, system: System) -> None:
+        """Make the solver of a mode, and fill its callbacks' user data."""
+        lib, n = self._lib, self._n
+        links, user = n.links[mode], int(n.links[mode : mode + 1].ctypes.data)
         links["vector"] = lib.address("N_VGetArrayPointer")
         links["parameters"] = address(self._p)
         links["tolerances"] = n.atol[mode].ctypes.data
         links["solver"] = links["condensed"].ctypes.data
         links["system"], links["size"], links["guard"] = system.index, system.size, GUARDS[system.index]
         y, yp = (self._vector(array[mode, : system.size]) for array in (n.y, n.yp))
-        return y, yp
-
-    def _links(self, mode: Mode) -> int:
-        """Address of a mode's links."""
-        return int(self._n.links[mode : mode + 1].ctypes.data)
-
-    def _linear_solver(self, mode: Mode, system: System, y: int) -> tuple[int, int]:
-        """Make a SUNLinearSolver whose setup and solve are ours, a copy of the library's dense one, and its matrix."""
-        lib = self._lib
-        matrix = self._made(lib.SUNDenseMatrix(system.size, system.size, self._context), lib.SUNMatDestroy)
-        dense = self._made(lib.SUNLinSol_Dense(y, matrix, self._context), lib.SUNLinSolFree)
-        head = _words(dense, _SOLVER_WORDS)
-        place = np.flatnonzero(head == self._context)  # the table of operations is before it, its place differs
-        operations = _words(int(head[place[0] - 1]), _SOLVER_OPERATIONS) if place.size == 1 and place[0] > 1 else head
-        for name, ours in (("SUNLinSolSetup_Dense", cb.setup), ("SUNLinSolSolve_Dense", cb.solve)):
-            found = operations == lib.address(name)
-            if found.sum() != 1:
-                raise UnavailableError(f"{name} is not found among the operations of its dense linear solver")
-            operations[found] = ours.address
-        content = _words(int(head[0]), cb.USER_DATA)
-        content[cb.USER_DATA] = self._links(mode)
-        head[0], head[place[0] - 1] = content.ctypes.data, operations.ctypes.data
-        self._alive += [head, content, operations]
-        return head.ctypes.data, matrix
-
-    def _make_solver(self, mode: Mode, system: System) -> None:
-        lib, n = self._lib, self._n
-        y, yp = self._vectors(mode, system)
         memory = self._made(lib.IDACreate(self._context), lib.IDAFree, by_reference=True)
-        _check(lib.IDAInit(memory, cb.residual.address, 0.0, y, yp))
-        _check(lib.IDAWFtolerances(memory, cb.weights.address))
-        _check(lib.IDASetUserData(memory, self._links(mode)))
-        _check(lib.IDASetLinearSolver(memory, *self._linear_solver(mode, system, y)))
-        _check(lib.IDASetJacFn(memory, cb.jacobian.address))
+        _check(lib.IDAInit(memory, ida.residual.address, 0.0, y, yp))
+        _check(lib.IDAWFtolerances(memory, ida.weights.address))
+        _check(lib.IDASetUserData(memory, user))
+        _check(lib.IDASetLinearSolver(memory, *self._linear_solver(system.size, y, user)))
+        _check(lib.IDASetJacFn(memory, ida.jacobian.address))
         _check(lib.IDASetEtaFixedStepBounds(memory, *ETA_FIXED))
         _check(lib.IDASetEtaMax(memory, ETA_MAX))
         _check(lib.IDASetDeltaCjLSetup(memory, DELTA_CJ))
@@ -234,10 +191,29 @@ class NativeEngine:
             # F_c stays in the Newton norm and leaves the error test: its error is that of the state
             _check(lib.IDASetSuppressAlg(memory, 1))
         if GUARDS[system.index] >= 0:
-            _check(lib.IDARootInit(memory, 1, cb.guard.address))
+            _check(lib.IDARootInit(memory, 1, ida.guard.address))
             _check(lib.IDASetRootDirection(memory, self._direction.ctypes.data))
             _check(lib.IDASetNoInactiveRootWarn(memory))
         n.handles[mode] = (memory, y, yp)
+
+    def _linear_solver(self, size: int, y: int, user: int) -> tuple[int, int]:
+        """Make a SUNLinearSolver whose setup and solve are ours, a copy of the library's dense one, and its matrix."""
+        lib = self._lib
+        matrix = self._made(lib.SUNDenseMatrix(size, size, self._context), lib.SUNMatDestroy)
+        dense = self._made(lib.SUNLinSol_Dense(y, matrix, self._context), lib.SUNLinSolFree)
+        head = _words(dense, _SOLVER_WORDS)
+        place = np.flatnonzero(head == self._context)  # the table of operations is before it, its place differs
+        operations = _words(int(head[place[0] - 1]), _SOLVER_OPERATIONS) if place.size == 1 and place[0] > 1 else head
+        for name, ours in (("SUNLinSolSetup_Dense", ida.setup), ("SUNLinSolSolve_Dense", ida.solve)):
+            found = operations == lib.address(name)
+            if found.sum() != 1:
+                raise UnavailableError(f"{name} is not found among the operations of its dense linear solver")
+            operations[found] = ours.address
+        content = _words(int(head[0]), ida.USER_DATA)
+        content[ida.USER_DATA] = user
+        head[0], head[place[0] - 1] = content.ctypes.data, operations.ctypes.data
+        self._alive += [head, content, operations]
+        return head.ctypes.data, matrix
 
 
 def self_check(library: Library) -> None:
@@ -263,7 +239,7 @@ def self_check(library: Library) -> None:
         raise UnavailableError(f"it fails the self-check (error {error:.3g})")
 
 
-def _words(address: int, count: int) -> IntArray:
+def _words(address: int, count: int) -> ida.IntArray:
     """Copy machine words, with zeros behind them."""
     return np.append(np.array((ctypes.c_int64 * count).from_address(address)), np.zeros(_SPARE, dtype=np.int64))
 

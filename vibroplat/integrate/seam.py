@@ -7,7 +7,7 @@ with a polynomial, to ``h.steps``, and calls ``conclude``. Whoever reads the ste
 To add an integrator, implement :class:`Integrator`, some fifty lines for a library's own, as
 ``tests/integrate/dop853.py`` does for scipy's. :class:`vibroplat.integrate.stepwise.Stepwise` makes an engine of it,
 and :func:`vibroplat.motion.run.simulate_with` runs that. One that users may choose also has a name in ``solver.engine``
-(:mod:`vibroplat.config.scene`) and a line in :mod:`vibroplat.integrate.choice`. Engines with a compiled loop of their
+(:mod:`vibroplat.config.scene`) and a line in :mod:`vibroplat.integrate`. Engines with a compiled loop of their
 own, as ``native``, save a return to Python in each step.
 """
 
@@ -16,10 +16,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Protocol
 
+from vibroplat.columns import Column, Columns
 from vibroplat.hybrid.state import Automaton
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.systems import System
-from vibroplat.results.columns import Column, Columns
 
 #: What engines count, in the order of the summary.
 WORK: Columns = {

@@ -7,11 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from vibroplat.hybrid.jumps import cut_piece
 from vibroplat.hybrid.loop import AT_GUARD, AT_TARGET, AT_TIME, FAILED, NOT_FINITE, begin, conclude
 from vibroplat.hybrid.modes import GUARDS
-from vibroplat.hybrid.pieces import cut_piece
-from vibroplat.hybrid.state import RUNNING, Automaton
-from vibroplat.hybrid.steps import CUBIC, MARGIN, Steps, rewind
+from vibroplat.hybrid.state import CUBIC, MARGIN, RUNNING, Automaton, Steps, rewind
 from vibroplat.integrate.seam import IntegrationError, Integrator
 from vibroplat.kernels.compiled import FloatArray, compiled
 from vibroplat.kernels.polynomial import Fit, crossing, first_fall, fit, fit_column, stretch, values
@@ -45,13 +44,13 @@ class Stepwise:
         self.name = integrator.name
         self.degree = max(integrator.degree, CUBIC)  # a latch is a cubic
         self.detail = ""
-        self._integrator = integrator
-        self._p = p
+        self._integrator, self._p = integrator, p
         self._fit = fit(self.degree)
         self._open = False
         self._done = 0.0  # time of the segment up to the last step (s)
         self._counted, self._counted_from = 0, 0.0
-        self._forget_steps()
+        self._taken: tuple[FloatArray, FloatArray] = np.empty(0), np.empty((0, 0, 0))
+        self._next = 0  # of the steps taken
 
     @property
     def work(self) -> Mapping[str, int | None]:
@@ -65,9 +64,7 @@ class Stepwise:
         """Carry a run on until there is no room for more steps; see :class:`vibroplat.integrate.seam.Engine`."""
         rewind(h.steps)
         while h.run["outcome"] == RUNNING:
-            if h.steps.used["steps"] + MARGIN >= self.rows:
-                return
-            if not self._open and not self._begin(h):
+            if h.steps.used["steps"] + MARGIN >= self.rows or not (self._open or self._begin(h)):
                 return
             stop = self._go_on(h)
             if stop == _ON:
@@ -86,30 +83,27 @@ class Stepwise:
         self._integrator.start(system, float(run["origin"]), start, atol)
         self._open, self._done = True, 0.0
         self._counted, self._counted_from = 0, 0.0
-        self._forget_steps()
+        self._next = len(self._taken[0])  # what was taken beyond the end of the last segment is dropped
         return True
-
-    def _forget_steps(self) -> None:
-        """Drop steps behind a segment's end."""
-        self._lengths, self._coefficients, self._next = np.empty(0), np.empty((0, 0, 0)), 0
 
     def _go_on(self, h: Automaton) -> int:
         """Add steps until the segment ends, and say why, or until there is no room for more."""
         until, period = float(h.run["until"]), float(h.run["period"])
         while h.steps.used["steps"] + MARGIN < self.rows:
-            if self._next == len(self._lengths):
+            if self._next == len(self._taken[0]):
                 if self._counted > MAX_STEPS:
                     self.detail = f"{self.name}: more than {MAX_STEPS} steps within a period"
                     return FAILED
                 try:
-                    self._lengths, self._coefficients = self._integrator.steps(until - self._done)
+                    self._taken = self._integrator.steps(until - self._done)
                 except IntegrationError as error:
                     self.detail = f"{self.name}: {error}"
                     return FAILED
                 self._next = 0
-                self._counted += len(self._lengths)
-            taken = (self._next, self._done, self._lengths, self._coefficients)
-            stop, self._next, self._done = add_steps(h.run, h.steps, *taken, self._fit, self._p)
+                self._counted += len(self._taken[0])
+            stop, self._next, self._done = add_steps(
+                h.run, h.steps, self._next, self._done, *self._taken, self._fit, self._p
+            )
             if stop == NOT_FINITE:
                 self.detail = f"{self.name}: a step is not finite"
             if stop != _ON:
@@ -168,16 +162,14 @@ def add_step(
         length = run.until - start
     if size > differential and not add_force(system, run.origin + start, length, c, fit, p):
         return NOT_FINITE
-    share, guard, zeros = -1.0, GUARDS[system], run.zeros
-    if guard >= 0:
-        share = first_fall(c, degree, guard, zeros)
+    guard, target = GUARDS[system], run.target - run.turns[0]
+    fall = first_fall(c, degree, guard, run.zeros) if guard >= 0 else -1.0
     run.zeros = 0  # they were of the segment's start
-    if share >= 0.0:
+    if fall >= 0.0:
         stop = AT_GUARD
-        stretch(c, degree, share)
-        length *= share
+        stretch(c, degree, fall)
+        length *= fall
     values(c, degree, 1.0, end[:size])
-    target = run.target - run.turns[0]
     if end[3] >= target:
         stop = AT_TARGET
         share = crossing(c, degree, 3, target)

@@ -18,19 +18,10 @@ os.environ.setdefault("SUNLOGGER_WARNING_FILENAME", os.devnull)
 
 from sksundae.ida import IDA
 
-from vibroplat.hybrid.loop import (
-    AT_GUARD,
-    AT_TIME,
-    FAILED,
-    NOT_FINITE,
-    begin,
-    conclude,
-)
+from vibroplat.hybrid.jumps import cut_piece
+from vibroplat.hybrid.loop import AT_GUARD, AT_TIME, FAILED, NOT_FINITE, begin, conclude
 from vibroplat.hybrid.modes import GUARDS
-from vibroplat.hybrid.pieces import cut_piece
-from vibroplat.hybrid.scales import ROUND_OFF
-from vibroplat.hybrid.state import Automaton
-from vibroplat.hybrid.steps import CUBIC, MARGIN, rewind
+from vibroplat.hybrid.state import CUBIC, MARGIN, ROUND_OFF, Automaton, rewind
 from vibroplat.integrate.multistep import begin_steps, calm, no_past, prepare_first_step, transcribe
 from vibroplat.integrate.seam import WORK
 from vibroplat.kernels.compiled import FloatArray
@@ -54,16 +45,12 @@ ALMOST = 0.999
 _SOLVING = threading.Lock()
 
 
-class _NonFiniteError(ArithmeticError):
-    """A residual that is not finite, raised through the callback."""
+class _GivenUpError(ArithmeticError):
+    """Raised through the residual: why the segment ends, and the reason in words."""
 
-    stop, detail = NOT_FINITE, "the residual is not finite"
-
-
-class _StuckError(RuntimeError):
-    """More residual calls than any segment or period needs, raised through the callback."""
-
-    stop, detail = FAILED, f"SUNDIALS: more than {MAX_CALLS} residual calls within a period"
+    def __init__(self, stop: int, detail: str) -> None:
+        super().__init__(detail)
+        self.stop, self.detail = stop, detail
 
 
 @dataclass
@@ -77,12 +64,12 @@ class _Budget:
     reached: float = 0.0
 
     def count(self, t: float) -> None:
-        """Count a call at a time of the segment; raises where there are too many."""
+        """Count a call at a time of the segment; raises where there are more than any segment or period needs."""
         self.reached = max(self.reached, t)
         self.left -= 1
         if self.left < 0:
             if self.origin + t - self.since < self.period:
-                raise _StuckError
+                raise _GivenUpError(FAILED, f"SUNDIALS: more than {MAX_CALLS} residual calls within a period")
             self.left, self.since = MAX_CALLS, self.origin + t
 
 
@@ -93,27 +80,6 @@ class _Ends(NamedTuple):
     y: FloatArray
     yp: FloatArray
     stop: int
-
-
-@dataclass(frozen=True)
-class _Integrator:
-    """An IDA object and the event function whose buffers it fills."""
-
-    solver: IDA
-    guard: Callable[..., None] | None
-
-    def solve(self, until: float, y: FloatArray, yp: FloatArray) -> Any:
-        """Integrate from 0 until a time, or the guard."""
-        return self.solver.solve([0.0, until], y, yp)
-
-    def forget_events(self) -> None:
-        # scikit-sundae 1.2 keeps every event on the function object and never clears it: the next
-        # solve would stop at once, and each event would make it slower.
-        if self.guard is not None:
-            buffers: Any = self.guard
-            for name in ("_i", "_t", "_y", "_yp"):
-                getattr(buffers, name).clear()
-            buffers._i_cnt[:] = 0
 
 
 class SundaeEngine:
@@ -139,79 +105,9 @@ class SundaeEngine:
         self.detail = ""
         self._p = p
         self._budget = _Budget()
-        self._integrators: dict[tuple[int, bytes, float], _Integrator] = {}
+        self._integrators: dict[tuple[int, bytes, float], tuple[IDA, Any]] = {}
         self._past = no_past()
         self._pending: _Ends | None = None
-
-    def advance(self, h: Automaton) -> None:
-        """Carry a run on for one segment, or part of it; see :class:`vibroplat.integrate.seam.Engine`."""
-        rewind(h.steps)
-        if self._pending is None:
-            first_step = prepare_first_step(h) if begin(h) else -1.0
-            if first_step < 0.0:
-                return
-            self._pending = self._integrate(h, first_step)
-        ends = self._pending
-        system = SYSTEMS[h.run["systems"][h.run["mode"]]]
-        room = self.rows - MARGIN
-        found = ends.stop == AT_GUARD
-        target = float(h.run["target"] - h.run["turns"][0])
-        t, y, yp = ends.t[:room], ends.y[:room], ends.yp[:room]
-        guard, last = int(GUARDS[system.index]), len(ends.t) <= room
-        stop = transcribe(h.steps, self._past, t, y, yp, guard, found and last, target)
-        left = _Ends(ends.t[room:], ends.y[room:], ends.yp[room:], ends.stop)
-        cut = stop < 0 and len(left.t) > 0
-        if system.algebraic:
-            calm(h, cut)
-        self._pending = left if cut else None
-        if cut:
-            cut_piece(h)
-        else:
-            conclude(h, ends.stop if stop < 0 else stop)
-
-    def _integrate(self, h: Automaton, first_step: float) -> _Ends:
-        """Integrate the segment that begins."""
-        mode = h.run["mode"]
-        system = SYSTEMS[h.run["systems"][mode]]
-        start, slope = h.run["y"][mode, : system.size].copy(), h.run["yp"][mode, : system.size].copy()
-        integrator = self._integrator(system, h.run["atol"][: system.size].copy(), first_step)
-        t, y, yp = np.zeros(1), start[np.newaxis], slope[np.newaxis]
-        budget = self._budget
-        budget.left = min(budget.left + CALLS_PER_SEGMENT, MAX_CALLS)
-        budget.period, budget.origin, budget.reached = float(h.run["period"]), float(h.run["origin"]), 0.0
-        result = None
-        try:
-            result = self._solve(integrator, float(h.run["until"]), start, slope)
-        except (_NonFiniteError, _StuckError) as error:
-            stop, self.detail = error.stop, error.detail
-            result = self._until_then(integrator, start, slope)
-        else:
-            stop, self.detail = _stop(result)
-        if result is not None:
-            t, y, yp = result.t, result.y, result.yp
-            self._count(result)
-        whole = np.isfinite(y.sum(axis=1)) & np.isfinite(yp.sum(axis=1))
-        rows = len(t) if whole.all() else int(np.argmin(whole))
-        begin_steps(self._past, y[0], yp[0])
-        return _Ends(t[1:rows], y[1:rows], yp[1:rows], stop)
-
-    def _solve(self, integrator: _Integrator, until: float, start: FloatArray, slope: FloatArray) -> Any:
-        """Integrate from a segment's start until a time in it, or the guard."""
-        try:
-            # scikit-sundae prints what the status says as well; standard output is that of all threads, and
-            # callbacks hold the interpreter's lock, so that waiting for each other costs them nothing
-            with _SOLVING, redirect_stdout(io.StringIO()):
-                return integrator.solve(until, start.copy(), slope.copy())
-        finally:
-            integrator.forget_events()
-
-    def _until_then(self, integrator: _Integrator, start: FloatArray, slope: FloatArray) -> Any:
-        """Repeat a segment that has failed until shortly before, for what there was; None if there was nothing."""
-        until, self._budget.left = ALMOST * self._budget.reached, MAX_CALLS
-        if until > 0.0:
-            with suppress(_NonFiniteError, _StuckError):
-                return self._solve(integrator, until, start, slope)
-        return None
 
     @property
     def work(self) -> dict[str, int | None]:
@@ -222,25 +118,86 @@ class SundaeEngine:
         """Free the solver objects."""
         self._integrators.clear()
 
-    def _count(self, result: Any) -> None:
-        self._counts["steps"] += len(result.t) - 1
-        self._counts["residual_calls"] += result.nfev
-        self._counts["jacobian_calls"] += result.njev
+    def advance(self, h: Automaton) -> None:
+        """Carry a run on for one segment, or part of it; see :class:`vibroplat.integrate.seam.Engine`."""
+        rewind(h.steps)
+        if self._pending is None:
+            first_step = prepare_first_step(h) if begin(h) else -1.0
+            if first_step < 0.0:
+                return
+            self._pending = self._integrate(h, first_step)
+        system, ends, room = SYSTEMS[h.run["systems"][h.run["mode"]]], self._pending, self.rows - MARGIN
+        target = float(h.run["target"] - h.run["turns"][0])
+        found = ends.stop == AT_GUARD and len(ends.t) <= room
+        taken = (ends.t[:room], ends.y[:room], ends.yp[:room])
+        stop = transcribe(h.steps, self._past, *taken, int(GUARDS[system.index]), found, target)
+        cut = stop < 0 and len(ends.t) > room
+        if system.algebraic:
+            calm(h, cut)
+        if cut:
+            self._pending = _Ends(ends.t[room:], ends.y[room:], ends.yp[room:], ends.stop)
+            cut_piece(h)
+        else:
+            self._pending = None
+            conclude(h, ends.stop if stop < 0 else stop)
 
-    def _integrator(self, system: System, atol: FloatArray, first_step: float) -> _Integrator:
+    def _integrate(self, h: Automaton, first_step: float) -> _Ends:
+        """Integrate the segment that begins."""
+        run, budget = h.run, self._budget
+        mode = run["mode"]
+        system = SYSTEMS[run["systems"][mode]]
+        start, slope = run["y"][mode, : system.size].copy(), run["yp"][mode, : system.size].copy()
+        integrator = self._integrator(system, run["atol"][: system.size].copy(), first_step)
+        budget.left = min(budget.left + CALLS_PER_SEGMENT, MAX_CALLS)
+        budget.period, budget.origin, budget.reached = float(run["period"]), float(run["origin"]), 0.0
+        result = None
+        try:
+            result = self._solve(integrator, float(run["until"]), start, slope)
+        except _GivenUpError as error:
+            stop, self.detail = error.stop, error.detail
+            until, budget.left = ALMOST * budget.reached, MAX_CALLS
+            if until > 0.0:  # what there was until shortly before
+                with suppress(_GivenUpError):
+                    result = self._solve(integrator, until, start, slope)
+        else:
+            stop, self.detail = _stop(result)
+        t, y, yp = np.zeros(1), start[np.newaxis], slope[np.newaxis]
+        if result is not None:
+            t, y, yp = result.t, result.y, result.yp
+            for name, count in zip(COUNTED, (len(t) - 1, result.nfev, result.njev), strict=True):
+                self._counts[name] += count
+        whole = np.isfinite(y.sum(axis=1)) & np.isfinite(yp.sum(axis=1))
+        rows = len(t) if whole.all() else int(np.argmin(whole))
+        begin_steps(self._past, y[0], yp[0])
+        return _Ends(t[1:rows], y[1:rows], yp[1:rows], stop)
+
+    def _solve(self, integrator: tuple[IDA, Any], until: float, start: FloatArray, slope: FloatArray) -> Any:
+        """Integrate from a segment's start until a time in it, or the guard."""
+        solver, guard = integrator
+        try:
+            # scikit-sundae prints what the status says as well; standard output is that of all threads, and
+            # callbacks hold the interpreter's lock, so that waiting for each other costs them nothing
+            with _SOLVING, redirect_stdout(io.StringIO()):
+                return solver.solve([0.0, until], start.copy(), slope.copy())
+        finally:
+            # scikit-sundae 1.2 keeps every event on the function object and never clears it: the next
+            # solve would stop at once, and each event would make it slower
+            if guard is not None:
+                for name in ("_i", "_t", "_y", "_yp"):
+                    getattr(guard, name).clear()
+                guard._i_cnt[:] = 0
+
+    def _integrator(self, system: System, atol: FloatArray, first_step: float) -> tuple[IDA, Any]:
+        """Find or make the IDA object of a system with these tolerances, and the guard whose events it keeps."""
         first_step = 4.0 ** round(math.log(first_step, 4.0))
         key = (system.index, atol.tobytes(), first_step)
-        if key not in self._integrators:
-            self._integrators[key] = self._make_integrator(system, atol, first_step)
-        return self._integrators[key]
-
-    def _make_integrator(self, system: System, atol: FloatArray, first_step: float) -> _Integrator:
-        p, budget = self._p, self._budget
-        number = system.index
+        if key in self._integrators:
+            return self._integrators[key]
+        p, budget, number = self._p, self._budget, system.index
 
         def residual(t: float, y: FloatArray, yp: FloatArray, res: FloatArray) -> None:
             if not fill_residual(number, budget.origin + t, y, yp, res, p):
-                raise _NonFiniteError
+                raise _GivenUpError(NOT_FINITE, "the residual is not finite")
             budget.count(t)
 
         def jacobian(t: float, y: FloatArray, yp: FloatArray, res: FloatArray, cj: float, jac: FloatArray) -> None:
@@ -258,7 +215,8 @@ class SundaeEngine:
         guard = _guard_of(system)
         if guard is not None:
             options |= {"eventsfn": guard, "num_events": 1}
-        return _Integrator(IDA(residual, **options), guard)
+        self._integrators[key] = IDA(residual, **options), guard
+        return self._integrators[key]
 
 
 def _guard_of(system: System) -> Callable[..., None] | None:

@@ -19,10 +19,8 @@ _MODULE = "_cy_ida"
 _MAJOR = "7."
 _TYPES = {"SUNDIALS_FLOAT_TYPE": "double", "SUNDIALS_INT_TYPE": "int"}
 
-_POINTER, _INT, _REAL, _INDEX = ctypes.c_void_p, ctypes.c_int, ctypes.c_double, ctypes.c_int32
-
 # Result and arguments of every function that is used: p pointer, i int, r real, n index, v nothing.
-_KINDS = {"p": _POINTER, "i": _INT, "r": _REAL, "n": _INDEX, "v": None}
+_KINDS = {"p": ctypes.c_void_p, "i": ctypes.c_int, "r": ctypes.c_double, "n": ctypes.c_int32, "v": None}
 _FUNCTIONS = {
     "SUNContext_Create": "iip",
     "SUNContext_Free": "ip",
@@ -98,30 +96,6 @@ def configuration() -> dict[str, str]:
     return dict(re.findall(r'^(\w+) = "(.*)"$', text, flags=re.MULTILINE))
 
 
-def _open() -> ctypes.CDLL:
-    """Open the extension module as a library; its dependencies' functions are found through it."""
-    paths = [path for suffix in EXTENSION_SUFFIXES if (path := package() / f"{_MODULE}{suffix}").exists()]
-    if not paths:
-        raise UnavailableError(f"scikit-sundae has no {_MODULE}")
-    try:
-        return ctypes.CDLL(str(paths[0]))
-    except OSError as error:
-        raise UnavailableError(f"{paths[0].name} cannot be opened ({error})") from None
-
-
-def _declared(opened: ctypes.CDLL) -> dict[str, Any]:
-    """Declare the functions that are used, and return them by name."""
-    functions: dict[str, Any] = {}
-    for name, kinds in _FUNCTIONS.items():
-        try:
-            function = getattr(opened, name)
-        except AttributeError:
-            raise UnavailableError(f"SUNDIALS function {name} is missing") from None
-        function.restype, *function.argtypes = (_KINDS[kind] for kind in kinds)
-        functions[name] = function
-    return functions
-
-
 class Library:
     """Functions of IDA by name, with their addresses.
 
@@ -141,8 +115,16 @@ class Library:
         types = {name: found.get(name) for name in _TYPES}
         if types != _TYPES:
             raise UnavailableError(f"its number types are {', '.join(map(str, types.values()))}; known: double, int")
-        self._functions = _declared(_open())
-        self.version = self._version()
+        opened = _open()
+        self._functions: dict[str, Any] = {}
+        for name, kinds in _FUNCTIONS.items():
+            if not hasattr(opened, name):
+                raise UnavailableError(f"SUNDIALS function {name} is missing")
+            function = self._functions[name] = getattr(opened, name)
+            function.restype, *function.argtypes = (_KINDS[kind] for kind in kinds)
+        text = ctypes.create_string_buffer(64)
+        self.SUNDIALSGetVersion(ctypes.cast(text, ctypes.c_void_p), len(text))
+        self.version = text.value.decode()
         if not self.version.startswith(_MAJOR):
             raise UnavailableError(f"SUNDIALS {self.version} is not known; known: {_MAJOR}x")
 
@@ -154,12 +136,18 @@ class Library:
 
     def address(self, name: str) -> int:
         """Address of a function, for calls from compiled code."""
-        return ctypes.cast(self._functions[name], _POINTER).value or 0
+        return ctypes.cast(self._functions[name], ctypes.c_void_p).value or 0
 
-    def _version(self) -> str:
-        text = ctypes.create_string_buffer(64)
-        self.SUNDIALSGetVersion(ctypes.cast(text, _POINTER), len(text))
-        return text.value.decode()
+
+def _open() -> ctypes.CDLL:
+    """Open the extension module as a library; its dependencies' functions are found through it."""
+    paths = [path for suffix in EXTENSION_SUFFIXES if (path := package() / f"{_MODULE}{suffix}").exists()]
+    if not paths:
+        raise UnavailableError(f"scikit-sundae has no {_MODULE}")
+    try:
+        return ctypes.CDLL(str(paths[0]))
+    except OSError as error:
+        raise UnavailableError(f"{paths[0].name} cannot be opened ({error})") from None
 
 
 @cache

@@ -33,9 +33,9 @@ PACKAGE = Path(__file__).parents[1]
 #: Folders of the package whose functions are compiled.
 ROOMS = ("kernels", "model", "hybrid", "integrate", "observe", "motion")
 #: Files besides, with constants that are compiled into kernels: the numbers of the modes and of the coordinates.
-SHARED = ("config/scene.py",)
+SHARED = ("config/coordinates.py",)
 #: The kernel that is compiled last, as it calls the others, by engine: its room, and its name in numba's index.
-LAST = {"taylor": ("integrate", "expansion.drive"), "native": ("integrate", "drive.drive")}
+LAST = {"taylor": ("integrate", "taylor.drive"), "native": ("integrate", "ida.drive")}
 #: Settings of numba that change machine code and are not in its index.
 SETTINGS = ("OPT", "LOOP_VECTORIZE", "SLP_VECTORIZE", "BOUNDSCHECK", "DISABLE_INTEL_SVML")
 

@@ -1,17 +1,34 @@
-"""How the kernels are compiled: without the interpreter's lock, kept on disk between processes."""
+"""How the kernels are compiled: without the interpreter's lock, kept on disk between processes.
+
+Numba makes machine code of every function that it compiles, and with it what turns Python's objects into arguments,
+which for tuples of arrays is more than most kernels. Kernels that call a kernel need neither: LLVM links what it is
+before it becomes machine code into each of them and optimizes it there. Without both a first run waits a third less.
+
+C functions are called by addresses that come as arguments: that leaves compiled code free of them, so that it can be
+kept on disk, and what is called that way is compiled once, not into each caller.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, ParamSpec, TypeVar, cast
+from functools import cached_property
+from types import FunctionType
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar, cast
 
 import numba
 import numpy as np
 import numpy.typing as npt
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler
+from numba.core.registry import CPUDispatcher
+from numba.core.types import unliteral
+from numba.extending import intrinsic
 
 from vibroplat.errors import VibroplatError
 from vibroplat.kernels.cache import kept
-from vibroplat.kernels.inside import Kernel
 
 if getattr(numba.config, "DISABLE_JIT", 0):
     raise VibroplatError(
@@ -23,6 +40,88 @@ FloatArray = npt.NDArray[np.float64]
 
 P = ParamSpec("P")
 T = TypeVar("T")
+
+
+#: Division by zero gives inf or nan, as in C, instead of an exception; no kernel is called through a C wrapper.
+OPTIONS = {"nopython": True, "nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
+
+
+class Kernel(CPUDispatcher):
+    """A kernel that Python and other kernels call, each what is compiled for it; most have only one kind of caller."""
+
+    def __init__(self, function: Callable[..., Any], *, inline: bool = False, fused: bool = False) -> None:
+        self._options = OPTIONS | ({"fastmath": {"contract"}} if fused else {})
+        super().__init__(function, targetoptions=self._options)
+        self._inline, self._kept = inline, kept(function)
+        if self._kept:
+            self.enable_caching()
+
+    @cached_property
+    def _inside(self) -> Any:
+        """The kernel as others call it; where all are on disk, none is needed."""
+        function = self.py_func
+        twin = FunctionType(function.__code__, function.__globals__, closure=function.__closure__)
+        # numba keeps a function by its name
+        twin.__module__, twin.__qualname__ = function.__module__, f"{function.__qualname__}.inside"
+        options = self._options | {"no_cpython_wrapper": True, "forceinline": self._inline}
+        found = CPUDispatcher(twin, targetoptions=options, pipeline_class=_InsideCompiler)
+        if self._kept:
+            found.enable_caching()
+        return found
+
+    def get_call_template(self, args: Any, kws: Any) -> Any:
+        """Say how other kernels call it, and compile it for them, for all numbers of a type at once.
+
+        What is known of a number, as of a degree, LLVM sees where it puts the kernel into its caller.
+        """
+        named = {name: unliteral(kind) for name, kind in kws.items()}
+        return self._inside.get_call_template(tuple(unliteral(kind) for kind in args), named)
+
+    def get_overload(self, sig: Any) -> Any:
+        """Return what other kernels call."""
+        return self._inside.get_overload(sig)
+
+
+class _InsideLibrary(JITCodeLibrary):
+    """What LLVM knows of a kernel, for the libraries of its callers."""
+
+    @property
+    def codegen(self) -> Any:
+        """Ask for no changes of machine code, as there is none."""
+        return _NoMachineCode
+
+    def get_pointer_to_function(self, name: str) -> int:
+        """Return 0, as numba does for what it has no machine code of."""
+        self._ensure_finalized()  # type: ignore[no-untyped-call]
+        return 0
+
+    def _optimize_final_module(self) -> None:
+        """Leave it to the callers, which optimize all that they call."""
+
+    def _finalize_final_module(self) -> None:
+        self._finalize_dynamic_globals()  # type: ignore[no-untyped-call]
+        self._finalized = True
+
+    def serialize_using_object_code(self) -> tuple[str, str, bytes]:
+        """Return what is kept on disk."""
+        module = self._get_module_for_linking()  # type: ignore[no-untyped-call]
+        return self.name, "bitcode", module.as_bitcode()
+
+
+class _NoMachineCode:
+    """The part of numba's code generator that would change machine code."""
+
+    @staticmethod
+    def set_env(name: str, environment: Any) -> None:
+        """Do nothing: an environment is for exceptions and objects of Python, which no kernel has."""
+
+
+class _InsideCompiler(Compiler):
+    """Numba's compiler, with a library of ours."""
+
+    def __init__(self, typing_context: Any, context: Any, library: Any, *rest: Any) -> None:
+        library = library or _InsideLibrary(context.codegen(), "kernel")  # type: ignore[no-untyped-call]
+        super().__init__(typing_context, context, library, *rest)  # type: ignore[no-untyped-call]
 
 
 def compiled(function: Callable[P, T]) -> Callable[P, T]:
@@ -57,3 +156,81 @@ def copy(source: FloatArray, target: FloatArray) -> None:
     """Copy numbers; a loop compiles far faster than an assignment of slices, and runs alike."""
     for i in range(source.size):
         target[i] = source[i]
+
+
+def _caller(returned: Any) -> Any:
+    """Make the intrinsic that calls functions of one return type."""
+
+    def call(typing_context: Any, address: Any, arguments: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+            passed = cgutils.unpack_tuple(builder, values[1])
+            function = ir.FunctionType(context.get_value_type(returned), [value.type for value in passed])
+            return builder.call(builder.inttoptr(values[0], function.as_pointer()), passed)
+
+        return returned(address, arguments), generate
+
+    return intrinsic(call)
+
+
+def _pointer_to(kind: Any) -> Any:
+    """Make the intrinsic that turns addresses into pointers of one type."""
+
+    def point(typing_context: Any, address: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+            return builder.inttoptr(values[0], context.get_value_type(signature.return_type))
+
+        return kind(address), generate
+
+    return intrinsic(point)
+
+
+def _disown(context: Any, builder: Any, kind: Any, value: Any) -> Any:
+    """Take the owner off an array, or off each array of a tuple."""
+    if isinstance(kind, types.BaseTuple):
+        parts: Any = kind
+        for i, part in enumerate(parts):
+            inside = _disown(context, builder, part, builder.extract_value(value, i))
+            value = builder.insert_value(value, inside, i)
+        return value
+    if not isinstance(kind, types.Array):
+        return value
+    view = context.make_array(kind)(context, builder, value)
+    view.meminfo = cgutils.get_null_value(view.meminfo.type)
+    view.parent = cgutils.get_null_value(view.parent.type)
+    return view._getvalue()
+
+
+@intrinsic
+def _borrow(typing_context: Any, owned: Any) -> Any:
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        return _disown(context, builder, owned, values[0])
+
+    return owned(owned), generate
+
+
+if TYPE_CHECKING:
+
+    def call_int(address: int, arguments: tuple[Any, ...]) -> int:
+        """Call a C function that returns an int; pointers are passed as integers."""
+
+    def call_address(address: int, arguments: tuple[Any, ...]) -> int:
+        """Call a C function that returns a pointer."""
+
+    def pointer(address: int) -> Any:
+        """Turn an address into a pointer to doubles, for ``numba.carray``."""
+
+    def void_pointer(address: int) -> Any:
+        """Turn an address into a pointer without type, for ``numba.carray`` of records."""
+
+    def borrow(owned: T) -> T:
+        """View an array, or all arrays of a tuple, without owning them; the caller keeps them alive.
+
+        Every access to an array in a tuple counts a reference, with an atomic instruction, which took a
+        quarter of the time of a run; what has no owner is not counted.
+        """
+else:
+    call_int = _caller(types.int32)
+    call_address = _caller(types.intp)
+    pointer = _pointer_to(types.CPointer(types.float64))
+    void_pointer = _pointer_to(types.voidptr)
+    borrow = _borrow

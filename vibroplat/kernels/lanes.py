@@ -75,6 +75,35 @@ def _elementwise(builder: Any, name: str, vector: Any) -> Any:
     return cgutils.get_or_insert_function(builder.module, kind, f"llvm.{name}.v{vector.count}f64")
 
 
+def _loop(builder: Any, first: Any, last: Any, step: int, begun: list[Any], body: Any) -> list[Any]:
+    """Compile a loop over k from ``first`` to ``last``; ``body(k, totals)`` gives the totals after it.
+
+    Returns k and the totals behind the loop, which are ``begun`` where it is not run.
+    """
+    entry = builder.block
+    loop, end = builder.append_basic_block("loop"), builder.append_basic_block("end")
+    order = "<=" if step > 0 else ">="
+    builder.cbranch(builder.icmp_signed(order, first, last), loop, end)
+    builder.position_at_end(loop)
+    before = [first, *begun]
+    phis = [builder.phi(number.type) for number in before]
+    after = [*body(phis[0], phis[1:])]
+    after.insert(0, builder.add(phis[0], ir.Constant(_INDEX, step)))
+    builder.cbranch(builder.icmp_signed(order, after[0], last), loop, end)
+    builder.position_at_end(end)
+    results = [builder.phi(number.type) for number in before]
+    for phi, result, number, found in zip(phis, results, before, after, strict=True):
+        for merged in (phi, result):
+            merged.add_incoming(number, entry)
+            merged.add_incoming(found, loop)
+    return results
+
+
+def _multiplied(builder: Any, a: Any, b: Any, c: Any) -> Any:
+    """Return a b + c."""
+    return builder.fadd(builder.fmul(a, b, flags=_FUSED), c, flags=_FUSED)
+
+
 def _cauchy(numbers: int) -> Any:
     """Make the intrinsic for rows of so many numbers."""
 
@@ -89,34 +118,17 @@ def _cauchy(numbers: int) -> Any:
             zero = ir.Constant(first_rows.vector, [0.0] * numbers)
 
             def added(total: Any, j: Any) -> Any:
-                factors = first_rows.load(j), second_rows.load(builder.sub(n, j))
-                return builder.fadd(total, builder.fmul(*factors, flags=_FUSED), flags=_FUSED)
+                return _multiplied(builder, first_rows.load(j), second_rows.load(builder.sub(n, j)), total)
 
             # two sums side by side: an addition need not wait for the one before
-            entry = builder.block
-            loop, rest, odd, end = (builder.append_basic_block(name) for name in ("pairs", "rest", "odd", "end"))
-            builder.cbranch(builder.icmp_signed("<", two, last), loop, rest)
-            builder.position_at_end(loop)
-            phis = [builder.phi(kind) for kind in (_INDEX, first_rows.vector, first_rows.vector)]
-            j, even_sum, odd_sum = phis
-            after = builder.add(j, two), added(even_sum, j), added(odd_sum, builder.add(j, one))
-            builder.cbranch(builder.icmp_signed("<", after[0], last), loop, rest)
-            builder.position_at_end(rest)
-            left = [builder.phi(kind) for kind in (_INDEX, first_rows.vector, first_rows.vector)]
-            for phi, beyond, begun, passed in zip(phis, left, (two, zero, zero), after, strict=True):
-                for block, number in ((entry, begun), (loop, passed)):
-                    beyond.add_incoming(number, block)
-                    phi.add_incoming(number, block)
-            total = builder.fadd(left[1], left[2], flags=_FUSED)
-            builder.cbranch(builder.icmp_signed("==", left[0], last), odd, end)
-            builder.position_at_end(odd)
-            whole = added(total, left[0])
-            builder.branch(end)
-            builder.position_at_end(end)
-            found = builder.phi(first_rows.vector)
-            found.add_incoming(total, rest)
-            found.add_incoming(whole, odd)
-            out_rows.store(ir.Constant(_INDEX, 0), found)
+            j, even, odd = _loop(
+                *(builder, two, builder.sub(last, one), 2, [zero, zero]),
+                lambda j, sums: (added(sums[0], j), added(sums[1], builder.add(j, one))),
+            )
+            total = builder.fadd(even, odd, flags=_FUSED)
+            out_rows.store(ir.Constant(_INDEX, 0), total)
+            with builder.if_then(builder.icmp_signed("==", j, last)):
+                out_rows.store(ir.Constant(_INDEX, 0), added(total, j))
             return context.get_dummy_value()
 
         return types.void(a, b, types.int64, types.int64, out), generate
@@ -137,40 +149,32 @@ def _put_row(typing_context: Any, a: Any, row: Any, numbers: Any) -> Any:
     return types.void(a, types.int64, numbers), generate
 
 
-def _horner(numbers: int, derivatives: int) -> Any:
+def _horner(builder: Any, rows: _Rows, degree: Any, places: list[Any], derivatives: int = 0) -> list[Any]:
+    """Evaluate the polynomials at each place; what follows are their derivatives there, each over its factorial."""
+    shares = [_repeated(builder, place, rows.vector) for place in places]
+    begun = [rows.load(degree), *[ir.Constant(rows.vector, [0.0] * rows.vector.count)] * derivatives]
+    one, zero = ir.Constant(_INDEX, 1), ir.Constant(_INDEX, 0)
+
+    def body(k: Any, totals: list[Any]) -> list[Any]:
+        row, after = rows.load(k), []
+        for i, share in enumerate(shares):
+            mine = totals[i * len(begun) : (i + 1) * len(begun)]
+            after += [_multiplied(builder, t, share, added) for t, added in zip(mine, [row, *mine], strict=False)]
+        return after
+
+    return _loop(builder, builder.sub(degree, one), zero, -1, begun * len(shares), body)[1:]
+
+
+def _horner_at_one(numbers: int, derivatives: int) -> Any:
     """Make the intrinsic for rows of so many numbers; ``out`` has one row more than derivatives."""
 
     @intrinsic
     def evaluate(typing_context: Any, c: Any, degree: Any, s: Any, out: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
             rows, out_rows = (_Rows(context, builder, signature.args[i], values[i], numbers) for i in (0, 3))
-            one, zero = ir.Constant(_INDEX, 1), ir.Constant(_INDEX, 0)
-            share, none = _repeated(builder, values[2], rows.vector), ir.Constant(rows.vector, [0.0] * numbers)
-            before = [rows.load(values[1]), *[none] * derivatives]
-            entry, first = builder.block, builder.sub(values[1], one)
-            loop, end = builder.append_basic_block("horner"), builder.append_basic_block("horner.end")
-            builder.cbranch(builder.icmp_signed(">=", first, zero), loop, end)
-            builder.position_at_end(loop)
-            k, totals = builder.phi(_INDEX), [builder.phi(rows.vector) for _ in before]
-            after = [
-                builder.fadd(builder.fmul(total, share, flags=_FUSED), added, flags=_FUSED)
-                for total, added in zip(totals, [rows.load(k), *totals], strict=False)
-            ]
-            following = builder.sub(k, one)
-            builder.cbranch(builder.icmp_signed(">=", following, zero), loop, end)
-            builder.position_at_end(end)
-            for phi, begun, found in ((k, first, following), *zip(totals, before, after, strict=True)):
-                phi.add_incoming(begun, entry)
-                phi.add_incoming(found, loop)
-            results = [builder.phi(rows.vector) for _ in before]
-            factorial = 1.0
-            for result, begun, found in zip(results, before, after, strict=True):
-                result.add_incoming(begun, entry)
-                result.add_incoming(found, loop)
-            for i, result in enumerate(results):  # what nested products give is a derivative over its factorial
-                factorial *= max(i, 1)
-                times = ir.Constant(rows.vector, [factorial] * numbers)
-                out_rows.store(ir.Constant(_INDEX, i), builder.fmul(result, times))
+            for i, found in enumerate(_horner(builder, rows, values[1], [values[2]], derivatives)):
+                times = ir.Constant(rows.vector, [float(math.factorial(i))] * numbers)
+                out_rows.store(ir.Constant(_INDEX, i), builder.fmul(found, times))
             return context.get_dummy_value()
 
         return types.void(c, types.int64, types.float64, out), generate
@@ -182,26 +186,7 @@ def _horner(numbers: int, derivatives: int) -> Any:
 def _horner_pair(typing_context: Any, c: Any, degree: Any, s: Any, following: Any, out: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         rows, out_rows = (_Rows(context, builder, signature.args[i], values[i], 16) for i in (0, 4))
-        one, zero = ir.Constant(_INDEX, 1), ir.Constant(_INDEX, 0)
-        shares = [_repeated(builder, values[i], rows.vector) for i in (2, 3)]
-        top, entry = rows.load(values[1]), builder.block
-        loop, end = builder.append_basic_block("pair"), builder.append_basic_block("pair.end")
-        first = builder.sub(values[1], one)
-        builder.branch(loop)
-        builder.position_at_end(loop)
-        k, totals = builder.phi(_INDEX), [builder.phi(rows.vector) for _ in shares]
-        row = rows.load(k)
-        after = [
-            builder.fadd(builder.fmul(total, share, flags=_FUSED), row, flags=_FUSED)
-            for total, share in zip(totals, shares, strict=True)
-        ]
-        lower = builder.sub(k, one)
-        for phi, begun, found in ((k, first, lower), *zip(totals, (top, top), after, strict=True)):
-            phi.add_incoming(begun, entry)
-            phi.add_incoming(found, loop)
-        builder.cbranch(builder.icmp_signed(">=", lower, zero), loop, end)
-        builder.position_at_end(end)
-        for i, found in enumerate(after):
+        for i, found in enumerate(_horner(builder, rows, values[1], [values[2], values[3]])):
             out_rows.store(ir.Constant(_INDEX, i), found)
         return context.get_dummy_value()
 
@@ -213,22 +198,11 @@ def _sizes(typing_context: Any, c: Any, first: Any, degree: Any, out: Any) -> An
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         rows, out_rows = (_Rows(context, builder, signature.args[i], values[i], 16) for i in (0, 3))
         size = _elementwise(builder, "fabs", rows.vector)
-        none, entry = ir.Constant(rows.vector, [0.0] * 16), builder.block
-        loop, end = builder.append_basic_block("sizes"), builder.append_basic_block("sizes.end")
-        builder.cbranch(builder.icmp_signed("<=", values[1], values[2]), loop, end)
-        builder.position_at_end(loop)
-        k, total = builder.phi(_INDEX), builder.phi(rows.vector)
-        sums = builder.fadd(total, builder.call(size, [rows.load(k)]))
-        following = builder.add(k, ir.Constant(_INDEX, 1))
-        for phi, begun, found in ((k, values[1], following), (total, none, sums)):
-            phi.add_incoming(begun, entry)
-            phi.add_incoming(found, loop)
-        builder.cbranch(builder.icmp_signed("<=", following, values[2]), loop, end)
-        builder.position_at_end(end)
-        result = builder.phi(rows.vector)
-        result.add_incoming(none, entry)
-        result.add_incoming(sums, loop)
-        out_rows.store(ir.Constant(_INDEX, 0), result)
+        _, total = _loop(
+            *(builder, values[1], values[2], 1, [ir.Constant(rows.vector, [0.0] * 16)]),
+            lambda k, totals: [builder.fadd(totals[0], builder.call(size, [rows.load(k)]))],
+        )
+        out_rows.store(ir.Constant(_INDEX, 0), total)
         return context.get_dummy_value()
 
     return types.void(c, types.int64, types.int64, out), generate
@@ -276,13 +250,10 @@ def _sines(typing_context: Any, first: Any, second: Any) -> Any:
         def constant(number: float) -> Any:
             return ir.Constant(four, [number] * 4)
 
-        def fused(a: Any, b: Any, c: Any) -> Any:
-            return builder.fadd(builder.fmul(a, b, flags=_FUSED), c, flags=_FUSED)
-
         def polynomial(z: Any, coefficients: tuple[float, ...]) -> Any:
             total = constant(coefficients[0])
             for coefficient in coefficients[1:]:
-                total = fused(total, z, constant(coefficient))
+                total = _multiplied(builder, total, z, constant(coefficient))
             return total
 
         x = ir.Constant(four, ir.Undefined)
@@ -292,10 +263,11 @@ def _sines(typing_context: Any, first: Any, second: Any) -> Any:
         quarters = builder.call(rint, [builder.fmul(x, constant(0.63661977236758134308))])
         r = x
         for part in _QUARTER:
-            r = fused(quarters, constant(-part), r)
+            r = _multiplied(builder, quarters, constant(-part), r)
         z = builder.fmul(r, r)
-        sine = fused(builder.fmul(r, z), polynomial(z, _SINE), r)
-        cosine = fused(builder.fmul(z, z), polynomial(z, _COSINE), fused(z, constant(-0.5), constant(1.0)))
+        sine = _multiplied(builder, builder.fmul(r, z), polynomial(z, _SINE), r)
+        flat = _multiplied(builder, z, constant(-0.5), constant(1.0))
+        cosine = _multiplied(builder, builder.fmul(z, z), polynomial(z, _COSINE), flat)
         # the cosine is the sine a quarter turn later
         turn = builder.add(builder.fptosi(quarters, whole), ir.Constant(whole, [0, 1, 0, 1]))
         none = ir.Constant(whole, [0] * 4)
@@ -315,24 +287,18 @@ def _put_step(typing_context: Any, q: Any, degree: Any, length: Any, n: Any, c: 
         rows, out_rows = (_Rows(context, builder, signature.args[i], values[i], 8) for i in (0, 4))
         _, degree, length, n, _ = values
         one, zero = ir.Constant(_INDEX, 1), ir.Constant(_INDEX, 0)
-        entry = builder.block
-        loop, end = builder.append_basic_block("step"), builder.append_basic_block("step.end")
-        unit, last = ir.Constant(ir.DoubleType(), 1.0), builder.add(n, n)
-        builder.branch(loop)
-        builder.position_at_end(loop)
-        k, power = builder.phi(_INDEX), builder.phi(ir.DoubleType())
-        following, scale = builder.add(k, one), _repeated(builder, power, rows.vector)
-        order = _repeated(builder, builder.fmul(power, builder.sitofp(following, ir.DoubleType())), rows.vector)
-        coordinates, rates = builder.fmul(rows.load(k), scale), builder.fmul(rows.load(following), order)
-        out_rows.store(k, coordinates, zero)
-        out_rows.store(k, rates, n)
-        out_rows.store(k, builder.extract_element(coordinates, ir.Constant(_PLACE, 7)), last)
-        next_power = builder.fmul(power, length)
-        for phi, begun, found in ((k, zero, following), (power, unit, next_power)):
-            phi.add_incoming(begun, entry)
-            phi.add_incoming(found, loop)
-        builder.cbranch(builder.icmp_signed("<=", following, degree), loop, end)
-        builder.position_at_end(end)
+        last = builder.add(n, n)
+
+        def body(k: Any, powers: list[Any]) -> list[Any]:
+            following, scale = builder.add(k, one), _repeated(builder, powers[0], rows.vector)
+            order = _repeated(builder, builder.fmul(powers[0], builder.sitofp(following, ir.DoubleType())), rows.vector)
+            coordinates, rates = builder.fmul(rows.load(k), scale), builder.fmul(rows.load(following), order)
+            out_rows.store(k, coordinates, zero)
+            out_rows.store(k, rates, n)
+            out_rows.store(k, builder.extract_element(coordinates, ir.Constant(_PLACE, 7)), last)
+            return [builder.fmul(powers[0], length)]
+
+        _loop(builder, zero, degree, 1, [ir.Constant(ir.DoubleType(), 1.0)], body)
         return context.get_dummy_value()
 
     return types.void(q, types.int64, types.float64, types.int64, c), generate
@@ -385,4 +351,4 @@ else:
     products_2, products_16 = _cauchy(2), _cauchy(16)
     put_row, put_step, horner_pair_16, sizes_16 = _put_row, _put_step, _horner_pair, _sizes
     reduce_16, sines = _reduce, _sines
-    horner_16, horner_8 = _horner(16, derivatives=0), _horner(8, derivatives=2)
+    horner_16, horner_8 = _horner_at_one(16, derivatives=0), _horner_at_one(8, derivatives=2)

@@ -45,16 +45,6 @@ def values(c: FloatArray, degree: int, s: float, out: FloatArray) -> None:
 
 
 @compiled
-def slopes(c: FloatArray, degree: int, s: float, out: FloatArray) -> None:
-    """Fill the derivatives of all unknowns with respect to s, ``out.size`` of them."""
-    for j in range(out.size):
-        out[j] = degree * c[degree, j]
-    for k in range(degree - 1, 0, -1):
-        for j in range(out.size):
-            out[j] = out[j] * s + k * c[k, j]
-
-
-@compiled
 def stretch(c: FloatArray, degree: int, share: float) -> None:
     """Let a step end at fraction ``share`` of it, or beyond: the same polynomial in the new fraction."""
     power = 1.0
@@ -99,19 +89,12 @@ def first_fall(c: FloatArray, degree: int, j: int, zeros: int) -> float:
         if begin < 0.0:
             return -1.0 if bernstein[n] > bernstein[0] else at_highest(c, degree, j)
         begin = min(begin + 2.0**-HALVINGS, 1.0)
-        split_right(bernstein, begin)
+        for level in range(1, n + 1):  # those of the part [begin, 1] (de Casteljau)
+            for i in range(n + 1 - level):
+                bernstein[i] += begin * (bernstein[i + 1] - bernstein[i])
         bernstein[0] = max(bernstein[0], 0.0)  # it has just risen, up to round-off
     found = first_change(bernstein, 1.0)
     return -1.0 if found < 0.0 else begin + found * (1.0 - begin)
-
-
-@compiled
-def split_right(b: FloatArray, s: float) -> None:
-    """Replace Bernstein coefficients by those of the part [s, 1] (de Casteljau)."""
-    n = b.size
-    for level in range(1, n):
-        for i in range(n - level):
-            b[i] += s * (b[i + 1] - b[i])
 
 
 @compiled

@@ -17,15 +17,7 @@ from vibroplat.model.platform import couplings, inertial, unbalance
 
 #: Powers in the order of :func:`powers`; those of motor and truncation feed the system, the dissipations
 #: after them take from it.
-POWERS = (
-    "motor",
-    "truncation",
-    "damping_x",
-    "damping_y",
-    "damping_phi",
-    "damping_layers",
-    "resistance",
-)
+POWERS = ("motor", "truncation", "damping_x", "damping_y", "damping_phi", "damping_layers", "resistance")
 
 #: Places after the powers in :func:`powers`: vertical force from outside, and the sum of its terms' sizes.
 FORCE, FORCE_SIZE = len(POWERS), len(POWERS) + 1
@@ -75,47 +67,20 @@ def inertia_product(state: FloatArray, u: FloatArray, v: FloatArray, p: Paramete
 
 
 @compiled
-def kinetic_energy(state: FloatArray, p: Parameters) -> float:
-    """Kinetic energy of platform, exciters and layers (J)."""
-    return 0.5 * inertia_product(state, state[7:], state[7:], p)
-
-
-@compiled
-def elastic_energy(state: FloatArray, p: Parameters) -> float:
-    """Potential energy of the springs, that between the layers included (J)."""
-    springs = p.stiffness_x * state[0] ** 2 + p.stiffness_y * state[1] ** 2 + p.stiffness_phi * state[2] ** 2
-    return 0.5 * (springs + p.upper_mass * p.layer_stiffness * state[6] ** 2)
-
-
-@compiled
-def gravity_energy(state: FloatArray, p: Parameters) -> float:
-    """Potential energy in gravity of platform, unbalances and layers (J)."""
-    lower = state[1] + state[5]
-    heights = p.mass * state[1] + p.lower_mass * lower + p.upper_mass * (lower + state[6])
-    return p.gravity * (heights - unbalance(0, state, p).x - unbalance(1, state, p).x)
-
-
-@compiled
-def vertical_momentum(state: FloatArray, p: Parameters) -> float:
-    """Vertical momentum of platform, unbalances and layers (N·s); only forces from outside change it."""
-    upward = np.zeros(7)
-    upward[1] = 1.0
-    return inertia_product(state, upward, state[7:], p)
-
-
-@compiled
-def unbalance_momentum(state: FloatArray, p: Parameters) -> float:
-    """Sum of the sizes of both unbalances' momenta beside their axes (N·s)."""
-    return p.unbalance[0] * abs(state[10]) + p.unbalance[1] * abs(state[11])
-
-
-@compiled
 def energies(state: FloatArray, p: Parameters) -> tuple[float, float, float, float, float]:
-    """Return kinetic and elastic energy, that in gravity (J), vertical momentum and the unbalances' momenta (N·s)."""
+    """Return kinetic and elastic energy, that in gravity (J), vertical momentum and the unbalances' momenta (N·s).
+
+    Elastic energy includes that of the spring between the layers. The last number is the sum of the sizes of both
+    unbalances' momenta beside their axes; only forces from outside change the vertical momentum.
+    """
+    springs = p.stiffness_x * state[0] ** 2 + p.stiffness_y * state[1] ** 2 + p.stiffness_phi * state[2] ** 2
+    lower, upward = state[1] + state[5], np.zeros(7)
+    heights = p.mass * state[1] + p.lower_mass * lower + p.upper_mass * (lower + state[6])
+    upward[1] = 1.0
     return (
-        kinetic_energy(state, p),
-        elastic_energy(state, p),
-        gravity_energy(state, p),
-        vertical_momentum(state, p),
-        unbalance_momentum(state, p),
+        0.5 * inertia_product(state, state[7:], state[7:], p),
+        0.5 * (springs + p.upper_mass * p.layer_stiffness * state[6] ** 2),
+        p.gravity * (heights - unbalance(0, state, p).x - unbalance(1, state, p).x),
+        inertia_product(state, upward, state[7:], p),
+        p.unbalance[0] * abs(state[10]) + p.unbalance[1] * abs(state[11]),
     )

@@ -147,13 +147,7 @@ def resistance_term(square: float, sense: float, friction: float) -> float:
 
 
 @compiled
-def resistance_slope(speed: float, friction: float) -> float:
-    """Slope dL_R/dφ̇ (N·m·s)."""
-    return 2.0 * friction * abs(speed)
-
-
-@compiled
 def net_slope(i: int, t: float, speed: float, p: Parameters) -> float:
     """Slope d(L_i − L_Ri)/dφ̇_i of motor torque less resistance (N·m·s)."""
     slip, critical = slip_speeds(i, t, speed, p)
-    return -critical * kloss_slope(slip, critical, p.torque[i]) - resistance_slope(speed, p.friction[i])
+    return -critical * kloss_slope(slip, critical, p.torque[i]) - 2.0 * p.friction[i] * abs(speed)

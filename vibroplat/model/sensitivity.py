@@ -1,9 +1,8 @@
-"""Derivatives by parameters: of F, of accelerations and F_c, and of what impacts and latches do to a state.
+"""Derivatives by parameters: the direction dp of a key in the space of parameters, and how kernels follow it.
 
-∂F/∂f_e, for example, is ``residual_derivative(system, t, y, yp, p, parameter_direction(scene, key))`` with the key
-``drive.supply_frequency_hz``. All functions but the first follow a direction ``dp`` in the space of parameters by a
-complex step: the kernels run with p + ih dp, and the imaginary part of what they give is h times the derivative, to
-round-off (Squire and Trapp 1998).
+They do by a complex step: with records of :data:`COMPLEX` the kernels of the model run with p + ih dp, and the
+imaginary part of what they give is h times the derivative, to round-off (Squire and Trapp 1998). Variational equations
+do so (:mod:`vibroplat.observe.variation`).
 """
 
 from __future__ import annotations
@@ -12,14 +11,10 @@ import math
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from vibroplat.config.scene import Scene
 from vibroplat.errors import ConfigError
 from vibroplat.kernels.compiled import FloatArray
-from vibroplat.model.accelerations import solve
-from vibroplat.model.equations import rows
-from vibroplat.model.impact import impact, latch
 from vibroplat.model.parameters import PARAMETERS, Parameters, blank, parameters
 
 #: Names of the fields that enter the equations as numbers; the others are choices, or say where the equations hold.
@@ -163,81 +158,8 @@ def difference(above: Parameters, below: Parameters, step: float) -> Parameters:
     return quotient
 
 
-def shifted(p: Parameters, dp: Parameters) -> Any:
-    """Return p + ih dp."""
-    found = np.zeros(1, COMPLEX)
-    flat(found)[:] = flat(p) + 1j * IMAGINARY * flat(dp)
-    for name in CHOICES:
-        found[name] = p[name]
-    return found[0]
-
-
 def flat(p: Any) -> Any:
     """View the numbers that enter the equations, of a record or an array of records, along a last axis."""
     records = np.asarray(p)
     numbers = records.reshape(records.shape or 1).view(complex if records.dtype == COMPLEX else float)
     return numbers.reshape(*records.shape, -1)[..., :_WIDTH]
-
-
-def _along(values: FloatArray, direction: FloatArray) -> npt.NDArray[np.complex128]:
-    """Return values + ih direction."""
-    found: npt.NDArray[np.complex128] = values + 1j * IMAGINARY * direction
-    return found
-
-
-def residual_derivative(
-    system: int, t: float, y: FloatArray, yp: FloatArray, p: Parameters, dp: Parameters
-) -> FloatArray:
-    """Return ∂F/∂p dp at (t, y, y′), shape (size,)."""
-    res: Any = np.empty(y.size, complex)
-    rows(system, t, y, yp, res, shifted(p, dp))
-    return np.asarray(res.imag / IMAGINARY)
-
-
-def acceleration_derivative(
-    system: int, t: float, y: FloatArray, yp: FloatArray, p: Parameters, dp: Parameters
-) -> FloatArray:
-    """Return the derivatives of y′ and, attached, of F_c (last) by the parameters, at a fixed state, shape (size,).
-
-    ``y`` and ``yp`` are consistent. From F(t, y, y′, p) = 0: A ∂z/∂p = −∂F/∂p.
-    """
-    z = -residual_derivative(system, t, y, yp, p, dp)
-    z[: y.size // 2] = 0.0  # rates are part of the state
-    solve(system, y, z, p)
-    return z
-
-
-def impact_derivative(
-    state: FloatArray, direction: FloatArray, p: Parameters, dp: Parameters
-) -> tuple[FloatArray, float, float]:
-    """Differentiate :func:`vibroplat.model.impact.impact` along a direction of states and one of parameters.
-
-    Returns
-    -------
-    after, impulse, loss
-        Derivatives of the state after the impact, shape (14,), of the impulse and of the energy lost.
-    """
-    after: Any = np.empty(state.size, complex)
-    impulse, loss = impact(_along(state, direction), after, shifted(p, dp))  # type: ignore[arg-type]
-    return after.imag / IMAGINARY, impulse.imag / IMAGINARY, loss.imag / IMAGINARY
-
-
-def latch_derivative(
-    state: FloatArray,
-    accelerations: FloatArray,
-    direction: FloatArray,
-    turning: FloatArray,
-    p: Parameters,
-    dp: Parameters,
-) -> tuple[FloatArray, float]:
-    """Differentiate :func:`vibroplat.model.impact.latch` along directions of states, accelerations and parameters.
-
-    Returns
-    -------
-    after, duration
-        Derivatives of the state at t∞, shape (14,), and of the time until then.
-    """
-    after: Any = np.empty(state.size, complex)
-    moved = _along(state, direction), _along(accelerations, turning)
-    duration, *_ = latch(*moved, after, shifted(p, dp))  # type: ignore[arg-type]
-    return after.imag / IMAGINARY, duration.imag / IMAGINARY

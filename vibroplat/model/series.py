@@ -177,14 +177,8 @@ class Rotation(NamedTuple):
 def expand(system: int, t: float, y: FloatArray, degree: int, room: Any, p: Parameters) -> None:
     """Fill ``room.q`` with the coefficients of a motion at a state, coordinates to this degree and F_c to degree − 2.
 
-    Where an exciter is at rest, its resistance is that of the sense in which it is about to turn.
-
-    Parameters
-    ----------
-    system, t, y
-        Number of the system, time of the run (s), and its unknowns; the differential ones are read.
-    degree
-        From 2 to HIGHEST.
+    The degree is from 2 to HIGHEST; of the unknowns the differential ones are read. Where an exciter is at rest, its
+    resistance is that of the sense in which it is about to turn.
     """
     n = DIFFERENTIAL[system] // 2
     attached, layers = ALGEBRAIC[system], LAYERS[system]
@@ -193,9 +187,7 @@ def expand(system: int, t: float, y: FloatArray, degree: int, room: Any, p: Para
     inverse = compliance(fixed_1.couplings, fixed_2.couplings, mobility(attached, p), p)
     first, second = at_order_0(fixed_1), at_order_0(fixed_2)
     q, rate = (y[0], y[1], y[2]), (y[n], y[n + 1], y[n + 2])
-    upper, upper_rate = 0.0, 0.0
-    if layers == 2:
-        upper, upper_rate = y[n - 1], y[2 * n - 1]
+    upper, upper_rate = (y[n - 1], y[2 * n - 1]) if layers == 2 else (0.0, 0.0)
     phi_1, unbalances, turning, square = 0.0, 0.0, 0.0, 0.0
     sums, torque_sums = room.sums, room.torque_sums
     for i in range(FORCE):
@@ -203,9 +195,7 @@ def expand(system: int, t: float, y: FloatArray, degree: int, room: Any, p: Para
     for k in range(degree - 1):
         products_16(room.early, room.late, k, k, sums)
         products_2(room.squares, room.torques, k, k - 1, torque_sums)
-        weight, twice = 0.0, 2.0
-        if k == 0:
-            weight, twice = p.gravity, 1.0
+        weight, twice = (p.gravity, 1.0) if k == 0 else (0.0, 2.0)
         moment = sums[12] + phi_1 * unbalances
         centre, lifted = sums[13] + phi_1 * turning, sums[14] + phi_1 * square
         square = sums[15] + twice * y[n + 2] * rate[2]
@@ -229,9 +219,10 @@ def expand(system: int, t: float, y: FloatArray, degree: int, room: Any, p: Para
         rate = (a[0] * share, a[1] * share, a[2] * share)
         if layers == 2:
             upper, upper_rate = upper_rate * share, above * share
-        sixth, seventh = material_columns(attached, layers, contact * twofold, above * twofold)
-        coordinates = (a[0] * twofold, a[1] * twofold, a[2] * twofold, a[3] * twofold, a[4] * twofold, sixth, seventh)
-        put_row(room.q, k + 2, (*coordinates, 0.0))
+        gap, layer = (contact * twofold if layers > 0 else 0.0), (above * twofold if layers == 2 else 0.0)
+        material = (layer, 0.0) if attached else (gap, layer)
+        moved = (a[0] * twofold, a[1] * twofold, a[2] * twofold, a[3] * twofold, a[4] * twofold)
+        put_row(room.q, k + 2, (*moved, *material, 0.0))
         room.q[k, FORCE] = contact if attached else 0.0
         if k == 0:
             phi_1 = y[n + 2]
@@ -242,14 +233,6 @@ def expand(system: int, t: float, y: FloatArray, degree: int, room: Any, p: Para
         put_factors(room, k, first, second, a[2] * twofold, (unbalances, turning, square, rate[2]))
         put_row(room.squares, k, (known_1.square, known_2.square))
         put_row(room.torques, k, (known_1.torque, known_2.torque))
-
-
-@inlined
-def material_columns(attached: bool, layers: int, gap: float, upper: float) -> tuple[float, float]:
-    """Put the coefficients of the gap and of y_w2 where a system has them, and 0 where it has none."""
-    if attached:
-        return (upper if layers == 2 else 0.0), 0.0
-    return (gap if layers > 0 else 0.0), (upper if layers == 2 else 0.0)
 
 
 @inlined
@@ -265,21 +248,10 @@ def put_factors(room: Any, k: int, first: Newest, second: Newest, phi: float, tu
 def fixed(i: int, t: float, y: FloatArray, n: int, sine: float, cosine: float, p: Parameters) -> Fixed:
     """Gather what of an exciter is the same in all orders."""
     phi, speed, x0, y0 = y[2], y[n + 3 + i], p.axis_x[i], p.axis_y[i]
-    return Fixed(
-        x0,
-        y0,
-        x0 - phi * y0,
-        y0 + phi * x0,
-        sine,
-        cosine,
-        speed,
-        p.direction[i],
-        p.friction[i],
-        p.torque[i],
-        p.unbalance[i],
-        couplings(i, phi, sine, cosine, p),
-        motor_at(i, t, speed, p),
-    )
+    axis = (x0, y0, x0 - phi * y0, y0 + phi * x0)
+    own = (p.direction[i], p.friction[i], p.torque[i], p.unbalance[i])
+    coupled, motor = couplings(i, phi, sine, cosine, p), motor_at(i, t, speed, p)
+    return Fixed(*axis, sine, cosine, speed, *own, coupled, motor)
 
 
 @inlined
@@ -338,18 +310,6 @@ def following(k: int, share: float, a: Five, own: float, known: Known, e: Newest
         square_1 = known.square
     if sense == 0.0 and speed != 0.0:
         sense = 1.0 if speed > 0.0 else -1.0
-    return Newest(
-        (known.sine + f.cosine * own) * twofold,
-        (known.cosine - f.sine * own) * twofold,
-        sine_1,
-        cosine_1,
-        speed,
-        slip,
-        e.slip,
-        known.ax + a[0] - f.y * a[2],
-        known.ay + a[1] + f.x * a[2],
-        known.torque,
-        torque_0,
-        square_1,
-        sense,
-    )
+    unit = (known.sine + f.cosine * own) * twofold, (known.cosine - f.sine * own) * twofold
+    ax, ay = known.ax + a[0] - f.y * a[2], known.ay + a[1] + f.x * a[2]
+    return Newest(*unit, sine_1, cosine_1, speed, slip, e.slip, ax, ay, known.torque, torque_0, square_1, sense)

@@ -1,7 +1,7 @@
 """The five systems of equations: which unknowns each has, and how a scene picks them.
 
 A *system* is a mode together with the number of layers. States cross between systems as the *full
-state* of 14 numbers — the seven coordinates of :data:`vibroplat.config.scene.COORDINATES`, then their rates —
+state* of 14 numbers — the seven coordinates of :data:`vibroplat.config.coordinates.COORDINATES`, then their rates —
 in which what a scene does not have is 0.
 """
 
@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from vibroplat.config.scene import Mode, Scene
+from vibroplat.config.coordinates import Mode
+from vibroplat.config.scene import Scene
 from vibroplat.kernels.compiled import FloatArray, compiled
 
 FULL_SIZE = 14

@@ -8,14 +8,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from vibroplat.config.scene import COORDINATES, RATES, Mode, Scene
+from vibroplat.config.coordinates import COORDINATES, RATES, Mode
+from vibroplat.config.scene import Scene
 from vibroplat.errors import ConfigError, TableError
-from vibroplat.hybrid.initial import initial_state, perturbed
+from vibroplat.hybrid.state import initial_state, perturbed
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.results.files import Result
 
 
-class Beginning(NamedTuple):
+class Start(NamedTuple):
     """Where a run begins.
 
     Attributes
@@ -36,7 +37,7 @@ class Beginning(NamedTuple):
     origin: dict[str, Any] | None = None
 
 
-def beginning(scene: Scene) -> Beginning:
+def initial_condition(scene: Scene) -> Start:
     """Find where a run of a scene begins.
 
     Raises
@@ -45,7 +46,7 @@ def beginning(scene: Scene) -> Beginning:
         ``run.initial.from`` names no finished run, or one whose end this scene cannot go on from.
     """
     source, share = scene.run.initial.from_, scene.run.start_perturbation
-    found = Beginning(initial_state(scene)) if source is None else end_of(Path(source), scene)
+    found = Start(initial_state(scene)) if source is None else end_of(Path(source), scene)
     key = (scene.run.seed, 0, round(1e6 * scene.drive.largest_frequency))  # as the first point of a sweep
     start = found._replace(state=perturbed(found.state, scene, share, key))
     if scene.drive.program is not None and scene.drive.program[0].t_s > start.time:
@@ -56,7 +57,7 @@ def beginning(scene: Scene) -> Beginning:
     return start
 
 
-def end_of(directory: Path, scene: Scene) -> Beginning:
+def end_of(directory: Path, scene: Scene) -> Start:
     """Read the last row of a run's trajectory.
 
     Raises
@@ -84,7 +85,7 @@ def end_of(directory: Path, scene: Scene) -> Beginning:
     told = {"directory": str(directory), "t_s": time} | {
         name: origin.get(name) for name in ("result", "configuration_sha256", "created")
     }
-    return Beginning(state, time, mode if mode in scene.modes else None, told)
+    return Start(state, time, mode if mode in scene.modes else None, told)
 
 
 def _state_of(row: dict[str, Any], scene: Scene, key: str) -> FloatArray:

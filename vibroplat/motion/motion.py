@@ -8,14 +8,14 @@ from typing import Protocol
 
 import numpy as np
 
+from vibroplat.config.coordinates import Mode
 from vibroplat.config.drive import interval_at
-from vibroplat.config.scene import Mode, Scene
+from vibroplat.config.scene import Scene
 from vibroplat.hybrid import state as hy
-from vibroplat.hybrid.automaton import automaton
 from vibroplat.hybrid.jumps import join, turn_corner
-from vibroplat.hybrid.loop import first_mode, fly
+from vibroplat.hybrid.loop import automaton, first_mode, fly
 from vibroplat.hybrid.modes import KINDS
-from vibroplat.hybrid.steps import no_steps, rewind
+from vibroplat.hybrid.state import no_steps, rewind
 from vibroplat.integrate.seam import Engine
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.accelerations import accelerations
@@ -111,7 +111,7 @@ class Motion:
             held[:] = words(p)
         self.automaton.inelastic["restitution"] = 0.0
 
-    def begin_again(self, state: FloatArray) -> None:
+    def reset(self, state: FloatArray) -> None:
         """Begin anew at another full state, shape (14,), at the time and in the interval of the drive as before.
 
         It saves making records and steps for each of many short motions. What the engine has counted goes on.
@@ -125,7 +125,7 @@ class Motion:
                 supply(p, self.scene, self._interval)
         first_mode(self.automaton)
 
-    def go_on(
+    def advance(
         self, seconds: float, *, settle: float = 0.0, blocks: int = 1, observers: Sequence[Observer] = ()
     ) -> Part:
         """Carry the motion on for a time, and measure it.

@@ -6,14 +6,14 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import closing
 
+from vibroplat.columns import Column, Columns
 from vibroplat.config.plausibility import notes_on_input
 from vibroplat.config.scene import Scene
-from vibroplat.hybrid.scales import force_noise
-from vibroplat.hybrid.state import Automaton
-from vibroplat.integrate.choice import make_engine
+from vibroplat.hybrid.state import Automaton, force_noise
+from vibroplat.integrate import make_engine
 from vibroplat.integrate.seam import WORK, Engine
 from vibroplat.model.parameters import Parameters, parameters
-from vibroplat.motion.initial_condition import beginning
+from vibroplat.motion.initial_condition import initial_condition
 from vibroplat.motion.motion import Motion, Observer
 from vibroplat.motion.recorder import Keep, Kept, Sink
 from vibroplat.motion.space import require_memory
@@ -24,7 +24,6 @@ from vibroplat.observe.notes import drift, notes_on_measures, stiffness
 from vibroplat.observe.summary import MEASURES, measured
 from vibroplat.observe.trajectory import Trajectory
 from vibroplat.observe.variation import Variation
-from vibroplat.results.columns import Column, Columns
 
 #: The measured part is what follows this share of the duration, cut to whole turns of exciter 1.
 SETTLE_SHARE = 0.5
@@ -122,7 +121,7 @@ def simulate_with(
     began = time.perf_counter()
     keys = listed(() if isinstance(variation, bool) else variation)
     varied = None if variation is False else Variation(directions(scene, keys))
-    start = beginning(scene)
+    start = initial_condition(scene)
     motion = Motion(scene, p, engine, start.state, start.time, start.mode)
     duration = scene.run.duration_s
     settle = SETTLE_SHARE * duration
@@ -132,7 +131,7 @@ def simulate_with(
         observers.append(_Progress(progress, motion.now))
     if varied is not None:
         observers.append(varied)
-    part = motion.go_on(duration, settle=settle, observers=observers)
+    part = motion.advance(duration, settle=settle, observers=observers)
     kept.finish()
     run = Trajectory(
         scene, kept.segments, kept.events, motion.state, part.measures, start.origin, table=kept.table, peaks=kept.peaks

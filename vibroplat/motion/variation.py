@@ -12,12 +12,12 @@ import pandas as pd
 
 from vibroplat.config.scene import Scene
 from vibroplat.errors import ConfigError, MotionError
-from vibroplat.integrate.choice import make_engine
+from vibroplat.integrate import make_engine
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.parameters import Parameters, parameters
 from vibroplat.model.sensitivity import parameter_direction
 from vibroplat.model.systems import FULL_SIZE
-from vibroplat.motion.initial_condition import Beginning, beginning
+from vibroplat.motion.initial_condition import Start, initial_condition
 from vibroplat.motion.motion import Motion
 from vibroplat.observe.names import named_derivative, named_state, state_places
 from vibroplat.observe.variation import MOST_KEYS, Variation
@@ -74,7 +74,7 @@ def variation(
     """
     keys = listed(keys)
     observer = Variation(directions(scene, keys))
-    start = beginning(scene) if state is None else Beginning(_full(state, scene))
+    start = initial_condition(scene) if state is None else Start(_full(state, scene))
     p = parameters(scene, start.time)
     with closing(make_engine(scene, p)) as engine:
         motion = Motion(scene, p, engine, start.state, start.time, start.mode)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from contextlib import closing
 
 from vibroplat.config.scene import Scene
-from vibroplat.integrate.choice import make_engine
+from vibroplat.integrate import make_engine
 from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Motion
 
@@ -15,4 +15,4 @@ def load_kernels(engine: str = "auto") -> None:
     scene = Scene().replace({"material": {"mass_ratio": 0.1, "layers": 1}, "solver.engine": engine})
     p = parameters(scene)
     with closing(make_engine(scene, p)) as made:
-        Motion(scene, p, made).go_on(1e-3)
+        Motion(scene, p, made).advance(1e-3)

@@ -7,12 +7,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from vibroplat.columns import Column, Columns
 from vibroplat.config.scene import Scene
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.energy import FORCE, FORCE_SIZE, POWERS, energies
 from vibroplat.model.parameters import Parameters
 from vibroplat.observe.statistics import DISSIPATIONS, N_POWERS, Measures
-from vibroplat.results.columns import Column, Columns
 
 #: Outcome of a motion that reached its end but does not keep the balances.
 INACCURATE = "inaccurate"

@@ -8,10 +8,10 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from vibroplat.config.scene import Mode
+from vibroplat.columns import Column, Columns, labelled
+from vibroplat.config.coordinates import Mode
 from vibroplat.hybrid.modes import KINDS
 from vibroplat.hybrid.state import EVENT, Automaton
-from vibroplat.results.columns import Column, Columns, labelled
 from vibroplat.system.memory import Share
 
 #: Columns of the event table.

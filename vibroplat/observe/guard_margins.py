@@ -8,17 +8,15 @@ from typing import Any
 import numpy as np
 
 from vibroplat.hybrid.modes import ATTACHED, FLIGHT, GUARDS, MODES
-from vibroplat.hybrid.state import Automaton
-from vibroplat.hybrid.steps import Steps
-from vibroplat.kernels.compiled import FloatArray, compiled
-from vibroplat.kernels.foreign import borrow
+from vibroplat.hybrid.state import Automaton, Steps
+from vibroplat.kernels.compiled import FloatArray, borrow, compiled
 from vibroplat.kernels.polynomial import HALVINGS, slope, values
 from vibroplat.model.accelerations import accelerations
 from vibroplat.model.parameters import Parameters
 from vibroplat.model.systems import ALGEBRAIC, SIZES
 
 
-class Closeness:
+class GuardMargins:
     """Observes a motion: its pieces, and the least values at which F_c and the gap turn from falling to rising.
 
     Attributes

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 import pandas as pd
 
-from vibroplat.config.scene import COORDINATES, RATES, Scene
+from vibroplat.config.coordinates import COORDINATES, RATES
+from vibroplat.config.scene import Scene
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.systems import FULL_SIZE
 

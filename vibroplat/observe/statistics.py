@@ -12,12 +12,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from vibroplat.config.scene import Mode
+from vibroplat.config.coordinates import Mode
 from vibroplat.hybrid.modes import IMPACT, LATCH, LIFTOFF, MODES
-from vibroplat.hybrid.state import Automaton
-from vibroplat.hybrid.steps import WIDTH, Steps
-from vibroplat.kernels.compiled import FloatArray, compiled, copy, inlined
-from vibroplat.kernels.foreign import borrow
+from vibroplat.hybrid.state import WIDTH, Automaton, Steps
+from vibroplat.kernels.compiled import FloatArray, borrow, compiled, copy, inlined
 from vibroplat.kernels.lanes import horner_16, horner_pair_16, in_lines
 from vibroplat.kernels.polynomial import bend, crossing, extremes, slope, turning_value
 from vibroplat.model.energy import FORCE_SIZE, POWERS, powers

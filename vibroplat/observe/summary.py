@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from vibroplat.columns import Column, Columns
 from vibroplat.observe.audit import AUDIT, Energies, audit
 from vibroplat.observe.statistics import SUMS, Measures, between, numbers
-from vibroplat.results.columns import Column, Columns
 
 #: Phase coherence below which exciters are not synchronous: their phase difference has no mean that says anything.
 COHERENCE = 0.8
+#: Distance of the phase difference from 0 or π (rad) up to which exciters count as in phase or in antiphase.
+SYNCHRONOUS = math.pi / 3.0
+#: Drift of the phase difference over the measured part (rad) above which exciters are not synchronous.
+WANDER = math.pi / 2.0
 
 #: What :func:`measured` gathers. Means and frequencies are of the whole turns of exciter 1 in the measured part, where
 #: there are any; what is of the whole run or point says so.
@@ -156,3 +160,16 @@ def counts(ms: Measures) -> dict[str, int]:
     found |= {"events": sum(found.values())}
     turns = max(int(ms.marks["turns"]) - 1, 0)
     return found | {f"measured_{name}": int(ms.marks[f"measured_{name}"]) for name in kinds} | {"measured_turns": turns}
+
+
+def synchronization(found: Mapping[str, Any]) -> str:
+    """Name the synchronization: ``antiphase``, ``in-phase``, ``intermediate`` or ``none``.
+
+    It is ``none`` if the phase difference drifts by more than WANDER over the measured part or is incoherent.
+    """
+    split, seconds, phase = found["frequency_split_hz"], found["measured_s"], found["phase_difference_rad"]
+    if split is None or abs(split) * 2.0 * math.pi * seconds > WANDER or found["phase_coherence"] < COHERENCE:
+        return "none"
+    if abs(phase) <= SYNCHRONOUS:
+        return "in-phase"
+    return "antiphase" if math.pi - abs(phase) <= SYNCHRONOUS else "intermediate"

@@ -11,14 +11,16 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from vibroplat.config.scene import COORDINATES, RATES, Mode, Scene, State
+from vibroplat.columns import Column, Columns, labelled
+from vibroplat.config.coordinates import COORDINATES, RATES, Mode
+from vibroplat.config.scene import Scene
+from vibroplat.config.sections import State
 from vibroplat.hybrid.state import Automaton
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.motor import motor_powers
 from vibroplat.model.parameters import parameters, supply
 from vibroplat.model.systems import FULL_SIZE
 from vibroplat.observe.segments import Segment, closed
-from vibroplat.results.columns import Column, Columns, labelled
 
 #: Rows that are made and written at a time.
 BLOCK = 2**15

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
+from vibroplat.columns import labelled
 from vibroplat.config.scene import Scene
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.observe.audit import INACCURATE
@@ -20,7 +21,6 @@ from vibroplat.observe.notes import Peaks, notes_on_samples
 from vibroplat.observe.segments import Segment
 from vibroplat.observe.statistics import Measures, section_rows
 from vibroplat.observe.table import TRAJECTORY, TableMaker, TableParts, together
-from vibroplat.results.columns import labelled
 from vibroplat.results.prompt import AtPrompt
 
 

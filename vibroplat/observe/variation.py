@@ -16,10 +16,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from vibroplat.hybrid.modes import ATTACHED, IMPACT, LATCH
-from vibroplat.hybrid.state import Automaton
-from vibroplat.hybrid.steps import Steps
-from vibroplat.kernels.compiled import FloatArray, compiled, copy, fused, inlined
-from vibroplat.kernels.foreign import borrow
+from vibroplat.hybrid.state import Automaton, Steps
+from vibroplat.kernels.compiled import FloatArray, borrow, compiled, copy, fused, inlined
 from vibroplat.kernels.lanes import in_lines, reduce_16
 from vibroplat.kernels.linear import pivot_row
 from vibroplat.kernels.polynomial import values

@@ -1,15 +1,11 @@
-"""Words for keys and columns, and their fields in the configuration model."""
+"""Words for keys and columns."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Any, get_args
+from typing import Any
 
-from pydantic import BaseModel
-from pydantic.fields import FieldInfo
-
-from vibroplat.config.scene import Scene
-from vibroplat.results.columns import split
+from vibroplat.columns import split
 
 #: Words that are written otherwise.
 _WORDS = {"rms": "RMS", "phi": "φ", "phi1": "φ₁", "phi2": "φ₂", "lyapunov": "Lyapunov", "re": "(real)", "im": "(imag.)"}
@@ -33,25 +29,3 @@ def flat(tree: Any, place: str = "") -> Iterator[tuple[str, Any]]:
         yield place, tree
     for key, value in entries:
         yield from flat(value, key)
-
-
-def field(key: str) -> FieldInfo | None:
-    """Return the field of the configuration model with a dotted key; None if it has no such field."""
-    model: type[BaseModel] | None = Scene
-    found = None
-    for name in key.split("."):
-        if name.isdecimal():
-            continue
-        if model is None:
-            return None
-        fields = {info.alias or own: info for own, info in model.model_fields.items()}
-        found = fields.get(name)
-        model = _section(found.annotation) if found else None
-    return found
-
-
-def _section(annotation: Any) -> type[BaseModel] | None:
-    """Return the section that a type is, or holds, as an optional or a list does."""
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return annotation
-    return next(filter(None, map(_section, get_args(annotation))), None)

@@ -5,14 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from pydantic import BaseModel
-from pydantic.fields import FieldInfo
-from pydantic_core import PydanticUndefined
-
+from vibroplat.columns import unit_of
 from vibroplat.config.drive import Drive
-from vibroplat.page.labels import field, flat, words
+from vibroplat.config.keys import Key, key_of
+from vibroplat.page.labels import flat, words
 from vibroplat.plots.differences import SUPPLY, UNUSED, differing, shortened
-from vibroplat.results.columns import unit_of
 
 
 def parameters(commands: Sequence[str], configurations: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
@@ -48,30 +45,22 @@ def _told(key: str, value: Any) -> str:
     return f"{words(key)} {place}{number} {unit_of(key)}".rstrip()
 
 
-def _row(key: str, values: Sequence[Any]) -> dict[str, Any]:
-    info = field(key)
-    default = None if info is None or info.default is PydanticUndefined else info.default
-    if isinstance(default, BaseModel):
-        default = default.model_dump(exclude_none=True)
+def _row(name: str, values: Sequence[Any]) -> dict[str, Any]:
+    try:
+        key: Key | None = key_of(name)
+    except KeyError:  # of a grid, or of another version
+        key = None
+    default = None if key is None else key.default
     return {
-        "section": " ".join(_count(part) for part in key.split(".")[:-1]),
-        "words": words(key) or key,
-        "unit": unit_of(key),
-        "meaning": meaning(info),
+        "section": " ".join(_count(part) for part in name.split(".")[:-1]),
+        "words": words(name) or name,
+        "unit": unit_of(name),
+        "meaning": "" if key is None else ": ".join(text for text in (key.symbol, key.meaning) if text),
         "default": default,
         "values": list(values),
         "changed": [value is not None and value != default for value in values],
         "differs": any(value != values[0] for value in values),
     }
-
-
-def meaning(info: FieldInfo | None) -> str:
-    """Symbol of a key in the equations, and what it means."""
-    if info is None:
-        return ""
-    extra = info.json_schema_extra
-    symbol = str(extra.get("symbol", "")) if isinstance(extra, dict) else ""
-    return ": ".join(text for text in (symbol, info.description or "") if text)
 
 
 def _count(part: str) -> str:

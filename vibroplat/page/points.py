@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from vibroplat.config.scene import COORDINATES, RATES
+from vibroplat.columns import unit_of
+from vibroplat.config.coordinates import COORDINATES, RATES
 from vibroplat.page.labels import words
 from vibroplat.page.thinning import plain_column
 from vibroplat.plots.names import ABSCISSAE, MEASURES, PHASE_COLUMN, is_number
 from vibroplat.plots.orbits import Branches, meaning, places_of
-from vibroplat.results.columns import unit_of
 
 EXCITATION, SUPPLY = ABSCISSAE["excitation"], ABSCISSAE["supply"]
 #: Most rows of a table on the page.

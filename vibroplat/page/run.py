@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from vibroplat.config.scene import Mode, Scene
+from vibroplat.config.coordinates import Mode
+from vibroplat.config.scene import Scene
 from vibroplat.errors import TableError
 from vibroplat.page.thinning import FloatArray, extremes, packed
 from vibroplat.plots.reading import read_parts

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from vibroplat.columns import unit_of
 from vibroplat.page.labels import words
-from vibroplat.results.columns import unit_of
 
 #: Keys shown first. Lengths are shown in mm.
 FIRST = (

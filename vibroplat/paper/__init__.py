@@ -1,10 +1,11 @@
 """Everything that exists because of one paper, that of Panovko and Shokhin.
 
-* Scenes, sweeps and claims of the paper: :mod:`~vibroplat.paper.trial`.
-* Simulated, with the means of :mod:`vibroplat.study`: sweeps, boundaries (:mod:`~vibroplat.paper.narrowing`), β of the
-  non-impact model (:mod:`~vibroplat.paper.nonimpact`), time histories (:mod:`~vibroplat.paper.histories`).
-* Judged from these results alone: the tables (:mod:`~vibroplat.paper.evidence`) by the claims
-  (:mod:`~vibroplat.paper.claims`, whose judges are in ``boundaries``, ``comparisons`` and ``quoted``), with verdicts in
-  the :mod:`~vibroplat.paper.scoreboard`.
-* Commands: :mod:`~vibroplat.paper.reproduction` (``paper``) and :mod:`~vibroplat.paper.calibration` (``calibrate``).
+* Its scenes and claims, and the machines they are tried with: :mod:`~vibroplat.paper.scenes`.
+* What is simulated: sweeps and time histories (:mod:`~vibroplat.paper.reproduction`), boundaries of regimes and β of
+  the non-impact model (:mod:`~vibroplat.paper.root_finding`).
+* What follows from these results alone, the :mod:`~vibroplat.paper.evidence`: verdicts on all
+  :mod:`~vibroplat.paper.claims`, by judges of :mod:`~vibroplat.paper.boundaries` and of curves
+  (:mod:`~vibroplat.paper.comparisons`), and other :mod:`~vibroplat.paper.tables`.
+* What needs no simulation: the :mod:`~vibroplat.paper.contradictions` between the paper's numbers and its figures.
+* The numbers that it does not print: :mod:`~vibroplat.paper.calibration`.
 """

@@ -1,4 +1,4 @@
-"""Judges of claims about amplitudes, which compare curves over frequency with each other.
+"""Judges of claims about amplitudes, which compare curves over frequency with each other, and about quoted numbers.
 
 Measures of non-periodic motion have standard errors. A comparison is violated at a frequency if it is wrong by more
 than SIGMAS standard errors. It holds if it is violated nowhere, is right at a share RIGHT of the frequencies, and right
@@ -7,13 +7,29 @@ by more than its error at a share SURE of them.
 
 from __future__ import annotations
 
+import math
 from itertools import pairwise
 
 import numpy as np
 
 from vibroplat.model.parameters import FloatArray
-from vibroplat.paper.evidence import REGIMES, Curve, Evidence, F, Key, Row
-from vibroplat.paper.finding import EDGE, Claim, Finding, Judge, interval, joined, name_of, restitutions
+from vibroplat.paper.evidence import (
+    EDGE,
+    IMPACT_KEY,
+    NON_IMPACT_KEY,
+    REGIMES,
+    Claim,
+    Curve,
+    Evidence,
+    F,
+    Finding,
+    Judge,
+    Key,
+    error_of,
+    interval,
+    joined,
+    name_of,
+)
 from vibroplat.study.branches import SUPPLY
 
 #: Spacing of frequencies (Hz) at which curves are compared.
@@ -22,19 +38,47 @@ SPACING = 0.25
 COVERED = 0.9
 #: Standard errors by which a comparison may be wrong; shares of frequencies at which it must be right, and surely so.
 SIGMAS, RIGHT, SURE = 2.0, 0.9, 0.5
-#: Relative differences up to which amplitudes count as the same and as almost the same.
-SAME, ALMOST = 0.01, 0.02
-#: What the paper calls small: 5 %.
-SMALL = 0.05
+
+
+def ordered(text: str, *pairs: tuple[Key, Key]) -> Judge:
+    """Return a judge of whether, in each pair of branches, the second has the larger amplitude."""
+
+    def judged(claim: Claim, evidence: Evidence) -> Finding:
+        at = _frequencies(claim)
+        findings = {}
+        for lower, upper in pairs:
+            masses = sorted({lower.mass_ratio, upper.mass_ratio})
+            ratio = _over(evidence.curve(upper, at), evidence.curve(lower, at))
+            findings[f"μ {' and '.join(f'{mass:g}' for mass in masses)}"] = _larger(ratio, at, text)
+        return joined(findings)
+
+    return judged
+
+
+def ratio_to_inelastic(low: float, high: float, text: str) -> Judge:
+    """Return a judge of whether amplitudes at R > 0 over those at R = 0, and their mean, lie between two ratios."""
+
+    def judged(claim: Claim, evidence: Evidence) -> Finding:
+        at = _frequencies(claim)
+        base = evidence.curve(Key(claim["mu"]), at)
+        findings = {}
+        for key in evidence.restitutions(claim["mu"]):
+            if 0.0 < key.restitution <= max(claim["R"]):
+                ratio = _over(evidence.curve(key, at), base)
+                found = _between(ratio, at, low, high, text)
+                if np.isfinite(ratio.values).any():
+                    mean, error = _mean(ratio)
+                    holds = found.holds and low - SIGMAS * error <= mean <= high + SIGMAS * error
+                    found = found._replace(measured=f"{found.measured}, mean {mean - 1.0:+.1%}", holds=holds)
+                findings[name_of(key)] = found
+        return joined(findings) if findings else Finding("no branches with R > 0", False, 0.0)
+
+    return judged
 
 
 def _frequencies(claim: Claim) -> FloatArray:
     low, high = claim["f"]
     return np.arange(low + EDGE, high - EDGE + 1e-9, SPACING)
-
-
-def _amplitude(evidence: Evidence, key: Key, at: FloatArray) -> Curve:
-    return evidence.curve(key, "rms_y_m", at)
 
 
 def _over(a: Curve, b: Curve) -> Curve:
@@ -43,7 +87,11 @@ def _over(a: Curve, b: Curve) -> Curve:
     return Curve(ratio, np.abs(ratio) * np.hypot(a.errors / a.values, b.errors / b.values))
 
 
-def _compared(ratio: Curve, at: FloatArray, low: float, high: float, text: str) -> Finding:
+def _larger(ratio: Curve, at: FloatArray, text: str) -> Finding:
+    return _between(ratio, at, np.nextafter(1.0, 2.0), np.inf, text)
+
+
+def _between(ratio: Curve, at: FloatArray, low: float, high: float, text: str) -> Finding:
     """Judge whether a ratio lies between two values at all frequencies at which it is known."""
     known = np.isfinite(ratio.values)
     if not known.any():
@@ -65,117 +113,6 @@ def _compared(ratio: Curve, at: FloatArray, low: float, high: float, text: str) 
     return Finding(measured, bool(holds), share * covered)
 
 
-def _ordered(at: FloatArray, lower: Curve, upper: Curve, text: str) -> Finding:
-    """Judge whether the second curve lies above the first."""
-    return _compared(_over(upper, lower), at, np.nextafter(1.0, 2.0), np.inf, text)
-
-
-def over_mass(sign: int) -> Judge:
-    """Return a judge of whether amplitudes rise (+1) or fall (−1) with mass."""
-
-    def judged(claim: Claim, evidence: Evidence) -> Finding:
-        at = _frequencies(claim)
-        curves = [_amplitude(evidence, Key(mu), at) for mu in (0.0, 0.1, 0.2)][::sign]
-        names = ["μ 0 and 0.1", "μ 0.1 and 0.2"][::sign]
-        word = "rises" if sign > 0 else "falls"
-        pairs = zip(names, pairwise(curves), strict=True)
-        return joined({name: _ordered(at, lower, upper, word) for name, (lower, upper) in pairs})
-
-    return judged
-
-
-def ratio_to_inelastic(low: float, high: float, text: str) -> Judge:
-    """Return a judge of whether amplitudes at R > 0 over those at R = 0, and their mean, lie between two ratios."""
-
-    def judged(claim: Claim, evidence: Evidence) -> Finding:
-        at = _frequencies(claim)
-        base = _amplitude(evidence, Key(claim["mu"]), at)
-        findings = {}
-        for key in restitutions(evidence, claim["mu"]):
-            if 0.0 < key.restitution <= max(claim["R"]):
-                ratio = _over(_amplitude(evidence, key, at), base)
-                findings[name_of(key)] = _ratio(ratio, at, (low, high), text)
-        return joined(findings) if findings else Finding("no branches with R > 0", False, 0.0)
-
-    return judged
-
-
-def _ratio(ratio: Curve, at: FloatArray, band: tuple[float, float], text: str) -> Finding:
-    found = _compared(ratio, at, *band, text)
-    if not np.isfinite(ratio.values).any():
-        return found
-    mean, error = _mean(ratio)
-    holds = found.holds and band[0] - SIGMAS * error <= mean <= band[1] + SIGMAS * error
-    return found._replace(measured=f"{found.measured}, mean {mean - 1.0:+.1%}", holds=holds)
-
-
-def restitution_without_effect(claim: Claim, evidence: Evidence) -> Finding:
-    """Judge whether amplitudes and periods are the same for all R; undecided points are left out."""
-    amplitude = ratio_to_inelastic(1.0 - SAME, 1.0 + SAME, "amplitude within 1 %")(claim, evidence)
-    low, high = claim["f"]
-    characters = {
-        key.restitution: {
-            row[SUPPLY]: row["period"] for row in evidence.rows(key, low + EDGE, high - EDGE) if _decided(row)
-        }
-        for key in restitutions(evidence, claim["mu"])
-    }
-    reference = characters.pop(0.0, {})
-    same = {
-        r: float(np.mean([reference[s] == n for s, n in found.items() if s in reference] or [0.0]))
-        for r, found in characters.items()
-    }
-    text = "; ".join(f"R {r:g}: {share:.0%}" for r, share in same.items())
-    share = float(np.mean(list(same.values()))) if same else 0.0
-    return Finding(
-        f"{amplitude.measured}; period as at R = 0: {text}",
-        amplitude.holds and share == 1.0,
-        0.5 * (amplitude.score + share),
-    )
-
-
-def _decided(row: Row) -> bool:
-    return bool(row["motion"] != "undecided")
-
-
-def impact_above(claim: Claim, evidence: Evidence) -> Finding:
-    """Judge whether the amplitude of the impact model is larger than that of the non-impact model."""
-    at = _frequencies(claim)
-    impact, viscous = _both_models(claim, evidence, at)
-    return _ordered(at, viscous, impact, "A_impact > A_nonimpact")
-
-
-def non_impact_above(claim: Claim, evidence: Evidence) -> Finding:
-    """Judge whether the amplitude of the non-impact model is larger than that of the impact model.
-
-    This contradicts growth of amplitudes with mass (``amp-rise``) from 26 to 27.5 Hz, where both are claimed. In steady
-    antiphase the forces of both exciters add along y. Without impacts y is then that of a linear oscillator of mass M:
-    A = 2 m_r r ω²/√((c_y − Mω²)² + ω²(b_y + βm_w)²). At a given ω this falls with β ≥ 0, so A_NI ≤ A(μ = 0), and
-    A_I < A_NI implies A_I(μ) < A(μ = 0). Only β < 0, or a share of m_w that moves with the platform, would change this.
-    """
-    at = _frequencies(claim)
-    impact, viscous = _both_models(claim, evidence, at)
-    return _ordered(at, impact, viscous, "A_nonimpact > A_impact")
-
-
-def _both_models(claim: Claim, evidence: Evidence, at: FloatArray) -> tuple[Curve, Curve]:
-    mu = claim["mu"]
-    return _amplitude(evidence, Key(mu), at), _amplitude(evidence, Key(mu, model="non-impact"), at)
-
-
-def non_impact_over(claim: Claim, evidence: Evidence) -> Finding:
-    """Judge whether the non-impact amplitude is larger above resonance, and the ratio grows with R."""
-    at = _frequencies(claim)
-    viscous = _amplitude(evidence, Key(claim["mu"], model="non-impact"), at)
-    impact = {r: _amplitude(evidence, Key(claim["mu"], r), at) for r in claim["R"]}
-    larger = joined({f"R {r:g}": _ordered(at, a, viscous, "A_nonimpact > A_impact") for r, a in impact.items()})
-    means = [_mean(_over(viscous, a)) for a in impact.values()]
-    grows = all(b - a > SIGMAS * float(np.hypot(i, j)) for (a, i), (b, j) in pairwise(means))
-    text = f"{larger.measured}; mean ratio " + " → ".join(
-        f"{mean:.3f}" + (f" ± {error:.1g}" if error else "") for mean, error in means
-    )
-    return Finding(text, larger.holds and grows, 0.7 * larger.score + 0.3 * grows)
-
-
 def _mean(ratio: Curve) -> tuple[float, float]:
     """Return the mean of a ratio over the frequencies at which it is known, and its standard error."""
     known = np.isfinite(ratio.values)
@@ -184,26 +121,89 @@ def _mean(ratio: Curve) -> tuple[float, float]:
     return float(ratio.values[known].mean()), float(np.linalg.norm(ratio.errors[known]) / known.sum())
 
 
+def restitution_without_effect(claim: Claim, evidence: Evidence) -> Finding:
+    """Judge whether amplitudes and periods are the same for all R; undecided points are left out."""
+    amplitude = ratio_to_inelastic(0.99, 1.01, "amplitude within 1 %")(claim, evidence)
+    low, high = claim["f"]
+    periods = {}
+    for key in evidence.restitutions(claim["mu"]):
+        decided = [row for row in evidence.rows(key, low + EDGE, high - EDGE) if row["motion"] != "undecided"]
+        periods[key.restitution] = {row[SUPPLY]: row["period"] for row in decided}
+    reference = periods.pop(0.0, {})
+    same = {
+        r: float(np.mean([reference[supply] == n for supply, n in found.items() if supply in reference] or [0.0]))
+        for r, found in periods.items()
+    }
+    share = float(np.mean(list(same.values()))) if same else 0.0
+    text = f"{amplitude.measured}; period as at R = 0: " + "; ".join(f"R {r:g}: {part:.0%}" for r, part in same.items())
+    return Finding(text, amplitude.holds and share == 1.0, 0.5 * (amplitude.score + share))
+
+
+def non_impact_over(claim: Claim, evidence: Evidence) -> Finding:
+    """Judge whether the non-impact amplitude is larger above resonance, and the ratio grows with R."""
+    at = _frequencies(claim)
+    viscous = evidence.curve(NON_IMPACT_KEY, at)
+    ratios = {r: _over(viscous, evidence.curve(Key(claim["mu"], r), at)) for r in claim["R"]}
+    larger = joined({f"R {r:g}": _larger(ratio, at, "A_nonimpact > A_impact") for r, ratio in ratios.items()})
+    means = [_mean(ratio) for ratio in ratios.values()]
+    grows = all(b - a > SIGMAS * float(np.hypot(i, j)) for (a, i), (b, j) in pairwise(means))
+    texts = (f"{mean:.3f}" + (f" ± {error:.1g}" if error else "") for mean, error in means)
+    return Finding(
+        f"{larger.measured}; mean ratio {' → '.join(texts)}", larger.holds and grows, 0.7 * larger.score + 0.3 * grows
+    )
+
+
 def non_impact_shape(claim: Claim, evidence: Evidence) -> Finding:
     """Judge whether impact motion is non-periodic and non-impact motion harmonic: A = √2 RMS within 2 %."""
-    f = claim["f"][0]
-    mu = claim["mu"]
-    impact = _nearest(evidence.rows(Key(mu)), f)
-    viscous = _nearest(evidence.rows(Key(mu, model="non-impact")), f)
-    if impact is None or viscous is None:
-        return Finding("30.7 Hz is not reached", False, 0.0)
+    nearest = []
+    for key in (IMPACT_KEY, NON_IMPACT_KEY):
+        rows = [row for row in evidence.rows(key) if row["sync"] == "antiphase"]
+        row = min(rows, key=lambda row: abs(row[F] - claim["f"][0]), default=None)
+        if row is None or abs(row[F] - claim["f"][0]) > EDGE:
+            return Finding("30.7 Hz is not reached", False, 0.0)
+        nearest.append(row)
+    impact, viscous = nearest
     crest = viscous["amplitude_y_m"] / (np.sqrt(2.0) * viscous["rms_y_m"])
     harmonic = bool(viscous["period"] == 1 and abs(crest - 1.0) < 0.02)
     irregular = REGIMES["non-periodic"](impact)
-    text = f"impact at {impact[F]:.2f} Hz: {_period(impact)}; non-impact at {viscous[F]:.2f} Hz: {_period(viscous)}, "
+    periods = [f"period {row['period']}" if row["period"] else str(row["motion"]) for row in nearest]
+    text = f"impact at {impact[F]:.2f} Hz: {periods[0]}; non-impact at {viscous[F]:.2f} Hz: {periods[1]}, "
     text += f"A/(√2 RMS) = {crest:.4f}"
     return Finding(text, harmonic and irregular, 0.5 * (harmonic + irregular))
 
 
-def _nearest(rows: list[Row], f: float) -> Row | None:
-    near = [row for row in rows if abs(row[F] - f) <= EDGE and row["sync"] == "antiphase"]
-    return min(near, key=lambda row: abs(row[F] - f)) if near else None
+# -- numbers in the paper's text --------------------------------------------------------------------------
 
 
-def _period(row: Row) -> str:
-    return f"period {row['period']}" if row["period"] else str(row["motion"])
+def quoted_frequencies(claim: Claim, evidence: Evidence) -> Finding:
+    """Judge whether the frequencies that the paper quotes are points of its own steps of supply frequency.
+
+    Each must be that of a point of antiphase motion on the curve with R = 0, within the tolerance of the claim and, if
+    the motion is not periodic, two standard errors.
+    """
+    rows = [row for row in evidence.rows(Key(claim["mu"])) if row["sync"] == "antiphase"]
+    points = [(float(row[F]), error_of(row, F)) for row in rows]
+    nearby, hits = [], []
+    for f, tolerance in claim["quoted"]:
+        nearest, error = min(points, key=lambda point: abs(point[0] - f), default=(0.0, 0.0))
+        hits.append(abs(nearest - f) <= tolerance + 2.0 * error)
+        nearby.append(f"{f:g}: {nearest:.2f} Hz")
+    return Finding(f"nearest points {', '.join(nearby)}", all(hits), float(np.mean(hits)))
+
+
+def layer_damping(claim: Claim, evidence: Evidence) -> Finding:
+    """Judge whether the damping between the layers is subcritical, but excludes intensive relative vibration.
+
+    The damping ratio is ζ = b_w/(2√(c_w m_w2)), that of the upper layer on a lower one in contact. If the lower layer
+    moves harmonically, the upper one moves relative to it by at most 1/(2ζ√(1 − ζ²)) of its amplitude (ζ < 1/√2), which
+    is 1.15 for ζ = 1/2. More counts as intensive; ζ < 1 is subcritical. In flight, with both layers free, the ratio is
+    ζ√(1 + m_w2/m_w1); it is reported, not judged.
+    """
+    course = evidence.courses.get(Key(claim["mu"]))
+    if course is None or course.branch.scene.layers < 2:
+        return Finding("no two layers", False, 0.0)
+    material, (stiffness, damping) = course.branch.scene.material, course.branch.scene.layer_spring
+    ratio = material.damping_ratio or damping / (2.0 * math.sqrt(stiffness))
+    low, high = claim["ratio"]
+    text = f"damping ratio {ratio:.3g}, {ratio / math.sqrt(material.lower_share):.3g} in flight"
+    return Finding(text, low <= ratio < high, min(ratio / low, high / ratio, 1.0) if ratio > 0.0 else 0.0)

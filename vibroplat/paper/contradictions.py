@@ -15,14 +15,21 @@ from typing import Any
 import pandas as pd
 from scipy.optimize import brentq
 
+from vibroplat.columns import Column, Columns
 from vibroplat.config.scene import Scene
-from vibroplat.paper.trial import paper_scene
-from vibroplat.results.columns import Column, Columns
+from vibroplat.paper.scenes import paper_scene
 
 #: Frequencies (Hz) up to which motion is attached in the paper, by mass ratio.
 LIFTOFF = {0.1: 24.5, 0.2: 24.0}
 #: Lowest frequency (Hz) of the search for liftoff; the highest is the vertical resonance.
 LOWEST = 10.0
+#: The table ``contradictions``, a row for each quantity.
+CONTRADICTIONS: Columns = {
+    "what": Column("a quantity"),
+    "unit": Column("its unit"),
+    "figures": Column("value that the paper's figures require"),
+    "machine": Column("value that the machine has"),
+}
 
 
 def acceleration(scene: Scene, mass_ratio: float, frequency: float) -> float:
@@ -56,32 +63,14 @@ def resonance_torque(scene: Scene) -> float:
     return float(scene.unbalances[0] ** 2 * omega**3 / damping) if damping > 0.0 else math.inf
 
 
-#: The table ``contradictions``, a row for each quantity.
-CONTRADICTIONS: Columns = {
-    "what": Column("a quantity"),
-    "unit": Column("its unit"),
-    "figures": Column("value that the paper's figures require"),
-    "machine": Column("value that the machine has"),
-}
-
-
 def contradictions(numbers: Mapping[str, Any]) -> pd.DataFrame:
-    """Compare a machine with the paper's figures.
-
-    The columns are what, unit, figures (the value that the figures require) and machine (the value that it has).
-    """
-    scene: Scene = paper_scene("fig2", numbers)
+    """Compare what the paper's figures require with what a machine has."""
+    scene = paper_scene("fig2", numbers)
     rows: list[tuple[str, str, float, float]] = []
-    for mass_ratio, frequency in LIFTOFF.items():
-        rows += [
-            (f"liftoff of a stiff layer, μ {mass_ratio:g}", "Hz", frequency, stiff_layer_liftoff(scene, mass_ratio)),
-            (
-                f"m_r r for liftoff of a stiff layer at {frequency:g} Hz, μ {mass_ratio:g}",
-                "kg·m",
-                unbalance_for_liftoff(scene, mass_ratio, frequency),
-                scene.unbalances[0],
-            ),
-        ]
+    for mu, f in LIFTOFF.items():
+        rows.append((f"liftoff of a stiff layer, μ {mu:g}", "Hz", f, stiff_layer_liftoff(scene, mu)))
+        what = f"m_r r for liftoff of a stiff layer at {f:g} Hz, μ {mu:g}"
+        rows.append((what, "kg·m", unbalance_for_liftoff(scene, mu, f), scene.unbalances[0]))
     critical = min(exciter.critical_torque_n_m for exciter in scene.exciter_pair)
     rows.append(("torque of each motor at the vertical resonance, at most", "N·m", critical, resonance_torque(scene)))
-    return pd.DataFrame(rows, columns=["what", "unit", "figures", "machine"])
+    return pd.DataFrame(rows, columns=list(CONTRADICTIONS))

@@ -1,20 +1,18 @@
-"""The tables by which the paper's claims are judged: branches of one machine, by mass ratio, R and contact model."""
+"""The evidence by which the paper's claims are judged: branches of one machine, by mass ratio, R and contact model."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from vibroplat.config.scene import Scene
-from vibroplat.config.sweep_plan import SweepPlan
 from vibroplat.model.parameters import FloatArray
-from vibroplat.study.branches import EXCITATION, SUPPLY, Branch, branches, sweep_plan
+from vibroplat.study.branches import EXCITATION, SUPPLY, Branch
 from vibroplat.study.point import ERRORS
-from vibroplat.study.store import Record, Records
+from vibroplat.study.store import Record, Store
 from vibroplat.study.sweep import branch_records
 
 #: Row of a sweep table, by column.
@@ -27,7 +25,6 @@ F = EXCITATION
 
 #: Motions that do not repeat; ``non-periodic`` is one whose Lyapunov exponent was not asked for.
 NON_PERIODIC = ("quasi-periodic", "chaotic", "non-periodic")
-
 #: The regimes that claims name, as conditions on a row. Undecided motion is in none of MOTIONS.
 REGIMES: dict[str, Callable[[Mapping[str, Any]], bool]] = {
     "antiphase": lambda row: row["sync"] == "antiphase",
@@ -51,6 +48,10 @@ class Key(NamedTuple):
     direction: str = "up"
 
 
+#: The branches by which the contact models are compared.
+IMPACT_KEY, NON_IMPACT_KEY = Key(0.2), Key(0.2, model="non-impact")
+
+
 class Boundary(NamedTuple):
     """The rows before and after a change of regime."""
 
@@ -69,33 +70,17 @@ class Step(NamedTuple):
 
 
 class Curve(NamedTuple):
-    """A measure over excitation frequency and its standard error."""
+    """RMS y over excitation frequency, or a ratio of two, and its standard error."""
 
     values: FloatArray
     errors: FloatArray
 
 
-@dataclass
-class Course:
-    """The points of one branch, in its order.
-
-    Attributes
-    ----------
-    branch, plan
-        The branch and the plan of its sweep.
-    rows
-        Rows of the sweep table with their supply frequency, of the points that ended ``ok``.
-    states
-        Full states at the ends of these points, shape (14,), by supply frequency (Hz).
-    failed
-        Supply frequencies (Hz) of the other points.
-    """
+class Course(NamedTuple):
+    """A branch and the rows of its points in the sweep table, each with its supply frequency and its final state."""
 
     branch: Branch
-    plan: SweepPlan
     rows: list[Row]
-    states: dict[float, list[float]] = field(default_factory=dict)
-    failed: tuple[float, ...] = ()
 
 
 @dataclass
@@ -109,80 +94,72 @@ class Evidence:
     beta
         β of the non-impact model (1/s); None if there is none.
     boundaries
-        Boundaries narrowed by further points (:mod:`vibroplat.paper.narrowing`), by the step of the sweep in which they
-        are. Any other boundary is as wide as its step.
+        Boundaries narrowed by further points (:func:`vibroplat.paper.root_finding.narrow`), by the step of the sweep in
+        which they are. Any other boundary is as wide as its step.
+    read
+        The steps whose boundaries have been read: those that are worth narrowing.
     """
 
     courses: dict[Key, Course] = field(default_factory=dict)
     beta: float | None = None
     boundaries: dict[Step, Boundary] = field(default_factory=dict)
+    read: dict[Step, None] = field(default_factory=dict, compare=False)
 
-    def add(self, scene: Scene, records: Records) -> None:
+    def add_sweep(self, branches: Iterable[Branch], store: Store) -> None:
         """Add the branches of a finished sweep from its stored points."""
-        for branch in branches(scene):
-            self.add_branch(branch, sweep_plan(scene), list(branch_records(branch, records)))
+        for branch in branches:
+            self.add(branch, branch_records(branch, store))
 
-    def add_branch(self, branch: Branch, plan: SweepPlan, records: Sequence[Record]) -> None:
+    def add(self, branch: Branch, records: Iterable[Record]) -> None:
         """Add a branch by the records of its points; one that is there already, as sweeps share branches, is kept."""
-        points = [
-            (record["row"] | {SUPPLY: supply}, record["state"])
-            for supply, record in zip(branch.frequencies, records, strict=True)
-        ]
-        course = Course(
-            branch,
-            plan,
-            rows=[row for row, _ in points if row["outcome"] == "ok"],
-            states={row[SUPPLY]: state for row, state in points if state is not None},
-            failed=tuple(row[SUPPLY] for row, _ in points if row["outcome"] != "ok"),
-        )
-        self.courses.setdefault(key_of(branch), course)
+        points = zip(branch.frequencies, records, strict=True)
+        rows = [record["row"] | {SUPPLY: supply, "state": record["state"]} for supply, record in points]
+        mass_ratio, contact = branch.scene.material.mass_ratio, branch.scene.contact
+        key = Key(mass_ratio, contact.restitution, contact.model, contact.impact_law, branch.direction)
+        self.courses.setdefault(key, Course(branch, rows))
 
-    def without(self, keys: Collection[Key]) -> Evidence:
-        """Return the evidence without these branches."""
-        return replace(self, courses={key: course for key, course in self.courses.items() if key not in keys})
+    def restitutions(self, mass_ratio: float) -> list[Key]:
+        """Return the keys of the upward branches of the impact model that a mass ratio has, in the order of R."""
+        return sorted(key for key in self.courses if key == Key(mass_ratio, key.restitution))
 
-    def rows(self, key: Key, low: float = 0.0, high: float = np.inf) -> list[Row]:
-        """Return the rows of a branch between two excitation frequencies (Hz); empty if there is no such branch."""
-        course = self.courses.get(key)
-        return [row for row in course.rows if low <= row[F] <= high] if course else []
+    def rows(self, key: Key, low: float = 0.0, high: float = math.inf) -> list[Row]:
+        """Return the rows of a branch that ended ``ok`` between two excitation frequencies (Hz); it may be missing."""
+        rows = self.courses[key].rows if key in self.courses else []
+        return [row for row in rows if row["outcome"] == "ok" and low <= row[F] <= high]
 
-    def curve(self, key: Key, column: str, at: FloatArray) -> Curve:
-        """Interpolate a measure of a branch's antiphase motion over excitation frequency.
+    def failed(self, key: Key) -> list[float]:
+        """Return the supply frequencies (Hz) of the other points of a branch."""
+        return [row[SUPPLY] for row in self.courses[key].rows if row["outcome"] != "ok"]
 
-        Parameters
-        ----------
-        key
-            The branch.
-        column
-            Column of the sweep table.
-        at
-            Excitation frequencies (Hz), shape (n,).
+    def curve(self, key: Key, at: FloatArray) -> Curve:
+        """Interpolate RMS y (m) of a branch's antiphase motion at excitation frequencies (Hz), shape (n,).
 
-        Returns
-        -------
-        Curve
-            Two arrays of shape (n,): nan and inf beyond the rows and across jumps. The errors of neighbouring rows are
-            taken as independent.
+        Both arrays have shape (n,): nan and inf beyond the rows and across jumps. The errors of neighbouring rows are
+        taken as independent.
         """
-        end = self.end_of(key, "antiphase", 20.0)
-        rows = [row for row in (*self.rows(key), *(end or ())) if row["sync"] == "antiphase"]
+        rows = [row for row in (*self.rows(key), *(self.jump(key) or ())) if row["sync"] == "antiphase"]
         rows.sort(key=lambda row: float(row[F]))
         if len(rows) < 2:
             return Curve(np.full(len(at), np.nan), np.full(len(at), np.nan))
-        f, values = np.array([r[F] for r in rows]), np.array([r[column] for r in rows], dtype=float)
+        f, values = np.array([r[F] for r in rows]), np.array([r["rms_y_m"] for r in rows])
         # at equal frequency a curve is also off by its slope times the error of the frequency
         slope = np.abs(np.diff(values) / np.maximum(np.diff(f), 1e-6))
         steepest = np.maximum(np.append(slope, 0.0), np.insert(slope, 0, 0.0))
         across = np.array([error_of(r, F) for r in rows])
         # the least slope is above 0, as inf · 0 is nan
-        errors = np.array([error_of(r, column) for r in rows]) + across * np.maximum(steepest, 1e-300)
+        errors = np.array([error_of(r, "rms_y_m") for r in rows]) + across * np.maximum(steepest, 1e-300)
         found = np.interp(at, f, values, left=np.nan, right=np.nan)
         place = np.clip(np.searchsorted(f, at), 1, len(f) - 1)
-        found[np.diff(f)[place - 1] > JUMP] = np.nan
-        share = np.clip((at - f[place - 1]) / np.maximum(np.diff(f)[place - 1], 1e-12), 0.0, 1.0)
+        gap = np.diff(f)[place - 1]
+        found[gap > JUMP] = np.nan
+        share = np.clip((at - f[place - 1]) / np.maximum(gap, 1e-12), 0.0, 1.0)
         with np.errstate(invalid="ignore"):
             mixed = np.hypot((1.0 - share) * errors[place - 1], share * errors[place])
         return Curve(found, np.nan_to_num(mixed, nan=np.inf, posinf=np.inf))
+
+    def jump(self, key: Key) -> Boundary | None:
+        """Find where antiphase rotation below the second resonance ends."""
+        return self.end_of(key, "antiphase", 20.0)
 
     def end_of(self, key: Key, regime: str, above: float = 0.0) -> Boundary | None:
         """Find where a branch leaves a regime for the first time above an excitation frequency (Hz).
@@ -196,7 +173,7 @@ class Evidence:
             if holds(row) and (inside or row[F] >= above):
                 inside = True
             elif inside:
-                return self._boundary(key, regime, rows[i - 1], row)
+                return self._narrowed(key, regime, rows[i - 1], row)
         return None
 
     def start_of_last(self, key: Key, regime: str) -> Boundary | None:
@@ -205,22 +182,19 @@ class Evidence:
         Returns None if the branch does not end in this regime, or is in it from its first row on.
         """
         rows = self._decided(key, regime)
-        holds = REGIMES[regime]
-        outside = [i for i, row in enumerate(rows) if not holds(row)]
-        if not outside or outside[-1] == len(rows) - 1:
+        last = max((i for i, row in enumerate(rows) if not REGIMES[regime](row)), default=-1)
+        if last in (-1, len(rows) - 1):
             return None
-        return self._boundary(key, regime, rows[outside[-1]], rows[outside[-1] + 1], begins=True)
+        return self._narrowed(key, regime, rows[last], rows[last + 1], begins=True)
 
     def _decided(self, key: Key, regime: str) -> list[Row]:
         """Return the rows of a branch that are known to be inside or outside a regime."""
-        rows = self.rows(key)
-        return [row for row in rows if row["motion"] != "undecided"] if regime in MOTIONS else rows
+        return [row for row in self.rows(key) if regime not in MOTIONS or row["motion"] != "undecided"]
 
-    def _boundary(self, key: Key, regime: str, before: Row, after: Row, *, begins: bool = False) -> Boundary:
-        return self._narrowed(Step(key, regime, begins, before[SUPPLY], after[SUPPLY]), Boundary(before, after))
-
-    def _narrowed(self, step: Step, boundary: Boundary) -> Boundary:
-        return self.boundaries.get(step, boundary)
+    def _narrowed(self, key: Key, regime: str, before: Row, after: Row, *, begins: bool = False) -> Boundary:
+        step = Step(key, regime, begins, before[SUPPLY], after[SUPPLY])
+        self.read[step] = None
+        return self.boundaries.get(step, Boundary(before, after))
 
 
 def error_of(row: Row, column: str) -> float:
@@ -231,21 +205,57 @@ def error_of(row: Row, column: str) -> float:
     return 0.0 if row["motion"] == "periodic" else math.inf
 
 
-def key_of(branch: Branch) -> Key:
-    """Return the key of a branch."""
-    contact = branch.scene.contact
-    return Key(
-        branch.scene.material.mass_ratio, contact.restitution, contact.model, contact.impact_law, branch.direction
-    )
+# -- findings ---------------------------------------------------------------------------------------------
+
+Claim = Mapping[str, Any]
+
+#: Allowed error of the ends of a band (Hz of excitation frequency): the paper's step is 0.5 Hz of supply frequency.
+EDGE = 0.25
 
 
-def runs(rows: Iterable[Row], regime: str) -> list[tuple[float, float]]:
-    """Return the first and last excitation frequency (Hz) of each stretch of rows in a regime."""
-    holds = REGIMES[regime]
-    found: list[tuple[float, float]] = []
-    inside = False
-    for row in rows:
-        if holds(row):
-            found[-1:] = [(found[-1][0], row[F])] if inside else [*found[-1:], (row[F], row[F])]
-        inside = holds(row)
-    return found
+class Finding(NamedTuple):
+    """What was found for a claim: in words, whether it holds, and how close it is, from 0 to 1.
+
+    ``judged`` is False if it does not hold for the sole reason that points at R = 1 failed.
+    """
+
+    measured: str
+    holds: bool
+    score: float
+    judged: bool = True
+
+
+Judge = Callable[[Claim, Evidence], Finding]
+
+
+def listed(value: Any) -> list[float]:
+    """Return a value of a claim as a list."""
+    return list(value) if isinstance(value, Sequence) else [value]
+
+
+def name_of(key: Key) -> str:
+    """Name a branch."""
+    return f"μ {key.mass_ratio:g}" + (f", R {key.restitution:g}" if key.restitution else "")
+
+
+def keys_of(claim: Claim) -> list[Key]:
+    """Return the keys of a claim's branches, from its mass ratios and restitutions."""
+    return [Key(mu, r) for mu in listed(claim.get("mu", 0.0)) for r in listed(claim.get("R", 0.0))]
+
+
+def joined(findings: Mapping[str, Finding]) -> Finding:
+    """Join the findings of several branches; all must hold."""
+    if len(findings) == 1:
+        return next(iter(findings.values()))
+    text = "; ".join(f"{name}: {finding.measured}" for name, finding in findings.items())
+    return Finding(text, all(f.holds for f in findings.values()), float(np.mean([f.score for f in findings.values()])))
+
+
+def interval(low: float, high: float) -> str:
+    """Return an interval of frequencies (Hz) as text."""
+    return f"{low:.2f} … {high:.2f} Hz" if high > low else f"{low:.2f} Hz"
+
+
+def closeness(off: float, tolerance: float) -> float:
+    """Return 1 up to a tolerance; the value falls to 0 at four times the tolerance."""
+    return float(np.clip((4.0 - off / tolerance) / 3.0, 0.0, 1.0))

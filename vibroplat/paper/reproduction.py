@@ -7,45 +7,32 @@ is judged and tabulated after them is read from these results alone.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import pandas as pd
 
 from vibroplat.config.reader import configurations, load_list
 from vibroplat.config.scene import Scene
-from vibroplat.paper.claims import judge
+from vibroplat.integrate import engine_name
+from vibroplat.paper.claims import judge, scoreboard
 from vibroplat.paper.contradictions import contradictions
 from vibroplat.paper.evidence import Evidence
-from vibroplat.paper.histories import by_figure, histories
-from vibroplat.paper.narrowing import narrow
-from vibroplat.paper.nonimpact import match_beta, matched_frequency
-from vibroplat.paper.scoreboard import scoreboard
-from vibroplat.paper.summaries import impact_laws, sync_bands
-from vibroplat.paper.trial import (
-    BETA,
-    IMPACT,
-    LAWS,
-    MASS_RATIO,
-    NON_IMPACT,
-    QUICK,
-    SEED,
-    SHARED,
-    claims,
-    former_claims,
-    paper_scene,
-)
-from vibroplat.study.branches import branches
-from vibroplat.study.execution import Pool
-from vibroplat.study.store import Records, Store
+from vibroplat.paper.root_finding import match_beta, matched_frequency, narrow
+from vibroplat.paper.scenes import BETA, IMPACT, NON_IMPACT, QUICK, SEED, SHARED, claims, paper_scene
+from vibroplat.paper.tables import histories, impact_laws, sync_bands
+from vibroplat.results.files import write_result
+from vibroplat.results.provenance import provenance
+from vibroplat.study.branches import Branch, branches
+from vibroplat.study.pool import Pool, StoredChain, run_stored
+from vibroplat.study.store import Store
 from vibroplat.study.sweep import Progress, conditions, run_sweeps, tables
-from vibroplat.study.tasks import StoredChain, run_stored
 
-#: Sweeps of the impact model from which figures are drawn or claims judged.
-SWEEPS = ("fig2", *IMPACT)
+#: Sweeps of the impact model from which figures are drawn or claims judged, and that of the impact laws.
+SWEEPS, LAWS = ("fig2", *IMPACT), "laws"
 #: Settings of the sweeps with further seeds: upward only, as claims are judged by these branches.
 REPEATED: dict[str, Any] = {"sweep.supply_frequency_hz.direction": ["up"]}
 
@@ -72,6 +59,97 @@ class Reproduction:
     failed: int
     simulated: float
     events: int
+
+    def write(self, numbers: Mapping[str, Any], directory: Path) -> None:
+        """Write the tables, and their provenance with the machine's numbers.
+
+        Wall times are left out, so that a repeated reproduction gives the same files.
+        """
+        scene = paper_scene(SWEEPS[0], numbers)
+        beta = {"beta_per_s": self.beta, "beta_matched_hz": self.matched_hz}
+        written = {name: table.drop(columns="wall_s", errors="ignore") for name, table in self.tables.items()}
+        write_result(directory, "paper", provenance(scene, engine_name(scene)) | beta, written, form="csv")
+
+    def overview(self, machine: str, seconds: float) -> Iterator[str]:
+        """Yield the lines that summarize claims, machine and work; ``seconds`` is the wall time."""
+        for _, row in self.tables["claims"].iterrows():
+            yield f"{row['id']:<24}{row['verdict']:<32}{row['seeds']:<16}{row['measured']}"
+        matched = "no β: 30.9 Hz is not reached in antiphase"
+        if self.beta is not None:
+            matched = f"β = {self.beta:.2f} 1/s makes RMS y equal at f = {self.matched_hz:.2f} Hz"
+        yield f"{'machine':<24}{machine}; {matched}"
+        yield f"{'computed':<24}{self.points} points, {self.simulated:.6g} s of motion, {self.events} events"
+        yield f"{'not ok':<24}{self.failed} points, counted in the claims that they concern"
+        yield f"{'wall time':<24}{seconds:.3g} s, {self.points / seconds:.3g} points per s"
+
+
+@dataclass(eq=False)
+class Trial:
+    """Sweeps of the paper with one set of numbers and one seed.
+
+    Attributes
+    ----------
+    name
+        Name of its directory.
+    numbers, changes, settings
+        Numbers of the machine, changes of unprinted ones, settings of the sweeps.
+    names
+        Its sweeps of the impact model.
+    evidence
+        What has been found so far.
+    sweeps
+        By name: the branches of finished sweeps and where their points are.
+    """
+
+    name: str
+    numbers: Mapping[str, Any]
+    changes: Mapping[str, Any]
+    settings: Mapping[str, Any]
+    names: tuple[str, ...] = IMPACT
+    evidence: Evidence = field(default_factory=Evidence)
+    sweeps: dict[str, tuple[list[Branch], Store]] = field(default_factory=dict)
+    store: Store = field(init=False)
+
+    def scene(self, name: str) -> Scene:
+        """Return the scene of one of its sweeps; that of the non-impact model has the β that was found."""
+        changes = {BETA: self.evidence.beta} if name == NON_IMPACT and self.evidence.beta is not None else {}
+        if self.names == IMPACT:  # no figure is drawn of it
+            changes |= SHARED.get(name, {})
+        return paper_scene(name, {**self.numbers, **self.changes}, {**self.settings, **changes})
+
+    def conditions(self) -> dict[str, Any]:
+        """Return what its points depend on."""
+        return {name: conditions(self.scene(name)) for name in (*self.names, NON_IMPACT)}
+
+
+class Trials(NamedTuple):
+    """All trials of a machine.
+
+    ``machine`` has a trial for each seed; figures are drawn of the first. ``others`` are coarse, with unprinted numbers
+    changed; the first changes nothing, as a control. The seed of ``laws``, which compares the impact laws, is not that
+    of the figures, so that the difference of the conservative law from itself shows the scatter.
+    """
+
+    machine: list[Trial]
+    others: list[Trial]
+    laws: Trial
+
+
+def trials_of(numbers: Mapping[str, Any], seeds: Sequence[int]) -> Trials:
+    """List the trials of a machine."""
+    machine = [Trial("machine", numbers, {}, {SEED: seeds[0]}, SWEEPS)]
+    machine += [Trial(f"seed-{n}", numbers, {}, {SEED: n, **REPEATED}) for n in seeds[1:]]
+    alternatives = [{}, *load_list(configurations() / "claims" / "alternatives.yaml")]
+    coarse = {**QUICK, SEED: seeds[0]}
+    others = [Trial(f"alternative-{i}", numbers, changes, coarse) for i, changes in enumerate(alternatives)]
+    return Trials(machine, others, Trial("laws", numbers, {}, {SEED: seeds[0] + 1}, (LAWS,)))
+
+
+def planned(numbers: Mapping[str, Any], seeds: Sequence[int] = (0,)) -> tuple[int, int]:
+    """Return the numbers of branches and points of the first stage."""
+    machine, others, laws = trials_of(numbers, seeds)
+    found = [b for t in (*machine, *others, laws) for name in t.names for b in branches(t.scene(name))]
+    return len(found), sum(len(branch.frequencies) for branch in found)
 
 
 def reproduce(
@@ -108,196 +186,70 @@ def reproduce(
     TableError
         Points cannot be stored.
     """
-    trials = _trials(numbers, seeds)
+    trials = trials_of(numbers, seeds)
+    main, judged = trials.machine[0], [*trials.machine, *trials.others]
     with ExitStack() as stack:
-        for trial in trials:
+        for trial in (*judged, trials.laws):
             place = directory / trial.name
             place.mkdir(parents=True, exist_ok=True)
             store = Store(place, trial.conditions(), resume=resume, overwrite=overwrite)
             trial.store = stack.enter_context(store)
-        _simulate(trials, workers, progress)
-        main = trials.machine[0]
+        _sweep([(trial, name) for trial in (*judged, trials.laws) for name in trial.names], workers, progress)
+        _narrow(trials, workers)
+        chains = [StoredChain(match_beta(trial.evidence), trial.store.part("beta"), 0) for trial in judged]
+        for trial, beta in zip(judged, run_stored(chains, workers), strict=True):
+            trial.evidence.beta = beta
+        _sweep([(trial, NON_IMPACT) for trial in judged if trial.evidence.beta is not None], workers)
+        _narrow(trials, workers)
         shown = histories(numbers, main.evidence.beta, main.store.part("histories"), workers)
-        for trial in trials:
+        for trial in (*judged, trials.laws):
             trial.store.finish()
-        return _results(trials, by_figure(shown))
+        return _results(trials, shown)
 
 
-def planned(numbers: Mapping[str, Any], seeds: Sequence[int] = (0,)) -> tuple[int, int]:
-    """Return the numbers of branches and points of the first stage."""
-    found = [b for trial in _trials(numbers, seeds) for name in trial.names for b in branches(trial.scene(name))]
-    return len(found), sum(len(branch.frequencies) for branch in found)
-
-
-# -- trials -----------------------------------------------------------------------------------------------
-
-
-@dataclass(eq=False)
-class _Trial:
-    """Sweeps of the paper with one set of numbers and one seed.
-
-    Attributes
-    ----------
-    name
-        Name of its directory.
-    numbers, changes, settings
-        Numbers of the machine, changes of unprinted ones, settings of the sweeps.
-    names
-        Its sweeps of the impact model.
-    evidence
-        What has been found so far.
-    sweeps
-        By name: the scenes of finished sweeps and where their points are.
-    """
-
-    name: str
-    numbers: Mapping[str, Any]
-    changes: Mapping[str, Any]
-    settings: Mapping[str, Any]
-    names: tuple[str, ...]
-    evidence: Evidence = field(default_factory=Evidence)
-    sweeps: dict[str, tuple[Scene, Records]] = field(default_factory=dict)
-    store: Store = field(init=False)
-
-    @property
-    def seed(self) -> int:
-        """Seed of the perturbations."""
-        return int(self.settings[SEED])
-
-    def scene(self, name: str) -> Scene:
-        """Return the scene of one of its sweeps; that of the non-impact model has the β that was found."""
-        changes = {BETA: self.evidence.beta} if name == NON_IMPACT and self.evidence.beta is not None else {}
-        if self.names == IMPACT:  # no figure is drawn of it
-            changes |= SHARED.get(name, {})
-        return paper_scene(name, {**self.numbers, **self.changes}, {**self.settings, **changes})
-
-    def conditions(self) -> dict[str, Any]:
-        """Return what its points depend on."""
-        return {name: conditions(self.scene(name)) for name in (*self.names, NON_IMPACT)}
-
-
-@dataclass(frozen=True)
-class _Trials:
-    """All trials of a machine.
-
-    Attributes
-    ----------
-    machine
-        A trial for each seed; figures are drawn of the first.
-    others
-        Coarse trials with unprinted numbers changed; the first changes nothing, as a control.
-    laws
-        The trial of the impact laws. Its seed is not that of the figures, so that the difference of the conservative
-        law from itself shows the scatter.
-    """
-
-    machine: list[_Trial]
-    others: list[_Trial]
-    laws: _Trial
-
-    @property
-    def judged(self) -> list[_Trial]:
-        """The trials by which claims are judged."""
-        return [*self.machine, *self.others]
-
-    def __iter__(self) -> Iterator[_Trial]:
-        return iter([*self.judged, self.laws])
-
-
-def _trials(numbers: Mapping[str, Any], seeds: Sequence[int]) -> _Trials:
-    """List the trials of a machine."""
-    machine = [_Trial("machine", numbers, {}, {SEED: seeds[0]}, SWEEPS)]
-    machine += [_Trial(f"seed-{n}", numbers, {}, {SEED: n, **REPEATED}, IMPACT) for n in seeds[1:]]
-    alternatives = [{}, *load_list(configurations() / "claims" / "alternatives.yaml")]
-    others = [
-        _Trial(f"alternative-{i}", numbers, changes, {**QUICK, SEED: seeds[0]}, IMPACT)
-        for i, changes in enumerate(alternatives)
-    ]
-    return _Trials(machine, others, _Trial("laws", numbers, {}, {SEED: seeds[0] + 1}, (LAWS,)))
-
-
-# -- simulation -------------------------------------------------------------------------------------------
-
-
-def _simulate(trials: _Trials, workers: Pool, progress: Progress | None) -> None:
-    """Simulate what the evidence of all trials needs, stage by stage."""
-    _sweep({trial: trial.names for trial in trials}, workers, progress)
-    _narrow(trials, workers)
-    _match(trials.judged, workers)
-    _sweep({trial: (NON_IMPACT,) for trial in trials.judged if trial.evidence.beta is not None}, workers)
-    _narrow(trials, workers)
-
-
-def _sweep(wanted: Mapping[_Trial, tuple[str, ...]], workers: Pool, progress: Progress | None = None) -> None:
+def _sweep(wanted: Iterable[tuple[Trial, str]], workers: Pool, progress: Progress | None = None) -> None:
     """Run sweeps of trials side by side and add their branches to the evidence."""
     begun = []
-    for trial, names in wanted.items():
-        for name in names:
-            scene = trial.scene(name)
-            trial.sweeps[name] = scene, trial.store.part(name)
-            begun.append((trial, trial.sweeps[name]))
+    for trial, name in wanted:
+        trial.sweeps[name] = branches(trial.scene(name)), trial.store.part(name)
+        begun.append((trial, trial.sweeps[name]))
     run_sweeps([sweep for _, sweep in begun], workers, progress)
     for trial, sweep in begun:
-        trial.evidence.add(*sweep)
+        trial.evidence.add_sweep(*sweep)
 
 
-def _narrow(trials: _Trials, workers: Pool) -> None:
+def _narrow(trials: Trials, workers: Pool) -> None:
     """Narrow the boundaries that matter to the claims, to β and to the comparison of the impact laws."""
-    main, laws = trials.machine[0].evidence, trials.laws.evidence
-
-    def of_main(evidence: Evidence) -> None:
-        _judge_all(evidence)
-        impact_laws(evidence, laws)
-
-    def of_laws(evidence: Evidence) -> None:
-        impact_laws(main, evidence)
-
-    reads = [of_main, *[_judge_all] * (len(trials.machine) - 1), of_laws]
-    narrow(
-        [
-            (trial.evidence, read, trial.store.part("boundaries"))
-            for trial, read in zip([*trials.machine, trials.laws], reads, strict=True)
-        ],
-        workers,
-    )
+    for trial in trials.machine:
+        matched_frequency(trial.evidence)
+        for claim in (*claims(), *claims("former")):
+            judge(claim, trial.evidence)
+    impact_laws(trials.machine[0].evidence, trials.laws.evidence)
+    narrow([(t.evidence, t.store.part("boundaries")) for t in (*trials.machine, trials.laws)], workers)
 
 
-def _judge_all(evidence: Evidence) -> None:
-    """Read what the claims and β depend on."""
-    matched_frequency(evidence, MASS_RATIO)
-    for claim in (*claims(), *former_claims()):
-        judge(claim, evidence)
-
-
-def _match(trials: Sequence[_Trial], workers: Pool) -> None:
-    """Find β of the non-impact model for each trial."""
-    chains = [StoredChain(match_beta(t.evidence, MASS_RATIO), t.store.part("beta"), 0) for t in trials]
-    for trial, beta in zip(trials, run_stored(chains, workers), strict=True):
-        trial.evidence.beta = beta
-
-
-# -- results ----------------------------------------------------------------------------------------------
-
-
-def _results(trials: _Trials, shown: Mapping[str, pd.DataFrame]) -> Reproduction:
+def _results(trials: Trials, shown: Mapping[str, pd.DataFrame]) -> Reproduction:
     """Judge the claims and return all tables, and how much was simulated for them."""
-    main, laws = trials.machine[0], trials.laws
-    sweeps = {**main.sweeps, **laws.sweeps}
-    found = {name: pd.concat(tables(*sweep), ignore_index=True) for name, sweep in sweeps.items()}
-    found["sync-bands"] = sync_bands(main.evidence)
-    found["impact-laws"] = impact_laws(main.evidence, laws.evidence)
-    found["contradictions"] = contradictions(main.numbers)
-    found["claims"] = scoreboard(
-        {trial.seed: trial.evidence for trial in trials.machine},
-        [(trial.changes, trial.evidence) for trial in trials.others],
+    (main, *_), others, laws = trials
+    swept = {
+        (trial, name): pd.concat(tables(*sweep), ignore_index=True)
+        for trial in (*trials.machine, *others, laws)
+        for name, sweep in trial.sweeps.items()
+    }
+    results = {name: table for (trial, name), table in swept.items() if trial in (main, laws)}
+    results["sync-bands"] = sync_bands(main.evidence)
+    results["impact-laws"] = impact_laws(main.evidence, laws.evidence)
+    results["contradictions"] = contradictions(main.numbers)
+    results["claims"] = scoreboard(
+        {int(trial.settings[SEED]): trial.evidence for trial in trials.machine},
+        [(trial.changes, trial.evidence) for trial in others],
     )
-    every = [pd.concat(tables(*sweep)) for trial in trials for sweep in trial.sweeps.values()]
     return Reproduction(
-        {**found, **shown},
+        {**results, **shown},
         main.evidence.beta,
-        matched_frequency(main.evidence, MASS_RATIO),
-        sum(len(table) for table in every),
-        int(sum((table["outcome"] != "ok").sum() for table in every)),
-        float(sum(table["simulated_s"].sum() for table in every)),
-        int(sum(table["events"].sum() for table in every)),
+        matched_frequency(main.evidence),
+        sum(len(table) for table in swept.values()),
+        int(sum((table["outcome"] != "ok").sum() for table in swept.values())),
+        float(sum(table["simulated_s"].sum() for table in swept.values())),
+        int(sum(table["events"].sum() for table in swept.values())),
     )

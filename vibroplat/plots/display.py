@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import base64
-import io
 import math
-from typing import TYPE_CHECKING
+from functools import singledispatch
 
 import numpy as np
 import pandas as pd
+from matplotlib.figure import Figure
 
+from vibroplat.continuation.orbit import Orbit
+from vibroplat.continuation.tables import OrbitTables
 from vibroplat.errors import TableError
 from vibroplat.plots import run as drawing
 from vibroplat.plots.names import ABSCISSAE, run_parameters
@@ -20,11 +21,6 @@ from vibroplat.plots.style import head, new_figure, styled
 from vibroplat.plots.sweep_tables import response_of
 from vibroplat.results.prompt import AtPrompt, Kind
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from vibroplat.continuation.orbit import Orbit
-
 EXCITATION = ABSCISSAE["excitation"]
 #: Columns by which tables are recognized.
 _NEEDED = {
@@ -34,7 +30,14 @@ _NEEDED = {
 }
 
 
-def figure(run: AtPrompt, kind: Kind, start: float | None = None, stop: float | None = None) -> Figure:
+@singledispatch
+def figure_of(shown: object, *_: object) -> Figure:
+    """Draw the figure of a run, a table, branches of orbits or an orbit."""
+    raise TypeError(f"no figure of {type(shown).__name__} is known")
+
+
+@figure_of.register
+def _(run: AtPrompt, kind: Kind = "motion", start: float | None = None, stop: float | None = None) -> Figure:
     """Draw a figure of a run.
 
     Raises
@@ -53,8 +56,9 @@ def figure(run: AtPrompt, kind: Kind, start: float | None = None, stop: float | 
         return drawing.FIGURES[kind](shown)
 
 
-def table_figure(table: pd.DataFrame, x: str | None = None) -> Figure:
-    """Draw the figure of a table; see :meth:`vibroplat.results.accessor.TableAccessor.plot`."""
+@figure_of.register
+def _(table: pd.DataFrame, x: str | None = None) -> Figure:
+    """Draw the figure of a table; see :meth:`vibroplat.columns.TableAccessor.plot`."""
     kind = next((kind for kind, needed in _NEEDED.items() if needed <= {*table.columns}), None)
     if kind is None:
         raise ValueError(
@@ -88,14 +92,16 @@ def _impacts(table: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame({"kind": "impact", "t_s": struck.to_numpy(), "impulse_n_s": np.nan})
 
 
-def orbits_figure(points: pd.DataFrame, special: pd.DataFrame) -> Figure:
+@figure_of.register
+def _(followed: OrbitTables) -> Figure:
     """Draw branches of orbits with their special points."""
-    found = branches_of(points, special)
+    found = branches_of(followed.branches, followed.special)
     with styled():
         return branches_figure(found, found.abscissa)
 
 
-def orbit_figure(found: Orbit) -> Figure:
+@figure_of.register
+def _(found: Orbit) -> Figure:
     """Draw an orbit: its speed over its height, and the gap over the phase where there is material."""
     with styled():
         count = 2 if found.scene.has_contact else 1
@@ -103,10 +109,3 @@ def orbit_figure(found: Orbit) -> Figure:
         plot_orbit(found, list(axes[0]))
         head(figure, found.scene.name, run_parameters(found.scene))
     return figure
-
-
-def picture(run: AtPrompt) -> str:
-    """Return the figure of the motion as an HTML image."""
-    written = io.BytesIO()
-    figure(run, "motion").savefig(written, format="png", dpi=90)
-    return f'<img alt="motion" src="data:image/png;base64,{base64.b64encode(written.getvalue()).decode()}">'

@@ -6,10 +6,10 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
+from vibroplat.columns import split, unit_of
 from vibroplat.config.drive import Entry
 from vibroplat.config.scene import Scene
 from vibroplat.plots.style import plain
-from vibroplat.results.columns import split, unit_of
 from vibroplat.study.branches import EXCITATION, SUPPLY
 
 

@@ -6,8 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from vibroplat.config.scene import Scene
-from vibroplat.observe.summary import COHERENCE
-from vibroplat.study.point import synchronization
+from vibroplat.observe.summary import COHERENCE, synchronization
 
 
 def results(scene: Scene, summary: Mapping[str, Any], origin: Mapping[str, Any] | None) -> dict[str, str]:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import base64
 import html
+import io
 from abc import ABC, abstractmethod
 from importlib import import_module
 from pathlib import Path
@@ -11,9 +13,10 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 import pandas as pd
 
+import vibroplat
+from vibroplat.columns import unit_of
 from vibroplat.config.scene import Scene
 from vibroplat.results.card import results
-from vibroplat.results.columns import unit_of
 from vibroplat.results.files import write_result
 from vibroplat.results.provenance import provenance
 from vibroplat.results.tables import Format, replace_files, result_directory
@@ -77,8 +80,14 @@ class AtPrompt(ABC):
             f"<tr><td>{html.escape(label)}</td><td>{html.escape(text)}</td></tr>"
             for label, text in self._card().items()
         )
-        picture = _display().picture(self) if len(self.trajectory) > 1 else ""
+        picture = self._picture() if len(self.trajectory) > 1 else ""
         return f"<b>vibroplat run {html.escape(self.scene.name)}</b><table>{rows}</table>{picture}"
+
+    def _picture(self) -> str:
+        """Return the figure of the motion as an HTML image."""
+        written = io.BytesIO()
+        self.plot().savefig(written, format="png", dpi=90)
+        return f'<img alt="motion" src="data:image/png;base64,{base64.b64encode(written.getvalue()).decode()}">'
 
     def _card(self) -> dict[str, str]:
         detail = {"detail": self.summary["detail"]} if self.summary["detail"] else {}
@@ -95,8 +104,7 @@ class AtPrompt(ABC):
         start, stop
             Interval shown (s). Default: the whole run, and the last ten turns of the exciters in detail.
         """
-        figure: Figure = _display().figure(self, kind, start, stop)
-        return figure
+        return vibroplat.figure_of(self, kind, start, stop)
 
     # -- to hand on ---------------------------------------------------------------------------------
 
@@ -164,13 +172,3 @@ class AtPrompt(ABC):
 def _plain(column: pd.Series) -> Any:
     """Return a column as an array of numbers, or of texts."""
     return column.to_numpy() if pd.api.types.is_numeric_dtype(column) else column.astype(object).to_numpy()
-
-
-def _display() -> Any:
-    """Return what draws runs.
-
-    Figures stand above the rooms, and nothing here knows how they are drawn. But a person at a prompt asks the run in
-    hand for its figure, so the run looks up its display when it is asked, and not before: a run without a figure loads
-    no matplotlib.
-    """
-    return import_module("vibroplat.plots.display")

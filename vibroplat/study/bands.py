@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from vibroplat.results.columns import Column, Columns, labelled
-from vibroplat.study.branches import EXCITATION, SUPPLY
+from vibroplat.columns import Column, Columns
+from vibroplat.study.branches import EXCITATION, SUPPLY, study_table
 
 Flags = np.ndarray[Any, np.dtype[np.bool_]]
 
@@ -23,8 +23,6 @@ TURN = np.pi / 4.0
 #: next to it; up a resonance the amplitude grows as much, but neither at once nor in one step alone.
 RISE, ALONE = 0.15, 4.0
 
-#: How many bands are in memory at a time, but for those of one table.
-CHUNK = 1000
 #: Columns of the table, after the grid keys, direction and branch; the last ones are of the ends.
 ENDS: Columns = {
     f"{end}_{column}": Column(f"{meaning} at the {place} point", "in the order of the branch")
@@ -41,8 +39,6 @@ BANDS: Columns = {
     "points": Column("points from end to end"),
     **ENDS,
 }
-#: Columns of a sweep that bands follow from.
-NEEDED = (EXCITATION, "rms_x_m", RMS, "phase_difference_rad", "sync", "flight_fraction", "outcome")
 
 
 def jumps(rows: pd.DataFrame) -> Flags:
@@ -100,53 +96,24 @@ def _of_amplitude(rows: pd.DataFrame) -> Flags:
 
 
 def bands(table: pd.DataFrame) -> pd.DataFrame:
-    """Return the bands of all branches of a sweep table.
-
-    Returns
-    -------
-    DataFrame
-        The grid keys, direction and branch, and :data:`BANDS`.
-    """
-    return pd.concat(band_tables([table]), ignore_index=True)
-
-
-def band_tables(tables: Iterable[pd.DataFrame]) -> Iterator[pd.DataFrame]:
-    """Yield the table of bands in parts, at least one, from tables of whole branches."""
-    found: list[dict[str, Any]] = []
-    yielded = False
-    table: pd.DataFrame | None = None
-    for table in tables:
-        place = _place(table)
-        for _, rows in table.groupby("branch", sort=True):
-            here = {key: rows[key].iloc[0] for key in place}
-            found += [here | band for band in _bands_of(rows.reset_index(drop=True))]
-        if len(found) >= CHUNK:
-            yield _frame(found, table)
-            found, yielded = [], True
-    if table is not None and (found or not yielded):
-        yield _frame(found, table)
-
-
-def _place(table: pd.DataFrame) -> list[str]:
-    """Return the columns that name a branch: the grid keys, direction and branch."""
-    return list(table.columns[1 : list(table.columns).index("branch") + 1])
-
-
-def _frame(found: list[dict[str, Any]], table: pd.DataFrame) -> pd.DataFrame:
-    """Make one part of the table of bands; its columns have the same types in all parts."""
-    types: dict[Any, Any] = {key: table[key].dtype for key in _place(table)}
-    types |= {"kind": "str", "name": "str", "points": "Int64"} | dict.fromkeys(ENDS, "float64")
+    """Return the bands of all branches of a sweep table: the grid keys, direction and branch, and :data:`BANDS`."""
+    place = list(table.columns[1 : list(table.columns).index("branch") + 1])
+    found = [
+        {key: rows[key].iloc[0] for key in place} | band
+        for _, rows in table.groupby("branch", sort=True)
+        for band in _bands_of(rows.reset_index(drop=True))
+    ]
     meanings = {key: Column(text) for key, text in table.attrs.get("meanings", {}).items()}
-    return labelled(pd.DataFrame(found, columns=[*_place(table), *BANDS]).astype(types), {**meanings, **BANDS})
+    return study_table(found, [*place, *BANDS], {key: table[key] for key in place[:-2]}, {**meanings, **BANDS})
 
 
 def _bands_of(rows: pd.DataFrame) -> Iterator[dict[str, Any]]:
     """Yield the bands of a branch: synchronization and failures, jumps, flight, the largest amplitude."""
     failed = rows["outcome"] != "ok"
     names = rows["outcome"].where(failed, rows["sync"])
-    for first, last in _runs(names.tolist()):
-        kind = "failed" if failed[first] else "band"
-        yield _band(rows, first, last, kind, str(names[first]))
+    for _, run in rows.groupby((names != names.shift()).cumsum()):
+        first, last = run.index[0], run.index[-1]
+        yield _band(rows, first, last, "failed" if failed[first] else "band", str(names[first]))
     good = rows[~failed].reset_index(drop=True)
     for i in np.flatnonzero(jumps(good)).tolist():
         change = list(dict.fromkeys(good["sync"].iloc[i : i + 2]))
@@ -159,15 +126,6 @@ def _bands_of(rows: pd.DataFrame) -> Iterator[dict[str, Any]]:
         yield _band(good, top, top, "largest", str(good["sync"][top]))
 
 
-def _runs(names: list[Any]) -> Iterator[tuple[int, int]]:
-    """Yield the first and the last place of each run of equal names."""
-    first = 0
-    for i in range(1, len(names) + 1):
-        if i == len(names) or names[i] != names[first]:
-            yield first, i - 1
-            first = i
-
-
 def _band(rows: pd.DataFrame, first: int, last: int, kind: str, name: str) -> dict[str, Any]:
     ends = {
         f"{end}_{c}": rows[c].iloc[i] for c in (SUPPLY, EXCITATION, RMS) for end, i in (("from", first), ("to", last))
@@ -177,17 +135,22 @@ def _band(rows: pd.DataFrame, first: int, last: int, kind: str, name: str) -> di
 
 # -- for the user -----------------------------------------------------------------------------------------
 
+#: Branches whose bands are printed; the table holds those of all.
+SHOWN = 6
 _LABELS = {"jump": "jump", "liftoff": "lift-off", "flight-end": "end of flight", "largest": "largest RMS y"}
 
 
 def band_lines(table: pd.DataFrame) -> Iterator[str]:
-    """Yield the bands as text: a line that names each branch, and one for each of its bands below it."""
+    """Yield the bands of the first branches as text: a line for each branch, and one for each of its bands below it."""
     keys = list(table.columns[: list(table.columns).index("direction")])
-    for _, rows in table.groupby("branch", sort=True):
-        values = [f"{key} {rows[key].iloc[0]}" for key in keys]
-        yield ", ".join([*values, str(rows["direction"].iloc[0])])
+    branches = table["branch"].unique()
+    for branch in branches[:SHOWN]:
+        rows = table[table["branch"] == branch]
+        yield ", ".join([*(f"{key} {rows[key].iloc[0]}" for key in keys), str(rows["direction"].iloc[0])])
         for _, row in rows.iterrows():
             yield f"  {_LABELS.get(row['kind'], row['name']):<26}{_span(row)}"
+    if len(branches) > SHOWN:
+        yield f"bands of {len(branches) - SHOWN} more branches are in the table bands"
 
 
 def _span(row: pd.Series) -> str:

@@ -14,8 +14,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from vibroplat.config.plans import SweepPlan
 from vibroplat.config.scene import Scene
-from vibroplat.config.sweep_plan import SweepPlan
 from vibroplat.model.parameters import FloatArray
 from vibroplat.study.lyapunov import Exponent, largest_exponent
 from vibroplat.study.section import LONGEST_PERIOD, MAX_PERIOD, period

@@ -9,9 +9,9 @@ import pickle
 import re
 import time
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError, Executor, Future, ThreadPoolExecutor
-from contextlib import suppress
+from contextlib import ExitStack, contextmanager, suppress
 from typing import Any
 
 from vibroplat.errors import ConfigError, VibroplatError
@@ -28,10 +28,8 @@ RECOUNT = 5.0
 RECONNECT, REPORT = 10.0, 10.0
 
 _ADDRESS = re.compile(r"^(tcp|tls|ws|wss|ucx|inproc)://.+:\d+")
-#: What is left of work that is given up.
-KEPT = "finished points are kept: continue with --resume"
 _LOG = logging.getLogger("vibroplat")
-#: Libraries that report on their own, in tracebacks, what is told here in one line.
+#: Libraries that report in tracebacks what is said here in one line.
 _TALKATIVE = ("distributed", "tornado", "asyncio")
 #: States of a client that may go on.
 _ALIVE = ("running", "connecting")
@@ -39,7 +37,13 @@ _ALIVE = ("running", "connecting")
 
 def _kept() -> str:
     """Say what is left of work that is given up, where it can be resumed."""
-    return f"; {KEPT}" if resume_is_offered() else ""
+    return "; finished points are kept: continue with --resume" if resume_is_offered() else ""
+
+
+class WorkerLostError(VibroplatError):
+    """A task's worker died more than once."""
+
+    exit_code = 1
 
 
 class LostError(VibroplatError):
@@ -58,7 +62,7 @@ class ForeignWorkerError(VibroplatError):
 
 
 class _Call:
-    """What calls a function where it is unpickled."""
+    """A function that is called where it is unpickled."""
 
     def __init__(self, function: Callable[..., Any], *arguments: Any) -> None:
         self._parts = function, arguments
@@ -92,26 +96,26 @@ class Cluster:
         from vibroplat.study import fingerprint  # noqa: PLC0415  (machine code is loaded for it)
 
         self._address, self._wait = address, wait
-        self._fingerprint = fingerprint
-        self._expected = fingerprint.fingerprint()
+        self._fingerprint, self._expected = fingerprint, fingerprint.fingerprint()
+        self._killed = KilledWorker
         self._since: float | None = None
-        self._told = False
+        self._notified = False
         self.slots, self._counted = 2, -math.inf
-        self._silenced = _silence()
-        try:
-            self._client: Any = Client(address, timeout=RECONNECT, set_as_default=False)
-            self._executor: Executor = self._client.get_executor(pure=False)
-            self._count()
-        except Exception as error:
-            _let_speak(self._silenced)
-            raise _no_scheduler(address, error) from None
-        self.given_up: tuple[type[Exception], ...] = (KilledWorker,)
+        with ExitStack() as stack:
+            stack.enter_context(_silence())
+            try:
+                self._client: Any = Client(address, timeout=RECONNECT, set_as_default=False)
+                self._executor: Executor = self._client.get_executor(pure=False)
+                self._count()
+            except Exception as error:
+                raise _no_scheduler(address, error) from None
+            self._stack = stack.pop_all()
 
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
         """Start a task; dask repeats it if its worker dies, and gives it up after some times.
 
         Dask is given bytes, which the worker unpickles as the task: what the worker lacks is an error of that task.
-        Objects that dask itself cannot unpickle there are lost without a word, and the task never ends.
+        Objects that dask itself cannot unpickle there are lost silently, and the task never ends.
         """
         from distributed.protocol.pickle import dumps  # noqa: PLC0415  (optional)
 
@@ -143,7 +147,9 @@ class Cluster:
     def _deliver(self, done: Future[Any], answer: Future[Any]) -> None:
         """Pass on how a task ended; this runs in the thread of the connection."""
         error = CancelledError() if done.cancelled() else done.exception()
-        if isinstance(error, (CancelledError, *self.given_up)):
+        if isinstance(error, self._killed):
+            error = WorkerLostError(" ".join(str(error).split()))
+        if isinstance(error, (CancelledError, WorkerLostError)):
             answer.set_exception(error)
         elif error is not None:  # an error of the function would have been an answer
             self._client.loop.add_callback(self._explain, error, answer)
@@ -176,17 +182,16 @@ class Cluster:
         """Raise :class:`LostError` if the scheduler is gone, or there has been no worker for as long as is waited."""
         if self._client.status not in _ALIVE:
             raise self._gone()
-        missing = self._missing()
-        now = time.monotonic()
+        missing, now = self._missing(), time.monotonic()
         if not missing:
-            self._since, self._told = None, False
+            self._since, self._notified = None, False
             return
         self._since = now if self._since is None else self._since
         if now - self._since >= self._wait:
             raise LostError(f"waited {self._wait:g} s for {missing}{_kept()}")
-        if now - self._since >= NOTICE and not self._told and self._client.status == "running":
+        if now - self._since >= NOTICE and not self._notified and self._client.status == "running":
             _LOG.warning("waiting for %s, up to %g s", missing, self._wait)
-            self._told = True
+            self._notified = True
 
     def _missing(self) -> str:
         """Name what is missing for work to go on; "" where nothing is."""
@@ -202,14 +207,14 @@ class Cluster:
         return LostError(f"the scheduler at {self._address} is gone{_kept()}")
 
     def close(self) -> None:
-        """Leave the cluster; a scheduler that does not answer is left without a word."""
-        with suppress(Exception):
+        """Leave the cluster; a scheduler that does not answer is left silently."""
+        with self._stack, suppress(Exception):
             self._client.close(timeout=ANSWER)
-        _let_speak(self._silenced)
 
 
-def _silence() -> list[logging.Logger]:
-    """Silence dask, which reports in tracebacks what is told here in a line; return the loggers that could speak."""
+@contextmanager
+def _silence() -> Iterator[None]:
+    """Silence dask, which reports in tracebacks what is said here in one line."""
     from distributed.versions import VersionMismatchWarning  # noqa: PLC0415  (optional)
 
     # what changes results is compared by fingerprints
@@ -218,12 +223,11 @@ def _silence() -> list[logging.Logger]:
     speaking = [logger for logger in map(logging.getLogger, names) if not logger.disabled]
     for logger in speaking:
         logger.disabled = True
-    return speaking
-
-
-def _let_speak(silenced: list[logging.Logger]) -> None:
-    for logger in silenced:
-        logger.disabled = False
+    try:
+        yield
+    finally:
+        for logger in speaking:
+            logger.disabled = False
 
 
 def _lacking(error: Exception) -> str:
@@ -252,14 +256,11 @@ def require_scheduler(address: str) -> None:
         raise ConfigError("--scheduler needs dask.distributed; pip install 'vibroplat[cluster]' has it") from None
     if not _ADDRESS.match(address):
         raise ConfigError(f"--scheduler {address}: not an address; allowed: tcp://host:port")
-    silenced = _silence()
-    with ThreadPoolExecutor(1) as thread:  # a notebook has a loop running in its own
+    with _silence(), ThreadPoolExecutor(1) as thread:  # a notebook has a loop running in its own
         try:
             kind = thread.submit(asyncio.run, _kind(address)).result()
         except Exception as error:
             raise _no_scheduler(address, error) from None
-        finally:
-            _let_speak(silenced)
     if kind != "Scheduler":
         raise ConfigError(f"--scheduler {address}: a dask {kind.lower()} answers there, not a scheduler")
 

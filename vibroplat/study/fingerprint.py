@@ -21,14 +21,14 @@ from collections.abc import Mapping
 from contextlib import closing
 from functools import cache
 from pathlib import Path
-from typing import Any, Final, TypedDict
+from typing import Any, Final
 
 import numpy as np
 from llvmlite.binding import get_host_cpu_name
 
 import vibroplat
 from vibroplat.config.scene import Scene
-from vibroplat.integrate.choice import make_engine, native_library
+from vibroplat.integrate import make_engine, native_library
 from vibroplat.integrate.sundials import UnavailableError, configuration
 from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Motion
@@ -49,19 +49,11 @@ FOLLOWED = 0.5
 TRIED = 2000
 
 
-class Answer(TypedDict, total=False):
-    """What a worker makes of a task: its result, the error that it raised, or why it was refused."""
-
-    result: Any
-    error: Exception
-    refused: str
-
-
-def checked(expected: Fingerprint, work: bytes) -> Answer:
+def checked(expected: Fingerprint, work: bytes) -> dict[str, Any]:
     """Do a task on a worker, if it would give the same bits in the process that sent it.
 
     ``work`` is the pickled task, function and arguments. It is opened last: only what has the same fingerprint can
-    read it.
+    read it. The answer holds its ``result``, the ``error`` that it raised, or why it was ``refused``.
     """
     # machine code is compiled and run for the arithmetic, which is not worth the time where anything else differs
     other = difference(expected, code()) or difference(expected, code() | arithmetic())
@@ -130,7 +122,7 @@ def _motion() -> list[Any]:
     p = parameters(scene)
     with closing(make_engine(scene, p)) as engine:
         motion = Motion(scene, p, engine)
-        part = motion.go_on(FOLLOWED)
+        part = motion.advance(FOLLOWED)
         return [motion.outcome, motion.events, motion.state.tolist(), measured(part)]
 
 

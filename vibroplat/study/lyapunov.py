@@ -18,11 +18,11 @@ import pandas as pd
 
 from vibroplat.config.scene import Scene
 from vibroplat.errors import ConfigError, MotionError
-from vibroplat.hybrid.scales import state_scales
-from vibroplat.integrate.choice import make_engine
+from vibroplat.hybrid.state import state_scales
+from vibroplat.integrate import make_engine
 from vibroplat.model.parameters import FloatArray, parameters
 from vibroplat.model.systems import FULL_SIZE
-from vibroplat.motion.initial_condition import beginning
+from vibroplat.motion.initial_condition import initial_condition
 from vibroplat.motion.motion import Motion
 from vibroplat.observe.names import state_places
 from vibroplat.observe.variation import Variation
@@ -130,7 +130,7 @@ def lyapunov(scene: Scene, state: npt.ArrayLike | None = None) -> pd.DataFrame:
     """
     if scene.drive.program is not None:
         raise ConfigError("drive.program is given; allowed for Lyapunov exponents: drive.supply_frequency_hz alone")
-    start = beginning(scene)
+    start = initial_condition(scene)
     p = parameters(scene)
     with closing(make_engine(scene, p)) as engine:
         motion = Motion(scene, p, engine, *start[:3]) if state is None else Motion(scene, p, engine, np.array(state))

@@ -13,31 +13,32 @@ from typing import Any
 
 import numpy as np
 
+from vibroplat.columns import Column, Columns
+from vibroplat.config.plans import SweepPlan
 from vibroplat.config.scene import Scene
-from vibroplat.config.sweep_plan import SweepPlan
-from vibroplat.hybrid.initial import initial_state, perturbed
 from vibroplat.hybrid.modes import IMPACT
-from vibroplat.hybrid.scales import state_scales
-from vibroplat.hybrid.state import Automaton
-from vibroplat.integrate.choice import make_engine
+from vibroplat.hybrid.state import Automaton, initial_state, perturbed, state_scales
+from vibroplat.integrate import make_engine
 from vibroplat.model.parameters import FloatArray, parameters
 from vibroplat.motion.motion import Motion, Observer
 from vibroplat.observe.audit import INACCURATE, inaccuracy
 from vibroplat.observe.notes import notes_on_measures, stiffness
 from vibroplat.observe.statistics import Measures, section_rows
-from vibroplat.observe.summary import COHERENCE, Part, block_errors, half_open, measured
-from vibroplat.results.columns import Column, Columns
+from vibroplat.observe.summary import (
+    WANDER,
+    Part,
+    block_errors,
+    half_open,
+    measured,
+    synchronization,
+)
 from vibroplat.study.classification import Kind, classify
+from vibroplat.study.pool import Task
 from vibroplat.study.section import period, section_points
 from vibroplat.study.settling import Settling, settle
 from vibroplat.study.store import Record
-from vibroplat.study.tasks import Task
 from vibroplat.system.memory import NO_MORE
 
-#: Distance of the phase difference from 0 or π (rad) up to which exciters count as in phase or in antiphase.
-SYNCHRONOUS = math.pi / 3.0
-#: Drift of the phase difference over the measured part (rad) above which exciters are not synchronous.
-WANDER = math.pi / 2.0
 #: Distance from −π (rad) up to which a phase difference is reported as π: a few times the error left by settling.
 ANTIPHASE = 5e-3
 #: Number of blocks in which motion that does not repeat is measured, each as long as the plan's ``measure_s``.
@@ -256,13 +257,13 @@ def _measured_part(motion: Motion, plan: SweepPlan, settling: Settling, observer
         seems = settling.how == "periodic" or len(points) < 2 or period(points, plan.period_tolerance) > 0
         if seems or motion.outcome != "ok":
             return part
-    return motion.go_on(BLOCKS * plan.measure_s, blocks=BLOCKS, observers=observers)
+    return motion.advance(BLOCKS * plan.measure_s, blocks=BLOCKS, observers=observers)
 
 
 def _measure(motion: Motion, least: float, settling: Settling, observers: Sequence[Observer]) -> Part:
     """Measure a motion for at least a time (s), and for whole periods if it repeats."""
     if settling.turn == 0.0:
-        return motion.go_on(least, observers=observers)
+        return motion.advance(least, observers=observers)
     turns = settling.period * max(math.ceil(least / (settling.period * settling.turn)), PERIODS)
     return motion.go_round(turns, 2.0 * (turns + 1) * settling.turn, observers)
 
@@ -311,16 +312,3 @@ def mean_turn(measures: Measures) -> float:
     """Return the mean duration of a turn of exciter 1 (s)."""
     times = section_rows(measures)["t"]
     return float(times[-1] - times[0]) / (len(times) - 1)
-
-
-def synchronization(found: Mapping[str, Any]) -> str:
-    """Name the synchronization: ``antiphase``, ``in-phase``, ``intermediate`` or ``none``.
-
-    It is ``none`` if the phase difference drifts by more than WANDER over the measured part or is incoherent.
-    """
-    split, seconds, phase = found["frequency_split_hz"], found["measured_s"], found["phase_difference_rad"]
-    if split is None or abs(split) * 2.0 * math.pi * seconds > WANDER or found["phase_coherence"] < COHERENCE:
-        return "none"
-    if abs(phase) <= SYNCHRONOUS:
-        return "in-phase"
-    return "antiphase" if math.pi - abs(phase) <= SYNCHRONOUS else "intermediate"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from vibroplat.config.scene import Scene
-from vibroplat.hybrid.scales import state_scales
+from vibroplat.hybrid.state import state_scales
 from vibroplat.model.parameters import FloatArray
 from vibroplat.observe.statistics import Measures, section_rows
 

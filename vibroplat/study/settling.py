@@ -14,8 +14,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from vibroplat.config.plans import SweepPlan
 from vibroplat.config.scene import Scene
-from vibroplat.config.sweep_plan import SweepPlan
 from vibroplat.model.parameters import FloatArray
 from vibroplat.motion.motion import Motion
 from vibroplat.observe.statistics import section_rows
@@ -70,7 +70,7 @@ def settle(motion: Motion, plan: SweepPlan, longest: float) -> Settling:
     turns out not to have settled can settle for the remaining time.
     """
     if plan.settle_s != "auto":
-        motion.go_on(plan.settle_s)
+        motion.advance(plan.settle_s)
         return Settling("fixed" if motion.outcome == "ok" else "unfinished", motion.now)
     turn = 2.0 * math.pi / motion.scene.speed_scale
     points, times = np.empty((0, 14)), np.empty(0)
@@ -78,7 +78,7 @@ def settle(motion: Motion, plan: SweepPlan, longest: float) -> Settling:
     close = 0
     while (left := longest - motion.now) > 1e-9 * longest:
         block = BLOCK if motion.now < EARLY_LOOKS * BLOCK * turn else LATE_BLOCK
-        part = motion.go_on(min(block * turn, left))
+        part = motion.advance(min(block * turn, left))
         if motion.outcome != "ok":
             return Settling("unfinished", motion.now)
         points = np.concatenate([points, section_points(part.measures, motion.scene)])[-2 * TURNS :]

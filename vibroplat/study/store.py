@@ -13,10 +13,10 @@ import logging
 import sqlite3
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
+from copy import copy
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Protocol, Self
+from typing import Any, Self
 
 from vibroplat.config.overrides import flat
 from vibroplat.errors import ConfigError, TableError
@@ -37,22 +37,6 @@ class SpoiledError(TableError):
     """Stored records that are damaged or missing."""
 
     exit_code = 1
-
-
-class Records(Protocol):
-    """Where chains of tasks store their records: a :class:`Store` or a part of one."""
-
-    def write(self, chain: int | str, place: int, record: Mapping[str, Any], task: str = "") -> None:
-        """Store the record of a task at a place of a chain."""
-        ...
-
-    def find(self, chain: int | str, place: int, task: str) -> Record | None:
-        """Return the record at a place of a chain; None if there is none, or if it is the record of another task."""
-        ...
-
-    def read(self, chain: int | str) -> Iterator[tuple[int, Record]]:
-        """Yield places and records of a chain in their order."""
-        ...
 
 
 class Store:
@@ -100,25 +84,27 @@ class Store:
     ) -> None:
         self._path = ":memory:" if directory is None else str(directory / file)
         self._what = what
-        self._lock = None if directory is None else Lock((directory / file).with_suffix(".lock"))
-        self._connection: sqlite3.Connection | None = None
+        self._prefix = ""
         self._departed = False
+        self._stack = ExitStack()
         self.reused = 0
-        try:
-            if self._lock is not None:
-                self._lock.acquire()
+        with self._stack:
+            if directory is not None:
+                lock = Lock((directory / file).with_suffix(".lock"))
+                try:
+                    lock.acquire()
+                except OSError as error:
+                    raise TableError(f"{self._path} cannot be used: {error.strerror or error}") from None
+                self._stack.callback(lock.release)
             self._open(json.loads(json.dumps(conditions)), resume=resume, overwrite=overwrite)
-        except OSError as error:
-            raise TableError(f"{self._path} cannot be used: {error.strerror or error}") from None
-        except BaseException:
-            self.close()
-            raise
+            self._stack = self._stack.pop_all()
 
     def _open(self, wanted: dict[str, Any], *, resume: bool, overwrite: bool) -> None:
         """Open the file; keep or delete its records, if that is allowed."""
         with self._complaints():
-            self._connection = sqlite3.connect(self._path)
-            self._connection.text_factory = bytes  # a damaged text may not be UTF-8
+            self._base = sqlite3.connect(self._path)
+            self._stack.callback(self._base.close)
+            self._base.text_factory = bytes  # a damaged text may not be UTF-8
             # with a write-ahead log a record is complete or absent whenever the process dies, and writing is quick
             self._base.execute("PRAGMA journal_mode = WAL")
             self._base.execute("PRAGMA synchronous = NORMAL")
@@ -195,15 +181,16 @@ class Store:
         with self._complaints():
             return dict(self._base.execute("SELECT first, COUNT(*) FROM records GROUP BY first"))
 
-    def write(self, chain: int | str, place: int, record: Mapping[str, Any], task: str = "") -> None:
+    def write(self, chain: int | str, place: int, record: Record, task: str = "") -> None:
         """Store the record of a task at a place of a chain; numbers that are not finite are refused (ValueError)."""
-        text = json.dumps(record, allow_nan=False)
+        chain, text = self._named(chain), json.dumps(record, allow_nan=False)
         row = (chain, place, task, text, digest(chain, place, task, text))
         with self._complaints(), self._base:
             self._base.execute("INSERT OR REPLACE INTO records VALUES (?, ?, ?, ?, ?)", row)
 
     def find(self, chain: int | str, place: int, task: str) -> Record | None:
         """Return the record at a place of a chain; None if there is none, or if it is the record of another task."""
+        chain = self._named(chain)
         with self._complaints():
             row = self._base.execute(
                 "SELECT task, record, digest FROM records WHERE first = ? AND second = ?", (chain, place)
@@ -220,6 +207,7 @@ class Store:
 
     def read(self, chain: int | str) -> Iterator[tuple[int, Record]]:
         """Yield places and records of a chain in their order; raises :class:`SpoiledError` at a damaged one."""
+        chain = self._named(chain)
         with self._complaints():
             rows = self._base.execute(
                 "SELECT second, task, record, digest FROM records WHERE first = ? ORDER BY second", (chain,)
@@ -229,9 +217,14 @@ class Store:
                     raise SpoiledError(f"{self._path}: a record is damaged; --resume computes it again")
                 yield place, json.loads(content[1])
 
-    def part(self, name: str) -> Records:
-        """Return the part of the store that holds the chains of one purpose."""
-        return _Part(self, name)
+    def part(self, name: str) -> Store:
+        """Return the part of the store in which the chains of one purpose have names of their own."""
+        part = copy(self)
+        part._prefix = f"{self._prefix}{name}/"
+        return part
+
+    def _named(self, chain: int | str) -> int | str:
+        return f"{self._prefix}{chain}" if self._prefix else chain
 
     def finish(self) -> None:
         """Mark the work as finished: nothing is missing."""
@@ -240,21 +233,13 @@ class Store:
 
     def close(self) -> None:
         """Close the file and let other processes use it."""
-        if self._connection is not None:
-            self._connection.close()
-        if self._lock is not None:
-            self._lock.release()
+        self._stack.close()
 
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
-
-    @property
-    def _base(self) -> sqlite3.Connection:
-        assert self._connection is not None  # opened with the store
-        return self._connection
 
     def _about(self, key: str) -> Any:
         row = self._base.execute("SELECT value, digest FROM about WHERE key = ?", (key,)).fetchone()
@@ -285,23 +270,6 @@ class Store:
             raise TableError(f"{self._path} cannot be used: {error}") from None
         except UnicodeDecodeError:  # a message of SQLite that quotes damaged names
             raise self._spoiled("its names are no text") from None
-
-
-class _Part:
-    """Part of a store, whose chains have names of their own."""
-
-    def __init__(self, store: Store, name: str) -> None:
-        self._store = store
-        self._name = name
-
-    def write(self, chain: int | str, place: int, record: Mapping[str, Any], task: str = "") -> None:
-        self._store.write(f"{self._name}/{chain}", place, record, task)
-
-    def find(self, chain: int | str, place: int, task: str) -> Record | None:
-        return self._store.find(f"{self._name}/{chain}", place, task)
-
-    def read(self, chain: int | str) -> Iterator[tuple[int, Record]]:
-        return self._store.read(f"{self._name}/{chain}")
 
 
 def digest(*values: Any) -> str:

@@ -3,29 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
 import vibroplat
-from vibroplat.config.keys import key_of
+from vibroplat.columns import Column, Columns
+from vibroplat.config.plausibility import notes_on_inputs
 from vibroplat.config.scene import Scene
-from vibroplat.config.sweep_plan import SweepPlan
-from vibroplat.integrate.choice import engine_name
+from vibroplat.integrate import engine_name
 from vibroplat.integrate.seam import WORK
 from vibroplat.observe.summary import MEASURES
-from vibroplat.results.columns import Column, Columns, labelled
+from vibroplat.results.files import write_result
+from vibroplat.results.provenance import provenance
+from vibroplat.results.tables import Format, Table
 from vibroplat.study import WAIT
-from vibroplat.study.branches import EXCITATION, SUPPLY, Branch, branches, sweep_plan
-from vibroplat.study.confirming import CONFIRMED, confirmed_task
-from vibroplat.study.execution import Pool, pool, run_chains
-from vibroplat.study.point import ERRORS, MEASURED, POINT, point_task
-from vibroplat.study.store import Record, Records, SpoiledError, Store
-from vibroplat.study.tasks import StoredChain, Tasks
+from vibroplat.study.bands import bands
+from vibroplat.study.branches import EXCITATION, FREQUENCY, SUPPLY, Branch, branches, study_table
+from vibroplat.study.confirming import CONFIRMED
+from vibroplat.study.point import ERRORS, MEASURED, POINT, lost, measure_point
+from vibroplat.study.pool import Pool, StoredChain, Task, Tasks, pool, run_chains
+from vibroplat.study.store import Record, SpoiledError, Store
 
-#: Columns of text and of whole numbers; all others hold floating-point numbers.
-TEXTS = ("direction", "rotation", "sync", "motion", "outcome", "detail", "notes", "confirmation")
-COUNTS = ("branch", "period", "steps", "residual_calls", "events", "orbit_unstable")
 #: Columns of the table after the swept keys.
 COLUMNS = (
     "direction",
@@ -49,7 +50,6 @@ COLUMNS = (
     "simulated_s",
     "wall_s",
 )
-
 #: What they mean; the swept keys come first, each as in a configuration.
 SWEEP: Columns = {
     SUPPLY: Column("supply frequency"),
@@ -64,7 +64,7 @@ DIAGRAM: Columns = {
     "impact_speed_m_per_s": Column("speed of an impact", "rate at which the gap closes"),
 }
 
-#: How many rows of a table are in memory at a time.
+#: How many rows of a table are made at a time.
 CHUNK = 2000
 
 #: Called after each point with the numbers of finished branches, points and events.
@@ -115,10 +115,28 @@ def sweep(
     >>> sweep(scene)["outcome"].tolist()
     ['ok', 'ok', 'ok']
     """
-    opened = pool(jobs, scheduler, wait=wait, chains=len(branches(scene)))
-    with Store(None, {}) as store, opened as workers:
-        run_sweeps([(scene, store)], workers, progress)
-        return pd.concat(tables(scene, store), ignore_index=True)
+    planned = branches(scene)
+    with Store(None, {}) as store, measured(planned, store, jobs, scheduler, wait, nullcontext(progress)):
+        return pd.concat(tables(planned, store), ignore_index=True)
+
+
+@contextmanager
+def measured(
+    planned: Sequence[Branch],
+    store: Store,
+    jobs: int,
+    scheduler: str | None,
+    wait: float,
+    progress: AbstractContextManager[Progress | None],
+    further: int = 0,
+) -> Iterator[Pool]:
+    """Measure the points of branches that are not stored yet; yield the open pool, for ``further`` chains."""
+    stored = store.lengths()
+    left = sum(stored.get(branch.number, 0) < len(branch.frequencies) for branch in planned)
+    with pool(jobs, scheduler, wait=wait, chains=max(left, further)) as workers:
+        with progress as report:
+            run_sweeps([(planned, store)], workers, report)
+        yield workers
 
 
 def conditions(scene: Scene) -> dict[str, Any]:
@@ -126,13 +144,15 @@ def conditions(scene: Scene) -> dict[str, Any]:
     return {"vibroplat": vibroplat.__version__, "engine": engine_name(scene), "configuration": scene.to_tree()}
 
 
-def run_sweeps(sweeps: Sequence[tuple[Scene, Records]], workers: Pool, progress: Progress | None = None) -> None:
+def run_sweeps(
+    sweeps: Sequence[tuple[Sequence[Branch], Store]], workers: Pool, progress: Progress | None = None
+) -> None:
     """Run sweeps side by side and store their points; points that are stored already are not repeated.
 
     Parameters
     ----------
     sweeps
-        Scenes, and where to store the points of each.
+        Branches, and where to store the points of each sweep.
     workers
         Where points are measured.
     progress
@@ -145,9 +165,9 @@ def run_sweeps(sweeps: Sequence[tuple[Scene, Records]], workers: Pool, progress:
         points, events = points + 1, events + record["row"].get("events", 0)
 
     chains = [
-        StoredChain(branch_points(branch, sweep_plan(scene), count), records, branch.number)
-        for scene, records in sweeps
-        for branch in branches(scene)
+        StoredChain(branch_points(branch, count), store, branch.number)
+        for planned, store in sweeps
+        for branch in planned
     ]
     done = sum(chain.done for chain in chains)
     if progress is not None:
@@ -158,99 +178,162 @@ def run_sweeps(sweeps: Sequence[tuple[Scene, Records]], workers: Pool, progress:
             progress(done, points, events)
 
 
-def branch_points(branch: Branch, plan: SweepPlan, take: Callable[[Record], object]) -> Tasks[None]:
+def branch_points(branch: Branch, take: Callable[[Record], object]) -> Tasks[None]:
     """Measure the points of a branch, each begun with the state in which the last good one ended.
 
     ``take`` is called with the record of each point.
     """
-    task = confirmed_task if plan.confirm else point_task
+    measure = vibroplat.confirmed_point if branch.plan.confirm else measure_point
     state: list[float] | None = None
     for place, frequency in enumerate(branch.frequencies):
-        record = yield task(branch.at(place), plan, state, branch.key(frequency))
+        record = yield Task(measure, (branch.at(place), branch.plan, state, branch.key(frequency)), lost)
         state = record["state"] or state
         take(record)
 
 
-def branch_records(branch: Branch, records: Records) -> Iterator[Record]:
-    """Yield the records of all points of a branch.
+def branch_records(branch: Branch, store: Store) -> Iterator[Record]:
+    """Yield the records of all points of a branch; raises :class:`SpoiledError` if one is missing or damaged."""
+    found = 0
+    for place, record in store.read(branch.number):
+        if place != found or found == len(branch.frequencies):
+            break
+        yield record
+        found += 1
+    if found < len(branch.frequencies):
+        raise SpoiledError(f"point {found} of branch {branch.number} is not stored; --resume computes it")
+
+
+# -- tables -----------------------------------------------------------------------------------------------
+
+
+def tables(planned: Sequence[Branch], store: Store) -> Iterator[pd.DataFrame]:
+    """Yield the sweep table in parts, in the order of branches and points."""
+    columns = (*COLUMNS, *CONFIRMED) if planned[0].plan.confirm else COLUMNS
+    yield from _parts(planned, store, columns, lambda record: [record["row"]])
+
+
+def diagram_tables(planned: Sequence[Branch], store: Store) -> dict[str, Iterator[pd.DataFrame]]:
+    """Return the tables of a bifurcation diagram in parts, by name.
+
+    ``section`` holds the heights y (m) at whole turns of exciter 1, ``impacts`` the impact speeds (m/s).
+    """
+
+    def parts(values: str, column: str) -> Iterator[pd.DataFrame]:
+        def rows(record: Record) -> list[Record]:
+            return [{EXCITATION: record["row"].get(EXCITATION), column: value} for value in record[values]]
+
+        return _parts(planned, store, ("direction", "branch", EXCITATION, column), rows)
+
+    return {"section": parts("section_y", "y_m"), "impacts": parts("impact_speeds", "impact_speed_m_per_s")}
+
+
+def _parts(
+    planned: Sequence[Branch], store: Store, columns: Sequence[str], rows_of: Callable[[Record], list[Record]]
+) -> Iterator[pd.DataFrame]:
+    """Yield the rows of all records in parts, at least one, as tables with the swept keys and these columns."""
+    grid = planned[0].plan.grid
+    rows: list[Record] = []
+    yielded = False
+    for branch in planned:
+        place = branch.grid | {"direction": branch.direction, "branch": branch.number}
+        for frequency, record in zip(branch.frequencies, branch_records(branch, store), strict=True):
+            rows += [{SUPPLY: frequency} | place | row for row in rows_of(record)]
+            if len(rows) >= CHUNK:
+                yield study_table(rows, [SUPPLY, *grid, *columns], grid, {**SWEEP, **DIAGRAM, **CONFIRMED})
+                rows, yielded = [], True
+    if rows or not yielded:
+        yield study_table(rows, [SUPPLY, *grid, *columns], grid, {**SWEEP, **DIAGRAM, **CONFIRMED})
+
+
+def write_sweep(
+    scene: Scene,
+    planned: Sequence[Branch],
+    store: Store,
+    directory: Path,
+    form: Format,
+    *,
+    check: dict[str, Any] | None = None,
+) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Write the tables and the provenance of a finished sweep; return the table of its points and that of its bands.
+
+    ``check`` is what another engine has found.
 
     Raises
     ------
     SpoiledError
-        One of them is missing or damaged.
+        A record is missing or damaged; nothing is written.
     """
-    wanted = len(branch.frequencies)
-    found = 0
-    for place, record in records.read(branch.number):
-        if place != found or found == wanted:
-            break
-        yield record
-        found += 1
-    if found < wanted:
-        raise SpoiledError(f"point {found} of branch {branch.number} is not stored; --resume computes it")
+    parts = list(tables(planned, store))
+    points = pd.concat(parts, ignore_index=True)
+    diagram = diagram_tables(planned, store) if planned[0].plan.kind == "bifurcation" else {}
+    banded = bands(points)
+    found: dict[str, Table] = {**diagram, "bands": banded, "sweep": parts}
+    origin = provenance(scene, engine_name(scene)) | ({} if check is None else {"check": check})
+    write_result(directory, "sweep", origin, found, form=form, absent={"section", "impacts"} - found.keys())
+    return points, banded
 
 
-def tables(scene: Scene, records: Records) -> Iterator[pd.DataFrame]:
-    """Yield the sweep table in parts, in the order of branches and points."""
-    yield from _parts(scene, records, lambda record: [record["row"]], columns_of_sweep(sweep_plan(scene)))
+# -- for the user -----------------------------------------------------------------------------------------
 
 
-def columns_of_sweep(plan: SweepPlan) -> tuple[str, ...]:
-    """List the columns of a sweep table after the swept keys."""
-    return (*COLUMNS, *CONFIRMED) if plan.confirm else COLUMNS
+def overview(table: pd.DataFrame) -> dict[str, str]:
+    """Summarize a sweep table in a few lines: label and text."""
+    frequency, height = table[EXCITATION], 1e3 * table["rms_y_m"]
+    lines = {
+        "points": f"{len(table)} in {table['branch'].nunique()} branches",
+        "outcomes": _counts(table["outcome"]),
+        "synchronization": _counts(table["sync"]),
+        "motions": _counts(table["motion"]),
+        "periods": _counts(table["period"].map({0: "none"}).fillna(table["period"].astype("str"))),
+        "simulated": f"{table['simulated_s'].sum():.6g} s, {table['events'].sum()} events, "
+        f"{table['steps'].sum()} steps",
+    }
+    if height.notna().any():
+        lines |= {
+            "excitation frequency": f"{frequency.min():.2f} … {frequency.max():.2f} Hz",
+            "RMS y": f"{height.min():.3g} … {height.max():.3g} mm",
+            "energy residual": f"at most {table['energy_residual'].max():.2g}",
+        }
+    return {label: text for label, text in lines.items() if text}
 
 
-def branch_tables(scene: Scene, records: Records, columns: Sequence[str]) -> Iterator[pd.DataFrame]:
-    """Yield the sweep table of each branch, of these columns and those that name its points."""
-    for branch in branches(scene):
-        place = branch.grid | {"direction": branch.direction, "branch": branch.number}
-        measured = zip(branch.frequencies, branch_records(branch, records), strict=True)
-        rows = [{SUPPLY: f} | place | {c: record["row"].get(c) for c in columns} for f, record in measured]
-        yield _frame(rows, scene, ("direction", "branch", *columns))
+def _counts(column: pd.Series) -> str:
+    return ", ".join(f"{name} {count}" for name, count in column.dropna().value_counts().items())
 
 
-def section_tables(scene: Scene, records: Records) -> Iterator[pd.DataFrame]:
-    """Yield in parts the table of Poincaré points of a bifurcation diagram: y (m) at whole turns of exciter 1."""
-    yield from _diagram(scene, records, "section_y", "y_m")
+def failures(table: pd.DataFrame) -> list[str]:
+    """Describe each point that did not end ``ok``: its outcome, its place in the sweep and the reason."""
+    swept = list(table.columns[: list(table.columns).index("direction") + 1])
+    return [
+        f"{row['outcome']} at {', '.join(f'{key} {row[key]}' for key in swept)}: {row['detail']}"
+        for _, row in table[table["outcome"] != "ok"].iterrows()
+    ]
 
 
-def impact_tables(scene: Scene, records: Records) -> Iterator[pd.DataFrame]:
-    """Yield in parts the table of impact speeds (m/s) of a bifurcation diagram."""
-    yield from _diagram(scene, records, "impact_speeds", "impact_speed_m_per_s")
+def notes_on_branches(planned: Sequence[Branch]) -> list[str]:
+    """Return the notes on the input of a sweep; supply frequencies are unusual if they are large."""
+    return notes_on_inputs(branch.scene.replace({FREQUENCY: max(branch.frequencies)}) for branch in planned)
 
 
-def _diagram(scene: Scene, records: Records, values: str, column: str) -> Iterator[pd.DataFrame]:
-    """Yield the values that records have under a name in a column, each with the excitation frequency of its point."""
-
-    def rows(record: Record) -> list[Record]:
-        return [{EXCITATION: record["row"].get(EXCITATION), column: value} for value in record[values]]
-
-    yield from _parts(scene, records, rows, ("direction", "branch", EXCITATION, column))
-
-
-def _parts(
-    scene: Scene, records: Records, rows_of: Callable[[Record], list[Record]], columns: Sequence[str]
-) -> Iterator[pd.DataFrame]:
-    """Yield the rows of all records in parts, as tables with the swept keys and these columns."""
-    rows: list[Record] = []
-    yielded = False
-    for branch in branches(scene):
-        for point, record in enumerate(branch_records(branch, records)):
-            place = {SUPPLY: branch.frequencies[point], **branch.grid}
-            place |= {"direction": branch.direction, "branch": branch.number}
-            rows += [place | row for row in rows_of(record)]
-            if len(rows) >= CHUNK:
-                yield _frame(rows, scene, columns)
-                rows, yielded = [], True
-    if rows or not yielded:
-        yield _frame(rows, scene, columns)
-
-
-def _frame(rows: list[Record], scene: Scene, columns: Sequence[str]) -> pd.DataFrame:
-    """Make one part of a table; the columns have the same types in all parts."""
-    grid = sweep_plan(scene).grid
-    table = pd.DataFrame(rows, columns=[SUPPLY, *grid, *columns])
-    types: dict[Any, Any] = {key: pd.Series(values).dtype for key, values in grid.items()}
-    types |= {column: "str" if column in TEXTS else "Int64" if column in COUNTS else "float64" for column in columns}
-    swept = {key: Column(key_of(key).meaning) for key in grid}
-    return labelled(table.astype(types), {**SWEEP, **DIAGRAM, **CONFIRMED, **swept})
+def notes_on_points(table: pd.DataFrame) -> list[str]:
+    """Sum up the notes in a sweep table, each kind once with its points and an example, and what is undecided."""
+    lines: list[str] = []
+    noted = table[table["notes"].notna() & (table["notes"] != "")]
+    notes = (
+        noted[[SUPPLY]]
+        .assign(note=noted["notes"].astype("str").str.split("; "))
+        .explode("note")
+        .astype({"note": "str"})
+    )
+    for _, rows in notes.groupby(notes["note"].str.replace(r"\d[\d.e+-]*", "", regex=True), sort=False):
+        count, low, high = rows.index.nunique(), rows[SUPPLY].min(), rows[SUPPLY].max()
+        place = "1 point" if count == 1 else f"{count} points"
+        ends = f"{low:g}" if low == high else f"{low:g} … {high:g}"
+        first = ", the first" if count > 1 else ""
+        lines.append(f"{place} at a supply of {ends} Hz{first}: {rows['note'].iloc[0]}")
+    undecided = table[(table["motion"] == "undecided") & (table["outcome"] == "ok")]
+    for _, row in undecided.head(1).iterrows():
+        several = len(undecided) > 1
+        which = f"{len(undecided)} points are undecided, the first" if several else "1 point is undecided,"
+        lines.append(f"{which} at a supply of {row[SUPPLY]:g} Hz: {row['detail']}; sweep.max_settle_s may help")
+    return lines

@@ -1,4 +1,4 @@
-"""Progress bars, shown only on a terminal."""
+"""Progress bars, shown only on a terminal: each function yields what reports progress, or None without a terminal."""
 
 from __future__ import annotations
 
@@ -13,10 +13,7 @@ def run_progress(name: str, seconds: float) -> Iterator[Callable[[float, int], N
     """Show the simulated time of a run (s) and its number of events."""
     counts = "{task.fields[events]} events"
     with _bar(f"{name}: loading kernels", seconds, "s", counts, number=":.2f", events=0) as update:
-        if update is None:
-            yield None
-        else:
-            yield lambda reached, events: update(reached, events=events, description=name)
+        yield update and (lambda reached, events: update(reached, events=events, description=name))
 
 
 @contextmanager
@@ -24,48 +21,46 @@ def sweep_progress(name: str, branches: int, points: int) -> Iterator[Callable[[
     """Show the number of finished branches, points and events, and the remaining time."""
     counts = "{task.fields[done]}/{task.fields[branches]} branches, {task.fields[events]} events"
     with _bar(name, points, "points", counts, done=0, branches=branches, events=0) as update:
-        if update is None:
-            yield None
-        else:
-            yield lambda done, finished, events: update(finished, done=done, events=events)
+        yield update and (lambda done, finished, events: update(finished, done=done, events=events))
 
 
 @contextmanager
 def orbits_progress(name: str, branches: int) -> Iterator[Callable[[int, int, int], None] | None]:
     """Show the numbers of finished and of known branches, of which there are more and more, and of points."""
     with _bar(name, branches, "branches", "{task.fields[points]} points", points=0) as update:
-        if update is None:
-            yield None
-        else:
-            yield lambda finished, known, points: update(finished, total=known, points=points)
+        yield update and (lambda finished, known, points: update(finished, total=known, points=points))
 
 
 @contextmanager
 def points_progress(name: str) -> Iterator[Callable[[int, int], None] | None]:
     """Show the number of finished points, of at most so many."""
     with _bar(name, 1, "points", "") as update:
-        if update is None:
-            yield None
-        else:
-            yield lambda finished, most: update(finished, total=most)
+        yield update and (lambda finished, most: update(finished, total=most))
+
+
+@contextmanager
+def calibration_progress(total: int) -> Iterator[Callable[[int, int, float], None] | None]:
+    """Show the number of evaluations, the best one and the remaining time."""
+    best = "best: {task.fields[held]} claims, score {task.fields[score]:.3f}"
+    with _bar("calibration", total, "evaluations", best, held=0, score=0.0) as update:
+        yield update and (lambda done, held, score: update(done, held=held, score=score))
 
 
 @contextmanager
 def _bar(
     name: str, total: float, unit: str, counts: str, number: str = "", **fields: Any
 ) -> Iterator[Callable[..., None] | None]:
-    """Show a progress bar with counts next to it; yield None if there is no terminal."""
+    """Show a progress bar with counts next to it."""
     if not sys.stderr.isatty():
         yield None
         return
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-    done = TextColumn(f"{{task.completed{number}}}/{{task.total}} {unit}")
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
-        done,
+        TextColumn(f"{{task.completed{number}}}/{{task.total}} {unit}"),
         TextColumn(counts),
         TimeElapsedColumn(),
         TimeRemainingColumn(),
@@ -77,14 +72,3 @@ def _bar(
             bar.update(task, completed=completed, **changed)
 
         yield update
-
-
-@contextmanager
-def calibration_progress(total: int) -> Iterator[Callable[[int, int, float], None] | None]:
-    """Show the number of evaluations, the best one and the remaining time."""
-    best = "best: {task.fields[held]} claims, score {task.fields[score]:.3f}"
-    with _bar("calibration", total, "evaluations", best, held=0, score=0.0) as update:
-        if update is None:
-            yield None
-        else:
-            yield lambda done, held, score: update(done, held=held, score=score)

@@ -15,8 +15,9 @@ from pathsim.events import ZeroCrossingDown
 from pathsim.solvers import RKCK54, RKDP87
 
 from vibroplat.bench.peers.following import Leg, Legs, flow, guard, straight
-from vibroplat.config.scene import Mode, Scene
-from vibroplat.hybrid.scales import ROUND_OFF, state_scales
+from vibroplat.config.coordinates import Mode
+from vibroplat.config.scene import Scene
+from vibroplat.hybrid.state import ROUND_OFF, state_scales
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.parameters import Parameters, parameters
 from vibroplat.model.systems import GAP, System, systems

@@ -14,10 +14,10 @@ import numpy as np
 from sksundae.ida import IDA
 
 from vibroplat.bench.peers.following import Leg, Legs, straight
-from vibroplat.config.scene import Mode, Scene
+from vibroplat.config.coordinates import Mode
+from vibroplat.config.scene import Scene
 from vibroplat.hybrid.modes import GUARDS
-from vibroplat.hybrid.scales import FORCE_SHARE, ROUND_OFF, state_scales
-from vibroplat.hybrid.steps import fill_cubic
+from vibroplat.hybrid.state import FORCE_SHARE, ROUND_OFF, fill_cubic, state_scales
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.accelerations import accelerations
 from vibroplat.model.equations import jacobian as jacobian_kernel

@@ -18,10 +18,10 @@ from typing import NamedTuple, Protocol
 import numpy as np
 import pandas as pd
 
-from vibroplat.config.scene import COORDINATES, RATES, Mode, Scene
+from vibroplat.config.coordinates import COORDINATES, RATES, Mode
+from vibroplat.config.scene import Scene
 from vibroplat.hybrid.loop import AT_GUARD, AT_TIME, begin, conclude
-from vibroplat.hybrid.state import RUNNING, Automaton
-from vibroplat.hybrid.steps import rewind
+from vibroplat.hybrid.state import RUNNING, Automaton, rewind
 from vibroplat.integrate.seam import WORK, Integrator
 from vibroplat.integrate.stepwise import Stepwise
 from vibroplat.kernels.compiled import FloatArray

@@ -13,7 +13,7 @@ from scipy import integrate
 
 from vibroplat.bench.peers.following import flow, jacobian
 from vibroplat.config.scene import Scene
-from vibroplat.hybrid.steps import CUBIC
+from vibroplat.hybrid.state import CUBIC
 from vibroplat.integrate.seam import WORK, IntegrationError
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.parameters import parameters

@@ -14,7 +14,7 @@ import numpy as np
 from vibroplat.bench.peers import siconos
 from vibroplat.bench.peers.following import Followed, at_tolerance, follow, sampled
 from vibroplat.config.scene import Scene
-from vibroplat.integrate.choice import make_engine
+from vibroplat.integrate import make_engine
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.parameters import parameters
 from vibroplat.model.systems import FULL_SIZE
@@ -70,7 +70,7 @@ def _vibroplat(scene: Scene, tolerance: float, engine: str = "native") -> Runner
         with closing(make_engine(scene, p)) as made:
             motion = Motion(scene, p, made)
             began = time.perf_counter()
-            motion.go_on(duration, settle=SETTLE_SHARE * duration)
+            motion.advance(duration, settle=SETTLE_SHARE * duration)
             wall = time.perf_counter() - began
         return Followed(np.empty((0, FULL_SIZE)), [], wall, wall, [_UNTOLD] * motion.events)
 

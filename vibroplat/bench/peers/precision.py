@@ -15,8 +15,9 @@ from vibroplat.bench.peers.cases import LEVELS, Case, agreement, truth
 from vibroplat.bench.peers.following import Followed
 from vibroplat.bench.peers.peers import Peer, Runner
 from vibroplat.bench.reference import event_errors
-from vibroplat.config.scene import Mode, Scene
-from vibroplat.hybrid.scales import state_scales
+from vibroplat.config.coordinates import Mode
+from vibroplat.config.scene import Scene
+from vibroplat.hybrid.state import state_scales
 from vibroplat.model.accelerations import accelerations
 from vibroplat.model.parameters import FloatArray, parameters
 from vibroplat.model.systems import systems

@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 
 from vibroplat.bench.peers.following import Followed
-from vibroplat.config.scene import Mode, Scene
-from vibroplat.hybrid.initial import initial_state
+from vibroplat.config.coordinates import Mode
+from vibroplat.config.scene import Scene
+from vibroplat.hybrid.state import initial_state
 from vibroplat.model.parameters import FloatArray, parameters
 from vibroplat.model.systems import FULL_SIZE, GAP
 

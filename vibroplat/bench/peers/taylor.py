@@ -12,8 +12,9 @@ import heyoka as hk
 import numpy as np
 
 from vibroplat.bench.peers.following import Leg, Legs, straight
-from vibroplat.config.scene import Mode, Scene
-from vibroplat.hybrid.steps import CUBIC
+from vibroplat.config.coordinates import Mode
+from vibroplat.config.scene import Scene
+from vibroplat.hybrid.state import CUBIC
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.parameters import Parameters, parameters
 from vibroplat.model.systems import GAP, System, systems

@@ -174,7 +174,7 @@ async function build() {
   player = await motion();
   tables();
   printing(await figures());
-  // For tests and for `python -m vibroplat.page.film`.
+  // For tests and for `tests/tools/film.py`.
   window.vibroplat = {data, player};
   document.documentElement.dataset.ready = "true";
 }

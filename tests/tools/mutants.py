@@ -1,0 +1,210 @@
+"""Mutants: faults put into the package one at a time, to see whether the tests notice.
+
+    python tests/tools/mutants.py [--quick] [NUMBER ...]
+
+Each mutant is a piece of the package's text, which stands there once, and what it becomes: a changed sign, factor,
+comparison, default or column. The package is copied, changed and tested: first by the tests of its own room, which
+notice most, then by all quick ones. A line for each says which test failed first, or that none did.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+
+#: The folders of tests that look at a mutant first; the text that is changed; what it becomes.
+MUTANTS = [
+    # the model
+    ("model", "-p.damping_x * v[0] - p.stiffness_x * q[0]", "p.damping_x * v[0] - p.stiffness_x * q[0]"),
+    ("model", "first.lever * q1 + second.lever * q2 + held[2]", "first.lever * q1 - second.lever * q2 + held[2]"),
+    ("model", "b + phi * d, d - phi * b, b, d", "b + phi * d, d + phi * b, b, d"),
+    ("model", "return 2.0 * torque * critical * slip / square", "return torque * critical * slip / square"),
+    ("model", "return friction * speed * abs(speed)", "return friction * speed * speed"),
+    (
+        "model",
+        "p.lower_mass * lower - p.upper_mass * spring - force",
+        "p.lower_mass * lower + p.upper_mass * spring - force",
+    ),
+    ("model", "p.layer_stiffness, p.layer_damping + cj", "p.layer_stiffness, p.layer_damping - cj"),
+    ("model", "-u.lever * a - u.phi * q, cj * u.phi", "-u.lever * a + u.phi * q, cj * u.phi"),
+    ("model", "response[5] = 1.0 / p.lower_mass - response[1]", "response[5] = 1.0 / p.lower_mass + response[1]"),
+    ("model", "out[5] = p.upper_mass * p.layer_damping * state[13] ** 2", "out[5] = p.layer_damping * state[13] ** 2"),
+    ("model", "heights - unbalance(0, state, p).x - unbalance(1, state, p).x", "heights - unbalance(0, state, p).x"),
+    ("model", "inertias[i] - acting[i]", "inertias[i] + acting[i]"),
+    (
+        "model config",
+        'p["axis_x"], p["axis_y"] = (axis_x, -axis_x), axis_y',
+        'p["axis_x"], p["axis_y"] = (axis_x, axis_x), axis_y',
+    ),
+    (
+        "model config",
+        "2.0 * self.unbalance_mass_kg * math.cos(gamma) ** 2",
+        "2.0 * self.unbalance_mass_kg * math.cos(gamma)",
+    ),
+    # modes and jumps
+    ("hybrid motion", "return force_rate >= -noise * speed", "return force_rate >= noise * speed"),
+    (
+        "hybrid motion",
+        "if rebound < 0.0 or acceleration >= 0.0 or p.restitution >= 1.0:",
+        "if rebound < 0.0 or p.restitution >= 1.0:",
+    ),
+    ("hybrid motion", "speed * duration <= math.sqrt(tolerance)", "speed * duration <= tolerance"),
+    ("hybrid motion", "return ATTACH if pressed else FLY", "return FLY"),
+    ("hybrid motion", "before = min(run.state[GAP_RATE], 0.0)", "before = run.state[GAP_RATE]"),
+    ("hybrid motion", "run.zeros = 3", "run.zeros = 0"),
+    (
+        "hybrid motion",
+        "if run.restarts >= most and run.now - h.recent[oldest] < run.period:",
+        "if run.restarts >= most:",
+    ),
+    ("hybrid motion", "h.inelastic if -before < h.p.sticking_speed else h.p", "h.p"),
+    # integrators
+    ("integrate", "least = max(least, math.log(largest) / (k - 1))", "least = max(least, math.log(largest) / (k + 1))"),
+    ("integrate", "return worst <= AGREED or rounded(", "return True or rounded("),
+    (
+        "integrate",
+        "stop, e.status.resting = AT_TARGET, -1\n        length *= crossing(c, degree, 3, target)",
+        "stop, e.status.resting = AT_TARGET, -1",
+    ),
+    ("integrate", "ahead[n + 3 + e.status.resting] = 0.0", "ahead[n + 3 + e.status.resting] = 1e-3"),
+    # what is observed
+    ("observe motion", '0.5 * (marks["y_max"] - marks["y_min"])', 'marks["y_max"] - marks["y_min"]'),
+    (
+        "observe motion",
+        'result["excitation_frequency_hz"] = 0.5 * (first + second)',
+        'result["excitation_frequency_hz"] = first',
+    ),
+    (
+        "observe motion",
+        'result["frequency_split_hz"] = first - second',
+        'result["frequency_split_hz"] = second - first',
+    ),
+    ("observe motion", "mean[square] - mean[first] ** 2", "mean[square] + mean[first] ** 2"),
+    ("observe motion", "gravity = before.gravity - after.gravity", "gravity = after.gravity - before.gravity"),
+    ("observe motion", 'max(marks["pull"], -marks["force_min"])', 'marks["pull"]'),
+    ("observe study", "values.std(ddof=1)) / math.sqrt(len(values))", "values.std(ddof=1))"),
+    ("observe motion", "if falling and rate > 0.0:", "if rate > 0.0:"),
+    ("observe motion", "MOMENTUM * energy", "0.0 * energy"),
+    # the configuration
+    ("config", "self.ramp * (time - self.start) if self.ramp", "self.ramp * time if self.ramp"),
+    ("config", 'driven[0] if first is None else first == "on"', 'driven[0] if first is None else first == "off"'),
+    ("config", "if after < before:", "if after > before:"),
+    ("config", "if not state.gap_m and state.gap_rate_m_per_s < 0.0:", "if state.gap_rate_m_per_s < 0.0:"),
+    ("config", "value is None or usual.low <= value <= usual.high", "value is None or value <= usual.high"),
+    ("config", "math.sqrt(stiffness / mass) / (2.0 * math.pi)", "math.sqrt(stiffness / mass)"),
+    ("config", "half * half - stiffness", "half * half + stiffness"),
+    (
+        "config",
+        "self.exciters or self.motors or [self.motor or Motor()] * 2",
+        "self.motors or self.exciters or [self.motor or Motor()] * 2",
+    ),
+    ("config", 'Share = described(0.0, "R"', 'Share = described(0.5, "R"'),
+    # studies
+    ("study", "abs(self.value) > max(3.0 * self.error, PER_TURN / self.turn)", "abs(self.value) > 3.0 * self.error"),
+    ("study", "kept and way <= max(tolerance", "kept or way <= max(tolerance"),
+    ("study", "if close and was_close:", "if close:"),
+    ("study", "now * ratio / (1.0 - ratio)", "now * ratio"),
+    (
+        "study plots",
+        "(change > RISE * np.nanmax(height)) & (change > ALONE * beside)",
+        "change > RISE * np.nanmax(height)",
+    ),
+    ("study plots", "lost | (turned &", "lost & (turned &"),
+    ("study", "return None if exponent.sign > 0 else", "return None if exponent.sign < 0 else"),
+    ("study", "now <= NEAR * tolerance", "now >= NEAR * tolerance"),
+    # continuation
+    ("continuation cli", "before.doubling * after.doubling < 0.0:", "before.doubling * after.doubling > 0.0:"),
+    (
+        "continuation cli",
+        "weight**2 * ((1.0 - 2.0 * away * steepness) * value",
+        "weight**2 * ((1.0 + 2.0 * away * steepness) * value",
+    ),
+    (
+        "continuation cli",
+        "(np.abs(point.multipliers[nearest].imag) > REAL).all()",
+        "(np.abs(point.multipliers[nearest].imag) < REAL).all()",
+    ),
+    (
+        "continuation cli",
+        "(apart > MOVED * np.maximum(1.0, np.abs(m))).any()",
+        "(apart < MOVED * np.maximum(1.0, np.abs(m))).any()",
+    ),
+    # figures
+    (
+        "plots page",
+        '(impacts, "impact_speed_m_per_s", 1.0, "impact speed (m/s)")',
+        '(impacts, "impact_speed_m_per_s", 1e3, "impact speed (m/s)")',
+    ),
+    ("plots page", "len(parts) <= MOST else", "len(parts) < MOST else"),
+    ("plots page", "if names.count(name) == 1 else", "if names.count(name) > 1 else"),
+    ("plots page study", "c.number == curve.number and c.direction != curve.direction", "c.number == curve.number"),
+]
+
+
+def files() -> list[Path]:
+    """Return all modules of the package."""
+    return sorted((ROOT / "vibroplat").rglob("*.py"))
+
+
+def place(text: str) -> Path:
+    """Return the one file in which a text stands once."""
+    found = [file for file in files() for _ in re.findall(re.escape(text), file.read_text(encoding="utf-8"))]
+    if len(found) != 1:
+        raise SystemExit(f"{text!r} stands in the package {len(found)} times; it must stand there once")
+    return found[0]
+
+
+def tested(copy: Path, arguments: list[str]) -> str:
+    """Run quick tests in a copy until one fails; its name, or nothing."""
+    environment = os.environ | {"PYTHONPATH": str(copy)}
+    line = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *arguments]
+    done = subprocess.run(line, cwd=copy, env=environment, capture_output=True, text=True, check=False)
+    if done.returncode in (0, 5):
+        return ""
+    failed = re.search(r"^(?:FAILED|ERROR) (\S+)", done.stdout, re.MULTILINE)
+    return failed[1] if failed else done.stdout[-300:]
+
+
+def caught(number: int, *, quick: bool) -> str:
+    """Make one mutant and return the test that notices it; empty if none does."""
+    rooms, old, new = MUTANTS[number]
+    file = place(old).relative_to(ROOT)
+    with tempfile.TemporaryDirectory() as folder:
+        copy = Path(folder)
+        for name in ("vibroplat", "tests", "configs", "results"):
+            shutil.copytree(ROOT / name, copy / name, ignore=shutil.ignore_patterns("__pycache__", "*.parquet"))
+        for name in ("pyproject.toml", "README.md"):
+            shutil.copy(ROOT / name, copy / name)
+        changed = copy / file
+        changed.write_text(changed.read_text(encoding="utf-8").replace(old, new), encoding="utf-8")
+        own = [f"tests/{room}" for room in rooms.split() if (copy / "tests" / room).is_dir()]
+        return tested(copy, own) or ("" if quick else tested(copy, ["-n", "auto"]))
+
+
+def main() -> None:
+    """Try the mutants that are named by their numbers, or all of them."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--quick", action="store_true", help="only the tests of the mutant's own room")
+    parser.add_argument("number", nargs="*", type=int)
+    given = parser.parse_args()
+    chosen = given.number or range(len(MUTANTS))
+    for number in chosen:
+        place(MUTANTS[number][1])
+    missed = 0
+    for number in chosen:
+        found = caught(number, quick=given.quick)
+        missed += not found
+        print(f"{number:3d} {'caught by ' + found if found else 'missed':60s} {MUTANTS[number][1]!r}", flush=True)
+    print(f"{len(chosen)} mutants, {missed} missed")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,122 @@
+"""What columns of tables mean, and their figures. Descriptions stand where columns are made; units follow from names.
+
+A table carries the units and meanings of its columns in ``DataFrame.attrs`` (``units``, ``meanings``), and a Parquet
+file in the metadata of its fields.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, NamedTuple
+
+import pandas as pd
+
+import vibroplat
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+#: Units by the ends of names, longer ends before those that they end with.
+UNITS = {
+    "n_m_s_per_rad": "N·m·s/rad",
+    "n_m_per_rad": "N·m/rad",
+    "rad_per_s": "rad/s",
+    "m_per_s2": "m/s²",
+    "n_s_per_m": "N·s/m",
+    "n_per_m": "N/m",
+    "m_per_s": "m/s",
+    "per_s": "1/s",
+    "kg_m2": "kg·m²",
+    "n_s": "N·s",
+    "n_m": "N·m",
+    "kg": "kg",
+    "hz": "Hz",
+    "rad": "rad",
+    "deg": "°",
+    "m": "m",
+    "s": "s",
+    "n": "N",
+    "j": "J",
+    "w": "W",
+}
+
+
+class Column(NamedTuple):
+    """A column of a table.
+
+    Attributes
+    ----------
+    meaning
+        What it is, in a few words.
+    definition
+        How it is computed, where the meaning does not say so.
+    """
+
+    meaning: str
+    definition: str = ""
+
+    @property
+    def text(self) -> str:
+        """Meaning and definition in one line."""
+        return f"{self.meaning}; {self.definition}" if self.definition else self.meaning
+
+
+Columns = Mapping[str, Column]
+
+
+def unit_of(name: str) -> str:
+    """Return the unit that a key or column has by its name; "" for pure numbers, texts and counts."""
+    return split(name)[1]
+
+
+def split(name: str) -> tuple[str, str]:
+    """Return the last part of a dotted key, or a column, without the unit at its end, and the unit."""
+    last = name.rpartition(".")[2]
+    found = next((end for end in UNITS if last.endswith(f"_{end}")), None)
+    return (last, "") if found is None else (last.removesuffix(f"_{found}"), UNITS[found])
+
+
+def labelled(table: pd.DataFrame, columns: Columns) -> pd.DataFrame:
+    """Put units and meanings of a table's columns into its ``attrs``, and return it."""
+    table.attrs["units"] = {name: unit_of(name) for name in map(str, table)}
+    table.attrs["meanings"] = {name: columns[name].text for name in map(str, table) if name in columns}
+    return table
+
+
+@pd.api.extensions.register_dataframe_accessor("vibroplat")
+class TableAccessor:
+    """What tables offer at a prompt: ``table.vibroplat.plot()``.
+
+    Parameters
+    ----------
+    table
+        Of a trajectory, a sweep or branches of orbits, or rows of it.
+    """
+
+    def __init__(self, table: pd.DataFrame) -> None:
+        self._table = table
+
+    def plot(self, x: str | None = None) -> Figure:
+        """Draw the figure of the table: a motion over time, the response of a sweep, or branches of orbits.
+
+        Parameters
+        ----------
+        x
+            Column of the horizontal axis of a sweep or of branches. Default: the excitation frequency; for branches
+            over another key than the supply frequency, the key.
+
+        Raises
+        ------
+        ValueError
+            It is no such table, or has no such column.
+        TableError
+            There is nothing to draw.
+
+        Examples
+        --------
+        >>> from vibroplat import Scene, simulate
+        >>> run = simulate(Scene(run={"duration_s": 0.5}))
+        >>> len(run.trajectory.vibroplat.plot().axes) > 1
+        True
+        """
+        return vibroplat.figure_of(self._table, x)

@@ -1,0 +1,34 @@
+"""The numbers of modes and coordinates: constants that are compiled into kernels.
+
+They stand apart from all else that a scene is, so that no change of a key compiles the kernels anew.
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+
+class Mode(IntEnum):
+    """Modes of smooth motion; compiled code uses the numbers."""
+
+    ATTACHED = 0
+    FLIGHT = 1
+    BARE = 2
+
+    @property
+    def label(self) -> str:
+        """The mode's name in tables."""
+        return self.name.lower()
+
+
+#: Keys of a state in the order of the state vector: coordinates, then their rates.
+COORDINATES = ("x_m", "y_m", "phi_rad", "phi1_rad", "phi2_rad", "gap_m", "upper_m")
+RATES = (
+    "x_rate_m_per_s",
+    "y_rate_m_per_s",
+    "phi_rate_rad_per_s",
+    "phi1_rate_rad_per_s",
+    "phi2_rate_rad_per_s",
+    "gap_rate_m_per_s",
+    "upper_rate_m_per_s",
+)

@@ -1,0 +1,237 @@
+"""The plans of studies, sections ``sweep`` and ``orbits`` of a configuration: what is computed, and how exactly."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import BeforeValidator, Field, model_validator
+from pydantic_core import PydanticCustomError
+
+from vibroplat.config.schema import LARGEST, LEAST, PERTURBATION, Positive, Real, Section, Share, described, short
+
+#: Most points of a branch of a sweep.
+MAX_FREQUENCIES = 100_000
+#: Most combinations of the grid's values, of a sweep and of orbits.
+MAX_BRANCHES, MAX_FAMILIES = 10_000, 1000
+
+#: Lengths of steps along branches of orbits that are not given, over the range of the key.
+FIRST_STEP, LARGEST_STEP, LEAST_STEP = 1.0 / 300.0, 1.0 / 40.0, 1e-8
+
+#: What a branch over the range of its key is long in units of the unknowns.
+UNITS = 8.0
+
+Direction = Literal["up", "down"]
+Boundary = Literal["fold", "period-doubling", "neimark-sacker", "branch-point", "liftoff", "end-of-sticking", "grazing"]
+#: Dotted keys and their values.
+Grid = dict[str, Annotated[list[float | int | bool | str], Field(min_length=1)]]
+
+
+def _as_list(value: Any) -> Any:
+    return [value] if isinstance(value, str) else value
+
+
+def _settling(value: Any) -> Any:
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    if value != "auto" and not (is_number and LEAST <= value <= LARGEST):
+        raise PydanticCustomError("literal_error", "no time", {"expected": "auto, or a number above 0"})
+    return value
+
+
+class Frequencies(Section):
+    """The supply frequencies of a branch, and its directions."""
+
+    start: Positive = described(..., "f_e", "smallest supply frequency")
+    stop: Positive = Field(description="largest supply frequency; included if whole steps reach it")
+    step: Positive = described(0.5, "", "distance of supply frequencies")
+    direction: Annotated[list[Direction], BeforeValidator(_as_list), Field(min_length=1, max_length=2)] = Field(
+        ["up"], description="up, down or both, a branch for each"
+    )
+
+    @model_validator(mode="after")
+    def _finite(self) -> Self:
+        if self.stop < self.start:
+            raise ValueError(
+                f"stop = {self.stop} is below start = {self.start}; allowed: at least start; see direction"
+            )
+        if (self.stop - self.start) / self.step >= MAX_FREQUENCIES:
+            raise ValueError(f"step = {self.step} gives too many points; allowed: at most {MAX_FREQUENCIES} per branch")
+        if len(set(self.direction)) < len(self.direction):
+            raise ValueError(f"direction = {self.direction}; allowed: up and down, each once")
+        return self
+
+    @property
+    def upward(self) -> list[float]:
+        """The frequencies (Hz) in ascending order, rounded as a user would write them."""
+        count = int((self.stop - self.start) / self.step * (1.0 + 1e-12) + 1e-9) + 1
+        return [float(f"{self.start + i * self.step:.12g}") for i in range(count)]
+
+
+class SweepPlan(Section, title="Sweep"):
+    """Branches side by side: every combination of the grid's values, in each direction."""
+
+    supply_frequency_hz: Frequencies = Field(description="supply frequencies of each branch")
+    grid: Grid = Field({}, description="dotted keys and their values; a branch for each combination")
+    kind: Literal["response", "bifurcation", "map"] = Field(
+        "response",
+        description="response: curves over frequency; bifurcation: also points of the Poincaré section and impact "
+        "speeds; map: regimes over frequency and one key of the grid",
+    )
+    settle_s: Annotated[Literal["auto"] | float, BeforeValidator(_settling)] = Field(
+        "auto", description="time before a point is measured; auto: until the Poincaré section has settled"
+    )
+    max_settle_s: Positive = described(
+        150.0, "", "longest settling time with auto; motion that does not repeat settles this long"
+    )
+    settle_tolerance: Annotated[float, Field(gt=0.0, le=1.0, allow_inf_nan=False)] = Field(
+        1e-3, description="distance from the steady motion at which auto stops, in the scales of the scene"
+    )
+    measure_s: Positive = described(
+        2.0, "", "measured time of each point; motion that does not repeat is measured eight times as long"
+    )
+    period_tolerance: Annotated[float, Field(gt=0.0, le=1.0, allow_inf_nan=False)] = Field(
+        1e-2, description="largest distance of points of the Poincaré section that repeat, in the scales of the scene"
+    )
+    perturbation: Share = described(
+        PERTURBATION,
+        "",
+        "random change of the rates of platform and exciters at each point, in the scales of the scene",
+    )
+    seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = Field(0, description="seed of the perturbations")
+    lyapunov: bool = described(
+        True, "", "use the largest Lyapunov exponent to tell chaotic from quasi-periodic motion; false: non-periodic"
+    )
+
+    confirm: Literal["orbits"] | None = Field(
+        None,
+        description="orbits: periodic points are polished by Newton's method, with Floquet multipliers and the "
+        "distance to where they settled; others get their largest Lyapunov exponents",
+    )
+
+    @model_validator(mode="after")
+    def _scene_keys(self) -> Self:
+        found = math.prod(map(len, self.grid.values()))
+        if found > MAX_BRANCHES:
+            raise ValueError(f"grid gives {found} combinations; allowed: at most {MAX_BRANCHES}")
+        for key, values in self.grid.items():
+            if not key.isascii():
+                raise ValueError(f"grid.{key!a} is not a key of a scene; allowed: keys of machine, material, …")
+            if key.split(".")[0] in ("sweep", "name", "output", "run") or key.startswith("drive."):
+                raise ValueError(f"grid.{key} cannot be swept by the grid; allowed: keys of machine, material, …")
+            if any(isinstance(value, int | float) and not abs(value) <= LARGEST for value in values):
+                raise ValueError(f"grid.{key} = {short(values)}; allowed: numbers up to {LARGEST:g}")
+            if len(set(values)) < len(values):  # 0 and 0.0 are equal
+                raise ValueError(f"grid.{key} = {short(values)}; allowed: each value once")
+        several = [values for values in self.grid.values() if len(values) > 1]
+        if self.kind == "map" and (len(several) != 1 or any(isinstance(v, str | bool) for v in several[0])):
+            raise ValueError("kind = map needs exactly one grid key with several numbers")
+        return self
+
+
+class StepPlan(Section, title="Step"):
+    """Steps along a branch, as changes of the key."""
+
+    first: Positive | None = Field(None, description="first step; not given: a 300th of the range")
+    largest: Positive | None = Field(None, description="largest change of the key in a step; not given: a 40th")
+    least: Positive | None = Field(None, description="step below which a branch ends; not given: 1e-8 of the range")
+
+    def lengths(self, span: float) -> tuple[float, float, float]:
+        """First, largest and least step for a range of the key."""
+        largest = LARGEST_STEP * span if self.largest is None else self.largest
+        first = min(FIRST_STEP * span, largest) if self.first is None else self.first
+        return first, largest, min(LEAST_STEP * span, first) if self.least is None else self.least
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if self.first is not None and self.largest is not None and self.first > self.largest:
+            raise ValueError(f"first = {self.first} is above largest = {self.largest}; allowed: at most largest")
+        if self.least is not None and any(s is not None and self.least > s for s in (self.first, self.largest)):
+            raise ValueError(f"least = {self.least} is above first or largest; allowed: at most these")
+        return self
+
+
+class BoundariesPlan(Section, title="Boundaries"):
+    """Curves of special points over the key and a second one."""
+
+    key: str = Field(description="dotted second key")
+    start: Real = Field(description="one end of its range, which holds the scene's own value")
+    stop: Real = Field(description="the other end")
+    kinds: Annotated[list[Boundary], Field(min_length=1)] | None = Field(
+        None, description="kinds of special points that are followed; not given: all that the branches have"
+    )
+    step: StepPlan = Field(StepPlan(), description="steps along the curves, as changes of the second key")
+    max_points: Annotated[int, Field(ge=2, le=10_000)] = Field(100, description="most points of a curve to either side")
+    check: Annotated[int, Field(ge=0, le=1000)] = Field(
+        5, description="points of each curve on both sides of which motion settles, to check the curve"
+    )
+
+    @model_validator(mode="after")
+    def _range(self) -> Self:
+        if self.start == self.stop:
+            raise ValueError(f"stop = {self.stop} is start; allowed: another value")
+        return self
+
+    @property
+    def unit(self) -> float:
+        """Unit of the second key among the unknowns of an orbit."""
+        return abs(self.stop - self.start) / UNITS
+
+
+class OrbitsPlan(Section, title="Orbits", populate_by_name=True):
+    """Branches of periodic orbits over a key of the scene."""
+
+    key: str = Field(description="dotted key that varies along a branch, e.g. drive.supply_frequency_hz")
+    start: Real = Field(description="value of the key where the first branch begins")
+    stop: Real = Field(description="value where branches end, as they do at start")
+    step: StepPlan = StepPlan()
+    period: Annotated[int, Field(ge=1, le=64)] = Field(
+        1, description="turns of exciter 1 after which the first orbit repeats"
+    )
+    from_: Annotated[str, Field(min_length=1)] = Field(
+        "settled",
+        alias="from",
+        description="where the search for the first orbit begins: settled (after a transient), "
+        "state (run.initial.state), or the directory of a run",
+    )
+    max_points: Annotated[int, Field(ge=2, le=100_000)] = Field(1000, description="most points of a branch")
+    max_branches: Annotated[int, Field(ge=1, le=1000)] = Field(
+        20, description="most branches for each combination of the grid's values"
+    )
+    tolerance: Annotated[float, Field(ge=1e-11, le=1e-4, allow_inf_nan=False)] = Field(
+        1e-8, description="residual of an orbit, in the scales of the scene; the solver's tolerance is a tenth or less"
+    )
+    switch: list[Literal["branch-point", "period-doubling"]] = Field(
+        ["branch-point"], description="special points at which new branches are followed"
+    )
+    grid: Grid = Field({}, description="dotted keys and their values; branches for each combination")
+    boundaries: BoundariesPlan | None = None
+
+    @model_validator(mode="after")
+    def _possible(self) -> Self:
+        if self.start == self.stop:
+            raise ValueError(f"stop = {self.stop} is start; allowed: another value")
+        if math.prod(map(len, self.grid.values())) > MAX_FAMILIES:
+            raise ValueError(f"grid gives more than {MAX_FAMILIES} combinations")
+        for key in self.grid:
+            if key == self.key or key.split(".")[0] in ("sweep", "orbits", "name", "output"):
+                raise ValueError(f"grid.{key} cannot be varied by the grid; allowed: keys of machine, material, …")
+            if len(set(self.grid[key])) < len(self.grid[key]):  # 0 and 0.0 are equal
+                raise ValueError(f"grid.{key} = {short(self.grid[key])}; allowed: each value once")
+        if self.boundaries is not None and self.boundaries.key == self.key:
+            raise ValueError(f"boundaries.key = {self.key} is key; allowed: another key")
+        return self
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """Least and largest value of the key."""
+        return min(self.start, self.stop), max(self.start, self.stop)
+
+    def covers(self, value: float) -> bool:
+        """Whether a value of the key is in its range."""
+        low, high = self.range
+        return low <= value <= high
+
+    @property
+    def unit(self) -> float:
+        """Unit of the key among the unknowns of an orbit."""
+        return abs(self.stop - self.start) / UNITS

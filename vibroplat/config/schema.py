@@ -1,0 +1,161 @@
+"""What the sections of a configuration are made of: types of values, a walk over all keys, messages about mistakes."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
+from typing import Annotated, Any, ClassVar, NamedTuple, Self
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic_core import PydanticCustomError
+
+#: No physical quantity in SI units lies outside these limits; products of numbers inside them stay finite.
+LEAST, LARGEST = 1e-30, 1e30
+
+#: Random change of the rates at the start of a run or of a sweep's point, in the scales of the scene.
+PERTURBATION = 0.01
+
+#: Largest angle of an exciter (rad): more than the longest run turns by. Numbers there are 2e-6 apart; at 1e16 a turn
+#: falls between two of them.
+LARGEST_ANGLE = 1e10
+
+#: What is allowed, by pydantic's types of errors.
+_ALLOWED = {
+    "missing": "a value is required",
+    "float_type": "a number",
+    "int_type": "a whole number",
+    "string_type": "text",
+    "bool_type": "true or false",
+    "list_type": "a list",
+    "model_type": "a section of keys and values",
+    "model_attributes_type": "a section of keys and values",
+    "dict_type": "a section of keys and values",
+    "finite_number": "a finite number",
+    "greater_than": "more than {gt}",
+    "greater_than_equal": "at least {ge}",
+    "less_than": "less than {lt}",
+    "less_than_equal": "at most {le}",
+    "literal_error": "{expected}",
+    "too_short": "a list of {min_length}",
+    "too_long": "a list of {max_length}",
+    "string_too_short": "at least {min_length} character",
+    "string_too_long": "at most {max_length} characters",
+    "string_pattern_mismatch": "letters, digits and . _ + -, starting with a letter or digit",
+}
+
+
+def _not_minute(value: float) -> float:
+    if value < LEAST:
+        raise PydanticCustomError("greater_than_equal", "too small", {"ge": LEAST})
+    return value
+
+
+Positive = Annotated[float, Field(gt=0.0, le=LARGEST, allow_inf_nan=False), AfterValidator(_not_minute)]
+NonNegative = Annotated[float, Field(ge=0.0, le=LARGEST, allow_inf_nan=False)]
+Real = Annotated[float, Field(ge=-LARGEST, le=LARGEST, allow_inf_nan=False)]
+Angle = Annotated[float, Field(ge=-LARGEST_ANGLE, le=LARGEST_ANGLE, allow_inf_nan=False)]
+Share = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
+
+
+def described(default: Any, symbol: str, meaning: str) -> Any:
+    """Make a field of a section: default (``...`` if it must be given), symbol in the equations, meaning."""
+    return Field(default, description=meaning, json_schema_extra={"symbol": symbol} if symbol else None)
+
+
+class Section(BaseModel):
+    """A section of a configuration: immutable, with strict types and no unknown keys."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
+
+    #: Pairs of keys that say the same and exclude each other.
+    alternatives: ClassVar[tuple[tuple[str, str], ...]] = ()
+
+    @model_validator(mode="after")
+    def _one_of_each_pair(self) -> Self:
+        fields = type(self).model_fields
+        given = {fields[name].alias or name for name in self.model_fields_set if getattr(self, name) is not None}
+        for first, second in self.alternatives:
+            if given >= {first, second}:
+                raise ValueError(f"{first} and {second} are both given; allowed: one of the two")
+        return self
+
+
+class Node(NamedTuple):
+    """A key of a section, or a section in it.
+
+    Attributes
+    ----------
+    schema
+        Its JSON schema.
+    choices
+        JSON schemas of its alternatives other than null.
+    required
+        Whether it must be given.
+    is_section
+        Whether it has keys of its own, or is a list of such sections.
+    """
+
+    schema: Mapping[str, Any]
+    choices: Sequence[Mapping[str, Any]]
+    required: bool
+    is_section: bool
+
+
+@cache
+def nodes(model: type[BaseModel]) -> dict[str, Node]:
+    """Return all keys and sections of a model by their dotted names, each section before its keys.
+
+    ``N`` in a name is a place in a list, as in ``motors.N.pole_pairs``. All that is said of keys comes from here: the
+    messages about mistakes, the list of keys, the template and the pages.
+    """
+    schema = model.model_json_schema()
+    return dict(_walk(schema, schema.get("$defs", {}), ""))
+
+
+def _walk(section: Mapping[str, Any], sections: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Node]]:
+    for name, schema in section["properties"].items():
+        choices = [choice for choice in schema.get("anyOf", [schema]) if choice.get("type") != "null"]
+        inside = choices[0].get("$ref") or choices[0].get("items", {}).get("$ref")
+        yield f"{prefix}{name}", Node(schema, choices, name in section.get("required", ()), inside is not None)
+        if inside:
+            place = "N." if "items" in choices[0] else ""
+            yield from _walk(sections[inside.rpartition("/")[2]], sections, f"{prefix}{name}.{place}")
+
+
+def in_lists(path: Sequence[str]) -> str:
+    """Join the parts of a dotted name, with ``N`` for each place in a list."""
+    return ".".join("N" if part.isdigit() else part for part in path)
+
+
+def explain(error: ValidationError, model: type[BaseModel]) -> str:
+    """Say in one line which key is wrong, what was given and what is allowed.
+
+    Only the first error is described; the number of further errors is appended.
+    """
+    first, *more = error.errors()
+    path = [str(part) for part in first["loc"]]
+    key = ".".join(path)
+    if first["type"] == "extra_forbidden":
+        *section, wrong = path
+        names = [name.rpartition(".") for name in nodes(model)]
+        known = [last for above, _, last in names if above == in_lists(section)]
+        near = difflib.get_close_matches(wrong, known, n=1, cutoff=0.5)
+        hint = f"did you mean {near[0]}? " if near else ""
+        line = f"unknown key {key}; {hint}allowed: {', '.join(known)}"
+    elif first["type"] == "value_error":
+        line = f"{key}: {first['ctx']['error']}" if key else str(first["ctx"]["error"])
+    else:
+        template = _ALLOWED.get(first["type"])
+        allowed = template.format(**first.get("ctx", {})) if template else first["msg"]
+        line = f"{key} = {short(first['input'])}; allowed: {allowed}"
+    return f"{line} (and {len(more)} more)" if more else line
+
+
+def short(value: Any) -> str:
+    """Format a value for a one-line message."""
+    try:
+        text = " ".join(repr(value).split())
+    except ValueError:  # Python refuses to print integers of more than 4300 digits
+        text = "a number with thousands of digits"
+    return text if len(text) <= 60 else text[:57] + "..."

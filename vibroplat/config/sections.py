@@ -1,0 +1,326 @@
+"""The sections of a configuration that hold numbers of the machine, the material and a run.
+
+Field names are the keys of a YAML configuration and end with their unit. A key, its type, its default and its range
+are defined here, with those of the supply in :mod:`vibroplat.config.drive` and of studies in
+:mod:`vibroplat.config.plans`, and nowhere else.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import BeforeValidator, Field, model_validator
+from pydantic_core import PydanticCustomError
+
+from vibroplat.config.schema import (
+    PERTURBATION,
+    Angle,
+    NonNegative,
+    Positive,
+    Real,
+    Section,
+    Share,
+    described,
+)
+
+#: Least tolerances: what the engines can reach.
+LEAST_TOLERANCE, LEAST_TOLERANCE_SUNDIALS = 1e-14, 1e-12
+
+Rotation = Literal["counter-clockwise", "clockwise"]
+
+#: Keys of the machine that the section ``exciters`` gives for each exciter instead.
+OF_EXCITERS = ("unbalance_radius_m", "rotor_inertia_kg_m2")
+
+#: Rotations of exciters 1 and 2 where they are not given.
+ROTATIONS: tuple[Rotation, Rotation] = ("counter-clockwise", "clockwise")
+
+
+class Motor(Section):
+    """An induction motor (Kloss formula) and its resistance to rotation."""
+
+    critical_torque_n_m: NonNegative = described(1.2, "M_c", "critical torque, the largest; 0: supply switched off")
+    critical_slip: Positive = described(0.15, "s_c", "slip at the critical torque")
+    pole_pairs: Annotated[int, Field(ge=1, le=1000)] = described(
+        2, "P", "pole pairs; the synchronous speed is 2 pi f_e / P"
+    )
+    friction_radius_m: NonNegative = described(5.0e-5, "k_R", "resistance: bearing friction times shaft radius")
+    rated_frequency_hz: Positive | None = described(
+        None,
+        "",
+        "supply frequency at which critical_slip is measured; the critical slip speed stays the same at "
+        "all others, as with an inverter of constant V/f; not given: the critical slip stays the same",
+    )
+
+    def critical_slip_speed(self, frequency: float) -> float:
+        """Difference between synchronous speed and speed at the critical torque (rad/s), at a supply frequency (Hz)."""
+        return self.critical_slip * (2.0 * math.pi * (self.rated_frequency_hz or frequency) / self.pole_pairs)
+
+
+class Exciter(Motor):
+    """An unbalance and its motor. The unbalance mass is the machine's, common to both."""
+
+    unbalance_radius_m: Positive = described(0.09, "r_i", "radius of the unbalance")
+    rotor_inertia_kg_m2: Positive = described(0.8e-3, "J_d,i", "moment of inertia of the rotor")
+    rotation: Rotation | None = described(
+        None, "sigma_i", "in which its motor drives it; not given: exciter 1 counter-clockwise, exciter 2 clockwise"
+    )
+
+    @property
+    def direction(self) -> float:
+        """Direction σ in which the motor drives: +1 counter-clockwise, −1 clockwise."""
+        return -1.0 if self.rotation == "clockwise" else 1.0
+
+
+class Machine(Section):
+    """Platform, springs and exciters; the defaults are the paper's test rig (section 3)."""
+
+    platform_mass_kg: Positive = described(12.42, "m_0", "mass of the platform, without the unbalances")
+    platform_inertia_kg_m2: Positive = described(
+        0.11, "J_0", "moment of inertia of the platform about its centre of mass"
+    )
+    unbalance_mass_kg: Positive = described(0.045, "m_r", "unbalance mass of each exciter")
+    unbalance_radius_m: Positive = described(0.09, "r", "radius of both unbalances; or in exciters, for each")
+    rotor_inertia_kg_m2: Positive = described(
+        0.8e-3, "J_d", "moment of inertia of both rotors; or in exciters, for each"
+    )
+    exciter_distance_m: NonNegative = described(
+        0.128, "rho", "distance of the exciter axes from the platform's centre of mass"
+    )
+    exciter_angle_deg: Real = described(
+        22.5, "gamma_1", "direction of exciter 1's axis above the x axis; exciter 2 is its mirror image"
+    )
+    stiffness_x_n_per_m: NonNegative = described(580e3, "c_x", "stiffness of the springs along x")
+    stiffness_y_n_per_m: Positive = described(470e3, "c_y", "stiffness of the springs along y")
+    stiffness_phi_n_m_per_rad: NonNegative = described(1.8e3, "c_phi", "stiffness of the springs against rotation")
+    damping_x_n_s_per_m: NonNegative = described(300.0, "b_x", "damping of the springs along x")
+    damping_y_n_s_per_m: NonNegative = described(40.0, "b_y", "damping of the springs along y")
+    damping_phi_n_m_s_per_rad: NonNegative = described(0.77, "b_phi", "damping of the springs against rotation")
+    gravity_m_per_s2: NonNegative = described(9.81, "g", "gravity")
+
+    @property
+    def total_mass(self) -> float:
+        """M = m_0 + 2 m_r (kg)."""
+        return self.platform_mass_kg + 2.0 * self.unbalance_mass_kg
+
+    @property
+    def inertia(self) -> float:
+        """Moment J about the common centre of mass (kg·m²); cos²γ₁ by the parallel-axis theorem."""
+        gamma = math.radians(self.exciter_angle_deg)
+        lever = self.platform_mass_kg + 2.0 * self.unbalance_mass_kg * math.cos(gamma) ** 2
+        exciters = 2.0 * self.unbalance_mass_kg * self.exciter_distance_m**2
+        return self.platform_inertia_kg_m2 + exciters * lever / self.total_mass
+
+    @property
+    def safe_rotation(self) -> float:
+        """Rotation φ up to which the mass matrix is positive definite wherever the exciters are (rad).
+
+        To first order in φ a rotation moves the axes out by √(1 + φ²) but leaves J unchanged. The error of J,
+        φ²(J − J_0), is at most J_0 up to this rotation.
+        """
+        exciters = self.inertia - self.platform_inertia_kg_m2
+        return math.sqrt(self.platform_inertia_kg_m2 / exciters) if exciters > 0.0 else math.inf
+
+    @property
+    def exciter_axis(self) -> tuple[float, float]:
+        """Axis (X_0, Y_0) of exciter 1 from the common centre of mass (m); exciter 2 is at (−X_0, Y_0)."""
+        gamma = math.radians(self.exciter_angle_deg)
+        share = self.platform_mass_kg / self.total_mass
+        return (
+            self.exciter_distance_m * math.cos(gamma),
+            share * self.exciter_distance_m * math.sin(gamma),
+        )
+
+
+def _not_bool(value: Any) -> Any:
+    """Refuse true and false, which Python treats as 1 and 0."""
+    if isinstance(value, bool):
+        raise PydanticCustomError("literal_error", "no number", {"expected": "1 or 2"})
+    return value
+
+
+class Material(Section):
+    """The material on the platform; a mass ratio of 0 means a bare platform."""
+
+    mass_ratio: NonNegative = described(
+        0.0, "mu_w", "mass of the material over that of the machine, m_w / M; 0: bare platform"
+    )
+    layers: Annotated[Literal[1, 2], BeforeValidator(_not_bool)] = Field(
+        2, description="layers of material: 2, or 1 for a thin layer"
+    )
+    lower_share: Annotated[float, Field(gt=0.0, le=1.0, allow_inf_nan=False)] = described(
+        0.75, "m_w1 / m_w", "share of the lower layer in the mass of the material; used with two layers"
+    )
+    natural_frequency_hz: Positive | None = described(
+        None, "sqrt(c_w/m_w2) / 2 pi", "natural frequency of the upper layer on the lower one"
+    )
+    stiffness_n_per_m: Positive | None = described(
+        None, "c_w", "stiffness of the spring between the layers, instead of natural_frequency_hz"
+    )
+    damping_ratio: NonNegative | None = described(
+        None, "b_w / (2 sqrt(c_w m_w2))", "damping ratio of the upper layer on the lower one; not given: 0"
+    )
+    damping_n_s_per_m: NonNegative | None = described(
+        None, "b_w", "damping between the layers, instead of damping_ratio"
+    )
+
+    alternatives = (("natural_frequency_hz", "stiffness_n_per_m"), ("damping_ratio", "damping_n_s_per_m"))
+
+    @model_validator(mode="after")
+    def _two_layers(self) -> Self:
+        if self.mass_ratio > 0.0 and self.layers == 2:
+            if self.lower_share == 1.0:
+                raise ValueError(
+                    "lower_share = 1 leaves no upper layer; allowed with layers = 2: more than 0, less than 1"
+                )
+            if self.natural_frequency_hz is None and self.stiffness_n_per_m is None:
+                raise ValueError(
+                    "two layers need a spring between them; give natural_frequency_hz or stiffness_n_per_m"
+                )
+        return self
+
+
+class Contact(Section):
+    """Contact between material and platform."""
+
+    model: Literal["impact", "non-impact"] = Field(
+        "impact",
+        description="impact: the material may lift off and strike the platform; non-impact: it is viscous friction",
+    )
+    restitution: Share = described(0.0, "R", "coefficient of restitution of impacts")
+    sticking_speed_m_per_s: NonNegative = described(0.0, "", "impacts slower than this are inelastic; 0: none")
+    impact_law: Literal["conservative", "central", "printed"] = Field(
+        "conservative",
+        description="conservative: keeps momentum, and energy at R = 1; central: leaves the rotation as it is, as the "
+        "paper does; printed: the paper's formula",
+    )
+    viscous_per_mass_per_s: NonNegative = described(
+        0.0, "beta", "non-impact: damping along y that the material adds, over its mass"
+    )
+    added_mass_share: Share = described(0.0, "", "non-impact: share of the material that moves with the platform")
+
+
+class State(Section):
+    """A full state. Omitted coordinates are at static rest; omitted rates are 0.
+
+    ``t_s``, ``mode``, the contact force and what is told of the supply are accepted but not used, so that the last row
+    of a trajectory can be given unchanged. Time starts at 0; mode and force follow from the state.
+    """
+
+    x_m: Real | None = described(
+        None, "x", "displacement of the machine's centre of mass along x, from unstressed springs"
+    )
+    y_m: Real | None = described(
+        None, "y", "displacement of the machine's centre of mass along y, from unstressed springs"
+    )
+    phi_rad: Real | None = described(None, "phi", "rotation of the platform")
+    phi1_rad: Angle | None = described(None, "phi_1", "angle of exciter 1, counter-clockwise")
+    phi2_rad: Angle | None = described(None, "phi_2", "angle of exciter 2, counter-clockwise")
+    gap_m: NonNegative | None = described(None, "y_w1", "gap between platform and lower layer; 0 in contact")
+    upper_m: Real | None = described(None, "y_w2", "displacement of the upper layer from the lower one; 0: unstressed")
+    x_rate_m_per_s: Real = described(0.0, "dx/dt", "velocity along x")
+    y_rate_m_per_s: Real = described(0.0, "dy/dt", "velocity along y")
+    phi_rate_rad_per_s: Real = described(0.0, "dphi/dt", "angular velocity of the platform")
+    phi1_rate_rad_per_s: Real = described(0.0, "dphi_1/dt", "angular velocity of exciter 1")
+    phi2_rate_rad_per_s: Real = described(0.0, "dphi_2/dt", "angular velocity of exciter 2")
+    gap_rate_m_per_s: Real = described(0.0, "dy_w1/dt", "rate of the gap")
+    upper_rate_m_per_s: Real = described(0.0, "dy_w2/dt", "rate of upper_m")
+    t_s: Real | None = described(None, "t", "time")
+    mode: str | None = described(
+        None, "", "mode: attached (in contact), flight (the material has lifted off) or bare (no contact in this scene)"
+    )
+    contact_force_n: Real | None = described(
+        None, "F_c", "force between lower layer and platform; impulses of impacts are events"
+    )
+    supply_frequency_hz: Real | None = described(None, "f_e", "supply frequency, where a program changes it")
+    motor_power_1_w: Real | None = described(None, "", "mechanical power of motor 1: torque times speed")
+    motor_power_2_w: Real | None = described(None, "", "mechanical power of motor 2: torque times speed")
+
+
+#: Keys of a start with rotating exciters.
+_PHASES = ("phase_difference_rad", "phase_sum_rad", "phi1_rad", "speed_ratio")
+
+
+class Initial(Section, populate_by_name=True):
+    """Initial state: static rest of platform and material with rotating exciters, a full state, or a run's end."""
+
+    phase_difference_rad: Angle | None = described(
+        None,
+        "Delta phi",
+        "phase difference at the start: phi_1 + phi_2 of counter-rotating exciters, phi_1 - phi_2 of "
+        "co-rotating ones; not given: pi",
+    )
+    phase_sum_rad: Angle | None = described(None, "", "phase_difference_rad of counter-rotating exciters")
+    phi1_rad: Angle = described(0.0, "phi_1", "angle of exciter 1 at the start")
+    speed_ratio: Real = described(0.98, "", "speed of both exciters over the synchronous speed")
+    state: State | None = described(None, "", "a full state, such as the last row of a trajectory")
+    from_: Annotated[str, Field(min_length=1)] | None = Field(
+        None, alias="from", description="directory of a run; this one begins where it ended, and its times go on"
+    )
+
+    alternatives = (
+        ("state", "from"),
+        *((way, key) for way in ("state", "from") for key in _PHASES),
+        ("phase_difference_rad", "phase_sum_rad"),
+    )
+
+    @property
+    def phase_difference(self) -> float:
+        """Phase difference of the exciters (rad)."""
+        given = self.phase_difference_rad if self.phase_sum_rad is None else self.phase_sum_rad
+        return math.pi if given is None else given
+
+
+class Run(Section):
+    """Duration and initial state of a run."""
+
+    duration_s: Positive = described(4.0, "", "simulated time")
+    initial: Initial = Field(Initial(), description="how the run begins")
+    perturbation: Share | None = described(
+        None,
+        "",
+        "random change of the rates of platform and exciters at the start, in the scales of the scene; "
+        f"not given: {PERTURBATION:g}, and 0 where initial gives a state or a run",
+    )
+    seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = Field(0, description="seed of the perturbation")
+
+    @property
+    def start_perturbation(self) -> float:
+        """Perturbation of the start: a motion that is symmetric would stay so for ever, even where it is unstable."""
+        if self.perturbation is not None:
+            return self.perturbation
+        return PERTURBATION if self.initial.state is None and self.initial.from_ is None else 0.0
+
+
+class Solver(Section):
+    """Accuracy and integrator."""
+
+    tolerance: Annotated[float, Field(ge=LEAST_TOLERANCE, le=1e-2, allow_inf_nan=False)] = Field(
+        1.0e-6,
+        description="local error, relative to the scales of the scene; at least "
+        f"{LEAST_TOLERANCE_SUNDIALS:g}, with engine taylor {LEAST_TOLERANCE:g}",
+    )
+    engine: Literal["auto", "native", "sundae", "taylor"] = Field(
+        "auto",
+        description="native: SUNDIALS driven from compiled code; sundae: through scikit-sundae's Python callbacks; "
+        "auto: native, or sundae if the library is not as expected; taylor: Taylor series of high order, several times "
+        "faster unless a layer or a motor is stiff",
+    )
+    max_events_per_period: Annotated[int, Field(ge=1, le=10_000_000)] = Field(
+        5_000, description="a run ends if it has more events within one turn at the synchronous speed"
+    )
+
+    @model_validator(mode="after")
+    def _require_reachable_tolerance(self) -> Self:
+        if self.engine != "taylor" and self.tolerance < LEAST_TOLERANCE_SUNDIALS:
+            raise ValueError(
+                f"tolerance = {self.tolerance:g} with engine {self.engine}; "
+                f"allowed: at least {LEAST_TOLERANCE_SUNDIALS:g}, or {LEAST_TOLERANCE:g} with engine taylor"
+            )
+        return self
+
+
+class Output(Section):
+    """Output tables."""
+
+    sample_rate_hz: Positive = described(2000.0, "", "rows of the trajectory table per second")

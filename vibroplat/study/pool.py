@@ -1,0 +1,351 @@
+"""Chains of tasks that run side by side in a pool of workers, each result stored: the way in which studies simulate.
+
+A study is planned as generators. Each yields its next :class:`Task` and is sent the record of the result, so that the
+next task may depend on all results so far; what the generator returns is the result of its chain. A resumed chain is
+sent the stored records first: it repeats its decisions without computing anything, and continues where it was
+interrupted. A stored record is sent only for the very task that it belongs to, so that any records may be lost.
+
+A pool is this process, worker processes, or the workers of a dask scheduler. The result of a task depends on its
+arguments alone, so results do not depend on how chains are spread over workers.
+"""
+
+from __future__ import annotations
+
+import logging
+import warnings
+from collections import Counter, deque
+from collections.abc import Callable, Generator, Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, wait
+from contextlib import contextmanager, nullcontext
+from multiprocessing import resource_tracker
+from typing import Any, Generic, NamedTuple, Protocol, TypeVar
+
+from pydantic import BaseModel
+
+from vibroplat.study import WAIT
+from vibroplat.study.cluster import Cluster, WorkerLostError
+from vibroplat.study.store import Record, Store, digest
+from vibroplat.system.interrupts import stop_if_asked, unheard, unwinding, watching
+
+#: Environment of workers: without it numerical libraries would start a pool of threads in each process.
+PINNED = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA")}
+#: Seconds without a result after which the pool is checked for workers.
+PATIENCE = 1.0
+#: Longest time (s) until Ctrl-C is noticed while workers run.
+TICK = 0.1
+#: Seconds without a task after which a worker process exits.
+IDLE = 20
+#: How many times a task that runs alone may lose its worker before it is given up.
+LIVES = 2
+
+_LOG = logging.getLogger("vibroplat")
+
+T = TypeVar("T")
+
+
+class Task(NamedTuple):
+    """A function that a worker calls.
+
+    Attributes
+    ----------
+    function, arguments
+        What is called. It returns a record, or an object whose attributes are one.
+    if_lost
+        Makes the record of a task whose worker died more than once, from the reason. Without it the error is raised.
+    """
+
+    function: Callable[..., Any]
+    arguments: tuple[Any, ...] = ()
+    if_lost: Callable[[str], Record] | None = None
+
+    @property
+    def digest(self) -> str:
+        """What identifies the task: a digest of the function's name and of all arguments."""
+        name = f"{self.function.__module__}.{getattr(self.function, '__qualname__', type(self.function).__name__)}"
+        plain = [a.model_dump(mode="json") if isinstance(a, BaseModel) else a for a in self.arguments]
+        return digest(name, *plain)
+
+
+#: A generator of tasks that is sent their records.
+Tasks = Generator[Task, Record, T]
+
+
+class StoredChain(Generic[T]):
+    """A chain that stores its records, and does not repeat tasks whose records are stored.
+
+    Parameters
+    ----------
+    tasks
+        What is to be done; it must yield the same tasks when it is sent the same records.
+    records
+        Where the records are stored.
+    name
+        Of the chain, under which they are.
+
+    Attributes
+    ----------
+    next
+        The next task; None if the chain is done.
+    """
+
+    def __init__(self, tasks: Tasks[T], records: Store, name: int | str) -> None:
+        self._tasks = tasks
+        self._records = records
+        self._name = name
+        self._place = -1
+        self._result: T
+        self.next: Task | None = None
+        self._send(None)
+
+    @property
+    def done(self) -> bool:
+        """Whether no task is left."""
+        return self.next is None
+
+    @property
+    def result(self) -> T:
+        """What the generator has returned; only of a chain that is done."""
+        assert self.done
+        return self._result
+
+    def take(self, result: Any) -> None:
+        """Store the result of the next task and move on to the one after it.
+
+        Raises
+        ------
+        WorkerLostError
+            It is given in place of a result, and the task has no record for this case.
+        """
+        assert self.next is not None
+        if isinstance(result, WorkerLostError):
+            if self.next.if_lost is None:
+                raise result
+            result = self.next.if_lost(str(result))
+        record = result if isinstance(result, dict) else vars(result)
+        self._records.write(self._name, self._place, record, self._digest)
+        self._send(record)
+
+    def _send(self, record: Record | None) -> None:
+        """Send the record of the last task, and go on to the next one whose record is not stored."""
+        while True:
+            try:
+                self.next = next(self._tasks) if record is None else self._tasks.send(record)
+            except StopIteration as end:
+                self.next, self._result = None, end.value
+                return
+            self._place += 1
+            self._digest = self.next.digest
+            record = self._records.find(self._name, self._place, self._digest)
+            if record is None:
+                return
+
+
+def run_stored(chains: Iterable[StoredChain[T]], workers: Pool) -> list[T]:
+    """Run chains side by side and return their results in the order of the chains."""
+    chains = list(chains)
+    for _ in run_chains(chains, workers):
+        pass
+    return [chain.result for chain in chains]
+
+
+def run_chains(chains: Iterable[StoredChain[T]], workers: Pool, *, in_turn: bool = True) -> Iterator[StoredChain[T]]:
+    """Run all chains to their ends; yield the chain of each task after it has taken the result.
+
+    Chains take turns, so that all end at about the same time. Otherwise the first ones are finished first.
+
+    When a worker dies, one of the tasks that were running has killed it. From then on each of them runs alone, until
+    it has a result or has killed its worker :data:`LIVES` times and is given up.
+    """
+    waiting = deque(chain for chain in chains if not chain.done)
+    suspects: deque[StoredChain[T]] = deque()
+    deaths: Counter[int] = Counter()
+    running: dict[Future[Any], StoredChain[T]] = {}
+
+    def taken(chain: StoredChain[T], result: Any) -> StoredChain[T]:
+        del deaths[id(chain)]
+        if suspects and suspects[0] is chain:
+            suspects.popleft()
+        chain.take(result)
+        if not chain.done:
+            (waiting.append if in_turn else waiting.appendleft)(chain)
+        return chain
+
+    with nullcontext() if isinstance(workers, Inline) else watching():
+        while waiting or suspects or running:
+            while (waiting or suspects) and len(running) < (1 if suspects else workers.slots):
+                chain = suspects[0] if suspects else waiting.popleft()
+                assert chain.next is not None
+                running[workers.submit(chain.next.function, *chain.next.arguments)] = chain
+            lost, killed = [], False
+            for future in _finished(running, workers):
+                chain = running.pop(future)
+                try:
+                    result = future.result()
+                except (BrokenExecutor, CancelledError) as error:
+                    lost.append(chain)
+                    killed = killed or isinstance(error, BrokenExecutor)  # rather than lost with the connection
+                    continue
+                except WorkerLostError as error:
+                    result = error
+                yield taken(chain, result)
+            if lost:
+                lost += running.values()
+                running.clear()
+                workers.renew()
+                chain, *others = lost
+                deaths[id(chain)] += killed and not others
+                if deaths[id(chain)] == LIVES:
+                    yield taken(chain, WorkerLostError(f"its worker died {LIVES} times"))
+                elif not suspects:
+                    suspects.extend(lost)
+
+
+def _finished(running: Iterable[Future[Any]], workers: Pool) -> set[Future[Any]]:
+    """Wait until a task has finished; end if a signal asks for it, and raise if all workers are gone."""
+    while True:
+        for _ in range(round(PATIENCE / TICK)):
+            done = wait(running, timeout=TICK, return_when=FIRST_COMPLETED).done
+            stop_if_asked()
+            if done:
+                return done
+        workers.check()
+
+
+# -- where tasks run --------------------------------------------------------------------------------------
+
+
+class Pool(Protocol):
+    """Where tasks run.
+
+    Attributes
+    ----------
+    slots
+        How many tasks it is given at a time.
+    """
+
+    slots: int
+
+    def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
+        """Start a task; its error is :class:`.WorkerLostError` if its worker died too often."""
+        ...
+
+    def renew(self) -> None:
+        """Replace workers that have died."""
+        ...
+
+    def check(self) -> None:
+        """Raise :class:`.LostError` if no worker can answer any more."""
+        ...
+
+    def close(self) -> None:
+        """Stop the workers, even in the middle of a task."""
+        ...
+
+
+class Inline:
+    """Runs tasks in this process."""
+
+    slots = 1
+
+    def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
+        """Run a task."""
+        future: Future[Any] = Future()
+        try:
+            future.set_result(function(*arguments))
+        except Exception as error:
+            future.set_exception(error)
+        return future
+
+    def renew(self) -> None:
+        """Nothing to replace."""
+
+    def check(self) -> None:
+        """Nothing to look for: a task has finished when it is submitted."""
+
+    def close(self) -> None:
+        """Nothing to stop."""
+
+
+class Processes:
+    """Worker processes of this machine, started by loky; numerical libraries use one thread in each."""
+
+    def __init__(self, jobs: int) -> None:
+        self._jobs = jobs
+        self.slots = jobs + 1  # one task waits while results are received
+        self.renew()
+
+    def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
+        """Start a task; if the workers have just died it fails like the tasks that they had."""
+        try:
+            resource_tracker.ensure_running()  # started later, it would unblock Ctrl-C (CPython < 3.14)
+            with unheard():
+                future: Future[Any] = self._executor.submit(function, *arguments)
+        except BrokenExecutor as error:
+            future = Future()
+            future.set_exception(error)
+        return future
+
+    def renew(self) -> None:
+        """Start new workers if the old ones are broken."""
+        from loky import get_reusable_executor  # noqa: PLC0415  (not needed for one job)
+
+        # a worker that has been idle for long ends, and is replaced when there is work
+        warnings.filterwarnings("ignore", message="A worker stopped while some jobs were given", category=UserWarning)
+        self._executor: Executor = get_reusable_executor(self._jobs, timeout=IDLE, env=PINNED)
+
+    def check(self) -> None:
+        """Nothing to look for: the futures of workers that die fail by themselves."""
+
+    def close(self) -> None:
+        """Stop the workers."""
+        self._executor.shutdown(wait=True, kill_workers=True)  # type: ignore[call-arg]
+
+
+@contextmanager
+def pool(
+    jobs: int | None = 1, scheduler: str | None = None, *, wait: float = WAIT, chains: int | None = None
+) -> Iterator[Pool]:
+    """Open a pool: this process for one job, worker processes for more, or the workers of a dask scheduler.
+
+    Parameters
+    ----------
+    jobs
+        Worker processes; None for as many as there are cores. Processes without a chain or a core are not started.
+    scheduler
+        Address of a dask scheduler, whose workers are used instead.
+    wait
+        Seconds after which a scheduler without workers is given up.
+    chains
+        The most chains that are run side by side, if that is known.
+
+    Raises
+    ------
+    ConfigError
+        The scheduler does not answer, or dask.distributed is not installed.
+    """
+    processes = 1 if scheduler is not None else _useful(jobs, chains)
+    if scheduler is None and processes == 1:
+        yield Inline()
+        return
+    with unwinding():
+        opened: Pool = Processes(processes) if scheduler is None else Cluster(scheduler, wait)
+        try:
+            yield opened
+        finally:
+            opened.close()
+
+
+def _useful(jobs: int | None, chains: int | None) -> int:
+    """Return how many of the processes have something to do and a core to do it on; say so where not all have."""
+    if jobs == 1:
+        return 1
+    from loky import cpu_count  # noqa: PLC0415  (not needed for one job)
+
+    cores = int(cpu_count())
+    wanted = cores if jobs is None else jobs
+    useful = max(1, min(wanted, cores, wanted if chains is None else chains))
+    if jobs is not None and useful < jobs and chains != 0:
+        used = f"{useful} processes are" if useful > 1 else "one process is"
+        why = "there are no more cores" if useful == cores else "there is no work for more at a time"
+        _LOG.warning("--jobs %d: %s used, as %s", jobs, used, why)
+    return useful
