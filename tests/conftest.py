@@ -11,7 +11,7 @@ from common.places import QUICKSTART
 
 from vibroplat import load_config, simulate
 from vibroplat.config.reader import load_tree
-from vibroplat.motion.warm import load_kernels
+from vibroplat.motion.run import load_kernels
 
 CHANGES = {
     "two layers": {},

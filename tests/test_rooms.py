@@ -21,9 +21,7 @@ ROOMS = (
 #: What the page may use: it is drawn from result tables alone.
 OF_THE_PAGE = {"errors", "columns", "system", "config", "results", "plots", "page"}
 #: Arrows that still point up, or close a circle.
-LEFT = {
-    ("observe.trajectory", "results"),
-}
+LEFT = {}
 
 
 def name_of(path):

@@ -33,9 +33,8 @@ if TYPE_CHECKING:
     from vibroplat.continuation.tables import orbits
     from vibroplat.motion.run import simulate
     from vibroplat.motion.variation import variation
-    from vibroplat.observe.trajectory import Trajectory
     from vibroplat.plots.display import figure_of as figure_of
-    from vibroplat.results.loading import load
+    from vibroplat.results.run import Trajectory, load
     from vibroplat.study.lyapunov import lyapunov
     from vibroplat.study.sweep import sweep
 
@@ -49,8 +48,8 @@ _HOMES = {
     ),
     "simulate": "vibroplat.motion.run",
     "variation": "vibroplat.motion.variation",
-    "load": "vibroplat.results.loading",
-    "Trajectory": "vibroplat.observe.trajectory",
+    "load": "vibroplat.results.run",
+    "Trajectory": "vibroplat.results.run",
     "check_run": "vibroplat.check.runs",
     "check_sweep": "vibroplat.check.sweeps",
     "lyapunov": "vibroplat.study.lyapunov",

@@ -12,7 +12,7 @@ import scipy.linalg
 
 from bench import bouncing, maps
 from vibroplat.bench import orbits
-from vibroplat.motion.warm import load_kernels
+from vibroplat.motion.run import load_kernels
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -16,7 +16,7 @@ from common.results import bits, left
 
 from vibroplat import load_config, orbit
 from vibroplat.continuation.tables import planned
-from vibroplat.motion.warm import load_kernels
+from vibroplat.motion.run import load_kernels
 from vibroplat.study.pool import Inline
 
 MACHINE = Path(__file__).parents[1] / "continuation/machine.yaml"

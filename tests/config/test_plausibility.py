@@ -6,147 +6,135 @@ import contextlib
 import pickle
 
 import pytest
-from common.places import QUICKSTART, ROOT
+from common.places import QUICKSTART
 
-from vibroplat import Machine, Scene, load_config, simulate
+from vibroplat import Machine, Scene, load_config
 from vibroplat.config.plausibility import notes_on_input, quantities
 from vibroplat.errors import ConfigError
-from vibroplat.study.branches import branches
-from vibroplat.study.sweep import notes_on_branches
 
-SHIPPED = sorted([QUICKSTART, *ROOT.glob("configs/machines/*.yaml"), *ROOT.glob("configs/paper/*.yaml")])
 SECTIONS = {"machine": load_config(QUICKSTART).machine, "motor": load_config(QUICKSTART).motor}
 
 
 # -- unusual numbers ------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("changes", "notes"),
-    [
-        (
-            {"machine.stiffness_y_n_per_m": 470.0},
-            [
-                "machine.stiffness_y_n_per_m = 470: natural frequency 0.976 Hz in y; usual: 1 to 150 Hz",
-                "machine.stiffness_y_n_per_m = 470: static sag 0.313 m; usual: up to 0.05 m",
-            ],
-        ),
-        ({"material.mass_ratio": 20.0}, ["material.mass_ratio = 20; usual: up to 5"]),
-        (
-            {"drive.supply_frequency_hz": 3000.0},
-            [
-                "drive.supply_frequency_hz = 3000; usual: up to 400 Hz",
-                "machine.unbalance_mass_kg = 0.045, machine.unbalance_radius_m = 0.03, drive.supply_frequency_hz = "
-                "3000: acceleration 1950 g of the platform far above resonance; usual: up to 30 g",
-            ],
-        ),
-        (
-            {"drive.program": [{"t_s": 0.0, "supply_frequency_hz": 20.0}, {"t_s": 2.0, "supply_frequency_hz": 500.0}]},
-            [
-                "drive.program: supply frequency 500 Hz; usual: up to 400 Hz",
-                "machine.unbalance_mass_kg = 0.045, machine.unbalance_radius_m = 0.03: acceleration 54.3 g of the "
-                "platform far above resonance; usual: up to 30 g",
-            ],
-        ),
-        (
-            {"exciters.0.friction_radius_m": 0.02},
-            ["exciters.0.friction_radius_m = 0.02; usual: up to 0.01 m"],
-        ),
-        (
-            {"machine.stiffness_x_n_per_m": 58e9},
-            ["machine.stiffness_x_n_per_m = 5.8e+10: natural frequency 10800 Hz in x; usual: 1 to 150 Hz"],
-        ),
-        (
-            {"machine.stiffness_phi_n_m_per_rad": 1.8},
-            [
-                "machine.stiffness_phi_n_m_per_rad = 1.8: natural frequency 0.64 Hz in phi; usual: 1 to 150 Hz",
-            ],
-        ),
-        (
-            {"machine.damping_x_n_s_per_m": 3e4},
-            ["machine.damping_x_n_s_per_m = 30000: damping ratio 5.57 in x; usual: up to 1"],
-        ),
-        (
-            {"contact": {"model": "non-impact", "viscous_per_mass_per_s": 3e3}},
-            [
-                "machine.damping_y_n_s_per_m = 40, contact.viscous_per_mass_per_s = 3000: damping ratio 1.56 in y; "
-                "usual: up to 1"
-            ],
-        ),
-        (
-            {"machine.damping_phi_n_m_s_per_rad": 77.0},
-            ["machine.damping_phi_n_m_s_per_rad = 77: damping ratio 2.72 in phi; usual: up to 1"],
-        ),
-        (
-            {"material.damping_ratio": 2.0},
-            ["material.damping_ratio = 2: damping ratio 2 of the layers; usual: up to 1"],
-        ),
-        (
-            {"material.damping_n_s_per_m": 500.0},
-            ["material.damping_n_s_per_m = 500: damping ratio 2.89 of the layers; usual: up to 1"],
-        ),
-        ({"motor.critical_slip": 15.0}, ["motor.critical_slip = 15; usual: up to 1"]),
-        (
-            {"motors": [{**SECTIONS["motor"].model_dump(), "friction_radius_m": 0.05}, SECTIONS["motor"].model_dump()]},
-            ["motors.0.friction_radius_m = 0.05; usual: up to 0.01 m"],
-        ),
-        ({"motor.critical_torque_n_m": 2e4}, ["motor.critical_torque_n_m = 20000; usual: up to 10000 N·m"]),
-        ({"machine.rotor_inertia_kg_m2": 500.0}, ["machine.rotor_inertia_kg_m2 = 500; usual: up to 100 kg·m²"]),
-        ({"run.initial.speed_ratio": -2.0}, ["run.initial.speed_ratio = -2; usual: -1.5 to 1.5"]),
-        (
-            {"run.initial": {"state": {"x_m": 2.0, "y_m": 1e9}}},
-            [
-                "run.initial.state.x_m = 2; usual: -1 to 1 m",
-                "run.initial.state.y_m = 1e+09; usual: -1 to 1 m",
-            ],
-        ),
-        ({"run.initial": {"state": {"gap_m": 0.0}}}, []),
-        (
-            {
-                "exciters": [
-                    {**SECTIONS["motor"].model_dump(), "rotor_inertia_kg_m2": 8e-4, "unbalance_radius_m": r}
-                    for r in (10.0, 0.03)
-                ]
-            },
-            [
-                "machine.unbalance_mass_kg = 0.045, drive.supply_frequency_hz = 51.5, exciters.0.unbalance_radius_m = "
-                "10, exciters.1.unbalance_radius_m = 0.03: acceleration 96.3 g of the platform far above resonance; "
-                "usual: up to 30 g",
-            ],
-        ),
-    ],
-    ids=lambda value: next(iter(value)) if isinstance(value, dict) else "",
-)
-def test_an_unusual_number_is_noted(changes, notes):
-    assert notes_on_input(load_config(QUICKSTART, changes)) == notes
+#: Changes of the quickstart, and what is noted: a situation for each quantity.
+UNUSUAL = [
+    (
+        {"machine.stiffness_y_n_per_m": 470.0},
+        [
+            "machine.stiffness_y_n_per_m = 470: natural frequency 0.976 Hz in y; usual: 1 to 150 Hz",
+            "machine.stiffness_y_n_per_m = 470: static sag 0.313 m; usual: up to 0.05 m",
+        ],
+    ),
+    ({"material.mass_ratio": 20.0}, ["material.mass_ratio = 20; usual: up to 5"]),
+    (
+        {"drive.supply_frequency_hz": 3000.0},
+        [
+            "drive.supply_frequency_hz = 3000; usual: up to 400 Hz",
+            "machine.unbalance_mass_kg = 0.045, machine.unbalance_radius_m = 0.03, drive.supply_frequency_hz = "
+            "3000: acceleration 1950 g of the platform far above resonance; usual: up to 30 g",
+        ],
+    ),
+    (
+        {"drive.program": [{"t_s": 0.0, "supply_frequency_hz": 20.0}, {"t_s": 2.0, "supply_frequency_hz": 500.0}]},
+        [
+            "drive.program: supply frequency 500 Hz; usual: up to 400 Hz",
+            "machine.unbalance_mass_kg = 0.045, machine.unbalance_radius_m = 0.03: acceleration 54.3 g of the "
+            "platform far above resonance; usual: up to 30 g",
+        ],
+    ),
+    (
+        {"exciters.0.friction_radius_m": 0.02},
+        ["exciters.0.friction_radius_m = 0.02; usual: up to 0.01 m"],
+    ),
+    (
+        {"machine.stiffness_x_n_per_m": 58e9},
+        ["machine.stiffness_x_n_per_m = 5.8e+10: natural frequency 10800 Hz in x; usual: 1 to 150 Hz"],
+    ),
+    (
+        {"machine.stiffness_phi_n_m_per_rad": 1.8},
+        [
+            "machine.stiffness_phi_n_m_per_rad = 1.8: natural frequency 0.64 Hz in phi; usual: 1 to 150 Hz",
+        ],
+    ),
+    (
+        {"machine.damping_x_n_s_per_m": 3e4},
+        ["machine.damping_x_n_s_per_m = 30000: damping ratio 5.57 in x; usual: up to 1"],
+    ),
+    (
+        {"contact": {"model": "non-impact", "viscous_per_mass_per_s": 3e3}},
+        [
+            "machine.damping_y_n_s_per_m = 40, contact.viscous_per_mass_per_s = 3000: damping ratio 1.56 in y; "
+            "usual: up to 1"
+        ],
+    ),
+    (
+        {"machine.damping_phi_n_m_s_per_rad": 77.0},
+        ["machine.damping_phi_n_m_s_per_rad = 77: damping ratio 2.72 in phi; usual: up to 1"],
+    ),
+    (
+        {"material.damping_ratio": 2.0},
+        ["material.damping_ratio = 2: damping ratio 2 of the layers; usual: up to 1"],
+    ),
+    (
+        {"material.damping_n_s_per_m": 500.0},
+        ["material.damping_n_s_per_m = 500: damping ratio 2.89 of the layers; usual: up to 1"],
+    ),
+    ({"motor.critical_slip": 15.0}, ["motor.critical_slip = 15; usual: up to 1"]),
+    (
+        {"motors": [{**SECTIONS["motor"].model_dump(), "friction_radius_m": 0.05}, SECTIONS["motor"].model_dump()]},
+        ["motors.0.friction_radius_m = 0.05; usual: up to 0.01 m"],
+    ),
+    ({"motor.critical_torque_n_m": 2e4}, ["motor.critical_torque_n_m = 20000; usual: up to 10000 N·m"]),
+    ({"machine.rotor_inertia_kg_m2": 500.0}, ["machine.rotor_inertia_kg_m2 = 500; usual: up to 100 kg·m²"]),
+    ({"run.initial.speed_ratio": -2.0}, ["run.initial.speed_ratio = -2; usual: -1.5 to 1.5"]),
+    (
+        {"run.initial": {"state": {"x_m": 2.0, "y_m": 1e9}}},
+        [
+            "run.initial.state.x_m = 2; usual: -1 to 1 m",
+            "run.initial.state.y_m = 1e+09; usual: -1 to 1 m",
+        ],
+    ),
+    ({"run.initial": {"state": {"gap_m": 0.0}}}, []),
+    (
+        {
+            "exciters": [
+                {**SECTIONS["motor"].model_dump(), "rotor_inertia_kg_m2": 8e-4, "unbalance_radius_m": r}
+                for r in (10.0, 0.03)
+            ]
+        },
+        [
+            "machine.unbalance_mass_kg = 0.045, drive.supply_frequency_hz = 51.5, exciters.0.unbalance_radius_m = "
+            "10, exciters.1.unbalance_radius_m = 0.03: acceleration 96.3 g of the platform far above resonance; "
+            "usual: up to 30 g",
+        ],
+    ),
+]
+
+
+def test_unusual_numbers_are_noted():
+    assert [notes_on_input(load_config(QUICKSTART, changes)) for changes, _ in UNUSUAL] == [n for _, n in UNUSUAL]
 
 
 def test_every_unusual_quantity_of_a_scene_has_a_situation():
-    """The test before has one for each."""
-    (marker,) = test_an_unusual_number_is_noted.pytestmark
-    told = " ".join(note for _, notes in marker.args[1] for note in notes)
-    program = {"drive.program": [{"t_s": 0.0, "supply_frequency_hz": 20.0}]}
-    texts = [
-        quantity.text.partition("{}") for quantity in quantities(load_config(QUICKSTART, program)) if quantity.text
-    ]
+    told = " ".join(note for _, notes in UNUSUAL for note in notes)
+    scene = load_config(QUICKSTART, {"drive.program": [{"t_s": 0.0, "supply_frequency_hz": 20.0}]})
+    texts = [quantity.text.partition("{}") for quantity in quantities(scene) if quantity.text]
     assert [text for text in texts if text[0] not in told or text[2] not in told] == []
 
 
-@pytest.mark.parametrize(
-    "changes",
-    [
+def test_what_a_scene_does_not_have_is_not_unusual():
+    for changes in (
         {"machine.stiffness_x_n_per_m": 0.0, "machine.damping_x_n_s_per_m": 0.0},
         {"machine.stiffness_phi_n_m_per_rad": 0.0},
         {"machine.gravity_m_per_s2": 0.0},
         {"material.mass_ratio": 0.0, "material.damping_ratio": 5.0},
-    ],
-    ids=str,
-)
-def test_what_a_scene_does_not_have_is_not_unusual(changes):
-    assert notes_on_input(load_config(QUICKSTART, changes)) == []
+    ):
+        assert notes_on_input(load_config(QUICKSTART, changes)) == []
 
 
-@pytest.mark.parametrize("value", [5e-324, 1e-300, 1e-30, 1e30])
+@pytest.mark.parametrize("value", [1e-30, 1e30])
 def test_absurd_numbers_have_notes_too(value):
     """Every number that a scene accepts, alone and beside the others."""
     scene, accepted = load_config(QUICKSTART), {}
@@ -157,12 +145,6 @@ def test_absurd_numbers_have_notes_too(value):
                 accepted[f"{name}.{key}"] = value
     assert len(accepted) >= 10
     assert notes_on_input(scene.replace({**accepted, "run.duration_s": 1e-30})) != []
-
-
-def test_an_unusual_scene_is_simulated_all_the_same():
-    scene = load_config(QUICKSTART, {"material.mass_ratio": 20.0, "run.duration_s": 0.05})
-    summary = simulate(scene, keep="summary").summary
-    assert (summary["outcome"], summary["notes"]) == ("ok", ["material.mass_ratio = 20; usual: up to 5"])
 
 
 # -- numbers taken by default ---------------------------------------------------------------------------
@@ -202,13 +184,3 @@ def test_each_of_two_motors_is_noted():
     motors = [{"critical_torque_n_m": 1.0}, SECTIONS["motor"].model_dump()]
     notes = notes_on_input(load_config(QUICKSTART, {"motors": motors}))
     assert notes == ["motors.0: critical_slip and 2 more keys not given; taken from the paper's test rig"]
-
-
-# -- what is shipped ------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("file", SHIPPED, ids=lambda file: file.stem)
-def test_shipped_configurations_are_complete_and_usual(file):
-    scene = load_config(file)
-    assert notes_on_input(scene) == []
-    assert scene.sweep is None or notes_on_branches(branches(scene)) == []

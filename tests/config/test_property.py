@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import json
-import typing
 
 import pytest
 from common.drawing import given
-from pydantic import BaseModel
 
 from vibroplat import Motor, Scene, load_config
 from vibroplat.config.reader import parse_overrides
+from vibroplat.config.schema import nodes
 from vibroplat.errors import ConfigError
 
 VALID = {
@@ -20,17 +19,8 @@ VALID = {
 }
 
 
-def dotted_keys(model, path=()):
-    """All keys of a configuration, sections too."""
-    for name, field in model.model_fields.items():
-        key = field.alias or name
-        yield ".".join((*path, key))
-        for kind in (field.annotation, *typing.get_args(field.annotation)):
-            if isinstance(kind, type) and issubclass(kind, BaseModel):
-                yield from dotted_keys(kind, (*path, key))
-
-
-KEYS = sorted(dotted_keys(Scene))
+#: All keys of a configuration, sections too.
+KEYS = sorted(name.replace(".N", ".1") for name in nodes(Scene))
 EDGES = [0, 1, 2, -1, 0.0, 0.5, 1.0, 1e-320, 1e300, 10**400, float("nan"), float("inf")]
 
 
@@ -39,14 +29,9 @@ def numbers(st):
 
 
 def values(st):
-    texts = st.sampled_from(["impact", "central", "auto"])
-    plain = st.one_of(st.none(), st.booleans(), numbers(st), st.text(max_size=20), texts)
+    plain = st.one_of(st.none(), st.booleans(), numbers(st), st.text(max_size=20), st.just("impact"))
     names = st.sampled_from([key.rpartition(".")[2] for key in KEYS])
-    return st.recursive(
-        plain,
-        lambda inner: st.one_of(st.lists(inner, max_size=3), st.dictionaries(names, inner, max_size=3)),
-        max_leaves=5,
-    )
+    return st.one_of(plain, st.lists(plain, max_size=3), st.dictionaries(names, plain, max_size=3))
 
 
 def accepted(load, kind=Scene):
@@ -62,27 +47,10 @@ def accepted(load, kind=Scene):
     return False
 
 
-def test_all_sections_are_drawn_from():
-    found = {"name", "motor.pole_pairs", "run.initial.state.gap_m", "run.initial.from", "output.sample_rate_hz"}
-    assert found <= set(KEYS)
-
-
 @given(changes=lambda st: st.dictionaries(st.sampled_from(KEYS), values(st), min_size=1, max_size=3))
 def test_any_value_is_accepted_or_told_in_a_line(changes, here):
     (here / "c.yaml").write_text(json.dumps(VALID))
     accepted(lambda: load_config("c.yaml", changes))
-
-
-@given(key=lambda st: st.sampled_from([key for key in KEYS if "." in key]), value=numbers)
-def test_any_number_is_accepted_or_told_in_a_line(key, value, here):
-    (here / "c.yaml").write_text("material: {mass_ratio: 0.2, natural_frequency_hz: 18.5}\n")
-    accepted(lambda: load_config("c.yaml", {key: value}))
-
-
-@given(tree=lambda st: st.dictionaries(st.sampled_from(list(Scene.model_fields)), values(st), max_size=4))
-def test_any_file_is_accepted_or_told_in_a_line(tree, here):
-    (here / "c.yaml").write_text(json.dumps(tree, ensure_ascii=False), encoding="utf-8", errors="replace")
-    accepted(lambda: load_config("c.yaml"))
 
 
 @given(key=lambda st: st.text(min_size=1, max_size=300))
@@ -94,12 +62,6 @@ def test_any_key_is_told_in_a_line(key, here):
 @given(text=lambda st: st.one_of(st.text(max_size=60), st.text("[]{}:,-&*!|>%#? \n\t'\"aé1.~<", max_size=30)))
 def test_any_text_is_a_setting_or_told_in_a_line(text):
     accepted(lambda: parse_overrides([f"key.sub={text}"]), dict)
-
-
-@given(content=lambda st: st.binary(max_size=80))
-def test_any_bytes_are_told_in_a_line(content, here):
-    (here / "c.yaml").write_bytes(content)
-    accepted(lambda: load_config("c.yaml"))
 
 
 def unusable(key, value):
@@ -116,14 +78,7 @@ def unusable(key, value):
     return False
 
 
-@pytest.mark.parametrize(
-    "value",
-    [
-        pytest.param(float("nan"), id="nan"),
-        pytest.param(float("inf"), id="inf"),
-        pytest.param(10**400, id="huge"),
-    ],
-)
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), 10**400], ids=["nan", "inf", "huge"])
 def test_what_is_accepted_can_be_used(value):
     assert [key for key in KEYS if unusable(key, value)] == []
 
@@ -138,11 +93,6 @@ def numbers_of_exciters(st):
         "pole_pairs": st.integers(1, 6),
         "rotation": st.sampled_from(["counter-clockwise", "clockwise"]),
     }
-
-
-def one_number_of_an_exciter(st):
-    each = numbers_of_exciters(st)
-    return st.sampled_from(sorted(each)).flatmap(lambda key: st.tuples(st.just(key), each[key]))
 
 
 def exciters(st):
@@ -197,12 +147,3 @@ def test_exciters_are_overridden_number_by_number(given, differences):
     )
     for old, new, change in zip(before, after, differences, strict=True):
         assert new.model_dump() == old.model_dump() | change
-
-
-@given(given=machines, place=lambda st: st.sampled_from([0, 1]), change=one_number_of_an_exciter)
-def test_one_number_of_one_exciter_is_set(given, place, change):
-    key, value = change
-    scene = Scene.from_tree(given)
-    after = scene.replace({f"exciters.{place}.{key}": value}).exciter_pair
-    assert after[1 - place] == scene.exciter_pair[1 - place]
-    assert after[place].model_dump() == scene.exciter_pair[place].model_dump() | {key: value}

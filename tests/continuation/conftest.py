@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 
 from vibroplat import load_config, orbits
-from vibroplat.motion.warm import load_kernels
+from vibroplat.motion.run import load_kernels
 
 from .helpers import MACHINE, PLAN
 

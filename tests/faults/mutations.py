@@ -26,125 +26,88 @@ EXTRA = {
     ),
 }
 
+
+def listed(text):
+    """Values that stand between bars."""
+    return [value for line in text.strip().splitlines() for value in line.strip().split(" | ")]
+
+
 #: In the place of a value.
 VALUES = (
-    *("", "~", "null", "true", "no", "[]", "{}", "[1]", "[[1, 2], 3]", "{a: 1}", "text", "''", '""', "'5'", "1:30"),
-    *("0", "-0.0", "-1", "-1e-3", "1", "2", "0.5", "1e-320", "5e-324", "1e-30", "1e30", "1e308", "1e400", "-1e400"),
-    *(".nan", ".inf", "-.inf", "NaN", "inf", "1_000", "0x10", "0o17", "0b11", "1e", "1.e5", "+.5", "١٢", "1,5", "5 kg"),
-    *("1" + "0" * 400, "9" * 5000, "-" + "9" * 400, "0x" + "f" * 400, "0x" + "f" * 5000, "0o" + "7" * 6000),
-    *("0." + "0" * 400 + "1", "1e" + "9" * 400, "9" * 18, "18446744073709551616", "2147483648"),
-    *("2001-01-01", "2001-12-14t21:59:43.10-05:00", "2001-13-45", "!!binary aGVsbG8=", "!!binary é", "!!set {a, b}"),
-    *("!!omap [a: 1, a: 2]", "!!pairs [a: 1]", "!!timestamp x", "!!int 1.5", "!!float x", "!!bool 7", "!!null 1"),
-    *("!!str 5", "!local 5", "!<tag:yaml.org,2002:int> x", "! 5", "&a 1", "*a", "*nope", "<<", "|\n    text", ">-"),
-    *("'", '"', '"\\ud800"', '"\\udfff\\ud800"', '"\\0"', '"\\x1b[2J"', '"\\u202e"', "\u202eabc", "\u0627\u0644"),
-    *("\ufeff", "𝟙", "½", "１", "é" * 3000, "x" * 5000, "- " * 200 + "1", "[" * 150 + "]" * 150, "{a: " * 150 + "1"),
-    *("@a", "`a", "%a", "? a", "- 1", ": 1", "a: b: c", "# no", "[1, 2", "{a: 1", "[up, up]", "[up, sideways]"),
+    *listed(r"""
+        ~ | null | true | no | [] | {} | [1] | [[1, 2], 3] | {a: 1} | text | '' | "" | '5' | 1:30 | 0 | -0.0 | -1
+        -1e-3 | 1 | 2 | 0.5 | 1e-320 | 5e-324 | 1e-30 | 1e30 | 1e308 | 1e400 | -1e400 | .nan | .inf | -.inf | NaN | inf
+        1_000 | 0x10 | 0o17 | 0b11 | 1e | 1.e5 | +.5 | ١٢ | 1,5 | 5 kg | 999999999999999999 | 18446744073709551616
+        2147483648 | 2001-01-01 | 2001-12-14t21:59:43.10-05:00 | 2001-13-45 | !!binary aGVsbG8= | !!binary é
+        !!set {a, b} | !!omap [a: 1, a: 2] | !!pairs [a: 1] | !!timestamp x | !!int 1.5 | !!float x | !!bool 7
+        !!null 1 | !!str 5 | !local 5 | !<tag:yaml.org,2002:int> x | ! 5 | &a 1 | *a | *nope | << | >- | ' | "
+        "\ud800" | "\udfff\ud800" | "\0" | "\x1b[2J" | "\u202e" | ال | ½ | @a | `a | %a | ? a | - 1 | : 1 | a: b: c
+        # no | [1, 2 | {a: 1 | [up, up] | [up, sideways]
+    """),
+    *("", "1" + "00" * 200, "99" * 2500, "-" + "99" * 200, "0x" + "ff" * 200, "0x" + "ff" * 2500),
+    *("0o" + "77" * 3000, "0." + "00" * 200 + "1", "1e" + "99" * 200, "|\n    text", "\u202eabc", "\ufeff"),
+    *("𝟙", "１", "éé" * 1500, "xx" * 2500, "- " * 200 + "1", "[" * 150 + "]" * 150, "{a: " * 150 + "1"),
 )
 
 #: Lines put in somewhere.
 LINES = (
-    *("machin: {}", "machine: {platform_mas_kg: 1.0}", "contact: {restituton: 0.3}", "solver: {tol: 1e-6}"),
-    *("material: {layers: 3}", "material: {mass_ratio: 0.2, natural_frequency_hz: 1, stiffness_n_per_m: 1}"),
-    *("motor: {}", "motors: [{}, {}]", "motors: [{}]", "motors: {}", "motor: ~", "sweep: ~", "sweep: {}", "run: 5"),
-    *("run: {initial: {state: {}}}", "run: {initial: {state: {gap_m: -1}}}", "run: {initial: {state: [1]}}"),
-    *("run: {initial: {state: {mode: 5, t_s: x}}}", "run: {duration_s: 1e300}", "output: {sample_rate_hz: 1e300}"),
-    *("drive: {supply_frequency_hz: 0}", "sweep: {supply_frequency_hz: {start: 1, stop: 2, step: 1e-300}}"),
-    *("sweep: {supply_frequency_hz: {start: 1, stop: 1e6, step: 1e-3}}", "sweep: {supply_frequency_hz: 50}"),
+    *listed(r"""
+        machin: {} | machine: {platform_mas_kg: 1.0} | contact: {restituton: 0.3} | solver: {tol: 1e-6}
+        material: {layers: 3} | material: {mass_ratio: 0.2, natural_frequency_hz: 1, stiffness_n_per_m: 1} | motor: {}
+        motors: [{}, {}] | motors: [{}] | motors: {} | motor: ~ | sweep: ~ | sweep: {} | run: 5
+        run: {initial: {state: {}}} | run: {initial: {state: {gap_m: -1}}} | run: {initial: {state: [1]}}
+        run: {initial: {state: {mode: 5, t_s: x}}} | run: {duration_s: 1e300} | output: {sample_rate_hz: 1e300}
+        drive: {supply_frequency_hz: 0} | sweep: {supply_frequency_hz: {start: 1, stop: 2, step: 1e-300}}
+        sweep: {supply_frequency_hz: {start: 1, stop: 1e6, step: 1e-3}} | sweep: {supply_frequency_hz: 50} | 1: 2
+        1.5: x | true: x | ~: x | 2001-01-01: 1 | a: &a {<<: *a} | a: &a [*a] | <<: {run: {duration_s: 2}} | <<: [1]
+        <<: 5 | <<: *x | <<: [{run: 5}, {run: 6}] | &k name: a | *k : b | ... | %YAML 1.1 | %TAG ! x | - | - a | ] | }
+        ? | : | name | name:x | nаme: x | náme: x | extends: | extends: [a] | extends: {a: 1} | extends: 5
+        !!python/object/apply:os.system ["touch CANARY"] | !!python/object/apply:os.mkdir ["CANARY"]
+        a: !!python/object/apply:os.system ["touch CANARY"] | a: !!python/object/apply:os.mkdir ["CANARY"]
+        name: !!python/name:os.system | a: !!python/object/new:os.mkdir [CANARY] | a: !!python/module:antigravity
+        !!python/object/apply:subprocess.Popen [[touch, CANARY]] : 1 | a: !!python/tuple [1]
+    """),
+    *("? [a, b]\n: 1", "? {a: 1}\n: 2", "0x" + "ff" * 2500 + ": 1", "a: &a [1, 2]\nb: *a", "--- "),
+    *("---\na: 1\n---\nb: 2", "\tname: x", "  stray: 1", "|", "\x00", "\x07", "\x7f", "\x85", "\u2028"),
+    *("\u2029", "\ufeff", "\u202ename: x", "'na\nme': x", "xx" * 2500 + ": 1", "\ud800"),
+    *("? " + "kk" * 750 + "\n: 1", "##" * 1500, "  " * 150 + "a: 1"),
     *(
         f"sweep: {{supply_frequency_hz: {{start: 50, stop: 51}}, {keys}}}"
         for keys in (
-            "grid: {a: [1]}",
-            "grid: {run.duration_s: [1]}",
-            "grid: {machine: [1]}",
-            "grid: {machine.: [1]}",
-            "grid: {'': [1]}",
-            "grid: {material.layers: [1, 1.0]}",
-            "grid: {material.layers: [1, true]}",
-            "grid: {contact.restitution: [.nan]}",
+            *listed("""
+            grid: {a: [1]} | grid: {run.duration_s: [1]} | grid: {machine: [1]} | grid: {machine.: [1]}
+            grid: {'': [1]} | grid: {material.layers: [1, 1.0]} | grid: {material.layers: [1, true]}
+            grid: {contact.restitution: [.nan]} | grid: [1] | grid: {drive.supply_frequency_hz: [1]}
+            grid: {motors: [1]} | kind: map | seed: 9223372036854775808 | seed: -1 | settle_s: .nan
+            settle_s: 1e-320 | measure_s: 1e308
+            """),
             "grid: {contact.restitution: [0x" + "f" * 5000 + "]}",
             "grid: {contact.impact_law: [central, '\\ud800']}",
             'grid: {"a\\ud800": [1]}',
-            "grid: [1]",
-            "grid: {drive.supply_frequency_hz: [1]}",
-            "grid: {motors: [1]}",
-            "kind: map",
-            "seed: 9223372036854775808",
-            "seed: -1",
-            "settle_s: .nan",
-            "settle_s: 1e-320",
-            "measure_s: 1e308",
         )
     ),
-    *(
-        "1: 2",
-        "1.5: x",
-        "true: x",
-        "~: x",
-        "? [a, b]\n: 1",
-        "? {a: 1}\n: 2",
-        "2001-01-01: 1",
-        "0x" + "f" * 5000 + ": 1",
-    ),
-    *(
-        "a: &a [1, 2]\nb: *a",
-        "a: &a {<<: *a}",
-        "a: &a [*a]",
-        "<<: {run: {duration_s: 2}}",
-        "<<: [1]",
-        "<<: 5",
-        "<<: *x",
-    ),
-    *(
-        "<<: [{run: 5}, {run: 6}]",
-        "&k name: a",
-        "*k : b",
-        "--- ",
-        "...",
-        "---\na: 1\n---\nb: 2",
-        "%YAML 1.1",
-        "%TAG ! x",
-    ),
-    *("\tname: x", "  stray: 1", "-", "- a", "]", "}", "?", ":", "|", "name", "name:x", "\x00", "\x07", "\x7f", "\x85"),
-    *("\u2028", "\u2029", "\ufeff", "\u202ename: x", "nаme: x", "náme: x", "'na\nme': x", "x" * 5000 + ": 1", "\ud800"),
-    *(
-        f"? {'k' * 1500}\n: 1",
-        "#" * 3000,
-        " " * 300 + "a: 1",
-        "extends:",
-        "extends: [a]",
-        "extends: {a: 1}",
-        "extends: 5",
-    ),
-    *(f"!!python/object/apply:os.{call}" for call in ('system ["touch CANARY"]', 'mkdir ["CANARY"]')),
-    *(f"a: !!python/object/apply:os.{call}" for call in ('system ["touch CANARY"]', 'mkdir ["CANARY"]')),
-    *("name: !!python/name:os.system", "a: !!python/object/new:os.mkdir [CANARY]", "a: !!python/module:antigravity"),
-    *("!!python/object/apply:subprocess.Popen [[touch, CANARY]] : 1", "a: !!python/tuple [1]"),
 )
 
 #: Names of scenes that would lead elsewhere or could not be a directory.
 NAMES = (
-    *("../../x", "..", ".", "a/b", "/x/y", "a\\b", "con", "nul", "~", "-rf", ".hidden", "a b", "a\n b", '"a\\nb"'),
-    *('"a\\0b"', "x" * 100, "x" * 101, "x" * 5000, "é", "\u202ea", "''", "*", "$(touch CANARY)", "a;b", "5", "1e3"),
-    *("[a]", "{a: 1}", "null", "true", '"a\\ud800"', '"a\\n"', "a..", "a/../b", "points.sqlite", "2001-01-01"),
+    *listed(r"""
+        ../../x | .. | . | a/b | /x/y | a\b | con | nul | ~ | -rf | .hidden | a b | "a\nb" | "a\0b" | é | '' | *
+        $(touch CANARY) | a;b | 5 | 1e3 | [a] | {a: 1} | null | true | "a\ud800" | "a\n" | a.. | a/../b | points.sqlite
+        2001-01-01
+    """),
+    *("a\n b", "xx" * 50, "xx" * 50 + "x", "xx" * 2500, "\u202ea"),
 )
 
 #: What a file may be laid over. Devices without an end are tried apart: they could take the tests along.
 BASES = (
-    *("c.yaml", "./c.yaml", "link.yaml", "loop-a.yaml", "deep/../c.yaml", "dangling.yaml", "round.yaml", "nope.yaml"),
-    *("deep", ".", "..", "/", "/root", "/etc/passwd", "/dev/null", "/proc/self/environ", "/proc/self/mem", "/proc"),
-    *("/proc/self/cmdline", "/nope/nope", "nope/nope.yaml", "c.yaml/c.yaml", "binary.yaml", "list.yaml", "empty.yaml"),
-    "0x" + "f" * 5000,
-    *("large.yaml", "''", "5", "~", "[c.yaml]", '"a\\0b"', '"\\ud800"', "x" * 300, "x/" * 3000, "http://127.0.0.1:9/x"),
-    *(
-        "file:///etc/passwd",
-        "'~/c.yaml'",
-        "$HOME",
-        "'*'",
-        '"a\\nb"',
-        "é.yaml",
-        "named-by-nobody\u202e.yaml",
-        "0x" + "f" * 5000,
-    ),
+    *listed(r"""
+        c.yaml | ./c.yaml | link.yaml | loop-a.yaml | deep/../c.yaml | dangling.yaml | round.yaml | nope.yaml | deep | .
+        .. | / | /root | /etc/passwd | /dev/null | /proc/self/environ | /proc/self/mem | /proc | /proc/self/cmdline
+        /nope/nope | nope/nope.yaml | c.yaml/c.yaml | binary.yaml | list.yaml | empty.yaml | large.yaml | '' | 5 | ~
+        [c.yaml] | "a\0b" | "\ud800" | http://127.0.0.1:9/x | file:///etc/passwd | '~/c.yaml' | $HOME | '*' | "a\nb"
+        é.yaml
+    """),
+    *("0x" + "ff" * 2500, "xx" * 150, "x/" * 3000, "named-by-nobody\u202e.yaml"),
 )
 
 _KEY = re.compile(r"^(\s*(?:- )?[\w.]+:)[ \t]*(.*)$")
@@ -156,29 +119,11 @@ def bombs():
     merges = "a0: &a0 {x0: 1}\n" + "".join(
         f"a{i}: &a{i} {{<<: [{', '.join([f'*a{i - 1}'] * 9)}], x{i}: 2}}\n" for i in range(1, 12)
     )
-    return (
-        *(lists, merges, "- " * 5000 + "1", "? " * 5000 + "1", "[" * 5000, "{" * 5000, "a: " * 5000, "!!str " * 3000),
-        *(
-            "a: [" + "1," * 12_000 + "]",
-            "".join(" " * i + "a:\n" for i in range(220)),
-            "a: " + "x" * 24_000,
-            "#" * 26_000,
-        ),
-        *(
-            "&a " * 3000,
-            "".join(f"k{i}: 1\n" for i in range(2400)),
-            "a: '" + "''" * 12_000 + "'",
-            '"' + "\\x41" * 6000 + '"',
-        ),
-        *(
-            "- " * 300 + "1",
-            "".join(f"{'  ' * i}- a:\n" for i in range(100)),
-            "\n" * 24_900,
-            "---\n" * 6000,
-            "a: |\n" + " x\n" * 8000,
-        ),
-        *("a: [" + "[], " * 90 + "]\n" + "".join(f"k{i}: 1e9\n" for i in range(1500)), "a: " + "9" * 24_000),
-    )
+    wide = ("a: [" + "1," * 12_000 + "]", "".join(f"k{i}: 1\n" for i in range(2400)), "---\n" * 6000, "&a " * 3000)
+    deep = ("- " * 5000 + "1", "? " * 5000 + "1", "[" * 5000, "{" * 5000, "a: " * 5000, "!!str " * 3000)
+    stairs = ("".join(" " * i + "a:\n" for i in range(220)), "".join(f"{'  ' * i}- a:\n" for i in range(100)))
+    long = ("a: " + "x" * 24_000, "#" * 26_000, "a: '" + "''" * 12_000 + "'", '"' + "\\x41" * 6000 + '"', "\n" * 24_900)
+    return (lists, merges, *wide, *deep, *stairs, *long, "a: |\n" + " x\n" * 8000, "a: " + "9" * 24_000)
 
 
 BOMBS = bombs()

@@ -137,8 +137,8 @@ pd.DataFrame.to_csv = half
 GROWING = """
 import os, signal
 import pandas as pd
-import vibroplat.observe.table
-vibroplat.observe.table.BLOCK = 64
+import vibroplat.observe.tables
+vibroplat.observe.tables.BLOCK = 64
 to_csv, parts = pd.DataFrame.to_csv, []
 def interrupted(table, path, **options):
     to_csv(table, path, **options)

@@ -150,7 +150,7 @@ def test_run_killed_while_its_table_grows_leaves_the_old_result(here):
     (here / "c.yaml").write_text(RUN)
     assert command("run", "c.yaml").code == 0
     wanted = tables(here / "results/c")[0]
-    small = "import vibroplat.observe.table\nvibroplat.observe.table.BLOCK = 64\n"
+    small = "import vibroplat.observe.tables\nvibroplat.observe.tables.BLOCK = 64\n"
     before = small + sending(signal.SIGKILL, "pyarrow.parquet:ParquetWriter.write_table", 3)
     assert ended(here, "run", "c.yaml", "--set", "run.duration_s=0.5", before=before).code == -signal.SIGKILL
     found, temporaries = tables(here / "results/c")

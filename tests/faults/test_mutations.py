@@ -136,9 +136,8 @@ def fuzz(place, numbers, watched):
 @pytest.mark.parametrize(
     "numbers",
     [
-        pytest.param(range(50), id="50"),
-        pytest.param(range(50, 300), id="250", marks=pytest.mark.long),
-        pytest.param(range(300, 1300), id="1000", marks=pytest.mark.long),
+        pytest.param(range(40), id="40"),
+        pytest.param(range(300, 800), id="500", marks=pytest.mark.long),
         pytest.param(range(3300, 13_300), id="10000", marks=pytest.mark.campaign),
     ],
 )
@@ -168,9 +167,7 @@ def test_watch_notices_what_is_done(watched, here):
     "numbers",
     [
         pytest.param(range(2, 3), id="1"),
-        pytest.param(range(5), id="5", marks=pytest.mark.long),
-        pytest.param(range(100, 110), id="10", marks=pytest.mark.long),
-        pytest.param(range(110, 140), id="30", marks=pytest.mark.campaign),
+        pytest.param(range(100, 105), id="5", marks=pytest.mark.long),
     ],
 )
 def test_spoiled_configuration_is_refused_by_the_program(numbers, place):
@@ -212,16 +209,9 @@ def limited(*arguments, cwd):
     ("way", "file"),
     [
         ("extended", "fifo"),
-        *(
-            pytest.param(way, file, marks=pytest.mark.long)
-            for way, file in (
-                ("extended", "/dev/zero"),
-                ("itself", "fifo"),
-                ("itself", "/dev/zero"),
-                ("itself", "socket"),
-            )
-        ),
-        *(pytest.param("extended", file, marks=pytest.mark.long) for file in ("/dev/urandom", "/dev/full", "socket")),
+        pytest.param("extended", "/dev/zero", marks=pytest.mark.long),
+        pytest.param("itself", "/dev/full", marks=pytest.mark.long),
+        pytest.param("itself", "socket", marks=pytest.mark.long),
     ],
 )
 def test_file_without_an_end_is_refused(way, file, here):
@@ -232,35 +222,6 @@ def test_file_without_an_end_is_refused(way, file, here):
     done = limited("run", file if way == "itself" else "c.yaml", cwd=here)
     assert done is not None, "did not end"
     assert not_a_line(done) == ""
-
-
-@pytest.mark.parametrize("files", [50, *(pytest.param(n, marks=pytest.mark.long) for n in (400, 3000))])
-def test_long_chain_of_files_is_read_or_refused(files, here):
-    """Each file lies over the next: far more than anybody has."""
-    for k in range(files):
-        (here / f"{k}.yaml").write_text(f"extends: {k + 1}.yaml\n")
-    (here / f"{files}.yaml").write_text("run: {duration_s: 0.5}\n")
-    with cpu_seconds(5.0):
-        done = command("run", "0.yaml", "--set", "run.duration_s=-1")
-    assert not_a_line(done) == ""
-
-
-@pytest.mark.parametrize(
-    ("key", "value"),
-    [
-        ("machine.platform_mass_kg", "0x" + "f" * 5000),
-        ("name", "0x" + "f" * 5000),
-        ("extends", "0o" + "7" * 6000),
-        ("material.layers", "-0x" + "f" * 5000),
-        ("sweep", "{supply_frequency_hz: {start: 50, stop: 51}, grid: {material.layers: [0x" + "f" * 5000 + "]}}"),
-    ],
-    ids=["number", "text", "extends", "choice", "grid"],
-)
-def test_number_too_long_to_be_written_in_decimals_is_refused(key, value, here):
-    """Hexadecimal digits are read without end, but more than 4300 decimal ones are not written by Python."""
-    *section, last = key.split(".")
-    (here / "c.yaml").write_text(f"{section[0]}: {{{last}: {value}}}\n" if section else f"{last}: {value}\n")
-    assert not_a_line(command("sweep", "c.yaml")) == ""
 
 
 def test_grid_of_far_too_many_branches_is_refused_soon(here):
@@ -275,14 +236,11 @@ def test_grid_of_far_too_many_branches_is_refused_soon(here):
     assert not_a_line(done) == ""
 
 
-@pytest.mark.parametrize(
-    "grid",
-    ["{contact.restitution: [.nan]}", "{contact.restitution: [-.inf]}", '{"a\\ud800": [1]}', '{"run.\\ud800": [1]}'],
-)
 @pytest.mark.usefixtures("kernels")
-def test_grid_that_no_table_can_hold_is_refused_by_a_run_too(grid, here):
+def test_grid_that_no_table_can_hold_is_refused_by_a_run_too(here):
     """A run does not look at the sweep, but writes it down."""
-    plan = f"sweep: {{supply_frequency_hz: {{start: 50, stop: 51}}, grid: {grid}}}\n"
-    (here / "c.yaml").write_text(f"run: {{duration_s: 0.01}}\n{plan}")
-    assert not_a_line(command("run", "c.yaml")) == ""
-    assert not (here / "results").exists()
+    for grid in ("{contact.restitution: [.nan]}", '{"a\\ud800": [1]}', '{"run.\\ud800": [1]}'):
+        plan = f"sweep: {{supply_frequency_hz: {{start: 50, stop: 51}}, grid: {grid}}}\n"
+        (here / "c.yaml").write_text(f"run: {{duration_s: 0.01}}\n{plan}")
+        assert not_a_line(command("run", "c.yaml")) == ""
+        assert not (here / "results").exists()

@@ -19,9 +19,7 @@ from vibroplat.model.accelerations import accelerations
 from vibroplat.model.parameters import parameters
 from vibroplat.model.systems import systems
 from vibroplat.motion.motion import Motion
-from vibroplat.motion.run import simulate_with
-from vibroplat.observe.events import Events
-from vibroplat.observe.segments import Segments
+from vibroplat.motion.recorder import Recorder
 
 #: A ramp, a jump, and switching; the first entry is the run's beginning.
 PROGRAM = [
@@ -249,38 +247,38 @@ def motion_of(scene):
 
 
 def test_motion_waits_for_a_corner(scene):
-    whole, seen = simulate(scene), Events()
+    whole, seen = simulate(scene), Recorder(scene, "events")
     with motion_of(scene) as motion:
         for time in CORNERS:
             assert motion.to_event("drive", 1.0, [seen])
             assert motion.now == time
             assert motion.outcome == "ok"
         assert not motion.to_event("drive", 0.1, [seen])
-    assert seen.rows["t"][seen.rows["kind"] == KINDS.index("drive")].tolist() == CORNERS
-    assert len(seen.rows) == len(whole.events[whole.events["t_s"] <= 1.1])
+    assert seen.events["t"][seen.events["kind"] == KINDS.index("drive")].tolist() == CORNERS
+    assert len(seen.events) == len(whole.events[whole.events["t_s"] <= 1.1])
 
 
 def test_motion_waits_for_the_liftoff_of_a_corner(near_liftoff):
     scene, before = near_liftoff
-    seen = Events()
+    seen = Recorder(scene, "events")
     with motion_of(jumping(scene, before["t_s"], 60.0)) as motion:
         motion.to_time(before["t_s"] - 1e-5)
         assert motion.to_event("liftoff", 0.1, [seen])
         assert motion.now == before["t_s"]
-        assert [KINDS[kind] for kind in seen.rows["kind"]] == ["drive", "liftoff"]
+        assert [KINDS[kind] for kind in seen.events["kind"]] == ["drive", "liftoff"]
         assert motion.to_event("impact", 0.1, [seen])
-    assert len(seen.rows) == 3
+    assert len(seen.events) == 3
 
 
 def test_motion_that_stops_at_corners_is_the_one_that_does_not(scene):
     scene = scene.replace({"solver.tolerance": 1e-9, "run.perturbation": 0.0})
-    whole, seen, kept = simulate(scene), Events(), Segments()
+    whole, seen, kept = simulate(scene), Recorder(scene, "events"), Recorder(scene, "segments")
     with motion_of(scene) as motion:
         for time in (0.2, 0.4, 0.4, 0.6, 1.0, 1.3):
             motion.to_time(time, [seen, kept])
-    assert [KINDS[kind] for kind in seen.rows["kind"]] == whole.events["kind"].to_list()
-    assert np.abs(seen.rows["t"] - whole.events["t_s"]).max() < 1e-6
-    assert kept.kept[-1].end == 1.3
+    assert [KINDS[kind] for kind in seen.events["kind"]] == whole.events["kind"].to_list()
+    assert np.abs(seen.events["t"] - whole.events["t_s"]).max() < 1e-6
+    assert kept.segments[-1].end == 1.3
 
 
 def test_motion_reaches_its_section_across_corners(scene):
@@ -294,8 +292,7 @@ def test_motion_reaches_its_section_across_corners(scene):
 
 
 def by_dop853(scene):
-    p = parameters(scene)
-    return simulate_with(Stepwise(Dop853(p), p), scene, p)
+    return simulate(scene, engine=lambda _scene, p: Stepwise(Dop853(p), p))
 
 
 LONG = pytest.mark.long

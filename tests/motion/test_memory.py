@@ -19,9 +19,7 @@ from vibroplat.integrate import make_engine
 from vibroplat.integrate.native import NativeEngine
 from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Motion
-from vibroplat.motion.recorder import Sink
-from vibroplat.observe.events import Events
-from vibroplat.observe.segments import Segments
+from vibroplat.motion.recorder import Recorder
 from vibroplat.system.memory import OutOfMemoryError, Share, amount, available
 
 pytestmark = pytest.mark.usefixtures("kernels")
@@ -49,8 +47,7 @@ def block(monkeypatch):
     """Set how many rows are handed over at a time."""
 
     def change(rows):
-        for module in ("table", "events"):
-            monkeypatch.setattr(f"vibroplat.observe.{module}.BLOCK", rows)
+        monkeypatch.setattr("vibroplat.observe.tables.BLOCK", rows)
 
     return change
 
@@ -69,7 +66,7 @@ class Parts:
 
     @property
     def sink(self):
-        return Sink(self.trajectory.append, self.events.append)
+        return (self.trajectory.append, self.events.append)
 
     def tables(self):
         return [pd.concat(parts, ignore_index=True) for parts in (self.trajectory, self.events)]
@@ -128,7 +125,7 @@ def peak(scene, **options):
 def test_memory_grows_neither_with_duration_nor_with_rows_nor_with_events(quickstart, block):
     block(100)
     short = quickstart.replace({"run.duration_s": 0.5, "output.sample_rate_hz": 1000.0})
-    drop = Sink(len, len)
+    drop = (len, len)
     peak(short, keep="summary", sink=drop)  # loads what is needed
     little = peak(short, keep="summary", sink=drop)
     long = short.replace({"run.duration_s": 2.5})
@@ -140,11 +137,10 @@ def test_memory_grows_neither_with_duration_nor_with_rows_nor_with_events(quicks
 
 
 def test_table_that_does_not_fit_into_memory_is_refused_at_once(quickstart, monkeypatch):
-    monkeypatch.setattr("vibroplat.motion.space.available", lambda: 4.0 * 2**30)
-    monkeypatch.setattr("vibroplat.motion.run.make_engine", None)
+    monkeypatch.setattr("vibroplat.motion.recorder.available", lambda: 4.0 * 2**30)
     scene = quickstart.replace({"run.duration_s": 1e4, "output.sample_rate_hz": 5000.0})
     with pytest.raises(ConfigError) as caught:
-        simulate(scene, keep="table")
+        simulate(scene, keep="table", engine=None)
     assert str(caught.value) == (
         "output.sample_rate_hz = 5000 asks for 5e+07 rows of 19 columns in 10000 s: 14.2 GiB of memory with "
         "keep='table', where 2 GiB may be taken of 4 GiB available; allowed: at most 7.1e+02 Hz, "
@@ -214,15 +210,15 @@ class Full:
 
 
 def test_observer_without_memory_ends_the_motion_and_all_others_read_to_the_end(quickstart):
-    p, segments, events = parameters(quickstart), Segments(), Events()
+    p, segments, events = parameters(quickstart), Recorder(quickstart, "segments"), Recorder(quickstart, "events")
     with closing(make_engine(quickstart, p)) as engine:
         motion = Motion(quickstart, p, engine)
         full = Full()
         motion.to_time(4.0, [full, segments, events])
     assert (motion.outcome, full.readings) == ("out-of-memory", 3)
     assert motion.detail.startswith("the system gave no more memory; ")
-    assert segments.kept[-1].end == motion.now > 0.0
-    assert motion.events == len(events.rows) > 0
+    assert segments.segments[-1].end == motion.now > 0.0
+    assert motion.events == len(events.events) > 0
 
 
 def test_engine_without_memory_ends_the_run_with_what_was_computed(quickstart, monkeypatch):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from vibroplat import simulate
-from vibroplat.observe.notes import Peaks, capture, notes_on_samples, rotation
+from vibroplat.observe.notes import capture, notes_on_samples, peaks_of, rotation
 
 #: Captured by the vertical resonance: with f_e = 66 Hz and b_y = 40 the motors turn at 30.493 Hz (Sommerfeld).
 CAPTURED = {
@@ -113,11 +113,9 @@ def test_samples_of_the_measured_part_alone_are_compared(quickstart):
     table = run.trajectory
     late = table["t_s"] >= 0.5
     table = table.assign(contact_force_n=table["contact_force_n"].where(~late, 0.5 * table["contact_force_n"]))
-    peaks = Peaks(0.5)
-    for first in range(0, len(table), 100):
-        peaks.add(table.iloc[first : first + 100])
-    assert peaks.largest == {name: table.loc[late, name].max() for name in ("contact_force_n", "gap_m")}
-    (note,) = notes_on_samples(peaks.largest, run.summary, 2000.0)
+    peaks = peaks_of(table, 0.5)
+    assert peaks == {name: table.loc[late, name].max() for name in ("contact_force_n", "gap_m")}
+    (note,) = notes_on_samples(peaks, run.summary, 2000.0)
     assert "contact force" in note
 
 

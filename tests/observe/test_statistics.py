@@ -125,7 +125,7 @@ def test_a_turn_completed_in_the_first_step_is_counted(quickstart):
         motion, whole = Motion(scene, p, engine), Statistics(0.0)
         motion.to_time(1e-4, [whole])
     assert whole.measures.marks["turns"] == 1
-    assert whole.measures.marks["first_time"] == pytest.approx(1e-9 / scene.synchronous_speeds[0], rel=0.1)
+    assert whole.measures.marks["first"][0] == pytest.approx(1e-9 / scene.synchronous_speeds[0], rel=0.1)
 
 
 def test_an_absurd_speed_ends_with_an_outcome_and_not_with_endless_turns(quickstart):

@@ -22,8 +22,8 @@ from vibroplat.model.parameters import IMPACT_LAWS, parameters
 from vibroplat.model.sensitivity import with_value
 from vibroplat.model.systems import GAP, GAP_RATE
 from vibroplat.motion.motion import Motion
-from vibroplat.observe.events import Events
-from vibroplat.observe.names import state_places
+from vibroplat.motion.recorder import Recorder
+from vibroplat.observe.tables import state_places
 from vibroplat.observe.variation import Variation
 
 TOLERANCES = {"native": 1e-12, "taylor": 1e-13}
@@ -86,7 +86,7 @@ class Followed:
             for name in path:
                 section = section[int(name)] if name.isdecimal() else getattr(section, name)
             scene = with_value(scene, path, section + shift)
-        self._p = parameters(scene)
+        self._scene, self._p = scene, parameters(scene)
         self._engine = make_engine(scene, self._p)
         self._motion = Motion(scene, self._p, self._engine, start)
         self._seconds = seconds
@@ -94,7 +94,7 @@ class Followed:
 
     def end(self, state):
         self._motion.reset(state)
-        self.events = Events()
+        self.events = Recorder(self._scene, "events")
         self._motion.to_time(self._seconds, [self.events])
         assert self._motion.outcome == "ok"
         return self._motion.state
@@ -111,7 +111,7 @@ def by_differences(scene, start, seconds, keys=(), step=None):
                 shift = n * step * scales[place] * np.eye(14)[place]
                 found[:, place] += weight * (followed.end(start + shift) - followed.end(start - shift)) / step
         followed.end(start)
-        kinds = followed.events.rows["kind"]
+        kinds = followed.events.events["kind"]
     for k, name in enumerate(keys):
         value = scene.drive.supply_frequency_hz if name.startswith("drive") else scene.machine.stiffness_y_n_per_m
         for n, weight in WEIGHTS:
@@ -196,7 +196,7 @@ def test_by_restitution_at_an_inelastic_impact_after_which_flight_goes_on():
     for n in range(3):
         with closing(Followed(scene, start, 0.02, key, n * step)) as followed:
             ends.append(followed.end(start))
-            (event,) = followed.events.rows
+            (event,) = followed.events.events
             assert (event["kind"], event["mode_after"]) == (IMPACT, Mode.FLIGHT)
     expected = (4.0 * ends[1] - 3.0 * ends[0] - ends[2]) / (2.0 * step)
     found = variation(scene, start, 0.02, key).derivative[key]
@@ -212,7 +212,7 @@ def test_impact_too_slow_to_rebound_after_which_flight_goes_on():
         state_scales(scene),
         1e-4,
     )
-    p, events, varied = parameters(scene), Events(), Variation()
+    p, events, varied = parameters(scene), Recorder(scene, "events"), Variation()
 
     def end(state, observers=()):
         with closing(make_engine(scene, p)) as engine:
@@ -222,7 +222,7 @@ def test_impact_too_slow_to_rebound_after_which_flight_goes_on():
             return varied.derivative(motion.automaton) if observers else motion.state
 
     found, expected = end(start, [events, varied]), np.zeros((14, 14))
-    assert [(e["kind"], e["rate_after"], e["mode_after"]) for e in events.rows] == [(IMPACT, 0.0, Mode.FLIGHT)]
+    assert [(e["kind"], e["rate_after"], e["mode_after"]) for e in events.events] == [(IMPACT, 0.0, Mode.FLIGHT)]
     for place in state_places(scene).values():
         for n, weight in WEIGHTS:
             shift = n * step * scales[place] * np.eye(14)[place]

@@ -15,7 +15,7 @@ from vibroplat.bench.scenes import base
 from vibroplat.config.scene import Scene
 from vibroplat.model.systems import GAP, GAP_RATE
 from vibroplat.motion.run import simulate
-from vibroplat.observe.trajectory import Trajectory
+from vibroplat.results.run import Trajectory
 
 TOLERANCE = 1e-11
 #: Minimal gap, over the platform's amplitude, that integration does not distinguish from 0.

@@ -9,7 +9,7 @@ from typing import Any
 from stability.checks import Limit, row, sound, with_engine
 from vibroplat.bench.scenes import base
 from vibroplat.motion.run import simulate
-from vibroplat.observe.trajectory import Trajectory
+from vibroplat.results.run import Trajectory
 
 #: Motors strong enough to pass all three resonances.
 STRONG = {"critical_torque_n_m": 3.0}

@@ -107,18 +107,15 @@ SERVERS = {
     "ssh": lambda: server(lambda connection: connection.sendall(b"SSH-2.0-OpenSSH_9.2p1\r\n")),
     "web": web,
 }
-FOREIGN = [(kind, place) for kind in ("tcp", "ws", "tls") for place in SERVERS]
 
 
-@pytest.mark.parametrize(("kind", "place"), FOREIGN)
+@pytest.mark.parametrize(("kind", "place"), [("tcp", "closed"), ("tcp", "ssh"), ("tcp", "web"), ("ws", "silent")])
 def test_no_scheduler_at_an_address(kind, place, monkeypatch):
-    monkeypatch.setattr(cluster, "FIRST_ANSWER", 0.3)
+    monkeypatch.setattr(cluster, "FIRST_ANSWER", 0.1)
     with SERVERS[place]() as port:
         address = f"{kind}://127.0.0.1:{port}"
-        began = time.monotonic()
         with pytest.raises(ConfigError) as caught:
             require_scheduler(address)
-        assert time.monotonic() - began < 3.0
     assert str(caught.value).startswith(f"--scheduler {address}: no scheduler answers there (")
 
 
@@ -132,7 +129,7 @@ def refused_soon(vibroplat, address, *command):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(("kind", "place"), [(k, p) for k, p in FOREIGN if k == "tcp" or p in ("silent", "web")])
+@pytest.mark.parametrize(("kind", "place"), [("tcp", "closes at once"), ("tls", "silent"), ("ws", "web")])
 def test_no_scheduler_at_an_address_is_told_in_a_line(kind, place, vibroplat, here):
     (here / "c.yaml").write_text(SWEEP)
     with SERVERS[place]() as port:
@@ -140,19 +137,10 @@ def test_no_scheduler_at_an_address_is_told_in_a_line(kind, place, vibroplat, he
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("command", [("paper",), ("calibrate",)])
+@pytest.mark.parametrize("command", ["paper", "calibrate"])
 def test_every_command_refuses_an_address_without_a_scheduler(command, vibroplat, here):
     with SERVERS["silent"]() as port:
-        assert refused_soon(vibroplat, f"tcp://127.0.0.1:{port}", *command, "--wait", "1")
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("kind", ["tls", "ws"])
-def test_scheduler_of_another_protocol_is_told_in_a_line(kind, vibroplat, here):
-    (here / "c.yaml").write_text(SWEEP)
-    with clusters.scheduler(here) as (address, _):
-        done = vibroplat("sweep", "c.yaml", "--scheduler", address.replace("tcp", kind))
-    assert not_a_line(done) == ""
+        assert refused_soon(vibroplat, f"tcp://127.0.0.1:{port}", command, "--wait", "1")
 
 
 def test_address_of_a_worker_is_refused(threads):
@@ -250,18 +238,19 @@ def test_worker_that_cannot_load_the_package_is_named(error, text, workers, thre
 def test_no_worker_is_told_and_given_up(kernels, monkeypatch, caplog):
     from distributed import LocalCluster
 
-    monkeypatch.setattr(cluster, "NOTICE", 0.5)
+    monkeypatch.setattr(cluster, "NOTICE", 0.1)
+    monkeypatch.setattr("vibroplat.study.pool.PATIENCE", 0.1)
     with (
         LocalCluster(n_workers=0, processes=False, protocol="tcp", dashboard_address=":0") as empty,
-        pool(scheduler=empty.scheduler_address, wait=1.5) as workers,
+        pool(scheduler=empty.scheduler_address, wait=0.4) as workers,
         caplog.at_level(logging.WARNING, "vibroplat"),
         pytest.raises(LostError) as caught,
     ):
         list(run_chains([Calls((math.sqrt, (4.0,)))], workers))
     what = f"a worker of the scheduler at {empty.scheduler_address}"
-    assert str(caught.value) == f"waited 1.5 s for {what}"
+    assert str(caught.value) == f"waited 0.4 s for {what}"
     told = [record.getMessage() for record in caplog.records if record.name == "vibroplat"]
-    assert told == [f"waiting for {what}, up to 1.5 s"]
+    assert told == [f"waiting for {what}, up to 0.4 s"]
 
 
 def test_dask_may_speak_again_when_the_pool_is_closed(threads):
@@ -335,18 +324,6 @@ def test_worker_with_other_code_is_refused_before_any_of_its_points_count(place,
 
 
 @pytest.mark.long
-def test_worker_with_other_code_among_good_ones_is_refused(place, table):
-    other = clusters.other_package(new(place, "other"), *CHANGE)
-    with (
-        clusters.scheduler(place) as (address, _),
-        clusters.worker(place, address),
-        clusters.worker(place, address, path=other),
-    ):
-        refused(ended(place, "sweep", "c.yaml", "--scheduler", address), ": source files ")
-    resumed(place, table)
-
-
-@pytest.mark.long
 def test_worker_with_other_code_that_joins_late_is_refused(place, table):
     other = clusters.other_package(new(place, "other"), *CHANGE)
     with contextlib.ExitStack() as stack:
@@ -382,20 +359,6 @@ def test_worker_that_comes_back_with_other_code_is_refused(place, table):
 
 
 @pytest.mark.long
-def test_copy_of_the_package_elsewhere_works(place, table):
-    same = new(place, "same")
-    shutil.copytree(clusters.PACKAGE, same / "vibroplat")
-    with (
-        clusters.scheduler(place) as (address, _),
-        clusters.worker(place, address),
-        clusters.worker(place, address, path=same),
-    ):
-        done = ended(place, "sweep", "c.yaml", "--scheduler", address)
-    assert (done.code, done.err) == (0, "")
-    assert made(place) == table
-
-
-@pytest.mark.long
 @pytest.mark.parametrize("missing", ["vibroplat", "vibroplat.study.fingerprint"])
 def test_worker_without_the_package_or_with_an_older_one_is_refused(missing, place):
     other = new(place, "other")
@@ -410,9 +373,14 @@ def test_worker_without_the_package_or_with_an_older_one_is_refused(missing, pla
 
 
 @pytest.mark.long
-def test_scheduler_needs_no_package(place, table):
-    empty = clusters.no_package(new(place, "empty"))
-    with clusters.scheduler(place, path=empty) as (address, _), clusters.worker(place, address):
+def test_scheduler_needs_no_package_and_workers_may_have_theirs_elsewhere(place, table):
+    empty, same = clusters.no_package(new(place, "empty")), new(place, "same")
+    shutil.copytree(clusters.PACKAGE, same / "vibroplat")
+    with (
+        clusters.scheduler(place, path=empty) as (address, _),
+        clusters.worker(place, address),
+        clusters.worker(place, address, path=same),
+    ):
         done = ended(place, "sweep", "c.yaml", "--scheduler", address)
     assert (done.code, done.err) == (0, "")
     assert made(place) == table
@@ -424,13 +392,6 @@ def given_up(done, what, seconds):
     assert notice == f"vibroplat: waiting for {what}, up to {seconds} s"
     assert end == f"vibroplat: waited {seconds} s for {what}; {KEPT}"
     assert (done.code, done.out) == (1, "")
-
-
-@pytest.mark.long
-def test_no_workers_are_told_and_given_up(place):
-    with clusters.scheduler(place) as (address, _):
-        done = ended(place, "sweep", "c.yaml", "--scheduler", address, "--wait", "7")
-    given_up(done, f"a worker of the scheduler at {address}", 7)
 
 
 @pytest.mark.long
@@ -462,8 +423,7 @@ def test_last_worker_killed_is_told_and_given_up(place, table):
 
 
 @pytest.mark.faults
-@pytest.mark.parametrize("signal_", [signal.SIGKILL, signal.SIGTERM], ids=["killed", "terminated"])
-@pytest.mark.parametrize("config", ["c.yaml", "one.yaml"])
+@pytest.mark.parametrize(("config", "signal_"), [("c.yaml", signal.SIGTERM), ("one.yaml", signal.SIGKILL)])
 def test_scheduler_that_dies_is_one_line_and_costs_no_point(config, signal_, place):
     with (
         clusters.scheduler(place) as (address, scheduler),

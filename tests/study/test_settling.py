@@ -1,4 +1,4 @@
-"""How long a point settles: results as after a long settling, in less time; what does not repeat is known."""
+"""How long a point settles, and what is read off a Poincaré section; what does not repeat is known."""
 
 from __future__ import annotations
 
@@ -10,11 +10,15 @@ import pandas as pd
 import pytest
 from common.places import LOADED
 
+from vibroplat import Scene
+from vibroplat.hybrid.state import state_scales
 from vibroplat.integrate import make_engine
 from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Motion
+from vibroplat.observe import statistics as m
+from vibroplat.observe.statistics import no_measures
 from vibroplat.study.point import BLOCKS, ERRORS
-from vibroplat.study.settling import BLOCK, TURNS, settle
+from vibroplat.study.settling import BLOCK, MAX_PERIOD, TURNS, period, section_points, settle, spreads
 
 from .helpers import CHAOTIC, DAMPED, MACHINE, planned, swept
 
@@ -25,12 +29,8 @@ MATERIAL = {"material.mass_ratio": 0.2}
 #: Configuration, frequencies, changes.
 PERIODIC = {
     "bare": (MACHINE, 50.0, 54.0, {}),
-    "bare, slowly": (MACHINE, 62.0, 62.5, {}),
-    "bare, in phase": (MACHINE, 64.0, 66.0, {}),
-    "bare, in phase from the start": (MACHINE, 63.0, 63.5, IN_PHASE),
     "attached": (MACHINE, 43.0, 46.0, MATERIAL),
     "flying": (MACHINE, 50.0, 53.0, MATERIAL),
-    "flying, one layer": (MACHINE, 50.0, 51.0, {**MATERIAL, "material.layers": 1}),
     "bouncing": (MACHINE, 50.0, 51.0, {**MATERIAL, "contact.restitution": 0.3}),
 }
 
@@ -43,7 +43,7 @@ def phase_distance(one, other):
 
 
 #: Those that are tried each time.
-QUICK = {"bare", "bouncing"}
+QUICK = {"bare"}
 
 
 @pytest.mark.parametrize(
@@ -66,15 +66,6 @@ def test_auto_finds_what_thirty_seconds_find_in_less_time(config, start, stop, c
     assert auto["simulated_s"].sum() < 0.5 * fixed["simulated_s"].sum()
 
 
-@pytest.mark.long
-def test_smaller_tolerance_settles_longer_and_nearer():
-    exact = swept(MACHINE, 63.5, changes=IN_PHASE, settle_s=60.0)
-    loose, tight = (swept(MACHINE, 63.5, changes=IN_PHASE, settle_tolerance=t) for t in (1e-2, 1e-5))
-    assert loose["settle_s"].item() < tight["settle_s"].item() < 60.0
-    assert phase_distance(loose, exact) <= 1e-2
-    assert phase_distance(tight, exact) <= 1e-5
-
-
 def test_auto_settles_by_whole_looks_and_measures_whole_turns():
     row = swept(MACHINE, 50.0).iloc[0]
     looks = row["settle_s"] / (BLOCK / 25.0)
@@ -84,20 +75,18 @@ def test_auto_settles_by_whole_looks_and_measures_whole_turns():
     assert 2.0 <= measured <= 2.0 + 2.5 / row["excitation_frequency_hz"]
 
 
-@pytest.mark.parametrize("settle_s", ["auto", pytest.param(FIXED, marks=pytest.mark.long)])
-def test_chaotic_motion_is_not_periodic(settle_s):
-    row = swept(MACHINE, 62.5, changes=CHAOTIC, settle_s=settle_s, max_settle_s=5.0, measure_s=0.5).iloc[0]
+def test_chaotic_motion_is_not_periodic():
+    row = swept(MACHINE, 62.5, changes=CHAOTIC, max_settle_s=4.0, measure_s=0.25).iloc[0]
     assert (row["outcome"], row["motion"], row["period"]) == ("ok", "chaotic", 0)
-    assert row["settle_s"] == pytest.approx(5.0 if settle_s == "auto" else FIXED, abs=1e-9)
-    assert row["simulated_s"] - row["settle_s"] == pytest.approx(4.0 if settle_s == "auto" else 4.5, abs=1e-9)
+    assert row["settle_s"] == pytest.approx(4.0, abs=1e-9)
+    assert row["simulated_s"] == pytest.approx(6.0, abs=1e-9)
 
 
-@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.long) for seed in (1, 2))])
-def test_antiphase_that_is_left_slowly_is_not_taken_for_its_goal(seed):
+def test_antiphase_that_is_left_slowly_is_not_taken_for_its_goal():
     """At 63 Hz antiphase is left with a rate of 0.13 per s: after some ten seconds it is still near π, and in phase
     after sixty. A point that has not got there yet is neither periodic nor non-periodic.
     """
-    row = swept(MACHINE, 63.0, seed=seed).iloc[0]
+    row = swept(MACHINE, 63.0).iloc[0]
     assert (row["motion"], row["sync"], row["period"]) == ("periodic", "in-phase", 1)
 
 
@@ -109,7 +98,7 @@ def moving(scene):
         yield Motion(scene, p, engine)
 
 
-@pytest.mark.parametrize(("longest", "how"), [(0.5, "maximum"), (1.9, "maximum"), (7.0, "maximum"), (8.3, "periodic")])
+@pytest.mark.parametrize(("longest", "how"), [(0.5, "maximum"), (7.0, "maximum"), (8.3, "periodic")])
 def test_longest_settling_is_kept(longest, how):
     """Bare, in phase from the start, needs 8.13 s at 63 Hz."""
     scene = planned(MACHINE, 63.0, changes=IN_PHASE).replace({"drive.supply_frequency_hz": 63.0})
@@ -134,29 +123,21 @@ def test_longest_settling_counts_from_the_beginning_of_the_motion():
             assert settling.seconds == motion.now
 
 
-@pytest.mark.parametrize("maximum", [0.5, 7.0])
-def test_motion_that_repeats_at_the_end_of_the_plan_is_measured_over_whole_periods(maximum):
+def test_motion_that_repeats_at_the_end_of_the_plan_is_measured_over_whole_periods():
     """Here it has not drawn together before; what was measured to find out belongs to the settling."""
-    row = swept(MACHINE, 63.0, changes=IN_PHASE, max_settle_s=maximum).iloc[0]
+    row = swept(MACHINE, 63.0, changes=IN_PHASE, max_settle_s=0.5).iloc[0]
     assert (row["motion"], row["period"]) == ("periodic", 1)
-    assert row["settle_s"] >= maximum + BLOCKS * 2.0 - 1e-9
+    assert row["settle_s"] >= 0.5 + BLOCKS * 2.0 - 1e-9
     assert 2.0 <= row["simulated_s"] - row["settle_s"] <= 2.0 + 2.5 / row["excitation_frequency_hz"]
     assert row[list(ERRORS.values())].isna().all()
 
 
-@pytest.mark.parametrize("measure_s", [0.01, 0.3])
-def test_short_measuring_is_enough_to_confirm_a_period(measure_s):
+def test_short_measuring_is_enough_to_confirm_a_period():
     """Each half of what is measured must show the period: four of them are measured at least."""
-    row = swept(DAMPED, 60.5, changes=MATERIAL, measure_s=measure_s).iloc[0]
+    row = swept(DAMPED, 60.5, changes=MATERIAL, measure_s=0.01).iloc[0]
     assert (row["motion"], row["period"], row["settle_s"] < 60.0) == ("periodic", 4, True)
     turns = (row["simulated_s"] - row["settle_s"]) * row["excitation_frequency_hz"]
     assert 16.0 <= turns <= 21.5
-
-
-def test_longest_settling_is_kept_by_what_is_not_periodic():
-    row = swept(MACHINE, 62.5, changes=CHAOTIC, max_settle_s=4.0, measure_s=0.25).iloc[0]
-    assert (row["motion"], row["settle_s"]) == ("chaotic", pytest.approx(4.0, abs=1e-9))
-    assert row["simulated_s"] == pytest.approx(6.0, abs=1e-9)
 
 
 def test_longest_settling_does_not_bound_a_fixed_one():
@@ -187,11 +168,10 @@ def test_exciters_that_stand_still_settle_until_the_maximum():
 # -- symmetric motion that has lost stability -------------------------------------------------------------
 
 
-@pytest.mark.parametrize("frequency", [65.0, 66.0, 67.0])
-def test_symmetry_keeps_antiphase_without_a_perturbation(frequency):
+def test_symmetry_keeps_antiphase_without_a_perturbation():
     """In phase is where the motion goes from everywhere else."""
-    kept, left = (swept(MACHINE, frequency, **plan).iloc[0] for plan in ({"perturbation": 0.0}, {}))
-    begun = swept(MACHINE, frequency, changes=IN_PHASE, perturbation=0.0).iloc[0]
+    kept, left = (swept(MACHINE, 66.0, **plan).iloc[0] for plan in ({"perturbation": 0.0}, {}))
+    begun = swept(MACHINE, 66.0, changes=IN_PHASE, perturbation=0.0).iloc[0]
     assert abs(kept["phase_difference_rad"]) == pytest.approx(math.pi, abs=1e-4)  # round-off grows, to some 1e-6 here
     assert (kept["sync"], left["sync"], begun["sync"]) == ("antiphase", "in-phase", "in-phase")
     assert left["phase_difference_rad"] == pytest.approx(0.0, abs=1e-3)
@@ -204,7 +184,157 @@ def test_stable_antiphase_is_not_left():
     assert (row["sync"], row["period"]) == ("antiphase", 1)
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_small_perturbation_is_enough(seed):
-    row = swept(MACHINE, 66.0, perturbation=1e-4, seed=seed).iloc[0]
+def test_small_perturbation_is_enough():
+    row = swept(MACHINE, 66.0, perturbation=1e-4, seed=1).iloc[0]
     assert (row["sync"], row["motion"]) == ("in-phase", "periodic")
+
+
+# -- the Poincaré section -------------------------------------------------------------------------------
+
+GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
+
+
+def repeating(n, turns=64, coordinate=1):
+    """A section that repeats after n turns, its n points 1 apart in one coordinate."""
+    points = np.full((turns, 14), 0.3)
+    points[:, coordinate] += np.arange(turns) % n
+    return points
+
+
+def section_of(states):
+    """Points of a section that has seen these states, one a turn."""
+    ms = no_measures(0.0)
+    for turn, state in enumerate(states):
+        ms.section["state"][turn % m.SECTION_ROWS] = state
+    ms.marks["turns"] = len(states)
+    return section_points(ms, Scene())
+
+
+# -- period ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("n", "coordinate"), [(1, 0), (3, 6), (12, 13), (16, 1)])
+def test_period_is_the_smallest_number_of_turns(n, coordinate):
+    assert period(repeating(n, coordinate=coordinate), 1e-9) == n
+
+
+@pytest.mark.parametrize("n", [1, 5, 16])
+def test_period_needs_each_point_twice(n):
+    assert period(repeating(n, 2 * n), 1e-9) == n
+    assert period(repeating(n, 2 * n - 1), 1e-9) == 0
+
+
+def test_periods_beyond_the_longest_are_not_found():
+    assert MAX_PERIOD == 16
+    assert period(repeating(17, 200), 1e-9) == period(np.zeros((1, 14)), 1.0) == 0
+
+
+def test_quasi_periodic_section_has_no_period():
+    points = np.zeros((64, 14))
+    points[:, 1] = np.cos(2.0 * math.pi * GOLDEN * np.arange(64))
+    assert period(points, 0.05) == 0
+
+
+def test_one_coordinate_that_does_not_repeat_is_enough():
+    points = repeating(2)
+    points[:, 12] += GOLDEN * np.arange(64) % 1.0
+    assert period(points, 0.1) == 0
+
+
+@pytest.mark.parametrize(("tolerance", "found"), [(0.009, 2), (0.011, 1)])
+def test_period_within_the_tolerance(tolerance, found):
+    """A doubling by a hundredth is period 1 to who does not look closer."""
+    points = repeating(1)
+    points[::2, 1] += 0.01
+    assert period(points, tolerance) == found
+
+
+def test_slow_drift_is_no_period():
+    """Each point is within the tolerance of the one before, the first is not of the last."""
+    points = repeating(1)
+    points[:, 1] += 0.001 * np.arange(64)
+    assert period(points, 0.01) == 0
+    assert period(points, 0.0631) == 1
+
+
+# -- spread ---------------------------------------------------------------------------------------------
+
+
+def spread(points, n):
+    return float(spreads(points, n, n)[0])
+
+
+def distance_by_hand(points, n):
+    """Largest distance of points from the last one that is a multiple of n turns apart."""
+    if len(points) < 2 * n:
+        return math.inf
+    last = len(points) - 1
+    return max(float(np.abs(points[i] - points[last - (last - i) % n]).max()) for i in range(len(points)))
+
+
+def test_spread_is_the_largest_distance_from_the_last_point_in_any_coordinate():
+    points = np.zeros((3, 14))
+    points[0, 2], points[1, 5] = 0.25, -0.75
+    assert spread(points, 1) == 0.75
+    points[2, 5] = 0.5
+    assert spread(points, 1) == 1.25
+
+
+def test_spread_counts_turns_from_the_last_point():
+    """Of an odd number of points of a period-2 motion the first belongs to the last."""
+    points = np.zeros((5, 14))
+    points[:, 1] = [7.0, 3.0, 1.0, 3.0, 1.0]
+    assert spread(points, 2) == 6.0
+    points[:, 1] = [1.0, 7.0, 1.0, 3.0, 1.0]
+    assert spread(points, 2) == 4.0
+
+
+def test_spreads_are_those_of_one_to_sixteen_turns():
+    points = repeating(3, 20)
+    found = spreads(points)
+    assert found.tolist() == [distance_by_hand(points, n) for n in range(1, 17)]
+    assert [n for n, value in enumerate(found, 1) if value == 0.0] == [3, 6, 9]
+    assert [n for n, value in enumerate(found, 1) if math.isinf(value)] == [11, 12, 13, 14, 15, 16]
+
+
+# -- points of a section --------------------------------------------------------------------------------
+
+
+def states_with_phase(phases, turn=0.0):
+    states = np.zeros((len(phases), 14))
+    states[:, 3] = turn
+    states[:, 4] = np.asarray(phases) - turn
+    return states
+
+
+def test_phase_difference_wraps_across_pi():
+    phases = [math.pi - 1e-4, -math.pi + 1e-4] * 16
+    assert period(section_of(states_with_phase(phases)), 1e-3) == 1
+    assert period(section_of(states_with_phase(phases)), 1e-5) == 2
+
+
+def test_whole_turns_do_not_count():
+    phases = 0.3 + 2.0 * math.pi * np.arange(32)
+    assert period(section_of(states_with_phase(phases, turn=2.0 * math.pi * 1000)), 1e-9) == 1
+
+
+@pytest.mark.parametrize("phases", [[0.5 * math.pi, -0.5 * math.pi], [0.0, math.pi]])
+def test_phases_of_the_same_cosine_or_sine_differ(phases):
+    assert period(section_of(states_with_phase(phases * 16)), 0.1) == 2
+
+
+def test_points_are_in_the_scales_of_the_scene():
+    state = np.arange(1.0, 15.0)
+    found = section_of([state, state])
+    expected = state / state_scales(Scene())
+    expected[3:5] = math.cos(9.0), math.sin(9.0)
+    assert found.shape == (2, 14)
+    assert found[0] == pytest.approx(expected, rel=1e-14)
+
+
+@pytest.mark.parametrize("extra", [0, 5, m.SECTION_ROWS])
+def test_points_of_a_full_section_are_the_last_in_the_order_of_time(extra):
+    turns = m.SECTION_ROWS + extra
+    states = np.zeros((turns, 14))
+    states[:, 0] = state_scales(Scene())[0] * np.arange(turns)
+    assert section_of(states)[:, 0] == pytest.approx(np.arange(extra, turns))

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import math
+import tracemalloc
 
 import numpy as np
 import pandas as pd
+import pyarrow.parquet as pq
 import pytest
 from common import commands
-from common.places import FLYING, LOADED
+from common.places import FLYING, LOADED, ROOT
 from common.results import bits
 
 from vibroplat import load_config, simulate, sweep
@@ -20,63 +23,31 @@ from vibroplat.integrate import make_engine
 from vibroplat.observe import audit
 from vibroplat.results.tables import read_table
 from vibroplat.study.branches import branches
-from vibroplat.study.point import Point, measure_point, synchronization
+from vibroplat.study.point import MEASURED, Point, synchronization
 from vibroplat.study.pool import Inline
 from vibroplat.study.store import Store
-from vibroplat.study.sweep import diagram_tables, run_sweeps, tables
+from vibroplat.study.sweep import diagram_tables, notes_on_branches, notes_on_points, run_sweeps, tables, write_sweep
 
 from .helpers import CHAOTIC, MACHINE, planned, swept
 
-#: shared/interface.md, in its order.
+#: Columns that users rely on, in their order.
 INTERFACE = [
-    "direction",
-    "branch",
-    "excitation_frequency_hz",
-    "frequency_split_hz",
-    "rms_x_m",
-    "rms_y_m",
-    "rms_phi_rad",
-    "amplitude_y_m",
-    "phase_difference_rad",
-    "phase_coherence",
-    "sync",
-    "motion",
-    "period",
-    "flight_fraction",
-    "impacts_per_period",
-    "gap_max_m",
-    "contact_force_max_n",
-    "impulse_max_n_s",
-    "motor_power_w",
-    "energy_residual",
-    "outcome",
-    "steps",
-    "residual_calls",
-    "events",
-    "simulated_s",
-    "wall_s",
+    *("direction", "branch", "excitation_frequency_hz", "frequency_split_hz", "rms_x_m", "rms_y_m", "rms_phi_rad"),
+    *("amplitude_y_m", "phase_difference_rad", "phase_coherence", "sync", "motion", "period", "flight_fraction"),
+    *("impacts_per_period", "gap_max_m", "contact_force_max_n", "impulse_max_n_s", "motor_power_w", "energy_residual"),
+    *("outcome", "steps", "residual_calls", "events", "simulated_s", "wall_s"),
 ]
 TEXTS = {"direction", "rotation", "sync", "motion", "outcome", "detail", "notes"}
 COUNTS = {"branch", "period", "steps", "residual_calls", "events"}
 #: What every row has, also of a point that failed.
-OF_THE_OUTCOME = (
-    "direction",
-    "branch",
-    "outcome",
-    "detail",
-    "steps",
-    "residual_calls",
-    "events",
-    "simulated_s",
-    "wall_s",
-)
-GRID = {"contact.restitution": [0.0, 0.3], "material.layers": [2, 1]}
+OF_THE_OUTCOME = [*INTERFACE[:2], "detail", *INTERFACE[-6:]]
+GRID = {"contact.restitution": [0.0, 0.3], "material.layers": [2]}
 STORM = {"solver.max_events_per_period": 1}
 
 
 @pytest.fixture(scope="module")
 def table():
-    """Two directions of four combinations of values."""
+    """Two directions of two combinations of values."""
     return swept(LOADED, 50.0, 51.0, direction=["up", "down"], grid=GRID)
 
 
@@ -109,11 +80,11 @@ def test_types_do_not_depend_on_what_was_found():
 
 
 def test_rows_are_in_the_order_of_branches_and_of_points(table):
-    assert table["branch"].tolist() == [branch for branch in range(8) for _ in range(3)]
-    assert table["direction"].tolist() == (["up"] * 3 + ["down"] * 3) * 4
-    assert table["supply_frequency_hz"].tolist() == [50.0, 50.5, 51.0, 51.0, 50.5, 50.0] * 4
-    assert table["contact.restitution"].tolist() == [0.0] * 12 + [0.3] * 12
-    assert table["material.layers"].tolist() == ([2] * 6 + [1] * 6) * 2
+    assert table["branch"].tolist() == [branch for branch in range(4) for _ in range(3)]
+    assert table["direction"].tolist() == (["up"] * 3 + ["down"] * 3) * 2
+    assert table["supply_frequency_hz"].tolist() == [50.0, 50.5, 51.0, 51.0, 50.5, 50.0] * 2
+    assert table["contact.restitution"].tolist() == [0.0] * 6 + [0.3] * 6
+    assert table["material.layers"].tolist() == [2] * 12
 
 
 def test_good_points_have_all_measures(table):
@@ -124,11 +95,7 @@ def test_good_points_have_all_measures(table):
     assert set(table["sync"]) <= {"antiphase", "in-phase", "intermediate", "none"}
     assert table["period"].between(0, 16).all()
     assert table["energy_residual"].between(0.0, 1e-3).all()
-
-
-def test_phase_differences_lie_in_the_half_open_interval(table):
-    assert (-math.pi < table["phase_difference_rad"]).all()
-    assert (table["phase_difference_rad"] <= math.pi).all()
+    assert table["phase_difference_rad"].between(-math.pi, math.pi, inclusive="right").all()
 
 
 def test_measures_are_those_of_a_run():
@@ -138,7 +105,7 @@ def test_measures_are_those_of_a_run():
     scene = planned(LOADED, 51.0, changes=changes, settle_s=seconds, measure_s=seconds, perturbation=0.0)
     row = sweep(scene).iloc[0]
     run = simulate(scene.replace({"drive.supply_frequency_hz": 51.0}))
-    for column in [
+    for column in (
         "excitation_frequency_hz",
         "rms_y_m",
         "amplitude_y_m",
@@ -146,7 +113,7 @@ def test_measures_are_those_of_a_run():
         "flight_fraction",
         "impacts_per_period",
         "motor_power_w",
-    ]:
+    ):
         assert row[column] == pytest.approx(run.summary[column], rel=1e-3), column
     assert abs(row["phase_difference_rad"]) == pytest.approx(math.pi, abs=1e-6)
     late = run.trajectory[run.trajectory["t_s"] >= seconds]
@@ -186,18 +153,12 @@ def test_failed_points_are_rows_and_the_branch_goes_on(storming):
     assert failed["detail"].str.contains("raise solver.max_events_per_period", regex=False).all()
     assert (failed["simulated_s"] > 0.0).all()
     assert (failed["steps"] > 0).all()
-    assert failed[["rms_y_m", "sync", "period", "excitation_frequency_hz", "lyapunov_per_s"]].isna().all(axis=None)
+    assert (
+        failed[["rms_y_m", "sync", "motion", "period", "excitation_frequency_hz", "lyapunov_per_s"]]
+        .isna()
+        .all(axis=None)
+    )
     assert not table.loc[good, ["rms_y_m", "sync", "period"]].isna().any(axis=None)
-
-
-def test_failed_points_have_not_settled():
-    failed = swept(LOADED, 50.0, changes=STORM)
-    assert failed[["motion", "period"]].isna().all(axis=None)
-
-
-def test_good_points_of_an_elastic_layer_that_presses_storm():
-    table = swept(LOADED, 44.0, 45.0, changes={"contact.restitution": 1.0, "solver.max_events_per_period": 3})
-    assert table["outcome"].tolist() == ["event-storm"] * 3
 
 
 def test_points_that_do_not_keep_their_balances_are_inaccurate_and_not_gone_on_from(monkeypatch):
@@ -243,14 +204,8 @@ def test_points_begin_with_the_state_of_the_last_good_one(monkeypatch):
         (52.0, 51.0, (0, 52000000)),
         (52.5, 51.0, (0, 52500000)),
     ]
-    assert [call for call in begun if call[2][0] == 1] == [
-        (52.5, None, (1, 52500000)),
-        (52.0, 52.5, (1, 52000000)),
-        (51.5, 52.5, (1, 51500000)),
-        (51.0, 52.5, (1, 51000000)),
-        (50.5, 51.0, (1, 50500000)),
-        (50.0, 50.5, (1, 50000000)),
-    ]
+    down = [call[:2] for call in begun if call[2] == (1, round(1e6 * call[0]))]
+    assert down == [(52.5, None), (52.0, 52.5), (51.5, 52.5), (51.0, 52.5), (50.5, 51.0), (50.0, 50.5)]
 
 
 def test_progress_counts_branches_points_and_events(monkeypatch):
@@ -280,28 +235,16 @@ def found(phase, *, split=0.0, coherence=1.0, seconds=2.0):
     }
 
 
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-@pytest.mark.parametrize(
-    ("degrees", "name"),
-    [
-        (0, "in-phase"),
-        (59, "in-phase"),
-        (61, "intermediate"),
-        (119, "intermediate"),
-        (121, "antiphase"),
-        (180, "antiphase"),
-    ],
-)
-def test_synchronization_by_the_phase_difference(degrees, name, sign):
-    assert synchronization(found(sign * math.radians(degrees))) == name
+def test_synchronization_by_the_phase_difference():
+    limits = {"in-phase": (0, 59, -59), "intermediate": (61, -119), "antiphase": (121, 180, -180)}
+    for name, angles in limits.items():
+        assert {synchronization(found(math.radians(degrees))) for degrees in angles} == {name}
 
 
 @pytest.mark.parametrize(
     ("changes", "name"),
     [
         ({"split": 0.1}, "antiphase"),
-        ({"split": -0.1}, "antiphase"),
-        ({"split": 0.15}, "none"),
         ({"split": -0.15}, "none"),
         ({"split": 0.1, "seconds": 4.0}, "none"),
         ({"split": None}, "none"),
@@ -328,23 +271,16 @@ def test_unequal_motors_without_coupling_are_not_synchronous():
 # -- perturbation ---------------------------------------------------------------------------------------
 
 
-def test_same_seed_gives_the_same_table(table):
-    again = swept(LOADED, 50.0, 51.0, direction=["up", "down"], grid=GRID)
-    assert bits(again) == bits(table)
-
-
 def test_other_seed_gives_other_states_near_the_same_motion(table):
-    other = swept(LOADED, 50.0, 51.0, direction=["up", "down"], grid=GRID, seed=1)
+    other = swept(LOADED, 50.0, 51.0, direction=["up", "down"], seed=1)
+    table = table[table["contact.restitution"] == 0.0].reset_index(drop=True)
     assert (other["rms_phi_rad"] != table["rms_phi_rad"]).all()
-    periodic = (table["period"] == 1) & (other["period"] == 1)
-    assert periodic.sum() >= 12
-    assert other["rms_y_m"][periodic].to_numpy() == pytest.approx(table["rms_y_m"][periodic].to_numpy(), rel=1e-2)
+    assert other["rms_y_m"].to_numpy() == pytest.approx(table["rms_y_m"].to_numpy(), rel=1e-2)
 
 
-def test_directions_are_perturbed_otherwise():
+def test_directions_are_perturbed_otherwise(table):
     """Up and down at one frequency are two draws."""
-    table = swept(LOADED, 50.0, direction=["up", "down"])
-    assert table["rms_phi_rad"][0] != table["rms_phi_rad"][1]
+    assert table["rms_phi_rad"][0] != table["rms_phi_rad"][5]
 
 
 def curve(table, **place):
@@ -356,15 +292,14 @@ def curve(table, **place):
     return bits(table.drop(columns=[*places.values(), "branch"], errors="ignore"))
 
 
-def test_equal_scenes_have_equal_rows_in_any_sweep():
-    """All curves without restitution are one, whatever else is swept."""
-    masses = swept(LOADED, 50.0, 51.0, direction=["up", "down"], grid={"material.mass_ratio": [0.1, 0.2]})
-    restitutions = swept(LOADED, 50.0, 51.0, direction=["down", "up"], grid={"contact.restitution": [0.3, 0.0]})
+def test_equal_scenes_have_equal_rows_in_any_sweep(table):
+    """All curves without restitution are one, whatever else is swept and in whichever order."""
+    masses = swept(LOADED, 50.0, 51.0, direction=["down", "up"], grid={"material.mass_ratio": [0.2]})
+    restitutions = table.drop(columns="material.layers")
     for direction in ("up", "down"):
         found = curve(masses, mass=0.2, direction=direction)
         assert found == curve(restitutions, restitution=0.0, direction=direction)
         assert found != curve(restitutions, restitution=0.3, direction=direction)
-    assert curve(masses.iloc[::-1], mass=0.2, direction="down") != curve(masses, mass=0.2, direction="up")
 
 
 def test_perturbation_changes_rates_of_platform_and_exciters_by_its_size():
@@ -388,11 +323,6 @@ def test_perturbations_follow_from_seed_direction_and_frequency():
     }
     assert len(set(draws.values())) == len(draws)
     assert perturbed(state, scene, 0.01, (0, 1, 0))[7] == draws[0, 1, 0]
-
-
-def test_no_perturbation_is_the_same_state():
-    scene = planned(LOADED, 50.0)
-    assert (perturbed(initial_state(scene), scene, 0.0, (0, 0, 0)) == initial_state(scene)).all()
 
 
 # -- bifurcation ----------------------------------------------------------------------------------------
@@ -437,17 +367,12 @@ def test_bifurcation_shows_the_heights_and_speeds_of_a_run():
     assert impacts["impact_speed_m_per_s"].to_numpy() == pytest.approx(-struck.to_numpy()[-64:], abs=1e-3)
 
 
-def test_points_have_no_section_unless_it_is_wanted():
-    scene = planned(LOADED, 50.0)
-    (branch,) = branches(scene)
-    point = measure_point(branch.at(0), scene.sweep, None, (0, 0))
-    assert (point.section_y, point.impact_speeds) == ([], [])
-
-
-def test_table_of_no_impacts_has_its_columns():
+def test_tables_of_no_impacts_have_their_columns():
     _, section, impacts = both_tables(planned(MACHINE, 50.0, kind="bifurcation"))
     assert (len(section) > 0, len(impacts)) == (True, 0)
     assert str(impacts["impact_speed_m_per_s"].dtype) == "float64"
+    _, section, impacts = both_tables(planned(LOADED, 50.0))
+    assert (len(section), len(impacts)) == (0, 0)
 
 
 # -- the command ----------------------------------------------------------------------------------------
@@ -461,7 +386,7 @@ def done(tmp_path_factory):
         f"{FLYING}"
         "sweep:\n"
         "  supply_frequency_hz: {start: 50.0, stop: 51.0, direction: [up, down]}\n"
-        "  grid: {contact.restitution: [0.0, 0.3], material.layers: [2, 1]}\n"
+        "  grid: {contact.restitution: [0.0, 0.3], material.layers: [2]}\n"
     )
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(place)
@@ -473,9 +398,6 @@ def test_command_writes_what_python_gives(done, table):
     found = read_table(done[1], "sweep")
     assert bits(found) == bits(table)
     assert found.dtypes.equals(table.dtypes)
-
-
-def test_command_writes_a_table_and_where_it_came_from(done):
     written = {path.name for path in done[1].iterdir()}
     assert {"sweep.parquet", "provenance.json"} <= written
     assert not {name for name in written if name.startswith((".", "section", "impacts"))}
@@ -483,8 +405,8 @@ def test_command_writes_a_table_and_where_it_came_from(done):
 
 def test_command_says_what_it_found(done):
     lines = {line[:28].rstrip(): line[28:] for line in done[0].out.splitlines()}
-    assert (lines["points"], lines["outcomes"]) == ("24 in 8 branches", "ok 24")
-    assert lines["synchronization"] == "antiphase 24"
+    assert (lines["points"], lines["outcomes"]) == ("12 in 4 branches", "ok 12")
+    assert lines["synchronization"] == "antiphase 12"
     assert lines["tables"] == "results/c"
 
 
@@ -537,3 +459,169 @@ def test_point_without_memory_has_an_outcome_and_the_next_one_goes_on(monkeypatc
     assert table["outcome"].tolist() == ["ok", "out-of-memory", "ok"]
     assert table["detail"].tolist()[1].startswith("the system gave no more memory; ")
     assert table["steps"].tolist()[1] == 0
+
+
+# -- notes ----------------------------------------------------------------------------------------------
+
+PRINTED = ROOT / "configs/machines/printed.yaml"
+#: The vertical resonance of the printed machine captures the motors on the way up from 62 Hz.
+RISING = {"motor.friction_radius_m": 0.0, "run.initial.speed_ratio": 0.8, "solver.tolerance": 1e-5}
+CAPTURED = "captured by a resonance, overloaded or still running up"
+
+
+@pytest.fixture(scope="module")
+def captured():
+    return swept(PRINTED, 58.0, 66.0, step=4.0, changes=RISING, measure_s=0.5, lyapunov=False)
+
+
+def test_rows_of_captured_motors_say_so(captured):
+    notes = captured["notes"].tolist()
+    assert captured["outcome"].tolist() == ["ok"] * 3
+    assert notes[0] == ""
+    first, second = notes[2].split("; ")
+    assert first == f"exciter 1 turns at 30.5 Hz, 7.6 % below its synchronous speed 33 Hz: {CAPTURED}"
+    assert second.startswith("exciter 2 turns at 30.5 Hz")
+
+
+def test_points_that_fail_have_no_notes():
+    failed = swept(LOADED, 50.0, changes={"solver.max_events_per_period": 1})
+    assert failed["notes"].isna().all()
+    assert notes_on_points(failed) == []
+
+
+# -- the digest -----------------------------------------------------------------------------------------
+
+
+def noted(*notes):
+    found = pd.DataFrame({"supply_frequency_hz": 60.0 + np.arange(len(notes)), "notes": list(notes)})
+    return found.assign(motion="periodic", outcome="ok")
+
+
+def test_each_kind_of_note_is_told_once_with_its_points():
+    turning = "the platform turns by up to {} rad, where a model of first order in phi is inaccurate"
+    captured = f"exciter {{}} turns at {{}} Hz, 7.6 % below its synchronous speed 33 Hz: {CAPTURED}"
+    both = f"{captured.format(1, 30.5)}; {captured.format(2, 30.5)}"
+    found = notes_on_points(noted("", both, f"{turning.format(0.2)}; {captured.format(2, 1e-5)}", both, None))
+    assert found == [
+        f"3 points at a supply of 61 … 63 Hz, the first: {captured.format(1, 30.5)}",
+        f"1 point at a supply of 62 Hz: {turning.format(0.2)}",
+    ]
+
+
+@pytest.mark.parametrize("notes", [("", None, ""), (np.nan, np.nan), ()])
+def test_a_table_without_notes_has_no_digest(notes):
+    assert notes_on_points(noted(*notes)) == []
+
+
+def test_notes_on_the_input_are_those_of_all_branches_each_once():
+    grid = {"material.mass_ratio": [0.2, 20.0], "contact.restitution": [0.0, 0.5]}
+    scene = planned(LOADED, 300.0, 500.0, step=100.0, direction=["up", "down"], grid=grid)
+    notes = notes_on_branches(branches(scene))
+    assert len(set(notes)) == len(notes)
+    assert "material.mass_ratio = 20; usual: up to 5" in notes
+    assert "drive.supply_frequency_hz = 500; usual: up to 400 Hz" in notes
+    assert not [note for note in notes if "not given" in note]
+
+
+def test_a_sweep_prints_its_notes_and_keeps_those_of_points(command, kernels, here):
+    frequencies = "{start: 50.0, stop: 50.5}"
+    times = "settle_s: 0.5, measure_s: 0.5, lyapunov: false"
+    sweep = f"{{supply_frequency_hz: {frequencies}, grid: {{motor.critical_torque_n_m: [1.2, 0.01]}}, {times}}}"
+    plan = "run: {initial: {speed_ratio: 0.7}}\nsolver: {tolerance: 1.0e-5}\n"
+    (here / "own.yaml").write_text(
+        f"motor: {{critical_slip: 0.15}}\nmachine: {{damping_y_n_s_per_m: 400.0}}\n{plan}sweep: {sweep}\n"
+    )
+    done = command("sweep", "own.yaml", "--format", "csv")
+    assert (done.code, done.err) == (0, "")
+    notes = [line for line in done.out.splitlines() if line.startswith("note: ")]
+    assert notes[:2] == [
+        "note: machine: platform_mass_kg and 11 more keys not given; taken from the paper's test rig",
+        "note: motor: pole_pairs and 1 more key not given; taken from the paper's test rig",
+    ]
+    assert len(notes) == 3
+    assert notes[2].startswith("note: 2 points at a supply of 50 … 50.5 Hz, the first: exciter 1 ")
+    table = read_table(here / "results/own", "sweep")
+    assert table["notes"].notna().tolist() == [False, False, True, True]
+
+
+def test_undecided_points_are_told_with_the_first_reason():
+    table = pd.DataFrame(
+        {
+            "supply_frequency_hz": [45.0, 46.0, 47.0],
+            "motion": ["periodic", "undecided", "undecided"],
+            "outcome": "ok",
+            "notes": "",
+            "detail": ["", "sign unclear", "section drifts"],
+        }
+    )
+    told = "2 points are undecided, the first at a supply of 46 Hz: sign unclear; sweep.max_settle_s may help"
+    assert notes_on_points(table) == [told]
+    one = "1 point is undecided, at a supply of 47 Hz: section drifts; sweep.max_settle_s may help"
+    assert notes_on_points(table[table["detail"] != "sign unclear"]) == [one]
+    assert notes_on_points(table[:1]) == []
+
+
+# -- many points ----------------------------------------------------------------------------------------
+
+SECTION_POINTS = 64
+
+
+def measured_at_once(scene, plan, state, key):
+    """In the place of ``measure_point``: numbers that follow from the point's alone."""
+    numbers = np.random.default_rng(key).random(len(MEASURED) + 14 + 2 * SECTION_POINTS).tolist()
+    row = dict(zip(MEASURED, numbers, strict=False))
+    row |= {"sync": "antiphase", "period": 1, "motion": "periodic", "settle_s": 1.0, "outcome": "ok", "detail": ""}
+    row |= {"steps": 1, "residual_calls": 2, "events": 3, "simulated_s": numbers[0], "wall_s": 1e-3}
+    heights, speeds = numbers[-2 * SECTION_POINTS : -SECTION_POINTS], numbers[-SECTION_POINTS:]
+    return Point(row, numbers[len(MEASURED) : len(MEASURED) + 14], heights, speeds)
+
+
+def sweep_of(points, directory, **plan):
+    """Sweep so many quick points in ten branches and write the tables."""
+    grid = {"material.mass_ratio": [0.1, 0.2, 0.3, 0.4, 0.5]}
+    last = 0.9 + 0.1 * (points // 10)
+    scene = planned(LOADED, 1.0, last, step=0.1, direction=["up", "down"], grid=grid, **plan)
+    directory.mkdir()
+    with Store(directory, {}) as store:
+        run_sweeps([(branches(scene), store)], Inline())
+        write_sweep(scene, branches(scene), store, directory, "parquet")
+
+
+def largest_memory(*arguments, **plan):
+    """Python's largest memory while it sweeps."""
+    gc.collect()
+    tracemalloc.start()
+    try:
+        sweep_of(*arguments, **plan)
+        return tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+
+
+@pytest.mark.long
+def test_memory_does_not_grow_with_the_number_of_points(tmp_path, monkeypatch):
+    """Rows of points are kept, a hundredth of what their sections hold."""
+    monkeypatch.setattr("vibroplat.study.point.measure_point", measured_at_once)
+    sweep_of(100, tmp_path / "warm", kind="bifurcation")
+    few = largest_memory(2_000, tmp_path / "few", kind="bifurcation")
+    many = largest_memory(10_000, tmp_path / "many", kind="bifurcation")
+    assert many < 2.0 * few
+    assert len(read_table(tmp_path / "many", "sweep")) == 10_000
+
+
+def test_table_of_many_points_is_in_row_groups(tmp_path, monkeypatch):
+    monkeypatch.setattr("vibroplat.study.point.measure_point", measured_at_once)
+    monkeypatch.setattr("vibroplat.study.sweep.CHUNK", 30)
+    sweep_of(100, tmp_path / "points", kind="bifurcation")
+    table = read_table(tmp_path / "points", "sweep")
+    groups = pq.ParquetFile(tmp_path / "points/sweep.parquet").metadata
+    assert groups.num_rows == len(table) == 100
+    assert [groups.row_group(k).num_rows for k in range(groups.num_row_groups)] == [30, 30, 30, 10]
+    assert table["branch"].tolist() == [branch for branch in range(10) for _ in range(10)]
+    up = table[table["branch"] == 2]
+    assert up["supply_frequency_hz"].tolist() == [round(1.0 + 0.1 * k, 1) for k in range(10)]
+    assert up["rms_y_m"].tolist() == [
+        np.random.default_rng((0, 1_000_000 + 100_000 * k)).random(len(MEASURED))[3] for k in range(10)
+    ]
+    section = read_table(tmp_path / "points", "section")
+    assert len(section) == 100 * SECTION_POINTS

@@ -16,7 +16,7 @@ from vibroplat.config.coordinates import COORDINATES
 from vibroplat.config.reader import load_config
 from vibroplat.config.scene import Scene
 from vibroplat.errors import TableError
-from vibroplat.observe.trajectory import Trajectory
+from vibroplat.results.run import Trajectory
 
 #: Slower impacts (m/s) are not compared: each integration ends an accumulation at its own threshold.
 SLOWEST = 1e-3

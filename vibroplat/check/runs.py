@@ -18,10 +18,11 @@ from vibroplat.config.scene import Scene
 from vibroplat.hybrid.state import force_spread, state_scales
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.systems import GAP_RATE
+from vibroplat.motion.initial_condition import Start
 from vibroplat.motion.recorder import Sink
 from vibroplat.motion.run import simulate
 from vibroplat.observe.audit import INACCURATE
-from vibroplat.observe.trajectory import Trajectory
+from vibroplat.results.run import Trajectory
 from vibroplat.system.memory import Share
 
 #: Difference, in the scales of the scene, up to which engines are said to agree.
@@ -189,7 +190,7 @@ class Course:
     ----------
     scene
         What is run.
-    progress
+    progress, start
         As of :func:`vibroplat.simulate`.
     also
         Is given all of the trajectory table and the event table.
@@ -202,20 +203,22 @@ class Course:
         The run; its tables are not kept.
     """
 
-    def __init__(self, scene: Scene, progress: Progress | None = None, also: Sink | None = None) -> None:
+    def __init__(
+        self, scene: Scene, progress: Progress | None = None, also: Sink | None = None, start: Start | None = None
+    ) -> None:
         self.scene = scene
         self.names = tuple(COORDINATES[i] for i in scene.coordinates) + ((_FORCE,) if scene.has_contact else ())
         self._also = also
         self._share = Share("shorten run.duration_s, or leave out --check")
         self._samples: list[pd.DataFrame] = []
         self._events: list[pd.DataFrame] = []
-        sink = Sink(self._take_trajectory, self._take_events)
-        self.result: Trajectory = simulate(scene, keep="summary", sink=sink, progress=progress)
+        sink = self._take_trajectory, self._take_events
+        self.result: Trajectory = simulate(scene, keep="summary", sink=sink, progress=progress, start=start)
 
     def _take_trajectory(self, part: pd.DataFrame) -> None:
         """Keep the rows on the output grid, and the last one."""
         if self._also is not None:
-            self._also.trajectory(part)
+            self._also[0](part)
         rate, times = self.scene.output.sample_rate_hz, part["t_s"].to_numpy()
         every = max(1, math.ceil(self.scene.run.duration_s * rate / MOST))
         numbers = np.rint(times * rate)
@@ -225,7 +228,7 @@ class Course:
 
     def _take_events(self, part: pd.DataFrame) -> None:
         if self._also is not None:
-            self._also.events(part)
+            self._also[1](part)
         self._keep(self._events, part[["t_s", "kind", "gap_rate_before_m_per_s"]])
 
     def _keep(self, parts: list[pd.DataFrame], part: pd.DataFrame) -> None:

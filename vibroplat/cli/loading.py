@@ -34,10 +34,10 @@ def tell_of_compilation(engine: str | None = None) -> None:
 
 def load_kernels(*engines: str) -> None:
     """Compile or load what a motion needs by these engines, once, before workers would each do so."""
-    from vibroplat.motion import warm
+    from vibroplat.motion import run
 
     for engine in engines or ("auto",):
-        warm.load_kernels(engine)
+        run.load_kernels(engine)
     gc.freeze()  # what is loaded stays: the garbage collector need not look at it
 
 

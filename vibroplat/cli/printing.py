@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from vibroplat.observe.trajectory import Trajectory
+    from vibroplat.results.run import Trajectory
 
 #: Width of the labels.
 WIDTH = 28

@@ -17,8 +17,9 @@ from vibroplat.system.progress import run_progress
 if TYPE_CHECKING:
     from vibroplat.check.runs import RunCheck
     from vibroplat.config.scene import Scene
+    from vibroplat.motion.initial_condition import Start
     from vibroplat.motion.recorder import Sink
-    from vibroplat.observe.trajectory import Trajectory
+    from vibroplat.results.run import Trajectory
 
 
 def run(
@@ -42,15 +43,15 @@ def run(
 
     scene = load_config(config, parse_overrides(set_ or [], engine))
     with about(config):
-        initial_condition(scene)  # what is wrong with it is told before anything is written or compiled
+        start = initial_condition(scene)  # what is wrong with it is told before anything is written or compiled
         _require_other_place(scene, out)
     directory = result_directory(out, scene.name)
     tell_of_compilation(scene.solver.engine)
-    from vibroplat.motion.space import require_disk
+    from vibroplat.motion.recorder import require_disk
 
     require_disk(scene, directory, format_.value)
     load_kernels(scene.solver.engine)
-    result, found = _simulate_and_write(scene, directory, format_, check=check)
+    result, found = _simulate_and_write(scene, start, directory, format_, check=check)
     print_summary(result, directory)
     print_notes(result.notes)
     if found is not None:
@@ -73,17 +74,16 @@ def _require_other_place(scene: Scene, out: Path) -> None:
 
 
 def _simulate_and_write(
-    scene: Scene, directory: Path, form: TableFormat, *, check: bool
+    scene: Scene, start: Start, directory: Path, form: TableFormat, *, check: bool
 ) -> tuple[Trajectory, RunCheck | None]:
     """Simulate a scene and write its result; with ``check``, return what another engine has found as well."""
-    from vibroplat.motion.recorder import Sink
     from vibroplat.results.files import write_result
     from vibroplat.results.provenance import provenance
     from vibroplat.results.tables import GrowingTable
 
     trajectory, events = (GrowingTable(directory, name, form.value) for name in ("trajectory", "events"))
     with trajectory, events:
-        result, found = _simulate(scene, Sink(trajectory.append, events.append), check=check)
+        result, found = _simulate(scene, start, (trajectory.append, events.append), check=check)
         summary = result.summary | {"notes": result.notes} | ({} if found is None else {"check": found.to_tree()})
         origin = provenance(scene, summary["engine"], result.origin)
         tables = {"trajectory": trajectory, "events": events}
@@ -91,16 +91,16 @@ def _simulate_and_write(
     return result, found
 
 
-def _simulate(scene: Scene, sink: Sink, *, check: bool) -> tuple[Trajectory, RunCheck | None]:
+def _simulate(scene: Scene, start: Start, sink: Sink, *, check: bool) -> tuple[Trajectory, RunCheck | None]:
     """Simulate a scene; with ``check``, compare the finished run with that of another engine."""
     with run_progress(scene.name, scene.run.duration_s) as report:
         from vibroplat.motion.run import simulate
 
         if not check:
-            return simulate(scene, keep="summary", sink=sink, progress=report), None
+            return simulate(scene, keep="summary", sink=sink, progress=report, start=start), None
         from vibroplat.check.runs import RUNS, Course, compared
 
-        course = Course(scene, report, sink)
+        course = Course(scene, report, sink, start)
     if course.result.outcome == "out-of-memory":
         return course.result, None
     with run_progress(f"{scene.name}, check", RUNS * scene.run.duration_s) as report:

@@ -21,12 +21,13 @@ from vibroplat.config.scene import Scene
 from vibroplat.continuation.newton import MissedError, NewtonResult, Problem, correct, n_unstable
 from vibroplat.continuation.shooting import TURN, Shooter, spelled
 from vibroplat.errors import ConfigError, VibroplatError
+from vibroplat.hybrid.modes import IMPACT
 from vibroplat.hybrid.state import initial_state, state_scales
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.motion.initial_condition import end_of, initial_condition
 from vibroplat.motion.run import simulate
 from vibroplat.observe.summary import Part, measured
-from vibroplat.observe.trajectory import Trajectory
+from vibroplat.results.run import Trajectory
 from vibroplat.study.confirming import LARGEST, multiplier_columns
 from vibroplat.study.lyapunov import lyapunov
 from vibroplat.study.point import MEASURED, Point, measure_point, row_of
@@ -357,7 +358,7 @@ def measures_of_orbit(problem: Problem, found: NewtonResult) -> dict[str, Any]:
     scene = problem.shooter.scene_at(dict(zip(problem.shooter.keys, found.chart.unpack(found.u)[2], strict=True)))
     first, second = (abs(n) / shot.duration for n in problem.turns)
     speeds = {"excitation_frequency_hz": 0.5 * (first + second), "frequency_split_hz": first - second}
-    impacts = float(shot.part.measures.marks["measured_impacts"]) / abs(problem.turns[0])
+    impacts = float(shot.part.measures.marks["measured"][IMPACT]) / abs(problem.turns[0])
     row = row_of(measured(shot.part) | speeds | {"impacts_per_period": impacts}, scene)
     return {name: row[name] for name in (*MEASURED, "sync", "notes")}
 

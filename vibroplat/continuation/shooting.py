@@ -25,10 +25,10 @@ from vibroplat.model.parameters import Parameters, parameters
 from vibroplat.model.sensitivity import Course, difference, with_value
 from vibroplat.model.systems import FULL_SIZE, SYSTEMS, systems
 from vibroplat.motion.motion import Motion, Observer
+from vibroplat.motion.recorder import Recorder
 from vibroplat.observe.audit import Energies
-from vibroplat.observe.events import Events
 from vibroplat.observe.guard_margins import GuardMargins
-from vibroplat.observe.statistics import SUMS, Measures, Statistics, numbers
+from vibroplat.observe.statistics import Measures, Statistics
 from vibroplat.observe.summary import Part
 from vibroplat.observe.variation import Variation
 
@@ -244,8 +244,8 @@ class Shooter:
             Whether to measure it.
         """
         motion, h = self.motion, self.motion.automaton
-        events, near = Events(), GuardMargins()
-        observers: list[Observer] = [events]
+        recorder, near = Recorder(motion.scene, "events"), GuardMargins()
+        observers: list[Observer] = [recorder]
         if varied:
             observers.append(self._variation)
         if measured:
@@ -259,7 +259,7 @@ class Shooter:
         motion.to_time(duration, observers)
         state, ends, restitution = motion.state, self._system, float(h.p["restitution"])
         self.turns += abs(state[3] - start[3]) / TURN
-        found = Shot(state, begins, ends, duration, motion.outcome, motion.detail, events.rows, restitution)
+        found = Shot(state, begins, ends, duration, motion.outcome, motion.detail, recorder.events, restitution)
         if varied:
             found.rates, found.derivative = motion.rates, self._variation.derivative(h)
         if before is not None:
@@ -275,6 +275,5 @@ class Shooter:
 
 def _undivided(measures: Measures) -> Measures:
     """Return what was measured with the sums over all of it, not cut to whole turns of exciter 1."""
-    total, none = np.zeros(2, SUMS)
-    numbers(total)[:] = numbers(measures.plain) + numbers(measures.whole) + numbers(measures.open_turn)
+    total, none = measures.plain + measures.whole + measures.open_turn, np.zeros(len(measures.plain))
     return measures._replace(plain=total, whole=none, open_turn=none)

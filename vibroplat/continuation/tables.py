@@ -24,7 +24,7 @@ from vibroplat.integrate import engine_name
 from vibroplat.model.sensitivity import parameter_direction, value_of
 from vibroplat.motion.initial_condition import end_of
 from vibroplat.observe.summary import MEASURES
-from vibroplat.observe.table import TRAJECTORY
+from vibroplat.observe.tables import TRAJECTORY
 from vibroplat.results.files import write_result
 from vibroplat.results.provenance import provenance
 from vibroplat.results.tables import Format, Table

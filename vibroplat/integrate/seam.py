@@ -6,7 +6,7 @@ with a polynomial, to ``h.steps``, and calls ``conclude``. Whoever reads the ste
 
 To add an integrator, implement :class:`Integrator`, some fifty lines for a library's own, as
 ``tests/integrate/dop853.py`` does for scipy's. :class:`vibroplat.integrate.stepwise.Stepwise` makes an engine of it,
-and :func:`vibroplat.motion.run.simulate_with` runs that. One that users may choose also has a name in ``solver.engine``
+which ``simulate(scene, engine=…)`` runs. One that users may choose also has a name in ``solver.engine``
 (:mod:`vibroplat.config.scene`) and a line in :mod:`vibroplat.integrate`. Engines with a compiled loop of their
 own, as ``native``, save a return to Python in each step.
 """

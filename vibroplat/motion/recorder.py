@@ -1,25 +1,29 @@
-"""What a run keeps, and what it hands over while it goes on."""
+"""Records a run: keeps what was asked for, and hands its tables over part by part while it goes on."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import Literal, NamedTuple
+import math
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 
 from vibroplat.config.scene import Scene
-from vibroplat.motion.motion import Observer
-from vibroplat.motion.space import COPIES
-from vibroplat.observe.events import EventParts, Events
-from vibroplat.observe.notes import Peaks
-from vibroplat.observe.segments import Segment, Segments
-from vibroplat.observe.table import TableParts
-from vibroplat.system.memory import Share
+from vibroplat.errors import ConfigError
+from vibroplat.hybrid.state import EVENT, Automaton
+from vibroplat.observe.notes import peaks_of
+from vibroplat.observe.segments import Segment, closed
+from vibroplat.observe.tables import Blocks, Records, TrajectoryRows, column_count, event_table
+from vibroplat.system.memory import SHARE, Share, amount, available
 
 #: What a run keeps besides its summary.
 Keep = Literal["segments", "table", "events", "summary"]
+#: Functions that are given the trajectory table and the event table part by part, at least once, without rows if need
+#: be.
+Sink = tuple[Callable[[pd.DataFrame], object], Callable[[pd.DataFrame], object]]
 
 #: What to change if it does not fit into memory.
 ADVICE: dict[Keep, str] = {
@@ -28,20 +32,14 @@ ADVICE: dict[Keep, str] = {
     "events": "shorten run.duration_s, or simulate with keep='summary'",
     "summary": "",
 }
+#: Bytes of a number in memory and in a Parquet file, and about as many in CSV.
+NUMBER, NUMBER_IN_CSV = 8, 20
+#: Times that a table is in memory at most, when its parts are put together.
+COPIES = 2
 
 
-class Sink(NamedTuple):
-    """Functions that are given the trajectory table and the event table of a run, part by part, while it goes on.
-
-    They are called at least once, by a run without rows too.
-    """
-
-    trajectory: Callable[[pd.DataFrame], object]
-    events: Callable[[pd.DataFrame], object]
-
-
-class Kept:
-    """What a run keeps.
+class Recorder:
+    """Observes a run and records it.
 
     Parameters
     ----------
@@ -52,59 +50,105 @@ class Kept:
 
     Attributes
     ----------
-    observers
-        What reads the motion for it.
+    segments
+        All segments, if they are kept.
+    peaks
+        Largest values of the trajectory table in the measured part, by column, if the table or a sink is asked for.
     """
 
-    def __init__(self, scene: Scene, keep: Keep, sink: Sink | None, since: float) -> None:
+    def __init__(self, scene: Scene, keep: Keep, sink: Sink | None = None, since: float = 0.0) -> None:
+        self.segments: list[Segment] = []
+        self.peaks: dict[str, float] | None = None
+        self._keep, self._sink, self._since = keep, sink, since
         self._share = Share(ADVICE[keep])
-        self._segments, self._events = Segments(self._share), Events(self._share)
-        self._peaks = Peaks(since)
-        self._sink = sink
+        self._kept_events: list[Records] = []
         self._parts: list[pd.DataFrame] = []
-        self._keeps_table = keep == "table"
-        self._makers: list[TableParts | EventParts] = []
-        if self._keeps_table or sink is not None:
-            self._makers.append(TableParts(scene, self._take))
+        self._rows: TrajectoryRows | None = None
+        self._events: Blocks | None = None
+        if keep == "table" or sink is not None:
+            self._rows, self.peaks = TrajectoryRows(scene, self._take), {}
         if sink is not None:
-            self._makers.append(EventParts(sink.events))
-        self.observers: list[Observer] = [*self._makers]
-        if keep == "segments":
-            self.observers.append(self._segments)
-        if keep != "summary":
-            self.observers.append(self._events)
+            self._events = Blocks(EVENT, lambda events: sink[1](event_table(events)))
+
+    def read(self, h: Automaton) -> None:
+        """Record the closed pieces and the events; MemoryError if they would take too much memory."""
+        try:
+            if self._rows is not None or self._keep == "segments":
+                self._read_segments(h)
+        finally:  # events are recorded even if memory has run out
+            if h.run["events"]:
+                self._read_events(h.events[: h.run["events"]].copy())
+
+    def _read_segments(self, h: Automaton) -> None:
+        for segment in closed(h):
+            if self._rows is not None:
+                self._rows.add(segment)
+            if self._keep == "segments":
+                self._share.take(segment.nbytes)
+                self.segments.append(segment)
+
+    def _read_events(self, events: Records) -> None:
+        if self._events is not None:
+            self._events.put(events)
+        if self._keep != "summary":
+            self._share.take(events.nbytes)
+            self._kept_events.append(events)
 
     def _take(self, part: pd.DataFrame) -> None:
         """Take a part of the trajectory table."""
-        if self._keeps_table:
+        if self._keep == "table":
             self._share.take(COPIES * int(part.memory_usage(index=False).sum()))
             self._parts.append(part)
         if self._sink is not None:
-            self._sink.trajectory(part)
-        self._peaks.add(part)
+            self._sink[0](part)
+        assert self.peaks is not None
+        for column, largest in peaks_of(part, self._since).items():
+            self.peaks[column] = max(largest, self.peaks.get(column, -math.inf))
 
     def finish(self) -> None:
-        """Take the rest of the tables when the motion has ended."""
+        """Record the rest of the tables when the motion has ended."""
         self._share = Share(bounded=False)  # the rest is small, and a run without memory ends here
-        for maker in self._makers:
-            maker.finish()
+        for maker in (self._rows, self._events):
+            if maker is not None:
+                maker.finish()
 
     @property
-    def segments(self) -> list[Segment]:
-        """All segments, if they are kept."""
-        return self._segments.kept
-
-    @property
-    def events(self) -> npt.NDArray[np.void]:
-        """All events, if they are kept."""
-        return self._events.rows
+    def events(self) -> Records:
+        """All events, records of :data:`vibroplat.hybrid.state.EVENT`, if they are kept."""
+        return np.concatenate(self._kept_events) if self._kept_events else np.zeros(0, EVENT)
 
     @property
     def table(self) -> pd.DataFrame | None:
         """The trajectory table, if that is kept."""
-        return pd.concat(self._parts, ignore_index=True) if self._keeps_table else None
+        return pd.concat(self._parts, ignore_index=True) if self._keep == "table" else None
 
-    @property
-    def peaks(self) -> Mapping[str, float] | None:
-        """Largest values of the trajectory table in the measured part, if it was made."""
-        return self._peaks.largest if self._makers else None
+
+def require_disk(scene: Scene, directory: Path, form: str) -> None:
+    """Refuse a run whose trajectory table does not fit on the disk.
+
+    Raises
+    ------
+    ConfigError
+        Rows at ``output.sample_rate_hz`` alone, without those at events, need more than is free.
+    """
+    free = float(shutil.disk_usage(directory).free)
+    number = NUMBER_IN_CSV if form == "csv" else NUMBER
+    _require(scene, number, free, f"on disk, where {amount(free)} are free")
+
+
+def require_memory(scene: Scene) -> None:
+    """Refuse a run that keeps a trajectory table in memory which has no room for it; raises ConfigError."""
+    there = available()
+    told = f"of memory with keep='table', where {amount(SHARE * there)} may be taken of {amount(there)} available"
+    _require(scene, COPIES * NUMBER, SHARE * there, told)
+
+
+def _require(scene: Scene, number: int, most: float, told: str) -> None:
+    seconds, rate = scene.run.duration_s, scene.output.sample_rate_hz
+    rows, columns = seconds * rate, column_count(scene)
+    needed = rows * columns * number
+    if needed > most:
+        raise ConfigError(
+            f"output.sample_rate_hz = {rate:g} asks for {rows:.3g} rows of {columns} columns in {seconds:g} s: "
+            f"{amount(needed)} {told}; allowed: at most {rate * most / needed:.2g} Hz, or a shorter run.duration_s"
+        )

@@ -1,10 +1,11 @@
-"""A run: build the automaton of a scene, let an engine drive it, keep what was asked for."""
+"""A run: build the automaton of a scene, let an engine drive it, record what was asked for."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
 from contextlib import closing
+from typing import Any
 
 from vibroplat.columns import Column, Columns
 from vibroplat.config.plausibility import notes_on_input
@@ -13,17 +14,16 @@ from vibroplat.hybrid.state import Automaton, force_noise
 from vibroplat.integrate import make_engine
 from vibroplat.integrate.seam import WORK, Engine
 from vibroplat.model.parameters import Parameters, parameters
-from vibroplat.motion.initial_condition import initial_condition
+from vibroplat.motion.initial_condition import Start, initial_condition
 from vibroplat.motion.motion import Motion, Observer
-from vibroplat.motion.recorder import Keep, Kept, Sink
-from vibroplat.motion.space import require_memory
+from vibroplat.motion.recorder import Keep, Recorder, Sink, require_memory
 from vibroplat.motion.variation import directions, listed
 from vibroplat.observe.audit import INACCURATE, inaccuracy
-from vibroplat.observe.names import named_derivative
 from vibroplat.observe.notes import drift, notes_on_measures, stiffness
-from vibroplat.observe.summary import MEASURES, measured
-from vibroplat.observe.trajectory import Trajectory
+from vibroplat.observe.summary import MEASURES, Part, measured
+from vibroplat.observe.tables import named_derivative
 from vibroplat.observe.variation import Variation
+from vibroplat.results.run import Trajectory
 
 #: The measured part is what follows this share of the duration, cut to whole turns of exciter 1.
 SETTLE_SHARE = 0.5
@@ -54,6 +54,8 @@ def simulate(
     progress: Callable[[float, int], None] | None = None,
     sink: Sink | None = None,
     variation: bool | str | Sequence[str] = False,
+    start: Start | None = None,
+    engine: Callable[[Scene, Parameters], Engine] = make_engine,
 ) -> Trajectory:
     """Integrate a scene in time.
 
@@ -67,10 +69,15 @@ def simulate(
     progress
         Called now and then with the time reached (s) and the number of events so far.
     sink
-        Takes both tables part by part while the run goes on, whatever it keeps.
+        Two functions that are given the trajectory table and the event table part by part while the run goes on,
+        whatever it keeps.
     variation
         ``True``: find the derivative of the end by the start too, :attr:`Trajectory.monodromy`; keys as in
         :func:`vibroplat.motion.variation.variation`: also by these, :attr:`Trajectory.variation`.
+    start
+        Where it begins, if that is known already. Default: as the scene says.
+    engine
+        Makes the engine. Default: that of ``solver.engine``.
 
     Returns
     -------
@@ -78,7 +85,7 @@ def simulate(
         With ``summary["outcome"]`` ``ok``, or the reason why the run ended early: ``solver-failure``
         (the integrator gave up), ``non-finite`` (a state or residual is not finite), ``event-storm``
         (more events within a turn of the synchronous speed than ``solver.max_events_per_period``),
-        ``beyond-model`` (the platform has turned so far that the model, of first order in φ, breaks down).
+        ``beyond-model`` (the platform has turned so far that the model, of first order in φ, breaks down),
         ``out-of-memory`` (what is kept would take more than half of the memory available, or there is none left).
         What was computed until then is kept; ``summary["detail"]`` has mode, time and state. A run that ended on time
         but whose energy or momentum residual is beyond its limit is ``inaccurate``, and the detail says by how much.
@@ -93,58 +100,56 @@ def simulate(
         require_memory(scene)
     p = parameters(scene)
     began = time.perf_counter()
-    with closing(make_engine(scene, p)) as engine:
-        run = simulate_with(engine, scene, p, keep=keep, progress=progress, sink=sink, variation=variation)
-    run.summary["wall_s"] = time.perf_counter() - began
-    return run
-
-
-def simulate_with(
-    engine: Engine,
-    scene: Scene,
-    p: Parameters,
-    *,
-    keep: Keep = "segments",
-    progress: Callable[[float, int], None] | None = None,
-    sink: Sink | None = None,
-    variation: bool | str | Sequence[str] = False,
-) -> Trajectory:
-    """Integrate a scene in time with an engine of one's own; see :func:`simulate`.
-
-    Parameters
-    ----------
-    engine
-        Made for the scene and used for nothing else; whoever made it closes it.
-    p
-        Parameters of the scene: the record that the engine was made with, which a drive's program changes in place.
-    """
-    began = time.perf_counter()
-    keys = listed(() if isinstance(variation, bool) else variation)
-    varied = None if variation is False else Variation(directions(scene, keys))
-    start = initial_condition(scene)
-    motion = Motion(scene, p, engine, start.state, start.time, start.mode)
-    duration = scene.run.duration_s
-    settle = SETTLE_SHARE * duration
-    kept = Kept(scene, keep, sink, motion.now + settle)
-    observers: list[Observer] = [*kept.observers]
-    if progress is not None:
-        observers.append(_Progress(progress, motion.now))
-    if varied is not None:
-        observers.append(varied)
-    part = motion.advance(duration, settle=settle, observers=observers)
-    kept.finish()
-    run = Trajectory(
-        scene, kept.segments, kept.events, motion.state, part.measures, start.origin, table=kept.table, peaks=kept.peaks
+    with closing(engine(scene, p)) as driver:
+        keys = listed(() if isinstance(variation, bool) else variation)
+        varied = None if variation is False else Variation(directions(scene, keys))
+        start = initial_condition(scene) if start is None else start
+        motion = Motion(scene, p, driver, start.state, start.time, start.mode)
+        duration = scene.run.duration_s
+        settle = SETTLE_SHARE * duration
+        recorder = Recorder(scene, keep, sink, motion.now + settle)
+        observers: list[Observer] = [recorder]
+        if progress is not None:
+            observers.append(_Progress(progress, motion.now))
+        if varied is not None:
+            observers.append(varied)
+        part = motion.advance(duration, settle=settle, observers=observers)
+        recorder.finish()
+        derivative = None
+        if varied is not None and motion.outcome == "ok":
+            derivative = named_derivative(varied.derivative(motion.automaton), scene, keys)
+        summary = _summary(motion, part, motion.now - start.time)
+    summary["wall_s"] = time.perf_counter() - began
+    return Trajectory(
+        scene=scene,
+        summary=summary,
+        origin=start.origin,
+        segments=recorder.segments,
+        event_rows=recorder.events,
+        end=motion.state,
+        measures=part.measures,
+        table=recorder.table,
+        peaks=recorder.peaks,
+        derivative=derivative,
     )
-    if varied is not None and motion.outcome == "ok":
-        run.derivative = named_derivative(varied.derivative(motion.automaton), scene, keys)
+
+
+def _summary(motion: Motion, part: Part, seconds: float) -> dict[str, Any]:
+    """Summarize a finished run that took so long in its own time (s)."""
+    scene, engine = motion.scene, motion.engine
     found = measured(part)
     doubt = inaccuracy(found, scene) if motion.outcome == "ok" else ""
-    run.summary = {
+    notes = [
+        *notes_on_input(scene),
+        *notes_on_measures(scene, found),
+        drift(found),
+        stiffness(scene, engine.name, engine.work["steps"], motion.restarts, seconds),
+    ]
+    return {
         "name": scene.name,
         "outcome": INACCURATE if doubt else motion.outcome,
         "detail": doubt or motion.detail,
-        "simulated_s": motion.now - start.time,
+        "simulated_s": seconds,
         "rotation": scene.rotation,
         "perturbation": scene.run.start_perturbation,
         **found,
@@ -153,16 +158,13 @@ def simulate_with(
         "tolerance": scene.solver.tolerance,
         **engine.work,
         "restarts": motion.restarts,
-        "wall_s": time.perf_counter() - began,
+        "wall_s": 0.0,
+        "notes": [note for note in notes if note],
     }
-    stiff = stiffness(scene, engine.name, engine.work["steps"], motion.restarts, motion.now - start.time)
-    notes = [*notes_on_input(scene), *notes_on_measures(scene, run.summary), drift(run.summary), stiff]
-    run.summary["notes"] = [note for note in notes if note]
-    return run
 
 
 class _Progress:
-    """Tells how far a run is."""
+    """Tells how far a run is: the time since its start (s) and the number of events so far."""
 
     def __init__(self, tell: Callable[[float, int], None], start: float) -> None:
         self._tell = tell
@@ -170,6 +172,14 @@ class _Progress:
         self._events = 0
 
     def read(self, h: Automaton) -> None:
-        """Tell the time since the start (s) and the number of events so far."""
+        """Tell it."""
         self._events += int(h.run["events"])
         self._tell(float(h.run["now"]) - self._start, self._events)
+
+
+def load_kernels(engine: str = "auto") -> None:
+    """Compile or load all that a motion needs, by the engine that ``solver.engine`` names."""
+    scene = Scene().replace({"material": {"mass_ratio": 0.1, "layers": 1}, "solver.engine": engine})
+    p = parameters(scene)
+    with closing(make_engine(scene, p)) as made:
+        Motion(scene, p, made).advance(1e-3)

@@ -19,8 +19,9 @@ from vibroplat.model.sensitivity import parameter_direction
 from vibroplat.model.systems import FULL_SIZE
 from vibroplat.motion.initial_condition import Start, initial_condition
 from vibroplat.motion.motion import Motion
-from vibroplat.observe.names import named_derivative, named_state, state_places
-from vibroplat.observe.variation import MOST_KEYS, Variation
+from vibroplat.observe.collocation import MOST_KEYS
+from vibroplat.observe.tables import named_derivative, state_places
+from vibroplat.observe.variation import Variation
 
 #: Sections whose keys leave the supply alone, which a program changes from time to time.
 _BESIDE_THE_SUPPLY = ("machine", "material", "contact")
@@ -82,7 +83,9 @@ def variation(
         if motion.outcome != "ok":
             raise MotionError(f"the motion ended early ({motion.outcome}): {motion.detail}")
         derivative = named_derivative(observer.derivative(motion.automaton), scene, keys)
-        return Varied(named_state(motion.state, scene), derivative)
+        places = state_places(scene)
+        end = pd.Series(motion.state[list(places.values())], index=list(places))
+        return Varied(end, derivative)
 
 
 def listed(keys: str | Sequence[str]) -> tuple[str, ...]:

@@ -112,32 +112,15 @@ def stiffness(scene: Scene, engine: str, steps: int | None, restarts: int, secon
     )
 
 
-class Peaks:
-    """Largest values of the measured part of a trajectory table, found part by part.
-
-    Parameters
-    ----------
-    since
-        When the measured part begins (s).
-
-    Attributes
-    ----------
-    largest
-        By column; one without a number in the measured part is left out.
-    """
-
-    def __init__(self, since: float) -> None:
-        self._since = since
-        self.largest: dict[str, float] = {}
-
-    def add(self, table: pd.DataFrame) -> None:
-        """Look at the next rows of the table."""
-        measured = (table["t_s"] >= self._since).to_numpy()
-        for column, *_ in _SAMPLED:
-            if column in table:
-                found = np.fmax.reduce(table[column].to_numpy()[measured], initial=-math.inf)
-                if found > self.largest.get(column, -math.inf):
-                    self.largest[column] = float(found)
+def peaks_of(table: pd.DataFrame, since: float) -> dict[str, float]:
+    """Find the largest values in rows of a trajectory table from a time on (s), by column, where there are any."""
+    measured = (table["t_s"] >= since).to_numpy()
+    found = {
+        column: float(np.fmax.reduce(table[column].to_numpy()[measured], initial=-math.inf))
+        for column, *_ in _SAMPLED
+        if column in table
+    }
+    return {column: largest for column, largest in found.items() if largest > -math.inf}
 
 
 def notes_on_samples(peaks: Mapping[str, float], found: Mapping[str, Any], rate: float) -> list[str]:
@@ -146,7 +129,7 @@ def notes_on_samples(peaks: Mapping[str, float], found: Mapping[str, Any], rate:
     Parameters
     ----------
     peaks
-        Largest values of its measured part, by column; see :class:`Peaks`.
+        Largest values of its measured part, by column; see :func:`peaks_of`.
     found
         Measures of the run.
     rate

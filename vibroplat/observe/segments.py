@@ -11,7 +11,9 @@ from vibroplat.hybrid.state import Automaton
 from vibroplat.kernels.compiled import FloatArray, compiled, copy
 from vibroplat.kernels.polynomial import values
 from vibroplat.model.systems import SYSTEMS, System
-from vibroplat.system.memory import Share
+
+#: Memory that an array takes besides its numbers (bytes).
+OVERHEAD = 150
 
 
 @dataclass(frozen=True)
@@ -47,24 +49,15 @@ class Segment:
     def __call__(self, times: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Full states (len(times), 14) and contact forces (len(times),) at absolute ascending times."""
         elapsed = np.where(times >= self.end, np.inf, times - self.start)  # its end is that of its last step, exactly
-        return self.expand(sample(self.t, self.length, self.c, self.ends, elapsed))
-
-    def expand(self, unknowns: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Full states and contact forces of unknowns of shape (m, size)."""
+        unknowns = sample(self.t, self.length, self.c, self.ends, elapsed)
         states = self.system.full(unknowns)
         states[:, 3:5] += self.turns
-        force = unknowns[:, -1] if self.system.algebraic else np.zeros(len(unknowns))
-        return states, force
+        return states, unknowns[:, -1] if self.system.algebraic else np.zeros(len(unknowns))
 
     @property
     def nbytes(self) -> int:
         """Memory that it takes (bytes)."""
-        arrays = (self.t, self.length, self.c, self.ends, self.turns)
-        return sum(array.nbytes + OVERHEAD for array in arrays)
-
-
-#: Memory that an array takes besides its numbers (bytes).
-OVERHEAD = 150
+        return sum(array.nbytes + OVERHEAD for array in (self.t, self.length, self.c, self.ends, self.turns))
 
 
 @compiled
@@ -101,23 +94,3 @@ def closed(h: Automaton) -> Iterator[Segment]:
             turns=piece["turns"].copy(),
             joined=bool(piece["joined"]),
         )
-
-
-class Segments:
-    """Observes a run: keeps its steps.
-
-    Parameters
-    ----------
-    share
-        Bounds the memory that they take.
-    """
-
-    def __init__(self, share: Share | None = None) -> None:
-        self.kept: list[Segment] = []
-        self._share = Share() if share is None else share
-
-    def read(self, h: Automaton) -> None:
-        """Copy the closed pieces; MemoryError if they would take too much memory."""
-        for segment in closed(h):
-            self._share.take(segment.nbytes)
-            self.kept.append(segment)

@@ -12,8 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from vibroplat.config.coordinates import Mode
-from vibroplat.hybrid.modes import IMPACT, LATCH, LIFTOFF, MODES
+from vibroplat.hybrid.modes import FLIGHT, IMPACT, KINDS, MODES
 from vibroplat.hybrid.state import WIDTH, Automaton, Steps
 from vibroplat.kernels.compiled import FloatArray, borrow, compiled, copy, inlined
 from vibroplat.kernels.lanes import horner_16, horner_pair_16, in_lines
@@ -24,16 +23,11 @@ from vibroplat.model.systems import DIFFERENTIAL, FULL_SIZE, GAP, PLACES, SIZES
 
 N_POWERS = len(POWERS)
 N_WORK = FORCE_SIZE + 1
-DISSIPATIONS = 2  # first of the powers that take energy
+DISSIPATIONS = 2  # first of the powers that dampers take
 
 #: Integrals over a part of a run (s, and the units of what is integrated times s).
-SUMS = np.dtype(
-    [
-        (name, np.float64)
-        for name in ("time", "x", "xx", "y", "yy", "phi", "phi_phi", "cosine", "sine", "flying", "motor")
-    ],
-    align=True,
-)
+SUMS = ("time", "x", "xx", "y", "yy", "phi", "phi_phi", "cosine", "sine", "flying", "motor")
+TIME, X, XX, Y, YY, PHI, PHI_PHI, COSINE, SINE, FLYING, MOTOR = range(len(SUMS))
 
 #: A point of the Poincaré section: time (s), full state, F_c (N).
 SECTION = np.dtype([("t", np.float64), ("state", np.float64, FULL_SIZE), ("force", np.float64)], align=True)
@@ -48,35 +42,25 @@ MARKS = np.dtype(
         ("until", np.float64),  # when the last step ended (s)
         ("passed", np.float64),  # whole turns of exciter 1 until now, nan before the first step
         ("turns", np.int64),  # points of the section so far
-        ("first_time", np.float64),  # of the section's first and last point (s)
-        ("last_time", np.float64),
-        ("first_angles", np.float64, 2),  # of both exciters there (rad)
-        ("last_angles", np.float64, 2),
-        ("first_impacts", np.float64),  # impacts of the measured part until then
-        ("last_impacts", np.float64),
+        ("first", np.float64, 4),  # at its first point: time (s), angles of both exciters (rad), measured impacts
+        ("last", np.float64, 4),  # at its last point
         ("way", np.float64),  # in which exciter 1 has passed angle 0 the last time
         ("exchanged", np.float64),  # energy that motors and dampers have exchanged, all of it positive (J)
-        ("force_min", np.float64),  # of the measured part, like the next four
-        ("force_max", np.float64),
-        ("gap_max", np.float64),
-        ("y_min", np.float64),
-        ("y_max", np.float64),
-        ("gap_min", np.float64),  # of the whole: a check, like the next
+        ("least", np.float64, 4),  # y, φ, gap and F_c in the measured part, but φ and gap in the whole run
+        ("largest", np.float64, 4),  # y, φ, gap and F_c in the measured part, but φ in the whole run
         ("pull", np.float64),  # how far F_c fell below 0 before the measured part (N)
-        ("phi_min", np.float64),  # of the whole, because the model's error depends on it
-        ("phi_max", np.float64),
-        ("liftoffs", np.int64),
-        ("impacts", np.int64),
-        ("latches", np.int64),
-        ("measured_liftoffs", np.int64),
-        ("measured_impacts", np.int64),
-        ("measured_latches", np.int64),
+        ("counts", np.int64, len(KINDS)),  # events of each kind
+        ("measured", np.int64, len(KINDS)),  # those in the measured part
         ("impact_loss", np.float64),  # (J)
         ("impulse_sum", np.float64),  # (N·s)
         ("impulse_max", np.float64),  # of the measured part
     ],
     align=True,
 )
+#: Places of y, φ, gap and F_c in ``least`` and ``largest``. Integers of numpy, so that functions are compiled once for
+#: all, like the places of y, φ, φ₁ and the gap among the unknowns.
+HEIGHT, ROTATION, OPENING, FORCE = np.array([0, 1, 2, 3])
+_Y, _PHI, _ANGLE, _GAP = np.array([1, 2, 3, GAP])
 
 #: Change of the phase difference within a step (rad) up to which its mean and variance say cosine and sine: what they
 #: leave out, the third moment, is below 1e-7 there.
@@ -97,12 +81,8 @@ _TURN = 2.0 * math.pi
 #: Part of a turn that may be missing by round-off.
 _COMPLETE = 1e-12
 
-#: Turns of exciter 1 within a step beyond which none of them is counted: the motion has left all sense.
+#: Turns of exciter 1 within a step beyond which none of them is counted: the motion makes no sense any more.
 _MOST_TURNS = 1000.0
-_FLIGHT = int(Mode.FLIGHT)
-#: Places of y, φ, φ₁ and the gap among the unknowns; integers of numpy, so that functions are compiled once for all.
-_HEIGHT, _ROTATION, _ANGLE, _GAP = np.array([1, 2, 3, GAP])
-
 
 #: What is overwritten at each step: unknowns at the nodes, full state and powers at one, phase differences at all.
 ROOM = np.dtype(
@@ -124,8 +104,8 @@ class Measures(NamedTuple):
     work
         Integrals of the powers (J) and of the vertical force from outside and its size (N·s), shape (N_WORK,).
     plain, open_turn, whole
-        Records of :data:`SUMS` over the measured part: before the first whole turn of exciter 1, since the last one,
-        over whole turns.
+        :data:`SUMS` over the measured part: before the first whole turn of exciter 1, since the last one, over whole
+        turns.
     marks
         A record of :data:`MARKS`: extremes, counts and what is remembered from step to step.
     section
@@ -134,36 +114,25 @@ class Measures(NamedTuple):
     """
 
     work: FloatArray
-    plain: Any
-    open_turn: Any
-    whole: Any
+    plain: FloatArray
+    open_turn: FloatArray
+    whole: FloatArray
     marks: Any
     section: npt.NDArray[np.void]
 
 
 def no_measures(window: float, points: int = SECTION_ROWS) -> Measures:
     """Make empty sums whose measured part begins at a time (s), with room for points of the Poincaré section."""
-    marks = _NO_MARKS.copy()
-    marks["window"], marks["until"] = window, window
-    plain, open_turn, whole = np.zeros(3, SUMS)
-    return Measures(np.zeros(N_WORK), plain, open_turn, whole, marks[0], np.zeros(points, SECTION))
+    marks = np.zeros(1, MARKS)[0]
+    marks["window"], marks["until"], marks["passed"] = window, window, math.nan
+    marks["least"], marks["largest"] = _LEAST, _LARGEST
+    plain, open_turn, whole = np.zeros((3, len(SUMS)))
+    return Measures(np.zeros(N_WORK), plain, open_turn, whole, marks, np.zeros(points, SECTION))
 
 
-def _no_marks() -> npt.NDArray[np.void]:
-    """Make a record of MARKS before the first step, but for the window."""
-    marks = np.zeros(1, MARKS)
-    marks["passed"] = math.nan
-    for name in ("force", "y", "phi"):
-        marks[f"{name}_min"], marks[f"{name}_max"] = math.inf, -math.inf
-    return marks
-
-
-_NO_MARKS = _no_marks()
-
-
-def numbers(sums: Any) -> FloatArray:
-    """View a record of SUMS as an array."""
-    return np.asarray(sums).reshape(1).view(np.float64)
+#: Extremes before the first step. The gap is 0 unless a layer flies.
+_LEAST = np.array([math.inf, math.inf, 0.0, math.inf])
+_LARGEST = -_LEAST + 0.0
 
 
 def copied(ms: Measures) -> Measures:
@@ -175,23 +144,15 @@ def between(earlier: Measures, later: Measures) -> Measures:
     """Subtract two copies: sums over whole turns of exciter 1 between them; extremes and counts are of all before."""
     marks = later.marks.copy()
     marks["turns"] += 1 - earlier.marks["turns"]  # the last turn before is the first mark
-    for name in ("time", "angles", "impacts"):
-        marks[f"first_{name}"] = earlier.marks[f"last_{name}"]
-    plain, open_turn, whole = np.zeros(3, SUMS)
-    numbers(whole)[:] = numbers(later.whole) - numbers(earlier.whole)
-    return later._replace(plain=plain, open_turn=open_turn, whole=whole, marks=marks)
+    marks["first"] = earlier.marks["last"]
+    plain, open_turn = np.zeros((2, len(SUMS)))
+    return later._replace(plain=plain, open_turn=open_turn, whole=later.whole - earlier.whole, marks=marks)
 
 
 def section_rows(ms: Measures) -> npt.NDArray[np.void]:
     """Points of the Poincaré section that are kept, records of :data:`SECTION` in the order of time."""
     turns, most = int(ms.marks["turns"]), ms.section.size
     return ms.section[np.arange(max(turns - most, 0), turns) % most]
-
-
-def node_count(degree: int) -> int:
-    """Gauss nodes a step, in pairs: as many as keep the order of its polynomials, fewer where their degree is high."""
-    nodes = (degree + 1) // 2 if degree <= 8 else (degree + 1) // 3
-    return min(nodes + nodes % 2, _MOST_NODES)
 
 
 class Statistics:
@@ -215,19 +176,19 @@ class Statistics:
         self.measures = no_measures(window, self._points)
 
     def read(self, h: Automaton) -> None:
-        """Add the steps and events since the last reading."""
-        nodes = node_count(h.steps.degree)
+        """Add the steps and events since the last reading.
+
+        A step has Gauss nodes in pairs: as many as keep the order of its polynomials, fewer where their degree is high.
+        """
+        degree = h.steps.degree
+        nodes = (degree + 1) // 2 if degree <= 8 else (degree + 1) // 3
+        nodes = min(nodes + nodes % 2, _MOST_NODES)
         add_pieces(self.measures, h.steps, h.events[: h.run["events"]], self._room, nodes, h.p)
 
 
 @compiled
 def add_pieces(
-    owned_ms: Measures,
-    owned_steps: Steps,
-    owned_events: npt.NDArray[np.void],
-    room: Any,
-    nodes: int,
-    p: Parameters,
+    owned_ms: Measures, owned_steps: Steps, owned_events: npt.NDArray[np.void], room: Any, nodes: int, p: Parameters
 ) -> None:
     """Add all closed pieces and events in the order of time; ``room`` is overwritten."""
     ms, steps, events = borrow(owned_ms), borrow(owned_steps), borrow(owned_events)
@@ -237,12 +198,11 @@ def add_pieces(
         while counted < piece.events:
             count_event(ms.marks, events[counted])
             counted += 1
-        flying = MODES[piece.system] == _FLIGHT
         for j in range(FULL_SIZE):
             full[j] = 0.0
         for row in range(piece.first, piece.end):
             if steps.length[row] > 0.0:
-                add_step(ms, steps, row, piece, flying, degree, nodes, room, p)
+                add_step(ms, steps, row, piece, degree, nodes, room, p)
         ms.marks.until = piece.until
     while counted < events.size:
         count_event(ms.marks, events[counted])
@@ -252,33 +212,17 @@ def add_pieces(
 @compiled
 def count_event(marks: Any, event: Any) -> None:
     """Add an event to the counts of the whole, and to those of the measured part if it lies there."""
-    measured = 1 if event.t >= marks.window else 0
-    if event.kind == LIFTOFF:
-        marks.liftoffs += 1
-        marks.measured_liftoffs += measured
-    elif event.kind == LATCH:
-        marks.latches += 1
-        marks.measured_latches += measured
-    elif event.kind == IMPACT:
-        marks.impacts += 1
-        marks.measured_impacts += measured
+    marks.counts[event.kind] += 1
     marks.impact_loss += event.loss
     marks.impulse_sum += event.impulse
-    if measured == 1:
+    if event.t >= marks.window:
+        marks.measured[event.kind] += 1
         marks.impulse_max = max(marks.impulse_max, event.impulse)
 
 
 @inlined
 def add_step(
-    ms: Measures,
-    steps: Steps,
-    row: int,
-    piece: Any,
-    flying: bool,
-    degree: int,
-    nodes: int,
-    room: Any,
-    p: Parameters,
+    ms: Measures, steps: Steps, row: int, piece: Any, degree: int, nodes: int, room: Any, p: Parameters
 ) -> None:
     """Add a step, in parts where the measured part begins and where exciter 1 completes turns within it."""
     marks, c, end = ms.marks, steps.c[row], steps.ends[row]
@@ -286,14 +230,7 @@ def add_step(
     begin, length = piece.origin + steps.start[row], steps.length[row]
     since = (marks.window - begin) / length if begin < marks.window else 0.0  # fraction from which it is measured
     fill_nodes(c, degree, 0.0, 1.0, nodes, room)
-    samples = room.samples
-    if since > 0.0:
-        check(marks, c, samples, nodes, system, flying, end)
-    if 0.0 < since < 1.0:
-        widen_from(marks, c, degree, since, system, flying, end)
-    elif since == 0.0:
-        widen(marks, c, samples, nodes, system, flying, end)
-    marks.phi_min, marks.phi_max = widened(marks.phi_min, marks.phi_max, c, samples, nodes, _ROTATION, end[2])
+    widen(marks, c, room.samples, nodes, system, since, end)
     turn, last = marks.passed, whole_turns(end[3], piece.turns[0])
     if math.isnan(turn):
         turn = whole_turns(c[0, 3], piece.turns[0])
@@ -311,7 +248,7 @@ def add_step(
         if not whole or cut < 1.0:  # otherwise the samples are those of the whole step still
             fill_nodes(c, degree, begun, cut, nodes, room)
             whole = False
-        integrate(ms, c, degree, begun, cut, begin, length, system, flying, begun >= since, nodes, room, p)
+        integrate(ms, begun, cut, begin, length, system, begun >= since, nodes, room, p)
         begun, turn, now = cut, turn + way, begin + cut * length
         if way != 0.0 and goes_on(marks, slope(c, degree, 3, cut)) and now >= marks.window:
             horner_16(c, degree, cut, room.samples[0])
@@ -336,63 +273,50 @@ def whole_turns(angle: float, turns: float) -> float:
 
 
 @inlined
-def check(
-    marks: Any, c: FloatArray, samples: FloatArray, nodes: int, system: int, flying: bool, end: FloatArray
+def widen(
+    marks: Any, c: FloatArray, samples: FloatArray, nodes: int, system: int, since: float, end: FloatArray
 ) -> None:
-    """Look for a gap and a contact force below 0 in a step that is not measured from its beginning."""
-    force = DIFFERENTIAL[system]
-    if flying:
-        marks.gap_min = widened(marks.gap_min, math.inf, c, samples, nodes, _GAP, end[GAP])[0]
-    if SIZES[system] > force:
-        marks.pull = -widened(-marks.pull, math.inf, c, samples, nodes, force, end[force])[0]
+    """Let the extremes cover a step, those of the measured part from fraction ``since`` of it."""
+    force, flying = DIFFERENTIAL[system], MODES[system] == FLIGHT
+    pressed = SIZES[system] > force
+    cover(marks, ROTATION, c, samples, nodes, _PHI, 0.0, end[2])
+    if since > 0.0 and flying:
+        marks.least[OPENING] = widened(marks.least[OPENING], math.inf, c, samples, nodes, _GAP, 0.0, end[GAP])[0]
+    if since > 0.0 and pressed:
+        marks.pull = -widened(-marks.pull, math.inf, c, samples, nodes, force, 0.0, end[force])[0]
+    if since < 1.0:
+        cover(marks, HEIGHT, c, samples, nodes, _Y, since, end[1])
+        if flying:
+            cover(marks, OPENING, c, samples, nodes, _GAP, since, end[GAP])
+        if pressed:
+            cover(marks, FORCE, c, samples, nodes, force, since, end[force])
 
 
 @inlined
-def widen(
-    marks: Any, c: FloatArray, samples: FloatArray, nodes: int, system: int, flying: bool, end: FloatArray
+def cover(
+    marks: Any, k: int, c: FloatArray, samples: FloatArray, nodes: int, j: int, since: float, last: float
 ) -> None:
-    """Let the extremes of the measured part cover a step."""
-    force = DIFFERENTIAL[system]
-    if SIZES[system] > force:
-        marks.force_min, marks.force_max = widened(
-            marks.force_min, marks.force_max, c, samples, nodes, force, end[force]
-        )
-    if flying:
-        marks.gap_min, marks.gap_max = widened(marks.gap_min, marks.gap_max, c, samples, nodes, _GAP, end[GAP])
-    marks.y_min, marks.y_max = widened(marks.y_min, marks.y_max, c, samples, nodes, _HEIGHT, end[1])
-
-
-@compiled
-def widen_from(
-    marks: Any, c: FloatArray, degree: int, since: float, system: int, flying: bool, end: FloatArray
-) -> None:
-    """Let the extremes of the measured part cover a step from fraction ``since`` of it; this happens once."""
-    force = DIFFERENTIAL[system]
-    if SIZES[system] > force:
-        low, high = extremes(c, degree, force, since, end[force])
-        marks.force_min, marks.force_max = min(marks.force_min, low), max(marks.force_max, high)
-    if flying:
-        low, high = extremes(c, degree, _GAP, since, end[GAP])
-        marks.gap_min, marks.gap_max = min(marks.gap_min, low), max(marks.gap_max, high)
-    low, high = extremes(c, degree, _HEIGHT, since, end[1])
-    marks.y_min, marks.y_max = min(marks.y_min, low), max(marks.y_max, high)
+    """Let extremes k cover unknown j in a step from fraction ``since`` of it."""
+    low, high = widened(marks.least[k], marks.largest[k], c, samples, nodes, j, since, last)
+    marks.least[k], marks.largest[k] = low, high
 
 
 @compiled
 def widened(
-    least: float, largest: float, c: FloatArray, samples: FloatArray, nodes: int, j: int, last: float
+    least: float, largest: float, c: FloatArray, samples: FloatArray, nodes: int, j: int, since: float, last: float
 ) -> tuple[float, float]:
-    """Return extremes that also cover unknown j in a step, at whose end it is ``last``.
+    """Return extremes that also cover unknown j in a step from fraction ``since`` of it, at whose end it is ``last``.
 
     Most steps cannot hold a new one, as their coefficients say. Polynomials of low degree have few samples and are
-    looked through. Those of high degree are smooth between their samples, and each of these that is lower, or higher,
-    than its neighbours may have an extreme beside it: beyond the sample by less than they are on this side of it.
+    looked through, and so is a step of which only a part counts, which happens once. Those of high degree are smooth
+    between their samples, and each of these that is lower, or higher, than its neighbours may have an extreme beside
+    it: beyond the sample by less than they are on this side of it.
     """
     degree = c.shape[0] - 1
-    if degree <= FEW_SAMPLES:
+    if degree <= FEW_SAMPLES or since > 0.0:
         reach = bend(c, degree, j)
         if not (least < min(c[0, j], last) - reach and max(c[0, j], last) + reach < largest):
-            low, high = extremes(c, degree, j, 0.0, last)
+            low, high = extremes(c, degree, j, since, last)
             least, largest = min(least, low), max(largest, high)
         return least, largest
     before, here = c[0, j], c[0, j]
@@ -425,14 +349,11 @@ def turning_near(c: FloatArray, nodes: int, j: int, at: int, here: float, sense:
 @inlined
 def integrate(
     ms: Measures,
-    c: FloatArray,
-    degree: int,
     start: float,
     end: float,
     begin: float,
     length: float,
     system: int,
-    flying: bool,
     measured: bool,
     nodes: int,
     room: Any,
@@ -455,7 +376,10 @@ def integrate(
         powers(begin + s * length, full, power, p)
         for j in range(N_WORK):
             work[j] += weight * power[j]
-        total_exchanged += weight * exchanged(power)
+        exchanged = abs(power[0])
+        for j in range(DISSIPATIONS, N_POWERS):
+            exchanged += power[j]
+        total_exchanged += weight * exchanged
         if measured:
             x, y, phi = full[0], full[1], full[2]
             total_x += weight * x
@@ -470,29 +394,20 @@ def integrate(
             drift = max(drift, duration * abs(full[10] + sense * full[11]))
     marks.exchanged += total_exchanged
     if measured and duration > 0.0:
-        sums.x += total_x
-        sums.xx += total_xx
-        sums.y += total_y
-        sums.yy += total_yy
-        sums.phi += total_phi
-        sums.phi_phi += total_phi_phi
-        sums.motor += total_motor
-        sums.time += duration
-        sums.flying += duration if flying else 0.0
+        sums[X] += total_x
+        sums[XX] += total_xx
+        sums[Y] += total_y
+        sums[YY] += total_yy
+        sums[PHI] += total_phi
+        sums[PHI_PHI] += total_phi_phi
+        sums[MOTOR] += total_motor
+        sums[TIME] += duration
+        sums[FLYING] += duration if MODES[system] == FLIGHT else 0.0
         add_phase(sums, phases, total_phase / duration, drift, duration, nodes)
 
 
 @inlined
-def exchanged(power: FloatArray) -> float:
-    """Power that motors and dampers exchange, all of it counted positive (W)."""
-    total = abs(power[0])
-    for j in range(DISSIPATIONS, N_POWERS):
-        total += power[j]
-    return total
-
-
-@inlined
-def add_phase(sums: Any, phases: FloatArray, mean: float, drift: float, duration: float, nodes: int) -> None:
+def add_phase(sums: FloatArray, phases: FloatArray, mean: float, drift: float, duration: float, nodes: int) -> None:
     """Add cosine and sine of the phase difference over a part of a step (s), from its values at the nodes (rad).
 
     Where it changes little, they follow from its mean and its variance.
@@ -506,8 +421,8 @@ def add_phase(sums: Any, phases: FloatArray, mean: float, drift: float, duration
         for i in range(nodes):
             variance += WEIGHTS[nodes, i] * (phases[i] - mean) ** 2
         cosine, sine = (1.0 - 0.5 * variance) * math.cos(mean), (1.0 - 0.5 * variance) * math.sin(mean)
-    sums.cosine += duration * cosine
-    sums.sine += duration * sine
+    sums[COSINE] += duration * cosine
+    sums[SINE] += duration * sine
 
 
 @compiled
@@ -526,33 +441,15 @@ def close_turn(ms: Measures, now: float, turns: FloatArray, full: FloatArray, fo
     point = ms.section[marks.turns % ms.section.size]
     point.t, point.force = now, force
     copy(full, point.state)
+    marks.last[0], marks.last[3] = now, marks.measured[IMPACT]
     for i in range(2):
         point.state[3 + i] += turns[i]
-        marks.last_angles[i] = point.state[3 + i]
-        if marks.turns == 0:
-            marks.first_angles[i] = point.state[3 + i]
-    marks.last_time, marks.last_impacts = now, marks.measured_impacts
+        marks.last[1 + i] = point.state[3 + i]
+    sums = ms.whole
     if marks.turns == 0:
-        marks.first_time, marks.first_impacts = now, marks.measured_impacts
-        add(ms.open_turn, ms.plain)
-    else:
-        add(ms.open_turn, ms.whole)
+        copy(marks.last, marks.first)
+        sums = ms.plain
+    for i in range(sums.size):
+        sums[i] += ms.open_turn[i]
+        ms.open_turn[i] = 0.0
     marks.turns += 1
-
-
-@compiled
-def add(terms: Any, sums: Any) -> None:
-    """Add terms to sums, and clear them."""
-    sums.time += terms.time
-    sums.x += terms.x
-    sums.xx += terms.xx
-    sums.y += terms.y
-    sums.yy += terms.yy
-    sums.phi += terms.phi
-    sums.phi_phi += terms.phi_phi
-    sums.cosine += terms.cosine
-    sums.sine += terms.sine
-    sums.flying += terms.flying
-    sums.motor += terms.motor
-    terms.time = terms.x = terms.xx = terms.y = terms.yy = terms.phi = terms.phi_phi = 0.0
-    terms.cosine = terms.sine = terms.flying = terms.motor = 0.0

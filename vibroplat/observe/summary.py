@@ -11,7 +11,7 @@ import numpy as np
 
 from vibroplat.columns import Column, Columns
 from vibroplat.observe.audit import AUDIT, Energies, audit
-from vibroplat.observe.statistics import SUMS, Measures, between, numbers
+from vibroplat.observe.statistics import FORCE, HEIGHT, OPENING, ROTATION, SUMS, TIME, Measures, between
 
 #: Phase coherence below which exciters are not synchronous: their phase difference has no mean that says anything.
 COHERENCE = 0.8
@@ -74,32 +74,32 @@ class Part(NamedTuple):
 def statistics(ms: Measures) -> dict[str, float | None]:
     """RMS about the mean, amplitude, frequencies, phase of the measured part; None where it is too short."""
     marks = ms.marks
-    turned = ms.whole["time"] > 0.0
-    sums = numbers(ms.whole) if turned else numbers(ms.plain) + numbers(ms.open_turn)
+    turned = ms.whole[TIME] > 0.0
+    sums = ms.whole if turned else ms.plain + ms.open_turn
     names = ("rms_x_m", "rms_y_m", "rms_phi_rad")
-    if sums[0] <= 0.0:
+    if sums[TIME] <= 0.0:
         others = ("amplitude_y_m", "excitation_frequency_hz", "frequency_split_hz", "phase_difference_rad")
         return dict.fromkeys(
             (*names, *others, "phase_coherence", "flight_fraction", "motor_power_w", "impacts_per_period", "measured_s")
         )
-    mean = dict(zip(SUMS.names or (), sums / sums[0], strict=True))
+    mean = dict(zip(SUMS, sums / sums[TIME], strict=True))
     result: dict[str, float | None] = {
         name: math.sqrt(max(mean[square] - mean[first] ** 2, 0.0))
         for name, first, square in zip(names, ("x", "y", "phi"), ("xx", "yy", "phi_phi"), strict=True)
     }
-    result["amplitude_y_m"] = 0.5 * (marks["y_max"] - marks["y_min"])
+    result["amplitude_y_m"] = 0.5 * (marks["largest"][HEIGHT] - marks["least"][HEIGHT])
     result["excitation_frequency_hz"] = result["frequency_split_hz"] = result["impacts_per_period"] = None
     if turned:
-        seconds = 2.0 * math.pi * (marks["last_time"] - marks["first_time"])
-        first, second = np.abs(marks["last_angles"] - marks["first_angles"]) / seconds
+        seconds, one, two, impacts = marks["last"] - marks["first"]
+        first, second = (abs(angle) / (2.0 * math.pi * seconds) for angle in (one, two))
         result["excitation_frequency_hz"] = 0.5 * (first + second)
         result["frequency_split_hz"] = first - second
-        result["impacts_per_period"] = (marks["last_impacts"] - marks["first_impacts"]) / (marks["turns"] - 1.0)
+        result["impacts_per_period"] = impacts / (marks["turns"] - 1.0)
     result["phase_difference_rad"] = half_open(math.atan2(mean["sine"], mean["cosine"]))
     result["phase_coherence"] = math.hypot(mean["sine"], mean["cosine"])
     result["flight_fraction"] = mean["flying"]
     result["motor_power_w"] = mean["motor"]
-    result["measured_s"] = sums[0]
+    result["measured_s"] = sums[TIME]
     return {k: None if v is None else float(v) for k, v in result.items()}
 
 
@@ -135,16 +135,17 @@ def measured(part: Part) -> dict[str, Any]:
     energies, the largest rotation |φ| and two checks: the least gap, and how far the contact force fell below 0.
     """
     marks = part.measures.marks
+    least, largest = marks["least"].tolist(), marks["largest"].tolist()
     found = {
         **statistics(part.measures),
         "measured_from_s": float(marks["window"]),
         "measured_to_s": float(max(marks["until"], marks["window"])),
-        "contact_force_min_n": float(marks["force_min"]),
-        "contact_force_max_n": float(marks["force_max"]),
-        "contact_pull_n": float(max(marks["pull"], -marks["force_min"])),
-        "gap_min_m": float(marks["gap_min"]),
-        "gap_max_m": float(marks["gap_max"]),
-        "phi_max_rad": float(max(marks["phi_max"], -marks["phi_min"])),
+        "contact_force_min_n": least[FORCE],
+        "contact_force_max_n": largest[FORCE],
+        "contact_pull_n": max(float(marks["pull"]), -least[FORCE]),
+        "gap_min_m": least[OPENING],
+        "gap_max_m": largest[OPENING],
+        "phi_max_rad": max(largest[ROTATION], -least[ROTATION]),
         "impulse_max_n_s": float(marks["impulse_max"]),
         "impulse_sum_n_s": float(marks["impulse_sum"]),
         **counts(part.measures),
@@ -155,11 +156,11 @@ def measured(part: Part) -> dict[str, Any]:
 
 def counts(ms: Measures) -> dict[str, int]:
     """Count the events of the whole, by kind and all of them, and events and whole turns of the measured part."""
-    kinds = ("liftoffs", "impacts", "latches")
-    found = {name: int(ms.marks[name]) for name in kinds}
-    found |= {"events": sum(found.values())}
+    names = ("liftoffs", "impacts", "latches")  # as KINDS; a drive's corner is no event of the motion
+    found = dict(zip(names, ms.marks["counts"].tolist(), strict=False))
+    measured = zip((f"measured_{name}" for name in names), ms.marks["measured"].tolist(), strict=False)
     turns = max(int(ms.marks["turns"]) - 1, 0)
-    return found | {f"measured_{name}": int(ms.marks[f"measured_{name}"]) for name in kinds} | {"measured_turns": turns}
+    return found | {"events": sum(found.values())} | dict(measured) | {"measured_turns": turns}
 
 
 def synchronization(found: Mapping[str, Any]) -> str:

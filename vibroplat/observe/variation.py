@@ -1,15 +1,14 @@
 """The derivative of a motion's state by its start and by keys of its scene, carried along steps and through jumps.
 
-Within a piece the variational equations Ṡ = (∂f/∂x) S + ∂f/∂p are solved by collocation at Radau's points, whose
-derivatives come from the model along the polynomials of the steps; the method is L-stable, so that a stiff layer does
-no harm. At an event the time changes with the start as well: with t_e its derivative and f⁻, f⁺ the rates before and
-after, S⁻ + f⁻ t_e goes through the derivative of the jump and comes out as S⁺ + f⁺ t_e (the saltation matrix of
-Aizerman and Gantmakher 1958; Müller 1995). A liftoff needs none of this: all rates are continuous there.
+Within a piece the variational equations are solved by collocation (:mod:`vibroplat.observe.collocation`), with
+derivatives of the model along the polynomials of the steps. At an event the time changes with the start as well: with
+t_e its derivative and f⁻, f⁺ the rates before and after, S⁻ + f⁻ t_e goes through the derivative of the jump and comes
+out as S⁺ + f⁺ t_e (the saltation matrix of Aizerman and Gantmakher 1958; Müller 1995). A liftoff needs none of this:
+all rates are continuous there.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -17,95 +16,36 @@ import numpy as np
 
 from vibroplat.hybrid.modes import ATTACHED, IMPACT, LATCH
 from vibroplat.hybrid.state import Automaton, Steps
-from vibroplat.kernels.compiled import FloatArray, borrow, compiled, copy, fused, inlined
-from vibroplat.kernels.lanes import in_lines, reduce_16
-from vibroplat.kernels.linear import pivot_row
+from vibroplat.kernels.compiled import FloatArray, borrow, compiled, copy
+from vibroplat.kernels.lanes import in_lines
 from vibroplat.kernels.polynomial import values
 from vibroplat.model.accelerations import accelerations, linearize, solve
 from vibroplat.model.equations import rows
 from vibroplat.model.impact import impact, latch
 from vibroplat.model.parameters import Parameters
 from vibroplat.model.sensitivity import CHOICES, COMPLEX, IMAGINARY, flat
-from vibroplat.model.systems import (
-    DIFFERENTIAL,
-    FULL_SIZE,
-    GAP,
-    GAP_RATE,
-    PLACES,
-    SIZES,
-    gather,
-    scatter,
+from vibroplat.model.systems import DIFFERENTIAL, FULL_SIZE, GAP, GAP_RATE, PLACES, SIZES, gather, scatter
+from vibroplat.observe.collocation import (
+    COLUMNS,
+    GROWTH,
+    METHODS,
+    MOST_KEYS,
+    MOST_POINTS,
+    POINTS,
+    ROUGH_METHODS,
+    Radau,
+    behind,
+    collocate,
+    step_of,
+    steps_of,
 )
-
-#: Parameters by which a state is differentiated at a time, and columns: those of the start, then of the parameters.
-MOST_KEYS = 2
-COLUMNS = FULL_SIZE + MOST_KEYS
-#: Columns that are reduced at once: those of the right-hand sides are as many.
-LANE = 16
-
-#: Longest step of the collocation, as a part of a turn of the synchronous speed and times the quickest natural
-#: frequency (rad/s), and its points. Beside differences, derivatives over a turn are good to 1e-9 with 16 steps in a
-#: turn at 50 Hz, of 5 points, and to 3e-6 with 3 points; with 1.4 rad in a step they were good to 1e-6 only. Pieces
-#: much shorter than a step, as between impacts that accumulate, take fewer points.
-STEP, ANGLE = 1.0 / 10.0, 0.9
-#: What decays quickly is large after an event, and matters: the first step of a piece is at most ANGLE over the
-#: quickest decay rate, and each is at most so many times as long as the one before. Without, derivatives beside a
-#: critically damped layer of 1000 Hz were wrong by 3 %.
-GROWTH = 2.0
-POINTS = ((1.0 / 40.0, 2), (1.0 / 6.0, 3), (math.inf, 5))
-_MOST_POINTS = POINTS[-1][1]
 
 #: Part of a piece that round-off may leave.
 _LEFT = 1e-12
-#: Critical slip speed below which a motor's steepness is not followed (rad/s).
-_SLOWEST = 1e-3
-
-
-class Radau(NamedTuple):
-    """Radau IIA collocation with so many points on (0, 1], the last of them 1.
-
-    Attributes
-    ----------
-    nodes
-        The points, shape (n,).
-    once, twice
-        Integrals of the Lagrange polynomials from 0 to each point, and integrals of these, shape (n, n).
-    """
-
-    nodes: FloatArray
-    once: FloatArray
-    twice: FloatArray
-
-
-def radau(points: int) -> Radau:
-    """Find the points of Radau IIA, zeros of P_n − P_{n−1} shifted to [0, 1] (Hairer and Wanner 1996, IV.5)."""
-    legendre = np.polynomial.legendre.Legendre.basis
-    nodes = np.sort((legendre(points) - legendre(points - 1)).roots().real) * 0.5 + 0.5
-    nodes[-1] = 1.0
-    powers = np.arange(points)
-    once = (nodes[:, np.newaxis] ** (powers + 1) / (powers + 1)) @ np.linalg.inv(nodes[:, np.newaxis] ** powers)
-    return Radau(nodes, once, once @ once)
-
-
-METHODS = tuple(radau(points) for _, points in POINTS)
-#: The same with 3 points in the longest steps too, at a third of the cost.
-ROUGH_METHODS = (*METHODS[:2], METHODS[1])
-
-
-class Room(NamedTuple):
-    """What is overwritten at each step of the collocation."""
-
-    y: FloatArray
-    yp: FloatArray
-    slopes: FloatArray
-    a: FloatArray  # (points, 7, 14) derivatives of the accelerations by the unknowns
-    b: FloatArray  # (points, 7, MOST_KEYS) by the parameters
-    matrix: FloatArray  # (points · 7, whole lanes for points · 7, then COLUMNS)
-    part: FloatArray  # (14, COLUMNS) unknowns of the system
 
 
 class Carried(NamedTuple):
-    """What the kernels carry along.
+    """What the kernels carry along; what follows ``methods`` is overwritten at each step of the collocation.
 
     Attributes
     ----------
@@ -119,10 +59,16 @@ class Carried(NamedTuple):
         First and longest step of the collocation in a piece (s), shape (2,).
     turned
         Parameters p + ih dp, shape (2, 1 + keys): the first column is without dp, the second row without restitution.
-    room
-        See :class:`Room`.
     methods
         One for each entry of POINTS.
+    y, yp, slopes
+        Unknowns of a system, their rates and the Jacobian.
+    a, b
+        Derivatives of the accelerations by the unknowns (points, 7, 14) and by the parameters (points, 7, MOST_KEYS).
+    matrix
+        Linear system, shape (points · 7, whole lanes for points · 7, then COLUMNS).
+    part
+        Rows of ``s`` that the system has, shape (14, COLUMNS).
     """
 
     s: FloatArray
@@ -130,21 +76,14 @@ class Carried(NamedTuple):
     at_event: Any
     step: FloatArray
     turned: Any
-    room: Room
     methods: tuple[Radau, ...]
-
-
-def _room() -> Room:
-    equations = _MOST_POINTS * FULL_SIZE // 2
-    return Room(
-        np.zeros(FULL_SIZE),
-        np.zeros(FULL_SIZE),
-        np.zeros((FULL_SIZE, FULL_SIZE)),
-        np.zeros((_MOST_POINTS, FULL_SIZE // 2, FULL_SIZE)),
-        np.zeros((_MOST_POINTS, FULL_SIZE // 2, MOST_KEYS)),
-        in_lines((equations, behind(equations) + COLUMNS)),
-        np.zeros((FULL_SIZE, COLUMNS)),
-    )
+    y: FloatArray
+    yp: FloatArray
+    slopes: FloatArray
+    a: FloatArray
+    b: FloatArray
+    matrix: FloatArray
+    part: FloatArray
 
 
 class Variation:
@@ -165,15 +104,21 @@ class Variation:
         self._numbers = flat(turned)
         self._directions: FloatArray = np.zeros(self._numbers.shape[1:])
         self._columns = FULL_SIZE + len(directions)
-        methods = ROUGH_METHODS if rough else METHODS
+        equations = MOST_POINTS * FULL_SIZE // 2
         self._carried = Carried(
-            np.zeros((FULL_SIZE, COLUMNS)),
-            np.zeros(COLUMNS),
-            np.zeros(1, np.int64),
-            np.ones(2),
-            turned,
-            _room(),
-            methods,
+            s=np.zeros((FULL_SIZE, COLUMNS)),
+            late=np.zeros(COLUMNS),
+            at_event=np.zeros(1, np.int64),
+            step=np.ones(2),
+            turned=turned,
+            methods=ROUGH_METHODS if rough else METHODS,
+            y=np.zeros(FULL_SIZE),
+            yp=np.zeros(FULL_SIZE),
+            slopes=np.zeros((FULL_SIZE, FULL_SIZE)),
+            a=np.zeros((MOST_POINTS, FULL_SIZE // 2, FULL_SIZE)),
+            b=np.zeros((MOST_POINTS, FULL_SIZE // 2, MOST_KEYS)),
+            matrix=in_lines((equations, behind(equations) + COLUMNS)),
+            part=np.zeros((FULL_SIZE, COLUMNS)),
         )
         self.begin(np.eye(FULL_SIZE), directions)
 
@@ -216,30 +161,6 @@ class Variation:
 
 
 @compiled
-def steps_of(p: Parameters, period: float) -> tuple[float, float]:
-    """First and longest step of the collocation in a piece (s).
-
-    The longest resolves turns of a period (s) and the oscillations of platform and layers, each taken alone; what is
-    damped too strongly to oscillate does not shorten it.
-    """
-    layers = 1.0 + p.upper_mass / p.lower_mass if p.lower_mass > 0.0 else 0.0
-    quickest, decay = 0.0, 0.0
-    for stiffness, damping in (
-        (p.stiffness_x / p.mass, p.damping_x / p.mass),
-        (p.stiffness_y / p.mass, p.damping_y / p.mass),
-        (p.stiffness_phi / p.inertia, p.damping_phi / p.inertia),
-        (layers * p.layer_stiffness, layers * p.layer_damping),
-    ):
-        bend = stiffness - 0.25 * damping**2
-        quickest = max(quickest, math.sqrt(max(bend, 0.0)))
-        decay = max(decay, 0.5 * damping + math.sqrt(max(-bend, 0.0)))
-    for i in range(2):
-        decay = max(decay, 2.0 * p.torque[i] / max(p.slip_speed[i], _SLOWEST) / p.exciter_inertia[i])
-    longest = min(STEP * period, ANGLE / quickest if quickest > 0.0 else math.inf)
-    return min(longest, ANGLE / decay if decay > 0.0 else math.inf), longest
-
-
-@compiled
 def follow(owned_h: Automaton, owned_v: Carried) -> None:
     """Go along the closed pieces of a motion and through the events between them."""
     h, v = borrow(owned_h), borrow(owned_v)
@@ -265,8 +186,8 @@ def arrive(owned_h: Automaton, owned_v: Carried) -> None:
     """Leave the last event, if the motion has ended there."""
     h, v = borrow(owned_h), borrow(owned_v)
     system = h.run.systems[h.run.mode]
-    gather(system, h.run.state, v.room.yp)
-    settle(system, h.run.now, v.room.yp, h.p, v)
+    gather(system, h.run.state, v.yp)
+    settle(system, h.run.now, v.yp, h.p, v)
 
 
 @compiled
@@ -276,17 +197,17 @@ def settle(system: int, t: float, start: FloatArray, p: Parameters, v: Carried) 
         return
     v.at_event[0] = 0
     rates = np.empty(FULL_SIZE)
-    rates_of(system, t, start, rates, p, v.room)
+    rates_of(system, t, start, rates, p, v)
     for i in range(FULL_SIZE):
         for j in range(COLUMNS):
             v.s[i, j] -= rates[i] * v.late[j]
 
 
 @compiled
-def rates_of(system: int, t: float, unknowns: FloatArray, rates: FloatArray, p: Parameters, room: Room) -> None:
-    """Fill the rates of the full state at a system's unknowns; ``room`` is left with them, consistent."""
+def rates_of(system: int, t: float, unknowns: FloatArray, rates: FloatArray, p: Parameters, v: Carried) -> None:
+    """Fill the rates of the full state at a system's unknowns; ``v.y`` and ``v.yp`` are left with them, consistent."""
     size = SIZES[system]
-    y, yp = room.y[:size], room.yp[:size]
+    y, yp = v.y[:size], v.yp[:size]
     for i in range(DIFFERENTIAL[system]):
         y[i] = unknowns[i]
     accelerations(system, t, y, yp, p)
@@ -308,7 +229,7 @@ def along(steps: Steps, piece: Any, p: Parameters, v: Carried) -> None:
     elif duration < POINTS[1][0] * v.step[0]:
         method = v.methods[1]
     for i in range(2 * n):
-        copy(v.s[PLACES[system, i]], v.room.part[i])
+        copy(v.s[PLACES[system, i]], v.part[i])
     done, step = 0.0, v.step[0]
     while duration - done > _LEFT * duration:
         length = step_of(step, duration - done, v.step[1])
@@ -317,127 +238,40 @@ def along(steps: Steps, piece: Any, p: Parameters, v: Carried) -> None:
             while row < last and at > steps.start[row] + steps.length[row]:
                 row += 1
             share = min((at - steps.start[row]) / steps.length[row], 1.0)
-            values(steps.c[row], steps.c.shape[1] - 1, share, v.room.y[: 2 * n])
+            values(steps.c[row], steps.c.shape[1] - 1, share, v.y[: 2 * n])
             differentiate(system, piece.origin + at, i, p, v)
-        collocate(n, length, method, v.room)
+        collocate(n, length, method, v.a, v.b, v.matrix, v.part)
         done += length
         step *= GROWTH
     for i in range(FULL_SIZE):
         for j in range(COLUMNS):
             v.s[i, j] = 0.0
     for i in range(2 * n):
-        copy(v.room.part[i], v.s[PLACES[system, i]])
-
-
-@inlined
-def step_of(step: float, left: float, longest: float) -> float:
-    """Length of a step that may grow up to the longest; from there on the time left is divided evenly (s)."""
-    if step >= longest:
-        return left / math.ceil(left / longest)
-    return min(step, left)
+        copy(v.part[i], v.s[PLACES[system, i]])
 
 
 @compiled
 def differentiate(system: int, t: float, point: int, p: Parameters, v: Carried) -> None:
-    """Differentiate the accelerations at the unknowns in ``room.y`` by these and by the parameters."""
+    """Differentiate the accelerations at the unknowns in ``v.y`` by these and, at a fixed state, by the parameters."""
     size = SIZES[system]
     n = size // 2
-    room = v.room
-    y, yp = room.y[:size], room.yp[:size]
+    y, yp = v.y[:size], v.yp[:size]
     accelerations(system, t, y, yp, p)
-    linearize(system, t, y, yp, room.slopes[: 2 * n, :size], p)
+    linearize(system, t, y, yp, v.slopes[: 2 * n, :size], p)
     for i in range(n):
         for j in range(2 * n):
-            room.a[point, i, j] = room.slopes[j, n + i]
-    if v.turned.shape[1] > 1:
-        by_parameters(system, t, point, y, yp, p, v)
-
-
-@compiled
-def by_parameters(system: int, t: float, point: int, y: FloatArray, yp: FloatArray, p: Parameters, v: Carried) -> None:
-    """Differentiate the accelerations by the parameters: A ∂z/∂p = −∂F/∂p at a fixed state."""
-    size = y.size
-    n = size // 2
+            v.a[point, i, j] = v.slopes[j, n + i]
+    if v.turned.shape[1] == 1:
+        return
     residual: Any = np.empty(size, np.complex128)
     z = np.empty(size)
-    for k in range(v.turned.shape[1] - 1):
+    for k in range(v.turned.shape[1] - 1):  # A ∂z/∂p = −∂F/∂p
         rows(system, t, y, yp, residual, v.turned[0, k + 1])
         for i in range(size):
             z[i] = -residual[i].imag / IMAGINARY if i >= n else 0.0
         solve(system, y, z, p)
         for i in range(n):
-            v.room.b[point, i, k] = z[n + i]
-
-
-@fused
-def collocate(n: int, h: float, method: Radau, room: Room) -> None:
-    """Carry the derivatives of n coordinates and their rates, in ``room.part``, over a step.
-
-    The unknowns of the linear system are the derivatives of the accelerations at the points.
-    """
-    points, s = method.nodes.size, room.part
-    m = points * n
-    right = behind(m)
-    for i in range(points):
-        lead = h * method.nodes[i]
-        for r in range(n):
-            row = room.matrix[i * n + r]
-            for j in range(points):
-                twice, once = h * h * method.twice[i, j], h * method.once[i, j]
-                for c in range(n):
-                    row[j * n + c] = -twice * room.a[i, r, c] - once * room.a[i, r, n + c]
-            row[i * n + r] += 1.0
-            for k in range(COLUMNS):
-                row[right + k] = 0.0
-            for c in range(n):
-                stiffness, damping = room.a[i, r, c], room.a[i, r, n + c] + lead * room.a[i, r, c]
-                for k in range(COLUMNS):
-                    row[right + k] += stiffness * s[c, k] + damping * s[n + c, k]
-            for k in range(MOST_KEYS):
-                row[right + FULL_SIZE + k] += room.b[i, r, k]
-    eliminate(room.matrix, m)
-    last = points - 1
-    for c in range(n):
-        for k in range(COLUMNS):
-            s[c, k] += h * s[n + c, k]
-        for i in range(points):
-            twice, once = h * h * method.twice[last, i], h * method.once[last, i]
-            for k in range(COLUMNS):
-                found = room.matrix[i * n + c, right + k]
-                s[c, k] += twice * found
-                s[n + c, k] += once * found
-
-
-@inlined
-def behind(m: int) -> int:
-    """Column at which the right-hand sides of m equations begin."""
-    return -(-m // LANE) * LANE
-
-
-@fused
-def eliminate(matrix: FloatArray, m: int) -> None:
-    """Solve m linear equations for COLUMNS right-hand sides, which stand behind the matrix and become the solutions.
-
-    Rows are reduced in whole lanes: what that leaves before the diagonal is never read.
-    """
-    right = behind(m)
-    for k in range(m):
-        first = k // LANE * LANE
-        best = pivot_row(matrix[:m], k)
-        if best != k:
-            for j in range(first, right + COLUMNS):
-                matrix[k, j], matrix[best, j] = matrix[best, j], matrix[k, j]
-        inverse = 1.0 / matrix[k, k]
-        for i in range(k + 1, m):
-            factor = matrix[i, k] * inverse
-            for j in range(first, right + COLUMNS, LANE):
-                reduce_16(matrix, i, k, j, factor)
-    for k in range(m - 1, -1, -1):
-        inverse = 1.0 / matrix[k, k]
-        for j in range(right, right + COLUMNS):
-            matrix[k, j] *= inverse
-        for i in range(k):
-            reduce_16(matrix, i, k, right, matrix[i, k])
+            v.b[point, i, k] = z[n + i]
 
 
 @compiled
@@ -456,7 +290,7 @@ def through_impact(steps: Steps, piece: Any, event: Any, slowest: float, p: Para
     state, rates = np.empty(FULL_SIZE), np.empty(FULL_SIZE)
     ends = steps.ends[piece.end - 1]
     scatter(piece.system, ends, state)
-    rates_of(piece.system, event.t, ends, rates, p, v.room)
+    rates_of(piece.system, event.t, ends, rates, p, v)
     state[GAP], state[GAP_RATE] = 0.0, event.rate_before
     rates[GAP] = event.rate_before
     before: Any = np.empty(FULL_SIZE, np.complex128)
@@ -473,15 +307,10 @@ def through_impact(steps: Steps, piece: Any, event: Any, slowest: float, p: Para
         for i in range(FULL_SIZE):
             v.s[i, j] = after[i].imag / IMAGINARY
     if law == 0 and event.rate_after == 0.0 and attached:
-        through_small_impacts(piece.system, event.t, state, after, p, v)
-
-
-@compiled
-def through_small_impacts(system: int, t: float, state: FloatArray, after: Any, p: Parameters, v: Carried) -> None:
-    """Add to an inelastic impact what a restitution beside 0 would: impacts that accumulate at once."""
-    for i in range(FULL_SIZE):
-        state[i] = after[i].real
-    by_latch(system, t, state, FULL_SIZE, p, v)
+        # what a restitution beside 0 would add to an inelastic impact: impacts that accumulate at once
+        for i in range(FULL_SIZE):
+            state[i] = after[i].real
+        by_latch(piece.system, event.t, state, FULL_SIZE, p, v)
 
 
 @compiled
@@ -501,10 +330,10 @@ def through_latch(steps: Steps, piece: Any, p: Parameters, v: Carried) -> None:
 @compiled
 def by_latch(system: int, t: float, state: FloatArray, first: int, p: Parameters, v: Carried) -> None:
     """Differentiate a latch, from the event before it to that at its end, in the columns from the first on."""
-    n, room = DIFFERENTIAL[system] // 2, v.room
+    n = DIFFERENTIAL[system] // 2
     start, rates = np.empty(FULL_SIZE), np.empty(FULL_SIZE)
     gather(system, state, start)
-    rates_of(system, t, start, rates, p, room)
+    rates_of(system, t, start, rates, p, v)
     differentiate(system, t, 0, p, v)
     moved: Any = np.empty(FULL_SIZE, np.complex128)
     after: Any = np.empty(FULL_SIZE, np.complex128)
@@ -513,9 +342,9 @@ def by_latch(system: int, t: float, state: FloatArray, first: int, p: Parameters
     for j in range(first, FULL_SIZE + v.turned.shape[1] - 1):
         for i in range(n):
             place = PLACES[system, n + i]
-            change[place] = room.b[0, i, j - FULL_SIZE] if j >= FULL_SIZE else 0.0
+            change[place] = v.b[0, i, j - FULL_SIZE] if j >= FULL_SIZE else 0.0
             for k in range(2 * n):
-                change[place] += room.a[0, i, k] * v.s[PLACES[system, k], j]
+                change[place] += v.a[0, i, k] * v.s[PLACES[system, k], j]
         for i in range(FULL_SIZE):
             moved[i] = state[i] + 1j * IMAGINARY * v.s[i, j]
         for i in range(FULL_SIZE // 2):

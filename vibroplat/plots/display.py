@@ -19,7 +19,7 @@ from vibroplat.plots.response import response_figure
 from vibroplat.plots.run_tables import Run, run_of
 from vibroplat.plots.style import head, new_figure, styled
 from vibroplat.plots.sweep_tables import response_of
-from vibroplat.results.prompt import AtPrompt, Kind
+from vibroplat.results.run import Kind, Trajectory
 
 EXCITATION = ABSCISSAE["excitation"]
 #: Columns by which tables are recognized.
@@ -37,7 +37,7 @@ def figure_of(shown: object, *_: object) -> Figure:
 
 
 @figure_of.register
-def _(run: AtPrompt, kind: Kind = "motion", start: float | None = None, stop: float | None = None) -> Figure:
+def _(run: Trajectory, kind: Kind = "motion", start: float | None = None, stop: float | None = None) -> Figure:
     """Draw a figure of a run.
 
     Raises

@@ -18,8 +18,7 @@ from vibroplat.config.plans import SweepPlan
 from vibroplat.config.scene import Scene
 from vibroplat.model.parameters import FloatArray
 from vibroplat.study.lyapunov import Exponent, largest_exponent
-from vibroplat.study.section import LONGEST_PERIOD, MAX_PERIOD, period
-from vibroplat.study.settling import Settling, draws_together, noise
+from vibroplat.study.settling import LONGEST_PERIOD, MAX_PERIOD, Settling, draws_together, period
 
 #: Least ratio of the smaller to the larger extent of the section, in both halves of the measured part, at which it is
 #: steady: a section that still shrinks or grows has not settled.
@@ -95,7 +94,7 @@ def _confirmed(
     A quick transient may hide a slow one, a spiral towards period 1 may come close to itself every n turns, and chaos
     near an unstable periodic motion looks periodic for a while.
     """
-    still = draws_together(points, plan.settle_tolerance, noise(scene, plan))
+    still = draws_together(points, scene, plan)
     if n == 0 or settling.period % n != 0 or still == 0 or (n > 1 and not _steady(points, plan.settle_tolerance)):
         return None
     if not (settling.late and plan.lyapunov):

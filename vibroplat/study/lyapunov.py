@@ -24,13 +24,11 @@ from vibroplat.model.parameters import FloatArray, parameters
 from vibroplat.model.systems import FULL_SIZE
 from vibroplat.motion.initial_condition import initial_condition
 from vibroplat.motion.motion import Motion
-from vibroplat.observe.names import state_places
+from vibroplat.observe.tables import state_places
 from vibroplat.observe.variation import Variation
 
-#: Number of turns of exciter 1 between measurements of growth, and number of first ones that are not counted.
-TURNS, SKIPPED = 3, 8
-#: Smallest and largest number of counted ones, and how many are added while an error is too large.
-LEAST, MOST, MORE = 96, 640, 32
+#: How many measurements of growth are added while an error is too large.
+MORE = 32
 #: Numbers of blocks of growths. The error is the largest that any of them gives: few blocks are long against the
 #: memory of the motion, many blocks give the scatter accurately. Over 140 stretches of chaotic motion, exponents
 #: scatter by 0.9 … 1.3 times this error; with 8 blocks of 32 growths it was 1.3 … 1.9 times, once 7 times.
@@ -72,9 +70,6 @@ class Exponent(NamedTuple):
         return max(SHARE * abs(self.value), PER_TURN / self.turn)
 
 
-_NONE = Exponent(math.nan, math.nan, math.nan)
-
-
 class Effort(NamedTuple):
     """How long growth is followed.
 
@@ -88,16 +83,16 @@ class Effort(NamedTuple):
         Smallest and largest number of counted ones; at least the largest of BLOCKS.
     """
 
-    turns: int = TURNS
-    skipped: int = SKIPPED
-    least: int = LEAST
-    most: int = MOST
+    turns: int = 3
+    skipped: int = 8
+    least: int = 96
+    most: int = 640
 
 
 #: For the largest exponent alone.
 ONE = Effort()
 #: For all exponents: measured each turn, so that those of quick decay are not lost in round-off.
-ALL = Effort(1, TURNS * SKIPPED, TURNS * LEAST, TURNS * MOST)
+ALL = Effort(1, 24, 288, 1920)
 
 
 def lyapunov(scene: Scene, state: npt.ArrayLike | None = None) -> pd.DataFrame:
@@ -141,15 +136,14 @@ def lyapunov(scene: Scene, state: npt.ArrayLike | None = None) -> pd.DataFrame:
             why = f"the motion ended early ({motion.outcome}): {motion.detail}" if motion.outcome != "ok" else ""
             raise MotionError(why or f"no Lyapunov exponents: exciter 1 stopped turning before {motion.now:.6g} s")
     found.append(Exponent(0.0, 0.0, found[0].turn))
-    found.sort(key=lambda exponent: -exponent.value)
-    return pd.DataFrame(
+    table = pd.DataFrame(
         {
             "exponent_per_s": [exponent.value for exponent in found],
             "error_per_s": [exponent.error for exponent in found],
             "growth_per_turn": [math.exp(exponent.value * exponent.turn) for exponent in found],
         },
-        index=pd.RangeIndex(1, len(found) + 1, name="number"),
-    )
+    ).sort_values("exponent_per_s", ascending=False, kind="stable")
+    return table.set_index(pd.RangeIndex(1, len(found) + 1, name="number"))
 
 
 def largest_exponent(
@@ -189,7 +183,7 @@ def exponents(motion: Motion, directions: FloatArray, effort: Effort, *, largest
     Growth is added until all errors are small enough, or that of the largest exponent alone, or until the largest
     number is reached. Without a motion, all exponents are nan.
     """
-    nothing = [_NONE] * directions.shape[1]
+    nothing = [Exponent(math.nan, math.nan, math.nan)] * directions.shape[1]
     if not motion.to_section(1, _longest(motion, 1)):
         return nothing
     variation = Variation(rough=largest)

@@ -19,11 +19,11 @@ from vibroplat.config.scene import Scene
 from vibroplat.hybrid.modes import IMPACT
 from vibroplat.hybrid.state import Automaton, initial_state, perturbed, state_scales
 from vibroplat.integrate import make_engine
-from vibroplat.model.parameters import FloatArray, parameters
+from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Motion, Observer
 from vibroplat.observe.audit import INACCURATE, inaccuracy
 from vibroplat.observe.notes import notes_on_measures, stiffness
-from vibroplat.observe.statistics import Measures, section_rows
+from vibroplat.observe.statistics import section_rows
 from vibroplat.observe.summary import (
     WANDER,
     Part,
@@ -34,8 +34,7 @@ from vibroplat.observe.summary import (
 )
 from vibroplat.study.classification import Kind, classify
 from vibroplat.study.pool import Task
-from vibroplat.study.section import period, section_points
-from vibroplat.study.settling import Settling, settle
+from vibroplat.study.settling import Settling, period, section_points, settle
 from vibroplat.study.store import Record
 from vibroplat.system.memory import NO_MORE
 
@@ -135,15 +134,10 @@ def point_task(scene: Scene, plan: SweepPlan, state: list[float] | None, key: tu
     return Task(measure_point, (scene, plan, state, key), lost)
 
 
-def lost(reason: str) -> Record:
-    """Return the record of a point whose worker was lost."""
-    return vars(_without_work("worker-lost", reason))
-
-
-def _without_work(outcome: str, reason: str) -> Point:
-    """Return a point of which nothing is known but why."""
+def lost(reason: str, outcome: str = "worker-lost") -> Record:
+    """Return the record of a point whose worker was lost, or of which nothing is known for another reason."""
     work = {"steps": 0, "residual_calls": 0, "events": 0, "simulated_s": 0.0, "settle_s": 0.0, "wall_s": 0.0}
-    return Point({"outcome": outcome, "detail": reason} | work, None)
+    return vars(Point({"outcome": outcome, "detail": reason} | work, None))
 
 
 def measure_point(scene: Scene, plan: SweepPlan, state: list[float] | None, key: tuple[int, ...]) -> Point:
@@ -168,7 +162,7 @@ def measure_point(scene: Scene, plan: SweepPlan, state: list[float] | None, key:
     try:
         return _measured_point(scene, plan, state, key)
     except MemoryError:
-        return _without_work("out-of-memory", NO_MORE)
+        return Point(**lost(NO_MORE, "out-of-memory"))
 
 
 def _measured_point(scene: Scene, plan: SweepPlan, state: list[float] | None, key: tuple[int, ...]) -> Point:
@@ -198,8 +192,11 @@ def _measured_point(scene: Scene, plan: SweepPlan, state: list[float] | None, ke
     if doubt:
         row |= {"outcome": INACCURATE, "detail": doubt, "energy_residual": found["energy_residual"]}
     elif kind is not None:
-        final = folded(motion.state).tolist()
-        row |= measures_of(part, scene, settling.slip) | columns_of(kind)
+        end = motion.state.copy()
+        end[3:5] %= 2.0 * math.pi
+        final = end.tolist()
+        errors = {ERRORS[name]: error for name, error in block_errors(part.blocks, tuple(ERRORS)).items()}
+        row |= row_of(found, scene, errors, settling.slip) | columns_of(kind)
         row["notes"] = "; ".join(note for note in (row["notes"], stiff) if note)
         if impacts is not None:
             points = section_points(part.measures, scene)
@@ -244,8 +241,9 @@ def _settled_and_measured(
     if kind.period and part.blocks:  # it repeats after all: measure whole periods
         if settling.how == "maximum":
             settling = settling._replace(seconds=motion.now)
-        periods = settling._replace(period=kind.period, turn=mean_turn(part.measures))
-        part = _measure(motion, plan.measure_s, periods, observers)
+        times = section_rows(part.measures)["t"]
+        turn = float(times[-1] - times[0]) / (len(times) - 1)
+        part = _measure(motion, plan.measure_s, settling._replace(period=kind.period, turn=turn), observers)
     return settling, part, kind if motion.outcome == "ok" else None
 
 
@@ -268,20 +266,13 @@ def _measure(motion: Motion, least: float, settling: Settling, observers: Sequen
     return motion.go_round(turns, 2.0 * (turns + 1) * settling.turn, observers)
 
 
-def measures_of(part: Part, scene: Scene, slip: float = 0.0) -> dict[str, Any]:
-    """Return the columns of a measured part: measures, their errors, the notes on them and the synchronization.
-
-    ``slip`` is the change of the phase difference while the motion settled (rad), if it has not become periodic.
-    """
-    found = measured(part)
-    errors = {ERRORS[name]: error for name, error in block_errors(part.blocks, tuple(ERRORS)).items()}
-    return row_of(found, scene, errors, slip)
-
-
 def row_of(
     found: dict[str, Any], scene: Scene, errors: Mapping[str, float | None] = MappingProxyType({}), slip: float = 0.0
 ) -> dict[str, Any]:
-    """Return the columns of measures that were found; see :func:`measures_of`."""
+    """Return the columns of measures that were found: with their errors, the notes on them and the synchronization.
+
+    ``slip`` is the change of the phase difference while the motion settled (rad), if it has not become periodic.
+    """
     row: dict[str, Any] = {name: found[name] for name in MEASURED} | dict(errors)
     if scene.has_contact and row["gap_max_m"] is None:
         row["gap_max_m"] = 0.0  # it never flew
@@ -299,16 +290,3 @@ def columns_of(kind: Kind) -> dict[str, Any]:
     if kind.exponent is not None and math.isfinite(kind.exponent.value):
         row |= {"lyapunov_per_s": kind.exponent.value, "lyapunov_error_per_s": kind.exponent.error}
     return row
-
-
-def folded(state: FloatArray) -> FloatArray:
-    """Return a state with its exciter angles in [0, 2π)."""
-    found = state.copy()
-    found[3:5] %= 2.0 * math.pi
-    return found
-
-
-def mean_turn(measures: Measures) -> float:
-    """Return the mean duration of a turn of exciter 1 (s)."""
-    times = section_rows(measures)["t"]
-    return float(times[-1] - times[0]) / (len(times) - 1)

@@ -16,11 +16,13 @@ import numpy as np
 
 from vibroplat.config.plans import SweepPlan
 from vibroplat.config.scene import Scene
+from vibroplat.hybrid.state import state_scales
 from vibroplat.model.parameters import FloatArray
 from vibroplat.motion.motion import Motion
-from vibroplat.observe.statistics import section_rows
-from vibroplat.study.section import section_points, spreads
+from vibroplat.observe.statistics import Measures, section_rows
 
+#: Longest period, in turns of exciter 1, that is searched for while a motion settles and at its end.
+MAX_PERIOD, LONGEST_PERIOD = 16, 64
 #: Turns of exciter 1 that are compared with as many before, and turns between two checks.
 TURNS, BLOCK = 32, 16
 #: Number of checks after which the next ones are LATE_BLOCK turns apart: what has not settled by then takes long.
@@ -87,22 +89,19 @@ def settle(motion: Motion, plan: SweepPlan, longest: float) -> Settling:
         if len(points) < 2 * TURNS:
             continue
         was_close = close
-        close = draws_together(points, plan.settle_tolerance, noise(motion.scene, plan))
+        close = draws_together(points, motion.scene, plan)
         if close and was_close:
             return Settling("periodic", motion.now, close, float(times[-1] - times[TURNS]) / (TURNS - 1))
     return Settling("maximum", motion.now, slip=phases[-1] - phases[0] if phases else 0.0)
 
 
-def noise(scene: Scene, plan: SweepPlan) -> float:
-    """Return the spread of the section that counts as noise of the solver, in the scales of the scene."""
-    return min(NOISE * scene.solver.tolerance, plan.settle_tolerance)
-
-
-def draws_together(points: FloatArray, tolerance: float, noise: float) -> int:
+def draws_together(points: FloatArray, scene: Scene, plan: SweepPlan) -> int:
     """Return the shortest period (turns) to which the remaining distance is within the tolerance; 0 if there is none.
 
     The second half of the points, shape (turns, 14), is compared with the first.
     """
+    tolerance = plan.settle_tolerance
+    noise = min(NOISE * scene.solver.tolerance, tolerance)
     half = len(points) // 2
     now, before = spreads(points[-half:]), spreads(points[-2 * half : -half])
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -110,3 +109,43 @@ def draws_together(points: FloatArray, tolerance: float, noise: float) -> int:
         left = np.where(ratio < 1.0, now * ratio / (1.0 - ratio), np.inf)
     near = np.flatnonzero((now <= noise) | ((now <= NEAR * tolerance) & (left <= tolerance)))
     return int(near[0]) + 1 if near.size else 0
+
+
+# -- the Poincaré section --------------------------------------------------------------------------------
+
+
+def section_points(measures: Measures, scene: Scene) -> FloatArray:
+    """Points of the Poincaré section in the scales of the scene, in chronological order.
+
+    Returns
+    -------
+    array, shape (turns, 14)
+        Coordinates and rates over their scales. The exciters' angles are replaced by the cosine and sine of the
+        phase difference, so that whole turns do not matter.
+    """
+    states = section_rows(measures)["state"]
+    points = states / state_scales(scene)
+    phase = states[:, 3:5] @ scene.phase_weights
+    points[:, 3], points[:, 4] = np.cos(phase), np.sin(phase)
+    return points
+
+
+def spreads(points: FloatArray, first: int = 1, last: int = MAX_PERIOD) -> FloatArray:
+    """Spread for each number of turns n from the first to the last, shape (last − first + 1,).
+
+    A spread is the largest distance, in any coordinate, between points that are a multiple of n turns apart, the last
+    one fixed. It is inf if there are fewer than 2 n points.
+    """
+    found = np.full(last - first + 1, np.inf)
+    turns = np.arange(first, min(last, len(points) // 2) + 1)
+    if turns.size:
+        backwards = points[::-1]
+        same = np.arange(len(points)) % turns[:, np.newaxis]  # where the last point stands that each belongs to
+        found[: turns.size] = np.abs(backwards - backwards[same]).max(axis=(1, 2))
+    return found
+
+
+def period(points: FloatArray, tolerance: float, first: int = 1, last: int = MAX_PERIOD) -> int:
+    """Smallest number of turns after which the section repeats within a tolerance, or 0."""
+    repeats = np.flatnonzero(spreads(points, first, last) <= tolerance)
+    return int(repeats[0]) + first if repeats.size else 0

@@ -29,10 +29,8 @@ from vibroplat.model.accelerations import accelerations, explicit, linearize
 from vibroplat.model.parameters import Parameters, parameters
 from vibroplat.model.systems import FULL_SIZE, GAP, SYSTEMS, System
 from vibroplat.motion.motion import Motion
-from vibroplat.observe.events import Events
-from vibroplat.observe.segments import Segments
-from vibroplat.observe.statistics import no_measures
-from vibroplat.observe.trajectory import Trajectory
+from vibroplat.motion.recorder import Recorder
+from vibroplat.results.run import Trajectory
 
 
 @dataclass
@@ -93,14 +91,14 @@ def follow(scene: Scene, peer: Timed | Legs, times: FloatArray | None = None) ->
     if isinstance(peer, Legs):
         peer.times = times
     peer.alone_s = 0.0
-    segments, events = Segments(), Events()
+    recorder = Recorder(scene, "events" if times is None else "segments")
     motion = Motion(scene, p, engine)
     began = time.perf_counter()
-    motion.to_time(scene.run.duration_s, [events] if times is None else [events, segments])
+    motion.to_time(scene.run.duration_s, [recorder])
     wall = time.perf_counter() - began
     if motion.outcome != "ok":
         raise RuntimeError(f"{motion.outcome}: {motion.detail}")
-    run = Trajectory(scene, segments.kept, events.rows, motion.state, no_measures(0.0))
+    run = Trajectory(scene, {}, segments=recorder.segments, event_rows=recorder.events)
     found = sampled(run, times)
     found.wall_s, found.core_s, found.forces = wall, peer.alone_s, None
     return found

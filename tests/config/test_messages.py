@@ -1,0 +1,266 @@
+"""What a user reads when a configuration is not accepted: each kind of mistake once, word by word.
+
+Types, ranges and defaults of all keys are in results/configuration.md, which is compared elsewhere.
+"""
+
+from __future__ import annotations
+
+import pytest
+
+from vibroplat import Scene, load_config
+from vibroplat.config.drive import MOST_ENTRIES
+from vibroplat.config.reader import parse_overrides
+from vibroplat.errors import ConfigError
+
+SECTIONS = "name, machine, motor, motors, exciters, material, contact, drive, run, solver, output, sweep, orbits"
+MOTOR = "critical_torque_n_m, critical_slip, pole_pairs, friction_radius_m, rated_frequency_hz"
+EXCITER = f"{MOTOR}, unbalance_radius_m, rotor_inertia_kg_m2, rotation"
+INITIAL = "phase_difference_rad, phase_sum_rad, phi1_rad, speed_ratio, state, from"
+NAME = "letters, digits and . _ + -, starting with a letter or digit"
+SECTION = "a section of keys and values"
+THIN = "material: {mass_ratio: 0.2, layers: 1}\n"
+START = "t_s: 0, supply_frequency_hz: 50"
+GRID = "sweep: {supply_frequency_hz: {start: 40, stop: 50}, grid: "
+
+
+def program(*entries):
+    """Text of a configuration with these entries."""
+    return f"drive: {{program: [{', '.join(f'{{{entry}}}' for entry in entries)}]}}"
+
+
+def both(first, second):
+    """What is told of two keys that say the same."""
+    return f"{first} and {second} are both given; allowed: one of the two"
+
+
+MESSAGES = {
+    "unknown keys": {
+        "machin: {}": f"unknown key machin; did you mean machine? allowed: {SECTIONS}",
+        "drive.supply_frequency_hz: 50": f"unknown key drive.supply_frequency_hz; allowed: {SECTIONS}",
+        "run: {initial: {phi1: 0}}": f"unknown key run.initial.phi1; did you mean phi1_rad? allowed: {INITIAL}",
+        "run: {initial: {form: x}}": f"unknown key run.initial.form; did you mean from? allowed: {INITIAL}",
+        "exciters: [{}, {zzz: 1}]": f"unknown key exciters.1.zzz; allowed: {EXCITER}",
+        program(f"{START}, exciter_3: off"): "unknown key drive.program.0.exciter_3; did you mean exciter_2? allowed: "
+        "t_s, supply_frequency_hz, exciter_1, exciter_2, off",
+    },
+    "types": {
+        "drive: {supply_frequency_hz: fast}": "drive.supply_frequency_hz = 'fast'; allowed: a number",
+        "contact: {restitution: true}": "contact.restitution = True; allowed: a number",
+        "contact: {restitution: }": "contact.restitution = None; allowed: a number",
+        f"contact: {{restitution: {'x' * 5000}}}": f"contact.restitution = '{'x' * 56}...; allowed: a number",
+        "name: 3": "name = 3; allowed: text",
+        "name: 2020-01-01": "name = datetime.date(2020, 1, 1); allowed: text",
+        "motor: {pole_pairs: 2.5}": "motor.pole_pairs = 2.5; allowed: a whole number",
+        "orbits: {key: a, start: 1, stop: 2, period: true}": "orbits.period = True; allowed: a whole number",
+        "material: {layers: true}": "material.layers = True; allowed: 1 or 2",
+        "material: {layers: 3}": "material.layers = 3; allowed: 1 or 2",
+        "contact: {model: Impact}": "contact.model = 'Impact'; allowed: 'impact' or 'non-impact'",
+        program(f"{START}, exciter_1: 0"): "drive.program.0.exciter_1 = 0; allowed: 'on' or 'off'",
+        program(f"{START}, off: off"): "drive.program.0.off = 'off'; allowed: true or false",
+        program("off: true"): "drive.program.0.t_s = {'off': True}; allowed: a value is required",
+        "drive: [1]": f"drive = [1]; allowed: {SECTION}",
+        "motors: [{}, 3]": f"motors.1 = 3; allowed: {SECTION}",
+        "motors: {a: 1}": "motors = {'a': 1}; allowed: a list",
+        "motors: [{}]": "motors = [{}]; allowed: a list of 2",
+        "exciters: [{}, {}, {}]": "exciters = [{}, {}, {}]; allowed: a list of 2",
+    },
+    "ranges": {
+        "contact: {restitution: 1.2}": "contact.restitution = 1.2; allowed: at most 1.0",
+        "contact: {restitution: -0.1}": "contact.restitution = -0.1; allowed: at least 0.0",
+        "run: {duration_s: 0}": "run.duration_s = 0; allowed: more than 0.0",
+        "machine: {platform_mass_kg: .nan}": "machine.platform_mass_kg = nan; allowed: a finite number",
+        "machine: {platform_mass_kg: 1e999}": "machine.platform_mass_kg = inf; allowed: a finite number",
+        "machine: {platform_mass_kg: 1e31}": "machine.platform_mass_kg = 1e+31; allowed: at most 1e+30",
+        "machine: {platform_mass_kg: 1e-31}": "machine.platform_mass_kg = 1e-31; allowed: at least 1e-30",
+        "machine: {exciter_angle_deg: -1e31}": "machine.exciter_angle_deg = -1e+31; allowed: at least -1e+30",
+        "run: {initial: {phi1_rad: 1e20}}": "run.initial.phi1_rad = 1e+20; allowed: at most 10000000000.0",
+        "run: {initial: {state: {phi2_rad: -1.1e10}}}": "run.initial.state.phi2_rad = -11000000000.0; allowed: "
+        "at least -10000000000.0",
+        f"motor: {{pole_pairs: 1{'0' * 400}}}": f"motor.pole_pairs = 1{'0' * 56}...; allowed: at most 1000",
+        program(START, "t_s: 1, supply_frequency_hz: 5e-4"): "drive.program.1: supply_frequency_hz = 0.0005; "
+        "allowed: 0, or at least 0.001",
+        "solver: {tolerance: 1e-13}": "solver: tolerance = 1e-13 with engine auto; allowed: at least 1e-12, or 1e-14 "
+        "with engine taylor",
+        "run: {duration_s: 1e6}": "output.sample_rate_hz = 2000.0 asks for 2e+09 rows in 1000000.0 s; allowed: at most "
+        "100000000 rows",
+        "drive: {supply_frequency_hz: 1e12}\nmotor: {pole_pairs: 4}": "run.duration_s = 4.0 takes 1e+12 turns at the "
+        "synchronous speed; allowed: at most 1e+09",
+        program("t_s: 0, supply_frequency_hz: 3e9"): "run.duration_s = 4.0 takes 6e+09 turns at the synchronous speed; "
+        "allowed: at most 1e+09",
+        "drive: {supply_frequency_hz: 1e8}\nsolver: {engine: sundae}": "run.duration_s = 4.0 takes 2e+08 turns at the "
+        "synchronous speed; allowed with engine sundae: at most 5e+07",
+        "sweep: {supply_frequency_hz: {start: 1.0, stop: 4.0e9, step: 1e9}, max_settle_s: 0.1}": "sweep.measure_s = "
+        "2.0 takes 4e+09 turns at the synchronous speed; allowed: at most 1e+09",
+        "name: ../up": f"name = '../up'; allowed: {NAME}",
+        'name: "a\\nb"': f"name = 'a\\nb'; allowed: {NAME}",
+        "name: ''": "name = ''; allowed: at least 1 character",
+        f"name: {'a' * 101}": f"name = '{'a' * 56}...; allowed: at most 100 characters",
+        "contact: {restitution: 1.2}\nzz: 1\nrun: {seed: -1}": "contact.restitution = 1.2; allowed: at most 1.0 "
+        "(and 2 more)",
+    },
+    "keys that exclude each other": {
+        "material: {natural_frequency_hz: 18.5, stiffness_n_per_m: 100}": "material: "
+        + both("natural_frequency_hz", "stiffness_n_per_m"),
+        "material: {damping_ratio: 0.1, damping_n_s_per_m: 1}": "material: "
+        + both("damping_ratio", "damping_n_s_per_m"),
+        "motor: {}\nmotors: [{}, {}]": both("motor", "motors"),
+        "motor: {}\nexciters: [{}, {}]": both("motor", "exciters"),
+        "motors: [{}, {}]\nexciters: [{}, {}]": both("motors", "exciters"),
+        "exciters: [{}, {}]\nmachine: {unbalance_radius_m: 0.1}": both("exciters", "machine.unbalance_radius_m"),
+        "exciters: [{}, {}]\nmachine: {rotor_inertia_kg_m2: 0.1}": both("exciters", "machine.rotor_inertia_kg_m2"),
+        "run: {initial: {state: {y_m: 0}, phi1_rad: 0}}": "run.initial: " + both("state", "phi1_rad"),
+        "run: {initial: {state: {y_m: 0}, from: x}}": "run.initial: " + both("state", "from"),
+        "run: {initial: {from: x, phase_difference_rad: 0}}": "run.initial: " + both("from", "phase_difference_rad"),
+        "run: {initial: {from: x, speed_ratio: 0}}": "run.initial: " + both("from", "speed_ratio"),
+        "run: {initial: {phase_difference_rad: 0, phase_sum_rad: 0}}": "run.initial: "
+        + both("phase_difference_rad", "phase_sum_rad"),
+        "drive: {supply_frequency_hz: 50, program: [{t_s: 0, supply_frequency_hz: 50}]}": "drive: "
+        + both("supply_frequency_hz", "program"),
+        program(f"{START}, exciter_1: off, off: true"): "drive.program.0: " + both("off", "exciter_1"),
+        program(f"{START}, exciter_2: on, off: false"): "drive.program.0: " + both("off", "exciter_2"),
+    },
+    "values that do not go together": {
+        "material: {mass_ratio: 0.2, lower_share: 1, natural_frequency_hz: 18.5}": "material: lower_share = 1 leaves "
+        "no upper layer; allowed with layers = 2: more than 0, less than 1",
+        "material: {mass_ratio: 0.2, layers: 2}": "material: two layers need a spring between them; give "
+        "natural_frequency_hz or stiffness_n_per_m",
+        f"{THIN}run: {{initial: {{state: {{gap_rate_m_per_s: -0.1}}}}}}": "run.initial.state.gap_rate_m_per_s = -0.1 "
+        "closes a gap that is 0; allowed: at least 0 while gap_m is 0",
+        "run: {initial: {state: {gap_m: 0.1}}}": "run.initial.state.gap_m = 0.1 but this scene has no such coordinate; "
+        "allowed: leave it out",
+        f"{THIN}run: {{initial: {{state: {{upper_rate_m_per_s: 0.1}}}}}}": "run.initial.state.upper_rate_m_per_s = "
+        "0.1 but this scene has no such coordinate; allowed: leave it out",
+        "exciters: [{}, {rotation: counter-clockwise}]\nrun: {initial: {phase_sum_rad: 1}}": "run.initial."
+        "phase_sum_rad = 1.0 but these exciters turn the same way; allowed: phase_difference_rad",
+    },
+    "programs": {
+        program(): "drive: program is empty; allowed: one entry or more",
+        program(START, "t_s: 2", "t_s: 1"): "drive: program.2.t_s = 1.0 lies before 2.0; allowed: times in ascending "
+        "order",
+        program(
+            START, "t_s: 2", "t_s: 2", "t_s: 2"
+        ): "drive: program.3.t_s = 2.0 is given three times; allowed: twice, for a jump",
+        program("t_s: 0", START): "drive: program.0: supply_frequency_hz is required in the first entry",
+        program("t_s: 0, supply_frequency_hz: 0"): "drive: program has no supply_frequency_hz above 0; allowed: at "
+        "least one, the scales follow it",
+        "drive: {supply_frequency_hz: }": "drive: supply_frequency_hz = None; allowed: a number, or a program instead",
+        f"{GRID}{{drive.program.1.t_s: [2]}}}}": "sweep: grid.drive.program.1.t_s cannot be swept by the grid; "
+        "allowed: keys of machine, material, …",
+    },
+    "files": {
+        "- 1\n- 2\n": "holds a list; allowed: keys and values",
+        "hello": "holds a str; allowed: keys and values",
+        "machine: {1: 2}": "not valid YAML: a key is not text",
+        "[a, b]: 1": "not valid YAML: a key is not text",
+        "drive:\n  a$b: 1\n": "the key in line 2 is no name; allowed: letters, digits and _ . -",
+        "drive: {}\nrun: {}\ndrive: {}\n": 'duplicate key "drive" in line 3; allowed: each key once',
+        "a: [1\n": "not valid YAML in line 2, column 1: expected ',' or ']', but got '<stream end>'",
+        "a: *b\n": "not valid YAML in line 1, column 4: found undefined alias 'b'",
+        "a: 1\n---\nb: 2\n": "not valid YAML in line 2, column 1: but found another document",
+        "a: \x01\n": "not valid YAML: unacceptable character #x0001: special characters are not allowed in "
+        '"<unicode string>", position 3',
+        b"name: a # \xe9\n": "not UTF-8 text",
+        "name: !!python/object/apply:os.system ['touch executed']": "not valid YAML in line 1, column 7: could not "
+        "determine a constructor for the tag …",
+        "extends: 3": "extends is not text; allowed: a file name",
+        "extends: c.yaml": "extends itself through c.yaml",
+        "extends: a.yaml": "extends = 'a.yaml': no such file",
+        "extends: .": "extends = '.': cannot be read (Is a directory)",
+    },
+}
+
+
+@pytest.mark.parametrize("kind", MESSAGES)
+def test_messages(kind, complaint, here):
+    told = {text: complaint(text) for text in MESSAGES[kind]}
+    assert told == {text: f"c.yaml: {line}" for text, line in MESSAGES[kind].items()}
+    assert [path.name for path in here.iterdir()] == ["c.yaml"]  # tags run nothing
+
+
+def test_too_many_entries_are_told():
+    entries = [{"t_s": i, "supply_frequency_hz": 50} for i in range(MOST_ENTRIES + 1)]
+    Scene.from_tree({"drive": {"program": entries[:-1]}})
+    with pytest.raises(ConfigError, match=rf"^drive\.program = .*; allowed: a list of {MOST_ENTRIES}$"):
+        Scene.from_tree({"drive": {"program": entries}})
+
+
+def test_messages_about_files_name_the_one_that_is_wrong(here):
+    (here / "deep" / "er").mkdir(parents=True)
+    texts = {
+        "a": "extends: b.yaml",
+        "b": "extends: a.yaml",
+        "wrong": "drive: {x: 1}",
+        "list": "- 1",
+        "my scene": "",
+        "above": "extends: wrong.yaml",
+        "higher": "extends: deep/er/up.yaml",
+        "deep/er/up": "extends: ../../list.yaml",
+    }
+    for name, text in texts.items():
+        (here / f"{name}.yaml").write_text(text)
+    messages = {
+        "nothing.yaml": "nothing.yaml: no such file",
+        ".": ".: cannot be read (Is a directory)",
+        "a.yaml/c.yaml": "a.yaml/c.yaml: cannot be read (Not a directory)",
+        "a.yaml": "a.yaml: extends itself through b.yaml",
+        "above.yaml": "above.yaml: unknown key drive.x; allowed: supply_frequency_hz, program",
+        "higher.yaml": "deep/er/../../list.yaml: holds a list; allowed: keys and values",
+        "my scene.yaml": f"my scene.yaml: name = 'my scene'; allowed: {NAME}",
+    }
+    told = {}
+    for name in messages:
+        with pytest.raises(ConfigError) as caught:
+            load_config(name)
+        told[name] = str(caught.value)
+    assert told == messages
+
+
+def test_long_path_does_not_hide_what_is_wrong(here):
+    place = here / ("d" * 200) / ("e" * 200)
+    place.mkdir(parents=True)
+    (place / "c.yaml").write_text("drive: {hertz: 50}")
+    with pytest.raises(ConfigError, match=r"c\.yaml: unknown key drive\.hertz"):
+        load_config(place / "c.yaml")
+
+
+@pytest.mark.parametrize(
+    ("text", "setting", "line"),
+    [
+        ("", "drive", "--set 'drive'; allowed: key.sub=value"),
+        ("", "a..b=3", "--set 'a..b=3'; allowed: key.sub=value"),
+        ("", "a=[1", "--set a: not valid YAML in line 1, column 3: expected ',' or ']', but got '<stream end>'"),
+        ("", "drive.supply_frequency_hz.x=3", "c.yaml: drive.supply_frequency_hz = {'x': 3}; allowed: a number"),
+        ("", "exciters.2.critical_slip=0.1", "unknown key exciters.2; allowed: exciters.0 to exciters.1"),
+        ("", "exciters.-1.critical_slip=0.1", "unknown key exciters.-1; allowed: exciters.0 to exciters.1"),
+        ("motors: [{}, {}]", "motors.0.pole_pairs='3'", "c.yaml: motors.0.pole_pairs = '3'; allowed: a whole number"),
+        (program(), "drive.program.1.t_s=2", "unknown key drive.program.1; allowed: none"),
+        (program(START), "drive.program.1.t_s=2", "unknown key drive.program.1; allowed: drive.program.0"),
+        ("", "exciters.1=3", f"c.yaml: exciters.1 = 3; allowed: {SECTION}"),
+        ("exciters: [{}, {}]", "exciters=[{}]", "c.yaml: exciters = [{}]; allowed: a list of 2"),
+        ("exciters: [{}, {}]", "motor.pole_pairs=3", f"c.yaml: {both('motor', 'exciters')}"),
+        ("motor: 3", "exciters.1.critical_slip=0.1", f"c.yaml: motor = 3; allowed: {SECTION} (and 1 more)"),
+    ],
+)
+def test_message_about_a_setting(text, setting, line, scene_of):
+    with pytest.raises(ConfigError) as caught:
+        scene_of(text, parse_overrides([setting]))
+    assert str(caught.value) == line
+
+
+def test_key_inside_a_value_is_told(complaint):
+    line = "drive.supply_frequency_hz lies inside drive, which already has a value"
+    assert complaint("", {"drive": 3, "drive.supply_frequency_hz": 50.0}) == line
+
+
+@pytest.mark.parametrize(
+    ("changes", "line"),
+    [
+        ({"material.mass_ratio": -1.0}, "material.mass_ratio = -1.0; allowed: at least 0.0"),
+        ({"foo": 3}, f"unknown key foo; did you mean motor? allowed: {SECTIONS}"),
+        ({"material": None}, f"material = None; allowed: {SECTION}"),
+    ],
+)
+def test_replace_refuses_with_a_line(changes, line):
+    with pytest.raises(ConfigError) as caught:
+        Scene().replace(changes)
+    assert str(caught.value) == line

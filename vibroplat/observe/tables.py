@@ -1,0 +1,205 @@
+"""Tables of a run, made while it goes on or afterwards: the trajectory, on the output grid and at events, and events.
+
+Full states are named here as in the columns of the trajectory table.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from vibroplat.columns import Column, Columns, labelled
+from vibroplat.config.coordinates import COORDINATES, RATES, Mode
+from vibroplat.config.scene import Scene
+from vibroplat.config.sections import State
+from vibroplat.hybrid.modes import KINDS
+from vibroplat.kernels.compiled import FloatArray
+from vibroplat.model.motor import motor_powers
+from vibroplat.model.parameters import parameters, supply
+from vibroplat.model.systems import FULL_SIZE
+from vibroplat.observe.segments import Segment
+
+#: Rows that are made and written at a time.
+BLOCK = 2**15
+
+#: Records, and fields of compiled records.
+Records = npt.NDArray[np.void]
+
+#: Columns of the trajectory table, which are the keys of a full state, and of the Poincaré section.
+TRAJECTORY: Columns = {
+    name: Column(State.model_fields[name].description or "")
+    for name in dict.fromkeys(("t_s", "mode", *State.model_fields))
+}
+#: Columns of the event table.
+EVENTS: Columns = {
+    "t_s": Column("time"),
+    "kind": Column("liftoff, impact, latch or drive", "drive: a corner of the supply's program"),
+    "gap_rate_before_m_per_s": Column(
+        "rate of the gap before the event", "of a latch: before the first of the impacts it stands for"
+    ),
+    "gap_rate_after_m_per_s": Column("rate of the gap after the event"),
+    "impulse_n_s": Column("impulse between lower layer and platform", "of a latch: the sum over its impacts"),
+    "energy_loss_j": Column("energy lost at the event", "of a latch: the sum over its impacts"),
+    "contact_force_after_n": Column("contact force after the event", "0 in flight"),
+    "mode_after": Column("mode after the event", "attached, flight or bare"),
+    "impacts": Column(
+        "number of impacts", "1 for an impact, 0 for a liftoff; for a latch counted until round-off of the first speed"
+    ),
+}
+#: Fields of :data:`vibroplat.hybrid.state.EVENT` that these columns hold, in the same order.
+_FIELDS = ("t", "kind", "rate_before", "rate_after", "impulse", "loss", "force_after", "mode_after", "impacts")
+
+#: A row of the trajectory table: time (s), numbers of the mode and of the drive's interval, full state, F_c (N).
+ROW = np.dtype(
+    [("t", float), ("mode", np.int64), ("interval", np.int64), ("state", float, FULL_SIZE), ("force", float)]
+)
+
+
+def state_places(scene: Scene) -> dict[str, int]:
+    """Places in the full state of what a scene has: its coordinates, then their rates, by their names."""
+    return {names[i]: half + i for half, names in ((0, COORDINATES), (7, RATES)) for i in scene.coordinates}
+
+
+def named_derivative(derivative: FloatArray, scene: Scene, keys: Sequence[str]) -> pd.DataFrame:
+    """Name rows and columns of a full state's derivative by another and by keys, shape (14, 14 + keys)."""
+    places = state_places(scene)
+    rows = list(places.values())
+    columns = [*rows, *range(FULL_SIZE, FULL_SIZE + len(keys))]
+    return pd.DataFrame(derivative[rows][:, columns], index=list(places), columns=[*places, *keys])
+
+
+def event_table(events: Records) -> pd.DataFrame:
+    """Make an event table of records of :data:`vibroplat.hybrid.state.EVENT`."""
+    table = pd.DataFrame({column: events[field] for column, field in zip(EVENTS, _FIELDS, strict=True)})
+    table["kind"] = np.array(KINDS, dtype=object)[events["kind"]]
+    table["mode_after"] = np.array([mode.label for mode in Mode], dtype=object)[events["mode_after"]]
+    return labelled(table, EVENTS)
+
+
+class Sampler:
+    """Evaluates segments of a scene, and makes trajectory tables of that."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+        self._p = parameters(scene)
+        self._intervals = scene.drive.intervals
+        self._corners = [interval.start for interval in self._intervals[1:]]
+
+    def __call__(self, segment: Segment, times: FloatArray) -> Records:
+        """Evaluate a segment at ascending times (s); returns records of ROW."""
+        rows = np.empty(times.size, ROW)
+        rows["t"], rows["mode"] = times, int(segment.system.mode)
+        # no corner lies inside a segment
+        rows["interval"] = np.searchsorted(self._corners, 0.5 * (segment.start + segment.end), side="right")
+        rows["state"], rows["force"] = segment(times)
+        return rows
+
+    def table(self, rows: Records) -> pd.DataFrame:
+        """Make a table of records of ROW."""
+        labels = pd.Index([mode.label for mode in Mode])
+        columns: dict[str, Any] = {"t_s": rows["t"], "mode": pd.Categorical.from_codes(rows["mode"], categories=labels)}
+        columns |= {name: rows["state"][:, place] for name, place in state_places(self.scene).items()}
+        if self.scene.has_contact:
+            columns["contact_force_n"] = rows["force"]
+        return labelled(pd.DataFrame(columns | self._supply(rows)), TRAJECTORY)
+
+    def _supply(self, rows: Records) -> dict[str, FloatArray]:
+        """Power of both motors (W), and the supply frequency (Hz) where a program changes it, in all rows."""
+        program = self.scene.drive.program
+        power, frequency = np.empty((len(rows), 2)), np.empty(len(rows))
+        for k in np.unique(rows["interval"]):
+            interval, mine = self._intervals[k], rows["interval"] == k
+            times, speeds = rows["t"][mine], rows["state"][:, 10:12][mine]
+            supply(self._p, self.scene, interval)
+            power[mine] = motor_powers(times, speeds, self._p)
+            if program is not None:
+                frequency[mine] = interval.frequency + interval.ramp * (times - interval.start)
+        columns = {} if program is None else {"supply_frequency_hz": frequency}
+        return columns | {"motor_power_1_w": power[:, 0], "motor_power_2_w": power[:, 1]}
+
+
+class Blocks:
+    """Collects records and hands them over in blocks of BLOCK, the last of which may be shorter.
+
+    Parameters
+    ----------
+    dtype
+        Of the records.
+    take
+        Is called with each block, which is overwritten afterwards; at least once, without records if need be.
+    """
+
+    def __init__(self, dtype: npt.DTypeLike, take: Callable[[Records], object]) -> None:
+        self._records = np.empty(BLOCK, dtype)
+        self._take = take
+        self._filled, self._handed_over = 0, False
+
+    def put(self, records: Records) -> None:
+        """Collect records."""
+        while len(records):
+            if self._filled == BLOCK:
+                self._hand_over()
+            added = records[: BLOCK - self._filled]
+            self._records[self._filled : self._filled + len(added)] = added
+            self._filled += len(added)
+            records = records[len(added) :]
+
+    def finish(self) -> None:
+        """Hand over the rest."""
+        if self._filled or not self._handed_over:
+            self._hand_over()
+
+    def _hand_over(self) -> None:
+        self._take(self._records[: self._filled])
+        self._filled, self._handed_over = 0, True
+
+
+class TrajectoryRows:
+    """Makes the trajectory table of a run, segment by segment.
+
+    Parameters
+    ----------
+    scene
+        What moves.
+    take
+        Is called with each part of the table.
+    """
+
+    def __init__(self, scene: Scene, take: Callable[[pd.DataFrame], object]) -> None:
+        self._sample = Sampler(scene)
+        self._blocks = Blocks(ROW, lambda rows: take(self._sample.table(rows)))
+        self._end = np.empty(0, ROW)  # of the segment before: it is no row if the next one goes on from it
+
+    def add(self, segment: Segment) -> None:
+        """Make the rows of the next segment: its beginning after an event, the output grid strictly inside, its end."""
+        ended, self._end = self._end, self._end[:0]
+        beginning: list[float] = []
+        if not segment.joined:
+            self._blocks.put(ended)
+            beginning = [segment.start]
+        rate = self._sample.scene.output.sample_rate_hz
+        first, last = math.floor(segment.start * rate), math.ceil(segment.end * rate) + 1
+        for number in range(first, last, BLOCK):
+            grid = np.arange(float(number), float(min(number + BLOCK, last))) / rate
+            inside = grid[(grid > segment.start) & (grid < segment.end)]
+            end = [segment.end] if number + BLOCK >= last else []
+            rows = self._sample(segment, np.concatenate((beginning, inside, end)))
+            beginning = []
+            self._blocks.put(rows[: len(rows) - len(end)])
+            if end:
+                self._end = rows[-1:]
+
+    def finish(self) -> None:
+        """Hand over the rest; a run without a step has one part without rows."""
+        self._blocks.put(self._end)
+        self._blocks.finish()
+
+
+def column_count(scene: Scene) -> int:
+    """Return the number of columns of a scene's trajectory table."""
+    return len(Sampler(scene).table(np.empty(0, ROW)).columns)

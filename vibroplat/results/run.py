@@ -1,0 +1,337 @@
+"""A finished run, just simulated or read from its files: tables, dense output, card, figures, files."""
+
+from __future__ import annotations
+
+import base64
+import html
+import io
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+import vibroplat
+from vibroplat.columns import labelled, unit_of
+from vibroplat.config.scene import Scene
+from vibroplat.errors import TableError
+from vibroplat.hybrid.state import EVENT
+from vibroplat.kernels.compiled import FloatArray
+from vibroplat.model.systems import FULL_SIZE
+from vibroplat.observe.audit import INACCURATE
+from vibroplat.observe.notes import notes_on_samples, peaks_of
+from vibroplat.observe.segments import Segment
+from vibroplat.observe.statistics import Measures, section_rows
+from vibroplat.observe.tables import ROW, TRAJECTORY, Records, Sampler, TrajectoryRows, event_table, state_places
+from vibroplat.results.card import results
+from vibroplat.results.files import Result, write_result
+from vibroplat.results.provenance import provenance
+from vibroplat.results.tables import Format, replace_files, result_directory
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+#: ``all``: two rows at each event, before and after it. ``unique``: the one after it only, so that times ascend.
+Sample = Literal["all", "unique"]
+#: Figures of a run.
+Kind = Literal["motion", "force", "exciters"]
+
+
+@dataclass(repr=False)
+class Trajectory:
+    """A finished run.
+
+    One that was read from its files has scene, summary and tables, but no dense output and no Poincaré section.
+
+    Attributes
+    ----------
+    scene
+        What was simulated.
+    summary
+        Outcome, measures and notes; see :func:`vibroplat.observe.summary.measured`.
+    origin
+        What provenance says of the run that it goes on from, if any.
+    segments
+        Smooth stretches in order of time; empty if the run was asked not to keep them.
+    event_rows
+        Events, records of :data:`vibroplat.hybrid.state.EVENT`.
+    end
+        Full state at the end, shape (14,).
+    measures
+        Sums over the run, of which the summary is made.
+    table
+        Its trajectory table, if that was made while the run went on.
+    peaks
+        Largest values in the measured part of the trajectory table, by column, if that was made while the run went on.
+    derivative
+        Of the state at the end by that at the beginning and by keys, if it was asked for and the run did not end early.
+    saved
+        Its files, if it was read from them.
+    """
+
+    scene: Scene
+    summary: dict[str, Any]
+    origin: dict[str, Any] | None = None
+    segments: list[Segment] = field(default_factory=list)
+    event_rows: Records = field(default_factory=lambda: np.zeros(0, EVENT))
+    end: FloatArray | None = None
+    measures: Measures | None = None
+    table: pd.DataFrame | None = None
+    peaks: Mapping[str, float] | None = None
+    derivative: pd.DataFrame | None = None
+    saved: Result | None = None
+
+    # -- tables -------------------------------------------------------------------------------------
+
+    @cached_property
+    def trajectory(self) -> pd.DataFrame:
+        """Trajectory table at ``output.sample_rate_hz``, with two rows at each event."""
+        if self.saved is not None:
+            return self.saved.table("trajectory")
+        if self.table is not None:
+            return self.table
+        parts: list[pd.DataFrame] = []
+        rows = TrajectoryRows(self.scene, parts.append)
+        for segment in self.segments:
+            rows.add(segment)
+        rows.finish()
+        return pd.concat(parts, ignore_index=True)
+
+    @cached_property
+    def events(self) -> pd.DataFrame:
+        """Event table."""
+        return event_table(self.event_rows) if self.saved is None else self.saved.table("events")
+
+    @cached_property
+    def section(self) -> pd.DataFrame:
+        """Poincaré section: motion at whole turns of exciter 1 in the measured part, the last 1024 of them.
+
+        The columns are those of the trajectory table without the mode.
+
+        Raises
+        ------
+        ValueError
+            The run was read from its files, which do not hold it.
+        """
+        if self.measures is None:
+            raise ValueError("this run was read from its files, which hold no Poincaré section; simulate it for one")
+        points = section_rows(self.measures)
+        states = points["state"]
+        columns = {"t_s": points["t"]} | {name: states[:, i] for name, i in state_places(self.scene).items()}
+        if self.scene.has_contact:
+            columns["contact_force_n"] = points["force"]
+        return labelled(pd.DataFrame(columns), TRAJECTORY)
+
+    @property
+    def final_state(self) -> FloatArray:
+        """Full state at the end, shape (14,), its exciter angles with all their turns."""
+        if self.end is None:
+            self.end = np.zeros(FULL_SIZE)
+            for name, place in state_places(self.scene).items():
+                self.end[place] = self.trajectory[name].iloc[-1]
+        return self.end
+
+    def __call__(self, times: npt.ArrayLike) -> pd.DataFrame:
+        """Dense output at any times of the run, as rows of the trajectory table.
+
+        Between the ends of steps these are the steps' polynomials, as accurate as the ends. At an event the row is
+        that before it.
+
+        Raises
+        ------
+        ValueError
+            Times lie outside the run or are not a list of numbers, or the segments were not kept.
+        """
+        wanted = np.atleast_1d(np.asarray(times, dtype=float))
+        if wanted.ndim != 1 or not np.isfinite(wanted).all():
+            raise ValueError("times must be a number or a one-dimensional list of finite numbers")
+        if not self.segments:
+            raise ValueError("this run kept no segments; simulate with keep='segments' for dense output")
+        first, last = self.segments[0].start, self.segments[-1].end
+        if wanted.size and (wanted.min() < first or wanted.max() > last):
+            raise ValueError(f"times must lie in [{first}, {last}] s, got {wanted.min()} … {wanted.max()}")
+        order = np.argsort(wanted, kind="stable")
+        owner = np.searchsorted([segment.end for segment in self.segments], wanted[order], side="left")
+        sampler, rows = Sampler(self.scene), np.empty(wanted.size, ROW)
+        for i in np.unique(owner):
+            mine = order[owner == i]
+            rows[mine] = sampler(self.segments[i], wanted[mine])
+        return sampler.table(rows)
+
+    def rows(self, sample: Sample = "all") -> pd.DataFrame:
+        """Return the trajectory table; with ``unique``, times ascend strictly, as interpolation elsewhere needs it."""
+        if sample not in ("all", "unique"):
+            raise ValueError(f"sample = {sample!r}; allowed: all, unique")
+        table = self.trajectory
+        return table if sample == "all" else table.drop_duplicates("t_s", keep="last", ignore_index=True)
+
+    @property
+    def variation(self) -> pd.DataFrame:
+        """Derivative of the state at the end by that at the beginning and by keys, as they were asked for.
+
+        Raises
+        ------
+        ValueError
+            The run was not asked for it, or ended early.
+        """
+        if self.derivative is not None:
+            return self.derivative
+        if self.outcome not in ("ok", INACCURATE):
+            raise ValueError(f"this run ended early ({self.outcome}); the derivative of its end is not known")
+        raise ValueError("this run carried no derivative; simulate with variation=True, or with keys to vary")
+
+    @property
+    def monodromy(self) -> pd.DataFrame:
+        """Derivative of the state at the end by that at the beginning; of a period, its eigenvalues are multipliers.
+
+        Raises
+        ------
+        ValueError
+            As :attr:`variation`.
+        """
+        found = self.variation
+        return found[found.index]
+
+    # -- to look at ---------------------------------------------------------------------------------
+
+    @property
+    def outcome(self) -> str:
+        """``ok``, or why the run ended early."""
+        return str(self.summary["outcome"])
+
+    @property
+    def provenance(self) -> dict[str, Any]:
+        """How it was made."""
+        if self.saved is not None:
+            return self.saved.provenance
+        return provenance(self.scene, str(self.summary["engine"]), self.origin)
+
+    @cached_property
+    def notes(self) -> list[str]:
+        """What deserves a second look, peaks that the trajectory table misses included; it is made for that."""
+        notes: list[str] = self.summary["notes"]
+        if self.saved is not None:
+            return notes
+        peaks = peaks_of(self.trajectory, self.summary["measured_from_s"]) if self.peaks is None else self.peaks
+        return notes + notes_on_samples(peaks, self.summary, self.scene.output.sample_rate_hz)
+
+    def __repr__(self) -> str:
+        """Return a card of a few lines."""
+        lines = [f"{label:<28}{text}" for label, text in self._card().items()]
+        return "\n".join([f"vibroplat run {self.scene.name}", *lines])
+
+    def _repr_html_(self) -> str:
+        """Return the card and the figure of the motion, for a notebook."""
+        rows = "".join(
+            f"<tr><td>{html.escape(label)}</td><td>{html.escape(text)}</td></tr>"
+            for label, text in self._card().items()
+        )
+        picture = ""
+        if len(self.trajectory) > 1:
+            written = io.BytesIO()
+            self.plot().savefig(written, format="png", dpi=90)
+            data = base64.b64encode(written.getvalue()).decode()
+            picture = f'<img alt="motion" src="data:image/png;base64,{data}">'
+        return f"<b>vibroplat run {html.escape(self.scene.name)}</b><table>{rows}</table>{picture}"
+
+    def _card(self) -> dict[str, str]:
+        detail = {"detail": self.summary["detail"]} if self.summary["detail"] else {}
+        notes = {"notes": f"{len(self.notes)}, see run.notes"} if self.summary["notes"] else {}
+        return results(self.scene, self.summary, self.origin) | detail | notes
+
+    def plot(self, kind: Kind = "motion", start: float | None = None, stop: float | None = None) -> Figure:
+        """Draw a figure: ``motion`` (platform, gap), ``force`` (contact), ``exciters`` (speeds, phase difference).
+
+        Parameters
+        ----------
+        kind
+            Which one.
+        start, stop
+            Interval shown (s). Default: the whole run, and the last ten turns of the exciters in detail.
+        """
+        return vibroplat.figure_of(self, kind, start, stop)
+
+    # -- to hand on ---------------------------------------------------------------------------------
+
+    def save(self, directory: str | Path, form: Format = "parquet") -> Path:
+        """Write the result into a directory, as ``vibroplat run`` does; :func:`vibroplat.load` reads it.
+
+        Raises
+        ------
+        TableError
+            A file cannot be written.
+        """
+        place = Path(directory)
+        result_directory(place.parent, place.name)
+        tables = {"trajectory": self.trajectory, "events": self.events}
+        summary = self.summary | {"notes": self.notes}
+        origin = provenance(self.scene, str(summary["engine"]), self.origin)
+        write_result(place, "run", origin, tables, {"summary": summary}, form=form)
+        return place
+
+    def to_xarray(self, sample: Sample = "unique") -> Any:
+        """Return the trajectory as a Dataset over ``t_s``, with units and meanings as attributes; needs xarray."""
+        try:
+            xarray = import_module("xarray")
+        except ImportError:
+            raise ImportError("to_xarray needs xarray; pip install 'vibroplat[xarray]'") from None
+        table = self.rows(sample)
+        found = xarray.Dataset({str(c): ("t_s", _plain(table[c])) for c in table if c != "t_s"}, {"t_s": table["t_s"]})
+        for name in found.variables:
+            found[name].attrs = {"units": unit_of(name), "long_name": table.attrs["meanings"].get(name, name)}
+        return found.assign_attrs(name=self.scene.name, outcome=self.outcome)
+
+    def save_mat(self, path: str | Path, sample: Sample = "unique") -> Path:
+        """Write ``trajectory``, ``events``, ``summary`` and ``units`` as structures into a file for MATLAB or Octave.
+
+        Numbers that are not known are NaN.
+
+        Raises
+        ------
+        TableError
+            It cannot be written.
+        """
+        savemat = import_module("scipy.io").savemat
+        trajectory, place = self.rows(sample), Path(path)
+        contents = {
+            "trajectory": {str(c): _plain(trajectory[c]) for c in trajectory},
+            "events": {str(c): _plain(self.events[c]) for c in self.events},
+            "summary": {k: np.nan if v is None else v for k, v in self.summary.items() if k != "notes"},
+            "units": {str(c): unit_of(str(c)) for c in trajectory},
+        }
+
+        def write(temporary: Path) -> None:
+            savemat(temporary, contents, appendmat=False, long_field_names=True, oned_as="column")
+
+        replace_files({place: write})
+        return place
+
+
+def _plain(column: pd.Series) -> Any:
+    """Return a column as an array of numbers, or of texts."""
+    return column.to_numpy() if pd.api.types.is_numeric_dtype(column) else column.astype(object).to_numpy()
+
+
+def load(directory: str | Path) -> Trajectory | pd.DataFrame:
+    """Read the result of ``vibroplat run`` or :meth:`Trajectory.save`, or the table of ``vibroplat sweep``.
+
+    Where a directory holds both, the run is read; ``pandas.read_parquet`` reads any table.
+
+    Raises
+    ------
+    TableError
+        There is neither, or a file is missing, damaged or of another result.
+    """
+    place = Path(directory)
+    if any(place.glob("trajectory.*")):
+        saved = Result(place, "run")
+        scene = Scene.from_tree(saved.provenance["configuration"])
+        return Trajectory(scene, saved.document("summary"), saved.provenance.get("begins_from"), saved=saved)
+    if any(place.glob("sweep.*")):
+        return Result(place, "sweep").table("sweep")
+    raise TableError(f"{place} holds neither a run nor a sweep; allowed: a result directory of vibroplat")
