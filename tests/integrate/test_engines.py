@@ -16,7 +16,7 @@ from oracle import REFERENCE
 
 from vibroplat import integrate as engines
 from vibroplat import load_config, simulate
-from vibroplat.bench.reference import compared_events, coordinate_errors, event_errors
+from vibroplat.bench.measure import compared_events, coordinate_errors, event_errors
 from vibroplat.hybrid.loop import automaton, first_mode
 from vibroplat.hybrid.state import NON_FINITE, RUNNING, no_steps
 from vibroplat.integrate.native import NativeEngine, self_check

@@ -13,7 +13,7 @@ from common.random_scenes import random_scene
 
 from integrate.dop853 import Dop853
 from vibroplat import load_config, simulate
-from vibroplat.bench.reference import coordinate_errors, event_errors
+from vibroplat.bench.measure import coordinate_errors, event_errors
 from vibroplat.config.coordinates import COORDINATES
 from vibroplat.config.reader import load_tree
 from vibroplat.hybrid.state import state_scales

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -10,9 +9,25 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from vibroplat.cli.loading import load_kernels, require_scheduler, tell_of_compilation
-from vibroplat.cli.options import Study, with_study
-from vibroplat.cli.printing import print_lines, print_notes, print_table
+from vibroplat.cli.common import (
+    EngineName,
+    Format,
+    Jobs,
+    Out,
+    Overwrite,
+    Resume,
+    Scheduler,
+    Settings,
+    Wait,
+    complain_of,
+    load_kernels,
+    print_lines,
+    print_notes,
+    print_table,
+    require_scheduler,
+    tell_of_compilation,
+)
+from vibroplat.study import WAIT
 from vibroplat.system.progress import orbits_progress
 
 if TYPE_CHECKING:
@@ -26,11 +41,17 @@ FILE = "orbits.sqlite"
 MOST = 40
 
 
-@with_study
 def orbits(
     config: Annotated[Path, typer.Argument(help="Configuration file with an orbits section.")],
-    *,
-    study: Study,
+    set_: Settings = None,
+    engine: EngineName = None,
+    out: Out = Path("results"),
+    jobs: Jobs = 1,
+    resume: Resume = False,
+    overwrite: Overwrite = False,
+    scheduler: Scheduler = None,
+    wait: Wait = WAIT,
+    format_: Format = "parquet",
 ) -> None:
     """Follow branches of periodic orbits over a key.
 
@@ -38,12 +59,12 @@ def orbits(
     """
     from vibroplat.config.reader import load_config, parse_overrides
 
-    scene = load_config(config, parse_overrides(study.set_ or [], study.engine))
+    scene = load_config(config, parse_overrides(set_ or [], engine))
     tell_of_compilation(scene.solver.engine)
     from vibroplat.continuation.tables import follow, planned, write_orbits
 
     plan = planned(scene)
-    require_scheduler(study.scheduler)
+    require_scheduler(scheduler)
     from vibroplat.config.plausibility import notes_on_inputs
     from vibroplat.results.files import read_provenance
     from vibroplat.results.tables import result_directory
@@ -51,21 +72,21 @@ def orbits(
     from vibroplat.study.store import Store
     from vibroplat.study.sweep import conditions
 
-    directory = result_directory(study.out, scene.name)
-    if study.resume and (directory / "provenance.json").exists():
+    directory = result_directory(out, scene.name)
+    if resume and (directory / "provenance.json").exists():
         read_provenance(directory, "orbits")
     kept: dict[str, Any] = {"file": FILE, "what": "parts of branches"}
-    with Store(directory, conditions(scene), resume=study.resume, overwrite=study.overwrite, **kept) as store:
+    with Store(directory, conditions(scene), resume=resume, overwrite=overwrite, **kept) as store:
         load_kernels(scene.solver.engine)
         began, families = time.perf_counter(), len(plan.families)
         with (
-            pool(study.jobs, study.scheduler, wait=study.wait, chains=families) as workers,
+            pool(jobs, scheduler, wait=wait, chains=families) as workers,
             orbits_progress(scene.name, families) as progress,
         ):
             made, summary = follow(plan, store, workers, progress)
         seconds, known = time.perf_counter() - began, store.reused
         store.finish()
-        write_orbits(scene, made, summary, directory, study.format_.value)
+        write_orbits(scene, made, summary, directory, format_)
     took = f"{known} parts of branches from before" if known else f"{summary['points'] / seconds:.3g} points per s"
     print_lines(_overview(made.branches, summary))
     print_lines({"wall time": f"{seconds:.3g} s, {took}", "tables": str(directory)})
@@ -73,7 +94,14 @@ def orbits(
     _print_branches(plan, summary["branches"])
     _print_special(plan, made.special)
     print_notes(notes_on_inputs(family.scene for family in plan.families))
-    if _print_failures(summary["branches"]):
+    failed = [
+        f"branch {branch['branch']}{''.join(f', {key} {value}' for key, value in branch['grid'].items())} failed "
+        f"after {branch['points']} points: {branch['ended']}"
+        for branch in summary["branches"]
+        if branch["failed"]
+    ]
+    if failed:
+        complain_of(failed, f"{len(failed)} of {len(summary['branches'])} branches failed", most=MOST)
         raise typer.Exit(1)
 
 
@@ -140,14 +168,3 @@ def _print_special(plan: Planned, special: pd.DataFrame) -> None:
     header += ["branch", "special point", plan.column, "excitation_frequency_hz", "period"]
     print()
     print_table(header, shown.to_numpy().tolist(), most=MOST, more="table special")
-
-
-def _print_failures(branches: Sequence[Mapping[str, Any]]) -> bool:
-    """Print which branches failed, and why; return whether any did."""
-    failed = [branch for branch in branches if branch["failed"]]
-    for branch in failed[:MOST]:
-        which = f"branch {branch['branch']}{''.join(f', {key} {value}' for key, value in branch['grid'].items())}"
-        print(f"vibroplat: {which} failed after {branch['points']} points: {branch['ended']}", file=sys.stderr)
-    if failed:
-        print(f"vibroplat: {len(failed)} of {len(branches)} branches failed", file=sys.stderr)
-    return bool(failed)
