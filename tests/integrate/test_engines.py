@@ -293,16 +293,8 @@ def fresh_choice():
 LIBRARY = "vibroplat.integrate.sundials."
 TYPES = "its number types are {}; known: double, int"
 BREAKAGES = {
-    "symbol": (
-        f"{LIBRARY}_FUNCTIONS",
-        {"IDANoSuchFunction": "ip"},
-        "SUNDIALS function IDANoSuchFunction is missing",
-    ),
-    "configuration": (
-        f"{LIBRARY}package",
-        lambda: Path("nowhere"),
-        "scikit-sundae does not tell its configuration",
-    ),
+    "symbol": (f"{LIBRARY}_FUNCTIONS", {"IDANoSuchFunction": "ip"}, "SUNDIALS function IDANoSuchFunction is missing"),
+    "configuration": (f"{LIBRARY}package", lambda: Path("nowhere"), "scikit-sundae does not tell its configuration"),
     "extension module": (f"{LIBRARY}EXTENSION_SUFFIXES", [], "scikit-sundae has no _cy_ida"),
     "version": (f"{LIBRARY}_MAJOR", "6.", "is not known; known: 6.x"),
     "types": (f"{LIBRARY}_TYPES", {"SUNDIALS_INT_TYPE": "long"}, TYPES.format("int")),
