@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from vibroplat.columns import COORDINATES, MEASURES, PHASE_COLUMN
-from vibroplat.continuation.kinds import KINDS
+from vibroplat.continuation.test_functions import KINDS
 from vibroplat.errors import TableError
 from vibroplat.plots.labels import ABSCISSAE, is_number, key_label, scene_of, sweep_parameters, value_label
 from vibroplat.plots.reading import read_columns
