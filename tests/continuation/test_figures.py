@@ -12,9 +12,8 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from vibroplat import orbit
-from vibroplat.continuation.kinds import KINDS
-from vibroplat.continuation.report import write_orbits
-from vibroplat.continuation.tables import BOUNDARIES
+from vibroplat.continuation.tables import BOUNDARIES, write_orbits
+from vibroplat.continuation.test_functions import KINDS
 from vibroplat.errors import TableError
 from vibroplat.plots.orbits import MARKERS, draw_branch, plot_orbit, plot_orbits, read_branches
 from vibroplat.results.tables import read_table, write_table

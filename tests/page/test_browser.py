@@ -15,7 +15,7 @@ from PIL import Image
 from tools.browser import browser, missing, open_page, resize
 from tools.film import HEIGHT, write_film
 
-from vibroplat.continuation.motions import motion_of
+from vibroplat.continuation.orbit import motion_of
 from vibroplat.page import motions
 from vibroplat.page.report import write_report
 

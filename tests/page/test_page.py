@@ -19,7 +19,7 @@ from plotly.offline import get_plotlyjs
 
 from vibroplat.columns import unit_of
 from vibroplat.config.scene import Scene
-from vibroplat.continuation.motions import motion_of
+from vibroplat.continuation.orbit import motion_of
 from vibroplat.errors import TableError
 from vibroplat.page import motions, points, report, run
 from vibroplat.page.labels import flat, words

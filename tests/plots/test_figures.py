@@ -13,7 +13,6 @@ from matplotlib.collections import LineCollection
 
 from vibroplat import load_config
 from vibroplat.errors import TableError, VibroplatError
-from vibroplat.plots.bench import SCALED, plot_precision
 from vibroplat.plots.command import Wanted, plot_results
 from vibroplat.plots.histories import history
 from vibroplat.plots.names import run_parameters
@@ -301,26 +300,3 @@ def test_plot_draws_the_paper_anew(paper, tmp_path, figures):
     done = commands.command("plot", place, "--format", "svg")
     assert (done.code, done.err) == (0, "")
     assert [line.rpartition("/")[2] for line in done.out.splitlines()] == [f"{name}.svg" for name in FIGURES]
-
-
-# -- benchmarks -----------------------------------------------------------------------------------------
-
-
-def test_work_precision_has_no_empty_panel_and_hides_no_curve(figures, tmp_path):
-    table = pd.DataFrame(
-        [
-            {"case": case, "peer": peer, "coordinates": 10.0**-n, "contact_force": force, "ms_per_s": 1.0 + n}
-            for case, force in (("bare", np.nan), ("attached", 1e-3))
-            for peer in ("one", "two")
-            for n in (1, 2)
-        ]
-    )
-    plot_precision(table, tmp_path, "work", SCALED, ["peer"])
-    shown = [axis for axis in figures["work"].axes if axis.axison]
-    assert [axis.get_title(loc="left") for axis in shown] == ["bare", "attached", "attached"]
-    for axis in shown:
-        first, second = axis.lines
-        assert first.get_linewidth() > second.get_linewidth()
-        assert first.get_marker() != second.get_marker()
-        assert axis.xaxis_inverted()
-    assert "more accurate to the right" in figures["work"].get_suptitle()

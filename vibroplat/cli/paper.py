@@ -8,9 +8,20 @@ from typing import Annotated
 
 import typer
 
-from vibroplat.cli.loading import load_kernels, require_scheduler, tell_of_compilation
-from vibroplat.cli.options import EngineName, Jobs, Out, Overwrite, Resume, Scheduler, Settings, Wait
-from vibroplat.cli.printing import print_lines
+from vibroplat.cli.common import (
+    EngineName,
+    Jobs,
+    Out,
+    Overwrite,
+    Resume,
+    Scheduler,
+    Settings,
+    Wait,
+    load_kernels,
+    print_lines,
+    require_scheduler,
+    tell_of_compilation,
+)
 from vibroplat.study import WAIT
 from vibroplat.system.progress import calibration_progress, sweep_progress
 

@@ -15,7 +15,7 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from vibroplat.continuation.kinds import KINDS
+from vibroplat.continuation.test_functions import KINDS
 from vibroplat.errors import TableError
 from vibroplat.plots.names import (
     COORDINATES,

@@ -1,4 +1,4 @@
-"""The command ``new``: a configuration to start from."""
+"""The commands ``new``, ``schema`` and ``columns``: a configuration to start from, and what keys and columns mean."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from vibroplat.cli.loading import about
+from vibroplat.cli.common import about
 from vibroplat.errors import ConfigError
 
 
@@ -28,3 +28,28 @@ def new(file: Annotated[Path, typer.Argument(metavar="FILE", help="The file to w
         raise ConfigError(f"{file}: cannot be written ({error.strerror or error})") from None
     commands = (f"`vibroplat {command} {file}`" for command in ("run", "sweep", "orbits"))
     print("{}: change it, then run {}, {} or {}".format(file, *commands))
+
+
+def schema(
+    markdown: Annotated[
+        bool, typer.Option("--markdown", help="A page for people instead, as results/configuration.md.")
+    ] = False,
+) -> None:
+    """Print all keys of a configuration, as a JSON schema or a page."""
+    import json
+
+    if markdown:
+        from vibroplat.cli.dictionary import configuration_page
+
+        print(configuration_page(), end="")
+        return
+    from vibroplat.config.keys import configuration_schema
+
+    print(json.dumps(configuration_schema(), indent=2))
+
+
+def columns() -> None:
+    """Print what the columns of all tables mean."""
+    from vibroplat.cli.dictionary import columns_page
+
+    print(columns_page(), end="")
