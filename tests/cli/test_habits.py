@@ -14,7 +14,6 @@ from common.commands import script
 from common.places import QUICKSTART
 
 from vibroplat import load_config
-from vibroplat.cli.bench import DURATIONS, BenchName
 from vibroplat.config.keys import keys
 from vibroplat.system.interrupts import KEPT, RESUMABLE
 
@@ -149,14 +148,3 @@ def test_tables_of_the_paper_hold_no_wall_times():
     for path in tables:
         with path.open(newline="", encoding="utf-8") as file:
             assert [name for name in next(csv.reader(file)) if "wall" in name] == [], path
-
-
-def test_durations_of_benchmarks_are_said_in_one_way(command):
-    """In the help of the command, and where its results are discussed."""
-    assert {*DURATIONS} == {"", *BenchName}
-    printed = " ".join(command("bench", "--help").out.split())
-    page = (RESULTS / "benchmarks/README.md").read_text(encoding="utf-8")
-    for name, duration in DURATIONS.items():
-        assert f"{name} ({duration})" in printed if name else f"in {duration}" in printed
-        command_line = f"vibroplat bench {name}".strip()
-        assert re.findall(rf"^\| `{command_line}` \|.*\| (.*) \|$", page, re.MULTILINE) == [duration]

@@ -10,15 +10,14 @@ from pathlib import Path
 
 import pytest
 from common.commands import ended, not_a_line, sending
+from common.orbits import traced
 from common.places import ROOT
 from common.results import bits, left
 
 from vibroplat import load_config, orbit
 from vibroplat.continuation.tables import planned
-from vibroplat.continuation.tracing import trace
 from vibroplat.motion.run import load_kernels
 from vibroplat.study.pool import Inline
-from vibroplat.study.store import Store
 
 MACHINE = Path(__file__).parents[1] / "continuation/machine.yaml"
 HEAD = f"extends: {MACHINE}\nname: c\nsolver: {{engine: taylor}}\n"
@@ -83,6 +82,7 @@ def test_csv_has_the_same_values(command, config):
     assert (csv["rms_y_m"] == parquet["rms_y_m"]).all()
 
 
+@pytest.mark.long
 def test_several_jobs_end_in_the_same_tables(command, config):
     assert command("orbits", config(ORBITS)).code == 0
     one = tables()
@@ -90,7 +90,7 @@ def test_several_jobs_end_in_the_same_tables(command, config):
     assert (done.code, tables()) == (0, one)
 
 
-def test_a_sweep_keeps_its_files_in_the_same_directory(command, config):
+def test_a_sweep_keeps_its_files_in_the_same_directory(command, config, figures):
     path = config(ORBITS + SWEEP)
     assert command("sweep", path).code == 0
     before = bits(results()["sweep.parquet"])
@@ -105,12 +105,12 @@ def test_a_sweep_keeps_its_files_in_the_same_directory(command, config):
 
 
 def test_a_branch_that_fails_keeps_its_points(command, config, monkeypatch):
-    from vibroplat.continuation.branch import Branch
+    from vibroplat.continuation.arclength import Branch
 
     grow = Branch.grow
 
     def failing(self, look):
-        if len(self.points) < 3 or self.points[-1].frame.places.size < 11:  # without material
+        if len(self.points) < 3 or self.points[-1].chart.places.size < 11:  # without material
             return grow(self, look)
         self.ended = "no point beyond: for a test"
         return False
@@ -163,13 +163,12 @@ REFUSED = {
 }
 
 
-@pytest.mark.parametrize("name", REFUSED)
-def test_bad_input_is_one_line(command, config, name):
-    keys, line = REFUSED[name]
-    done = command("orbits", config(f"orbits: {{{keys}}}\n" if keys else ""))
-    assert not_a_line(done) == ""
-    assert done.err.startswith(f"vibroplat: {line}")
-    assert not results()
+def test_bad_input_is_one_line(command, config):
+    for name, (keys, line) in REFUSED.items():
+        done = command("orbits", config(f"orbits: {{{keys}}}\n" if keys else ""))
+        assert not_a_line(done) == "", name
+        assert done.err.startswith(f"vibroplat: {line}"), name
+        assert not results()
 
 
 def test_drive_program_is_refused(command, config):
@@ -209,8 +208,7 @@ def test_run_to_begin_from_is_relative_to_the_directory_of_the_command(command, 
     assert command("run", config("run: {duration_s: 2}\n"), "--out", "runs").code == 0
     plan = f"orbits: {{{KEY}, start: 51.5, stop: 52.0, from: runs/c, max_points: 2}}\n"
     scene = load_config(config(plan))
-    with Store(None, {}) as store:
-        (branch,) = trace(scene, store, Elsewhere())
+    (branch,) = traced(scene, Elsewhere())
     settled = orbit(scene.replace({"drive.supply_frequency_hz": 51.5}))
     assert branch.rows[0]["rms_y_m"] == pytest.approx(settled.measures["rms_y_m"], rel=1e-6)
 
@@ -220,8 +218,8 @@ def test_after_a_start_without_orbit_nothing_is_unfinished(command, config):
     assert command("orbits", config(ORBITS)).code == 0
 
 
-@pytest.mark.parametrize("kind", ["branches", "multipliers"])
-def test_figures_of_orbits_need_orbits(command, here, kind):
+def test_figures_of_orbits_need_orbits(command, here):
+    kind = "branches"
     (here / "results").mkdir()
     done = command("plot", "results", "--kind", kind)
     assert not_a_line(done) == ""
@@ -231,7 +229,9 @@ def test_figures_of_orbits_need_orbits(command, here, kind):
 # -- killed and resumed ------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("signal_", "code"), [(signal.SIGKILL, -9), (signal.SIGINT, 130)])
+@pytest.mark.parametrize(
+    ("signal_", "code"), [(signal.SIGKILL, -9), pytest.param(signal.SIGINT, 130, marks=pytest.mark.long)]
+)
 def test_stopped_branches_can_be_resumed(command, config, here, signal_, code):
     path = config(ORBITS.replace("0.4, largest: 0.5", "0.02, largest: 0.02"))  # several parts a branch
     assert command("orbits", path, "--out", "alone").code == 0
@@ -275,5 +275,7 @@ def test_parts_of_branches_are_kept_apart_from_points(command, config):
 
 def test_example_plans_the_masses_of_the_paper():
     scene = load_config(ROOT / "configs/examples/branches.yaml")
-    assert [family.grid for family in planned(scene)] == [{"material.mass_ratio": mass} for mass in (0.0, 0.1, 0.2)]
+    assert [family.grid for family in planned(scene).families] == [
+        {"material.mass_ratio": mass} for mass in (0.0, 0.1, 0.2)
+    ]
     assert scene.orbits.range == (42.0, 80.0)

@@ -20,8 +20,9 @@ CONFIGURATION = (
     f"extends: {LOADED}\nname: c\nrun: {{duration_s: 1000.0}}\noutput: {{sample_rate_hz: 10.0}}\n"
     "sweep:\n"
     "  supply_frequency_hz: {start: 46.0, stop: 51.0, step: 0.5, direction: [up, down]}\n"
-    "  grid: {contact.restitution: [0.0, 0.3]}\n"
+    "  measure_s: 0.5\n"
 )
+POINTS = 22
 RUN = ("run", "c.yaml")
 SWEEP = ("sweep", "c.yaml", "--resume", "--jobs")
 
@@ -80,7 +81,7 @@ def resumes(place):
     "module",
     [
         "vibroplat.cli",
-        *(pytest.param(m, marks=pytest.mark.faults) for m in ("typer", "pydantic", "numpy", "llvmlite", "numba.np")),
+        *(pytest.param(m, marks=pytest.mark.faults) for m in ("numpy", "numba.np")),
     ],
 )
 def test_ctrl_c_while_the_program_loads(module, place):
@@ -94,9 +95,8 @@ def test_ctrl_c_is_not_lost(where, place):
 
 
 @pytest.mark.faults
-@pytest.mark.parametrize("number", [1, 5])
-def test_ctrl_c_while_kernels_load(number, place):
-    before = sending(signal.SIGINT, "numba.core.caching:IndexDataCacheFile.load", number)
+def test_ctrl_c_while_kernels_load(place):
+    before = sending(signal.SIGINT, "numba.core.caching:IndexDataCacheFile.load", 3)
     assert problem(ended(place, *RUN, before=before)) == ""
 
 
@@ -122,17 +122,6 @@ def announced(*arguments, **options):
     return simulate(*arguments, **options)
 run.simulate = announced
 """
-#: A program that writes half a table and gets Ctrl-C.
-HALF = """
-import os, signal
-import pandas as pd
-def half(_table, path, **_options):
-    path.write_text("half a tab")
-    os.kill(0, signal.SIGINT)
-pd.DataFrame.to_csv = half
-"""
-
-
 #: A program that gets Ctrl-C when a run writes the third part of its table.
 GROWING = """
 import os, signal
@@ -171,13 +160,6 @@ os.replace = interrupted
 
 
 @pytest.mark.faults
-def test_ctrl_c_while_a_table_is_written_leaves_no_part_of_it(place):
-    done = ended(place, *RUN, "--set", "run.duration_s=0.1", "--format", "csv", before=HALF)
-    assert problem(done) == ""
-    assert left(place / "results/c") == ({}, [])
-
-
-@pytest.mark.faults
 def test_ctrl_c_while_a_result_is_renamed_leaves_all_of_it(place):
     assert command(*RUN, "--set", "run.duration_s=0.2").code == 0
     done = ended(place, *RUN, "--set", "run.duration_s=0.1", before=RENAMING)
@@ -193,14 +175,14 @@ def test_ctrl_c_at_a_point_of_a_sweep(jobs, place):
     with Child(place, *SWEEP, jobs, before=sending(signal.SIGINT, "vibroplat.study.store:Store.write", 10)) as child:
         assert problem(child.end()) == ""
         assert all_gone(child)
-    assert 9 <= finished_points(place / "results/c") < 44
+    assert 9 <= finished_points(place / "results/c") < POINTS
     assert resumes(place)
 
 
 @pytest.mark.faults
 @pytest.mark.parametrize(
     "function",
-    ["vibroplat.study.pool:Processes.renew", "loky:get_reusable_executor", "vibroplat.study.sweep:run_sweeps"],
+    ["loky:get_reusable_executor", "vibroplat.study.sweep:run_sweeps"],
 )
 def test_ctrl_c_while_workers_start(function, place):
     with Child(place, *SWEEP, "2", before=sending(signal.SIGINT, function)) as child:
@@ -209,10 +191,9 @@ def test_ctrl_c_while_workers_start(function, place):
 
 
 @pytest.mark.faults
-@pytest.mark.parametrize("after", [False, True])
-def test_ctrl_c_again_while_workers_stop_is_still_one_line(after, place):
+def test_ctrl_c_again_while_workers_stop_is_still_one_line(place):
     first = sending(signal.SIGINT, "vibroplat.study.store:Store.write", 10)
-    again = sending(signal.SIGINT, "vibroplat.study.pool:Processes.close", after=after)
+    again = sending(signal.SIGINT, "vibroplat.study.pool:Processes.close")
     renamed = {name: f"again_{name}" for name in ("holder", "calls", "original", "sending")}
     for name, other in renamed.items():
         again = again.replace(name, other)
@@ -253,16 +234,14 @@ def all_gone(child):
     return child.members() == []
 
 
-@pytest.mark.parametrize(
-    "jobs", [pytest.param("1", marks=pytest.mark.faults), pytest.param("2", marks=pytest.mark.faults)]
-)
-def test_program_started_with_ctrl_c_ignored_goes_on(jobs, place):
+@pytest.mark.faults
+def test_program_started_with_ctrl_c_ignored_goes_on(place):
     """As by ``sh -c 'vibroplat … &'``: Ctrl-C is for the foreground then."""
     ignoring = "import signal\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\n"
     before = ignoring + sending(signal.SIGINT, "vibroplat.study.store:Store.write", 10)
-    done = ended(place, *SWEEP, jobs, before=before)
+    done = ended(place, *SWEEP, "2", before=before)
     assert (done.code, done.err) == (0, "")
-    assert finished_points(place / "results/c") == 44
+    assert finished_points(place / "results/c") == POINTS
 
 
 @pytest.mark.campaign

@@ -1,279 +1,372 @@
-"""Finished points outlive the process: killed at any moment, a sweep continues to the same table."""
+"""Finished points outlive the process, and damaged or lost ones are seen: the same table or one line, never another."""
 
 from __future__ import annotations
 
 import json
 import math
 import os
+import random
 import shutil
 import signal
 import sqlite3
+from contextlib import closing
 
 import psutil
 import pytest
-from common import commands
-from common.commands import Child, ended, sending
+from common.commands import Child, command, ended, not_a_line, sending
 from common.places import FLYING
 from common.results import bits, finished_points
 
-from vibroplat import load_config, sweep
 from vibroplat.errors import ConfigError
-from vibroplat.results.tables import read_table, write_table
-from vibroplat.study.store import FILE, Store, digest
+from vibroplat.results.tables import read_table
+from vibroplat.study import point
+from vibroplat.study.store import FILE, SpoiledError, Store, digest
 
-POINTS = 44
-CONFIGURATION = (
-    f"{FLYING}"
-    "sweep:\n"
-    "  supply_frequency_hz: {start: 46.0, stop: 51.0, step: 0.5, direction: [up, down]}\n"
-    "  grid: {contact.restitution: [0.0, 0.3]}\n"
-)
-SMALL = f"{FLYING}sweep: {{supply_frequency_hz: {{start: 50.0, stop: 50.5}}}}\n"
+pytestmark = pytest.mark.usefixtures("kernels")
+
+PLAN = "direction: [up, down]}, measure_s: 0.3, settle_s: 0.5, lyapunov: false}\n"
+CONFIGURATION = f"{FLYING}sweep: {{supply_frequency_hz: {{start: 46.0, stop: 47.0, {PLAN}"
+POINTS = 6
+#: A sweep of 22 points.
+LONGER = CONFIGURATION.replace("47.0", "51.0")
+WRITE = "vibroplat.study.store:Store.write"
+STORED = f"results/c/{FILE}"
 
 
 @pytest.fixture(scope="module")
-def uninterrupted(tmp_path_factory):
-    """The table of a sweep that was let alone, as it is read back in each format."""
-    place = tmp_path_factory.mktemp("uninterrupted")
+def finished(tmp_path_factory):
+    """A finished sweep without its table, and the bits of the table."""
+    place = tmp_path_factory.mktemp("finished")
     (place / "c.yaml").write_text(CONFIGURATION)
-    table = sweep(load_config(place / "c.yaml"))
-    assert len(table) == POINTS
-    write_table(table, place, "sweep", "csv")
-    return {"parquet": table, "csv": read_table(place, "sweep")}
-
-
-WRITE = "vibroplat.study.store:Store.write"
+    assert command("sweep", place / "c.yaml", "--out", place).code == 0
+    table = bits(read_table(place / "c", "sweep"))
+    (place / "c/sweep.parquet").unlink()
+    return place / "c", table
 
 
 @pytest.fixture
-def place(here):
+def result(here, finished):
+    """Copy a sweep, by default the finished one, to where it is resumed."""
     (here / "c.yaml").write_text(CONFIGURATION)
-    return here
+
+    def copy(source=finished[0]):
+        shutil.rmtree(here / "results", ignore_errors=True)
+        return shutil.copytree(source, here / "results/c")
+
+    return copy
 
 
 @pytest.fixture
-def resumed(here, command):
-    """Go on with a sweep; return what is printed, and the table."""
+def unfinished(result):
+    """A sweep that has only its first point."""
+    directory = result()
+    changed(
+        directory,
+        "DELETE FROM records WHERE first = 1 OR second > 0",
+        f"UPDATE about SET value = '0', digest = '{digest('finished', '0')}' WHERE key = 'finished'",
+    )
+    return directory
 
-    def go_on(*options):
-        done = command("sweep", "c.yaml", "--resume", *options)
-        assert (done.code, done.err) == (0, "")
-        return done.out, read_table(here / "results/c", "sweep")
 
-    return go_on
+def changed(directory, *statements):
+    """Change the store by SQL."""
+    with closing(sqlite3.connect(directory / FILE)) as base, base:
+        for statement in statements:
+            base.execute(statement)
 
 
-# -- killed ---------------------------------------------------------------------------------------------
+def resumed(directory, caplog):
+    """Resume a sweep; return its table, what was said, and what was printed."""
+    caplog.clear()
+    done = command("sweep", "c.yaml", "--resume")
+    assert (done.code, done.err) == (0, "")
+    return bits(read_table(directory, "sweep")), [r.getMessage() for r in caplog.records], done.out
+
+
+# -- killed and ended -----------------------------------------------------------------------------------
 
 
 @pytest.mark.faults
 @pytest.mark.parametrize(("jobs", "form"), [("1", "parquet"), ("2", "csv")])
-def test_sweep_killed_three_times_ends_in_the_same_table(jobs, form, place, resumed, uninterrupted):
+def test_sweep_killed_three_times_ends_in_the_same_table(jobs, form, here):
+    (here / "c.yaml").write_text(LONGER)
+    assert command("sweep", "c.yaml", "--out", "alone", "--format", form).code == 0
     options = ("sweep", "c.yaml", "--resume", "--jobs", jobs, "--format", form)
     expected = 0
     for points, after in ((1, True), (9, False), (4, True)):
-        done = ended(place, *options, before=sending(signal.SIGKILL, WRITE, points, after=after))
+        done = ended(here, *options, before=sending(signal.SIGKILL, WRITE, points, after=after))
         assert done.code == -signal.SIGKILL
         expected += points if after else points - 1
-        assert finished_points(place / "results/c") == expected
-    assert not list((place / "results/c").glob("sweep.*"))
-    printed, table = resumed("--format", form)
-    assert f", {expected} of the points from before\n" in printed
-    assert bits(table) == bits(uninterrupted[form])
-    assert table.dtypes.equals(uninterrupted[form].dtypes)
+        assert finished_points(here / "results/c") == expected
+    assert not list((here / "results/c").glob("sweep.*"))
+    done = command(*options)
+    assert f", {expected} of the points from before\n" in done.out
+    table, alone = (read_table(here / place, "sweep") for place in ("results/c", "alone/c"))
+    assert bits(table) == bits(alone)
+    assert table.dtypes.equals(alone.dtypes)
 
 
 @pytest.mark.faults
-def test_sweep_killed_before_its_first_point_can_be_resumed(place, resumed):
-    (place / "c.yaml").write_text(SMALL)
-    ended(place, "sweep", "c.yaml", before=sending(signal.SIGKILL, "vibroplat.study.sweep:run_sweeps"))
-    assert (place / "results/c" / FILE).exists()
-    assert finished_points(place / "results/c") == 0
-    assert len(resumed()[1]) == 2
-
-
-def test_table_lost_after_the_last_point_is_made_again(command, here):
-    (here / "c.yaml").write_text(SMALL)
-    assert command("sweep", "c.yaml").code == 0
-    first = read_table(here / "results/c", "sweep")
-    (here / "results/c/sweep.parquet").unlink()
-    done = command("sweep", "c.yaml", "--resume")
-    assert (done.code, done.err) == (0, "")
-    again = read_table(here / "results/c", "sweep")
-    assert again.equals(first)
-
-
-def test_any_point_that_is_missing_is_made_again(command, here):
-    """From whichever point on a branch was not finished, its rest is the same, the perturbations too."""
-    (here / "c.yaml").write_text(SMALL.replace("50.5", "52.0"))
-    assert command("sweep", "c.yaml").code == 0
-    first = bits(read_table(here / "results/c", "sweep"))
-    for point in range(5):
-        with sqlite3.connect(here / "results/c" / FILE) as base:
-            base.execute("DELETE FROM records WHERE second >= ?", (point,))
-        base.close()
-        assert command("sweep", "c.yaml", "--resume").code == 0
-        assert bits(read_table(here / "results/c", "sweep")) == first
-
-
-# -- ended ----------------------------------------------------------------------------------------------
-
-
-@pytest.mark.faults
-def test_terminated_sweep_can_be_resumed(place, resumed, uninterrupted):
-    before = sending(signal.SIGTERM, WRITE, 10)
-    done = ended(place, "sweep", "c.yaml", "--jobs", "2", before=before)
-    assert (done.code, done.out, len(done.err.splitlines())) == (128 + signal.SIGTERM, "", 1)
-    assert done.err.startswith("vibroplat: terminated; ")
-    assert bits(resumed()[1]) == bits(uninterrupted["parquet"])
+def test_sweep_killed_before_its_first_point_can_be_resumed(here, finished, caplog):
+    (here / "c.yaml").write_text(CONFIGURATION)
+    ended(here, "sweep", "c.yaml", before=sending(signal.SIGKILL, "vibroplat.study.sweep:run_sweeps"))
+    assert (here / STORED).exists()
+    assert finished_points(here / "results/c") == 0
+    assert resumed(here / "results/c", caplog)[0] == finished[1]
 
 
 @pytest.mark.faults
 @pytest.mark.parametrize(("signal_", "seconds"), [(signal.SIGTERM, 20.0), (signal.SIGKILL, 150.0)])
-def test_no_workers_outlive_a_sweep_that_was_ended(signal_, seconds, place):
-    """A killed process cannot stop its workers; they end when no more tasks come."""
+def test_no_workers_outlive_a_sweep_that_was_ended(signal_, seconds, here):
+    """A killed process cannot stop its workers; they end when no more tasks come. At SIGTERM a line is told."""
+    (here / "c.yaml").write_text(LONGER)
     before = sending(signal_, WRITE, 10).replace("os.kill(0,", "os.kill(os.getpid(),")
-    with Child(place, "sweep", "c.yaml", "--jobs", "2", before=before) as child:
-        child.end()
+    before += "import vibroplat.study.pool\nvibroplat.study.pool.IDLE = 1\n"
+    with Child(here, "sweep", "c.yaml", "--jobs", "2", before=before) as child:
+        done = child.end()
         _, alive = psutil.wait_procs(child.members(), timeout=seconds)
         assert alive == []
+    if signal_ == signal.SIGTERM:
+        assert not_a_line(done, codes=(128 + signal.SIGTERM,)) == ""
+        assert done.err.startswith("vibroplat: terminated; ")
+
+
+def test_points_or_tables_that_are_missing_are_made_again(result, finished, caplog):
+    """From whichever point on a branch was not finished, its rest is the same, the perturbations too."""
+    for first in range(4):
+        directory = result()
+        changed(directory, f"DELETE FROM records WHERE second >= {first}")
+        table, _, printed = resumed(directory, caplog)
+        assert table == finished[1]
+        assert f", {2 * first} of the points from before\n" in printed or first == 0
 
 
 # -- refused --------------------------------------------------------------------------------------------
 
 
-@pytest.fixture(scope="module")
-def begun(tmp_path_factory):
-    """A sweep with one of two points missing."""
-    place = tmp_path_factory.mktemp("begun")
-    (place / "c.yaml").write_text(SMALL)
-    assert commands.command("sweep", place / "c.yaml", "--out", place).code == 0
-    with sqlite3.connect(place / "c" / FILE) as base:
-        base.execute("DELETE FROM records WHERE second = 1")
-        base.execute("UPDATE about SET value = '0', digest = ? WHERE key = 'finished'", (digest("finished", "0"),))
-    base.close()
-    (place / "c/sweep.parquet").unlink()
-    return place / "c"
-
-
-@pytest.fixture
-def unfinished(here, begun):
-    """A copy of it."""
-    (here / "c.yaml").write_text(SMALL)
-    return shutil.copytree(begun, here / "results/c")
-
-
-def test_unfinished_sweep_is_not_begun_anew_unasked(unfinished, command):
+def test_unfinished_sweep_is_begun_anew_only_if_asked(unfinished, here):
     line = (
         "vibroplat: results/c holds 1 points of unfinished work; "
         "allowed: --resume to continue it, --overwrite to start again\n"
     )
     assert command("sweep", "c.yaml") == (2, "", line)
     assert finished_points(unfinished) == 1
-
-
-def test_overwrite_begins_anew(unfinished, command, here):
     done = command("sweep", "c.yaml", "--overwrite", "--set", "sweep.seed=3")
     assert (done.code, done.err) == (0, "")
-    assert "points of them from before" not in done.out
+    assert "of the points from before" not in done.out
     overwritten = bits(read_table(unfinished, "sweep"))
-    fresh = command("sweep", "c.yaml", "--set", "sweep.seed=3", "--out", "fresh")
-    assert fresh.code == 0
+    # finished work may be begun anew, and what is not there can be resumed
+    for option in ("--overwrite", "--resume"):
+        assert command("sweep", "c.yaml", "--set", "sweep.seed=3", "--out", "fresh", option).code == 0
     assert bits(read_table(here / "fresh/c", "sweep")) == overwritten
+    assert command("sweep", "c.yaml").code == 0
 
 
-def test_finished_sweep_may_be_begun_anew(command, here):
-    (here / "c.yaml").write_text(SMALL)
-    for seed in (0, 1):
-        assert command("sweep", "c.yaml", "--set", f"sweep.seed={seed}").code == 0
-
-
-@pytest.mark.parametrize(
-    ("setting", "found", "wanted"),
-    [
-        ("sweep.measure_s=3.0", "2.0", "3.0"),
-        ("sweep.seed=1", "0", "1"),
-        ("sweep.supply_frequency_hz.stop=51.0", "50.5", "51.0"),
+def test_changed_configuration_is_not_resumed_and_the_key_is_named(unfinished, result, monkeypatch):
+    for setting, found, wanted in (
+        ("sweep.measure_s=3.0", "0.3", "3.0"),
+        ("sweep.supply_frequency_hz.stop=51.0", "47.0", "51.0"),
         ("sweep.grid={contact.restitution: [0.1]}", "{}", None),
         ("machine.platform_mass_kg=12.5", "12.42", "12.5"),
         ("solver.tolerance=1e-7", "1e-06", "1e-07"),
         ("contact.impact_law=central", "conservative", "central"),
         ("material.layers=1", "2", "1"),
-    ],
-)
-def test_changed_configuration_is_not_resumed_and_the_key_is_named(setting, found, wanted, unfinished, command):
-    done = command("sweep", "c.yaml", "--resume", "--set", setting)
-    assert (done.code, done.out, len(done.err.splitlines())) == (2, "", 1)
-    key = setting.partition("=")[0]
-    assert key in done.err
-    assert f"allowed: {found}" in done.err
-    assert wanted is None or f"= {wanted}; " in done.err
+    ):
+        done = command("sweep", "c.yaml", "--resume", "--set", setting)
+        assert not_a_line(done) == ""
+        assert setting.partition("=")[0] in done.err
+        assert f"allowed: {found}" in done.err
+        assert wanted is None or f"= {wanted}; " in done.err
     assert finished_points(unfinished) == 1
-
-
-def test_finished_sweep_is_not_resumed_under_another_configuration(unfinished, command):
-    assert command("sweep", "c.yaml", "--resume").code == 0
-    done = command("sweep", "c.yaml", "--resume", "--set", "sweep.measure_s=3.0")
-    assert (done.code, done.out, len(done.err.splitlines())) == (2, "", 1)
-    assert "sweep.measure_s = 3.0; allowed: 2.0" in done.err
-    assert finished_points(unfinished) == 2
-
-
-def test_other_version_is_not_resumed(unfinished, command, monkeypatch):
+    directory = result()
+    assert "sweep.seed = 1; allowed: 0" in command("sweep", "c.yaml", "--resume", "--set", "sweep.seed=1").err
     monkeypatch.setattr("vibroplat.__version__", "9.9.9")
-    done = command("sweep", "c.yaml", "--resume")
-    assert (done.code, len(done.err.splitlines())) == (2, 1)
-    assert "vibroplat = 9.9.9; allowed: 0." in done.err
+    assert "vibroplat = 9.9.9; allowed: 0." in command("sweep", "c.yaml", "--resume").err
+    assert finished_points(directory) == POINTS
 
 
-def test_resume_of_nothing_begins(command, here):
-    (here / "c.yaml").write_text(SMALL)
-    done = command("sweep", "c.yaml", "--resume")
-    assert (done.code, done.err) == (0, "")
-
-
-@pytest.mark.parametrize("options", [(), ("--resume",), ("--overwrite",)])
-def test_file_that_is_no_database_is_told_in_a_line_and_left_alone(options, command, here):
-    (here / "c.yaml").write_text(SMALL)
+def test_file_that_is_no_database_of_ours_is_told_in_a_line_and_left_alone(here):
+    (here / "c.yaml").write_text(CONFIGURATION)
     (here / "results/c").mkdir(parents=True)
-    (here / "results/c" / FILE).write_text("hello\n" * 1000)
-    line = f"vibroplat: results/c/{FILE} is damaged (file is not a database); remove it to start again\n"
-    assert command("sweep", "c.yaml", *options) == (1, "", line)
-    assert (here / "results/c" / FILE).read_text() == "hello\n" * 1000
-
-
-def test_database_of_another_program_is_told_in_a_line(command, here):
-    (here / "c.yaml").write_text(SMALL)
-    (here / "results/c").mkdir(parents=True)
-    with sqlite3.connect(here / "results/c" / FILE) as base:
-        base.execute("CREATE TABLE about (x)")
-    base.close()
+    (here / STORED).write_text("hello\n" * 1000)
+    for options in ((), ("--resume",), ("--overwrite",)):
+        line = f"vibroplat: {STORED} is damaged (file is not a database); remove it to start again\n"
+        assert command("sweep", "c.yaml", *options) == (1, "", line)
+    assert (here / STORED).read_text() == "hello\n" * 1000
+    (here / STORED).unlink()
+    changed(here / "results/c", "CREATE TABLE about (x)")
     done = command("sweep", "c.yaml")
-    assert (done.code, done.out, len(done.err.splitlines())) == (2, "", 1)
-    assert done.err.startswith(f"vibroplat: results/c/{FILE} cannot be used: ")
+    assert not_a_line(done) == ""
+    assert done.err.startswith(f"vibroplat: {STORED} cannot be used: ")
+    (here / STORED).unlink()
+    changed(  # the format of former versions
+        here / "results/c",
+        "CREATE TABLE about (key TEXT PRIMARY KEY, value TEXT)",
+        "CREATE TABLE records (first, second INTEGER, record TEXT, PRIMARY KEY (first, second))",
+    )
+    for options in ((), ("--resume",), ("--overwrite",)):
+        told = "its format is 0, this version reads 2; remove it to start again\n"
+        assert command("sweep", "c.yaml", *options) == (2, "", f"vibroplat: {STORED} cannot be used: {told}")
 
 
-def test_directory_in_the_place_of_the_file_is_told_in_a_line(command, here):
-    (here / "c.yaml").write_text(SMALL)
-    (here / "results/c" / FILE).mkdir(parents=True)
-    done = command("sweep", "c.yaml")
-    assert (done.code, done.out) == (2, "")
-    assert done.err == f"vibroplat: results/c/{FILE} cannot be used: unable to open database file\n"
-
-
-def test_output_that_is_a_file_is_told_in_a_line(command, here):
-    (here / "c.yaml").write_text(SMALL)
+def test_place_that_cannot_be_written_is_told_in_a_line(here):
+    (here / "c.yaml").write_text(CONFIGURATION)
+    (here / STORED).mkdir(parents=True)
+    line = f"vibroplat: {STORED} cannot be used: unable to open database file\n"
+    assert command("sweep", "c.yaml") == (2, "", line)
     line = "vibroplat: output c.yaml/c is not writable: Not a directory\n"
     assert command("sweep", "c.yaml", "--out", "c.yaml") == (2, "", line)
+    (here / "closed").mkdir(mode=0o555)
+    if not os.access(here / "closed", os.W_OK):  # root may write everywhere
+        line = "vibroplat: output closed/c is not writable: Permission denied\n"
+        assert command("sweep", "c.yaml", "--out", "closed") == (2, "", line)
 
 
-def test_output_that_must_not_be_written_is_told_in_a_line(command, here):
-    (here / "c.yaml").write_text(SMALL)
-    (here / "results").mkdir(mode=0o555)
-    if os.access(here / "results", os.W_OK):
-        pytest.skip("this user may write everywhere")
-    line = "vibroplat: output results/c is not writable: Permission denied\n"
-    assert command("sweep", "c.yaml") == (2, "", line)
+# -- damaged records ------------------------------------------------------------------------------------
+
+DAMAGE = (
+    "record = replace(record, '0.', '1.')",
+    "record = substr(record, 1, 100)",
+    "record = NULL",
+    "record = x'ff00'",
+    "record = 7",
+    "digest = NULL",
+    "digest = (SELECT digest FROM records WHERE first = 1 AND second = 0)",
+    "task = 'another'",
+    "second = 17",
+    "first = '0'",
+    "second = NULL",
+    "record = '{}'",
+)
+
+
+@pytest.mark.parametrize("pair", list(zip(DAMAGE[::2], DAMAGE[1::2], strict=True)), ids="abcdef")
+def test_damaged_records_are_computed_again_and_said(pair, finished, result, caplog):
+    """Two kinds of damage, each to a record of another branch."""
+    directory = result()
+    changed(directory, *(f"UPDATE records SET {d} WHERE first = {n} AND second = 1" for n, d in enumerate(pair)))
+    table, said, printed = resumed(directory, caplog)
+    assert table == finished[1]
+    assert said == [f"{STORED}: {len(pair)} of {POINTS} records damaged or missing; computing them again"]
+    assert f", {POINTS - len(pair)} of the points from before\n" in printed
+
+
+def test_records_in_each_others_places_are_computed_again(finished, result, caplog):
+    directory = result()
+    changed(
+        directory,
+        "UPDATE records SET second = second + 100 WHERE first = 0",
+        "UPDATE records SET second = 102 - second WHERE first = 0",
+    )
+    table, said, _ = resumed(directory, caplog)
+    assert table == finished[1]
+    assert len(said) == 1
+
+
+def test_only_what_follows_from_another_state_is_computed_again(result, caplog, monkeypatch):
+    """A record that is made anew is the same, so those after it stay; if it were another one, they would not."""
+    directory = result()
+    changed(directory, "DELETE FROM records WHERE first = 0 AND second = 1")
+    measure = point.measure_point
+
+    def another(*arguments):
+        found = measure(*arguments)
+        found.state[0] += 1e-6
+        return found
+
+    another.__module__, another.__qualname__ = measure.__module__, measure.__qualname__
+    monkeypatch.setattr(point, "measure_point", another)
+    _, said, printed = resumed(directory, caplog)
+    assert f", {POINTS - 2} of the points from before\n" in printed
+    assert [line.partition(": ")[2] for line in said] == [
+        f"1 of {POINTS} records damaged or missing; computing them again",
+        "some records do not follow from those before them; computing them again",
+    ]
+
+
+def test_record_that_is_damaged_before_the_table_is_written_ends_in_a_line(result, monkeypatch):
+    directory = result()
+    finish = Store.finish
+    for statement, told in (
+        ("UPDATE records SET record = '{}' WHERE first = 1 AND second = 2", "a record is damaged"),
+        ("DELETE FROM records WHERE first = 1 AND second = 1", "point 1 of branch 1 is not stored"),
+    ):
+
+        def losing(store, statement=statement):
+            finish(store)
+            store._base.execute(statement)
+            store._base.commit()
+
+        monkeypatch.setattr(Store, "finish", losing)
+        done = command("sweep", "c.yaml", "--resume")
+        assert not_a_line(done, codes=(1,)) == ""
+        assert told in done.err
+        assert not list(directory.glob("sweep.*"))
+
+
+# -- a damaged file -------------------------------------------------------------------------------------
+
+
+def test_store_that_is_damaged_as_a_whole_is_told_in_a_line(finished, result):
+    page = 4096
+    for damage in (
+        lambda data: bytes(100) + data[100:],  # the header
+        lambda data: data[: 2 * page] + bytes(page) + data[3 * page :],
+        lambda data: data[: len(data) // 2],
+        None,
+    ):
+        file = result() / FILE
+        if damage is None:
+            changed(file.parent, "UPDATE about SET value = replace(value, '12.42', '12.43')")
+        else:
+            file.write_bytes(damage(file.read_bytes()))
+        for options in (("--resume",), ("--overwrite",), ()):
+            done = command("sweep", "c.yaml", *options)
+            assert not_a_line(done, codes=(1,)) == ""
+            assert done.err.startswith(f"vibroplat: {STORED} is damaged (")
+            assert done.err.endswith("); remove it to start again\n")
+    file.unlink()
+    assert command("sweep", "c.yaml").code == 0
+    assert bits(read_table(file.parent, "sweep")) == finished[1]
+
+
+@pytest.mark.parametrize("number", [4, pytest.param(60, marks=pytest.mark.long)])
+def test_flipped_bit_in_a_finished_store_never_changes_the_table(number, finished, result):
+    flip_and_resume(number, [(finished[0], FILE)], finished[1], result)
+
+
+@pytest.mark.faults
+def test_flipped_bit_in_an_unfinished_store_never_changes_the_table(finished, result, here):
+    """Half of the bits are in the write-ahead log, the others in the file after the log was taken into it."""
+    (here / "c.yaml").write_text(CONFIGURATION)
+    before = sending(signal.SIGKILL, WRITE, 4, after=True)
+    assert ended(here, "sweep", "c.yaml", before=before).code == -signal.SIGKILL
+    killed, taken_in = shutil.move(here / "results/c", here / "killed"), here / "taken in"
+    assert (killed / f"{FILE}-wal").stat().st_size > 1000
+    shutil.copytree(killed, taken_in)
+    with closing(sqlite3.connect(taken_in / FILE)) as base:
+        assert base.execute("SELECT COUNT(*) FROM records").fetchone() == (4,)
+    assert not (taken_in / f"{FILE}-wal").exists()
+    flip_and_resume(20, [(killed, f"{FILE}-wal"), (taken_in, FILE)], finished[1], result)
+
+
+def flip_and_resume(number, sources, table, result):
+    """Flip one random bit after the other, each in a fresh copy, and see how a sweep goes on."""
+    chance = random.Random(number)
+    for k in range(number):
+        source, name = sources[k % len(sources)]
+        file = result(source) / name
+        data = bytearray(file.read_bytes())
+        bit = chance.randrange(8 * len(data))
+        data[bit // 8] ^= 1 << bit % 8
+        file.write_bytes(data)
+        done = command("sweep", "c.yaml", "--resume")
+        where = f"{name}, bit {bit}: {done.err}"
+        if done.code:
+            assert not_a_line(done, codes=(1, 2)) == "", where
+            assert not list(file.parent.glob("sweep.*")), where
+        else:
+            assert bits(read_table(file.parent, "sweep")) == table, where
 
 
 # -- the store itself -----------------------------------------------------------------------------------
@@ -281,8 +374,9 @@ def test_output_that_must_not_be_written_is_told_in_a_line(command, here):
 
 def test_records_are_read_in_the_order_of_their_numbers(tmp_path):
     with Store(tmp_path, {}) as store:
-        for first, second in ((1, 0), (0, 2), (0, 10), (0, 1)):
+        for count, (first, second) in enumerate(((1, 0), (0, 2), (0, 10), (0, 1)), 1):
             store.write(first, second, {"at": [first, second]})
+            assert finished_points(tmp_path) == count  # on disk at once
         assert [second for second, _ in store.read(0)] == [1, 2, 10]
         assert list(store.read(1)) == [(0, {"at": [1, 0]})]
         assert (list(store.read(2)), len(store)) == ([], 4)
@@ -292,39 +386,40 @@ def test_numbers_are_kept_bit_for_bit(tmp_path):
     numbers = [0.1 + 0.2, -0.0, 5e-324, math.pi, 1.7976931348623157e308, -1.0 / 3.0]
     with Store(tmp_path, {}) as store:
         store.write(0, 0, {"state": numbers})
+        for value in (math.nan, math.inf):
+            with pytest.raises(ValueError, match="not JSON compliant"):
+                store.write(0, 1, {"state": [value]})
     with Store(tmp_path, {}, resume=True) as store:
         ((_, record),) = store.read(0)
     assert [n.hex() for n in record["state"]] == [n.hex() for n in numbers]
 
 
-@pytest.mark.parametrize("value", [math.nan, math.inf])
-def test_numbers_that_are_not_finite_are_refused(value, tmp_path):
-    with Store(tmp_path, {}) as store, pytest.raises(ValueError, match="not JSON compliant"):
-        store.write(0, 0, {"state": [value]})
-
-
-def test_record_is_on_disk_when_it_was_written(tmp_path):
+def test_record_that_is_damaged_or_of_another_task_is_not_found(tmp_path):
     with Store(tmp_path, {}) as store:
-        for k in range(3):
-            store.write(0, k, {})
-            assert finished_points(tmp_path) == k + 1
+        store.write("a", 0, {"v": 1.0}, "task")
+        assert store.find("a", 0, "another") is None
+        assert store.find("a", 0, "task") == {"v": 1.0}
+        assert (store.reused, finished_points(tmp_path)) == (1, 1)
+        store._base.execute("UPDATE records SET record = '{\"v\": 2.0}'")
+        assert store.find("a", 0, "task") is None
+        with pytest.raises(SpoiledError, match="a record is damaged"):
+            list(store.read("a"))
 
 
 def test_first_condition_that_differs_is_named(tmp_path):
     conditions = {"a": {"b": 1, "c": [1, 2]}, "d": "text", "e": None}
     with Store(tmp_path, conditions) as store:
         store.write(0, 0, {})
-    same = json.loads(json.dumps(conditions))
-    with Store(tmp_path, same, resume=True) as store:
+    with Store(tmp_path, json.loads(json.dumps(conditions)), resume=True) as store:
         assert len(store) == 1
-    for changed, line in (
+    for changed_, line in (
         ({**conditions, "a": {"b": 2, "c": [1, 2]}}, "a.b = 2; allowed: 1, as in the finished points"),
         ({**conditions, "a": {"b": 1, "c": [1]}}, "a.c = [1]; allowed: [1, 2], as in the finished points"),
         ({**conditions, "a": {"c": [1]}}, "a.b = None; allowed: 1, as in the finished points (and 1 more)"),
         ({**conditions, "f": True}, "f = True; allowed: None, as in the finished points"),
     ):
         with pytest.raises(ConfigError) as caught:
-            Store(tmp_path, changed, resume=True)
+            Store(tmp_path, changed_, resume=True)
         assert str(caught.value) == f"cannot resume: {line}"
 
 

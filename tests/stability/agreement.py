@@ -11,7 +11,8 @@ from common.random_scenes import random_scene
 
 from stability.checks import NAMED, row, with_engine
 from vibroplat.check import by_other_engine
-from vibroplat.check.runs import Course, Errors, RunCheck, check_run, paired
+from vibroplat.check.events import Errors, paired
+from vibroplat.check.runs import Course, RunCheck, check_run
 from vibroplat.config.scene import Scene
 
 #: Every THOROUGH-th scene is also compared in its coordinates, with repetitions that show what errors grow to.

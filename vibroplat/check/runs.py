@@ -9,10 +9,10 @@ from functools import cached_property
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 
 from vibroplat.check import FLOOR, MULTIPLE, Other, by_other_engine, with_other_tolerance
+from vibroplat.check.events import Errors, Pairs, paired, slight
 from vibroplat.config.coordinates import COORDINATES
 from vibroplat.config.scene import Scene
 from vibroplat.hybrid.state import force_spread, state_scales
@@ -29,8 +29,6 @@ from vibroplat.system.memory import Share
 CLOSE: Final = 1e-3
 #: Allowed difference, in the scales of the scene, from which on nothing is compared any more.
 LOST: Final = 0.3
-#: Angle of exciter 1 (rad) by which the times of an event may differ before it counts as another event.
-APART: Final = 0.5
 #: Most samples of a run that are compared; they are those of the trajectory table, or every second, third … of them.
 MOST: Final = 100_000
 #: How many times a scene is run besides the run that is checked.
@@ -197,8 +195,9 @@ class Course:
 
     Attributes
     ----------
-    names
-        The sampled quantities: coordinates and contact force.
+    names, scales
+        The sampled quantities, coordinates and contact force, and their scales. That of the force is its change when
+        the state changes by its scales.
     result
         The run; its tables are not kept.
     """
@@ -207,7 +206,11 @@ class Course:
         self, scene: Scene, progress: Progress | None = None, also: Sink | None = None, start: Start | None = None
     ) -> None:
         self.scene = scene
-        self.names = tuple(COORDINATES[i] for i in scene.coordinates) + ((_FORCE,) if scene.has_contact else ())
+        self.names = [COORDINATES[i] for i in scene.coordinates]
+        self.scales = [float(state_scales(scene)[i]) for i in scene.coordinates]
+        if scene.has_contact:
+            self.names.append(_FORCE)
+            self.scales.append(force_spread(scene))
         self._also = also
         self._share = Share("shorten run.duration_s, or leave out --check")
         self._samples: list[pd.DataFrame] = []
@@ -239,7 +242,7 @@ class Course:
     def samples(self) -> pd.DataFrame:
         """Samples by time, one for each time, of quantities in their scales."""
         found = pd.concat(self._samples).drop_duplicates("t_s", keep="last").set_index("t_s")
-        found[list(self.names)] /= [scales_of(self.scene)[name] for name in self.names]
+        found[self.names] /= self.scales
         return found
 
     @cached_property
@@ -264,117 +267,24 @@ class Course:
         return float(self.samples.index[-1]) if len(self.samples) else 0.0
 
 
-def scales_of(scene: Scene) -> dict[str, float]:
-    """Scales of coordinates, and of the contact force its change when the state changes by its scales."""
-    scales = state_scales(scene)
-    return {name: float(scales[i]) for i, name in enumerate(COORDINATES)} | {_FORCE: force_spread(scene)}
-
-
 def differences(one: Course, two: Course, times: pd.Index) -> FloatArray:
     """Differences of two runs at times of the first, shape (times, quantities), in the scales of the scene.
 
     They are nan where the second has no sample, and those of the contact force where not both are in contact.
     """
     a, b = one.samples.reindex(times), two.samples.reindex(times)
-    found: FloatArray = np.abs(a[list(one.names)].to_numpy() - b[list(one.names)].to_numpy())
+    found: FloatArray = np.abs(a[one.names].to_numpy() - b[one.names].to_numpy())
     if _FORCE in one.names:
         apart = ~((a["mode"] == "attached") & (b["mode"] == "attached")).to_numpy()
         found[apart, one.names.index(_FORCE)] = math.nan
     return found
 
 
-# -- events in pairs --------------------------------------------------------------------------------------
-
-
-class Errors(NamedTuple):
-    """Errors of a motion, in the scales of its scene, that are allowed until each of some times (s)."""
-
-    times: FloatArray
-    allowed: FloatArray
-
-    def at(self, times: FloatArray) -> FloatArray:
-        """Return what is allowed at other times."""
-        return np.asarray(self.allowed[np.minimum(np.searchsorted(self.times, times), self.allowed.size - 1)])
-
-
-class Pairs(NamedTuple):
-    """Events that two runs have in common, from the first one on.
-
-    Attributes
-    ----------
-    rows
-        Their rows in both tables, shape (n, 2).
-    differ_s
-        When the sequences begin to differ (s); infinity if they do not.
-    why
-        What each has there; empty if they do not differ.
-    """
-
-    rows: npt.NDArray[np.int64]
-    differ_s: float = math.inf
-    why: tuple[str, str] = ("", "")
-
-
-def slight(events: pd.DataFrame, errors: Errors, scene: Scene) -> npt.NDArray[np.bool_]:
-    """Tell which events an error of the motion may add or remove.
-
-    With an error ε in the scales of the scene, a gap that just misses 0 becomes an impact with √(2 ε) of the scale of
-    speeds, and a contact force that just stays positive falls below 0 for √(8 ε) / ω₀. Impacts after shorter flights
-    than that may be closed into contact in one run and followed in the other; how fast they are depends on what
-    presses, which may be a stiff layer.
-    """
-    times = events["t_s"].to_numpy()
-    errors_there = errors.at(times)
-    speeds = np.abs(events["gap_rate_before_m_per_s"].to_numpy()) / state_scales(scene)[GAP_RATE]
-    short = np.sqrt(8.0 * errors_there)
-    before = scene.speed_scale * np.diff(times, prepend=-math.inf)
-    after = scene.speed_scale * np.diff(times, append=math.inf)
-    liftoffs = (events["kind"] == "liftoff").to_numpy()
-    return np.where(liftoffs, after < short, (before < short) | (speeds < np.sqrt(2.0 * errors_there)))
-
-
-def paired(one: pd.DataFrame, two: pd.DataFrame, errors: Errors, scene: Scene, until: float) -> Pairs:
-    """Pair the events of two runs in their order until a time (s); slight ones that only one run has are left out."""
-    tables = (one, two)
-    kinds, times = ([table[column].to_numpy() for table in tables] for column in ("kind", "t_s"))
-    may_lack = [slight(table, errors, scene) for table in tables]
-    apart = APART / scene.speed_scale
-    rows: list[tuple[int, int]] = []
-    at = [0, 0]
-    differ, why = math.inf, ("", "")
-    while any(left := [at[k] < len(times[k]) and times[k][at[k]] < until for k in (0, 1)]):
-        i, j = at
-        if all(left) and kinds[0][i] == kinds[1][j] and abs(times[0][i] - times[1][j]) <= apart:
-            rows.append((i, j))
-            at = [i + 1, j + 1]
-        elif skipped := [k for k in (0, 1) if left[k] and may_lack[k][at[k]]]:
-            at[skipped[0]] += 1
-        else:
-            first = float(min(times[k][at[k]] for k in (0, 1) if left[k]))
-            if first < until - apart:  # otherwise the other may have it after the end
-                told = [
-                    f"{kinds[k][at[k]]} at {times[k][at[k]]:.9g} s" if left[k] else "no more events" for k in (0, 1)
-                ]
-                differ, why = first, (told[0], told[1])
-            break
-    return Pairs(np.array(rows, dtype=np.int64).reshape(-1, 2), differ, why)
-
-
 # -- the comparison ---------------------------------------------------------------------------------------
 
 
 class _Comparison:
-    """The comparison of two engines' runs.
-
-    Parameters
-    ----------
-    first, other
-        The runs.
-    again
-        The other run with another tolerance.
-    changed
-        Repetitions of the first run.
-    """
+    """The comparison of two runs with their repetitions: ``again`` of the other one, ``changed`` of the first."""
 
     def __init__(self, first: Course, other: Course, again: Course, changed: Sequence[Course]) -> None:
         self._first, self._other, self._again, self._changed = first, other, again, changed
@@ -391,13 +301,12 @@ class _Comparison:
         self._times = times[within].to_numpy()
         self._samples = [course.samples.reindex(times)[within] for course in (first, other)]
         self._allowed, self._change = allowed[within], change[within]
+        self._errors = Errors(self._times, self._allowed.max(axis=1))
         self._found = differences(first, other, times)[within]
 
     def result(self) -> RunCheck:
         """Compare samples, events and ends."""
         pairs, moved = self._events() if self._times.size else (Pairs(np.empty((0, 2), np.int64)), [])
-        told = [(d.t_s, self._told(d)) for d in (*self._beyond(), *moved) if d.difference > d.allowed]
-        told += [*self._other_sequence(pairs), *self._other_end()]
         apart = np.flatnonzero((self._found > CLOSE).any(axis=1))
         columns = [k for k in range(self._found.shape[1]) if np.isfinite(self._found[:, k]).any()]
         largest = [self._sample(int(np.nanargmax(self._found[:, k])), k) for k in columns]
@@ -411,20 +320,41 @@ class _Comparison:
             amplification=float(self._change.max(initial=0.0)) / self._tolerance,
             events=len(pairs.rows),
             largest=tuple(largest),
-            disagreement=min(told, default=(0.0, ""))[1],
+            disagreement=min(self._disagreements(pairs, moved), default=(0.0, ""))[1],
         )
 
-    def _beyond(self) -> Iterator[Difference]:
-        """Yield the first sample beyond what is allowed, in the quantity where it is farthest beyond."""
+    def _disagreements(self, pairs: Pairs, moved: Sequence[Difference]) -> Iterator[tuple[float, str]]:
+        """Yield when engines disagree, in what, and what was allowed."""
+        first, other = self._first, self._other
+        beyond = [d for d in moved if d.difference > d.allowed]
         rows = np.flatnonzero((self._found > self._allowed).any(axis=1))
-        if rows.size:
+        if rows.size:  # the first sample beyond what is allowed, in the quantity where it is farthest beyond
             row = int(rows[0])
-            yield self._sample(row, int(np.nanargmax(self._found[row] / self._allowed[row])))
+            beyond.append(self._sample(row, int(np.nanargmax(self._found[row] / self._allowed[row]))))
+        for d in beyond:
+            yield (
+                d.t_s,
+                f"at {d.t_s:.9g} s, {d.place}: {d.quantity} = {d.first:.12g} ({first.engine}) and {d.other:.12g} "
+                f"({other.engine}); allowed difference {d.allowed * d.scale:.2g}",
+            )
+        # another sequence of events, unless that of a repetition differs by then
+        turn = 2.0 * math.pi / self._scene.speed_scale
+        if math.isfinite(pairs.differ_s) and not any(
+            self._paired(first, course).differ_s <= pairs.differ_s + turn for course in self._changed
+        ):
+            one, two = (f"{why} ({c.engine})" for why, c in zip(pairs.why, (first, other), strict=True))
+            yield pairs.differ_s, f"at {pairs.differ_s:.9g} s: sequence of events, {one} and {two}; allowed: the same"
+        # another end, unless a repetition has it too or nothing was compared so late
+        ended = min(first.end, other.end)
+        outcomes = {first.outcome, *(course.outcome for course in self._changed)}
+        if other.outcome not in outcomes and self._lost > ended:
+            ends = f"outcome {first.outcome} ({first.engine}) and {other.outcome} ({other.engine})"
+            yield ended, f"at {ended:.9g} s: {ends}; allowed: the same"
 
     def _sample(self, row: int, column: int) -> Difference:
         """Describe the difference of a quantity in a sample."""
         name, time = self._first.names[column], float(self._times[row])
-        scale = scales_of(self._scene)[name]
+        scale = self._first.scales[column]
         one, two = (float(samples[name].iloc[row]) * scale for samples in self._samples)
         mode = str(self._samples[0]["mode"].iloc[row])
         difference, allowed = float(self._found[row, column]), float(self._allowed[row, column])
@@ -465,40 +395,8 @@ class _Comparison:
         force = force_spread(scene) / scene.force_scale if scene.has_contact else 1.0
         return np.where(relative > 0.0, 1.0 / np.clip(relative, 1e-12, 1.0), force)
 
-    @property
-    def _errors(self) -> Errors:
-        return Errors(self._times, self._allowed.max(axis=1))
-
     def _paired(self, one: Course, two: Course) -> Pairs:
         return paired(one.events, two.events, self._errors, self._scene, self._until)
-
-    def _other_sequence(self, pairs: Pairs) -> list[tuple[float, str]]:
-        """Say when the sequence of events differs, unless that of a repetition has by then."""
-        if not math.isfinite(pairs.differ_s):
-            return []
-        turn = 2.0 * math.pi / self._scene.speed_scale
-        if any(self._paired(self._first, course).differ_s <= pairs.differ_s + turn for course in self._changed):
-            return []
-        one, two = (f"{why} ({c.engine})" for why, c in zip(pairs.why, (self._first, self._other), strict=True))
-        return [(pairs.differ_s, f"at {pairs.differ_s:.9g} s: sequence of events, {one} and {two}; allowed: the same")]
-
-    def _other_end(self) -> list[tuple[float, str]]:
-        """Say that the other run ended otherwise, unless a repetition has or nothing was compared so late."""
-        first, other = self._first, self._other
-        ended = min(first.end, other.end)
-        if first.outcome == other.outcome or self._lost <= ended:
-            return []
-        if any(course.outcome == other.outcome for course in self._changed):
-            return []
-        ends = f"outcome {first.outcome} ({first.engine}) and {other.outcome} ({other.engine})"
-        return [(ended, f"at {ended:.9g} s: {ends}; allowed: the same")]
-
-    def _told(self, d: Difference) -> str:
-        """Say where engines disagree, in what, and what was allowed."""
-        return (
-            f"at {d.t_s:.9g} s, {d.place}: {d.quantity} = {d.first:.12g} ({self._first.engine}) and {d.other:.12g} "
-            f"({self._other.engine}); allowed difference {d.allowed * d.scale:.2g}"
-        )
 
 
 def _so_far(changes: FloatArray) -> FloatArray:

@@ -57,42 +57,24 @@ def jumps(rows: pd.DataFrame) -> Flags:
     array
         One value less than there are points.
     """
-    if len(rows) < 2:
-        return np.zeros(0, dtype=bool)
-    return np.asarray(_of_phase(rows) | _of_frequency(rows) | _of_amplitude(rows))
-
-
-def _of_phase(rows: pd.DataFrame) -> Flags:
-    """Where synchronization is lost or found, or the phase difference jumps."""
-    sync = rows["sync"].astype(object).where(rows["sync"].notna(), "")
-    before, after = sync.to_numpy()[:-1], sync.to_numpy()[1:]
-    lost = (before != "") & (after != "") & ((before == "none") != (after == "none"))
-    change = np.diff(rows["phase_difference_rad"].to_numpy(dtype=float))
-    with np.errstate(invalid="ignore"):
-        turned = np.abs(np.angle(np.exp(1j * change))) > TURN
-    return np.asarray(lost | (turned & (before != "none") & (after != "none")))
-
-
-def _of_frequency(rows: pd.DataFrame) -> Flags:
-    """Where the excitation frequency changes far more than the supply frequency."""
-    supply, found = (rows[column].to_numpy(dtype=float) for column in (SUPPLY, EXCITATION))
+    columns = (SUPPLY, EXCITATION, "rms_x_m", RMS, "phase_difference_rad")
+    supply, found, x, y, phase = (rows[column].to_numpy(dtype=float) for column in columns)
     known = np.isfinite(found)
-    if not known.any():
-        return np.zeros(len(rows) - 1, dtype=bool)
+    if len(rows) < 2 or not known.any():
+        return np.zeros(max(len(rows) - 1, 0), dtype=bool)
+    sync = rows["sync"].astype(object).where(rows["sync"].notna(), "").to_numpy()
+    both = (sync[:-1] != "") & (sync[1:] != "")
+    held = (sync[:-1] != "none") & (sync[1:] != "none")
+    lost = both & ((sync[:-1] == "none") != (sync[1:] == "none"))
     expected = np.abs(np.diff(supply)) * np.median(found[known] / supply[known])
-    with np.errstate(invalid="ignore"):
-        return np.asarray(np.abs(np.diff(found)) > np.maximum(LEAP * expected, 1e-3 * found[1:]))
-
-
-def _of_amplitude(rows: pd.DataFrame) -> Flags:
-    """Where the amplitude changes at once, and much."""
-    height = np.hypot(rows["rms_x_m"].to_numpy(dtype=float), rows[RMS].to_numpy(dtype=float))
-    if not np.isfinite(height).any():
-        return np.zeros(len(rows) - 1, dtype=bool)
+    height = np.hypot(x, y)
     change = np.abs(np.diff(height))
     beside = np.maximum(np.append(change[1:], 0.0), np.insert(change[:-1], 0, 0.0))
     with np.errstate(invalid="ignore"):
-        return np.asarray((change > RISE * np.nanmax(height)) & (change > ALONE * beside))
+        turned = held & (np.abs(np.angle(np.exp(1j * np.diff(phase)))) > TURN)
+        leapt = np.abs(np.diff(found)) > np.maximum(LEAP * expected, 1e-3 * found[1:])
+        rose = (change > RISE * np.nanmax(height)) & (change > ALONE * beside)
+    return np.asarray(lost | turned | leapt | rose)
 
 
 def bands(table: pd.DataFrame) -> pd.DataFrame:

@@ -1,0 +1,274 @@
+"""Two engines check each other: what must be found, and what must not be held against them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+from common.random_scenes import random_scene
+from study.helpers import CHAOTIC, planned
+
+import vibroplat
+from vibroplat import check_run, check_sweep, load_config
+from vibroplat.check import by_other_engine, sweeps, with_other_tolerance
+from vibroplat.check.events import Errors, paired
+from vibroplat.check.runs import EVENT_TIME, Course, repetitions
+from vibroplat.check.sweeps import check_points
+from vibroplat.config.reader import configurations
+from vibroplat.errors import ConfigError
+from vibroplat.integrate import other_engine
+from vibroplat.study.branches import branches, chosen
+from vibroplat.study.pool import Inline
+from vibroplat.study.store import Store
+from vibroplat.study.sweep import run_sweeps
+
+QUICKSTART = configurations() / "quickstart.yaml"
+FRICTION = "motor.friction_radius_m"
+#: A sweep of two branches with fast points.
+QUICK = {"settle_s": 0.4, "measure_s": 0.2, "lyapunov": False}
+NATIVE = {"solver.engine": "native"}
+
+
+def honest(scene):
+    """Another engine that is right: the same one, with errors of its own."""
+    return scene.replace({"solver.tolerance": 0.4 * scene.solver.tolerance})
+
+
+def wrong(scene):
+    """Another engine whose friction is off by 1e-4."""
+    return scene.replace({FRICTION: 1.0001 * scene.motor.friction_radius_m})
+
+
+def run_scene(seconds=0.2, **changed):
+    return load_config(QUICKSTART, {"run.duration_s": seconds, **NATIVE, **changed})
+
+
+def sweep_scene(**options):
+    changed = NATIVE | options.pop("changes", {})
+    return planned(QUICKSTART, 44.0, 50.0, step=2.0, direction=["up", "down"], changes=changed, **QUICK, **options)
+
+
+# -- which engine checks --------------------------------------------------------------------------------
+
+
+def test_engines_that_share_least_check_each_other():
+    others = {name: other_engine(name) for name in ("auto", "native", "sundae", "taylor")}
+    assert others == {"auto": "taylor", "native": "taylor", "sundae": "taylor", "taylor": "auto"}
+
+
+def test_repetitions_change_nothing_but_tolerance_and_start():
+    scene = run_scene()
+    for changed in repetitions(scene):
+        same = {"solver.tolerance": scene.solver.tolerance, "run.perturbation": scene.run.start_perturbation}
+        assert changed != scene
+        assert changed.replace(same) == scene.replace(same)
+    starts = {changed.run.start_perturbation for changed in repetitions(scene)}
+    assert starts == {0.01, 0.01 + 1e-6, 0.01 + 2e-6}
+
+
+def test_the_finest_tolerance_is_made_coarser():
+    assert with_other_tolerance(run_scene()).solver.tolerance == pytest.approx(1e-7)
+    finest = 1e-12
+    assert with_other_tolerance(run_scene(**{"solver.tolerance": finest})).solver.tolerance in (0.1 * finest, 1e-11)
+
+
+# -- runs -----------------------------------------------------------------------------------------------
+
+
+def test_two_engines_agree_on_a_run():
+    found = check_run(run_scene())
+    assert (found.agrees, found.disagreement) == (True, "")
+    assert {found.engine, found.other} == {"native", vibroplat.simulate(by_other_engine(run_scene())).summary["engine"]}
+    assert (found.compared_until_s, found.agree_until_s) == (0.2, 0.2)
+    largest = {d.quantity: d for d in found.largest}
+    assert set(largest) == {*Course(run_scene()).names, EVENT_TIME}
+    assert 0.0 < largest["y_m"].difference <= largest["y_m"].allowed < 1e-2
+    assert found.events > 5
+    assert len(found.lines()) <= 5
+
+
+def test_a_wrong_term_is_found_in_a_run():
+    scene = run_scene(0.1, **{"solver.tolerance": 1e-10, "output.sample_rate_hz": 100.0})
+    found = check_run(scene, other=wrong)
+    assert not found.agrees
+    assert found.disagreement.startswith("at 0.0")
+    for part in (": phi", " rad = ", "(native)", "; allowed difference "):
+        assert part.strip() in found.disagreement
+    angle = next(d for d in found.largest if d.quantity == "phi1_rad")
+    assert angle.difference > angle.allowed
+    assert found.to_tree()["agrees"] is False
+
+
+def test_a_wrong_term_below_the_tolerance_is_none():
+    """What friction changes is less than errors of this tolerance do."""
+    assert check_run(run_scene(0.1, **{"solver.tolerance": 1e-4}), other=wrong).agrees
+
+
+def test_an_engine_that_gives_up_is_found():
+    scene = run_scene(0.2, **{"contact.restitution": 0.3})
+    found = check_run(scene, other=lambda s: s.replace({"solver.max_events_per_period": 3}))
+    assert found.disagreement.endswith("outcome ok (native) and event-storm (native); allowed: the same")
+
+
+def test_a_run_that_ends_at_once_is_checked():
+    ending = random_scene(164).replace(NATIVE)  # it begins beyond the model
+    found = check_run(ending, other=honest)
+    assert (found.agrees, found.compared_until_s, found.largest) == (True, 0.0, ())
+    found = check_run(run_scene(0.1), other=lambda scene: honest(ending))
+    assert found.disagreement == "at 0 s: outcome ok (native) and beyond-model (native); allowed: the same"
+
+
+def test_a_run_that_amplifies_errors_is_compared_while_that_makes_sense():
+    path = configurations() / "paper" / "f30.7-mu0.2-R0.3.yaml"
+    scene = load_config(path, {"run.duration_s": 1.0, **NATIVE})
+    found = check_run(scene, other=honest)
+    assert found.agrees
+    assert 0.2 < found.agree_until_s < found.compared_until_s < 0.9
+    assert found.amplification > 1e4
+    assert not check_run(scene, other=lambda s: s.replace({"machine.damping_y_n_s_per_m": 40.4})).agrees
+
+
+def test_samples_are_thinned_and_progress_is_told(monkeypatch):
+    monkeypatch.setattr("vibroplat.check.runs.MOST", 50)
+    told = []
+    found = check_run(run_scene(0.1), other=honest, progress=lambda reached, events: told.append(reached))
+    assert found.agrees
+    assert len(Course(run_scene(0.1)).samples) == 51
+    assert told == sorted(told)
+    assert told[-1] == pytest.approx(0.6)
+
+
+def table(*rows):
+    return pd.DataFrame(rows, columns=["t_s", "kind", "gap_rate_before_m_per_s"])
+
+
+FLIGHTS = ((0.010, "liftoff", 0.0), (0.020, "impact", -0.1), (0.050, "liftoff", 0.0), (0.060, "impact", -0.1))
+
+
+def pairs(one, two, error=1e-6, until=0.1):
+    return paired(table(*one), table(*two), Errors(np.array([until]), np.array([error])), run_scene(), until)
+
+
+def test_events_are_paired_in_order():
+    later = tuple((t + 1e-5, kind, v) for t, kind, v in FLIGHTS)
+    found = pairs(FLIGHTS, later)
+    assert found.rows.tolist() == [[k, k] for k in range(4)]
+    assert found.differ_s == np.inf
+
+
+@pytest.mark.parametrize("swapped", [False, True])
+def test_a_flight_that_only_one_run_has_is_found_unless_it_is_slight(swapped):
+    high = (*FLIGHTS[:2], (0.030, "liftoff", 0.0), (0.035, "impact", -0.05), *FLIGHTS[2:])
+    low = (*FLIGHTS[:2], (0.030, "liftoff", 0.0), (0.030 + 1e-6, "impact", -1e-9), *FLIGHTS[2:])
+    found = pairs(high, FLIGHTS) if not swapped else pairs(FLIGHTS, high)
+    assert (len(found.rows), found.differ_s) == (2, 0.030)
+    assert "liftoff at 0.03 s" in found.why[int(swapped)]
+    found = pairs(low, FLIGHTS) if not swapped else pairs(FLIGHTS, low)
+    assert (len(found.rows), found.differ_s) == (4, np.inf)
+
+
+def test_an_accumulation_may_be_closed_sooner_in_one_run():
+    def accumulation(count, first):
+        falls = first * 0.4 ** np.arange(count)
+        return (*FLIGHTS[:2], *((0.020 + t, "impact", -0.05) for t in np.cumsum(falls).tolist()), *FLIGHTS[2:])
+
+    found = pairs(accumulation(2, 1e-6), accumulation(5, 1e-6))
+    assert (len(found.rows), found.differ_s) == (6, np.inf)
+    assert pairs(accumulation(2, 1e-3), accumulation(5, 1e-3)).differ_s < 0.03
+
+
+def test_an_event_at_the_end_may_come_after_it():
+    assert pairs(FLIGHTS, FLIGHTS[:3], until=0.0601).differ_s == np.inf
+    assert pairs(FLIGHTS, FLIGHTS[:3], until=0.09).differ_s == 0.060
+
+
+# -- sweeps ---------------------------------------------------------------------------------------------
+
+
+def test_two_engines_agree_on_points():
+    found = check_sweep(sweep_scene(), 0.3)
+    assert (found.agrees, found.disagreements, found.reclassified) == (True, [], [])
+    assert (found.points, len(found.checked)) == (8, 2)
+    difference, place = found.largest["rms_y_m"]
+    assert 0.0 < difference.difference <= difference.allowed < 1e-2 * difference.scale
+    assert place in [point.place for point in found.checked]
+    lines = dict(found.lines())
+    assert lines["checked by"].endswith("2 of 8 points")
+    assert "supply_frequency_hz = " in lines["  rms_y_m"]
+
+
+def test_the_choice_is_repeatable_and_follows_the_seed():
+    scene = sweep_scene()
+
+    def numbers(scene, share):
+        return [(place.branch.number, place.point) for place in chosen(branches(scene), share)]
+
+    assert numbers(scene, 0.5) == numbers(scene, 0.5)
+    assert len(set(numbers(scene, 0.5))) == 4
+    assert len(numbers(scene, 1e-9)) == 1
+    assert numbers(scene, 1.0) == [(b, p) for b in range(2) for p in range(4)]
+    others = {tuple(numbers(scene.replace({"sweep.seed": seed}), 0.5)) for seed in range(5)}
+    assert len(others) > 1
+
+
+def test_points_start_where_the_sweep_did():
+    """With the engine of the sweep nothing differs, in chained points too: the starts are the same to the last bit."""
+    found = check_sweep(sweep_scene(), other=lambda scene: scene)
+    assert len(found.checked) == 8
+    assert {d.difference for point in found.checked for d in point.differences} == {0.0}
+
+
+@pytest.mark.parametrize("jobs", [1, pytest.param(2, marks=pytest.mark.long)])
+def test_a_wrong_term_is_found_in_a_sweep(jobs):
+    scene = sweep_scene(changes={"solver.tolerance": 1e-10})
+    found = check_sweep(scene, 0.3, jobs=jobs, other=wrong)
+    assert not found.agrees
+    assert len(found.disagreements) == 2
+    for line, place in zip(found.disagreements, chosen(branches(scene), 0.3), strict=True):
+        assert line.startswith(f"engines disagree at supply_frequency_hz = {place.branch.frequencies[place.point]}")
+        assert f"branch {place.branch.number} ({place.branch.direction}): motor_power_w = " in line
+        assert "allowed: a difference of " in line
+
+
+def test_another_class_is_found():
+    frequencies = {"start": 54.0, "stop": 55.0}
+    scene = sweep_scene().replace({"sweep": {"supply_frequency_hz": frequencies, **QUICK}})
+    found = check_sweep(scene, 0.1, other=lambda s: s.replace({"solver.max_events_per_period": 3}))
+    assert "outcome = ok (native) and event-storm (native)" in found.disagreements[0]
+    assert "ok, antiphase" in found.reclassified[0]
+    assert found.to_tree()["reclassified"] == found.reclassified
+
+
+def test_chaos_is_compared_by_its_standard_errors():
+    frequencies = {"start": 62.5, "stop": 62.5}
+    plan = {"supply_frequency_hz": frequencies, "settle_s": 3.0, "measure_s": 1.0, "lyapunov": False}
+    scene = planned(QUICKSTART, 62.5, changes={**CHAOTIC, **NATIVE}).replace({"sweep": plan})
+    found = check_sweep(scene, other=honest)
+    assert found.agrees
+    (point,) = found.checked
+    assert point.first[2] == "non-periodic"
+    compared = {d.column: d for d in point.differences}
+    assert set(compared) <= set(sweeps.ERRORS)
+    assert compared["rms_y_m"].difference > 100.0 * scene.solver.tolerance * compared["rms_y_m"].scale
+    slower = check_sweep(
+        scene, other=lambda s: s.replace({"drive.supply_frequency_hz": 56.0, "solver.tolerance": 1e-5})
+    )
+    assert not slower.agrees
+
+
+def test_a_check_is_resumed(tmp_path):
+    scene = sweep_scene()
+    places = chosen(branches(scene), 0.5)
+    with Store(tmp_path, {}) as store:
+        run_sweeps([(branches(scene), store)], Inline())
+        first = check_points(branches(scene), places, store, Inline(), other=honest)
+    with Store(tmp_path, {}, resume=True) as store:
+        again = check_points(branches(scene), places, store, None, other=honest)  # nothing is left for workers
+        assert len(store) == 12
+    assert again.to_tree() == first.to_tree()
+
+
+@pytest.mark.parametrize("share", [0.0, 1.5, float("nan")])
+def test_shares_that_are_none_are_refused(share):
+    with pytest.raises(ConfigError, match=r"--check .*; allowed: more than 0, at most 1"):
+        check_sweep(sweep_scene(), share)

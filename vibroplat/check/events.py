@@ -1,0 +1,92 @@
+"""The events of two runs are paired."""
+
+from __future__ import annotations
+
+import math
+from typing import Final, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from vibroplat.config.scene import Scene
+from vibroplat.hybrid.state import state_scales
+from vibroplat.kernels.compiled import FloatArray
+from vibroplat.model.systems import GAP_RATE
+
+#: Angle of exciter 1 (rad) by which the times of an event may differ before it counts as another event.
+APART: Final = 0.5
+
+
+class Errors(NamedTuple):
+    """Errors of a motion, in the scales of its scene, that are allowed until each of some times (s)."""
+
+    times: FloatArray
+    allowed: FloatArray
+
+    def at(self, times: FloatArray) -> FloatArray:
+        """Return what is allowed at other times."""
+        return np.asarray(self.allowed[np.minimum(np.searchsorted(self.times, times), self.allowed.size - 1)])
+
+
+class Pairs(NamedTuple):
+    """Events that two runs have in common, from the first one on.
+
+    Attributes
+    ----------
+    rows
+        Their rows in both tables, shape (n, 2).
+    differ_s
+        When the sequences begin to differ (s); infinity if they do not.
+    why
+        What each has there; empty if they do not differ.
+    """
+
+    rows: npt.NDArray[np.int64]
+    differ_s: float = math.inf
+    why: tuple[str, str] = ("", "")
+
+
+def slight(events: pd.DataFrame, errors: Errors, scene: Scene) -> npt.NDArray[np.bool_]:
+    """Tell which events an error of the motion may add or remove.
+
+    With an error ε in the scales of the scene, a gap that just misses 0 becomes an impact with √(2 ε) of the scale of
+    speeds, and a contact force that just stays positive falls below 0 for √(8 ε) / ω₀. Impacts after shorter flights
+    than that may be closed into contact in one run and followed in the other; how fast they are depends on what
+    presses, which may be a stiff layer.
+    """
+    times = events["t_s"].to_numpy()
+    errors_there = errors.at(times)
+    speeds = np.abs(events["gap_rate_before_m_per_s"].to_numpy()) / state_scales(scene)[GAP_RATE]
+    short = np.sqrt(8.0 * errors_there)
+    before = scene.speed_scale * np.diff(times, prepend=-math.inf)
+    after = scene.speed_scale * np.diff(times, append=math.inf)
+    liftoffs = (events["kind"] == "liftoff").to_numpy()
+    return np.where(liftoffs, after < short, (before < short) | (speeds < np.sqrt(2.0 * errors_there)))
+
+
+def paired(one: pd.DataFrame, two: pd.DataFrame, errors: Errors, scene: Scene, until: float) -> Pairs:
+    """Pair the events of two runs in their order until a time (s); slight ones that only one run has are left out."""
+    tables = (one, two)
+    kinds, times = ([table[column].to_numpy() for table in tables] for column in ("kind", "t_s"))
+    may_lack = [slight(table, errors, scene) for table in tables]
+    apart = APART / scene.speed_scale
+    rows: list[tuple[int, int]] = []
+    at = [0, 0]
+    differ, why = math.inf, ("", "")
+    while any(left := [at[k] < len(times[k]) and times[k][at[k]] < until for k in (0, 1)]):
+        i, j = at
+        if all(left) and kinds[0][i] == kinds[1][j] and abs(times[0][i] - times[1][j]) <= apart:
+            rows.append((i, j))
+            at = [i + 1, j + 1]
+        elif skipped := [k for k in (0, 1) if left[k] and may_lack[k][at[k]]]:
+            at[skipped[0]] += 1
+        else:
+            first = float(min(times[k][at[k]] for k in (0, 1) if left[k]))
+            if first < until - apart:  # otherwise the other may have it after the end
+                told = [
+                    f"{kinds[k][at[k]]} at {times[k][at[k]]:.9g} s" if left[k] else "no more events" for k in (0, 1)
+                ]
+                differ, why = first, (told[0], told[1])
+            break
+    return Pairs(np.array(rows, dtype=np.int64).reshape(-1, 2), differ, why)
