@@ -111,34 +111,24 @@ def refusal(directory, **interval):
     return str(caught.value).replace(str(directory), "DIR")
 
 
-@pytest.mark.parametrize("found", [0, 2, None, "1"])
-def test_plot_refuses_another_schema(found, result):
-    (result / "provenance.json").write_text(json.dumps({"schema": found}))
-    assert refusal(result) == f"DIR holds results of schema {found}; this version reads schema 1"
-
-
-@pytest.mark.parametrize("figure", ["motion", "force", "exciters"])
-def test_every_figure_shows_the_interval_asked_for(figure, figures, result):
-    plot_run(result, [figure], 0.1, 0.15)
-    for axis in figures[figure].axes:
+def test_every_figure_shows_the_interval_asked_for(figures, result):
+    plot_run(result, ["motion", "force", "exciters"], 0.1, 0.15)
+    for axis in (axis for figure in figures.values() for axis in figure.axes):
         times = np.concatenate([line.get_xdata() for line in axis.lines if len(line.get_xdata())])
         assert 0.1 <= times.min() <= times.max() <= 0.15
 
 
-@pytest.mark.parametrize(
-    ("interval", "line"),
-    [
-        ({"start": 5.0}, "--start 5: DIR runs from 0 to 0.2 s; allowed: a time within it"),
-        ({"stop": -1.0}, "--stop -1: DIR runs from 0 to 0.2 s; allowed: a time within it"),
-        ({"start": 0.1, "stop": 0.05}, "--start 0.1 is not before --stop 0.05; DIR runs from 0 to 0.2 s"),
-        ({"start": 0.1, "stop": 0.1}, "--start 0.1 is not before --stop 0.1; DIR runs from 0 to 0.2 s"),
-        ({"start": float("nan")}, "--start nan: DIR runs from 0 to 0.2 s; allowed: a time within it"),
-        ({"start": 0.1001, "stop": 0.1002}, "no data between 0.1001 and 0.1002 s; DIR runs from 0 to 0.2 s"),
-    ],
-    ids=str,
-)
-def test_plot_of_an_interval_without_data_says_how_long_the_run_was(interval, line, result):
-    assert refusal(result, **interval) == line
+def test_plot_of_an_interval_without_data_says_how_long_the_run_was(result):
+    within = "DIR runs from 0 to 0.2 s; allowed: a time within it"
+    for start, stop, line in (
+        (5.0, None, f"--start 5: {within}"),
+        (None, -1.0, f"--stop -1: {within}"),
+        (0.1, 0.05, "--start 0.1 is not before --stop 0.05; DIR runs from 0 to 0.2 s"),
+        (0.1, 0.1, "--start 0.1 is not before --stop 0.1; DIR runs from 0 to 0.2 s"),
+        (float("nan"), None, f"--start nan: {within}"),
+        (0.1001, 0.1002, "no data between 0.1001 and 0.1002 s; DIR runs from 0 to 0.2 s"),
+    ):
+        assert refusal(result, start=start, stop=stop) == line
 
 
 def test_plot_of_an_interval_that_is_longer_than_the_run_says_so(caplog, figures, result):
@@ -146,60 +136,53 @@ def test_plot_of_an_interval_that_is_longer_than_the_run_says_so(caplog, figures
     assert caplog.messages == [f"--stop 9: {result} runs from 0 to 0.2 s; the figures show what there is"]
 
 
-@pytest.mark.parametrize(
-    ("missing", "line"),
-    [
-        ("provenance.json", "DIR holds no provenance.json"),
-        ("summary.json", "DIR holds no summary.json"),
-        ("trajectory.parquet", "DIR holds no trajectory table; allowed: a result directory of vibroplat"),
-        ("events.parquet", "DIR holds no events table; allowed: a result directory of vibroplat"),
-    ],
-)
-def test_plot_names_the_file_it_misses(missing, line, result):
-    (result / missing).unlink()
-    assert refusal(result) == line
+TABLE = "allowed: a result directory of vibroplat"
+
+#: What is damaged: file and its content, None for a file that is missing; and what is told.
+DAMAGES = [
+    ("provenance.json", None, "DIR holds no provenance.json"),
+    ("summary.json", None, "DIR holds no summary.json"),
+    ("trajectory.parquet", None, f"DIR holds no trajectory table; {TABLE}"),
+    ("events.parquet", None, f"DIR holds no events table; {TABLE}"),
+    ("provenance.json", "[]", "DIR holds results of schema None; this version reads schema 1"),
+    ("provenance.json", '{"schema": 2}', "DIR holds results of schema 2; this version reads schema 1"),
+    ("provenance.json", "{", "DIR/provenance.json cannot be read: "),
+    ("summary.json", "{}", "DIR/summary.json is not the summary of a run"),
+    ("summary.json", "[]", "DIR/summary.json is not the summary of a run"),
+    ("trajectory.csv", "t_s,y_m\nx,y\nz,w\n", "the trajectory table in DIR has no numbers in column t_s"),
+    ("events.csv", "a,b\n1,2\n", "the events table in DIR has no numbers in column t_s"),
+    ("events.csv", "", "DIR/events.csv cannot be read: "),
+]
 
 
-@pytest.mark.parametrize(
-    ("file", "content", "line"),
-    [
-        ("provenance.json", "[]", "DIR holds results of schema None; this version reads schema 1"),
-        ("provenance.json", "{", "DIR/provenance.json cannot be read: "),
-        ("summary.json", "{}", "DIR/summary.json is not the summary of a run"),
-        ("summary.json", "[]", "DIR/summary.json is not the summary of a run"),
-        ("trajectory.csv", "a,b\n1,2\n", "the trajectory table in DIR has no numbers in column t_s"),
-        ("trajectory.csv", "t_s,y_m\nx,y\nz,w\n", "the trajectory table in DIR has no numbers in column t_s"),
-        ("events.csv", "a,b\n1,2\n", "the events table in DIR has no numbers in column t_s"),
-        ("events.csv", "", "DIR/events.csv cannot be read: "),
-    ],
-)
+@pytest.mark.parametrize(("file", "content", "line"), DAMAGES)
 def test_plot_of_damaged_files_is_told_in_a_line(file, content, line, result):
-    if file.endswith("csv"):
-        (result / file).with_suffix(".parquet").unlink()
-    (result / file).write_text(content)
+    if content is None or file.endswith("csv"):
+        (result / file).with_suffix(".json" if file.endswith("json") else ".parquet").unlink()
+    if content is not None:
+        (result / file).write_text(content)
     assert refusal(result).startswith(line)
 
 
-@pytest.mark.parametrize(
-    ("table", "column"),
-    [
-        *(("trajectory", column) for column in ("t_s", "mode", "y_m", "phi2_rad", "phi1_rate_rad_per_s")),
-        ("events", "kind"),
-    ],
-)
-def test_plot_names_the_column_it_misses(table, column, figures, result):
-    write_table(read_table(result, table).drop(columns=column), result, table, "parquet")
-    with pytest.raises(TableError, match=column):
-        plot_run(result, ["motion", "force", "exciters"])
+def test_plot_names_the_column_it_misses(figures, result):
+    for table, columns in (
+        ("trajectory", ["t_s", "mode", "y_m", "phi2_rad", "phi1_rate_rad_per_s"]),
+        ("events", ["kind"]),
+    ):
+        whole = read_table(result, table)
+        for column in columns:
+            write_table(whole.drop(columns=column), result, table, "parquet")
+            with pytest.raises(TableError, match=column):
+                plot_run(result, ["motion", "force", "exciters"])
+        write_table(whole, result, table, "parquet")
 
 
-@pytest.mark.parametrize("column", ["y_m", "gap_m", "contact_force_n"])
-@pytest.mark.parametrize("values", ["text", True, 1j], ids=["text", "truth", "complex"])
-def test_plot_names_the_column_that_has_no_numbers(column, values, result):
-    table = read_table(result, "trajectory").assign(**{column: values})
+def test_plot_names_the_column_that_has_no_numbers(result):
+    table = read_table(result, "trajectory")
     (result / "trajectory.parquet").unlink()
-    table.to_csv(result / "trajectory.csv", index=False)
-    assert refusal(result) == f"the trajectory table in DIR has no numbers in column {column}"
+    for column, values in (("y_m", "text"), ("gap_m", True), ("contact_force_n", 1j)):
+        table.assign(**{column: values}).to_csv(result / "trajectory.csv", index=False)
+        assert refusal(result) == f"the trajectory table in DIR has no numbers in column {column}"
 
 
 def test_plot_names_the_column_that_has_no_names(result):
@@ -212,22 +195,19 @@ def test_plot_of_a_parquet_file_of_something_else_is_refused(result):
     assert refusal(result) == "the trajectory table in DIR has no numbers in column t_s"
 
 
-@pytest.mark.parametrize(
-    "change",
-    [{"name": None}, {"name": 5}, {"excitation_frequency_hz": "fast"}, {"excitation_frequency_hz": [25.0]}],
-    ids=str,
-)
-def test_plot_of_a_summary_of_something_else_is_refused(change, result):
-    (result / "summary.json").write_text(json.dumps(read_json(result, "summary") | change))
-    assert refusal(result) == "DIR/summary.json is not the summary of a run"
+def test_plot_of_a_summary_of_something_else_is_refused(result):
+    summary = read_json(result, "summary")
+    for change in ({"name": 5}, {"excitation_frequency_hz": "fast"}, {"excitation_frequency_hz": [25.0]}):
+        (result / "summary.json").write_text(json.dumps(summary | change))
+        assert refusal(result) == "DIR/summary.json is not the summary of a run"
 
 
-@pytest.mark.parametrize("name", ["a$b", "10 $ and 20 $", r"cost $\frac$ x", r"\$5 $"])
-def test_dollar_signs_in_names_are_drawn_as_they_are(name, command, figures, result):
-    (result / "summary.json").write_text(json.dumps(read_json(result, "summary") | {"name": name}))
-    plot_run(result, ["motion"])
-    shown, mathematics = Text()._preprocess_math(figures["motion"].get_suptitle())
-    assert (shown, mathematics) == (name, False)
+def test_dollar_signs_in_names_are_drawn_as_they_are(figures, result):
+    summary = read_json(result, "summary")
+    for name in ("10 $ and 20 $", r"cost $\frac$ x", r"\$5 $"):
+        (result / "summary.json").write_text(json.dumps(summary | {"name": name}))
+        plot_run(result, ["motion"])
+        assert Text()._preprocess_math(figures["motion"].get_suptitle()) == (name, False)
 
 
 def test_plot_where_a_figure_cannot_be_written_is_told_in_a_line(result):
