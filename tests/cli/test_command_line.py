@@ -19,7 +19,6 @@ from common.places import QUICKSTART
 
 from vibroplat import __version__, load_config
 from vibroplat.cli import main
-from vibroplat.cli.bench import DURATIONS, BenchName
 from vibroplat.config.keys import configuration_schema, keys
 from vibroplat.config.scene import Scene
 from vibroplat.kernels.cache import is_compiled
@@ -362,14 +361,3 @@ def test_tables_of_the_paper_hold_no_wall_times():
     tables = sorted((RESULTS / "paper").rglob("*.csv"))
     assert len(tables) > 30
     assert [path for path in tables if "wall" in path.read_text(encoding="utf-8").partition("\n")[0]] == []
-
-
-def test_durations_of_benchmarks_are_said_in_one_way(command):
-    """In the help of the command, and where its results are discussed."""
-    assert {*DURATIONS} == {"", *BenchName}
-    printed = " ".join(command("bench", "--help").out.split())
-    page = (RESULTS / "benchmarks/README.md").read_text(encoding="utf-8")
-    for name, duration in DURATIONS.items():
-        assert f"{name} ({duration})" in printed if name else f"in {duration}" in printed
-        command_line = f"vibroplat bench {name}".strip()
-        assert re.findall(rf"^\| `{command_line}` \|.*\| (.*) \|$", page, re.MULTILINE) == [duration]

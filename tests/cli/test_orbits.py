@@ -11,15 +11,14 @@ from pathlib import Path
 import pytest
 from common.commands import command as run_command
 from common.commands import ended, not_a_line, sending
+from common.orbits import traced
 from common.places import ROOT
 from common.results import bits, left
 
 from vibroplat import load_config, orbit
 from vibroplat.continuation.tables import planned
-from vibroplat.continuation.tracing import trace
 from vibroplat.motion.run import load_kernels
 from vibroplat.study.pool import Inline
-from vibroplat.study.store import Store
 
 MACHINE = Path(__file__).parents[1] / "continuation/machine.yaml"
 HEAD = f"extends: {MACHINE}\nname: c\nsolver: {{engine: taylor}}\n"
@@ -93,14 +92,15 @@ def test_writes_tables_and_prints_an_overview(followed):
     assert row.split()[:4] == ["0.1", "0", "liftoff", "48.176451"]
 
 
-def test_csv_of_several_jobs_has_the_same_values(command, followed):
+@pytest.mark.parametrize("jobs", [1, pytest.param(2, marks=pytest.mark.long)])
+def test_csv_has_the_same_values(jobs, command, followed):
     one = results()["branches.parquet"]
-    assert command("orbits", "c.yaml", "--format", "csv", "--jobs", "2").code == 0
+    assert command("orbits", "c.yaml", "--format", "csv", "--jobs", jobs).code == 0
     csv = results()["branches.csv"]
     assert (csv["rms_y_m"] == one["rms_y_m"]).all()
 
 
-def test_a_sweep_keeps_its_files_in_the_same_directory(command, config):
+def test_a_sweep_keeps_its_files_in_the_same_directory(command, config, figures):
     path = config(ORBITS + SWEEP)
     assert command("sweep", path).code == 0
     before = bits(results()["sweep.parquet"])
@@ -115,12 +115,12 @@ def test_a_sweep_keeps_its_files_in_the_same_directory(command, config):
 
 
 def test_a_branch_that_fails_keeps_its_points(command, config, monkeypatch):
-    from vibroplat.continuation.branch import Branch
+    from vibroplat.continuation.arclength import Branch
 
     grow = Branch.grow
 
     def failing(self, look):
-        if len(self.points) < 3 or self.points[-1].frame.places.size < 11:  # without material
+        if len(self.points) < 3 or self.points[-1].chart.places.size < 11:  # without material
             return grow(self, look)
         self.ended = "no point beyond: for a test"
         return False
@@ -216,8 +216,7 @@ def test_run_to_begin_from_is_relative_to_the_directory_of_the_command(command, 
     assert command("run", config("run: {duration_s: 2}\n"), "--out", "runs").code == 0
     plan = f"orbits: {{{KEY}, start: 51.5, stop: 52.0, from: runs/c, max_points: 2}}\n"
     scene = load_config(config(plan))
-    with Store(None, {}) as store:
-        (branch,) = trace(scene, store, Elsewhere())
+    (branch,) = traced(scene, Elsewhere())
     settled = orbit(scene.replace({"drive.supply_frequency_hz": 51.5}))
     assert branch.rows[0]["rms_y_m"] == pytest.approx(settled.measures["rms_y_m"], rel=1e-6)
 
@@ -234,7 +233,7 @@ def test_figures_of_orbits_need_orbits(command, here):
 
 
 @pytest.mark.parametrize(
-    ("signal_", "code"), [pytest.param(signal.SIGKILL, -9, marks=pytest.mark.long), (signal.SIGINT, 130)]
+    ("signal_", "code"), [(signal.SIGKILL, -9), pytest.param(signal.SIGINT, 130, marks=pytest.mark.long)]
 )
 def test_stopped_branches_can_be_resumed(command, config, here, signal_, code):
     path = config(ORBITS.replace("0.4, largest: 0.5", "0.02, largest: 0.02"))  # several parts a branch
@@ -272,5 +271,7 @@ def test_damaged_tables_are_not_plotted(command, followed):
 
 def test_example_plans_the_masses_of_the_paper():
     scene = load_config(ROOT / "configs/examples/branches.yaml")
-    assert [family.grid for family in planned(scene)] == [{"material.mass_ratio": mass} for mass in (0.0, 0.1, 0.2)]
+    assert [family.grid for family in planned(scene).families] == [
+        {"material.mass_ratio": mass} for mass in (0.0, 0.1, 0.2)
+    ]
     assert scene.orbits.range == (42.0, 80.0)
