@@ -16,7 +16,7 @@ from oracle import REFERENCE
 
 from vibroplat import integrate as engines
 from vibroplat import load_config, simulate
-from vibroplat.bench.reference import compared_events, coordinate_errors, event_errors
+from vibroplat.bench.measure import compared_events, coordinate_errors, event_errors
 from vibroplat.hybrid.loop import automaton, first_mode
 from vibroplat.hybrid.state import NON_FINITE, RUNNING, no_steps
 from vibroplat.integrate.native import NativeEngine, self_check
@@ -293,16 +293,8 @@ def fresh_choice():
 LIBRARY = "vibroplat.integrate.sundials."
 TYPES = "its number types are {}; known: double, int"
 BREAKAGES = {
-    "symbol": (
-        f"{LIBRARY}_FUNCTIONS",
-        {"IDANoSuchFunction": "ip"},
-        "SUNDIALS function IDANoSuchFunction is missing",
-    ),
-    "configuration": (
-        f"{LIBRARY}package",
-        lambda: Path("nowhere"),
-        "scikit-sundae does not tell its configuration",
-    ),
+    "symbol": (f"{LIBRARY}_FUNCTIONS", {"IDANoSuchFunction": "ip"}, "SUNDIALS function IDANoSuchFunction is missing"),
+    "configuration": (f"{LIBRARY}package", lambda: Path("nowhere"), "scikit-sundae does not tell its configuration"),
     "extension module": (f"{LIBRARY}EXTENSION_SUFFIXES", [], "scikit-sundae has no _cy_ida"),
     "version": (f"{LIBRARY}_MAJOR", "6.", "is not known; known: 6.x"),
     "types": (f"{LIBRARY}_TYPES", {"SUNDIALS_INT_TYPE": "long"}, TYPES.format("int")),

@@ -9,13 +9,13 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 import pytest
+from common.references import load_reference
 from oracle import REFERENCE
 from oracle import events as oracle_events
 
 from vibroplat import load_config, simulate
-from vibroplat.bench.reference import compared_events as fast
-from vibroplat.bench.reference import coordinate_errors, load_reference
-from vibroplat.bench.timing import precision
+from vibroplat.bench.measure import compared_events as fast
+from vibroplat.bench.measure import coordinate_errors, precision
 from vibroplat.config.reader import configurations
 
 PLAIN_CASES = ("attached-mu01-fe46", "bare-printed-fe60", "inelastic-mu02-fe51.5")
@@ -189,7 +189,7 @@ def test_elastic_impacts_are_those_of_an_independent_integration():
 
 @pytest.mark.parametrize("name", PLAIN_CASES[::2])
 def test_errors_fall_with_the_tolerance(name):
-    table = precision([load_reference(REFERENCE, name)], (1e-5, 1e-6, 1e-7, 1e-8, 1e-9), repeats=1)
+    table = precision([load_reference(name)], ["native"], (1e-5, 1e-6, 1e-7, 1e-8, 1e-9), 1)
     for column in ("contact_force", "event_time_s", "y_m"):
         slope = np.polyfit(np.log(table["tolerance"]), np.log(table[column]), 1)[0]
         assert slope >= 0.7, column

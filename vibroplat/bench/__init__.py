@@ -1,1 +1,1 @@
-"""Benchmarks: run time against error, compared within one run."""
+"""What ``vibroplat bench`` measures on the machine at hand: run time and errors of engines and of other solvers."""

@@ -1,15 +1,28 @@
-"""Benchmark scenes: one for each kind that the solver treats differently, and the paper's regimes."""
+"""Scenes of the benchmarks: one for each kind that the solver treats differently, and some of growing difficulty."""
 
 from __future__ import annotations
 
 from typing import Any
 
 from vibroplat.config.scene import Scene
-from vibroplat.config.sections import Material
-from vibroplat.model.systems import systems
 
-#: Supply frequencies (Hz) that give the machine below the excitation frequencies of the paper's time histories.
-PAPER_SUPPLY = {"25.75": 51.5, "30.7": 62.5, "38.75": 78.0}
+_SUPPLY, _MASS = "drive.supply_frequency_hz", "material.mass_ratio"
+_RESTITUTION, _SECONDS = "contact.restitution", "run.duration_s"
+_KINDS: dict[str, dict[str, Any]] = {
+    "attached, f_e 46": {_SUPPLY: 46.0},
+    "impacts, f_e 50": {_SUPPLY: 50.0},
+    "impacts, R 0.5, f_e 52": {_SUPPLY: 52.0, _RESTITUTION: 0.5},
+    "one layer, f_e 50": {_SUPPLY: 50.0, "material": {"mass_ratio": 0.1, "layers": 1}},
+    "non-impact, f_e 50": {_SUPPLY: 50.0, "contact.model": "non-impact"},
+    "bare, f_e 50": {_SUPPLY: 50.0, _MASS: 0.0},
+}
+_CASES: dict[str, dict[str, Any]] = {
+    "bare run-up": {_MASS: 0.0, _SUPPLY: 60.0, "run.initial.speed_ratio": 0.2, _SECONDS: 2.0},
+    "attached": {_SUPPLY: 46.0},
+    "one impact a period": {_MASS: 0.2, _SUPPLY: 51.5, _SECONDS: 1.5},
+    "latches, R 0.5": {_MASS: 0.2, _SUPPLY: 51.5, _RESTITUTION: 0.5, _SECONDS: 0.6},
+    "flights of many periods": {_SUPPLY: 78.0, _RESTITUTION: 0.3, _SECONDS: 0.6},
+}
 
 
 def base(tolerance: float, seconds: float) -> Scene:
@@ -26,32 +39,9 @@ def base(tolerance: float, seconds: float) -> Scene:
 
 def kinds(tolerance: float, seconds: float) -> dict[str, Scene]:
     """Return one scene of each kind, by name."""
-    changes: dict[str, dict[str, Any]] = {
-        "attached, f_e 46": {"drive.supply_frequency_hz": 46.0},
-        "impacts, f_e 50": {"drive.supply_frequency_hz": 50.0},
-        "impacts, R 0.5, f_e 52": {"drive.supply_frequency_hz": 52.0, "contact.restitution": 0.5},
-        "one layer, f_e 50": {
-            "drive.supply_frequency_hz": 50.0,
-            "material": Material(mass_ratio=0.1, layers=1).model_dump(exclude_unset=True),
-        },
-        "non-impact, f_e 50": {"drive.supply_frequency_hz": 50.0, "contact.model": "non-impact"},
-        "bare, f_e 50": {"drive.supply_frequency_hz": 50.0, "material.mass_ratio": 0.0},
-    }
-    scene = base(tolerance, seconds)
-    return {name: scene.replace(change) for name, change in changes.items()}
+    return {name: base(tolerance, seconds).replace(changes) for name, changes in _KINDS.items()}
 
 
-def regimes(seconds: float) -> dict[str, Scene]:
-    """Return the regimes of the paper's time histories without material and with a tenth of the mass, R 0."""
-    return {
-        f"f {f}, mu {mass_ratio:g}": base(1e-6, seconds).replace(
-            {"drive.supply_frequency_hz": supply, "material.mass_ratio": mass_ratio}
-        )
-        for mass_ratio in (0.0, 0.1)
-        for f, supply in PAPER_SUPPLY.items()
-    }
-
-
-def unknowns(scene: Scene) -> str:
-    """Return the number of unknowns in each mode of a scene, as text."""
-    return ", ".join(f"{system.size} {mode.label}" for mode, system in systems(scene).items())
+def cases() -> dict[str, Scene]:
+    """Return the scenes on which solvers are compared, by name; the last two amplify errors most."""
+    return {name: base(1e-8, 1.0).replace(changes) for name, changes in _CASES.items()}

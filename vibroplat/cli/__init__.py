@@ -1,6 +1,6 @@
 """The command line: a module for each command, or for a few that belong together.
 
-:mod:`~vibroplat.cli.program` has the program and its exit codes, :mod:`~vibroplat.cli.options` what several commands
+:mod:`~vibroplat.cli.program` has the program and its exit codes, :mod:`~vibroplat.cli.common` what several commands
 share. Heavy imports happen inside the commands, so that ``--help`` stays quick.
 """
 

@@ -8,9 +8,20 @@ from typing import Annotated
 
 import typer
 
-from vibroplat.cli.loading import load_kernels, require_scheduler, tell_of_compilation
-from vibroplat.cli.options import EngineName, Jobs, Out, Overwrite, Resume, Scheduler, Settings, Wait
-from vibroplat.cli.printing import print_lines
+from vibroplat.cli.common import (
+    EngineName,
+    Jobs,
+    Out,
+    Overwrite,
+    Resume,
+    Scheduler,
+    Settings,
+    Wait,
+    load_kernels,
+    print_lines,
+    require_scheduler,
+    tell_of_compilation,
+)
 from vibroplat.study import WAIT
 from vibroplat.system.progress import calibration_progress, sweep_progress
 
@@ -42,7 +53,7 @@ def paper(
     chosen = {name: {**machine_numbers(name), **changes} for name in machine or ("printed", "calibrated")}
     require_scheduler(scheduler)
     from vibroplat.paper import reproduction
-    from vibroplat.plots.paper import plot_paper
+    from vibroplat.plots.command import plot_results
     from vibroplat.results.tables import result_directory
     from vibroplat.study.pool import pool
 
@@ -58,7 +69,7 @@ def paper(
                 points = directory / "points"
                 found = reproduction.reproduce(numbers, points, workers, seeds=tried, progress=progress, **kept)
             found.write(numbers, directory)
-            figures = plot_paper(directory)
+            figures = plot_results([directory])
             for line in found.overview(name, time.perf_counter() - began):
                 print(line)
             print(f"{'tables and figures':<24}{directory}, {len(figures)} figures")

@@ -12,7 +12,7 @@ import typer
 from typer.core import TyperGroup
 
 from vibroplat import __version__
-from vibroplat.cli import bench, new, orbits, paper, plot, report, run, schema, sweep
+from vibroplat.cli import bench, figures, orbits, paper, reference, run, sweep
 from vibroplat.errors import VibroplatError
 from vibroplat.system.interrupts import kept, offer_resume
 from vibroplat.system.preflight import is_short_of_memory, require_memory
@@ -97,17 +97,17 @@ def _options(
 
 
 COMMANDS = (
-    new.new,
+    reference.new,
     run.run,
     sweep.sweep,
     orbits.orbits,
-    plot.plot,
-    report.report,
+    figures.plot,
+    figures.report,
     paper.paper,
     paper.calibrate,
     bench.bench,
-    schema.schema,
-    schema.columns,
+    reference.schema,
+    reference.columns,
 )
 for command in COMMANDS:
     app.command()(command)

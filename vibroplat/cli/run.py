@@ -4,13 +4,21 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from vibroplat.cli.loading import about, load_kernels, tell_of_compilation
-from vibroplat.cli.options import EngineName, Format, Out, Settings, TableFormat
-from vibroplat.cli.printing import print_lines, print_notes, print_summary
+from vibroplat.cli.common import (
+    EngineName,
+    Format,
+    Out,
+    Settings,
+    about,
+    load_kernels,
+    print_lines,
+    print_notes,
+    tell_of_compilation,
+)
 from vibroplat.errors import ConfigError
 from vibroplat.system.progress import run_progress
 
@@ -30,7 +38,7 @@ def run(
         bool, typer.Option("--check", help="Run the scene with another engine too, and compare both; six runs in all.")
     ] = False,
     out: Out = Path("results"),
-    format_: Format = TableFormat.parquet,
+    format_: Format = "parquet",
 ) -> None:
     """Simulate one scene in time.
 
@@ -44,50 +52,51 @@ def run(
     scene = load_config(config, parse_overrides(set_ or [], engine))
     with about(config):
         start = initial_condition(scene)  # what is wrong with it is told before anything is written or compiled
-        _require_other_place(scene, out)
+        source = scene.run.initial.from_
+        if source is not None and Path(source).resolve() == (out / scene.name).resolve():
+            raise ConfigError(
+                f"run.initial.from = {source!r} is where this run would be written; allowed: another name"
+            )
     directory = result_directory(out, scene.name)
     tell_of_compilation(scene.solver.engine)
     from vibroplat.motion.recorder import require_disk
 
-    require_disk(scene, directory, format_.value)
+    require_disk(scene, directory, format_)
     load_kernels(scene.solver.engine)
     result, found = _simulate_and_write(scene, start, directory, format_, check=check)
-    print_summary(result, directory)
+    from vibroplat.results.card import results, whole
+
+    lines = results(scene, result.summary, result.origin) | whole(result.summary)
+    print_lines(lines | {"tables": str(directory)})
     print_notes(result.notes)
     if found is not None:
         print_lines(found.lines())
+    agrees = found is None or found.agrees
     if result.outcome != "ok":
         why, state, _ = result.summary["detail"].partition(", state [")
         more = f"; the state then is in {directory / 'summary.json'}" if state else ""
         print(f"vibroplat: {result.outcome}: {why}{more}", file=sys.stderr)
-    if found is not None and not found.agrees:
+    if found is not None and not agrees:
         print(f"vibroplat: engines disagree {found.disagreement}", file=sys.stderr)
-    if result.outcome != "ok" or (found is not None and not found.agrees):
+    if result.outcome != "ok" or not agrees:
         raise typer.Exit(1)
 
 
-def _require_other_place(scene: Scene, out: Path) -> None:
-    """Refuse to replace the run that a scene goes on from."""
-    source = scene.run.initial.from_
-    if source is not None and Path(source).resolve() == (out / scene.name).resolve():
-        raise ConfigError(f"run.initial.from = {source!r} is where this run would be written; allowed: another name")
-
-
 def _simulate_and_write(
-    scene: Scene, start: Start, directory: Path, form: TableFormat, *, check: bool
+    scene: Scene, start: Start, directory: Path, form: Literal["parquet", "csv"], *, check: bool
 ) -> tuple[Trajectory, RunCheck | None]:
     """Simulate a scene and write its result; with ``check``, return what another engine has found as well."""
     from vibroplat.results.files import write_result
     from vibroplat.results.provenance import provenance
     from vibroplat.results.tables import GrowingTable
 
-    trajectory, events = (GrowingTable(directory, name, form.value) for name in ("trajectory", "events"))
+    trajectory, events = (GrowingTable(directory, name, form) for name in ("trajectory", "events"))
     with trajectory, events:
         result, found = _simulate(scene, start, (trajectory.append, events.append), check=check)
         summary = result.summary | {"notes": result.notes} | ({} if found is None else {"check": found.to_tree()})
         origin = provenance(scene, summary["engine"], result.origin)
         tables = {"trajectory": trajectory, "events": events}
-        write_result(directory, "run", origin, tables, {"summary": summary}, form=form.value)
+        write_result(directory, "run", origin, tables, {"summary": summary}, form=form)
     return result, found
 
 

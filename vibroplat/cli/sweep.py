@@ -2,16 +2,31 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from vibroplat.cli.loading import about, load_kernels, require_scheduler, tell_of_compilation
-from vibroplat.cli.options import Study, with_study
-from vibroplat.cli.printing import print_lines, print_notes
+from vibroplat.cli.common import (
+    EngineName,
+    Format,
+    Jobs,
+    Out,
+    Overwrite,
+    Resume,
+    Scheduler,
+    Settings,
+    Wait,
+    about,
+    complain_of,
+    load_kernels,
+    print_lines,
+    print_notes,
+    require_scheduler,
+    tell_of_compilation,
+)
+from vibroplat.study import WAIT
 from vibroplat.system.progress import sweep_progress
 
 if TYPE_CHECKING:
@@ -21,15 +36,21 @@ if TYPE_CHECKING:
 SHOWN = 5
 
 
-@with_study
 def sweep(
     config: Annotated[Path, typer.Argument(help="Configuration file with a sweep section.")],
     check: Annotated[
         float | None,
         typer.Option(metavar="SHARE", help="Repeat this share of the points with another engine, and compare both."),
     ] = None,
-    *,
-    study: Study,
+    set_: Settings = None,
+    engine: EngineName = None,
+    out: Out = Path("results"),
+    jobs: Jobs = 1,
+    resume: Resume = False,
+    overwrite: Overwrite = False,
+    scheduler: Scheduler = None,
+    wait: Wait = WAIT,
+    format_: Format = "parquet",
 ) -> None:
     """Sweep over supply frequencies and a grid of values.
 
@@ -40,16 +61,16 @@ def sweep(
 
     if check is not None:
         require_share(check)
-    scene = load_config(config, parse_overrides(study.set_ or [], study.engine))
+    scene = load_config(config, parse_overrides(set_ or [], engine))
     with about(config):
         planned = branches(scene)
     places = [] if check is None else chosen(planned, check)
-    require_scheduler(study.scheduler)
+    require_scheduler(scheduler)
     from vibroplat.results.files import read_provenance
     from vibroplat.results.tables import result_directory
 
-    directory = result_directory(study.out, scene.name)
-    if study.resume and (directory / "provenance.json").exists():
+    directory = result_directory(out, scene.name)
+    if resume and (directory / "provenance.json").exists():
         read_provenance(directory, "sweep")
     tell_of_compilation(scene.solver.engine)
     from vibroplat.check.sweeps import check_points
@@ -59,11 +80,11 @@ def sweep(
     from vibroplat.study.store import Store
 
     found = None
-    with Store(directory, sweeps.conditions(scene), resume=study.resume, overwrite=study.overwrite) as store:
+    with Store(directory, sweeps.conditions(scene), resume=resume, overwrite=overwrite) as store:
         load_kernels(scene.solver.engine, *([other_engine(scene.solver.engine)] if places else []))
         began = time.perf_counter()
         bar = sweep_progress(scene.name, len(planned), sum(len(branch.frequencies) for branch in planned))
-        measured = sweeps.measured(planned, store, study.jobs, study.scheduler, study.wait, bar, len(places))
+        measured = sweeps.measured(planned, store, jobs, scheduler, wait, bar, len(places))
         with measured as workers:
             known, seconds = store.reused, time.perf_counter() - began
             if places:
@@ -71,7 +92,7 @@ def sweep(
                     found = check_points(planned, places, store, workers, progress=progress)
         store.finish()
         checked = None if found is None else found.to_tree()
-        table, bands = sweeps.write_sweep(scene, planned, store, directory, study.format_.value, check=checked)
+        table, bands = sweeps.write_sweep(scene, planned, store, directory, format_, check=checked)
     resumed = f", {known} of the points from before" if known else ""
     took = f"{seconds:.3g} s, {(len(table) - known) / seconds:.3g} points per s{resumed}"
     print_lines(sweeps.overview(table) | {"wall time": took, "tables": str(directory)})
@@ -79,7 +100,7 @@ def sweep(
         print(line)
     print_notes(sweeps.notes_on_branches(planned) + sweeps.notes_on_points(table))
     failed = sweeps.failures(table)
-    _complain_of(failed, f"{len(failed)} of {len(table)} points failed")
+    complain_of(failed, f"{len(failed)} of {len(table)} points failed")
     agrees = found is None or _print_check(found)
     if failed or not agrees:
         raise typer.Exit(1)
@@ -90,13 +111,5 @@ def _print_check(found: SweepCheck) -> bool:
     print_lines(dict(found.lines()))
     for row in found.reclassified[:SHOWN]:
         print(f"  {row}")
-    _complain_of(found.disagreements, f"engines disagree at {len(found.disagreements)} of {len(found.checked)} points")
+    complain_of(found.disagreements, f"engines disagree at {len(found.disagreements)} of {len(found.checked)} points")
     return found.agrees
-
-
-def _complain_of(lines: list[str], total: str) -> None:
-    """Print the first of some lines and their total, if there are any."""
-    for line in lines[:SHOWN]:
-        print(f"vibroplat: {line}", file=sys.stderr)
-    if lines:
-        print(f"vibroplat: {total}", file=sys.stderr)

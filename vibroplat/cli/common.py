@@ -1,0 +1,126 @@
+"""What several commands share: their options, what they do before they begin, and how they print."""
+
+from __future__ import annotations
+
+import gc
+import sys
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from vibroplat.errors import ConfigError
+from vibroplat.system.interrupts import offer_resume
+from vibroplat.system.preflight import COMPILING, require_memory
+
+# -- options ----------------------------------------------------------------------------------------------
+
+
+def _offer(resume: bool) -> bool:
+    """Note that this command can be resumed, whether or not it is now."""
+    offer_resume(True)
+    return resume
+
+
+Settings = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="Override a key, e.g. run.duration_s=2. May be repeated."),
+]
+EngineName = Annotated[
+    str | None,
+    typer.Option(
+        "--engine",
+        metavar="NAME",
+        help="Integrator: auto, native, sundae, or taylor, which is mostly several times faster. Short for "
+        "--set solver.engine=NAME.",
+    ),
+]
+Out = Annotated[Path, typer.Option(help="Directory for the results.")]
+Format = Annotated[Literal["parquet", "csv"], typer.Option("--format", help="File format of the tables.")]
+Jobs = Annotated[int, typer.Option(min=1, help="Number of worker processes.")]
+Resume = Annotated[bool, typer.Option("--resume", callback=_offer, help="Resume an interrupted command.")]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Discard an unfinished command's points and start over.")]
+Scheduler = Annotated[
+    str | None, typer.Option(help="Run on a dask cluster: address of its scheduler, e.g. tcp://host:8786.")
+]
+Wait = Annotated[
+    float,
+    typer.Option(
+        min=0.0, metavar="S", help="With --scheduler: end after S seconds without a worker. After 5 s a line says so."
+    ),
+]
+
+# -- before a command begins --------------------------------------------------------------------------------
+
+
+@contextmanager
+def about(config: Path) -> Iterator[None]:
+    """Let errors of a configuration name its file, where they are found only after it was read."""
+    try:
+        yield
+    except ConfigError as error:
+        raise ConfigError(f"{config}: {error}") from None
+
+
+def tell_of_compilation(engine: str | None = None) -> None:
+    """Say why the first run on a machine takes long; some kernels are compiled as soon as they are imported."""
+    import vibroplat.kernels.compiled  # noqa: F401  (refuses where compilation is switched off)
+    from vibroplat.kernels.cache import is_compiled, notice
+
+    if not is_compiled(engine or "auto"):
+        told = notice() or "this happens once for each engine and takes about half a minute"
+        require_memory(COMPILING, "compiling the kernels for the first time")
+        print(f"vibroplat: compiling the numerical kernels; {told}", file=sys.stderr)
+
+
+def load_kernels(*engines: str) -> None:
+    """Compile or load what a motion needs by these engines, once, before workers would each do so."""
+    from vibroplat.motion import run
+
+    for engine in engines or ("auto",):
+        run.load_kernels(engine)
+    gc.freeze()  # what is loaded stays: the garbage collector need not look at it
+
+
+def require_scheduler(address: str | None) -> None:
+    """Refuse an address without a scheduler before the kernels are loaded, which may take long."""
+    if address is not None:
+        from vibroplat.study import cluster
+
+        cluster.require_scheduler(address)
+
+
+# -- what is printed ----------------------------------------------------------------------------------------
+
+
+def print_lines(lines: Mapping[str, str], width: int = 28) -> None:
+    """Print labels and texts in two columns."""
+    for label, text in lines.items():
+        print(f"{label:<{width}}{text}")
+
+
+def print_table(header: Sequence[str], rows: Iterable[Sequence[str]], most: int, more: str) -> None:
+    """Print the first rows of a table of texts in columns; if they are not all, where the others are."""
+    lines = [header, *rows]
+    shown = lines[: most + 1]
+    widths = [max(map(len, column)) for column in zip(*shown, strict=True)]
+    for line in shown:
+        print("  ".join(f"{text:<{width}}" for text, width in zip(line, widths, strict=True)).rstrip())
+    if len(lines) > len(shown):
+        print(f"… and {len(lines) - len(shown)} more: {more}")
+
+
+def print_notes(notes: list[str]) -> None:
+    """Print what is to be noted, a line each."""
+    for note in notes:
+        print(f"note: {note}")
+
+
+def complain_of(lines: Sequence[str], total: str, most: int = 5) -> None:
+    """Print the first of some lines and their total on standard error, if there are any."""
+    for line in lines[:most]:
+        print(f"vibroplat: {line}", file=sys.stderr)
+    if lines:
+        print(f"vibroplat: {total}", file=sys.stderr)

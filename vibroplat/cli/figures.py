@@ -1,0 +1,88 @@
+"""The commands ``plot`` and ``report``: figures, and a page to hand on, from result tables."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from enum import StrEnum
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+
+from vibroplat.cli.common import tell_of_compilation
+
+if TYPE_CHECKING:
+    from vibroplat.config.scene import Scene
+    from vibroplat.continuation.orbit import OrbitMotion
+
+#: Figures: the first three show a run, the last three orbits, the others a sweep.
+Kind = StrEnum("Kind", "motion force exciters response bifurcation map branches multipliers boundaries")
+
+
+def plot(
+    directories: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="DIR...",
+            help="Result directory of a run, a sweep, orbits or the paper; several are laid over each other.",
+        ),
+    ],
+    kind: Annotated[list[Kind] | None, typer.Option(help="Figures to draw. Default: all.")] = None,
+    start: Annotated[float | None, typer.Option(help="Start of the interval that figures of a run show (s).")] = None,
+    stop: Annotated[float | None, typer.Option(help="End of that interval (s).")] = None,
+    x: Annotated[
+        Literal["excitation", "supply"] | None, typer.Option(help="Horizontal axis of a sweep. Default: excitation.")
+    ] = None,
+    data: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Measured data to lay over: CSV, columns as in the tables.")
+    ] = None,
+    format_: Annotated[Literal["png", "pdf", "svg"], typer.Option("--format", help="Format of the figures.")] = "png",
+    dpi: Annotated[int | None, typer.Option(min=10, max=2400, help="Dots per inch. Default: 130.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Directory for the figures. Default: the first DIR.")] = None,
+) -> None:
+    """Draw figures of a run, a sweep, orbits or the paper.
+
+    Several runs or sweeps are laid over each other. Only the tables in DIR are read; nothing is simulated.
+    """
+    from vibroplat.plots.command import plot_results
+    from vibroplat.plots.style import Saving
+
+    kinds, saving = [one.value for one in kind or []], Saving(format_, dpi, out)
+    for path in plot_results(directories, kinds, saving=saving, start=start, stop=stop, x=x, data=data):
+        print(path)
+
+
+def report(
+    directories: Annotated[list[Path], typer.Argument(metavar="DIR...", help="Directories of runs, sweeps or orbits.")],
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="The page. Default: report.html in the first DIR.")
+    ] = None,
+    start: Annotated[float | None, typer.Option(help="Start of the interval in which the machine moves (s).")] = None,
+    stop: Annotated[float | None, typer.Option(help="End of that interval (s).")] = None,
+    orbits: Annotated[
+        bool,
+        typer.Option(help="Compute orbits of points of sweeps and branches: a click on such a point draws its orbit."),
+    ] = True,
+) -> None:
+    """Write an HTML page of results, to look at and to hand on.
+
+    One HTML file with curves, tables and the moving machine of all results side by side; it opens offline in a browser.
+    """
+    from vibroplat.page.report import write_report
+    from vibroplat.system.progress import points_progress
+
+    with points_progress("orbits") as progress:
+        print(write_report(directories, out, start, stop, mover=_move if orbits else None, progress=progress))
+
+
+def _move(scene: Scene, row: Mapping[str, Any]) -> OrbitMotion:
+    """Compute the orbit of a row; what computes is loaded when the first one is wanted."""
+    from vibroplat.continuation.orbit import motion_of
+
+    _tell(scene.solver.engine)
+    return motion_of(scene, row)
+
+
+#: Once for each engine.
+_tell = cache(tell_of_compilation)

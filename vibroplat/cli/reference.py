@@ -1,0 +1,55 @@
+"""The commands ``new``, ``schema`` and ``columns``: a configuration to start from, and what keys and columns mean."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from vibroplat.cli.common import about
+from vibroplat.errors import ConfigError
+
+
+def new(file: Annotated[Path, typer.Argument(metavar="FILE", help="The file to write, e.g. mine.yaml.")]) -> None:
+    """Write a commented configuration to start from."""
+    from vibroplat.config.keys import template
+    from vibroplat.config.scene import Scene
+
+    with about(file):
+        Scene.from_tree({"name": file.stem})  # the file's name will be that of the results
+    text = template(str(file), file.stem)
+    try:
+        with file.open("x", encoding="utf-8") as opened:
+            opened.write(text)
+    except FileExistsError:
+        raise ConfigError(f"{file}: there is such a file already; allowed: a new one") from None
+    except OSError as error:
+        raise ConfigError(f"{file}: cannot be written ({error.strerror or error})") from None
+    commands = (f"`vibroplat {command} {file}`" for command in ("run", "sweep", "orbits"))
+    print("{}: change it, then run {}, {} or {}".format(file, *commands))
+
+
+def schema(
+    markdown: Annotated[
+        bool, typer.Option("--markdown", help="A page for people instead, as results/configuration.md.")
+    ] = False,
+) -> None:
+    """Print all keys of a configuration, as a JSON schema or a page."""
+    import json
+
+    if markdown:
+        from vibroplat.cli.dictionary import configuration_page
+
+        print(configuration_page(), end="")
+        return
+    from vibroplat.config.keys import configuration_schema
+
+    print(json.dumps(configuration_schema(), indent=2))
+
+
+def columns() -> None:
+    """Print what the columns of all tables mean."""
+    from vibroplat.cli.dictionary import columns_page
+
+    print(columns_page(), end="")
