@@ -53,7 +53,7 @@ def paper(
     chosen = {name: {**machine_numbers(name), **changes} for name in machine or ("printed", "calibrated")}
     require_scheduler(scheduler)
     from vibroplat.paper import reproduction
-    from vibroplat.plots.paper import plot_paper
+    from vibroplat.plots.command import plot_results
     from vibroplat.results.tables import result_directory
     from vibroplat.study.pool import pool
 
@@ -69,7 +69,7 @@ def paper(
                 points = directory / "points"
                 found = reproduction.reproduce(numbers, points, workers, seeds=tried, progress=progress, **kept)
             found.write(numbers, directory)
-            figures = plot_paper(directory)
+            figures = plot_results([directory])
             for line in found.overview(name, time.perf_counter() - began):
                 print(line)
             print(f"{'tables and figures':<24}{directory}, {len(figures)} figures")
