@@ -29,6 +29,7 @@ if TYPE_CHECKING:
         State,
     )
     from vibroplat.continuation.orbit import Orbit, orbit
+    from vibroplat.continuation.orbit import confirmed_point as confirmed_point
     from vibroplat.continuation.tables import orbits
     from vibroplat.motion.run import simulate
     from vibroplat.motion.variation import variation
@@ -58,6 +59,8 @@ _HOMES = {
     "sweep": "vibroplat.study.sweep",
     # not for users: runs, orbits and tables ask for their figures here, and know nothing else of what draws them
     "figure_of": "vibroplat.plots.display",
+    # not for users: sweeps whose points are confirmed know nothing else of orbits
+    "confirmed_point": "vibroplat.continuation.orbit",
 }
 
 __all__ = [

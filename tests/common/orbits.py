@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from vibroplat.continuation.curves import boundaries
-from vibroplat.continuation.tracing import trace
+from vibroplat.continuation.tables import boundaries, planned, trace
 from vibroplat.study.pool import pool
 from vibroplat.study.store import Store
 
 
-def traced(scene):
+def traced(scene, workers=None):
     """Follow the branches of a scene."""
-    with Store(None, {}) as store, pool(1) as workers:
-        return trace(scene, store, workers)
+    with Store(None, {}) as store, pool(1) as here:
+        return trace(planned(scene), store, workers or here)
 
 
 def bounded(scene):
     """Follow the branches of a scene, and the boundaries from their special points."""
+    study = planned(scene)
     with Store(None, {}) as store, pool(1) as workers:
-        found = trace(scene, store, workers)
-        return found, boundaries(scene, found, store, workers)
+        found = trace(study, store, workers)
+        return found, boundaries(study, found, store, workers)

@@ -24,8 +24,9 @@ def branches(restitution, tolerance, stop, **changes):
     )
 
 
-@pytest.mark.parametrize("restitution", [0.3, 0.5, 0.8])
-@pytest.mark.parametrize(("tolerance", "error"), [(1e-6, 1e-6), (1e-10, 1e-9)])
+@pytest.mark.parametrize(
+    ("restitution", "tolerance", "error"), [(0.3, 1e-6, 1e-6), (0.5, 1e-10, 1e-9), (0.8, 1e-6, 1e-6)]
+)
 def test_stable_range_ends_where_the_formulas_say(restitution, tolerance, error):
     for kind, end, beyond in zip(("fold", "period-doubling"), stable_range(restitution), (0.98, 1.07), strict=True):
         scale, (branch,) = branches(restitution, tolerance, end * beyond)
@@ -33,8 +34,7 @@ def test_stable_range_ends_where_the_formulas_say(restitution, tolerance, error)
         assert scale / special["value"] == pytest.approx(end, rel=error)
 
 
-@pytest.mark.parametrize("restitution", [0.3, 0.5, 0.8])
-@pytest.mark.parametrize("share", [0.1, 0.6, 1.05])
+@pytest.mark.parametrize(("restitution", "share"), [(0.3, 0.1), (0.5, 1.05), (0.8, 0.6)])
 def test_multipliers_of_the_ball_are_those_of_its_map(restitution, share):
     low, high = stable_range(restitution)
     gamma = low + share * (high - low)

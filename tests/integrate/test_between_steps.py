@@ -16,10 +16,7 @@ from vibroplat.model.parameters import parameters
 from vibroplat.model.systems import systems
 
 #: Scenes without events.
-SCENES = {
-    "bare": ("bare-printed-fe60", {}),
-    "attached": ("attached-mu01-fe46", {"drive.supply_frequency_hz": 40.0}),
-}
+SCENES = {"bare": ("bare-printed-fe60", {}), "attached": ("attached-mu01-fe46", {"drive.supply_frequency_hz": 40.0})}
 LONG = pytest.mark.long
 
 

@@ -12,14 +12,7 @@ from vibroplat.config.scene import Scene
 from vibroplat.hybrid.loop import AT_GUARD, AT_TARGET, automaton
 from vibroplat.hybrid.modes import ATTACHED
 from vibroplat.hybrid.state import CUBIC, fill_cubic, no_steps
-from vibroplat.integrate.multistep import (
-    begin_steps,
-    calm,
-    excursion,
-    fall_within,
-    no_past,
-    transcribe,
-)
+from vibroplat.integrate.multistep import begin_steps, calm, excursion, no_past, transcribe
 from vibroplat.kernels.polynomial import extremes, first_fall
 from vibroplat.model.parameters import parameters
 from vibroplat.observe.segments import sample
@@ -53,6 +46,7 @@ def rate(t):
 
 
 def largest_error(count):
+    """Largest error of the cubics of so many steps."""
     t = np.linspace(0.0, 2.0, count + 1)
     steps, _ = added(t, columns(wave(t)), columns(rate(t)))
     times = np.linspace(0.0, 2.0, 1001)
@@ -100,7 +94,6 @@ def test_dip_inside_a_step():
     for g0, g1, rate_0, rate_1, expected in DIPS:
         steps, _ = added([0.0, 1.0], columns([g0, g1]), columns([rate_0, rate_1]))
         assert first_fall(steps.c[0], CUBIC, OTHERS, 0) == pytest.approx(expected, abs=1e-9)
-        assert fall_within(steps, OTHERS) == pytest.approx(expected, abs=1e-9)
 
 
 def transcribed(g, rates, at_guard=False, target=math.nan, phi1=None):
@@ -113,24 +106,21 @@ def transcribed(g, rates, at_guard=False, target=math.nan, phi1=None):
     return stop, steps.start[:rows] + steps.length[:rows], steps.ends[:rows]
 
 
-def test_steps_end_at_a_fall_between_two_ends():
-    stop, t, ends = transcribed([1.0, 0.1, 0.1, 1.0], [-1.0, -1.0, 1.0, 1.0])
-    assert stop == AT_GUARD
-    assert len(t) == 2
-    assert 1.0 < t[-1] < 1.5
-    assert abs(ends[-1, OTHERS]) < 1e-12
-
-
-def test_steps_without_a_fall_stay():
-    stop, t, _ = transcribed([1.0, 0.6, 0.6, 1.0], [-1.0, -0.1, 0.1, 1.0])
-    assert stop == -1
-    assert t.tolist() == [1.0, 2.0, 3.0]
-
-
-def test_fall_that_the_integrator_found_stays_where_it_is():
-    stop, t, _ = transcribed([1.0, 0.5, -1e-18], [-0.5, -0.5, -0.5], at_guard=True)
-    assert stop == -1
-    assert t.tolist() == [1.0, 2.0]
+@pytest.mark.parametrize(
+    ("g", "rates", "found", "stop", "ends"),
+    [
+        ([1.0, 0.1, 0.1, 1.0], [-1.0, -1.0, 1.0, 1.0], False, AT_GUARD, [1.0, 1.5 - math.sqrt(0.25 - 0.1)]),
+        ([1.0, 0.5, -0.5, -1.0], [-0.5, -1.0, -1.0, 0.0], False, AT_GUARD, [1.0, 1.5]),
+        ([1.0, 0.6, 0.6, 1.0], [-1.0, -0.1, 0.1, 1.0], False, -1, [1.0, 2.0, 3.0]),
+        ([1.0, 0.5, -1e-18], [-0.5, -0.5, -0.5], True, -1, [1.0, 2.0]),
+    ],
+    ids=["dips", "falls", "stays", "found by the integrator"],
+)
+def test_steps_end_where_the_guard_falls(g, rates, found, stop, ends):
+    reason, t, at_ends = transcribed(g, rates, at_guard=found)
+    assert reason == stop
+    assert t == pytest.approx(ends, abs=1e-12)
+    assert stop < 0 or abs(at_ends[-1, OTHERS]) < 1e-12
 
 
 @pytest.mark.parametrize(

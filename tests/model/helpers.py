@@ -20,10 +20,7 @@ LOPSIDED = {
     "gravity_m_per_s2": 7.3,
 }
 
-UNEQUAL_MOTORS = [
-    Motor(),
-    Motor(critical_torque_n_m=0.9, critical_slip=0.21, pole_pairs=3, friction_radius_m=8.0e-5),
-]
+UNEQUAL_MOTORS = [Motor(), Motor(critical_torque_n_m=0.9, critical_slip=0.21, pole_pairs=3, friction_radius_m=8.0e-5)]
 
 
 def exciters(first, second, **changes):

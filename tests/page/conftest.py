@@ -4,7 +4,7 @@ import pytest
 from common import handmade
 
 from vibroplat import load_config, orbits, simulate, sweep
-from vibroplat.continuation.report import write_orbits
+from vibroplat.continuation.tables import write_orbits
 from vibroplat.results.files import write_result
 from vibroplat.results.provenance import provenance
 

@@ -14,7 +14,7 @@ from vibroplat.cli.common import tell_of_compilation
 
 if TYPE_CHECKING:
     from vibroplat.config.scene import Scene
-    from vibroplat.continuation.motions import OrbitMotion
+    from vibroplat.continuation.orbit import OrbitMotion
 
 #: Figures: the first three show a run, the last three orbits, the others a sweep.
 Kind = StrEnum("Kind", "motion force exciters response bifurcation map branches multipliers boundaries")
@@ -45,11 +45,11 @@ def plot(
 
     Several runs or sweeps are laid over each other. Only the tables in DIR are read; nothing is simulated.
     """
-    from vibroplat.plots.command import Wanted, plot_results
+    from vibroplat.plots.command import plot_results
     from vibroplat.plots.style import Saving
 
-    wanted = Wanted([one.value for one in kind or []], start, stop, x, data, Saving(format_, dpi, out))
-    for path in plot_results(directories, wanted):
+    kinds, saving = [one.value for one in kind or []], Saving(format_, dpi, out)
+    for path in plot_results(directories, kinds, saving=saving, start=start, stop=stop, x=x, data=data):
         print(path)
 
 
@@ -78,7 +78,7 @@ def report(
 
 def _move(scene: Scene, row: Mapping[str, Any]) -> OrbitMotion:
     """Compute the orbit of a row; what computes is loaded when the first one is wanted."""
-    from vibroplat.continuation.motions import motion_of
+    from vibroplat.continuation.orbit import motion_of
 
     _tell(scene.solver.engine)
     return motion_of(scene, row)

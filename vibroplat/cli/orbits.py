@@ -3,57 +3,38 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from vibroplat.cli.common import (
-    EngineName,
-    Format,
-    Jobs,
-    Out,
-    Overwrite,
-    Resume,
-    Scheduler,
-    Settings,
-    Wait,
-    complain_of,
-    load_kernels,
-    print_lines,
-    print_notes,
-    print_table,
-    require_scheduler,
-    tell_of_compilation,
-)
+from vibroplat.cli import common
 from vibroplat.study import WAIT
 from vibroplat.system.progress import orbits_progress
 
 if TYPE_CHECKING:
-    from vibroplat.config.scene import Scene
-    from vibroplat.continuation.tables import OrbitTables
-    from vibroplat.continuation.tracing import Traced
-    from vibroplat.study.pool import Pool
-    from vibroplat.study.store import Store
+    import pandas as pd
+
+    from vibroplat.continuation.tables import Planned
 
 #: Name of the file that keeps finished parts of branches, so that a sweep may have its points beside it.
 FILE = "orbits.sqlite"
 #: Branches and special points that are printed at most.
-TOLD = 40
+MOST = 40
 
 
 def orbits(
     config: Annotated[Path, typer.Argument(help="Configuration file with an orbits section.")],
-    set_: Settings = None,
-    engine: EngineName = None,
-    out: Out = Path("results"),
-    jobs: Jobs = 1,
-    resume: Resume = False,
-    overwrite: Overwrite = False,
-    scheduler: Scheduler = None,
-    wait: Wait = WAIT,
-    format_: Format = "parquet",
+    set_: common.Settings = None,
+    engine: common.EngineName = None,
+    out: common.Out = Path("results"),
+    jobs: common.Jobs = 1,
+    resume: common.Resume = False,
+    overwrite: common.Overwrite = False,
+    scheduler: common.Scheduler = None,
+    wait: common.Wait = WAIT,
+    format_: common.Format = "parquet",
 ) -> None:
     """Follow branches of periodic orbits over a key.
 
@@ -62,13 +43,12 @@ def orbits(
     from vibroplat.config.reader import load_config, parse_overrides
 
     scene = load_config(config, parse_overrides(set_ or [], engine))
-    tell_of_compilation(scene.solver.engine)
-    from vibroplat.continuation import report
-    from vibroplat.continuation.curves import boundaries
-    from vibroplat.continuation.tables import planned, summary, tables
+    common.tell_of_compilation(scene.solver.engine)
+    from vibroplat.continuation.tables import follow, planned, write_orbits
 
-    found = planned(scene)
-    require_scheduler(scheduler)
+    plan = planned(scene)
+    common.require_scheduler(scheduler)
+    from vibroplat.config.plausibility import notes_on_inputs
     from vibroplat.results.files import read_provenance
     from vibroplat.results.tables import result_directory
     from vibroplat.study.pool import pool
@@ -80,47 +60,94 @@ def orbits(
         read_provenance(directory, "orbits")
     kept: dict[str, Any] = {"file": FILE, "what": "parts of branches"}
     with Store(directory, conditions(scene), resume=resume, overwrite=overwrite, **kept) as store:
-        load_kernels(scene.solver.engine)
-        began = time.perf_counter()
-        with pool(jobs, scheduler, wait=wait, chains=len(found)) as workers:
-            traced = _trace(scene, len(found), store, workers)
-            curves = boundaries(scene, traced, store, workers)
+        common.load_kernels(scene.solver.engine)
+        began, families = time.perf_counter(), len(plan.families)
+        with (
+            pool(jobs, scheduler, wait=wait, chains=families) as workers,
+            orbits_progress(scene.name, families) as progress,
+        ):
+            made, summary = follow(plan, store, workers, progress)
         seconds, known = time.perf_counter() - began, store.reused
         store.finish()
-        told, made = summary(scene, traced, curves), tables(scene, traced, curves)
-        report.write_orbits(scene, made, told, directory, format_)
-    took = f"{told['points'] / seconds:.3g} points per s" if not known else f"{known} parts of branches from before"
-    _print(scene, made, told, {"wall time": f"{seconds:.3g} s, {took}", "tables": str(directory)})
-    print_notes(report.notes_on_families(found))
-    if failed := report.failures(told):
-        complain_of(failed, f"{len(failed)} of {len(told['branches'])} branches failed", most=TOLD)
+        write_orbits(scene, made, summary, directory, format_)
+    took = f"{known} parts of branches from before" if known else f"{summary['points'] / seconds:.3g} points per s"
+    common.print_lines(_overview(made.branches, summary))
+    common.print_lines({"wall time": f"{seconds:.3g} s, {took}", "tables": str(directory)})
+    _print_boundaries(summary["boundaries"])
+    _print_branches(plan, summary["branches"])
+    _print_special(plan, made.special)
+    common.print_notes(notes_on_inputs(family.scene for family in plan.families))
+    failed = [
+        f"branch {branch['branch']}{''.join(f', {key} {value}' for key, value in branch['grid'].items())} failed "
+        f"after {branch['points']} points: {branch['ended']}"
+        for branch in summary["branches"]
+        if branch["failed"]
+    ]
+    if failed:
+        common.complain_of(failed, f"{len(failed)} of {len(summary['branches'])} branches failed", most=MOST)
         raise typer.Exit(1)
 
 
-def _trace(scene: Scene, families: int, store: Store, workers: Pool) -> list[Traced]:
-    """Follow the branches that are not stored yet; where there is no orbit to begin with, nothing is left to resume."""
-    from vibroplat.continuation.orbit import OrbitError
-    from vibroplat.continuation.tracing import trace
+def _overview(table: pd.DataFrame, summary: Mapping[str, Any]) -> dict[str, str]:
+    """Summarize branches in a few lines: label and text."""
+    points = len(table)
+    frequency, height = table["excitation_frequency_hz"], 1e3 * table["rms_y_m"]
+    failed = f", {summary['failed']} failed" if summary["failed"] else ""
+    return {
+        "branches": f"{len(summary['branches'])}{failed}",
+        "points": f"{points}, {int(table['stable'].sum())} of them stable",
+        "turns": f"{summary['turns']:.0f}, {summary['turns'] / max(points, 1):.1f} per point",
+        "excitation frequency": f"{frequency.min():.2f} … {frequency.max():.2f} Hz",
+        "RMS y": f"{height.min():.3g} … {height.max():.3g} mm",
+        "residual": f"at most {table['residual'].max():.2g}",
+    }
 
-    try:
-        with orbits_progress(scene.name, families) as progress:
-            return trace(scene, store, workers, progress)
-    except OrbitError:
-        store.finish()
-        raise
 
-
-def _print(scene: Scene, made: OrbitTables, told: Mapping[str, Any], more: dict[str, str]) -> None:
-    """Print an overview of branches and special points."""
-    from vibroplat.continuation import report
-
-    print_lines(report.overview(made.branches, told) | more)
-    for curve in told["boundaries"]:
+def _print_boundaries(curves: Sequence[Mapping[str, Any]]) -> None:
+    """Print a line for each boundary, and an empty one."""
+    for curve in curves:
         which = "".join(f", {key} {value}" for key, value in curve["grid"].items())
         checks = "".join(f"; {number} {what}" for what, number in curve["checks"].items())
         print(f"boundary of {curve['kind']}{which}: {curve['points']} points; {' and '.join(curve['ended'])}{checks}")
     print()
-    print_table(*report.branch_lines(scene, told), most=TOLD, more="orbits.json")
-    if len(made.special):
-        print()
-        print_table(*report.special_lines(scene, made.special), most=TOLD, more="table special")
+
+
+def _varied(plan: Planned) -> list[str]:
+    """List the keys of the grid that have several values."""
+    return [key for key, values in plan.plan.grid.items() if len(values) > 1]
+
+
+def _print_branches(plan: Planned, branches: Sequence[Mapping[str, Any]]) -> None:
+    """Print a row for each branch."""
+    keys, value = _varied(plan), plan.column
+    header = [*(key.rpartition(".")[2] for key in keys), "branch", "begins at", value, "points", "stable", "ended"]
+    rows = [
+        [
+            *(f"{branch['grid'][key]}" for key in keys),
+            str(branch["branch"]),
+            branch["origin"] + ("" if branch["parent"] is None else f" of branch {branch['parent']}"),
+            "" if branch["least"] is None else f"{branch['least']:.6g} … {branch['largest']:.6g}",
+            str(branch["points"]),
+            str(branch["stable"]),
+            ("failed: " if branch["failed"] else "") + branch["ended"],
+        ]
+        for branch in branches
+    ]
+    common.print_table(header, rows, most=MOST, more="orbits.json")
+
+
+def _print_special(plan: Planned, special: pd.DataFrame) -> None:
+    """Print a row for each special point."""
+    if special.empty:
+        return
+    from vibroplat.continuation.tables import column_of
+
+    keys, names = [column_of(key) for key in _varied(plan)], ["branch", "kind", "period"]
+    shown = special[[*keys, *names[:2]]].astype(str)
+    for name in (plan.column, "excitation_frequency_hz"):
+        shown[name] = [f"{value:.8g}" for value in special[name]]
+    shown["period"] = special["period"].astype(str)
+    header = [name.rpartition(".")[2] for name in keys]
+    header += ["branch", "special point", plan.column, "excitation_frequency_hz", "period"]
+    print()
+    common.print_table(header, shown.to_numpy().tolist(), most=MOST, more="table special")

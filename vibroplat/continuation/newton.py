@@ -1,7 +1,7 @@
-"""Newton's method for periodic orbits: unknowns, residual, multipliers.
+"""Newton's method for periodic orbits: unknowns, residual, Jacobian, Floquet multipliers.
 
-An orbit is found as a fixed point of a shot: from a state on the section, where exciter 1 stands at a given angle, for
-exactly the period T, which is unknown too. The angle's place among the unknowns is taken by T.
+An orbit is a fixed point of a shot: from a state on the section, where exciter 1 stands at a given angle, for exactly
+the period T, which is unknown too. The angle's place among the unknowns is taken by T.
 """
 
 from __future__ import annotations
@@ -10,32 +10,28 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from vibroplat.config.coordinates import Mode
-from vibroplat.continuation.shooting import Shooter, Shot
+from vibroplat.continuation.shooting import TURN, Shooter, Shot, rotated
 from vibroplat.kernels.compiled import FloatArray
-from vibroplat.model.systems import GAP, SYSTEMS
+from vibroplat.model.systems import GAP, GAP_RATE, SYSTEMS
 
-#: Residual, in the scales of the scene, beyond which an iteration has left all sense.
+#: Residual, in the scales of the scene, beyond which the iteration is given up.
 FAR = 1e3
-#: An iteration with an old Jacobian goes on while it divides the residual by this.
+#: An old Jacobian serves for another iteration while the last one divided the residual by this.
 SLOW = 10.0
 #: What an iteration is expected to divide the residual by: the shot after it is measured at once.
 QUICK = 300.0
-
 #: Steps longer than this, in units of the unknowns, are checked for directions that the equations do not determine:
 #: those with singular values below the other number.
 LONGEST, UNDETERMINED = 1.0, 1e-8
-
 #: Distance of a multiplier from the unit circle that counts: its own error is far smaller.
 NEUTRAL = 1e-6
 #: Residual after half of the period, over the tolerance, within which an orbit repeats there.
 HALVED = 1e3
-
 #: Place of the angle of exciter 1 in the full state.
 ANGLE = 3
 
@@ -57,57 +53,114 @@ class MissedError(ArithmeticError):
         self.residuals = tuple(residuals)
 
 
-@dataclass(frozen=True)
-class Frame:
-    """The unknowns of orbits near one of them.
+class Chart:
+    """Unknowns of orbits near a state on the section, in scales: the state without the angle, the period, and keys.
 
-    Attributes
+    Parameters
     ----------
     base
-        A full state on the section, shape (14,); its angle of exciter 1 says where the section is.
+        Full state on the section, shape (14,); its angle of exciter 1 says where the section is.
     system
         Number of the system there.
-    """
-
-    base: FloatArray
-    system: int
-
-    @cached_property
-    def places(self) -> npt.NDArray[np.int64]:
-        """Places of the unknowns in the full state, that of the angle for the period."""
-        return np.sort(SYSTEMS[self.system].places)
-
-    @cached_property
-    def phase(self) -> int:
-        """Which of the unknowns is the period."""
-        return int(np.searchsorted(self.places, ANGLE))
-
-    @cached_property
-    def flying(self) -> bool:
-        """Whether the section lies in flight."""
-        return SYSTEMS[self.system].mode is Mode.FLIGHT
-
-
-class Layout(NamedTuple):
-    """How the unknowns of a frame lie in the full state and in its derivative.
+    scales, speed
+        Of full states, shape (14,), and of exciters (rad/s), over which the period is measured.
+    units
+        Of the keys.
 
     Attributes
     ----------
-    frame
-        The frame.
-    scales
-        Of the unknowns, shape (m,).
-    rows, columns
-        Places of the unknowns, and of these with the keys behind them, as indices of a matrix.
-    sizes
-        Scales and units of the columns over the scales of the rows, shape (m, m + keys).
+    places
+        Places of the unknowns in the full state, that of the angle for the period, shape (m,).
+    phase
+        Which of the unknowns is the period.
+    flying
+        Whether the section lies in flight.
     """
 
-    frame: Frame
-    scales: FloatArray
-    rows: npt.NDArray[np.int64]
-    columns: npt.NDArray[np.int64]
-    sizes: FloatArray
+    def __init__(
+        self, base: FloatArray, system: int, scales: FloatArray, speed: float, units: Sequence[float] = ()
+    ) -> None:
+        self.base, self.system, self.speed, self.units = base, system, speed, tuple(units)
+        self.places: npt.NDArray[np.int64] = np.sort(SYSTEMS[system].places)
+        self.phase = int(np.searchsorted(self.places, ANGLE))
+        self.flying = SYSTEMS[system].mode is Mode.FLIGHT
+        self.scales: FloatArray = scales[self.places]
+        columns = np.append(self.places, np.arange(scales.size, scales.size + len(self.units)))
+        self._block = self.places[:, np.newaxis], columns
+        self._sizes = np.append(self.scales, self.units) / self.scales[:, np.newaxis]
+
+    def pack(self, state: FloatArray, period: float, values: Sequence[float] = ()) -> FloatArray:
+        """Write a state on the section, the period (s) and the values of the keys as a vector of unknowns."""
+        u = state[self.places] / self.scales
+        u[self.phase] = period * self.speed
+        return np.append(u, [value / unit for value, unit in zip(values, self.units, strict=True)])
+
+    def unpack(self, u: FloatArray) -> tuple[FloatArray, float, list[float]]:
+        """Read state, period (s) and values from a vector of unknowns."""
+        state, m = self.base.copy(), self.places.size
+        state[self.places] = u[:m] * self.scales
+        state[ANGLE] = self.base[ANGLE]
+        values = [v * unit for v, unit in zip(u[m:].tolist(), self.units, strict=True)]
+        return state, float(u[self.phase]) / self.speed, values
+
+    def derivative(self, shot: Shot) -> tuple[FloatArray, FloatArray]:
+        """Return the derivative of a shot's end by start and keys, shape (m, m + keys), and the rates there, (m,)."""
+        assert shot.derivative is not None
+        assert shot.rates is not None
+        return shot.derivative[self._block] * self._sizes, shot.rates[self.places] / self.scales
+
+    def section_map(self, shot: Shot) -> FloatArray:
+        """Differentiate the map from section to section, shape (m − 1, m − 1)."""
+        derivative, along = self.derivative(shot)
+        whole = derivative[:, : along.size]
+        whole = whole - np.outer(along / along[self.phase], whole[self.phase])
+        others = np.flatnonzero(np.arange(along.size) != self.phase)
+        return np.asarray(whole[others[:, np.newaxis], others])
+
+
+@dataclass(frozen=True)
+class NewtonResult:
+    """A periodic orbit as Newton's method leaves it.
+
+    Attributes
+    ----------
+    chart, u
+        Unknowns.
+    shot, jacobian
+        The measured shot from them, and the derivative of its residual by them.
+    residuals
+        Of all iterations.
+    slack
+        How much of a vector there is in the residual, if one was allowed.
+    """
+
+    chart: Chart
+    u: FloatArray
+    shot: Shot
+    jacobian: FloatArray
+    residuals: Sequence[float]
+    slack: float
+
+    @cached_property
+    def multipliers(self) -> npt.NDArray[np.complex128]:
+        """Floquet multipliers but the 1 along the motion, the largest first; of a pair that above the real axis."""
+        found = np.linalg.eigvals(self.chart.section_map(self.shot)).astype(complex)
+        return found[np.lexsort((-found.imag, -np.round(np.abs(found), 12)))]
+
+    @cached_property
+    def word(self) -> str:
+        """Sequence of events, wherever the period begins."""
+        return rotated(self.shot.word)
+
+    @property
+    def value(self) -> float:
+        """Value of the only key."""
+        return float(self.u[-1]) * self.chart.units[0]
+
+
+def n_unstable(multipliers: npt.NDArray[np.complex128]) -> int:
+    """Count the multipliers outside the unit circle."""
+    return int((np.abs(multipliers) > 1.0 + NEUTRAL).sum())
 
 
 class Problem:
@@ -126,41 +179,20 @@ class Problem:
     """
 
     def __init__(
-        self, shooter: Shooter, turns: tuple[int, int], units: Sequence[float] = (), tolerance: float = 1e-8
+        self, shooter: Shooter, turns: Sequence[int], units: Sequence[float] = (), tolerance: float = 1e-8
     ) -> None:
         self.shooter = shooter
-        self.turns = turns
+        self.turns = (turns[0], turns[1])
         self.units = tuple(units)
         self.tolerance = tolerance
-        self._speed = shooter.scene.speed_scale
-        self._angles = 2.0 * np.pi * np.array(turns)
-        self._layout: Layout | None = None
+        self._angles = TURN * np.array(self.turns)
 
-    def _laid(self, frame: Frame) -> Layout:
-        """Find the layout of a frame, usually the one that was asked for last."""
-        if self._layout is None or self._layout.frame is not frame:
-            places, all_scales = frame.places, self.shooter.scales
-            scales = all_scales[places]
-            columns = np.append(places, np.arange(all_scales.size, all_scales.size + len(self.units)))
-            sizes = np.append(scales, self.units) / scales[:, np.newaxis]
-            self._layout = Layout(frame, scales, places[:, np.newaxis], columns, sizes)
-        return self._layout
+    def chart(self, base: FloatArray, system: int | None = None) -> Chart:
+        """Make the chart about a state on the section, in a system or else in that of a motion from there."""
+        system = self.shooter.shot(base, 0.0).begins if system is None else system
+        return Chart(base, system, self.shooter.scales, self.shooter.scene.speed_scale, self.units)
 
-    def pack(self, frame: Frame, state: FloatArray, period: float, values: Sequence[float] = ()) -> FloatArray:
-        """Write a state on the section, the period (s) and the values of the keys as a vector of unknowns."""
-        found = state[frame.places] / self._laid(frame).scales
-        found[frame.phase] = period * self._speed
-        return np.append(found, [value / unit for value, unit in zip(values, self.units, strict=True)])
-
-    def unpack(self, frame: Frame, u: FloatArray) -> tuple[FloatArray, float, list[float]]:
-        """Read state, period (s) and values from a vector of unknowns."""
-        state, m = frame.base.copy(), frame.places.size
-        state[frame.places] = u[:m] * self._laid(frame).scales
-        state[ANGLE] = frame.base[ANGLE]
-        values = [v * unit for v, unit in zip(u[m:].tolist(), self.units, strict=True)]
-        return state, float(u[frame.phase]) / self._speed, values
-
-    def shoot(self, frame: Frame, u: FloatArray, *, full: bool) -> tuple[FloatArray, Shot]:
+    def shoot(self, chart: Chart, u: FloatArray, *, full: bool) -> tuple[FloatArray, Shot]:
         """Take a shot from a vector of unknowns; its residual, and the shot, with derivative and measures if ``full``.
 
         Raises
@@ -168,85 +200,93 @@ class Problem:
         MissedError
             It does not end, or begins or ends in another mode than the section's.
         """
-        state, period, values = self.unpack(frame, u)
-        if not period > 0.0 or period * self._speed > 1e4:
+        state, period, values = chart.unpack(u)
+        if not period > 0.0 or period * chart.speed > 1e4:
             raise MissedError(f"the search went astray, to a period of {period:.3g} s")
-        if frame.flying and state[GAP] <= 0.0:
+        if chart.flying and state[GAP] <= 0.0:
             raise MissedError("the gap closed on the section")
         try:
-            self.shooter.set(dict(zip(self.shooter.keys, values, strict=True)))
+            self.shooter.set(values)
         except ValueError as error:
             raise MissedError(f"no scene has these values: {error}") from None
         shot = self.shooter.shot(state, period, varied=full, measured=full)
         if shot.outcome != "ok":
             raise MissedError(f"{shot.outcome}: {shot.detail}")
-        if not shot.begins == shot.ends == frame.system:
+        if not shot.begins == shot.ends == chart.system:
             raise MissedError("the mode on the section changed")
         difference = shot.state - state
         difference[3:5] -= self._angles
-        residual = difference[frame.places] / self._laid(frame).scales
+        residual = difference[chart.places] / chart.scales
         if not np.abs(residual).max() < FAR:
             raise MissedError("the residual grew beyond all bounds")
         return residual, shot
 
-    def jacobian(self, frame: Frame, shot: Shot) -> FloatArray:
+    def jacobian(self, chart: Chart, shot: Shot) -> FloatArray:
         """Differentiate the residual by the unknowns, shape (m, m + keys)."""
-        found = self._derivative(frame, shot)
-        m = frame.places.size
-        found[np.arange(m), np.arange(m)] -= 1.0
-        found[:, frame.phase] = self._along(frame, shot) / self._speed
+        found, along = chart.derivative(shot)
+        found[np.arange(along.size), np.arange(along.size)] -= 1.0
+        found[:, chart.phase] = along / chart.speed
         return found
 
-    def halves(self, frame: Frame, u: FloatArray) -> bool:
+    def halves(self, orbit: NewtonResult) -> bool:
         """Whether an orbit repeats after half of its period already."""
         if any(turns % 2 for turns in self.turns):
             return False
-        state, seconds, values = self.unpack(frame, u)
-        self.shooter.set(dict(zip(self.shooter.keys, values, strict=True)))
+        state, seconds, values = orbit.chart.unpack(orbit.u)
+        self.shooter.set(values)
         difference = self.shooter.shot(state, 0.5 * seconds).state - state
         difference[3:5] -= 0.5 * self._angles
         return bool(np.abs(difference / self.shooter.scales).max() < HALVED * self.tolerance)
 
-    def _derivative(self, frame: Frame, shot: Shot) -> FloatArray:
-        """Differentiate the end by the start and by the keys, in scales and units, shape (m, m + keys)."""
-        assert shot.derivative is not None
-        laid = self._laid(frame)
-        return np.asarray(shot.derivative[laid.rows, laid.columns] * laid.sizes)
+    def far_from_events(
+        self, orbit: NewtonResult, *directions: FloatArray
+    ) -> tuple[Chart, FloatArray, list[FloatArray]] | None:
+        """Move the section of an orbit to the middle of a piece between events; None if it need not or cannot be.
 
-    def _along(self, frame: Frame, shot: Shot) -> FloatArray:
-        """Rates at the end, in scales, shape (m,)."""
-        assert shot.rates is not None
-        return np.asarray(shot.rates[frame.places] / self._laid(frame).scales)
+        Returns
+        -------
+        chart, u, directions
+            The orbit, and the directions carried along it, of length 1.
+        """
+        when = orbit.shot.far_from_events()
+        if when <= 0.0:
+            return None
+        state, period, values = orbit.chart.unpack(orbit.u)
+        self.shooter.set(values)
+        way = self.shooter.shot(state, when, varied=True)
+        if way.outcome != "ok":
+            return None
+        moved = way.state.copy()
+        moved[3:5] -= TURN * np.floor(moved[3:5] / TURN)
+        if GAP not in SYSTEMS[way.ends].places:
+            moved[[GAP, GAP_RATE]] = 0.0
+        there = self.chart(moved, way.ends)
+        return there, there.pack(moved, period, values), [self._carried(orbit.chart, there, way, d) for d in directions]
 
-    def multipliers(self, frame: Frame, shot: Shot) -> npt.NDArray[np.complex128]:
-        """Floquet multipliers but the 1 along the motion, the largest first: of the map from section to section."""
-        return sorted_multipliers(self.section_map(frame, shot))
-
-    def section_map(self, frame: Frame, shot: Shot) -> FloatArray:
-        """Differentiate the map from section to section, shape (m − 1, m − 1)."""
-        along, i = self._along(frame, shot), frame.phase
-        whole = self._derivative(frame, shot)[:, : along.size]
-        whole = whole - np.outer(along / along[i], whole[i])
-        others = np.flatnonzero(np.arange(along.size) != i)
-        return np.asarray(whole[others[:, np.newaxis], others])
-
-
-def sorted_multipliers(section_map: FloatArray) -> npt.NDArray[np.complex128]:
-    """Eigenvalues by size, the largest first; of a pair that with the positive imaginary part."""
-    found = np.linalg.eigvals(section_map).astype(complex)
-    return found[np.lexsort((-found.imag, -np.round(np.abs(found), 12)))]
+    def _carried(self, here: Chart, there: Chart, way: Shot, direction: FloatArray) -> FloatArray:
+        """Carry a direction of unknowns along a part of an orbit, to another section."""
+        assert way.derivative is not None
+        assert way.rates is not None
+        scales, count = self.shooter.scales, here.places.size
+        start = np.zeros(scales.size)
+        start[here.places] = direction[:count]
+        start[ANGLE] = 0.0
+        change = way.derivative[:, : scales.size] @ (start * scales)
+        change += way.derivative[:, scales.size :] @ (direction[count:] * np.array(self.units))
+        change -= way.rates * change[ANGLE] / way.rates[ANGLE]  # to the section
+        carried = (change / scales)[there.places]
+        carried[there.phase] = direction[here.phase]
+        carried = np.append(carried, direction[count:])
+        return np.asarray(carried / np.linalg.norm(carried))
 
 
-def leaving(multipliers: npt.NDArray[np.complex128]) -> int:
-    """Count the multipliers outside the unit circle."""
-    return int((np.abs(multipliers) > 1.0 + NEUTRAL).sum())
-
-
-def bordered(jacobian: FloatArray, border: FloatArray, columns: int = 0) -> FloatArray:
-    """Put a row or several under a Jacobian, and columns of zeros beside both."""
+def bordered(jacobian: FloatArray, border: FloatArray, column: FloatArray | None = None) -> FloatArray:
+    """Put a row or several under a Jacobian and, where one is given, a column beside it with zeros below."""
     m, free = jacobian.shape
-    found = np.zeros((m + border.size // free, free + columns))
+    found = np.zeros((m + border.size // free, free + (column is not None)))
     found[:m, :free], found[m:, :free] = jacobian, border
+    if column is not None:
+        found[:m, free] = column
     return found
 
 
@@ -274,36 +314,15 @@ def solved(matrix: FloatArray, right: FloatArray, longest: float) -> FloatArray:
     return least
 
 
-@dataclass
-class Found:
-    """A periodic orbit as Newton's method leaves it.
-
-    Attributes
-    ----------
-    u, shot, jacobian
-        Unknowns, the measured shot from them, and the derivative of its residual by them.
-    residuals
-        Of all iterations.
-    slack
-        How much of a vector there is in the residual, if one was allowed.
-    """
-
-    u: FloatArray
-    shot: Shot
-    jacobian: FloatArray
-    residuals: list[float]
-    slack: float = 0.0
-
-
 def correct(
     problem: Problem,
-    frame: Frame,
+    chart: Chart,
     u: FloatArray,
     border: FloatArray,
     jacobian: FloatArray | None = None,
     most: int = 12,
     slack: FloatArray | None = None,
-) -> Found:
+) -> NewtonResult:
     """Find an orbit near a vector of unknowns, in the directions that a border leaves free.
 
     Parameters
@@ -327,36 +346,25 @@ def correct(
     step, left, much = np.zeros_like(u), np.zeros(0), 0.0
     while len(residuals) < most:
         try:
-            residual, shot = problem.shoot(frame, u, full=full)
+            residual, shot = problem.shoot(chart, u, full=full)
             missing = residual if slack is None else residual + much * slack
             size = float(np.abs(missing).max())
             residuals.append(size)
             slow = len(residuals) > 1 and size > residuals[-2] / SLOW
             if full:
-                jacobian = problem.jacobian(frame, shot)
+                jacobian = problem.jacobian(chart, shot)
                 if size < problem.tolerance:
-                    return Found(u, shot, jacobian, residuals, much)
+                    return NewtonResult(chart, u, shot, jacobian, residuals, much)
             elif size < problem.tolerance or slow:
                 full = True
                 continue
             assert jacobian is not None
             if not full and step.any():
                 jacobian = jacobian + np.outer(residual - left - jacobian @ step, step) / (step @ step)
-            step, more = _step(jacobian, border, slack, -np.append(missing, border @ (u - begun)))
+            found = solved(bordered(jacobian, border, slack), -np.append(missing, border @ (u - begun)), LONGEST)
         except MissedError as error:
             raise MissedError(error.why, residuals) from None
+        step, more = found[: u.size], float(found[u.size :].sum())
         u, left, much = u + step, residual, much + more
         full = size < QUICK * problem.tolerance
     raise MissedError(f"no convergence in {most} iterations", residuals)
-
-
-def _step(
-    jacobian: FloatArray, border: FloatArray, slack: FloatArray | None, right: FloatArray
-) -> tuple[FloatArray, float]:
-    """Solve for a step of Newton's method, and for how much more of the slack it needs."""
-    if slack is None:
-        return solved(bordered(jacobian, border), right, LONGEST), 0.0
-    matrix = bordered(jacobian, border, columns=1)
-    matrix[: slack.size, -1] = slack
-    found = solved(matrix, right, LONGEST)
-    return found[:-1], float(found[-1])

@@ -1,34 +1,36 @@
-"""One periodic orbit of a scene, by Newton's method from a guess."""
+"""One periodic orbit of a scene, by Newton's method from a guess, and its motion over a period."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
 import vibroplat
-from vibroplat.columns import Column, Columns
 from vibroplat.config.coordinates import COORDINATES, RATES
+from vibroplat.config.plans import SweepPlan
 from vibroplat.config.scene import Scene
-from vibroplat.continuation.event_sequence import spelled, turned
-from vibroplat.continuation.newton import ANGLE, Found, Frame, MissedError, Problem, correct, leaving
-from vibroplat.continuation.shooting import Shooter, Shot
+from vibroplat.continuation.newton import MissedError, NewtonResult, Problem, correct, n_unstable
+from vibroplat.continuation.shooting import TURN, Shooter, spelled
 from vibroplat.errors import ConfigError, VibroplatError
 from vibroplat.hybrid.modes import IMPACT
-from vibroplat.hybrid.state import initial_state
+from vibroplat.hybrid.state import initial_state, state_scales
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.motion.initial_condition import end_of, initial_condition
 from vibroplat.motion.run import simulate
 from vibroplat.observe.summary import Part, measured
 from vibroplat.results.run import Trajectory
-from vibroplat.study.point import MEASURED, row_of
+from vibroplat.study.confirming import LARGEST, multiplier_columns
+from vibroplat.study.lyapunov import lyapunov
+from vibroplat.study.point import MEASURED, Point, measure_point, row_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -45,8 +47,16 @@ REPEATS = 1e4
 #: Periods over which the turns of both exciters are compared where no orbit is found, and how far from whole turns in
 #: each those of exciter 2 may be.
 WATCHED, OUT_OF_STEP = 1000, 4e-4
-
-_TURN = 2.0 * np.pi
+#: Samples of a turn for those who draw it: between two a line through a sine is beside it by 0.1 % of its amplitude.
+SAMPLES = 64
+#: Most events of a period that are sampled, the first ones: of impacts that accumulate, the strongest.
+EVENTS = 100
+#: Tolerance of orbits that are drawn.
+TOLERANCE = 1e-8
+#: How far a period may be from closing, in the scales of the scene: less than the width of a line.
+OPEN = 1e-3
+#: Largest difference of an orbit's RMS from that of its row, over the RMS of both directions.
+OTHER = 0.01
 
 
 class OrbitError(VibroplatError):
@@ -107,7 +117,7 @@ class Orbit:
     @property
     def unstable(self) -> int:
         """Number of multipliers outside the unit circle."""
-        return leaving(self.multipliers)
+        return n_unstable(self.multipliers)
 
     @property
     def stable(self) -> bool:
@@ -170,8 +180,19 @@ def orbit(scene: Scene, guess: Any = None, *, period: int = 1, tolerance: float 
         scene, guess = at_row(scene, guess), guess if has_state(guess) else None
     scene = accurate(scene, tolerance)
     with closing(Shooter(scene)) as shooter:
-        problem, frame, found = first_orbit(shooter, guess, period, (), tolerance)
-        return orbit_of(problem, frame, found)
+        problem, found = first_orbit(shooter, guess, period, (), tolerance)
+        state, seconds, _ = found.chart.unpack(found.u)
+        return Orbit(
+            scene=scene,
+            state=state,
+            period=abs(problem.turns[0]),
+            period_s=seconds,
+            multipliers=found.multipliers,
+            residual=found.residuals[-1],
+            sequence=spelled(found.word),
+            measures=measures_of_orbit(problem, found),
+            residuals=found.residuals,
+        )
 
 
 def accurate(scene: Scene, tolerance: float) -> Scene:
@@ -207,17 +228,17 @@ def has_state(row: Mapping[str, Any] | pd.Series) -> bool:
 
 def first_orbit(
     shooter: Shooter, guess: Any, period: int, units: Sequence[float], tolerance: float
-) -> tuple[Problem, Frame, Found]:
+) -> tuple[Problem, NewtonResult]:
     """Find an orbit near a guess at the values that the shooter has; what :func:`orbit` says of guesses."""
     why: MissedError | None = None
     for state in guesses(shooter, guess):
         try:
-            problem, frame, found = _from_state(shooter, state, period, units, tolerance)
+            problem, found = _from_state(shooter, state, period, units, tolerance)
         except MissedError as error:
             why = error
             continue
-        _require_whole(problem, frame, found, period)
-        return problem, frame, found
+        _require_whole(problem, found, period)
+        return problem, found
     assert why is not None
     last = ", ".join(f"{r:.1e}" for r in why.residuals[-4:]) or "none"
     reason = _out_of_step(shooter, state, period)
@@ -230,9 +251,9 @@ def first_orbit(
 def _out_of_step(shooter: Shooter, state: FloatArray, period: int) -> str:
     """Say so if exciter 2 does not make whole turns in a period of the motion from a state; else ""."""
     scene = shooter.scene
-    shot = shooter.shot(state, WATCHED * period * _TURN / scene.speed_scale)
+    shot = shooter.shot(state, WATCHED * period * TURN / scene.speed_scale)
     first, second = shot.state[3:5] - state[3:5]
-    if shot.outcome != "ok" or abs(first) < _TURN:
+    if shot.outcome != "ok" or abs(first) < TURN:
         return ""
     turns = period * second / abs(first)
     if abs(turns - round(turns)) < OUT_OF_STEP:
@@ -245,14 +266,14 @@ def _out_of_step(shooter: Shooter, state: FloatArray, period: int) -> str:
     )
 
 
-def guesses(shooter: Shooter, guess: Any) -> Any:
+def guesses(shooter: Shooter, guess: Any) -> Iterator[FloatArray]:
     """Yield full states on the section, φ₁ = 0, to begin with."""
     scene, motion = shooter.scene, shooter.motion
     if guess is None:
         motion.reset(initial_condition(scene).state)
         done = 0
         for turns in SETTLING:
-            motion.to_section(turns - done, 4.0 * turns * _TURN / scene.speed_scale)
+            motion.to_section(turns - done, 4.0 * turns * TURN / scene.speed_scale)
             done = turns
             if motion.outcome != "ok":
                 raise OrbitError(f"the motion ended while it settled: {motion.outcome}: {motion.detail}")
@@ -261,7 +282,7 @@ def guesses(shooter: Shooter, guess: Any) -> Any:
             motion.reset(state)  # the search has moved it
         return
     motion.reset(state_of(scene, guess))
-    if not motion.to_section(1, 4.0 * _TURN / scene.speed_scale):
+    if not motion.to_section(1, 4.0 * TURN / scene.speed_scale):
         raise OrbitError("exciter 1 does not turn; allowed: a motion whose exciters turn")
     yield motion.state
 
@@ -304,84 +325,144 @@ def state_of(scene: Scene, guess: Any) -> FloatArray:
 
 def _from_state(
     shooter: Shooter, state: FloatArray, period: int, units: Sequence[float], tolerance: float
-) -> tuple[Problem, Frame, Found]:
-    """Find the orbit near a state on the section; where events are near the section, on another one."""
+) -> tuple[Problem, NewtonResult]:
+    """Find the orbit near a state on the section."""
     state = state.copy()
-    state[3:5] -= _TURN * np.round(state[3:5] / _TURN)
-    shot = shooter.shot(state, period * _TURN / max(abs(state[10]), 1e-6 * shooter.scene.speed_scale))
+    state[3:5] -= TURN * np.round(state[3:5] / TURN)
+    shot = shooter.shot(state, period * TURN / max(abs(state[10]), 1e-6 * shooter.scene.speed_scale))
     if shot.outcome != "ok":
         raise MissedError(f"{shot.outcome}: {shot.detail}")
-    turns = tuple(int(n) for n in np.round((shot.state[3:5] - state[3:5]) / _TURN))
-    problem = Problem(shooter, (turns[0], turns[1]), units, tolerance)
-    frame = Frame(state, shot.begins)
-    values = [shooter.held[key] for key in shooter.keys]
-    u = problem.pack(frame, state, shot.duration, values)
-    border = np.eye(u.size)[u.size - len(values) :]
-    return problem, frame, correct(problem, frame, u, border, most=20)
+    turns = np.round((shot.state[3:5] - state[3:5]) / TURN).astype(int).tolist()
+    problem = Problem(shooter, turns, units, tolerance)
+    chart = problem.chart(state, shot.begins)
+    u = chart.pack(state, shot.duration, [shooter.held[key] for key in shooter.keys])
+    return problem, correct(problem, chart, u, np.eye(u.size)[u.size - len(units) :], most=20)
 
 
-def _require_whole(problem: Problem, frame: Frame, found: Found, period: int) -> None:
+def _require_whole(problem: Problem, found: NewtonResult, period: int) -> None:
     """Refuse an orbit that repeats after fewer turns."""
-    state, seconds, _ = problem.unpack(frame, found.u)
+    state, seconds, _ = found.chart.unpack(found.u)
+    places = found.chart.places
     for turns in range(1, period):
         if period % turns == 0:
-            shot = problem.shooter.shot(state, seconds * turns / period)
-            difference = (shot.state - state)[frame.places] / problem.shooter.scales[frame.places]
-            difference -= np.round(difference / _TURN) * _TURN * np.isin(frame.places, (ANGLE, ANGLE + 1))
-            if np.abs(difference).max() < REPEATS * problem.tolerance:
+            difference = problem.shooter.shot(state, seconds * turns / period).state - state
+            difference[3:5] -= np.round(difference[3:5] / TURN) * TURN
+            if np.abs(difference[places] / problem.shooter.scales[places]).max() < REPEATS * problem.tolerance:
                 raise OrbitError(f"orbits.period = {period} but the motion repeats after {turns}; allowed: {turns}")
 
 
-def orbit_of(problem: Problem, frame: Frame, found: Found) -> Orbit:
-    """Describe an orbit for users."""
-    state, seconds, values = problem.unpack(frame, found.u)
-    scene = problem.shooter.scene_at(dict(zip(problem.shooter.keys, values, strict=True)))
-    turns = abs(problem.turns[0])
-    return Orbit(
-        scene=scene,
-        state=state,
-        period=turns,
-        period_s=seconds,
-        multipliers=problem.multipliers(frame, found.shot),
-        residual=found.residuals[-1],
-        sequence=spelled(turned(found.shot.word)),
-        measures=measures_of_orbit(scene, found.shot, problem.turns),
-        residuals=found.residuals,
-    )
-
-
-def told(multipliers: npt.NDArray[np.complex128], most: int) -> dict[str, float | None]:
-    """Return the columns of so many of the largest multipliers; the last is left out if it is half of a pair."""
-    whole = multipliers[:most]
-    if multipliers.size > most and multipliers[most] == multipliers[most - 1].conjugate() != multipliers[most - 1]:
-        whole = whole[:-1]
-    columns: dict[str, float | None] = {}
-    for i in range(most):
-        known = i < whole.size
-        columns[f"multiplier_{i + 1}_re"] = float(whole[i].real) if known else None
-        columns[f"multiplier_{i + 1}_im"] = float(whole[i].imag) if known else None
-    return columns
-
-
-def columns_told(most: int) -> Columns:
-    """Describe the columns of :func:`told`."""
-    meanings = dict.fromkeys(range(1, most), "the largest is the first")
-    meanings[most] = "empty where only half of a complex pair would have a place"
-    return {
-        f"multiplier_{i}_{part}": Column(f"{which} part of Floquet multiplier {i}", meaning)
-        for i, meaning in meanings.items()
-        for part, which in (("re", "real"), ("im", "imaginary"))
-    }
-
-
-def measures_of_orbit(scene: Scene, shot: Shot, turns: tuple[int, int]) -> dict[str, Any]:
+def measures_of_orbit(problem: Problem, found: NewtonResult) -> dict[str, Any]:
     """Return the measures of a sweep over the period of an orbit."""
+    shot = found.shot
     assert isinstance(shot.part, Part)
-    first, second = (abs(n) / shot.duration for n in turns)
-    found = measured(shot.part) | {
-        "excitation_frequency_hz": 0.5 * (first + second),
-        "frequency_split_hz": first - second,
-        "impacts_per_period": float(shot.part.measures.marks["measured"][IMPACT]) / abs(turns[0]),
-    }
-    row = row_of(found, scene)
+    scene = problem.shooter.scene_at(dict(zip(problem.shooter.keys, found.chart.unpack(found.u)[2], strict=True)))
+    first, second = (abs(n) / shot.duration for n in problem.turns)
+    speeds = {"excitation_frequency_hz": 0.5 * (first + second), "frequency_split_hz": first - second}
+    impacts = float(shot.part.measures.marks["measured"][IMPACT]) / abs(problem.turns[0])
+    row = row_of(measured(shot.part) | speeds | {"impacts_per_period": impacts}, scene)
     return {name: row[name] for name in (*MEASURED, "sync", "notes")}
+
+
+class OrbitMotion(NamedTuple):
+    """One period of an orbit.
+
+    Attributes
+    ----------
+    scene
+        At the keys of the row.
+    trajectory, events
+        As of a run from 0 to the period: some samples for each turn, two rows at each event.
+    """
+
+    scene: Scene
+    trajectory: pd.DataFrame
+    events: pd.DataFrame
+
+
+def motion_of(scene: Scene, row: Mapping[str, Any]) -> OrbitMotion:
+    """Compute one period of the orbit of a row.
+
+    Parameters
+    ----------
+    scene
+        Whose table it is.
+    row
+        Of ``branches`` or ``special``, from whose state it is simulated, or of ``sweep``: settled from the phase
+        difference of the row, found by Newton's method and compared with the row.
+
+    Raises
+    ------
+    VibroplatError
+        There is no such orbit, or it cannot be computed; the message says why.
+    """
+    period = int(row["period"])
+    if has_state(row):
+        seconds = float(row["period_s"] if "period_s" in row else period / row["excitation_frequency_hz"])
+        placed = accurate(at_row(scene, row), TOLERANCE)
+        state = state_of(placed, row)
+        run = run_from(placed, state, seconds)
+        _require_closed(run, state, period)
+    else:
+        found = orbit(scene, row, period=period, tolerance=TOLERANCE)
+        _require_same(found.measures, row)
+        run = found.run
+    events = run.events
+    times = events["t_s"].to_numpy()[:EVENTS]
+    last = run.segments[-1].end
+    grid = [np.linspace(0.0, last, SAMPLES * period + 1), times, np.minimum(np.nextafter(times, np.inf), last)]
+    return OrbitMotion(run.scene, run(np.unique(np.concatenate(grid))), events)
+
+
+def _require_closed(run: Trajectory, start: FloatArray, period: int) -> None:
+    """Refuse a period that does not end where it began."""
+    if run.outcome != "ok":
+        raise OrbitError(f"the motion of this row ended early: {run.outcome}: {run.summary['detail']}")
+    change = (run.final_state - start) / state_scales(run.scene)
+    change[3:5] = np.angle(np.exp(1j * change[3:5]))
+    apart = float(np.abs(change).max())
+    if apart > OPEN:
+        raise OrbitError(f"the state of this row is not on an orbit of period {period}: it ends {apart:.2g} away")
+
+
+def _require_same(measures: Mapping[str, Any], row: Mapping[str, Any]) -> None:
+    """Refuse an orbit that is not the motion of a row of a sweep: several may exist side by side."""
+    names = ("rms_x_m", "rms_y_m")
+    size = np.hypot(*(row[name] for name in names))
+    if max(abs(measures[name] - row[name]) for name in names) > OTHER * size:
+        found = 1e3 * measures["rms_y_m"]
+        raise OrbitError(f"from the phase difference of this row another motion settles, with RMS y {found:.4g} mm")
+
+
+def confirmed_point(scene: Scene, plan: SweepPlan, state: list[float] | None, key: tuple[int, ...]) -> Point:
+    """Measure a point of a sweep, and confirm it; see :func:`vibroplat.study.point.measure_point`."""
+    point = measure_point(scene, plan, state, key)
+    period = point.row.get("period")
+    if point.state is None or period is None:
+        return point
+    try:
+        found = _orbit(scene, point.state, period) if period else _exponents(scene, point.state)
+    except VibroplatError as error:
+        found = {"confirmation": str(error)}
+    point.row.update({"confirmation": ""} | found)
+    return point
+
+
+def _orbit(scene: Scene, state: list[float], period: int) -> dict[str, Any]:
+    """Find the orbit near a settled state."""
+    with closing(Shooter(accurate(scene, TOLERANCE))) as shooter:
+        problem, found = first_orbit(shooter, np.array(state), period, (), TOLERANCE)
+        near, _, _ = found.chart.unpack(found.u)
+        measures = measures_of_orbit(problem, found)
+        row: dict[str, Any] = {
+            f"orbit_{name}": measures[name] for name in ("excitation_frequency_hz", "rms_x_m", "rms_y_m")
+        }
+        row["orbit_distance"] = float(np.abs((near - found.chart.base) / shooter.scales).max())
+        row["orbit_residual"] = found.residuals[-1]
+        row["orbit_unstable"] = n_unstable(found.multipliers)
+        return row | multiplier_columns(found.multipliers, LARGEST)
+
+
+def _exponents(scene: Scene, state: list[float]) -> dict[str, Any]:
+    """Find the largest Lyapunov exponents of a motion that does not repeat."""
+    values = lyapunov(scene, state)["exponent_per_s"].to_numpy()[:LARGEST]
+    return {f"exponent_{i + 1}_per_s": float(v) for i, v in enumerate(values) if math.isfinite(v)}

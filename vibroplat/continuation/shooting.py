@@ -1,8 +1,13 @@
-"""Shots: motions of an exact duration from a full state, with what a search for periodic orbits asks of them."""
+"""Shooting: motions of an exact duration from a full state, and the sequence of events on the way.
+
+The sequence is a word of one letter an event: L is a liftoff, I an impact, S an impact, or impacts that accumulate,
+after which contact holds.
+"""
 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,14 +17,13 @@ import numpy.typing as npt
 
 from vibroplat.config.coordinates import Mode
 from vibroplat.config.scene import Scene
-from vibroplat.continuation.event_sequence import word_of
-from vibroplat.hybrid.modes import IMPACT, LATCH
+from vibroplat.hybrid.modes import IMPACT, LATCH, LIFTOFF
 from vibroplat.hybrid.state import state_scales
 from vibroplat.integrate import make_engine
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.parameters import Parameters, parameters
 from vibroplat.model.sensitivity import Course, difference, with_value
-from vibroplat.model.systems import FULL_SIZE, systems
+from vibroplat.model.systems import FULL_SIZE, SYSTEMS, systems
 from vibroplat.motion.motion import Motion, Observer
 from vibroplat.motion.recorder import Recorder
 from vibroplat.observe.audit import Energies
@@ -28,12 +32,15 @@ from vibroplat.observe.statistics import Measures, Statistics
 from vibroplat.observe.summary import Part
 from vibroplat.observe.variation import Variation
 
+#: What the letters of a word stand for in tables.
+NAMES = {"L": "liftoff", "I": "impact", "S": "stick"}
 #: Step of the difference that gives the derivative of the parameters by a key, over its value.
 STEP = 1e-4
+#: The section is moved when the piece it lies in ends nearer to it than this part of the piece, or when it lies in
+#: flight while contact takes at least a share of the period.
+MARGIN, CONTACT_SHARE = 0.15, 0.06
 
-_TURN = 2.0 * math.pi
-#: Derivative of a full state by itself.
-_UNVARIED = np.eye(FULL_SIZE)
+TURN = 2.0 * math.pi
 
 
 @dataclass
@@ -42,10 +49,10 @@ class Shot:
 
     Attributes
     ----------
-    start, state
-        Full states at its ends, the angles with all their turns, shape (14,).
+    state
+        Full state at its end, the angles with all their turns, shape (14,).
     begins, ends
-        Systems at its ends, by their number.
+        Numbers of the systems at its beginning and end.
     duration
         (s).
     outcome, detail
@@ -65,7 +72,6 @@ class Shot:
         Least F_c (N) of contact and least gap (m) at a turning point in flight; inf without one.
     """
 
-    start: FloatArray
     state: FloatArray
     begins: int
     ends: int
@@ -83,8 +89,14 @@ class Shot:
 
     @cached_property
     def word(self) -> str:
-        """Sequence of events."""
-        return word_of(self.events, self.restitution)
+        """Sequence of events, as the period begins here."""
+        letters = ""
+        for kind, mode in zip(self.events["kind"].tolist(), self.events["mode_after"].tolist(), strict=True):
+            if kind == LIFTOFF:
+                letters += "L"
+            elif kind in (IMPACT, LATCH):
+                letters += "S" if mode == Mode.ATTACHED else "I"
+        return _shortened(letters, self.restitution)
 
     @property
     def landing_force(self) -> float:
@@ -99,6 +111,56 @@ class Shot:
         rebounds = (self.events["kind"] == IMPACT) & (self.events["mode_after"] == Mode.FLIGHT)
         speeds = -self.events["rate_before"][rebounds]
         return float(speeds.min()) if speeds.size else math.inf
+
+    def far_from_events(self) -> float:
+        """Return when to begin the period (s) so that the section is far from events; 0 if it is already."""
+        if not self.events.size:
+            return 0.0
+        pieces = self._joined()
+        system, begin, end = pieces[0]
+        contact = [p for p in pieces if SYSTEMS[p[0]].algebraic and p[2] - p[1] >= CONTACT_SHARE * self.duration]
+        best = max(contact or pieces, key=lambda p: p[2] - p[1])
+        far = min(-begin, end) > MARGIN * (end - begin) and end - begin > 0.5 * (best[2] - best[1])
+        if far and (SYSTEMS[system].algebraic or not contact):
+            return 0.0
+        return float((0.5 * (best[1] + best[2])) % self.duration)
+
+    def _joined(self) -> list[tuple[int, float, float]]:
+        """Join the pieces between events; the first begins before 0, where the last piece of the period does."""
+        times = set(self.events["t"].tolist())
+        pieces: list[tuple[int, float, float]] = []
+        for system, begin, end in self.pieces:
+            if pieces and pieces[-1][0] == system and begin not in times:
+                pieces[-1] = (system, pieces[-1][1], end)
+            else:
+                pieces.append((system, begin, end))
+        if len(pieces) > 1 and pieces[0][0] == pieces[-1][0] and 0.0 not in times:
+            _, begin, _ = pieces.pop()
+            pieces[0] = (pieces[0][0], begin - self.duration, pieces[0][2])
+        return pieces
+
+
+def rotated(word: str, restitution: float = 0.0) -> str:
+    """Rotate a word so that it does not depend on where the period begins: the first rotation in the alphabet.
+
+    With a restitution the period may begin between impacts that accumulate.
+    """
+    begin = word.rfind("S") + 1
+    word = _shortened(word[begin:] + word[:begin], restitution)
+    return min((word[k:] + word[:k] for k in range(len(word))), default="")
+
+
+def _shortened(word: str, restitution: float) -> str:
+    """Let impacts before one that sticks belong to it.
+
+    They are infinitely many, and how many of them are followed one by one depends on the tolerance.
+    """
+    return re.sub("I+S", "S", word) if restitution > 0.0 else word
+
+
+def spelled(word: str) -> str:
+    """Write a word out for a table."""
+    return " ".join(NAMES[letter] for letter in word) or "none"
 
 
 class Shooter:
@@ -117,6 +179,8 @@ class Shooter:
 
     Attributes
     ----------
+    p
+        Parameters at the present values of the keys.
     turns
         Of exciter 1 in all shots so far, for the record.
     """
@@ -129,10 +193,10 @@ class Shooter:
         self.engine = make_engine(scene, self.p)
         self.motion = Motion(scene, self.p, self.engine)
         self.turns = 0.0
+        self.held: dict[str, float] = {}
         self._variation = Variation([self.p.copy()] * len(self.keys))
         self._statistics = Statistics(0.0, points=1)
         self._numbers = {int(mode): system.index for mode, system in systems(scene).items()}
-        self.held: dict[str, float] = {}
         self._course = None if course is None or len(self.keys) != 1 else Course(scene, self.keys[0], *course)
 
     def close(self) -> None:
@@ -146,17 +210,17 @@ class Shooter:
             scene = with_value(scene, key.split("."), value)
         return scene
 
-    def set(self, values: Mapping[str, float]) -> None:
+    def set(self, values: Sequence[float]) -> None:
         """Change the values of the keys for the shots to come."""
-        if values == self.held:
+        held = dict(zip(self.keys, values, strict=True))
+        if held == self.held:
             return
-        self.held = dict(values)
-        value = next(iter(values.values()), math.nan)
-        course = self._known(value)
-        self.motion.set_parameters(parameters(self.scene_at(values)) if course is None else course.at(value))
+        self.held = held
+        course = self._known(next(iter(values), math.nan))
+        self.motion.set_parameters(parameters(self.scene_at(held)) if course is None else course.at(values[0]))
 
     def _known(self, value: float) -> Course | None:
-        """Return the parameters' course if it can tell those at a value of its key."""
+        """Return the parameters' course if it has those at a value of its key."""
         return self._course if self._course is not None and self._course.exact and self._course.covers(value) else None
 
     def direction(self, key: str) -> Parameters:
@@ -190,28 +254,17 @@ class Shooter:
         motion.reset(start)
         begins = self._system
         if varied:
-            self._variation.begin(_UNVARIED, [self.direction(key) for key in self.keys])
+            self._variation.begin(np.eye(FULL_SIZE), [self.direction(key) for key in self.keys])
         before = Energies.of(h.run["state"], h.p) if measured else None
         motion.to_time(duration, observers)
-        state = motion.state
-        self.turns += abs(state[3] - start[3]) / _TURN
-        found = Shot(
-            start=start,
-            state=state,
-            begins=begins,
-            ends=self._system,
-            duration=duration,
-            outcome=motion.outcome,
-            detail=motion.detail,
-            events=recorder.events,
-            restitution=float(h.p["restitution"]),
-        )
+        state, ends, restitution = motion.state, self._system, float(h.p["restitution"])
+        self.turns += abs(state[3] - start[3]) / TURN
+        found = Shot(state, begins, ends, duration, motion.outcome, motion.detail, recorder.events, restitution)
         if varied:
             found.rates, found.derivative = motion.rates, self._variation.derivative(h)
         if before is not None:
             found.part = Part(_undivided(self._statistics.measures), before, Energies.of(h.run["state"], h.p))
-            found.pieces = near.pieces
-            found.least_force, found.least_gap = near.least_force, near.least_gap
+            found.pieces, found.least_force, found.least_gap = near.pieces, near.least_force, near.least_gap
         return found
 
     @property

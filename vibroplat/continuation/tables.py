@@ -1,9 +1,11 @@
-"""Tables of branches of periodic orbits, of their special points, and of boundaries in two keys."""
+"""A study of periodic orbits: what is planned, how it is followed, and the tables of what was found."""
 
 from __future__ import annotations
 
+import itertools
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import pandas as pd
@@ -11,18 +13,26 @@ import pandas as pd
 import vibroplat
 from vibroplat.columns import Column, Columns
 from vibroplat.config.coordinates import COORDINATES, RATES
+from vibroplat.config.plans import OrbitsPlan
 from vibroplat.config.scene import Scene
-from vibroplat.continuation.branch_worker import TOLD
-from vibroplat.continuation.curves import Boundary, boundaries, require_inside
-from vibroplat.continuation.kinds import KINDS
-from vibroplat.continuation.orbit import columns_told
-from vibroplat.continuation.tracing import Family, Progress, Traced, families, orbits_plan, trace
+from vibroplat.continuation.orbit import OrbitError, accurate, beginning_at
+from vibroplat.continuation.test_functions import KINDS
+from vibroplat.continuation.two_keys import Boundary, follow_boundary
+from vibroplat.continuation.worker import MULTIPLIERS, Family, Traced, follow_family, same_special
+from vibroplat.errors import ConfigError
+from vibroplat.integrate import engine_name
+from vibroplat.model.sensitivity import parameter_direction, value_of
+from vibroplat.motion.initial_condition import end_of
 from vibroplat.observe.summary import MEASURES
 from vibroplat.observe.tables import TRAJECTORY
+from vibroplat.results.files import write_result
+from vibroplat.results.provenance import provenance
+from vibroplat.results.tables import Format, Table
 from vibroplat.study import WAIT
 from vibroplat.study.branches import EXCITATION, FREQUENCY, SUPPLY, study_table
+from vibroplat.study.confirming import describe_multipliers
 from vibroplat.study.point import MEASURED, POINT
-from vibroplat.study.pool import pool
+from vibroplat.study.pool import Pool, StoredChain, pool, run_stored
 from vibroplat.study.store import Record, Store
 
 if TYPE_CHECKING:
@@ -42,12 +52,14 @@ COLUMNS = (
     "sequence",
     "stable",
     "unstable",
-    *columns_told(TOLD),
+    *describe_multipliers(MULTIPLIERS),
     "residual",
     "turns",
 )
 #: Columns of what is found on both sides of a boundary.
 SIDES = ("below", "above", "check")
+#: Called after each part of a branch with the numbers of finished branches, of known ones, and of points.
+Progress = Callable[[int, int, int], None]
 
 #: The state of an orbit where its period begins, in the columns of a trajectory.
 STATE: Columns = {name: TRAJECTORY[name] for name in (*COORDINATES, *RATES)}
@@ -64,7 +76,7 @@ BRANCHES: Columns = {
     "sequence": Column("events of a period", "stick: an impact, or several that accumulate, after which contact holds"),
     "stable": Column("whether disturbances decay"),
     "unstable": Column("number of Floquet multipliers outside the unit circle"),
-    **columns_told(TOLD),
+    **describe_multipliers(MULTIPLIERS),
     "residual": Column("how far the orbit is from closing", "in the scales of the scene"),
     "turns": Column("turns of exciter 1 that were integrated for the point", "with those of special points before it"),
     **STATE,
@@ -155,91 +167,176 @@ def orbits(
     >>> found.branches["stable"].all()
     np.True_
     """
-    opened = pool(jobs, scheduler, wait=wait, chains=len(planned(scene)))
-    with Store(None, {}) as store, opened as workers:
-        traced = trace(scene, store, workers, progress)
-        return tables(scene, traced, boundaries(scene, traced, store, workers))
+    study = planned(scene)
+    with Store(None, {}) as store, pool(jobs, scheduler, wait=wait, chains=len(study.families)) as workers:
+        return follow(study, store, workers, progress)[0]
 
 
-def planned(scene: Scene) -> list[Family]:
-    """List the combinations of the grid's values whose branches are followed.
+class Planned(NamedTuple):
+    """What is to be followed of a scene: its plan, which has been validated, and the combinations of the grid."""
+
+    scene: Scene
+    plan: OrbitsPlan
+    families: list[Family]
+
+    @property
+    def column(self) -> str:
+        """Column of the key."""
+        return column_of(self.plan.key)
+
+
+def planned(scene: Scene) -> Planned:
+    """Validate the section ``orbits`` of a scene, and list the combinations of the grid's values, the last key fastest.
 
     Raises
     ------
     ConfigError
-        The section ``orbits`` cannot be followed, or ``from`` names no finished run that the scene can go on from.
+        The section cannot be followed, or ``from`` names no finished run that the scene can go on from.
     """
-    found = families(scene)
-    plan = orbits_plan(scene)
-    if plan.boundaries is not None:
-        for family in found:
-            require_inside(family.scene, plan.boundaries)
+    plan = scene.orbits
+    if plan is None:
+        raise ConfigError("this configuration has no orbits section; add orbits: {key: …, start: …, stop: …}")
+    if scene.drive.program is not None:
+        raise ConfigError("drive.program is given, but orbits have a constant supply; allowed: supply_frequency_hz")
+    if plan.from_ == "state" and scene.run.initial.state is None:
+        raise ConfigError("orbits.from = state but run.initial.state is not given; allowed: give it, or settled")
+    for place, of in (("orbits", plan), ("orbits.boundaries", plan.boundaries)):
+        if of is not None:
+            for value in (of.start, of.stop):
+                _require_continuous(scene, f"{place}.key", of.key, value)
+    families: list[Family] = []
+    for combination in itertools.product(*plan.grid.values()):
+        values = dict(zip(plan.grid, combination, strict=True))
+        try:
+            placed = scene.replace(values | {plan.key: float(plan.start)})
+            parameter_direction(placed, plan.key)
+        except ConfigError as error:
+            raise ConfigError(f"orbits.grid: {error}") from None
+        if plan.from_ not in ("settled", "state"):
+            placed = _at_end(placed, plan.from_)
+        _require_inside(placed, plan)
+        families.append(Family(len(families), values, accurate(placed, plan.tolerance)))
+    return Planned(scene, plan, families)
+
+
+def _require_continuous(scene: Scene, place: str, key: str, value: float) -> None:
+    """Refuse a key that does not vary continuously, or has no such value."""
+    held = value_of(scene, key)
+    if held is not None and not isinstance(held, float):
+        raise ConfigError(f"{place} = {key} holds no number that varies continuously; allowed: one that does")
+    try:
+        parameter_direction(scene.replace({key: float(value)}), key)
+    except ConfigError as error:
+        raise ConfigError(f"{place}: {error}") from None
+
+
+def _at_end(scene: Scene, directory: str) -> Scene:
+    """Return the scene at the end of a run, so that workers need not read it."""
+    try:
+        state = end_of(Path(directory), scene).state
+    except ConfigError as error:
+        text = str(error).replace("run.initial.from", "orbits.from", 1)
+        raise ConfigError(text.replace("; allowed: ", "; allowed: settled, state, or ", 1)) from None
+    return beginning_at(scene, state)
+
+
+def _require_inside(scene: Scene, plan: OrbitsPlan) -> None:
+    """Refuse a range of the second key that does not hold the scene's value, where the curves begin."""
+    second = plan.boundaries
+    if second is None:
+        return
+    value = value_of(scene, second.key)
+    if not min(second.start, second.stop) <= value <= max(second.start, second.stop):
+        raise ConfigError(
+            f"orbits.boundaries: {second.key} = {value:g} in this scene, where the curves begin; "
+            f"allowed: start and stop on both sides of it, not {second.start:g} and {second.stop:g}"
+        )
+
+
+def follow(
+    study: Planned, store: Store, workers: Pool, progress: Progress | None = None
+) -> tuple[OrbitTables, dict[str, Any]]:
+    """Follow the branches and boundaries of a study; parts that are stored already are not repeated.
+
+    Returns
+    -------
+    tables, summary
+        The summary is what is known of the branches besides their points, as plain values.
+
+    Raises
+    ------
+    OrbitError
+        There is no orbit to begin with, for any combination of the grid's values; the store is finished then.
+    """
+    traced = trace(study, store, workers, progress)
+    curves = boundaries(study, traced, store, workers)
+    return tables(study.plan, traced, curves), summary(study.plan, traced, curves)
+
+
+def trace(study: Planned, store: Store, workers: Pool, progress: Progress | None = None) -> list[Traced]:
+    """Follow the branches of a study; see :func:`follow`."""
+    traced: list[Traced] = []
+
+    def count() -> None:
+        if progress is not None:
+            progress(sum(bool(b.ended) for b in traced), len(traced), sum(len(b.rows) for b in traced))
+
+    chains = ((follow_family(family, study.plan, traced, count), str(family.number)) for family in study.families)
+    run_stored([StoredChain(chain, store, name) for chain, name in chains], workers)
+    if all(branch.failed and not branch.rows for branch in traced):
+        store.finish()  # nothing is left to resume
+        raise OrbitError(traced[0].ended)
+    return sorted(traced, key=lambda branch: (branch.family.number, branch.number))
+
+
+def boundaries(study: Planned, traced: Sequence[Traced], store: Store, workers: Pool) -> list[Boundary]:
+    """Follow the boundaries of a study, which begin at the special points of its branches; see :func:`follow`."""
+    plan, found, chains = study.plan, list[Boundary](), list[StoredChain[None]]()
+    if plan.boundaries is None:
+        return found
+    passed: list[tuple[Family, Record]] = []
+    for branch, special in ((b, s) for b in traced for s in b.special):
+        family, kind = branch.family, special["kind"]
+        new = not any(of is family and same_special(special, other, plan) for of, other in passed)
+        if new and (plan.boundaries.kinds is None or kind in plan.boundaries.kinds):
+            boundary = Boundary(family.grid, branch.number, kind)
+            found.append(boundary)
+            name = f"boundary-{family.number}-{branch.number}-{branch.special.index(special)}"
+            chains.append(StoredChain(follow_boundary(family.scene, plan, special, boundary), store, name))
+        passed.append((family, special))
+    run_stored(chains, workers)
     return found
 
 
-def tables(scene: Scene, traced: Sequence[Traced], curves: Sequence[Boundary] = ()) -> OrbitTables:
+def tables(plan: OrbitsPlan, traced: Sequence[Traced], curves: Sequence[Boundary] = ()) -> OrbitTables:
     """Make the tables of branches and boundaries that have been followed."""
-    return OrbitTables(branch_table(scene, traced), special_table(scene, traced), boundary_table(scene, curves))
-
-
-def branch_table(scene: Scene, traced: Sequence[Traced]) -> pd.DataFrame:
-    """Return the table of branches: the grid's keys, the key, COLUMNS, and the state where each period begins."""
-    key = column_of(orbits_plan(scene).key)
-    rows = [
-        _place(branch)
-        | {"parent": branch.parent, "point": point}
-        | row
-        | {key: row["value"]}
-        | _state(branch, row["state"])
+    key, present = column_of(plan.key), sorted({i for branch in traced for i in branch.family.scene.coordinates})
+    state = [names[i] for names in (COORDINATES, RATES) for i in present]  # coordinates that none has are absent
+    points = [
+        _columns(branch, row, key) | {"parent": branch.parent, "point": point}
         for branch in traced
         for point, row in enumerate(branch.rows)
     ]
-    return _frame(rows, scene, [key, *COLUMNS, *_state_columns(traced)], BRANCHES)
-
-
-def special_table(scene: Scene, traced: Sequence[Traced]) -> pd.DataFrame:
-    """Return the table of special points, with the state of the orbit there.
-
-    ``point`` is the last point of the branch before it.
-    """
-    key = column_of(orbits_plan(scene).key)
-    rows = [
-        _place(branch)
-        | special
-        | {"point": special["after"] - 1, key: special["value"]}
-        | _state(branch, special["state"])
+    special = [
+        _columns(branch, special, key) | {"point": special["after"] - 1}
         for branch in traced
         for special in branch.special
     ]
-    columns = ["branch", "kind", key, EXCITATION, "period", "point", *_state_columns(traced)]
-    return _frame(rows, scene, columns, SPECIAL)
-
-
-def _state_columns(traced: Sequence[Traced]) -> list[str]:
-    """List the columns of a state; coordinates that no combination of the grid's values has are absent."""
-    present = sorted({i for branch in traced for i in branch.family.scene.coordinates})
-    return [names[i] for names in (COORDINATES, RATES) for i in present]
-
-
-def _state(branch: Traced, state: Sequence[float]) -> Record:
-    """Return a state by its columns; coordinates that the branch does not have are left out."""
-    own, half = branch.family.scene.coordinates, len(COORDINATES)
-    return {COORDINATES[i]: state[i] for i in own} | {RATES[i]: state[i + half] for i in own}
-
-
-def boundary_table(scene: Scene, curves: Sequence[Boundary]) -> pd.DataFrame:
-    """Return the table of boundaries: the points of each curve in their order."""
-    plan = orbits_plan(scene)
-    keys = [column_of(key) for key in [plan.key, *([plan.boundaries.key] if plan.boundaries else [])]]
-    rows = []
-    for number, curve in enumerate(curves):
-        place = {column_of(key): value for key, value in curve.family.grid.items()}
-        place |= {"curve": number, "kind": curve.kind, "branch": curve.branch}
-        rows += [
-            place | dict.fromkeys(SIDES, "") | row | dict(zip(keys, (row["value"], row["second"]), strict=True))
-            for row in curve.rows
-        ]
-    return _frame(rows, scene, ["curve", "kind", "branch", *keys, EXCITATION, "period", *SIDES], BOUNDARIES)
+    keys = [key] if plan.boundaries is None else [key, column_of(plan.boundaries.key)]
+    rows = [
+        _named(curve.grid)
+        | {"curve": number, "kind": curve.kind, "branch": curve.branch}
+        | dict.fromkeys(SIDES, "")
+        | row
+        | dict(zip(keys, (row["value"], row["second"]), strict=True))
+        for number, curve in enumerate(curves)
+        for row in curve.rows
+    ]
+    return OrbitTables(
+        _table(points, plan, [key, *COLUMNS, *state], BRANCHES),
+        _table(special, plan, ["branch", "kind", key, EXCITATION, "period", "point", *state], SPECIAL),
+        _table(rows, plan, ["curve", "kind", "branch", *keys, EXCITATION, "period", *SIDES], BOUNDARIES),
+    )
 
 
 def column_of(key: str) -> str:
@@ -247,53 +344,70 @@ def column_of(key: str) -> str:
     return SUPPLY if key == FREQUENCY else key
 
 
-def summary(scene: Scene, traced: Sequence[Traced], curves: Sequence[Boundary] = ()) -> dict[str, Any]:
-    """Return what is told of the branches besides their points, as plain values."""
-    branches = [_told(branch) for branch in traced]
+def _named(grid: Mapping[str, Any]) -> Record:
+    """Return the grid's values by their columns."""
+    return {column_of(key): value for key, value in grid.items()}
+
+
+def _columns(branch: Traced, row: Record, key: str) -> Record:
+    """Return a row or a special point of a branch with the columns of its place and its state."""
+    half = len(COORDINATES)
+    state = {
+        names[i]: row["state"][i + at]
+        for names, at in ((COORDINATES, 0), (RATES, half))
+        for i in branch.family.scene.coordinates
+    }
+    return _named(branch.family.grid) | {"branch": branch.number} | row | {key: row["value"]} | state
+
+
+def _table(rows: list[Record], plan: OrbitsPlan, columns: Sequence[str], meant: Columns) -> pd.DataFrame:
+    """Make a table with the grid's keys first."""
+    grid = _named(plan.grid)
+    return study_table(rows, [*grid, *columns], grid, {SUPPLY: Column("supply frequency"), **meant})
+
+
+def summary(plan: OrbitsPlan, traced: Sequence[Traced], curves: Sequence[Boundary] = ()) -> dict[str, Any]:
+    """Return what is known of the branches besides their points, as plain values."""
+    branches = [
+        {
+            "grid": branch.family.grid,
+            "branch": branch.number,
+            "parent": None if branch.parent < 0 else branch.parent,
+            "origin": branch.origin,
+            "points": len(branch.rows),
+            "stable": sum(row["stable"] for row in branch.rows),
+            "least": min((row["value"] for row in branch.rows), default=None),
+            "largest": max((row["value"] for row in branch.rows), default=None),
+            "turns": sum(row["turns"] for row in branch.rows),
+            "special": len(branch.special),
+            "ended": branch.ended,
+            "failed": branch.failed,
+        }
+        for branch in traced
+    ]
     return {
-        "key": orbits_plan(scene).key,
-        "points": sum(b["points"] for b in branches),
-        "turns": sum(b["turns"] for b in branches),
-        "failed": sum(b["failed"] for b in branches),
+        "key": plan.key,
+        **{name: sum(branch[name] for branch in branches) for name in ("points", "turns", "failed")},
         "branches": branches,
         "boundaries": [
             {
-                "grid": c.family.grid,
-                "kind": c.kind,
-                "branch": c.branch,
-                "points": len(c.rows),
-                "ended": c.ended,
-                "checks": dict(Counter(row["check"] for row in c.rows if "check" in row)),
+                "grid": curve.grid,
+                "kind": curve.kind,
+                "branch": curve.branch,
+                "points": len(curve.rows),
+                "ended": curve.ended,
+                "checks": dict(Counter(row["check"] for row in curve.rows if "check" in row)),
             }
-            for c in curves
+            for curve in curves
         ],
     }
 
 
-def _told(branch: Traced) -> dict[str, Any]:
-    values = [row["value"] for row in branch.rows]
-    return {
-        "grid": branch.family.grid,
-        "branch": branch.number,
-        "parent": None if branch.parent < 0 else branch.parent,
-        "origin": branch.origin,
-        "points": len(values),
-        "stable": sum(row["stable"] for row in branch.rows),
-        "least": min(values, default=None),
-        "largest": max(values, default=None),
-        "turns": sum(row["turns"] for row in branch.rows),
-        "special": len(branch.special),
-        "ended": branch.ended,
-        "failed": branch.failed,
-    }
-
-
-def _place(branch: Traced) -> Record:
-    """Return the columns that say which branch a row belongs to."""
-    return {column_of(key): value for key, value in branch.family.grid.items()} | {"branch": branch.number}
-
-
-def _frame(rows: list[Record], scene: Scene, columns: Sequence[str], meant: Columns) -> pd.DataFrame:
-    """Make a table with the grid's keys first."""
-    grid = {column_of(key): values for key, values in orbits_plan(scene).grid.items()}
-    return study_table(rows, [*grid, *columns], grid, {SUPPLY: Column("supply frequency"), **meant})
+def write_orbits(scene: Scene, tables: OrbitTables, summary: Mapping[str, Any], directory: Path, form: Format) -> None:
+    """Write the tables, the summary ``orbits.json`` and the provenance into a directory."""
+    found: dict[str, Table] = {"special": tables.special, "branches": tables.branches}
+    absent = {"boundaries"}
+    if scene.orbits is not None and scene.orbits.boundaries is not None:
+        found, absent = {"boundaries": tables.boundaries, **found}, set()
+    origin = provenance(scene, engine_name(scene))
+    write_result(directory, "orbits", origin, found, {"orbits": summary}, form=form, absent=absent)

@@ -63,20 +63,14 @@ def automaton(
     state: FloatArray | None = None,
     time: float = 0.0,
 ) -> Automaton:
-    """Build the automaton of a scene at a full state, or at its own initial state.
+    """Build the automaton of a scene at a full state and a time (s), or at its own initial state.
 
     Parameters
     ----------
-    p
-        Parameters of the scene.
-    steps
-        Where steps are written.
+    p, steps
+        Parameters of the scene, and where steps are written.
     turns_per_segment
         Turns of the synchronous speed after which a segment without an event is ended and restarted.
-    state
-        Full state, shape (14,).
-    time
-        When it begins (s).
     """
     kept, runs = np.array([p, p], PARAMETERS), np.zeros(1, RUN)
     kept["restitution"][1] = 0.0

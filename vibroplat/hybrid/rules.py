@@ -14,16 +14,10 @@ ATTACH, FLY, ACCUMULATE = range(3)
 
 @compiled
 def presses(force: float, force_rate: float, noise: float, speed: float) -> bool:
-    """Whether contact holds: F_c > 0, or F_c = 0 up to round-off and not about to fall.
+    """Whether contact holds: F_c > 0 (N), or F_c = 0 up to its round-off ``noise`` and not about to fall.
 
     At a root of F_c that does not fall, this tells a touch, after which contact goes on, from a liftoff.
-
-    Parameters
-    ----------
-    force, force_rate
-        F_c and F_c′ (N, N/s).
-    noise, speed
-        Round-off of F_c (N) and synchronous speed (rad/s).
+    ``speed`` is the synchronous one (rad/s).
     """
     if abs(force) > noise:
         return force > 0.0
@@ -71,14 +65,10 @@ def after_impact(
 
     Parameters
     ----------
-    rebound
-        Gap rate after the impact, ≥ 0 (m/s).
-    acceleration, jerk
-        Second and third derivative of the gap in flight.
-    resolved
-        Whether impacts as slow as this one stand out from round-off.
-    pressed
-        Whether contact would hold if the layer were attached.
+    rebound, acceleration, jerk
+        Derivatives of the gap in flight after the impact; the first is ≥ 0 (m/s).
+    resolved, pressed
+        Whether impacts as slow as this one stand out from round-off, and contact would hold if the layer were attached.
     tolerance, speed
         Tolerance of the run, and synchronous speed (rad/s).
     """

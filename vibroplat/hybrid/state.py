@@ -36,18 +36,17 @@ CUBIC = 3
 # How a piece goes on from the one before.
 AFTER_EVENT, RESTARTED, CUT = range(3)
 
-#: A piece: its steps [first, end) in one system, the origin of their times and when the piece ends (s), the whole
-#: turns taken off both exciter angles (rad), how it goes on from the piece before, and the events in the list then.
+#: A piece.
 PIECE = np.dtype(
     [
-        ("first", np.int64),
+        ("first", np.int64),  # its steps [first, end)
         ("end", np.int64),
         ("system", np.int64),
-        ("origin", np.float64),
-        ("until", np.float64),
-        ("turns", np.float64, 2),
-        ("joined", np.int64),
-        ("events", np.int64),
+        ("origin", np.float64),  # of its times (s)
+        ("until", np.float64),  # when it ends (s)
+        ("turns", np.float64, 2),  # whole turns taken off both exciter angles (rad)
+        ("joined", np.int64),  # how it goes on from the piece before
+        ("events", np.int64),  # in the list then
     ],
     align=True,
 )
@@ -59,27 +58,16 @@ USED = np.dtype([("steps", np.int64), ("first", np.int64), ("pieces", np.int64)]
 class Steps(NamedTuple):
     """Steps and the pieces they make.
 
-    Attributes
-    ----------
-    start, length
-        Beginning of each step since the origin of its piece, and its duration (s), shape (rows,).
-    c
-        Coefficients of each step's polynomial in s = (t − start)/length, shape (rows, degree + 1, WIDTH); a system
-        uses the first columns, and what is in the others means nothing.
-    ends
-        Unknowns at the ends of the steps, shape (rows, 14).
-    pieces
-        Closed pieces, records of :data:`PIECE`.
-    used
-        A record of :data:`USED`.
+    The polynomials of a step are in s = (t − start)/length. A system uses the first columns of ``c``; what is in the
+    others means nothing.
     """
 
-    start: FloatArray
-    length: FloatArray
-    c: FloatArray
-    ends: FloatArray
-    pieces: npt.NDArray[np.void]
-    used: Any
+    start: FloatArray  # of each step since the origin of its piece (s), shape (rows,)
+    length: FloatArray  # its duration (s), shape (rows,)
+    c: FloatArray  # coefficients, shape (rows, degree + 1, WIDTH)
+    ends: FloatArray  # unknowns at the ends of the steps, shape (rows, 14)
+    pieces: npt.NDArray[np.void]  # closed ones, records of PIECE
+    used: Any  # a record of USED
 
     @property
     def degree(self) -> int:
@@ -176,51 +164,34 @@ RUN = np.dtype(
     align=True,
 )
 
-#: An event: when (s), its kind, gap rates (m/s), impulse (N·s), energy lost (J), F_c after it (N), the mode then, and
-#: the impacts it stands for.
+#: An event.
 EVENT = np.dtype(
     [
-        ("t", np.float64),
+        ("t", np.float64),  # when (s)
         ("kind", np.int64),
-        ("rate_before", np.float64),
+        ("rate_before", np.float64),  # of the gap (m/s)
         ("rate_after", np.float64),
-        ("impulse", np.float64),
-        ("loss", np.float64),
-        ("force_after", np.float64),
+        ("impulse", np.float64),  # (N·s)
+        ("loss", np.float64),  # of energy (J)
+        ("force_after", np.float64),  # F_c (N)
         ("mode_after", np.int64),
-        ("impacts", np.int64),
+        ("impacts", np.int64),  # that it stands for
     ],
     align=True,
 )
 
 
 class Automaton(NamedTuple):
-    """A run of the hybrid automaton.
+    """A run of the hybrid automaton."""
 
-    Attributes
-    ----------
-    p, inelastic
-        Parameters of the scene, and the same without restitution.
-    run
-        A record of :data:`RUN`.
-    recent
-        Times of the last restarts (s), as many as may lie within a period.
-    events
-        Events since the list was read, records of :data:`EVENT`.
-    steps
-        Steps since they were read.
-    start, parameters
-        Addresses of :func:`vibroplat.hybrid.jumps.start_callback` and of ``p``.
-    """
-
-    p: Any
-    inelastic: Any
-    run: Any
-    recent: FloatArray
-    events: npt.NDArray[np.void]
-    steps: Steps
-    start: int
-    parameters: int
+    p: Any  # parameters of the scene
+    inelastic: Any  # the same without restitution
+    run: Any  # a record of RUN
+    recent: FloatArray  # times of the last restarts (s), as many as may lie within a period
+    events: npt.NDArray[np.void]  # since the list was read, records of EVENT
+    steps: Steps  # since they were read
+    start: int  # address of :func:`vibroplat.hybrid.jumps.start_callback`
+    parameters: int  # address of p
 
 
 #: Local tolerance of F_c in units of its scale, over the tolerance of the run. Ten costs no accuracy of
@@ -302,16 +273,8 @@ def halvings(tolerance: float, height: float, scale: float, sure: bool) -> int:
     An absolute error of the gap moves a landing at speed v by its ratio to v, so the many low flights
     of accumulating impacts need a gap as accurate against their own height: its tolerance is divided by
     4ⁿ, that of its rate by 2ⁿ. Gap and rate are integrated from 0 and keep their digits however low a
-    flight is; one that may rise higher than expected must not be asked for more than round-off leaves of it.
-
-    Parameters
-    ----------
-    tolerance
-        That of the run.
-    height, scale
-        Expected height of the flight and scale of the gap (m).
-    sure
-        Whether the flight is known to be that low.
+    flight is; one that may rise higher than expected must not be asked for more than round-off leaves of it: ``sure``
+    says whether the flight is known to be that low (m).
     """
     share = max(height / scale, 4.0**-MOST_HALVINGS if sure else ROUND_OFF / tolerance)
     return min(int(-0.5 * math.log2(share)), MOST_HALVINGS) if share < 1.0 else 0
@@ -353,14 +316,8 @@ def initial_state(scene: Scene) -> FloatArray:
 def perturbed(state: FloatArray, scene: Scene, share: float, key: tuple[int, ...]) -> FloatArray:
     """Return a state, shape (14,), with the rates of platform and exciters changed by normal random numbers.
 
-    A symmetric motion that has lost stability would otherwise stay symmetric for ever.
-
-    Parameters
-    ----------
-    share
-        Standard deviation, in the scales of the scene.
-    key
-        Numbers that determine the random ones.
+    Their standard deviation is ``share`` in the scales of the scene; the numbers of ``key`` determine them. A symmetric
+    motion that has lost stability would otherwise stay symmetric for ever.
     """
     if share == 0.0:
         return state

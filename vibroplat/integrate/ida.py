@@ -176,35 +176,17 @@ _FULL = 9
 
 
 class Native(NamedTuple):
-    """What compiled code needs of the engine.
+    """What compiled code needs of the engine."""
 
-    Attributes
-    ----------
-    functions
-        A record of :data:`FUNCTIONS`.
-    handles
-        Records of :data:`HANDLES` by mode.
-    links
-        User data of each mode's callbacks.
-    y, yp, atol
-        What is behind the vectors, shape (3, 14).
-    past
-        The last end of a step.
-    status
-        A record of :data:`STATUS`.
-    time, number
-        What the library writes times (s) and counters to, shape (1,).
-    """
-
-    functions: Any
-    handles: Records
-    links: Records
-    y: FloatArray
+    functions: Any  # a record of FUNCTIONS
+    handles: Records  # of HANDLES by mode
+    links: Records  # user data of each mode's callbacks
+    y: FloatArray  # what is behind the vectors, shape (3, 14)
     yp: FloatArray
     atol: FloatArray
-    past: Past
-    status: Any
-    time: FloatArray
+    past: Past  # the last end of a step
+    status: Any  # a record of STATUS
+    time: FloatArray  # what the library writes times (s) and counters to, shape (1,)
     number: IntArray
 
 

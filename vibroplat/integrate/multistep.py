@@ -27,18 +27,10 @@ STEADY = 0.1
 
 
 class Past(NamedTuple):
-    """The last end of a step.
+    """The last end of a step."""
 
-    Attributes
-    ----------
-    t
-        Time in the segment (s), shape (1,).
-    y, yp
-        Unknowns and derivatives, shape (14,).
-    """
-
-    t: FloatArray
-    y: FloatArray
+    t: FloatArray  # time in the segment (s), shape (1,)
+    y: FloatArray  # unknowns and derivatives, shape (14,)
     yp: FloatArray
 
 
@@ -96,19 +88,9 @@ def transcribe(
 ) -> int:
     """Add steps by their ends, up to where a guard first falls through zero or exciter 1 has an angle.
 
-    Parameters
-    ----------
-    guard
-        Its index among the unknowns; −1 for none.
-    at_guard
-        Whether the integrator has found a fall itself, at the last end.
-    target
-        The angle (rad); nan for none.
-
-    Returns
-    -------
-    int
-        AT_GUARD for a fall that the integrator has not found, AT_TARGET for the angle, −1 if all ends were added.
+    The guard is its index among the unknowns, −1 for none; ``at_guard`` says whether the integrator has found a fall
+    itself, at the last end. The angle (rad) is nan for none. Returns AT_GUARD for a fall that the integrator has not
+    found, AT_TARGET for the angle, −1 if all ends were added.
     """
     end, full, slopes = np.empty(y.shape[1]), np.zeros(FULL_SIZE), np.zeros(FULL_SIZE)
     for k in range(t.size):
@@ -135,38 +117,24 @@ def stop_within(
 ) -> tuple[int, float]:
     """Why a segment ends within its last step, AT_GUARD or AT_TARGET, and at which fraction; −1 if it does not.
 
-    Parameters
-    ----------
-    guard, target
-        As in :func:`transcribe`.
-    found
-        Whether the integrator has found the guard's fall itself, at the end of the step.
-    y, yp
-        Unknowns and derivatives at its end.
+    ``found`` says whether the integrator has found the guard's fall itself, at the end of the step; y and y′ are those
+    there. Steps are short against the guard's changes, and rates of F_c carry the errors of a stiff layer: a step is
+    looked into where the guard ends below zero, or falls at its beginning and rises at its end.
     """
+    c = steps.c[steps.used.steps - 1]
     passed, fall = np.inf, 1.0 if found else np.inf
     if y[3] >= target:
-        passed = crossing(steps.c[steps.used.steps - 1], CUBIC, 3, target)
-    if guard >= 0 and not found and (y[guard] < 0.0 or yp[guard] > 0.0):
-        share = fall_within(steps, guard)
+        passed = crossing(c, CUBIC, 3, target)
+    if (
+        guard >= 0
+        and not found
+        and (y[guard] < 0.0 or (yp[guard] > 0.0 and c[1, guard] < 0.0 < slope(c, CUBIC, guard, 1.0)))
+    ):
+        share = first_fall(c, CUBIC, guard, 0)
         fall = share if share >= 0.0 else np.inf
     if passed < fall:
         return AT_TARGET, passed
     return (AT_GUARD, fall) if fall <= 1.0 else (-1, 1.0)
-
-
-@compiled
-def fall_within(steps: Steps, guard: int) -> float:
-    """Fraction of the last step at which a guard falls through zero unseen by the signs at its ends, or −1.
-
-    Steps are short against the guard's changes, and rates of F_c carry the errors of a stiff layer: a step is looked
-    into where the guard ends below zero, or falls at its beginning and rises at its end.
-    """
-    row = steps.used.steps - 1
-    c = steps.c[row]
-    if steps.ends[row, guard] < 0.0 or c[1, guard] < 0.0 < slope(c, CUBIC, guard, 1.0):
-        return first_fall(c, CUBIC, guard, 0)
-    return -1.0
 
 
 @compiled

@@ -64,15 +64,6 @@ class NativeEngine:
     One context and one solver for each mode belong to a run, and with them to its thread; :meth:`close`
     frees them.
 
-    Parameters
-    ----------
-    scene
-        Its modes.
-    p
-        Parameter vector of the scene.
-    library
-        The SUNDIALS library.
-
     Raises
     ------
     MemoryError

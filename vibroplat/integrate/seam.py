@@ -7,8 +7,8 @@ with a polynomial, to ``h.steps``, and calls ``conclude``. Whoever reads the ste
 To add an integrator, implement :class:`Integrator`, some fifty lines for a library's own, as
 ``tests/integrate/dop853.py`` does for scipy's. :class:`vibroplat.integrate.stepwise.Stepwise` makes an engine of it,
 which ``simulate(scene, engine=…)`` runs. One that users may choose also has a name in ``solver.engine``
-(:mod:`vibroplat.config.scene`) and a line in :mod:`vibroplat.integrate`. Engines with a compiled loop of their
-own, as ``native``, save a return to Python in each step.
+(:mod:`vibroplat.config.sections`) and a line in :mod:`vibroplat.integrate`. Engines with a compiled loop of their own,
+as ``native``, save a return to Python in each step.
 """
 
 from __future__ import annotations
@@ -36,18 +36,10 @@ class IntegrationError(ArithmeticError):
 
 
 class Integrator(Protocol):
-    """What takes the steps of a scene's systems.
+    """What takes the steps of a scene's systems."""
 
-    Attributes
-    ----------
-    name
-        For the summary.
-    degree
-        Degree of the polynomials of its steps.
-    """
-
-    name: str
-    degree: int
+    name: str  # for the summary
+    degree: int  # of the polynomials of its steps
 
     @property
     def work(self) -> Mapping[str, int | None]:
@@ -91,32 +83,22 @@ class Integrator(Protocol):
 
 
 class Engine(Protocol):
-    """What carries the automaton of one scene on.
+    """What carries the automaton of one scene on."""
 
-    Attributes
-    ----------
-    name
-        As in ``solver.engine``.
-    rows, degree
-        How many steps it adds before they are read, and the degree of their polynomials.
-    turns_per_segment
-        Turns of the synchronous speed after which a segment without an event is ended and restarted.
-    work
-        How much was done so far, by the names in :data:`WORK`; None for what this engine cannot count.
-    detail
-        Why the integrator failed, when it has.
-    """
-
-    name: str
-    rows: int
-    degree: int
-    turns_per_segment: float
+    name: str  # as in ``solver.engine``
+    rows: int  # how many steps it adds before they are read
+    degree: int  # of their polynomials
+    turns_per_segment: float  # of the synchronous speed, after which a segment without an event is restarted
 
     @property
-    def detail(self) -> str: ...  # noqa: D102
+    def detail(self) -> str:
+        """Why the integrator failed, when it has."""
+        ...
 
     @property
-    def work(self) -> Mapping[str, int | None]: ...  # noqa: D102
+    def work(self) -> Mapping[str, int | None]:
+        """How much was done so far, by the names in :data:`WORK`; None for what this engine cannot count."""
+        ...
 
     def advance(self, h: Automaton) -> None:
         """Carry a run on for some segments, or part of one; its steps and events are read before the next call."""

@@ -27,15 +27,7 @@ _ON = -1
 
 
 class Stepwise:
-    """Drives the automaton with an integrator that hands over steps.
-
-    Parameters
-    ----------
-    integrator
-        What takes the steps.
-    p
-        Parameters of the scene.
-    """
+    """Drives the automaton with an integrator that hands over steps."""
 
     rows = 512
     turns_per_segment: float = 1000
@@ -115,14 +107,7 @@ class Stepwise:
 
 @compiled
 def add_steps(
-    run: Any,
-    steps: Steps,
-    k: int,
-    done: float,
-    lengths: FloatArray,
-    coefficients: FloatArray,
-    fit: Fit,
-    p: Parameters,
+    run: Any, steps: Steps, k: int, done: float, lengths: FloatArray, coefficients: FloatArray, fit: Fit, p: Parameters
 ) -> tuple[int, int, float]:
     """Add an integrator's steps from number ``k`` on, at time ``done`` of the segment (s), while there is room.
 

@@ -6,7 +6,6 @@ import io
 import math
 import os
 import threading
-from collections.abc import Callable
 from contextlib import redirect_stdout, suppress
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -88,11 +87,6 @@ class SundaeEngine:
     scikit-sundae fixes tolerances and first step when an IDA object is made, so there is one for each
     combination of system, tolerances and first step that occurs (the latter two in powers of 4, so
     there are few), made once and reused by re-initialisation.
-
-    Parameters
-    ----------
-    p
-        Parameter vector of the scene.
     """
 
     name = "sundae"
@@ -160,7 +154,11 @@ class SundaeEngine:
                 with suppress(_GivenUpError):
                     result = self._solve(integrator, until, start, slope)
         else:
-            stop, self.detail = _stop(result)
+            stop, self.detail = AT_GUARD if result.status == _ROOT else AT_TIME, ""
+            if result.status < 0:
+                stop, self.detail = FAILED, f"SUNDIALS: {result.message}"
+            elif not math.isfinite(result.y[-1].sum()):
+                stop, self.detail = NOT_FINITE, "the state is not finite"
         t, y, yp = np.zeros(1), start[np.newaxis], slope[np.newaxis]
         if result is not None:
             t, y, yp = result.t, result.y, result.yp
@@ -193,7 +191,7 @@ class SundaeEngine:
         key = (system.index, atol.tobytes(), first_step)
         if key in self._integrators:
             return self._integrators[key]
-        p, budget, number = self._p, self._budget, system.index
+        p, budget, number, index = self._p, self._budget, system.index, int(GUARDS[system.index])
 
         def residual(t: float, y: FloatArray, yp: FloatArray, res: FloatArray) -> None:
             if not fill_residual(number, budget.origin + t, y, yp, res, p):
@@ -203,6 +201,10 @@ class SundaeEngine:
         def jacobian(t: float, y: FloatArray, yp: FloatArray, res: FloatArray, cj: float, jac: FloatArray) -> None:
             fill_jacobian(number, budget.origin + t, y, yp, cj, jac, p)
 
+        def guard(t: float, y: FloatArray, yp: FloatArray, events: FloatArray) -> None:
+            events[0] = y[index]
+
+        guard.terminal, guard.direction = [True], [-1]  # type: ignore[attr-defined]
         options: dict[str, Any] = {
             "jacfn": jacobian,
             # the absolute tolerances do the work; this keeps what is asked of a component above round-off
@@ -212,31 +214,7 @@ class SundaeEngine:
         }
         if system.algebraic:
             options["algebraic_idx"] = [system.differential]
-        guard = _guard_of(system)
-        if guard is not None:
+        if index >= 0:
             options |= {"eventsfn": guard, "num_events": 1}
-        self._integrators[key] = IDA(residual, **options), guard
+        self._integrators[key] = IDA(residual, **options), guard if index >= 0 else None
         return self._integrators[key]
-
-
-def _guard_of(system: System) -> Callable[..., None] | None:
-    """Make the event function of a system that has a guard: an unknown whose fall through zero ends the solution."""
-    index = int(GUARDS[system.index])
-    if index < 0:
-        return None
-
-    def guard(t: float, y: FloatArray, yp: FloatArray, events: FloatArray) -> None:
-        events[0] = y[index]
-
-    guard.terminal = [True]  # type: ignore[attr-defined]
-    guard.direction = [-1]  # type: ignore[attr-defined]
-    return guard
-
-
-def _stop(result: Any) -> tuple[int, str]:
-    """Read why the integrator stopped."""
-    if result.status < 0:
-        return FAILED, f"SUNDIALS: {result.message}"
-    if not math.isfinite(result.y[-1].sum()):
-        return NOT_FINITE, "the state is not finite"
-    return (AT_GUARD if result.status == _ROOT else AT_TIME), ""

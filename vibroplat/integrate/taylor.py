@@ -49,15 +49,7 @@ def degree_of(tolerance: float) -> int:
 
 
 class TaylorEngine:
-    """Taylor series of high order, driven in compiled code.
-
-    Parameters
-    ----------
-    scene
-        Its tolerance.
-    p
-        Parameters of the scene.
-    """
+    """Taylor series of high order, driven in compiled code."""
 
     name = "taylor"
     #: Few enough to stay in the processor's cache until they are read.
@@ -76,10 +68,7 @@ class TaylorEngine:
     def work(self) -> dict[str, int | None]:
         """How much was done so far."""
         status = self._e.status
-        return dict.fromkeys(WORK) | {
-            "steps": int(status["steps"]),
-            "error_test_failures": int(status["rejected"]),
-        }
+        return dict.fromkeys(WORK) | {"steps": int(status["steps"]), "error_test_failures": int(status["rejected"])}
 
     @property
     def detail(self) -> str:
@@ -269,20 +258,14 @@ def end_of_step(h: Automaton, e: Expansion, c: FloatArray, length: float) -> tup
         length *= share
         put_step(e.room.q, degree, length, n, c)
     target = run.target - run.turns[0]
-    if not math.isnan(target) and reaches(c, degree, target):
+    angle = c[degree, 3]  # of exciter 1 at the end
+    for k in range(degree - 1, -1, -1):
+        angle += c[k, 3]
+    if angle >= target:  # never where there is none: nan
         stop, status.resting = AT_TARGET, -1
         length *= crossing(c, degree, 3, target)
         put_step(e.room.q, degree, length, n, c)
     return stop, length
-
-
-@inlined
-def reaches(c: FloatArray, degree: int, target: float) -> bool:
-    """Whether exciter 1 ends a step at an angle (rad), or beyond."""
-    angle = c[degree, 3]
-    for k in range(degree - 1, -1, -1):
-        angle += c[k, 3]
-    return bool(angle >= target)
 
 
 @compiled

@@ -60,21 +60,9 @@ def condense(jac: FloatArray, cj: float, dynamic: FloatArray, condensed: FloatAr
 
     Its first n rows are c_j δq − δv = r_q. With δq = (r_q + δv)/c_j the dynamic rows
     J_q δq + J_z δz = r_z of z = (v, F_c) become S δz = r_z − J_q r_q/c_j, S = J_z + J_q/c_j (added to the
-    columns of v).
-
-    Parameters
-    ----------
-    jac
-        ∂F/∂y + c_j ∂F/∂y′, shape (size, size).
-    dynamic
-        Room for S, shape (m, m), m = size − n.
-    condensed
-        Shape (m, size), filled: (−S⁻¹ J_q/c_j, S⁻¹), which maps (r_q, r_z) to δz.
-
-    Returns
-    -------
-    bool
-        What :func:`invert` says of S.
+    columns of v). ``jac`` is ∂F/∂y + c_j ∂F/∂y′; ``dynamic`` is room for S, shape (m, m), m = size − n.
+    ``condensed``, shape (m, size), is filled with (−S⁻¹ J_q/c_j, S⁻¹), which maps (r_q, r_z) to δz. Returns what
+    :func:`invert` says of S.
     """
     m, size = condensed.shape
     n = size - m

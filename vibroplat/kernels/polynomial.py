@@ -283,20 +283,11 @@ class Fit(NamedTuple):
 
     Chebyshev's coefficients are as accurate as the values; the powers' coefficients of high degree hardly have a right
     digit each, but belong together.
-
-    Attributes
-    ----------
-    nodes
-        Fractions of a step at which values are wanted, from 0 to 1, shape (degree + 1,).
-    chebyshev
-        Turns values into the coefficients of Chebyshev's polynomials in 2s − 1, shape (degree + 1, degree + 1).
-    powers
-        Turns these into coefficients of powers of s, whole numbers, shape (degree + 1, degree + 1).
     """
 
-    nodes: FloatArray
-    chebyshev: FloatArray
-    powers: FloatArray
+    nodes: FloatArray  # fractions of a step at which values are wanted, from 0 to 1
+    chebyshev: FloatArray  # turns values into the coefficients of Chebyshev's polynomials in 2s − 1; a square matrix
+    powers: FloatArray  # turns these into coefficients of powers of s, by whole numbers; a square matrix
 
 
 def fit(degree: int) -> Fit:

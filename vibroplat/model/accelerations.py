@@ -22,15 +22,8 @@ def solve(system: int, y: FloatArray, z: FloatArray, p: Parameters) -> None:
     """Solve (∂F/∂z) z = b for accelerations and F_c.
 
     Attached, the lower layer's row m_w1 ÿ − F_c = b is added to the platform's row of y, which leaves a platform whose
-    mass there is M + m_w1.
-
-    Parameters
-    ----------
-    y
-        Unknowns, shape (size,); coordinates are read.
-    z
-        Shape (size,). From place n on it holds the right-hand sides of the dynamic rows, in the order of the rows, and
-        is left with accelerations and F_c.
+    mass there is M + m_w1. Of the unknowns ``y`` coordinates are read. From place n on ``z``, shape (size,), holds the
+    right-hand sides of the dynamic rows, in the order of the rows, and is left with accelerations and F_c.
     """
     inverse = compliance(unbalance(0, y, p), unbalance(1, y, p), mobility(ALGEBRAIC[system], p), p)
     solve_with(inverse, system, z, p)
@@ -93,16 +86,8 @@ def solve_rows(
 def accelerations(system: int, t: float, y: FloatArray, yp: FloatArray, p: Parameters) -> bool:
     """Make (y, y′) consistent: find accelerations and F_c of a state.
 
-    Parameters
-    ----------
-    y, yp
-        Shape (size,). The differential unknowns in ``y`` are read; y′ and, attached, F_c in ``y`` are filled, and F_c′
-        in ``yp`` is set to 0.
-
-    Returns
-    -------
-    bool
-        False if anything is not finite, or the mass matrix is not positive definite.
+    The differential unknowns in ``y`` are read; y′ and, attached, F_c in ``y`` are filled, and F_c′ in ``yp`` is set
+    to 0. Returns False if anything is not finite, or the mass matrix is not positive definite.
     """
     n = y.size // 2
     if ALGEBRAIC[system]:
@@ -125,16 +110,7 @@ def second_derivatives(system: int, t: float, y: FloatArray, yp: FloatArray, ypp
     """Find y″ and F_c′ of a consistent (y, y′), by A z′ = −(∂F/∂y) y′ − ∂F/∂t, A = ∂F/∂z.
 
     This is F = 0 differentiated along the motion; ∂F/∂t is the rate of the motors' torques under a changing supply.
-
-    Parameters
-    ----------
-    y, yp, ypp
-        Shape (size,); y and the derivatives in ``yp`` are read. F_c′ in ``yp`` and y″ are filled; F_c″ is set to 0.
-
-    Returns
-    -------
-    bool
-        False if anything is not finite.
+    F_c′ in ``yp`` and y″ are filled; F_c″ is set to 0. Returns False if anything is not finite.
     """
     size = y.size
     n = size // 2
@@ -156,14 +132,9 @@ def second_derivatives(system: int, t: float, y: FloatArray, yp: FloatArray, ypp
 
 @compiled
 def linearize(system: int, t: float, y: FloatArray, yp: FloatArray, slopes: FloatArray, p: Parameters) -> None:
-    """Differentiate accelerations and F_c by the state, for variational equations.
+    """Differentiate accelerations and F_c by the state, for variational equations, at consistent y and y′.
 
-    Parameters
-    ----------
-    y, yp
-        Consistent, shape (size,).
-    slopes
-        Shape (2n, size), filled: row j holds ∂y′/∂y_j and, attached, ∂F_c/∂y_j behind it.
+    Row j of ``slopes``, shape (2n, size), is filled with ∂y′/∂y_j and, attached, ∂F_c/∂y_j behind it.
     """
     size = y.size
     n = size // 2

@@ -28,20 +28,10 @@ from vibroplat.model.systems import GAP, GAP_RATE
 
 @compiled
 def impulse_response(state: FloatArray, response: FloatArray, p: Parameters) -> float:
-    """Fill the change of the seven rates by a unit impulse between lower layer and platform.
+    """Fill the change of the seven rates by a unit impulse between lower layer and platform, at a full state.
 
-    Parameters
-    ----------
-    state
-        Full state, shape (14,); its coordinates are read.
-    response
-        Shape (7,), filled: (−e, 1/m_red, …) with e = 𝓜⁻¹ ê_y. What a singular 𝓜 leaves is not finite, and the restart
-        after the impact fails.
-
-    Returns
-    -------
-    float
-        The reduced mass m_red = k_eff m_w1 / (k_eff + m_w1), k_eff = 1/e_y (kg).
+    It is (−e, 1/m_red, …) with e = 𝓜⁻¹ ê_y. What a singular 𝓜 leaves is not finite, and the restart after the impact
+    fails. Returns the reduced mass m_red = k_eff m_w1 / (k_eff + m_w1), k_eff = 1/e_y (kg).
     """
     mobility = (1.0 / p.mass, 1.0 / p.mass, 1.0 / p.inertia if p.impact_law == CONSERVATIVE else 0.0 / p.inertia)
     inverse = compliance(unbalance(0, state, p), unbalance(1, state, p), mobility, p)
@@ -69,12 +59,7 @@ def kinetic_change(before: FloatArray, after: FloatArray, p: Parameters) -> floa
 
 @compiled
 def impact(state: FloatArray, after: FloatArray, p: Parameters) -> tuple[float, float]:
-    """Let the lower layer strike the platform: ẏ_w1⁺ = −R ẏ_w1⁻.
-
-    Parameters
-    ----------
-    state, after
-        Full states before (read) and after (filled), shape (14,). The gap is pinned to 0.
+    """Let the lower layer strike the platform: ẏ_w1⁺ = −R ẏ_w1⁻, from a full state to ``after``, with a gap of 0.
 
     Returns
     -------

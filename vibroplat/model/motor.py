@@ -14,17 +14,9 @@ from vibroplat.model.parameters import Parameters
 def kloss_torque(slip: float, critical: float, torque: float) -> float:
     """Motor torque in its own direction L = 2 M_c Δ u/(Δ² + u²) (N·m), with slip speed u and critical slip speed Δ.
 
-    This is the formula of Kloss (1901) with the slip s = u/ω₀ and s_c = Δ/ω₀, multiplied out so that a supply of 0 Hz
-    divides nothing. The paper's (1) has lost the slip in the denominator.
-
-    Parameters
-    ----------
-    slip
-        u = ω₀ − σφ̇: how much slower than its synchronous speed the motor turns (rad/s).
-    critical
-        Δ (rad/s).
-    torque
-        M_c (N·m).
+    u = ω₀ − σφ̇ says how much slower than its synchronous speed the motor turns (rad/s). This is the formula of Kloss
+    (1901) with the slip s = u/ω₀ and s_c = Δ/ω₀, multiplied out so that a supply of 0 Hz divides nothing. The paper's
+    (1) has lost the slip in the denominator.
     """
     square = critical * critical + slip * slip
     if square == 0.0:  # at rest at 0 Hz, where the torque has no limit: none
@@ -33,24 +25,14 @@ def kloss_torque(slip: float, critical: float, torque: float) -> float:
 
 
 class Motor(NamedTuple):
-    """What the terms of a motor's torque are made of: slip speed u and critical slip speed Δ, linear in time.
+    """What the terms of a motor's torque are made of: slip speed u and critical slip speed Δ, linear in time."""
 
-    Attributes
-    ----------
-    slip, critical
-        u and Δ now (rad/s).
-    slip_ramp, critical_ramp
-        Rates of the supply in them (rad/s²): u′ = slip_ramp − σφ̈.
-    square, share
-        Δ² + u² (rad²/s²) and one over it; 0 for a motor at rest at 0 Hz, which has no torque.
-    """
-
-    slip: float
+    slip: float  # u and Δ now (rad/s)
     critical: float
-    slip_ramp: float
+    slip_ramp: float  # rates of the supply in them (rad/s²): u′ = slip_ramp − σφ̈
     critical_ramp: float
-    square: float
-    share: float
+    square: float  # Δ² + u² (rad²/s²)
+    share: float  # one over it; 0 for a motor at rest at 0 Hz, which has no torque
 
 
 @inlined
@@ -73,16 +55,9 @@ def square_term(k: int, slip_square: float, motor: Motor) -> float:
 
 @inlined
 def kloss_term(slip: float, slip_before: float, products: float, motor: Motor, torque: float) -> float:
-    """Term k of :func:`kloss_torque`, by (Δ² + u²) L = 2 M_c Δ u.
+    """Term k of :func:`kloss_torque`, by (Δ² + u²) L = 2 M_c Δ u, from terms k and k − 1 of u.
 
-    Parameters
-    ----------
-    slip, slip_before
-        Terms k and k − 1 of u.
-    products
-        Sum of the terms j of Δ² + u² times k − j of L, j from 1 to k.
-    torque
-        M_c (N·m).
+    ``products`` is the sum of the terms j of Δ² + u² times k − j of L, j from 1 to k; ``torque`` is M_c (N·m).
     """
     driving = 2.0 * torque * (motor.critical * slip + motor.critical_ramp * slip_before)
     return (driving - products) * motor.share

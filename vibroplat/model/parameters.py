@@ -110,12 +110,8 @@ def parameters(scene: Scene, time: float = 0.0) -> Parameters:
 def supply(p: Parameters, scene: Scene, interval: Interval) -> None:
     """Change what the supply says in a record: torque, synchronous and critical slip speed of both motors.
 
-    Parameters
-    ----------
-    p
-        Changed in place, so that all who hold it follow.
-    interval
-        The part of the scene's drive that is to hold.
+    The interval of the scene's drive is that which is to hold. The record is changed in place, so that all who hold it
+    follow.
     """
     p["since"] = interval.start if math.isfinite(interval.start) else 0.0
     p["speed"] = scene.synchronous_speeds_at(interval.frequency)

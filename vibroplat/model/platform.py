@@ -30,23 +30,13 @@ Five = tuple[float, float, float, float, float]
 
 
 class Unbalance(NamedTuple):
-    """How an unbalance couples its angle with the platform.
+    """How an unbalance couples its angle with the platform."""
 
-    Attributes
-    ----------
-    x, y, phi
-        Column c of the mass matrix (kg·m, kg·m, kg·m²).
-    lever
-        d_φ = k D; the others are d_x = c_y and d_y = −c_x. ∂d/∂φᵢ = c.
-    phi_still, lever_still
-        k B₀ and k D₀: ∂c_φ/∂φ = k D₀ and ∂d_φ/∂φ = −k B₀.
-    """
-
-    x: float
+    x: float  # column c of the mass matrix (kg·m, kg·m, kg·m²)
     y: float
     phi: float
-    lever: float
-    phi_still: float
+    lever: float  # d_φ = k D; the others are d_x = c_y and d_y = −c_x. ∂d/∂φᵢ = c
+    phi_still: float  # k B₀ and k D₀: ∂c_φ/∂φ = k D₀ and ∂d_φ/∂φ = −k B₀
     lever_still: float
 
 
@@ -114,29 +104,18 @@ class Compliance(NamedTuple):
     """The inverse of the mass matrix, by its parts.
 
     x, y, φ are diagonal among themselves; eliminating them leaves two equations for the exciters (Schur complement).
-
-    Attributes
-    ----------
-    mobility
-        One over the inertias of x, y, φ: 0 for what cannot move.
-    first, second
-        Couplings of the exciters.
-    own_1, mutual, own_2
-        Entries (11, 12, 22) of the inverse of the exciters' mass matrix after that; not finite where it is singular.
     """
 
-    mobility: tuple[float, float, float]
-    first: Unbalance
+    mobility: Three  # one over the inertias of x, y, φ: 0 for what cannot move
+    first: Unbalance  # couplings of the exciters
     second: Unbalance
-    own_1: float
-    mutual: float
+    own_1: float  # entries (11, 12, 22) of the inverse of the exciters' mass matrix after that; not finite where it is
+    mutual: float  # singular
     own_2: float
 
 
 @compiled
-def exciter_masses(
-    first: Unbalance, second: Unbalance, mobility: tuple[float, float, float], p: Parameters
-) -> tuple[float, float, float]:
+def exciter_masses(first: Unbalance, second: Unbalance, mobility: Three, p: Parameters) -> Three:
     """Entries (11, 12, 22) of the exciters' mass matrix after the platform's x, y, φ have been eliminated."""
     mx, my, mphi = mobility
     return (
@@ -147,7 +126,7 @@ def exciter_masses(
 
 
 @compiled
-def compliance(first: Unbalance, second: Unbalance, mobility: tuple[float, float, float], p: Parameters) -> Compliance:
+def compliance(first: Unbalance, second: Unbalance, mobility: Three, p: Parameters) -> Compliance:
     """Invert the mass matrix in a state, from its couplings and the mobility of x, y, φ."""
     m11, m12, m22 = exciter_masses(first, second, mobility, p)
     determinant = m11 * m22 - m12 * m12

@@ -95,17 +95,7 @@ def with_value(section: Any, path: list[str], value: float) -> Any:
 class Course:
     """The parameters of a scene over a range of one key, by Chebyshev's polynomials: a fiftieth of the work of each.
 
-    Parameters
-    ----------
-    scene, key
-        The scene, and a dotted key of it with a number.
-    low, high
-        The range.
-
-    Attributes
-    ----------
-    exact
-        Whether they agree with :func:`vibroplat.model.parameters.parameters` to round-off.
+    ``exact`` says whether they agree with :func:`vibroplat.model.parameters.parameters` to round-off.
     """
 
     def __init__(self, scene: Scene, key: str, low: float, high: float) -> None:

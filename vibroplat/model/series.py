@@ -74,95 +74,51 @@ def room() -> Any:
 
 
 class Fixed(NamedTuple):
-    """What of an exciter is the same in all orders.
+    """What of an exciter is the same in all orders; σ, k_R k and M_c are those of the parameters."""
 
-    Attributes
-    ----------
-    x0, y0, x, y
-        Its axis in the platform, not turned and turned (m).
-    sine, cosine
-        Of its angle now.
-    speed, direction, friction, critical_torque
-        φ̇ᵢ now (rad/s); σ, k_R k and M_c of :mod:`vibroplat.model.parameters`.
-    unbalance
-        k (kg·m).
-    couplings, motor
-        How it pulls at the platform; its motor.
-    """
-
-    x0: float
+    x0: float  # its axis in the platform, not turned and turned (m)
     y0: float
     x: float
     y: float
-    sine: float
+    sine: float  # of its angle now
     cosine: float
-    speed: float
-    direction: float
-    friction: float
-    critical_torque: float
-    unbalance: float
-    couplings: Unbalance
+    speed: float  # φ̇ᵢ now (rad/s)
+    direction: float  # σ
+    friction: float  # k_R k
+    critical_torque: float  # M_c
+    unbalance: float  # k (kg·m)
+    couplings: Unbalance  # how it pulls at the platform
     motor: Motor
 
 
 class Newest(NamedTuple):
-    """The newest coefficients of an exciter's series at the beginning of order k.
+    """The newest coefficients of an exciter's series at the beginning of order k."""
 
-    Attributes
-    ----------
-    sine, cosine
-        Of order k + 1; ``sine_1`` and ``cosine_1`` of order 1, 0 while k = 0.
-    speed
-        φ̇ᵢ, of order k.
-    slip, slip_before
-        u of order k and k − 1.
-    ax, ay
-        a of order k − 1.
-    torque
-        Of order k − 1; ``torque_0`` of order 0, 0 while k = 0.
-    square_1
-        Δ² + u² of order 1, 0 while k < 2.
-    sense
-        In which it turns (±1), 0 while all coefficients of φ̇ᵢ are 0.
-    """
-
-    sine: float
+    sine: float  # of order k + 1
     cosine: float
-    sine_1: float
+    sine_1: float  # of order 1, 0 while k = 0
     cosine_1: float
-    speed: float
-    slip: float
+    speed: float  # φ̇ᵢ, of order k
+    slip: float  # u of order k and k − 1
     slip_before: float
-    ax: float
+    ax: float  # a of order k − 1
     ay: float
-    torque: float
-    torque_0: float
-    square_1: float
-    sense: float
+    torque: float  # of order k − 1
+    torque_0: float  # of order 0, 0 while k = 0
+    square_1: float  # Δ² + u² of order 1, 0 while k < 2
+    sense: float  # in which it turns (±1), 0 while all coefficients of φ̇ᵢ are 0
 
 
 class Known(NamedTuple):
-    """What lower orders say of an exciter's terms of order k.
+    """What lower orders say of an exciter's terms of order k."""
 
-    Attributes
-    ----------
-    sine, cosine
-        s″ and c″ without φ̈ᵢ.
-    ax, ay
-        a without ẍ, ÿ, φ̈.
-    moment
-        Right-hand side of its row (N·m).
-    square, torque
-        Δ² + u² (rad²/s²) and the motor's torque (N·m).
-    """
-
-    sine: float
+    sine: float  # s″ and c″ without φ̈ᵢ
     cosine: float
-    ax: float
+    ax: float  # a without ẍ, ÿ, φ̈
     ay: float
-    moment: float
-    square: float
-    torque: float
+    moment: float  # right-hand side of its row (N·m)
+    square: float  # Δ² + u² (rad²/s²)
+    torque: float  # of the motor (N·m)
 
 
 class Rotation(NamedTuple):

@@ -1,28 +1,39 @@
-"""Points of a sweep confirmed by Newton's method: where the motion repeats, its orbit; elsewhere its exponents."""
+"""Columns of sweeps whose points are confirmed: orbits where the motion repeats, exponents elsewhere."""
 
 from __future__ import annotations
 
-import math
-from contextlib import closing
-from typing import Any
-
 import numpy as np
+import numpy.typing as npt
 
 from vibroplat.columns import Column, Columns
-from vibroplat.config.plans import SweepPlan
-from vibroplat.config.scene import Scene
-from vibroplat.continuation.newton import leaving
-from vibroplat.continuation.orbit import accurate, columns_told, first_orbit, measures_of_orbit, told
-from vibroplat.continuation.shooting import Shooter
-from vibroplat.errors import VibroplatError
-from vibroplat.study.lyapunov import lyapunov
-from vibroplat.study.point import Point, lost, measure_point
-from vibroplat.study.pool import Task
 
-#: Residual of the orbits, in the scales of the scene.
-TOLERANCE = 1e-8
-#: Multipliers and exponents that are told, the largest ones.
-TOLD = 3
+#: Multipliers and exponents that a sweep has, the largest ones.
+LARGEST = 3
+
+
+def multiplier_columns(multipliers: npt.NDArray[np.complex128], most: int) -> dict[str, float | None]:
+    """Return the columns of so many of the largest multipliers; the last is left out if it is half of a pair."""
+    whole = multipliers[:most]
+    if multipliers.size > most and multipliers[most] == multipliers[most - 1].conjugate() != multipliers[most - 1]:
+        whole = whole[:-1]
+    columns: dict[str, float | None] = {}
+    for i in range(most):
+        known = i < whole.size
+        columns[f"multiplier_{i + 1}_re"] = float(whole[i].real) if known else None
+        columns[f"multiplier_{i + 1}_im"] = float(whole[i].imag) if known else None
+    return columns
+
+
+def describe_multipliers(most: int) -> Columns:
+    """Describe the columns of :func:`multiplier_columns`."""
+    meanings = dict.fromkeys(range(1, most), "the largest is the first")
+    meanings[most] = "empty where only half of a complex pair would have a place"
+    return {
+        f"multiplier_{i}_{part}": Column(f"{which} part of Floquet multiplier {i}", meaning)
+        for i, meaning in meanings.items()
+        for part, which in (("re", "real"), ("im", "imaginary"))
+    }
+
 
 #: Columns that a confirmed sweep has besides those of every sweep.
 CONFIRMED: Columns = {
@@ -32,51 +43,10 @@ CONFIRMED: Columns = {
     "orbit_distance": Column("distance of the settled motion from the orbit", "largest, in the scales of the scene"),
     "orbit_residual": Column("how far the orbit is from closing", "in the scales of the scene"),
     "orbit_unstable": Column("number of Floquet multipliers outside the unit circle"),
-    **columns_told(TOLD),
+    **describe_multipliers(LARGEST),
     **{
         f"exponent_{i + 1}_per_s": Column(f"Lyapunov exponent {i + 1}", "of motion that does not repeat")
-        for i in range(TOLD)
+        for i in range(LARGEST)
     },
     "confirmation": Column("why there is no orbit, or are no exponents", "empty if they were found"),
 }
-
-
-def confirmed_task(scene: Scene, plan: SweepPlan, state: list[float] | None, key: tuple[int, ...]) -> Task:
-    """Return the task of :func:`confirmed_point`."""
-    return Task(confirmed_point, (scene, plan, state, key), lost)
-
-
-def confirmed_point(scene: Scene, plan: SweepPlan, state: list[float] | None, key: tuple[int, ...]) -> Point:
-    """Measure a point of a sweep, and confirm it; see :func:`vibroplat.study.point.measure_point`."""
-    point = measure_point(scene, plan, state, key)
-    period = point.row.get("period")
-    if point.state is None or period is None:
-        return point
-    try:
-        found = _orbit(scene, point.state, period) if period else _exponents(scene, point.state)
-    except VibroplatError as error:
-        found = {"confirmation": str(error)}
-    point.row.update({"confirmation": ""} | found)
-    return point
-
-
-def _orbit(scene: Scene, state: list[float], period: int) -> dict[str, Any]:
-    """Find the orbit near a settled state."""
-    with closing(Shooter(accurate(scene, TOLERANCE))) as shooter:
-        problem, frame, found = first_orbit(shooter, np.array(state), period, (), TOLERANCE)
-        near, _, _ = problem.unpack(frame, found.u)
-        measures = measures_of_orbit(scene, found.shot, problem.turns)
-        multipliers = problem.multipliers(frame, found.shot)
-        row: dict[str, Any] = {
-            f"orbit_{name}": measures[name] for name in ("excitation_frequency_hz", "rms_x_m", "rms_y_m")
-        }
-        row["orbit_distance"] = float(np.abs((near - frame.base) / shooter.scales).max())
-        row["orbit_residual"] = found.residuals[-1]
-        row["orbit_unstable"] = leaving(multipliers)
-        return row | told(multipliers, TOLD)
-
-
-def _exponents(scene: Scene, state: list[float]) -> dict[str, Any]:
-    """Find the largest Lyapunov exponents of a motion that does not repeat."""
-    values = lyapunov(scene, state)["exponent_per_s"].to_numpy()[:TOLD]
-    return {f"exponent_{i + 1}_per_s": float(v) for i, v in enumerate(values) if math.isfinite(v)}

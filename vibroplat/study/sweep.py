@@ -22,9 +22,9 @@ from vibroplat.results.tables import Format, Table
 from vibroplat.study import WAIT
 from vibroplat.study.bands import bands
 from vibroplat.study.branches import EXCITATION, FREQUENCY, SUPPLY, Branch, branches, study_table
-from vibroplat.study.confirming import CONFIRMED, confirmed_task
-from vibroplat.study.point import ERRORS, MEASURED, POINT, point_task
-from vibroplat.study.pool import Pool, StoredChain, Tasks, pool, run_chains
+from vibroplat.study.confirming import CONFIRMED
+from vibroplat.study.point import ERRORS, MEASURED, POINT, lost, measure_point
+from vibroplat.study.pool import Pool, StoredChain, Task, Tasks, pool, run_chains
 from vibroplat.study.store import Record, SpoiledError, Store
 
 #: Columns of the table after the swept keys.
@@ -183,10 +183,10 @@ def branch_points(branch: Branch, take: Callable[[Record], object]) -> Tasks[Non
 
     ``take`` is called with the record of each point.
     """
-    task = confirmed_task if branch.plan.confirm else point_task
+    measure = vibroplat.confirmed_point if branch.plan.confirm else measure_point
     state: list[float] | None = None
     for place, frequency in enumerate(branch.frequencies):
-        record = yield task(branch.at(place), branch.plan, state, branch.key(frequency))
+        record = yield Task(measure, (branch.at(place), branch.plan, state, branch.key(frequency)), lost)
         state = record["state"] or state
         take(record)
 

@@ -1,0 +1,386 @@
+"""Special points of branches: which there are between two points, and where exactly.
+
+All but branch points are found by :func:`locate`: orbits are corrected with a border, {F(u) = 0, d·u = s}, and the zero
+of a test function is sought over s. At a discontinuity the function does not exist beyond the zero, which is then
+extrapolated from one side.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from vibroplat.continuation.arclength import Branch, predicted
+from vibroplat.continuation.newton import MissedError
+from vibroplat.continuation.switching import branch_point
+from vibroplat.continuation.test_functions import (
+    BRANCH_POINT,
+    DOUBLING,
+    FOLD,
+    NEIMARK_SACKER,
+    ONE_SIDED,
+    SMOOTH,
+    Point,
+    Special,
+    Test,
+    coming,
+)
+
+#: Most evaluations between two points, and from one side.
+LOCATING, SIDED = 12, 7
+#: What part of the way to an extrapolated zero each evaluation from one side goes, and the distance, in units of the
+#: unknowns, at which the zero is extrapolated through three of them: two others are 20 and 400 times as far.
+APPROACH, CLOSE = 0.95, 1e-6
+#: What an evaluation from one side that has failed is shortened to, and the least length of the first.
+SHORTER, FIRST = 0.4, 1e-4
+#: Distance of a known orbit from the zero at which it is interpolated; nearer to a branch point than the second, an
+#: orbit cannot be told from those of the branch that crosses.
+NARROW, BLURRED = 1e-4, 1e-3
+#: How far beside a point that cannot be found others are tried, as a part of the way.
+ASIDE = (0.0, 0.1, -0.1, 0.2, -0.2)
+#: How far beyond a discontinuity an orbit with the events of the far side is looked for, as a part of the way.
+BEYOND = 0.01
+#: Multipliers larger than the first are watched: one may move by the second between two points, over its size above 1.
+WATCHED, MOVED = 0.9, 0.4
+#: How often an interval in which the key seems to turn back and forth, or more happens than is seen, is divided.
+DEEPEST = 3
+#: How often an interval is halved in which the events change in a way that is not known yet.
+HALVED = 5
+
+
+class Tried(NamedTuple):
+    """An orbit at a place of a line, and the value of a test function there."""
+
+    place: float
+    value: float
+    point: Point
+
+
+#: Finds the orbit at a place, given those that are known and the width of the interval that holds the zero.
+At = Callable[[float, Sequence[Tried], float], Point]
+
+
+def locate(
+    at: At,
+    test: Test,
+    known: list[Tried],
+    close: float,
+    *,
+    step: float = 0.0,
+    share: float = 1.0,
+    most: int = LOCATING,
+    reach: float = math.inf,
+) -> float:
+    """Find the place of a zero of a test function on a line of orbits.
+
+    Parameters
+    ----------
+    at, test
+        Find orbits, or raise MissedError; and the function.
+    known
+        One orbit, from which the first step is made, or several; those that are found are added.
+    close
+        Distance of a known orbit from the zero at which the search ends; it also ends, with what is known, where no
+        more orbits are found.
+    share
+        What part of the way to the zero is gone at once: less than 1 if the function does not exist beyond, and is
+        positive on this side.
+    most, reach
+        Number of known orbits beyond which the search ends, as after twice as many trials; farthest place of a zero.
+
+    Raises
+    ------
+    MissedError
+        There are not even two orbits, or the function has no zero within reach.
+    """
+    tries = 0
+    while True:
+        root = known[0].place + step if len(known) < 2 else _root(known)
+        if len(known) > 1 and (min(abs(k.place - root) for k in known) < close or len(known) > most):
+            return _last(known, root)
+        if abs(root) > reach:
+            raise MissedError("the test function has no zero nearby")
+        found = None
+        for place, width in itertools.islice(_trials(known, root, share, close), max(2 * most - tries, 0)):
+            tries += 1
+            try:
+                point = at(place, known, width)
+            except MissedError:
+                continue
+            value = test(point)
+            if share == 1.0 or 0.0 < value < (known[-1].value if len(known) > 1 else math.inf):
+                found = Tried(place, value, point)
+                break
+        if found is None or not math.isfinite(found.value):
+            if len(known) < 2:
+                raise MissedError("no orbit beside the special point")
+            return _last(known, root)
+        known.append(found)
+
+
+def _trials(known: Sequence[Tried], root: float, share: float, close: float) -> Iterator[tuple[float, float]]:
+    """Yield places near a zero, one after the other until an orbit is found, and widths of the interval that holds it.
+
+    The tangent at a discontinuity does not tell on which side it is: the first step is tried both ways.
+    """
+    last = known[-1]
+    other = _opposite(known)
+    if other is not None:
+        low, high = sorted((last.place, other.place))
+        places = [root + beside * (high - low) for beside in ASIDE]
+        yield from ((place, high - low) for place in places if low < place < high)
+        return
+    step = root - last.place if len(known) < 2 else share * (root - last.place)
+    while abs(step) >= close:
+        yield last.place + step, abs(step)
+        step *= SHORTER if len(known) > 1 else -SHORTER
+
+
+def _opposite(known: Sequence[Tried]) -> Tried | None:
+    """Return the latest with another sign than the last one; None if there is none."""
+    return next((k for k in reversed(known[:-1]) if k.value * known[-1].value <= 0.0), None)
+
+
+def _root(known: Sequence[Tried]) -> float:
+    """Where the zero is expected: within an interval if one holds it (Chandrupatla 1997), else extrapolated."""
+    a, b = known[-1], _opposite(known)
+    if b is None:
+        return extrapolated([k.place for k in known[-2:]], [k.value for k in known[-2:]])
+    c = next((k for k in reversed(known[:-1]) if k.value * a.value > 0.0), None)
+    share = a.value / (a.value - b.value)
+    if c is not None:
+        # by the inverse parabola through all three, where it is monotonic, else in the middle
+        share = 0.5
+        if c.place != b.place and c.value not in (a.value, b.value):
+            place, height = (a.place - b.place) / (c.place - b.place), (a.value - b.value) / (c.value - b.value)
+            if height**2 < place and (1.0 - height) ** 2 < 1.0 - place:
+                fa, fb, fc = a.value, b.value, c.value
+                share = fa / (fb - fa) * fc / (fb - fc)
+                share += (c.place - a.place) / (b.place - a.place) * fa / (fc - fa) * fb / (fc - fb)
+    return a.place + share * (b.place - a.place)
+
+
+def _last(known: Sequence[Tried], root: float) -> float:
+    """Extrapolate a zero that no interval holds through the last three orbits."""
+    if _opposite(known) is not None:
+        return root
+    return extrapolated([k.place for k in known[-3:]], [k.value for k in known[-3:]])
+
+
+def extrapolated(places: Sequence[float], values: Sequence[float]) -> float:
+    """Zero of the inverse polynomial through some places and values; raises MissedError if values are equal."""
+    if len(set(values)) < len(values):
+        raise MissedError("the test function has no zero nearby")
+    weights = [math.prod(-g / (f - g) for g in values if g != f) for f in values]
+    return float(np.dot(places, weights))
+
+
+def specials(
+    branch: Branch, before: Point, after: Point, *, strictly: bool = False, depth: int = 0
+) -> Iterator[Special]:
+    """Find the special points between two neighbouring points in one chart, in the order of the branch.
+
+    Where the sequence of events changes, multipliers may jump and the branch may have a corner: its parts on both sides
+    are looked at one by one.
+
+    Raises
+    ------
+    MissedError
+        The place where the sequence changes cannot be found, and this is asked for ``strictly``.
+    """
+    if before.word == after.word:
+        yield from _smooth(branch, before, after)
+        return
+    there = discontinuity(branch, before, after)
+    if there is None:
+        # nearer to an impact that begins or ends, its distance is known
+        middle = _inside(branch, before, after, 0.5) if depth < HALVED else None
+        if middle is not None:
+            yield from specials(branch, before, middle, strictly=strictly, depth=depth + 1)
+            yield from specials(branch, middle, after, strictly=strictly, depth=depth + 1)
+        elif strictly:
+            raise MissedError("the sequence of events changes at an unknown place")
+        elif before.along_key * after.along_key < 0.0:
+            yield _located(branch, before, after, FOLD)
+        return
+    forth = there.point.word == before.word
+    near, far = (before, after) if forth else (after, before)
+    parts = [_smooth(branch, near, there.point, forth=forth), iter([there])]
+    beyond = _beyond(branch, there.point, far, forth)
+    if beyond is not None:
+        if there.point.along_key * beyond.along_key < 0.0:
+            parts.append(iter([_fold_beside(branch, there, beyond, forth)]))
+        parts.append(_smooth(branch, beyond, far, forth=forth))
+    for part in parts if forth else reversed(parts):
+        yield from part
+
+
+def _inside(branch: Branch, before: Point, after: Point, share: float) -> Point | None:
+    """Find an orbit between two, at a part of the way; None if there is none."""
+    chord = after.u - before.u
+    whole = float(np.linalg.norm(chord))
+    try:
+        return branch.between([before, after], before, chord / whole, share * whole, whole)
+    except MissedError:
+        return None
+
+
+def _beyond(branch: Branch, last: Point, far: Point, forth: bool) -> Point | None:
+    """Find an orbit next to a discontinuity that has the events of the far side."""
+    chord = (far.u - last.u) * (1.0 if forth else -1.0)
+    whole = float(np.linalg.norm(chord))
+    try:
+        found = branch.between([last, far], last, chord / whole, (BEYOND if forth else -BEYOND) * whole, whole)
+    except MissedError:
+        return None
+    return found if found.word == far.word else None
+
+
+def _fold_beside(branch: Branch, there: Special, beyond: Point, forth: bool) -> Special:
+    """Find the fold between a discontinuity and an orbit next to it."""
+    nearer = _beyond(branch, there.point, beyond, forth)
+    if nearer is not None and nearer.along_key * beyond.along_key < 0.0:
+        return _located(branch, *((nearer, beyond) if forth else (beyond, nearer)), FOLD)
+    return Special(FOLD, there.point, there.value, there.direction)
+
+
+def _smooth(branch: Branch, before: Point, after: Point, depth: int = 0, *, forth: bool = True) -> Iterator[Special]:
+    """Find the special points between two points with the same sequence of events, given in the order of the branch.
+
+    If not ``forth``, they are given the other way round.
+    """
+    if not forth:
+        before, after = after, before
+    place = turning(before, after)
+    if place is None and unexplained(before, after):
+        place = 0.5
+    if place is not None and depth < DEEPEST:
+        middle = _inside(branch, before, after, place)
+        if middle is not None and middle.word == before.word:
+            yield from _smooth(branch, before, middle, depth + 1)
+            yield from _smooth(branch, middle, after, depth + 1)
+            return
+    passed = {kind: test(before) * test(after) < 0.0 for kind, test in SMOOTH.items()}
+    if passed[BRANCH_POINT]:  # where this branch bends, it has a fold as well
+        yield _crossed(branch, before, after)
+    elif passed[FOLD]:
+        yield _located(branch, before, after, FOLD)
+    if passed[DOUBLING]:
+        yield _located(branch, before, after, DOUBLING)
+    if passed[NEIMARK_SACKER] and (before.complex_pair or after.complex_pair):
+        found = _located(branch, before, after, NEIMARK_SACKER)
+        if found.point.complex_pair:
+            yield found
+
+
+def unexplained(before: Point, after: Point) -> bool:
+    """Whether multipliers have left the unit circle, or entered it, where no test function has changed its sign.
+
+    They may also have gone so far that this cannot be told.
+    """
+    passed = {kind: test(before) * test(after) < 0.0 for kind, test in SMOOTH.items()}
+    explained = passed[FOLD] or passed[BRANCH_POINT], passed[NEIMARK_SACKER], passed[DOUBLING]
+    changed = (one != other for one, other in zip(before.outside, after.outside, strict=True))
+    unseen = any(c and not e for c, e in zip(changed, explained, strict=True))
+    return unseen or _far(before, after) or _far(after, before)
+
+
+def _far(one: Point, other: Point) -> bool:
+    """Whether a multiplier near the unit circle, or outside, has none near it at another point."""
+    m = one.multipliers[np.abs(one.multipliers) > WATCHED]
+    apart = np.abs(m[:, np.newaxis] - other.multipliers).min(axis=1, initial=math.inf)
+    return bool((apart > MOVED * np.maximum(1.0, np.abs(m))).any())
+
+
+def turning(before: Point, after: Point) -> float | None:
+    """Return where the key turns back and forth between two points, as a part of the way; None if it does not.
+
+    By the cubic through both with their tangents, whose slope is a parabola.
+    """
+    chord = after.u - before.u
+    one, other = (p.along_key / float(p.tangent @ chord) for p in (before, after))
+    mean = float(chord[-1]) / float(chord @ chord)
+    bend, bow = -4.0 * one - 2.0 * other + 6.0 * mean, 3.0 * one + 3.0 * other - 6.0 * mean
+    if one * other <= 0.0 or bow == 0.0 or not 0.0 < -0.5 * bend / bow < 1.0:
+        return None
+    place = -0.5 * bend / bow
+    return place if one * (one + 0.5 * bend * place) < 0.0 else None
+
+
+def _located(branch: Branch, before: Point, after: Point, kind: str) -> Special:
+    """Find the zero of the test function of a kind between two points."""
+    chord, test = after.u - before.u, SMOOTH[kind]
+    whole = float(np.linalg.norm(chord))
+    direction = chord / whole
+    enough = NARROW if kind != BRANCH_POINT else BLURRED
+    known = [Tried(0.0, test(before), before), Tried(whole, test(after), after)]
+
+    def at(place: float, known: Sequence[Tried], width: float) -> Point:
+        nearest = [k.point for k in sorted(known, key=lambda k: abs(k.place - place))]
+        return branch.between(nearest, before, direction, place, width)
+
+    root = locate(at, test, known, enough)
+    near = min(known, key=lambda k: abs(k.place - root))
+    clear = [k for k in known if kind != BRANCH_POINT or abs(k.place - root) > enough] or known[:2]
+    points = [k.point for k in sorted(clear, key=lambda k: abs(k.place - root))]
+    there, here = (predicted(points, before.u, direction, place)[0] for place in (root, near.place))
+    ahead = float(there[-1] - here[-1]) * branch.problem.units[0]
+    return Special(kind, near.point, near.point.value + ahead, direction)
+
+
+def _crossed(branch: Branch, before: Point, after: Point) -> Special:
+    """Find the branch point between two points; if that fails, by the determinant, which is known less exactly."""
+    chord = after.u - before.u
+    whole = float(np.linalg.norm(chord))
+    direction = chord / whole
+    share = before.branching / (before.branching - after.branching)
+    nearest = (before, after) if share < 0.5 else (after, before)
+    u, jacobian = predicted(nearest, before.u, direction, share * whole)
+    try:
+        found, ways = branch_point(branch.problem, before.chart, u, jacobian)
+        if not 0.0 < (found.u - before.u) @ direction < whole:
+            raise MissedError("it lies elsewhere")
+    except MissedError:
+        rough = _located(branch, before, after, BRANCH_POINT)
+        null = np.linalg.svd(rough.point.jacobian)[2][-2:]
+        along = null @ direction
+        across = null.T @ np.array([-along[1], along[0]])
+        return replace(rough, across=across / np.linalg.norm(across))
+    across, along = sorted(ways, key=lambda way: abs(float(way @ direction)))
+    point = Point.of(found, along if along @ direction > 0.0 else -along)
+    mirrors = before.along_key * after.along_key < 0.0  # a pitchfork
+    if branch.problem.halves(point):
+        return Special(DOUBLING, point, point.value, direction, mirrors=mirrors)
+    return Special(BRANCH_POINT, point, point.value, direction, across, mirrors)
+
+
+def discontinuity(branch: Branch, before: Point, after: Point) -> Special | None:
+    """Find where the sequence of events changes between two points, from the side that knows how far it is."""
+    for near, far in ((before, after), (after, before)):
+        kind = coming(near, far)
+        if kind is None or not 0.0 < ONE_SIDED[kind](near) < math.inf:
+            continue
+        known = [Tried(0.0, ONE_SIDED[kind](near), near)]
+
+        def at(place: float, known: Sequence[Tried], width: float) -> Point:
+            last, *others = reversed(known)
+            point = branch.beyond(last.point, place - last.place, [k.point for k in others])
+            if point.word != last.point.word:
+                raise MissedError("beyond the discontinuity")
+            return point
+
+        whole = float((far.u - near.u) @ near.tangent)
+        step = math.copysign(max(0.5 * abs(whole), FIRST), whole)
+        try:
+            locate(at, ONE_SIDED[kind], known, CLOSE, step=step, share=APPROACH, most=SIDED)
+            value = extrapolated([k.point.value for k in known[-3:]], [k.value for k in known[-3:]])
+        except MissedError:
+            continue
+        if len(known) > 2:
+            return Special(kind, known[-1].point, value, near.tangent)
+    return None

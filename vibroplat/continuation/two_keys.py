@@ -1,0 +1,459 @@
+"""Boundaries: curves of special points over two keys, and their check by settled motion on both sides.
+
+Orbits at two keys make a surface. On it a curve is followed on which a test function stays zero: a step along the
+curve, then a search across it. Orbits are corrected with the directions along and across as borders, so that neither a
+fold of the orbits nor a turn of the curve does any harm. Branch points are followed by steps of the second key.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import closing, suppress
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from vibroplat.config.plans import UNITS, OrbitsPlan, SweepPlan
+from vibroplat.config.scene import Scene
+from vibroplat.continuation.locate import Tried, locate
+from vibroplat.continuation.newton import Chart, MissedError, NewtonResult, Problem, correct
+from vibroplat.continuation.shooting import Shooter, rotated, spelled
+from vibroplat.continuation.switching import branch_point
+from vibroplat.continuation.test_functions import (
+    BRANCH_POINT,
+    DOUBLING,
+    IN_TWO_KEYS,
+    NEIMARK_SACKER,
+    ONE_SIDED,
+    Point,
+    others_outside,
+)
+from vibroplat.errors import ConfigError
+from vibroplat.kernels.compiled import FloatArray
+from vibroplat.model.sensitivity import value_of, with_value
+from vibroplat.study.point import measure_point
+from vibroplat.study.pool import Task, Tasks
+from vibroplat.study.store import Record
+
+#: Accuracy across the curve, in units of the unknowns, and most trials. From one side the zero is extrapolated when it
+#: is as near as the third number, and each trial goes a part of the way.
+ACROSS, TRIALS, CLOSE, APPROACH = 1e-7, 14, 1e-4, 0.9
+#: First trial beside a point of the curve, and the farthest.
+BESIDE, FARTHEST = 2e-3, 0.2
+#: Steps grow and shrink by these. Where the second key hardly changes, the direction's part along it counts as no less
+#: than the third number.
+LONGER, SHORTER, FLAT = 1.4, 0.5, 0.05
+#: Least cosine between neighbouring directions of the curve.
+STRAIGHT = 0.9
+
+#: Distances from the curve, across it, over the ranges of the keys, one after the other until both sides differ as they
+#: should: nearer ones, where settling takes longer, only where another boundary is as near.
+DISTANCES = (1.0 / 400.0, 1.0 / 2000.0, 1.0 / 10000.0)
+#: Motion that does not repeat settles this long (s); a sweep gives motion that draws together some times as much.
+LONGEST = 20.0
+#: A motion that stays by an orbit is nearer to it than one that has left it by this factor.
+NEARER = 3.0
+AGREES, DIFFERS, UNDECIDED, UNSTABLE, FAILED = "agrees", "differs", "undecided", "unstable", "failed"
+
+
+class Curve:
+    """A boundary in one direction.
+
+    Parameters
+    ----------
+    problem
+        Of two keys.
+    kind
+        Of special points.
+    word
+        Sequence of events on the side where the test function is known.
+    sense
+        In which the second key goes, 1 or −1.
+    low, high
+        Ends of the keys' ranges, in units of the unknowns, shape (2,).
+    """
+
+    def __init__(self, problem: Problem, kind: str, word: str, sense: float, low: FloatArray, high: FloatArray) -> None:
+        self.problem, self.kind, self.word, self.sense, self.low, self.high = problem, kind, word, sense, low, high
+        self._across = np.zeros(0)  # in which the test function grows, at the last point
+
+    def follow(self, chart: Chart, u: FloatArray, first: float, longest: float, least: float) -> Iterator[Point]:
+        """Follow the curve from unknowns near it to the end of a key's range; yield its points with their tangents.
+
+        The steps are changes of the second key, in units of the unknowns.
+
+        Raises
+        ------
+        MissedError
+            The curve cannot be followed farther; the message says why.
+        """
+        point, step = self._begun(chart, u), first
+        yield point
+        while True:
+            try:
+                found = self._on_curve(point, point.u + step * point.tangent, point.tangent)
+                way = found.u - point.u
+                if way @ point.tangent < STRAIGHT * np.linalg.norm(way) * np.linalg.norm(point.tangent):
+                    raise MissedError("the boundary turns too sharply")
+            except MissedError:
+                step *= SHORTER
+                if step < least:
+                    raise
+                continue
+            inside = np.clip(found.u[-2:], self.low, self.high)
+            for place in np.flatnonzero(inside != found.u[-2:])[:1] - 2:
+                if abs(point.u[place] - inside[place]) > ACROSS:  # not there already
+                    yield self._at_end(point, found, place, inside[place])
+                return
+            yield found
+            tangent = self._tangent(found, way)
+            scale = 1.0 if self.kind == BRANCH_POINT else max(abs(float(way[-1])) / float(np.linalg.norm(way)), FLAT)
+            step = min(step * LONGER, longest / scale)
+            point = self._far_from_events(replace(found, tangent=tangent))
+
+    def _tangent(self, near: NewtonResult, way: FloatArray) -> FloatArray:
+        """Direction of the curve: of length 1 in the surface of orbits, or of branch points over the second key."""
+        if self.kind == BRANCH_POINT:
+            return np.asarray(way / abs(way[-1]))
+        surface = _surface(near)
+        along = surface.T @ (surface @ way)
+        return np.asarray(along / np.linalg.norm(along))
+
+    def _begun(self, chart: Chart, u: FloatArray) -> Point:
+        """Find the point of the curve near unknowns, with the tangent in the sense of the second key."""
+        keys = np.eye(u.size)[-2:]
+        if self.kind == BRANCH_POINT:
+            jacobian = self.problem.jacobian(chart, self.problem.shoot(chart, u, full=True)[1])
+            point, beside = (
+                branch_point(self.problem, chart, u + length * keys[1], jacobian, keys[1:])[0]
+                for length in (0.0, BESIDE * self.sense)
+            )
+            return Point.of(point, self._tangent(point, beside.u - point.u))
+        begun = self._beside(chart, u, keys)
+        surface, slopes, test = _surface(begun), np.zeros(2), IN_TWO_KEYS[self.kind]
+        for i, direction in enumerate(surface):
+            for length in (0.5 * BESIDE, -0.5 * BESIDE):
+                with suppress(MissedError):
+                    beside = self._orbit(chart, begun.u + length * direction, surface, begun.jacobian)
+                    slopes[i] = (test(beside) - test(begun)) / length
+                    break
+        if not slopes.any():
+            raise MissedError("the test function has no slope")
+        self._across = surface.T @ slopes / np.linalg.norm(slopes)
+        along = surface.T @ np.array([-slopes[1], slopes[0]]) / np.linalg.norm(slopes)
+        along *= math.copysign(1.0, along[-1] * self.sense)
+        point = self._on_curve(begun, u, along)
+        return replace(point, tangent=self._tangent(point, along))
+
+    def _beside(self, chart: Chart, u: FloatArray, keys: FloatArray) -> Point:
+        """Find an orbit at the keys of unknowns, or beside them on the side where the test function is known."""
+        missed = MissedError("no orbit beside the special point")
+        for beside in (0.0, BESIDE, -BESIDE, 5.0 * BESIDE, -5.0 * BESIDE):
+            try:
+                return self._orbit(chart, u + beside * keys[0], keys)
+            except MissedError as error:
+                missed = error
+        raise missed
+
+    def _orbit(self, chart: Chart, u: FloatArray, border: FloatArray, jacobian: FloatArray | None = None) -> Point:
+        """Find the orbit near unknowns, orthogonally to both rows of a border; one whose test function is known."""
+        point = Point.of(correct(self.problem, chart, u, border, jacobian), border[0])
+        if self.kind in ONE_SIDED and point.word != self.word:
+            raise MissedError("beyond the boundary")
+        if not math.isfinite(IN_TWO_KEYS[self.kind](point)):
+            raise MissedError("the test function is not known")
+        return point
+
+    def _on_curve(self, near: Point, u: FloatArray, along: FloatArray) -> Point:
+        """Find the point of the curve from unknowns beside it, near another one, orthogonally to the curve.
+
+        Its unknowns are those of the zero; its shot may be that of an orbit next to it.
+
+        Raises
+        ------
+        MissedError
+            It is not found.
+        """
+        if self.kind == BRANCH_POINT:
+            held = np.eye(u.size)[-1:]
+            return Point.of(branch_point(self.problem, near.chart, u, near.jacobian, held)[0], along)
+        surface, test = _surface(near), IN_TWO_KEYS[self.kind]
+        within = surface @ along
+        across = surface.T @ np.array([-within[1], within[0]])
+        across *= math.copysign(1.0, across @ self._across) / np.linalg.norm(across)
+        border = np.vstack([along, across])
+
+        def at(place: float, known: Sequence[Tried] = (), width: float = 0.0) -> Point:
+            return self._orbit(near.chart, u + place * across, border, near.jacobian)
+
+        known, place = list[Tried](), 0.0
+        while not known:
+            try:
+                point = at(place)
+                known.append(Tried(place, test(point), point))
+            except MissedError:
+                place = max(2.5 * place, BESIDE)
+                if place > FARTHEST:
+                    raise
+        close, share = (CLOSE, APPROACH) if self.kind in ONE_SIDED else (ACROSS, 1.0)
+        root = locate(at, test, known, close, step=BESIDE, share=share, most=TRIALS, reach=2.0 * FARTHEST)
+        last = min(known, key=lambda k: abs(k.place - root))
+        if abs(last.place - root) >= close:
+            raise MissedError("the search across the curve does not converge")
+        self._across = across
+        return replace(last.point, u=last.point.u + (root - last.place) * across)
+
+    def _at_end(self, before: Point, after: Point, place: int, end: float) -> Point:
+        """Find the point of the curve at the end of a key's range, between two in one chart."""
+        one, other, key = before, after, np.eye(before.u.size)[place]
+        for _ in range(TRIALS):
+            apart = other.u - one.u
+            guess = one.u + (end - one.u[place]) / apart[place] * apart
+            one, other = other, self._on_curve(after, guess, key)
+            if abs(other.u[place] - end) < ACROSS:
+                return other
+        raise MissedError("the end of the range is not met")
+
+    def _far_from_events(self, point: Point) -> Point:
+        """Move the section away from events, if it is near one."""
+        across = point.tangent if self.kind == BRANCH_POINT else self._across
+        moved = self.problem.far_from_events(point, point.tangent, across)
+        if moved is None:
+            return point
+        chart, u, (along, across) = moved
+        try:
+            if self.kind == BRANCH_POINT:
+                jacobian = self.problem.jacobian(chart, self.problem.shoot(chart, u, full=True)[1])
+                found = branch_point(self.problem, chart, u, jacobian, np.eye(u.size)[-1:])[0]
+            else:
+                found = correct(self.problem, chart, u, np.vstack([along, across]))
+        except MissedError:
+            return point
+        self._across = across
+        return Point.of(found, self._tangent(found, along))
+
+
+def _surface(orbit: NewtonResult) -> FloatArray:
+    """Directions of the surface of orbits, shape (2, m + 2)."""
+    return np.asarray(np.linalg.svd(orbit.jacobian)[2][-2:])
+
+
+@dataclass
+class Boundary:
+    """A boundary that has been followed.
+
+    Attributes
+    ----------
+    grid, branch
+        The grid's values, and the branch on which its special point lies.
+    kind
+        Of special points.
+    rows
+        Its points as plain values, in the order of the curve.
+    ended
+        Why it ended, at both ends.
+    """
+
+    grid: Mapping[str, Any]
+    branch: int
+    kind: str
+    rows: list[Record] = field(default_factory=list)
+    ended: list[str] = field(default_factory=list)
+
+
+def follow_boundary(scene: Scene, plan: OrbitsPlan, special: Record, boundary: Boundary) -> Tasks[None]:
+    """Follow a boundary both ways from a special point, then check it."""
+    for sense in (-1, 1):
+        record = yield Task(_one_way, (scene, plan, special, sense), _lost)
+        rows = record["rows"]
+        boundary.rows = [*reversed(rows), *boundary.rows] if sense < 0 else [*boundary.rows, *rows[1:]]
+        boundary.ended.append(record["ended"])
+    for place in chosen(boundary.rows, plan):
+        row, way = boundary.rows[place], across(boundary.rows, place, plan)
+        found = yield Task(check, (scene, plan, boundary.kind, row, way), _unchecked)
+        boundary.rows[place] = row | found
+
+
+def _lost(reason: str) -> Record:
+    return {"rows": [], "ended": reason}
+
+
+def _unchecked(reason: str) -> Record:
+    return {"check": FAILED}
+
+
+def _one_way(scene: Scene, plan: OrbitsPlan, special: Record, sense: int) -> Record:
+    """Follow a boundary from a special point in one sense of the second key."""
+    wanted = plan.boundaries
+    assert wanted is not None
+    units = np.array([plan.unit, wanted.unit])
+    low, high = np.sort([[plan.start, wanted.start], [plan.stop, wanted.stop]], axis=0) / units
+    steps = [length / wanted.unit for length in wanted.step.lengths(abs(wanted.stop - wanted.start))]
+    rows: list[Record] = []
+    with closing(Shooter(scene, [plan.key, wanted.key])) as shooter:
+        state, values = np.array(special["state"]), [special["value"], value_of(scene, wanted.key)]
+        shooter.set(values)
+        problem = Problem(shooter, special["turns"], units.tolist(), plan.tolerance)
+        chart = problem.chart(state)
+        curve = Curve(problem, special["kind"], special["word"], sense, low, high)
+        first, largest, least = steps
+        try:
+            for point in curve.follow(chart, chart.pack(state, special["period_s"], values), first, largest, least):
+                rows.append(_row(problem, point, special["kind"]))
+                if len(rows) >= wanted.max_points:
+                    return {"rows": rows, "ended": f"max_points = {wanted.max_points} reached"}
+        except MissedError as error:
+            return {"rows": rows, "ended": f"no point beyond: {error}"}
+    return {"rows": rows, "ended": "end of a key's range"}
+
+
+def _row(problem: Problem, point: Point, kind: str) -> Record:
+    state, seconds, values = point.chart.unpack(point.u)
+    turns = abs(problem.turns[0])
+    return {
+        "value": values[0],
+        "second": values[1],
+        "excitation_frequency_hz": turns / seconds,
+        "period": turns,
+        "period_s": seconds,
+        "turns": list(problem.turns),
+        "word": rotated(point.word, float(problem.shooter.p["restitution"])),
+        "state": state.tolist(),
+        "others_outside": others_outside(kind, point.multipliers),
+    }
+
+
+class Side(NamedTuple):
+    """What was found on one side of a boundary.
+
+    Attributes
+    ----------
+    period
+        Turns after which the motion repeats; 0 if it does not.
+    word
+        Sequence of events in a period.
+    distance
+        From the orbit on the curve, on the section φ₁ = 0, in the scales of the scene.
+    """
+
+    period: int
+    word: str
+    distance: float
+
+    @property
+    def text(self) -> str:
+        """For tables."""
+        return f"period {self.period}: {spelled(self.word)}" if self.period else "no period"
+
+
+def chosen(rows: Sequence[Record], plan: OrbitsPlan) -> list[int]:
+    """Choose the points of a curve that are checked: inner ones, evenly along it."""
+    if len(rows) < 3:
+        return []
+    assert plan.boundaries is not None
+    places = np.array([[row["value"] / plan.unit, row["second"] / plan.boundaries.unit] for row in rows])
+    lengths = np.append(0.0, np.cumsum(np.hypot(*np.diff(places, axis=0).T)))
+    wanted = lengths[-1] * (np.arange(plan.boundaries.check) + 0.5) / max(plan.boundaries.check, 1)
+    return sorted({int(np.abs(lengths[1:-1] - length).argmin()) + 1 for length in wanted})
+
+
+def across(rows: Sequence[Record], place: int, plan: OrbitsPlan) -> tuple[float, float]:
+    """Find the direction across a curve at a point, to where the first key is larger, in units of the keys."""
+    assert plan.boundaries is not None
+    before, after = rows[place - 1], rows[place + 1]
+    one = (after["value"] - before["value"]) / plan.unit
+    other = (after["second"] - before["second"]) / plan.boundaries.unit
+    length = math.copysign(math.hypot(one, other), other) or 1.0
+    return other / length, -one / length
+
+
+def check(scene: Scene, plan: OrbitsPlan, kind: str, row: Record, way: tuple[float, float]) -> Record:
+    """Settle on both sides of a point of a curve, and compare with what its kind says.
+
+    Parameters
+    ----------
+    row
+        Of the curve, with the orbit there.
+    way
+        Direction across the curve, in units of the keys.
+
+    Returns
+    -------
+    dict
+        Columns ``below``, ``above`` and ``check`` of the table of boundaries.
+    """
+    if row["others_outside"]:
+        return {"check": UNSTABLE}
+    assert plan.boundaries is not None
+    keys, units = (plan.key, plan.boundaries.key), (plan.unit, plan.boundaries.unit)
+    place = np.array([row["value"], row["second"]])
+    orbit = _on_section(scene, dict(zip(keys, place.tolist(), strict=True)), row)
+    found: Record = {"check": FAILED}
+    for share in DISTANCES:
+        change = share * UNITS * np.array(way) * units
+        ends = ((place + sense * change).tolist() for sense in (-1.0, 1.0))
+        below, above = (_settled(scene, dict(zip(keys, values, strict=True)), row, orbit) for values in ends)
+        if below is None or above is None:
+            continue
+        told = {"below": below.text, "above": above.text}
+        if differ(kind, row, below, above):
+            return told | {"check": AGREES}
+        if found["check"] != DIFFERS:
+            found = told | {"check": DIFFERS if below.period or above.period else UNDECIDED}
+    return found
+
+
+def differ(kind: str, row: Record, below: Side, above: Side) -> bool:
+    """Whether what was found on both sides of a boundary differs as its kind says."""
+    turns: int = abs(row["turns"][0])
+    repeats = [side.period == turns for side in (below, above)]
+    stays = [again and side.word == row["word"] for again, side in zip(repeats, (below, above), strict=True)]
+    if kind in ONE_SIDED:
+        return stays[0] != stays[1]
+    if kind in (DOUBLING, NEIMARK_SACKER):
+        return repeats[0] != repeats[1] and any(stays)
+    near, far = sorted((below.distance, above.distance))
+    return repeats[0] != repeats[1] or NEARER * near < far
+
+
+def _on_section(scene: Scene, values: Mapping[str, float], row: Record) -> FloatArray:
+    """Points of an orbit of a curve on the section φ₁ = 0, in the scales of the scene, shape (turns, 14)."""
+    for key, value in values.items():
+        scene = with_value(scene, key.split("."), value)
+    points = []
+    with closing(Shooter(scene)) as shooter:
+        shooter.motion.reset(np.array(row["state"]))
+        for _ in range(abs(row["turns"][0])):
+            shooter.motion.to_section(1, 2.0 * row["period_s"])
+            points.append(_in_scales(shooter.motion.state, shooter))
+    return np.array(points)
+
+
+def _settled(scene: Scene, values: Mapping[str, float], row: Record, orbit: FloatArray) -> Side | None:
+    """Let the motion settle from an orbit nearby; None if the values of the keys are not allowed or it ends early."""
+    try:
+        scene = scene.replace(values)
+    except ConfigError:
+        return None
+    supply = scene.drive.at(0.0).frequency_at(0.0)
+    settle = {"max_settle_s": LONGEST, "measure_s": row["period_s"], "lyapunov": False}
+    plan = SweepPlan.model_validate({"supply_frequency_hz": {"start": supply, "stop": supply}} | settle)
+    point = measure_point(scene, plan, row["state"], (0,))
+    if point.state is None:
+        return None
+    period, state = int(point.row["period"]), np.array(point.state)
+    with closing(Shooter(scene)) as shooter:
+        seconds = period / abs(point.row["excitation_frequency_hz"])
+        word = rotated(shooter.shot(state, seconds).word, scene.contact.restitution) if period else ""
+        distance = np.abs(orbit - _in_scales(state, shooter)).max(axis=1).min()
+    return Side(period, word, float(distance))
+
+
+def _in_scales(state: FloatArray, shooter: Shooter) -> FloatArray:
+    """Return a state on the section in the scales of the scene, with the phase difference instead of the angles."""
+    found = state / shooter.scales
+    phase = state[3:5] @ shooter.scene.phase_weights
+    found[3:5] = math.cos(phase), math.sin(phase)
+    return found

@@ -1,0 +1,385 @@
+"""Branches as chains of tasks: a worker makes a part of a branch, and the next task goes on from its last point.
+
+A branch that is found at a special point becomes a chain of its own, after those that are known have ended.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from contextlib import closing, suppress
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from vibroplat.config.plans import OrbitsPlan
+from vibroplat.config.scene import Scene
+from vibroplat.continuation.arclength import Branch
+from vibroplat.continuation.locate import specials
+from vibroplat.continuation.newton import ANGLE, MissedError, Problem, correct, n_unstable
+from vibroplat.continuation.orbit import (
+    OrbitError,
+    first_orbit,
+    measures_of_orbit,
+)
+from vibroplat.continuation.shooting import Shooter, spelled
+from vibroplat.continuation.switching import MIRRORED, new_branches
+from vibroplat.continuation.test_functions import DOUBLING, Point, Special, tangent_of
+from vibroplat.study.confirming import multiplier_columns
+from vibroplat.study.pool import Task, Tasks
+from vibroplat.study.store import Record
+
+#: Points of a branch that a task makes.
+PART = 100
+#: Largest multipliers that tables have.
+MULTIPLIERS = 4
+#: Distance of two special points, as a part of the key's range, within which they are one.
+SAME_PLACE = 1e-4
+#: Points back within which a branch that meets itself has not gone round, but come back from a corner.
+RETURN = 8
+RETURNED = "no point beyond a corner: the branch came back on itself"
+#: Measures that tell points apart, and how far that of a point may lie from a former one, as a part of the step between
+#: its neighbours, to be the same. Where impacts accumulate, the parts of a branch between its folds differ in stability
+#: much more than in other measures.
+COMPARED = dict.fromkeys(("period_s", *MIRRORED), 0.1) | {"multiplier_1_re": 0.3}
+
+
+@dataclass(frozen=True)
+class Family:
+    """All branches of one combination of the grid's values.
+
+    Attributes
+    ----------
+    number
+        Of the combination.
+    grid
+        Dotted keys of the grid and their values.
+    scene
+        At the start of the key, with the tolerance that orbits need.
+    """
+
+    number: int
+    grid: dict[str, Any]
+    scene: Scene
+
+
+# -- what has been passed before ---------------------------------------------------------------------------------------
+
+
+def same_special(one: Record, other: Record, plan: OrbitsPlan) -> bool:
+    """Whether two branches have found the same point where they cross."""
+    near = abs(one["value"] - other["value"]) <= SAME_PLACE * abs(plan.stop - plan.start)
+    frequencies = one["excitation_frequency_hz"], other["excitation_frequency_hz"]
+    return bool(near and one["kind"] == other["kind"] and abs(frequencies[0] / frequencies[1] - 1.0) < SAME_PLACE)
+
+
+class Known(NamedTuple):
+    """What a part of a branch is told of all that is known of its family.
+
+    Attributes
+    ----------
+    special
+        Special points from which other branches have been followed.
+    others
+        Numbers and points of other branches.
+    own
+        Points of this branch.
+    """
+
+    special: Sequence[Record]
+    others: Sequence[tuple[int, Sequence[Record]]]
+    own: Sequence[Record]
+
+    def met_again(self, rows: Sequence[Record]) -> str:
+        """Say in which way a branch has passed the last of its new points before; empty if it has not."""
+        row = rows[-1]
+        for number, former in self.others:
+            mirrored = _passed(row, former)
+            if mirrored is not None:
+                return f"{'mirror image of' if mirrored else 'joins'} branch {number}"
+        own = [*self.own, *rows[:-1]][:-2]
+        mirrored = _passed(row, own)
+        if mirrored is None:
+            return ""
+        back = not mirrored and _passed(row, own[-RETURN:]) is not None
+        return RETURNED if back else "mirror image" if mirrored else "loop"
+
+
+def _passed(row: Record, former: Sequence[Record]) -> bool | None:
+    """Whether a branch has passed a point: None if not, else whether as its mirror image."""
+    beyond = np.array([point["value"] for point in former]) - row["value"]
+    for i in np.flatnonzero(beyond[:-1] * beyond[1:] <= 0.0).tolist():
+        first, second = former[i], former[i + 1]
+        if row["period"] != first["period"] or row["sequence"] not in (first["sequence"], second["sequence"]):
+            continue
+        low, high = sorted((first["value"], second["value"]))
+        thirds = [p for p in (*former[max(i - 1, 0) : i], *former[i + 2 : i + 3]) if not low <= p["value"] <= high]
+        ways = [[first, second], *([first, second, third] for third in thirds)]
+        if any(all(_near(row, *alike, known) for alike in COMPARED.items()) for known in ways):
+            here, there = row["phase_difference_rad"], first["phase_difference_rad"]
+            apart, mirrored = (abs(np.angle(np.exp(1j * (here - sign * there)))) for sign in (1, -1))
+            return bool(mirrored < apart - 1e-6)
+    return None
+
+
+def _near(row: Record, name: str, part: float, known: Sequence[Record]) -> bool:
+    """Whether a measure lies on the polynomial through those of known points, as exactly as they give it."""
+    expected = 0.0
+    for point in known:
+        others = (other["value"] for other in known if other is not point)
+        expected += point[name] * math.prod((row["value"] - v) / (point["value"] - v or math.inf) for v in others)
+    step = abs(known[1][name] - known[0][name])
+    return bool(abs(row[name] - expected) <= part * step + 1e-7 * abs(expected) + 1e-12)
+
+
+# -- a part of a branch ------------------------------------------------------------------------------------------------
+
+
+def part(scene: Scene, plan: OrbitsPlan, begin: Record | None, known: Known) -> Record:
+    """Make a part of a branch: points, special points, and first points of branches that begin there.
+
+    It begins at the start, at a special point, or goes on from a last point. Branches that begin at its special points
+    are looked for, but not at those that are known.
+    """
+    record: Record = {"rows": [], "special": [], "last": None, "ended": "", "failed": False}
+    with closing(Shooter(scene, [plan.key], plan.range)) as shooter:
+        try:
+            branch = _begun(shooter, plan, begin)
+        except (MissedError, OrbitError) as error:
+            return record | {"ended": str(error), "failed": True}
+        rows, ends, step = record["rows"], list[Special](), list[Point]()
+
+        def look(before: Point, after: Point, strictly: bool) -> None:
+            step[:] = before, after
+            for special in list(specials(branch, before, after, strictly=strictly)):
+                if not (plan.covers(special.value) or plan.covers(after.value)):
+                    return  # beyond the end of the branch
+                found = _special_record(branch.problem, special, len(rows))
+                old = any(same_special(found, other, plan) for other in (*known.special, *record["special"]))
+                if special.kind in plan.switch and not old and not (special.kind == DOUBLING and special.mirrors):
+                    starts = new_branches(branch.problem, special, _steps(plan)[0], branch.largest)
+                    found["branches"] = [_place(*start) for start in starts]
+                record["special"].append(found)
+                if special.mirrors and len(known.own) + len(rows) > 1:
+                    ends.append(special)
+                    return
+
+        if begin is None or begin["new"]:
+            _take(branch, known, record)
+        while len(rows) < PART and not record["ended"]:
+            if not branch.grow(look):
+                return record | {"ended": branch.ended, "failed": True}
+            if ends:
+                beyond = "half the period beyond" if ends[0].kind == DOUBLING else "mirror image beyond"
+                branch.points[-1], branch.ended = ends[0].point, beyond
+            else:
+                _stop_at_end(branch, plan, *step)
+            _take(branch, known, record)
+        record["last"] = _place(branch.problem, branch.points[-1], branch.step, new=False)
+    return record
+
+
+def _steps(plan: OrbitsPlan) -> list[float]:
+    """First, largest and least step along a branch, in units of the unknowns."""
+    return [length / plan.unit for length in plan.step.lengths(abs(plan.stop - plan.start))]
+
+
+def _begun(shooter: Shooter, plan: OrbitsPlan, begin: Record | None) -> Branch:
+    """Begin a branch towards the stop, or go on with one from one of its points."""
+    first, largest, least = _steps(plan)
+    if begin is None:
+        initial = shooter.scene.run.initial.state
+        shooter.set([float(plan.start)])
+        guess = None if plan.from_ == "settled" or initial is None else initial.model_dump()
+        problem, found = first_orbit(shooter, guess, plan.period, [plan.unit], plan.tolerance)
+        towards = np.zeros(found.u.size)
+        towards[-1] = np.sign(plan.stop - plan.start)
+        branch = Branch(problem, first, least, largest)
+        point = Point.of(found, tangent_of(found.jacobian, towards))
+    else:
+        state, full = np.array(begin["state"]), np.array(begin["tangent"])
+        shooter.set([begin["value"]])
+        branch = Branch(Problem(shooter, begin["turns"], [plan.unit], plan.tolerance), begin["step"], least, largest)
+        chart = branch.problem.chart(state)
+        tangent = np.append(full[chart.places], full[-1])
+        tangent[chart.phase] = full[-2]
+        u = chart.pack(state, begin["period_s"], [begin["value"]])
+        point = branch.corrected(chart, u, tangent / np.linalg.norm(tangent), most=20)
+    branch.points.append(branch.in_middle(point))
+    return branch
+
+
+def _place(problem: Problem, point: Point, step: float, new: bool) -> Record:
+    """Describe a point of a branch so that another worker can go on from there."""
+    chart, tangent = point.chart, point.tangent
+    state, seconds, values = chart.unpack(point.u)
+    full = np.zeros(state.size + 2)  # along the state, the period and the key
+    full[chart.places] = tangent[: chart.places.size]
+    full[ANGLE], full[-2], full[-1] = 0.0, tangent[chart.phase], tangent[-1]
+    return {
+        "turns": list(problem.turns),
+        "state": state.tolist(),
+        "period_s": seconds,
+        "value": values[0],
+        "tangent": full.tolist(),
+        "step": step,
+        "new": new,
+    }
+
+
+def _take(branch: Branch, known: Known, record: Record) -> None:
+    """Add the row of the last point, unless it was passed before: then the branch ends."""
+    rows = record["rows"]
+    rows.append(_row(branch.problem, branch.points[-1]))
+    again = known.met_again(rows)
+    record["ended"], record["failed"] = again or branch.ended, again == RETURNED
+    if again:
+        rows.pop()
+
+
+def _stop_at_end(branch: Branch, plan: OrbitsPlan, before: Point, last: Point) -> None:
+    """End a branch at the end of the key's range, if its last step, between points in one chart, has left it."""
+    if plan.covers(last.value):
+        return
+    end = float(np.clip(last.value, *plan.range))
+    branch.ended = "start of the key's range" if end == plan.start else "stop of the key's range"
+    u = before.u + (end - before.value) / (last.value - before.value) * (last.u - before.u)
+    u[-1] = end / plan.unit
+    with suppress(MissedError):
+        found = correct(branch.problem, last.chart, u, np.eye(u.size)[-1:], last.jacobian)
+        branch.points[-1] = Point.of(found, tangent_of(found.jacobian, last.tangent))
+
+
+def _special_record(problem: Problem, special: Special, after: int) -> Record:
+    """Describe a special point, with the number of points before it; other branches begin there at ``branches``."""
+    state, seconds, _ = special.point.chart.unpack(special.point.u)
+    turns = abs(problem.turns[0])
+    return {
+        "kind": special.kind,
+        "value": special.value,
+        "excitation_frequency_hz": turns / seconds,
+        "period": turns,
+        "period_s": seconds,
+        "turns": list(problem.turns),
+        "word": special.point.word,
+        "state": state.tolist(),
+        "after": after,
+        "branches": [],
+    }
+
+
+def _row(problem: Problem, point: Point) -> Record:
+    """Return the row of a point in the table of branches; ``turns`` are those since the point before."""
+    state, seconds, values = point.chart.unpack(point.u)
+    unstable, turns = n_unstable(point.multipliers), problem.shooter.turns
+    problem.shooter.turns = 0.0
+    return {
+        "value": float(f"{values[0]:.15g}"),  # without what units leave of a round number
+        "period": abs(problem.turns[0]),
+        "period_s": seconds,
+        **measures_of_orbit(problem, point),
+        "sequence": spelled(point.word),
+        "stable": unstable == 0,
+        "unstable": unstable,
+        **multiplier_columns(point.multipliers, MULTIPLIERS),
+        "residual": point.residuals[-1],
+        "turns": turns,
+        "state": state.tolist(),
+    }
+
+
+# -- all parts of all branches -----------------------------------------------------------------------------------------
+
+
+@dataclass
+class Traced:
+    """A branch that has been followed.
+
+    Attributes
+    ----------
+    family, number, parent
+        Its combination of the grid's values, its number there, and that of the branch it was found on, or −1.
+    origin, source
+        What it begins with: ``start``, or the kind of special point, and that point.
+    rows, special
+        Its points and special points, as plain values.
+    ended
+        Why it ended.
+    failed
+        Whether that is a failure.
+    """
+
+    family: Family
+    number: int
+    parent: int
+    origin: str
+    source: Record | None = None
+    rows: list[Record] = field(default_factory=list)
+    special: list[Record] = field(default_factory=list)
+    ended: str = ""
+    failed: bool = False
+
+    def passes(self, source: Record | None, plan: OrbitsPlan) -> bool:
+        """Whether it goes through a special point from elsewhere: all that begins there is known then."""
+        if source is None or self.source is source:
+            return False
+        return any(same_special(source, special, plan) for special in self.special)
+
+
+def follow_family(family: Family, plan: OrbitsPlan, traced: list[Traced], progress: Callable[[], None]) -> Tasks[None]:
+    """Follow the branches of a family, one after the other, and add them to those that are traced."""
+    own: list[Traced] = []
+    waiting: list[tuple[int, Record | None, Record | None]] = [(-1, None, None)]
+    switched: list[Record] = []
+    while waiting and len(own) < plan.max_branches:
+        parent, source, begin = waiting.pop(0)
+        if any(other.number != parent and other.passes(source, plan) for other in own):
+            continue
+        branch = Traced(family, len(own), parent, "start" if source is None else source["kind"], source)
+        traced.append(branch)
+        yield from _parts(branch, own, switched, plan, begin, progress)
+        if parent >= 0 and not branch.rows and not branch.failed:
+            traced.remove(branch)  # a direction of a branch that is known
+            continue
+        own.append(branch)
+        for special in branch.special:
+            if special["branches"] and not any(same_special(special, other, plan) for other in switched):
+                switched.append(special)
+                waiting += [(branch.number, special, place) for place in special["branches"]]
+
+
+def _parts(
+    branch: Traced,
+    others: Sequence[Traced],
+    switched: Sequence[Record],
+    plan: OrbitsPlan,
+    begin: Record | None,
+    progress: Callable[[], None],
+) -> Tasks[None]:
+    """Make a branch part by part."""
+    passed = [(other.number, _compared(other.rows)) for other in others]
+    while not branch.ended:
+        special = [
+            {name: s[name] for name in ("kind", "value", "excitation_frequency_hz")}
+            for s in (*switched, *branch.special)
+            if s["branches"]
+        ]
+        known = Known(special, passed, _compared(branch.rows))
+        record = yield Task(part, (branch.family.scene, plan, begin, known), _lost)
+        branch.ended, branch.failed = record["ended"], record["failed"]
+        branch.special += [special | {"after": special["after"] + len(branch.rows)} for special in record["special"]]
+        branch.rows += record["rows"]
+        if not branch.ended and len(branch.rows) >= plan.max_points:
+            branch.ended = f"max_points = {plan.max_points} reached"
+        begin = record["last"]
+        progress()
+
+
+def _compared(rows: Sequence[Record]) -> list[Record]:
+    """Return what tells points apart."""
+    return [{n: row[n] for n in ("value", "period", "sequence", "phase_difference_rad", *COMPARED)} for row in rows]
+
+
+def _lost(reason: str) -> Record:
+    return {"rows": [], "special": [], "last": None, "ended": reason, "failed": True}
