@@ -18,7 +18,8 @@ from vibroplat.paper.claims import FORMER
 from vibroplat.paper.evidence import Course, Evidence, F, Key
 from vibroplat.paper.root_finding import JUMP_WIDTH, LARGEST_BETA, MATCHED, beta_without_excess, match_beta, narrow
 from vibroplat.paper.scenes import BETA, machine_numbers, paper_scene
-from vibroplat.plots.paper import FIGURES, plot_paper
+from vibroplat.plots.command import plot_results
+from vibroplat.plots.paper import FIGURES
 from vibroplat.study.branches import branches
 from vibroplat.study.point import measure_point
 from vibroplat.study.pool import Inline, StoredChain, run_stored
@@ -278,7 +279,7 @@ def test_paper_is_reproduced_and_resumed(tmp_path, coarse):
     assert set(found.tables["impact-laws"]["impact_law"]) == {"conservative", "central", "printed"}
     found.write(coarse, tmp_path)
     assert any(line.startswith(f"{'machine':<24}coarse; ") for line in found.overview("coarse", 1.0))
-    assert [path.stem for path in plot_paper(tmp_path)] == list(FIGURES)
+    assert [path.stem for path in plot_results([tmp_path])] == list(FIGURES)
     # judged again from what is stored
     same(reproduction.reproduce(coarse, place, Refusing(), seeds=seeds, resume=True), found)
     # interrupted in each of the stages
