@@ -88,9 +88,9 @@ def _simulate_and_write(
     """Simulate a scene and write its result; with ``check``, return what another engine has found as well."""
     from vibroplat.results.files import write_result
     from vibroplat.results.provenance import provenance
-    from vibroplat.results.tables import GrowingTable
+    from vibroplat.results.tables import TableFile
 
-    trajectory, events = (GrowingTable(directory, name, form) for name in ("trajectory", "events"))
+    trajectory, events = (TableFile(directory, name, form) for name in ("trajectory", "events"))
     with trajectory, events:
         result, found = _simulate(scene, start, (trajectory.append, events.append), check=check)
         summary = result.summary | {"notes": result.notes} | ({} if found is None else {"check": found.to_tree()})
