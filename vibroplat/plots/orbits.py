@@ -28,7 +28,7 @@ from vibroplat.plots.labels import (
     sweep_parameters,
     value_label,
 )
-from vibroplat.plots.reading import read_columns
+from vibroplat.plots.reading import read_columns, read_result
 from vibroplat.plots.response import LEAST_RANGE, drawn_values
 from vibroplat.plots.style import CURVES, DIRECTIONS, REFERENCE, head, new_figure
 from vibroplat.plots.timelines import phase_axis, wrapped
@@ -43,9 +43,8 @@ if TYPE_CHECKING:
 
 #: What is drawn over the key; force only where there is any.
 PANELS = ("rms_y_m", "rms_x_m", PHASE_COLUMN, "motor_power_w", "contact_force_max_n")
-#: Markers of kinds of special points.
+#: Markers and meanings of kinds of special points.
 MARKERS = dict(zip(KINDS, "oDsX^vP", strict=True))
-#: What happens at each of them.
 MEANINGS = KINDS
 #: Colours of curves of special points.
 _COLOURS = dict(zip(KINDS, itertools.cycle(CURVES)))
@@ -148,11 +147,7 @@ class Branches:
 
 def read_branches(directory: Path) -> Branches:
     """Read the tables of branches, and that of a sweep if it lies in the same directory."""
-    if not directory.is_dir():
-        raise TableError(f"{directory} is not a directory; allowed: a result directory of vibroplat")
-    if (directory / "orbits.sqlite").exists() and not any(directory.glob("branches.*")):
-        raise TableError(f"{directory} holds unfinished branches; continue them with `vibroplat orbits --resume`")
-    result = Result(directory, "orbits")
+    result = read_result(directory, "orbits")
     try:
         plan = result.provenance["configuration"]["orbits"]
         named = str(plan["key"]), str((plan.get("boundaries") or {}).get("key", ""))
