@@ -1,7 +1,8 @@
-"""What columns of tables mean, and their figures. Descriptions stand where columns are made; units follow from names.
+"""What columns of tables mean, their names, symbols and units, and their figures.
 
-A table carries the units and meanings of its columns in ``DataFrame.attrs`` (``units``, ``meanings``), and a Parquet
-file in the metadata of its fields.
+Descriptions stand where columns are made; units, and words for people, follow from names. A table carries the units and
+meanings of its columns in ``DataFrame.attrs`` (``units``, ``meanings``), and a Parquet file in the metadata of its
+fields.
 """
 
 from __future__ import annotations
@@ -74,6 +75,73 @@ def split(name: str) -> tuple[str, str]:
     last = name.rpartition(".")[2]
     found = next((end for end in UNITS if last.endswith(f"_{end}")), None)
     return (last, "") if found is None else (last.removesuffix(f"_{found}"), UNITS[found])
+
+
+#: Parts of names that are written otherwise.
+_WORDS = {"rms": "RMS", "phi": "φ", "phi1": "φ₁", "phi2": "φ₂", "lyapunov": "Lyapunov", "re": "(real)", "im": "(imag.)"}
+_EXTREMES = {"max": "largest", "min": "smallest"}
+
+
+def words(name: str) -> str:
+    """Return a key or column as a person says it, without its unit: ``gap_max_m`` is "largest gap"."""
+    parts = split(name)[0].split("_")
+    if len(parts) > 1 and parts[-1] in _EXTREMES:
+        parts = [_EXTREMES[parts[-1]], *parts[:-1]]
+    return " ".join(_WORDS.get(part, part) for part in parts)
+
+
+class Quantity(NamedTuple):
+    """What a column is called on an axis, its unit there, and the factor from SI units to it."""
+
+    name: str
+    unit: str = ""
+    factor: float = 1.0
+
+    @property
+    def label(self) -> str:
+        """Name and unit."""
+        return f"{self.name} ({self.unit})" if self.unit else self.name
+
+
+def _quantities(names: Mapping[str, str]) -> dict[str, Quantity]:
+    """Return quantities of columns; lengths and rotations are shown in mm and mrad."""
+    found = {}
+    for column, name in names.items():
+        unit = unit_of(column)
+        found[column] = Quantity(name, f"m{unit}", 1e3) if unit in ("m", "rad") else Quantity(name, unit)
+    return found
+
+
+#: Phase difference of the exciters, everywhere. Its ticks are parts of π, so it has no unit.
+PHASE = r"$\Delta\varphi$"
+PHASE_COLUMN = "phase_difference_rad"
+#: Columns of a sweep, and of branches.
+MEASURES = _quantities(
+    {
+        "rms_y_m": "RMS $y$",
+        "rms_x_m": "RMS $x$",
+        "rms_phi_rad": r"RMS $\varphi$",
+        PHASE_COLUMN: PHASE,
+        "motor_power_w": "motor power",
+        "contact_force_max_n": "largest $F_c$",
+        "gap_max_m": "largest gap",
+        "flight_fraction": "flight fraction",
+        "amplitude_y_m": "amplitude of $y$",
+        "impulse_max_n_s": "largest impulse",
+        "impacts_per_period": "impacts per period",
+        "lyapunov_per_s": "Lyapunov exponent",
+    }
+) | {PHASE_COLUMN: Quantity(PHASE)}
+#: Columns of a trajectory.
+COORDINATES = _quantities(
+    {
+        "y_m": "$y$",
+        "x_m": "$x$",
+        "phi_rad": r"$\varphi$",
+        "gap_m": "gap $y_{w1}$",
+        "contact_force_n": "contact force $F_c$",
+    }
+)
 
 
 def labelled(table: pd.DataFrame, columns: Columns) -> pd.DataFrame:

@@ -42,6 +42,33 @@ def sweep_table():
     return pd.DataFrame(rows)
 
 
+def branch(count=21, **columns):
+    """A smooth branch in antiphase, with some of its columns changed."""
+    supply = 42.0 + 0.5 * np.arange(count)
+    table = pd.DataFrame(
+        {
+            "supply_frequency_hz": supply,
+            "material.mass_ratio": 0.2,
+            "direction": "up",
+            "branch": 0,
+            "excitation_frequency_hz": 0.5 * supply,
+            "rms_x_m": 1e-9,
+            "rms_y_m": 1e-3 / (60.0 - supply),
+            "rms_phi_rad": 0.0,
+            "phase_difference_rad": np.pi,
+            "sync": "antiphase",
+            "flight_fraction": 0.0,
+            "outcome": "ok",
+        }
+    )
+    return table.assign(**columns)
+
+
+def after(place, before, then, count=21):
+    """A column that changes at a place."""
+    return np.where(np.arange(count) < place, before, then)
+
+
 def branches():
     """A branch with a fold: stable, unstable beyond it, stable again."""
     along = np.linspace(0.0, 1.0, 31)

@@ -16,7 +16,7 @@ from tools.browser import browser, missing, open_page, resize
 from tools.film import HEIGHT, write_film
 
 from vibroplat.continuation.orbit import motion_of
-from vibroplat.page import motions
+from vibroplat.page import points
 from vibroplat.page.report import write_report
 
 pytestmark = [pytest.mark.long, pytest.mark.skipif(bool(missing()), reason=missing())]
@@ -441,7 +441,7 @@ def test_special_points_and_points_of_a_sweep_have_orbits(visit):
 
 
 def test_a_point_without_an_orbit_says_so_and_shows_its_neighbour(visit, branched, tmp_path, monkeypatch):
-    monkeypatch.setattr(motions, "ROWS", 600)
+    monkeypatch.setattr(points, "MOST_SAMPLES", 600)
     page = visit(write_report([branched], tmp_path / "few.html", mover=motion_of))
     row = js(
         page,

@@ -18,12 +18,13 @@ from vibroplat.paper.claims import FORMER
 from vibroplat.paper.evidence import Course, Evidence, F, Key
 from vibroplat.paper.root_finding import JUMP_WIDTH, LARGEST_BETA, MATCHED, beta_without_excess, match_beta, narrow
 from vibroplat.paper.scenes import BETA, machine_numbers, paper_scene
-from vibroplat.plots.paper import FIGURES, plot_paper
+from vibroplat.plots.command import plot_results
+from vibroplat.plots.paper import FIGURES
 from vibroplat.study.branches import branches
 from vibroplat.study.point import measure_point
 from vibroplat.study.pool import Inline, StoredChain, run_stored
 from vibroplat.study.store import Store
-from vibroplat.study.sweep import run_sweeps
+from vibroplat.study.sweep import branch_records, run_sweeps
 
 COARSE = {
     "sweep.supply_frequency_hz.start": 42.0,
@@ -75,7 +76,7 @@ def test_beta_is_found_again(share):
     evidence = Evidence()
     with Store(None, {}) as store:
         run_sweeps([(branches(scene), store)], Inline())
-        evidence.add_sweep(branches(scene), store)
+        add(evidence, scene, store)
     course = evidence.courses.pop(Key(0.2, model="non-impact"))
     impact = course.branch.scene.replace({"contact.model": "impact", BETA: 0.0})
     branch = branches(scene)[0]
@@ -88,6 +89,12 @@ def test_beta_is_found_again(share):
         assert beta == pytest.approx(known, abs=0.2)
         assert len(store) == pool.count > 10
         assert beta_of(evidence, store, Refusing()) == beta
+
+
+def add(evidence, scene, store):
+    """Add a finished sweep."""
+    for branch in branches(scene):
+        evidence.add(branch, branch_records(branch, store))
 
 
 def beta_of(evidence, records, pool):
@@ -166,7 +173,7 @@ def bare():
     evidence = Evidence()
     with Store(None, {}) as store:
         run_sweeps([(branches(scene), store)], Inline())
-        evidence.add_sweep(branches(scene), store)
+        add(evidence, scene, store)
     return evidence
 
 
@@ -254,7 +261,7 @@ def test_paper_is_reproduced_and_resumed(tmp_path, coarse):
     found = reproduction.reproduce(coarse, place, pool, seeds=seeds, progress=lambda *counts: told.append(counts))
     assert pool.engines == {"native"}
     assert told[-1][:2] == reproduction.planned(coarse, seeds)
-    assert found.points >= told[-1][1]
+    assert len(found.points) >= told[-1][1]
     viscous = {"fig6-nonimpact"} if found.beta else set()
     names = {*reproduction.SWEEPS, reproduction.LAWS, *tables.PANELS, *viscous}
     names |= {"sync-bands", "impact-laws", "contradictions", "claims"}
@@ -272,7 +279,7 @@ def test_paper_is_reproduced_and_resumed(tmp_path, coarse):
     assert set(found.tables["impact-laws"]["impact_law"]) == {"conservative", "central", "printed"}
     found.write(coarse, tmp_path)
     assert any(line.startswith(f"{'machine':<24}coarse; ") for line in found.overview("coarse", 1.0))
-    assert [path.stem for path in plot_paper(tmp_path)] == list(FIGURES)
+    assert [path.stem for path in plot_results([tmp_path])] == list(FIGURES)
     # judged again from what is stored
     same(reproduction.reproduce(coarse, place, Refusing(), seeds=seeds, resume=True), found)
     # interrupted in each of the stages

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 import pytest
+from common.handmade import after, branch
 from matplotlib.figure import Figure
 
 from vibroplat.config.scene import Scene
@@ -15,10 +16,7 @@ from vibroplat.plots import (
     draw_response,
     draw_synchronous_speed,
 )
-from vibroplat.plots.names import key_label, value_label
 from vibroplat.plots.response import failed_places
-
-from .test_bands import after, branch
 
 
 @pytest.fixture
@@ -125,21 +123,3 @@ def test_synchronous_speed_follows_the_program_and_ends_where_a_motor_is_off(axi
     off = [*program, {"t_s": 3.5, "off": True}]
     draw_synchronous_speed(axis, Scene().replace({"drive": {"program": off}}), pd.Series([0.0, 4.0]))
     assert np.isnan(axis.lines[1].get_ydata()[-1])
-
-
-@pytest.mark.parametrize(
-    ("key", "label", "value"),
-    [
-        ("material.mass_ratio", r"mass ratio $\mu_w$", r"$\mu_w$ = 0.2"),
-        ("machine.damping_y_n_s_per_m", "damping along y $b_y$ (N·s/m)", "$b_y$ = 0.2 N·s/m"),
-        ("machine.exciter_distance_m", "exciter distance (m)", "exciter distance 0.2 m"),
-        ("contact.viscous_per_mass_per_s", "viscous per mass (1/s)", "viscous per mass 0.2 1/s"),
-    ],
-)
-def test_keys_are_called_by_names_symbols_and_units(key, label, value):
-    assert (key_label(key), value_label(key, 0.2)) == (label, value)
-
-
-def test_values_that_are_no_numbers_are_called_by_themselves():
-    assert value_label("contact.impact_law", "central") == "central"
-    assert value_label("a.flag", True) == "flag: True"

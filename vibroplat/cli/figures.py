@@ -45,11 +45,11 @@ def plot(
 
     Several runs or sweeps are laid over each other. Only the tables in DIR are read; nothing is simulated.
     """
-    from vibroplat.plots.command import Wanted, plot_results
+    from vibroplat.plots.command import plot_results
     from vibroplat.plots.style import Saving
 
-    wanted = Wanted([one.value for one in kind or []], start, stop, x, data, Saving(format_, dpi, out))
-    for path in plot_results(directories, wanted):
+    kinds, saving = [one.value for one in kind or []], Saving(format_, dpi, out)
+    for path in plot_results(directories, kinds, saving=saving, start=start, stop=stop, x=x, data=data):
         print(path)
 
 

@@ -1,24 +1,31 @@
-"""Sweeps and orbits on the page: series of points, each of which is a row of a table."""
+"""Sweeps and orbits on the page: series of points, each a row of a table, and the orbits that a click on them shows."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from vibroplat.columns import unit_of
+from vibroplat.columns import MEASURES, PHASE_COLUMN, unit_of, words
 from vibroplat.config.coordinates import COORDINATES, RATES
-from vibroplat.page.labels import words
-from vibroplat.page.thinning import plain_column
-from vibroplat.plots.names import ABSCISSAE, MEASURES, PHASE_COLUMN, is_number
-from vibroplat.plots.orbits import Branches, meaning, places_of
+from vibroplat.config.scene import Scene
+from vibroplat.errors import VibroplatError
+from vibroplat.page.run import impacts_of, initial, machine_of, packed_coarsely
+from vibroplat.plots.labels import ABSCISSAE, is_number, value_words
+from vibroplat.plots.orbits import MEANINGS, Branches, between, places_of
 
 EXCITATION, SUPPLY = ABSCISSAE["excitation"], ABSCISSAE["supply"]
 #: Most rows of a table on the page.
 MOST_ROWS = 5000
+#: Most samples of all orbits on a page, some 65 for each turn: 1.5 MB.
+MOST_SAMPLES = 50_000
+#: Significant digits of the numbers in tables.
+DIGITS = 9
 #: Share of the range of RMS x or y in a sweep beyond which the step between two neighbours is a jump.
 JUMP = 1 / 3
 #: Columns of a state, which few readers want to see.
@@ -32,6 +39,15 @@ DRAWN = (
     *("rms_y_m", "phase_difference_rad", "gap_max_m", "contact_force_max_n", "motor_power_w", "flight_fraction"),
     *("impulse_max_n_s", "rms_x_m", "rms_phi_rad", "lyapunov_per_s"),
 )
+#: Columns of an orbit.
+_ORBIT = (
+    *("t_s", "x_m", "y_m", "phi_rad", "phi1_rad", "phi2_rad", "y_rate_m_per_s"),
+    *("gap_m", "upper_m", "contact_force_n"),
+)
+
+Series = list[dict[str, Any]]
+
+# -- tables ------------------------------------------------------------------------------------------------------------
 
 
 def thinned(table: pd.DataFrame) -> pd.DataFrame:
@@ -56,25 +72,68 @@ def table_data(title: str, result: int, table: pd.DataFrame, rows: int) -> dict[
     return {"title": title, "result": result, "columns": columns, "rows": len(table), "of": rows}
 
 
-def sweep_series(table: pd.DataFrame) -> list[dict[str, Any]]:
+def plain_column(column: pd.Series) -> list[Any]:
+    """Return the values of a column for JSON; numbers have :data:`DIGITS` digits, what is missing is None."""
+    return [_plain(value) for value in column.astype(object).tolist()]
+
+
+def _plain(value: Any) -> Any:
+    if value is None or value is pd.NA or (isinstance(value, float) and not math.isfinite(value)):
+        return None
+    if isinstance(value, bool | int | str):
+        return value
+    return float(f"{value:.{DIGITS}g}") if isinstance(value, float) else str(value)
+
+
+def axes(table: pd.DataFrame, columns: Iterable[str]) -> list[dict[str, Any]]:
+    """Return those of some columns that points may be drawn over, numbers that vary, in their order."""
+    given = [name for name in dict.fromkeys(columns) if name in table and is_number(table[name])]
+    found = [name for name in given if len(table[name].dropna().unique()) > 1] or given[:1]
+    return [{"column": name, "words": words(name), "unit": unit_of(name)} for name in found]
+
+
+def measures(table: pd.DataFrame) -> list[dict[str, Any]]:
+    """Return the panels that a table fills; what does not move but for rounding has none."""
+    numbers = [name for name in DRAWN if name in table and is_number(table[name]) and table[name].notna().any()]
+    largest = {name: float(table[name].abs().max()) for name in numbers}
+    moved = max((size for name, size in largest.items() if name.startswith("rms")), default=0.0)
+    found = []
+    for name in numbers:
+        if largest[name] > (ROUNDING * moved if name.startswith("rms") else 0.0):
+            unit = "rad" if name == PHASE_COLUMN else MEASURES[name].unit
+            found.append({"column": name, "words": words(name), "unit": unit, "factor": MEASURES[name].factor})
+    return found
+
+
+def _label(keys: Iterable[str], row: pd.Series) -> str:
+    """Return the values of some keys in a legend."""
+    return ", ".join(value_words(key, row[key]) for key in keys)
+
+
+# -- sweeps ------------------------------------------------------------------------------------------------------------
+
+
+def grid_of(table: pd.DataFrame) -> list[str]:
+    """Return the keys of a sweep's grid."""
+    return [str(name) for name in table.columns[: list(table.columns).index("direction")] if name != SUPPLY]
+
+
+def sweep_series(table: pd.DataFrame) -> Series:
     """Return a series of row numbers for each branch of a sweep; None stands where a curve is broken."""
-    keys = [str(name) for name in table.columns[: list(table.columns).index("direction")] if name != SUPPLY]
-    several = [key for key in keys if len(table[key].unique()) > 1]
+    several = [key for key in grid_of(table) if len(table[key].unique()) > 1]
     numbers: dict[str, int] = {}
     series = []
     spread = table[_SIZES].max() - table[_SIZES].min()
     for _, rows in table.groupby("branch", sort=True):
-        first = rows.iloc[0]
-        label = ", ".join(_valued(key, first[key]) for key in several)
-        colour = numbers.setdefault(label, len(numbers))
-        direction = str(first["direction"])
+        label, direction = _label(several, rows.iloc[0]), str(rows["direction"].iloc[0])
+        jumps = (rows[_SIZES].diff().abs() > JUMP * spread).any(axis=1)
         series.append(
             {
                 "label": ", ".join(part for part in (label, direction) if part),
-                "colour": colour,
+                "colour": numbers.setdefault(label, len(numbers)),
                 "symbol": "triangle-down" if direction == "down" else "triangle-up",
                 "dash": "solid",
-                "rows": list(_broken_at_jumps(rows, (rows[_SIZES].diff().abs() > JUMP * spread).any(axis=1))),
+                "rows": list(_broken_at_jumps(rows, jumps)),
                 "open": [int(place) for place in rows.index[rows["motion"] != "periodic"]],
                 "failed": [int(place) for place in rows.index[rows["outcome"] != "ok"]],
             }
@@ -92,7 +151,16 @@ def _broken_at_jumps(rows: pd.DataFrame, jumps: pd.Series) -> Iterator[int | Non
         yield int(place)
 
 
-def orbit_series(found: Branches, table: pd.DataFrame) -> list[dict[str, Any]]:
+# -- branches of orbits ------------------------------------------------------------------------------------------------
+
+
+def _branches(found: Branches, table: pd.DataFrame) -> Iterator[tuple[pd.Series, pd.DataFrame]]:
+    """Yield what all rows of a branch share, and its rows."""
+    for _, rows in table.groupby([*found.grid, "branch"], sort=False):
+        yield rows.iloc[0], rows
+
+
+def orbit_series(found: Branches, table: pd.DataFrame) -> Series:
     """Return two series of row numbers, of stable and of unstable orbits, for each combination of the grid's values.
 
     Without a grid, for each branch. None stands where a line is broken.
@@ -100,7 +168,7 @@ def orbit_series(found: Branches, table: pd.DataFrame) -> list[dict[str, Any]]:
     series: dict[tuple[str, bool], dict[str, Any]] = {}
     names: dict[str, int] = {}
     for values, rows in _branches(found, table):
-        name = ", ".join(_valued(key, values[key]) for key in found.varied) or f"branch {values['branch']}"
+        name = _label(found.varied, values) or f"branch {values['branch']}"
         stable = rows["stable"].astype(bool).to_numpy()
         places = [int(place) for place in rows.index]
         edges = [0, *(np.flatnonzero(np.diff(stable)) + 1).tolist(), len(places)]
@@ -117,26 +185,20 @@ def orbit_series(found: Branches, table: pd.DataFrame) -> list[dict[str, Any]]:
     return list(series.values())
 
 
-def _branches(found: Branches, table: pd.DataFrame) -> Iterator[tuple[pd.Series, pd.DataFrame]]:
-    """Yield what all rows of a branch share, and its rows."""
-    for _, rows in table.groupby([*found.grid, "branch"], sort=False):
-        yield rows.iloc[0], rows
-
-
-def special_marks(found: Branches, special: pd.DataFrame, table: pd.DataFrame) -> list[dict[str, Any]]:
+def special_marks(found: Branches, special: pd.DataFrame, table: pd.DataFrame) -> Series:
     """Return for each kind of special point its rows, where they lie, and the row of the last point before each.
 
     Columns that a special point does not have lie between the points of the branch before and after it.
     """
     marks: dict[str, dict[str, Any]] = {}
     for values, rows in _branches(found, table):
-        whole, own = _alike(found, found.points, values), _alike(found, special, values)
+        whole, own = found.alike(found.points, values), found.alike(special, values)
         shares = places_of(whole, own)
-        drawn = {name: _between(whole, own, name, shares) for name in (found.key, EXCITATION, *DRAWN)}
+        drawn = {name: _at(whole, own, name, shares) for name in (found.key, EXCITATION, *DRAWN)}
         points = rows["point"].to_numpy(dtype=float)
         for number, (place, kind) in enumerate(own["kind"].items()):
             empty: dict[str, Any] = {"rows": [], "nearest": [], "at": {name: [] for name in drawn}}
-            mark = marks.setdefault(str(kind), {"kind": str(kind), "meaning": meaning(str(kind)), **empty})
+            mark = marks.setdefault(str(kind), {"kind": str(kind), "meaning": MEANINGS.get(str(kind), ""), **empty})
             mark["rows"].append(place)
             mark["nearest"].append(int(rows.index[np.abs(points - shares[number]).argmin()]))
             for name, at in drawn.items():
@@ -144,22 +206,11 @@ def special_marks(found: Branches, special: pd.DataFrame, table: pd.DataFrame) -
     return list(marks.values())
 
 
-def _alike(found: Branches, table: pd.DataFrame, values: pd.Series) -> pd.DataFrame:
-    """Return the rows of the branch to which some values belong."""
-    for key in (*found.grid, "branch"):
-        table = table[table[key] == values[key]]
-    return table
-
-
-def _between(whole: pd.DataFrame, own: pd.DataFrame, name: str, shares: Any) -> list[Any]:
+def _at(whole: pd.DataFrame, own: pd.DataFrame, name: str, shares: Any) -> list[Any]:
     """Return a column at special points: their own values, or those between the points of their branch."""
     if name in own:
         return plain_column(own[name])
-    if name not in whole:
-        return [None] * len(own)
-    values = whole[name].to_numpy(dtype=float)
-    values = np.unwrap(values) if name == PHASE_COLUMN else values
-    return plain_column(pd.Series(np.interp(shares, np.arange(len(whole)), values)))
+    return plain_column(pd.Series(between(whole, shares, name))) if name in whole else [None] * len(own)
 
 
 def ends(found: Branches, table: pd.DataFrame) -> list[int]:
@@ -167,56 +218,124 @@ def ends(found: Branches, table: pd.DataFrame) -> list[int]:
     return [int(rows.index[place]) for _, rows in _branches(found, table) for place in (0, -1)]
 
 
-def axes(table: pd.DataFrame, columns: Iterable[str]) -> list[dict[str, Any]]:
-    """Return those of some columns that points may be drawn over, numbers that vary, in their order."""
-    given = [name for name in dict.fromkeys(columns) if name in table and is_number(table[name])]
-    found = [name for name in given if len(table[name].dropna().unique()) > 1] or given[:1]
-    return [{"column": name, "words": words(name), "unit": unit_of(name)} for name in found]
-
-
-def sweep_axes(table: pd.DataFrame) -> list[dict[str, Any]]:
-    """Return what a sweep may be drawn over: frequencies, and what its grid varies."""
-    return axes(table, [EXCITATION, SUPPLY, *table.columns[: list(table.columns).index("direction")]])
-
-
-def orbit_axes(found: Branches, table: pd.DataFrame) -> list[dict[str, Any]]:
-    """Return what branches may be drawn over: their key and the excitation frequency, as figures have it first."""
-    return axes(table, [found.abscissa, found.key, EXCITATION])
-
-
-def measures(table: pd.DataFrame) -> list[dict[str, Any]]:
-    """Return the panels that a table fills; what does not move but for rounding has none."""
-    numbers = [name for name in DRAWN if name in table and is_number(table[name]) and table[name].notna().any()]
-    largest = {name: float(table[name].abs().max()) for name in numbers}
-    moved = max((size for name, size in largest.items() if name.startswith("rms")), default=0.0)
-    found = []
-    for name in numbers:
-        if largest[name] > (ROUNDING * moved if name.startswith("rms") else 0.0):
-            shown = MEASURES[name]
-            unit = "rad" if name == PHASE_COLUMN else shown.unit
-            found.append({"column": name, "words": words(name), "unit": unit, "factor": shown.factor})
-    return found
-
-
-def boundary_series(found: Branches, table: pd.DataFrame) -> list[dict[str, Any]]:
+def boundary_series(found: Branches, table: pd.DataFrame) -> Series:
     """Return a series of row numbers for each kind of special point and combination of the grid's values."""
     kinds, series = list(dict.fromkeys(table["kind"])), []
     looks: dict[str, int] = {}
-    for values, rows in ((rows.iloc[0], rows) for _, rows in table.groupby([*found.grid, "kind"], sort=False)):
-        combination = ", ".join(_valued(key, values[key]) for key in found.varied)
-        curves = [[*curve.index.tolist(), None] for _, curve in rows.groupby("curve")]
+    for _, rows in table.groupby([*found.grid, "kind"], sort=False):
+        combination, kind = _label(found.varied, rows.iloc[0]), rows["kind"].iloc[0]
         series.append(
             {
-                "label": ": ".join(part for part in (combination, str(values["kind"])) if part),
-                "colour": kinds.index(values["kind"]),
+                "label": ": ".join(part for part in (combination, str(kind)) if part),
+                "colour": kinds.index(kind),
                 "dash": looks.setdefault(combination, len(looks)),
-                "rows": [row for curve in curves for row in curve],
+                "rows": [row for _, curve in rows.groupby("curve") for row in [*curve.index.tolist(), None]],
             }
         )
     return series
 
 
-def _valued(key: str, value: Any) -> str:
-    """Return a value of a key in a legend."""
-    number = f"{value:g}" if isinstance(value, int | float | np.number) else str(value)
-    return f"{words(key)} {number} {unit_of(key)}".rstrip()
+# -- orbits of points --------------------------------------------------------------------------------------------------
+
+Row = Mapping[str, Any]
+#: Computes one period of the orbit of a row: its scene, trajectory, events. Raises VibroplatError.
+Mover = Callable[[Scene, Row], tuple[Scene, pd.DataFrame, pd.DataFrame]]
+#: Called with how many points are done, and how many there are.
+Progress = Callable[[int, int], None]
+
+
+@dataclass
+class Motions:
+    """Computes the orbits of a figure.
+
+    Attributes
+    ----------
+    scene
+        Whose points they are.
+    mover
+        Computes them; None for a page without orbits.
+    room
+        How many samples they may have.
+    progress
+        Told of each point.
+    """
+
+    scene: Scene
+    mover: Mover | None
+    room: int
+    progress: Progress | None = None
+    _list: Series = field(default_factory=list)
+    _machines: Series = field(default_factory=list)
+
+    def of(self, special: pd.DataFrame | None, table: pd.DataFrame, first: Iterable[int]) -> dict[str, Any]:
+        """Return the orbits of special points, of some rows of a table, then of rows evenly chosen while there is room.
+
+        Returns
+        -------
+        dict
+            ``list``: the orbits; ``machines`` that move through them; ``rows``, ``special``: for each row number the
+            place of its orbit, or why it has none.
+        """
+        records, rows = ([] if shown is None else _records(shown) for shown in (special, table))
+        found: dict[str, dict[int, int | str]] = {
+            "rows": {row: text for row, text in enumerate(map(_why_none, rows)) if text},
+            "special": {},
+        }
+        order = [row for row in dict.fromkeys([*first, *spread(len(rows))]) if row not in found["rows"]]
+        wanted = [(found["special"], row, record) for row, record in enumerate(records)]
+        self._compute([*wanted, *((found["rows"], row, rows[row]) for row in order)])
+        return {**found, "list": self._list, "machines": self._machines}
+
+    def _compute(self, wanted: list[tuple[dict[int, int | str], int, Row]]) -> None:
+        """Compute orbits in this order, until there is no more room."""
+        if self.mover is None:
+            return
+        used = 0
+        for done, (places, row, record) in enumerate(wanted):
+            if self.progress is not None:
+                self.progress(done, len(wanted))
+            try:
+                scene, trajectory, events = self.mover(self.scene, record)
+            except VibroplatError as error:
+                places[row] = f"It has no orbit on this page: {error}."
+                continue
+            used += len(trajectory)
+            if used > self.room:
+                break
+            places[row] = len(self._list)
+            self._list.append(self._packed(scene, trajectory, events))
+
+    def _packed(self, scene: Scene, trajectory: pd.DataFrame, events: pd.DataFrame) -> dict[str, Any]:
+        """Return what the page shows of an orbit."""
+        machine = machine_of(scene)
+        if machine not in self._machines:
+            self._machines.append(machine)
+        seconds = float(trajectory["t_s"].iloc[-1])
+        turns = abs(float(np.ptp(trajectory["phi1_rad"].iloc[[0, -1]]))) / (2.0 * np.pi)
+        return {
+            "end": seconds,
+            "turns": round(turns),
+            "columns": {name: packed_coarsely(trajectory[name]) for name in _ORBIT if name in trajectory},
+            "modes": "".join(trajectory["mode"].map(initial)),
+            "impacts": impacts_of(events, 0.0, seconds),
+            "machine": self._machines.index(machine),
+        }
+
+
+def spread(count: int) -> list[int]:
+    """Order numbers from 0 so that the first ones, however many, lie evenly among all: by their bits, backwards."""
+    bits = max(count - 1, 1).bit_length()
+    return sorted(range(count), key=lambda number: int(f"{number:0{bits}b}"[::-1], 2))
+
+
+def _records(table: pd.DataFrame) -> list[Row]:
+    """Return the rows of a table by column."""
+    return [{str(name): value for name, value in row.items()} for row in table.to_dict("records")]
+
+
+def _why_none(row: Row) -> str:
+    """Say why a row of a sweep cannot have an orbit; "" if it can."""
+    if row.get("outcome", "ok") != "ok":
+        return f"This point failed ({row['outcome']}), so it has no orbit."
+    period = row.get("period")
+    return "" if pd.notna(period) and period else "The motion of this point does not repeat, so it has no orbit."

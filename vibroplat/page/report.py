@@ -16,23 +16,19 @@ from typing import Any
 import pandas as pd
 from plotly.offline import get_plotlyjs
 
-from vibroplat.errors import TableError
-from vibroplat.page import motions, points, run
-from vibroplat.page.motions import Motions, Mover, Progress
-from vibroplat.page.parameters import differences, parameters
-from vibroplat.page.reading import Found, find_results
-from vibroplat.page.summary import remarks, summary_rows
-from vibroplat.plots.orbits import boundary_keys, read_branches
-from vibroplat.plots.reading import read_columns
-from vibroplat.results.files import Result
+from vibroplat.page import points, run
+from vibroplat.page.points import Motions, Mover, Progress
+from vibroplat.page.results import Found, differences, find_results, parameters, remarks, summary_rows
+from vibroplat.plots.orbits import read_branches
+from vibroplat.plots.reading import ends_of, read_columns, read_parts
 from vibroplat.results.tables import replace_files
 
 _LOG = logging.getLogger("vibroplat")
 
 #: The parts of the script, in the order in which they use each other.
 SCRIPTS = ("text", "tables", "curves", "machine", "player", "orbit", "points", "page")
-#: Columns that a table of a sweep needs.
-SWEEP_COLUMNS = ("branch", "direction", "sync", "motion", "outcome", "rms_x_m", "rms_y_m")
+#: Columns of texts and of numbers that a table of a sweep needs.
+SWEEP_COLUMNS = (("direction", "sync", "motion", "outcome"), ("branch", "rms_x_m", "rms_y_m"))
 #: What is told of how a result was made.
 _MADE = ("vibroplat", "git_commit", "created", "engine", "tolerance")
 #: Size of a page that is told (bytes): mail takes what is smaller.
@@ -107,7 +103,7 @@ def page_data(
     runs, transient = _runs(found, start, stop)
     summaries = [one for one in found if one.command == "run"]
     studies = [(number, one) for number, one in enumerate(found) if one.command != "run"]
-    room = motions.ROWS // max(len(studies), 1)
+    room = points.MOST_SAMPLES // max(len(studies), 1)
     commands, trees = [one.command for one in found], [one.configuration for one in found]
     different = differences(commands, [one.scene.to_tree() for one in found])
     return {
@@ -123,7 +119,7 @@ def page_data(
         "transient": transient,
         "turns": run.SHOWN_TURNS,
         "panels": run.panels(runs),
-        "points": [_points(n, one, motions.Motions(one.scene, mover, room, progress)) for n, one in studies],
+        "points": [_points(n, one, Motions(one.scene, mover, room, progress)) for n, one in studies],
         "tables": [table for number, one in enumerate(found) for table in _tables(number, one)],
         "boundaries": [table for number, one in enumerate(found) for table in _boundaries(number, one)],
     }
@@ -177,22 +173,25 @@ def _runs(found: Sequence[Found], start: float | None, stop: float | None) -> tu
 
     The machines move side by side until the first run ends, if all have begun by then.
     """
-    ours = [(number, one, run.run_times(one.result)) for number, one in enumerate(found) if one.command == "run"]
-    ours = [(number, one, times) for number, one, times in ours if times.rows > 1]
-    common = min((times.last for _, _, times in ours), default=0.0)
-    if stop is None and all(times.first < common for _, _, times in ours):
+    ours = []
+    for number, one in enumerate(found):
+        ends = ends_of(read_parts(one.result, "trajectory", (), ("t_s", *run.SPEEDS))) if one.command == "run" else None
+        if ends is not None and ends.rows > 1:
+            ours.append((number, one, ends))
+    common = min((float(ends.last["t_s"]) for _, _, ends in ours), default=0.0)
+    if stop is None and all(ends.first["t_s"] < common for _, _, ends in ours):
         stop = common
     most = max(run.ROWS // max(len(ours), 1), 2)
-    first = any(times.is_transient(one.scene) for _, one, times in ours)
+    transient = any(run.is_transient(ends, one.scene) for _, one, ends in ours)
     runs = [
-        run.run_data(one.result, one.scene, one.summary, _events(one), times, most, start, stop, first=first)
-        for _, one, times in ours
+        {"result": n} | run.run_data(one, _events(one), ends, most, start, stop, from_beginning=transient)
+        for n, one, ends in ours
     ]
-    return [{"result": number, **data} for (number, _, _), data in zip(ours, runs, strict=True)], first
+    return runs, transient
 
 
 def _events(one: Found) -> pd.DataFrame:
-    return read_columns(one.result, "events", "kind", ("t_s", "impulse_n_s"))
+    return read_columns(one.result, "events", ("kind",), ("t_s", "impulse_n_s"))
 
 
 def _tables(number: int, one: Found) -> list[dict[str, Any]]:
@@ -205,17 +204,17 @@ def _tables(number: int, one: Found) -> list[dict[str, Any]]:
 
 def _points(number: int, one: Found, motions: Motions) -> dict[str, Any]:
     """Return the figure of a sweep or of orbits, with its table and what moves when a point is clicked."""
-    return (_sweep if one.command == "sweep" else _orbits)(number, one, motions)
+    return {"command": one.command, "result": number} | (_sweep if one.command == "sweep" else _orbits)(
+        number, one, motions
+    )
 
 
 def _sweep(number: int, one: Found, motions: Motions) -> dict[str, Any]:
-    whole = _table(one.result, "sweep", SWEEP_COLUMNS)
+    whole = read_columns(one.result, "sweep", *SWEEP_COLUMNS)
     table = points.thinned(whole)
     return {
-        "command": one.command,
-        "result": number,
         "table": points.table_data("sweep", number, table, len(whole)),
-        "axes": points.sweep_axes(table),
+        "axes": points.axes(table, [points.EXCITATION, points.SUPPLY, *points.grid_of(table)]),
         "measures": points.measures(table),
         "series": points.sweep_series(table),
         "marks": [],
@@ -229,10 +228,8 @@ def _orbits(number: int, one: Found, motions: Motions) -> dict[str, Any]:
     table, special = points.thinned(found.points), points.thinned(found.special)
     marks = points.special_marks(found, special, table)
     return {
-        "command": one.command,
-        "result": number,
         "table": points.table_data("branches", number, table, len(found.points)),
-        "axes": points.orbit_axes(found, table),
+        "axes": points.axes(table, [found.abscissa, found.key, points.EXCITATION]),
         "measures": points.measures(table),
         "series": points.orbit_series(found, table),
         "marks": marks,
@@ -243,20 +240,10 @@ def _orbits(number: int, one: Found, motions: Motions) -> dict[str, Any]:
 
 def _boundaries(number: int, one: Found) -> list[dict[str, Any]]:
     """Return the table of boundaries of orbits in the plane of two keys."""
-    if one.command != "orbits" or not one.has("boundaries"):
+    if one.command != "orbits" or not any(one.result.directory.glob("boundaries.*")):
         return []
     found = read_branches(one.result.directory)
-    whole = _table(one.result, "boundaries", ("kind", "curve"))
+    whole = found.boundaries()
     table = points.thinned(whole)
-    keys = boundary_keys(found, table)
-    curves = points.boundary_series(found, table)
-    return [{"table": points.table_data("boundaries", number, table, len(whole)), "keys": keys, "series": curves}]
-
-
-def _table(result: Result, name: str, needed: Sequence[str]) -> pd.DataFrame:
-    """Read a table that has these columns."""
-    table = result.table(name)
-    missing = [column for column in needed if column not in table]
-    if missing:
-        raise TableError(f"the {name} table in {result.directory} has no column {missing[0]}")
-    return table
+    data = points.table_data("boundaries", number, table, len(whole))
+    return [{"table": data, "keys": [found.key, found.second], "series": points.boundary_series(found, table)}]

@@ -258,6 +258,36 @@ def objective(result: Mapping[str, Any]) -> float:
     return 1.0 - 0.5 * (float(result["score"]) + float(result["held"]) / sum(name.endswith(HOLDS) for name in result))
 
 
+class _Judged:
+    """Judges sets of numbers side by side, and counts them."""
+
+    def __init__(self, fixed: Mapping[str, Any], records: Store, workers: Pool, progress: Progress | None) -> None:
+        self._fixed, self._records, self._workers, self._progress = fixed, records, workers, progress
+        self._count, self._best = 0, (-1, 0.0)
+
+    def __call__(self, sets: Sequence[dict[str, Any]], *, confirming: bool = False) -> list[Record]:
+        """Return what :func:`evaluation` finds for each; one that was judged before is read from the records."""
+        names = [json.dumps(numbers) for numbers in sets]
+        chains: dict[str, StoredChain[Record]] = {}
+        for name, numbers in zip(names, sets, strict=True):
+            if name in chains:
+                self._report(None)
+            else:
+                chains[name] = StoredChain(evaluation({**self._fixed, **numbers}), self._records, name)
+        stored = (chain for chain in chains.values() if chain.done)
+        for chain in itertools.chain(stored, run_chains(chains.values(), self._workers, in_turn=False)):
+            if chain.done:
+                self._report(None if confirming else chain.result)
+        return [chains[name].result for name in names]
+
+    def _report(self, result: Record | None) -> None:
+        self._count += 1
+        if result is not None:
+            self._best = max(self._best, (result["held"], result["score"]))
+        if self._progress is not None:
+            self._progress(self._count, *self._best)
+
+
 def calibrate(
     fixed: Mapping[str, Any], plan: CalibrationPlan, records: Store, workers: Pool, progress: Progress | None = None
 ) -> dict[str, pd.DataFrame]:
@@ -283,56 +313,27 @@ def calibrate(
         the first seed, and confirmed sets come before all others. ``confirmation``: a row for each confirmed set and
         each seed. ``left-out`` and ``spread``: see :func:`left_out` and :func:`spread`.
     """
-    count, best = 0, (-1, 0.0)
-
-    def report(result: Record | None) -> None:
-        nonlocal count, best
-        count += 1
-        if result is not None:
-            best = max(best, (result["held"], result["score"]))
-        if progress is not None:
-            progress(count, *best)
-
-    def judged(sets: Sequence[dict[str, Any]], *, confirming: bool = False) -> list[Record]:
-        """Judge sets of numbers side by side; one that was judged before is read from the records."""
-        names = [json.dumps(numbers) for numbers in sets]
-        chains: dict[str, StoredChain[Record]] = {}
-        for name, numbers in zip(names, sets, strict=True):
-            if name in chains:
-                report(None)
-            else:
-                chains[name] = StoredChain(evaluation({**fixed, **numbers}), records, name)
-        stored = (chain for chain in chains.values() if chain.done)
-        for chain in itertools.chain(stored, run_chains(chains.values(), workers, in_turn=False)):
-            if chain.done:
-                report(None if confirming else chain.result)
-        return [chains[name].result for name in names]
-
+    judged = _Judged(fixed, records, workers, progress)
+    keys = list(plan.parameters)
     rows = pd.DataFrame(
         [{"start": n, **row} for n in range(plan.starts) for row in _search(plan, plan.seed + n, judged)]
     )
     rows = rows.sort_values(["held", "score"], ascending=False, kind="stable")
-    best_rows = rows.drop_duplicates(list(plan.parameters)).iloc[: plan.confirm.sets]
-    own = best_rows.drop(columns="start").to_dict("records")
+    chosen = rows.drop_duplicates(keys).iloc[: plan.confirm.sets].drop(columns="start").to_dict("records")
     first = int(fixed.get(SEED, 0))
     again = [
-        ({key: row[key] for key in plan.parameters}, seed)
-        for row in own
-        for seed in range(first + 1, first + 1 + plan.confirm.seeds)
+        {**{key: row[key] for key in keys}, SEED: first + 1 + n} for row in chosen for n in range(plan.confirm.seeds)
     ]
-    results = judged([{**chosen, SEED: seed} for chosen, seed in again], confirming=True)
-    confirmation = pd.DataFrame(
-        [{"seed": first, **row} for row in own]
-        + [{"seed": seed, **chosen, **result} for (chosen, seed), result in zip(again, results, strict=True)]
+    confirmed = [{"seed": s[SEED], **s, **r} for s, r in zip(again, judged(again, confirming=True), strict=True)]
+    confirmation = pd.DataFrame([*({"seed": first, **row} for row in chosen), *confirmed]).drop(
+        columns=SEED, errors="ignore"
     )
     table = _over_seeds(rows, confirmation, plan)
     tables = {"evaluations": table, "confirmation": confirmation}
     return tables | {"left-out": left_out(table, plan), "spread": spread(table, plan)}
 
 
-def _search(
-    plan: CalibrationPlan, seed: int, judged: Callable[[Sequence[dict[str, Any]]], list[Record]]
-) -> list[dict[str, Any]]:
+def _search(plan: CalibrationPlan, seed: int, judged: _Judged) -> list[dict[str, Any]]:
     """Search with a seed and return the sets that were judged, in their order, with their results."""
     from scipy.stats import qmc  # noqa: PLC0415  (takes half a second to load)
 
@@ -416,17 +417,12 @@ def spread(evaluations: pd.DataFrame, plan: CalibrationPlan) -> pd.DataFrame:
     near = sets[sets["held_mean"] >= evaluations["held_mean"].iloc[0] - WITHIN]
     rows = []
     for key, searched in plan.parameters.items():
-        found = dict(zip(QUANTILES, near[key].map(searched.place).quantile(list(QUANTILES.values())), strict=True))
         low, high = searched.bounds
-        rows.append(
-            {"parameter": key, "best": float(evaluations[key].iloc[0])}
-            | {name: searched.value(float(place)) for name, place in found.items()}
-            | {
-                "width": (found["largest"] - found["least"]) / (high - low),
-                "middle_width": (found["upper_quartile"] - found["lower_quartile"]) / (high - low),
-                "sets": len(near),
-            }
-        )
+        found = near[key].map(searched.place).quantile(list(QUANTILES.values())).set_axis(list(QUANTILES))
+        row = {"parameter": key, "best": float(evaluations[key].iloc[0]), **found.map(searched.value)}
+        row["width"] = (found["largest"] - found["least"]) / (high - low)
+        row["middle_width"] = (found["upper_quartile"] - found["lower_quartile"]) / (high - low)
+        rows.append(row | {"sets": len(near)})
     return pd.DataFrame(rows)
 
 

@@ -24,6 +24,7 @@ from vibroplat.paper.evidence import (
     name_of,
 )
 from vibroplat.paper.scenes import claims
+from vibroplat.study.branches import SUPPLY
 
 _FALLS = comparisons.ordered("falls", (Key(0.2), Key(0.1)), (Key(0.1), Key(0.0)))
 
@@ -114,7 +115,8 @@ def _failed(claim: Claim, evidence: Evidence) -> dict[Key, int]:
     for key, course in evidence.courses.items():
         if key == Key(key.mass_ratio, key.restitution) and key.mass_ratio in mu and min(r) <= key.restitution <= max(r):
             pairs = course.branch.scene.exciter_pair[0].pole_pairs  # at the supply's share of them, f is synchronous
-            count = sum(low <= supply / pairs <= high for supply in evidence.failed(key))
+            supplies = [row[SUPPLY] for row in course.rows if row["outcome"] != "ok"]
+            count = sum(low <= supply / pairs <= high for supply in supplies)
             if count:
                 found[key] = count
     return found

@@ -66,7 +66,7 @@ def ratio_to_inelastic(low: float, high: float, text: str) -> Judge:
             if 0.0 < key.restitution <= max(claim["R"]):
                 ratio = _over(evidence.curve(key, at), base)
                 found = _between(ratio, at, low, high, text)
-                if np.isfinite(ratio.values).any():
+                if np.isfinite(ratio[0]).any():
                     mean, error = _mean(ratio)
                     holds = found.holds and low - SIGMAS * error <= mean <= high + SIGMAS * error
                     found = found._replace(measured=f"{found.measured}, mean {mean - 1.0:+.1%}", holds=holds)
@@ -83,8 +83,8 @@ def _frequencies(claim: Claim) -> FloatArray:
 
 def _over(a: Curve, b: Curve) -> Curve:
     """Return the ratio of two independent curves."""
-    ratio = a.values / b.values
-    return Curve(ratio, np.abs(ratio) * np.hypot(a.errors / a.values, b.errors / b.values))
+    (x, dx), (y, dy) = a, b
+    return x / y, np.abs(x / y) * np.hypot(dx / x, dy / y)
 
 
 def _larger(ratio: Curve, at: FloatArray, text: str) -> Finding:
@@ -93,10 +93,10 @@ def _larger(ratio: Curve, at: FloatArray, text: str) -> Finding:
 
 def _between(ratio: Curve, at: FloatArray, low: float, high: float, text: str) -> Finding:
     """Judge whether a ratio lies between two values at all frequencies at which it is known."""
-    known = np.isfinite(ratio.values)
+    known = np.isfinite(ratio[0])
     if not known.any():
         return Finding("no steady antiphase motion in the interval", False, 0.0)
-    values, errors, f = ratio.values[known], SIGMAS * ratio.errors[known], at[known]
+    values, errors, f = ratio[0][known], SIGMAS * ratio[1][known], at[known]
     right = (low <= values) & (values <= high)
     violated = (values + errors < low) | (values - errors > high) | (~right & (errors == 0.0))
     undecided = ~violated & ((values - errors < low) | (values + errors > high))
@@ -115,10 +115,11 @@ def _between(ratio: Curve, at: FloatArray, low: float, high: float, text: str) -
 
 def _mean(ratio: Curve) -> tuple[float, float]:
     """Return the mean of a ratio over the frequencies at which it is known, and its standard error."""
-    known = np.isfinite(ratio.values)
+    values, errors = ratio
+    known = np.isfinite(values)
     if not known.any():
         return np.nan, np.nan
-    return float(ratio.values[known].mean()), float(np.linalg.norm(ratio.errors[known]) / known.sum())
+    return float(values[known].mean()), float(np.linalg.norm(errors[known]) / known.sum())
 
 
 def restitution_without_effect(claim: Claim, evidence: Evidence) -> Finding:

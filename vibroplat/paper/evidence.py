@@ -12,8 +12,7 @@ import numpy as np
 from vibroplat.model.parameters import FloatArray
 from vibroplat.study.branches import EXCITATION, SUPPLY, Branch
 from vibroplat.study.point import ERRORS
-from vibroplat.study.store import Record, Store
-from vibroplat.study.sweep import branch_records
+from vibroplat.study.store import Record
 
 #: Row of a sweep table, by column.
 Row = dict[str, Any]
@@ -69,11 +68,8 @@ class Step(NamedTuple):
     after: float
 
 
-class Curve(NamedTuple):
-    """RMS y over excitation frequency, or a ratio of two, and its standard error."""
-
-    values: FloatArray
-    errors: FloatArray
+#: RMS y over excitation frequency, or a ratio of two, and its standard error.
+Curve = tuple[FloatArray, FloatArray]
 
 
 class Course(NamedTuple):
@@ -105,11 +101,6 @@ class Evidence:
     boundaries: dict[Step, Boundary] = field(default_factory=dict)
     read: dict[Step, None] = field(default_factory=dict, compare=False)
 
-    def add_sweep(self, branches: Iterable[Branch], store: Store) -> None:
-        """Add the branches of a finished sweep from its stored points."""
-        for branch in branches:
-            self.add(branch, branch_records(branch, store))
-
     def add(self, branch: Branch, records: Iterable[Record]) -> None:
         """Add a branch by the records of its points; one that is there already, as sweeps share branches, is kept."""
         points = zip(branch.frequencies, records, strict=True)
@@ -127,20 +118,16 @@ class Evidence:
         rows = self.courses[key].rows if key in self.courses else []
         return [row for row in rows if row["outcome"] == "ok" and low <= row[F] <= high]
 
-    def failed(self, key: Key) -> list[float]:
-        """Return the supply frequencies (Hz) of the other points of a branch."""
-        return [row[SUPPLY] for row in self.courses[key].rows if row["outcome"] != "ok"]
-
     def curve(self, key: Key, at: FloatArray) -> Curve:
         """Interpolate RMS y (m) of a branch's antiphase motion at excitation frequencies (Hz), shape (n,).
 
-        Both arrays have shape (n,): nan and inf beyond the rows and across jumps. The errors of neighbouring rows are
-        taken as independent.
+        The result are its values and their standard errors, shape (n,): nan and inf beyond the rows and across jumps.
+        The errors of neighbouring rows are taken as independent.
         """
         rows = [row for row in (*self.rows(key), *(self.jump(key) or ())) if row["sync"] == "antiphase"]
         rows.sort(key=lambda row: float(row[F]))
         if len(rows) < 2:
-            return Curve(np.full(len(at), np.nan), np.full(len(at), np.nan))
+            return np.full(len(at), np.nan), np.full(len(at), np.nan)
         f, values = np.array([r[F] for r in rows]), np.array([r["rms_y_m"] for r in rows])
         # at equal frequency a curve is also off by its slope times the error of the frequency
         slope = np.abs(np.diff(values) / np.maximum(np.diff(f), 1e-6))
@@ -155,7 +142,7 @@ class Evidence:
         share = np.clip((at - f[place - 1]) / np.maximum(gap, 1e-12), 0.0, 1.0)
         with np.errstate(invalid="ignore"):
             mixed = np.hypot((1.0 - share) * errors[place - 1], share * errors[place])
-        return Curve(found, np.nan_to_num(mixed, nan=np.inf, posinf=np.inf))
+        return found, np.nan_to_num(mixed, nan=np.inf, posinf=np.inf)
 
     def jump(self, key: Key) -> Boundary | None:
         """Find where antiphase rotation below the second resonance ends."""

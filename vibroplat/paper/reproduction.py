@@ -29,7 +29,7 @@ from vibroplat.results.provenance import provenance
 from vibroplat.study.branches import Branch, branches
 from vibroplat.study.pool import Pool, StoredChain, run_stored
 from vibroplat.study.store import Store
-from vibroplat.study.sweep import Progress, conditions, run_sweeps, tables
+from vibroplat.study.sweep import Progress, branch_records, conditions, run_sweeps, tables
 
 #: Sweeps of the impact model from which figures are drawn or claims judged, and that of the impact laws.
 SWEEPS, LAWS = ("fig2", *IMPACT), "laws"
@@ -48,17 +48,14 @@ class Reproduction:
     beta, matched_hz
         β of the non-impact model (1/s) and the frequency (Hz) at which it makes RMS y of both models equal; None if
         there is none.
-    points, failed, simulated, events
-        Number of points of the sweeps, how many of them did not end ``ok``, their simulated time (s) and their events.
+    points
+        The points of all sweeps.
     """
 
     tables: dict[str, pd.DataFrame]
     beta: float | None
     matched_hz: float | None
-    points: int
-    failed: int
-    simulated: float
-    events: int
+    points: pd.DataFrame
 
     def write(self, numbers: Mapping[str, Any], directory: Path) -> None:
         """Write the tables, and their provenance with the machine's numbers.
@@ -78,9 +75,11 @@ class Reproduction:
         if self.beta is not None:
             matched = f"β = {self.beta:.2f} 1/s makes RMS y equal at f = {self.matched_hz:.2f} Hz"
         yield f"{'machine':<24}{machine}; {matched}"
-        yield f"{'computed':<24}{self.points} points, {self.simulated:.6g} s of motion, {self.events} events"
-        yield f"{'not ok':<24}{self.failed} points, counted in the claims that they concern"
-        yield f"{'wall time':<24}{seconds:.3g} s, {self.points / seconds:.3g} points per s"
+        count, simulated, events = len(self.points), self.points["simulated_s"].sum(), self.points["events"].sum()
+        yield f"{'computed':<24}{count} points, {simulated:.6g} s of motion, {events} events"
+        failed = (self.points["outcome"] != "ok").sum()
+        yield f"{'not ok':<24}{failed} points, counted in the claims that they concern"
+        yield f"{'wall time':<24}{seconds:.3g} s, {count / seconds:.3g} points per s"
 
 
 @dataclass(eq=False)
@@ -215,7 +214,8 @@ def _sweep(wanted: Iterable[tuple[Trial, str]], workers: Pool, progress: Progres
         begun.append((trial, trial.sweeps[name]))
     run_sweeps([sweep for _, sweep in begun], workers, progress)
     for trial, sweep in begun:
-        trial.evidence.add_sweep(*sweep)
+        for branch in sweep[0]:
+            trial.evidence.add(branch, branch_records(branch, sweep[1]))
 
 
 def _narrow(trials: Trials, workers: Pool) -> None:
@@ -244,12 +244,5 @@ def _results(trials: Trials, shown: Mapping[str, pd.DataFrame]) -> Reproduction:
         {int(trial.settings[SEED]): trial.evidence for trial in trials.machine},
         [(trial.changes, trial.evidence) for trial in others],
     )
-    return Reproduction(
-        {**results, **shown},
-        main.evidence.beta,
-        matched_frequency(main.evidence),
-        sum(len(table) for table in swept.values()),
-        int(sum((table["outcome"] != "ok").sum() for table in swept.values())),
-        float(sum(table["simulated_s"].sum() for table in swept.values())),
-        int(sum(table["events"].sum() for table in swept.values())),
-    )
+    beta, matched = main.evidence.beta, matched_frequency(main.evidence)
+    return Reproduction({**results, **shown}, beta, matched, pd.concat(swept.values(), ignore_index=True))

@@ -83,7 +83,7 @@ def match_beta(evidence: Evidence) -> Tasks[float | None]:
     wanted = matched_frequency(evidence)
     if wanted is None:
         return None
-    impact = float(evidence.curve(IMPACT_KEY, np.array([wanted])).values[0])
+    impact = float(evidence.curve(IMPACT_KEY, np.array([wanted]))[0][0])
     branch = evidence.courses[IMPACT_KEY].branch
     plan = branch.plan.model_copy(update={"measure_s": 1.0, "lyapunov": False, "perturbation": 0.0})
     begin = min(evidence.rows(IMPACT_KEY), key=lambda row: abs(row[F] - wanted + 1.0))[SUPPLY]

@@ -10,14 +10,13 @@ Functions that draw take an axis, return it, and leave everything else to you:
 >>> draw_coordinate(axis, table, "y_m").get_ylabel()
 '$y$ (mm)'
 
-A figure for another kind of result has a module of its own here, a function that takes an axis for each panel, and an
-entry in :data:`vibroplat.plots.command.FAMILIES`.
+Figures of another kind of result have a module of their own here, with a function that yields them for
+:data:`vibroplat.plots.command.FAMILIES`.
 """
 
-from vibroplat.plots.bifurcation import draw_section
-from vibroplat.plots.regimes import draw_map
 from vibroplat.plots.response import draw_response
 from vibroplat.plots.style import Saving, styled
+from vibroplat.plots.sweep import draw_map, draw_section
 from vibroplat.plots.timelines import (
     draw_contact,
     draw_coordinate,

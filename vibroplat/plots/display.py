@@ -13,15 +13,13 @@ from vibroplat.continuation.orbit import Orbit
 from vibroplat.continuation.tables import OrbitTables
 from vibroplat.errors import TableError
 from vibroplat.plots import run as drawing
-from vibroplat.plots.names import ABSCISSAE, run_parameters
+from vibroplat.plots.labels import run_parameters
 from vibroplat.plots.orbits import branches_figure, branches_of, plot_orbit
-from vibroplat.plots.response import response_figure
-from vibroplat.plots.run_tables import Run, run_of
+from vibroplat.plots.response import response_figure, response_of
 from vibroplat.plots.style import head, new_figure, styled
-from vibroplat.plots.sweep_tables import response_of
 from vibroplat.results.run import Kind, Trajectory
+from vibroplat.study.branches import EXCITATION
 
-EXCITATION = ABSCISSAE["excitation"]
 #: Columns by which tables are recognized.
 _NEEDED = {
     "branches": {"branch", "stable", "multiplier_1_re", EXCITATION},
@@ -51,7 +49,7 @@ def _(run: Trajectory, kind: Kind = "motion", start: float | None = None, stop: 
         raise ValueError(f"kind = {kind!r}; allowed: {', '.join(drawing.FIGURES)}")
     if kind == "force" and not run.scene.has_contact:
         raise ValueError("kind = 'force' but this run has no contact; allowed: motion, exciters")
-    shown = drawing.Shown([run_of(run.summary, run.scene, run.trajectory, run.events, start, stop)])
+    shown = drawing.Shown([drawing.run_of(run.summary, run.scene, run.trajectory, run.events, start, stop)])
     with styled():
         return drawing.FIGURES[kind](shown)
 
@@ -77,12 +75,12 @@ def _(table: pd.DataFrame, x: str | None = None) -> Figure:
         return drawing.FIGURES["motion"](drawing.Shown([_run_of_table(table)]))
 
 
-def _run_of_table(table: pd.DataFrame) -> Run:
+def _run_of_table(table: pd.DataFrame) -> drawing.Run:
     """Prepare a trajectory of which nothing else is known: how the exciters turn is seen at its end."""
     first, second = (float(table[f"phi{n}_rate_rad_per_s"].tail(len(table) // 4 + 1).mean()) for n in (1, 2))
     rotation = "co-rotating" if first * second > 0.0 else "counter-rotating"
     seen = {"name": "trajectory", "excitation_frequency_hz": abs(first) / (2.0 * math.pi), "rotation": rotation}
-    return run_of(seen, None, table, _impacts(table))
+    return drawing.run_of(seen, None, table, _impacts(table))
 
 
 def _impacts(table: pd.DataFrame) -> pd.DataFrame:

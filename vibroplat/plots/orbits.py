@@ -5,8 +5,9 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -15,20 +16,13 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from vibroplat.columns import COORDINATES, MEASURES, PHASE_COLUMN
 from vibroplat.continuation.test_functions import KINDS
 from vibroplat.errors import TableError
-from vibroplat.plots.names import (
-    COORDINATES,
-    MEASURES,
-    PHASE_COLUMN,
-    is_number,
-    key_label,
-    scene_of,
-    sweep_parameters,
-    value_label,
-)
+from vibroplat.plots.labels import ABSCISSAE, is_number, key_label, scene_of, sweep_parameters, value_label
 from vibroplat.plots.reading import read_columns
-from vibroplat.plots.style import CURVES, DIRECTIONS, REFERENCE, Saving, head, new_figure, save, styled
+from vibroplat.plots.response import LEAST_RANGE, drawn_values
+from vibroplat.plots.style import CURVES, DIRECTIONS, REFERENCE, head, new_figure
 from vibroplat.plots.timelines import phase_axis, wrapped
 from vibroplat.results.files import Result
 from vibroplat.study.branches import EXCITATION, FREQUENCY, SUPPLY
@@ -43,16 +37,29 @@ if TYPE_CHECKING:
 PANELS = ("rms_y_m", "rms_x_m", PHASE_COLUMN, "motor_power_w", "contact_force_max_n")
 #: Markers of kinds of special points.
 MARKERS = dict(zip(KINDS, "oDsX^vP", strict=True))
-#: Colours of what is behind the branches, and of lines of reference.
+#: What happens at each of them.
+MEANINGS = KINDS
+#: Colours of curves of special points.
+_COLOURS = dict(zip(KINDS, itertools.cycle(CURVES)))
+#: Colour of what is behind the branches.
 BEHIND = "#9a9a9a"
 #: Largest real and imaginary part of multipliers that are drawn, and the least frame, just around the unit circle.
 FARTHEST, NEAREST = 2.0, 1.1
 #: Largest multiplier above which their axis is logarithmic.
 LOGARITHMIC = 10.0
-#: Least range of an axis of RMS, relative to the largest RMS of y: small quantities are drawn small.
-LEAST_RANGE = 0.02
 #: Points of an orbit that are drawn.
 DRAWN = 2000
+
+# -- tables ------------------------------------------------------------------------------------------------------------
+
+
+class Curve(NamedTuple):
+    """A branch: number and label of the grid's combination, the points, and the special points."""
+
+    number: int
+    label: str
+    points: pd.DataFrame
+    special: pd.DataFrame
 
 
 @dataclass(frozen=True)
@@ -61,8 +68,8 @@ class Branches:
 
     Attributes
     ----------
-    name, directory
-        What they are called, and where they are; None in memory.
+    name, result
+        What they are called, and their result; None in memory.
     points, special
         The tables.
     swept
@@ -76,7 +83,7 @@ class Branches:
     """
 
     name: str
-    directory: Path | None
+    result: Result | None
     points: pd.DataFrame
     special: pd.DataFrame
     swept: pd.DataFrame | None
@@ -89,81 +96,51 @@ class Branches:
         """Column that they are drawn over first."""
         return EXCITATION if self.key == SUPPLY else self.key
 
-    @property
-    def parameters(self) -> str:
-        """What a reader wants to know of the scene, but for the key and the grid; nothing of tables in memory."""
-        return self.parameters_without()
-
-    def parameters_without(self, *columns: str) -> str:
-        """Return the same without what varies along more columns."""
-        if self.directory is None:
-            return ""
-        scene = scene_of(Result(self.directory, "orbits").provenance)
-        return sweep_parameters(scene, [*self.grid, self.key, *columns])
-
-    @property
+    @cached_property
     def varied(self) -> list[str]:
         """Columns of the grid that have several values."""
         return [key for key in self.grid if len(self.points[key].unique()) > 1]
 
-    def branches(self) -> Iterator[tuple[int, str, pd.DataFrame, pd.DataFrame]]:
-        """Yield the number and label of the grid's combination, the points and the special points of each branch."""
+    def parameters(self, *columns: str) -> str:
+        """Return what a reader wants to know of the scene, but for the key, the grid and more columns that vary."""
+        if self.result is None:
+            return ""
+        return sweep_parameters(scene_of(self.result.provenance), [*self.grid, self.key, *columns])
+
+    def alike(self, table: pd.DataFrame, values: Any, keys: Sequence[str] | None = None) -> pd.DataFrame:
+        """Return the rows of a table that belong to the branch of some values, or that share them in other keys."""
+        for key in (*self.grid, "branch") if keys is None else keys:
+            table = table[table[key] == values[key]]
+        return table
+
+    @cached_property
+    def branches(self) -> list[Curve]:
+        """All branches in the order of the table."""
         labels: dict[str, int] = {}
+        found = []
         for _, rows in self.points.groupby([*self.grid, "branch"], sort=False):
             label = ", ".join(value_label(key, rows[key].iloc[0]) for key in self.varied)
-            first = rows.iloc[0]
-            own = self.special
-            for key in (*self.grid, "branch"):
-                own = own[own[key] == first[key]]
-            yield labels.setdefault(label, len(labels)), label, rows.reset_index(drop=True), own
+            number = labels.setdefault(label, len(labels))
+            found.append(Curve(number, label, rows.reset_index(drop=True), self.alike(self.special, rows.iloc[0])))
+        return found
 
     def sweeps(self) -> Iterator[tuple[str, pd.DataFrame]]:
-        """Yield points of the sweep and their colour: that of their combination, where the sweep has its keys."""
+        """Yield the colour and points of the sweep: of each combination, where the sweep has its keys."""
         if self.swept is None:
             return
         if not self.varied or any(key not in self.swept for key in self.varied):
             yield BEHIND, self.swept
             return
-        combinations = self.points[self.varied].drop_duplicates()
-        for number, (_, values) in enumerate(combinations.iterrows()):
-            rows = self.swept
-            for key in self.varied:
-                rows = rows[rows[key] == values[key]]
-            yield CURVES[number % len(CURVES)], rows
+        for number, (_, values) in enumerate(self.points[self.varied].drop_duplicates().iterrows()):
+            yield CURVES[number % len(CURVES)], self.alike(self.swept, values, self.varied)
 
-
-def plot_orbits(
-    directory: Path, kinds: Sequence[str] = (), *, x: str | None = None, saving: Saving | None = None
-) -> list[Path]:
-    """Draw figures of branches of orbits and save them in their directory.
-
-    Parameters
-    ----------
-    directory
-        Result directory of ``vibroplat orbits``.
-    kinds
-        ``branches`` (amplitudes, phase difference, power and force: stable solid, unstable dashed, special points
-        marked, points of a sweep in the same directory behind them), ``multipliers`` (on the plane, and the largest
-        over the key), ``boundaries`` (over two keys). Default: all that there are tables of.
-    x
-        Column of the horizontal axis. Default: the excitation frequency if the key is the supply frequency, else the
-        key.
-    saving
-        Format, resolution and place of the files.
-
-    Raises
-    ------
-    TableError
-        Tables are missing, have another schema version, or lack data that a figure needs.
-    """
-    found = read_branches(directory)
-    column = x or found.abscissa
-    has_curves = any(directory.glob("boundaries.*"))
-    if "boundaries" in kinds and not has_curves:
-        raise TableError(f"{directory} holds no boundaries; add orbits.boundaries to its configuration")
-    drawn = kinds or [kind for kind in FIGURES if has_curves or kind != "boundaries"]
-    with styled():
-        return [save(FIGURES[kind](found, column), directory, kind, saving) for kind in drawn]
+    def boundaries(self) -> pd.DataFrame:
+        """Read the table ``boundaries``; its keys must hold numbers."""
+        assert self.result is not None
+        table = read_columns(self.result, "boundaries", ("kind",), ("curve",))
+        if not all(key in table and is_number(table[key]) for key in (self.key, self.second)):
+            raise TableError(f"the boundaries table in {self.result.directory} has no numbers of two keys")
+        return table
 
 
 def read_branches(directory: Path) -> Branches:
@@ -180,15 +157,15 @@ def read_branches(directory: Path) -> Branches:
         raise TableError(f"{directory}/provenance.json is not the provenance of branches of orbits") from None
     key, second = (SUPPLY if name == FREQUENCY else name for name in named)
     numbers = (key, EXCITATION, "branch", "rms_x_m", "rms_y_m", PHASE_COLUMN, "motor_power_w", "multiplier_1_re")
-    points = read_columns(result, "branches", "sequence", numbers, ("contact_force_max_n",))
+    points = read_columns(result, "branches", ("sequence",), numbers, ("contact_force_max_n",))
     if "stable" not in points:
         raise TableError(f"the branches table in {directory} has no column stable")
-    special = read_columns(result, "special", "kind", (key, EXCITATION, "branch", "point"))
+    special = read_columns(result, "special", ("kind",), (key, EXCITATION, "branch", "point"))
     if points.empty:
         raise TableError(f"{directory} holds an empty table of branches; there is nothing to plot")
     swept = Result(directory, "sweep").table("sweep") if any(directory.glob("sweep.*")) else None
     grid = list(points.columns[: list(points.columns).index(key)])
-    return Branches(directory.resolve().name, directory, points, special, swept, key, grid, second)
+    return Branches(directory.resolve().name, result, points, special, swept, key, grid, second)
 
 
 def branches_of(points: pd.DataFrame, special: pd.DataFrame | None = None) -> Branches:
@@ -196,6 +173,40 @@ def branches_of(points: pd.DataFrame, special: pd.DataFrame | None = None) -> Br
     *grid, key = (str(column) for column in points.columns[: list(points.columns).index("branch")])
     none = pd.DataFrame({name: [] for name in (*grid, "branch", "kind", "point", EXCITATION)})
     return Branches("orbits", None, points, none if special is None else special, None, key, grid)
+
+
+def orbit_figures(
+    directories: Sequence[Path], kinds: Sequence[str] = (), *, x: str | None = None
+) -> Iterator[tuple[Path, str, Figure]]:
+    """Draw figures of branches of orbits; yield the directory and the name of each.
+
+    Parameters
+    ----------
+    directories
+        Result directories of ``vibroplat orbits``; each has figures of its own.
+    kinds
+        ``branches`` (amplitudes, phase difference, power and force: stable solid, unstable dashed, special points
+        marked, points of a sweep in the same directory behind them), ``multipliers`` (on the plane, and the largest
+        over the key), ``boundaries`` (over two keys). Default: all that there are tables of.
+    x
+        Horizontal axis: ``excitation`` or ``supply`` frequency. Default: the excitation frequency if the key is the
+        supply frequency, else the key.
+
+    Raises
+    ------
+    TableError
+        Tables are missing, have another schema version, or lack data that a figure needs.
+    """
+    for directory in directories:
+        found = read_branches(directory)
+        column = found.abscissa if x is None else ABSCISSAE[x]
+        has_curves = any(directory.glob("boundaries.*"))
+        if column not in found.points:
+            raise TableError(f"--x {x}: the branches table in {directory} has no column {column}")
+        if "boundaries" in kinds and not has_curves:
+            raise TableError(f"{directory} holds no boundaries; add orbits.boundaries to its configuration")
+        for kind in kinds or [kind for kind in FIGURES if has_curves or kind != "boundaries"]:
+            yield directory, kind, FIGURES[kind](found, column)
 
 
 # -- branches ----------------------------------------------------------------------------------------------------------
@@ -206,20 +217,21 @@ def branches_figure(found: Branches, x: str) -> Figure:
     columns = [c for c in PANELS if c in found.points and found.points[c].notna().any()]
     height = (len(columns) + 1) // 2
     figure, axes = new_figure(height, 2, (11.0, 2.2 + 2.5 * height), sharex=True)
-    for axis, column in zip(axes.T.ravel(), columns, strict=False):
+    panels = axes.T.ravel()
+    for axis, column in zip(panels, columns, strict=False):
         for color, rows in found.sweeps():
             draw_sweep(axis, rows, column, x, color=color)
-        for number, _, points, special in found.branches():
+        for number, _, points, special in found.branches:
             draw_branch(axis, points, special, column, x, color=CURVES[number % len(CURVES)])
         if column.startswith("rms"):
             least = LEAST_RANGE * 1e3 * float(found.points["rms_y_m"].max())
             axis.set_ylim(0.0, max(axis.get_ylim()[1], least))
-    for axis in axes.T.ravel()[len(columns) :]:
+    for axis in panels[len(columns) :]:
         axis.set_axis_off()
-    for axis in axes.T.ravel()[[height - 1, len(columns) - 1]]:
+    for axis in panels[[height - 1, len(columns) - 1]]:
         axis.set_xlabel(key_label(x))
         axis.tick_params(labelbottom=True)
-    head(figure, found.name, found.parameters)
+    head(figure, found.name, found.parameters())
     handles = _legend(found, x)
     if len(columns) < axes.size:  # the empty place
         axes[-1, -1].legend(handles=handles, loc="center left", borderpad=0.0)
@@ -247,7 +259,7 @@ def draw_branch(
     shares = places_of(points, special)
     places = np.sort(np.concatenate([np.arange(len(points)), shares]))
     xs, ys = _at(points, places, x), _at(points, places, column)
-    looks: list[bool | None] = [_segment(points, places[i : i + 2]) for i in range(places.size - 1)]
+    looks: list[bool | None] = _stable(points, places)
     if column == PHASE_COLUMN:  # it passes the end of its axis
         looks = [None if jump > np.pi else look for look, jump in zip(looks, np.abs(np.diff(ys)), strict=True)]
     for kind, run in itertools.groupby(range(len(looks)), looks.__getitem__):
@@ -277,50 +289,54 @@ def places_of(points: pd.DataFrame, special: pd.DataFrame) -> Any:
     return before + np.clip((special[EXCITATION].to_numpy(dtype=float) - here) / step, 0.0, 1.0)
 
 
+def between(points: pd.DataFrame, places: Any, column: str) -> Any:
+    """Return a column at places along a branch; phase differences are followed beyond their range."""
+    values = points[column].to_numpy(dtype=float)
+    values = np.unwrap(values) if column == PHASE_COLUMN else values
+    return np.interp(places, np.arange(len(points)), values)
+
+
 def _at(points: pd.DataFrame, places: Any, column: str) -> Any:
     """Return a column in units of the axis at places along a branch; phase differences lie about 0 … 2π."""
-    values = points[column].to_numpy(dtype=float)
+    found = between(points, places, column)
     if column == PHASE_COLUMN:
-        found = np.interp(places, np.arange(len(points)), np.unwrap(values))
         return wrapped(found)
-    factor = MEASURES[column].factor if column in MEASURES else 1.0
-    return factor * np.interp(places, np.arange(len(points)), values)
+    return (MEASURES[column].factor if column in MEASURES else 1.0) * found
 
 
-def _segment(points: pd.DataFrame, ends: Any) -> bool:
-    """Whether a piece of a line is stable.
+def _stable(points: pd.DataFrame, places: Any) -> list[bool | None]:
+    """Return whether the pieces of a line between places along a branch are stable.
 
     A piece that begins or ends at a special point is as stable as the point at its other end; between two special
     points nothing is known, and it is drawn as unstable.
     """
-    whole = [int(end) for end in ends if end == int(end)]
-    return bool(whole) and all(bool(points["stable"].iloc[place]) for place in whole)
+    stable = points["stable"].to_numpy(dtype=bool)
+    whole = places == places.astype(int)
+    known = np.where(whole, stable[places.astype(int)], True)  # special points say nothing
+    return list((whole[:-1] | whole[1:]) & known[:-1] & known[1:])
 
 
 def draw_sweep(axis: Axes, table: pd.DataFrame, column: str, x: str, *, color: Any = BEHIND) -> None:
     """Draw the points of a sweep, pale, behind what comes later."""
     if x not in table or column not in table:
         return
-    values = table[column].to_numpy(dtype=float)
-    values = wrapped(values) if column == PHASE_COLUMN else MEASURES[column].factor * values
+    values, places = drawn_values(table, column), table[x].to_numpy(dtype=float)
     for direction, marker in DIRECTIONS.items():
         chosen = (table["direction"] == direction).to_numpy()
-        places = table[x].to_numpy(dtype=float)[chosen]
-        axis.plot(places, values[chosen], marker, ls="", ms=4.0, color=color, mew=0, alpha=0.5, zorder=1.5)
+        axis.plot(places[chosen], values[chosen], marker, ls="", ms=4.0, color=color, mew=0, alpha=0.5, zorder=1.5)
 
 
 def _legend(found: Branches, x: str) -> list[Line2D]:
     """Name colours, lines and markers, and say what happens at special points."""
-    labels = dict.fromkeys((number, label) for number, label, _, _ in found.branches() if label)
+    labels = dict.fromkeys((number, label) for number, label, _, _ in found.branches if label)
     handles = [Line2D([], [], color=CURVES[number % len(CURVES)], lw=2.0, label=label) for number, label in labels]
-    looks: list[tuple[bool, dict[str, Any]]] = [(True, {"ls": "-", "lw": 1.5}), (False, {"ls": "--", "lw": 0.9})]
-    for stable, look in looks:
+    for stable, label, line, width in ((True, "stable", "-", 1.5), (False, "unstable", "--", 0.9)):
         if (found.points["stable"] == stable).any():
-            handles.append(Line2D([], [], color=REFERENCE, label="stable" if stable else "unstable", **look))
+            handles.append(Line2D([], [], color=REFERENCE, label=label, ls=line, lw=width))
     if found.swept is not None and x in found.swept:
         for direction, marker in DIRECTIONS.items():
             if (found.swept["direction"] == direction).any():
-                look = {"ls": "", "color": BEHIND, "mew": 0, "ms": 4.0}
+                look: dict[str, Any] = {"ls": "", "color": BEHIND, "mew": 0, "ms": 4.0}
                 handles.append(Line2D([], [], marker=marker, label=f"sweep, {direction}", **look))
     for kind, meaning in KINDS.items():
         if (found.special["kind"] == kind).any():
@@ -334,62 +350,22 @@ def _legend(found: Branches, x: str) -> list[Line2D]:
 
 def boundaries_figure(found: Branches, x: str) -> Figure:
     """Draw curves of special points over two keys: the second one over a column; a colour for each kind."""
-    assert found.directory is not None
-    table = Result(found.directory, "orbits").table("boundaries")
-    second = boundary_keys(found, table)[1]
-    combinations = table[found.varied].drop_duplicates() if found.varied else table.iloc[:1]
-    figure, axes = new_figure(
-        1, max(len(combinations), 1), (1.5 + 5.5 * max(len(combinations), 1), 5.2), sharex=True, sharey=True
-    )
+    table, varied = found.boundaries(), found.varied
+    combinations = table[varied].drop_duplicates() if varied else table.iloc[:1]
+    count = max(len(combinations), 1)
+    figure, axes = new_figure(1, count, (1.5 + 5.5 * count, 5.2), sharex=True, sharey=True)
     for axis, (_, values) in zip(axes[0], combinations.iterrows(), strict=True):
-        rows = table
-        for key in found.varied:
-            rows = rows[rows[key] == values[key]]
-        draw_boundaries(axis, rows, second, x)
+        for _, rows in found.alike(table, values, varied).groupby("curve"):
+            look = {"lw": 1.8, "marker": "o" if len(rows) == 1 else "", "ms": 4.0}  # a lone point is no line
+            axis.plot(rows[x], rows[found.second], color=_COLOURS[rows["kind"].iloc[0]], **look)
         axis.set_xlabel(key_label(x))
-        axis.set_title(", ".join(value_label(key, values[key]) for key in found.varied), loc="left")
-    axes[0, 0].set_ylabel(key_label(second))
+        axis.set_title(", ".join(value_label(key, values[key]) for key in varied), loc="left")
+    axes[0, 0].set_ylabel(key_label(found.second))
     kinds = [kind for kind in KINDS if (table["kind"] == kind).any()]
-    handles = [Line2D([], [], color=_colour(kind), lw=1.8, label=f"{kind}: {KINDS[kind]}") for kind in kinds]
+    handles = [Line2D([], [], color=_COLOURS[kind], lw=1.8, label=f"{kind}: {KINDS[kind]}") for kind in kinds]
     figure.legend(handles=handles, loc="outside lower center", ncols=1)
-    head(figure, found.name, found.parameters_without(second))
+    head(figure, found.name, found.parameters(found.second))
     return figure
-
-
-def boundary_keys(found: Branches, table: pd.DataFrame) -> list[str]:
-    """Return the columns of both keys of the table ``boundaries``."""
-    keys = [found.key, found.second]
-    if not all(key in table and is_number(table[key]) for key in keys):
-        raise TableError(f"the boundaries table in {found.directory} has no numbers of two keys")
-    return keys
-
-
-def meaning(kind: str) -> str:
-    """Say what happens at a kind of special point."""
-    return KINDS.get(kind, "")
-
-
-def draw_boundaries(axis: Axes, table: pd.DataFrame, key: str, x: str = EXCITATION) -> Axes:
-    """Draw curves of special points: a key over a column, a colour for each kind.
-
-    Parameters
-    ----------
-    axis
-        Where to draw.
-    table
-        Rows of the table ``boundaries``.
-    key, x
-        Columns of both axes.
-    """
-    for _, rows in table.groupby("curve"):
-        kind = rows["kind"].iloc[0]
-        mark = "o" if len(rows) == 1 else ""  # of a point that could not be followed there is no line
-        axis.plot(rows[x], rows[key], color=_colour(kind), lw=1.8, marker=mark, ms=4.0)
-    return axis
-
-
-def _colour(kind: str) -> str:
-    return CURVES[list(KINDS).index(kind) % len(CURVES)]
 
 
 # -- multipliers -------------------------------------------------------------------------------------------------------
@@ -398,8 +374,8 @@ def _colour(kind: str) -> str:
 def multipliers_figure(found: Branches, x: str) -> Figure:
     """Draw the leading multipliers on the plane, and the largest one over a column, for each grid combination."""
     combinations: dict[tuple[int, str], list[pd.DataFrame]] = {}
-    for number, label, points, _ in found.branches():
-        combinations.setdefault((number, label), []).append(points)
+    for curve in found.branches:
+        combinations.setdefault((curve.number, curve.label), []).append(curve.points)
     values = found.points[x]
     norm = Normalize(float(values.min()), float(values.max()))
     farthest = found.points.filter(regex=r"^multiplier_\d+_(re|im)$").abs().max().max()
@@ -411,7 +387,8 @@ def multipliers_figure(found: Branches, x: str) -> Figure:
         _draw_plane(plane, pd.concat(parts), x, norm, frame)
         plane.set_title(label, loc="left")
         for points in parts:
-            _draw_largest(largest, points, x, CURVES[number % len(CURVES)])
+            sizes = np.hypot(points["multiplier_1_re"], points["multiplier_1_im"])
+            largest.plot(points[x], sizes, ".-", ms=2.5, lw=0.8, color=CURVES[number % len(CURVES)])
         largest.axhline(1.0, color=REFERENCE, lw=0.8)
         plane.set_xlabel("real part")
         largest.set_xlabel(key_label(x))
@@ -420,7 +397,7 @@ def multipliers_figure(found: Branches, x: str) -> Figure:
     if np.hypot(found.points["multiplier_1_re"], found.points["multiplier_1_im"]).max() > LOGARITHMIC:
         axes[1, 0].set_yscale("log")
     figure.colorbar(ScalarMappable(norm, "viridis"), ax=list(axes[0]), pad=0.01).set_label(key_label(x))
-    head(figure, found.name, found.parameters)
+    head(figure, found.name, found.parameters())
     return figure
 
 
@@ -445,11 +422,6 @@ def _draw_plane(axis: Axes, points: pd.DataFrame, x: str, norm: Normalize, frame
     axis.set_ylim(-frame, frame)
 
 
-def _draw_largest(axis: Axes, points: pd.DataFrame, x: str, color: Any) -> None:
-    largest = np.hypot(points["multiplier_1_re"], points["multiplier_1_im"])
-    axis.plot(points[x], largest, ".-", ms=2.5, lw=0.8, color=color)
-
-
 # -- one orbit ---------------------------------------------------------------------------------------------------------
 
 
@@ -472,20 +444,15 @@ def plot_orbit(orbit: Orbit, axes: Sequence[Axes]) -> Sequence[Axes]:
     first.set_ylabel(r"$\dot y$ (m/s)")
     first.set_title(f"period {orbit.period}, {'stable' if orbit.stable else 'unstable'}, {orbit.sequence}", loc="left")
     if len(axes) > 1:
-        _draw_gap(axes[1], table)
+        turns = (table["phi1_rad"] - table["phi1_rad"].iloc[0]).abs() / (2.0 * np.pi)
+        axes[1].set_xlabel("phase of exciter 1 (turns)")
+        axes[1].set_ylabel(COORDINATES["gap_m"].label)
+        if "gap_m" in table:
+            axes[1].plot(turns, COORDINATES["gap_m"].factor * table["gap_m"], color=CURVES[1])
+            axes[1].set_ylim(bottom=0.0)
+        else:
+            axes[1].text(0.5, 0.5, "no material", transform=axes[1].transAxes, ha="center", color=REFERENCE)
     return axes
-
-
-def _draw_gap(axis: Axes, table: pd.DataFrame) -> None:
-    turns = (table["phi1_rad"] - table["phi1_rad"].iloc[0]).abs() / (2.0 * np.pi)
-    axis.set_xlabel("phase of exciter 1 (turns)")
-    gap = COORDINATES["gap_m"]
-    axis.set_ylabel(gap.label)
-    if "gap_m" in table:
-        axis.plot(turns, gap.factor * table["gap_m"], color=CURVES[1])
-        axis.set_ylim(bottom=0.0)
-    else:
-        axis.text(0.5, 0.5, "no material", transform=axis.transAxes, ha="center", color=REFERENCE)
 
 
 FIGURES: Mapping[str, Callable[[Branches, str], Figure]] = {

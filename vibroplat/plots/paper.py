@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,11 +10,10 @@ import numpy as np
 import pandas as pd
 from matplotlib.lines import Line2D
 
-from vibroplat.plots.histories import history
-from vibroplat.plots.names import MEASURES, PHASE, PHASE_COLUMN
-from vibroplat.plots.response import draw_response, marker_legend
-from vibroplat.plots.style import BLACK, BLUE, GREEN, ORANGE, PURPLE, VERMILION, Saving, new_figure, save, styled
-from vibroplat.plots.timelines import wrapped
+from vibroplat.columns import COORDINATES, PHASE, PHASE_COLUMN
+from vibroplat.plots.response import draw_response, drawn_values, marker_legend
+from vibroplat.plots.style import BLACK, BLUE, GREEN, ORANGE, PURPLE, REFERENCE, VERMILION, new_figure
+from vibroplat.plots.timelines import FloatArray
 from vibroplat.results.files import Result
 from vibroplat.study.bands import jumps
 from vibroplat.study.branches import EXCITATION
@@ -31,6 +30,8 @@ NON_IMPACT = GREEN
 _MASS_NAMES = {mass: rf"{i} – $\mu_w$ = {mass:g}" for i, mass in enumerate(MASSES, start=1)}
 _MODEL_NAMES = [*(f"{i} – $R$ = {r:g}" for i, r in enumerate(RESTITUTIONS, start=1)), "4 – non-impact"]
 _F = "$f$ (Hz)"
+#: Names and colours of curves, in the paper's numbering.
+Curves = Sequence[tuple[str, str]]
 #: Least change at a jump that is shown, over the range of the quantity.
 VISIBLE = 0.02
 #: The paper's symbols of the RMS.
@@ -42,11 +43,12 @@ _SYMBOLS = {
 }
 
 
-def plot_paper(directory: Path, saving: Saving | None = None) -> list[Path]:
-    """Draw Figs. 2–7 from the tables of a reproduction into its directory."""
-    result = Result(directory, "paper")
-    with styled():
-        return [save(draw(result), directory, name, saving) for name, draw in FIGURES.items()]
+def paper_figures(directories: Sequence[Path], _: Sequence[str] = ()) -> Iterator[tuple[Path, str, Figure]]:
+    """Draw Figs. 2–7 from the tables of reproductions; yield the directory and the name of each."""
+    for directory in directories:
+        result = Result(directory, "paper")
+        for name, draw in FIGURES.items():
+            yield directory, name, draw(result)
 
 
 def _branches(axis: Axes, table: pd.DataFrame, column: str, colour: str, size: float = 1.0) -> None:
@@ -62,8 +64,7 @@ def _arrows(axis: Axes, rows: pd.DataFrame, column: str, colour: str) -> None:
 
     A dotted line leads on to that point. Where a quantity does not change visibly there is no arrow.
     """
-    f, values = (rows[c].to_numpy(dtype=float) for c in (EXCITATION, column))
-    values = wrapped(values) if column == PHASE_COLUMN else MEASURES[column].factor * values
+    f, values = rows[EXCITATION].to_numpy(dtype=float), drawn_values(rows, column)
     up = rows["direction"].iloc[0] != "down"
     arrow = {"arrowstyle": "->", "color": colour, "lw": 0.8, "ls": "-" if up else "--", "shrinkA": 0.0, "shrinkB": 0.0}
     known = [0.0, 2.0 * np.pi] if column == PHASE_COLUMN else [0.0, *values[np.isfinite(values)]]
@@ -132,6 +133,74 @@ def _fig6(result: Result) -> Figure:
 
 _MASS_CURVES = [(_MASS_NAMES[mass], colour) for mass, colour in MASSES.items()]
 _MODEL_CURVES = list(zip(_MODEL_NAMES, [*RESTITUTIONS.values(), NON_IMPACT], strict=True))
+
+
+def history(name: str, column: str, curves: Curves, title: str, *, near: float = 0.0) -> Callable[[Result], Figure]:
+    """Make a drawer of time histories, a panel for each of the paper's frequencies.
+
+    Parameters
+    ----------
+    name
+        Of the table, and of the figure.
+    column
+        What is drawn.
+    curves, title
+        Names and colours of the curves, and what they have in common.
+    near
+        Differences from the first curve that stay below this share of its amplitude are drawn below.
+    """
+
+    def draw(result: Result) -> Figure:
+        table, quantity = result.table(name), COORDINATES[column]
+        panels = [table[table["panel"] == panel] for panel in dict.fromkeys(table["panel"])]
+        beside = [_differences(rows, column, near) for rows in panels]
+        heights = [h for found in beside for h in ([2.2, 1.0] if found else [2.2])]
+        figure, axes = new_figure(len(heights), 1, (8.0, 1.2 + 0.95 * sum(heights)), height_ratios=heights)
+        left = iter(axes[:, 0])
+        for letter, rows, found in zip("abcd", panels, beside, strict=False):
+            axis = next(left)
+            for number, curve in _curves(rows).items():  # the first ones are wider, visible below the others
+                label, colour = curves[number - 1]
+                look = {"lw": 2.4 - 0.5 * (number - 1), "color": colour, "label": label}
+                axis.plot(1e3 * curve["t_s"], quantity.factor * curve[column], **look)
+            axis.set_ylabel(quantity.label)
+            shown = " … ".join(dict.fromkeys(f"{f:.2f}" for f in (rows[EXCITATION].min(), rows[EXCITATION].max())))
+            axis.set_title(f"Fig. {name[3:]}({letter}). {title}, $f$ = {shown} Hz", loc="left")
+            if found:
+                below = next(left)
+                below.axhline(0.0, color=REFERENCE, lw=0.6)
+                for number, (times, change) in found.items():
+                    below.plot(1e3 * times, quantity.factor * change, lw=0.9, color=curves[number - 1][1])
+                below.set_ylabel(f"{', '.join(map(str, found))} minus 1\n(mm)", fontsize=8.5)
+                below.sharex(axis)
+                axis.tick_params(labelbottom=False)
+        axes[-1, 0].set_xlabel("$t$ (ms)")
+        handles, labels = axes[0, 0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside lower center", ncols=4)
+        return figure
+
+    return draw
+
+
+def _curves(rows: pd.DataFrame) -> dict[int, pd.DataFrame]:
+    """Return the curves of a panel by their numbers."""
+    return {int(str(number)): curve for number, curve in rows.groupby("curve")}
+
+
+def _differences(rows: pd.DataFrame, column: str, near: float) -> dict[int, tuple[FloatArray, FloatArray]]:
+    """Return times (s) and differences from the first curve where these stay below a share of its amplitude."""
+    curves = _curves(rows)
+    first = curves.pop(min(curves))
+    times = first["t_s"].to_numpy()
+    amplitude = 0.5 * float(np.ptp(first[column]))
+    found = {}
+    for number, curve in curves.items():
+        shown = times[times <= curve["t_s"].max()]
+        change = np.interp(shown, curve["t_s"], curve[column]) - first[column].to_numpy()[: len(shown)]
+        if np.abs(change).max() <= near * amplitude:
+            found[number] = (shown, change)
+    return found
+
 
 #: By the name of the file.
 FIGURES: dict[str, Callable[[Result], Figure]] = {

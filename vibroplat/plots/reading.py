@@ -1,10 +1,15 @@
-"""Reads result tables for figures; unusable ones are refused with a clear message."""
+"""Reads result tables for figures and the page, and cuts and thins trajectories.
+
+Trajectories are read in parts: those of long runs do not fit into memory.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator
 from pathlib import Path
+from typing import Any, NamedTuple
 
+import numpy as np
 import pandas as pd
 
 from vibroplat.errors import TableError
@@ -21,41 +26,38 @@ def read_result(directory: Path, command: Command) -> Result:
 
 
 def read_columns(
-    result: Result, name: str, label: str | Sequence[str], numbers: Sequence[str], optional: Sequence[str] = ()
+    result: Result, name: str, texts: Collection[str], numbers: Collection[str] = (), optional: Collection[str] = ()
 ) -> pd.DataFrame:
-    """Read a table; it must have these columns of labels and of numbers, and numbers in optional ones it has."""
-    table = result.table(name)
-    _require(result, name, table, label, numbers, optional)
-    return table
+    """Read a table; it must have these columns of texts and of numbers, and numbers in optional ones it has."""
+    return _checked(result, name, result.table(name), texts, numbers, optional)
 
 
 def read_parts(
-    result: Result, name: str, label: str | Sequence[str], numbers: Sequence[str], optional: Sequence[str] = ()
+    result: Result, name: str, texts: Collection[str], numbers: Collection[str], optional: Collection[str] = ()
 ) -> Iterator[pd.DataFrame]:
     """Read these columns of a table in parts, which must be as in :func:`read_columns`."""
-    labels = (label,) if isinstance(label, str) else tuple(label)
-    for part in result.parts(name, (*labels, *numbers, *optional)):
-        _require(result, name, part, label, numbers, optional)
-        yield part
+    for part in result.parts(name, (*texts, *numbers, *optional)):
+        yield _checked(result, name, part, texts, numbers, optional)
 
 
-def _require(
+def _checked(
     result: Result,
     name: str,
     table: pd.DataFrame,
-    label: str | Sequence[str],
-    numbers: Sequence[str],
-    optional: Sequence[str],
-) -> None:
-    directory = result.directory
+    texts: Collection[str],
+    numbers: Collection[str],
+    optional: Collection[str],
+) -> pd.DataFrame:
+    told = f"the {name} table in {result.directory} has no"
     for column in (*numbers, *(column for column in optional if column in table)):
         if column not in table or not _holds_numbers(table[column]):
-            raise TableError(f"the {name} table in {directory} has no numbers in column {column}")
-    for column in (label,) if isinstance(label, str) else label:
+            raise TableError(f"{told} numbers in column {column}")
+    for column in texts:
         if column not in table:
-            raise TableError(f"the {name} table in {directory} has no column {column}")
+            raise TableError(f"{told} column {column}")
         if pd.api.types.is_numeric_dtype(table[column]) and table[column].notna().any():
-            raise TableError(f"the {name} table in {directory} has no names in column {column}")
+            raise TableError(f"{told} names in column {column}")
+    return table
 
 
 def _holds_numbers(column: pd.Series) -> bool:
@@ -63,3 +65,98 @@ def _holds_numbers(column: pd.Series) -> bool:
     types = pd.api.types
     real = not (types.is_bool_dtype(column) or types.is_complex_dtype(column))
     return (types.is_numeric_dtype(column) and real) or column.empty
+
+
+class Ends(NamedTuple):
+    """How many rows a trajectory has, and its first and last one."""
+
+    rows: int
+    first: pd.Series
+    last: pd.Series
+
+
+def ends_of(parts: Iterable[pd.DataFrame]) -> Ends | None:
+    """Return the ends of a trajectory; None if it has no rows."""
+    found: Ends | None = None
+    for part in parts:
+        if len(part):
+            rows, first = (0, part.iloc[0]) if found is None else found[:2]
+            found = Ends(rows + len(part), first, part.iloc[-1])
+    return found
+
+
+class Cut:
+    """What is shown of a trajectory: all rows of one interval, some of another one, and the extremes in its bins.
+
+    Parameters
+    ----------
+    parts
+        Parts of the trajectory in their order; they are read once.
+    shown
+        Interval of which all rows are kept (s).
+    whole
+        Interval that is thinned (s), and in how many bins of equal length extremes are looked for.
+    columns
+        Columns of which the extremes are kept.
+    every
+        Every how many rows of the trajectory one is kept of the thinned interval; 0: none are.
+    most
+        Most rows that are kept of the interval shown: the first ones, or with a negative number the last ones.
+
+    Attributes
+    ----------
+    shown, thinned
+        The rows.
+    """
+
+    def __init__(
+        self,
+        parts: Iterable[pd.DataFrame],
+        shown: tuple[float, float],
+        whole: tuple[float, float, int],
+        columns: Collection[str],
+        *,
+        every: int = 0,
+        most: int | None = None,
+    ) -> None:
+        self._begin, self._end, self._bins = whole
+        self._samples: dict[str, list[pd.DataFrame]] = {}
+        kept, thinned, count = [], [], 0
+        for part in parts:
+            kept.append(part[part["t_s"].between(*shown)])
+            if most is not None:
+                rows = pd.concat(kept)
+                kept = [rows.head(most) if most > 0 else rows.tail(-most)]
+            inside = part["t_s"].between(self._begin, self._end)
+            if every:
+                thinned.append(part[inside & ((count + np.arange(len(part))) % every == 0)])
+            for column in columns:
+                if column in part:
+                    self._samples.setdefault(column, []).append(self._of_bins(part[inside], column))
+            count += len(part)
+        self.shown = pd.concat(kept, ignore_index=True)
+        self.thinned = pd.concat(thinned, ignore_index=True) if thinned else self.shown.iloc[:0]
+
+    def _bins_of(self, table: pd.DataFrame) -> Any:
+        width = (self._end - self._begin) / self._bins or 1.0
+        return ((table["t_s"] - self._begin) / width).clip(0, self._bins - 1).astype(int).to_numpy()
+
+    def _of_bins(self, part: pd.DataFrame, column: str) -> pd.DataFrame:
+        """Return the samples with the smallest and the largest value of each bin, in order of time."""
+        known = part[["t_s", column]].dropna().reset_index(drop=True)
+        values = known[column].groupby(self._bins_of(known))
+        return known.iloc[np.unique(np.concatenate([values.idxmin(), values.idxmax()]))]
+
+    def extremes(self) -> dict[str, pd.DataFrame]:
+        """Return by column the samples with its smallest and largest value in each bin, with their times ``t_s``."""
+        return {column: pd.concat(samples, ignore_index=True) for column, samples in self._samples.items()}
+
+    def envelope(self) -> pd.DataFrame:
+        """Return the extremes in each bin (columns ``y_m:min``, ``y_m:max`` …) and the time in its middle (``t_s``)."""
+        found: dict[str, pd.Series] = {}
+        for column, samples in self.extremes().items():
+            values = samples[column].groupby(self._bins_of(samples))
+            found |= {f"{column}:min": values.min(), f"{column}:max": values.max()}
+        table = pd.DataFrame(found)
+        middle = self._begin + (table.index.to_numpy() + 0.5) * (self._end - self._begin) / self._bins
+        return table.assign(t_s=middle).reset_index(drop=True)

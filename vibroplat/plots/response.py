@@ -1,9 +1,12 @@
-"""Response curves of a sweep: what is measured at each point, over frequency."""
+"""Response curves of a sweep, or of several laid over each other: what is measured at each point, over frequency."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import matplotlib as mpl
 import numpy as np
@@ -13,24 +16,167 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.lines import Line2D
 
-from vibroplat.plots.names import FREQUENCIES, MEASURES, PHASE_COLUMN, key_label
-from vibroplat.plots.style import BLACK, CURVES, DIRECTIONS, FAILED, REFERENCE, head, legend_below, new_figure
-from vibroplat.plots.timelines import phase_axis, wrapped
+from vibroplat.columns import MEASURES, PHASE_COLUMN
+from vibroplat.config.overrides import flat
+from vibroplat.errors import TableError
+from vibroplat.plots.labels import (
+    differing,
+    distinct,
+    is_number,
+    key_label,
+    legend_names,
+    scene_of,
+    sweep_parameters,
+    value_label,
+)
+from vibroplat.plots.reading import read_columns, read_result
+from vibroplat.plots.style import BLACK, CURVES, DIRECTIONS, FAILED, REFERENCE, head, legend_below, new_figure, plain
+from vibroplat.plots.timelines import Measured, phase_axis, wrapped
+from vibroplat.results.files import Result
 from vibroplat.study.bands import jumps
 from vibroplat.study.branches import EXCITATION, SUPPLY
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from vibroplat.plots.sweep_tables import Response
-
-#: Least range of an axis of RMS, relative to the largest RMS of y.
+#: Columns that figures need in addition to the swept keys, and those they show if there are any.
+_NUMBERS = (EXCITATION, "rms_x_m", "rms_y_m", "rms_phi_rad", PHASE_COLUMN, "period")
+_OPTIONAL = tuple(column for column in MEASURES if column not in _NUMBERS)
+_SIZES = ("rms_y_m", "rms_x_m", "rms_phi_rad")
+#: The column that tells several results apart.
+RESULT = "result"
+#: Least range of an axis of RMS, relative to the largest RMS of y: small quantities are drawn small.
 LEAST_RANGE = 0.02
 #: Most values of a key that have colours of their own; more of them follow a colour scale.
 DISTINCT = 5
 #: Fillings of the markers and what they say of the motion; others are not periodic.
 FILLINGS = {"periodic": "full", "undecided": "bottom"}
 _MEANING = {"full": "periodic", "none": "not periodic", "bottom": "undecided"}
+
+# -- tables ------------------------------------------------------------------------------------------------------------
+
+
+class Curve(NamedTuple):
+    """A branch: the label and the number of its grid combination, its direction and its rows."""
+
+    label: str
+    number: int
+    direction: str
+    rows: pd.DataFrame
+
+
+@dataclass(frozen=True)
+class Response:
+    """Tables of one or several sweeps as one, and the grid keys that have several values.
+
+    Attributes
+    ----------
+    results, names
+        The results, none of a table in memory, and what they are called.
+    table
+        Their rows, with the column ``result`` if there are several.
+    keys
+        What varies: keys of the grid, and ``result``.
+    x
+        The column of the horizontal axis.
+    data
+        Measured data laid over the curves.
+    labels
+        What several results are called in a legend, by their names.
+    """
+
+    results: list[Result]
+    names: list[str]
+    table: pd.DataFrame
+    keys: list[str]
+    x: str = EXCITATION
+    data: Measured | None = None
+    labels: Mapping[str, str] = field(default_factory=dict)
+
+    @cached_property
+    def parameters(self) -> str:
+        """What does not vary, for a title."""
+        if len(self.results) != 1:
+            return ""
+        return sweep_parameters(scene_of(self.results[0].provenance), self.keys)
+
+    @cached_property
+    def curves(self) -> list[Curve]:
+        """Each branch, in the order of the table."""
+        numbers: dict[str, int] = {}
+        found = []
+        for _, rows in self.table.groupby([RESULT, "branch"] if RESULT in self.table else ["branch"], sort=False):
+            first = rows.iloc[0]
+            label = ", ".join(self._called(key, first[key]) for key in self.keys)
+            number = numbers.setdefault(label, len(numbers))
+            found.append(Curve(label, number, str(first["direction"]), rows))
+        return found
+
+    def _called(self, key: str, value: Any) -> str:
+        """Return a value in a legend; results are called by their names, and how they differ otherwise."""
+        return self.labels.get(value, plain(value)) if key == RESULT else value_label(key, value)
+
+    @property
+    def scale(self) -> str | None:
+        """The key whose numbers colours can follow, if it alone varies."""
+        return self.keys[0] if len(self.keys) == 1 and is_number(self.table[self.keys[0]]) else None
+
+
+def read_response(directories: Sequence[Path], *, x: str = EXCITATION, data: Measured | None = None) -> Response:
+    """Read the table of a sweep, or those of several as one."""
+    results, tables = [], []
+    for place in directories:
+        result = read_result(place, "sweep")
+        table = read_columns(result, "sweep", ("direction", "sync"), (SUPPLY, "branch", *_NUMBERS), _OPTIONAL)
+        if table.empty:
+            raise TableError(f"{place} holds an empty sweep table; there is nothing to plot")
+        results.append(result)
+        tables.append(table)
+    grid = list(dict.fromkeys(key for table in tables for key in _grid(table)))
+    tables = [_completed(table, result, grid) for table, result in zip(tables, results, strict=True)]
+    names = distinct([directory.resolve().name for directory in directories], directories)
+    if len(tables) > 1:
+        tables = [table.assign(**{RESULT: name}) for name, table in zip(names, tables, strict=True)]
+    joined = pd.concat(tables, ignore_index=True)
+    keys = _varied(joined, grid)
+    labels = _labels(names, results, keys)
+    return Response(results, names, joined, ([RESULT] if len(tables) > 1 else []) + keys, x, data, labels)
+
+
+def response_of(table: pd.DataFrame, x: str = EXCITATION) -> Response:
+    """Prepare the table of a sweep in memory."""
+    return Response([], ["sweep"], table, _varied(table, _grid(table)), x)
+
+
+def _grid(table: pd.DataFrame) -> list[str]:
+    """Return the keys of the grid of a sweep."""
+    return [str(key) for key in table.columns[1 : list(table.columns).index("direction")]]
+
+
+def _varied(table: pd.DataFrame, keys: Iterable[str]) -> list[str]:
+    """Return the keys that have several values."""
+    return [key for key in keys if len(table[key].unique()) > 1]
+
+
+def _completed(table: pd.DataFrame, result: Result, keys: Iterable[str]) -> pd.DataFrame:
+    """Add the keys that only other sweeps vary, with the value that this one was made with."""
+    try:
+        made = flat(result.provenance["configuration"])
+    except (KeyError, TypeError, AttributeError):
+        raise TableError(f"{result.directory}/provenance.json is not the provenance of a sweep") from None
+    return table.assign(**{key: made[key] for key in keys if key not in table and key in made})
+
+
+def _labels(names: Sequence[str], results: Sequence[Result], keys: Sequence[str]) -> dict[str, str]:
+    """Return what several results are called: their names, and how they differ but for keys that each curve names."""
+    trees = [scene.to_tree() for result in results if (scene := scene_of(result.provenance)) is not None]
+    if len(trees) < len(results):
+        return {}
+    found = [{key: value for key, value in one.items() if key not in keys} for one in differing("sweep", trees)]
+    return dict(zip(names, legend_names(names, found), strict=True))
+
+
+# -- one branch --------------------------------------------------------------------------------------------------------
 
 
 def draw_response(
@@ -68,15 +214,15 @@ def draw_response(
     Axes
         The same axis.
     """
-    quantity = MEASURES[column]
-    values = quantity.factor * rows[column].to_numpy(dtype=float, na_value=np.nan)
-    values = wrapped(values) if column == PHASE_COLUMN else values
+    values = drawn_values(rows, column)
     places = rows[x].to_numpy(dtype=float, na_value=np.nan)
     up = rows["direction"].iloc[0] != "down"
     style: dict[str, Any] = {"color": color, "zorder": 2.5 if up else 2.4}
-    axis.plot(*broken(places, values, rows), "-" if up else "--", lw=size * (0.9 if up else 0.7), label=label, **style)
+    at = np.flatnonzero(jumps(rows)) + 1
+    line = np.insert(places, at, np.nan), np.insert(values, at, np.nan)
+    axis.plot(*line, "-" if up else "--", lw=size * (0.9 if up else 0.7), label=label, **style)
     marker = DIRECTIONS["up" if up else "down"]
-    for filling, chosen in fillings(rows):
+    for filling, chosen in _fillings(rows):
         look = style | {"fillstyle": filling, "markerfacecoloralt": "white", "mew": 0.7, "ms": 3.2 * size}
         axis.plot(places[chosen], values[chosen], ls="", marker=marker, **look)
     failed = failed_places(rows, x)
@@ -86,17 +232,17 @@ def draw_response(
     if column == PHASE_COLUMN:
         phase_axis(axis)
     else:
-        axis.set_ylabel(quantity.label)
+        axis.set_ylabel(MEASURES[column].label)
     return axis
 
 
-def broken(places: Any, values: Any, rows: pd.DataFrame) -> tuple[Any, Any]:
-    """Return the points of a line that is broken at jumps."""
-    at = np.flatnonzero(jumps(rows)) + 1
-    return np.insert(places, at, np.nan), np.insert(values, at, np.nan)
+def drawn_values(rows: pd.DataFrame, column: str) -> Any:
+    """Return a column in the unit of its axis; phase differences lie on their axis."""
+    values = MEASURES[column].factor * rows[column].to_numpy(dtype=float, na_value=np.nan)
+    return wrapped(values) if column == PHASE_COLUMN else values
 
 
-def fillings(rows: pd.DataFrame) -> Iterator[tuple[str, Any]]:
+def _fillings(rows: pd.DataFrame) -> Iterator[tuple[str, Any]]:
     """Yield the fillings of markers and where they are: what is known of the motion."""
     motion = rows["motion"] if "motion" in rows else pd.Series("periodic", rows.index)
     found = motion.map(FILLINGS).fillna("none").where(rows[EXCITATION].notna(), "")
@@ -123,6 +269,24 @@ def _failed(rows: pd.DataFrame) -> pd.Series:
     return rows["outcome"] != "ok" if "outcome" in rows else rows[EXCITATION].isna()
 
 
+def marker_legend(table: pd.DataFrame) -> Iterator[Line2D]:
+    """Yield the entries of a legend that say what markers mean, of those that a table needs."""
+    for direction in dict.fromkeys(table["direction"]):
+        up = direction != "down"
+        look: dict[str, Any] = {"color": REFERENCE, "ls": "-" if up else "--", "lw": 0.9, "ms": 4.5}
+        yield Line2D([], [], marker=DIRECTIONS["up" if up else "down"], label=f"supply frequency {direction}", **look)
+    found = [filling for filling, _ in _fillings(table)]
+    if found != ["full"]:
+        for filling in found:
+            look = {"fillstyle": filling, "markerfacecoloralt": "white", "color": BLACK, "ls": "", "ms": 7.0}
+            yield Line2D([], [], marker="^", mew=0.7, label=_MEANING[filling], **look)
+    if _failed(table).any():
+        yield Line2D([], [], ls="", marker="x", color=FAILED, ms=5.0, mew=1.4, label="failed")
+
+
+# -- the figure --------------------------------------------------------------------------------------------------------
+
+
 def response_figure(response: Response) -> Figure:
     """Draw all measures of a response that say something, over frequency."""
     columns = _columns(response.table)
@@ -130,24 +294,30 @@ def response_figure(response: Response) -> Figure:
     rows = -(-len(columns) // 2) if two else len(columns)
     figure, axes = new_figure(rows, 1 + two, (11.0 if two else 8.0, 1.9 + 1.75 * rows), sharex=True)
     panels = axes.T.ravel()
-    colours = list(curve_colours(response))
-    count = 1 + max(number for _, number, _, _ in response.curves())
+    labels = list(dict.fromkeys(curve.label for curve in response.curves))
+    colours, scale = _colours(response, len(labels))
     for axis, column in zip(panels, columns, strict=False):
-        for _, number, _, branch in response.curves():
-            draw_response(axis, branch, column, x=response.x, color=colours[number], size=_size(number, count))
+        for _, number, _, branch in response.curves:
+            size = _size(number, len(labels))
+            draw_response(axis, branch, column, x=response.x, color=colours[number], size=size)
         _limit(axis, column, response.table)
         if response.data is not None:
             response.data.draw(axis, response.x, column, MEASURES[column])
     for axis in panels[len(columns) :]:
         axis.set_axis_off()
-    for axis in axes[-1]:
-        axis.set_xlabel(FREQUENCIES[response.x])
+    for axis in panels[[rows - 1, len(columns) - 1, -1]]:
+        axis.set_xlabel(key_label(response.x))
         axis.tick_params(labelbottom=True)
-    if two and len(columns) % 2:
-        axes[-2, 1].set_xlabel(FREQUENCIES[response.x])
-        axes[-2, 1].tick_params(labelbottom=True)
     head(figure, ", ".join(response.names), response.parameters)
-    _legend(figure, response, colours)
+    handles: list[Any] = []
+    if scale is not None:
+        bar = figure.colorbar(scale, ax=figure.axes, aspect=50, pad=0.01)
+        bar.set_label(key_label(response.keys[0]))
+    elif len(labels) > 1 or response.keys:
+        handles += [Line2D([], [], color=colours[i], lw=2.0, label=label) for i, label in enumerate(labels)]
+    handles += marker_legend(response.table)
+    handles += [line for axis in figure.axes for line in axis.get_legend_handles_labels()[0]][:1]  # measured data
+    legend_below(figure, {handle.get_label(): handle for handle in handles})
     return figure
 
 
@@ -161,16 +331,13 @@ def _size(number: int, count: int) -> float:
 
 def _columns(table: pd.DataFrame) -> list[str]:
     """Return the measures that a table has: power, force and flight only where there is any."""
-    shown = ["rms_y_m", "rms_x_m", "rms_phi_rad", PHASE_COLUMN]
-    for column in ("motor_power_w", "contact_force_max_n", "flight_fraction", "gap_max_m"):
-        if column in table and (table[column] > 0.0).any():
-            shown.append(column)
-    return shown
+    more = ("motor_power_w", "contact_force_max_n", "flight_fraction", "gap_max_m")
+    return [*_SIZES, PHASE_COLUMN, *(column for column in more if column in table and (table[column] > 0.0).any())]
 
 
 def _limit(axis: Axes, column: str, table: pd.DataFrame) -> None:
     """Begin axes of what is never negative at 0; small RMS are drawn small, instead of magnified to noise."""
-    if column in ("rms_y_m", "rms_x_m", "rms_phi_rad"):
+    if column in _SIZES:
         largest = table["rms_y_m"].max()
         least = LEAST_RANGE * 1e3 * largest if np.isfinite(largest) else 0.0
         axis.set_ylim(0.0, max(axis.get_ylim()[1], least))
@@ -180,51 +347,15 @@ def _limit(axis: Axes, column: str, table: pd.DataFrame) -> None:
         axis.set_ylim(bottom=0.0)
 
 
-def curve_colours(response: Response) -> Sequence[Any]:
-    """Return a colour for each grid combination: distinct ones, or along a scale if they are many."""
-    labels = {curve.number: curve.rows for curve in response.curves()}
-    if response.scale is not None and len(labels) > DISTINCT:
-        norm, colours = _scale(response)
-        return [colours(norm(float(rows[response.scale].iloc[0]))) for rows in labels.values()]
-    return CURVES if len(labels) <= len(CURVES) else list(_many()(np.linspace(0.0, 1.0, len(labels))))
+def _colours(response: Response, count: int) -> tuple[Sequence[Any], ScalarMappable | None]:
+    """Return a colour for each grid combination: distinct ones, or along a scale, which is returned, if they are many.
 
-
-def _many() -> ListedColormap:
-    """Return a scale of colours that differ in lightness as well, without its palest end."""
-    return ListedColormap(mpl.colormaps["viridis"](np.linspace(0.0, 0.9, 256)))
-
-
-def _scale(response: Response) -> tuple[Normalize, ListedColormap]:
-    values = response.table[response.scale or ""]
-    return Normalize(float(values.min()), float(values.max())), _many()
-
-
-def _legend(figure: Figure, response: Response, colours: Sequence[Any]) -> None:
-    """Name the colours, and below them what the markers say."""
-    labels = list(dict.fromkeys(curve.label for curve in response.curves()))
-    handles: list[Any] = []
-    if response.scale is not None and len(labels) > DISTINCT:
-        bar = figure.colorbar(ScalarMappable(*_scale(response)), ax=figure.axes, aspect=50, pad=0.01)
-        bar.set_label(key_label(response.scale))
-    elif len(labels) > 1 or response.keys:
-        handles += [Line2D([], [], color=colours[i], lw=2.0, label=label) for i, label in enumerate(labels)]
-    handles += list(marker_legend(response.table))
-    if response.data is not None:
-        known = [h for axis in figure.axes for h in axis.get_legend_handles_labels()[0]]
-        handles += known[:1]
-    legend_below(figure, handles, [handle.get_label() for handle in handles])
-
-
-def marker_legend(table: pd.DataFrame) -> Iterator[Line2D]:
-    """Yield the entries of a legend that say what markers mean, of those that a table needs."""
-    for direction in dict.fromkeys(table["direction"]):
-        up = direction != "down"
-        look: dict[str, Any] = {"color": REFERENCE, "ls": "-" if up else "--", "lw": 0.9, "ms": 4.5}
-        yield Line2D([], [], marker=DIRECTIONS["up" if up else "down"], label=f"supply frequency {direction}", **look)
-    found = [filling for filling, _ in fillings(table)]
-    if found != ["full"]:
-        for filling in found:
-            look = {"fillstyle": filling, "markerfacecoloralt": "white", "color": BLACK, "ls": "", "ms": 7.0}
-            yield Line2D([], [], marker="^", mew=0.7, label=_MEANING[filling], **look)
-    if _failed(table).any():
-        yield Line2D([], [], ls="", marker="x", color=FAILED, ms=5.0, mew=1.4, label="failed")
+    The scale differs in lightness as well, and is without its palest end.
+    """
+    many = ListedColormap(mpl.colormaps["viridis"](np.linspace(0.0, 0.9, 256)))
+    if response.scale is not None and count > DISTINCT:
+        values = response.table[response.scale]
+        norm = Normalize(float(values.min()), float(values.max()))
+        numbers = {curve.number: float(curve.rows[response.scale].iloc[0]) for curve in response.curves}
+        return [many(norm(number)) for number in numbers.values()], ScalarMappable(norm, many)
+    return CURVES if count <= len(CURVES) else list(many(np.linspace(0.0, 1.0, count))), None

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import logging
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd
 
+from vibroplat.columns import COORDINATES, PHASE
+from vibroplat.config.scene import Scene
 from vibroplat.errors import TableError
-from vibroplat.plots.data import Data
-from vibroplat.plots.differences import differing, distinct, labels
-from vibroplat.plots.names import COORDINATES, PHASE, run_parameters
-from vibroplat.plots.run_tables import Run, matters, range_of, read_run
+from vibroplat.plots.labels import differing, distinct, legend_names, run_parameters, scene_of
+from vibroplat.plots.reading import Cut, ends_of, read_parts, read_result
 from vibroplat.plots.style import (
     BLACK,
     CURVES,
@@ -21,14 +24,12 @@ from vibroplat.plots.style import (
     MATERIAL,
     PLATFORM,
     REFERENCE,
-    Saving,
     head,
     legend_below,
     new_figure,
-    save,
-    styled,
 )
 from vibroplat.plots.timelines import (
+    Measured,
     draw_contact,
     draw_coordinate,
     draw_envelope,
@@ -37,24 +38,196 @@ from vibroplat.plots.timelines import (
     draw_phase_difference,
     draw_speeds,
     draw_synchronous_speed,
+    read_measured,
 )
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+_LOG = logging.getLogger("vibroplat")
+
+#: Most points of a line, more than a figure can show.
+POINTS = 20_000
+#: Most bins of an envelope; none is shorter than a turn, over which it would not be one.
+BINS = 400
+#: Turns of the exciters that are shown in detail if no interval is given.
+SHOWN_TURNS = 10
 #: Least range of the axes of x and y, over the largest range of what moves, that of the exciters' axes included.
 LEAST_RANGE = 0.05
+#: Range of a coordinate over the largest one, above which it has a panel.
+MATTERS = 0.05
 #: Most turns that are drawn as a line; more of them as an envelope.
 MOST_TURNS = 60
+
+_ANGLES = ("phi1_rad", "phi2_rad", "phi1_rate_rad_per_s", "phi2_rate_rad_per_s")
+_MOVING = ("x_m", "y_m", "phi_rad")
+
+# -- tables ------------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Run:
+    """Tables of a run over the interval of its figures.
+
+    Attributes
+    ----------
+    name, scene
+        Its name, and its scene if the configuration can be read.
+    whole
+        The trajectory in that interval, thinned out.
+    envelope
+        Its least and largest values in short intervals: columns ``t_s``, ``y_m:min``, ``y_m:max`` …
+    shown
+        The rows shown in detail: all in the interval if one was given, otherwise the last turns.
+    events
+        The events among them.
+    co_rotating
+        Whether the exciters co-rotate.
+    chosen
+        Whether an interval was given.
+    """
+
+    name: str
+    scene: Scene | None
+    whole: pd.DataFrame
+    envelope: pd.DataFrame
+    shown: pd.DataFrame
+    events: pd.DataFrame
+    co_rotating: bool
+    chosen: bool
+
+    @property
+    def turns(self) -> float:
+        """Turns of exciter 1 in the rows shown."""
+        angles = self.shown["phi1_rad"]
+        return abs(float(angles.iloc[-1] - angles.iloc[0])) / (2.0 * math.pi)
+
+    @property
+    def is_long(self) -> bool:
+        """Whether it is much longer than its part shown in detail."""
+        return float(np.ptp(self.whole["t_s"])) > 1.5 * float(np.ptp(self.shown["t_s"]))
+
+    def range_of(self, column: str) -> float:
+        """Return the range of a coordinate over the whole interval (m)."""
+        ends = [f"{column}:min", f"{column}:max"]
+        return self.size(self.envelope[ends], column) if ends[0] in self.envelope else 0.0
+
+    def size(self, values: pd.DataFrame | pd.Series, column: str) -> float:
+        """Return the range of a coordinate's values (m); of a rotation, that of the exciters' axes."""
+        arm = (self.scene.machine.exciter_distance_m if self.scene else 0.1) if column == "phi_rad" else 1.0
+        found = values.to_numpy(dtype=float)
+        found = found[np.isfinite(found)]
+        return arm * float(np.ptp(found)) if len(found) else 0.0
+
+
+def read_run(directory: Path, start: float | None = None, stop: float | None = None) -> Run:
+    """Read the tables of a run from ``start`` to ``stop`` (s).
+
+    Raises
+    ------
+    TableError
+        Tables are missing or have another schema version, or the interval holds no data.
+    """
+    result = read_result(directory, "run")
+    summary = result.document("summary")
+    if not _is_summary(summary):
+        raise TableError(f"{directory / 'summary.json'} is not the summary of a run")
+    optional = [column for column in COORDINATES if column != "y_m"]
+
+    def trajectory(*columns: str) -> Iterator[pd.DataFrame]:
+        if columns:
+            return read_parts(result, "trajectory", (), columns)
+        return read_parts(result, "trajectory", ("mode",), ("t_s", "y_m", *_ANGLES), optional)
+
+    events = read_parts(result, "events", ("kind",), ("t_s", "impulse_n_s"))
+    told = (f"{directory} runs", "--{} {:g}", f"{directory} holds an empty trajectory")
+    return _run(summary, scene_of(result.provenance), trajectory, events, start, stop, told)
+
+
+def run_of(
+    summary: Mapping[str, Any],
+    scene: Scene | None,
+    trajectory: pd.DataFrame,
+    events: pd.DataFrame,
+    start: float | None = None,
+    stop: float | None = None,
+) -> Run:
+    """Prepare the tables of a run in memory, from ``start`` to ``stop`` (s).
+
+    Raises
+    ------
+    TableError
+        The trajectory is empty, or the interval holds no data.
+    """
+    told = ("the run lasted", "{} = {:g}", "the trajectory is empty")
+    return _run(summary, scene, lambda *_: [trajectory], [events], start, stop, told)
+
+
+def _run(
+    summary: Mapping[str, Any],
+    scene: Scene | None,
+    trajectory: Callable[..., Iterable[pd.DataFrame]],
+    events: Iterable[pd.DataFrame],
+    start: float | None,
+    stop: float | None,
+    told: tuple[str, str, str],
+) -> Run:
+    """Cut the tables to an interval; ``told``: the run, an option and an empty trajectory in messages."""
+    subject, option, empty = told
+    ends = ends_of(trajectory("t_s"))
+    if ends is None:
+        raise TableError(f"{empty}; there is nothing to plot")
+    first, last = float(ends.first["t_s"]), float(ends.last["t_s"])
+    length = f"{subject} from {first:g} to {last:g} s"
+    begin, end = _interval(first, last, start, stop, length, option)
+    frequency = summary["excitation_frequency_hz"]
+    chosen = start is not None or stop is not None
+    detail = max(begin, end - SHOWN_TURNS / frequency) if frequency and not chosen else begin
+    bins = min(max(int((end - begin) * frequency), 1), BINS) if frequency else BINS
+    found = Cut(trajectory(), (detail, end), (begin, end, bins), COORDINATES, every=math.ceil(ends.rows / POINTS))
+    shown_events = pd.concat([part[part["t_s"].between(detail, end)] for part in events], ignore_index=True)
+    if found.shown["t_s"].nunique() < 2:
+        raise TableError(f"no data between {begin:g} and {end:g} s; {length}")
+    co_rotating = summary.get("rotation") == "co-rotating"
+    envelope = found.envelope()
+    return Run(summary["name"], scene, found.thinned, envelope, found.shown, shown_events, co_rotating, chosen)
+
+
+def _interval(
+    first: float, last: float, start: float | None, stop: float | None, length: str, option: str
+) -> tuple[float, float]:
+    """Return the interval of the figures; say how long the run was where the one given lies outside, or in part."""
+    begin, end = first if start is None else start, last if stop is None else stop
+    given = [(name, value) for name, value in (("start", start), ("stop", stop)) if value is not None]
+    beyond = [("start", begin)] if begin > last else [("stop", end)] if end < first else []
+    for name, value in [(name, value) for name, value in given if math.isnan(value)] + beyond:
+        raise TableError(f"{option.format(name, value)}: {length}; allowed: a time within it")
+    if begin >= end:
+        raise TableError(f"{option.format('start', begin)} is not before {option.format('stop', end)}; {length}")
+    for name, value in given:
+        if not first <= value <= last:
+            _LOG.warning("%s: %s; the figures show what there is", option.format(name, value), length)
+    return max(begin, first), min(end, last)
+
+
+def _is_summary(found: object) -> bool:
+    """Whether a document has what figures need of the summary of a run."""
+    if not isinstance(found, dict) or not isinstance(found.get("name"), str) or "excitation_frequency_hz" not in found:
+        return False
+    frequency = found["excitation_frequency_hz"]
+    return frequency is None or (type(frequency) in (int, float) and frequency >= 0.0)
+
+
+# -- figures -----------------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
 class Shown:
     """The runs of a figure, measured data laid over them, and what several of them are called."""
 
-    runs: list[Run]
-    data: Data | None = None
+    runs: Sequence[Run]
+    data: Measured | None = None
     names: Sequence[str] = ()
 
     @property
@@ -66,6 +239,11 @@ class Shown:
     def aligned(self) -> bool:
         """Whether times are counted from a whole turn of exciter 1, to compare the last turns of several runs."""
         return self.only is None and self.data is None and not any(run.chosen for run in self.runs)
+
+    @property
+    def detail(self) -> str:
+        """The label of the horizontal axis where turns are shown in detail."""
+        return "$t$ since a whole turn of exciter 1 (s)" if self.aligned else "$t$ (s)"
 
     def origin(self, run: Run) -> float:
         """Return the time (s) from which those of a run are counted in detail."""
@@ -86,69 +264,52 @@ class Shown:
         if self.data is not None:
             self.data.draw(axis, "t_s", column, COORDINATES[column])
 
-    @property
-    def detail(self) -> str:
-        """The label of the horizontal axis where turns are shown in detail."""
-        return "$t$ since a whole turn of exciter 1 (s)" if self.aligned else "$t$ (s)"
 
-
-def plot_run(
-    directory: Path | Sequence[Path],
-    kinds: Sequence[str],
+def run_figures(
+    directories: Sequence[Path],
+    kinds: Sequence[str] = (),
+    *,
     start: float | None = None,
     stop: float | None = None,
-    *,
-    data: Data | None = None,
-    saving: Saving | None = None,
-) -> list[Path]:
-    """Draw figures of a run, or of several over each other, and save them in the directory of the first.
+    data: Path | None = None,
+) -> Iterator[tuple[Path, str, Figure]]:
+    """Draw figures of a run, or of several over each other; yield the directory and the name of each.
 
     Parameters
     ----------
-    directory
+    directories
         Result directories of ``vibroplat run``.
     kinds
         ``motion`` (platform and gap: the whole run, and its last turns), ``force`` (contact force and impulses),
-        ``exciters`` (speeds and phase difference).
+        ``exciters`` (speeds and phase difference); all by default. ``force`` is left out if no scene has contact, and
+        refused if nothing else is asked for.
     start, stop
         Interval shown (s). Default: the whole run, and the last ten turns of the exciters in detail.
     data
-        Measured data laid over the figures, see :func:`vibroplat.plots.data.read_data`.
-    saving
-        Format, resolution and place of the files.
-
-    Returns
-    -------
-    list of Path
-        The files. ``force`` is omitted if no scene has contact, and refused if nothing else is asked for.
+        File of measured data laid over the figures.
 
     Raises
     ------
     TableError
         Tables are missing or have another schema version, or the interval is empty.
     """
-    directories = [directory] if isinstance(directory, Path) else list(directory)
-    shown = _shown([read_run(place, start, stop) for place in directories], directories, data)
-    compared = "" if shown.only else "-compared"
-    written = []
-    for kind in kinds:
-        if kind == "force" and not any("contact_force_n" in run.shown for run in shown.runs):
-            continue
-        with styled():
-            figure = FIGURES[kind](shown)
-            written.append(save(figure, directories[0], f"{kind}{compared}", saving))
-    if not written:
+    measured = None if data is None else read_measured(data, "t_s", COORDINATES)
+    shown = _shown([read_run(place, start, stop) for place in directories], directories, measured)
+    has_force = any("contact_force_n" in run.shown for run in shown.runs)
+    drawn = [kind for kind in kinds or FIGURES if has_force or kind != "force"]
+    if not drawn:
         raise TableError(f"--kind force: {directories[0]} has no contact force, as its scene is bare or non-impact")
-    return written
+    for kind in drawn:
+        yield directories[0], kind, FIGURES[kind](shown)
 
 
-def _shown(runs: list[Run], directories: Sequence[Path], data: Data | None) -> Shown:
+def _shown(runs: Sequence[Run], directories: Sequence[Path], data: Measured | None) -> Shown:
     """Name several runs by how they differ."""
     if len(runs) == 1:
         return Shown(runs, data)
     trees = [run.scene.to_tree() for run in runs if run.scene is not None]
     found: Sequence[Mapping[str, Any]] = differing("run", trees) if len(trees) == len(runs) else [{}] * len(runs)
-    return Shown(runs, data, labels(distinct([run.name for run in runs], directories), found))
+    return Shown(runs, data, legend_names(distinct([run.name for run in runs], directories), found))
 
 
 def _head(figure: Figure, shown: Shown, named: Axes | None = None) -> None:
@@ -157,27 +318,29 @@ def _head(figure: Figure, shown: Shown, named: Axes | None = None) -> None:
     Several runs are always named, by the lines of the last axis.
     """
     run = shown.only
-    if run is not None:
-        head(figure, run.name, run_parameters(run.scene))
-        if named is None:
-            return
-    else:
-        head(figure, ", ".join(run.name for run in shown.runs))
-    _legend_below(figure, named or figure.axes[-1])
+    parameters = "" if run is None else run_parameters(run.scene)
+    head(figure, ", ".join(run.name for run in shown.runs), parameters)
+    if run is None or named is not None:
+        handles, labels = (named or figure.axes[-1]).get_legend_handles_labels()
+        legend_below(figure, dict(zip(labels, handles, strict=True)))
 
 
-def _legend_below(figure: Figure, axis: Axes) -> None:
-    handles, labels = axis.get_legend_handles_labels()
-    named = dict(zip(labels, handles, strict=True))
-    legend_below(figure, named.values(), named.keys())
+def _legend_above(axis: Axes, columns: int = 1) -> None:
+    """Name what has a name in a panel; an envelope has none."""
+    if axis.get_legend_handles_labels()[0]:
+        axis.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderpad=0.0, ncols=columns)
 
 
 def _motion(shown: Shown) -> Figure:
     """Draw the platform and the gap: the whole run on the left, the last turns on the right."""
     runs = shown.runs
-    rows = ["y_m", *(c for c in ("x_m", "phi_rad") if matters(runs, c))]
+    largest = [max(run.range_of(c) for c in _MOVING) for run in runs]
+    rows = ["y_m"]
+    for column in ("x_m", "phi_rad"):
+        if any(run.range_of(column) > MATTERS * most for run, most in zip(runs, largest, strict=True)):
+            rows.append(column)
     rows += ["gap_m"] if any("gap_m" in run.shown for run in runs) else []
-    overview = not any(run.chosen for run in runs) and any(_is_long(run) for run in runs)
+    overview = not any(run.chosen for run in runs) and any(run.is_long for run in runs)
     size = (10.0 if overview else 8.0, 1.5 + 1.45 * len(rows))
     figure, axes = new_figure(len(rows), 1 + overview, size, sharex="col")
     for column, row in zip(rows, axes, strict=True):
@@ -189,16 +352,13 @@ def _motion(shown: Shown) -> Figure:
         axes[0, 1].set_title("last turns, grey on the left" if shown.only else "last turns", loc="left")
         axes[-1, 0].set_xlabel("$t$ (s)")
     axes[-1, -1].set_xlabel(shown.detail)
-    if shown.only is not None and "gap_m" in rows:
-        axes[-1, -1].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderpad=0.0)
-    _measured_legend(axes[0, -1], shown)
+    if shown.only is not None:
+        if "gap_m" in rows:
+            _legend_above(axes[-1, -1], 2)
+        if shown.data is not None:
+            _legend_above(axes[0, -1])
     _head(figure, shown)
     return figure
-
-
-def _is_long(run: Run) -> bool:
-    """Whether a run is much longer than its part shown in detail."""
-    return float(np.ptp(run.whole["t_s"])) > 1.5 * float(np.ptp(run.shown["t_s"]))
 
 
 def _overview(axis: Axes, shown: Shown, column: str) -> None:
@@ -235,35 +395,29 @@ def _detail(axis: Axes, shown: Shown, column: str) -> None:
 
 def _no_noise(axis: Axes, shown: Shown) -> None:
     """Widen an axis of x or y on which numerical noise would fill the panel."""
-    ranges = [range_of(run.shown[c], run, c) for run in shown.runs for c in ("x_m", "y_m", "phi_rad") if c in run.shown]
+    ranges = [run.size(run.shown[c], c) for run in shown.runs for c in _MOVING if c in run.shown]
     least, (low, high) = LEAST_RANGE * 1e3 * max(ranges), axis.get_ylim()
     if high - low < least:
         axis.set_ylim(0.5 * (low + high - least), 0.5 * (low + high + least))
-
-
-def _measured_legend(axis: Axes, shown: Shown) -> None:
-    if shown.data is not None and shown.only is not None:
-        axis.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderpad=0.0)
 
 
 def _force(shown: Shown) -> Figure:
     """Draw the contact force, and below it the impulses of impacts as stems: they are no forces."""
     strikes = any((run.events["impulse_n_s"] > 0.0).any() for run in shown.runs)
     ratios = {"height_ratios": [2.0, 1.0]} if strikes else {}
-    size = (8.0, 4.4 if strikes else 3.2)
-    figure, axes = new_figure(1 + strikes, 1, size, sharex=True, gridspec_kw=ratios)
+    figure, axes = new_figure(1 + strikes, 1, (8.0, 4.4 if strikes else 3.2), sharex=True, gridspec_kw=ratios)
     force: Axes = axes[0, 0]
     _detail(force, shown, "contact_force_n")
     force.set_ylim(bottom=0.0)
     for number, run in enumerate(shown.runs if strikes else []):
         events = run.events.assign(t_s=run.events["t_s"] - shown.origin(run))
-        colour = BLACK if shown.only is not None else shown.look(number, "")["color"]
-        draw_impulses(axes[1, 0], events, colour, None if shown.only is not None else shown.names[number])
+        look = shown.look(number, "")
+        draw_impulses(axes[1, 0], events, BLACK if shown.only else look["color"], look.get("label"))
     if strikes and shown.only is not None and shown.only.turns <= MOST_TURNS:
         draw_contact(axes[1, 0], shown.only.shown)
     axes[-1, 0].set_xlabel(shown.detail)
     if any(patch.get_label() == "attached" for patch in force.patches) or shown.data is not None:
-        force.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderpad=0.0, ncols=2)
+        _legend_above(force, 2)
     _head(figure, shown)
     return figure
 
@@ -272,22 +426,22 @@ def _exciters(shown: Shown) -> Figure:
     """Draw the speeds of both exciters and their phase difference over the whole interval."""
     figure, axes = new_figure(2, 1, (8.0, 5.0), sharex=True)
     speeds, phases = axes[:, 0]
+    only = shown.only
     for number, run in enumerate(shown.runs):
-        several = shown.only is None
         colour = CURVES[number % len(CURVES)]
-        draw_speeds(speeds, run.whole, (colour, colour if several else CURVES[1]))
-        if run.scene is not None and not several:
-            draw_synchronous_speed(speeds, run.scene, run.whole["t_s"])
-        label = shown.names[number] if several else None
+        draw_speeds(speeds, run.whole, (colour, CURVES[1] if only else colour))
+        if only is not None and only.scene is not None:
+            draw_synchronous_speed(speeds, only.scene, run.whole["t_s"])
+        label = None if only else shown.names[number]
         draw_phase_difference(phases, run.whole, co_rotating=run.co_rotating, color=colour, label=label)
-    if shown.only is None:
+    if only is None:
         for number, line in enumerate(speeds.lines[:2], 1):
             look: dict[str, Any] = {"ls": line.get_linestyle(), "lw": line.get_linewidth(), "color": REFERENCE}
             phases.plot([], [], label=f"exciter {number}", **look)
     if len({run.co_rotating for run in shown.runs}) > 1:
         phases.set_ylabel(PHASE)
     phases.set_xlabel("$t$ (s)")
-    _head(figure, shown, speeds if shown.only is not None else phases)
+    _head(figure, shown, speeds if only else phases)
     return figure
 
 

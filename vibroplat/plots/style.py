@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,18 +18,9 @@ from vibroplat.results.tables import replace_files, result_directory
 
 Form = Literal["png", "pdf", "svg"]
 
-#: Colours of Okabe and Ito, without their yellow, which is too pale for lines on white.
-BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, BLACK = (
-    "#0072B2",
-    "#D55E00",
-    "#009E73",
-    "#CC79A7",
-    "#E69F00",
-    "#56B4E9",
-    "#000000",
-)
-#: Colours of curves in one figure.
-CURVES = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, BLACK)
+#: Colours of curves: those of Okabe and Ito, without their yellow, which is too pale for lines on white.
+CURVES = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, BLACK = CURVES
 PLATFORM, MATERIAL, FORCE = BLUE, VERMILION, GREEN
 #: Shade of contact, lines of reference, and what failed.
 CONTACT, REFERENCE, FAILED = "#e3eaf0", "#666666", "#a00000"
@@ -120,13 +111,12 @@ def head(figure: Figure, name: str, parameters: str = "") -> None:
         first.set_title(f"{parameters}\n{own}" if own else parameters, loc="left")
 
 
-def legend_below(figure: Figure, handles: Iterable[Any], labels: Iterable[str]) -> None:
-    """Put a legend below a figure, in as many columns as its labels leave room for."""
-    names = list(labels)
-    longest = max((len(re.sub(r"\$[^$]*\$", "MM", name)) for name in names), default=0)
+def legend_below(figure: Figure, entries: Mapping[str, Any]) -> None:
+    """Put a legend (handles by their labels) below a figure, in as many columns as the labels leave room for."""
+    longest = max((len(re.sub(r"\$[^$]*\$", "MM", label)) for label in entries), default=0)
     room = figure.get_figwidth() * LETTERS
-    columns = max(1, min(5, len(names), int(room / (longest + 6))))
-    figure.legend(list(handles), names, loc="outside lower center", ncols=columns)
+    columns = max(1, min(5, len(entries), int(room / (longest + 6))))
+    figure.legend(list(entries.values()), list(entries), loc="outside lower center", ncols=columns)
 
 
 def save(figure: Figure, directory: Path, name: str, saving: Saving | None = None) -> Path:

@@ -1,7 +1,14 @@
-"""Panels over time: each function draws into an axis what a table of a run holds, and returns the axis."""
+"""Panels over time: each function draws into an axis what a table of a run holds, and returns the axis.
+
+Also phase differences on any axis, and measured data that are laid over figures.
+"""
 
 from __future__ import annotations
 
+import logging
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,9 +16,13 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 
+from vibroplat.columns import COORDINATES, PHASE, PHASE_COLUMN, Quantity
 from vibroplat.config.scene import Scene
-from vibroplat.plots.names import COORDINATES, PHASE, phase_label
-from vibroplat.plots.style import BLACK, CONTACT, CURVES, PLATFORM, REFERENCE
+from vibroplat.errors import TableError
+from vibroplat.plots.labels import is_number, phase_label
+from vibroplat.plots.style import BLACK, CONTACT, CURVES, PLATFORM, REFERENCE, plain
+
+_LOG = logging.getLogger("vibroplat")
 
 FloatArray = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -164,3 +175,49 @@ def phase_axis(axis: Axes, label: str = PHASE) -> None:
             name, (1.0, angle), (-2.0, 3.0), axis.get_yaxis_transform(), "offset points",
             fontsize=7.5, color=REFERENCE, ha="right", va="bottom",
         )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Measured:
+    """Measured data that are laid over a figure: the file's name, and a table whose columns are named as in results."""
+
+    name: str
+    table: pd.DataFrame
+
+    def draw(self, axis: Axes, x: str, column: str, quantity: Quantity) -> Axes:
+        """Draw a column over another where the data have both, in black diamonds."""
+        if {x, column} <= {*self.table.columns}:
+            values = quantity.factor * self.table[column].to_numpy(dtype=float)
+            values = wrapped(values) if column == PHASE_COLUMN else values
+            look: dict[str, Any] = {"color": BLACK, "mfc": "white", "ms": 4.0, "mew": 1.0, "zorder": 5.0, "ls": ""}
+            axis.plot(self.table[x], values, marker="D", label=f"measured: {plain(self.name)}", **look)
+        return axis
+
+
+def read_measured(path: Path, x: str, columns: Mapping[str, Quantity], others: Collection[str] = ()) -> Measured:
+    """Read measured data of these columns over ``x``.
+
+    Columns that no figure shows are named in a line, but for ``others``, which further figures would use.
+
+    Raises
+    ------
+    TableError
+        The file cannot be read, has no abscissa, nothing to draw, or no numbers there.
+    """
+    try:
+        table = pd.read_csv(path)
+    except FileNotFoundError:
+        raise TableError(f"--data {path}: there is no such file") from None
+    except Exception as error:  # pandas raises many kinds on damaged files
+        raise TableError(f"--data {path} cannot be read: {' '.join(str(error).split())}") from None
+    for wanted, what in (([x], "of the horizontal axis"), (columns, "that a figure shows")):
+        if not {*wanted} & {*table.columns}:
+            held, allowed = ", ".join(map(str, table.columns)), ", ".join(wanted)
+            raise TableError(f"--data {path}: no column {what} in {held}; allowed: {allowed}")
+    known = {x, *columns}
+    for column in known & {*table.columns}:
+        if not is_number(table[column]):
+            raise TableError(f"--data {path}: column {column} holds text; allowed: numbers, empty where there is none")
+    if left := [str(column) for column in table.columns if column not in known | {*others}]:
+        _LOG.warning("--data %s: not drawn: %s", path, ", ".join(left))
+    return Measured(path.name, table)

@@ -1,4 +1,4 @@
-"""What results laid over each other are called: by the parameters in which they differ."""
+"""What keys, values and results laid over each other are called."""
 
 from __future__ import annotations
 
@@ -12,11 +12,10 @@ from common.places import QUICKSTART
 from matplotlib.figure import Figure
 
 from vibroplat import load_config
-from vibroplat.page.parameters import differences
-from vibroplat.plots.data import Data
-from vibroplat.plots.differences import MOST, differing, distinct, labels
-from vibroplat.plots.names import MEASURES, PHASE_COLUMN
-from vibroplat.plots.timelines import phase_axis
+from vibroplat.columns import MEASURES, PHASE_COLUMN
+from vibroplat.page.results import differences
+from vibroplat.plots.labels import MOST, differing, distinct, key_label, legend_names, value_label
+from vibroplat.plots.timelines import Measured, phase_axis
 
 PROGRAM = [{"t_s": 0.0, "supply_frequency_hz": 0.0}, {"t_s": 3.0, "supply_frequency_hz": 66.0}]
 
@@ -54,7 +53,7 @@ def tree(**changes):
 )
 def test_results_name_their_values_of_what_differs(changes, wanted, words):
     trees = [tree(), tree(**changes)]
-    told = labels(["a", "b"], differing("run", trees))
+    told = legend_names(["a", "b"], differing("run", trees))
     assert told == [f"{name} ({how})" if how else name for name, how in zip("ab", wanted, strict=True)]
     assert differences(["run", "run"], trees) == [*words]
 
@@ -62,7 +61,7 @@ def test_results_name_their_values_of_what_differs(changes, wanted, words):
 def test_of_many_parameters_the_first_are_named_and_the_others_counted():
     changes = {f"machine.damping_{axis}": 50.0 for axis in ("x_n_s_per_m", "y_n_s_per_m", "phi_n_m_s_per_rad")}
     trees = [tree(), tree(**changes, **{"material.mass_ratio": 0.1, "run.duration_s": 9.0})]
-    second = labels(["a", "b"], differing("run", trees))[1]
+    second = legend_names(["a", "b"], differing("run", trees))[1]
     assert second.count(",") == MOST - 1
     assert second.endswith("2 more)")
 
@@ -73,7 +72,7 @@ def test_an_exciter_is_named_by_its_number():
     trees = [
         first.to_tree() | {"exciters": [exciters[0], exciters[1] | {"unbalance_radius_m": r}]} for r in (0.03, 0.04)
     ]
-    assert labels(["a", "b"], differing("run", trees))[1] == "b (exciter 2: unbalance radius 0.04 m)"
+    assert legend_names(["a", "b"], differing("run", trees))[1] == "b (exciter 2: unbalance radius 0.04 m)"
 
 
 def test_results_of_one_name_are_called_by_their_directories():
@@ -93,7 +92,7 @@ def test_a_phase_axis_tells_values_as_tables_do():
     assert told["±π"] == pytest.approx(np.pi)
     assert told["−π/2"] in (pytest.approx(-0.5 * np.pi), pytest.approx(1.5 * np.pi))
     table = pd.DataFrame({"supply_frequency_hz": [50.0, 51.0], PHASE_COLUMN: [-3.136, 3.136]})
-    Data("measured", table).draw(axis, "supply_frequency_hz", PHASE_COLUMN, MEASURES[PHASE_COLUMN])
+    Measured("measured", table).draw(axis, "supply_frequency_hz", PHASE_COLUMN, MEASURES[PHASE_COLUMN])
     low, high = axis.get_ylim()
     drawn = axis.lines[0].get_ydata()
     assert all(low < value < high for value in drawn)
@@ -125,3 +124,21 @@ def test_what_a_study_varies_itself_is_no_difference(command, study, changes):
     trees = [tree(**study), tree(**study, **changes)]
     assert differing(command, trees) == [{}, {}]
     assert differing("run", trees)[1]
+
+
+@pytest.mark.parametrize(
+    ("key", "label", "value"),
+    [
+        ("material.mass_ratio", r"mass ratio $\mu_w$", r"$\mu_w$ = 0.2"),
+        ("machine.damping_y_n_s_per_m", "damping along y $b_y$ (N·s/m)", "$b_y$ = 0.2 N·s/m"),
+        ("machine.exciter_distance_m", "exciter distance (m)", "exciter distance 0.2 m"),
+        ("contact.viscous_per_mass_per_s", "viscous per mass (1/s)", "viscous per mass 0.2 1/s"),
+    ],
+)
+def test_keys_are_called_by_names_symbols_and_units(key, label, value):
+    assert (key_label(key), value_label(key, 0.2)) == (label, value)
+
+
+def test_values_that_are_no_numbers_are_called_by_themselves():
+    assert value_label("contact.impact_law", "central") == "central"
+    assert value_label("a.flag", True) == "flag: True"

@@ -1,0 +1,84 @@
+from __future__ import annotations
+
+import shutil
+
+import numpy as np
+import pandas as pd
+import pytest
+from common import handmade
+from common.results import unproven
+
+from vibroplat.results.files import write_result
+
+
+@pytest.fixture(scope="session")
+def saved(runs, tmp_path_factory):
+    """Directories of runs: ``two layers``, ``bouncing`` and ``bare``."""
+    place = tmp_path_factory.mktemp("runs")
+    for name in ("two layers", "bouncing", "bare"):
+        runs[name].save(place / name)
+    return {path.name: path for path in place.iterdir()}
+
+
+@pytest.fixture
+def result(saved, tmp_path):
+    """A copy of a run whose files may be changed."""
+    return unproven(shutil.copytree(saved["two layers"], tmp_path / "result"))
+
+
+def sweep_table():
+    """Two mass ratios, up and down; with material there is flight, and a point has failed."""
+    table = handmade.sweep_table()
+    mass = table["material.mass_ratio"]
+    found = table.assign(
+        rms_phi_rad=1e-5,
+        motor_power_w=30.0 + table["supply_frequency_hz"],
+        contact_force_max_n=200.0 * mass,
+        flight_fraction=2.0 * mass,
+        period=np.where(table["motion"] == "chaotic", 0, 1 + table["branch"] % 3),
+    )
+    failed = found["outcome"] != "ok"
+    measures = found.columns[list(found.columns).index("branch") + 1 :].difference(["outcome", "motion"])
+    found[measures] = found[measures].astype(object).mask(failed, np.nan).infer_objects()
+    return found
+
+
+def diagram(table, column):
+    """A table of five points for each point of a sweep."""
+    many = table.loc[table.index.repeat(5)].reset_index(drop=True)
+    return many.assign(**{column: 1e-3 * np.sin(np.arange(len(many)))})
+
+
+@pytest.fixture
+def write_sweep(tmp_path):
+    """Write a result of a sweep, or of a bifurcation diagram, from its tables."""
+
+    def write(table=None, kind="response", name="swept", **diagrams):
+        directory = tmp_path / name
+        directory.mkdir(exist_ok=True)
+        tables = {"sweep": sweep_table() if table is None else table, **diagrams}
+        origin = handmade.origin(name, **{"sweep.kind": kind, "sweep.lyapunov": kind == "response"})
+        write_result(directory, "sweep", origin, tables, form="parquet")
+        return directory
+
+    return write
+
+
+@pytest.fixture
+def followed(tmp_path):
+    """Result of branches of orbits, with boundaries."""
+    return unproven(handmade.write_orbits(tmp_path / "followed"))
+
+
+def data_of(line):
+    """The data of a line, two rows."""
+    return np.array([line.get_xdata(), line.get_ydata()], dtype=float)
+
+
+def texts(legend):
+    return [text.get_text() for text in legend.get_texts()]
+
+
+def table_line(table, column, factor=1.0):
+    """What a line shows of a table."""
+    return pd.DataFrame({"t": table["t_s"], "y": factor * table[column]}).to_numpy().T

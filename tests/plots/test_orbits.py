@@ -1,0 +1,179 @@
+"""Figures of branches of orbits, from their tables alone, and of one orbit."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+from common import handmade
+from common.places import ROOT
+from matplotlib.figure import Figure
+from matplotlib.text import Text
+
+from vibroplat import load_config, orbit, orbits
+from vibroplat.continuation.test_functions import KINDS
+from vibroplat.errors import TableError
+from vibroplat.plots.orbits import MARKERS, draw_branch, orbit_figures, plot_orbit, read_branches
+from vibroplat.results.tables import read_table, write_table
+
+from .conftest import data_of, texts
+
+MASS = "material.mass_ratio"
+
+
+@pytest.fixture(scope="module")
+def scene(kernels):
+    """A machine from below the supply frequency at which its material lifts off to above it."""
+    step = {"first": 0.4, "largest": 0.5}
+    plan = {"key": "drive.supply_frequency_hz", "start": 47.0, "stop": 49.0, "step": step, "grid": {MASS: [0.0, 0.1]}}
+    return load_config(ROOT / "tests/continuation/machine.yaml", {"solver.engine": "taylor", "orbits": plan})
+
+
+def drawn(directory, kinds=(), **options):
+    return {name: figure for _, name, figure in orbit_figures([directory], kinds, **options)}
+
+
+def branch(stable, phases=None):
+    """Points of a branch at whole frequencies."""
+    count = len(stable)
+    return pd.DataFrame(
+        {
+            "excitation_frequency_hz": np.arange(count, dtype=float),
+            "rms_y_m": 1e-3 * np.arange(count),
+            "phase_difference_rad": np.zeros(count) if phases is None else phases,
+            "stable": stable,
+        }
+    )
+
+
+def special(*places, kind="fold"):
+    where = np.array(places, dtype=float)
+    return pd.DataFrame({"kind": kind, "excitation_frequency_hz": where, "point": where.astype(int)})
+
+
+def lines(points, marks, column="rms_y_m"):
+    """Ends and styles of the lines of a branch, and its markers."""
+    axis = draw_branch(Figure().add_subplot(), points, marks, column)
+    drawn = [line for line in axis.lines if line.get_linestyle() != "None" and len(line.get_xdata()) > 1]
+    ends = [(*line.get_xdata()[[0, -1]], line.get_linestyle()) for line in drawn]
+    return ends, [line for line in axis.lines if len(line.get_xdata()) == 1]
+
+
+def test_stable_parts_are_solid_and_end_at_the_special_point():
+    ends, (mark,) = lines(branch([True, True, False, False, True]), special(1.25))
+    assert ends == [(0.0, 1.25, "-"), (1.25, 4.0, "--")]  # no special point says where it is stable again
+    assert mark.get_xdata().tolist() == [1.25]
+    np.testing.assert_allclose(mark.get_ydata(), [1.25])  # mm
+    assert mark.get_marker() == MARKERS["fold"]
+    assert len({MARKERS[kind] for kind in KINDS}) == len(KINDS)
+
+
+def test_between_two_special_points_nothing_is_called_stable():
+    ends, _ = lines(branch([True, True, True]), special(0.25, 0.75))
+    assert ends == [(0.0, 0.25, "-"), (0.25, 0.75, "--"), (0.75, 2.0, "-")]
+
+
+def test_phase_difference_breaks_at_the_end_of_its_axis():
+    phases = np.array([-1.4, -1.5, -1.6, -1.7])
+    ends, _ = lines(branch([True] * 4, phases), special(), "phase_difference_rad")
+    assert ends == [(0.0, 1.0, "-"), (2.0, 3.0, "-")]
+
+
+def test_branches_are_drawn_over_the_excitation_frequency_or_that_of_the_supply(followed):
+    figures = drawn(followed)
+    assert [*figures] == ["branches", "multipliers", "boundaries"]
+    table, axes = handmade.branches(), figures["branches"].axes
+    assert axes[0].get_ylabel() == "RMS $y$ (mm)"
+    shown = np.concatenate([line.get_xdata() for line in axes[0].lines])
+    assert shown.min() == pytest.approx(table["excitation_frequency_hz"].min())
+    over = drawn(followed, ["branches"], x="supply")["branches"].axes[0]
+    marks = [line.get_xdata()[0] for line in over.lines if len(line.get_xdata()) == 1]
+    assert marks == pytest.approx(table["supply_frequency_hz"].iloc[[11, 30]].tolist())
+    told = texts(figures["branches"].legends[0])
+    assert told == ["stable", "unstable", "fold: two orbits merge and vanish", f"grazing: {KINDS['grazing']}"]
+
+
+def test_points_of_a_sweep_lie_behind_in_the_colour_of_their_branch(followed):
+    table = handmade.branches()
+    both = pd.concat([table.assign(**{MASS: mass}) for mass in (0.0, 0.1)], ignore_index=True)
+    marks = handmade.special(table).assign(**{MASS: 0.1})
+    for name, rows in (("branches", both), ("special", marks)):
+        write_table(rows[[MASS, *rows.columns.drop(MASS)]], followed, name, "parquet")
+    points = pd.DataFrame({"supply_frequency_hz": [52.0, 52.0], MASS: [0.0, 0.1], "direction": "up", "branch": [0, 1]})
+    write_table(points.assign(excitation_frequency_hz=26.0, rms_y_m=[1e-3, 2e-3]), followed, "sweep", "parquet")
+    (followed / "sweep-provenance.json").write_text(json.dumps({"schema": 1, "command": "sweep"}))
+    figure = drawn(followed, ["branches"])["branches"]
+    behind = [line for line in figure.axes[0].lines if line.get_zorder() < 2 and len(line.get_xdata())]
+    points = {float(line.get_ydata()[0]): line.get_color() for line in behind if line.get_marker() == "^"}
+    assert sorted(points) == [1.0, 2.0]
+    assert points[1.0] != points[2.0]
+    told = texts(figure.legends[0])
+    assert told[:4] == [r"$\mu_w$ = 0", r"$\mu_w$ = 0.1", "stable", "unstable"]
+    assert "sweep, up" in told
+
+
+def test_multipliers_lie_about_the_unit_circle(followed):
+    figure = drawn(followed, ["multipliers"])["multipliers"]
+    plane, largest = figure.axes[:2]
+    table = handmade.branches()
+    shown = np.concatenate([collection.get_offsets() for collection in plane.collections])
+    assert len(shown) == 2 * 2 * len(table)  # with their conjugates
+    np.testing.assert_allclose(np.sort_complex(shown @ [1.0, 1j]), np.sort_complex(shown @ [1.0, -1j]))
+    np.testing.assert_allclose(np.hypot(*data_of(plane.lines[0])), 1.0)
+    assert plane.get_xlim() == pytest.approx((-1.05 * 1.3, 1.05 * 1.3))
+    np.testing.assert_allclose(largest.lines[0].get_ydata(), table["multiplier_1_re"].abs())
+
+
+def test_boundaries_are_drawn_over_two_keys(followed):
+    figure = drawn(followed, ["boundaries"])["boundaries"]
+    (axis,) = figure.axes
+    assert [line.get_ydata()[-1] for line in axis.lines] == [0.3, 0.3]
+    assert len({line.get_color() for line in axis.lines}) == 2
+    assert axis.get_ylabel() == r"mass ratio $\mu_w$"
+    words = "".join(text.get_text() for text in figure.findobj(Text))
+    assert "two layers" in words
+    assert r"$\mu_w$ =" not in words  # it varies along the curves
+
+
+def test_what_is_missing_is_refused(followed, tmp_path):
+    (tmp_path / "orbits.sqlite").touch()
+    with pytest.raises(TableError, match="holds unfinished branches; continue them with `vibroplat orbits --resume`"):
+        read_branches(tmp_path)
+    (followed / "boundaries.parquet").unlink()
+    with pytest.raises(TableError, match=r"holds no boundaries; add orbits.boundaries to its configuration"):
+        drawn(followed, ["boundaries"])
+    table = read_table(followed, "branches")
+    proof = json.loads((followed / "provenance.json").read_text())
+    proof["configuration"]["orbits"]["key"] = "contact.restitution"
+    (followed / "provenance.json").write_text(json.dumps(proof))
+    for name in ("branches", "special"):
+        renamed = read_table(followed, name).rename(columns={"supply_frequency_hz": "contact.restitution"})
+        write_table(renamed, followed, name, "parquet")
+    with pytest.raises(TableError, match=r"--x supply: the branches table in .* has no column supply_frequency_hz"):
+        drawn(followed, x="supply")
+    write_table(table.drop(columns="stable"), followed, "branches", "parquet")
+    with pytest.raises(TableError, match="has no"):
+        drawn(followed)
+
+
+def test_an_orbit_closes_and_draws_itself(scene):
+    found = orbit(scene.replace({MASS: 0.1, "drive.supply_frequency_hz": 49.0}))
+    first, second = plot_orbit(found, Figure().subplots(1, 2))
+    speed, gap = first.lines[0].get_xydata(), second.lines[0].get_xydata()
+    np.testing.assert_allclose(speed[0], speed[-1], atol=1e-5)
+    assert gap[[0, -1], 0] == pytest.approx([0.0, 1.0], abs=1e-6)
+    assert gap[:, 1].max() == pytest.approx(1e3 * found.measures["gap_max_m"], rel=1e-3)
+    assert [axis.get_xlabel() for axis in found.plot().axes] == ["$y$ (mm)", "phase of exciter 1 (turns)"]
+    bare = orbit(scene.replace({MASS: 0.0}))
+    assert plot_orbit(bare, Figure().subplots(1, 2))[1].texts[0].get_text() == "no material"
+    assert len(bare.plot().axes) == 1
+
+
+def test_computed_branches_draw_themselves(scene):
+    found = orbits(scene)
+    axis = found.plot().axes[0]
+    marks = [line.get_xdata()[0] for line in axis.lines if line.get_marker() == MARKERS["liftoff"]]
+    assert marks == pytest.approx(found.special["excitation_frequency_hz"].tolist())
+    assert len(marks) == 1

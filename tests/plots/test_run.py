@@ -1,0 +1,273 @@
+"""Figures of runs: what is drawn, and what is refused."""
+
+from __future__ import annotations
+
+import json
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+import pytest
+from common.places import QUICKSTART
+from matplotlib.collections import LineCollection
+from matplotlib.text import Text
+
+from vibroplat import load_config
+from vibroplat.errors import TableError
+from vibroplat.plots import run
+from vibroplat.plots.command import plot_results
+from vibroplat.plots.labels import run_parameters
+from vibroplat.results.tables import read_json, read_table, write_table
+
+from .conftest import data_of, table_line, texts
+
+TURN = 2.0 * np.pi
+
+
+def drawn(*directories, kinds=(), **options):
+    """Figures of runs by name."""
+    return {name: figure for _, name, figure in run.run_figures(directories, kinds, **options)}
+
+
+def test_plot_writes_pictures_and_names_them(command, result):
+    done = command("plot", result)
+    assert (done.code, done.err) == (0, "")
+    paths = [result / f"{figure}.png" for figure in ("motion", "force", "exciters")]
+    assert done.out.splitlines() == list(map(str, paths))
+    pixels = plt.imread(paths[0])
+    assert pixels.shape[1] > 800
+    assert pixels[..., :3].min() < 0.3 < pixels[..., :3].max() == 1.0  # something dark on white
+
+
+def test_motion_shows_platform_and_gap_of_the_last_turns(result, monkeypatch):
+    monkeypatch.setattr(run, "SHOWN_TURNS", 5)
+    top, bottom = drawn(result)["motion"].axes
+    trajectory, events = read_table(result, "trajectory"), read_table(result, "events")
+    begin = 0.25 - 5.0 / read_json(result, "summary")["excitation_frequency_hz"]
+    shown = trajectory[trajectory["t_s"] >= begin]
+    assert 100 < len(shown) < len(trajectory)
+    np.testing.assert_allclose(data_of(top.lines[0]), table_line(shown, "y_m", 1e3))
+    np.testing.assert_allclose(data_of(bottom.lines[0]), table_line(shown, "gap_m", 1e3))
+    impacts = events[(events["kind"] == "impact") & (events["t_s"] >= begin)]
+    assert len(impacts) > 0
+    assert bottom.lines[1].get_xdata().tolist() == impacts["t_s"].tolist()
+    stretches = (shown["mode"] == "attached").astype(int).diff().eq(1).sum() + (shown["mode"].iloc[0] == "attached")
+    assert len(top.patches) == len(bottom.patches) == stretches > 1
+    assert [axis.get_ylabel() for axis in (top, bottom)] == ["$y$ (mm)", "gap $y_{w1}$ (mm)"]  # no rocking
+
+
+def test_a_long_run_has_an_overview_of_its_range(result, monkeypatch):
+    monkeypatch.setattr(run, "SHOWN_TURNS", 2)
+    figure = drawn(result, kinds=["motion"])["motion"]
+    titles = [axis.get_title(loc="left").splitlines()[-1] for axis in figure.axes[:2]]
+    assert titles == ["whole run, range of values", "last turns, grey on the left"]
+    table = read_table(result, "trajectory")
+    whole = figure.axes[0].collections[0].get_datalim(figure.axes[0].transData)
+    assert (whole.y0, whole.y1) == pytest.approx((1e3 * table["y_m"].min(), 1e3 * table["y_m"].max()))
+    assert whole.x1 - whole.x0 > 0.2
+    assert np.ptp(figure.axes[1].lines[0].get_xdata()) == pytest.approx(2.0 / 25.75, rel=0.05)
+
+
+def test_many_turns_are_drawn_as_their_range(result, monkeypatch):
+    monkeypatch.setattr(run, "MOST_TURNS", 3)
+    axis = drawn(result, kinds=["motion"], start=0.0)["motion"].axes[0]
+    table = read_table(result, "trajectory")
+    low, high = axis.collections[0].get_datalim(axis.transData).intervaly
+    assert (low, high) == pytest.approx((1e3 * table["y_m"].min(), 1e3 * table["y_m"].max()))
+    assert not axis.lines
+
+
+def test_a_long_table_is_read_in_parts_and_thinned_where_all_of_it_is_shown(result, monkeypatch):
+    monkeypatch.setattr(run, "SHOWN_TURNS", 2)
+    before = drawn(result, kinds=["motion"])["motion"]
+    monkeypatch.setattr("vibroplat.results.tables.PART", 50)
+    monkeypatch.setattr("vibroplat.results.files.read_table", None)
+    monkeypatch.setattr(run, "POINTS", 100)
+    figures = drawn(result)
+    after = figures["motion"]
+    np.testing.assert_array_equal(data_of(after.axes[1].lines[0]), data_of(before.axes[1].lines[0]))
+    envelopes = [f.axes[0].collections[0].get_paths()[0].vertices for f in (before, after)]
+    np.testing.assert_array_equal(*envelopes)
+    table = read_table(result, "trajectory")
+    shown = figures["exciters"].axes[0].lines[0].get_xdata()
+    np.testing.assert_array_equal(shown, table["t_s"].iloc[:: -(-len(table) // 100)])
+    assert 50 < len(shown) <= 100
+
+
+def test_impulses_are_stems_on_an_axis_of_their_own(result):
+    force, impulses = drawn(result, kinds=["force"], start=0.05, stop=0.2)["force"].axes
+    trajectory, events = (read_table(result, name).query("0.05 <= t_s <= 0.2") for name in ("trajectory", "events"))
+    strikes = events[events["impulse_n_s"] > 0.0]
+    np.testing.assert_array_equal(data_of(force.lines[0]), table_line(trajectory, "contact_force_n"))
+    np.testing.assert_array_equal(data_of(impulses.lines[0]), table_line(strikes, "impulse_n_s"))
+    assert [axis.get_ylabel() for axis in (force, impulses)] == ["contact force $F_c$ (N)", "impulse $P$ (N·s)"]
+    (stems,) = (c for c in impulses.collections if isinstance(c, LineCollection))
+    assert [segment[0][1] for segment in stems.get_segments()] == [0.0] * len(strikes)
+    assert not force.get_shared_y_axes().joined(force, impulses)
+    assert not any(isinstance(c, LineCollection) for c in force.collections)
+
+
+def test_exciters_show_both_speeds_and_their_phase_over_the_whole_run(result):
+    speeds, phase = drawn(result)["exciters"].axes
+    table = read_table(result, "trajectory")
+    assert [line.get_label() for line in speeds.lines] == ["exciter 1", "exciter 2", "synchronous speed"]
+    np.testing.assert_allclose(data_of(speeds.lines[0]), table_line(table, "phi1_rate_rad_per_s", 1.0 / TURN))
+    np.testing.assert_allclose(data_of(speeds.lines[1]), table_line(table, "phi2_rate_rad_per_s", -1.0 / TURN))
+    np.testing.assert_allclose(speeds.lines[2].get_ydata(), 25.75)
+    np.testing.assert_allclose(phase.lines[0].get_ydata(), (table["phi1_rad"] + table["phi2_rad"]) % TURN)
+
+
+def test_a_scene_without_contact_has_no_force(saved):
+    figures = drawn(saved["bare"])
+    assert [*figures] == ["motion", "exciters"]
+    assert len(figures["motion"].axes) == 1
+    with pytest.raises(TableError, match="has no contact force, as its scene is bare or non-impact"):
+        drawn(saved["bare"], kinds=["force"])
+
+
+def test_parameters_are_in_the_title(saved):
+    figure = drawn(saved["bouncing"], kinds=["force"])["force"]
+    assert figure.get_suptitle() == "quickstart"
+    assert figure.axes[0].get_title(loc="left") == r"$f_e$ = 51.5 Hz, $\mu_w$ = 0.2, two layers, $R$ = 0.5"
+    program = [{"t_s": 0.0, "supply_frequency_hz": 50.0}, {"t_s": 2.0, "exciter_2": "off"}, {"t_s": 3.5, "off": True}]
+    scene = load_config(QUICKSTART, {"drive": {"program": program}})
+    assert run_parameters(scene).startswith("$f_e$ = 50 Hz, motor 2 off at 2 s, motors off at 3.5 s, ")
+
+
+def test_runs_are_laid_over_each_other_from_a_whole_turn_on(saved, tmp_path, figures):
+    places = [saved["two layers"], saved["bouncing"]]
+    named = [f"{places[0]} ($R$ = 0)", f"{places[1]} ($R$ = 0.5)"]
+    paths = plot_results(places)
+    assert [path.name for path in paths] == ["motion-compared.png", "force-compared.png", "exciters-compared.png"]
+    for path in paths:
+        path.unlink()
+    top = figures["motion"].axes[0]
+    assert all(0.0 <= line.get_xdata()[0] < 1e-3 for line in top.lines)
+    assert [line.get_label() for line in top.lines] == named
+    assert len({line.get_color() for line in top.lines}) == 2
+    assert not top.patches  # contact of two runs cannot be shaded
+    for figure in figures.values():
+        assert texts(figure.legends[0])[:2] == named
+
+
+def test_measured_data_are_laid_over_a_run(saved, tmp_path):
+    file = tmp_path / "rig.csv"
+    pd.DataFrame({"t_s": [0.1, 0.2], "y_m": [1e-4, -2e-4]}).to_csv(file, index=False)
+    top, gap = drawn(saved["two layers"], kinds=["motion"], data=file)["motion"].axes
+    assert top.lines[-1].get_ydata() == pytest.approx([0.1, -0.2])
+    assert top.lines[-1].get_label() == "measured: rig.csv"
+    assert not any(line.get_marker() == "D" for line in gap.lines)
+
+
+# -- intervals ------------------------------------------------------------------------------------------
+
+
+def test_every_figure_shows_the_interval_asked_for(result):
+    for figure in drawn(result, start=0.1, stop=0.15).values():
+        for axis in figure.axes:
+            times = np.concatenate([line.get_xdata() for line in axis.lines if len(line.get_xdata())])
+            assert 0.1 <= times.min() <= times.max() <= 0.15
+
+
+@pytest.mark.parametrize(
+    ("interval", "line"),
+    [
+        ({"start": 5.0}, "--start 5: DIR runs from 0 to 0.25 s; allowed: a time within it"),
+        ({"stop": -1.0}, "--stop -1: DIR runs from 0 to 0.25 s; allowed: a time within it"),
+        ({"start": 0.1, "stop": 0.1}, "--start 0.1 is not before --stop 0.1; DIR runs from 0 to 0.25 s"),
+        ({"start": float("nan")}, "--start nan: DIR runs from 0 to 0.25 s; allowed: a time within it"),
+        ({"start": 0.1001, "stop": 0.1002}, "no data between 0.1001 and 0.1002 s; DIR runs from 0 to 0.25 s"),
+    ],
+    ids=str,
+)
+def test_an_interval_without_data_is_refused_with_how_long_the_run_was(interval, line, result):
+    assert refusal(result, **interval) == line
+
+
+def test_an_interval_that_is_longer_than_the_run_is_told(caplog, result):
+    drawn(result, start=0.1, stop=9.0)
+    assert caplog.messages == [f"--stop 9: {result} runs from 0 to 0.25 s; the figures show what there is"]
+
+
+# -- refused --------------------------------------------------------------------------------------------
+
+
+def refusal(directory, **interval):
+    """What the user is told instead of figures."""
+    with pytest.raises(TableError) as caught:
+        plot_results([directory], ["motion", "force"], **interval)
+    assert list(directory.glob("*.png")) == []
+    assert len(str(caught.value).splitlines()) == 1
+    return str(caught.value).replace(str(directory), "DIR")
+
+
+@pytest.mark.parametrize(
+    ("missing", "line"),
+    [
+        ("provenance.json", "DIR holds no provenance.json"),
+        ("trajectory.parquet", "DIR holds no trajectory table; allowed: a result directory of vibroplat"),
+    ],
+)
+def test_the_file_that_is_missing_is_named(missing, line, result):
+    (result / missing).unlink()
+    with pytest.raises(TableError) as caught:
+        drawn(result)
+    assert str(caught.value).replace(str(result), "DIR") == line
+
+
+@pytest.mark.parametrize(
+    ("file", "content", "line"),
+    [
+        ("provenance.json", '{"schema": 2}', "DIR holds results of schema 2; this version reads schema 1"),
+        ("provenance.json", "{", "DIR/provenance.json cannot be read: "),
+        ("summary.json", "[]", "DIR/summary.json is not the summary of a run"),
+        ("trajectory.csv", "a,b\n1,2\n", "the trajectory table in DIR has no numbers in column t_s"),
+        ("events.csv", "", "DIR/events.csv cannot be read: "),
+    ],
+)
+def test_damaged_files_are_told_in_a_line(file, content, line, result):
+    if file.endswith("csv"):
+        (result / file).with_suffix(".parquet").unlink()
+    (result / file).write_text(content)
+    assert refusal(result).startswith(line)
+
+
+@pytest.mark.parametrize(
+    "change", [{"name": None}, {"excitation_frequency_hz": "fast"}, {"excitation_frequency_hz": -1.0}], ids=str
+)
+def test_a_summary_of_something_else_is_refused(change, result):
+    (result / "summary.json").write_text(json.dumps(read_json(result, "summary") | change))
+    assert refusal(result) == "DIR/summary.json is not the summary of a run"
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"phi2_rad": None}, "numbers in column phi2_rad"),
+        ({"mode": None}, "column mode"),
+        ({"gap_m": "text"}, "numbers in column gap_m"),
+        ({"y_m": True}, "numbers in column y_m"),
+        ({"mode": 1.5}, "names in column mode"),
+    ],
+    ids=str,
+)
+def test_the_column_that_cannot_be_drawn_is_named(change, told, result):
+    ((column, values),) = change.items()
+    table = read_table(result, "trajectory")
+    changed = table.drop(columns=column) if values is None else table.assign(**change)
+    write_table(changed, result, "trajectory", "parquet")
+    assert refusal(result) == f"the trajectory table in DIR has no {told}"
+
+
+@pytest.mark.parametrize("name", ["10 $ and 20 $", r"cost $\frac$ x"])
+def test_dollar_signs_in_names_are_drawn_as_they_are(name, result):
+    (result / "summary.json").write_text(json.dumps(read_json(result, "summary") | {"name": name}))
+    shown, mathematics = Text()._preprocess_math(drawn(result, kinds=["exciters"])["exciters"].get_suptitle())
+    assert (shown, mathematics) == (name, False)
+
+
+def test_a_figure_that_cannot_be_written_is_told_in_a_line(result):
+    (result / "motion.png").mkdir()
+    with pytest.raises(TableError) as caught:
+        plot_results([result], ["motion"])
+    assert str(caught.value) == f"{result}/motion.png cannot be written: Is a directory"

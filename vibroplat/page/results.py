@@ -1,0 +1,178 @@
+"""Results on the page: where they are, what was run, how it differs from the defaults and what came out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from vibroplat.columns import unit_of, words
+from vibroplat.config.keys import Key, key_of
+from vibroplat.config.scene import Scene
+from vibroplat.errors import ConfigError, TableError
+from vibroplat.plots.labels import UNUSED, differing, shortened, value_words
+from vibroplat.plots.reading import read_result
+from vibroplat.results.files import Command, Result
+
+#: The table by which the result of a command is found.
+TABLES: dict[Command, str] = {"run": "trajectory", "sweep": "sweep", "orbits": "branches"}
+#: Keys of a summary that are shown first.
+FIRST = (
+    *("outcome", "simulated_s", "excitation_frequency_hz", "frequency_split_hz", "phase_difference_rad"),
+    *("rms_x_m", "rms_y_m", "rms_phi_rad", "gap_max_m", "contact_force_max_n", "impulse_max_n_s"),
+    *("flight_fraction", "impacts_per_period", "motor_power_w", "energy_residual"),
+)
+#: Keys of a summary that are told elsewhere on the page.
+_ELSEWHERE = ("name", "detail", "notes", "check")
+
+
+@dataclass(frozen=True)
+class Found:
+    """A result of a command.
+
+    Attributes
+    ----------
+    result, command
+        Its files, and the command that wrote them.
+    label
+        Its name, with its directory where two have the same.
+    configuration
+        The full configuration.
+    summary
+        Of a run; empty for other commands.
+    """
+
+    result: Result
+    command: Command
+    label: str
+    configuration: dict[str, Any]
+    summary: dict[str, Any]
+
+    @cached_property
+    def scene(self) -> Scene:
+        """What was simulated."""
+        try:
+            return Scene.from_tree(self.configuration)
+        except ConfigError as error:
+            raise TableError(f"the configuration in {self.result.directory}: {error}") from None
+
+
+def find_results(directories: Sequence[Path]) -> list[Found]:
+    """Return all results in some directories, each with a label of its own.
+
+    Raises
+    ------
+    TableError
+        A directory holds none, or one that is damaged or of another version.
+    """
+    found = [result for directory in dict.fromkeys(directories) for result in _in(directory)]
+    labels = [(one.label, one.command) for one in found]
+    return [
+        one
+        if labels.count((one.label, one.command)) == 1
+        else replace(one, label=f"{one.label} ({one.result.directory})")
+        for one in found
+    ]
+
+
+def _in(directory: Path) -> Iterator[Found]:
+    commands = [command for command, name in TABLES.items() if any(directory.glob(f"{name}.*"))]
+    if not commands:
+        raise TableError(f"{directory} holds no finished run, sweep or orbits; allowed: a directory with one of them")
+    for command in commands:
+        result = read_result(directory, command)
+        configuration = result.provenance.get("configuration")
+        if not isinstance(configuration, dict):
+            raise TableError(f"the provenance in {directory} holds no configuration; repeat the command that wrote it")
+        summary = result.document("summary") if command == "run" else {}
+        if not isinstance(summary, dict):
+            raise TableError(f"{directory / 'summary.json'} is not the summary of a run")
+        name = str(summary.get("name") or configuration.get("name") or directory.name)
+        yield Found(result, command, name, configuration, summary)
+
+
+# -- what was run ------------------------------------------------------------------------------------------------------
+
+
+def parameters(commands: Sequence[str], configurations: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Return a row for each parameter of some results: its section, words, unit, meaning, default and values."""
+    used = [
+        {section: value for section, value in tree.items() if section not in ("name", *UNUSED.get(command, ()))}
+        for command, tree in zip(commands, configurations, strict=True)
+    ]
+    sections = list(dict.fromkeys(section for tree in used for section in tree))
+    trees = [{key: value for key, value in _flat(tree) if value != {}} for tree in used]  # empty sections say nothing
+    keys = dict.fromkeys(key for tree in trees for key in tree)
+    ordered = sorted(keys, key=lambda key: sections.index(key.partition(".")[0]))
+    return [_parameter(key, [tree.get(key) for tree in trees]) for key in ordered]
+
+
+def _flat(tree: Any, place: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield dotted keys and values of nested sections and lists; places in lists are numbers."""
+    inside = enumerate(tree) if isinstance(tree, list) else tree.items() if isinstance(tree, Mapping) else ()
+    entries = [(f"{place}.{key}".strip("."), value) for key, value in inside]
+    if not entries:
+        yield place, tree
+    for key, value in entries:
+        yield from _flat(value, key)
+
+
+def _parameter(name: str, values: Sequence[Any]) -> dict[str, Any]:
+    try:
+        key: Key | None = key_of(name)
+    except KeyError:  # of a grid, or of another version
+        key = None
+    default = None if key is None else key.default
+    parts = name.split(".")[:-1]  # places in lists begin with 0; exciters and entries of a program are counted from 1
+    return {
+        "section": " ".join(str(int(part) + 1) if part.isdecimal() else part for part in parts),
+        "words": words(name) or name,
+        "unit": unit_of(name),
+        "meaning": "" if key is None else ": ".join(text for text in (key.symbol, key.meaning) if text),
+        "default": default,
+        "values": list(values),
+        "changed": [value is not None and value != default for value in values],
+        "differs": any(value != values[0] for value in values),
+    }
+
+
+def differences(commands: Sequence[str], configurations: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return for each result the values of parameters in which results of its command differ; "" for a single one."""
+    found = [""] * len(commands)
+    for command in dict.fromkeys(commands):
+        places = [place for place, one in enumerate(commands) if one == command]
+        for place, keys in zip(places, differing(command, [configurations[place] for place in places]), strict=True):
+            found[place] = ", ".join(shortened([value_words(key, value) for key, value in keys.items()]))
+    return found
+
+
+# -- what came out -----------------------------------------------------------------------------------------------------
+
+
+def summary_rows(summaries: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Return a row for each key of some summaries: its words, its unit, its values and whether it is shown first.
+
+    The numbers that a person asks for first come first. Lengths are in mm.
+    """
+    keys = [key for key in FIRST if any(key in summary for summary in summaries)]
+    keys += [key for key in dict.fromkeys(k for s in summaries for k in s) if key not in (*FIRST, *_ELSEWHERE)]
+    rows = []
+    for key in keys:
+        unit, values = unit_of(key), [summary.get(key) for summary in summaries]
+        if unit == "m":
+            unit, values = "mm", [1e3 * v if isinstance(v, int | float) else v for v in values]
+        rows.append({"words": words(key), "unit": unit, "values": values, "first": key in FIRST})
+    return rows
+
+
+def remarks(label: str, summary: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return what is to be noted of a run: how it failed, if it did, and its notes."""
+    outcome, detail, notes = (summary.get(key) for key in ("outcome", "detail", "notes"))
+    failed = [] if outcome in ("ok", None) else [f"{outcome}: {detail}"]
+    told = [str(note) for note in notes] if isinstance(notes, list) else []
+    check = summary.get("check")
+    if isinstance(check, Mapping) and check.get("agrees") is False:
+        failed.append("engines disagree")
+    return [{"result": label, "text": text, "failed": text in failed} for text in (*failed, *told)]

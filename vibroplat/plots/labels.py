@@ -1,0 +1,208 @@
+"""What figures and the page call keys, values and scenes, and how they tell several results apart."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from vibroplat.columns import PHASE, unit_of, words
+from vibroplat.config.drive import Drive, Entry
+from vibroplat.config.overrides import flat
+from vibroplat.config.scene import Scene
+from vibroplat.errors import ConfigError
+from vibroplat.plots.style import plain
+from vibroplat.study.branches import EXCITATION, FREQUENCY, SUPPLY
+
+#: What curves of a sweep are drawn over, by the names of option ``--x``.
+ABSCISSAE = {"excitation": EXCITATION, "supply": SUPPLY}
+FREQUENCIES = {EXCITATION: "excitation frequency $f$ (Hz)", SUPPLY: "supply frequency $f_e$ (Hz)"}
+#: Names and symbols of keys; others have no symbol and are called by the words of their last part.
+_KEYS = {
+    "material.mass_ratio": ("mass ratio", r"$\mu_w$"),
+    "material.natural_frequency_hz": ("natural frequency of the layers", "$f_w$"),
+    "material.damping_ratio": ("damping ratio of the layers", r"$\zeta_w$"),
+    "contact.restitution": ("restitution", "$R$"),
+    "machine.platform_mass_kg": ("platform mass", "$m_0$"),
+    "machine.unbalance_mass_kg": ("unbalance mass", "$m_r$"),
+    "machine.unbalance_radius_m": ("unbalance radius", "$r$"),
+    "machine.stiffness_x_n_per_m": ("stiffness along x", "$c_x$"),
+    "machine.stiffness_y_n_per_m": ("stiffness along y", "$c_y$"),
+    "machine.damping_x_n_s_per_m": ("damping along x", "$b_x$"),
+    "machine.damping_y_n_s_per_m": ("damping along y", "$b_y$"),
+    "motor.critical_torque_n_m": ("critical torque", "$M_c$"),
+    "motor.critical_slip": ("critical slip", "$s_c$"),
+    "motor.friction_radius_m": ("bearing friction radius", "$k_R$"),
+}
+#: Sections that a command does not use.
+UNUSED: dict[str, tuple[str, ...]] = {
+    "run": ("sweep", "orbits"),
+    "sweep": ("run", "output", "orbits"),
+    "orbits": ("sweep", "output"),
+}
+#: What the axes and curves of a figure show themselves.
+_SHOWN = ("sweep.supply_frequency_hz.", "sweep.grid.", "orbits.")
+#: Most parameters of a result in a legend.
+MOST = 4
+#: The supply, constant or a program: one parameter.
+DRIVE = "drive"
+
+
+# -- keys and their values ---------------------------------------------------------------------------------------------
+
+
+def is_number(value: Any) -> bool:
+    """Whether a value, or a column, holds numbers that can be ordered."""
+    types = pd.api.types
+    if isinstance(value, pd.Series):
+        return types.is_numeric_dtype(value) and not types.is_bool_dtype(value)
+    return types.is_number(value) and not types.is_bool(value)
+
+
+def key_label(key: str) -> str:
+    """Return what a key, or the column of a frequency, is called on an axis."""
+    if key in FREQUENCIES:
+        return FREQUENCIES[key]
+    name, symbol = _KEYS.get(key, (words(key), ""))
+    unit = unit_of(key)
+    return " ".join(part for part in (plain(name), symbol, f"({unit})" if unit else "") if part)
+
+
+def value_label(key: str, value: Any) -> str:
+    """Return a value of a key in a legend, with its symbol and unit."""
+    if not is_number(value):
+        return plain(value if isinstance(value, str) else f"{words(key)}: {value}")
+    symbol = _KEYS.get(key, ("", ""))[1]
+    return f"{symbol or plain(words(key))}{' = ' if symbol else ' '}{value:g} {unit_of(key)}".strip()
+
+
+def value_words(key: str, value: Any) -> str:
+    """Return a value as plain text, with the words of its key and its unit; of a supply, its largest frequency."""
+    if key == DRIVE:
+        drive = Drive.model_validate(value)
+        return f"supply {'' if drive.program is None else 'program up to '}{drive.largest_frequency:g} Hz"
+    number = f"{value:g}" if is_number(value) else str(value)
+    return " ".join(part for part in (words(key), _place(key), number, unit_of(key)) if part)
+
+
+def _place(key: str) -> str:
+    """Return the place of a key in a list, counted from 1; "" for other keys."""
+    return next((str(int(part) + 1) for part in key.split(".") if part.isdecimal()), "")
+
+
+# -- scenes ------------------------------------------------------------------------------------------------------------
+
+
+def scene_of(provenance: dict[str, Any]) -> Scene | None:
+    """Return the scene of a result, or None if its configuration is lost or of another version."""
+    try:
+        return Scene.from_tree(provenance["configuration"])
+    except (KeyError, TypeError, AttributeError, ConfigError):
+        return None
+
+
+def phase_label(co_rotating: bool) -> str:
+    """Return the phase difference with its definition."""
+    return PHASE + (r" = $\varphi_1 - \varphi_2$" if co_rotating else r" = $\varphi_1 + \varphi_2$")
+
+
+def run_parameters(scene: Scene | None) -> str:
+    """Return the parameters of a run that a reader of its figures wants to know."""
+    return "" if scene is None else ", ".join([supply_label(scene), *_material(scene)])
+
+
+def sweep_parameters(scene: Scene | None, varied: Sequence[str]) -> str:
+    """Return the parameters of a sweep that do not vary in it."""
+    return "" if scene is None else ", ".join(_material(scene, varied))
+
+
+def supply_label(scene: Scene) -> str:
+    """Return the supply frequency, or a program's frequencies and switches."""
+    program = scene.drive.program
+    if program is None:
+        return f"$f_e$ = {scene.drive.largest_frequency:g} Hz"
+    frequencies = [e.supply_frequency_hz for e in program if e.supply_frequency_hz is not None]
+    passed = frequencies[:1] if len(set(frequencies)) == 1 else frequencies
+    text = f"$f_e$ = {' → '.join(f'{f:g}' for f in passed[:4])}{' …' if len(passed) > 4 else ''} Hz"
+    switched = [f"{who} at {entry.t_s:g} s" for entry in program for who in _switched(entry)]
+    return ", ".join([text, *switched[:2], *(["…"] if len(switched) > 2 else [])])
+
+
+def _switched(entry: Entry) -> list[str]:
+    """Say what an entry of a program switches."""
+    whole = [] if entry.off is None else [f"motors {'off' if entry.off else 'on'}"]
+    given = enumerate((entry.exciter_1, entry.exciter_2), 1)
+    return whole + [f"motor {number} {state}" for number, state in given if state is not None]
+
+
+def _material(scene: Scene, varied: Sequence[str] = ()) -> list[str]:
+    """Return mass, layers and contact; what varies is left out."""
+    mass_varies = "material.mass_ratio" in varied
+    ratio = scene.material.mass_ratio
+    if ratio == 0.0 and not mass_varies:
+        return ["no material"]
+    parts = [] if mass_varies else [rf"$\mu_w$ = {ratio:g}"]
+    if scene.contact.model == "non-impact":
+        return [*parts, "non-impact model"]
+    parts.append("one layer" if scene.material.layers == 1 else "two layers")
+    return parts if "contact.restitution" in varied else [*parts, f"$R$ = {scene.contact.restitution:g}"]
+
+
+# -- differences between results ---------------------------------------------------------------------------------------
+
+
+def differing(command: str, configurations: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Return for each full configuration of a command the keys in which they differ, with its values.
+
+    Keys that a configuration does not have, or that a study varies itself, are left out of its own. Lists count by
+    their entries; the supply, which may be a number or a program, is the key ``drive``.
+    """
+    trees = []
+    for tree in configurations:
+        used = {key: value for key, value in tree.items() if key not in ("name", *UNUSED[command])}
+        supply = {DRIVE: used.pop(DRIVE)} if DRIVE in used else {}
+        own = _varied(command, tree)
+        trees.append({key: value for key, value in (supply | flat(_numbered(used))).items() if key not in own})
+    keys = [key for key in dict.fromkeys(key for tree in trees for key in tree) if not key.startswith(_SHOWN)]
+    differ = [key for key in keys if any(tree.get(key) != trees[0].get(key) for tree in trees)]
+    return [{key: tree[key] for key in differ if tree.get(key) not in (None, {})} for tree in trees]
+
+
+def _varied(command: str, tree: Mapping[str, Any]) -> set[str]:
+    """Return the keys that a study gives values of its own, as in the result of :func:`differing`."""
+    study = tree.get(command, {})
+    found = {*study.get("grid", {})} | {"orbits": {study.get("key", "")}, "sweep": {FREQUENCY}}.get(command, set())
+    return found | {DRIVE} if FREQUENCY in found else found
+
+
+def _numbered(tree: Any) -> Any:
+    """Return nested sections with lists as sections whose keys are places."""
+    if isinstance(tree, list):
+        return {str(place): _numbered(value) for place, value in enumerate(tree)}
+    return {key: _numbered(value) for key, value in tree.items()} if isinstance(tree, Mapping) else tree
+
+
+def distinct(names: Sequence[str], directories: Sequence[Path]) -> list[str]:
+    """Return names of results, or their directories where two have the same name."""
+    return [name if names.count(name) == 1 else str(place) for name, place in zip(names, directories, strict=True)]
+
+
+def legend_names(names: Sequence[str], found: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return for each of several results its name, and how it differs from the others."""
+    parts = [", ".join(shortened([_difference(key, value) for key, value in one.items()])) for one in found]
+    return [f"{plain(name)} ({how})" if how else plain(name) for name, how in zip(names, parts, strict=True)]
+
+
+def shortened(parts: Sequence[str]) -> list[str]:
+    """Return the first parts of a legend, and how many more there are."""
+    return [*parts] if len(parts) <= MOST else [*parts[: MOST - 1], f"{len(parts) - MOST + 1} more"]
+
+
+def _difference(key: str, value: Any) -> str:
+    """Return a value in which a result differs, with the number of its exciter or motor."""
+    if key == DRIVE:
+        return supply_label(Scene.model_validate({DRIVE: value}))
+    place, label = _place(key), value_label(key, value)
+    return f"{key.split('.', maxsplit=1)[0].removesuffix('s')} {place}: {label}" if place else label
