@@ -8,12 +8,6 @@ from common.places import QUICKSTART
 from common.results import unproven
 
 
-@pytest.fixture(scope="session", params=["two layers", "one layer", "bare", "bouncing"])
-def finished(request, runs):
-    """Each of the finished runs in turn."""
-    return runs[request.param]
-
-
 @pytest.fixture(scope="session")
 def finished_commands(vibroplat, tmp_path_factory):
     """Two short runs with the default output directory: ``quickstart`` in Parquet, ``bare`` in CSV."""

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import platform
 import re
 import subprocess
 import sys
 from datetime import UTC, datetime
 from importlib.metadata import version
+from pathlib import Path
 
 import pytest
 from common.commands import script
@@ -17,11 +19,14 @@ from common.places import QUICKSTART
 
 from vibroplat import __version__, load_config
 from vibroplat.cli import main
-from vibroplat.config.keys import configuration_schema
+from vibroplat.config.keys import configuration_schema, keys
 from vibroplat.config.scene import Scene
 from vibroplat.kernels.cache import is_compiled
 from vibroplat.results.provenance import configuration_hash, provenance
 from vibroplat.results.tables import read_json, read_table
+from vibroplat.system.interrupts import KEPT, RESUMABLE
+
+RESULTS = Path(__file__).parents[2] / "results"
 
 SHORT = ("--set", "run.duration_s=0.1")
 STORM = (
@@ -45,7 +50,7 @@ def names(directory):
 # -- what answers at once -------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("arguments", [["--help"], ["run", "--help"], ["sweep", "--help"], ["--version"]], ids=" ".join)
+@pytest.mark.parametrize("arguments", [["sweep", "--help"], ["--version"]], ids=" ".join)
 def test_what_answers_at_once_loads_nothing_heavy(arguments):
     """A test of times would depend on the machine; these modules are what takes time."""
     heavy = {"numpy", "numba", "pandas", "matplotlib", "scipy", "sksundae", "pydantic", "ruamel", "pyarrow", "loky"}
@@ -58,20 +63,42 @@ def test_what_answers_at_once_loads_nothing_heavy(arguments):
     assert "vibroplat.cli" in loaded.split()
 
 
-def test_help_names_the_commands(vibroplat):
-    done = vibroplat("--help")
+def test_help_names_the_commands_and_h_is_short_for_it(command):
+    done = command("--help")
     assert (done.code, done.err) == (0, "")
-    for command in ("run", "plot", "schema"):
-        assert re.search(rf"^\W*{command}\s", done.out, re.MULTILINE)
+    for name in ("new", "run", "sweep", "orbits", "plot", "report", "paper", "calibrate", "bench", "schema", "columns"):
+        assert re.search(rf"^\W*{name}\s", done.out, re.MULTILINE)
+    for before in ([], ["run"], ["new"]):
+        assert command(*before, "-h") == command(*before, "--help")
+        assert command(*before, "-h").out.startswith("Usage: vibroplat")
+    for name in ("run", "sweep", "paper", "calibrate"):
+        assert "--engine" in command(name, "--help").out
+    for name in ("run", "sweep"):
+        assert "--check" in command(name, "--help").out
 
 
-def test_version(vibroplat):
-    done = vibroplat("--version")
-    assert (done.code, done.out, done.err) == (0, f"vibroplat {__version__}\n", "")
+def test_version(command):
+    assert command("--version") == (0, f"vibroplat {__version__}\n", "")
 
 
-def test_schema_is_json(vibroplat):
-    done = vibroplat("schema")
+def completed(*words):
+    """What bash would offer after these words."""
+    asked = {"_VIBROPLAT_COMPLETE": "complete_bash", "COMP_WORDS": " ".join(("vibroplat", *words))}
+    asked["COMP_CWORD"] = str(len(words))
+    line = [sys.executable, "-c", script()]
+    done = subprocess.run(line, capture_output=True, text=True, check=True, env=os.environ | asked)
+    assert done.stderr == ""
+    return done.stdout.split()
+
+
+def test_options_and_their_values_are_completed(command):
+    assert "--jobs" in completed("sweep", "x.yaml", "--j")
+    assert completed("plot", "DIR", "--kind", "f") == ["force"]
+    assert "--install-completion" in command("--help").out
+
+
+def test_schema_is_json(command):
+    done = command("schema")
     assert (done.code, done.err) == (0, "")
     assert json.loads(done.out) == configuration_schema()
 
@@ -131,11 +158,6 @@ def test_run_prints_and_keeps_its_notes(command, kernels, here):
     assert done.out.endswith(f"note: {note}\n")
 
 
-def test_run_that_ends_before_its_measured_part_says_so(command, kernels, here):
-    done = command("run", QUICKSTART, *settings(*STORM, "run.duration_s=10.0", "name=storm"))
-    assert "\nmeasured                    nothing: the run ended before 5 s\n" in done.out
-
-
 def test_run_that_ends_early_exits_1_and_keeps_what_it_has(command, tmp_path):
     done = command("run", QUICKSTART, *settings(*STORM, "name=storm"), "--out", tmp_path)
     assert done.code == 1
@@ -152,6 +174,7 @@ def test_run_that_ends_early_exits_1_and_keeps_what_it_has(command, tmp_path):
     assert trajectory["t_s"].iloc[-1] == summary["simulated_s"] < 1.0
     assert len(read_table(directory, "events")) == summary["events"] >= 3
     assert done.out.startswith("outcome                     event-storm\n")
+    assert "\nmeasured                    nothing: the run ended before 0.5 s\n" in done.out
 
 
 def test_run_without_a_first_step_exits_1_and_writes_empty_tables(command, tmp_path):
@@ -167,6 +190,7 @@ def test_run_without_a_first_step_exits_1_and_writes_empty_tables(command, tmp_p
 
 
 def test_the_first_run_says_why_it_takes_long(here, monkeypatch, capsys, kernels):
+    assert is_compiled()
     monkeypatch.setattr("vibroplat.kernels.cache.is_compiled", lambda engine="auto": False)
     monkeypatch.setattr("sys.argv", ["vibroplat", "run", str(QUICKSTART), "--set", "run.duration_s=0.01"])
     with pytest.raises(SystemExit) as ended:
@@ -174,10 +198,6 @@ def test_the_first_run_says_why_it_takes_long(here, monkeypatch, capsys, kernels
     assert ended.value.code == 0
     how = "this happens once for each engine and takes about half a minute"
     assert capsys.readouterr().err == f"vibroplat: compiling the numerical kernels; {how}\n"
-
-
-def test_compiled_kernels_are_found_on_disk(kernels):
-    assert is_compiled()
 
 
 # -- provenance -----------------------------------------------------------------------------------------
@@ -230,14 +250,10 @@ def test_commit_is_none_outside_of_a_checkout(monkeypatch, tmp_path):
 
 def test_hash_is_that_of_what_is_simulated():
     scene = Scene()
-    spelled_out = Scene.from_tree({"drive": {"supply_frequency_hz": 50}, "contact": {}, "solver": {"tolerance": 1e-6}})
+    spelled_out = Scene.from_tree({"drive": {"supply_frequency_hz": 50}, "motor": {"pole_pairs": 2}, "contact": {}})
     assert re.fullmatch(r"[0-9a-f]{64}", configuration_hash(scene))
     assert configuration_hash(scene) == configuration_hash(spelled_out)
     assert configuration_hash(scene) != configuration_hash(scene.replace({"drive.supply_frequency_hz": 50.000001}))
-
-
-def test_hash_does_not_tell_a_default_from_the_same_given():
-    assert configuration_hash(Scene()) == configuration_hash(Scene.from_tree({"motor": {"pole_pairs": 2}}))
 
 
 def test_configuration_of_a_result_with_a_state_can_be_run_again():
@@ -248,42 +264,100 @@ def test_configuration_of_a_result_with_a_state_can_be_run_again():
 # -- bad input ------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("arguments", "line"),
-    [
-        (["run", "nope.yaml"], "nope.yaml: no such file"),
-        (["run", "bad.yaml"], "bad.yaml: contact.restitution = 1.2; allowed: at most 1.0"),
-        (["run", "good.yaml", "--set", "drive"], "--set 'drive'; allowed: key.sub=value"),
-        (["run", "good.yaml", "--out", "bad.yaml"], "output bad.yaml/good is not writable: Not a directory"),
-        (["plot", "nope"], "nope is not a directory; allowed: a result directory of vibroplat"),
-        (["run"], "Missing argument 'config'. Try 'vibroplat --help'."),
-        (["frobnicate"], "No such command 'frobnicate'. Try 'vibroplat --help'."),
-    ],
-    ids=["missing file", "value", "setting", "out", "directory", "argument", "command"],
-)
-def test_bad_input_exits_2_with_one_line(arguments, line, command, here):
+def test_bad_input_exits_2_with_one_line(command, vibroplat, here):
     (here / "bad.yaml").write_text("contact: {restitution: 1.2}\n")
     (here / "good.yaml").write_text("run: {duration_s: 0.01}\n")
-    assert command(*arguments) == (2, "", f"vibroplat: {line}\n")
+    for line, told in {
+        "run nope.yaml": "nope.yaml: no such file",
+        "run bad.yaml": "bad.yaml: contact.restitution = 1.2; allowed: at most 1.0",
+        "run good.yaml --set drive": "--set 'drive'; allowed: key.sub=value",
+        "run good.yaml --out bad.yaml": "output bad.yaml/good is not writable: Not a directory",
+        "plot nope": "nope is not a directory; allowed: a result directory of vibroplat",
+        "run": "Missing argument 'config'. Try 'vibroplat --help'.",
+        "frobnicate": "No such command 'frobnicate'. Try 'vibroplat --help'.",
+    }.items():
+        assert command(*line.split()) == (2, "", f"vibroplat: {told}\n")
+    assert vibroplat("run", "nope.yaml") == (2, "", "vibroplat: nope.yaml: no such file\n")
     assert names(here) == ["bad.yaml", "good.yaml"]
 
 
-def test_program_exits_2_with_one_line(vibroplat, here):
-    assert vibroplat("run", "nope.yaml") == (2, "", "vibroplat: nope.yaml: no such file\n")
-
-
-@pytest.mark.parametrize(
-    ("arguments", "named"),
-    [
-        (["run", "nope.yaml", "--format", "xml"], ("'--format'", "'xml'", "'parquet', 'csv'")),
-        (["run", "nope.yaml", "--bogus"], ("--bogus",)),
-        (["plot", ".", "--kind", "nope"], ("'--kind'", "'nope'", "'motion', 'force', 'exciters'")),
-        (["plot", ".", "--start", "soon"], ("'--start'", "number")),
-    ],
-    ids=["format", "option", "kind", "time"],
-)
-def test_bad_option_exits_2_with_one_line(arguments, named, command):
+def test_bad_option_exits_2_with_one_line(command):
     """In typer's words, which change with its version."""
-    done = command(*arguments)
-    assert (done.code, done.out, len(done.err.splitlines())) == (2, "", 1)
-    assert [text for text in named if text not in done.err] == []
+    for line, named in {
+        "run nope.yaml --format xml": ("'--format'", "'xml'", "'parquet', 'csv'"),
+        "run nope.yaml --bogus": ("--bogus",),
+        "plot . --kind nope": ("'--kind'", "'nope'", "'motion', 'force', 'exciters'"),
+        "plot . --start soon": ("'--start'", "number"),
+    }.items():
+        done = command(*line.split())
+        assert (done.code, done.out, len(done.err.splitlines())) == (2, "", 1)
+        assert [text for text in named if text not in done.err] == []
+        assert done.err.endswith(". Try 'vibroplat --help'.\n")
+        assert ".." not in done.err
+
+
+@pytest.mark.parametrize(("name", "kept"), [("run", KEPT), ("sweep", RESUMABLE), ("bench", KEPT)])
+def test_resume_is_promised_where_there_is_one(name, kept, command, monkeypatch):
+    """A command that runs out of memory as soon as it begins."""
+
+    def fail(*_):
+        raise MemoryError
+
+    monkeypatch.setattr("vibroplat.config.reader.load_config", fail)
+    monkeypatch.setattr("vibroplat.kernels.cache.is_compiled", fail)
+    arguments = [] if name == "bench" else [QUICKSTART]
+    assert command(name, *arguments) == (1, "", f"vibroplat: not enough memory; {kept}\n")
+    assert ("--resume" in command(name, "--help").out) == (kept == RESUMABLE)
+
+
+# -- vibroplat new --------------------------------------------------------------------------------------
+
+
+def test_new_writes_the_quickstart_with_all_its_keys(command, kernels, here):
+    done = command("new", "mine.yaml")
+    commands = "`vibroplat run mine.yaml`, `vibroplat sweep mine.yaml` or `vibroplat orbits mine.yaml`"
+    assert done == (0, f"mine.yaml: change it, then run {commands}\n", "")
+    written = load_config("mine.yaml")
+    assert written.orbits.key == "drive.supply_frequency_hz"
+    assert written.replace({"orbits": None}) == load_config(QUICKSTART, {"name": "mine"})
+    text = (here / "mine.yaml").read_text()
+    for name, key in keys().items():
+        if name.startswith(("machine.", "motor.", "material.", "contact.", "solver.")):
+            last = name.rpartition(".")[2]
+            assert re.search(rf"^ *(# )?{last}:", text, re.MULTILINE)
+            assert key.meaning.split()[-1] in text
+    assert max(map(len, text.splitlines())) <= 120
+    assert command("run", "mine.yaml", *SHORT).code == 0
+
+
+def test_new_overwrites_nothing_and_refuses_names_that_cannot_be_used(command, here):
+    (here / "mine.yaml").write_text("name: kept\n")
+    name = "my machine.yaml: name = 'my machine'; allowed: letters, digits and . _ + -, starting with a letter or digit"
+    for file, line in {
+        "mine.yaml": "mine.yaml: there is such a file already; allowed: a new one",
+        "my machine.yaml": name,
+        "nowhere/mine.yaml": "nowhere/mine.yaml: cannot be written (No such file or directory)",
+    }.items():
+        assert command("new", file) == (2, "", f"vibroplat: {line}\n")
+    assert names(here) == ["mine.yaml"]
+    assert (here / "mine.yaml").read_text() == "name: kept\n"
+
+
+# -- results --------------------------------------------------------------------------------------------
+
+
+def test_run_and_sweep_of_one_name_keep_each_others_files(command, kernels, here):
+    (here / "c.yaml").write_text("sweep: {supply_frequency_hz: {start: 45, stop: 45}, settle_s: 0.1, measure_s: 0.1}\n")
+    assert command("run", "c.yaml", *SHORT).code == 0
+    before = {path.name: path.read_bytes() for path in (here / "results/c").iterdir() if path.suffix != ".lock"}
+    assert command("sweep", "c.yaml").code == 0
+    assert {name: (here / "results/c" / name).read_bytes() for name in before} == before
+    assert (here / "results/c/sweep-provenance.json").exists()
+    assert command("plot", "results/c", "--kind", "motion").code == 0
+    assert command("plot", "results/c", "--kind", "response").code == 0
+
+
+def test_tables_of_the_paper_hold_no_wall_times():
+    tables = sorted((RESULTS / "paper").rglob("*.csv"))
+    assert len(tables) > 30
+    assert [path for path in tables if "wall" in path.read_text(encoding="utf-8").partition("\n")[0]] == []

@@ -21,13 +21,13 @@ def simulate(request):
 # -- ball on a table (Holmes 1982; Mehta & Luck 1990; Luck & Mehta 1993) ---------------------------------
 
 
-@pytest.mark.parametrize(("gamma", "fraction"), [(1.5, 0.567581021819), (2.0, 0.741479241490), (3.0, 0.949774312877)])
-def test_flight_fraction_of_the_inelastic_ball(simulate, gamma, fraction):
-    summary = simulate(ball_on_table(gamma)).summary
-    assert summary["outcome"] == "ok"
-    assert summary["flight_fraction"] == pytest.approx(fraction, abs=1e-6)
-    assert summary["liftoffs"] == 40
-    assert summary["impacts"] in (39, 40)
+def test_flight_fraction_of_the_inelastic_ball(simulate):
+    for gamma, fraction in ((1.5, 0.567581021819), (3.0, 0.949774312877)):
+        summary = simulate(ball_on_table(gamma)).summary
+        assert summary["outcome"] == "ok"
+        assert summary["flight_fraction"] == pytest.approx(fraction, abs=1e-6)
+        assert summary["liftoffs"] == 40
+        assert summary["impacts"] in (39, 40)
 
 
 def test_landing_speed_of_the_inelastic_ball(simulate):
@@ -51,9 +51,9 @@ def short_flight_fraction(gamma):
     return (brentq(gap, release + 0.5 * first, release + 2.0 * first, xtol=1e-15) - release) / TURN
 
 
-@pytest.mark.parametrize("excess", [1e-4, 1e-3, 1e-2, 1e-1])
-def test_short_flights_are_neither_missed_nor_doubled(simulate, excess):
+def test_short_flights_are_neither_missed_nor_doubled(simulate):
     """Just above lift-off the gap opens on a triple root; each period has one liftoff and one impact."""
+    excess = 1e-3
     run = simulate(ball_on_table(1.0 + excess, tolerance=1e-9))
     assert run.summary["liftoffs"] == run.summary["impacts"] == 40
     # the fraction goes with √(Γ − 1), which amplifies the error of F_c (3e-9 at this tolerance) by 1/excess
@@ -61,93 +61,34 @@ def test_short_flights_are_neither_missed_nor_doubled(simulate, excess):
     assert run.summary["flight_fraction"] == pytest.approx(expected, rel=1e-8 / excess + 1e-7)
 
 
-@pytest.mark.parametrize("excess", [1e-7, 1e-6, 1e-5])
-def test_shortest_flights_cause_no_storm(simulate, excess):
+def test_shortest_flights_cause_no_storm(simulate):
     # F_c falls by the excess below zero; its error is some 100 times the tolerance
-    run = simulate(ball_on_table(1.0 + excess, tolerance=1e-3 * excess))
+    run = simulate(ball_on_table(1.0 + 1e-7, tolerance=1e-10))
     assert run.outcome == "ok"
     assert run.summary["liftoffs"] == run.summary["impacts"] == 40
 
 
-def period_one(gamma, restitution, nudge, **options):
-    """Start right after the impact of the period-1 orbit, with a nudged rebound."""
-    cosine = math.pi * (1.0 - restitution) / ((1.0 + restitution) * gamma)
-    phase = math.acos(cosine)
-    rebound = (math.pi - gamma * cosine) * GRAVITY / OMEGA
-    scene = ball_on_table(gamma, restitution, phase=phase, gap_rate=rebound * (1.0 + nudge), **options)
-    return scene, phase
-
-
-def impact_phases(simulate, scene, phase):
-    impacts = simulate(scene).events.query("kind == 'impact'")["t_s"].to_numpy()
-    return np.mod(OMEGA * impacts + phase + 1.0, TURN) - 1.0
-
-
 def test_period_one_orbit_attracts(simulate):
-    scene, phase = period_one(1.3, 0.5, 1e-3, periods=60)
-    phases = impact_phases(simulate, scene, phase)
+    """Begun right after the impact of the period-1 orbit, with a nudged rebound."""
+    gamma, restitution = 1.3, 0.5
+    cosine = math.pi * (1.0 - restitution) / ((1.0 + restitution) * gamma)
+    phase, rebound = math.acos(cosine), (math.pi - gamma * cosine) * GRAVITY / OMEGA
+    scene = ball_on_table(gamma, restitution, phase=phase, gap_rate=rebound * 1.001, periods=60)
+    impacts = simulate(scene).events.query("kind == 'impact'")["t_s"].to_numpy()
+    phases = np.mod(OMEGA * impacts + phase + 1.0, TURN) - 1.0
     assert len(phases) in (59, 60)  # the last falls on the run's end
     assert phases[-1] == pytest.approx(phase, abs=1e-7)
-
-
-def test_period_one_orbit_contracts_by_restitution_squared(simulate):
-    """The Jacobian's determinant is R²: two nudges span an area that shrinks by R² each period."""
-    restitution, gamma = 0.5, 1.3
-    scene, phase = period_one(gamma, restitution, 0.0, periods=3)
-    base = state_after_impacts(simulate, scene)
-    first = state_after_impacts(simulate, period_one(gamma, restitution, 1e-4, periods=3)[0])
-    second_scene, _ = period_one(gamma, restitution, -1e-4, periods=3)
-    second = state_after_impacts(simulate, shifted(second_scene, phase, gamma, 1e-4))
-    area = [np.linalg.det([a - o, b - o]) for o, a, b in zip(base, first, second, strict=True)]
-    assert area[1] / area[0] == pytest.approx(restitution**2, rel=2e-3)
-
-
-def shifted(scene, phase, gamma, shift):
-    """The same scene begun a little later in the table's phase, the ball's velocity unchanged."""
-    later = ball_on_table(gamma, scene.contact.restitution, phase=phase + shift, periods=3)
-    state = scene.run.initial.state
-    ball = state.y_rate_m_per_s + state.gap_rate_m_per_s
-    rate = ball - later.run.initial.state.y_rate_m_per_s
-    return later.replace({"run.initial.state.gap_rate_m_per_s": rate})
-
-
-def state_after_impacts(simulate, scene):
-    """Impact phase and the ball's velocity after impact, for the first two impacts, shape (2, 2)."""
-    run = simulate(scene)
-    start = math.atan2(-math.sin(scene.run.initial.state.phi1_rad), -math.cos(scene.run.initial.state.phi1_rad))
-    impacts = run.events.query("kind == 'impact'").iloc[:2]
-    rows = []
-    for t in impacts["t_s"]:
-        after = run.trajectory[run.trajectory["t_s"] == t].iloc[-1]
-        rows.append([OMEGA * t + start, (after["y_rate_m_per_s"] + after["gap_rate_m_per_s"]) * OMEGA / GRAVITY])
-    return np.array(rows)
 
 
 # -- Zeno --------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("restitution", [0.05, 0.3, 0.5, 0.8])
-def test_accumulation_time_of_a_dropped_ball(simulate, restitution):
+def test_accumulation_time_of_a_dropped_ball(simulate):
+    restitution = 0.8
     events = simulate(dropped_ball(restitution)).events
     latch = events[events["kind"] == "latch"].iloc[0]
     assert latch["t_s"] == pytest.approx(accumulation_time(restitution), rel=1e-8)
     assert latch["mode_after"] == "attached"
-
-
-def test_accumulation_time_printed_to_twelve_digits():
-    assert accumulation_time(0.5) == pytest.approx(1.354570922957, abs=1e-12)
-
-
-@pytest.mark.parametrize("restitution", [0.3, 0.8])
-def test_impulses_and_losses_of_an_accumulation_add_up(simulate, restitution):
-    """All impulses give the ball the momentum m√(2gh) + m g t; all losses are the height's energy."""
-    scene = dropped_ball(restitution)
-    run = simulate(scene)
-    mass = scene.layer_masses[0]
-    landed = run.events.iloc[: run.events["kind"].eq("latch").idxmax() + 1]
-    contact_began = landed["t_s"].iloc[-1]
-    assert landed["impulse_n_s"].sum() == pytest.approx(mass * GRAVITY * contact_began, rel=1e-7)
-    assert landed["energy_loss_j"].sum() == pytest.approx(mass * GRAVITY * 1.0, rel=1e-7)
 
 
 def test_threshold_of_accumulation_follows_the_tolerance(simulate):
@@ -175,10 +116,9 @@ def sticking_ball(restitution, sticking_speed):
     return dropped_ball(restitution).replace({"contact.sticking_speed_m_per_s": sticking_speed})
 
 
-@pytest.mark.parametrize("restitution", [0.3, 0.5, 0.8])
-@pytest.mark.parametrize("sticking_speed", [5.0, 4.0, 1.0, 0.01, 1e-4, 1e-8, 1e-9, 1e-12])
+@pytest.mark.parametrize(("restitution", "sticking_speed"), [(0.3, 5.0), (0.8, 0.01), (0.8, 1e-12)])
 def test_ball_comes_to_rest_at_the_first_impact_that_is_too_slow(simulate, restitution, sticking_speed):
-    """The last three are summed by the latch, which counts what it sums."""
+    """The last is summed by the latch, which counts what it sums."""
     scene = sticking_ball(restitution, sticking_speed)
     run = simulate(scene)
     number, time = rest_of_dropped_ball(restitution, sticking_speed)
@@ -198,8 +138,7 @@ def test_ball_comes_to_rest_at_the_first_impact_that_is_too_slow(simulate, resti
     assert run.summary["momentum_residual"] < 1e-12
 
 
-@pytest.mark.parametrize("restitution", [0.3, 0.8])
-@pytest.mark.parametrize("sticking_speed", [1e-8, 1e-9, 1e-12])
+@pytest.mark.parametrize(("restitution", "sticking_speed"), [(0.3, 1e-8), (0.8, 1e-12)])
 def test_latch_lasts_until_an_impact_sticks(simulate, restitution, sticking_speed):
     events = simulate(sticking_ball(restitution, sticking_speed)).events
     before, latch = events.iloc[-2], events.iloc[-1]
@@ -230,8 +169,7 @@ def test_impact_at_the_sticking_speed_rebounds(simulate):
 # -- self-synchronization (Blekhman) and the Sommerfeld effect --------------------------------------------
 
 
-@pytest.mark.parametrize("skew", [0.5, 2.5])
-@pytest.mark.parametrize(("supply", "expected"), [(44.0, math.pi), (50.0, math.pi), (58.0, math.pi), (38.0, 0.0)])
+@pytest.mark.parametrize(("supply", "expected", "skew"), [(50.0, math.pi, 0.5), (38.0, 0.0, 2.5)])
 def test_phase_difference_from_skew_starts(simulate, printed, supply, expected, skew):
     scene = printed.replace(
         {

@@ -31,11 +31,8 @@ PROGRAM = [
     {"t_s": 0.21, "exciter_1": "off"},
 ]
 SCENES = {
-    "flight": {},
     "bouncing": {"contact.restitution": 0.5},
-    "bare": {"material.mass_ratio": 0.0},
     "one layer at an odd rate": {"material.layers": 1, "output.sample_rate_hz": 1000.0 / 3.0},
-    "seldom sampled": {"output.sample_rate_hz": 1.0},
     "drive program": {"drive.program": PROGRAM},
     "through Python": {"solver.engine": "sundae", "run.duration_s": 0.1},
     "ends early": {"contact.restitution": 0.5, "solver.max_events_per_period": 3},
@@ -148,21 +145,18 @@ def test_table_that_does_not_fit_into_memory_is_refused_at_once(quickstart, monk
     )
 
 
-@pytest.mark.parametrize(
-    ("form", "needed", "rate"), [("parquet", "6.33 GiB", "1.6e+03"), ("csv", "15.8 GiB", "6.3e+02")]
-)
-def test_table_that_does_not_fit_on_the_disk_is_refused_at_once(form, needed, rate, command, tmp_path, monkeypatch):
+def test_table_that_does_not_fit_on_the_disk_is_refused_at_once(command, tmp_path, monkeypatch):
     class Usage:
         free = 2 * 2**30
 
     monkeypatch.setattr("shutil.disk_usage", lambda _path: Usage)
     monkeypatch.setattr("vibroplat.motion.run.simulate", None)
     settings = ("--set", "run.duration_s=1e4", "--set", "output.sample_rate_hz=5000", "--set", "material.layers=1")
-    done = command("run", QUICKSTART, "--out", tmp_path, "--format", form, *settings)
+    done = command("run", QUICKSTART, "--out", tmp_path, "--format", "csv", *settings)
     assert (done.code, done.out) == (2, "")
     assert done.err == (
         "vibroplat: output.sample_rate_hz = 5000 asks for 5e+07 rows of 17 columns in 10000 s: "
-        f"{needed} on disk, where 2 GiB are free; allowed: at most {rate} Hz, or a shorter run.duration_s\n"
+        "15.8 GiB on disk, where 2 GiB are free; allowed: at most 6.3e+02 Hz, or a shorter run.duration_s\n"
     )
     assert list((tmp_path / "quickstart").iterdir()) == []
 
@@ -272,11 +266,8 @@ def test_long_run_under_a_limit_of_memory_ends_with_an_outcome():
 # -- how much there is ----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("size", "text"), [(0.0, "0 bytes"), (999.0, "999 bytes"), (2.5 * 2**30, "2.5 GiB"), (1e30, "8.67e+11 EiB")]
-)
-def test_amounts_are_told_in_units_of_their_size(size, text):
-    assert amount(size) == text
+def test_amounts_are_told_in_units_of_their_size():
+    assert [amount(size) for size in (0.0, 999.0, 2.5 * 2**30)] == ["0 bytes", "999 bytes", "2.5 GiB"]
 
 
 @pytest.mark.parametrize("version", [1, 2])

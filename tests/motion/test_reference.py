@@ -57,7 +57,7 @@ TOLERANCES = {
 }
 
 
-@pytest.fixture(scope="module", params=["native", "sundae", "taylor"])
+@pytest.fixture(scope="module", params=["native", "taylor", pytest.param("sundae", marks=pytest.mark.long)])
 def runs(request):
     scenes = {name: load_config(REFERENCE / f"{name}.yaml") for name in PLAIN_CASES + LATCH_CASES}
     for name, tolerance in TOLERANCES[request.param].items():
@@ -71,16 +71,10 @@ def read(name, kind):
     return pd.read_csv(REFERENCE / f"{name}.{kind}.csv")
 
 
-@pytest.mark.parametrize("name", PLAIN_CASES)
-def test_coordinates_and_contact_force(runs, name):
-    for quantity, error in coordinate_errors(runs[name], read(name, "trajectory")).items():
-        assert error <= COORDINATE_BOUNDS.get(quantity, FORCE_BOUND), quantity
-
-
-@pytest.mark.parametrize(("name", "until"), UNTIL.items())
-def test_coordinates_and_contact_force_with_latches(runs, name, until):
-    for quantity, error in coordinate_errors(runs[name], read(name, "trajectory"), until).items():
-        assert error <= COORDINATE_BOUNDS.get(quantity, FORCE_BOUND), quantity
+def test_coordinates_and_contact_force(runs):
+    for name, run in runs.items():
+        for quantity, error in coordinate_errors(run, read(name, "trajectory"), UNTIL.get(name, np.inf)).items():
+            assert error <= COORDINATE_BOUNDS.get(quantity, FORCE_BOUND), (name, quantity)
 
 
 @pytest.mark.parametrize("name", PLAIN_CASES)
@@ -88,24 +82,14 @@ def test_events(runs, name):
     mine, theirs = fast(runs[name].events), fast(read(name, "events"))
     assert list(mine["kind"]) == list(theirs["kind"])
     assert np.abs(mine["t_s"] - theirs["t_s"]).max() <= TIME_BOUND or mine.empty
-    assert_speeds(mine, theirs)
-
-
-def assert_speeds(mine, theirs):
     impacts = (mine["kind"] == "impact").to_numpy()
     ratio = mine["gap_rate_before_m_per_s"][impacts] / theirs["gap_rate_before_m_per_s"][impacts]
     assert (np.abs(ratio - 1.0) <= SPEED_BOUND).all()
-
-
-@pytest.mark.parametrize("name", PLAIN_CASES[::2])
-def test_impulse_and_contact_force_after_impact(runs, name):
-    mine, theirs = fast(runs[name].events), fast(read(name, "events"))
+    impulses = (events["impulse_n_s"].to_numpy(dtype=float) for events in (mine, theirs))
+    np.testing.assert_allclose(*impulses, rtol=SPEED_BOUND)
     landed = (theirs["contact_force_after_n"] > 0.0).to_numpy()
-    assert landed.any()
-    assert np.allclose(mine["impulse_n_s"], theirs["impulse_n_s"], rtol=SPEED_BOUND, atol=0.0)
-    largest = theirs["contact_force_after_n"].max()
-    error = (mine["contact_force_after_n"] - theirs["contact_force_after_n"])[landed].abs().max()
-    assert error <= FORCE_BOUND * largest
+    error = (mine["contact_force_after_n"] - theirs["contact_force_after_n"])[landed].abs()
+    assert (error <= FORCE_BOUND * theirs["contact_force_after_n"].max()).all()
 
 
 @pytest.mark.parametrize("name", LATCH_CASES)
@@ -122,20 +106,15 @@ def test_events_with_latches(runs, name):
     impacts = early & (mine["kind"] == "impact")
     speeds, expected = (e["gap_rate_before_m_per_s"][impacts] for e in (mine, theirs))
     assert (np.abs(speeds - expected) <= SPEED_BOUND * np.maximum(np.abs(expected), 0.1)).all()
-
-
-@pytest.mark.parametrize("name", LATCH_CASES)
-def test_latches_carry_the_momentum_on(runs, name):
-    """The liftoff after the first latch is the reference's to 5e-10 s; with the momentum lost it is 1.5e-9 s off."""
-    mine, theirs = (e[e["kind"] == "liftoff"]["t_s"].iloc[1] for e in (runs[name].events, read(name, "events")))
-    assert abs(mine - theirs) <= 5e-10
+    # latches carry the momentum on: with it lost, the liftoff after the first is 1.5e-9 s off
+    first, second = (e[e["kind"] == "liftoff"]["t_s"].iloc[1] for e in (mine, theirs))
+    assert abs(first - second) <= 5e-10
 
 
 @pytest.mark.parametrize(
     ("name", "seconds", "within"),
     [
         ("onelayer-R03-mu01-fe48", 0.08, 5e-12),
-        pytest.param("onelayer-R03-mu01-fe48", 0.5, 5e-12, marks=pytest.mark.long),
         pytest.param("restitution05-mu02-fe51.5", 0.6, 1e-11, marks=pytest.mark.long),
     ],
 )
@@ -169,7 +148,7 @@ def elastic_layer(tolerance, engine="taylor"):
     return scene.replace(changes)
 
 
-@pytest.mark.parametrize("tolerance", [1e-6, 1e-8, 1e-10, 1e-12, 1e-13, 1e-14])
+@pytest.mark.parametrize("tolerance", [1e-6, 1e-10, 1e-14])
 def test_elastic_impacts_are_as_accurate_as_errors_grow(tolerance):
     """IDA's last event is off by 1.5e-2 s at tolerance 1e-8 and by 9e-6 s at 1e-12; that of the series by
     3.4e-11 s at 1e-14."""
@@ -179,6 +158,7 @@ def test_elastic_impacts_are_as_accurate_as_errors_grow(tolerance):
     assert abs(events["t_s"].iloc[-1] - ELASTIC_LAST) <= ELASTIC_GROWTH * tolerance + 1e-10
 
 
+@pytest.mark.long
 def test_elastic_impacts_are_those_of_an_independent_integration():
     scene = elastic_layer(1e-14).replace({"run.duration_s": 0.27})
     theirs = oracle_events(scene)
@@ -187,9 +167,8 @@ def test_elastic_impacts_are_those_of_an_independent_integration():
     assert np.abs(mine["t_s"] - [t for t, *_ in theirs]).max() <= 1e-14
 
 
-@pytest.mark.parametrize("name", PLAIN_CASES[::2])
-def test_errors_fall_with_the_tolerance(name):
-    table = precision([load_reference(name)], ["native"], (1e-5, 1e-6, 1e-7, 1e-8, 1e-9), 1)
+def test_errors_fall_with_the_tolerance():
+    table = precision([load_reference(PLAIN_CASES[2])], ["native"], (1e-5, 1e-6, 1e-7, 1e-8, 1e-9), 1)
     for column in ("contact_force", "event_time_s", "y_m"):
         slope = np.polyfit(np.log(table["tolerance"]), np.log(table[column]), 1)[0]
         assert slope >= 0.7, column

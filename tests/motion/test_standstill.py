@@ -62,10 +62,7 @@ def turned(first, second, first_rate=0.0, second_rate=0.0):
 MOTIONS = {
     "swing": ({**OFF, **BRAKED, **turned(-3.0, -0.5, -3.0, 4.0)}, 4),
     "coast-down to standstill": ({**OFF, **BRAKED, **turned(0.3, 2.0, 14.0, -15.0)}, 2),
-    "start at 30 Hz": ({"drive.supply_frequency_hz": 30.0, **BRAKED, **turned(-2.5, -1.0)}, 0),
     "start by swinging back": ({"drive.supply_frequency_hz": 30.0, **BRAKED, **turned(-2.5, -1.0, -20.0, 15.0)}, 2),
-    "start at 0 Hz": ({**FROM_ZERO, **BRAKED, **turned(-1.4, -1.7)}, 0),
-    "start at 0 Hz, falling": ({**FROM_ZERO, **BRAKED, **turned(-2.5, -1.0)}, 0),
     "start at 0 Hz, constant V/f": ({**FROM_ZERO, **BRAKED, "motor.rated_frequency_hz": 50.0, **turned(-2.5, -1.0)}, 0),
     "smooth": ({"drive.supply_frequency_hz": 30.0, **BRAKED, **turned(-2.5, -1.0, 90.0, -90.0)}, 0),
 }
@@ -75,7 +72,7 @@ EACH = pytest.mark.parametrize(
     "motion", [motion if motion == "swing" else pytest.param(motion, marks=pytest.mark.long) for motion in MOTIONS]
 )
 
-TOLERANCES = [10.0**-n for n in range(4, 13)]
+TOLERANCES = [10.0**-n for n in range(4, 13, 2)]
 NATIVE, TAYLOR = {"solver.engine": "native"}, {"solver.engine": "taylor"}
 
 
@@ -163,11 +160,6 @@ def errors(motion, engine, tolerances):
 
 
 @EACH
-def test_exciters_stand_still_as_often_as_meant(motion):
-    assert len(reference(motion)[2]) == MOTIONS[motion][1]
-
-
-@EACH
 def test_errors_fall_with_the_tolerance(motion):
     """The bound is the same for all, also for the smooth motion, of which IDA has errors of a third of it."""
     tolerances = np.array(TOLERANCES)
@@ -180,37 +172,19 @@ def test_errors_fall_with_the_tolerance(motion):
 def test_a_series_keeps_its_order_over_standstills(motion):
     """Its errors are of the order of the tolerance, down to round-off, of the reference as well."""
     tolerances = np.array([*TOLERANCES, 1e-13, 1e-14])
+    assert len(reference(motion)[2]) == MOTIONS[motion][1]
     found = errors(motion, TAYLOR, tolerances)
     assert (found <= 5.0 * tolerances + 5e-13).all()
     assert np.polyfit(np.log(tolerances[:-2]), np.log(found[:-2]), 1)[0] > 0.9
 
 
-@pytest.mark.parametrize("motion", [motion for motion, (_, stops) in MOTIONS.items() if stops])
-def test_a_series_ends_where_an_exciter_stands_still(motion):
+def test_a_series_ends_where_an_exciter_stands_still():
     """Steps end there as often as it does, with a speed of exactly 0, and no event is told."""
+    motion = "swing"
     run = simulate(scene_of(motion, **TAYLOR))
     speeds = np.concatenate([segment.ends[:, 8:10] for segment in run.segments])
     assert (speeds == 0.0).sum() == MOTIONS[motion][1]
     assert run.summary["events"] == 0
-
-
-@pytest.mark.parametrize("engine", [NATIVE, TAYLOR], ids=["native", "taylor"])
-@pytest.mark.parametrize(
-    "motion", [pytest.param(m, marks=pytest.mark.long) for m in ("swing", "coast-down to standstill")]
-)
-def test_error_over_a_standstill_is_bounded_in_tolerances(motion, engine):
-    """The error of the speed 20 ms after a standstill, less that 10 ms before."""
-    stops = [t for t in reference(motion)[2] if 0.01 < t < 0.88]
-    times = sorted({0.0, *(t - 0.01 for t in stops), *(t + 0.02 for t in stops)})
-    scene = scene_of(motion)
-    known = Reference(scene).at(times)[:, 8:10]
-    for tolerance in TOLERANCES:
-        run = simulate(scene.replace({**engine, "solver.tolerance": tolerance}))
-        wrong = (run(times)[NAMES[8:]].to_numpy() - known) / scene.speed_scale
-        for t in stops:
-            before, after = times.index(t - 0.01), times.index(t + 0.02)
-            still = int(np.argmin(np.abs(known[before])))
-            assert abs(wrong[after, still] - wrong[before, still]) <= 200.0 * tolerance
 
 
 def test_exciter_at_rest_in_balance_stays():

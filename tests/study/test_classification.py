@@ -127,9 +127,9 @@ def test_late_period_whose_neighbours_part_is_chaos_that_passes_by(kind_of):
     assert kind_of(repeating(4), settled(4, late=True), lyapunov=False) == Kind("periodic", 4)  # not asked for
 
 
-@pytest.mark.parametrize("exponent", [NEGATIVE, NONE, MISSING])
-def test_late_period_is_kept_unless_neighbours_part(exponent, kind_of):
-    assert kind_of(repeating(4), settled(4, late=True), exponent)[:2] == ("periodic", 4)
+def test_late_period_is_kept_unless_neighbours_part(kind_of):
+    for exponent in (NEGATIVE, NONE, MISSING):
+        assert kind_of(repeating(4), settled(4, late=True), exponent)[:2] == ("periodic", 4)
 
 
 # -- sections that do not ---------------------------------------------------------------------------------
@@ -152,11 +152,11 @@ MOVING = (
 )
 
 
-@pytest.mark.parametrize("points", MOVING, ids=["drifts", "shrinks", "stood still"])
-def test_curve_without_growth_that_moves_is_undecided(points, kind_of):
-    found = kind_of(points, exponent=NONE)
-    assert found[:3] == ("undecided", 0, NONE)
-    assert found.why == "exponent 0.0001 ± 0.002 per s, the section still drifts"
+def test_curve_without_growth_that_moves_is_undecided(kind_of):
+    for points in MOVING:
+        found = kind_of(points, exponent=NONE)
+        assert found[:3] == ("undecided", 0, NONE)
+        assert found.why == "exponent 0.0001 ± 0.002 per s, the section still drifts"
 
 
 def test_exponent_whose_error_leaves_its_sign_open_is_undecided(kind_of):
@@ -164,12 +164,11 @@ def test_exponent_whose_error_leaves_its_sign_open_is_undecided(kind_of):
     assert found == Kind("undecided", 0, OPEN, "exponent 0.5 ± 0.4 per s, sign unclear")
 
 
-@pytest.mark.parametrize(("value", "motion"), [(0.02, "quasi-periodic"), (0.03, "undecided"), (-0.03, "undecided")])
-def test_growth_that_may_be_slow_is_not_told_as_none(value, motion, kind_of):
+def test_growth_that_may_be_slow_is_not_told_as_none(kind_of):
     """With two errors it must stay below what doubles in 350 turns."""
-    exponent = Exponent(value, 0.012, TURN)
-    assert exponent.sign == 0
-    assert kind_of(torus(), exponent=exponent).motion == motion
+    for value, motion in ((0.02, "quasi-periodic"), (0.03, "undecided"), (-0.03, "undecided")):
+        exponent = Exponent(value, 0.012, TURN)
+        assert (exponent.sign, kind_of(torus(), exponent=exponent).motion) == (0, motion)
 
 
 def test_missing_exponent_is_undecided_and_no_number(kind_of):
@@ -205,11 +204,10 @@ def test_without_exponents_on_demand_it_is_non_periodic(kind_of):
     assert kind_of(torus(), lyapunov=False) == Kind("non-periodic", 0)
 
 
-@pytest.mark.parametrize(("turns", "settling"), [(0, MAXIMUM), (1, FIXED), (1, settled(1))])
-def test_fewer_than_two_turns_are_undecided(turns, settling, kind_of):
-    assert kind_of(repeating(1, turns), settling) == Kind(
-        "undecided", None, None, "exciter 1 made fewer than two full turns while measured"
-    )
+def test_fewer_than_two_turns_are_undecided(kind_of):
+    why = "exciter 1 made fewer than two full turns while measured"
+    for turns, settling in ((0, MAXIMUM), (1, FIXED), (1, settled(1))):
+        assert kind_of(repeating(1, turns), settling) == Kind("undecided", None, None, why)
 
 
 # -- rows whose truth is known ----------------------------------------------------------------------------
@@ -357,16 +355,7 @@ def test_phase_difference_of_antiphase_is_pi_never_minus_pi():
     assert table["phase_difference_rad"].to_numpy() == pytest.approx(math.pi, abs=0.1)
 
 
-@pytest.mark.parametrize(
-    ("angle", "near", "told"),
-    [
-        (-math.pi, 1e-3, math.pi),
-        (-math.pi + 0.9e-3, 1e-3, math.pi),
-        (-math.pi + 1.1e-3, 1e-3, -math.pi + 1.1e-3),
-        (-math.pi - 0.1, 1e-3, math.pi - 0.1),
-        (math.pi, 1e-3, math.pi),
-        (0.0, 1e-3, 0.0),
-    ],
-)
-def test_angles_near_minus_pi_are_pi(angle, near, told):
-    assert half_open(angle, near) == pytest.approx(told, abs=1e-12)
+def test_angles_near_minus_pi_are_pi():
+    pi = math.pi
+    told = {-pi: pi, -pi + 0.9e-3: pi, -pi + 1.1e-3: -pi + 1.1e-3, -pi - 0.1: pi - 0.1, pi: pi, 0.0: 0.0}
+    assert {angle: half_open(angle, 1e-3) for angle in told} == pytest.approx(told, abs=1e-12)

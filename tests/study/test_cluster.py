@@ -143,6 +143,12 @@ def test_every_command_refuses_an_address_without_a_scheduler(command, vibroplat
         assert refused_soon(vibroplat, f"tcp://127.0.0.1:{port}", command, "--wait", "1")
 
 
+@pytest.mark.parametrize("address", ["foo://127.0.0.1:8786"])
+def test_address_that_is_none_is_refused(address):
+    with pytest.raises(ConfigError, match=f"^--scheduler {address}: not an address; allowed: tcp://host:port$"):
+        require_scheduler(address)
+
+
 def test_address_of_a_worker_is_refused(threads):
     (worker,) = threads.workers.values()
     with pytest.raises(ConfigError, match="a dask worker answers there, not a scheduler"):
@@ -337,24 +343,6 @@ def test_worker_with_other_code_that_joins_late_is_refused(place, table):
         os.kill(child.process.pid, signal.SIGCONT)
         refused(child.end(), ": source files ")
     assert finished_points(place / "results/c") >= 2
-    resumed(place, table)
-
-
-@pytest.mark.long
-def test_worker_that_comes_back_with_other_code_is_refused(place, table):
-    """Its nanny starts it anew, from files that have been edited meanwhile."""
-    same = new(place, "same")
-    shutil.copytree(clusters.PACKAGE, same / "vibroplat")
-    with (
-        clusters.scheduler(place) as (address, _),
-        clusters.worker(place, address, path=same),
-        Child(place, "sweep", "c.yaml", "--scheduler", address) as child,
-    ):
-        await_points(place, 2, child)
-        file = same / "vibroplat" / CHANGE[0]
-        file.write_text(file.read_text(encoding="utf-8").replace(*CHANGE[1:]), encoding="utf-8")
-        clusters.kill_workers(address)
-        refused(child.end(), ": source files ")
     resumed(place, table)
 
 

@@ -180,21 +180,15 @@ def test_exponents_of_chaos_are_those_of_the_map_within_honest_errors(ball, monk
 # -- the exponent as it is told ---------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("value", "error", "turn", "sign"),
-    [
-        (1.0, 0.3, 0.04, 1),
-        (-1.0, 0.3, 0.04, -1),
-        (-1.0, 0.4, 0.04, 0),
-        (0.99 * PER_TURN / 0.04, 0.0, 0.04, 0),
-        (1.01 * PER_TURN / 0.04, 0.0, 0.04, 1),
-        (-1.01 * PER_TURN / 0.04, 0.0, 0.04, -1),
-        (-math.inf, 0.0, 0.04, -1),
-        (math.nan, math.nan, math.nan, 0),
-    ],
-)
-def test_sign_is_told_beyond_three_errors_and_beyond_what_is_no_growth(value, error, turn, sign):
-    assert Exponent(value, error, turn).sign == sign
+def test_sign_is_told_beyond_three_errors_and_beyond_what_is_no_growth():
+    slow = PER_TURN / 0.04
+    signs = {
+        1: [(1.0, 0.3), (1.01 * slow, 0.0)],
+        -1: [(-1.0, 0.3), (-1.01 * slow, 0.0), (-math.inf, 0.0)],
+        0: [(-1.0, 0.4), (1.0, 0.4), (0.99 * slow, 0.0), (math.nan, math.nan)],
+    }
+    for sign, values in signs.items():
+        assert {Exponent(*value, 0.04).sign for value in values} == {sign}
 
 
 class Growing:

@@ -213,15 +213,11 @@ def section_of(states):
 # -- period ---------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("n", "coordinate"), [(1, 0), (3, 6), (12, 13), (16, 1)])
-def test_period_is_the_smallest_number_of_turns(n, coordinate):
-    assert period(repeating(n, coordinate=coordinate), 1e-9) == n
-
-
-@pytest.mark.parametrize("n", [1, 5, 16])
-def test_period_needs_each_point_twice(n):
-    assert period(repeating(n, 2 * n), 1e-9) == n
-    assert period(repeating(n, 2 * n - 1), 1e-9) == 0
+def test_period_is_the_smallest_number_of_turns_after_which_each_point_is_seen_twice():
+    for n, coordinate in ((1, 0), (3, 6), (12, 13), (16, 1)):
+        assert period(repeating(n, coordinate=coordinate), 1e-9) == n
+        assert period(repeating(n, 2 * n), 1e-9) == n
+        assert period(repeating(n, 2 * n - 1), 1e-9) == 0
 
 
 def test_periods_beyond_the_longest_are_not_found():
@@ -332,9 +328,9 @@ def test_points_are_in_the_scales_of_the_scene():
     assert found[0] == pytest.approx(expected, rel=1e-14)
 
 
-@pytest.mark.parametrize("extra", [0, 5, m.SECTION_ROWS])
-def test_points_of_a_full_section_are_the_last_in_the_order_of_time(extra):
-    turns = m.SECTION_ROWS + extra
-    states = np.zeros((turns, 14))
-    states[:, 0] = state_scales(Scene())[0] * np.arange(turns)
-    assert section_of(states)[:, 0] == pytest.approx(np.arange(extra, turns))
+def test_points_of_a_full_section_are_the_last_in_the_order_of_time():
+    for extra in (0, 5, m.SECTION_ROWS):
+        turns = m.SECTION_ROWS + extra
+        states = np.zeros((turns, 14))
+        states[:, 0] = state_scales(Scene())[0] * np.arange(turns)
+        assert section_of(states)[:, 0] == pytest.approx(np.arange(extra, turns))

@@ -2,12 +2,12 @@
 
 :mod:`~vibroplat.hybrid.modes` is the table of modes. :mod:`~vibroplat.hybrid.loop` begins a segment and concludes it.
 :mod:`~vibroplat.hybrid.jumps` has liftoff, impact and latch; :mod:`~vibroplat.hybrid.rules` decides, by pure functions
-of numbers, what a guard's fall or an impact means. :mod:`~vibroplat.hybrid.state` holds where a run is, and
-:mod:`~vibroplat.hybrid.state` what an integrator hands over.
+of numbers, what a guard's fall or an impact means. :mod:`~vibroplat.hybrid.state` holds where a run is, what an
+integrator hands over, and the scales of a scene.
 
 To add
 
-* a contact law: its name in ``Contact.impact_law`` (:mod:`vibroplat.config.scene`) and in ``IMPACT_LAWS``
+* a contact law: its name in ``Contact.impact_law`` (:mod:`vibroplat.config.sections`) and in ``IMPACT_LAWS``
   (:mod:`vibroplat.model.parameters`), its formula in :func:`vibroplat.model.impact.impulse_response`, a case in
   ``tests/model/test_impact.py``. Modes and jumps do not change.
 * a force: its term in :func:`vibroplat.model.platform.forces` or, for the material, in

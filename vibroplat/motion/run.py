@@ -82,13 +82,7 @@ def simulate(
     Returns
     -------
     Trajectory
-        With ``summary["outcome"]`` ``ok``, or the reason why the run ended early: ``solver-failure``
-        (the integrator gave up), ``non-finite`` (a state or residual is not finite), ``event-storm``
-        (more events within a turn of the synchronous speed than ``solver.max_events_per_period``),
-        ``beyond-model`` (the platform has turned so far that the model, of first order in φ, breaks down),
-        ``out-of-memory`` (what is kept would take more than half of the memory available, or there is none left).
-        What was computed until then is kept; ``summary["detail"]`` has mode, time and state. A run that ended on time
-        but whose energy or momentum residual is beyond its limit is ``inaccurate``, and the detail says by how much.
+        What was computed, also if the run ended early; see :attr:`Trajectory.outcome`.
 
     Raises
     ------
@@ -101,28 +95,29 @@ def simulate(
     p = parameters(scene)
     began = time.perf_counter()
     with closing(engine(scene, p)) as driver:
-        keys = listed(() if isinstance(variation, bool) else variation)
-        varied = None if variation is False else Variation(directions(scene, keys))
+        keys = None if variation is False else listed(() if variation is True else variation)
         start = initial_condition(scene) if start is None else start
         motion = Motion(scene, p, driver, start.state, start.time, start.mode)
-        duration = scene.run.duration_s
-        settle = SETTLE_SHARE * duration
-        recorder = Recorder(scene, keep, sink, motion.now + settle)
-        observers: list[Observer] = [recorder]
-        if progress is not None:
-            observers.append(_Progress(progress, motion.now))
-        if varied is not None:
-            observers.append(varied)
-        part = motion.advance(duration, settle=settle, observers=observers)
-        recorder.finish()
-        derivative = None
-        if varied is not None and motion.outcome == "ok":
-            derivative = named_derivative(varied.derivative(motion.automaton), scene, keys)
-        summary = _summary(motion, part, motion.now - start.time)
-    summary["wall_s"] = time.perf_counter() - began
+        recorder = Recorder(scene, keep, sink, motion.now + SETTLE_SHARE * scene.run.duration_s)
+        run = _run(motion, start, recorder, keys, [] if progress is None else [_Progress(progress, motion.now)])
+    run.summary["wall_s"] = time.perf_counter() - began
+    return run
+
+
+def _run(
+    motion: Motion, start: Start, recorder: Recorder, keys: Sequence[str] | None, others: Sequence[Observer]
+) -> Trajectory:
+    """Carry a motion on to the end of its run; with its derivative by keys and by its start, unless they are None."""
+    scene, duration = motion.scene, motion.scene.run.duration_s
+    varied = [] if keys is None else [Variation(directions(scene, keys))]
+    part = motion.advance(duration, settle=SETTLE_SHARE * duration, observers=[recorder, *others, *varied])
+    recorder.finish()
+    derivative = None
+    if keys is not None and motion.outcome == "ok":
+        derivative = named_derivative(varied[0].derivative(motion.automaton), scene, keys)
     return Trajectory(
         scene=scene,
-        summary=summary,
+        summary=_summary(motion, part, motion.now - start.time),
         origin=start.origin,
         segments=recorder.segments,
         event_rows=recorder.events,

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import uuid
 from collections.abc import Collection, Iterable, Iterator, Mapping
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, Literal
 
@@ -22,8 +23,8 @@ from vibroplat.errors import TableError
 from vibroplat.results.locks import replacing
 from vibroplat.results.tables import (
     Format,
-    GrowingTable,
     Table,
+    TableFile,
     drop_other_formats,
     json_writer,
     prepared,
@@ -34,7 +35,6 @@ from vibroplat.results.tables import (
     remove_file,
     remove_table,
     sha256,
-    table_writer,
 )
 
 Command = Literal["run", "sweep", "orbits", "paper"]
@@ -46,7 +46,7 @@ def write_result(
     directory: Path,
     command: Command,
     origin: Mapping[str, Any],
-    tables: Mapping[str, Table | GrowingTable],
+    tables: Mapping[str, Table | TableFile],
     documents: Mapping[str, Any] | None = None,
     *,
     form: Format,
@@ -65,8 +65,8 @@ def write_result(
     origin
         Its provenance, to which the command, the id and the digests are added.
     tables, documents
-        Tables, whole, in parts or written already, and contents of JSON files, by name. Tables that are written come
-        first; the last of all is renamed last.
+        Tables, whole, in parts or written already, and contents of JSON files, by name. The last of all is renamed
+        last.
     form
         Format of the tables.
     absent
@@ -77,15 +77,17 @@ def write_result(
     TableError
         A file cannot be written, or another process holds the lock.
     """
-    written = [table for table in tables.values() if isinstance(table, GrowingTable)]
-    writers = {
-        directory / f"{name}.{form}": table_writer(table, form)
-        for name, table in tables.items()
-        if not isinstance(table, GrowingTable)
-    }
-    writers |= {directory / f"{name}.json": json_writer(value) for name, value in (documents or {}).items()}
-    with prepared(writers) as made:
-        files = {table.path: table.finish() for table in written} | made
+    with ExitStack() as stack:
+        files: dict[Path, Path] = {}
+        for name, table in tables.items():
+            if isinstance(table, TableFile):
+                file = table
+            else:
+                file = stack.enter_context(TableFile(directory, name, form))
+                file.extend(table)
+            files[file.path] = file.finish()
+        written = {directory / f"{name}.json": json_writer(value) for name, value in (documents or {}).items()}
+        files |= stack.enter_context(prepared(written))
         digests = {path.name: _sha256(temporary) for path, temporary in files.items()}
         proof = dict(origin) | {"command": command, "result": uuid.uuid4().hex, "files": digests}
         with replacing(directory):

@@ -20,7 +20,7 @@ from vibroplat.results.locks import is_gone, mark
 from vibroplat.system.interrupts import unfinished, watching
 
 if TYPE_CHECKING:
-    import pyarrow as pa
+    import pyarrow.parquet as pq
 
 Format = Literal["parquet", "csv"]
 Writer = Callable[[Path], object]
@@ -62,10 +62,11 @@ def write_table(table: Table, directory: Path, name: str, form: Format) -> Path:
     In CSV each number has the fewest digits from which it reads back exactly. Parts of a table have the same columns
     and types; each becomes a row group of a Parquet file.
     """
-    path = directory / f"{name}.{form}"
-    replace_files({path: table_writer(table, form)})
+    with TableFile(directory, name, form) as file:
+        file.extend(table)
+        put_in_place({file.path: file.finish()})
     drop_other_formats(directory, name, form)
-    return path
+    return file.path
 
 
 def remove_table(directory: Path, name: str) -> None:
@@ -153,16 +154,16 @@ def _read_lines(file: BufferedReader, columns: Collection[str] | None, *, last: 
 @contextmanager
 def _opened_table(directory: Path, name: str, digests: Mapping[str, str] | None) -> Iterator[BufferedReader]:
     """Open a table of a result in either format."""
-    names = [f"{name}.{form}" for form in FORMATS]
-    known = [file for file in names if digests is None or file in digests]
+    files = [f"{name}.{form}" for form in FORMATS]
+    files = [file for file in files if digests is None or file in digests] or files
     with ExitStack() as stack:
-        for path in (directory / file for file in known or names):
+        for file in files:
             with suppress(FileNotFoundError):
-                file = stack.enter_context(_opened(path, digests))
+                opened = stack.enter_context(_opened(directory / file, digests))
                 break
         else:
             raise TableError(f"{directory} holds no {name} table; allowed: a result directory of vibroplat")
-        yield file
+        yield opened
 
 
 def read_json(directory: Path, name: str, digests: Mapping[str, str] | None = None) -> Any:
@@ -202,16 +203,16 @@ def sha256(file: BufferedReader) -> str:
     return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-class GrowingTable:
+class TableFile:
     """A table that is written part by part, with one of them in memory at a time.
 
     It is a file with a temporary name next to its final one, which is made with the first part and removed when the
-    context is left, unless it has got its final name; see :func:`vibroplat.results.files.write_result`.
+    context is left, unless it has got its final name by :func:`put_in_place`.
 
     Parameters
     ----------
     directory, name, form
-        As of :func:`write_table`. Parts have the same columns and types; each becomes a row group of a Parquet file.
+        As of :func:`write_table`.
 
     Attributes
     ----------
@@ -222,24 +223,49 @@ class GrowingTable:
     def __init__(self, directory: Path, name: str, form: Format) -> None:
         self.path = directory / f"{name}.{form}"
         self._form = form
-        self._file = ExitStack()
-        self._writing = ExitStack()
+        self._stack = ExitStack()
         self._temporary: Path | None = None
-        self._append: Callable[[pd.DataFrame], object]
+        self._parquet: pq.ParquetWriter | None = None
 
     def append(self, part: pd.DataFrame) -> None:
         """Write the next part; raises :class:`TableError`."""
         with _complaints(self.path):
+            first = self._temporary is None
             if self._temporary is None:
-                self._temporary = self._file.enter_context(_temporary(self.path))
-                self._append = self._writing.enter_context(_appending(self._temporary, self._form))
-            self._append(part)
+                self._temporary = self._stack.enter_context(_temporary(self.path))
+            if self._form == "csv":
+                part.to_csv(self._temporary, mode="a", index=False, header=first)
+            else:
+                self._append_rows(part, self._temporary)
+
+    def extend(self, table: Table) -> None:
+        """Write a table, whole or in parts; raises :class:`TableError`."""
+        for part in [table] if isinstance(table, pd.DataFrame) else table:
+            self.append(part)
+
+    def _append_rows(self, part: pd.DataFrame, place: Path) -> None:
+        """Append a row group; units and meanings in the ``attrs`` become metadata of the fields."""
+        import pyarrow as pa  # noqa: PLC0415  (a table in CSV does not need it)
+        import pyarrow.parquet as pq  # noqa: PLC0415
+
+        rows = pa.Table.from_pandas(part, preserve_index=False)
+        units, meanings = part.attrs.get("units", {}), part.attrs.get("meanings", {})
+        fields = [
+            field.with_metadata({"unit": units.get(field.name, ""), "meaning": meanings[field.name]})
+            if field.name in meanings
+            else field
+            for field in rows.schema
+        ]
+        rows = pa.Table.from_arrays(rows.columns, schema=pa.schema(fields, rows.schema.metadata))
+        self._parquet = self._parquet or pq.ParquetWriter(place, rows.schema, write_page_checksum=True)
+        self._parquet.write_table(rows)
 
     def finish(self) -> Path:
         """Complete the file and return its temporary name; raises :class:`TableError`."""
         assert self._temporary is not None, "a table has one part at least"
         with _complaints(self.path):
-            self._writing.close()
+            if self._parquet is not None:
+                self._parquet.close()
             self._temporary.chmod(0o644)
         return self._temporary
 
@@ -250,64 +276,9 @@ class GrowingTable:
 
     def __exit__(self, *_: object) -> None:
         with suppress(Exception):  # a file that could not be written cannot be completed either
-            self._writing.close()
-        self._file.close()
-
-
-@contextmanager
-def _appending(path: Path, form: Format) -> Iterator[Callable[[pd.DataFrame], object]]:
-    """Yield a function that appends parts of a table to an empty file."""
-    yield from (_row_groups if form == "parquet" else _lines)(path)
-
-
-def _row_groups(path: Path) -> Iterator[Callable[[pd.DataFrame], object]]:
-    import pyarrow as pa  # noqa: PLC0415  (a table in CSV does not need it)
-    import pyarrow.parquet as pq  # noqa: PLC0415
-
-    writer: pq.ParquetWriter | None = None
-
-    def append(part: pd.DataFrame) -> None:
-        nonlocal writer
-        rows = _with_meanings(pa.Table.from_pandas(part, preserve_index=False), part.attrs)
-        writer = writer or pq.ParquetWriter(path, rows.schema, write_page_checksum=True)
-        writer.write_table(rows)
-
-    try:
-        yield append
-    finally:
-        if writer is not None:
-            writer.close()
-
-
-def _with_meanings(rows: pa.Table, attrs: Mapping[Any, Any]) -> pa.Table:
-    """Put the units and meanings in a table's ``attrs`` into the metadata of its fields."""
-    import pyarrow as pa  # noqa: PLC0415  (a table in CSV does not need it)
-
-    units, meanings = attrs.get("units", {}), attrs.get("meanings", {})
-    fields = [
-        field.with_metadata({"unit": units.get(field.name, ""), "meaning": meanings[field.name]})
-        if field.name in meanings
-        else field
-        for field in rows.schema
-    ]
-    return pa.Table.from_arrays(rows.columns, schema=pa.schema(fields, rows.schema.metadata))
-
-
-def _lines(path: Path) -> Iterator[Callable[[pd.DataFrame], object]]:
-    begun = False
-
-    def append(part: pd.DataFrame) -> None:
-        nonlocal begun
-        part.to_csv(path, mode="a", index=False, header=not begun)
-        begun = True
-
-    yield append
-
-
-def _write_parts(parts: Iterable[pd.DataFrame], path: Path, form: Format) -> None:
-    with _appending(path, form) as append:
-        for part in parts:
-            append(part)
+            if self._parquet is not None:
+                self._parquet.close()
+        self._stack.close()
 
 
 @contextmanager
@@ -321,9 +292,7 @@ def _complaints(path: Path) -> Iterator[None]:
 
 def drop_other_formats(directory: Path, name: str, form: Format) -> None:
     """Remove the file of a table in the other format."""
-    for other in FORMATS:
-        if other != form:
-            remove_file(directory / f"{name}.{other}")
+    remove_file(directory / f"{name}.{'csv' if form == 'parquet' else 'parquet'}")
 
 
 def remove_file(path: Path) -> None:
@@ -410,15 +379,6 @@ def _is_old(path: Path, now: float) -> bool:
         return now - path.stat().st_mtime > LEFTOVER
     except FileNotFoundError:
         return False
-
-
-def table_writer(table: Table, form: Format) -> Writer:
-    """Return a function that writes a table, whole or in parts, to a path."""
-    if not isinstance(table, pd.DataFrame):
-        return lambda path: _write_parts(table, path, form)
-    if form == "parquet":
-        return lambda path: _write_parts([table], path, form)
-    return lambda path: table.to_csv(path, index=False)
 
 
 def json_writer(value: Any) -> Writer:
