@@ -24,11 +24,11 @@ def wrong(scene):
 
 
 def test_engine_is_short_for_the_key(command, kernels, here):
-    done = command("run", QUICKSTART, *SHORT, "--engine", "sundae", "--set", "solver.engine=sundae")
+    done = command("run", QUICKSTART, *SHORT, "--engine", "taylor", "--set", "solver.engine=taylor")
     assert (done.code, done.err) == (0, "")
     proof = read_json(here / "results/quickstart", "provenance")
-    same = load_config(QUICKSTART, {"run.duration_s": 0.1, "solver.engine": "sundae"})
-    assert (proof["engine"], proof["configuration_sha256"]) == ("sundae", configuration_hash(same))
+    same = load_config(QUICKSTART, {"run.duration_s": 0.1, "solver.engine": "taylor"})
+    assert (proof["engine"], proof["configuration_sha256"]) == ("taylor", configuration_hash(same))
 
 
 @pytest.mark.parametrize("name", ["run", "sweep", "paper"])

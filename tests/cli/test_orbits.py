@@ -232,9 +232,8 @@ def test_figures_of_orbits_need_orbits(command, here):
 # -- killed and resumed ------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("signal_", "code"), [(signal.SIGKILL, -9), pytest.param(signal.SIGINT, 130, marks=pytest.mark.long)]
-)
+@pytest.mark.long
+@pytest.mark.parametrize(("signal_", "code"), [(signal.SIGKILL, -9), (signal.SIGINT, 130)])
 def test_stopped_branches_can_be_resumed(command, config, here, signal_, code):
     path = config(ORBITS.replace("0.4, largest: 0.5", "0.02, largest: 0.02"))  # several parts a branch
     assert command("orbits", path, "--out", "alone").code == 0
@@ -252,13 +251,23 @@ def test_stopped_branches_can_be_resumed(command, config, here, signal_, code):
     assert tables() == wanted
 
 
+def test_parts_of_branches_that_are_missing_are_made_again(command, followed):
+    wanted = tables()
+    with sqlite3.connect("results/c/orbits.sqlite") as base:
+        kept, last = base.execute("SELECT COUNT(*) - 1, MAX(rowid) FROM records").fetchone()
+        base.execute(f"DELETE FROM records WHERE rowid = {last}")
+    base.close()
+    done = command("orbits", "c.yaml", "--resume")
+    assert (done.code, done.err) == (0, "")
+    assert f"{kept} parts of branches from before" in done.out
+    assert tables() == wanted
+
+
 def test_other_conditions_are_not_resumed(command, followed):
     done = command("orbits", "c.yaml", "--resume", "--set", "orbits.stop=49.5")
     assert not_a_line(done) == ""
     line = "vibroplat: cannot resume: configuration.orbits.stop = 49.5; allowed: 49.0, as in the finished parts"
     assert done.err.startswith(line)
-    with sqlite3.connect("results/c/orbits.sqlite") as base:
-        assert base.execute("SELECT COUNT(*) FROM records").fetchone()[0] >= 2
 
 
 def test_damaged_tables_are_not_plotted(command, followed):

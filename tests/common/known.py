@@ -1,7 +1,5 @@
 """Scenes with closed-form solutions."""
 
-from __future__ import annotations
-
 import math
 
 from vibroplat.config.drive import Drive
@@ -15,14 +13,14 @@ IDLE = Motor(critical_torque_n_m=0.0, friction_radius_m=0.0, pole_pairs=1)
 
 
 def ball_on_table(
-    gamma: float,
-    restitution: float = 0.0,
-    periods: float = 40,
-    tolerance: float = 1e-10,
-    phase: float = 0.0,
-    gap_rate: float = 0.0,
-    omega: float = OMEGA,
-) -> Scene:
+    gamma,
+    restitution=0.0,
+    periods=40,
+    tolerance=1e-10,
+    phase=0.0,
+    gap_rate=0.0,
+    omega=OMEGA,
+):
     """One thin layer of 1e-12 of the mass on a table s = A sin(ωt + phase), A ω²/g = gamma.
 
     The table is a platform of 1e6 kg on a soft spring without dampers, in its steady antiphase motion;
@@ -64,7 +62,7 @@ def ball_on_table(
     )
 
 
-def dropped_ball(restitution: float, height: float = 1.0, tolerance: float = 1e-10) -> Scene:
+def dropped_ball(restitution, height=1.0, tolerance=1e-10):
     """One layer dropped from rest on a motionless platform of 1e6 kg with hanging exciters."""
     machine = Machine(
         platform_mass_kg=1e6,
@@ -90,6 +88,6 @@ def dropped_ball(restitution: float, height: float = 1.0, tolerance: float = 1e-
     )
 
 
-def accumulation_time(restitution: float, height: float = 1.0) -> float:
+def accumulation_time(restitution, height=1.0):
     """t∞ = √(2h/g) (1 + R)/(1 − R)."""
     return math.sqrt(2.0 * height / GRAVITY) * (1.0 + restitution) / (1.0 - restitution)

@@ -1,8 +1,6 @@
 """Random scenes over wide ranges of all parameters and initial states."""
 
-from __future__ import annotations
-
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -17,12 +15,12 @@ TURNS = 20.0
 STORM = 500
 
 
-def random_scene(number: int, seed: int = 0) -> Scene:
+def random_scene(number, seed=0):
     """Draw a scene; number and seed determine it."""
     return drawn(Draw(np.random.default_rng((seed, number))), f"random-{number}")
 
 
-def drawn(draw: Draw, name: str) -> Scene:
+def drawn(draw, name):
     """Build a scene from random values."""
     tree = nest(draw.machine() | draw.material() | draw.contact() | draw.solver())
     scene = Scene.from_tree(tree | {"name": name} | draw.motors())
@@ -33,10 +31,10 @@ def drawn(draw: Draw, name: str) -> Scene:
 class Numbers(Protocol):
     """A source of random numbers, like numpy's generators."""
 
-    def uniform(self, low: float = ..., high: float = ..., size: Any = ...) -> Any: ...
-    def random(self) -> float: ...
-    def integers(self, low: int, high: int | None = ...) -> Any: ...
-    def standard_normal(self, size: int) -> Any: ...
+    def uniform(self, low=..., high=..., size=...): ...
+    def random(self): ...
+    def integers(self, low, high=...): ...
+    def standard_normal(self, size): ...
 
 
 class Draw:
@@ -45,19 +43,19 @@ class Draw:
     Sizes are log-uniform about those of the paper's rig, and what may be 0 is 0 in one scene of eight.
     """
 
-    def __init__(self, rng: Numbers) -> None:
+    def __init__(self, rng):
         self._rng = rng
 
-    def size(self, middle: float, decades: float, *, zero: bool = False) -> float:
+    def size(self, middle, decades, *, zero=False):
         """Draw a number within some decades of a central value, or 0."""
         drawn = middle * 10.0 ** self._rng.uniform(-decades, decades)
         return 0.0 if zero and self._rng.random() < 0.125 else float(drawn)
 
-    def one_of(self, *choices: Any) -> Any:
+    def one_of(self, *choices):
         """Choose one item."""
         return choices[self._rng.integers(len(choices))]
 
-    def machine(self) -> dict[str, Any]:
+    def machine(self):
         """Draw platform, springs, exciters and their supply."""
         mass = self.size(12.42, 2.0)
         stiffness = 470e3 * mass / 12.42
@@ -81,10 +79,10 @@ class Draw:
             "drive.supply_frequency_hz": self.size(50.0, 0.7),
         }
 
-    def motors(self) -> dict[str, Any]:
+    def motors(self):
         """Draw one motor for both exciters, or two."""
 
-        def motor() -> dict[str, Any]:
+        def motor():
             return {
                 "critical_torque_n_m": self.size(1.2, 1.5, zero=True),
                 "critical_slip": self.size(0.15, 0.8),
@@ -94,7 +92,7 @@ class Draw:
 
         return {"motors": [motor(), motor()]} if self._rng.random() < 0.25 else {"motor": motor()}
 
-    def material(self) -> dict[str, Any]:
+    def material(self):
         """Draw the layers, and the spring and damper between them."""
         return {
             "material.mass_ratio": self.size(10.0**-2.5, 3.5, zero=True),
@@ -104,7 +102,7 @@ class Draw:
             "material.damping_ratio": self.size(0.02, 2.4, zero=True),
         }
 
-    def contact(self) -> dict[str, Any]:
+    def contact(self):
         """Draw the contact between material and platform."""
         restitution = self.one_of(0.0, 1.0, self._rng.random(), self._rng.random(), 1.0 - self.size(1e-3, 2.0))
         return {
@@ -114,7 +112,7 @@ class Draw:
             "contact.viscous_per_mass_per_s": self.size(24.0, 1.0, zero=True),
         }
 
-    def solver(self) -> dict[str, Any]:
+    def solver(self):
         """Draw the solver's settings."""
         tolerance = self.size(1e-6, 3.0)
         self._rng.integers(4)  # not used: without it all numbered scenes would be others
@@ -123,7 +121,7 @@ class Draw:
             "solver.max_events_per_period": STORM,
         }
 
-    def initial(self, scene: Scene) -> dict[str, Any]:
+    def initial(self, scene):
         """Draw the initial state: rotating exciters on a platform at rest, or any state within the scene's scales."""
         turn = self._rng.uniform(-np.pi, np.pi, 2)
         if self._rng.random() < 0.4:

@@ -1,9 +1,6 @@
 """A ball on a table that is shaken by one motor: all is damped, so that its periodic orbits are isolated."""
 
-from __future__ import annotations
-
 import math
-from typing import Any
 
 from vibroplat.config.scene import Scene
 
@@ -13,19 +10,19 @@ MASS, DAMPING = 1e6, 0.2
 STIFFNESS = MASS * (0.1 * OMEGA) ** 2
 
 
-def amplitude(unbalance: float) -> float:
+def amplitude(unbalance):
     """Amplitude of the table (m): a linear oscillator under a turning unbalance (kg·m)."""
     damper = 2.0 * DAMPING * math.sqrt(STIFFNESS * MASS)
     return unbalance * OMEGA**2 / math.hypot(STIFFNESS - MASS * OMEGA**2, damper * OMEGA)
 
 
-def stable_range(restitution: float) -> tuple[float, float]:
+def stable_range(restitution):
     """Range of Γ in which the orbit with one impact a period is stable (Luck and Mehta 1993)."""
     low = math.pi * (1.0 - restitution) / (1.0 + restitution)
     return low, math.hypot(low, 2.0 * (1.0 + restitution**2) / (1.0 + restitution) ** 2)
 
 
-def shaken(gamma: float, restitution: float = 0.0, gravity: float = GRAVITY) -> Scene:
+def shaken(gamma, restitution=0.0, gravity=GRAVITY):
     """Return a table with Γ = Aω²/g at this gravity, and one layer of 1e-12 of its mass.
 
     It begins just after the impact of the layer's orbit with one impact a period. Exciter 1 has a rotor that nothing
@@ -50,7 +47,7 @@ def shaken(gamma: float, restitution: float = 0.0, gravity: float = GRAVITY) -> 
         "phi2_rate_rad_per_s": 0.0,
         "gap_rate_m_per_s": (math.pi - gamma * cosine) * gravity / OMEGA if restitution else 0.0,
     }
-    tree: dict[str, Any] = {
+    tree = {
         "name": "table",
         "machine": {
             "platform_mass_kg": MASS - 2.0 * mass,

@@ -32,7 +32,7 @@ EXTREMES = {
     "machine.rotor_inertia_kg_m2": [1e-30],
     "machine.exciter_distance_m": [0.0, 1e30],
     "machine.stiffness_x_n_per_m": [0.0],
-    "machine.stiffness_y_n_per_m": [1e-30, 1e30],
+    "machine.stiffness_y_n_per_m": [1e30],
     "machine.gravity_m_per_s2": [0.0, 1e6],
     "motor.critical_torque_n_m": [0.0, 1e30],
     "motor.critical_slip": [1e-30, 1e30],
@@ -44,7 +44,7 @@ EXTREMES = {
     "material.natural_frequency_hz": [1e-30, 1e30],
     "material.damping_ratio": [1e30],
     "contact.restitution": [1.0, 5e-324],
-    "drive.supply_frequency_hz": [1e-30, 1e6],
+    "drive.supply_frequency_hz": [1e-30],
     "drive.program": list(PROGRAMS.values()),
     "run.duration_s": [1e-30],
     "run.initial.speed_ratio": [0.0, 1e-9, 1e30],
@@ -54,7 +54,7 @@ EXTREMES = {
     "run.initial.state.gap_rate_m_per_s": [1e30],
     "solver.tolerance": [1e-12, 1e-2],
     "solver.max_events_per_period": [10**7],
-    "output.sample_rate_hz": [1e-30, 1e7],
+    "output.sample_rate_hz": [1e-30],
 }
 
 

@@ -47,7 +47,7 @@ def accepted(load, kind=Scene):
     return False
 
 
-@given(changes=lambda st: st.dictionaries(st.sampled_from(KEYS), values(st), min_size=1, max_size=3))
+@given(examples=50, changes=lambda st: st.dictionaries(st.sampled_from(KEYS), values(st), min_size=1, max_size=3))
 def test_any_value_is_accepted_or_told_in_a_line(changes, here):
     (here / "c.yaml").write_text(json.dumps(VALID))
     accepted(lambda: load_config("c.yaml", changes))
@@ -129,7 +129,7 @@ def drives(st):
     )
 
 
-@given(given=machines, drive=drives)
+@given(examples=50, given=machines, drive=drives)
 def test_scene_is_written_and_read_without_a_change(given, drive):
     scene = Scene.from_tree({**given, "drive": drive})
     assert scene.replace() == scene
@@ -140,7 +140,7 @@ def test_scene_is_written_and_read_without_a_change(given, drive):
     assert again.drive.intervals == scene.drive.intervals
 
 
-@given(given=machines, differences=exciters)
+@given(examples=50, given=machines, differences=exciters)
 def test_exciters_are_overridden_number_by_number(given, differences):
     before, after = (
         scene.exciter_pair for scene in (Scene.from_tree(given), Scene.from_tree(given).replace(exciters=differences))

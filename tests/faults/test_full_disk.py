@@ -283,9 +283,9 @@ def meddle(name, monkeypatch, change):
 
         monkeypatch.setattr(run, "simulate", meddled)
     else:
-        from vibroplat.study import point
+        from vibroplat.study import sweep
 
-        measure, begun = point.measure_point, []
+        measure, begun = sweep.measure_point, []
 
         def measured(*arguments):
             begun.append(True)
@@ -293,7 +293,7 @@ def meddle(name, monkeypatch, change):
                 once()
             return measure(*arguments)
 
-        monkeypatch.setattr(point, "measure_point", measured)
+        monkeypatch.setattr(sweep, "measure_point", measured)
 
 
 @pytest.mark.parametrize(

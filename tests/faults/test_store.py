@@ -19,7 +19,7 @@ from common.results import bits, finished_points
 
 from vibroplat.errors import ConfigError
 from vibroplat.results.tables import read_table
-from vibroplat.study import point
+from vibroplat.study import sweep
 from vibroplat.study.store import FILE, SpoiledError, Store, digest
 
 pytestmark = pytest.mark.usefixtures("kernels")
@@ -267,7 +267,7 @@ def test_only_what_follows_from_another_state_is_computed_again(result, caplog, 
     """A record that is made anew is the same, so those after it stay; if it were another one, they would not."""
     directory = result()
     changed(directory, "DELETE FROM records WHERE first = 0 AND second = 1")
-    measure = point.measure_point
+    measure = sweep.measure_point
 
     def another(*arguments):
         found = measure(*arguments)
@@ -275,7 +275,7 @@ def test_only_what_follows_from_another_state_is_computed_again(result, caplog, 
         return found
 
     another.__module__, another.__qualname__ = measure.__module__, measure.__qualname__
-    monkeypatch.setattr(point, "measure_point", another)
+    monkeypatch.setattr(sweep, "measure_point", another)
     _, said, printed = resumed(directory, caplog)
     assert f", {POINTS - 2} of the points from before\n" in printed
     assert [line.partition(": ")[2] for line in said] == [

@@ -125,6 +125,15 @@ def settled(system, differential, p, time=TIME):
     return y, yp, ypp, found
 
 
+def torque_by_quotient(motor, frequency, direction, speed):
+    """Return Kloss's torque 2M_c/(s/s_c + s_c/s) at a supply frequency (Hz)."""
+    synchronous = 2.0 * np.pi * frequency / motor.pole_pairs
+    slip = (synchronous - direction * speed) / synchronous
+    # the critical slip speed s_c ω₀ of the rated frequency is that at all others, if there is one
+    ratio = slip / (motor.critical_slip * (motor.rated_frequency_hz or frequency) / frequency)
+    return direction * 2.0 * motor.critical_torque_n_m / (ratio + 1.0 / ratio)
+
+
 def central_difference(function, step):
     """Differentiate at 0; the error is of sixth order in the step."""
     weights = ((1, 45.0 / 60.0), (2, -9.0 / 60.0), (3, 1.0 / 60.0))

@@ -9,7 +9,7 @@ from vibroplat.config.scene import Material
 from vibroplat.model.impact import impulse_response
 from vibroplat.model.parameters import PARAMETERS, parameters
 
-from .helpers import EACH_PAIR, RECORDS, TIME, UNEVEN, random_states, record_of, scene_of, settled
+from .helpers import EACH_PAIR, RECORDS, TIME, UNEVEN, random_states, record_of, scene_of, settled, torque_by_quotient
 
 
 @cache
@@ -110,16 +110,6 @@ def constants(scene, *, uneven=False):
     )
 
 
-def net_torque(motor, frequency, direction, speed, unbalance):
-    """Return Kloss's torque 2M_c/(s/s_c + s_c/s) less the resistance k_R m_r r φ̇²."""
-    synchronous = 2.0 * np.pi * frequency / motor.pole_pairs
-    slip = (synchronous - direction * speed) / synchronous
-    # the critical slip speed s_c ω₀ of the rated frequency is that at all others, if there is one
-    ratio = slip / (motor.critical_slip * (motor.rated_frequency_hz or frequency) / frequency)
-    driving = direction * 2.0 * motor.critical_torque_n_m / (ratio + 1.0 / ratio)
-    return driving - np.sign(speed) * motor.friction_radius_m * unbalance * speed**2
-
-
 def expected(system, state, scene, *, uneven):
     """Return accelerations of the system's coordinates and F_c by Lagrange's equations."""
     moving = [int(c) for c in system.places[: system.differential // 2]]
@@ -130,7 +120,10 @@ def expected(system, state, scene, *, uneven):
     frequency = scene.drive.supply_frequency_hz
     if scene.drive.program is not None:
         frequency = np.interp(TIME, *zip(*((e.t_s, e.supply_frequency_hz) for e in scene.drive.program), strict=True))
-    torques = [net_torque(motor, frequency, *exciter) for motor, *exciter in exciters]
+    torques = [  # less the resistance k_R m_r r φ̇²
+        torque_by_quotient(motor, frequency, direction, w) - np.sign(w) * motor.friction_radius_m * unbalance * w**2
+        for motor, direction, w, unbalance in exciters
+    ]
     mass, forces = lagrange()(state[:7], state[7:], given, torques)
     rows, columns = moving, mass[:, moving]
     if system.algebraic:

@@ -18,7 +18,7 @@ from vibroplat.model.motor import (
 from vibroplat.model.parameters import blank, parameters
 from vibroplat.model.systems import SYSTEMS
 
-from .helpers import TIME, central_difference, random_states, scene_of
+from .helpers import TIME, central_difference, random_states, scene_of, torque_by_quotient
 
 CRITICAL, SLIP, SYNCHRONOUS = 1.2, 0.15, 160.0
 
@@ -80,17 +80,6 @@ def test_slope_is_that_over_both_speeds():
 SPEEDS = (-210.0, -80.0, -1e-3, 0.0, 1e-3, 95.0, 210.0)
 
 
-def by_quotient(motor, frequency, speed):
-    """Return Kloss's torque 2M_c/(s/s_c + s_c/s) at a supply frequency (Hz)."""
-    direction = -1.0 if motor.rotation == "clockwise" else 1.0
-    synchronous = 2.0 * np.pi * frequency / motor.pole_pairs
-    slip = (synchronous - direction * speed) / synchronous
-    critical = motor.critical_slip
-    if motor.rated_frequency_hz is not None:  # s_c ω₀ stays the same
-        critical *= motor.rated_frequency_hz / frequency
-    return direction * 2.0 * motor.critical_torque_n_m / (slip / critical + critical / slip)
-
-
 @pytest.mark.parametrize("time", [1.0, TIME, 2.9999])
 def test_torque_under_a_rising_supply_is_that_of_the_frequency_then(time):
     """The second motor keeps its critical slip, the first the critical slip speed of its rated frequency."""
@@ -100,7 +89,8 @@ def test_torque_under_a_rising_supply_is_that_of_the_frequency_then(time):
     assert p.slip_ramp[0] == 0.0 < p.slip_ramp[1] < p.speed_ramp[1]
     for i, motor in enumerate(scene.exciters):
         for speed in SPEEDS:
-            assert motor_torque(i, time, speed, p) == pytest.approx(by_quotient(motor, frequency, speed), rel=1e-13)
+            expected = torque_by_quotient(motor, frequency, -1.0 if motor.rotation == "clockwise" else 1.0, speed)
+            assert motor_torque(i, time, speed, p) == pytest.approx(expected, rel=1e-13)
 
 
 def test_rated_frequency_matters_at_others_alone():

@@ -301,7 +301,7 @@ def test_overview_says_what_is_determined_and_what_is_predicted():
 
 
 def test_command_writes_four_tables_and_tells_what_they_say(valley, monkeypatch, tmp_path, capsys):
-    monkeypatch.setattr("vibroplat.cli.paper.load_kernels", lambda *_: None)
+    monkeypatch.setattr("vibroplat.cli.common.load_kernels", lambda *_: None)
     (tmp_path / "c.yaml").write_text(
         "machine: {gravity_m_per_s2: 9.81}\n"
         "calibration:\n"

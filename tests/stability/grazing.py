@@ -1,30 +1,23 @@
 """Grazing: impacts whose speed goes to zero as a parameter approaches the value where the layer only touches."""
 
-from __future__ import annotations
-
 import math
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from common.known import GRAVITY, OMEGA, ball_on_table
 from scipy.optimize import brentq
 
-from stability.checks import Limit, row, sound, with_engine
+from stability.checks import row, sound, with_engine
 from vibroplat.bench.scenes import base
-from vibroplat.config.scene import Scene
 from vibroplat.model.systems import GAP, GAP_RATE
 from vibroplat.motion.run import simulate
-from vibroplat.results.run import Trajectory
 
 TOLERANCE = 1e-11
 #: Minimal gap, over the platform's amplitude, that integration does not distinguish from 0.
 RESOLVED = 2e-9
-#: Largest error of the impact speed, over the error due to that resolution of the gap.
-SPEED = 2.0
-#: Change of the gap's rate soon after, over that of the impact: the later motion is continuous in the impact speed.
-JUMP = 2.0
-RESTITUTIONS = (0.0, 0.5)
+#: Largest error of the impact speed, over the error due to that resolution of the gap; and change of the gap's rate
+#: soon after, over that of the impact: the later motion is continuous in the impact speed.
+SPEED, JUMP = 2.0, 2.0
 
 #: Smallest gap between two samples that is not an impact (m).
 CLEAR = 1e-4
@@ -35,31 +28,17 @@ GAMMA, GRAZED, START = 2.0, 0.5 * math.pi + 0.3, 0.01
 
 
 class Touch(NamedTuple):
-    """The motion near the minimal gap of a flight.
+    """The motion near the minimal gap of a flight."""
 
-    Attributes
-    ----------
-    amplitude
-        Amplitude of the platform (m).
-    depth
-        Minimal gap without an impact (m).
-    speed
-        Gap rate when the gap is first 0 (m/s); 0 if the gap stays open.
-    fastest
-        The same for a gap smaller by the resolution of the integration (m/s).
-    until, rate
-        End of the neighbourhood (s), and the gap's rate at that time without an impact (m/s).
-    """
-
-    amplitude: float
-    depth: float
-    speed: float
-    fastest: float
-    until: float
-    rate: float
+    amplitude: float  # of the platform (m)
+    depth: float  # minimal gap without an impact (m)
+    speed: float  # gap rate when the gap is first 0 (m/s); 0 if the gap stays open
+    fastest: float  # the same for a gap smaller by the resolution of the integration (m/s)
+    until: float  # end of the neighbourhood (s)
+    rate: float  # the gap's rate at that time without an impact (m/s)
 
 
-def grazing(count: int, engine: str) -> list[dict[str, Any]]:
+def grazing(count, engine):
     """Approach two grazing motions from both sides, from 1e-6 to 1e-10, with and without rebound.
 
     A ball meets a table whose frequency is close to the grazing frequency, which follows from a parabola and a sine. On
@@ -68,27 +47,25 @@ def grazing(count: int, engine: str) -> list[dict[str, Any]]:
     offsets = np.logspace(-10.0, -6.0, max(count // 8, 2))
     machine, motion = flight_with_a_wave()
     rows = []
-    for restitution in RESTITUTIONS:
-        found = []
+    for restitution in (0.0, 0.5):
         for offset in (*-offsets[::-1], *offsets):
-            found.append(("ball", offset, over_table(restitution, offset)))
-            found.append(("machine", offset, shifted(machine, motion, restitution, offset)))
-        rows += [
-            judged(f"{kind}, R {restitution:g}, offset {offset:.3g}", with_engine(scene, engine), touch)
-            for kind, offset, (scene, touch) in found
-        ]
+            for kind, (scene, touch) in {
+                "ball": over_table(restitution, offset),
+                "machine": shifted(machine, motion, restitution, offset),
+            }.items():
+                name = f"{kind}, R {restitution:g}, offset {offset:.3g}"
+                rows.append(judged(name, with_engine(scene, engine), touch))
     return rows
 
 
-def judged(name: str, scene: Scene, touch: Touch) -> dict[str, Any]:
+def judged(name, scene, touch):
     """Compare a run with the expected contact: one impact of the right speed, or none."""
     run = simulate(scene)
     events = run.events[run.events["t_s"] < touch.until]
     resolved = RESOLVED * touch.amplitude
     unclear = abs(touch.depth) <= resolved
-    expected = int(touch.depth < 0.0)
-    wrong = 0 if unclear and len(events) <= 1 else abs(len(events) - expected)
-    limits: dict[str, Limit] = {"wrong_events": (wrong, 0.0), **sound(scene, run.summary)}
+    wrong = 0 if unclear and len(events) <= 1 else abs(len(events) - int(touch.depth < 0.0))
+    limits = {"wrong_events": (wrong, 0.0), **sound(scene, run.summary)}
     if len(events) == 1 and not unclear:
         # v² is linear in the depth, so an error of the depth is one of v²
         error = abs(float(events["gap_rate_before_m_per_s"].iloc[0]) ** 2 - touch.speed**2)
@@ -98,7 +75,7 @@ def judged(name: str, scene: Scene, touch: Touch) -> dict[str, Any]:
     return row(name, run.outcome, limits)
 
 
-def over_table(restitution: float, offset: float) -> tuple[Scene, Touch]:
+def over_table(restitution, offset):
     """Let a ball pass a table whose frequency differs from the grazing frequency by a relative offset."""
     amplitude = GAMMA * GRAVITY / OMEGA**2
     phase = GRAZED - OMEGA * START
@@ -106,25 +83,21 @@ def over_table(restitution: float, offset: float) -> tuple[Scene, Touch]:
     height = amplitude * math.sin(GRAZED) - rate * START + 0.5 * GRAVITY * START**2
     omega = OMEGA * (1.0 + offset)
 
-    def gap(t: float) -> float:
+    def gap(t):
         # a difference of sines would lose offsets of 1e-12
         moved = 2.0 * math.cos((0.5 * (OMEGA + omega)) * t + phase) * math.sin(0.5 * OMEGA * offset * t)
         return height + rate * t - 0.5 * GRAVITY * t * t - amplitude * (math.sin(OMEGA * t + phase) + moved)
 
-    def gap_rate(t: float) -> float:
+    def gap_rate(t):
         return rate - GRAVITY * t - amplitude * omega * math.cos(omega * t + phase)
 
-    table = ball_on_table(
-        amplitude * omega**2 / GRAVITY, restitution, tolerance=TOLERANCE, phase=phase, omega=omega, periods=0.75
-    )
-    changes = {
-        "run.initial.state.gap_m": gap(0.0),
-        "run.initial.state.gap_rate_m_per_s": gap_rate(0.0),
-    }
-    return table.replace(changes), _touch(gap, gap_rate, START, amplitude)
+    gamma = amplitude * omega**2 / GRAVITY
+    table = ball_on_table(gamma, restitution, tolerance=TOLERANCE, phase=phase, omega=omega, periods=0.75)
+    start = {"run.initial.state.gap_m": gap(0.0), "run.initial.state.gap_rate_m_per_s": gap_rate(0.0)}
+    return table.replace(start), _touch(gap, gap_rate, START, amplitude)
 
 
-def _touch(gap: Callable[[float], float], gap_rate: Callable[[float], float], near: float, amplitude: float) -> Touch:
+def _touch(gap, gap_rate, near, amplitude):
     """Find the minimal gap and the first contact near a time."""
     reach = 0.4 * near
     bottom = brentq(gap_rate, near - reach, near + reach, xtol=1e-16)
@@ -135,8 +108,8 @@ def _touch(gap: Callable[[float], float], gap_rate: Callable[[float], float], ne
     return Touch(amplitude, depth, speed, max(fastest, abs(speed)), near + reach, gap_rate(near + reach))
 
 
-def flight_with_a_wave() -> tuple[Scene, Trajectory]:
-    """Return an accurately integrated flight on the paper's machine whose gap has a local minimum."""
+def flight_with_a_wave():
+    """Return a flight on the paper's machine whose gap has a local minimum, and its accurate motion."""
     scene = base(1e-8, 4.0).replace({"drive.supply_frequency_hz": 78.0, "material.mass_ratio": 0.2})
     run = simulate(scene)
     times = np.arange(2.0, 4.0, 1e-5)
@@ -149,25 +122,17 @@ def flight_with_a_wave() -> tuple[Scene, Trajectory]:
     return flight, simulate(flight.replace({"solver.tolerance": 1e-12}))
 
 
-def shifted(flight: Scene, motion: Trajectory, restitution: float, offset: float) -> tuple[Scene, Touch]:
+def shifted(flight, motion, restitution, offset):
     """Shift the layers of a flight down until the minimal gap is an offset times the platform's amplitude."""
     segment = motion.segments[0]
     amplitude = float(np.ptp(segment.ends[:, 1])) / 2.0
 
-    def moved(t: float) -> tuple[float, float]:
-        state = segment(np.array([t]))[0][0]
-        return float(state[GAP]), float(state[GAP_RATE])
+    def at(t, place):
+        return float(segment(np.array([t]))[0][0][place])
 
-    bottom = brentq(lambda t: moved(t)[1], 0.8 * WAVE, 1.2 * WAVE, xtol=1e-16)
-    shift = moved(bottom)[0] + offset * amplitude
-
-    touch = _touch(lambda t: moved(t)[0] - shift, lambda t: moved(t)[1], bottom, amplitude)
-    state = flight.run.initial.state
-    assert state is not None
-    assert state.gap_m is not None
-    changes = {
-        "run.initial.state.gap_m": state.gap_m - shift,
-        "contact.restitution": restitution,
-        "solver.tolerance": TOLERANCE,
-    }
+    bottom = brentq(lambda t: at(t, GAP_RATE), 0.8 * WAVE, 1.2 * WAVE, xtol=1e-16)
+    shift = at(bottom, GAP) + offset * amplitude
+    touch = _touch(lambda t: at(t, GAP) - shift, lambda t: at(t, GAP_RATE), bottom, amplitude)
+    gap = flight.run.initial.state.gap_m - shift
+    changes = {"run.initial.state.gap_m": gap, "contact.restitution": restitution, "solver.tolerance": TOLERANCE}
     return flight.replace(changes), touch

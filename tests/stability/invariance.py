@@ -1,16 +1,12 @@
 """Changes that must not affect a motion: tolerance, engine, time origin, whole turns, mirroring."""
 
-from __future__ import annotations
-
 import math
-from typing import Any
 
 from common.known import TURN
 
-from stability.checks import Limit, off, row, sound, spread_over, steady, with_engine
+from stability.checks import off, row, sound, spread_over, steady, with_engine
 from vibroplat.bench.scenes import kinds
 from vibroplat.config.coordinates import COORDINATES, RATES
-from vibroplat.config.scene import Scene
 from vibroplat.motion.run import simulate
 
 #: Compared statistics.
@@ -33,18 +29,18 @@ TOLERANCES = (1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10)
 SETTLE, MEASURE = 12.0, 2.0
 
 
-def invariance(count: int, engine: str) -> list[dict[str, Any]]:
+def invariance(count, engine):
     """Apply changes that must not matter to at most ``count`` scenes that are not chaotic."""
     scenes = {name: with_engine(scene, engine) for name, scene in _scenes().items()}
     cases = [(name, *changed) for name, scene in scenes.items() for changed in _changes(scene).items()]
-    expected: dict[str, dict[str, Any]] = {}
+    expected = {}
     rows = []
     for name, change, changed in spread_over(cases, count):
         if name not in expected:
             expected[name] = steady(scenes[name].replace({"solver.tolerance": REFERENCE}), SETTLE, MEASURE)
         found = steady(changed, SETTLE, MEASURE)
         allowed = FACTOR * changed.solver.tolerance
-        limits: dict[str, Limit] = {f"{key}_off": (off(found[key], expected[name][key]), allowed) for key in STATISTICS}
+        limits = {f"{key}_off": (off(found[key], expected[name][key]), allowed) for key in STATISTICS}
         phase = expected[name]["phase_difference_rad"]
         away = math.remainder(found["phase_difference_rad"] - (-phase if change == "mirrored" else phase), TURN)
         limits["phase_off_rad"] = (abs(away), allowed)
@@ -52,14 +48,14 @@ def invariance(count: int, engine: str) -> list[dict[str, Any]]:
     return rows
 
 
-def _scenes() -> dict[str, Scene]:
+def _scenes():
     """Return one scene of each kind, with unequal motors."""
     chosen = ("attached, f_e 46", "impacts, f_e 50", "one layer, f_e 50", "bare, f_e 50")
     motors = {"motors": [{"critical_slip": 0.15}, {"critical_slip": 0.16}]}
     return {name: kinds(1e-7, SETTLE + MEASURE)[name].replace(motors) for name in chosen}
 
 
-def _changes(scene: Scene) -> dict[str, Scene]:
+def _changes(scene):
     """Return variants that must have the same statistics."""
     changed = {f"tolerance {t:g}": scene.replace({"solver.tolerance": t}) for t in TOLERANCES}
     changed |= {engine: with_engine(scene, engine) for engine in ("sundae", "taylor")}
@@ -71,13 +67,13 @@ def _changes(scene: Scene) -> dict[str, Scene]:
     return changed
 
 
-def _later(scene: Scene, seconds: float) -> Scene:
+def _later(scene, seconds):
     """Start from the state that a run has reached."""
     state = simulate(scene.replace({"run.duration_s": seconds}), keep="summary").final_state
     return scene.replace(run={"duration_s": scene.run.duration_s, "initial": {"state": _named(scene, state)}})
 
 
-def _mirrored(scene: Scene) -> Scene:
+def _mirrored(scene):
     """Exchange the exciters with their motors and mirror the start: x → −x, φ → −φ, φ₁ → π − φ₂, φ₂ → π − φ₁."""
     start = simulate(scene.replace({"run.duration_s": 0.5}), keep="summary").final_state
     state = start.copy()
@@ -90,7 +86,7 @@ def _mirrored(scene: Scene) -> Scene:
     return changed.replace(run={"duration_s": scene.run.duration_s, "initial": {"state": _named(scene, state)}})
 
 
-def _named(scene: Scene, state: Any) -> dict[str, float]:
+def _named(scene, state):
     """Return a full state as configuration keys."""
     names = (*COORDINATES, *RATES)
     return {names[i]: float(state[i]) for index in scene.coordinates for i in (index, index + 7)}

@@ -1,19 +1,14 @@
 """Flights just above lift-off: the gap opens at a triple root and soon closes again."""
 
-from __future__ import annotations
-
 import math
-from collections.abc import Callable
 from functools import cache
-from typing import Any
 
 import numpy as np
 from numpy.polynomial import Polynomial
 from scipy.optimize import brentq
 
-from stability.checks import Limit, row, sound, steady, with_engine
+from stability.checks import row, sound, steady, with_engine
 from vibroplat.bench.scenes import base
-from vibroplat.config.scene import Scene
 
 #: A tolerance at which the error of F_c is below 1e-8 of its amplitude, its shortfall in the shortest flight.
 CLOSE, USUAL = 1e-11, 1e-6
@@ -28,7 +23,7 @@ SEEN = 0.01
 LEAST, SHORT, LONG = 2e-4, 4e-9 / (0.5 * (0.5 * math.pi) ** 2), 0.02
 
 
-def release(count: int, engine: str) -> list[dict[str, Any]]:
+def release(count, engine):
     """Simulate flights of 1e-4 to 1e-1 of a turn just above lift-off, at a small and at the default tolerance.
 
     Near its minimum F_c ≈ F_min + ½ F″ t², and the gap's acceleration is −F_c over a mass. A flight starts where
@@ -46,12 +41,12 @@ def release(count: int, engine: str) -> list[dict[str, Any]]:
     return rows
 
 
-def judged(case: Scene, fraction: float) -> dict[str, Any]:
+def judged(case, fraction):
     """Compare flights of the settled motion with the prediction."""
     found = steady(case, SETTLE, MEASURE)
     turns = MEASURE * (found["excitation_frequency_hz"] or math.nan)
     close = case.solver.tolerance == CLOSE
-    limits: dict[str, Limit] = {
+    limits = {
         # a flight cut by an end of the measured part counts once
         "liftoffs_too_many": (found["liftoffs"] - turns, 1.0),
         "impacts_too_many": (found["impacts"] - turns, 1.0),
@@ -66,13 +61,13 @@ def judged(case: Scene, fraction: float) -> dict[str, Any]:
     return row(f"flights of {fraction:.3g} turns, tolerance {case.solver.tolerance:g}", found["outcome"], limits)
 
 
-def scene(supply: float, tolerance: float) -> Scene:
+def scene(supply, tolerance):
     """Return the paper's machine at a supply frequency (Hz)."""
     return base(tolerance, SETTLE + MEASURE).replace({"drive.supply_frequency_hz": supply})
 
 
 @cache
-def lift_off() -> Callable[[float], float]:
+def lift_off():
     """Supply frequency (Hz) over the share of its amplitude by which F_c would fall below zero."""
     middle, half = 0.5 * (ATTACHED[1] + ATTACHED[0]), 0.5 * (ATTACHED[1] - ATTACHED[0])
     supply = middle + half * np.polynomial.chebyshev.chebpts1(10)

@@ -7,7 +7,7 @@ from common.drawing import given
 from common.random_scenes import STORM, TURNS, Draw, drawn
 
 from stability.checks import NAMED, row, sound, with_engine
-from stability.situations import ENGINES
+from stability.test_situations import ENGINES
 from vibroplat import simulate
 from vibroplat.integrate.native import MAX_STEPS
 
@@ -38,7 +38,7 @@ class Numbers:
 
 
 @pytest.mark.parametrize("engine", ENGINES)
-@given(data=lambda st: st.data())
+@given(examples=15, data=lambda st: st.data())
 def test_any_scene_ends_soundly_with_a_named_outcome(data, engine):
     scene = with_engine(drawn(Draw(Numbers(data)), "drawn"), engine)
     summary = simulate(scene, keep="summary").summary

@@ -1,12 +1,7 @@
 """A browser of the system without a window, driven by selenium: for the film of a page and for tests of it."""
 
-from __future__ import annotations
-
 import shutil
-from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
-from typing import Any
 
 from vibroplat.errors import VibroplatError
 
@@ -18,7 +13,7 @@ PATIENCE = 60.0
 _OPTIONS = ("--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--disable-gpu", "--hide-scrollbars")
 
 
-def missing() -> str:
+def missing():
     """Say what is not installed; "" where nothing is missing."""
     try:
         import selenium  # noqa: F401  (only films and tests need it)
@@ -30,7 +25,7 @@ def missing() -> str:
 
 
 @contextmanager
-def browser(width: int, height: int) -> Iterator[Any]:
+def browser(width, height):
     """Start a browser with a window of this size (CSS pixels), and end it.
 
     Raises
@@ -57,13 +52,13 @@ def browser(width: int, height: int) -> Iterator[Any]:
         driver.quit()
 
 
-def resize(driver: Any, width: int, height: int) -> None:
+def resize(driver, width, height):
     """Give the window a size (CSS pixels), also smaller ones than windows can have."""
     size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
     driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
 
 
-def open_page(driver: Any, path: Path) -> None:
+def open_page(driver, path):
     """Open a page and wait until it is built."""
     from selenium.webdriver.support.ui import WebDriverWait
 

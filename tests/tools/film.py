@@ -3,12 +3,10 @@
 It needs Chromium, its driver, selenium, and ``tests`` on PYTHONPATH.
 """
 
-from __future__ import annotations
-
 import io
 import tempfile
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING
 
 import typer
 
@@ -18,7 +16,7 @@ from vibroplat.page.report import write_report
 from vibroplat.results.tables import replace_files
 
 if TYPE_CHECKING:
-    from PIL.Image import Image
+    pass
 
 #: Duration of a frame (ms), which browsers keep from 20 ms on.
 FRAME = 50
@@ -28,7 +26,7 @@ SAMPLES = 20
 HEIGHT = 364
 
 
-def write_film(directory: Path, out: Path, turns: int, frames: int, width: int, colours: int) -> Path:
+def write_film(directory, out, turns, frames, width, colours):
     """Write a GIF of the last turns of a run.
 
     Parameters
@@ -63,7 +61,7 @@ def write_film(directory: Path, out: Path, turns: int, frames: int, width: int, 
     return out
 
 
-def _pictures(driver: Any, turns: int, frames: int) -> list[Image]:
+def _pictures(driver, turns, frames):
     """Take pictures at even times over the last whole turns."""
     from PIL import Image
 
@@ -86,7 +84,7 @@ def _pictures(driver: Any, turns: int, frames: int) -> list[Image]:
     return pictures
 
 
-def _reduced(pictures: list[Image], colours: int) -> list[Image]:
+def _reduced(pictures, colours):
     """Give all pictures the same few colours, so that only what moves is stored anew."""
     from PIL import Image
 
@@ -98,13 +96,13 @@ def _reduced(pictures: list[Image], colours: int) -> list[Image]:
 
 
 def film(
-    directory: Annotated[Path, typer.Argument(metavar="DIR", help="Result directory of a run.")],
-    out: Annotated[Path, typer.Option(help="The GIF.")] = Path("machine.gif"),
-    turns: Annotated[int, typer.Option(min=1, help="Number of the last turns of the exciters.")] = 2,
-    frames: Annotated[int, typer.Option(min=2, help="Pictures of a turn.")] = 40,
-    width: Annotated[int, typer.Option(min=700, help="Width (pixels).")] = 900,
-    colours: Annotated[int, typer.Option(min=2, max=256, help="Number of colours.")] = 128,
-) -> None:
+    directory,
+    out=Path("machine.gif"),
+    turns=2,
+    frames=40,
+    width=900,
+    colours=128,
+):
     """Make a GIF of the moving machine and its curves from the page of a run."""
     try:
         print(write_film(directory, out, turns, frames, width, colours))

@@ -1,7 +1,5 @@
 """The sketch of the model: ``python -m tools.sketch results/model.svg`` draws it."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,10 +10,7 @@ from matplotlib.patches import Circle, Polygon, Rectangle
 from vibroplat.plots.style import CONTACT, FORCE, MATERIAL, PLATFORM, Saving, new_figure, save
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from vibroplat.kernels.compiled import FloatArray
+    pass
 
 _GREY = "#555555"
 #: Corners and centres in the units of the sketch.
@@ -23,10 +18,10 @@ _LEFT, _RIGHT, _BOTTOM, _TOP = -3.0, 3.0, 0.0, 0.5
 _AXES = ((2.0, 1.1), (-2.0, 1.1))
 
 
-def sketch() -> Figure:
+def sketch():
     """Draw platform, springs, both exciters, layers of material and all symbols of the model."""
     figure, axes = new_figure(1, 1, (7.6, 4.4))
-    axis: Axes = axes[0, 0]
+    axis = axes[0, 0]
     axis.set_aspect("equal")
     axis.set_axis_off()
     _platform(axis)
@@ -39,7 +34,7 @@ def sketch() -> Figure:
     return figure
 
 
-def _platform(axis: Axes) -> None:
+def _platform(axis):
     """Draw the platform on its springs and dampers."""
     axis.add_patch(Rectangle((_LEFT, _BOTTOM), _RIGHT - _LEFT, _TOP - _BOTTOM, fc=CONTACT, ec=PLATFORM, lw=1.6))
     for side in (-1.0, 1.0):
@@ -55,7 +50,7 @@ def _platform(axis: Axes) -> None:
     axis.text(-1.0, 0.23, r"$m_0,\ J_0$", ha="center", va="center", color=PLATFORM)
 
 
-def _exciter(axis: Axes, number: int, centre: tuple[float, float]) -> None:
+def _exciter(axis, number, centre):
     """Draw an exciter: axis, unbalance at radius r, the direction in which it turns, and ρ, γ₁ of the first."""
     angle = np.radians(50.0 if number == 1 else 130.0)
     x, y = centre
@@ -79,7 +74,7 @@ def _exciter(axis: Axes, number: int, centre: tuple[float, float]) -> None:
         axis.plot([0.0, 1.3], [0.25, 0.25], color=_GREY, lw=0.8, ls="--")
 
 
-def _material(axis: Axes) -> None:
+def _material(axis):
     """Draw both layers above the platform, with the gap open."""
     axis.add_patch(Rectangle((-1.0, 1.7), 2.0, 0.45, fc="#f3dccb", ec=MATERIAL, lw=1.4))
     axis.add_patch(Rectangle((-1.0, 3.2), 2.0, 0.45, fc="#f3dccb", ec=MATERIAL, lw=1.4))
@@ -97,7 +92,7 @@ def _material(axis: Axes) -> None:
     axis.text(0.2, 1.25, "$F_c$", color=FORCE, va="center")
 
 
-def _coordinates(axis: Axes) -> None:
+def _coordinates(axis):
     """Draw the axes x and y, the rotation φ and gravity."""
     arrow = {"arrowstyle": "->", "color": "black", "lw": 1.2}
     axis.annotate("", (-3.4, 2.6), (-4.4, 2.6), arrowprops=arrow)
@@ -112,12 +107,12 @@ def _coordinates(axis: Axes) -> None:
     axis.text(4.0, 3.1, "$g$")
 
 
-def _place(points: FloatArray, number: int) -> tuple[float, float]:
+def _place(points, number):
     """Return one of the points of a line, shape (2, n)."""
     return float(points[0, number]), float(points[1, number])
 
 
-def _spring(axis: Axes, start: tuple[float, float], end: tuple[float, float]) -> None:
+def _spring(axis, start, end):
     """Draw a spring as a zigzag."""
     along = np.array([0.0, 0.2, *np.linspace(0.25, 0.75, 9), 0.8, 1.0])
     aside = 0.13 * np.array([0.0, 0.0, *(np.arange(9) % 2 * 2 - 1), 0.0, 0.0])
@@ -127,7 +122,7 @@ def _spring(axis: Axes, start: tuple[float, float], end: tuple[float, float]) ->
     axis.plot(*points, color=_GREY, lw=1.0)
 
 
-def _damper(axis: Axes, start: tuple[float, float], end: tuple[float, float]) -> None:
+def _damper(axis, start, end):
     """Draw an upright damper."""
     x, low, high = start[0], start[1], end[1]
     middle = 0.5 * (low + high)
@@ -142,7 +137,7 @@ def _damper(axis: Axes, start: tuple[float, float], end: tuple[float, float]) ->
     axis.plot([x, x], [middle, high], color=_GREY, lw=1.0)
 
 
-def _ground(axis: Axes, start: tuple[float, float], end: tuple[float, float], *, down: bool) -> None:
+def _ground(axis, start, end, *, down):
     """Draw a piece of the fixed ground, hatched on one side."""
     axis.plot(*zip(start, end, strict=True), color="black", lw=1.2)
     for share in np.linspace(0.0, 1.0, 6):

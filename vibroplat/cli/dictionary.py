@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import groupby
-from typing import NamedTuple
 
 from vibroplat.columns import Column, Columns, unit_of
 from vibroplat.config.keys import keys, yaml
@@ -23,25 +22,6 @@ from vibroplat.study.branches import SUPPLY
 from vibroplat.study.confirming import CONFIRMED
 from vibroplat.study.sweep import COLUMNS, DIAGRAM, SWEEP
 
-
-class TableOf(NamedTuple):
-    """A result table.
-
-    Attributes
-    ----------
-    name
-        Its file, without the ending.
-    about
-        What its rows are.
-    columns
-        Its columns.
-    """
-
-    name: str
-    about: str
-    columns: Columns
-
-
 #: The swept keys of a sweep's tables.
 _SWEPT = {"…": Column("the keys of the sweep's grid, by their dotted names", "see configuration.md")}
 _FOLLOWED = {"…": Column("the keys of the grid and the keys that vary, by their dotted names", "see configuration.md")}
@@ -53,57 +33,50 @@ def _diagram(name: str) -> Columns:
     return {SUPPLY: DIAGRAM[SUPPLY], **_SWEPT} | {key: DIAGRAM[key] for key in (*list(DIAGRAM)[1:-2], name)}
 
 
-#: All result tables but those of benchmarks, in the order of the commands that write them.
-TABLES = (
-    TableOf("trajectory", "`vibroplat run`: a row for each sample; at an event two, before and after it.", TRAJECTORY),
-    TableOf("events", "`vibroplat run`: a row for each event.", EVENTS),
-    TableOf(
-        "summary.json",
+#: All result tables but those of benchmarks, by the names of their files, in the order of the commands that write
+#: them: what their rows are, and their columns.
+TABLES: dict[str, tuple[str, Columns]] = {
+    "trajectory": ("`vibroplat run`: a row for each sample; at an event two, before and after it.", TRAJECTORY),
+    "events": ("`vibroplat run`: a row for each event.", EVENTS),
+    "summary.json": (
         "`vibroplat run`: numbers of the second half of the run, cut to whole turns of exciter 1; what is of the whole "
         "run says so.",
         SUMMARY,
     ),
-    TableOf("sweep", "`vibroplat sweep`: a row for each point.", _IN_ORDER),
-    TableOf("sweep, confirmed", "Columns that `confirm: orbits` adds to `sweep`.", CONFIRMED),
-    TableOf(
-        "bands",
+    "sweep": ("`vibroplat sweep`: a row for each point.", _IN_ORDER),
+    "sweep, confirmed": ("Columns that `confirm: orbits` adds to `sweep`.", CONFIRMED),
+    "bands": (
         "`vibroplat sweep`: where each branch synchronizes how, jumps, lifts off, is largest along y, and fails.",
         {**_SWEPT, **{name: SWEEP[name] for name in ("direction", "branch")}, **BANDS},
     ),
-    TableOf("section", "`vibroplat sweep` with `kind: bifurcation`: the last turns of each point.", _diagram("y_m")),
-    TableOf(
-        "impacts",
+    "section": ("`vibroplat sweep` with `kind: bifurcation`: the last turns of each point.", _diagram("y_m")),
+    "impacts": (
         "`vibroplat sweep` with `kind: bifurcation`: the last impacts of each point.",
         _diagram("impact_speed_m_per_s"),
     ),
-    TableOf("branches", "`vibroplat orbits`: a row for each point of each branch.", {**_FOLLOWED, **BRANCHES}),
-    TableOf("special", "`vibroplat orbits`: a row for each special point.", {**_FOLLOWED, **SPECIAL}),
-    TableOf(
-        "boundaries",
+    "branches": ("`vibroplat orbits`: a row for each point of each branch.", {**_FOLLOWED, **BRANCHES}),
+    "special": ("`vibroplat orbits`: a row for each special point.", {**_FOLLOWED, **SPECIAL}),
+    "boundaries": (
         "`vibroplat orbits` with `boundaries`: the points of each curve in their order.",
         {**_FOLLOWED, **BOUNDARIES},
     ),
-    TableOf("claims", "`vibroplat paper`: a row for each claim.", CLAIMS),
-    TableOf("contradictions", "`vibroplat paper`: the paper's numbers against its figures.", CONTRADICTIONS),
-    TableOf(
-        "fig4, fig5, fig7",
+    "claims": ("`vibroplat paper`: a row for each claim.", CLAIMS),
+    "contradictions": ("`vibroplat paper`: the paper's numbers against its figures.", CONTRADICTIONS),
+    "fig4, fig5, fig7": (
         "`vibroplat paper`: time histories. Its other tables, `fig2`, `fig3`, `fig6` and `laws`, are as `sweep`.",
         HISTORY,
     ),
-    TableOf("sync-bands", "`vibroplat paper`: where the exciters synchronize how.", SYNC_BANDS),
-    TableOf("impact-laws", "`vibroplat paper`: how much the impact law matters.", IMPACT_LAWS),
-    TableOf(
-        "evaluations",
+    "sync-bands": ("`vibroplat paper`: where the exciters synchronize how.", SYNC_BANDS),
+    "impact-laws": ("`vibroplat paper`: how much the impact law matters.", IMPACT_LAWS),
+    "evaluations": (
         "`vibroplat calibrate`: a row for each set of numbers. It also has a column for each of its keys, and two for "
         "each claim: its score, and whether it holds.",
         EVALUATIONS,
     ),
-    TableOf(
-        "confirmation", "`vibroplat calibrate`: the best sets with other seeds; more columns, as above.", CONFIRMATION
-    ),
-    TableOf("left-out", "`vibroplat calibrate`: claims left out one by one; also the keys of the set.", LEFT_OUT),
-    TableOf("spread", "`vibroplat calibrate`: how well each key is determined.", SPREAD),
-)
+    "confirmation": ("`vibroplat calibrate`: the best sets with other seeds; more columns, as above.", CONFIRMATION),
+    "left-out": ("`vibroplat calibrate`: claims left out one by one; also the keys of the set.", LEFT_OUT),
+    "spread": ("`vibroplat calibrate`: how well each key is determined.", SPREAD),
+}
 
 
 def configuration_page() -> str:
@@ -133,9 +106,9 @@ def columns_page() -> str:
         "and meanings in the metadata of their fields, tables in Python in `DataFrame.attrs` (`units`, `meanings`).",
         "The symbols are those of [the model](model.md). This page is written by `vibroplat columns`.",
     ]
-    for table in TABLES:
-        rows = [(f"`{name}`", unit_of(name), c.meaning, c.definition) for name, c in table.columns.items()]
-        lines += ["", f"## {table.name}", "", table.about, ""]
+    for table, (about, described) in TABLES.items():
+        rows = [(f"`{name}`", unit_of(name), c.meaning, c.definition) for name, c in described.items()]
+        lines += ["", f"## {table}", "", about, ""]
         lines += _table(("column", "unit", "meaning", "definition"), rows)
     return "\n".join(lines) + "\n"
 

@@ -9,24 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from vibroplat.cli.common import (
-    EngineName,
-    Format,
-    Jobs,
-    Out,
-    Overwrite,
-    Resume,
-    Scheduler,
-    Settings,
-    Wait,
-    complain_of,
-    load_kernels,
-    print_lines,
-    print_notes,
-    print_table,
-    require_scheduler,
-    tell_of_compilation,
-)
+from vibroplat.cli import common
 from vibroplat.study import WAIT
 from vibroplat.system.progress import orbits_progress
 
@@ -43,15 +26,15 @@ MOST = 40
 
 def orbits(
     config: Annotated[Path, typer.Argument(help="Configuration file with an orbits section.")],
-    set_: Settings = None,
-    engine: EngineName = None,
-    out: Out = Path("results"),
-    jobs: Jobs = 1,
-    resume: Resume = False,
-    overwrite: Overwrite = False,
-    scheduler: Scheduler = None,
-    wait: Wait = WAIT,
-    format_: Format = "parquet",
+    set_: common.Settings = None,
+    engine: common.EngineName = None,
+    out: common.Out = Path("results"),
+    jobs: common.Jobs = 1,
+    resume: common.Resume = False,
+    overwrite: common.Overwrite = False,
+    scheduler: common.Scheduler = None,
+    wait: common.Wait = WAIT,
+    format_: common.Format = "parquet",
 ) -> None:
     """Follow branches of periodic orbits over a key.
 
@@ -60,11 +43,11 @@ def orbits(
     from vibroplat.config.reader import load_config, parse_overrides
 
     scene = load_config(config, parse_overrides(set_ or [], engine))
-    tell_of_compilation(scene.solver.engine)
+    common.tell_of_compilation(scene.solver.engine)
     from vibroplat.continuation.tables import follow, planned, write_orbits
 
     plan = planned(scene)
-    require_scheduler(scheduler)
+    common.require_scheduler(scheduler)
     from vibroplat.config.plausibility import notes_on_inputs
     from vibroplat.results.files import read_provenance
     from vibroplat.results.tables import result_directory
@@ -77,7 +60,7 @@ def orbits(
         read_provenance(directory, "orbits")
     kept: dict[str, Any] = {"file": FILE, "what": "parts of branches"}
     with Store(directory, conditions(scene), resume=resume, overwrite=overwrite, **kept) as store:
-        load_kernels(scene.solver.engine)
+        common.load_kernels(scene.solver.engine)
         began, families = time.perf_counter(), len(plan.families)
         with (
             pool(jobs, scheduler, wait=wait, chains=families) as workers,
@@ -88,12 +71,12 @@ def orbits(
         store.finish()
         write_orbits(scene, made, summary, directory, format_)
     took = f"{known} parts of branches from before" if known else f"{summary['points'] / seconds:.3g} points per s"
-    print_lines(_overview(made.branches, summary))
-    print_lines({"wall time": f"{seconds:.3g} s, {took}", "tables": str(directory)})
+    common.print_lines(_overview(made.branches, summary))
+    common.print_lines({"wall time": f"{seconds:.3g} s, {took}", "tables": str(directory)})
     _print_boundaries(summary["boundaries"])
     _print_branches(plan, summary["branches"])
     _print_special(plan, made.special)
-    print_notes(notes_on_inputs(family.scene for family in plan.families))
+    common.print_notes(notes_on_inputs(family.scene for family in plan.families))
     failed = [
         f"branch {branch['branch']}{''.join(f', {key} {value}' for key, value in branch['grid'].items())} failed "
         f"after {branch['points']} points: {branch['ended']}"
@@ -101,7 +84,7 @@ def orbits(
         if branch["failed"]
     ]
     if failed:
-        complain_of(failed, f"{len(failed)} of {len(summary['branches'])} branches failed", most=MOST)
+        common.complain_of(failed, f"{len(failed)} of {len(summary['branches'])} branches failed", most=MOST)
         raise typer.Exit(1)
 
 
@@ -150,7 +133,7 @@ def _print_branches(plan: Planned, branches: Sequence[Mapping[str, Any]]) -> Non
         ]
         for branch in branches
     ]
-    print_table(header, rows, most=MOST, more="orbits.json")
+    common.print_table(header, rows, most=MOST, more="orbits.json")
 
 
 def _print_special(plan: Planned, special: pd.DataFrame) -> None:
@@ -167,4 +150,4 @@ def _print_special(plan: Planned, special: pd.DataFrame) -> None:
     header = [name.rpartition(".")[2] for name in keys]
     header += ["branch", "special point", plan.column, "excitation_frequency_hz", "period"]
     print()
-    print_table(header, shown.to_numpy().tolist(), most=MOST, more="table special")
+    common.print_table(header, shown.to_numpy().tolist(), most=MOST, more="table special")

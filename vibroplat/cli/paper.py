@@ -8,20 +8,7 @@ from typing import Annotated
 
 import typer
 
-from vibroplat.cli.common import (
-    EngineName,
-    Jobs,
-    Out,
-    Overwrite,
-    Resume,
-    Scheduler,
-    Settings,
-    Wait,
-    load_kernels,
-    print_lines,
-    require_scheduler,
-    tell_of_compilation,
-)
+from vibroplat.cli import common
 from vibroplat.study import WAIT
 from vibroplat.system.progress import calibration_progress, sweep_progress
 
@@ -30,14 +17,14 @@ def paper(
     machine: Annotated[
         list[str] | None, typer.Option(help="A machine from configs/machines. Default: printed and calibrated.")
     ] = None,
-    set_: Settings = None,
-    engine: EngineName = None,
-    out: Out = Path("results"),
+    set_: common.Settings = None,
+    engine: common.EngineName = None,
+    out: common.Out = Path("results"),
     jobs: Annotated[int | None, typer.Option(min=1, help="Number of worker processes. Default: all cores.")] = None,
-    resume: Resume = False,
-    overwrite: Overwrite = False,
-    scheduler: Scheduler = None,
-    wait: Wait = WAIT,
+    resume: common.Resume = False,
+    overwrite: common.Overwrite = False,
+    scheduler: common.Scheduler = None,
+    wait: common.Wait = WAIT,
     seeds: Annotated[int, typer.Option(min=1, help="Number of perturbation seeds that each claim is judged with.")] = 3,
     seed: Annotated[int, typer.Option(min=0, help="The first seed; figures are drawn with it.")] = 0,
 ) -> None:
@@ -45,13 +32,13 @@ def paper(
 
     Computes figures 2-7 and their tables, and compares each claim of the paper with what was measured.
     """
-    tell_of_compilation(engine)
+    common.tell_of_compilation(engine)
     from vibroplat.config.reader import parse_overrides
     from vibroplat.paper.scenes import machine_numbers, paper_scene
 
     changes = parse_overrides(set_ or [], engine)
     chosen = {name: {**machine_numbers(name), **changes} for name in machine or ("printed", "calibrated")}
-    require_scheduler(scheduler)
+    common.require_scheduler(scheduler)
     from vibroplat.paper import reproduction
     from vibroplat.plots.command import plot_results
     from vibroplat.results.tables import result_directory
@@ -59,7 +46,7 @@ def paper(
 
     tried = range(seed, seed + seeds)
     planned = {name: reproduction.planned(numbers, tried) for name, numbers in chosen.items()}
-    load_kernels(*sorted({paper_scene("fig2", numbers).solver.engine for numbers in chosen.values()}))
+    common.load_kernels(*sorted({paper_scene("fig2", numbers).solver.engine for numbers in chosen.values()}))
     with pool(jobs, scheduler, wait=wait, chains=max(branches for branches, _ in planned.values())) as workers:
         for name, numbers in chosen.items():
             directory = result_directory(out / "paper", name)
@@ -79,27 +66,27 @@ def calibrate(
     config: Annotated[
         Path | None, typer.Argument(help="Configuration of a machine with a calibration section.")
     ] = None,
-    out: Out = Path("results"),
-    jobs: Jobs = 1,
+    out: common.Out = Path("results"),
+    jobs: common.Jobs = 1,
     generations: Annotated[int | None, typer.Option(min=0, help="Number of generations of the search.")] = None,
-    resume: Resume = False,
-    overwrite: Overwrite = False,
-    scheduler: Scheduler = None,
-    wait: Wait = WAIT,
-    engine: EngineName = None,
+    resume: common.Resume = False,
+    overwrite: common.Overwrite = False,
+    scheduler: common.Scheduler = None,
+    wait: common.Wait = WAIT,
+    engine: common.EngineName = None,
 ) -> None:
     """Fit the numbers the paper does not print to its claims.
 
     Writes a table with one row per evaluation to OUT/calibration.
     """
-    tell_of_compilation(engine)
+    common.tell_of_compilation(engine)
     from vibroplat.config.reader import ENGINE, configurations, parse_overrides
     from vibroplat.paper import calibration
 
     overrides = {} if generations is None else {"generations": generations}
     path = config or configurations() / "claims" / "calibration.yaml"
     fixed, plan = calibration.load_plan(path, overrides, parse_overrides([], engine))
-    require_scheduler(scheduler)
+    common.require_scheduler(scheduler)
     from vibroplat.results.tables import remove_table, result_directory, write_table
     from vibroplat.study.pool import pool
     from vibroplat.study.store import Store
@@ -107,7 +94,7 @@ def calibrate(
     directory = result_directory(out, "calibration")
     total, chains = plan.evaluations + plan.confirmations, max(plan.population, plan.confirmations)
     with Store(directory, calibration.conditions(fixed), resume=resume, overwrite=overwrite) as store:
-        load_kernels(fixed.get(ENGINE, "auto"))
+        common.load_kernels(fixed.get(ENGINE, "auto"))
         opened = pool(jobs, scheduler, wait=wait, chains=chains)
         with opened as workers, calibration_progress(total) as progress:
             tables = calibration.calibrate(fixed, plan, store, workers, progress)
@@ -117,4 +104,4 @@ def calibrate(
                 write_table(table, directory, name, "csv")
             else:
                 remove_table(directory, name)
-    print_lines(calibration.overview(tables) | {"tables": str(directory)}, width=40)
+    common.print_lines(calibration.overview(tables) | {"tables": str(directory)}, width=40)

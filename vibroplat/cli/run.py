@@ -8,17 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from vibroplat.cli.common import (
-    EngineName,
-    Format,
-    Out,
-    Settings,
-    about,
-    load_kernels,
-    print_lines,
-    print_notes,
-    tell_of_compilation,
-)
+from vibroplat.cli import common
 from vibroplat.errors import ConfigError
 from vibroplat.system.progress import run_progress
 
@@ -32,13 +22,13 @@ if TYPE_CHECKING:
 
 def run(
     config: Annotated[Path, typer.Argument(help="Configuration file (YAML).")],
-    set_: Settings = None,
-    engine: EngineName = None,
+    set_: common.Settings = None,
+    engine: common.EngineName = None,
     check: Annotated[
         bool, typer.Option("--check", help="Run the scene with another engine too, and compare both; six runs in all.")
     ] = False,
-    out: Out = Path("results"),
-    format_: Format = "parquet",
+    out: common.Out = Path("results"),
+    format_: common.Format = "parquet",
 ) -> None:
     """Simulate one scene in time.
 
@@ -50,7 +40,7 @@ def run(
     from vibroplat.results.tables import result_directory
 
     scene = load_config(config, parse_overrides(set_ or [], engine))
-    with about(config):
+    with common.about(config):
         start = initial_condition(scene)  # what is wrong with it is told before anything is written or compiled
         source = scene.run.initial.from_
         if source is not None and Path(source).resolve() == (out / scene.name).resolve():
@@ -58,19 +48,19 @@ def run(
                 f"run.initial.from = {source!r} is where this run would be written; allowed: another name"
             )
     directory = result_directory(out, scene.name)
-    tell_of_compilation(scene.solver.engine)
+    common.tell_of_compilation(scene.solver.engine)
     from vibroplat.motion.recorder import require_room
 
     require_room(scene, directory, format_)
-    load_kernels(scene.solver.engine)
+    common.load_kernels(scene.solver.engine)
     result, found = _simulate_and_write(scene, start, directory, format_, check=check)
     from vibroplat.results.card import results, whole
 
     lines = results(scene, result.summary, result.origin) | whole(result.summary)
-    print_lines(lines | {"tables": str(directory)})
-    print_notes(result.notes)
+    common.print_lines(lines | {"tables": str(directory)})
+    common.print_notes(result.notes)
     if found is not None:
-        print_lines(found.lines())
+        common.print_lines(found.lines())
     agrees = found is None or found.agrees
     if result.outcome != "ok":
         why, state, _ = result.summary["detail"].partition(", state [")

@@ -8,24 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from vibroplat.cli.common import (
-    EngineName,
-    Format,
-    Jobs,
-    Out,
-    Overwrite,
-    Resume,
-    Scheduler,
-    Settings,
-    Wait,
-    about,
-    complain_of,
-    load_kernels,
-    print_lines,
-    print_notes,
-    require_scheduler,
-    tell_of_compilation,
-)
+from vibroplat.cli import common
 from vibroplat.study import WAIT
 from vibroplat.system.progress import sweep_progress
 
@@ -42,15 +25,15 @@ def sweep(
         float | None,
         typer.Option(metavar="SHARE", help="Repeat this share of the points with another engine, and compare both."),
     ] = None,
-    set_: Settings = None,
-    engine: EngineName = None,
-    out: Out = Path("results"),
-    jobs: Jobs = 1,
-    resume: Resume = False,
-    overwrite: Overwrite = False,
-    scheduler: Scheduler = None,
-    wait: Wait = WAIT,
-    format_: Format = "parquet",
+    set_: common.Settings = None,
+    engine: common.EngineName = None,
+    out: common.Out = Path("results"),
+    jobs: common.Jobs = 1,
+    resume: common.Resume = False,
+    overwrite: common.Overwrite = False,
+    scheduler: common.Scheduler = None,
+    wait: common.Wait = WAIT,
+    format_: common.Format = "parquet",
 ) -> None:
     """Sweep over supply frequencies and a grid of values.
 
@@ -62,17 +45,17 @@ def sweep(
     if check is not None:
         require_share(check)
     scene = load_config(config, parse_overrides(set_ or [], engine))
-    with about(config):
+    with common.about(config):
         planned = branches(scene)
     places = [] if check is None else chosen(planned, check)
-    require_scheduler(scheduler)
+    common.require_scheduler(scheduler)
     from vibroplat.results.files import read_provenance
     from vibroplat.results.tables import result_directory
 
     directory = result_directory(out, scene.name)
     if resume and (directory / "provenance.json").exists():
         read_provenance(directory, "sweep")
-    tell_of_compilation(scene.solver.engine)
+    common.tell_of_compilation(scene.solver.engine)
     from vibroplat.check.sweeps import check_points
     from vibroplat.integrate import other_engine
     from vibroplat.study import sweep as sweeps
@@ -81,7 +64,7 @@ def sweep(
 
     found = None
     with Store(directory, sweeps.conditions(scene), resume=resume, overwrite=overwrite) as store:
-        load_kernels(scene.solver.engine, *([other_engine(scene.solver.engine)] if places else []))
+        common.load_kernels(scene.solver.engine, *([other_engine(scene.solver.engine)] if places else []))
         began = time.perf_counter()
         bar = sweep_progress(scene.name, len(planned), sum(len(branch.frequencies) for branch in planned))
         measured = sweeps.measured(planned, store, jobs, scheduler, wait, bar, len(places))
@@ -95,12 +78,12 @@ def sweep(
         table, bands = sweeps.write_sweep(scene, planned, store, directory, format_, check=checked)
     resumed = f", {known} of the points from before" if known else ""
     took = f"{seconds:.3g} s, {(len(table) - known) / seconds:.3g} points per s{resumed}"
-    print_lines(sweeps.overview(table) | {"wall time": took, "tables": str(directory)})
+    common.print_lines(sweeps.overview(table) | {"wall time": took, "tables": str(directory)})
     for line in band_lines(bands):
         print(line)
-    print_notes(sweeps.notes_on_branches(planned) + sweeps.notes_on_points(table))
+    common.print_notes(sweeps.notes_on_branches(planned) + sweeps.notes_on_points(table))
     failed = sweeps.failures(table)
-    complain_of(failed, f"{len(failed)} of {len(table)} points failed")
+    common.complain_of(failed, f"{len(failed)} of {len(table)} points failed")
     agrees = found is None or _print_check(found)
     if failed or not agrees:
         raise typer.Exit(1)
@@ -108,8 +91,9 @@ def sweep(
 
 def _print_check(found: SweepCheck) -> bool:
     """Print what the check of a sweep has found; return whether the engines agree."""
-    print_lines(dict(found.lines()))
+    common.print_lines(dict(found.lines()))
     for row in found.reclassified[:SHOWN]:
         print(f"  {row}")
-    complain_of(found.disagreements, f"engines disagree at {len(found.disagreements)} of {len(found.checked)} points")
+    worst = found.disagreements
+    common.complain_of(worst, f"engines disagree at {len(worst)} of {len(found.checked)} points")
     return found.agrees

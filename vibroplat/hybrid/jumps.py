@@ -242,10 +242,10 @@ def latch_impacts(h: Automaton) -> None:
 
 
 @compiled
-def turn_corner(h: Automaton, told: bool) -> None:
+def turn_corner(h: Automaton, listed: bool) -> None:
     """Go on under another supply, which the parameters hold already: torques may jump, and with them F_c.
 
-    ``told`` says whether the corner is listed as an event.
+    ``listed`` says whether the corner is an event of the list.
     """
     run = h.run
     forget_starts(h)
@@ -255,7 +255,7 @@ def turn_corner(h: Automaton, told: bool) -> None:
             return
         lifts = not pressing(h)
         force = 0.0 if lifts else contact_force(h)[0]
-    if told:
+    if listed:
         run.joined = AFTER_EVENT
         add_event(h, DRIVE, 0.0, 0.0, 0.0, 0.0, force, _NONE)
     if lifts:

@@ -31,7 +31,7 @@ from numba.core import caching, config
 PACKAGE = Path(__file__).parents[1]
 
 #: Folders of the package whose functions are compiled.
-ROOMS = ("kernels", "model", "hybrid", "integrate", "observe", "motion")
+ROOMS = ("kernels", "model", "hybrid", "integrate", "observe")
 #: Files besides, with constants that are compiled into kernels: the numbers of the modes and of the coordinates.
 SHARED = ("config/coordinates.py",)
 #: The kernel that is compiled last, as it calls the others, by engine: its room, and its name in numba's index.

@@ -1,0 +1,317 @@
+"""Ctrl-C, SIGTERM or SIGKILL at any moment: one line at most, complete result files, and work that can be resumed."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import time
+
+import numpy as np
+import pytest
+from common.commands import Child, command, ended, not_a_line, sending
+from common.places import LOADED
+from common.results import bits, finished_points, left
+
+pytestmark = pytest.mark.usefixtures("kernels")
+
+#: Longest time from Ctrl-C to the end (s), on a busy machine too.
+SOON = 10.0
+#: What imports take (s), about.
+START = 1.3
+CONFIGURATION = (
+    f"extends: {LOADED}\nname: c\nrun: {{duration_s: 0.3}}\n"
+    "sweep:\n"
+    "  supply_frequency_hz: {start: 46.0, stop: 51.0, step: 0.5, direction: [up, down]}\n"
+    "  measure_s: 0.5\n"
+)
+POINTS = 22
+RUN = ("run", "c.yaml")
+LONG_RUN = (*RUN, "--set", "run.duration_s=1000", "--set", "output.sample_rate_hz=10")
+SWEEP = ("sweep", "c.yaml", "--resume", "--jobs")
+TABLES = ("trajectory", "events", "sweep")
+TOLD = {signal.SIGINT: "vibroplat: interrupted; ", signal.SIGTERM: "vibroplat: terminated; "}
+SIGNALS = (*TOLD, signal.SIGKILL)
+WRITE = "vibroplat.study.store:Store.write"
+
+
+@pytest.fixture
+def place(here):
+    (here / "c.yaml").write_text(CONFIGURATION)
+    return here
+
+
+def problem(done, signal_=signal.SIGINT):
+    """Say what is wrong with the end of a command at a signal."""
+    if signal_ == signal.SIGKILL:
+        return "" if done.code == -signal_ else f"exit code {done.code}"
+    return not_a_line(done, codes=(128 + signal_,)) or ("" if done.err.startswith(TOLD[signal_]) else done.err)
+
+
+def tables(directory):
+    """The bits of the tables in a directory, and the names of temporaries."""
+    found, temporaries = left(directory)
+    return {name: bits(table) for name, table in found.items() if name.startswith(TABLES)}, temporaries
+
+
+def all_gone(child):
+    """Whether no process of a command is left, soon after its end."""
+    until = time.monotonic() + SOON
+    while child.members() and time.monotonic() < until:
+        time.sleep(0.02)
+    return child.members() == []
+
+
+# -- at random moments ----------------------------------------------------------------------------------
+
+
+def ends(number):
+    """Yield as many signals, and shares of the time that a command takes, half of them near its end."""
+    random = np.random.default_rng(number)
+    for k in range(number):
+        yield k, SIGNALS[k % 3], random.uniform(0.0 if k % 4 < 2 else 0.6, 1.0)
+
+
+def signalled(place, signal_, after, *arguments):
+    """Send a signal to a command that long after its start; return its exit code, None where it was faster."""
+    with Child(place, *arguments) as child:
+        time.sleep(after)
+        if child.process.poll() is not None:
+            return None
+        child.process.send_signal(signal_)
+        done = child.end(20.0)
+    assert "Traceback" not in done.err
+    assert done.code in (0, -signal_, 128 + signal_), done
+    assert done.code != 128 + signal_ or problem(done._replace(out=""), signal_) == ""
+    return done.code
+
+
+def kills():
+    return [pytest.param(4, id="4"), pytest.param(60, id="60", marks=pytest.mark.campaign)]
+
+
+@pytest.mark.faults
+@pytest.mark.parametrize("number", kills())
+@pytest.mark.parametrize("name", ["run", "sweep"])
+def test_ended_command_leaves_complete_tables_and_goes_on(name, number, place):
+    began = time.monotonic()
+    assert command(name, "c.yaml", "--out", "alone").code == 0
+    wanted, seconds = tables(place / "alone/c")[0], time.monotonic() - began + START
+    again = (name, "c.yaml", *(["--resume"] if name == "sweep" else []))
+    for k, signal_, share in ends(number):
+        after, options = share * seconds, ()
+        if name == "sweep":
+            options = ("--resume" if k % 3 else "--overwrite", "--jobs", "2" if k % 5 == 4 else "1")
+        while signalled(place, signal_, after, name, "c.yaml", *options) is None and name == "sweep":
+            shutil.rmtree(place / "results")  # with the points of earlier ones it was faster: give it something to do
+            after *= 0.9
+        found, _ = tables(place / "results/c")
+        assert found == {table: wanted[table] for table in found}
+        if k % 5 == 3 or k == number - 1:  # the others start from what an ended one has left
+            done = command(*again)
+            assert (done.code, done.err) == (0, "")
+            assert tables(place / "results/c")[0] == wanted
+
+
+# -- while a program loads ------------------------------------------------------------------------------
+
+#: A program that gets Ctrl-C when it begins to load a module.
+LOADING = """
+import os, signal, sys
+class Finder:
+    def find_spec(self, name, *_):
+        if name == {module!r}:
+            sys.meta_path.remove(self)
+            os.kill(0, signal.SIGINT)
+sys.meta_path.insert(0, Finder())
+"""
+#: A program that gets Ctrl-C where an exception would be lost.
+LOST = {
+    "a callback of C code": """
+import ctypes, os, signal
+from vibroplat.system.interrupts import end_at_signals
+end_at_signals()
+ctypes.CFUNCTYPE(None)(lambda: os.kill(0, signal.SIGINT))()
+print("lost")
+""",
+    "a destructor": """
+import os, signal
+from vibroplat.system.interrupts import end_at_signals
+end_at_signals()
+class Object:
+    def __del__(self):
+        os.kill(0, signal.SIGINT)
+Object()
+print("lost")
+""",
+}
+
+
+@pytest.mark.parametrize(
+    "module", ["vibroplat.cli", *(pytest.param(m, marks=pytest.mark.faults) for m in ("numpy", "numba.np"))]
+)
+def test_ctrl_c_while_the_program_loads(module, place):
+    """A user who has mistyped does not wait until everything is loaded."""
+    assert problem(ended(place, *RUN, before=LOADING.format(module=module))) == ""
+
+
+@pytest.mark.parametrize("where", LOST)
+def test_ctrl_c_is_not_lost(where, place):
+    assert problem(ended(place, "--version", before=LOST[where])) == ""
+
+
+@pytest.mark.faults
+def test_ctrl_c_while_kernels_load(place):
+    before = sending(signal.SIGINT, "numba.core.caching:IndexDataCacheFile.load", 3)
+    assert problem(ended(place, *RUN, before=before)) == ""
+
+
+# -- in a run -------------------------------------------------------------------------------------------
+
+#: A program that makes a file when the motion of its scene begins.
+ANNOUNCED = """
+from pathlib import Path
+from vibroplat.motion import run
+simulate = run.simulate
+def announced(*arguments, **options):
+    Path("running").touch()
+    return simulate(*arguments, **options)
+run.simulate = announced
+"""
+#: A program that gets a signal when it has done something with a file of its results for the n-th time.
+AT_FILE = """
+import os
+import pandas as pd
+import vibroplat.observe.tables
+vibroplat.observe.tables.BLOCK = 64
+done, files = {function}, []
+def signalled(first, path, *arguments, **options):
+    done(first, path, *arguments, **options)
+    files.extend([path] if "results" in str(path) else [])
+    if len(files) == {number}:
+        os.kill({whom}, {signal})
+{function} = signalled
+"""
+
+
+def at_file(signal_, function, number):
+    """Text of such a program; SIGKILL goes to the process alone, others to its group."""
+    whom = "os.getpid()" if signal_ == signal.SIGKILL else "0"
+    return AT_FILE.format(function=function, number=number, whom=whom, signal=int(signal_))
+
+
+@pytest.mark.faults
+@pytest.mark.parametrize("engine", ["native", "sundae"])
+def test_ctrl_c_in_a_long_run(engine, place):
+    with Child(place, *LONG_RUN, "--set", f"solver.engine={engine}", before=ANNOUNCED) as child:
+        while not (place / "running").exists():
+            assert child.process.poll() is None
+            time.sleep(0.01)
+        os.killpg(child.process.pid, signal.SIGINT)
+        assert problem(child.end(SOON)) == ""
+    assert left(place / "results/c") == ({}, [])
+
+
+@pytest.mark.faults
+@pytest.mark.parametrize("signal_", SIGNALS)
+def test_run_ended_while_its_table_grows_leaves_the_old_result(signal_, place):
+    """A process that is killed leaves its part of a table behind; the next run removes it."""
+    assert command(*RUN).code == 0
+    wanted = tables(place / "results/c")[0]
+    before = at_file(signal_, "pd.DataFrame.to_csv", 3)
+    done = ended(place, *RUN, "--set", "run.duration_s=0.5", "--format", "csv", before=before)
+    assert problem(done, signal_) == ""
+    found, temporaries = tables(place / "results/c")
+    assert found == wanted
+    assert [name.partition("-")[0] for name in temporaries] == [".trajectory"] * (signal_ == signal.SIGKILL)
+    assert command(*RUN).code == 0
+    assert tables(place / "results/c") == (wanted, [])
+
+
+@pytest.mark.faults
+def test_ctrl_c_while_a_result_is_renamed_leaves_all_of_it(place):
+    assert command(*RUN, "--set", "run.duration_s=0.2").code == 0
+    assert problem(ended(place, *RUN, before=at_file(signal.SIGINT, "os.replace", 2))) == ""
+    found, temporaries = left(place / "results/c")
+    assert (len(found), temporaries) == (4, [])
+    assert found["summary.json"]["simulated_s"] == found["trajectory.parquet"]["t_s"].iloc[-1] == 0.3
+
+
+@pytest.mark.faults
+@pytest.mark.parametrize("number", [1, 2, 3, 4])
+def test_run_killed_among_its_tables_leaves_no_set_of_two_runs(number, place):
+    """After a run of another length: what is left belongs to one of the two, or is known to be incomplete."""
+    assert command(*RUN, "--set", "run.duration_s=0.2").code == 0
+    assert problem(ended(place, *RUN, before=at_file(signal.SIGKILL, "os.replace", number)), signal.SIGKILL) == ""
+    found, _ = left(place / "results/c")
+    assert len(found) == number
+    assert found["trajectory.parquet"]["t_s"].iloc[-1] == 0.3
+    if "summary.json" in found:
+        assert found["summary.json"]["simulated_s"] == 0.3
+        assert found["provenance.json"]["configuration"]["run"]["duration_s"] == 0.3
+    else:
+        assert not_a_line(command("plot", "results/c")) == ""
+
+
+# -- in a sweep -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.faults
+@pytest.mark.parametrize("jobs", ["1", "2"])
+def test_ctrl_c_at_a_point_of_a_sweep(jobs, place):
+    with Child(place, *SWEEP, jobs, before=sending(signal.SIGINT, WRITE, 10)) as child:
+        assert problem(child.end()) == ""
+        assert all_gone(child)
+    assert 9 <= finished_points(place / "results/c") < POINTS
+    assert command("sweep", "c.yaml", "--out", "alone").code == command("sweep", "c.yaml", "--resume").code == 0
+    assert tables(place / "results/c") == tables(place / "alone/c")
+
+
+@pytest.mark.faults
+@pytest.mark.parametrize("function", ["loky:get_reusable_executor", "vibroplat.study.sweep:run_sweeps"])
+def test_ctrl_c_while_workers_start(function, place):
+    with Child(place, *SWEEP, "2", before=sending(signal.SIGINT, function)) as child:
+        assert problem(child.end()) == ""
+        assert all_gone(child)
+
+
+@pytest.mark.faults
+def test_ctrl_c_again_while_workers_stop_is_still_one_line(place):
+    again = sending(signal.SIGINT, "vibroplat.study.pool:Processes.close")
+    for name in ("holder", "calls", "original", "sending"):
+        again = again.replace(name, f"again_{name}")
+    with Child(place, *SWEEP, "2", before=sending(signal.SIGINT, WRITE, 10) + again) as child:
+        assert problem(child.end()) == ""
+        assert all_gone(child)
+
+
+#: A program with workers that gets Ctrl-C while they are idle.
+IDLE = """
+import os, signal
+from vibroplat.system.interrupts import end_at_signals
+from vibroplat.study.pool import StoredChain, Task, pool, run_stored
+from vibroplat.study.store import Store
+end_at_signals()
+def tasks():
+    yield Task(dict)
+with Store(None, {}) as store, pool(2) as workers:
+    run_stored([StoredChain(tasks(), store, k) for k in range(3)], workers)
+    os.kill(0, signal.SIGINT)
+print("lost")
+"""
+
+
+@pytest.mark.faults
+def test_ctrl_c_between_tasks_stops_the_workers(place):
+    with Child(place, "--version", before=IDLE) as child:
+        assert problem(child.end()) == ""
+        assert all_gone(child)
+
+
+@pytest.mark.faults
+def test_program_started_with_ctrl_c_ignored_goes_on(place):
+    """As by ``sh -c 'vibroplat … &'``: Ctrl-C is for the foreground then."""
+    ignoring = "import signal\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\n"
+    done = ended(place, *SWEEP, "2", before=ignoring + sending(signal.SIGINT, WRITE, 10))
+    assert (done.code, done.err) == (0, "")
+    assert finished_points(place / "results/c") == POINTS
