@@ -15,7 +15,7 @@ RARE = 100
 
 
 def campaign(count, engine):
-    """Run random scenes; the last row of a hundred or more is of all, with tighter limits than for single scenes."""
+    """Run random scenes; the last row of a thousand or more is of all, with tighter limits than for single scenes."""
     rows, residuals = [], []
     for number in range(count):
         scene = with_engine(random_scene(number), engine)
@@ -24,7 +24,7 @@ def campaign(count, engine):
             residuals.append(rows[-1]["energy_residual"] / scene.solver.tolerance)
         if engine == "native" and number % RARE == 0:
             rows.append(judged(with_engine(scene, "sundae")))
-    if count < 100:
+    if count < 1000:
         return rows
     share = {outcome: sum(r["outcome"] == outcome for r in rows) / len(rows) for outcome in ("ok", "solver-failure")}
     limits = {

@@ -32,12 +32,12 @@ SITUATIONS = {
     "release": (release, 0, 5, 500),
     "accumulation": (accumulation, 4, 12, 380),
     "elastic": (elastic, 0, 8, 80),
-    "layers": (layers, 8, 24, 1500),
+    "layers": (layers, 8, 16, 1500),
     "starting": (starting, 3, 7, 21),
     "endurance": (endurance, 600, 3_000, 3_000_000),
     "invariance": (invariance, 0, 6, 56),
     "units": (units, 6, 20, 198),
-    "campaign": (campaign, 0, 150, 10_000),
+    "campaign": (campaign, 0, 100, 10_000),
 }
 
 
@@ -66,7 +66,7 @@ def test_few_scenes_of_a_situation_pass(name):
 
 
 @pytest.mark.parametrize(
-    "count", [9, pytest.param(80, marks=pytest.mark.long), pytest.param(10_000, marks=pytest.mark.campaign)]
+    "count", [9, pytest.param(30, marks=pytest.mark.long), pytest.param(10_000, marks=pytest.mark.campaign)]
 )
 def test_two_engines_find_the_same_events_in_random_scenes(count):
     table = pd.DataFrame(agreement(count, "native"))

@@ -117,7 +117,7 @@ MUTANTS = [
         "(change > RISE * np.nanmax(height)) & (change > ALONE * beside)",
         "change > RISE * np.nanmax(height)",
     ),
-    ("study plots", "lost | (turned &", "lost & (turned &"),
+    ("study plots", "lost | turned | leapt | rose", "lost & turned | leapt | rose"),
     ("study", "return None if exponent.sign > 0 else", "return None if exponent.sign < 0 else"),
     ("study", "now <= NEAR * tolerance", "now >= NEAR * tolerance"),
     # continuation
