@@ -41,7 +41,7 @@ def run(
 
     scene = load_config(config, parse_overrides(set_ or [], engine))
     with common.about(config):
-        start = initial_condition(scene)  # what is wrong with it is told before anything is written or compiled
+        start = initial_condition(scene)  # refuses before anything is written or compiled
         source = scene.run.initial.from_
         if source is not None and Path(source).resolve() == (out / scene.name).resolve():
             raise ConfigError(
