@@ -71,17 +71,15 @@ def sweep(
         common.load_kernels(scene.solver.engine, *([other_engine(scene.solver.engine)] if places else []))
         began = time.perf_counter()
         bar = sweep_progress(scene.name, len(planned), sum(len(branch.frequencies) for branch in planned))
-        measured = sweeps.measured(planned, store, jobs, scheduler, wait, bar, len(places))
-        with measured as workers:
+        with sweeps.measured(planned, store, jobs, scheduler, wait, bar, len(places)) as workers:
             known, seconds = store.reused, time.perf_counter() - began
             if places:
                 with sweep_progress(f"{scene.name}, check", len(places), len(places)) as progress:
                     found = check_points(planned, places, store, workers, progress=progress)
         store.finish()
-        checked = None if found is None else found.to_tree()
-        table, bands = sweeps.write_sweep(scene, planned, store, directory, format_, check=checked)
-    resumed = f", {known} of the points from before" if known else ""
-    took = f"{seconds:.3g} s, {(len(table) - known) / seconds:.3g} points per s{resumed}"
+        table, bands = sweeps.write_sweep(scene, planned, store, directory, format_, found and found.to_tree())
+    took = f"{seconds:.3g} s, {(len(table) - known) / seconds:.3g} points per s"
+    took += f", {known} of the points from before" if known else ""
     good = _print_sweep(planned, table, bands, {"wall time": took, "tables": str(directory)})
     agrees = found is None or _print_check(found)
     if not (good and agrees):
