@@ -256,44 +256,28 @@ def test_disk_that_is_only_read_from_the_middle_on_is_told_in_a_line(disk, here,
     """Of a sweep, whose points are open, the system does not let that happen."""
     (here / "c.yaml").write_text(RUN)
     place = disk("size=4m")
-    meddle("run", monkeypatch, lambda: subprocess.run(["mount", "-o", "remount,ro", str(place)], check=True))
+    meddle(monkeypatch, "run", lambda: subprocess.run(["mount", "-o", "remount,ro", str(place)], check=True))
     assert not_a_line(command("run", "c.yaml"), codes=FAILED) == ""
 
 
 # -- a directory that goes away -------------------------------------------------------------------------
 
 
-def meddle(name, monkeypatch, change):
-    """Do something once while a command is at its motion."""
-    done = []
+def meddle(monkeypatch, name, change):
+    """Do something once while a command is at its motion: in a sweep at the sixth point."""
+    from vibroplat.motion import run
+    from vibroplat.study import sweep
 
-    def once():
-        if not done:
-            done.append(True)
+    holder, function, at = (run, "simulate", 1) if name == "run" else (sweep, "measure_point", 6)
+    original, calls = getattr(holder, function), []
+
+    def meddled(*arguments, **options):
+        calls.append(1)
+        if len(calls) == at:
             change()
+        return original(*arguments, **options)
 
-    if name == "run":
-        from vibroplat.motion import run
-
-        simulate = run.simulate
-
-        def meddled(*arguments, **options):
-            once()
-            return simulate(*arguments, **options)
-
-        monkeypatch.setattr(run, "simulate", meddled)
-    else:
-        from vibroplat.study import sweep
-
-        measure, begun = sweep.measure_point, []
-
-        def measured(*arguments):
-            begun.append(True)
-            if len(begun) == 6:
-                once()
-            return measure(*arguments)
-
-        monkeypatch.setattr(sweep, "measure_point", measured)
+    monkeypatch.setattr(holder, function, meddled)
 
 
 @pytest.mark.parametrize(
@@ -314,7 +298,7 @@ def test_directory_that_is_removed_in_the_middle_is_told_in_a_line(name, instead
         elif instead == "an empty directory":
             (here / "results/c").mkdir()
 
-    meddle(name, monkeypatch, remove)
+    meddle(monkeypatch, name, remove)
     done = command(name, "c.yaml")
     if done.code == 0:
         assert instead == "an empty directory"

@@ -12,7 +12,7 @@ from contextlib import ExitStack, suppress
 
 import pandas as pd
 import pytest
-from common.commands import command, not_a_line
+from common.commands import command
 from common.places import LOADED, ROOT
 from common.results import left
 
@@ -130,17 +130,6 @@ def test_file_of_another_run_is_refused(name, form, tmp_path):
     )
 
 
-def test_plot_refuses_the_files_of_two_runs(here, kernels):
-    (here / "c.yaml").write_text(BOTH)
-    for out, duration in (("results", 0.05), ("others", 0.06)):
-        assert command("run", "c.yaml", "--out", out, "--set", f"run.duration_s={duration}").code == 0
-    assert command("plot", "results/c", "--kind", "motion").code == 0
-    shutil.copy("others/c/events.parquet", "results/c/events.parquet")
-    done = command("plot", "results/c", "--kind", "motion")
-    assert not_a_line(done) == ""
-    assert "results/c/events.parquet does not belong to this result" in done.err
-
-
 @pytest.mark.parametrize("form", FORMATS)
 def test_table_in_the_other_format_that_was_left_behind_is_not_read(form, tmp_path):
     write(tmp_path, 1, FORMATS[form == "parquet"])
@@ -208,31 +197,20 @@ def test_no_flipped_bit_of_a_result_is_read(form, tmp_path):
     assert marks(tmp_path) == {1.0}
 
 
-def test_flipped_bit_in_a_page_of_a_table_is_told_without_provenance(tmp_path):
-    """Parquet's own checksums cover the pages of data."""
+def test_flipped_bit_of_a_table_without_provenance_is_told_or_harmless(tmp_path):
+    """Parquet's own checksums cover the pages of data, not the description at the end."""
     table = pd.DataFrame({"v": [0.1 * k for k in range(2000)]})
     path = write_table(table, tmp_path, "t", "parquet")
     good = path.read_bytes()
-    for byte in range(100, 7000, 599):
+    for byte in (*range(100, 7000, 599), *range(len(good) - 1, len(good) - 500, -12)):
         data = bytearray(good)
         data[byte] ^= 1 << byte % 8
         path.write_bytes(data)
-        with pytest.raises(TableError) as caught:
+        with pytest.raises(TableError) if byte < 7000 else suppress(TableError) as caught:
             read_table(tmp_path, "t")
-        assert str(caught.value).startswith(f"{path} cannot be read: ")
-        assert len(str(caught.value).splitlines()) == 1
-
-
-def test_flipped_bit_at_the_end_of_a_table_is_no_traceback(tmp_path):
-    """Its description there has no checksum: only the digest of the whole file covers it."""
-    path = write_table(TABLE, tmp_path, "t", "parquet")
-    good = path.read_bytes()
-    for bit in range(1, 4000, 97):
-        data = bytearray(good)
-        data[-1 - (bit // 8) % (len(data) - 4)] ^= 1 << bit % 8
-        path.write_bytes(data)
-        with suppress(TableError):
-            read_table(tmp_path, "t")
+        if byte < 7000:
+            assert str(caught.value).startswith(f"{path} cannot be read: ")
+            assert len(str(caught.value).splitlines()) == 1
 
 
 def test_result_without_digests_is_read(tmp_path):

@@ -18,7 +18,6 @@ from common.results import unproven
 from plotly.offline import get_plotlyjs
 
 from vibroplat.columns import unit_of, words
-from vibroplat.config.overrides import flat
 from vibroplat.config.scene import Scene
 from vibroplat.continuation.orbit import motion_of
 from vibroplat.errors import TableError
@@ -60,11 +59,6 @@ def test_words_and_units_follow_from_keys(key, said, of):
     assert (words(key), unit_of(key)) == (said, of)
 
 
-def test_every_number_of_a_machine_has_its_unit(quickstart_scene):
-    machine = {key: unit_of(key) for key in flat(quickstart_scene.to_tree()["machine"])}
-    assert all(machine.values()), machine
-
-
 def test_symbols_come_from_the_configuration_model():
     tree = {"machine": {"platform_mass_kg": 1.0, "weight_kg": 2.0}, "motors": [{}, {"critical_slip": 0.1}]}
     meanings = {row["words"]: row["meaning"] for row in parameters(["run"], [tree])}
@@ -99,10 +93,6 @@ def test_columns_are_plain_json():
     table = pd.DataFrame({"a": [1.0, np.nan, np.inf], "b": pd.array([1, None, 3], dtype="Int64"), "c": ["x", "", None]})
     assert [plain_column(table[name]) for name in table] == [[1.0, None, None], [1, None, 3], ["x", "", None]]
     assert plain_column(pd.Series([True, False])) == [True, False]
-
-
-def test_packed_numbers_are_32_bit_floats():
-    assert opened(packed([1.5, -2.0])).tolist() == [1.5, -2.0]
 
 
 # -- runs -----------------------------------------------------------------------------------------------
@@ -368,12 +358,6 @@ def test_points_of_branches_have_their_orbits(branched):
             assert bool(largest) == ("f" in motions["list"][place]["modes"])
 
 
-def test_rows_of_a_sweep_have_the_orbit_that_is_theirs(measured):
-    (sweep,) = shown(measured, mover=motion_of)["points"]
-    assert all(isinstance(found, int) for found in sweep["motions"]["rows"].values())
-    assert len(sweep["motions"]["list"]) == sweep["table"]["rows"]
-
-
 def test_the_orbit_of_another_motion_is_refused(measured, tmp_path):
     copy = unproven(shutil.copytree(measured, tmp_path / "copy"))
     table = read_table(copy, "sweep")
@@ -388,6 +372,7 @@ def test_the_orbit_of_another_motion_is_refused(measured, tmp_path):
     assert isinstance(rows[3], int)
 
 
+@pytest.mark.long
 def test_a_state_that_is_on_no_orbit_is_told(branched, tmp_path):
     copy = unproven(shutil.copytree(branched, tmp_path / "copy"))
     table = read_table(copy, "branches")
@@ -407,11 +392,6 @@ def test_special_points_and_ends_come_first_where_there_is_little_room(branched,
     assert {*found["special"]} == {*range(len(table.special))}
     assert {*points.ends(table, table.points)} <= {*found["rows"]}
     assert [done for done, _ in told] == [*range(len(told))]
-
-
-def test_a_page_can_be_written_without_orbits(branched):
-    found = shown(branched)["points"][0]["motions"]
-    assert (found["rows"], found["special"], found["list"]) == ({}, {}, [])
 
 
 def test_a_long_table_loses_rows_evenly_and_says_so(swept, monkeypatch):
@@ -500,13 +480,6 @@ def test_a_directory_without_results_is_refused(tmp_path, command):
 def test_an_empty_interval_is_refused(moved):
     with pytest.raises(TableError, match=r"no data between 3 and 4 s in .*; allowed: an interval within 0 … 0\.25 s"):
         shown(moved["bare"], start=3.0, stop=4.0)
-
-
-def test_a_changed_table_is_refused(moved, tmp_path):
-    copy = shutil.copytree(moved["bare"], tmp_path / "copy")
-    write_table(read_table(copy, "trajectory").iloc[:9], copy, "trajectory", "parquet")
-    with pytest.raises(TableError, match="does not belong to this result"):
-        shown(copy)
 
 
 @pytest.mark.parametrize(("name", "column"), [("sweep", "sync"), ("branches", "stable")])

@@ -388,11 +388,12 @@ class Cut(Inline):
 def test_interrupted_evaluation_keeps_its_points(tmp_path, monkeypatch):
     coarse = {"sweep.supply_frequency_hz.step": 39.0, "sweep.max_settle_s": 0.5, "sweep.measure_s": 0.5}
     monkeypatch.setattr(scenes, "QUICK", QUICK | coarse)
+    monkeypatch.setattr(calibration, "IMPACT", ("fig3",))
     plan = PLAN.model_copy(update={"population_per_parameter": 2, "generations": 0})
     with Store(tmp_path, conditions(FIXED)) as store, pytest.raises(Killed):
-        calibrate(FIXED, plan, store, Cut(20))
+        calibrate(FIXED, plan, store, Cut(11))
     with Store(tmp_path, conditions(FIXED), resume=True) as store:
-        assert len(store) == 20
+        assert len(store) == 11
         resumed = calibrate(FIXED, plan, store, Inline())
         again = calibrate(FIXED, plan, store, Cut(0))  # judged from what is stored
     with Store(None, {}) as store:

@@ -181,13 +181,17 @@ def jump(evidence):
     return evidence.jump(Key(0.0))
 
 
-def test_jump_is_narrowed_and_stored(bare):
+def test_jump_is_narrowed_and_resumed(bare, tmp_path):
     evidence, again = Evidence(bare.courses), Evidence(bare.courses)
     outer = jump(evidence)
-    with Store(None, {}) as store:
-        narrow([(evidence, store)], Inline())
+    with Store(tmp_path, {}) as store, pytest.raises(Interrupted):
+        narrow([(evidence, store)], Counting(3))
+    assert evidence.boundaries == {}
+    pool = Counting()
+    with Store(tmp_path, {}, resume=True) as store:
+        narrow([(evidence, store)], pool)
+        assert (pool.count, len(store)) == (2, 5)
         inner = jump(evidence)
-        assert len(store) == 5
         assert jump(again) == outer
         narrow([(again, store)], Refusing())
     assert jump(again) == inner
@@ -196,26 +200,6 @@ def test_jump_is_narrowed_and_stored(bare):
     assert 0.0 < inner.after[column] - inner.before[column] <= JUMP_WIDTH
     assert outer.before[column] <= inner.before[column] < inner.after[column] <= outer.after[column]
     assert inner.before["sync"] == "antiphase" != inner.after["sync"]
-
-
-def test_interrupted_narrowing_goes_on_to_the_same_boundary(bare, tmp_path):
-    found = []
-    for most in (math.inf, 3):
-        evidence = Evidence(bare.courses)
-        jump(evidence)
-        place = tmp_path / str(most)
-        place.mkdir()
-        if most < math.inf:
-            with Store(place, {}) as store, pytest.raises(Interrupted):
-                narrow([(evidence, store)], Counting(most))
-            assert evidence.boundaries == {}
-        pool = Counting()
-        with Store(place, {}, resume=True) as store:
-            narrow([(evidence, store)], pool)
-        assert pool.count == (5 if most == math.inf else 5 - most)
-        (boundary,) = evidence.boundaries.values()
-        found.append([{key: value for key, value in row.items() if key != "wall_s"} for row in boundary])
-    assert found[0] == found[1]
 
 
 def test_figures_share_the_curve_without_restitution():

@@ -52,16 +52,12 @@ Look = Callable[[Point, Point, bool], None]
 
 @dataclass
 class Branch:
-    """A branch while it grows.
+    """A branch over one key while it grows.
 
     Attributes
     ----------
-    problem
-        Of one key.
     step, least, largest
         The next and the least step, and the largest change of the key, in units of the unknowns.
-    points
-        So far.
     ended
         Why it has ended; empty while it has not.
     """
@@ -81,13 +77,7 @@ class Branch:
         return Point.of(found, tangent_of(found.jacobian, direction))
 
     def beyond(self, last: Point, length: float, known: Sequence[Point] = ()) -> Point:
-        """Find the point so far along the tangent at another one, which others precede, the nearest first.
-
-        Raises
-        ------
-        MissedError
-            There is none.
-        """
+        """Find the point so far along the tangent at another one, which others precede, the nearest first."""
         u, jacobian = predicted([last, *known], last.u, last.tangent, length)
         point = self.corrected(last.chart, u, last.tangent, jacobian)
         angular = point.word != last.word and abs(length) < ANGULAR
@@ -103,11 +93,6 @@ class Branch:
         """Find the point at a place along a direction from an origin, between two that are so far apart.
 
         The points that are known are given the nearest first.
-
-        Raises
-        ------
-        MissedError
-            There is none.
         """
         u, jacobian = predicted(known, origin.u, direction, place)
         point = self.corrected(origin.chart, u, direction, jacobian)
@@ -128,12 +113,9 @@ class Branch:
         return True
 
     def _next(self, look: Look) -> Point:
-        """Find the next point and have it looked at, with ever shorter steps; from a part of the first, over grazing.
+        """Find the next point and have it looked at, with ever shorter steps; from a part of the first over grazing.
 
-        Raises
-        ------
-        MissedError
-            There is none.
+        Where impacts accumulate, a step is taken in the end over changes that cannot be located.
         """
         last, across, leapt = self.points[-1], None, False
         begun = self.step = min(self.step, self._longest(last))

@@ -100,76 +100,56 @@ def locate(
     """
     tries = 0
     while True:
-        root = known[0].place + step if len(known) < 2 else _root(known)
-        if len(known) > 1 and (min(abs(k.place - root) for k in known) < close or len(known) > most):
-            return _last(known, root)
-        if abs(root) > reach:
-            raise MissedError("the test function has no zero nearby")
-        found = None
-        for place, width in itertools.islice(_trials(known, root, share, close), max(2 * most - tries, 0)):
+        if len(known) > 1:
+            root = _root(known, 2 if share < 1.0 else 3)
+            if min(abs(k.place - root) for k in known) < close or len(known) > most or tries == 2 * most:
+                return _root(known, 3)
+            if abs(root) > reach:
+                raise MissedError("the test function has no zero nearby")
+            step = share * (root - known[-1].place)
+        for place, width in itertools.islice(_trials(known, step, close), 2 * most - tries):
             tries += 1
             try:
-                point = at(place, known, width)
+                found = Tried(place, test(point := at(place, known, width)), point)
             except MissedError:
                 continue
-            value = test(point)
-            if share == 1.0 or 0.0 < value < (known[-1].value if len(known) > 1 else math.inf):
-                found = Tried(place, value, point)
+            if share == 1.0 or 0.0 < found.value < (known[-1].value if len(known) > 1 else math.inf):
+                known.append(found)
                 break
-        if found is None or not math.isfinite(found.value):
+        else:
             if len(known) < 2:
                 raise MissedError("no orbit beside the special point")
-            return _last(known, root)
-        known.append(found)
+            return _root(known, 3)
 
 
-def _trials(known: Sequence[Tried], root: float, share: float, close: float) -> Iterator[tuple[float, float]]:
-    """Yield places near a zero, one after the other until an orbit is found, and widths of the interval that holds it.
+def _trials(known: Sequence[Tried], step: float, close: float) -> Iterator[tuple[float, float]]:
+    """Yield places a step away, one after the other until an orbit is found, and widths of the interval around.
 
     The tangent at a discontinuity does not tell on which side it is: the first step is tried both ways.
     """
-    last = known[-1]
-    other = _opposite(known)
+    last, other = known[-1].place, _other_side(known)
     if other is not None:
-        low, high = sorted((last.place, other.place))
-        places = [root + beside * (high - low) for beside in ASIDE]
+        low, high = sorted((last, other))
+        places = [last + step + beside * (high - low) for beside in ASIDE]
         yield from ((place, high - low) for place in places if low < place < high)
         return
-    step = root - last.place if len(known) < 2 else share * (root - last.place)
     while abs(step) >= close:
-        yield last.place + step, abs(step)
+        yield last + step, abs(step)
         step *= SHORTER if len(known) > 1 else -SHORTER
 
 
-def _opposite(known: Sequence[Tried]) -> Tried | None:
-    """Return the latest with another sign than the last one; None if there is none."""
-    return next((k for k in reversed(known[:-1]) if k.value * known[-1].value <= 0.0), None)
+def _other_side(known: Sequence[Tried]) -> float | None:
+    """Place of the latest whose value has not the sign of the last; None if there is none."""
+    return next((k.place for k in reversed(known[:-1]) if k.value * known[-1].value <= 0.0), None)
 
 
-def _root(known: Sequence[Tried]) -> float:
-    """Where the zero is expected: within an interval if one holds it (Chandrupatla 1997), else extrapolated."""
-    a, b = known[-1], _opposite(known)
-    if b is None:
-        return extrapolated([k.place for k in known[-2:]], [k.value for k in known[-2:]])
-    c = next((k for k in reversed(known[:-1]) if k.value * a.value > 0.0), None)
-    share = a.value / (a.value - b.value)
-    if c is not None:
-        # by the inverse parabola through all three, where it is monotonic, else in the middle
-        share = 0.5
-        if c.place != b.place and c.value not in (a.value, b.value):
-            place, height = (a.place - b.place) / (c.place - b.place), (a.value - b.value) / (c.value - b.value)
-            if height**2 < place and (1.0 - height) ** 2 < 1.0 - place:
-                fa, fb, fc = a.value, b.value, c.value
-                share = fa / (fb - fa) * fc / (fb - fc)
-                share += (c.place - a.place) / (b.place - a.place) * fa / (fc - fa) * fb / (fc - fb)
-    return a.place + share * (b.place - a.place)
-
-
-def _last(known: Sequence[Tried], root: float) -> float:
-    """Extrapolate a zero that no interval holds through the last three orbits."""
-    if _opposite(known) is not None:
+def _root(known: Sequence[Tried], count: int) -> float:
+    """Where the inverse polynomial through the last few is zero; in the middle of an interval that it leaves."""
+    root = extrapolated([k.place for k in known[-count:]], [k.value for k in known[-count:]])
+    last, other = known[-1].place, _other_side(known)
+    if other is None or min(last, other) <= root <= max(last, other):
         return root
-    return extrapolated([k.place for k in known[-3:]], [k.value for k in known[-3:]])
+    return 0.5 * (last + other)
 
 
 def extrapolated(places: Sequence[float], values: Sequence[float]) -> float:

@@ -14,7 +14,6 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from vibroplat.config.coordinates import Mode
 from vibroplat.continuation.shooting import TURN, Shooter, Shot, rotated
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.systems import GAP, GAP_RATE, SYSTEMS
@@ -37,15 +36,7 @@ ANGLE = 3
 
 
 class MissedError(ArithmeticError):
-    """No orbit was found.
-
-    Attributes
-    ----------
-    why
-        In a clause.
-    residuals
-        Of all iterations, in the scales of the scene.
-    """
+    """No orbit was found: why, in a clause, and the residuals of all iterations, in the scales of the scene."""
 
     def __init__(self, why: str, residuals: Sequence[float] = ()) -> None:
         super().__init__(why)
@@ -58,23 +49,15 @@ class Chart:
 
     Parameters
     ----------
-    base
-        Full state on the section, shape (14,); its angle of exciter 1 says where the section is.
-    system
-        Number of the system there.
-    scales, speed
-        Of full states, shape (14,), and of exciters (rad/s), over which the period is measured.
-    units
-        Of the keys.
+    base, system
+        Full state on the section, shape (14,), whose angle of exciter 1 says where that is, and number of its system.
+    scales, speed, units
+        Of full states, shape (14,), of exciters (rad/s), and of keys.
 
     Attributes
     ----------
-    places
-        Places of the unknowns in the full state, that of the angle for the period, shape (m,).
-    phase
-        Which of the unknowns is the period.
-    flying
-        Whether the section lies in flight.
+    places, phase
+        Places of the unknowns in the full state, shape (m,), and which of them is the period, at the angle's place.
     """
 
     def __init__(
@@ -83,7 +66,6 @@ class Chart:
         self.base, self.system, self.speed, self.units = base, system, speed, tuple(units)
         self.places: npt.NDArray[np.int64] = np.sort(SYSTEMS[system].places)
         self.phase = int(np.searchsorted(self.places, ANGLE))
-        self.flying = SYSTEMS[system].mode is Mode.FLIGHT
         self.scales: FloatArray = scales[self.places]
         columns = np.append(self.places, np.arange(scales.size, scales.size + len(self.units)))
         self._block = self.places[:, np.newaxis], columns
@@ -124,14 +106,10 @@ class NewtonResult:
 
     Attributes
     ----------
-    chart, u
-        Unknowns.
     shot, jacobian
-        The measured shot from them, and the derivative of its residual by them.
-    residuals
-        Of all iterations.
-    slack
-        How much of a vector there is in the residual, if one was allowed.
+        The measured shot from the unknowns u, and the derivative of its residual by them.
+    residuals, slack
+        Of all iterations; how much of a vector there is in the last one, if that was allowed.
     """
 
     chart: Chart
@@ -168,12 +146,10 @@ class Problem:
 
     Parameters
     ----------
-    shooter
-        Takes the shots.
     turns
         Whole turns of both exciters in a period, with their signs.
     units
-        Units of the keys in the vector of unknowns.
+        Of the keys in the vector of unknowns.
     tolerance
         Residual, in the scales of the scene, at which an orbit is found.
     """
@@ -203,7 +179,7 @@ class Problem:
         state, period, values = chart.unpack(u)
         if not period > 0.0 or period * chart.speed > 1e4:
             raise MissedError(f"the search went astray, to a period of {period:.3g} s")
-        if chart.flying and state[GAP] <= 0.0:
+        if GAP in chart.places and state[GAP] <= 0.0:
             raise MissedError("the gap closed on the section")
         try:
             self.shooter.set(values)
@@ -243,10 +219,7 @@ class Problem:
     ) -> tuple[Chart, FloatArray, list[FloatArray]] | None:
         """Move the section of an orbit to the middle of a piece between events; None if it need not or cannot be.
 
-        Returns
-        -------
-        chart, u, directions
-            The orbit, and the directions carried along it, of length 1.
+        Returns the orbit as chart and unknowns, and the directions carried along it, of length 1.
         """
         when = orbit.shot.far_from_events()
         if when <= 0.0:

@@ -48,15 +48,13 @@ REPEATS = 1e4
 #: each those of exciter 2 may be.
 WATCHED, OUT_OF_STEP = 1000, 4e-4
 #: Samples of a turn for those who draw it: between two a line through a sine is beside it by 0.1 % of its amplitude.
-SAMPLES = 64
 #: Most events of a period that are sampled, the first ones: of impacts that accumulate, the strongest.
-EVENTS = 100
-#: Tolerance of orbits that are drawn.
+SAMPLES, EVENTS = 64, 100
+#: Tolerance of orbits that are drawn, or confirm a sweep.
 TOLERANCE = 1e-8
-#: How far a period may be from closing, in the scales of the scene: less than the width of a line.
-OPEN = 1e-3
-#: Largest difference of an orbit's RMS from that of its row, over the RMS of both directions.
-OTHER = 0.01
+#: How far a drawn period may be from closing, in the scales of the scene: less than the width of a line. Largest
+#: difference of an orbit's RMS from that of its row, over the RMS of both directions.
+OPEN, OTHER = 1e-3, 0.01
 
 
 class OrbitError(VibroplatError):
@@ -177,7 +175,7 @@ def orbit(scene: Scene, guess: Any = None, *, period: int = 1, tolerance: float 
     ('none', True)
     """
     if isinstance(guess, Mapping | pd.Series) and "excitation_frequency_hz" in guess:
-        scene, guess = at_row(scene, guess), guess if has_state(guess) else None
+        scene, guess = at_row(scene, guess), guess if RATES[0] in guess else None
     scene = accurate(scene, tolerance)
     with closing(Shooter(scene)) as shooter:
         problem, found = first_orbit(shooter, guess, period, (), tolerance)
@@ -215,37 +213,30 @@ def at_row(scene: Scene, row: Mapping[str, Any] | pd.Series) -> Scene:
     if "supply_frequency_hz" in found:
         values["drive.supply_frequency_hz"] = float(found["supply_frequency_hz"])
     phase = found.get("phase_difference_rad")
-    if phase is not None and np.isfinite(phase) and not has_state(row):
+    if phase is not None and np.isfinite(phase) and RATES[0] not in row:
         name = "phase_sum_rad" if scene.rotation == "counter-rotating" else "phase_difference_rad"
         values[f"run.initial.{name}"] = float(phase)
     return scene.replace(values)
-
-
-def has_state(row: Mapping[str, Any] | pd.Series) -> bool:
-    """Whether a row of a table has a state, as rows of branches and of special points have."""
-    return RATES[0] in row
 
 
 def first_orbit(
     shooter: Shooter, guess: Any, period: int, units: Sequence[float], tolerance: float
 ) -> tuple[Problem, NewtonResult]:
     """Find an orbit near a guess at the values that the shooter has; what :func:`orbit` says of guesses."""
-    why: MissedError | None = None
+    missed = MissedError("")
     for state in guesses(shooter, guess):
         try:
             problem, found = _from_state(shooter, state, period, units, tolerance)
         except MissedError as error:
-            why = error
+            missed = error
             continue
         _require_whole(problem, found, period)
         return problem, found
-    assert why is not None
-    last = ", ".join(f"{r:.1e}" for r in why.residuals[-4:]) or "none"
+    last = ", ".join(f"{r:.1e}" for r in missed.residuals[-4:]) or "none"
     reason = _out_of_step(shooter, state, period)
-    if not reason and guess is None and why.residuals and why.residuals[0] > UNSETTLED:
-        reason = f"the motion that settles does not repeat after {period} turns; {why.why}"
-    reason = reason or why.why
-    raise OrbitError(f"no orbit of period {period} near the start: {reason}; last residuals: {last}")
+    if not reason and guess is None and missed.residuals and missed.residuals[0] > UNSETTLED:
+        reason = f"the motion that settles does not repeat after {period} turns; {missed.why}"
+    raise OrbitError(f"no orbit of period {period} near the start: {reason or missed.why}; last residuals: {last}")
 
 
 def _out_of_step(shooter: Shooter, state: FloatArray, period: int) -> str:
@@ -364,15 +355,7 @@ def measures_of_orbit(problem: Problem, found: NewtonResult) -> dict[str, Any]:
 
 
 class OrbitMotion(NamedTuple):
-    """One period of an orbit.
-
-    Attributes
-    ----------
-    scene
-        At the keys of the row.
-    trajectory, events
-        As of a run from 0 to the period: some samples for each turn, two rows at each event.
-    """
+    """One period of an orbit: its scene, and the tables of a run over it, with some samples for each turn."""
 
     scene: Scene
     trajectory: pd.DataFrame
@@ -396,41 +379,28 @@ def motion_of(scene: Scene, row: Mapping[str, Any]) -> OrbitMotion:
         There is no such orbit, or it cannot be computed; the message says why.
     """
     period = int(row["period"])
-    if has_state(row):
+    if RATES[0] in row:
         seconds = float(row["period_s"] if "period_s" in row else period / row["excitation_frequency_hz"])
         placed = accurate(at_row(scene, row), TOLERANCE)
         state = state_of(placed, row)
         run = run_from(placed, state, seconds)
-        _require_closed(run, state, period)
-    else:
+        if run.outcome != "ok":
+            raise OrbitError(f"the motion of this row ended early: {run.outcome}: {run.summary['detail']}")
+        change = (run.final_state - state) / state_scales(run.scene)
+        change[3:5] = np.angle(np.exp(1j * change[3:5]))
+        apart = float(np.abs(change).max())
+        if apart > OPEN:
+            raise OrbitError(f"the state of this row is not on an orbit of period {period}: it ends {apart:.2g} away")
+    else:  # another motion may exist beside that of the row
         found = orbit(scene, row, period=period, tolerance=TOLERANCE)
-        _require_same(found.measures, row)
+        own, other = (np.array([of["rms_x_m"], of["rms_y_m"]]) for of in (row, found.measures))
+        if np.abs(other - own).max() > OTHER * np.hypot(*own):
+            height = f"{1e3 * other[1]:.4g} mm"
+            raise OrbitError(f"from the phase difference of this row another motion settles, with RMS y {height}")
         run = found.run
-    events = run.events
-    times = events["t_s"].to_numpy()[:EVENTS]
-    last = run.segments[-1].end
+    times, last = run.events["t_s"].to_numpy()[:EVENTS], run.segments[-1].end
     grid = [np.linspace(0.0, last, SAMPLES * period + 1), times, np.minimum(np.nextafter(times, np.inf), last)]
-    return OrbitMotion(run.scene, run(np.unique(np.concatenate(grid))), events)
-
-
-def _require_closed(run: Trajectory, start: FloatArray, period: int) -> None:
-    """Refuse a period that does not end where it began."""
-    if run.outcome != "ok":
-        raise OrbitError(f"the motion of this row ended early: {run.outcome}: {run.summary['detail']}")
-    change = (run.final_state - start) / state_scales(run.scene)
-    change[3:5] = np.angle(np.exp(1j * change[3:5]))
-    apart = float(np.abs(change).max())
-    if apart > OPEN:
-        raise OrbitError(f"the state of this row is not on an orbit of period {period}: it ends {apart:.2g} away")
-
-
-def _require_same(measures: Mapping[str, Any], row: Mapping[str, Any]) -> None:
-    """Refuse an orbit that is not the motion of a row of a sweep: several may exist side by side."""
-    names = ("rms_x_m", "rms_y_m")
-    size = np.hypot(*(row[name] for name in names))
-    if max(abs(measures[name] - row[name]) for name in names) > OTHER * size:
-        found = 1e3 * measures["rms_y_m"]
-        raise OrbitError(f"from the phase difference of this row another motion settles, with RMS y {found:.4g} mm")
+    return OrbitMotion(run.scene, run(np.unique(np.concatenate(grid))), run.events)
 
 
 def confirmed_point(scene: Scene, plan: SweepPlan, state: list[float] | None, key: tuple[int, ...]) -> Point:
@@ -440,29 +410,26 @@ def confirmed_point(scene: Scene, plan: SweepPlan, state: list[float] | None, ke
     if point.state is None or period is None:
         return point
     try:
-        found = _orbit(scene, point.state, period) if period else _exponents(scene, point.state)
+        if period:
+            found = _orbit_near(scene, np.array(point.state), period)
+        else:
+            values = lyapunov(scene, point.state)["exponent_per_s"].to_numpy()[:LARGEST]
+            found = {f"exponent_{i + 1}_per_s": float(v) for i, v in enumerate(values) if math.isfinite(v)}
     except VibroplatError as error:
         found = {"confirmation": str(error)}
     point.row.update({"confirmation": ""} | found)
     return point
 
 
-def _orbit(scene: Scene, state: list[float], period: int) -> dict[str, Any]:
-    """Find the orbit near a settled state."""
+def _orbit_near(scene: Scene, state: FloatArray, period: int) -> dict[str, Any]:
+    """Find the orbit near a settled state, as columns of a sweep."""
     with closing(Shooter(accurate(scene, TOLERANCE))) as shooter:
-        problem, found = first_orbit(shooter, np.array(state), period, (), TOLERANCE)
-        near, _, _ = found.chart.unpack(found.u)
-        measures = measures_of_orbit(problem, found)
-        row: dict[str, Any] = {
-            f"orbit_{name}": measures[name] for name in ("excitation_frequency_hz", "rms_x_m", "rms_y_m")
+        problem, found = first_orbit(shooter, state, period, (), TOLERANCE)
+        measures, apart = measures_of_orbit(problem, found), found.chart.unpack(found.u)[0] - found.chart.base
+        return {
+            **{f"orbit_{name}": measures[name] for name in ("excitation_frequency_hz", "rms_x_m", "rms_y_m")},
+            "orbit_distance": float(np.abs(apart / shooter.scales).max()),
+            "orbit_residual": found.residuals[-1],
+            "orbit_unstable": n_unstable(found.multipliers),
+            **multiplier_columns(found.multipliers, LARGEST),
         }
-        row["orbit_distance"] = float(np.abs((near - found.chart.base) / shooter.scales).max())
-        row["orbit_residual"] = found.residuals[-1]
-        row["orbit_unstable"] = n_unstable(found.multipliers)
-        return row | multiplier_columns(found.multipliers, LARGEST)
-
-
-def _exponents(scene: Scene, state: list[float]) -> dict[str, Any]:
-    """Find the largest Lyapunov exponents of a motion that does not repeat."""
-    values = lyapunov(scene, state)["exponent_per_s"].to_numpy()[:LARGEST]
-    return {f"exponent_{i + 1}_per_s": float(v) for i, v in enumerate(values) if math.isfinite(v)}

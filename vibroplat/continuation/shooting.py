@@ -45,7 +45,7 @@ TURN = 2.0 * math.pi
 
 @dataclass
 class Shot:
-    """A motion of an exact duration.
+    """A motion of an exact duration (s).
 
     Attributes
     ----------
@@ -53,21 +53,13 @@ class Shot:
         Full state at its end, the angles with all their turns, shape (14,).
     begins, ends
         Numbers of the systems at its beginning and end.
-    duration
-        (s).
-    outcome, detail
-        As of a run.
     events
         Records of :data:`vibroplat.hybrid.state.EVENT`.
-    restitution
-        In the law of impact.
     rates, derivative
         Rates of the state, shape (14,), and its derivative by the start and by the keys, shape (14, 14 + keys);
         None if they were not asked for.
-    part
-        What was measured; None if it was not asked for.
-    pieces
-        System, beginning and end (s) of each piece between events; empty if nothing was measured.
+    part, pieces
+        What was measured, and system, beginning and end (s) of each piece between events; if it was asked for.
     least_force, least_gap
         Least F_c (N) of contact and least gap (m) at a turning point in flight; inf without one.
     """
@@ -170,19 +162,17 @@ class Shooter:
 
     Parameters
     ----------
-    scene
-        The scene.
-    keys
-        Dotted keys that vary.
+    scene, keys
+        The scene, and its dotted keys that vary.
     course
         Range of the first key that shots will mostly be in, if it is the only one.
 
     Attributes
     ----------
-    p
-        Parameters at the present values of the keys.
+    p, held
+        Parameters, and values of the keys, at present.
     turns
-        Of exciter 1 in all shots so far, for the record.
+        Of exciter 1 in all shots so far.
     """
 
     def __init__(self, scene: Scene, keys: Sequence[str] = (), course: tuple[float, float] | None = None) -> None:

@@ -45,24 +45,10 @@ ASIDE, ASIDE_LEAST = 10.0, 1e-3
 def branch_point(
     problem: Problem, chart: Chart, u: FloatArray, jacobian: FloatArray, held: FloatArray | None = None
 ) -> tuple[NewtonResult, tuple[FloatArray, FloatArray]]:
-    """Find the branch point over the first key near some unknowns.
+    """Find the branch point over the first key near some unknowns, from nearly the Jacobian there.
 
-    Parameters
-    ----------
-    u, jacobian
-        Unknowns, and nearly the Jacobian there.
-    held
-        Directions in which the unknowns stay, one for each other key.
-
-    Returns
-    -------
-    orbit, directions
-        The orbit, whose unknowns are a last step ahead of its shot, and the directions of both branches, of length 1.
-
-    Raises
-    ------
-    MissedError
-        There is none.
+    Directions are held in which the unknowns stay, one for each other key. The orbit's unknowns are a last step ahead
+    of its shot; with it come the directions of both branches, of length 1.
     """
     m = chart.places.size
     left, _, right = np.linalg.svd(jacobian[:, : m + 1])
@@ -119,10 +105,7 @@ def new_branches(
 ) -> Iterator[tuple[Problem, Point, float, bool]]:
     """Find the first points of the branches that begin at a special point, with the first and the largest step there.
 
-    Yields
-    ------
-    problem, point, step, new
-        Of each branch; ``new`` says whether the point is one of its own, or is one of another branch already.
+    Yields problem, point and step of each, and whether the point is new, or one of another branch already.
     """
     if special.kind == DOUBLING:
         doubled = Problem(problem.shooter, [2 * turns for turns in problem.turns], problem.units, problem.tolerance)
@@ -168,21 +151,14 @@ def _doubling_direction(point: Point) -> FloatArray:
 
 def _mirrors(problem: Problem, one: Point, other: Point) -> bool:
     """Whether two orbits are mirror images of each other."""
-    first, second = (
-        [point.value, point.shot.duration, *(measures_of_orbit(problem, point)[name] for name in MIRRORED)]
-        for point in (one, other)
-    )
-    return all(abs(a - b) <= 1e-3 * abs(a) for a, b in zip(first, second, strict=True))
+    measures = [measures_of_orbit(problem, point) for point in (one, other)]
+    pairs = [(measures[0][name], measures[1][name]) for name in MIRRORED]
+    pairs += [(one.value, other.value), (one.shot.duration, other.shot.duration)]
+    return all(abs(first - second) <= 1e-3 * abs(first) for first, second in pairs)
 
 
 def over_grazing(problem: Problem, before: Point, last: Point) -> Point:
-    """Find an orbit on the other side of the grazing that is ahead of the last two points of a branch.
-
-    Raises
-    ------
-    MissedError
-        There is none, or it cannot be seen from these points.
-    """
+    """Find an orbit on the other side of the grazing that is ahead of the last two points of a branch."""
     if before.chart is not last.chart or before.word != last.word:
         raise MissedError("the last points cannot be compared")
     for guesses, change in ((_without_impact(before, last), -1), (_with_impact(problem, before, last), 1)):

@@ -38,24 +38,6 @@ from vibroplat.study.store import Record, Store
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Columns of the table of branches after the grid's keys and the key.
-COLUMNS = (
-    "branch",
-    "parent",
-    "point",
-    EXCITATION,
-    "period",
-    "period_s",
-    *(name for name in MEASURED if name != EXCITATION),
-    "sync",
-    "notes",
-    "sequence",
-    "stable",
-    "unstable",
-    *describe_multipliers(MULTIPLIERS),
-    "residual",
-    "turns",
-)
 #: Columns of what is found on both sides of a boundary.
 SIDES = ("below", "above", "check")
 #: Called after each part of a branch with the numbers of finished branches, of known ones, and of points.
@@ -68,9 +50,10 @@ BRANCHES: Columns = {
     "branch": Column("number of the branch", "among those of one combination of the grid's values"),
     "parent": Column("branch on which it was found", "-1 for the first"),
     "point": Column("number of the point on its branch"),
-    **{name: MEASURES[name] for name in MEASURED},
+    EXCITATION: MEASURES[EXCITATION],
     "period": Column("turns of exciter 1 in a period"),
     "period_s": Column("period"),
+    **{name: MEASURES[name] for name in MEASURED if name != EXCITATION},
     "sync": POINT["sync"],
     "notes": POINT["notes"],
     "sequence": Column("events of a period", "stick: an impact, or several that accumulate, after which contact holds"),
@@ -175,7 +158,6 @@ def orbits(
 class Planned(NamedTuple):
     """What is to be followed of a scene: its plan, which has been validated, and the combinations of the grid."""
 
-    scene: Scene
     plan: OrbitsPlan
     families: list[Family]
 
@@ -196,8 +178,7 @@ def planned(scene: Scene) -> Planned:
     plan = scene.orbits
     if plan is None:
         raise ConfigError("this configuration has no orbits section; add orbits: {key: …, start: …, stop: …}")
-    if scene.drive.program is not None:
-        raise ConfigError("drive.program is given, but orbits have a constant supply; allowed: supply_frequency_hz")
+    accurate(scene, plan.tolerance)  # has no program
     if plan.from_ == "state" and scene.run.initial.state is None:
         raise ConfigError("orbits.from = state but run.initial.state is not given; allowed: give it, or settled")
     for place, of in (("orbits", plan), ("orbits.boundaries", plan.boundaries)):
@@ -216,7 +197,7 @@ def planned(scene: Scene) -> Planned:
             placed = _at_end(placed, plan.from_)
         _require_inside(placed, plan)
         families.append(Family(len(families), values, accurate(placed, plan.tolerance)))
-    return Planned(scene, plan, families)
+    return Planned(plan, families)
 
 
 def _require_continuous(scene: Scene, place: str, key: str, value: float) -> None:
@@ -333,7 +314,7 @@ def tables(plan: OrbitsPlan, traced: Sequence[Traced], curves: Sequence[Boundary
         for row in curve.rows
     ]
     return OrbitTables(
-        _table(points, plan, [key, *COLUMNS, *state], BRANCHES),
+        _table(points, plan, [key, *(name for name in BRANCHES if name not in STATE), *state], BRANCHES),
         _table(special, plan, ["branch", "kind", key, EXCITATION, "period", "point", *state], SPECIAL),
         _table(rows, plan, ["curve", "kind", "branch", *keys, EXCITATION, "period", *SIDES], BOUNDARIES),
     )

@@ -42,15 +42,7 @@ BENT = 1e3
 
 @dataclass(frozen=True)
 class Point(NewtonResult):
-    """A point of a branch, or of a curve in two keys, with its test functions.
-
-    Attributes
-    ----------
-    tangent
-        Of the branch in the space of unknowns, of length 1.
-    step
-        Length of the step to here.
-    """
+    """A point of a branch, or of a curve in two keys, with its tangent, its test functions, and the step to here."""
 
     tangent: FloatArray
     step: float = 0.0
@@ -133,31 +125,23 @@ ONE_SIDED: dict[str, Test] = {
 }
 
 
-def _between_complex(point: Point) -> float:
-    return point.neimark_sacker if point.complex_pair else math.nan
-
-
 #: Those of curves in two keys.
 IN_TWO_KEYS: dict[str, Test] = {
     FOLD: attrgetter("fold"),
     DOUBLING: attrgetter("doubling"),
-    NEIMARK_SACKER: _between_complex,
+    NEIMARK_SACKER: lambda point: point.neimark_sacker if point.complex_pair else math.nan,
     **ONE_SIDED,
 }
 
 
 @dataclass
 class Special:
-    """A special point.
+    """A special point of a kind, at a value of the key.
 
     Attributes
     ----------
-    kind
-        One of KINDS.
     point
         The orbit there, or next to it.
-    value
-        Of the key there.
     direction
         Of the branch there, from neighbour to neighbour: where branches cross, a point has no single tangent.
     across

@@ -59,20 +59,10 @@ AGREES, DIFFERS, UNDECIDED, UNSTABLE, FAILED = "agrees", "differs", "undecided",
 
 
 class Curve:
-    """A boundary in one direction.
+    """A boundary of a kind, in one sense of the second key, 1 or −1.
 
-    Parameters
-    ----------
-    problem
-        Of two keys.
-    kind
-        Of special points.
-    word
-        Sequence of events on the side where the test function is known.
-    sense
-        In which the second key goes, 1 or −1.
-    low, high
-        Ends of the keys' ranges, in units of the unknowns, shape (2,).
+    Its word is the sequence of events on the side where the test function is known; ``low`` and ``high`` are the ends
+    of the keys' ranges, in units of the unknowns, shape (2,).
     """
 
     def __init__(self, problem: Problem, kind: str, word: str, sense: float, low: FloatArray, high: FloatArray) -> None:
@@ -242,19 +232,7 @@ def _surface(orbit: NewtonResult) -> FloatArray:
 
 @dataclass
 class Boundary:
-    """A boundary that has been followed.
-
-    Attributes
-    ----------
-    grid, branch
-        The grid's values, and the branch on which its special point lies.
-    kind
-        Of special points.
-    rows
-        Its points as plain values, in the order of the curve.
-    ended
-        Why it ended, at both ends.
-    """
+    """A boundary that has been followed from a special point of a branch: its points, and why it ended at both ends."""
 
     grid: Mapping[str, Any]
     branch: int
@@ -266,22 +244,14 @@ class Boundary:
 def follow_boundary(scene: Scene, plan: OrbitsPlan, special: Record, boundary: Boundary) -> Tasks[None]:
     """Follow a boundary both ways from a special point, then check it."""
     for sense in (-1, 1):
-        record = yield Task(_one_way, (scene, plan, special, sense), _lost)
+        record = yield Task(_one_way, (scene, plan, special, sense), lambda reason: {"rows": [], "ended": reason})
         rows = record["rows"]
         boundary.rows = [*reversed(rows), *boundary.rows] if sense < 0 else [*boundary.rows, *rows[1:]]
         boundary.ended.append(record["ended"])
     for place in chosen(boundary.rows, plan):
         row, way = boundary.rows[place], across(boundary.rows, place, plan)
-        found = yield Task(check, (scene, plan, boundary.kind, row, way), _unchecked)
+        found = yield Task(check, (scene, plan, boundary.kind, row, way), lambda _reason: {"check": FAILED})
         boundary.rows[place] = row | found
-
-
-def _lost(reason: str) -> Record:
-    return {"rows": [], "ended": reason}
-
-
-def _unchecked(reason: str) -> Record:
-    return {"check": FAILED}
 
 
 def _one_way(scene: Scene, plan: OrbitsPlan, special: Record, sense: int) -> Record:
@@ -290,7 +260,7 @@ def _one_way(scene: Scene, plan: OrbitsPlan, special: Record, sense: int) -> Rec
     assert wanted is not None
     units = np.array([plan.unit, wanted.unit])
     low, high = np.sort([[plan.start, wanted.start], [plan.stop, wanted.stop]], axis=0) / units
-    steps = [length / wanted.unit for length in wanted.step.lengths(abs(wanted.stop - wanted.start))]
+    first, largest, least = (length / wanted.unit for length in wanted.step.lengths(abs(wanted.stop - wanted.start)))
     rows: list[Record] = []
     with closing(Shooter(scene, [plan.key, wanted.key])) as shooter:
         state, values = np.array(special["state"]), [special["value"], value_of(scene, wanted.key)]
@@ -298,7 +268,6 @@ def _one_way(scene: Scene, plan: OrbitsPlan, special: Record, sense: int) -> Rec
         problem = Problem(shooter, special["turns"], units.tolist(), plan.tolerance)
         chart = problem.chart(state)
         curve = Curve(problem, special["kind"], special["word"], sense, low, high)
-        first, largest, least = steps
         try:
             for point in curve.follow(chart, chart.pack(state, special["period_s"], values), first, largest, least):
                 rows.append(_row(problem, point, special["kind"]))
@@ -326,19 +295,9 @@ def _row(problem: Problem, point: Point, kind: str) -> Record:
 
 
 class Side(NamedTuple):
-    """What was found on one side of a boundary.
+    """What was found on one side of a boundary: events, and distance from the orbit there on φ₁ = 0, in scales."""
 
-    Attributes
-    ----------
-    period
-        Turns after which the motion repeats; 0 if it does not.
-    word
-        Sequence of events in a period.
-    distance
-        From the orbit on the curve, on the section φ₁ = 0, in the scales of the scene.
-    """
-
-    period: int
+    period: int  # turns; 0 if the motion does not repeat
     word: str
     distance: float
 
@@ -372,17 +331,8 @@ def across(rows: Sequence[Record], place: int, plan: OrbitsPlan) -> tuple[float,
 def check(scene: Scene, plan: OrbitsPlan, kind: str, row: Record, way: tuple[float, float]) -> Record:
     """Settle on both sides of a point of a curve, and compare with what its kind says.
 
-    Parameters
-    ----------
-    row
-        Of the curve, with the orbit there.
-    way
-        Direction across the curve, in units of the keys.
-
-    Returns
-    -------
-    dict
-        Columns ``below``, ``above`` and ``check`` of the table of boundaries.
+    The row is that of the curve, with the orbit there; the way is the direction across it, in units of the keys.
+    Returns the columns ``below``, ``above`` and ``check`` of the table of boundaries.
     """
     if row["others_outside"]:
         return {"check": UNSTABLE}

@@ -47,17 +47,7 @@ COMPARED = dict.fromkeys(("period_s", *MIRRORED), 0.1) | {"multiplier_1_re": 0.3
 
 @dataclass(frozen=True)
 class Family:
-    """All branches of one combination of the grid's values.
-
-    Attributes
-    ----------
-    number
-        Of the combination.
-    grid
-        Dotted keys of the grid and their values.
-    scene
-        At the start of the key, with the tolerance that orbits need.
-    """
+    """All branches of one combination of the grid's values; the scene at the start, with the tolerance of orbits."""
 
     number: int
     grid: dict[str, Any]
@@ -75,17 +65,7 @@ def same_special(one: Record, other: Record, plan: OrbitsPlan) -> bool:
 
 
 class Known(NamedTuple):
-    """What a part of a branch is told of all that is known of its family.
-
-    Attributes
-    ----------
-    special
-        Special points from which other branches have been followed.
-    others
-        Numbers and points of other branches.
-    own
-        Points of this branch.
-    """
+    """What is known of a family: special points already switched at, other branches by number, and own points."""
 
     special: Sequence[Record]
     others: Sequence[tuple[int, Sequence[Record]]]
@@ -294,27 +274,13 @@ def _row(problem: Problem, point: Point) -> Record:
 
 @dataclass
 class Traced:
-    """A branch that has been followed.
-
-    Attributes
-    ----------
-    family, number, parent
-        Its combination of the grid's values, its number there, and that of the branch it was found on, or −1.
-    origin, source
-        What it begins with: ``start``, or the kind of special point, and that point.
-    rows, special
-        Its points and special points, as plain values.
-    ended
-        Why it ended.
-    failed
-        Whether that is a failure.
-    """
+    """A branch that has been followed: its points and special points, as plain values, and why it ended."""
 
     family: Family
     number: int
-    parent: int
-    origin: str
-    source: Record | None = None
+    parent: int  # that on which it was found, or −1
+    origin: str  # start, or the kind of the special point at which it begins
+    source: Record | None = None  # that point
     rows: list[Record] = field(default_factory=list)
     special: list[Record] = field(default_factory=list)
     ended: str = ""
@@ -359,6 +325,7 @@ def _parts(
 ) -> Tasks[None]:
     """Make a branch part by part."""
     passed = [(other.number, _compared(other.rows)) for other in others]
+    nothing: Record = {"rows": [], "special": [], "last": None}
     while not branch.ended:
         special = [
             {name: s[name] for name in ("kind", "value", "excitation_frequency_hz")}
@@ -366,7 +333,9 @@ def _parts(
             if s["branches"]
         ]
         known = Known(special, passed, _compared(branch.rows))
-        record = yield Task(part, (branch.family.scene, plan, begin, known), _lost)
+        record = yield Task(
+            part, (branch.family.scene, plan, begin, known), lambda reason: nothing | {"ended": reason, "failed": True}
+        )
         branch.ended, branch.failed = record["ended"], record["failed"]
         branch.special += [special | {"after": special["after"] + len(branch.rows)} for special in record["special"]]
         branch.rows += record["rows"]
@@ -379,7 +348,3 @@ def _parts(
 def _compared(rows: Sequence[Record]) -> list[Record]:
     """Return what tells points apart."""
     return [{n: row[n] for n in ("value", "period", "sequence", "phase_difference_rad", *COMPARED)} for row in rows]
-
-
-def _lost(reason: str) -> Record:
-    return {"rows": [], "special": [], "last": None, "ended": reason, "failed": True}

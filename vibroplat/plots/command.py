@@ -81,14 +81,22 @@ def plot_results(
         Their tables are missing or damaged.
     """
     found = [family for family in FAMILIES if all(family.is_in(directory) for directory in directories)]
+    first, held = directories[0], ", ".join(map(str, directories))
     if not found and len(directories) > 1 and any(f.is_in(d) for f in FAMILIES for d in directories):
-        held = ", ".join(map(str, directories))
         raise VibroplatError(f"{held} hold no results of one command; allowed: several runs, or several sweeps")
     found = found or [FAMILIES[-1]]
+    allowed = [kind for family in found for kind in family.kinds]
+    for family in FAMILIES:
+        for kind in kinds:
+            if kind in family.kinds and kind not in allowed:
+                names = ", ".join(allowed) or "no --kind"
+                raise VibroplatError(f"--kind {kind}: {first} holds no {family.name}; allowed: {names}")
+    chosen = [family for family in found if not kinds or {*family.kinds} & {*kinds}]
     given = {option: value for option, value in options.items() if value is not None}
-    _require_kinds(directories[0], found, kinds)
-    chosen = [f for f in found if not kinds or {*f.kinds} & {*kinds}]
-    _require_options(directories[0], chosen, given)
+    for option, value in given.items():
+        if not any(option in family.options for family in chosen):
+            able = " and ".join(family.article + family.name for family in FAMILIES if option in family.options)
+            raise VibroplatError(f"--{option} {value}: no figure of {first} heeds it; allowed: with {able}")
     written = []
     with styled():
         for family in chosen:
@@ -98,21 +106,3 @@ def plot_results(
             for directory, name, figure in family.draw(directories, wanted, **own):
                 written.append(save(figure, directory, f"{name}{compared}", saving))
     return written
-
-
-def _require_kinds(directory: Path, found: Sequence[Family], kinds: Collection[str]) -> None:
-    """Refuse figures that the results do not have."""
-    allowed = [kind for family in found for kind in family.kinds]
-    for family in FAMILIES:
-        for kind in kinds:
-            if kind in family.kinds and kind not in allowed:
-                names = ", ".join(allowed) or "no --kind"
-                raise VibroplatError(f"--kind {kind}: {directory} holds no {family.name}; allowed: {names}")
-
-
-def _require_options(directory: Path, chosen: Sequence[Family], given: dict[str, Any]) -> None:
-    """Refuse options that no figure would heed."""
-    for option, value in given.items():
-        if not any(option in family.options for family in chosen):
-            able = " and ".join(family.article + family.name for family in FAMILIES if option in family.options)
-            raise VibroplatError(f"--{option} {value}: no figure of {directory} heeds it; allowed: with {able}")

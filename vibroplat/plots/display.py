@@ -13,10 +13,10 @@ from vibroplat.continuation.orbit import Orbit
 from vibroplat.continuation.tables import OrbitTables
 from vibroplat.errors import TableError
 from vibroplat.plots import run as drawing
-from vibroplat.plots.labels import run_parameters
-from vibroplat.plots.orbits import branches_figure, branches_of, plot_orbit
+from vibroplat.plots.orbits import branches_figure, branches_of, orbit_figure
+from vibroplat.plots.reading import ends_of
 from vibroplat.plots.response import response_figure, response_of
-from vibroplat.plots.style import head, new_figure, styled
+from vibroplat.plots.style import styled
 from vibroplat.results.run import Kind, Trajectory
 from vibroplat.study.branches import EXCITATION
 
@@ -49,9 +49,10 @@ def _(run: Trajectory, kind: Kind = "motion", start: float | None = None, stop: 
         raise ValueError(f"kind = {kind!r}; allowed: {', '.join(drawing.FIGURES)}")
     if kind == "force" and not run.scene.has_contact:
         raise ValueError("kind = 'force' but this run has no contact; allowed: motion, exciters")
-    shown = drawing.Shown([drawing.run_of(run.summary, run.scene, run.trajectory, run.events, start, stop)])
+    table = run.trajectory
+    whole = drawing.run_of(run.summary, run.scene, ends_of([table]), [table], [run.events], start, stop)
     with styled():
-        return drawing.FIGURES[kind](shown)
+        return drawing.FIGURES[kind](drawing.Shown([whole]))
 
 
 @figure_of.register
@@ -80,7 +81,7 @@ def _run_of_table(table: pd.DataFrame) -> drawing.Run:
     first, second = (float(table[f"phi{n}_rate_rad_per_s"].tail(len(table) // 4 + 1).mean()) for n in (1, 2))
     rotation = "co-rotating" if first * second > 0.0 else "counter-rotating"
     seen = {"name": "trajectory", "excitation_frequency_hz": abs(first) / (2.0 * math.pi), "rotation": rotation}
-    return drawing.run_of(seen, None, table, _impacts(table))
+    return drawing.run_of(seen, None, ends_of([table]), [table], [_impacts(table)])
 
 
 def _impacts(table: pd.DataFrame) -> pd.DataFrame:
@@ -102,8 +103,4 @@ def _(followed: OrbitTables) -> Figure:
 def _(found: Orbit) -> Figure:
     """Draw an orbit: its speed over its height, and the gap over the phase where there is material."""
     with styled():
-        count = 2 if found.scene.has_contact else 1
-        figure, axes = new_figure(1, count, (1.0 + 4.2 * count, 4.0))
-        plot_orbit(found, list(axes[0]))
-        head(figure, found.scene.name, run_parameters(found.scene))
-    return figure
+        return orbit_figure(found)

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -19,8 +19,16 @@ from matplotlib.lines import Line2D
 from vibroplat.columns import COORDINATES, MEASURES, PHASE_COLUMN
 from vibroplat.continuation.test_functions import KINDS
 from vibroplat.errors import TableError
-from vibroplat.plots.labels import ABSCISSAE, is_number, key_label, scene_of, sweep_parameters, value_label
-from vibroplat.plots.reading import read_columns
+from vibroplat.plots.labels import (
+    ABSCISSAE,
+    is_number,
+    key_label,
+    run_parameters,
+    scene_of,
+    sweep_parameters,
+    value_label,
+)
+from vibroplat.plots.reading import read_columns, read_result
 from vibroplat.plots.response import LEAST_RANGE, drawn_values
 from vibroplat.plots.style import CURVES, DIRECTIONS, REFERENCE, head, new_figure
 from vibroplat.plots.timelines import phase_axis, wrapped
@@ -35,9 +43,8 @@ if TYPE_CHECKING:
 
 #: What is drawn over the key; force only where there is any.
 PANELS = ("rms_y_m", "rms_x_m", PHASE_COLUMN, "motor_power_w", "contact_force_max_n")
-#: Markers of kinds of special points.
+#: Markers and meanings of kinds of special points.
 MARKERS = dict(zip(KINDS, "oDsX^vP", strict=True))
-#: What happens at each of them.
 MEANINGS = KINDS
 #: Colours of curves of special points.
 _COLOURS = dict(zip(KINDS, itertools.cycle(CURVES)))
@@ -53,13 +60,8 @@ DRAWN = 2000
 # -- tables ------------------------------------------------------------------------------------------------------------
 
 
-class Curve(NamedTuple):
-    """A branch: number and label of the grid's combination, the points, and the special points."""
-
-    number: int
-    label: str
-    points: pd.DataFrame
-    special: pd.DataFrame
+#: A branch: number and label of the grid's combination, the points, and the special points.
+Curve = tuple[int, str, pd.DataFrame, pd.DataFrame]
 
 
 @dataclass(frozen=True)
@@ -121,7 +123,7 @@ class Branches:
         for _, rows in self.points.groupby([*self.grid, "branch"], sort=False):
             label = ", ".join(value_label(key, rows[key].iloc[0]) for key in self.varied)
             number = labels.setdefault(label, len(labels))
-            found.append(Curve(number, label, rows.reset_index(drop=True), self.alike(self.special, rows.iloc[0])))
+            found.append((number, label, rows.reset_index(drop=True), self.alike(self.special, rows.iloc[0])))
         return found
 
     def sweeps(self) -> Iterator[tuple[str, pd.DataFrame]]:
@@ -145,11 +147,7 @@ class Branches:
 
 def read_branches(directory: Path) -> Branches:
     """Read the tables of branches, and that of a sweep if it lies in the same directory."""
-    if not directory.is_dir():
-        raise TableError(f"{directory} is not a directory; allowed: a result directory of vibroplat")
-    if (directory / "orbits.sqlite").exists() and not any(directory.glob("branches.*")):
-        raise TableError(f"{directory} holds unfinished branches; continue them with `vibroplat orbits --resume`")
-    result = Result(directory, "orbits")
+    result = read_result(directory, "orbits")
     try:
         plan = result.provenance["configuration"]["orbits"]
         named = str(plan["key"]), str((plan.get("boundaries") or {}).get("key", ""))
@@ -171,8 +169,9 @@ def read_branches(directory: Path) -> Branches:
 def branches_of(points: pd.DataFrame, special: pd.DataFrame | None = None) -> Branches:
     """Prepare tables in memory, those of special points if there are any; the key stands before ``branch``."""
     *grid, key = (str(column) for column in points.columns[: list(points.columns).index("branch")])
-    none = pd.DataFrame({name: [] for name in (*grid, "branch", "kind", "point", EXCITATION)})
-    return Branches("orbits", None, points, none if special is None else special, None, key, grid)
+    if special is None:
+        special = pd.DataFrame({name: [] for name in (*grid, "branch", "kind", "point", EXCITATION)})
+    return Branches("orbits", None, points, special, None, key, grid)
 
 
 def orbit_figures(
@@ -374,8 +373,8 @@ def boundaries_figure(found: Branches, x: str) -> Figure:
 def multipliers_figure(found: Branches, x: str) -> Figure:
     """Draw the leading multipliers on the plane, and the largest one over a column, for each grid combination."""
     combinations: dict[tuple[int, str], list[pd.DataFrame]] = {}
-    for curve in found.branches:
-        combinations.setdefault((curve.number, curve.label), []).append(curve.points)
+    for number, label, points, _ in found.branches:
+        combinations.setdefault((number, label), []).append(points)
     values = found.points[x]
     norm = Normalize(float(values.min()), float(values.max()))
     farthest = found.points.filter(regex=r"^multiplier_\d+_(re|im)$").abs().max().max()
@@ -425,34 +424,23 @@ def _draw_plane(axis: Axes, points: pd.DataFrame, x: str, norm: Normalize, frame
 # -- one orbit ---------------------------------------------------------------------------------------------------------
 
 
-def plot_orbit(orbit: Orbit, axes: Sequence[Axes]) -> Sequence[Axes]:
-    """Draw an orbit: its speed over its height, and, in the second of two axes, the gap over the phase of exciter 1.
-
-    Parameters
-    ----------
-    orbit
-        Of :func:`vibroplat.orbit`.
-    axes
-        One or two axes; without material the second one says that there is no gap.
-    """
-    run = orbit.run
-    table = run(np.linspace(0.0, run.segments[-1].end, DRAWN))
-    first = axes[0]
-    height = COORDINATES["y_m"]
+def orbit_figure(orbit: Orbit) -> Figure:
+    """Draw an orbit: its speed over its height, and the gap over the phase of exciter 1 where there is material."""
+    count = 2 if orbit.scene.has_contact else 1
+    figure, axes = new_figure(1, count, (1.0 + 4.2 * count, 4.0))
+    table = orbit.run(np.linspace(0.0, orbit.run.segments[-1].end, DRAWN))
+    first, height = axes[0, 0], COORDINATES["y_m"]
     first.plot(height.factor * table["y_m"], table["y_rate_m_per_s"], color=CURVES[0])
-    first.set_xlabel(height.label)
-    first.set_ylabel(r"$\dot y$ (m/s)")
+    first.set(xlabel=height.label, ylabel=r"$\dot y$ (m/s)")
     first.set_title(f"period {orbit.period}, {'stable' if orbit.stable else 'unstable'}, {orbit.sequence}", loc="left")
-    if len(axes) > 1:
+    if count == 2:
+        second, gap = axes[0, 1], COORDINATES["gap_m"]
         turns = (table["phi1_rad"] - table["phi1_rad"].iloc[0]).abs() / (2.0 * np.pi)
-        axes[1].set_xlabel("phase of exciter 1 (turns)")
-        axes[1].set_ylabel(COORDINATES["gap_m"].label)
-        if "gap_m" in table:
-            axes[1].plot(turns, COORDINATES["gap_m"].factor * table["gap_m"], color=CURVES[1])
-            axes[1].set_ylim(bottom=0.0)
-        else:
-            axes[1].text(0.5, 0.5, "no material", transform=axes[1].transAxes, ha="center", color=REFERENCE)
-    return axes
+        second.plot(turns, gap.factor * table["gap_m"], color=CURVES[1])
+        second.set(xlabel="phase of exciter 1 (turns)", ylabel=gap.label)
+        second.set_ylim(bottom=0.0)
+    head(figure, orbit.scene.name, run_parameters(orbit.scene))
+    return figure
 
 
 FIGURES: Mapping[str, Callable[[Branches, str], Figure]] = {

@@ -15,13 +15,21 @@ import pandas as pd
 from vibroplat.errors import TableError
 from vibroplat.results.files import Command, Result
 
+#: Where points are kept until their table is written, that table, and what is then told.
+_UNFINISHED = {
+    "sweep": ("points.sqlite", "sweep", "an unfinished sweep; continue it"),
+    "orbits": ("orbits.sqlite", "branches", "unfinished branches; continue them"),
+}
+
 
 def read_result(directory: Path, command: Command) -> Result:
     """Return the result of a command; refuse other schema versions and what is unfinished."""
     if not directory.is_dir():
         raise TableError(f"{directory} is not a directory; allowed: a result directory of vibroplat")
-    if (directory / "points.sqlite").exists() and not any(directory.glob("sweep.*")):
-        raise TableError(f"{directory} holds an unfinished sweep; continue it with `vibroplat sweep --resume`")
+    study = "orbits" if command == "orbits" else "sweep"
+    kept, table, what = _UNFINISHED[study]
+    if (directory / kept).exists() and not any(directory.glob(f"{table}.*")):
+        raise TableError(f"{directory} holds {what} with `vibroplat {study} --resume`")
     return Result(directory, command)
 
 

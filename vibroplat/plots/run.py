@@ -15,31 +15,10 @@ import pandas as pd
 from vibroplat.columns import COORDINATES, PHASE
 from vibroplat.config.scene import Scene
 from vibroplat.errors import TableError
+from vibroplat.plots import timelines
 from vibroplat.plots.labels import differing, distinct, legend_names, run_parameters, scene_of
-from vibroplat.plots.reading import Cut, ends_of, read_parts, read_result
-from vibroplat.plots.style import (
-    BLACK,
-    CURVES,
-    FORCE,
-    MATERIAL,
-    PLATFORM,
-    REFERENCE,
-    head,
-    legend_below,
-    new_figure,
-)
-from vibroplat.plots.timelines import (
-    Measured,
-    draw_contact,
-    draw_coordinate,
-    draw_envelope,
-    draw_impacts,
-    draw_impulses,
-    draw_phase_difference,
-    draw_speeds,
-    draw_synchronous_speed,
-    read_measured,
-)
+from vibroplat.plots.reading import Cut, Ends, ends_of, read_parts, read_result
+from vibroplat.plots.style import BLACK, CURVES, FORCE, MATERIAL, PLATFORM, REFERENCE, head, legend_below, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -121,61 +100,44 @@ class Run:
         return arm * float(np.ptp(found)) if len(found) else 0.0
 
 
-def read_run(directory: Path, start: float | None = None, stop: float | None = None) -> Run:
-    """Read the tables of a run from ``start`` to ``stop`` (s).
+#: How messages call a run in memory, an end of an interval of it, and a trajectory without rows.
+_IN_MEMORY = ("the run lasted", "{} = {:g}", "the trajectory is empty")
 
-    Raises
-    ------
-    TableError
-        Tables are missing or have another schema version, or the interval holds no data.
-    """
+
+def read_run(directory: Path, start: float | None = None, stop: float | None = None) -> Run:
+    """Read the tables of a run from ``start`` to ``stop`` (s); raises as :func:`run_of`, and where one is missing."""
     result = read_result(directory, "run")
     summary = result.document("summary")
-    if not _is_summary(summary):
+    frequency: Any = summary.get("excitation_frequency_hz", "") if isinstance(summary, dict) else ""
+    known = frequency is None or (type(frequency) in (int, float) and frequency >= 0.0)
+    if not known or not isinstance(summary.get("name"), str):
         raise TableError(f"{directory / 'summary.json'} is not the summary of a run")
+    ends = ends_of(read_parts(result, "trajectory", (), ("t_s",)))
     optional = [column for column in COORDINATES if column != "y_m"]
-
-    def trajectory(*columns: str) -> Iterator[pd.DataFrame]:
-        if columns:
-            return read_parts(result, "trajectory", (), columns)
-        return read_parts(result, "trajectory", ("mode",), ("t_s", "y_m", *_ANGLES), optional)
-
+    trajectory = read_parts(result, "trajectory", ("mode",), ("t_s", "y_m", *_ANGLES), optional)
     events = read_parts(result, "events", ("kind",), ("t_s", "impulse_n_s"))
     told = (f"{directory} runs", "--{} {:g}", f"{directory} holds an empty trajectory")
-    return _run(summary, scene_of(result.provenance), trajectory, events, start, stop, told)
+    return run_of(summary, scene_of(result.provenance), ends, trajectory, events, start, stop, told)
 
 
 def run_of(
     summary: Mapping[str, Any],
     scene: Scene | None,
-    trajectory: pd.DataFrame,
-    events: pd.DataFrame,
+    ends: Ends | None,
+    trajectory: Iterable[pd.DataFrame],
+    events: Iterable[pd.DataFrame],
     start: float | None = None,
     stop: float | None = None,
+    told: tuple[str, str, str] = _IN_MEMORY,
 ) -> Run:
-    """Prepare the tables of a run in memory, from ``start`` to ``stop`` (s).
+    """Cut the tables of a run, in parts, from ``start`` to ``stop`` (s).
 
     Raises
     ------
     TableError
         The trajectory is empty, or the interval holds no data.
     """
-    told = ("the run lasted", "{} = {:g}", "the trajectory is empty")
-    return _run(summary, scene, lambda *_: [trajectory], [events], start, stop, told)
-
-
-def _run(
-    summary: Mapping[str, Any],
-    scene: Scene | None,
-    trajectory: Callable[..., Iterable[pd.DataFrame]],
-    events: Iterable[pd.DataFrame],
-    start: float | None,
-    stop: float | None,
-    told: tuple[str, str, str],
-) -> Run:
-    """Cut the tables to an interval; ``told``: the run, an option and an empty trajectory in messages."""
     subject, option, empty = told
-    ends = ends_of(trajectory("t_s"))
     if ends is None:
         raise TableError(f"{empty}; there is nothing to plot")
     first, last = float(ends.first["t_s"]), float(ends.last["t_s"])
@@ -185,7 +147,7 @@ def _run(
     chosen = start is not None or stop is not None
     detail = max(begin, end - SHOWN_TURNS / frequency) if frequency and not chosen else begin
     bins = min(max(int((end - begin) * frequency), 1), BINS) if frequency else BINS
-    found = Cut(trajectory(), (detail, end), (begin, end, bins), COORDINATES, every=math.ceil(ends.rows / POINTS))
+    found = Cut(trajectory, (detail, end), (begin, end, bins), COORDINATES, every=math.ceil(ends.rows / POINTS))
     shown_events = pd.concat([part[part["t_s"].between(detail, end)] for part in events], ignore_index=True)
     if found.shown["t_s"].nunique() < 2:
         raise TableError(f"no data between {begin:g} and {end:g} s; {length}")
@@ -211,14 +173,6 @@ def _interval(
     return max(begin, first), min(end, last)
 
 
-def _is_summary(found: object) -> bool:
-    """Whether a document has what figures need of the summary of a run."""
-    if not isinstance(found, dict) or not isinstance(found.get("name"), str) or "excitation_frequency_hz" not in found:
-        return False
-    frequency = found["excitation_frequency_hz"]
-    return frequency is None or (type(frequency) in (int, float) and frequency >= 0.0)
-
-
 # -- figures -----------------------------------------------------------------------------------------------------------
 
 
@@ -227,7 +181,7 @@ class Shown:
     """The runs of a figure, measured data laid over them, and what several of them are called."""
 
     runs: Sequence[Run]
-    data: Measured | None = None
+    data: timelines.Measured | None = None
     names: Sequence[str] = ()
 
     @property
@@ -293,7 +247,7 @@ def run_figures(
     TableError
         Tables are missing or have another schema version, or the interval is empty.
     """
-    measured = None if data is None else read_measured(data, "t_s", COORDINATES)
+    measured = None if data is None else timelines.read_measured(data, "t_s", COORDINATES)
     shown = _shown([read_run(place, start, stop) for place in directories], directories, measured)
     has_force = any("contact_force_n" in run.shown for run in shown.runs)
     drawn = [kind for kind in kinds or FIGURES if has_force or kind != "force"]
@@ -303,7 +257,7 @@ def run_figures(
         yield directories[0], kind, FIGURES[kind](shown)
 
 
-def _shown(runs: Sequence[Run], directories: Sequence[Path], data: Measured | None) -> Shown:
+def _shown(runs: Sequence[Run], directories: Sequence[Path], data: timelines.Measured | None) -> Shown:
     """Name several runs by how they differ."""
     if len(runs) == 1:
         return Shown(runs, data)
@@ -366,7 +320,7 @@ def _overview(axis: Axes, shown: Shown, column: str) -> None:
     for number, run in enumerate(shown.runs):
         if f"{column}:max" in run.envelope:
             look = shown.look(number, column)
-            draw_envelope(axis, run.envelope, column, color=look["color"], filled=shown.only is not None)
+            timelines.draw_envelope(axis, run.envelope, column, color=look["color"], filled=shown.only is not None)
             if shown.only is not None:
                 axis.axvspan(run.shown["t_s"].iloc[0], run.shown["t_s"].iloc[-1], color=REFERENCE, alpha=0.25, lw=0)
     shown.measured(axis, column)
@@ -380,14 +334,16 @@ def _detail(axis: Axes, shown: Shown, column: str) -> None:
         look = shown.look(number, column)
         if run.turns > MOST_TURNS:
             filled = shown.only is not None
-            draw_envelope(axis, run.envelope, column, color=look["color"], label=look.get("label"), filled=filled)
+            timelines.draw_envelope(
+                axis, run.envelope, column, color=look["color"], label=look.get("label"), filled=filled
+            )
             continue
         table = run.shown.assign(t_s=run.shown["t_s"] - shown.origin(run))
-        draw_coordinate(axis, table[table["t_s"] >= 0.0] if shown.aligned else table, column, **look)
+        timelines.draw_coordinate(axis, table[table["t_s"] >= 0.0] if shown.aligned else table, column, **look)
         if shown.only is not None and "gap_m" in run.shown:
-            draw_contact(axis, run.shown)
+            timelines.draw_contact(axis, run.shown)
             if column == "gap_m":
-                draw_impacts(axis, run.events)
+                timelines.draw_impacts(axis, run.events)
     shown.measured(axis, column)
     if column in ("x_m", "y_m"):
         _no_noise(axis, shown)
@@ -412,9 +368,9 @@ def _force(shown: Shown) -> Figure:
     for number, run in enumerate(shown.runs if strikes else []):
         events = run.events.assign(t_s=run.events["t_s"] - shown.origin(run))
         look = shown.look(number, "")
-        draw_impulses(axes[1, 0], events, BLACK if shown.only else look["color"], look.get("label"))
+        timelines.draw_impulses(axes[1, 0], events, BLACK if shown.only else look["color"], look.get("label"))
     if strikes and shown.only is not None and shown.only.turns <= MOST_TURNS:
-        draw_contact(axes[1, 0], shown.only.shown)
+        timelines.draw_contact(axes[1, 0], shown.only.shown)
     axes[-1, 0].set_xlabel(shown.detail)
     if any(patch.get_label() == "attached" for patch in force.patches) or shown.data is not None:
         _legend_above(force, 2)
@@ -429,11 +385,11 @@ def _exciters(shown: Shown) -> Figure:
     only = shown.only
     for number, run in enumerate(shown.runs):
         colour = CURVES[number % len(CURVES)]
-        draw_speeds(speeds, run.whole, (colour, CURVES[1] if only else colour))
+        timelines.draw_speeds(speeds, run.whole, (colour, CURVES[1] if only else colour))
         if only is not None and only.scene is not None:
-            draw_synchronous_speed(speeds, only.scene, run.whole["t_s"])
+            timelines.draw_synchronous_speed(speeds, only.scene, run.whole["t_s"])
         label = None if only else shown.names[number]
-        draw_phase_difference(phases, run.whole, co_rotating=run.co_rotating, color=colour, label=label)
+        timelines.draw_phase_difference(phases, run.whole, co_rotating=run.co_rotating, color=colour, label=label)
     if only is None:
         for number, line in enumerate(speeds.lines[:2], 1):
             look: dict[str, Any] = {"ls": line.get_linestyle(), "lw": line.get_linewidth(), "color": REFERENCE}
