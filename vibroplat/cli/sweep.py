@@ -77,7 +77,8 @@ def sweep(
                 with sweep_progress(f"{scene.name}, check", len(places), len(places)) as progress:
                     found = check_points(planned, places, store, workers, progress=progress)
         store.finish()
-        table, bands = sweeps.write_sweep(scene, planned, store, directory, format_, found and found.to_tree())
+        checked = None if found is None else found.to_tree()
+        table, bands = sweeps.write_sweep(scene, planned, store, directory, format_, checked)
     took = f"{seconds:.3g} s, {(len(table) - known) / seconds:.3g} points per s"
     took += f", {known} of the points from before" if known else ""
     good = _print_sweep(planned, table, bands, {"wall time": took, "tables": str(directory)})
