@@ -14,7 +14,7 @@ import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from vibroplat.results.tables import replace_files, result_directory
+from vibroplat.results.tables import replace_file, result_directory
 
 Form = Literal["png", "pdf", "svg"]
 
@@ -134,5 +134,5 @@ def save(figure: Figure, directory: Path, name: str, saving: Saving | None = Non
     path = (place or directory) / f"{name}.{saving.form}"
     metadata: Any = _DATES[saving.form]
     with styled():
-        replace_files({path: lambda file: figure.savefig(file, dpi=saving.dpi or "figure", metadata=metadata)})
+        replace_file(path, lambda file: figure.savefig(file, dpi=saving.dpi or "figure", metadata=metadata))
     return path

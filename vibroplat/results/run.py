@@ -31,7 +31,7 @@ from vibroplat.observe.tables import ROW, TRAJECTORY, Records, Sampler, Trajecto
 from vibroplat.results.card import results
 from vibroplat.results.files import Result, write_result
 from vibroplat.results.provenance import provenance
-from vibroplat.results.tables import Format, replace_files, result_directory
+from vibroplat.results.tables import Format, replace_file, result_directory
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -315,7 +315,7 @@ class Trajectory:
         def write(temporary: Path) -> None:
             savemat(temporary, contents, appendmat=False, long_field_names=True, oned_as="column")
 
-        replace_files({place: write})
+        replace_file(place, write)
         return place
 
 
