@@ -80,8 +80,9 @@ def write_result(
     with ExitStack() as stack:
         files: dict[Path, Path] = {}
         for name, table in tables.items():
-            file = table
-            if not isinstance(file, TableFile):
+            if isinstance(table, TableFile):
+                file = table
+            else:
                 file = stack.enter_context(TableFile(directory, name, form))
                 file.extend(table)
             files[file.path] = file.finish()
