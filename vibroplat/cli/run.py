@@ -48,9 +48,9 @@ def run(
             )
     directory = result_directory(out, scene.name)
     common.tell_of_compilation(scene.solver.engine)
-    from vibroplat.motion.recorder import require_disk
+    from vibroplat.motion.recorder import require_room
 
-    require_disk(scene, directory, format_)
+    require_room(scene, directory, format_)
     common.load_kernels(scene.solver.engine)
     result, found = _simulate_and_write(scene, start, directory, format_, check=check)
     from vibroplat.results.card import results, whole

@@ -13,7 +13,12 @@ from vibroplat.study import WAIT
 from vibroplat.system.progress import sweep_progress
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    import pandas as pd
+
     from vibroplat.check.sweeps import SweepCheck
+    from vibroplat.study.branches import Branch
 
 #: Failed points of a sweep that are reported one by one.
 SHOWN = 5
@@ -53,7 +58,6 @@ def sweep(
     from vibroplat.check.sweeps import check_points
     from vibroplat.integrate import other_engine
     from vibroplat.study import sweep as sweeps
-    from vibroplat.study.bands import band_lines
     from vibroplat.study.store import Store
 
     found = None
@@ -71,14 +75,24 @@ def sweep(
         table, bands = sweeps.write_sweep(scene, planned, store, directory, format_, check=checked)
     resumed = f", {known} of the points from before" if known else ""
     took = f"{seconds:.3g} s, {(len(table) - known) / seconds:.3g} points per s{resumed}"
-    common.print_lines(sweeps.overview(table) | {"wall time": took, "tables": str(directory)})
+    good = _print_sweep(planned, table, bands, {"wall time": took, "tables": str(directory)})
+    agrees = found is None or _print_check(found)
+    if not (good and agrees):
+        raise typer.Exit(1)
+
+
+def _print_sweep(planned: Sequence[Branch], table: pd.DataFrame, bands: pd.DataFrame, more: dict[str, str]) -> bool:
+    """Print an overview of a finished sweep; return whether all points are good."""
+    from vibroplat.study import sweep as sweeps
+    from vibroplat.study.bands import band_lines
+
+    common.print_lines(sweeps.overview(table) | more)
     for line in band_lines(bands):
         print(line)
     common.print_notes(sweeps.notes_on_branches(planned) + sweeps.notes_on_points(table))
     failed = sweeps.failures(table)
     common.complain_of(failed, f"{len(failed)} of {len(table)} points failed")
-    if (found is not None and not _print_check(found)) or failed:
-        raise typer.Exit(1)
+    return not failed
 
 
 def _print_check(found: SweepCheck) -> bool:
