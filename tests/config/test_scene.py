@@ -122,6 +122,23 @@ def test_start_is_perturbed_unless_it_is_given_as_a_state_or_a_run(run, perturba
     assert Scene(run=run).run.start_perturbation == perturbation
 
 
+def test_an_open_gap_may_close():
+    state = {"gap_m": 0.1, "gap_rate_m_per_s": -0.1}
+    assert SCENE.replace({"run.initial.state": state}).run.initial.state.gap_rate_m_per_s == -0.1
+
+
+def test_fastest_decay_is_that_of_the_strongest_damper_or_motor():
+    free = dict.fromkeys(("damping_x_n_s_per_m", "damping_y_n_s_per_m", "damping_phi_n_m_s_per_rad"), 0.0)
+    scene = Scene(machine=free, motor={"critical_torque_n_m": 0.0})
+    mass = scene.machine.total_mass
+    assert scene.fastest_decay == 0.0
+    critical = {"machine.damping_y_n_s_per_m": 2.0 * math.sqrt(470e3 * mass)}
+    assert scene.replace(critical).fastest_decay == pytest.approx(math.sqrt(470e3 / mass), rel=1e-6)
+    slope = 2.0 * 1.2 / (0.15 * math.pi * 50.0)
+    driven = scene.replace({"motor.critical_torque_n_m": 1.2})
+    assert driven.fastest_decay == pytest.approx(slope / scene.exciter_inertias[0], rel=1e-12)
+
+
 # -- files ------------------------------------------------------------------------------------------------
 
 #: A file with keys of all sections, and what it means: numbers of the quickstart, some of them other ones.

@@ -122,10 +122,8 @@ def test_no_scheduler_at_an_address(kind, place, monkeypatch):
 def refused_soon(vibroplat, address, *command):
     """Whether a command refuses an address in a line, soon after it has started."""
     began = time.monotonic()
-    assert not_a_line(vibroplat(*command, "--scheduler", "nonsense")) == ""
-    start = time.monotonic() - began
     assert not_a_line(vibroplat(*command, "--scheduler", address)) == ""
-    return time.monotonic() - began - start < 2.0 * start + SOON
+    return time.monotonic() - began < 3.0 * SOON
 
 
 @pytest.mark.long

@@ -95,10 +95,10 @@ MUTANTS = [
     ("observe motion", "MOMENTUM * energy", "0.0 * energy"),
     # the configuration
     ("config", "self.ramp * (time - self.start) if self.ramp", "self.ramp * time if self.ramp"),
-    ("config", 'driven[0] if first is None else first == "on"', 'driven[0] if first is None else first == "off"'),
+    ("config", 'None if switch is None else switch == "on"', 'None if switch is None else switch == "off"'),
     ("config", "if after < before:", "if after > before:"),
     ("config", "if not state.gap_m and state.gap_rate_m_per_s < 0.0:", "if state.gap_rate_m_per_s < 0.0:"),
-    ("config", "value is None or usual.low <= value <= usual.high", "value is None or value <= usual.high"),
+    ("config", "value is None or low <= value <= high", "value is None or value <= high"),
     ("config", "math.sqrt(stiffness / mass) / (2.0 * math.pi)", "math.sqrt(stiffness / mass)"),
     ("config", "half * half - stiffness", "half * half + stiffness"),
     (
@@ -117,7 +117,7 @@ MUTANTS = [
         "(change > RISE * np.nanmax(height)) & (change > ALONE * beside)",
         "change > RISE * np.nanmax(height)",
     ),
-    ("study plots", "lost | (turned &", "lost & (turned &"),
+    ("study plots", "lost | turned | leapt | rose", "lost & turned | leapt | rose"),
     ("study", "return None if exponent.sign > 0 else", "return None if exponent.sign < 0 else"),
     ("study", "now <= NEAR * tolerance", "now >= NEAR * tolerance"),
     # continuation

@@ -84,9 +84,7 @@ def paired(one: pd.DataFrame, two: pd.DataFrame, errors: Errors, scene: Scene, u
         else:
             first = float(min(times[k][at[k]] for k in (0, 1) if left[k]))
             if first < until - apart:  # otherwise the other may have it after the end
-                told = [
-                    f"{kinds[k][at[k]]} at {times[k][at[k]]:.9g} s" if left[k] else "no more events" for k in (0, 1)
-                ]
-                differ, why = first, (told[0], told[1])
+                has = [f"{kinds[k][at[k]]} at {times[k][at[k]]:.9g} s" if left[k] else "no more events" for k in (0, 1)]
+                differ, why = first, (has[0], has[1])
             break
     return Pairs(np.array(rows, dtype=np.int64).reshape(-1, 2), differ, why)

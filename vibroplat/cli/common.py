@@ -70,9 +70,9 @@ def tell_of_compilation(engine: str | None = None) -> None:
     from vibroplat.kernels.cache import is_compiled, notice
 
     if not is_compiled(engine or "auto"):
-        told = notice() or "this happens once for each engine and takes about half a minute"
+        why = notice() or "this happens once for each engine and takes about half a minute"
         require_memory(COMPILING, "compiling the kernels for the first time")
-        print(f"vibroplat: compiling the numerical kernels; {told}", file=sys.stderr)
+        print(f"vibroplat: compiling the numerical kernels; {why}", file=sys.stderr)
 
 
 def load_kernels(*engines: str) -> None:

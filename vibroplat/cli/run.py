@@ -41,7 +41,7 @@ def run(
 
     scene = load_config(config, parse_overrides(set_ or [], engine))
     with common.about(config):
-        start = initial_condition(scene)  # what is wrong with it is told before anything is written or compiled
+        start = initial_condition(scene)  # refuses before anything is written or compiled
         source = scene.run.initial.from_
         if source is not None and Path(source).resolve() == (out / scene.name).resolve():
             raise ConfigError(
@@ -49,9 +49,9 @@ def run(
             )
     directory = result_directory(out, scene.name)
     common.tell_of_compilation(scene.solver.engine)
-    from vibroplat.motion.recorder import require_disk
+    from vibroplat.motion.recorder import require_room
 
-    require_disk(scene, directory, format_)
+    require_room(scene, directory, format_)
     common.load_kernels(scene.solver.engine)
     result, found = _simulate_and_write(scene, start, directory, format_, check=check)
     from vibroplat.results.card import results, whole

@@ -115,9 +115,9 @@ def parse_overrides(settings: Iterable[str], engine: str | None = None) -> dict[
     return overrides
 
 
-def _read_chain(file: Path, above: tuple[Path, ...], told: str = "") -> dict[str, Any]:
-    """Read a file and those it extends; ``told`` is what to call it if it cannot be read."""
-    text = _text(file, told or str(file))
+def _read_chain(file: Path, above: tuple[Path, ...], label: str = "") -> dict[str, Any]:
+    """Read a file and those it extends; ``label`` is what to call it if it cannot be read."""
+    text = _text(file, label or str(file))
     place = file.resolve()
     if place in above:
         raise ConfigError(f"{file}: extends itself through {above[-1].name}")
@@ -136,21 +136,21 @@ def _read_chain(file: Path, above: tuple[Path, ...], told: str = "") -> dict[str
     return merge(below, tree)
 
 
-def _text(file: Path, told: str) -> str:
+def _text(file: Path, label: str) -> str:
     try:
         if not (file.is_file() or file.is_dir()) and file.exists():  # a device or a pipe may never end
-            raise ConfigError(f"{told}: not a file")
+            raise ConfigError(f"{label}: not a file")
         with file.open("rb") as opened:  # files in /proc report a size of 0
             content = opened.read(MAX_BYTES + 1)
         if len(content) > MAX_BYTES:
-            raise ConfigError(f"{told}: larger than {MAX_BYTES} bytes; not a configuration")
+            raise ConfigError(f"{label}: larger than {MAX_BYTES} bytes; not a configuration")
         return content.decode("utf-8").replace("\r\n", "\n").replace("\r", "\n")
     except FileNotFoundError:
-        raise ConfigError(f"{told}: no such file") from None
+        raise ConfigError(f"{label}: no such file") from None
     except UnicodeDecodeError:
-        raise ConfigError(f"{told}: not UTF-8 text") from None
+        raise ConfigError(f"{label}: not UTF-8 text") from None
     except (OSError, ValueError) as error:
-        raise ConfigError(f"{told}: cannot be read ({getattr(error, 'strerror', None) or error})") from None
+        raise ConfigError(f"{label}: cannot be read ({getattr(error, 'strerror', None) or error})") from None
 
 
 def _parse(text: str, source: str) -> Any:

@@ -51,21 +51,9 @@ SHOWN = 64
 
 #: Measures of a point in the order of the table.
 MEASURED = (
-    "excitation_frequency_hz",
-    "frequency_split_hz",
-    "rms_x_m",
-    "rms_y_m",
-    "rms_phi_rad",
-    "amplitude_y_m",
-    "phase_difference_rad",
-    "phase_coherence",
-    "flight_fraction",
-    "impacts_per_period",
-    "gap_max_m",
-    "contact_force_max_n",
-    "impulse_max_n_s",
-    "motor_power_w",
-    "energy_residual",
+    *("excitation_frequency_hz", "frequency_split_hz", "rms_x_m", "rms_y_m", "rms_phi_rad", "amplitude_y_m"),
+    *("phase_difference_rad", "phase_coherence", "flight_fraction", "impacts_per_period", "gap_max_m"),
+    *("contact_force_max_n", "impulse_max_n_s", "motor_power_w", "energy_residual"),
 )
 #: Measures that have a standard error if the motion does not repeat, and the columns of these errors.
 ERRORS = {

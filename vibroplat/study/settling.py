@@ -140,7 +140,7 @@ def spreads(points: FloatArray, first: int = 1, last: int = MAX_PERIOD) -> Float
     turns = np.arange(first, min(last, len(points) // 2) + 1)
     if turns.size:
         backwards = points[::-1]
-        same = np.arange(len(points)) % turns[:, np.newaxis]  # where the last point stands that each belongs to
+        same = np.arange(len(points)) % turns[:, np.newaxis]  # the last point of the same phase as each
         found[: turns.size] = np.abs(backwards - backwards[same]).max(axis=(1, 2))
     return found
 

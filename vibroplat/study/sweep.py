@@ -29,26 +29,13 @@ from vibroplat.study.store import Record, SpoiledError, Store
 
 #: Columns of the table after the swept keys.
 COLUMNS = (
-    "direction",
-    "branch",
-    "rotation",
+    *("direction", "branch", "rotation"),
     *MEASURED[:8],
-    "sync",
-    "motion",
-    "period",
+    *("sync", "motion", "period"),
     *MEASURED[8:],
-    "lyapunov_per_s",
-    "lyapunov_error_per_s",
+    *("lyapunov_per_s", "lyapunov_error_per_s"),
     *ERRORS.values(),
-    "settle_s",
-    "outcome",
-    "detail",
-    "notes",
-    "steps",
-    "residual_calls",
-    "events",
-    "simulated_s",
-    "wall_s",
+    *("settle_s", "outcome", "detail", "notes", "steps", "residual_calls", "events", "simulated_s", "wall_s"),
 )
 #: What they mean; the swept keys come first, each as in a configuration.
 SWEEP: Columns = {
@@ -251,7 +238,6 @@ def write_sweep(
     store: Store,
     directory: Path,
     form: Format,
-    *,
     check: dict[str, Any] | None = None,
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Write the tables and the provenance of a finished sweep; return the table of its points and that of its bands.
