@@ -72,9 +72,9 @@ def sweep(
                     found = check_points(planned, places, store, workers, progress=progress)
         store.finish()
         checked = None if found is None else found.to_tree()
-        table, bands = sweeps.write_sweep(scene, planned, store, directory, format_, check=checked)
-    resumed = f", {known} of the points from before" if known else ""
-    took = f"{seconds:.3g} s, {(len(table) - known) / seconds:.3g} points per s{resumed}"
+        table, bands = sweeps.write_sweep(scene, planned, store, directory, format_, checked)
+    took = f"{seconds:.3g} s, {(len(table) - known) / seconds:.3g} points per s"
+    took += f", {known} of the points from before" if known else ""
     good = _print_sweep(planned, table, bands, {"wall time": took, "tables": str(directory)})
     agrees = found is None or _print_check(found)
     if not (good and agrees):
