@@ -7,13 +7,16 @@ import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
 from vibroplat.errors import ConfigError
 from vibroplat.system.interrupts import offer_resume
 from vibroplat.system.preflight import COMPILING, require_memory
+
+if TYPE_CHECKING:
+    from vibroplat.config.scene import Scene
 
 # -- options ----------------------------------------------------------------------------------------------
 
@@ -53,6 +56,24 @@ Wait = Annotated[
 ]
 
 # -- before a command begins --------------------------------------------------------------------------------
+
+
+def scene_of(config: Path, settings: list[str] | None, engine: str | None) -> Scene:
+    """Read a configuration, with the options ``--set`` and ``--engine`` over it."""
+    from vibroplat.config.reader import load_config, parse_overrides
+
+    return load_config(config, parse_overrides(settings or [], engine))
+
+
+def study_directory(out: Path, name: str, command: Literal["sweep", "orbits"], *, resume: bool) -> Path:
+    """Make the directory of a study's results; what cannot be resumed there is refused."""
+    from vibroplat.results.files import read_provenance
+    from vibroplat.results.tables import result_directory
+
+    directory = result_directory(out, name)
+    if resume and (directory / "provenance.json").exists():
+        read_provenance(directory, command)
+    return directory
 
 
 @contextmanager

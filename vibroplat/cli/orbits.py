@@ -40,24 +40,18 @@ def orbits(
 
     Writes a table of their points and one of special points to OUT/NAME. Exit code 1 says that a branch failed.
     """
-    from vibroplat.config.reader import load_config, parse_overrides
-
-    scene = load_config(config, parse_overrides(set_ or [], engine))
+    scene = common.scene_of(config, set_, engine)
     common.tell_of_compilation(scene.solver.engine)
     from vibroplat.continuation.tables import follow, planned, write_orbits
 
     plan = planned(scene)
     common.require_scheduler(scheduler)
     from vibroplat.config.plausibility import notes_on_inputs
-    from vibroplat.results.files import read_provenance
-    from vibroplat.results.tables import result_directory
     from vibroplat.study.pool import pool
     from vibroplat.study.store import Store
     from vibroplat.study.sweep import conditions
 
-    directory = result_directory(out, scene.name)
-    if resume and (directory / "provenance.json").exists():
-        read_provenance(directory, "orbits")
+    directory = common.study_directory(out, scene.name, "orbits", resume=resume)
     kept: dict[str, Any] = {"file": FILE, "what": "parts of branches"}
     with Store(directory, conditions(scene), resume=resume, overwrite=overwrite, **kept) as store:
         common.load_kernels(scene.solver.engine)

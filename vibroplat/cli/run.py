@@ -35,11 +35,10 @@ def run(
     Writes trajectory, events, summary and provenance to OUT/NAME and prints the summary. With --check, exit code 1 says
     that two engines disagree.
     """
-    from vibroplat.config.reader import load_config, parse_overrides
     from vibroplat.motion.initial_condition import initial_condition
     from vibroplat.results.tables import result_directory
 
-    scene = load_config(config, parse_overrides(set_ or [], engine))
+    scene = common.scene_of(config, set_, engine)
     with common.about(config):
         start = initial_condition(scene)  # refuses before anything is written or compiled
         source = scene.run.initial.from_
@@ -49,9 +48,9 @@ def run(
             )
     directory = result_directory(out, scene.name)
     common.tell_of_compilation(scene.solver.engine)
-    from vibroplat.motion.recorder import require_disk
+    from vibroplat.motion.recorder import require_room
 
-    require_disk(scene, directory, format_)
+    require_room(scene, directory, format_)
     common.load_kernels(scene.solver.engine)
     result, found = _simulate_and_write(scene, start, directory, format_, check=check)
     from vibroplat.results.card import results, whole

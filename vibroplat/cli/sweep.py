@@ -13,7 +13,12 @@ from vibroplat.study import WAIT
 from vibroplat.system.progress import sweep_progress
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    import pandas as pd
+
     from vibroplat.check.sweeps import SweepCheck
+    from vibroplat.study.branches import Branch
 
 #: Failed points of a sweep that are reported one by one.
 SHOWN = 5
@@ -39,27 +44,20 @@ def sweep(
 
     Writes a table with one row per point to OUT/NAME. With --check, exit code 1 says that two engines disagree.
     """
-    from vibroplat.config.reader import load_config, parse_overrides
     from vibroplat.study.branches import branches, chosen, require_share
 
     if check is not None:
         require_share(check)
-    scene = load_config(config, parse_overrides(set_ or [], engine))
+    scene = common.scene_of(config, set_, engine)
     with common.about(config):
         planned = branches(scene)
     places = [] if check is None else chosen(planned, check)
     common.require_scheduler(scheduler)
-    from vibroplat.results.files import read_provenance
-    from vibroplat.results.tables import result_directory
-
-    directory = result_directory(out, scene.name)
-    if resume and (directory / "provenance.json").exists():
-        read_provenance(directory, "sweep")
+    directory = common.study_directory(out, scene.name, "sweep", resume=resume)
     common.tell_of_compilation(scene.solver.engine)
     from vibroplat.check.sweeps import check_points
     from vibroplat.integrate import other_engine
     from vibroplat.study import sweep as sweeps
-    from vibroplat.study.bands import band_lines
     from vibroplat.study.store import Store
 
     found = None
@@ -67,26 +65,34 @@ def sweep(
         common.load_kernels(scene.solver.engine, *([other_engine(scene.solver.engine)] if places else []))
         began = time.perf_counter()
         bar = sweep_progress(scene.name, len(planned), sum(len(branch.frequencies) for branch in planned))
-        measured = sweeps.measured(planned, store, jobs, scheduler, wait, bar, len(places))
-        with measured as workers:
+        with sweeps.measured(planned, store, jobs, scheduler, wait, bar, len(places)) as workers:
             known, seconds = store.reused, time.perf_counter() - began
             if places:
                 with sweep_progress(f"{scene.name}, check", len(places), len(places)) as progress:
                     found = check_points(planned, places, store, workers, progress=progress)
         store.finish()
         checked = None if found is None else found.to_tree()
-        table, bands = sweeps.write_sweep(scene, planned, store, directory, format_, check=checked)
-    resumed = f", {known} of the points from before" if known else ""
-    took = f"{seconds:.3g} s, {(len(table) - known) / seconds:.3g} points per s{resumed}"
-    common.print_lines(sweeps.overview(table) | {"wall time": took, "tables": str(directory)})
+        table, bands = sweeps.write_sweep(scene, planned, store, directory, format_, checked)
+    took = f"{seconds:.3g} s, {(len(table) - known) / seconds:.3g} points per s"
+    took += f", {known} of the points from before" if known else ""
+    good = _print_sweep(planned, table, bands, {"wall time": took, "tables": str(directory)})
+    agrees = found is None or _print_check(found)
+    if not (good and agrees):
+        raise typer.Exit(1)
+
+
+def _print_sweep(planned: Sequence[Branch], table: pd.DataFrame, bands: pd.DataFrame, more: dict[str, str]) -> bool:
+    """Print an overview of a finished sweep; return whether all points are good."""
+    from vibroplat.study import sweep as sweeps
+    from vibroplat.study.bands import band_lines
+
+    common.print_lines(sweeps.overview(table) | more)
     for line in band_lines(bands):
         print(line)
     common.print_notes(sweeps.notes_on_branches(planned) + sweeps.notes_on_points(table))
     failed = sweeps.failures(table)
     common.complain_of(failed, f"{len(failed)} of {len(table)} points failed")
-    agrees = found is None or _print_check(found)
-    if failed or not agrees:
-        raise typer.Exit(1)
+    return not failed
 
 
 def _print_check(found: SweepCheck) -> bool:

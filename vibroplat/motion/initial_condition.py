@@ -13,6 +13,7 @@ from vibroplat.config.scene import Scene
 from vibroplat.errors import ConfigError, TableError
 from vibroplat.hybrid.state import initial_state, perturbed
 from vibroplat.kernels.compiled import FloatArray
+from vibroplat.observe.tables import state_places
 from vibroplat.results.files import Result
 
 
@@ -46,9 +47,9 @@ def initial_condition(scene: Scene) -> Start:
         ``run.initial.from`` names no finished run, or one whose end this scene cannot go on from.
     """
     source, share = scene.run.initial.from_, scene.run.start_perturbation
-    found = Start(initial_state(scene)) if source is None else end_of(Path(source), scene)
+    start = Start(initial_state(scene)) if source is None else end_of(Path(source), scene)
     key = (scene.run.seed, 0, round(1e6 * scene.drive.largest_frequency))  # as the first point of a sweep
-    start = found._replace(state=perturbed(found.state, scene, share, key))
+    start = start._replace(state=perturbed(start.state, scene, share, key))
     if scene.drive.program is not None and scene.drive.program[0].t_s > start.time:
         raise ConfigError(
             f"drive.program.0.t_s = {scene.drive.program[0].t_s} but the run begins at {start.time:g} s; "
@@ -90,18 +91,15 @@ def end_of(directory: Path, scene: Scene) -> Start:
 
 def _state_of(row: dict[str, Any], scene: Scene, key: str) -> FloatArray:
     """Full state of a row; what the scene has beyond the row's coordinates is at rest."""
-    state = initial_state(scene)
-    for half, names in ((0, COORDINATES), (7, RATES)):
-        for place, name in enumerate(names):
-            if name not in row:
-                continue
-            if place not in scene.coordinates and row[name] != 0.0:
-                raise ConfigError(
-                    f"{key} ends with {name} = {row[name]:g} but this scene has no such coordinate; "
-                    "allowed: a run with the same layers"
-                )
-            if place in scene.coordinates:
-                state[half + place] = row[name]
+    state, places = initial_state(scene), state_places(scene)
+    for name in (*COORDINATES, *RATES):
+        if name in row and name in places:
+            state[places[name]] = row[name]
+        elif row.get(name, 0.0) != 0.0:
+            raise ConfigError(
+                f"{key} ends with {name} = {row[name]:g} but this scene has no such coordinate; "
+                "allowed: a run with the same layers"
+            )
     if not np.isfinite([*state, row["t_s"]]).all():
         raise ValueError
     return state

@@ -141,17 +141,15 @@ class Motion:
         observers
             What else reads it.
         """
-        begun, h = self.now, self.automaton
+        begun, before, ends = self.now, self._energies, list[Measures]()
         statistics = Statistics(begun + settle)
-        before = Energies.of(h.run["state"], h.p)
-        ends: list[Measures] = []
         for block in range(1, blocks + 1):
             self.to_time(begun + seconds * block / blocks, (statistics, *observers))
             if self.outcome != "ok":
                 break
             if blocks > 1:
                 ends.append(copied(statistics.measures))
-        return Part(statistics.measures, before, Energies.of(h.run["state"], h.p), ends)
+        return Part(statistics.measures, before, self._energies, ends)
 
     def go_round(self, turns: int, longest: float, observers: Sequence[Observer] = ()) -> Part:
         """Carry the motion on to the next point of its section and for whole turns of exciter 1 from there; measure it.
@@ -163,10 +161,9 @@ class Motion:
         longest, observers
             As in :meth:`to_section`.
         """
-        h, statistics = self.automaton, Statistics(self.now)
-        before = Energies.of(h.run["state"], h.p)
+        statistics, before = Statistics(self.now), self._energies
         self.to_section(turns + 1, longest, (statistics, *observers))
-        return Part(statistics.measures, before, Energies.of(h.run["state"], h.p))
+        return Part(statistics.measures, before, self._energies)
 
     def to_time(self, time: float, observers: Sequence[Observer] = ()) -> None:
         """Carry the motion on to a time (s), unless it ends early, through the corners of the drive's program."""
@@ -295,6 +292,10 @@ class Motion:
         accelerations(system.index, self.now, y, yp, h.p)
         found: FloatArray = system.full(yp)
         return found
+
+    @property
+    def _energies(self) -> Energies:
+        return Energies.of(self.automaton.run["state"], self.automaton.p)
 
     @property
     def restarts(self) -> int:

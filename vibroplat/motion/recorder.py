@@ -123,27 +123,21 @@ class Recorder:
         return pd.concat(self._parts, ignore_index=True) if self._keep == "table" else None
 
 
-def require_disk(scene: Scene, directory: Path, form: str) -> None:
-    """Refuse a run whose trajectory table does not fit on the disk.
+def require_room(scene: Scene, directory: Path | None = None, form: str = "parquet") -> None:
+    """Refuse a run whose trajectory table does not fit on the disk, or without a directory into memory.
 
     Raises
     ------
     ConfigError
-        Rows at ``output.sample_rate_hz`` alone, without those at events, need more than is free.
+        Rows at ``output.sample_rate_hz`` alone, without those at events, need more than there is.
     """
-    free = float(shutil.disk_usage(directory).free)
-    number = NUMBER_IN_CSV if form == "csv" else NUMBER
-    _require(scene, number, free, f"on disk, where {amount(free)} are free")
-
-
-def require_memory(scene: Scene) -> None:
-    """Refuse a run that keeps a trajectory table in memory which has no room for it; raises ConfigError."""
-    there = available()
-    told = f"of memory with keep='table', where {amount(SHARE * there)} may be taken of {amount(there)} available"
-    _require(scene, COPIES * NUMBER, SHARE * there, told)
-
-
-def _require(scene: Scene, number: int, most: float, told: str) -> None:
+    if directory is None:
+        there = available()
+        most, number = SHARE * there, COPIES * NUMBER
+        told = f"of memory with keep='table', where {amount(most)} may be taken of {amount(there)} available"
+    else:
+        most, number = float(shutil.disk_usage(directory).free), NUMBER_IN_CSV if form == "csv" else NUMBER
+        told = f"on disk, where {amount(most)} are free"
     seconds, rate = scene.run.duration_s, scene.output.sample_rate_hz
     rows, columns = seconds * rate, column_count(scene)
     needed = rows * columns * number

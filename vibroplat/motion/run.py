@@ -16,7 +16,7 @@ from vibroplat.integrate.seam import WORK, Engine
 from vibroplat.model.parameters import Parameters, parameters
 from vibroplat.motion.initial_condition import Start, initial_condition
 from vibroplat.motion.motion import Motion, Observer
-from vibroplat.motion.recorder import Keep, Recorder, Sink, require_memory
+from vibroplat.motion.recorder import Keep, Recorder, Sink, require_room
 from vibroplat.motion.variation import directions, listed
 from vibroplat.observe.audit import INACCURATE, inaccuracy
 from vibroplat.observe.notes import drift, notes_on_measures, stiffness
@@ -91,7 +91,7 @@ def simulate(
         be varied.
     """
     if keep == "table":
-        require_memory(scene)
+        require_room(scene)
     p = parameters(scene)
     began = time.perf_counter()
     with closing(engine(scene, p)) as driver:

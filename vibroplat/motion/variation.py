@@ -113,17 +113,14 @@ def directions(scene: Scene, keys: Sequence[str]) -> list[Parameters]:
 
 def _full(state: pd.Series[float] | npt.ArrayLike, scene: Scene) -> FloatArray:
     """Return a state of the scene as a full state."""
-    found = np.zeros(FULL_SIZE)
+    found, places = np.zeros(FULL_SIZE), state_places(scene)
     if not isinstance(state, pd.Series):
         given = np.asarray(state, dtype=float)
         if given.shape != found.shape:
             raise ValueError(f"a full state has the shape ({FULL_SIZE},), not {given.shape}")
         return given
-    places = state_places(scene)
     if set(state.index) != set(places):
-        raise ValueError(
-            f"a state of this scene has the names {', '.join(places)}, not {', '.join(map(str, state.index))}"
-        )
-    for name, place in places.items():
-        found[place] = state[name]
+        told = ", ".join(map(str, state.index))
+        raise ValueError(f"a state of this scene has the names {', '.join(places)}, not {told}")
+    found[list(places.values())] = state[list(places)]
     return found

@@ -76,22 +76,16 @@ def least_turn(steps: Steps, piece: Any, p: Parameters) -> float:
             s = i / points
             rate = slope(c, degree, j, s)
             if falling and rate > 0.0:
-                low = max(s - 1.0 / points, 0.0)
-                least = min(least, guard_at(steps, piece, row, turning(c, degree, j, low, s), p))
+                low, high = max(s - 1.0 / points, 0.0), s
+                for _ in range(HALVINGS):
+                    middle = 0.5 * (low + high)
+                    if slope(c, degree, j, middle) < 0.0:
+                        low = middle
+                    else:
+                        high = middle
+                least = min(least, guard_at(steps, piece, row, high, p))
             falling = rate < 0.0
     return least
-
-
-@compiled
-def turning(c: FloatArray, degree: int, j: int, low: float, high: float) -> float:
-    """Fraction of a step, between two, at which the slope of unknown j passes zero, by halving."""
-    for _ in range(HALVINGS):
-        middle = 0.5 * (low + high)
-        if slope(c, degree, j, middle) < 0.0:
-            low = middle
-        else:
-            high = middle
-    return high
 
 
 @compiled

@@ -37,15 +37,7 @@ _SAMPLED = (
 
 
 def notes_on_measures(scene: Scene, found: Mapping[str, Any]) -> list[str]:
-    """Say where measures are outside what the model or the motors are made for.
-
-    Parameters
-    ----------
-    scene
-        What moved.
-    found
-        Measures of a part of its motion, as :func:`vibroplat.observe.summary.measured` returns them.
-    """
+    """Say where measures of a motion are outside what the model or the motors of its scene are made for."""
     return [note for note in (rotation(found["phi_max_rad"]), *_captures(scene, found)) if note]
 
 
@@ -73,16 +65,9 @@ def drift(found: Mapping[str, Any]) -> str:
 
 
 def capture(exciter: int, speed: float, synchronous: float, critical_slip: float) -> str:
-    """Return the note on an exciter that does not come near its synchronous speed, or an empty text if it does.
+    """Return the note on an exciter (1 or 2) that does not come near its synchronous speed, or an empty text.
 
-    Parameters
-    ----------
-    exciter
-        Its number, 1 or 2.
-    speed, synchronous
-        Its mean speed, and the synchronous speed of its motor (Hz).
-    critical_slip
-        Slip at which its motor has the largest torque.
+    Speeds are in Hz; at the critical slip its motor has the largest torque.
     """
     slip = 1.0 - speed / synchronous if synchronous > 0.0 else 0.0
     if slip <= CAPTURED * critical_slip:
@@ -94,14 +79,9 @@ def capture(exciter: int, speed: float, synchronous: float, critical_slip: float
 
 
 def stiffness(scene: Scene, engine: str, steps: int | None, restarts: int, seconds: float) -> str:
-    """Return the note on a scene that makes the steps of engine ``taylor`` short, or an empty text if it does not.
+    """Return the note on a scene that makes the steps of engine ``taylor`` short, or an empty text.
 
-    Parameters
-    ----------
-    engine
-        Which engine took the steps; the others are implicit.
-    steps, restarts, seconds
-        How many of them it took in which time of the motion (s).
+    The engine took these steps and restarts in so many seconds of the motion; other engines are implicit.
     """
     needed = STEPS_A_TURN * seconds * scene.speed_scale / (2.0 * math.pi) + STEPS_A_RESTART * restarts
     if engine != "taylor" or not steps or steps <= STIFF * needed:
@@ -124,23 +104,11 @@ def peaks_of(table: pd.DataFrame, since: float) -> dict[str, float]:
 
 
 def notes_on_samples(peaks: Mapping[str, float], found: Mapping[str, Any], rate: float) -> list[str]:
-    """Say which of the largest values a trajectory table misses.
-
-    Parameters
-    ----------
-    peaks
-        Largest values of its measured part, by column; see :func:`peaks_of`.
-    found
-        Measures of the run.
-    rate
-        Its ``output.sample_rate_hz``.
-    """
+    """Say which of the largest values of a run (measures) the samples of its trajectory table (rate in Hz) miss."""
     notes = []
     for column, key, name, unit in _SAMPLED:
         largest = found[key]
-        if column not in peaks or not largest:
-            continue
-        missed = 1.0 - peaks[column] / largest
+        missed = 1.0 - peaks[column] / largest if column in peaks and largest else 0.0
         if missed > MISSED:
             notes.append(
                 f"the trajectory table misses the largest {name}, {rounded(largest)} {unit}, by "

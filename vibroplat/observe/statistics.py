@@ -65,10 +65,8 @@ _Y, _PHI, _ANGLE, _GAP = np.array([1, 2, 3, GAP])
 #: Change of the phase difference within a step (rad) up to which its mean and variance say cosine and sine: what they
 #: leave out, the third moment, is below 1e-7 there.
 STILL = 0.02
-
 #: Degree of polynomials up to which there are too few samples of them to find extremes by.
 FEW_SAMPLES = 8
-
 #: Gauss nodes and weights on [0, 1], by their number.
 _MOST_NODES = 16
 NODES, WEIGHTS = np.zeros((2, _MOST_NODES + 1, _MOST_NODES))
@@ -77,10 +75,8 @@ for _n in range(1, _MOST_NODES + 1):
     NODES[_n, :_n], WEIGHTS[_n, :_n] = 0.5 + 0.5 * _nodes, 0.5 * _weights
 
 _TURN = 2.0 * math.pi
-
 #: Part of a turn that may be missing by round-off.
 _COMPLETE = 1e-12
-
 #: Turns of exciter 1 within a step beyond which none of them is counted: the motion makes no sense any more.
 _MOST_TURNS = 1000.0
 
@@ -250,7 +246,12 @@ def add_step(
             whole = False
         integrate(ms, begun, cut, begin, length, system, begun >= since, nodes, room, p)
         begun, turn, now = cut, turn + way, begin + cut * length
-        if way != 0.0 and goes_on(marks, slope(c, degree, 3, cut)) and now >= marks.window:
+        if way == 0.0:
+            continue
+        passes = math.copysign(1.0, slope(c, degree, 3, cut))
+        same = marks.way != -passes  # as the last time: one that swings completes no turn
+        marks.way = passes
+        if same and now >= marks.window:
             horner_16(c, degree, cut, room.samples[0])
             for j in range(force):
                 room.full[PLACES[system, j]] = room.samples[0, j]
@@ -423,15 +424,6 @@ def add_phase(sums: FloatArray, phases: FloatArray, mean: float, drift: float, d
         cosine, sine = (1.0 - 0.5 * variance) * math.cos(mean), (1.0 - 0.5 * variance) * math.sin(mean)
     sums[COSINE] += duration * cosine
     sums[SINE] += duration * sine
-
-
-@compiled
-def goes_on(marks: Any, rate: float) -> bool:
-    """Whether exciter 1 passes angle 0 the same way as the last time: one that swings completes no turn."""
-    way = math.copysign(1.0, rate)
-    same = bool(marks.way != -way)
-    marks.way = way
-    return same
 
 
 @compiled

@@ -129,13 +129,16 @@ def half_open(angle: float, near: float = 1e-12) -> float:
 def measured(part: Part) -> dict[str, Any]:
     """Gather what was measured over a part of a motion. What has no finite value is None.
 
-    Of the measured part, from ``measured_from_s`` to ``measured_to_s``, are the extremes of contact force and impulse,
-    the largest gap and counts that begin with ``measured_``. Statistics are cut to its ``measured_turns`` whole turns
-    of exciter 1 where there are any, which take ``measured_s``. Of the whole are all other counts, the sum of impulses,
-    energies, the largest rotation |φ| and two checks: the least gap, and how far the contact force fell below 0.
+    These are of the measured part, from ``measured_from_s`` to ``measured_to_s``: extremes of contact force and
+    impulse, the largest gap, and counts that begin with ``measured_``. Statistics are cut to its ``measured_turns``
+    whole turns of exciter 1 where there are any, which take ``measured_s``. All else is of the whole: other counts, the
+    sum of impulses, energies, the largest rotation |φ|, and two checks, the least gap and how far the contact force
+    fell below 0.
     """
     marks = part.measures.marks
     least, largest = marks["least"].tolist(), marks["largest"].tolist()
+    kinds = ("liftoffs", "impacts", "latches")  # as KINDS; a corner of the drive is no event of the motion
+    counts = dict(zip(kinds, marks["counts"].tolist(), strict=False))
     found = {
         **statistics(part.measures),
         "measured_from_s": float(marks["window"]),
@@ -148,19 +151,13 @@ def measured(part: Part) -> dict[str, Any]:
         "phi_max_rad": max(largest[ROTATION], -least[ROTATION]),
         "impulse_max_n_s": float(marks["impulse_max"]),
         "impulse_sum_n_s": float(marks["impulse_sum"]),
-        **counts(part.measures),
+        **counts,
+        "events": sum(counts.values()),
+        **dict(zip((f"measured_{kind}" for kind in kinds), marks["measured"].tolist(), strict=False)),
+        "measured_turns": max(int(marks["turns"]) - 1, 0),
         **audit(part.measures, part.before, part.after),
     }
     return {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in found.items()}
-
-
-def counts(ms: Measures) -> dict[str, int]:
-    """Count the events of the whole, by kind and all of them, and events and whole turns of the measured part."""
-    names = ("liftoffs", "impacts", "latches")  # as KINDS; a drive's corner is no event of the motion
-    found = dict(zip(names, ms.marks["counts"].tolist(), strict=False))
-    measured = zip((f"measured_{name}" for name in names), ms.marks["measured"].tolist(), strict=False)
-    turns = max(int(ms.marks["turns"]) - 1, 0)
-    return found | {"events": sum(found.values())} | dict(measured) | {"measured_turns": turns}
 
 
 def synchronization(found: Mapping[str, Any]) -> str:

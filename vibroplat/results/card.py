@@ -15,6 +15,10 @@ def results(scene: Scene, summary: Mapping[str, Any], origin: Mapping[str, Any] 
     ``origin`` is what provenance says of the run that it goes on from, if any.
     """
     phases = "phi1-phi2" if scene.co_rotating else "phi1+phi2"
+    counts, in_whole = (
+        ", ".join(str(summary[f"{part}{kind}"]) for kind in ("liftoffs", "impacts", "latches"))
+        for part in ("measured_", "")
+    )
     return _lines(
         ("outcome", summary["outcome"], ""),
         ("start", _start(scene, summary, origin), ""),
@@ -29,16 +33,17 @@ def results(scene: Scene, summary: Mapping[str, Any], origin: Mapping[str, Any] 
         ("gap, largest", _mm(summary["gap_max_m"]) or None, "mm"),
         ("impulse, largest", summary["impulse_max_n_s"] or None, "N·s"),
         ("flight fraction", summary["flight_fraction"] if scene.has_contact else None, ""),
-        ("liftoffs, impacts, latches", _counts(summary), ""),
+        ("liftoffs, impacts, latches", f"{counts}; in the whole run {in_whole}", ""),
     )
 
 
 def whole(summary: Mapping[str, Any]) -> dict[str, str]:
     """Return what is of the whole run, and the work done."""
+    steps, calls = summary["steps"], summary["residual_calls"]  # engine taylor has no residual
     return _lines(
         ("phi, largest in whole run", summary["phi_max_rad"], "rad"),
         ("energy residual", summary["energy_residual"], ""),
-        *_work(summary),
+        ("steps", steps, "") if calls is None else ("steps, residual calls", [steps, calls], ""),
         ("wall time", summary["wall_s"], "s"),
     )
 
@@ -50,22 +55,6 @@ def _lines(*rows: tuple[str, Any, str]) -> dict[str, str]:
 
 def _mm(metres: float | None) -> float | None:
     return None if metres is None else 1e3 * metres
-
-
-def _counts(summary: Mapping[str, Any]) -> str:
-    """Return the counts of events in the measured part, and in the whole run."""
-    measured, whole_run = (
-        ", ".join(str(summary[f"{part}{kind}"]) for kind in ("liftoffs", "impacts", "latches"))
-        for part in ("measured_", "")
-    )
-    return f"{measured}; in the whole run {whole_run}"
-
-
-def _work(summary: Mapping[str, Any]) -> list[tuple[str, Any, str]]:
-    """Return the rows on the work done; engine ``taylor`` has no residual."""
-    if summary["residual_calls"] is None:
-        return [("steps", summary["steps"], "")]
-    return [("steps, residual calls", [summary["steps"], summary["residual_calls"]], "")]
 
 
 def _start(scene: Scene, summary: Mapping[str, Any], origin: Mapping[str, Any] | None) -> str:

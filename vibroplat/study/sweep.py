@@ -238,7 +238,6 @@ def write_sweep(
     store: Store,
     directory: Path,
     form: Format,
-    *,
     check: dict[str, Any] | None = None,
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Write the tables and the provenance of a finished sweep; return the table of its points and that of its bands.
