@@ -1,11 +1,9 @@
 """Random scenes over wide ranges of all parameters and initial states."""
 
-from typing import Protocol
-
 import numpy as np
 
 from vibroplat.config.coordinates import COORDINATES, RATES
-from vibroplat.config.overrides import nest
+from vibroplat.config.reader import nest
 from vibroplat.config.scene import Scene
 from vibroplat.hybrid.state import state_scales
 
@@ -28,15 +26,6 @@ def drawn(draw, name):
     return scene.replace({"run": {"duration_s": duration, "initial": draw.initial(scene)}})
 
 
-class Numbers(Protocol):
-    """A source of random numbers, like numpy's generators."""
-
-    def uniform(self, low=..., high=..., size=...): ...
-    def random(self): ...
-    def integers(self, low, high=...): ...
-    def standard_normal(self, size): ...
-
-
 class Draw:
     """Random values of a scene's keys.
 
@@ -44,7 +33,7 @@ class Draw:
     """
 
     def __init__(self, rng):
-        self._rng = rng
+        self._rng = rng  # a numpy generator, or what draws like one
 
     def size(self, middle, decades, *, zero=False):
         """Draw a number within some decades of a central value, or 0."""
@@ -52,11 +41,9 @@ class Draw:
         return 0.0 if zero and self._rng.random() < 0.125 else float(drawn)
 
     def one_of(self, *choices):
-        """Choose one item."""
         return choices[self._rng.integers(len(choices))]
 
     def machine(self):
-        """Draw platform, springs, exciters and their supply."""
         mass = self.size(12.42, 2.0)
         stiffness = 470e3 * mass / 12.42
         damping = 400.0 * mass / 12.42
@@ -93,7 +80,6 @@ class Draw:
         return {"motors": [motor(), motor()]} if self._rng.random() < 0.25 else {"motor": motor()}
 
     def material(self):
-        """Draw the layers, and the spring and damper between them."""
         return {
             "material.mass_ratio": self.size(10.0**-2.5, 3.5, zero=True),
             "material.layers": self.one_of(1, 2, 2),
@@ -103,7 +89,6 @@ class Draw:
         }
 
     def contact(self):
-        """Draw the contact between material and platform."""
         restitution = self.one_of(0.0, 1.0, self._rng.random(), self._rng.random(), 1.0 - self.size(1e-3, 2.0))
         return {
             "contact.model": self.one_of(*["impact"] * 7, "non-impact"),
@@ -113,13 +98,9 @@ class Draw:
         }
 
     def solver(self):
-        """Draw the solver's settings."""
         tolerance = self.size(1e-6, 3.0)
         self._rng.integers(4)  # not used: without it all numbered scenes would be others
-        return {
-            "solver.tolerance": tolerance,
-            "solver.max_events_per_period": STORM,
-        }
+        return {"solver.tolerance": tolerance, "solver.max_events_per_period": STORM}
 
     def initial(self, scene):
         """Draw the initial state: rotating exciters on a platform at rest, or any state within the scene's scales."""

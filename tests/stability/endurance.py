@@ -28,6 +28,9 @@ MEMORY = 1024.0
 #: Relative change of the time between impacts from part to part.
 INTERVAL = 2e-5
 TOLERANCE = 1e-6
+#: Statistics that stay the same, and others that are looked at.
+STEADY = ("rms_y_m", "excitation_frequency_hz", "flight_fraction", "impacts_per_period")
+OTHERS = ("energy_residual", "impacts", "liftoffs", "gap_min_m", "interval")
 
 
 def endurance(count, engine):
@@ -67,7 +70,7 @@ def _long(name, scene, turns):
             memory.append(resident())
         steps = (engine.work["steps"] - steps) / PARTS
         outcome, state = motion.outcome, motion.automaton.run["state"]
-    by = {key: np.array([found[key] or 0.0 for found in parts]) for key in parts[0] if key in LOOKED_AT}
+    by = {key: np.array([found[key] or 0.0 for found in parts]) for key in (*STEADY, *OTHERS)}
     residuals = by["energy_residual"]
     growth = np.median(residuals[PARTS // 2 :]) / np.median(residuals[: PARTS // 2])
     limits = {
@@ -76,7 +79,7 @@ def _long(name, scene, turns):
         "energy_residual": (residuals.max(), RESIDUAL * TOLERANCE * steps),
         "residual_growth": (growth, GROWTH),  # of medians: single parts may be outliers
     }
-    for key in ("rms_y_m", "excitation_frequency_hz", "flight_fraction", "impacts_per_period"):
+    for key in STEADY:
         if by[key][0]:
             limits[f"{key}_drift"] = (np.abs(by[key] - np.median(by[key])).max() / abs(by[key][0]), SAME)
     if scene.has_contact:
@@ -86,12 +89,6 @@ def _long(name, scene, turns):
         limits["events_lost"] = (np.abs(by["liftoffs"] - by["impacts"]).max() if by["liftoffs"][0] else 0.0, 1.0)
         limits["gap_below_m"] = (abs(by["gap_min_m"].min()), 0.0)
     return row(f"{name}, {turns:.0f} turns, {PARTS * seconds:.0f} s", outcome, limits)
-
-
-LOOKED_AT = {
-    *("energy_residual", "rms_y_m", "excitation_frequency_hz", "flight_fraction", "impacts_per_period"),
-    *("impacts", "liftoffs", "gap_min_m", "interval"),
-}
 
 
 def resident():

@@ -9,6 +9,7 @@ from vibroplat.bench.scenes import kinds
 from vibroplat.config.coordinates import COORDINATES, RATES
 from vibroplat.motion.run import simulate
 
+SCENES = ("attached, f_e 46", "impacts, f_e 50", "one layer, f_e 50", "bare, f_e 50")
 #: Compared statistics.
 STATISTICS = (
     "rms_x_m",
@@ -31,7 +32,8 @@ SETTLE, MEASURE = 12.0, 2.0
 
 def invariance(count, engine):
     """Apply changes that must not matter to at most ``count`` scenes that are not chaotic."""
-    scenes = {name: with_engine(scene, engine) for name, scene in _scenes().items()}
+    unequal = {"motors": [{"critical_slip": 0.15}, {"critical_slip": 0.16}], "solver.engine": engine}
+    scenes = {name: kinds(1e-7, SETTLE + MEASURE)[name].replace(unequal) for name in SCENES}
     cases = [(name, *changed) for name, scene in scenes.items() for changed in _changes(scene).items()]
     expected = {}
     rows = []
@@ -48,13 +50,6 @@ def invariance(count, engine):
     return rows
 
 
-def _scenes():
-    """Return one scene of each kind, with unequal motors."""
-    chosen = ("attached, f_e 46", "impacts, f_e 50", "one layer, f_e 50", "bare, f_e 50")
-    motors = {"motors": [{"critical_slip": 0.15}, {"critical_slip": 0.16}]}
-    return {name: kinds(1e-7, SETTLE + MEASURE)[name].replace(motors) for name in chosen}
-
-
 def _changes(scene):
     """Return variants that must have the same statistics."""
     changed = {f"tolerance {t:g}": scene.replace({"solver.tolerance": t}) for t in TOLERANCES}
@@ -62,15 +57,8 @@ def _changes(scene):
     changed["whole turns"] = scene.replace(
         {"run.initial": {"phi1_rad": 14.0 * TURN, "phase_sum_rad": math.pi - 6.0 * TURN}}
     )
-    changed["later"] = _later(scene, 3.21)
-    changed["mirrored"] = _mirrored(scene)
-    return changed
-
-
-def _later(scene, seconds):
-    """Start from the state that a run has reached."""
-    state = simulate(scene.replace({"run.duration_s": seconds}), keep="summary").final_state
-    return scene.replace(run={"duration_s": scene.run.duration_s, "initial": {"state": _named(scene, state)}})
+    state = simulate(scene.replace({"run.duration_s": 3.21}), keep="summary").final_state
+    return changed | {"later": _from(scene, state), "mirrored": _mirrored(scene)}
 
 
 def _mirrored(scene):
@@ -82,11 +70,11 @@ def _mirrored(scene):
     state[3], state[4], state[10], state[11] = math.pi - start[4], math.pi - start[3], -start[11], -start[10]
     other = {"counter-clockwise": "clockwise", "clockwise": "counter-clockwise"}
     exciters = [e.model_dump() | {"rotation": other[e.rotation or ""]} for e in reversed(scene.exciter_pair)]
-    changed = scene.replace({"exciters": exciters})
-    return changed.replace(run={"duration_s": scene.run.duration_s, "initial": {"state": _named(scene, state)}})
+    return _from(scene.replace({"exciters": exciters}), state)
 
 
-def _named(scene, state):
-    """Return a full state as configuration keys."""
+def _from(scene, state):
+    """Return a scene that begins with a full state."""
     names = (*COORDINATES, *RATES)
-    return {names[i]: float(state[i]) for index in scene.coordinates for i in (index, index + 7)}
+    named = {names[i]: float(state[i]) for index in scene.coordinates for i in (index, index + 7)}
+    return scene.replace(run={"duration_s": scene.run.duration_s, "initial": {"state": named}})

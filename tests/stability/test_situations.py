@@ -52,7 +52,7 @@ def test_scenes_of_a_situation_pass(name, size, engine, capsys):
     if size == 2:
         nearest = table.iloc[int(table["share"].to_numpy().argmax())]
         with capsys.disabled():
-            print(f"\n{name}, {engine}: {len(table)} scenes, {dict(table['outcome'].value_counts())}")
+            print(f"\n{name}, {engine}: {len(table)} scenes, {table['outcome'].value_counts().to_dict()}")
             print(f"nearest to a limit: {nearest['scene']}, {nearest['worst']} at {nearest['share']:.2g}")
     failed = table[table["failed"] != ""]
     assert failed.empty, failed[["scene", "failed"]].to_string()

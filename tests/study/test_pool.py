@@ -385,7 +385,7 @@ def with_a_lost_point(scene, workers, monkeypatch):
         begun[place(scene, key)] = None if state is None else state[0]
         return dies_at_lost(scene, plan, state, key)
 
-    monkeypatch.setattr("vibroplat.study.point.measure_point", measure if workers.slots == 1 else dies_at_lost)
+    monkeypatch.setattr("vibroplat.study.sweep.measure_point", measure if workers.slots == 1 else dies_at_lost)
     with Store(None, {}) as store:
         run_sweeps([(branches(scene), store)], workers)
         (found,) = tables(branches(scene), store)

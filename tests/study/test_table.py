@@ -192,7 +192,7 @@ class Recorder:
 
 def test_points_begin_with_the_state_of_the_last_good_one(monkeypatch):
     recorder = Recorder(failing=(50.0, 51.5, 52.0))
-    monkeypatch.setattr("vibroplat.study.point.measure_point", recorder)
+    monkeypatch.setattr("vibroplat.study.sweep.measure_point", recorder)
     sweep(planned(LOADED, 50.0, 52.5, direction=["up", "down"]))
     begun = [(frequency, None if state is None else state[0], key) for frequency, state, key in recorder.asked]
     assert [call for call in begun if call[2][0] == 0] == [
@@ -208,7 +208,7 @@ def test_points_begin_with_the_state_of_the_last_good_one(monkeypatch):
 
 
 def test_progress_counts_branches_points_and_events(monkeypatch):
-    monkeypatch.setattr("vibroplat.study.point.measure_point", Recorder(failing=()))
+    monkeypatch.setattr("vibroplat.study.sweep.measure_point", Recorder(failing=()))
     told = []
     sweep(planned(LOADED, 50.0, 51.0, direction=["up", "down"]), progress=lambda *counts: told.append(counts))
     assert [points for _, points, _ in told] == list(range(7))
@@ -585,7 +585,7 @@ def largest_memory(*arguments, **plan):
 @pytest.mark.long
 def test_memory_does_not_grow_with_the_number_of_points(tmp_path, monkeypatch):
     """Rows of points are kept, a hundredth of what their sections hold."""
-    monkeypatch.setattr("vibroplat.study.point.measure_point", measured_at_once)
+    monkeypatch.setattr("vibroplat.study.sweep.measure_point", measured_at_once)
     sweep_of(100, tmp_path / "warm", kind="bifurcation")
     few = largest_memory(2_000, tmp_path / "few", kind="bifurcation")
     many = largest_memory(10_000, tmp_path / "many", kind="bifurcation")
@@ -594,7 +594,7 @@ def test_memory_does_not_grow_with_the_number_of_points(tmp_path, monkeypatch):
 
 
 def test_table_of_many_points_is_in_row_groups(tmp_path, monkeypatch):
-    monkeypatch.setattr("vibroplat.study.point.measure_point", measured_at_once)
+    monkeypatch.setattr("vibroplat.study.sweep.measure_point", measured_at_once)
     monkeypatch.setattr("vibroplat.study.sweep.CHUNK", 30)
     sweep_of(100, tmp_path / "points", kind="bifurcation")
     table = read_table(tmp_path / "points", "sweep")
