@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import gc
 import sys
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
 from vibroplat.errors import ConfigError
 from vibroplat.system.interrupts import offer_resume
-from vibroplat.system.preflight import COMPILING, require_memory
+from vibroplat.system.memory import COMPILING, require_memory
+
+if TYPE_CHECKING:
+    from vibroplat.config.scene import Scene
 
 # -- options ----------------------------------------------------------------------------------------------
 
@@ -53,6 +56,14 @@ Wait = Annotated[
 ]
 
 # -- before a command begins --------------------------------------------------------------------------------
+
+
+def scene_of(config: Path, settings: list[str] | None, engine: str | None) -> Scene:
+    """Read a configuration, with the options ``--set`` and ``--engine`` over it."""
+    from vibroplat.config.reader import parse_overrides
+    from vibroplat.config.scene import load_config
+
+    return load_config(config, parse_overrides(settings or [], engine))
 
 
 @contextmanager
@@ -99,17 +110,6 @@ def print_lines(lines: Mapping[str, str], width: int = 28) -> None:
     """Print labels and texts in two columns."""
     for label, text in lines.items():
         print(f"{label:<{width}}{text}")
-
-
-def print_table(header: Sequence[str], rows: Iterable[Sequence[str]], most: int, more: str) -> None:
-    """Print the first rows of a table of texts in columns; if they are not all, where the others are."""
-    lines = [header, *rows]
-    shown = lines[: most + 1]
-    widths = [max(map(len, column)) for column in zip(*shown, strict=True)]
-    for line in shown:
-        print("  ".join(f"{text:<{width}}" for text, width in zip(line, widths, strict=True)).rstrip())
-    if len(lines) > len(shown):
-        print(f"… and {len(lines) - len(shown)} more: {more}")
 
 
 def print_notes(notes: list[str]) -> None:
