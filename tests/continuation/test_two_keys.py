@@ -11,7 +11,7 @@ from common.shaken_table import GRAVITY, shaken, stable_range
 
 from continuation.helpers import MACHINE, MASS
 from vibroplat import load_config
-from vibroplat.continuation.test_functions import others_outside
+from vibroplat.continuation.special_points import others_outside
 from vibroplat.continuation.two_keys import AGREES, DIFFERS, UNSTABLE, check, chosen
 
 KEY, RESTITUTION = "drive.supply_frequency_hz", "contact.restitution"

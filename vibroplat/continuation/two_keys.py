@@ -20,14 +20,14 @@ from vibroplat.config.scene import Scene
 from vibroplat.continuation.locate import Tried, locate
 from vibroplat.continuation.newton import Chart, MissedError, NewtonResult, Problem, correct
 from vibroplat.continuation.shooting import Shooter, rotated, spelled
-from vibroplat.continuation.switching import branch_point
-from vibroplat.continuation.test_functions import (
+from vibroplat.continuation.special_points import (
     BRANCH_POINT,
     DOUBLING,
     IN_TWO_KEYS,
     NEIMARK_SACKER,
     ONE_SIDED,
     Point,
+    branch_point,
     others_outside,
 )
 from vibroplat.errors import ConfigError

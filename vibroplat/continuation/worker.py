@@ -18,14 +18,9 @@ from vibroplat.config.scene import Scene
 from vibroplat.continuation.arclength import Branch
 from vibroplat.continuation.locate import specials
 from vibroplat.continuation.newton import ANGLE, MissedError, Problem, correct, n_unstable
-from vibroplat.continuation.orbit import (
-    OrbitError,
-    first_orbit,
-    measures_of_orbit,
-)
+from vibroplat.continuation.orbit import OrbitError, first_orbit, measures_of_orbit, read_guess
 from vibroplat.continuation.shooting import Shooter, spelled
-from vibroplat.continuation.switching import MIRRORED, new_branches
-from vibroplat.continuation.test_functions import DOUBLING, Point, Special, tangent_of
+from vibroplat.continuation.special_points import DOUBLING, MIRRORED, Point, Special, new_branches, tangent_of
 from vibroplat.study.confirming import multiplier_columns
 from vibroplat.study.pool import Task, Tasks
 from vibroplat.study.store import Record
@@ -178,10 +173,10 @@ def _begun(shooter: Shooter, plan: OrbitsPlan, begin: Record | None) -> Branch:
     """Begin a branch towards the stop, or go on with one from one of its points."""
     first, largest, least = _steps(plan)
     if begin is None:
-        initial = shooter.scene.run.initial.state
+        initial = None if plan.from_ == "settled" else shooter.scene.run.initial.state
         shooter.set([float(plan.start)])
-        guess = None if plan.from_ == "settled" or initial is None else initial.model_dump()
-        problem, found = first_orbit(shooter, guess, plan.period, [plan.unit], plan.tolerance)
+        _, state = read_guess(shooter.scene, None if initial is None else initial.model_dump())
+        problem, found = first_orbit(shooter, state, plan.period, [plan.unit], plan.tolerance)
         towards = np.zeros(found.u.size)
         towards[-1] = np.sign(plan.stop - plan.start)
         branch = Branch(problem, first, least, largest)
