@@ -275,8 +275,7 @@ def _head(figure: Figure, shown: Shown, named: Axes | None = None) -> None:
     parameters = "" if run is None else run_parameters(run.scene)
     head(figure, ", ".join(run.name for run in shown.runs), parameters)
     if run is None or named is not None:
-        handles, labels = (named or figure.axes[-1]).get_legend_handles_labels()
-        legend_below(figure, dict(zip(labels, handles, strict=True)))
+        legend_below(figure, (named or figure.axes[-1]).get_legend_handles_labels()[0])
 
 
 def _legend_above(axis: Axes, columns: int = 1) -> None:
