@@ -194,6 +194,18 @@ def distinct(names: Sequence[str], directories: Sequence[Path]) -> list[str]:
     return [name if names.count(name) == 1 else str(place) for name, place in zip(names, directories, strict=True)]
 
 
+def compared(
+    command: str, names: Sequence[str], scenes: Sequence[Scene | None], named: Sequence[str] = ()
+) -> list[str]:
+    """Return what several results are called in a legend, without keys that each curve names itself.
+
+    Where a scene is lost, they have no more than their names.
+    """
+    trees = [scene.to_tree() for scene in scenes if scene is not None]
+    found = differing(command, trees) if len(trees) == len(scenes) else [{}] * len(scenes)
+    return legend_names(names, [{key: value for key, value in one.items() if key not in named} for one in found])
+
+
 def legend_names(names: Sequence[str], found: Sequence[Mapping[str, Any]]) -> list[str]:
     """Return for each of several results its name, and how it differs from the others."""
     parts = [", ".join(shortened([_difference(key, value) for key, value in one.items()])) for one in found]

@@ -356,14 +356,16 @@ def boundaries_figure(found: Branches, x: str) -> Figure:
 
 def multipliers_figure(found: Branches, x: str) -> Figure:
     """Draw the leading multipliers on the plane, and the largest one over a column, for each grid combination."""
-    combinations = [[*parts] for _, parts in itertools.groupby(sorted(found.curves, key=_number), key=_number)]
+    combinations: dict[int, list[Curve]] = {}
+    for curve in found.curves:
+        combinations.setdefault(curve.number, []).append(curve)
     values = found.points[x]
     norm = Normalize(float(values.min()), float(values.max()))
     farthest = found.points.filter(regex=r"^multiplier_\d+_(re|im)$").abs().max().max()
     frame = float(np.clip(1.05 * farthest, NEAREST, FARTHEST))
     size = (1.5 + 4.3 * len(combinations), 8.2)
     figure, axes = new_figure(2, len(combinations), size, sharey="row", height_ratios=(1.35, 1.0))
-    for curves, (plane, largest) in zip(combinations, axes.T, strict=True):
+    for curves, (plane, largest) in zip(combinations.values(), axes.T, strict=True):
         _draw_plane(plane, pd.concat([points for _, _, points in curves]), x, norm, frame)
         plane.set_title(curves[0].label, loc="left")
         for _, number, points in curves:
@@ -379,10 +381,6 @@ def multipliers_figure(found: Branches, x: str) -> Figure:
     figure.colorbar(ScalarMappable(norm, "viridis"), ax=list(axes[0]), pad=0.01).set_label(key_label(x))
     head(figure, found.name, found.parameters())
     return figure
-
-
-def _number(curve: Curve) -> int:
-    return curve.number
 
 
 def _draw_plane(axis: Axes, points: pd.DataFrame, x: str, norm: Normalize, frame: float) -> None:

@@ -19,29 +19,9 @@ from matplotlib.lines import Line2D
 from vibroplat.columns import MEASURES, PHASE_COLUMN
 from vibroplat.config.overrides import flat
 from vibroplat.errors import TableError
-from vibroplat.plots.labels import (
-    differing,
-    distinct,
-    is_number,
-    key_label,
-    legend_names,
-    scene_of,
-    sweep_parameters,
-    value_label,
-)
+from vibroplat.plots.labels import compared, distinct, is_number, key_label, scene_of, sweep_parameters, value_label
 from vibroplat.plots.reading import Curve, curves_of, read_columns, read_result
-from vibroplat.plots.style import (
-    BLACK,
-    CURVES,
-    DIRECTIONS,
-    FAILED,
-    REFERENCE,
-    entry,
-    head,
-    legend_below,
-    panel_grid,
-    plain,
-)
+from vibroplat.plots.style import BLACK, CURVES, DIRECTIONS, FAILED, REFERENCE, entry, head, legend_below, panel_grid
 from vibroplat.plots.timelines import Measured, phase_axis, wrapped
 from vibroplat.results.files import Result
 from vibroplat.study.bands import jumps
@@ -84,7 +64,7 @@ class Response:
     data
         Measured data laid over the curves.
     labels
-        What several results are called in a legend, by their names.
+        What results are called in a legend, by their names.
     """
 
     results: list[Result]
@@ -110,7 +90,7 @@ class Response:
 
     def _called(self, key: str, value: Any) -> str:
         """Return a value in a legend; results are called by their names, and how they differ otherwise."""
-        return self.labels.get(value, plain(value)) if key == RESULT else value_label(key, value)
+        return self.labels[value] if key == RESULT else value_label(key, value)
 
     @property
     def scale(self) -> str | None:
@@ -135,8 +115,9 @@ def read_response(directories: Sequence[Path], *, x: str = EXCITATION, data: Mea
         tables = [table.assign(**{RESULT: name}) for name, table in zip(names, tables, strict=True)]
     joined = pd.concat(tables, ignore_index=True)
     keys = _varied(joined, grid)
-    labels = _labels(names, results, keys)
-    return Response(results, names, joined, ([RESULT] if len(tables) > 1 else []) + keys, x, data, labels)
+    labels = compared("sweep", names, [scene_of(result.provenance) for result in results], keys)
+    varied = ([RESULT] if len(tables) > 1 else []) + keys
+    return Response(results, names, joined, varied, x, data, dict(zip(names, labels, strict=True)))
 
 
 def response_of(table: pd.DataFrame, x: str = EXCITATION) -> Response:
@@ -161,15 +142,6 @@ def _completed(table: pd.DataFrame, result: Result, keys: Iterable[str]) -> pd.D
     except (KeyError, TypeError, AttributeError):
         raise TableError(f"{result.directory}/provenance.json is not the provenance of a sweep") from None
     return table.assign(**{key: made[key] for key in keys if key not in table and key in made})
-
-
-def _labels(names: Sequence[str], results: Sequence[Result], keys: Sequence[str]) -> dict[str, str]:
-    """Return what several results are called: their names, and how they differ but for keys that each curve names."""
-    trees = [scene.to_tree() for result in results if (scene := scene_of(result.provenance)) is not None]
-    if len(trees) < len(results):
-        return {}
-    found = [{key: value for key, value in one.items() if key not in keys} for one in differing("sweep", trees)]
-    return dict(zip(names, legend_names(names, found), strict=True))
 
 
 # -- one branch --------------------------------------------------------------------------------------------------------
