@@ -14,8 +14,7 @@ if TYPE_CHECKING:
     from vibroplat.check.runs import check_run
     from vibroplat.check.sweeps import check_sweep
     from vibroplat.config.drive import Drive
-    from vibroplat.config.reader import load_config
-    from vibroplat.config.scene import Scene
+    from vibroplat.config.scene import Scene, load_config
     from vibroplat.config.sections import (
         Contact,
         Exciter,
@@ -39,7 +38,7 @@ if TYPE_CHECKING:
     from vibroplat.study.sweep import sweep
 
 _HOMES = {
-    "load_config": "vibroplat.config.reader",
+    "load_config": "vibroplat.config.scene",
     "Scene": "vibroplat.config.scene",
     "Drive": "vibroplat.config.drive",
     **dict.fromkeys(

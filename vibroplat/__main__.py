@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from vibroplat.system.interrupts import end_at_signals
-from vibroplat.system.preflight import open_streams
+from vibroplat.system.terminal import open_streams
 
 
 def main() -> None:

@@ -303,7 +303,7 @@ def test_resume_is_promised_where_there_is_one(name, kept, command, monkeypatch)
     def fail(*_):
         raise MemoryError
 
-    monkeypatch.setattr("vibroplat.config.reader.load_config", fail)
+    monkeypatch.setattr("vibroplat.config.scene.load_config", fail)
     monkeypatch.setattr("vibroplat.kernels.cache.is_compiled", fail)
     arguments = [] if name == "bench" else [QUICKSTART]
     assert command(name, *arguments) == (1, "", f"vibroplat: not enough memory; {kept}\n")

@@ -14,7 +14,7 @@ from vibroplat import simulate, sweep
 from vibroplat.cli.dictionary import TABLES
 from vibroplat.columns import unit_of
 from vibroplat.config.keys import key_of, keys
-from vibroplat.config.overrides import flat
+from vibroplat.config.reader import flat
 from vibroplat.config.scene import Scene
 from vibroplat.results.tables import read_parts, read_table
 from vibroplat.study.bands import bands

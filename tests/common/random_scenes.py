@@ -3,7 +3,7 @@
 import numpy as np
 
 from vibroplat.config.coordinates import COORDINATES, RATES
-from vibroplat.config.overrides import nest
+from vibroplat.config.reader import nest
 from vibroplat.config.scene import Scene
 from vibroplat.hybrid.state import state_scales
 

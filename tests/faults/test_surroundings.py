@@ -14,7 +14,7 @@ from common.commands import PROGRAM, Done
 from common.places import FLYING, QUICKSTART
 
 from vibroplat.results.tables import read_table
-from vibroplat.system import preflight
+from vibroplat.system import memory
 from vibroplat.system.interrupts import KEPT, RESUMABLE
 
 SHORT = ("--set", "run.duration_s=0.05")
@@ -33,7 +33,7 @@ def shell(*arguments, redirect="", before="", **environment):
 
 _NUMBERS = """
 import os, sys
-from vibroplat.system.preflight import open_streams
+from vibroplat.system.terminal import open_streams
 open_streams()
 print("out \\u2026 \\udc80"); print("err \\u2026", file=sys.stderr); sys.stdin.read()
 file = os.open(os.devnull, os.O_RDONLY)
@@ -51,7 +51,7 @@ def test_files_never_get_the_number_of_a_closed_stream(redirect):
 
 
 def test_characters_that_a_stream_does_not_have_are_escaped():
-    code = "import sys\nfrom vibroplat.system.preflight import open_streams\nopen_streams()\n"
+    code = "import sys\nfrom vibroplat.system.terminal import open_streams\nopen_streams()\n"
     code += "print('…')\nprint('…', file=sys.stderr)"
     environment = os.environ | {"PYTHONIOENCODING": "ascii"}
     done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
@@ -136,7 +136,7 @@ def test_too_little_address_space_is_told_before_anything_is_loaded(here):
     "arguments", [("run", QUICKSTART), *(pytest.param(one, marks=pytest.mark.long) for one in OTHERS)]
 )
 def test_first_start_without_the_memory_to_compile_is_told_before_it_compiles(arguments, here, tmp_path):
-    limit = preflight.LEAST_ADDRESSES // 1024 + 1
+    limit = memory.LEAST_ADDRESSES // 1024 + 1
     done = shell(*arguments, before=f"ulimit -v {limit};", NUMBA_CACHE_DIR=str(tmp_path / "empty"))
     assert (done.code, done.out, len(done.err.splitlines())) == (1, "", 1)
     assert "; compiling the kernels for the first time takes 1450 MB: " in done.err
@@ -145,7 +145,7 @@ def test_first_start_without_the_memory_to_compile_is_told_before_it_compiles(ar
 
 @pytest.mark.long
 def test_run_in_the_least_address_space_is_done(here, kernels):
-    limit = preflight.LEAST_ADDRESSES // 1024 + 1
+    limit = memory.LEAST_ADDRESSES // 1024 + 1
     done = shell("run", QUICKSTART, *SHORT, before=f"ulimit -v {limit};")
     assert (done.code, done.err) == (0, "")
 
@@ -166,9 +166,9 @@ def raising(error):
 
 
 def test_errors_are_told_apart_from_a_lack_of_memory():
-    assert [error for error in SHORTAGES if not preflight.is_short_of_memory(error)] == []
+    assert [error for error in SHORTAGES if not memory.is_short_of_memory(error)] == []
     others = [ImportError("No module named 'x'"), RuntimeError("a mistake"), ValueError("out of memory")]
-    assert [error for error in others if preflight.is_short_of_memory(error)] == []
+    assert [error for error in others if memory.is_short_of_memory(error)] == []
 
 
 def test_run_that_runs_out_of_memory_exits_1_with_one_line(command, here, kernels, monkeypatch):

@@ -9,8 +9,7 @@ import pytest
 from scipy.optimize import brentq
 from study.helpers import MACHINE
 
-from vibroplat.config.overrides import flat
-from vibroplat.config.reader import load_tree
+from vibroplat.config.reader import flat, load_tree
 from vibroplat.config.scene import Scene
 from vibroplat.errors import ConfigError
 from vibroplat.paper import reproduction, tables

@@ -71,12 +71,16 @@ MUTANTS = [
     ("integrate", "return worst <= AGREED or rounded(", "return True or rounded("),
     (
         "integrate",
-        "stop, e.status.resting = AT_TARGET, -1\n        length *= crossing(c, degree, 3, target)",
-        "stop, e.status.resting = AT_TARGET, -1",
+        "stop, status.resting = AT_TARGET, -1\n        length *= crossing(c, degree, 3, target)",
+        "stop, status.resting = AT_TARGET, -1",
     ),
     ("integrate", "ahead[n + 3 + e.status.resting] = 0.0", "ahead[n + 3 + e.status.resting] = 1e-3"),
     # what is observed
-    ("observe motion", '0.5 * (marks["y_max"] - marks["y_min"])', 'marks["y_max"] - marks["y_min"]'),
+    (
+        "observe motion",
+        '0.5 * (marks["largest"][HEIGHT] - marks["least"][HEIGHT])',
+        'marks["largest"][HEIGHT] - marks["least"][HEIGHT]',
+    ),
     (
         "observe motion",
         'result["excitation_frequency_hz"] = 0.5 * (first + second)',
@@ -89,7 +93,7 @@ MUTANTS = [
     ),
     ("observe motion", "mean[square] - mean[first] ** 2", "mean[square] + mean[first] ** 2"),
     ("observe motion", "gravity = before.gravity - after.gravity", "gravity = after.gravity - before.gravity"),
-    ("observe motion", 'max(marks["pull"], -marks["force_min"])', 'marks["pull"]'),
+    ("observe motion", 'max(float(marks["pull"]), -least[FORCE])', 'float(marks["pull"])'),
     ("observe study", "values.std(ddof=1)) / math.sqrt(len(values))", "values.std(ddof=1))"),
     ("observe motion", "if falling and rate > 0.0:", "if rate > 0.0:"),
     ("observe motion", "MOMENTUM * energy", "0.0 * energy"),
@@ -121,16 +125,16 @@ MUTANTS = [
     ("study", "return None if exponent.sign > 0 else", "return None if exponent.sign < 0 else"),
     ("study", "now <= NEAR * tolerance", "now >= NEAR * tolerance"),
     # continuation
-    ("continuation cli", "before.doubling * after.doubling < 0.0:", "before.doubling * after.doubling > 0.0:"),
+    ("continuation cli", "np.prod(1.0 + self.multipliers).real", "np.prod(2.0 + self.multipliers).real"),
     (
         "continuation cli",
-        "weight**2 * ((1.0 - 2.0 * away * steepness) * value",
-        "weight**2 * ((1.0 + 2.0 * away * steepness) * value",
+        "weight**2 * ((1.0 - 2.0 * (place - here) * steepness) * point.u",
+        "weight**2 * ((1.0 + 2.0 * (place - here) * steepness) * point.u",
     ),
     (
         "continuation cli",
-        "(np.abs(point.multipliers[nearest].imag) > REAL).all()",
-        "(np.abs(point.multipliers[nearest].imag) < REAL).all()",
+        "(np.abs(self.multipliers[nearest].imag) > REAL).all()",
+        "(np.abs(self.multipliers[nearest].imag) < REAL).all()",
     ),
     (
         "continuation cli",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import gc
 import sys
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -13,7 +13,7 @@ import typer
 
 from vibroplat.errors import ConfigError
 from vibroplat.system.interrupts import offer_resume
-from vibroplat.system.preflight import COMPILING, require_memory
+from vibroplat.system.memory import COMPILING, require_memory
 
 if TYPE_CHECKING:
     from vibroplat.config.scene import Scene
@@ -60,20 +60,10 @@ Wait = Annotated[
 
 def scene_of(config: Path, settings: list[str] | None, engine: str | None) -> Scene:
     """Read a configuration, with the options ``--set`` and ``--engine`` over it."""
-    from vibroplat.config.reader import load_config, parse_overrides
+    from vibroplat.config.reader import parse_overrides
+    from vibroplat.config.scene import load_config
 
     return load_config(config, parse_overrides(settings or [], engine))
-
-
-def study_directory(out: Path, name: str, command: Literal["sweep", "orbits"], *, resume: bool) -> Path:
-    """Make the directory of a study's results; what cannot be resumed there is refused."""
-    from vibroplat.results.files import read_provenance
-    from vibroplat.results.tables import result_directory
-
-    directory = result_directory(out, name)
-    if resume and (directory / "provenance.json").exists():
-        read_provenance(directory, command)
-    return directory
 
 
 @contextmanager
@@ -120,17 +110,6 @@ def print_lines(lines: Mapping[str, str], width: int = 28) -> None:
     """Print labels and texts in two columns."""
     for label, text in lines.items():
         print(f"{label:<{width}}{text}")
-
-
-def print_table(header: Sequence[str], rows: Iterable[Sequence[str]], most: int, more: str) -> None:
-    """Print the first rows of a table of texts in columns; if they are not all, where the others are."""
-    lines = [header, *rows]
-    shown = lines[: most + 1]
-    widths = [max(map(len, column)) for column in zip(*shown, strict=True)]
-    for line in shown:
-        print("  ".join(f"{text:<{width}}" for text, width in zip(line, widths, strict=True)).rstrip())
-    if len(lines) > len(shown):
-        print(f"… and {len(lines) - len(shown)} more: {more}")
 
 
 def print_notes(notes: list[str]) -> None:

@@ -70,7 +70,7 @@ def report(
     One HTML file with curves, tables and the moving machine of all results side by side; it opens offline in a browser.
     """
     from vibroplat.page.report import write_report
-    from vibroplat.system.progress import points_progress
+    from vibroplat.system.terminal import points_progress
 
     with points_progress("orbits") as progress:
         print(write_report(directories, out, start, stop, mover=_move if orbits else None, progress=progress))

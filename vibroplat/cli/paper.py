@@ -10,7 +10,7 @@ import typer
 
 from vibroplat.cli import common
 from vibroplat.study import WAIT
-from vibroplat.system.progress import calibration_progress, sweep_progress
+from vibroplat.system.terminal import calibration_progress, sweep_progress
 
 
 def paper(

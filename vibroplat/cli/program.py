@@ -12,10 +12,10 @@ import typer
 from typer.core import TyperGroup
 
 from vibroplat import __version__
-from vibroplat.cli import bench, figures, orbits, paper, reference, run, sweep
+from vibroplat.cli import bench, figures, paper, reference, studies
 from vibroplat.errors import VibroplatError
 from vibroplat.system.interrupts import kept, offer_resume
-from vibroplat.system.preflight import is_short_of_memory, require_memory
+from vibroplat.system.memory import is_short_of_memory, require_memory
 
 #: Options that print help.
 HELP = ["-h", "--help"]
@@ -98,9 +98,9 @@ def _options(
 
 COMMANDS = (
     reference.new,
-    run.run,
-    sweep.sweep,
-    orbits.orbits,
+    studies.run,
+    studies.sweep,
+    studies.orbits,
     figures.plot,
     figures.report,
     paper.paper,

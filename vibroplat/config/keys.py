@@ -11,8 +11,7 @@ from textwrap import wrap
 from typing import Any, NamedTuple
 
 from vibroplat.columns import unit_of
-from vibroplat.config.overrides import flat
-from vibroplat.config.reader import configurations, load_tree
+from vibroplat.config.reader import configurations, flat, load_tree
 from vibroplat.config.scene import Scene
 from vibroplat.config.schema import LARGEST, LARGEST_ANGLE, LEAST, Node, in_lists, nodes
 

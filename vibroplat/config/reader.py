@@ -1,4 +1,4 @@
-"""Reads YAML files, which may extend other files, applies overrides and builds a scene."""
+"""Nested plain values: YAML files, which may extend other files, settings, and how these lie over each other."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from ruamel.yaml.constructor import DuplicateKeyError
 from ruamel.yaml.error import MarkedYAMLError, ReusedAnchorWarning
 from ruamel.yaml.nodes import MappingNode, ScalarNode
 
-from vibroplat.config.overrides import flat, merge, nest
-from vibroplat.config.scene import Scene
+from vibroplat.config.drive import Drive
 from vibroplat.config.schema import short
+from vibroplat.config.sections import OF_EXCITERS, Initial, Material
 from vibroplat.errors import ConfigError
 
 #: Key that ``--engine`` is short for.
@@ -31,43 +31,56 @@ MAX_BRACKETS = 200
 #: What a key looks like. Messages quote keys; a file that is no configuration, such as one with passwords, has others.
 KEY = re.compile(r"[^\W\d][\w .-]{0,79}")
 
+#: Pairs of keys that exclude each other, by section: if an upper layer gives one, the lower layer's other is dropped.
+ALTERNATIVES = {
+    "": (("motor", "motors"),),
+    "material": Material.alternatives,
+    "drive": Drive.alternatives,
+    "run.initial": Initial.alternatives,
+}
+
+#: Sections with free keys: they are replaced as a whole, because merging could never remove a key.
+REPLACED = frozenset({"sweep.grid"})
+
 #: Quotations in messages of the parser: single characters and the parser's own words, or anything else.
 _QUOTED = re.compile(r"""(["'])(?:(?P<harmless>.|\\.|<[a-z ]+>)|.*)\1""", re.DOTALL)
 
 
-def load_config(path: str | os.PathLike[str], overrides: Mapping[str, Any] | None = None) -> Scene:
-    """Read a scene from a YAML 1.2 file.
+def load_tree(path: str | os.PathLike[str], above: tuple[Path, ...] = (), label: str = "") -> dict[str, Any]:
+    """Read the keys and values of a YAML file and of those it extends.
 
     Parameters
     ----------
     path
-        The file. Its ``extends`` may name another file, relative to this one, whose values it overrides.
-    overrides
-        Dotted keys and values that override those of the file, as given by ``--set``.
-
-    Raises
-    ------
-    vibroplat.errors.ConfigError
-        One line with the file, the key, the value and what is allowed.
-    """
-    file = Path(path)
-    tree = merge(_read_chain(file, ()), nest(overrides or {}))
-    tree.setdefault("name", file.stem)
-    try:
-        return Scene.from_tree(tree)
-    except ConfigError as error:
-        raise ConfigError(f"{file}: {error}") from None
-
-
-def load_tree(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """Read the keys and values of a YAML file and of those it extends, without building a scene.
+        The file.
+    above
+        Files that extend it.
+    label
+        What to call it if it cannot be read. Default: its path.
 
     Raises
     ------
     vibroplat.errors.ConfigError
         The file or one that it extends cannot be read.
     """
-    return _read_chain(Path(path), ())
+    file = Path(path)
+    text = _text(file, label or str(file))
+    place = file.resolve()
+    if place in above:
+        raise ConfigError(f"{file}: extends itself through {above[-1].name}")
+    tree = _parse(text, str(file))
+    if tree is None:
+        tree = {}
+    if not isinstance(tree, dict):
+        raise ConfigError(f"{file}: holds a {type(tree).__name__}; allowed: keys and values")
+    base = tree.pop("extends", None)
+    if base is None:
+        return tree
+    if not isinstance(base, str) or not base:
+        raise ConfigError(f"{file}: extends is not text; allowed: a file name")
+    below = load_tree(file.parent / base, (*above, place), f"{file}: extends = {short(base)}")
+    below.pop("name", None)  # a file that extends another describes another scene
+    return merge(below, tree)
 
 
 def load_list(path: str | os.PathLike[str]) -> list[Any]:
@@ -113,27 +126,6 @@ def parse_overrides(settings: Iterable[str], engine: str | None = None) -> dict[
             raise ConfigError(f"--engine {engine} and --set {ENGINE}={given[ENGINE]} differ; allowed: one of the two")
         overrides[ENGINE] = named
     return overrides
-
-
-def _read_chain(file: Path, above: tuple[Path, ...], label: str = "") -> dict[str, Any]:
-    """Read a file and those it extends; ``label`` is what to call it if it cannot be read."""
-    text = _text(file, label or str(file))
-    place = file.resolve()
-    if place in above:
-        raise ConfigError(f"{file}: extends itself through {above[-1].name}")
-    tree = _parse(text, str(file))
-    if tree is None:
-        tree = {}
-    if not isinstance(tree, dict):
-        raise ConfigError(f"{file}: holds a {type(tree).__name__}; allowed: keys and values")
-    base = tree.pop("extends", None)
-    if base is None:
-        return tree
-    if not isinstance(base, str) or not base:
-        raise ConfigError(f"{file}: extends is not text; allowed: a file name")
-    below = _read_chain(file.parent / base, (*above, place), f"{file}: extends = {short(base)}")
-    below.pop("name", None)  # a file that extends another describes another scene
-    return merge(below, tree)
 
 
 def _text(file: Path, label: str) -> str:
@@ -215,3 +207,95 @@ def _require_names(node: Any, source: str) -> None:
 def _unquoted(problem: object) -> str:
     """Return a message of the parser without what it quotes: the file may be one that nobody should see."""
     return _QUOTED.sub(lambda found: found[0] if found["harmless"] else "…", " ".join(str(problem).split())[:200])
+
+
+# -- how values lie over each other ----------------------------------------------------------------------
+
+
+def merge(lower: Mapping[str, Any], upper: Mapping[str, Any], section: str = "") -> dict[str, Any]:
+    """Override ``lower`` with ``upper``: merge sections key by key, replace other values and :data:`REPLACED`.
+
+    Exciters are merged one by one, also with a lower layer that gives their numbers in ``motor`` and ``machine``. An
+    entry of any list is overridden by its place, as in ``exciters.1.critical_slip``.
+
+    Raises
+    ------
+    vibroplat.errors.ConfigError
+        A list has no such place.
+    """
+    merged = dict(lower)
+    if not section and upper.get("exciters") is not None and merged.get("exciters") is None:
+        merged = _with_exciters(merged)
+    if not section and isinstance(upper.get("motors"), Mapping) and merged.get("motors") is None:
+        merged["motors"] = [dict(merged.get("motor") or {}) for _ in range(2)]
+    for pair in ALTERNATIVES.get(section, ()):
+        for given, other in (pair, reversed(pair)):
+            if upper.get(given) is not None and upper.get(other) is None:
+                merged.pop(other, None)
+    for key, value in upper.items():
+        below = merged.get(key)
+        inner = f"{section}.{key}".strip(".")
+        if isinstance(below, list) and isinstance(value, Mapping):
+            merged[key] = _merge_places(below, value, inner)
+        elif inner == "exciters" and isinstance(below, list) and isinstance(value, list) and len(value) == len(below):
+            merged[key] = _merge_places(below, {str(place): of for place, of in enumerate(value)}, inner)
+        elif isinstance(value, Mapping) and inner not in REPLACED:
+            merged[key] = merge(below if isinstance(below, Mapping) else {}, value, inner)
+        else:
+            merged[key] = value
+    return merged
+
+
+def _merge_places(below: list[Any], places: Mapping[str, Any], section: str) -> list[Any]:
+    """Override entries of a list by their places."""
+    merged = list(below)
+    for place, value in places.items():
+        if not (place.isdecimal() and int(place) < len(below)):
+            known = [f"{section}.{number}" for number in sorted({0, len(below) - 1})] if below else ["none"]
+            raise ConfigError(f"unknown key {section}.{place}; allowed: {' to '.join(known)}")
+        old = merged[int(place)]
+        inner = f"{section}.{place}"
+        both = isinstance(value, Mapping) and isinstance(old, Mapping)
+        merged[int(place)] = merge(old, value, inner) if both else value
+    return merged
+
+
+def _with_exciters(tree: Mapping[str, Any]) -> dict[str, Any]:
+    """Move the numbers of the exciters from ``motor``, ``motors`` and ``machine`` to ``exciters``."""
+    moved = {key: value for key, value in tree.items() if key not in ("motor", "motors")}
+    motors = tree.get("motors") or [tree.get("motor") or {}] * 2
+    machine = tree.get("machine") or {}
+    if not (isinstance(machine, Mapping) and all(isinstance(motor, Mapping) for motor in motors)):
+        return dict(tree)  # to be refused when the scene is built
+    own = {key: machine[key] for key in OF_EXCITERS if key in machine}
+    moved["exciters"] = [{**motor, **own} for motor in motors]
+    if own:
+        moved["machine"] = {key: value for key, value in machine.items() if key not in own}
+    return moved
+
+
+def nest(dotted: Mapping[str, Any]) -> dict[str, Any]:
+    """Turn dotted keys into nested sections: ``{"a.b": 1}`` becomes ``{"a": {"b": 1}}``."""
+    tree: dict[str, Any] = {}
+    for path, value in dotted.items():
+        if not isinstance(path, str):
+            raise ConfigError(f"key {path!r} is not text; allowed: key.sub")
+        *sections, key = path.split(".")
+        node = tree
+        for name in sections:
+            node = node.setdefault(name, {})
+            if not isinstance(node, dict):
+                raise ConfigError(f"{path} lies inside {name}, which already has a value")
+        node[key] = value
+    return tree
+
+
+def flat(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Turn nested sections into dotted keys; the inverse of :func:`nest`."""
+    found: dict[str, Any] = {}
+    for key, value in tree.items():
+        if isinstance(value, Mapping) and value:
+            found |= flat(value, f"{prefix}{key}.")
+        else:
+            found[f"{prefix}{key}"] = value
+    return found

@@ -8,16 +8,18 @@ scales) are properties; their docstrings give the symbols of the equations.
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Mapping
 from functools import cached_property
+from pathlib import Path
 from typing import Annotated, Any, Self
 
 from pydantic import BaseModel, Field, ValidationError, model_validator
 
 from vibroplat.config.coordinates import COORDINATES, RATES, Mode
 from vibroplat.config.drive import Drive
-from vibroplat.config.overrides import merge, nest
 from vibroplat.config.plans import OrbitsPlan, SweepPlan
+from vibroplat.config.reader import load_tree, merge, nest
 from vibroplat.config.schema import Section, described, explain
 from vibroplat.config.sections import (
     OF_EXCITERS,
@@ -351,3 +353,26 @@ class Scene(Section):
             return cls.model_validate(tree)
         except ValidationError as error:
             raise ConfigError(explain(error, cls)) from None
+
+
+def load_config(path: str | os.PathLike[str], overrides: Mapping[str, Any] | None = None) -> Scene:
+    """Read a scene from a YAML 1.2 file.
+
+    Parameters
+    ----------
+    path
+        The file. Its ``extends`` may name another file, relative to this one, whose values it overrides.
+    overrides
+        Dotted keys and values that override those of the file, as given by ``--set``.
+
+    Raises
+    ------
+    vibroplat.errors.ConfigError
+        One line with the file, the key, the value and what is allowed.
+    """
+    file = Path(path)
+    tree = {"name": file.stem} | merge(load_tree(file), nest(overrides or {}))
+    try:
+        return Scene.from_tree(tree)
+    except ConfigError as error:
+        raise ConfigError(f"{file}: {error}") from None

@@ -21,8 +21,7 @@ from pydantic import Field, ValidationError, model_validator
 from scipy.optimize import differential_evolution
 
 from vibroplat.columns import Column, Columns
-from vibroplat.config.overrides import flat
-from vibroplat.config.reader import ENGINE, load_tree
+from vibroplat.config.reader import ENGINE, flat, load_tree
 from vibroplat.config.scene import Scene
 from vibroplat.config.schema import Real, Section, explain
 from vibroplat.errors import ConfigError

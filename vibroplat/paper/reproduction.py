@@ -19,11 +19,10 @@ from vibroplat.config.reader import configurations, load_list
 from vibroplat.config.scene import Scene
 from vibroplat.integrate import engine_name
 from vibroplat.paper.claims import judge, scoreboard
-from vibroplat.paper.contradictions import contradictions
 from vibroplat.paper.evidence import Evidence
 from vibroplat.paper.root_finding import match_beta, matched_frequency, narrow
 from vibroplat.paper.scenes import BETA, IMPACT, NON_IMPACT, QUICK, SEED, SHARED, claims, paper_scene
-from vibroplat.paper.tables import histories, impact_laws, sync_bands
+from vibroplat.paper.tables import contradictions, histories, impact_laws, sync_bands
 from vibroplat.results.files import write_result
 from vibroplat.results.provenance import provenance
 from vibroplat.study.branches import Branch, branches

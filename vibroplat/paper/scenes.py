@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from vibroplat.config.overrides import flat
-from vibroplat.config.reader import configurations, load_config, load_list, load_tree
-from vibroplat.config.scene import Scene
+from vibroplat.config.reader import configurations, flat, load_list, load_tree
+from vibroplat.config.scene import Scene, load_config
 from vibroplat.errors import ConfigError
 
 #: Sweeps of the impact model by which claims are judged.

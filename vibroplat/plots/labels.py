@@ -10,7 +10,7 @@ import pandas as pd
 
 from vibroplat.columns import PHASE, unit_of, words
 from vibroplat.config.drive import Drive, Entry
-from vibroplat.config.overrides import flat
+from vibroplat.config.reader import flat
 from vibroplat.config.scene import Scene
 from vibroplat.errors import ConfigError
 from vibroplat.plots.style import plain

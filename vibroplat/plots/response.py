@@ -17,7 +17,7 @@ from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.lines import Line2D
 
 from vibroplat.columns import MEASURES, PHASE_COLUMN
-from vibroplat.config.overrides import flat
+from vibroplat.config.reader import flat
 from vibroplat.errors import TableError
 from vibroplat.plots.labels import compared, distinct, is_number, key_label, scene_of, sweep_parameters, value_label
 from vibroplat.plots.reading import Curve, curves_of, read_columns, read_result

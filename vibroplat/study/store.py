@@ -18,7 +18,7 @@ from copy import copy
 from pathlib import Path
 from typing import Any, Self
 
-from vibroplat.config.overrides import flat
+from vibroplat.config.reader import flat
 from vibroplat.errors import ConfigError, TableError
 from vibroplat.results.locks import Lock
 

@@ -1,10 +1,13 @@
-"""Memory: how much of it there is, and how much of that a run may keep."""
+"""Memory: how much there is, how much of it a run may keep, and how much a command needs before it begins."""
 
 from __future__ import annotations
 
+import errno
 import os
 from contextlib import suppress
 from pathlib import Path
+
+from vibroplat.errors import VibroplatError
 
 #: Part of the available memory that a run may keep. The rest is for tables made of it, and for other programs.
 SHARE = 0.5
@@ -16,11 +19,26 @@ GROUPS = Path("/sys/fs/cgroup")
 #: What is told where the system has refused memory.
 NO_MORE = "the system gave no more memory; end other programs, or run on a machine with more"
 
+#: Address space (bytes) below which libraries cannot be loaded: with one thread of OpenBLAS a run and its figures need
+#: 1.0 GB, with engine sundae 1.05 GB. With less it waits for memory for ever or ends the process, without a word.
+LEAST_ADDRESSES = 1_200_000_000
+#: The same where kernels have to be compiled: 1.33 GB are enough, with 1.13 GB Python runs out of memory.
+COMPILING = 1_450_000_000
+
+#: How the loader and libraries describe a lack of memory.
+_LACKS = ("failed to map segment", "cannot allocate", "out of memory")
+
 _UNITS = ("bytes", "KiB", "MiB", "GiB", "TiB", "PiB", "EiB")
 
 
 class OutOfMemoryError(MemoryError):
     """More would be kept than memory allows; the message says what takes it and what to change."""
+
+
+class MemoryShortError(VibroplatError):
+    """Too little memory for what a command does."""
+
+    exit_code = 1
 
 
 def amount(size: float) -> str:
@@ -89,17 +107,21 @@ def _cache(limit: Path) -> int:
 
 
 def _of_address_space() -> float:
+    limit = _limit_of_addresses()
+    with suppress(OSError, ValueError):
+        pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
+        return limit - pages * os.sysconf("SC_PAGE_SIZE")
+    return limit
+
+
+def _limit_of_addresses() -> float:
+    """Return the address space (bytes) that this process may have in all; infinity without a limit."""
     try:
         import resource  # noqa: PLC0415  (not on Windows)
     except ImportError:
         return float("inf")
     limit = resource.getrlimit(resource.RLIMIT_AS)[0]
-    if limit == resource.RLIM_INFINITY:
-        return float("inf")
-    with suppress(OSError, ValueError):
-        pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
-        return float(limit - pages * os.sysconf("SC_PAGE_SIZE"))
-    return float(limit)
+    return float("inf") if limit == resource.RLIM_INFINITY else limit
 
 
 class Share:
@@ -137,3 +159,34 @@ class Share:
                 )
             self._checked = taken
         self.taken = taken
+
+
+def require_memory(need: int = LEAST_ADDRESSES, what: str = "loading the libraries") -> None:
+    """Refuse to begin what will not end well.
+
+    Parameters
+    ----------
+    need, what
+        Address space (bytes) that something needs, and what that is.
+
+    Raises
+    ------
+    MemoryShortError
+        The address space of the process is limited to too little.
+    """
+    limit = _limit_of_addresses()
+    if limit < float("inf"):
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # each further thread takes 0.3 GB, and none is of use
+    if limit < need:
+        raise MemoryShortError(
+            f"memory is limited to {limit / 1e6:.0f} MB of addresses (ulimit -v {limit // 1024:.0f}); {what} takes "
+            f"{need / 1e6:.0f} MB: raise the limit, or limit resident memory instead"
+        )
+
+
+def is_short_of_memory(error: BaseException) -> bool:
+    """Whether an error says that there is not enough memory."""
+    if isinstance(error, MemoryError) or (isinstance(error, OSError) and error.errno == errno.ENOMEM):
+        return True
+    loading = isinstance(error, (ImportError, OSError, RuntimeError))
+    return loading and any(words in str(error).lower() for words in _LACKS)

@@ -1,11 +1,33 @@
-"""Progress bars, shown only on a terminal: each function yields what reports progress, or None without a terminal."""
+"""Standard streams, and progress bars.
+
+Bars are shown only on a terminal: each function yields what reports progress, or None without a terminal.
+"""
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
+
+
+def open_streams() -> None:
+    """Give closed standard streams the null device, and let every character be printed.
+
+    Otherwise a result file would get the number of a closed stream, with all that is printed to it. What a stream's
+    encoding does not have is escaped.
+    """
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # gets the lowest free number, which is this one
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, "w" if number else "r", encoding="utf-8"))  # noqa: SIM115
+    for stream in (sys.stdout, sys.stderr):
+        if getattr(stream, "errors", "") in ("strict", "surrogateescape"):
+            stream.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
 
 
 @contextmanager
