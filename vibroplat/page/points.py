@@ -14,11 +14,10 @@ import pandas as pd
 from vibroplat.columns import MEASURES, PHASE_COLUMN, unit_of, words
 from vibroplat.config.coordinates import COORDINATES, RATES
 from vibroplat.config.scene import Scene
-from vibroplat.continuation.test_functions import KINDS
 from vibroplat.errors import VibroplatError
 from vibroplat.page.run import impacts_of, initial, machine_of, packed_coarsely
 from vibroplat.plots.labels import ABSCISSAE, is_number, value_words
-from vibroplat.plots.orbits import Branches, between, places_of
+from vibroplat.plots.orbits import MEANINGS, Branches, between, places_of
 from vibroplat.plots.reading import Curve, curves_of
 
 EXCITATION, SUPPLY = ABSCISSAE["excitation"], ABSCISSAE["supply"]
@@ -196,7 +195,7 @@ def special_marks(found: Branches, special: pd.DataFrame, table: pd.DataFrame) -
         points = rows["point"].to_numpy(dtype=float)
         for number, (place, kind) in enumerate(own["kind"].items()):
             empty: dict[str, Any] = {"rows": [], "nearest": [], "at": {name: [] for name in drawn}}
-            mark = marks.setdefault(str(kind), {"kind": str(kind), "meaning": KINDS.get(str(kind), ""), **empty})
+            mark = marks.setdefault(str(kind), {"kind": str(kind), "meaning": MEANINGS.get(str(kind), ""), **empty})
             mark["rows"].append(place)
             mark["nearest"].append(int(rows.index[np.abs(points - shares[number]).argmin()]))
             for name, at in drawn.items():

@@ -43,8 +43,9 @@ if TYPE_CHECKING:
 
 #: What is drawn over the key; force only where there is any.
 PANELS = ("rms_y_m", "rms_x_m", PHASE_COLUMN, "motor_power_w", "contact_force_max_n")
-#: Markers of kinds of special points, and colours of curves of them.
+#: Markers and meanings of kinds of special points, and colours of curves of them.
 MARKERS = dict(zip(KINDS, "oDsX^vP", strict=True))
+MEANINGS = KINDS
 _COLOURS = dict(zip(KINDS, itertools.cycle(CURVES)))
 #: Colour of what is behind the branches.
 BEHIND = "#9a9a9a"
