@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import matplotlib as mpl
 import matplotlib.pyplot as plt
 import numpy as np
@@ -14,7 +16,7 @@ from vibroplat.errors import TableError
 from vibroplat.plots.command import plot_results
 from vibroplat.plots.response import read_response
 from vibroplat.plots.sweep import FIGURES, PERIODS, SYNC, sweep_figures
-from vibroplat.results.tables import read_json, write_json, write_table
+from vibroplat.results.tables import read_json, write_table
 
 from .conftest import diagram, sweep_table, texts
 
@@ -123,7 +125,7 @@ def test_sweeps_are_laid_over_each_other(write_sweep, figures):
     plain = write_sweep(table.drop(columns=MASS), name="plain")
     proof = read_json(plain, "provenance")
     proof["configuration"]["material"]["mass_ratio"] = 0.3
-    write_json(proof, plain, "provenance")
+    (plain / "provenance.json").write_text(json.dumps(proof))
     (path,) = plot_results([write_sweep(table.assign(**{MASS: 0.1}), name="soft"), plain])
     assert (path.parent.name, path.name) == ("soft", "response-compared.png")
     assert texts(figures["response"].legends[0])[:2] == [r"soft, $\mu_w$ = 0.1", r"plain, $\mu_w$ = 0.3"]

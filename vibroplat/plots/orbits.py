@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from vibroplat.columns import COORDINATES, MEASURES, PHASE_COLUMN
-from vibroplat.continuation.test_functions import KINDS
+from vibroplat.continuation.special_points import KINDS
 from vibroplat.errors import TableError
 from vibroplat.plots.labels import (
     ABSCISSAE,

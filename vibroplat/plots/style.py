@@ -15,7 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from vibroplat.results.tables import replace_files, result_directory
+from vibroplat.results.tables import replace_file, result_directory
 
 Form = Literal["png", "pdf", "svg"]
 
@@ -153,5 +153,5 @@ def save(figure: Figure, directory: Path, name: str, saving: Saving | None = Non
     path = (place or directory) / f"{name}.{saving.form}"
     metadata: Any = _DATES[saving.form]
     with styled():
-        replace_files({path: lambda file: figure.savefig(file, dpi=saving.dpi or "figure", metadata=metadata)})
+        replace_file(path, lambda file: figure.savefig(file, dpi=saving.dpi or "figure", metadata=metadata))
     return path
