@@ -36,7 +36,7 @@ def events(scene: Scene) -> list[tuple[float, str, float]]:
         system = by_mode[mode]
         guard, longest = _guard(system, state, t, p)
         solution = solve_ivp(
-            lambda _, u, s=system: _derivative(s, u, p)[0],
+            lambda _, u, s=system: derivative(s, u, p)[0],
             (t, scene.run.duration_s),
             state[system.places],
             method="DOP853",
@@ -65,7 +65,8 @@ def events(scene: Scene) -> list[tuple[float, str, float]]:
     return found
 
 
-def _derivative(system, unknowns, p):
+def derivative(system, unknowns, p):
+    """Derivatives of the differential unknowns, and all unknowns, F_c the last of them in contact."""
     y, yp = np.zeros(system.size), np.empty(system.size)
     y[: system.differential] = unknowns
     accelerations(system.index, 0.0, y, yp, p)
@@ -77,11 +78,11 @@ def _guard(system, state, start, p):
     if system.mode is Mode.ATTACHED:
 
         def guard(_, unknowns):
-            return _derivative(system, unknowns, p)[1][-1]
+            return derivative(system, unknowns, p)[1][-1]
 
         longest = 2e-4
     else:
-        fall = abs(_derivative(system, state[system.places], p)[0][system.differential // 2 + GAP])
+        fall = abs(derivative(system, state[system.places], p)[0][system.differential // 2 + GAP])
         rise = state[GAP_RATE] / fall if state[GAP_RATE] > 0.0 else math.inf
         begin = start + min(0.5 * rise, 1e-4 if math.isfinite(rise) else 1e-5)
 

@@ -48,7 +48,7 @@ def test_orbit_of_two_masses_is_one_of_their_equations():
 
 @pytest.mark.long
 def test_branches_are_cheaper_than_sweeps_and_as_exact():
-    narrow = {"sweep.grid": {"material.mass_ratio": [0.1]}, "sweep.supply_frequency_hz.stop": 48.0}
+    narrow = {"sweep.grid": {"material.mass_ratio": [0.1]}, "sweep.supply_frequency_hz.stop": 45.0}
     table = cost(1, narrow).set_index("what")
     assert list(table.index) == ["branches", *(f"sweep, settled to {t:g}" for t in (1e-3, 1e-7, 1e-9))]
     assert table["times_branches"].is_monotonic_increasing

@@ -6,12 +6,11 @@ from functools import cache
 
 import numpy as np
 import pytest
-from oracle import REFERENCE
+from oracle import REFERENCE, derivative
 from scipy.integrate import solve_ivp
 
 from vibroplat import load_config, simulate
 from vibroplat.hybrid.state import initial_state, state_scales
-from vibroplat.model.accelerations import accelerations
 from vibroplat.model.parameters import parameters
 from vibroplat.model.systems import systems
 
@@ -32,14 +31,8 @@ def truth(name):
     p = parameters(scene)
     (system,) = [s for s in systems(scene).values() if s.mode.label == name]
 
-    def unknowns(u):
-        y, yp = np.zeros(system.size), np.zeros(system.size)
-        y[: system.differential] = u
-        accelerations(system.index, 0.0, y, yp, p)
-        return y, yp
-
     solution = solve_ivp(
-        lambda _, u: unknowns(u)[1][: system.differential],
+        lambda _, u: derivative(system, u, p)[0],
         (0.0, scene.run.duration_s),
         initial_state(scene)[system.places],
         method="DOP853",
@@ -48,7 +41,7 @@ def truth(name):
         max_step=2e-4,
         dense_output=True,
     )
-    return system, solution.sol, lambda u: unknowns(u)[0][-1]
+    return system, solution.sol, lambda u: derivative(system, u, p)[1][-1]
 
 
 def errors(name, engine, tolerance):

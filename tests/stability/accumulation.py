@@ -100,8 +100,8 @@ def _latch(run):
 
 def elastic(count, engine):
     """Use R of nearly 1: impacts keep their energy, pressing layers end with a named outcome, work is bounded."""
-    rows = [_bounces(tolerance, engine) for tolerance in (1e-6, 1e-8, 1e-10)]
-    rows += [_slow_accumulation(restitution, engine) for restitution in (0.995, 0.999, 0.9995)]
+    rows = [_bounces(tolerance, engine) for tolerance in (1e-10, 1e-8, 1e-6)[:count]]
+    rows += [_slow_accumulation(restitution, engine) for restitution in (0.995, 0.999, 0.9995)[:count]]
     supply = np.linspace(42.0, 78.0, max(count - len(rows), 2) // 2)
     return rows + [_pressing(restitution, float(f), engine) for restitution in (0.999, 1.0) for f in supply]
 
