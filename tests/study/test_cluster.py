@@ -229,6 +229,13 @@ def test_no_worker_is_told_and_given_up(kernels, monkeypatch, caplog):
     assert told == [f"waiting for {what}, up to 0.4 s"]
 
 
+def test_dask_may_speak_again_when_the_pool_is_closed(threads):
+    logger = logging.getLogger("distributed.client")
+    with pool(scheduler=threads.scheduler_address):
+        assert logger.disabled
+    assert not logger.disabled
+
+
 # -- in processes of their own ----------------------------------------------------------------------------
 
 
