@@ -15,7 +15,7 @@ from vibroplat.hybrid.state import CUBIC, no_steps
 from vibroplat.integrate.multistep import begin_steps, calm, excursion, no_past, transcribe
 from vibroplat.kernels.polynomial import extremes
 from vibroplat.model.parameters import parameters
-from vibroplat.observe.segments import sample
+from vibroplat.observe.tables import sample
 
 #: Unknowns of a step that are none of its own, as many as the exciters' angle 1 asks for.
 OTHERS = 4

@@ -19,7 +19,7 @@ from common.results import bits
 from vibroplat import load_config, simulate, sweep
 from vibroplat.hybrid.state import initial_state, perturbed, state_scales
 from vibroplat.integrate import make_engine
-from vibroplat.observe import audit
+from vibroplat.observe import summary
 from vibroplat.results.tables import read_table
 from vibroplat.study.branches import branches
 from vibroplat.study.point import MEASURED, Point, synchronization
@@ -154,8 +154,8 @@ def test_failed_points_are_rows_and_the_branch_goes_on(storming):
 def test_points_that_do_not_keep_their_balances_are_inaccurate_and_not_gone_on_from(monkeypatch):
     scene = planned(LOADED, 50.0, 50.5, settle_s=0.1, measure_s=0.1)
     good = sweep(scene)
-    monkeypatch.setattr(audit, "LEAST_ENERGY", 0.0)
-    monkeypatch.setattr(audit, "ENERGY", 1e-9)
+    monkeypatch.setattr(summary, "LEAST_ENERGY", 0.0)
+    monkeypatch.setattr(summary, "ENERGY", 1e-9)
     table = sweep(scene)
     assert good["outcome"].tolist() == ["ok", "ok"]
     assert table["outcome"].tolist() == ["inaccurate", "inaccurate"]
