@@ -6,9 +6,9 @@ It shares with the package only the right-hand side and the impact map, both che
 from __future__ import annotations
 
 import math
-from pathlib import Path
 
 import numpy as np
+from common.references import REFERENCES as REFERENCE  # noqa: F401
 from scipy.integrate import solve_ivp
 
 from vibroplat.config.coordinates import Mode
@@ -19,7 +19,6 @@ from vibroplat.model.impact import impact
 from vibroplat.model.parameters import parameters
 from vibroplat.model.systems import GAP, GAP_RATE, systems
 
-REFERENCE = Path(__file__).parent / "reference"
 #: Rebounds slower than this end with an inelastic impact (m/s).
 SLOWEST = 2e-7
 

@@ -29,26 +29,6 @@ def test_contact_that_touches_zero_goes_on():
     assert run.summary["gap_max_m"] < 1e-15
 
 
-@pytest.mark.parametrize(("layers", "restitution"), [(1, 0.0), (2, 0.3), (1, 0.7)])
-def test_gap_and_force_keep_their_sign(damped, restitution, layers):
-    scene = damped.replace(
-        {
-            "material": {"mass_ratio": 0.2, "layers": layers},
-            "contact.restitution": restitution,
-            "drive.supply_frequency_hz": 56.0,
-            "run.duration_s": 1.0,
-        }
-    )
-    run = simulate(scene)
-    assert run.outcome == "ok"
-    table = run.trajectory
-    assert (table["gap_m"] >= 0.0).all()
-    attached = table["mode"] == "attached"
-    assert (table.loc[attached, "contact_force_n"] >= -1e-12 * table["contact_force_n"].max()).all()
-    assert (table.loc[attached, ["gap_m", "gap_rate_m_per_s"]] == 0.0).all(axis=None)
-    assert (table.loc[~attached, "contact_force_n"] == 0.0).all()
-
-
 def test_positions_are_continuous_and_only_impacts_jump(quickstart):
     run = simulate(quickstart.replace({"run.duration_s": 0.5, "contact.restitution": 0.4}))
     table = run.trajectory

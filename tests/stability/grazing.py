@@ -83,15 +83,12 @@ def over_table(restitution, offset):
     gamma = amplitude * omega**2 / GRAVITY
     table = ball_on_table(gamma, restitution, tolerance=TOLERANCE, phase=phase, omega=omega, periods=0.75)
     start = {"run.initial.state.gap_m": gap(0.0), "run.initial.state.gap_rate_m_per_s": gap_rate(0.0)}
-    return table.replace(start), _touch(gap, gap_rate, START, amplitude)
-
-
-def _touch(gap, gap_rate, near, amplitude):
-    """Find the minimal gap and the first contact near a time."""
-    reach = 0.4 * near
-    bottom = brentq(gap_rate, near - reach, near + reach, xtol=1e-16)
+    reach = 0.4 * START
+    bottom = brentq(gap_rate, START - reach, START + reach, xtol=1e-16)
     depth = gap(bottom)
-    speed = gap_rate(brentq(gap, near - reach, bottom, xtol=1e-16)) if depth < 0.0 else 0.0
+    speed = gap_rate(brentq(gap, START - reach, bottom, xtol=1e-16)) if depth < 0.0 else 0.0
     level = max(depth, 0.0) + RESOLVED * amplitude
-    fastest = abs(gap_rate(brentq(lambda t: gap(t) - level, near - reach, bottom, xtol=1e-16)))
-    return Touch(amplitude, depth, speed, max(fastest, abs(speed)), near + reach, gap_rate(near + reach))
+    fastest = abs(gap_rate(brentq(lambda t: gap(t) - level, START - reach, bottom, xtol=1e-16)))
+    return table.replace(start), Touch(
+        amplitude, depth, speed, max(fastest, abs(speed)), START + reach, gap_rate(START + reach)
+    )

@@ -118,13 +118,3 @@ def test_sound_runs_are_told_from_others():
     wrong = {"energy_residual": 1.0, "momentum_residual": 1.0, "gap_min_m": -1e-6, "contact_pull_n": 0.1}
     for key, value in wrong.items():
         assert row("a", "ok", sound(scene, summary | {key: value}))["failed"] != "", key
-
-
-def test_random_scenes_are_the_same_each_time_and_not_alike():
-    assert random_scene(7) == random_scene(7)
-    assert random_scene(7) != random_scene(8)
-    drawn = [random_scene(number) for number in range(100)]
-    assert {scene.layers for scene in drawn} == {0, 1, 2}
-    assert {scene.contact.impact_law for scene in drawn} == {"conservative", "central", "printed"}
-    assert any(scene.motors for scene in drawn)
-    assert any(scene.run.initial.state for scene in drawn)
