@@ -89,6 +89,19 @@ def test_a_contact_force_below_zero_is_found_before_the_measured_part(quickstart
     assert early < -1e-7 < late
     assert run.summary["contact_pull_n"] == pytest.approx(-early, rel=1e-3)
     assert run.summary["contact_force_min_n"] > -1e-7
+    time = float(table.loc[table["contact_force_n"].idxmin(), "t_s"])
+    measured = simulate(run.scene.replace({"run.duration_s": 1.5 * time}), keep="summary").summary
+    assert measured["contact_pull_n"] == -measured["contact_force_min_n"] == pytest.approx(-early, rel=1e-3)
+
+
+def test_speeds_of_exciters_that_differ_are_their_turns_over_their_time(quickstart):
+    braked = {"critical_torque_n_m": 0.0, "friction_radius_m": 5e-3}
+    run = simulate(quickstart.replace({"exciters": [{}, braked], "run.duration_s": 0.5, "material.mass_ratio": 0.0}))
+    passed = run.section.iloc[-1] - run.section.iloc[0]
+    first, second = (abs(passed[f"phi{n}_rad"]) / (2.0 * np.pi * passed["t_s"]) for n in (1, 2))
+    assert first > 1.2 * second
+    assert run.summary["excitation_frequency_hz"] == pytest.approx(0.5 * (first + second), rel=1e-9)
+    assert run.summary["frequency_split_hz"] == pytest.approx(first - second, rel=1e-9)
 
 
 def test_an_exciter_that_swings_completes_no_turn(printed):
