@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import json
 import math
 
 import pytest
-from common.places import ROOT
 
-from vibroplat import Contact, Drive, Exciter, Machine, Material, Motor, Scene, load_config
+from vibroplat import Drive, Exciter, Machine, Material, Motor, Scene
 from vibroplat.config.keys import configuration_schema
 from vibroplat.errors import ConfigError
 from vibroplat.study.branches import branches
@@ -137,44 +135,6 @@ def test_fastest_decay_is_that_of_the_strongest_damper_or_motor():
     slope = 2.0 * 1.2 / (0.15 * math.pi * 50.0)
     driven = scene.replace({"motor.critical_torque_n_m": 1.2})
     assert driven.fastest_decay == pytest.approx(slope / scene.exciter_inertias[0], rel=1e-12)
-
-
-# -- files ------------------------------------------------------------------------------------------------
-
-#: A file with keys of all sections, and what it means: numbers of the quickstart, some of them other ones.
-EXAMPLE = """\
-extends: machines/calibrated.yaml
-machine: {unbalance_radius_m: 0.09, damping_y_n_s_per_m: 400.0}
-motor: {critical_torque_n_m: 1.2, critical_slip: 0.15, pole_pairs: 2, friction_radius_m: 5.0e-5}
-material: {mass_ratio: 0.2, layers: 2, lower_share: 0.75, natural_frequency_hz: 18.5, damping_ratio: 0.05}
-contact: {model: impact, restitution: 0.0, impact_law: conservative, viscous_per_mass_per_s: 0.0}
-drive: {supply_frequency_hz: 51.5}
-run:
-  duration_s: 4.0
-  initial: {phase_sum_rad: 3.141592653589793, phi1_rad: 0.0, speed_ratio: 0.98}
-solver: {tolerance: 1.0e-6, engine: auto}
-output: {sample_rate_hz: 2000}
-sweep:
-  supply_frequency_hz: {start: 42.0, stop: 80.0, step: 0.5, direction: [up, down]}
-  grid: {material.mass_ratio: [0.0, 0.1, 0.2], contact.restitution: [0.0]}
-  settle_s: 6.0
-  measure_s: 2.0
-"""
-
-
-def test_example_of_all_sections_loads(scene_of, here):
-    (here / "machines").symlink_to(ROOT / "configs/machines")
-    scene = scene_of(EXAMPLE)
-    assert scene.sweep.settle_s == 6.0
-    assert scene.machine.rotor_inertia_kg_m2 == 0.8e-3
-    changes = {"machine.unbalance_radius_m": 0.09, "machine.damping_y_n_s_per_m": 400.0}
-    changes |= {"motor.friction_radius_m": 5e-5, "run.initial.phase_sum_rad": math.pi, "name": "c", "sweep": None}
-    changes |= {"material.natural_frequency_hz": 18.5, "material.damping_ratio": 0.05}
-    same = load_config(ROOT / "configs/quickstart.yaml", changes).replace(
-        contact=Contact(model="impact", restitution=0.0, impact_law="conservative", viscous_per_mass_per_s=0.0)
-    )
-    assert scene.replace(sweep=None).to_tree() == same.to_tree()
-    assert Scene.from_tree(json.loads(json.dumps(scene.to_tree()))).to_tree() == scene.to_tree()
 
 
 def test_schema_refuses_other_keys_and_says_what_is_allowed():
