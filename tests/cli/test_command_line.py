@@ -76,19 +76,14 @@ def test_help_names_the_commands_and_h_is_short_for_it(command):
         assert ("--engine" in found, "--check" in found) == (True, name in ("run", "sweep"))
 
 
-def completed(*words):
-    """What bash would offer after these words."""
-    asked = {"_VIBROPLAT_COMPLETE": "complete_bash", "COMP_WORDS": " ".join(("vibroplat", *words))}
-    asked["COMP_CWORD"] = str(len(words))
-    line = [sys.executable, "-c", script()]
-    done = subprocess.run(line, capture_output=True, text=True, check=True, env=os.environ | asked)
-    assert done.stderr == ""
-    return done.stdout.split()
-
-
 def test_options_and_their_values_are_completed(command):
-    assert "--jobs" in completed("sweep", "x.yaml", "--j")
-    assert completed("plot", "DIR", "--kind", "f") == ["force"]
+    """As bash asks for them."""
+    for words, offered in ((("sweep", "x.yaml", "--j"), "--jobs"), (("plot", "DIR", "--kind", "f"), "force")):
+        asked = {"_VIBROPLAT_COMPLETE": "complete_bash", "COMP_WORDS": " ".join(("vibroplat", *words))}
+        asked["COMP_CWORD"] = str(len(words))
+        line = [sys.executable, "-c", script()]
+        done = subprocess.run(line, capture_output=True, text=True, check=True, env=os.environ | asked)
+        assert (done.stdout.split(), done.stderr) == ([offered], "")
     assert "--install-completion" in command("--help").out
 
 

@@ -243,10 +243,3 @@ def test_parts_of_branches_that_are_missing_are_made_again(command, followed):
     assert (done.code, done.err) == (0, "")
     assert f"{kept} parts of branches from before" in done.out
     assert tables() == wanted
-
-
-def test_other_conditions_are_not_resumed(command, followed):
-    done = command("orbits", "c.yaml", "--resume", "--set", "orbits.stop=49.5")
-    assert not_a_line(done) == ""
-    line = "vibroplat: cannot resume: configuration.orbits.stop = 49.5; allowed: 49.0, as in the finished parts"
-    assert done.err.startswith(line)

@@ -223,6 +223,7 @@ SETTINGS = [
     (program(START), "drive.program.1.t_s=2", "unknown key drive.program.1; allowed: drive.program.0"),
     ("exciters: [{}, {}]", "exciters=[{}]", "c.yaml: exciters = [{}]; allowed: a list of 2"),
     ("exciters: [{}, {}]", "motor.pole_pairs=3", f"c.yaml: {both('motor', 'exciters')}"),
+    ("motor: 3", "motors.0.pole_pairs=2", f"c.yaml: motors.1 = 3; allowed: {SECTION}"),
     ("motor: 3", "exciters.1.critical_slip=0.1", f"c.yaml: motor = 3; allowed: {SECTION} (and 1 more)"),
 ]
 
