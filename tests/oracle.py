@@ -6,9 +6,9 @@ It shares with the package only the right-hand side and the impact map, both che
 from __future__ import annotations
 
 import math
-from pathlib import Path
 
 import numpy as np
+from common.references import REFERENCES as REFERENCE  # noqa: F401
 from scipy.integrate import solve_ivp
 
 from vibroplat.config.coordinates import Mode
@@ -19,7 +19,6 @@ from vibroplat.model.impact import impact
 from vibroplat.model.parameters import parameters
 from vibroplat.model.systems import GAP, GAP_RATE, systems
 
-REFERENCE = Path(__file__).parent / "reference"
 #: Rebounds slower than this end with an inelastic impact (m/s).
 SLOWEST = 2e-7
 
@@ -36,7 +35,7 @@ def events(scene: Scene) -> list[tuple[float, str, float]]:
         system = by_mode[mode]
         guard, longest = _guard(system, state, t, p)
         solution = solve_ivp(
-            lambda _, u, s=system: _derivative(s, u, p)[0],
+            lambda _, u, s=system: derivative(s, u, p)[0],
             (t, scene.run.duration_s),
             state[system.places],
             method="DOP853",
@@ -65,7 +64,8 @@ def events(scene: Scene) -> list[tuple[float, str, float]]:
     return found
 
 
-def _derivative(system, unknowns, p):
+def derivative(system, unknowns, p):
+    """Derivatives of the differential unknowns, and all unknowns, F_c the last of them in contact."""
     y, yp = np.zeros(system.size), np.empty(system.size)
     y[: system.differential] = unknowns
     accelerations(system.index, 0.0, y, yp, p)
@@ -77,11 +77,11 @@ def _guard(system, state, start, p):
     if system.mode is Mode.ATTACHED:
 
         def guard(_, unknowns):
-            return _derivative(system, unknowns, p)[1][-1]
+            return derivative(system, unknowns, p)[1][-1]
 
         longest = 2e-4
     else:
-        fall = abs(_derivative(system, state[system.places], p)[0][system.differential // 2 + GAP])
+        fall = abs(derivative(system, state[system.places], p)[0][system.differential // 2 + GAP])
         rise = state[GAP_RATE] / fall if state[GAP_RATE] > 0.0 else math.inf
         begin = start + min(0.5 * rise, 1e-4 if math.isfinite(rise) else 1e-5)
 

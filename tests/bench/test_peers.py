@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from common.references import load_reference
 
-from vibroplat import simulate
 from vibroplat.bench import measure, scenes
 
 pytestmark = pytest.mark.peers
@@ -55,13 +54,3 @@ def test_reference_is_the_motion_of_the_tables(name, table):
     assert errors["event_time_s"] < 1e-12
     rows = known.trajectory.set_index(known.trajectory["t_s"].round(9)).loc[found.trajectory["t_s"].round(9)]
     assert np.abs(rows["y_m"].to_numpy() - found.trajectory["y_m"].to_numpy()).max() < 1e-11
-
-
-def test_peers_share_the_sticking_speed(case):
-    contact = {"restitution": 0.5, "sticking_speed_m_per_s": 0.15}
-    scene = case.scene.replace({"contact": contact, "run.duration_s": 0.4, "solver.tolerance": 1e-9})
-    found, expected = measure.Solver("scipy DOP853", scene, 1e-9).run([]).events, simulate(scene, keep="events").events
-    assert (expected["gap_rate_after_m_per_s"] > 0.0).any()
-    assert (expected["mode_after"] == "attached").any()
-    assert list(found["kind"]) == list(expected["kind"])
-    assert found["t_s"].to_numpy() == pytest.approx(expected["t_s"].to_numpy(), abs=1e-6)

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pandas as pd
 
 from common.places import QUICKSTART
 from vibroplat import load_config
 from vibroplat.results.files import SCHEMA, write_result
-from vibroplat.results.tables import read_json, write_json, write_table
+from vibroplat.results.tables import read_json, write_table
 
 
 def origin(name, **changes):
@@ -146,6 +148,7 @@ def write_orbits(directory):
 
 def rename(directory, name, note):
     """Give a run without digests another name and another note, as another program could have written them."""
-    write_json(read_json(directory, "summary") | {"name": name, "notes": [note]}, directory, "summary")
+    summary = read_json(directory, "summary") | {"name": name, "notes": [note]}
+    (directory / "summary.json").write_text(json.dumps(summary))
     write_table(pd.read_parquet(directory / "events.parquet").assign(kind=note), directory, "events", "parquet")
     return directory

@@ -84,9 +84,3 @@ def stable_phases(scene, speed):
     values = [lead(phase) for phase in grid]
     falls = [i for i in range(grid.size - 1) if values[i] > 0.0 >= values[i + 1]]
     return [math.remainder(brentq(lead, grid[i], grid[i + 1], xtol=1e-12), TURN) for i in falls]
-
-
-def most_friction(scene, speed):
-    """Return the largest friction radius of exciter 2 without its motor at which the vibration drags it along (m)."""
-    h, k = influence(scene, speed), scene.unbalances
-    return 0.5 * speed**2 * (k[0] * abs(h[1, 0]) + k[1] * h[1, 1].imag)

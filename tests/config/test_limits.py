@@ -7,7 +7,6 @@ from common.limits import cpu_seconds
 from common.places import QUICKSTART
 
 from vibroplat import load_config, simulate
-from vibroplat.results.tables import write_json, write_table
 
 FINISHED = {"ok", "inaccurate"}
 OUTCOMES = FINISHED | {"solver-failure", "non-finite", "event-storm", "beyond-model"}
@@ -63,9 +62,7 @@ def test_extreme_value_ends_without_a_traceback(key, tmp_path):
         assert run.outcome in OUTCOMES
         assert (run.outcome in FINISHED) == (run.summary["simulated_s"] == scene.run.duration_s)
         assert len(run.summary["detail"].splitlines()) == (run.outcome != "ok")
-        write_json(run.summary, tmp_path, "summary")
-        write_table(run.trajectory, tmp_path, "trajectory", "parquet")
-        write_table(run.events, tmp_path, "events", "parquet")
+        run.save(tmp_path / "saved")
 
 
 def test_solver_failure_prints_nothing_of_its_own(capfd):

@@ -11,8 +11,8 @@ from common.shaken_table import GRAVITY, shaken, stable_range
 
 from continuation.helpers import MACHINE, MASS
 from vibroplat import load_config
-from vibroplat.continuation.test_functions import others_outside
-from vibroplat.continuation.two_keys import AGREES, DIFFERS, UNSTABLE, across, check, chosen
+from vibroplat.continuation.special_points import others_outside
+from vibroplat.continuation.two_keys import AGREES, DIFFERS, UNSTABLE, check, chosen
 
 KEY, RESTITUTION = "drive.supply_frequency_hz", "contact.restitution"
 
@@ -50,9 +50,9 @@ def test_a_curve_in_the_wrong_place_is_told(over_mass, kind):
     """Half a hertz away, where the motion on both sides is of one kind."""
     scene, curves = over_mass
     curve, plan = curves[kind], scene.orbits
-    place = len(curve.rows) // 2
+    place, way = list(chosen(curve.rows, plan).items())[1]
     wrong = curve.rows[place] | {"value": curve.rows[place]["value"] - 0.5}
-    found = check(scene, plan, kind, wrong, across(curve.rows, place, plan))
+    found = check(scene, plan, kind, wrong, way)
     assert found["check"] == DIFFERS
     assert found["below"] == found["above"]
 
@@ -84,14 +84,14 @@ def test_points_are_chosen_evenly_along_a_curve(over_mass):
     plan = over_mass[0].orbits
     rows = [{"value": value, "second": 0.2} for value in (46.0, *np.linspace(47.0, 47.1, 50), 50.0, 52.0, 54.0)]
     assert [rows[place]["value"] for place in chosen(rows, plan)] == [47.1, 50.0, 52.0]
-    assert chosen(rows[:2], plan) == []
+    assert chosen(rows[:2], plan) == {}
 
 
 def test_the_way_across_a_curve_is_at_right_angles_to_larger_values_of_the_first_key(over_mass):
     plan = over_mass[0].orbits
     rows = [{"value": 50.0 + i * plan.unit, "second": 0.2 - 2.0 * i * plan.boundaries.unit} for i in range(3)]
-    assert across(rows, 1, plan) == pytest.approx((2.0 / 5**0.5, 1.0 / 5**0.5))
-    assert across(rows[::-1], 1, plan) == pytest.approx((2.0 / 5**0.5, 1.0 / 5**0.5))
+    for there in (rows, rows[::-1]):
+        assert chosen(there, plan) == {1: pytest.approx((2.0 / 5**0.5, 1.0 / 5**0.5))}
 
 
 def test_multipliers_outside_beside_the_passing_ones():

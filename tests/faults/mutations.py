@@ -75,15 +75,11 @@ LINES = (
         f"sweep: {{supply_frequency_hz: {{start: 50, stop: 51}}, {keys}}}"
         for keys in (
             *listed("""
-            grid: {a: [1]} | grid: {run.duration_s: [1]} | grid: {machine: [1]} | grid: {machine.: [1]}
-            grid: {'': [1]} | grid: {material.layers: [1, 1.0]} | grid: {material.layers: [1, true]}
-            grid: {contact.restitution: [.nan]} | grid: [1] | grid: {drive.supply_frequency_hz: [1]}
-            grid: {motors: [1]} | kind: map | seed: 9223372036854775808 | seed: -1 | settle_s: .nan
-            settle_s: 1e-320 | measure_s: 1e308
+            grid: {a: [1]} | grid: {machine.: [1]} | grid: {'': [1]} | grid: {material.layers: [1, true]}
+            grid: {contact.restitution: [.nan]} | grid: [1] | grid: {motors: [1]} | seed: 9223372036854775808
+            settle_s: .nan | settle_s: 1e-320 | measure_s: 1e308 | grid: {"a\\ud800": [1]}
             """),
             "grid: {contact.restitution: [0x" + "f" * 5000 + "]}",
-            "grid: {contact.impact_law: [central, '\\ud800']}",
-            'grid: {"a\\ud800": [1]}',
         )
     ),
 )
@@ -189,11 +185,9 @@ def _number(lines, random):
     if not numbers:
         return lines
     k, match = _pick(numbers, random)
-    new = (
-        _pick(VALUES, random)
-        if random.random() < 0.5
-        else f"{10.0 ** random.uniform(-40, 40) * _pick((-1, 1), random):.3g}"
-    )
+    new = _pick(VALUES, random)
+    if random.random() < 0.5:
+        new = f"{10.0 ** random.uniform(-40, 40) * _pick((-1, 1), random):.3g}"
     return [*lines[:k], lines[k][: match.start()] + new + lines[k][match.end() :], *lines[k + 1 :]]
 
 
@@ -212,22 +206,6 @@ def _without(lines, random):
     return [*lines[:k], *lines[k + 1 :]]
 
 
-def _twice(lines, random):
-    if not lines:
-        return lines
-    k, at = random.integers(len(lines)), random.integers(len(lines) + 1)
-    return [*lines[:at], lines[k], *lines[at:]]
-
-
-def _swapped(lines, random):
-    if not lines:
-        return lines
-    lines = list(lines)
-    a, b = random.integers(len(lines), size=2)
-    lines[a], lines[b] = lines[b], lines[a]
-    return lines
-
-
 def _put_in(lines, random):
     at = random.integers(len(lines) + 1)
     return [*lines[:at], _pick(LINES, random), *lines[at:]]
@@ -241,29 +219,12 @@ def _extending(lines, random):
     return [f"extends: {_pick(BASES, random)}", *(line for line in lines if not line.startswith("extends"))]
 
 
-def _indented(lines, random):
-    k = random.integers(len(lines) + 1)
-    return [*lines[:k], *(_pick((" ", "  ", "\t"), random) + line for line in lines[k : k + 1]), *lines[k + 1 :]]
-
-
 def _bomb(lines, random):
     bomb = _pick(BOMBS, random)
     return [bomb] if random.random() < 0.5 else [*lines, bomb]
 
 
-_SHARED = {
-    _value: 6,
-    _number: 5,
-    _misspelt: 3,
-    _without: 2,
-    _twice: 2,
-    _swapped: 2,
-    _put_in: 5,
-    _named: 1.5,
-    _extending: 2,
-    _indented: 1,
-    _bomb: 0.2,
-}
+_SHARED = {_value: 6, _number: 5, _misspelt: 3, _without: 2, _put_in: 5, _named: 1.5, _extending: 2, _bomb: 0.2}
 _MUTATIONS = tuple(_SHARED)
 _SHARES = np.array([*_SHARED.values()]) / sum(_SHARED.values())
 
@@ -283,17 +244,7 @@ def _cut(content, random):
 def _foreign(content, random):
     """Put bytes in that are no text, or have another meaning."""
     at = random.integers(len(content) + 1)
-    foreign = (
-        b"\xed\xa0\x80",
-        b"\xff\xfe",
-        b"\x00",
-        b"\x1b[2J",
-        b"\xe2\x80\xae",
-        b"\xc0\xaf",
-        b"\r",
-        b"\x0c",
-        b"\xf4\x90\x80\x80",
-    )
+    foreign = (b"\xed\xa0\x80", b"\xff\xfe", b"\x00", b"\x1b[2J", b"\xe2\x80\xae", b"\r", b"\x0c", b"\xf4\x90\x80\x80")
     return content[:at] + _pick(foreign, random) + content[at:]
 
 

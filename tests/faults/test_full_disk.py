@@ -11,7 +11,7 @@ import subprocess
 import sys
 
 import pytest
-from common.commands import command, ended, not_a_line
+from common.commands import command, not_a_line
 from common.places import LOADED
 from common.results import bits, left
 
@@ -29,7 +29,6 @@ SWEEP = (
     "  lyapunov: false\n"
     "  kind: bifurcation\n"
 )
-LONG = pytest.mark.long
 #: Exit codes of input or output that cannot be used, and of work that has failed.
 FAILED = (1, 2)
 
@@ -49,9 +48,7 @@ def largest_file(size):
 # -- a file cannot grow ---------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("text", "form", "size"), [(RUN, "parquet", 10_000), (SPARSE, "csv", 0), pytest.param(RUN, "csv", 1000, marks=LONG)]
-)
+@pytest.mark.parametrize(("text", "form", "size"), [(RUN, "parquet", 10_000), (SPARSE, "csv", 0)])
 def test_run_without_room_is_told_in_a_line(text, form, size, here):
     (here / "c.yaml").write_text(text)
     with largest_file(size):
@@ -106,30 +103,14 @@ def resumed_after(done, here, alone, kept=0):
         assert f", {kept} of the points from before\n" in again.out
 
 
-@pytest.mark.parametrize("size", [40_000, pytest.param(0, marks=LONG)])
-def test_sweep_without_room_is_told_in_a_line_and_goes_on_later(size, here, alone):
+def test_sweep_without_room_is_told_in_a_line_and_goes_on_later(here, alone):
     (here / "c.yaml").write_text(SWEEP)
-    with largest_file(size):
+    with largest_file(40_000):
         done = command("sweep", "c.yaml")
     resumed_after(done, here, alone)
 
 
-@pytest.mark.long
-def test_sweep_of_processes_without_room_is_told_in_a_line(here, alone):
-    (here / "c.yaml").write_text(SWEEP)
-    limit = "import resource\nresource.setrlimit(resource.RLIMIT_FSIZE, (30_000, 30_000))"
-    resumed_after(ended(here, "sweep", "c.yaml", "--jobs", "2", before=limit), here, alone)
-
-
-@pytest.mark.parametrize(
-    ("file", "form"),
-    [
-        ("sweep", "parquet"),
-        pytest.param("provenance.json", "parquet", marks=LONG),
-        pytest.param("section", "csv", marks=LONG),
-    ],
-)
-def test_points_outlive_tables_that_have_no_room(file, form, here, alone, monkeypatch):
+def test_points_outlive_tables_that_have_no_room(here, alone, monkeypatch):
     """All points are there, and one of the tables has no room."""
     (here / "c.yaml").write_text(SWEEP)
     shutil.copytree(alone, here / "results/c")
@@ -138,36 +119,30 @@ def test_points_outlive_tables_that_have_no_room(file, form, here, alone, monkey
     replace = os.replace
 
     def without_room(source, target):
-        if file in str(target):
+        if "sweep" in str(target):
             with open(source, "ab") as table, largest_file(os.path.getsize(source)):
                 table.write(b"x")
                 table.flush()
         replace(source, target)
 
     monkeypatch.setattr("os.replace", without_room)
-    done = command("sweep", "c.yaml", "--resume", "--format", form)
+    done = command("sweep", "c.yaml", "--resume")
     assert "cannot be written: File too large" in done.err
     monkeypatch.undo()
     os.chdir(here)
     resumed_after(done, here, alone, kept=22)
 
 
-@pytest.mark.parametrize("earlier", [False, pytest.param(True, marks=LONG)])
-def test_plot_without_room_is_told_in_a_line_and_leaves_no_half_figures(earlier, here):
-    """Figures of before are kept."""
+def test_plot_without_room_is_told_in_a_line_and_leaves_no_half_figures(here):
     (here / "c.yaml").write_text(RUN)
     assert command("run", "c.yaml").code == 0
-    if earlier:
-        assert command("plot", "results/c").code == 0
-    drawn = {path.name for path in (here / "results/c").glob("*.png")}
     with largest_file(30_000):
         done = command("plot", "results/c")
     # the names of figures that were written may be printed
     assert not_a_line(done._replace(out=""), codes=FAILED) == ""
     found, temporaries = left(here / "results/c")
     assert temporaries == []
-    assert drawn <= found.keys()
-    assert earlier or len([name for name in found if name.endswith(".png")]) <= len(done.out.splitlines())
+    assert len([name for name in found if name.endswith(".png")]) <= len(done.out.splitlines())
 
 
 # -- a small disk ---------------------------------------------------------------------------------------
@@ -198,66 +173,32 @@ def fill(disk, room):
     return ballast
 
 
-@pytest.mark.parametrize(("room", "form"), [(20_000, "parquet"), pytest.param(0, "csv", marks=LONG)])
-def test_run_on_a_full_disk_keeps_the_earlier_one(room, form, disk, here):
+def test_run_on_a_full_disk_keeps_the_earlier_one(disk, here):
     (here / "c.yaml").write_text(RUN)
     place = disk("size=4m")
-    assert command("run", "c.yaml", "--format", form).code == 0
+    assert command("run", "c.yaml").code == 0
     before = tables(place / "c")
-    ballast = fill(place, room)
-    done = command("run", "c.yaml", "--format", form)
+    ballast = fill(place, 20_000)
+    done = command("run", "c.yaml")
     assert not_a_line(done, codes=FAILED) == ""
     assert "No space left on device" in done.err or "are free; allowed: " in done.err
     found, temporaries = left(place / "c")
     assert (tables(place / "c"), len(found), temporaries) == (before, 4, [])
     ballast.unlink()
-    assert command("run", "c.yaml", "--format", form).code == 0
+    assert command("run", "c.yaml").code == 0
 
 
-@pytest.mark.long
-@pytest.mark.parametrize(("room", "jobs"), [(40_000, "1"), (100_000, "2")])
-def test_sweep_on_a_full_disk_is_told_in_a_line_and_goes_on_later(room, jobs, disk, here, alone):
-    (here / "c.yaml").write_text(SWEEP)
-    place = disk("size=4m")
-    ballast = fill(place, room)
-    done = command("sweep", "c.yaml", "--jobs", jobs)
-    ballast.unlink()
-    if done.code == 0:
-        assert tables(place / "c") == tables(alone)
-    else:
-        resumed_after(done, here, alone)
-
-
-@pytest.mark.parametrize(("name", "files"), [("run", 3), *(pytest.param("sweep", n, marks=LONG) for n in (5, 9))])
-def test_disk_that_takes_no_more_files_is_told_in_a_line(files, name, disk, here):
-    (here / "c.yaml").write_text(RUN + SWEEP.partition("name: c\n")[2])
-    place = disk("size=4m", f"nr_inodes={files}")
-    done = command(name, "c.yaml")
-    left(place / "c")
-    if done.code != 0:
-        assert not_a_line(done, codes=FAILED) == ""
-
-
-@pytest.mark.parametrize("arguments", [("run", "c.yaml"), pytest.param(("sweep", "c.yaml", "--resume"), marks=LONG)])
-def test_disk_that_is_only_read_is_told_in_a_line(arguments, disk, here):
+def test_disk_that_is_only_read_is_told_in_a_line(disk, here):
     (here / "c.yaml").write_text(RUN + SWEEP.partition("name: c\n")[2])
     place = disk("size=4m")
-    assert command(arguments[0], "c.yaml").code == 0
+    assert command("run", "c.yaml").code == 0
     before = tables(place / "c")
     subprocess.run(["mount", "-o", "remount,ro", str(place)], check=True)
-    done = command(*arguments)
-    assert done == (2, "", "vibroplat: output results/c is not writable: Read-only file system\n")
+    for arguments in (("run", "c.yaml"), ("sweep", "c.yaml", "--resume")):
+        line = "vibroplat: output results/c is not writable: Read-only file system\n"
+        assert command(*arguments) == (2, "", line)
     assert tables(place / "c") == before
-    if arguments[0] == "run":
-        assert not_a_line(command("plot", place / "c"), codes=FAILED) == ""
-
-
-def test_disk_that_is_only_read_from_the_middle_on_is_told_in_a_line(disk, here, monkeypatch):
-    """Of a sweep, whose points are open, the system does not let that happen."""
-    (here / "c.yaml").write_text(RUN)
-    place = disk("size=4m")
-    meddle(monkeypatch, "run", lambda: subprocess.run(["mount", "-o", "remount,ro", str(place)], check=True))
-    assert not_a_line(command("run", "c.yaml"), codes=FAILED) == ""
+    assert not_a_line(command("plot", place / "c"), codes=FAILED) == ""
 
 
 # -- a directory that goes away -------------------------------------------------------------------------
@@ -284,27 +225,19 @@ def meddle(monkeypatch, name, change):
     ("name", "instead"),
     [
         ("run", "nothing"),
-        *(pytest.param(*pair, marks=LONG) for pair in (("run", "an empty directory"), ("sweep", "a file"))),
+        pytest.param("sweep", "a file", marks=pytest.mark.long),
     ],
 )
 def test_directory_that_is_removed_in_the_middle_is_told_in_a_line(name, instead, here, monkeypatch):
-    """Results may be written into a directory that was made anew; otherwise it is told that they were not."""
     (here / "c.yaml").write_text(RUN + SWEEP.partition("name: c\n")[2])
 
     def remove():
         shutil.rmtree(here / "results/c")
         if instead == "a file":
             (here / "results/c").write_text("mine\n")
-        elif instead == "an empty directory":
-            (here / "results/c").mkdir()
 
     meddle(monkeypatch, name, remove)
-    done = command(name, "c.yaml")
-    if done.code == 0:
-        assert instead == "an empty directory"
-        assert len(left(here / "results/c")[0]) == {"run": 4, "sweep": 5}[name]
-    else:
-        assert not_a_line(done, codes=FAILED) == ""
+    assert not_a_line(command(name, "c.yaml"), codes=FAILED) == ""
     if instead == "a file":
         assert (here / "results/c").read_text() == "mine\n"
 
@@ -313,22 +246,14 @@ def test_directory_that_is_removed_in_the_middle_is_told_in_a_line(name, instead
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("target", ["/dev/full", "closed pipe"])
-def test_output_that_nobody_takes_is_told_without_a_traceback(target, here):
-    """``vibroplat run … > log`` on a full disk, or ``| head``: tables are there, and what is told is one line."""
+def test_output_that_nobody_takes_is_told_without_a_traceback(here):
+    """``vibroplat run … > log`` on a full disk: tables are there, and what is told is one line."""
     (here / "c.yaml").write_text(RUN)
     line = [sys.executable, "-c", "from vibroplat.cli import main; main()", "run", "c.yaml"]
-    if target == "closed pipe":
-        read_end, write_end = os.pipe()
-        os.close(read_end)
-    else:
-        write_end = os.open(target, os.O_WRONLY)
-    try:
-        done = subprocess.run(line, stdout=write_end, stderr=subprocess.PIPE, text=True, timeout=60, check=False)
-    finally:
-        os.close(write_end)
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(line, stdout=full, stderr=subprocess.PIPE, text=True, timeout=60, check=False)
     assert "Traceback" not in done.stderr
     assert "Exception ignored" not in done.stderr
     assert len(done.stderr.splitlines()) <= 1
-    assert done.returncode in (0, 1, 2, 141)
+    assert done.returncode in (0, 1, 2)
     assert len(left(here / "results/c")[0]) == 4

@@ -5,7 +5,6 @@ from __future__ import annotations
 import ast
 import importlib
 import os
-import shutil
 import subprocess
 import sys
 import tempfile
@@ -15,11 +14,9 @@ from pathlib import Path
 import numba
 import numpy as np
 import pytest
-from numba.core.caching import CacheImpl
 
 import vibroplat
 from vibroplat.kernels import cache
-from vibroplat.kernels.compiled import copy
 
 PACKAGE = Path(vibroplat.__file__).parent
 
@@ -97,17 +94,6 @@ def test_read_only_installation_without_a_home_uses_a_temporary_folder_and_says_
     assert told == f"they are kept in {own}, the only folder that can be written; NUMBA_CACHE_DIR names another"
 
 
-def test_user_without_an_entry_in_the_list_of_users_has_a_place(package, tmp_path, monkeypatch):
-    def unknown(_user):
-        raise KeyError("getpwuid(): uid not found")
-
-    monkeypatch.setattr("pwd.getpwuid", unknown)
-    monkeypatch.setattr(os, "getuid", lambda: os.stat(tmp_path).st_uid)
-    monkeypatch.setenv("HOME", "/proc/nowhere")
-    block_all(package)
-    assert found(package).is_relative_to(tmp_path / "temporary")
-
-
 def test_temporary_folder_of_others_is_not_trusted(package, tmp_path, monkeypatch):
     block_all(package)
     planted = tmp_path / f"temporary/numba-{os.getuid()}"
@@ -138,27 +124,6 @@ def test_without_any_place_nothing_is_kept_and_the_notice_says_so(why, package, 
     assert found(package) is None
     told = "no folder can be written to keep them, so each process compiles them; NUMBA_CACHE_DIR names one"
     assert cache.notice() == told
-
-
-_UNKEPT = """
-import os, sys, tempfile
-from pathlib import Path
-def nowhere(): raise FileNotFoundError(2, "No usable temporary directory found")
-tempfile.gettempdir = nowhere
-made = Path.mkdir
-def refusing(path, *arguments, **options):
-    if "kernels-" in path.name: raise PermissionError(13, "Permission denied")
-    return made(path, *arguments, **options)
-Path.mkdir = refusing
-"""
-
-
-def test_kernels_run_where_nothing_can_be_kept():
-    """One of them is compiled in a process that finds no place for its machine code."""
-    code = f"{_UNKEPT}\nfrom vibroplat.kernels.compiled import copy\nimport numpy as np\n"
-    code += "y = np.zeros(2); copy(np.ones(2), y); print(y.sum(), copy.stats.cache_path)"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stdout, done.stderr) == (0, "2.0 None\n", "")
 
 
 def test_command_says_once_that_nothing_can_be_kept(command, here, monkeypatch, kernels):
@@ -192,17 +157,6 @@ def test_other_compiler_or_setting_of_it_is_another_folder(package, monkeypatch)
         monkeypatch.setattr(numba.core.config, setting, 77)
         folders.append(found(package))
     assert len(set(folders)) == 3 + len(cache.SETTINGS) > 5
-
-
-def test_features_of_the_processor_are_in_numbas_index():
-    copy(np.ones(1), np.ones(1))
-    codegen = copy.targetdescr.target_context.codegen()
-    assert codegen.magic_tuple() in copy._cache._index_key(copy.signatures[0], codegen)
-    assert numba.core.codegen.get_host_cpu_features() in codegen.magic_tuple()
-
-
-def test_our_place_comes_before_numbas_own():
-    assert CacheImpl._locator_classes[0] is cache.KernelLocator
 
 
 def test_list_of_places_from_the_environment_does_not_replace_ours():
@@ -241,50 +195,6 @@ def test_no_number_that_the_digest_does_not_cover_is_imported_beside_kernels():
     assert ("config.scene", "Scene") in elsewhere
     found = {(m, n): getattr(importlib.import_module(f"vibroplat.{m}"), n, None) for m, n in elsewhere}
     assert [place for place, value in found.items() if isinstance(value, int | float | np.ndarray)] == []
-
-
-_CALLED = "from vibroplat.kernels.compiled import compiled\n@compiled\ndef torque(x):\n    return {factor} * x\n"
-_CALLING = """
-from vibroplat.kernels.compiled import compiled
-from vibroplat.model.motor import torque
-@compiled
-def platform(x):
-    return torque(x) + 1.0
-print(platform(1.0), sum(platform.stats.cache_hits.values()), platform.stats.cache_path)
-"""
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("place", ["HOME", "its own"])
-def test_edit_of_a_called_function_is_in_the_next_run(place, tmp_path):
-    """Two kernels in two files, compiled by real processes."""
-    package = tmp_path / "site/vibroplat"
-    shutil.copytree(PACKAGE / "kernels", package / "kernels", ignore=shutil.ignore_patterns("__pycache__"))
-    (package / "config").mkdir()
-    for name in ("__init__.py", "errors.py", "config/coordinates.py"):
-        shutil.copy(PACKAGE / name, package / name)
-    for room in ("model", "hybrid"):
-        (package / room).mkdir()
-    (package / "hybrid/loop.py").write_text(_CALLING)
-    environment = {name: value for name, value in os.environ.items() if name not in ("NUMBA_CACHE_DIR", "HOME")}
-    environment |= {"PYTHONPATH": str(package.parent), "PYTHONDONTWRITEBYTECODE": "1"}
-    environment |= {} if place == "its own" else {place: str(tmp_path / "chosen")}
-    if place == "HOME":
-        for room in ("model", "hybrid", "kernels"):
-            block(package / room / "__pycache__")
-
-    def run(factor):
-        (package / "model/motor.py").write_text(_CALLED.format(factor=factor))
-        line = [sys.executable, "-c", "import vibroplat.hybrid.loop"]
-        done = subprocess.run(line, env=environment, capture_output=True, text=True, check=True, cwd=tmp_path)
-        number, hits, folder = done.stdout.split()
-        return float(number), int(hits), Path(folder)
-
-    number, hits, folder = run(2.0)
-    assert (number, hits) == (3.0, 0)
-    assert folder.is_relative_to(package if place == "its own" else tmp_path / "chosen")
-    assert run(2.0)[:2] == (3.0, 1)
-    assert run(5.0)[:2] == (6.0, 0)
 
 
 # -- what becomes of old machine code -------------------------------------------------------------------

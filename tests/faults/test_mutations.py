@@ -13,7 +13,7 @@ from collections import Counter
 from pathlib import Path
 
 import pytest
-from common.commands import SOON, Done, command, not_a_line, process, script
+from common.commands import SOON, Done, command, not_a_line, script
 from common.limits import cpu_seconds
 from common.places import QUICKSTART
 
@@ -137,7 +137,7 @@ def fuzz(place, numbers, watched):
     "numbers",
     [
         pytest.param(range(40), id="40"),
-        pytest.param(range(300, 800), id="500", marks=pytest.mark.long),
+        pytest.param(range(300, 500), id="200", marks=pytest.mark.long),
         pytest.param(range(3300, 13_300), id="10000", marks=pytest.mark.campaign),
     ],
 )
@@ -161,29 +161,6 @@ def test_watch_notices_what_is_done(watched, here):
     assert [event.split()[0] for event in watched.done] == ["os.mkdir", "open", "os.system"]
     (here / "more").mkdir()
     assert len(watched.done) == 3
-
-
-@pytest.mark.parametrize(
-    "numbers",
-    [
-        pytest.param(range(2, 3), id="1"),
-        pytest.param(range(100, 105), id="5", marks=pytest.mark.long),
-    ],
-)
-def test_spoiled_configuration_is_refused_by_the_program(numbers, place):
-    """As above, but by the program itself, of which a user sees all that is printed."""
-    wrong, refused, texts = {}, 0, seeds()
-    for number in numbers:
-        directory, content = spoiled(texts, SEED, number)
-        (place / directory / "c.yaml").write_bytes(content)
-        try:
-            load_config(place / directory / "c.yaml")
-        except ConfigError:
-            refused += 1
-            problem = not_a_line(process("run" if number % 2 else "sweep", "c.yaml", cwd=place / directory))
-            wrong |= {number: problem} if problem else {}
-    assert wrong == {}
-    assert refused > 0
 
 
 # -- files without an end -------------------------------------------------------------------------------
@@ -210,7 +187,6 @@ def limited(*arguments, cwd):
     [
         ("extended", "fifo"),
         pytest.param("extended", "/dev/zero", marks=pytest.mark.long),
-        pytest.param("itself", "/dev/full", marks=pytest.mark.long),
         pytest.param("itself", "socket", marks=pytest.mark.long),
     ],
 )

@@ -17,28 +17,10 @@ SWEEP = f"extends: {LOADED}\nname: c\nrun: {{duration_s: 0.1}}\n"
 SWEEP += "sweep: {supply_frequency_hz: {start: 50.0, stop: 50.5}}\n"
 
 #: Contents of provenance.json that no other version than this one can make sense of; without "schema" none is kept.
-SCHEMAS = {
-    "0": {"schema": 0},
-    "2": {"schema": 2},
-    "text": {"schema": "1"},
-    "null": {"schema": None},
-    "true": {"schema": True},
-    "fraction": {"schema": 1.0},
-    "list": {"schema": [1]},
-    "none": {},
-    "a list": [1],
-    "a number": 1,
-}
-GARBAGE = {
-    "empty": b"",
-    "zeros": bytes(1000),
-    "binary": bytes(range(256)),
-    "cut": b'{"schema": 1, "vibro',
-    "deep": b"[" * 100_000,
-    "huge number": b'{"schema": 1' + b"0" * 5000 + b"}",
-    "surrogate": b'{"schema": "\\ud800"}',
-}
-DAMAGES = {f"schema {name}": json.dumps(value).encode() for name, value in SCHEMAS.items()} | GARBAGE
+SCHEMAS = [*({"schema": value} for value in (0, 2, "1", None, True, 1.0, [1])), {}, [1], 1]
+GARBAGE = [b"", bytes(1000), bytes(range(256)), b'{"schema": 1, "vibro', b"[" * 100_000]
+GARBAGE += [b'{"schema": 1' + b"0" * 5000 + b"}", b'{"schema": "\\ud800"}']
+DAMAGES = [json.dumps(value).encode() for value in SCHEMAS] + GARBAGE
 
 
 @pytest.fixture(scope="module")
@@ -66,9 +48,9 @@ def result(here, finished):
 def test_plot_refuses_in_a_line(name, result):
     directory = result(name)
     told = {}
-    for damage, content in DAMAGES.items():
+    for content in DAMAGES:
         (directory / "provenance.json").write_bytes(content)
-        told[damage] = not_a_line(command("plot", directory))
+        told[content[:20]] = not_a_line(command("plot", directory))
     (directory / "provenance.json").unlink()
     told["no provenance"] = not_a_line(command("plot", directory))
     assert told == dict.fromkeys(told, "")
@@ -89,9 +71,9 @@ def test_resume_refuses_in_a_line_and_leaves_all_as_it_is(result):
         base.execute("DELETE FROM records WHERE second = 1")
     base.close()
     told = {}
-    for damage, content in DAMAGES.items():
+    for content in DAMAGES:
         (directory / "provenance.json").write_bytes(content)
-        told[damage] = not_a_line(command("sweep", "c.yaml", "--resume"))
+        told[content[:20]] = not_a_line(command("sweep", "c.yaml", "--resume"))
         assert (directory / "provenance.json").read_bytes() == content
     assert told == dict.fromkeys(told, "")
     (directory / "provenance.json").unlink()

@@ -58,11 +58,6 @@ def test_rebound_flies_until_it_is_slow_enough(follows):
     assert follows(1e-9, 8.0, 1e3, pressed=False) == rules.FLY
 
 
-def test_elastic_impacts_do_not_accumulate(p, follows):
-    p.restitution = 1.0
-    assert follows(1e-12, -8.0, 0.0) == rules.FLY
-
-
 def test_impacts_that_soon_stick_are_latched_sooner(p, follows):
     p.restitution = 0.999
     assert follows(1e-6, -8.0, 0.0) == rules.FLY

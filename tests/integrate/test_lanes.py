@@ -36,21 +36,6 @@ def differentiate(c, degree, s, out):
 
 
 @compiled
-def sizes(c, first, degree, out):
-    lanes.sizes_16(c, first, degree, out)
-
-
-@compiled
-def fill_step(q, degree, length, n, c):
-    lanes.put_step(q, degree, length, n, c)
-
-
-@compiled
-def fill_row(a, row, first, second):
-    lanes.put_row(a, row, (first, second))
-
-
-@compiled
 def sines(x, y, out):
     for i in range(x.size):
         out[i, 0], out[i, 1], out[i, 2], out[i, 3] = lanes.sines(x[i], y[i])
@@ -85,32 +70,6 @@ def test_derivatives_of_polynomials():
     differentiate(c, 17, 0.4, out)
     terms = (c * 0.4**k, k * c * 0.4 ** (k - 1.0), k * (k - 1.0) * c * 0.4 ** (k - 2.0))
     np.testing.assert_allclose(out, [of.sum(axis=0) for of in terms], atol=1e-12)
-
-
-def test_sums_of_sizes():
-    c, out = rows(12, 16), np.empty(16)
-    sizes(c, 2, 9, out)
-    np.testing.assert_allclose(out, np.abs(c[2:10]).sum(axis=0))
-    sizes(c, 5, 4, out)
-    assert not out.any()
-
-
-def test_step_of_a_series():
-    for n in (5, 6, 7):
-        q, c, k = rows(12, 8), lanes.in_lines((11, 16)), np.arange(11.0)[:, np.newaxis]
-        q[:, n:7] = q[11] = 0.0
-        fill_step(q, 10, 0.25, n, c)
-        np.testing.assert_allclose(c[:, :n], q[:11, :n] * 0.25**k)
-        np.testing.assert_allclose(c[:, n : 2 * n], (k + 1.0) * q[1:, :n] * 0.25**k)
-        np.testing.assert_allclose(c[:, 2 * n], q[:11, 7] * 0.25 ** k[:, 0])
-
-
-def test_row_is_stored_alone():
-    a = rows(4, 4)
-    before = a.copy()
-    fill_row(a, 2, 7.0, 8.0)
-    before[2, :2] = 7.0, 8.0
-    np.testing.assert_array_equal(a, before)
 
 
 def test_sines_are_right_to_round_off():

@@ -11,11 +11,11 @@ from common.drawing import given
 from vibroplat.config.scene import Scene
 from vibroplat.hybrid.loop import AT_GUARD, AT_TARGET, automaton
 from vibroplat.hybrid.modes import ATTACHED
-from vibroplat.hybrid.state import CUBIC, fill_cubic, no_steps
+from vibroplat.hybrid.state import CUBIC, no_steps
 from vibroplat.integrate.multistep import begin_steps, calm, excursion, no_past, transcribe
-from vibroplat.kernels.polynomial import extremes, first_fall
+from vibroplat.kernels.polynomial import extremes
 from vibroplat.model.parameters import parameters
-from vibroplat.observe.segments import sample
+from vibroplat.observe.tables import sample
 
 #: Unknowns of a step that are none of its own, as many as the exciters' angle 1 asks for.
 OTHERS = 4
@@ -60,40 +60,7 @@ def test_order_between_steps():
     assert orders == pytest.approx(4.0, abs=0.2)
 
 
-def test_a_cubic_is_found_again():
-    def cubic(t):
-        return 2.0 - t + 3.0 * t**2 - 0.5 * t**3
-
-    def its_rate(t):
-        return -1.0 + 6.0 * t - 1.5 * t**2
-
-    degree = CUBIC + 2  # of other steps of an engine: higher coefficients are 0
-    c = np.full((degree + 1, 1), np.nan)
-    fill_cubic(c, 2.0, *(np.array([f(t)]) for f in (cubic, its_rate) for t in (0.0, 2.0)))
-    found = np.polynomial.Polynomial(c[:, 0])
-    for s in (0.0, 0.3, 1.0):
-        assert found(s) == pytest.approx(cubic(2.0 * s))
-        assert found.deriv()(s) == pytest.approx(2.0 * its_rate(2.0 * s))
-
-
 # -- falls within steps -----------------------------------------------------------------------------------
-
-DIPS = [
-    (1.0, 1.0, -1.0, 1.0, -1.0),  # dips, stays positive
-    (0.1, 0.1, -1.0, 1.0, 0.5 - math.sqrt(0.25 - 0.1)),  # 0.1 − s + s²
-    (0.0, 1.0, 0.0, 3.0, -1.0),  # opens as s³
-    (-1e-9, 1.0, 1.0, 1.0, -1.0),  # rises out of a negative start
-    (0.0, -1.0, 0.0, -3.0, 0.0),  # never opened: falls from the beginning
-    (-1e-9, -1.0, -1.0, -1.0, 0.0),  # begins at round-off below zero and falls
-    (33.0**2 / 64.0**2 - 1e-5, 31.0**2 / 64.0**2 - 1e-5, -33.0 / 32.0, 31.0 / 32.0, 33.0 / 64.0 - math.sqrt(1e-5)),
-    (-1.0, -2.0, 2.0, -4.0, 1.0 / 3.0),  # −1 + 2s − 3s²: falls from its highest
-]
-
-
-def test_dip_inside_a_step():
-    for g0, g1, rate_0, rate_1, expected in DIPS:
-        steps, _ = added([0.0, 1.0], columns([g0, g1]), columns([rate_0, rate_1]))
-        assert first_fall(steps.c[0], CUBIC, OTHERS, 0) == pytest.approx(expected, abs=1e-9)
 
 
 def transcribed(g, rates, at_guard=False, target=math.nan, phi1=None):

@@ -75,7 +75,6 @@ def name_of(system):
     return f"{system.mode.label}-{system.layers}"
 
 
-EACH_MACHINE = pytest.mark.parametrize("machine", SETUPS)
 EACH_SYSTEM = pytest.mark.parametrize("system", SYSTEMS, ids=name_of)
 #: Each system with two of the machines, and each machine with two of the systems.
 PAIRS = [(system, RECORDS[(system.index + k) % 5]) for system in SYSTEMS for k in (0, 2)]

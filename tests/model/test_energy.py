@@ -9,7 +9,6 @@ from vibroplat.model.parameters import parameters
 
 from .helpers import (
     EACH_PAIR,
-    EACH_SYSTEM,
     SETUPS,
     TIME,
     central_difference,
@@ -64,17 +63,6 @@ def test_energy_and_momentum_change_by_powers_and_forces_alone(system, machine):
     # a projection of the axis may be small by chance, in the median it is not; nothing is truncated without rotation
     assert np.median(shares[4:8]) > 1e-4
     assert shares[8:] == [0.0, 0.0]
-
-
-@EACH_SYSTEM
-def test_dissipations_take_and_a_turning_motor_gives(system):
-    p = parameters(scene_of(system.layers))
-    for state in states_of(system, seed=11):
-        state[10:12] = [130.0, -90.0]  # both below their synchronous speeds, each in its direction
-        power, *_ = powers_of(state, p)
-        assert power["motor"] > 0.0
-        for name in POWERS[2:]:
-            assert (power[name] > 0.0) == (name != "damping_layers" or system.layers == 2), name
 
 
 @pytest.mark.parametrize(("machine", "layers"), list(zip(SETUPS, (0, 1, 2, 2), strict=True)))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from vibroplat.model.impact import impact, impacts_left, impulse_response, kinetic_change, latch, latch_time
+from vibroplat.model.impact import impact, impacts_left, impulse_response, kinetic_change, latch
 from vibroplat.model.parameters import IMPACT_LAWS, parameters
 
 from .helpers import mass_matrix, random_states, scene_of
@@ -13,8 +13,6 @@ CASES = [
     *(("paper", 1, 0.0), ("paper", 2, 0.3), ("paper", 2, 1.0), ("lopsided", 1, 0.8), ("lopsided", 2, 0.0)),
     *(("co-rotating", 1, 0.3), ("co-rotating", 2, 0.8), ("co-rotating", 1, 1.0)),
 ]
-EACH_CASE = pytest.mark.parametrize(("machine", "layers", "restitution"), CASES)
-EACH_LAW = pytest.mark.parametrize("law", IMPACT_LAWS)
 
 #: Rates of platform and exciters that laws know, in the order (x, y, φ, φ₁, φ₂).
 PLACES = {"conservative": [0, 1, 2, 3, 4], "central": [0, 1, 3, 4], "printed": [0, 1, 3, 4]}
@@ -35,11 +33,6 @@ def struck(before, p):
     return after, impulse, loss
 
 
-def effective_mass(matrix, places):
-    """Return k_eff = 1/(ê_y · 𝓜⁻¹ ê_y) of the rows and columns in `places`."""
-    return 1.0 / np.linalg.inv(matrix[np.ix_(places, places)])[1, 1]
-
-
 def jump_by_linear_solve(before, scene, places):
     """Return (jump of the rates of platform and exciters, impulse), from the balance of momentum."""
     matrix = mass_matrix(before, scene)[np.ix_(places, places)]
@@ -57,52 +50,13 @@ def jump_by_linear_solve(before, scene, places):
     return jump, solution[n]
 
 
-def jump_by_paper(before, scene):
-    """Return (jump of the rates of x, y, φ₁, φ₂, k) as printed in (7)."""
-    (m_k, same), M, (J_e, _) = scene.unbalances, scene.machine.total_mass, scene.exciter_inertias
-    assert m_k == same  # the paper has equal exciters
-    m_w1, R = scene.layer_masses[0], scene.contact.restitution
-    phi1, phi2 = before[3], before[4]
-    k_1 = m_k**4 * np.sin(phi1 - phi2) ** 2 - 2.0 * M * m_k**2 * J_e + M**2 * J_e**2
-    k = 2.0 * k_1 / (J_e * (-2.0 + np.cos(2.0 * phi1) + np.cos(2.0 * phi2)) * m_k**2 + 2.0 * M * J_e**2)
-    S_y = k * m_w1 / (k + m_w1) * (1.0 + R) * before[12]
-    cross = m_k**2 * np.sin(phi1 - phi2)
-    jump = [
-        -J_e * (np.sin(2.0 * phi1) + np.sin(2.0 * phi2)) * m_k**2 * S_y / (2.0 * k_1),
-        m_w1 / (k + m_w1) * (1.0 + R) * before[12],
-        -m_k * (cross * np.sin(phi2) + M * J_e * np.cos(phi1)) * S_y / k_1,
-        m_k * (cross * np.sin(phi1) - M * J_e * np.cos(phi2)) * S_y / k_1,
-    ]
-    return np.array(jump), k
-
-
-def momenta(state, scene):
-    """Return generalized momenta of x, y, φ, φ₁, φ₂ (layers left out) and those of lower and upper layer."""
-    lower = state[8] + state[12]
-    layers = np.array(scene.layer_masses) * [lower, lower + state[13]]
-    return np.append(mass_matrix(state, scene) @ state[7:12], layers)
-
-
-def round_off(state, scene):
-    """Return 1e-13 of the largest product in each of the `momenta`."""
-    machine = np.max(np.abs(mass_matrix(state, scene) * state[7:12]), axis=1)
-    layers = np.array(scene.layer_masses) * np.max(np.abs(state[[8, 12, 13]]))
-    return 1e-13 * np.append(machine, layers)
-
-
-def exchanged(before, after, scene):
-    """Return the sum of the energies that the rates exchange, without sign (they cancel to the loss)."""
-    jump, rates = np.abs(after - before)[7:12], np.abs(before[7:12]) + np.abs(after[7:12])
-    layers = np.abs(before[[8, 12, 13]]).sum() * np.abs(after - before)[[8, 12, 13]].sum()
-    return jump @ np.abs(mass_matrix(before, scene)) @ rates + sum(scene.layer_masses) * layers
-
-
-@EACH_CASE
-@EACH_LAW
+@pytest.mark.parametrize(("machine", "layers", "restitution"), CASES)
+@pytest.mark.parametrize("law", IMPACT_LAWS)
 def test_law_is_the_solution_of_the_momentum_balance(machine, layers, restitution, law):
     scene = scene_of(layers, machine, restitution=restitution, impact_law=law)
     p, m_w1 = parameters(scene), scene.layer_masses[0]
     for before in approaching(seed=21, count=10):
+        before[[6, 13]] *= layers == 2
         kept = before.copy()
         after, impulse, loss = struck(before, p)
         jump, expected = jump_by_linear_solve(before, scene, PLACES[law])
@@ -114,68 +68,45 @@ def test_law_is_the_solution_of_the_momentum_balance(machine, layers, restitutio
         assert np.array_equal(before, kept)
         assert np.array_equal(after[:7], np.where(np.arange(7) == 5, 0.0, before[:7]))
         assert after[12] == -restitution * before[12]
-        # the impulse passes between machine and lower layer; exciters and the horizontal momentum have none
-        change, tolerance = momenta(after, scene) - momenta(before, scene), round_off(before, scene)
-        assert change[[1, 5]] == pytest.approx([-impulse, impulse], abs=max(tolerance[[1, 5]]))
-        assert np.all(np.abs(change)[[0, 3, 4]] < tolerance[[0, 3, 4]])
-        velocities, largest = before[[8, 12, 13]].sum(), np.abs(before[[8, 12, 13]]).max()
-        if law == "printed" and layers == 2:  # the upper layer takes the platform's jump along
+        if layers == 1:
+            assert after[13] == 0.0
+        elif law == "printed":  # the upper layer takes the platform's jump along
             assert after[13] == pytest.approx(before[13] + (1.0 + restitution) * before[12], rel=1e-13, abs=1e-15)
-        elif layers == 2:
-            assert after[[8, 12, 13]].sum() == pytest.approx(velocities, abs=1e-14 * largest)
-        if law != "conservative":  # the others do not keep the angular momentum, which is why it is the default
+        else:
+            velocities = before[[8, 12, 13]]
+            assert after[[8, 12, 13]].sum() == pytest.approx(velocities.sum(), abs=1e-14 * np.abs(velocities).max())
+        if law != "conservative":
             assert after[9] == before[9]
-            assert abs(change[2]) > 10.0 * tolerance[2]
             continue
-        assert abs(change[2]) < tolerance[2]
-        # the loss is 0 at R = 1; the tolerance is the round-off of energies of exciters that turn at 150 rad/s
-        k_eff = effective_mass(mass_matrix(before, scene), PLACES[law])
+        k_eff = 1.0 / np.linalg.inv(mass_matrix(before, scene))[1, 1]
         expected = 0.5 * k_eff * m_w1 / (k_eff + m_w1) * (1.0 - restitution**2) * before[12] ** 2
-        assert loss == pytest.approx(expected, rel=1e-13, abs=1e-13 * exchanged(before, after, scene))
-        before[7:12] = before[13] = 0.0  # without turning exciters nothing cancels
+        before[7:12] = before[13] = 0.0  # without turning exciters no energies cancel
         _, impulse, loss = struck(before, p)
         assert loss == pytest.approx(expected, rel=1e-13, abs=1e-13 * impulse * -before[12])
 
 
 @pytest.mark.parametrize(("machine", "layers", "restitution"), CASES[:5])
-def test_central_law_is_the_printed_closed_form(machine, layers, restitution):
+def test_central_law_has_the_printed_effective_mass(machine, layers, restitution):
+    """The k of (7), for the equal exciters of the paper; what jumps follows from the momentum balance."""
     scene = scene_of(layers, machine, restitution=restitution, impact_law="central")
-    m_w1 = scene.layer_masses[0]
+    (m_k, _), (J_e, _) = scene.unbalances, scene.exciter_inertias
+    M, m_w1 = scene.machine.total_mass, scene.layer_masses[0]
     for before in approaching(seed=20):
-        after, impulse, _ = struck(before, parameters(scene))
-        jump, k = jump_by_paper(before, scene)
-        # each rate's round-off is relative to the rate itself, of which the jump is a part
-        assert (after - before)[7:][PLACES["central"]] == pytest.approx(jump, rel=1e-12, abs=1e-13)
+        _, impulse, _ = struck(before, parameters(scene))
+        phi1, phi2 = before[3], before[4]
+        k_1 = m_k**4 * np.sin(phi1 - phi2) ** 2 - 2.0 * M * m_k**2 * J_e + M**2 * J_e**2
+        k = 2.0 * k_1 / (J_e * (-2.0 + np.cos(2.0 * phi1) + np.cos(2.0 * phi2)) * m_k**2 + 2.0 * M * J_e**2)
         assert impulse == pytest.approx(-(1 + restitution) * before[12] * k * m_w1 / (k + m_w1), rel=1e-13)
-
-
-def test_effective_mass_at_the_known_angles():
-    """The table of known values has 12.4818 and 12.51 kg: half a digit of the last place; the second is M itself."""
-    scene = scene_of(1, impact_law="central")
-    for angles, known, tolerance in (((0.0, np.pi), 12.4818, 5e-5), ((np.pi / 2, np.pi / 2), 12.51, 1e-13)):
-        state, response = np.zeros(14), np.empty(7)
-        state[3:5] = angles
-        reduced = impulse_response(state, response, parameters(scene))
-        assert -1.0 / response[1] == pytest.approx(known, abs=tolerance)
-        assert reduced == pytest.approx(1.0 / (1.0 / scene.layer_masses[0] - response[1]), rel=1e-14)
 
 
 # -- impacts that accumulate ----------------------------------------------------------------------------
 
 
-def rebounding(seed, rebound=0.02):
-    """Return (state right after an impact, the accelerations of a flight that comes back)."""
-    (state,) = random_states(seed, count=1)
-    state[5], state[12] = 0.0, rebound
-    accelerations = np.array([30.0, 20.0, 150.0, 900.0, -700.0, -35.0, 15.0])
-    return state, accelerations
-
-
-def follow(state, accelerations, p, turn_masses=False):
+def follow(state, accelerations, p):
     """Follow impact by impact until one sticks or their speed is 1e-13 of the first.
 
-    The mass matrix stays that of the first state, which is what `latch` assumes, or turns with the state.
-    Returns (state, duration, impulse, loss).
+    The mass matrix stays that of the first state, which is what `latch` assumes. Returns (state, duration, impulse,
+    loss).
     """
     state, angles, slowest = state.copy(), state[2:5].copy(), 1e-13 * state[12]
     inelastic, sums = p.copy(), np.zeros(3)
@@ -185,8 +116,7 @@ def follow(state, accelerations, p, turn_masses=False):
         state[:7] += flight * state[7:] + 0.5 * flight**2 * accelerations
         state[7:] += flight * accelerations
         at_impact = state.copy()
-        if not turn_masses:
-            at_impact[2:5] = angles
+        at_impact[2:5] = angles
         after, impulse, loss = struck(at_impact, inelastic if -state[12] < p.sticking_speed else p)
         state[7:], state[5] = after[7:], 0.0
         sums += flight, impulse, loss
@@ -207,7 +137,11 @@ LATCHES = [
 def test_latch_is_the_sum_of_all_impacts(law, machine, layers, restitution, sticking):
     contact = {"restitution": restitution, "sticking_speed_m_per_s": sticking, "impact_law": law}
     p = parameters(scene_of(layers, machine, **contact))
-    before, accelerations = rebounding(seed=30)
+    (before,) = random_states(seed=30, count=1)
+    before[5], before[12] = 0.0, 0.02
+    accelerations = np.array([30.0, 20.0, 150.0, 900.0, -700.0, -35.0, 15.0])  # of a flight that comes back
+    before[[6, 13]] *= layers == 2
+    accelerations[6] *= layers == 2
     wanted, *sums = follow(before, accelerations, p)
     after, response = np.empty(14), np.empty(7)
     duration, impulse, loss = latch(before, accelerations, after, p)
@@ -218,42 +152,8 @@ def test_latch_is_the_sum_of_all_impacts(law, machine, layers, restitution, stic
     impulse_response(before, response, p)
     jumps = np.abs(accelerations) * duration + impulse * np.abs(response)
     scale = np.append(duration * (np.abs(before[7:]) + jumps), jumps)
-    moving = np.arange(14) if layers == 2 else np.delete(np.arange(14), [6, 13])
-    # relative to what moves each coordinate and rate while the impacts go on
-    assert np.max((np.abs(after - wanted) / scale)[moving]) < 1e-10
-
-
-def test_one_layer_has_no_upper_layer_after_an_impact():
-    p = parameters(scene_of(1, restitution=0.5))
-    before, accelerations = rebounding(seed=30)
-    closed = np.empty(14)
-    before[[6, 13]] = accelerations[6] = 0.0
-    latch(before, accelerations, closed, p)
-    before[12] = -0.1
-    after, *_ = struck(before, p)
-    assert not after[[6, 13]].any()
-    assert not closed[[6, 13]].any()
-
-
-def test_turning_masses_change_the_latch_by_the_square_of_the_rebound():
-    """What ``latch`` neglects: the impulses, of order v, meet masses that have turned by φ̇τ, of order v."""
-    p, errors = parameters(scene_of(2, restitution=0.5)), []
-    for rebound in (1e-3, 1e-4):
-        before, accelerations = rebounding(seed=31, rebound=rebound)
-        wanted, *_ = follow(before, accelerations, p, turn_masses=True)
-        after = np.empty(14)
-        latch(before, accelerations, after, p)
-        errors.append(np.abs(after - wanted)[7:12])
-    assert errors[0] / errors[1] == pytest.approx(np.full(5, 100.0), rel=0.1)
-
-
-def test_latch_time_of_a_dropped_ball():
-    height, gravity, restitution = 1.0, 9.81, 0.5
-    fall, speed = np.sqrt(2.0 * height / gravity), np.sqrt(2.0 * gravity * height)
-    # to the twelve decimals of the table of known values
-    closing = latch_time(restitution * speed, -gravity, restitution, 0.0)
-    assert fall + closing == pytest.approx(1.354570922957, abs=6e-13)
-    assert latch_time(0.1, -9.81, 1.0, 0.0) == np.inf  # without loss they never close
+    # relative to what moves each coordinate and rate while the impacts go on; one layer has no upper one
+    assert np.all(np.abs(after - wanted) <= 1e-10 * scale)
 
 
 @pytest.mark.parametrize(

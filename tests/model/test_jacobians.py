@@ -1,7 +1,6 @@
 """Jacobians against differences of the residuals, and consistent starts against the motion."""
 
 import numpy as np
-import pytest
 
 from vibroplat.model.accelerations import linearize
 from vibroplat.model.equations import jacobian
@@ -112,23 +111,6 @@ def test_accelerations_leave_no_residual(system, machine):
         at_rest[:n] = y[n : 2 * n]  # with y′ = rates the kinematic rows vanish, and all that is left are forces
         forces = residual(system, y, at_rest, p)
         assert np.max(np.abs(residual(system, y, yp, p))) < 1e-12 * np.max(np.abs(forces))
-
-
-@EACH_SYSTEM
-def test_static_rest_is_an_equilibrium(system):
-    """Attached, every spring carries what lies on it; in flight the layers fall with g."""
-    scene, full, n = scene_of(system.layers), np.zeros(14), system.differential // 2
-    machine, p, g = scene.machine, parameters(scene), scene.machine.gravity_m_per_s2
-    full[3], full[4] = 0.5 * np.pi, -0.5 * np.pi  # unbalances above and below: no moment about the axes
-    load = scene.material_mass if system.algebraic else 0.0
-    full[1] = -(machine.total_mass + load) * g / machine.stiffness_y_n_per_m
-    p.torque = 0.0  # supply off
-    if system.layers == 2 and system.algebraic:
-        full[6] = -g / scene.layer_spring[0]
-    y, yp, _, _ = settled(system, full[system.places], p)
-    falls = [] if system.layers == 0 else [0.0] * (n - 5) if system.algebraic else [-g, 0.0][: system.layers]
-    assert yp[n : 2 * n] == pytest.approx([0.0] * 5 + falls, abs=1e-10)
-    assert y[2 * n :] == pytest.approx([load * g] * system.algebraic, rel=1e-12)
 
 
 @EACH_SYSTEM

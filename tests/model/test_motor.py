@@ -1,5 +1,7 @@
 """Kloss's torque and the resistance at points where their values are known, under a constant and a changing supply."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 
@@ -23,18 +25,12 @@ from .helpers import TIME, central_difference, random_states, scene_of, torque_b
 CRITICAL, SLIP, SYNCHRONOUS = 1.2, 0.15, 160.0
 
 
-def constant_supply(direction, synchronous=SYNCHRONOUS):
-    """Return the parameters of motors without resistance."""
-    p = blank()
-    p.direction = direction, -direction
-    p.torque, p.speed, p.slip_speed = CRITICAL, synchronous, SLIP * synchronous
-    return p
-
-
 @pytest.mark.parametrize("direction", [1.0, -1.0])
 def test_torque_at_known_slips(direction):
     """It drives below synchronous speed and brakes above; standstill and counter-rotation included."""
-    p = constant_supply(direction)
+    p = blank()  # without resistance
+    p.direction = direction, -direction
+    p.torque, p.speed, p.slip_speed = CRITICAL, SYNCHRONOUS, SLIP * SYNCHRONOUS
 
     def torque(slip):
         return motor_torque(0, 0.3, direction * (1.0 - slip) * SYNCHRONOUS, p) * direction
@@ -45,23 +41,8 @@ def test_torque_at_known_slips(direction):
         assert torque(slip) > 0.0 > torque(-slip)
     assert max(abs(torque(slip)) for slip in np.linspace(-2.0, 3.0, 1001)) <= CRITICAL * (1.0 + 1e-13)
     assert [torque_rate(i, 0.3, 120.0, p) for i in range(2)] == [0.0, 0.0]
-
-
-@pytest.mark.parametrize("direction", [1.0, -1.0])
-def test_slope_of_torque(direction):
-    p, steepest = constant_supply(direction), 2.0 * CRITICAL / (SLIP * SYNCHRONOUS)
-    for slip in (-2.0, -SLIP, -0.05, 0.0, 0.02, SLIP, 0.4, 1.0):
-        speed = direction * (1.0 - slip) * SYNCHRONOUS
-        numerical = central_difference(lambda change, speed=speed: motor_torque(0, 0.3, speed + change, p), step=0.05)
-        # step / (s_c ω₀) = 0.002: sixth-order error and round-off are both below 1e-12 of the steepest slope
-        assert net_slope(0, 0.3, speed, p) == pytest.approx(numerical, abs=1e-11 * steepest)
+    steepest = 2.0 * CRITICAL / (SLIP * SYNCHRONOUS)
     assert net_slope(0, 0.3, direction * SYNCHRONOUS, p) == pytest.approx(-steepest, rel=1e-13)
-
-
-@pytest.mark.parametrize(("slip", "critical"), [(30.0, 24.0), (-7.0, 24.0), (0.0, 24.0), (0.0, 0.0)])
-def test_no_critical_torque_is_a_switched_off_supply(slip, critical):
-    assert kloss_torque(slip, critical, 0.0) == 0.0
-    assert kloss_slope(slip, critical, 0.0) == 0.0
 
 
 def test_slope_is_that_over_both_speeds():
@@ -71,7 +52,23 @@ def test_slope_is_that_over_both_speeds():
         slope = kloss_slope(slip, 24.0, CRITICAL)
         by_slip = central_difference(lambda x, slip=slip: kloss_torque(slip + x, 24.0, CRITICAL), step=0.05)
         by_critical = central_difference(lambda x, slip=slip: kloss_torque(slip, 24.0 + x, CRITICAL), step=0.05)
+        # step / (s_c ω₀) = 0.002: sixth-order error and round-off are both below 1e-12 of the steepest slope
         assert (24.0 * slope, -slip * slope) == pytest.approx((by_slip, by_critical), abs=1e-11 * steepest)
+
+
+@pytest.mark.parametrize(("slip", "critical", "torque"), [(30.0, 24.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, CRITICAL)])
+def test_a_switched_off_supply_and_one_of_0_hz_have_no_torque(slip, critical, torque):
+    assert kloss_torque(slip, critical, torque) == 0.0
+    assert kloss_slope(slip, critical, torque) == 0.0
+
+
+@pytest.mark.parametrize("speed", [-150.0, -0.3, 0.0, 0.3, 150.0])
+def test_resistance_is_against_the_rotation(speed):
+    """The equations have −L_R, so L_R has the sign of the speed."""
+    p, friction = blank(), 2e-7
+    p.friction = friction  # without motors
+    assert resistance(speed, friction) == pytest.approx(np.sign(speed) * friction * speed**2, rel=1e-15)
+    assert net_slope(0, 0.0, speed, p) == pytest.approx(-2.0 * friction * abs(speed), rel=1e-15)
 
 
 # -- a supply that changes --------------------------------------------------------------------------------
@@ -80,17 +77,23 @@ def test_slope_is_that_over_both_speeds():
 SPEEDS = (-210.0, -80.0, -1e-3, 0.0, 1e-3, 95.0, 210.0)
 
 
-@pytest.mark.parametrize("time", [1.0, TIME, 2.9999])
-def test_torque_under_a_rising_supply_is_that_of_the_frequency_then(time):
+def test_torque_under_a_rising_supply_is_that_of_the_frequency_then():
     """The second motor keeps its critical slip, the first the critical slip speed of its rated frequency."""
     scene = scene_of(0, "rising")
-    p, frequency = parameters(scene, TIME), 30.0 + 19.0 * (time - 1.0)
+    p = parameters(scene, TIME)
     assert p.since == 1.0
     assert p.slip_ramp[0] == 0.0 < p.slip_ramp[1] < p.speed_ramp[1]
     for i, motor in enumerate(scene.exciters):
-        for speed in SPEEDS:
-            expected = torque_by_quotient(motor, frequency, -1.0 if motor.rotation == "clockwise" else 1.0, speed)
-            assert motor_torque(i, time, speed, p) == pytest.approx(expected, rel=1e-13)
+        fastest = 2.0 * p.torque[i] * p.speed_ramp[i] / p.slip_speed[i]
+        direction = -1.0 if motor.rotation == "clockwise" else 1.0
+        for time, speed in product((1.0, TIME, 2.9999), SPEEDS):
+            torque = motor_torque(i, time, speed, p)
+            expected = torque_by_quotient(motor, 30.0 + 19.0 * (time - 1.0), direction, speed)
+            assert torque == pytest.approx(expected, rel=1e-13)
+            assert motor_powers(np.full(1, time), np.full((1, 2), speed), p)[0, i] == torque * speed
+        for v in SPEEDS:
+            numerical = central_difference(lambda change, i=i, v=v: motor_torque(i, TIME + change, v, p), step=1e-3)
+            assert torque_rate(i, TIME, v, p) == pytest.approx(numerical, abs=1e-11 * fastest)
 
 
 def test_rated_frequency_matters_at_others_alone():
@@ -105,25 +108,6 @@ def test_rated_frequency_matters_at_others_alone():
     assert with_it.slip_speed == pytest.approx(2.0 * without.slip_speed, rel=1e-15)
 
 
-def test_rate_of_torque_under_a_rising_supply():
-    p = parameters(scene_of(0, "rising"), TIME)
-    for i in range(2):
-        fastest = 2.0 * p.torque[i] * p.speed_ramp[i] / p.slip_speed[i]
-        for v in SPEEDS:
-            numerical = central_difference(lambda change, i=i, v=v: motor_torque(i, TIME + change, v, p), step=1e-3)
-            assert torque_rate(i, TIME, v, p) == pytest.approx(numerical, abs=1e-11 * fastest)
-
-
-def test_powers_of_motors():
-    p = parameters(scene_of(0, "rising"), TIME)
-    times, speeds = np.array([1.2, 2.4]), np.array([[-110.0, 90.0], [-30.0, 70.0]])
-    expected = [
-        [motor_torque(i, time, speed, p) * speed for i, speed in enumerate(pair)]
-        for time, pair in zip(times, speeds, strict=True)
-    ]
-    np.testing.assert_allclose(motor_powers(times, speeds, p), expected, rtol=1e-15)
-
-
 # -- a supply of 0 Hz -------------------------------------------------------------------------------------
 
 
@@ -136,28 +120,16 @@ def start(frequency=0.0, **motor):
 
 @pytest.mark.parametrize("motor", [{}, {"rated_frequency_hz": 50.0}], ids=["critical slip", "critical slip speed"])
 def test_supply_of_0_hz_brakes_like_direct_current(motor):
-    """Synchronous speed 0: whatever turns is braked, what stands still has no torque."""
+    """Whatever turns is braked. The critical slip speed stays above 0, at 1/1000 of the largest."""
     p = start(**motor)
     assert (p.speed == 0.0).all()
-    for i in range(2):
-        assert motor_torque(i, 0.5, 0.0, p) == 0.0
-        assert torque_rate(i, 0.5, 0.0, p) == 0.0
-        for speed in (1e-9, 0.02, 3.0, 160.0):
-            assert motor_torque(i, 0.5, speed, p) < 0.0
-            assert motor_torque(i, 0.5, -speed, p) == -motor_torque(i, 0.5, speed, p)
-
-
-def test_critical_slip_speed_stays_above_0():
-    """It follows the frequency to a thousandth of the program's largest; below, a motor would be infinitely stiff."""
-    p, least = start(), start(frequency=0.05)
-    assert (p.slip_speed == least.slip_speed).all()
-    assert p.slip_speed[0] == pytest.approx(0.15 * 2.0 * np.pi * 0.05 / 2, rel=1e-14)
-    assert motor_torque(0, 0.5, -p.slip_speed[0], p) == pytest.approx(1.2, rel=1e-14)
-
-
-def test_nothing_divides_by_a_critical_slip_speed_of_0():
-    assert kloss_torque(0.0, 0.0, CRITICAL) == 0.0
-    assert kloss_slope(0.0, 0.0, CRITICAL) == 0.0
+    assert motor_torque(0, 0.5, 0.0, p) == torque_rate(0, 0.5, 0.0, p) == 0.0
+    for speed in (1e-9, 0.02, 3.0, 160.0):
+        assert motor_torque(0, 0.5, speed, p) < 0.0
+        assert motor_torque(0, 0.5, -speed, p) == -motor_torque(0, 0.5, speed, p)
+    least = start(0.05, **motor).slip_speed
+    assert (p.slip_speed == least).all()
+    assert motor or least[0] == pytest.approx(0.15 * 2.0 * np.pi * 0.05 / 2, rel=1e-14)
 
 
 @pytest.mark.parametrize("still", [True, False])
@@ -174,12 +146,3 @@ def test_equations_have_finite_derivatives_at_0_hz(still):
 
 
 # -- resistance -------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("speed", [-150.0, -0.3, 0.0, 0.3, 150.0])
-def test_resistance_is_against_the_rotation(speed):
-    """The equations have −L_R, so L_R has the sign of the speed."""
-    p, friction = blank(), 2e-7
-    p.friction = friction  # without motors
-    assert resistance(speed, friction) == pytest.approx(np.sign(speed) * friction * speed**2, rel=1e-15)
-    assert net_slope(0, 0.0, speed, p) == pytest.approx(-2.0 * friction * abs(speed), rel=1e-15)

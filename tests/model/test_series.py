@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from vibroplat.model.accelerations import accelerations
-from vibroplat.model.parameters import PARAMETERS, blank
 from vibroplat.model.series import FORCE, HIGHEST, expand, room
 from vibroplat.model.systems import SYSTEMS
 
@@ -54,10 +53,8 @@ def missed(system, y, p, elapsed):
 def radius(system, y, p):
     """Time within which terms shrink by a half from one to the next (s)."""
     q, _ = series(system, y, p)
-    last = np.abs(q[-4:]) / np.abs(q[1]).max()
-    return 0.5 * float(
-        np.min(np.where(last > 0.0, last, np.finfo(float).tiny).max(axis=1) ** (-1.0 / np.arange(DEGREE - 4, DEGREE)))
-    )
+    last = (np.abs(q[-4:]) / np.abs(q[1]).max()).max(axis=1)
+    return 0.5 * float(np.min(last ** (-1.0 / np.arange(DEGREE - 4, DEGREE))))
 
 
 @EACH_PAIR
@@ -85,9 +82,8 @@ def test_each_force_has_its_recurrence(system):
     y, *_ = settled(system, random_states(seed=8, count=1)[0][system.places], p)
     elapsed, with_force = 0.3 * radius(system, y, p), series(system, y, p)[0]
     for term in TERMS:
-        without = blank()
-        for name in PARAMETERS.names:
-            without[name] = 0.0 if name == term else p[name]
+        without = p.copy()
+        without[term] = 0.0
         change = along(with_force - series(system, y, without)[0], elapsed, 2)
         differs = np.abs(change).max() / np.abs(along(with_force, elapsed, 2)).max()
         assert differs > 1e-10 or (system.layers < 2 and term.startswith("layer")), term
@@ -95,8 +91,7 @@ def test_each_force_has_its_recurrence(system):
 
 
 def test_exciter_at_rest_resists_where_it_is_about_to_turn():
-    system = SYSTEMS[0]
-    p = record_of(0, "uneven")
+    system, p = SYSTEMS[0], record_of(0, "uneven")
     state = random_states(seed=9, count=1)[0]
     for speeds in ((0.0, -90.0), (150.0, 0.0), (0.0, 0.0)):
         y, *_ = settled(system, np.concatenate([state[:10], speeds, state[12:]])[system.places], p)
@@ -104,10 +99,7 @@ def test_exciter_at_rest_resists_where_it_is_about_to_turn():
 
 
 def test_motor_without_supply_and_speed_has_no_torque():
-    system, p = SYSTEMS[0], blank()
-    given = record_of(0, "uneven")
-    for name in PARAMETERS.names:
-        p[name] = given[name]
+    system, p = SYSTEMS[0], record_of(0, "uneven")
     p["speed"], p["slip_speed"] = 0.0, 0.0
     state = random_states(seed=9, count=1)[0]
     state[10:12] = 0.0

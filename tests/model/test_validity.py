@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import product
 
 import numpy as np
 import pytest
@@ -37,12 +38,10 @@ def drawn(seed):
 def least_eigenvalue(machine, phi):
     """Least eigenvalue of the mass matrix, its diagonal scaled to 1, over all exciter angles."""
     scene, least = Scene(machine=machine), math.inf
-    for first in np.linspace(0.0, 2.0 * math.pi, 41):
-        for second in np.linspace(0.0, 2.0 * math.pi, 41):
-            state = np.array([0.0, 0.0, phi, first, second])
-            matrix = mass_matrix(state, scene)
-            scale = np.sqrt(np.diag(matrix))
-            least = min(least, np.linalg.eigvalsh(matrix / np.outer(scale, scale))[0])
+    for angles in product(np.linspace(0.0, 2.0 * math.pi, 25), repeat=2):
+        matrix = mass_matrix(np.array([0.0, 0.0, phi, *angles]), scene)
+        scale = np.sqrt(np.diag(matrix))
+        least = min(least, np.linalg.eigvalsh(matrix / np.outer(scale, scale))[0])
     return least
 
 
@@ -57,31 +56,21 @@ def test_mass_matrix_is_positive_definite_up_to_the_safe_rotation(seed):
         assert any(least_eigenvalue(machine, 1.5 * machine.safe_rotation) < 0.0 for machine in machines)
 
 
-def test_a_machine_without_arms_never_breaks_down():
-    assert Machine(exciter_distance_m=0.0).safe_rotation == math.inf
-
-
-def residual(machine, phi, first, second):
-    """Whether the model holds at a state of rest, by the residual and by the accelerations."""
-    p = parameters(scene_of(0).replace({"machine": machine.model_dump()}))
-    system = BARE
-    y, yp, res = np.zeros(10), np.zeros(10), np.empty(10)
-    y[2:5] = phi, first, second
-    found = evaluate_residual(system.index, 0.0, y, yp, res, p)
-    assert found == accelerations(system.index, 0.0, y, yp, p)
-    return found
-
-
 def test_model_holds_where_the_mass_matrix_is_well_definite_and_nowhere_else():
+    """At rest, by the residual and by the accelerations."""
+    assert Machine(exciter_distance_m=0.0).safe_rotation == math.inf
     for seed in SEEDS:
         machine = drawn(seed)
+        p = parameters(scene_of(0).replace({"machine": machine.model_dump()}))
         scene, rng = Scene(machine=machine), np.random.default_rng(seed)
         for _ in range(25):
             phi = machine.safe_rotation * rng.uniform(-4.0, 4.0)
-            first, second = rng.uniform(0.0, 2.0 * math.pi, 2)
-            definite = np.linalg.eigvalsh(mass_matrix(np.array([0.0, 0.0, phi, first, second]), scene))[0] > 0.0
+            y, yp = np.zeros(10), np.zeros(10)
+            y[2:5] = phi, *rng.uniform(0.0, 2.0 * math.pi, 2)
+            definite = np.linalg.eigvalsh(mass_matrix(y[:5], scene))[0] > 0.0
             if not definite or abs(phi) <= machine.safe_rotation:
-                assert residual(machine, phi, first, second) == definite
+                assert evaluate_residual(BARE.index, 0.0, y, yp, np.empty(10), p) == definite
+                assert accelerations(BARE.index, 0.0, y, yp, p) == definite
 
 
 def test_accelerations_of_a_small_rotor_keep_their_digits_beside_a_strong_motor():

@@ -6,7 +6,7 @@ import pytest
 from common.places import QUICKSTART, ROOT
 
 from vibroplat import load_config, simulate
-from vibroplat.observe.audit import inaccuracy
+from vibroplat.observe.summary import inaccuracy
 
 
 @pytest.mark.parametrize(("restitution", "law"), [(0.0, "conservative"), (0.5, "central"), (0.5, "printed")])

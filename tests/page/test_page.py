@@ -42,6 +42,13 @@ def opened(text):
     return np.frombuffer(base64.b64decode(text), "<f4")
 
 
+def unpacked(column):
+    """Numbers that were packed coarsely."""
+    low, high, text = column
+    parts = np.frombuffer(base64.b64decode(text), "<u2").astype(float)
+    return np.where(parts == 65535, np.nan, low + (high - low) * parts / 65534)
+
+
 # -- words ----------------------------------------------------------------------------------------------
 
 
@@ -59,40 +66,33 @@ def test_words_and_units_follow_from_keys(key, said, of):
     assert (words(key), unit_of(key)) == (said, of)
 
 
-def test_symbols_come_from_the_configuration_model():
+def test_parameters_have_meanings_and_are_marked_where_they_are_not_the_default_or_differ(quickstart_scene):
     tree = {"machine": {"platform_mass_kg": 1.0, "weight_kg": 2.0}, "motors": [{}, {"critical_slip": 0.1}]}
     meanings = {row["words"]: row["meaning"] for row in parameters(["run"], [tree])}
-    assert meanings["platform mass"].startswith("m_0: ")
-    assert meanings["critical slip"].startswith("s_c: ")
-    assert meanings["weight"] == ""
-
-
-def test_parameters_are_marked_where_they_are_not_the_default_or_differ(quickstart_scene):
+    assert [meanings[name][:5] for name in ("platform mass", "critical slip", "weight")] == ["m_0: ", "s_c: ", ""]
+    tree = quickstart_scene.to_tree()
     other = quickstart_scene.replace({"machine.damping_y_n_s_per_m": 400.0})
-    rows = {r["words"]: r for r in parameters(["run", "run"], [quickstart_scene.to_tree(), other.to_tree()])}
+    rows = {r["words"]: r for r in parameters(["run", "run"], [tree, other.to_tree()])}
     radius, damping, mass = (rows[name] for name in ("unbalance radius", "damping y", "platform mass"))
     assert (radius["default"], radius["values"], radius["changed"]) == (0.09, [0.03, 0.03], [True, True])
     assert (damping["values"], damping["changed"], damping["differs"]) == ([40.0, 400.0], [False, True], True)
     assert (mass["changed"], mass["differs"], mass["unit"]) == ([False, False], False, "kg")
-
-
-def test_parameters_of_a_run_are_not_those_of_its_sweep(quickstart_scene):
-    tree = quickstart_scene.to_tree()
-    assert "sweep" in tree
-    sections = {
-        command: {row["section"].split(" ")[0] for row in parameters([command], [tree])} for command in ("run", "sweep")
-    }
-    assert "run" in sections["run"] - sections["sweep"]
-    assert "sweep" in sections["sweep"] - sections["run"]
+    run, sweep = ({row["section"].split(" ")[0] for row in parameters([c], [tree])} for c in ("run", "sweep"))
+    assert "run" in run - sweep
+    assert "sweep" in sweep - run
 
 
 # -- numbers --------------------------------------------------------------------------------------------
 
 
-def test_columns_are_plain_json():
+def test_numbers_are_plain_json_or_right_to_a_pixel():
     table = pd.DataFrame({"a": [1.0, np.nan, np.inf], "b": pd.array([1, None, 3], dtype="Int64"), "c": ["x", "", None]})
     assert [plain_column(table[name]) for name in table] == [[1.0, None, None], [1, None, 3], ["x", "", None]]
     assert plain_column(pd.Series([True, False])) == [True, False]
+    values = np.array([-2.0, np.nan, 0.1, 3.0])
+    np.testing.assert_allclose(unpacked(packed_coarsely(values)), values, atol=5.0 / 65534)
+    assert unpacked(packed_coarsely([7.0, 7.0])).tolist() == [7.0, 7.0]
+    assert np.isnan(unpacked(packed_coarsely([np.nan]))).all()
 
 
 # -- runs -----------------------------------------------------------------------------------------------
@@ -166,6 +166,8 @@ def test_the_interval_of_a_run_can_be_chosen(moved):
     (data,) = shown(moved["two layers"], start=0.05, stop=0.1)["runs"]
     assert 0.05 <= data["origin"] < data["end"] <= 0.1
     assert data["coarse"] is not None
+    with pytest.raises(TableError, match=r"no data between 3 and 4 s in .*; allowed: an interval within 0 … 0\.25 s"):
+        shown(moved["bare"], start=3.0, stop=4.0)
 
 
 def test_phases_are_wrapped_and_speeds_are_in_hz(moved):
@@ -207,20 +209,15 @@ def test_machines_move_side_by_side_until_the_first_run_ends(moved, tmp_path):
     assert long["coarse"] is not None
 
 
-def test_a_failed_run_and_its_notes_are_told(moved, tmp_path):
+def test_a_failed_run_without_rows_tells_its_notes_and_has_no_curves(moved, tmp_path):
     copy = unproven(shutil.copytree(moved["bare"], tmp_path / "copy"))
     summary = json.loads((copy / "summary.json").read_text())
     summary |= {"outcome": "too-many-events", "detail": "more than 10", "notes": ["look twice"]}
     (copy / "summary.json").write_text(json.dumps(summary))
-    remarks = shown(copy)["remarks"]
-    told = {remark["text"]: remark["failed"] for remark in remarks}
-    assert told == {"too-many-events: more than 10": True, "look twice": False}
-
-
-def test_a_run_without_rows_has_a_page_without_curves(moved, tmp_path):
-    copy = unproven(shutil.copytree(moved["bare"], tmp_path / "copy"))
     write_table(read_table(copy, "trajectory").iloc[:0], copy, "trajectory", "csv")
     data = shown(copy)
+    told = {remark["text"]: remark["failed"] for remark in data["remarks"]}
+    assert told == {"too-many-events: more than 10": True, "look twice": False}
     assert (data["runs"], data["panels"]) == ([], [])
     assert data["summary"]["rows"]
 
@@ -263,14 +260,6 @@ def test_branches_of_each_combination_are_curves_of_their_own(branched):
             assert found.points.iloc[rows][["material.mass_ratio", "branch"]].drop_duplicates().shape[0] == 1
 
 
-def test_page_of_orbits_tells_no_section_that_was_left_empty(followed):
-    data = shown(followed)
-    told = {row["words"]: row["values"] for row in data["parameters"] if row["section"] == "orbits"}
-    assert told["stop"] == [56.0]
-    assert "step" not in told
-    assert "followed" in report.page(data)
-
-
 def test_special_points_stand_where_they_were_found(followed):
     found = read_branches(followed)
     fold, grazing = points.special_marks(found, found.special, found.points)
@@ -302,8 +291,12 @@ def test_motion_that_is_rounding_has_no_panel(followed):
     assert "rms_x_m" not in drawn
 
 
-def test_boundaries_lie_in_the_plane_of_both_keys(followed):
-    (found,) = shown(followed)["boundaries"]
+def test_boundaries_lie_in_the_plane_of_both_keys_and_an_empty_section_is_not_told(followed):
+    data = shown(followed)
+    told = {row["words"]: row["values"] for row in data["parameters"] if row["section"] == "orbits"}
+    assert told["stop"] == [56.0]
+    assert "step" not in told
+    (found,) = data["boundaries"]
     assert found["keys"] == ["supply_frequency_hz", "material.mass_ratio"]
     assert [(one["label"], one["rows"]) for one in found["series"]] == [
         ("fold", [*range(7), None]),
@@ -314,26 +307,11 @@ def test_boundaries_lie_in_the_plane_of_both_keys(followed):
 # -- orbits of points -----------------------------------------------------------------------------------
 
 
-def unpacked(column):
-    """Numbers that were packed coarsely."""
-    low, high, text = column
-    parts = np.frombuffer(base64.b64decode(text), "<u2").astype(float)
-    return np.where(parts == 65535, np.nan, low + (high - low) * parts / 65534)
-
-
-def test_coarse_numbers_are_right_to_a_pixel():
-    values = np.array([-2.0, np.nan, 0.1, 3.0])
-    np.testing.assert_allclose(unpacked(packed_coarsely(values)), values, atol=5.0 / 65534)
-    assert unpacked(packed_coarsely([7.0, 7.0])).tolist() == [7.0, 7.0]
-    assert np.isnan(unpacked(packed_coarsely([np.nan]))).all()
-
-
-@pytest.mark.parametrize("count", [1, 7, 100])
-def test_the_first_rows_of_a_spread_lie_evenly(count):
-    order = spread(count)
-    assert sorted(order) == [*range(count)]
-    first = sorted(order[: max(count // 4, 1)])
-    assert max(np.diff([*first, count])) <= 8
+def test_the_first_rows_of_a_spread_lie_evenly():
+    assert (spread(1), spread(5)) == ([0], [0, 4, 2, 1, 3])
+    order = spread(100)
+    assert sorted(order) == [*range(100)]
+    assert max(np.diff([*sorted(order[:25]), 100])) <= 8
 
 
 def test_points_of_branches_have_their_orbits(branched):
@@ -404,12 +382,6 @@ def test_a_long_table_loses_rows_evenly_and_says_so(swept, monkeypatch):
 # -- the page -------------------------------------------------------------------------------------------
 
 
-@pytest.fixture(scope="session")
-def text(moved, swept):
-    """A page."""
-    return report.page(shown(moved["two layers"], swept))
-
-
 def test_report_writes_one_file_and_names_it(command, moved, tmp_path):
     copy = shutil.copytree(moved["bare"], tmp_path / "bare")
     done = command("report", copy)
@@ -419,13 +391,11 @@ def test_report_writes_one_file_and_names_it(command, moved, tmp_path):
     assert (tmp_path / "both.html").stat().st_size < 8_000_000
 
 
-def test_a_page_needs_nothing_else(text):
+def test_a_page_needs_nothing_else_and_runs_its_own_scripts_only(moved, swept):
+    text = report.page(shown(moved["two layers"], swept))
     head = text[: text.index("<style>")] + text[text.index("</style>") : text.index('<script id="data"')]
     assert not re.search(r"(src|href)=\"(?!data:)", head)
     assert "{{" not in head
-
-
-def test_only_the_scripts_of_the_page_may_run(text):
     policy = re.search(r"script-src ([^;]+);", text).group(1)
     packed = re.search(r'<script id="library" type="text/plain">(.*?)</script>', text).group(1)
     library = zlib.decompress(base64.b64decode(packed)).decode()
@@ -475,11 +445,6 @@ def test_a_directory_without_results_is_refused(tmp_path, command):
         assert (done.code, done.out) == (2, "")
         told = f"{directory} holds no finished run, sweep or orbits; allowed: a directory with one of them"
         assert done.err == f"vibroplat: {told}\n"
-
-
-def test_an_empty_interval_is_refused(moved):
-    with pytest.raises(TableError, match=r"no data between 3 and 4 s in .*; allowed: an interval within 0 … 0\.25 s"):
-        shown(moved["bare"], start=3.0, stop=4.0)
 
 
 @pytest.mark.parametrize(("name", "column"), [("sweep", "sync"), ("branches", "stable")])

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from vibroplat.config.scene import Scene
-from vibroplat.paper import boundaries
-from vibroplat.paper.boundaries import runs
+from vibroplat.paper import judges
 from vibroplat.paper.claims import FORMER, expected, judge, scoreboard
 from vibroplat.paper.evidence import EDGE, Course, Evidence, F, Key
+from vibroplat.paper.judges import runs
 from vibroplat.paper.root_finding import JUMP_WIDTH, WIDTH
 from vibroplat.paper.scenes import claims
 from vibroplat.study.branches import Branch
@@ -210,7 +210,7 @@ def test_jump_far_to_the_left_is_no_slight_shift():
 def test_limits_are_wider_than_boundaries_are_known():
     tolerances = [claim["tol"] for claim in CLAIMS.values() if claim["kind"] == "boundary" and "tol" in claim]
     assert max(WIDTH, JUMP_WIDTH) / 2.0 < min(EDGE, *tolerances)
-    assert min(0.05, boundaries.LEAST_JUMP, boundaries.SLIGHT) > JUMP_WIDTH / 2.0
+    assert min(0.05, judges.LEAST_JUMP, judges.SLIGHT) > JUMP_WIDTH / 2.0
 
 
 # -- errors -----------------------------------------------------------------------------------------------

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from study.helpers import swept
 
-from vibroplat.paper.contradictions import (
+from vibroplat.paper.scenes import machine_numbers, paper_scene
+from vibroplat.paper.tables import (
     acceleration,
     contradictions,
     resonance_torque,
     stiff_layer_liftoff,
     unbalance_for_liftoff,
 )
-from vibroplat.paper.scenes import machine_numbers, paper_scene
 
 PRINTED = paper_scene("fig2", machine_numbers("printed"))
 

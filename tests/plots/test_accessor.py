@@ -25,11 +25,8 @@ def test_trajectory_is_a_motion_with_its_impacts(runs):
     struck = run.events[(run.events["kind"] == "impact") & (run.events["t_s"] >= first)]
     assert marks.tolist() == struck["t_s"].tolist()
     assert len(marks) > 0
-
-
-def test_trajectory_without_material_has_no_impacts(runs):
-    figure = runs["bare"].trajectory.vibroplat.plot()
-    assert not any("gap" in axis.get_ylabel() for axis in figure.axes)
+    bare = runs["bare"].trajectory.vibroplat.plot()
+    assert not any("gap" in axis.get_ylabel() for axis in bare.axes)
 
 
 def test_sweep_is_a_response_over_either_frequency():
@@ -49,10 +46,6 @@ def test_branches_are_solid_and_dashed_over_their_key():
     np.testing.assert_allclose(shown(axis)[:, 1].max(), 2.0)  # mm
     over = table.rename(columns={"supply_frequency_hz": "material.mass_ratio"}).vibroplat.plot()
     assert {axis.get_xlabel() for axis in over.axes if axis.get_xlabel()} == {r"mass ratio $\mu_w$"}
-
-
-def test_rows_of_a_table_are_enough():
-    table = handmade.branches()
     part = table[table["stable"]].vibroplat.plot().axes[0]
     assert {line.get_linestyle() for line in part.lines} == {"-"}
 
@@ -67,8 +60,5 @@ def test_rows_of_a_table_are_enough():
 def test_what_cannot_be_drawn_is_refused(table, x, told):
     with pytest.raises(ValueError, match=told):
         table.vibroplat.plot(x)
-
-
-def test_an_empty_table_is_refused():
     with pytest.raises(TableError, match="the table is empty"):
         handmade.branches().iloc[:0].vibroplat.plot()

@@ -55,11 +55,8 @@ def test_a_jump_is_not_joined(axis):
     height = line.get_ydata()
     assert np.flatnonzero(np.isnan(height)).tolist() == [8]
     assert height[np.isfinite(height)] == pytest.approx(1e3 * rows["rms_y_m"].to_numpy())
-
-
-def test_a_smooth_branch_is_joined(axis):
-    draw_response(axis, branch(), "rms_y_m")
-    assert np.isfinite(lines(axis)[0].get_ydata()).all()
+    smooth = draw_response(Figure().add_subplot(), branch(), "rms_y_m")
+    assert np.isfinite(lines(smooth)[0].get_ydata()).all()
 
 
 def test_motions_are_told_apart_by_the_filling_of_markers(axis):
@@ -80,13 +77,10 @@ def test_failed_points_have_a_marker_of_their_own_on_the_axis(axis):
     assert crosses.get_transform() == axis.get_xaxis_transform()
     assert sum(np.isfinite(line.get_ydata()).sum() for line in points(axis, marker="^")) == 18
     assert failed_places(rows, "supply_frequency_hz").tolist() == [51.0, 51.5, 52.0]
-
-
-def test_a_branch_on_which_all_failed_can_be_drawn(axis):
-    rows = branch(outcome="event-storm", excitation_frequency_hz=np.nan, rms_y_m=np.nan, rms_x_m=np.nan)
-    draw_response(axis, rows.assign(sync=None), "rms_y_m")
-    draw_response(axis, rows.assign(sync=None), "rms_y_m", x="supply_frequency_hz")
-    assert len(points(axis, marker="x")[0].get_xdata()) == 21
+    lost = rows.assign(outcome="event-storm", sync=None, **dict.fromkeys(columns[:4], np.nan))
+    assert failed_places(lost, "excitation_frequency_hz").tolist() == []
+    draw_response(axis, lost, "rms_y_m", x="supply_frequency_hz")
+    assert len(points(axis, marker="x")[1].get_xdata()) == 21
 
 
 def test_wraps_of_the_phase_difference_are_not_drawn(axis):

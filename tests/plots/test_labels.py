@@ -66,21 +66,15 @@ def test_of_many_parameters_the_first_are_named_and_the_others_counted():
     assert second.endswith("2 more)")
 
 
-def test_an_exciter_is_named_by_its_number():
+def test_an_exciter_is_named_by_its_number_and_results_of_one_name_by_their_directories():
     first = load_config(QUICKSTART)
     exciters = [e.model_dump(exclude_none=True) for e in first.exciter_pair]
     trees = [
         first.to_tree() | {"exciters": [exciters[0], exciters[1] | {"unbalance_radius_m": r}]} for r in (0.03, 0.04)
     ]
     assert legend_names(["a", "b"], differing("run", trees))[1] == "b (exciter 2: unbalance radius 0.04 m)"
-
-
-def test_results_of_one_name_are_called_by_their_directories():
     places = [Path("one/run"), Path("two/run"), Path("three")]
     assert distinct(["run", "run", "third"], places) == ["one/run", "two/run", "third"]
-
-
-def test_results_of_other_commands_are_not_compared():
     assert differences(["run", "sweep"], [tree(), tree(**{"material.mass_ratio": 0.1})]) == ["", ""]
 
 

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from vibroplat import load_config, orbit, orbits
-from vibroplat.continuation.test_functions import KINDS
+from vibroplat.continuation.special_points import KINDS
 from vibroplat.errors import TableError
 from vibroplat.plots.orbits import MARKERS, draw_branch, orbit_figures, read_branches
 from vibroplat.results.tables import read_table, write_table

@@ -10,6 +10,7 @@ import pytest
 
 from vibroplat import simulate
 from vibroplat.errors import TableError
+from vibroplat.results.files import write_result
 from vibroplat.results.tables import (
     FORMATS,
     TableFile,
@@ -17,7 +18,6 @@ from vibroplat.results.tables import (
     read_parts,
     read_table,
     result_directory,
-    write_json,
     write_table,
 )
 
@@ -63,9 +63,9 @@ def test_writer_that_fails_leaves_the_old_table_and_nothing_else(form, reason, t
 
 def test_files_are_whole_under_their_names_and_readable_by_all(tmp_path):
     paths = [write_table(OLD, tmp_path, "a", "parquet"), write_table(OLD, tmp_path, "b", "csv")]
-    paths.append(write_json({"φ": None}, tmp_path, "c"))
-    assert files(tmp_path) == ["a.parquet", "b.csv", "c.json"] == [path.name for path in paths]
-    assert {path.stat().st_mode & 0o777 for path in paths} == {0o644}
+    assert files(tmp_path) == ["a.parquet", "b.csv"] == [path.name for path in paths]
+    write_result(tmp_path, "run", {}, {}, {"c": {"φ": None}}, form="csv")
+    assert {path.stat().st_mode & 0o777 for path in [*paths, *tmp_path.glob("*.json")]} == {0o644}
     assert (tmp_path / "c.json").read_text(encoding="utf-8") == '{\n  "φ": null\n}\n'
 
 

@@ -6,7 +6,7 @@ from common.random_scenes import STORM, TURNS, random_scene
 from stability.checks import row, sound, with_engine
 from vibroplat.integrate.native import MAX_STEPS
 from vibroplat.motion.run import simulate
-from vibroplat.observe.audit import INACCURATE
+from vibroplat.observe.summary import INACCURATE
 
 #: Outcomes of scenes that end early.
 GIVEN_UP = frozenset({"event-storm", "solver-failure", "beyond-model"})

@@ -10,8 +10,7 @@ from vibroplat.integrate import make_engine
 from vibroplat.model.parameters import parameters
 from vibroplat.model.systems import GAP
 from vibroplat.motion.motion import OUTCOMES, Motion
-from vibroplat.observe.audit import INACCURATE
-from vibroplat.observe.summary import measured
+from vibroplat.observe.summary import INACCURATE, measured
 
 #: Largest residuals of energy and vertical momentum over tolerance and steps: each step may be off by about the
 #: tolerance, and the errors may add up. In a campaign of 10 000 random scenes the largest of energy is 2.8, the median

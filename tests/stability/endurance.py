@@ -1,10 +1,9 @@
 """Very long runs: nothing may drift, grow or lose resolution."""
 
-import resource
 from contextlib import closing
-from pathlib import Path
 
 import numpy as np
+import psutil
 from common.known import TURN
 
 from stability.checks import RESIDUAL, row, with_engine
@@ -67,7 +66,7 @@ def _long(name, scene, turns):
         for _ in range(PARTS):
             impacts = Impacts()
             parts.append(measured(motion.advance(seconds, observers=[impacts])) | {"interval": impacts.spread})
-            memory.append(resident())
+            memory.append(psutil.Process().memory_info().rss / 1024.0)
         steps = (engine.work["steps"] - steps) / PARTS
         outcome, state = motion.outcome, motion.automaton.run["state"]
     by = {key: np.array([found[key] or 0.0 for found in parts]) for key in (*STEADY, *OTHERS)}
@@ -89,8 +88,3 @@ def _long(name, scene, turns):
         limits["events_lost"] = (np.abs(by["liftoffs"] - by["impacts"]).max() if by["liftoffs"][0] else 0.0, 1.0)
         limits["gap_below_m"] = (abs(by["gap_min_m"].min()), 0.0)
     return row(f"{name}, {turns:.0f} turns, {PARTS * seconds:.0f} s", outcome, limits)
-
-
-def resident():
-    """Memory in use (KiB)."""
-    return int(Path("/proc/self/statm").read_text(encoding="utf-8").split()[1]) * resource.getpagesize() / 1024.0

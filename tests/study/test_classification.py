@@ -13,10 +13,10 @@ from vibroplat.integrate import make_engine
 from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Motion
 from vibroplat.observe import statistics as m
-from vibroplat.observe.summary import half_open, statistics
+from vibroplat.observe.summary import half_open
 from vibroplat.study.classification import Kind, classify
 from vibroplat.study.lyapunov import Exponent
-from vibroplat.study.point import ANTIPHASE, BLOCKS, ERRORS, columns_of
+from vibroplat.study.point import BLOCKS, ERRORS, columns_of
 from vibroplat.study.settling import EARLY_LOOKS, Settling
 
 from .helpers import CHAOTIC, DAMPED, MACHINE, planned, swept
@@ -246,7 +246,6 @@ def agrees_with_itself(row):
     ("config", "changes", "frequency", "period", "impacts", "seed"),
     [
         pytest.param(DAMPED, MASS_2, 62.5, 3, 2, 0, id="after chaos of 60 s"),
-        pytest.param(DAMPED, MASS_2, 60.5, 4, 2, 1, id="after 10 s", marks=pytest.mark.long),
         pytest.param(PRINTED, LIGHT, 59.0, 3, 1, 2, id="after chaos of up to 100 s", marks=pytest.mark.long),
     ],
 )
@@ -275,14 +274,11 @@ def chaos():
     return [table.iloc[0] for table in tables]
 
 
-def test_chaos_is_told_from_any_seed(chaos):
+def test_chaos_is_told_from_any_seed_with_exponents_that_differ_by_their_errors(chaos):
     for row in chaos:
         assert (row["motion"], row["period"], row["detail"]) == ("chaotic", 0, "")
         assert 0.0 < row["lyapunov_error_per_s"] <= row["lyapunov_per_s"] / 6.0
         assert agrees_with_itself(row)
-
-
-def test_exponents_of_seeds_differ_by_their_errors(chaos):
     values, errors = np.array([[row["lyapunov_per_s"], row["lyapunov_error_per_s"]] for row in chaos]).T
     assert (np.abs(values - values.mean()) <= 3.0 * errors).all()
 
@@ -299,34 +295,12 @@ def test_errors_are_told_where_the_motion_does_not_repeat(chaos):
 
 @pytest.mark.long
 def test_errors_explain_the_scatter_over_seeds():
-    table = [swept(MACHINE, 62.5, changes=CHAOTIC, seed=s, max_settle_s=20.0).iloc[0] for s in range(8)]
+    table = [swept(MACHINE, 62.5, changes=CHAOTIC, seed=s, max_settle_s=20.0).iloc[0] for s in range(4)]
     assert {row["motion"] for row in table} == {"chaotic"}
     for name in ("rms_y_m", "flight_fraction", "impacts_per_period"):
         values = np.array([row[name] for row in table])
         errors = np.array([row[ERRORS[name]] for row in table])
         assert math.sqrt(np.mean(((values - values.mean()) / errors) ** 2)) < 2.5, name
-
-
-def test_difference_of_two_copies_is_what_was_summed_between_them():
-    """A second motion begins to measure where the first block ends, and misses the turn that is open there alone."""
-    scene = planned(LOADED, 53.0, changes={"contact.restitution": 0.5}).replace({"drive.supply_frequency_hz": 53.0})
-    p = parameters(scene)
-    with closing(make_engine(scene, p)) as engine:
-        part = Motion(scene, p, engine).advance(4.0, blocks=2)
-    with closing(make_engine(scene, p)) as engine:
-        motion = Motion(scene, p, engine)
-        motion.advance(2.0)
-        later = motion.advance(2.0)
-    first, second = part.blocks
-    found, fresh = statistics(m.between(first, second)), statistics(later.measures)
-    turn = first.marks["last"][0]
-    assert m.between(first, second).marks["turns"] == later.measures.marks["turns"] + 1.0
-    assert m.between(first, second).whole[m.TIME] == pytest.approx(second.marks["last"][0] - turn, abs=1e-12)
-    assert later.measures.marks["last"][0] == pytest.approx(second.marks["last"][0], abs=1e-6)
-    one_of_them = 2.0 / later.measures.marks["turns"]
-    for name in ("rms_x_m", "rms_y_m", "rms_phi_rad", "excitation_frequency_hz", "flight_fraction", "motor_power_w"):
-        assert found[name] == pytest.approx(fresh[name], rel=one_of_them), name
-    assert abs(half_open(found["phase_difference_rad"] - fresh["phase_difference_rad"])) < 1e-2
 
 
 def test_blocks_add_up_to_the_whole():
@@ -345,14 +319,6 @@ def test_blocks_add_up_to_the_whole():
 
 
 # -- phase difference -------------------------------------------------------------------------------------
-
-
-def test_phase_difference_of_antiphase_is_pi_never_minus_pi():
-    plan = {"direction": ["up", "down"], "grid": {"contact.restitution": [0.0]}, "lyapunov": False}
-    table = swept(LOADED, 46.0, 51.0, step=1.0, **plan)
-    assert (set(table["sync"]), set(table["motion"])) == ({"antiphase"}, {"periodic"})
-    assert (table["phase_difference_rad"] > -math.pi + ANTIPHASE).all()
-    assert table["phase_difference_rad"].to_numpy() == pytest.approx(math.pi, abs=0.1)
 
 
 def test_angles_near_minus_pi_are_pi():

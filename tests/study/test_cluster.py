@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import gc
 import http.server
 import logging
 import math
@@ -28,9 +27,6 @@ from vibroplat.study.pool import pool, run_chains
 
 from .helpers import Calls
 
-#: Seconds in which an address without a scheduler is refused after the start of the program, whose time varies
-#: with what else the machine does.
-SOON = 9.0
 #: A sweep of some seconds with four branches.
 SWEEP = (
     f"extends: {LOADED}\nname: c\n"
@@ -38,8 +34,6 @@ SWEEP = (
     "  supply_frequency_hz: {start: 46.0, stop: 51.0, step: 0.5, direction: [up, down]}\n"
     "  grid: {contact.restitution: [0.0, 0.3]}\n"
 )
-#: The same with one branch.
-BRANCH = f"extends: {LOADED}\nname: c\nsweep: {{supply_frequency_hz: {{start: 46.0, stop: 61.0, step: 0.25}}}}\n"
 #: A change of one line that changes all points: its file, the old text and the new one.
 CHANGE = ("study/point.py", "perturbed(start, scene, plan", "perturbed(start, scene, 1.01 * plan")
 #: How what is given up ends.
@@ -84,24 +78,12 @@ def web():
         found.shutdown()
 
 
-def closed():
-    """A port that nothing listens at."""
-    return contextlib.nullcontext(clusters.free_port())
-
-
 #: Dask leaves connections that it gave up to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 
 
-@pytest.fixture(autouse=True)
-def collected():
-    """Let the garbage collector complain in the test whose garbage it is, not in a later one."""
-    yield
-    gc.collect()
-
-
 SERVERS = {
-    "closed": closed,
+    "closed": lambda: contextlib.nullcontext(clusters.free_port()),
     "silent": lambda: server(lambda connection: None),
     "closes at once": lambda: server(lambda connection: connection.close()),
     "ssh": lambda: server(lambda connection: connection.sendall(b"SSH-2.0-OpenSSH_9.2p1\r\n")),
@@ -109,7 +91,9 @@ SERVERS = {
 }
 
 
-@pytest.mark.parametrize(("kind", "place"), [("tcp", "closed"), ("tcp", "ssh"), ("tcp", "web"), ("ws", "silent")])
+@pytest.mark.parametrize(
+    ("kind", "place"), [("tcp", "closed"), ("tcp", "ssh"), ("tcp", "web"), ("tcp", "closes at once"), ("ws", "silent")]
+)
 def test_no_scheduler_at_an_address(kind, place, monkeypatch):
     monkeypatch.setattr(cluster, "FIRST_ANSWER", 0.1)
     with SERVERS[place]() as port:
@@ -119,32 +103,20 @@ def test_no_scheduler_at_an_address(kind, place, monkeypatch):
     assert str(caught.value).startswith(f"--scheduler {address}: no scheduler answers there (")
 
 
-def refused_soon(vibroplat, address, *command):
-    """Whether a command refuses an address in a line, soon after it has started."""
-    began = time.monotonic()
-    assert not_a_line(vibroplat(*command, "--scheduler", address)) == ""
-    return time.monotonic() - began < 3.0 * SOON
-
-
 @pytest.mark.long
-@pytest.mark.parametrize(("kind", "place"), [("tcp", "closes at once"), ("tls", "silent"), ("ws", "web")])
-def test_no_scheduler_at_an_address_is_told_in_a_line(kind, place, vibroplat, here):
+@pytest.mark.parametrize("arguments", [("sweep", "c.yaml"), ("paper",), ("calibrate",)])
+def test_every_command_refuses_an_address_without_a_scheduler(arguments, command, here, monkeypatch):
+    monkeypatch.setattr(cluster, "FIRST_ANSWER", 0.1)
     (here / "c.yaml").write_text(SWEEP)
-    with SERVERS[place]() as port:
-        assert refused_soon(vibroplat, f"{kind}://127.0.0.1:{port}", "sweep", "c.yaml")
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("command", ["paper", "calibrate"])
-def test_every_command_refuses_an_address_without_a_scheduler(command, vibroplat, here):
     with SERVERS["silent"]() as port:
-        assert refused_soon(vibroplat, f"tcp://127.0.0.1:{port}", command, "--wait", "1")
+        done = command(*arguments, "--scheduler", f"tcp://127.0.0.1:{port}", "--wait", "1")
+    assert not_a_line(done) == ""
+    assert "no scheduler answers there (" in done.err
 
 
-@pytest.mark.parametrize("address", ["foo://127.0.0.1:8786"])
-def test_address_that_is_none_is_refused(address):
-    with pytest.raises(ConfigError, match=f"^--scheduler {address}: not an address; allowed: tcp://host:port$"):
-        require_scheduler(address)
+def test_address_that_is_none_is_refused():
+    with pytest.raises(ConfigError, match=r"^--scheduler foo://127.0.0.1:1: not an address; allowed: tcp://host:port$"):
+        require_scheduler("foo://127.0.0.1:1")
 
 
 def test_address_of_a_worker_is_refused(threads):
@@ -257,21 +229,13 @@ def test_no_worker_is_told_and_given_up(kernels, monkeypatch, caplog):
     assert told == [f"waiting for {what}, up to 0.4 s"]
 
 
-def test_dask_may_speak_again_when_the_pool_is_closed(threads):
-    logger = logging.getLogger("distributed.client")
-    with pool(scheduler=threads.scheduler_address):
-        assert logger.disabled
-    assert not logger.disabled
-
-
 # -- in processes of their own ----------------------------------------------------------------------------
 
 
 @pytest.fixture
 def place(here, kernels):
-    """A directory with a sweep, and its table as this process makes it."""
+    """A directory with a sweep."""
     (here / "c.yaml").write_text(SWEEP)
-    (here / "one.yaml").write_text(BRANCH)
     return here
 
 
@@ -319,12 +283,20 @@ def refused(done, text):
 
 
 @pytest.mark.long
-def test_worker_with_other_code_is_refused_before_any_of_its_points_count(place, table):
+def test_workers_with_another_package_or_none_are_refused_before_any_of_their_points_count(place):
+    none, older = clusters.no_package(new(place, "none")), new(place, "older")
+    shutil.copytree(clusters.PACKAGE, older / "vibroplat")
+    (older / "vibroplat/study/fingerprint.py").unlink()
     other = clusters.other_package(new(place, "other"), *CHANGE)
-    with clusters.scheduler(place) as (address, _), clusters.worker(place, address, path=other):
-        refused(ended(place, "sweep", "c.yaml", "--scheduler", address), ": source files ")
-        assert finished_points(place / "results/c") == 0
-    resumed(place, table)
+    with clusters.scheduler(place) as (address, _):
+        for path, text in (
+            (other, ": source files "),
+            (none, "it has no vibroplat"),
+            (older, "another vibroplat (No module named 'vibroplat.study.fingerprint')"),
+        ):
+            with clusters.worker(place, address, path=path):
+                refused(ended(place, "sweep", "c.yaml", "--scheduler", address, "--resume"), text)
+    assert finished_points(place / "results/c") == 0
 
 
 @pytest.mark.long
@@ -345,108 +317,53 @@ def test_worker_with_other_code_that_joins_late_is_refused(place, table):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("missing", ["vibroplat", "vibroplat.study.fingerprint"])
-def test_worker_without_the_package_or_with_an_older_one_is_refused(missing, place):
-    other = new(place, "other")
-    if missing == "vibroplat":
-        clusters.no_package(other)
-    else:
-        shutil.copytree(clusters.PACKAGE, other / "vibroplat")
-        (other / "vibroplat/study/fingerprint.py").unlink()
-    text = "it has no vibroplat" if missing == "vibroplat" else f"another vibroplat (No module named '{missing}')"
-    with clusters.scheduler(place) as (address, _), clusters.worker(place, address, path=other):
-        refused(ended(place, "sweep", "c.yaml", "--scheduler", address), text)
-
-
-@pytest.mark.long
-def test_scheduler_needs_no_package_and_workers_may_have_theirs_elsewhere(place, table):
-    empty, same = clusters.no_package(new(place, "empty")), new(place, "same")
+def test_two_sweeps_share_workers_that_come_late_and_have_their_package_elsewhere(place, table):
+    """The scheduler needs no package."""
+    empty, same, second = (new(place, name) for name in ("empty", "same", "second"))
     shutil.copytree(clusters.PACKAGE, same / "vibroplat")
+    (second / "c.yaml").write_text(SWEEP)
     with (
-        clusters.scheduler(place, path=empty) as (address, _),
-        clusters.worker(place, address),
-        clusters.worker(place, address, path=same),
+        clusters.scheduler(place, path=clusters.no_package(empty)) as (address, _),
+        Child(place, "sweep", "c.yaml", "--scheduler", address) as child,
+        Child(second, "sweep", "c.yaml", "--scheduler", address) as other,
     ):
-        done = ended(place, "sweep", "c.yaml", "--scheduler", address)
-    assert (done.code, done.err) == (0, "")
-    assert made(place) == table
+        time.sleep(9.0)  # for the notice
+        with clusters.worker(place, address), clusters.worker(place, address, path=same):
+            ends = child.end(), other.end()
+    told = f"vibroplat: waiting for a worker of the scheduler at {address}, up to 60 s\n"
+    assert {(done.code, done.err) for done in ends} == {(0, told)}
+    assert made(place) == made(second) == table
 
 
 def given_up(done, what, seconds):
-    """Whether a command has told what it waited for, and then ended."""
-    notice, end = done.err.splitlines()
-    assert notice == f"vibroplat: waiting for {what}, up to {seconds} s"
+    """Whether a command has told what it waited for, and then ended; on a busy machine it ends without the notice."""
+    *notice, end = done.err.splitlines()
+    assert notice in ([], [f"vibroplat: waiting for {what}, up to {seconds} s"])
     assert end == f"vibroplat: waited {seconds} s for {what}; {KEPT}"
     assert (done.code, done.out) == (1, "")
 
 
-@pytest.mark.long
-def test_first_worker_may_be_late(place, table):
-    with (
-        clusters.scheduler(place) as (address, _),
-        Child(place, "sweep", "c.yaml", "--scheduler", address) as child,
-    ):
-        time.sleep(10.0)
+@pytest.mark.faults
+def test_workers_and_schedulers_that_go_are_told_and_cost_no_point(place, table):
+    """The last worker is killed, then the scheduler freezes, then it dies: one sweep goes on after each."""
+    with clusters.scheduler(place) as (address, scheduler):
+        sweep = ("sweep", "c.yaml", "--scheduler", address, "--wait", "6", "--resume")
+        with clusters.worker(place, address) as worker, Child(place, *sweep) as child:
+            await_points(place, 3, child)
+            clusters.kill(worker)
+            given_up(child.end(), f"a worker of the scheduler at {address}", 6)
         with clusters.worker(place, address):
-            done = child.end()
-    what = f"a worker of the scheduler at {address}"
-    assert (done.code, done.err) == (0, f"vibroplat: waiting for {what}, up to 60 s\n")
-    assert made(place) == table
-
-
-@pytest.mark.faults
-def test_last_worker_killed_is_told_and_given_up(place, table):
-    with (
-        clusters.scheduler(place) as (address, _),
-        clusters.worker(place, address) as worker,
-        Child(place, "sweep", "c.yaml", "--scheduler", address, "--wait", "7") as child,
-    ):
-        await_points(place, 3, child)
-        clusters.kill(worker)
-        given_up(child.end(), f"a worker of the scheduler at {address}", 7)
-    assert finished_points(place / "results/c") >= 3
-    resumed(place, table)
-
-
-@pytest.mark.faults
-@pytest.mark.parametrize(("config", "signal_"), [("c.yaml", signal.SIGTERM), ("one.yaml", signal.SIGKILL)])
-def test_scheduler_that_dies_is_one_line_and_costs_no_point(config, signal_, place):
-    with (
-        clusters.scheduler(place) as (address, scheduler),
-        clusters.worker(place, address),
-        Child(place, "sweep", config, "--scheduler", address) as child,
-    ):
-        await_points(place, 3, child)
-        scheduler.send_signal(signal_)
-        done = child.end()
+            clusters.await_workers(address, 1)
+            for signal_ in (signal.SIGSTOP, signal.SIGKILL):
+                before = finished_points(place / "results/c")
+                with Child(place, *sweep) as child:
+                    await_points(place, before + 1, child)
+                    scheduler.send_signal(signal_)
+                    done = child.end()
+                if signal_ == signal.SIGSTOP:
+                    given_up(done, f"an answer of the scheduler at {address}", 6)
+                    scheduler.send_signal(signal.SIGCONT)
     assert (done.code, done.out) == (1, "")
     assert done.err == f"vibroplat: the scheduler at {address} is gone; {KEPT}\n"
     assert finished_points(place / "results/c", "worker-lost") == 0
-
-
-@pytest.mark.faults
-def test_frozen_scheduler_is_told_and_given_up(place):
-    with (
-        clusters.scheduler(place) as (address, scheduler),
-        clusters.worker(place, address),
-        Child(place, "sweep", "c.yaml", "--scheduler", address, "--wait", "7") as child,
-    ):
-        await_points(place, 3, child)
-        scheduler.send_signal(signal.SIGSTOP)
-        given_up(child.end(), f"an answer of the scheduler at {address}", 7)
-
-
-@pytest.mark.long
-def test_two_sweeps_at_once_share_the_workers(place, table):
-    second = new(place, "second")
-    (second / "c.yaml").write_text(SWEEP)
-    with (
-        clusters.scheduler(place) as (address, _),
-        clusters.worker(place, address),
-        clusters.worker(place, address),
-        Child(place, "sweep", "c.yaml", "--scheduler", address) as child,
-        Child(second, "sweep", "c.yaml", "--scheduler", address) as other,
-    ):
-        ends = child.end(), other.end()
-    assert [(done.code, done.err) for done in ends] == [(0, "")] * 2
-    assert made(place) == made(second) == table
+    resumed(place, table)

@@ -7,7 +7,6 @@ from common.places import FLYING, LOADED
 
 from vibroplat import Scene, load_config
 from vibroplat.config.plans import Frequencies
-from vibroplat.errors import ConfigError
 from vibroplat.study.branches import branches
 
 from .helpers import planned
@@ -93,13 +92,6 @@ def test_mistakes_in_frequencies_are_told_in_a_line(complaint):
     assert found == {text: f"c.yaml: sweep.supply_frequency_hz{line}" for text, line in FREQUENCIES.items()}
 
 
-@pytest.mark.parametrize("count", [0, 3])
-def test_number_of_directions_is_told(count, complaint):
-    given = ["up", "down", "up"][:count]
-    line = complaint(f"sweep: {{supply_frequency_hz: {{start: 42, stop: 44, direction: {given}}}}}")
-    assert line.startswith(f"c.yaml: sweep.supply_frequency_hz.direction = {given}; allowed: ")
-
-
 NOT_SWEPT = "cannot be swept by the grid; allowed: keys of machine, material, …"
 NO_MAP = ": kind = map needs exactly one grid key with several numbers"
 KEYS = {
@@ -152,11 +144,6 @@ def test_names_of_keys_are_guessed(complaint):
     assert complaint("swep: {}").startswith("c.yaml: unknown key swep; did you mean sweep? allowed: ")
 
 
-@pytest.mark.parametrize("values", ["material: [{mass_ratio: 0.1}]", "contact.restitution: []"])
-def test_sections_and_empty_lists_are_no_values_of_a_grid(values, complaint):
-    assert f"grid.{values.partition(':')[0]}" in complaint(with_plan(f"grid: {{{values}}}"))
-
-
 def test_sweep_that_is_no_section_is_told(complaint):
     assert complaint("sweep: 3") == "c.yaml: sweep = 3; allowed: a section of keys and values"
     assert complaint("sweep: {}").startswith("c.yaml: sweep.supply_frequency_hz = ")
@@ -187,10 +174,3 @@ def test_mistake_in_a_sweep_exits_2_with_one_line_and_writes_nothing(text, comma
     assert (done.code, done.out, len(done.err.splitlines())) == (2, "", 1)
     assert done.err.startswith("vibroplat: ")
     assert [path.name for path in here.iterdir()] == ["c.yaml"]
-
-
-def test_settings_reach_the_plan():
-    scene = load_config(LOADED, {"sweep.supply_frequency_hz.start": 42.0, "sweep.supply_frequency_hz.stop": 43.0})
-    assert scene.replace({"sweep.seed": 7}).sweep.seed == 7
-    with pytest.raises(ConfigError, match=r"sweep\.seed = -7"):
-        scene.replace({"sweep.seed": -7})

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import os
 import signal
-import sqlite3
 import sys
 import threading
 import time
@@ -143,24 +142,6 @@ def test_interrupted_chains_go_on_where_they_were(most, tmp_path):
     assert len(squares.calls) == 6 - most
 
 
-def test_parts_of_a_store_have_chains_of_their_own():
-    squares = Squares()
-    with Store(None, {}) as store:
-        assert run(squares, store, 2) == run(squares, store.part("a"), 2) == run(squares, store.part("b"), 2)
-        assert len(store) == 9
-        assert run(squares, store.part("a"), 2) == [(256, 3)]
-    assert len(squares.calls) == 9
-
-
-def test_chain_is_done_when_nothing_is_left():
-    with Store(None, {}) as store:
-        chain = StoredChain(Squares().powers(20, 100), store, 0)
-        assert not chain.done
-        chain.take({"square": 400})
-        assert chain.done
-        assert chain.result == (400, 1)
-
-
 def test_task_whose_worker_is_lost_has_no_record_but_that_for_this_case():
     def one():
         return (yield Task(dict, if_lost=lambda reason: {"why": reason}))
@@ -193,10 +174,9 @@ def test_tasks_of_a_chain_follow_one_another(processes):
             assert run_stored([], workers) == []
 
 
-@pytest.mark.parametrize("name", ["processes", pytest.param("cluster", marks=pytest.mark.long)])
-def test_workers_work_side_by_side(name, request):
+def test_workers_work_side_by_side(processes):
     chains = [Calls(*[(time.sleep, (0.1,)), (os.getpid, ())] * 4) for _ in range(4)]
-    found = finish(chains, request.getfixturevalue(name))
+    found = finish(chains, processes)
     pids = {result for results in found for result in results[1::2]}
     assert len(pids) == 2
     assert os.getpid() not in pids
@@ -210,18 +190,17 @@ def test_workers_have_one_thread_and_do_not_hear_ctrl_c(processes):
     assert finish([Calls((signal.pthread_sigmask, (signal.SIG_BLOCK, ())))], processes) == [[{signal.SIGINT}]]
 
 
-@pytest.mark.parametrize("name", ["processes", pytest.param("cluster", marks=pytest.mark.long)])
-def test_error_of_a_task_is_raised(name, request):
+def test_error_of_a_task_is_raised(processes):
     with pytest.raises(ValueError, match="math domain error"):
-        finish([Calls((math.sqrt, (-1.0,)))], request.getfixturevalue(name))
+        finish([Calls((math.sqrt, (-1.0,)))], processes)
 
 
 # -- workers that die -----------------------------------------------------------------------------------
 
 
 @pytest.mark.faults
-@pytest.mark.parametrize("killers", [(3,), (0, 2)], ids=str)
-def test_task_that_kills_its_worker_costs_its_own_point_alone(killers, processes):
+def test_tasks_that_kill_their_workers_cost_their_own_points_alone(processes):
+    killers = (0, 2)
     chains = [Calls(NAP, KILLER if k in killers else NAP, NAP, (abs, (-k,))) for k in range(4)]
     found = finish(chains, processes)
     assert found == [[None, "lost" if k in killers else None, None, k] for k in range(4)]
@@ -275,12 +254,6 @@ def test_suspects_run_alone(killers):
     assert len(workers.deaths) <= len(killers) * (1 + LIVES)
 
 
-@pytest.mark.faults
-def test_dask_task_that_kills_its_worker_costs_its_own_point_alone(cluster):
-    chains = [Calls(NAP, KILLER if k == 1 else NAP, NAP, (abs, (-k,))) for k in range(4)]
-    assert finish(chains, cluster) == [[None, "lost" if k == 1 else None, None, k] for k in range(4)]
-
-
 # -- sweeps ---------------------------------------------------------------------------------------------
 
 
@@ -329,13 +302,12 @@ def test_dask_gives_the_same_table(scene, table, scheduler):
 
 
 @pytest.mark.faults
-@pytest.mark.parametrize(("after", "killed"), [(1, 1), (10, 2)])
-def test_killed_workers_change_nothing(after, killed, scene, table, processes):
+def test_killed_workers_change_nothing(scene, table, processes):
     def kill():
-        for worker in loky_workers()[:killed]:
+        for worker in loky_workers():
             os.kill(worker.pid, signal.SIGKILL)
 
-    assert bits(interrupted(scene, processes, kill, after)) == bits(table)
+    assert bits(interrupted(scene, processes, kill, 10)) == bits(table)
 
 
 @pytest.mark.faults
@@ -359,13 +331,6 @@ def place(scene, key):
 LOST, NEXT = (0.0, 0.3, 0, 54.0), (0.0, 0.3, 0, 62.0)
 
 
-def dies_at_lost(scene, plan, state, key):
-    """In the place of ``measure_point``: one point takes its worker along."""
-    if place(scene, key) == LOST:
-        os._exit(1)
-    return Point({"outcome": "ok"}, [scene.drive.supply_frequency_hz if state is None else state[0]] * 14)
-
-
 class Mortal(Inline):
     """This process, which pretends to have died of this point."""
 
@@ -377,23 +342,17 @@ class Mortal(Inline):
         return future
 
 
-def with_a_lost_point(scene, workers, monkeypatch):
-    """The table of a sweep whose point 1 of branch 2 is lost, and the state that each point began with."""
+def test_point_that_kills_its_workers_is_a_row_and_the_branch_goes_on(scene, monkeypatch):
     begun = {}
 
     def measure(scene, plan, state, key):
         begun[place(scene, key)] = None if state is None else state[0]
-        return dies_at_lost(scene, plan, state, key)
+        return Point({"outcome": "ok"}, [scene.drive.supply_frequency_hz if state is None else state[0]] * 14)
 
-    monkeypatch.setattr("vibroplat.study.sweep.measure_point", measure if workers.slots == 1 else dies_at_lost)
+    monkeypatch.setattr("vibroplat.study.sweep.measure_point", measure)
     with Store(None, {}) as store:
-        run_sweeps([(branches(scene), store)], workers)
+        run_sweeps([(branches(scene), store)], Mortal())
         (found,) = tables(branches(scene), store)
-    return found, begun
-
-
-def test_point_that_kills_its_workers_is_a_row_and_the_branch_goes_on(scene, monkeypatch):
-    found, begun = with_a_lost_point(scene, Mortal(), monkeypatch)
     lost = found[found["outcome"] != "ok"]
     assert lost[["branch", "supply_frequency_hz", "outcome"]].to_numpy().tolist() == [[2, 54.0, "worker-lost"]]
     assert lost["detail"].item() == f"its worker died {LIVES} times"
@@ -401,12 +360,6 @@ def test_point_that_kills_its_workers_is_a_row_and_the_branch_goes_on(scene, mon
     assert len(found) == 24
     assert LOST not in begun
     assert begun[NEXT] == 46.0
-
-
-@pytest.mark.faults
-def test_point_that_really_kills_its_workers_is_a_row(scene, processes, monkeypatch):
-    found, _ = with_a_lost_point(scene, processes, monkeypatch)
-    assert found["outcome"].tolist() == ["worker-lost" if k == 7 else "ok" for k in range(24)]
 
 
 # -- schedulers that are none ---------------------------------------------------------------------------
@@ -419,12 +372,9 @@ def test_scheduler_without_dask_is_refused(monkeypatch):
     assert str(caught.value) == "--scheduler needs dask.distributed; pip install 'vibroplat[cluster]' has it"
 
 
-SMALL = "sweep: {supply_frequency_hz: {start: 50.0, stop: 50.0}}\n"
-
-
 @pytest.mark.parametrize("jobs", ["0", "two"])
 def test_number_of_jobs_is_checked(jobs, command, here):
-    (here / "c.yaml").write_text(SMALL)
+    (here / "c.yaml").write_text("sweep: {supply_frequency_hz: {start: 50.0, stop: 50.0}}\n")
     done = command("sweep", "c.yaml", "--jobs", jobs)
     assert (done.code, done.out, len(done.err.splitlines())) == (2, "", 1)
     assert "'--jobs'" in done.err
@@ -445,20 +395,10 @@ def test_workers_are_gone_when_the_pool_is_closed_and_another_may_be_opened():
 # -- no more processes than are of use --------------------------------------------------------------------
 
 
-@pytest.fixture
-def cores(monkeypatch):
-    """Give the machine a number of cores."""
-
-    def give(number):
-        monkeypatch.setattr("loky.cpu_count", lambda: number)
-
-    return give
-
-
 NO_CORES, NO_WORK = "there are no more cores", "there is no work for more at a time"
 
 
-def test_processes_have_a_core_and_a_chain(cores, caplog):
+def test_processes_have_a_core_and_a_chain(monkeypatch, caplog):
     wanted = {
         (8, 4, 100): (4, f"--jobs 8: 4 processes are used, as {NO_CORES}"),
         (8, 16, 3): (3, f"--jobs 8: 3 processes are used, as {NO_WORK}"),
@@ -469,7 +409,7 @@ def test_processes_have_a_core_and_a_chain(cores, caplog):
         (3, 4, 0): (1, ""),
     }
     for (jobs, available, chains), (used, told) in wanted.items():
-        cores(available)
+        monkeypatch.setattr("loky.cpu_count", lambda available=available: available)
         caplog.clear()
         assert pools._useful(jobs, chains) == used
         assert [record.getMessage() for record in caplog.records] == [told] * bool(told)
@@ -477,23 +417,8 @@ def test_processes_have_a_core_and_a_chain(cores, caplog):
 
 def test_one_branch_is_swept_in_this_process(command, kernels, here, monkeypatch, caplog):
     monkeypatch.delattr(pools, "Processes")
-    (here / "c.yaml").write_text(SMALL)
+    (here / "c.yaml").write_text("sweep: {supply_frequency_hz: {start: 50.0, stop: 50.0}}\n")
     assert command("sweep", "c.yaml", "--jobs", "2").code == 0
     assert [r.getMessage() for r in caplog.records] == [
         "--jobs 2: one process is used, as there is no work for more at a time"
     ]
-
-
-@pytest.mark.long
-def test_finished_branches_need_no_processes(vibroplat, here):
-    """Two of three branches are finished: the third is resumed in one process."""
-    (here / "c.yaml").write_text(f"{SMALL.rstrip()[:-1]}, grid: {{contact.restitution: [0.0, 0.1, 0.2]}}}}\n")
-    assert vibroplat("sweep", "c.yaml").code == 0
-    with sqlite3.connect(here / "results/c/points.sqlite") as base:
-        base.execute("DELETE FROM records WHERE first = 1")
-    done = vibroplat("sweep", "c.yaml", "--jobs", "2", "--resume")
-    assert done.err.splitlines() == [
-        "vibroplat: results/c/points.sqlite: 1 of 3 records damaged or missing; computing them again",
-        "vibroplat: --jobs 2: one process is used, as there is no work for more at a time",
-    ]
-    assert done.code == 0

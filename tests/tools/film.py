@@ -13,7 +13,7 @@ import typer
 from tools.browser import browser, open_page
 from vibroplat.errors import VibroplatError
 from vibroplat.page.report import write_report
-from vibroplat.results.tables import replace_files
+from vibroplat.results.tables import replace_file
 
 if TYPE_CHECKING:
     pass
@@ -51,12 +51,11 @@ def write_film(directory, out, turns, frames, width, colours):
         open_page(driver, write_report([directory], Path(place) / "page.html"))
         pictures = _pictures(driver, turns, frames)
     first, *others = _reduced(pictures, colours)
-    replace_files(
-        {
-            out: lambda path: first.save(
-                path, format="gif", save_all=True, append_images=others, duration=FRAME, loop=0, optimize=True
-            )
-        }
+    replace_file(
+        out,
+        lambda path: first.save(
+            path, format="gif", save_all=True, append_images=others, duration=FRAME, loop=0, optimize=True
+        ),
     )
     return out
 

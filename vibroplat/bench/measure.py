@@ -18,7 +18,7 @@ from vibroplat.integrate import make_engine
 from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Motion
 from vibroplat.motion.run import SETTLE_SHARE, simulate
-from vibroplat.observe.audit import INACCURATE
+from vibroplat.observe.summary import INACCURATE
 from vibroplat.results.run import Trajectory
 
 #: Slower impacts (m/s) are not compared: each integration ends an accumulation at its own threshold.

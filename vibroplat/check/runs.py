@@ -21,7 +21,7 @@ from vibroplat.model.systems import GAP_RATE
 from vibroplat.motion.initial_condition import Start
 from vibroplat.motion.recorder import Sink
 from vibroplat.motion.run import simulate
-from vibroplat.observe.audit import INACCURATE
+from vibroplat.observe.summary import INACCURATE
 from vibroplat.results.run import Trajectory
 from vibroplat.system.memory import Share
 
@@ -206,11 +206,10 @@ class Course:
         self, scene: Scene, progress: Progress | None = None, also: Sink | None = None, start: Start | None = None
     ) -> None:
         self.scene = scene
-        self.names = [COORDINATES[i] for i in scene.coordinates]
-        self.scales = [float(state_scales(scene)[i]) for i in scene.coordinates]
+        self.scales = {COORDINATES[i]: float(state_scales(scene)[i]) for i in scene.coordinates}
         if scene.has_contact:
-            self.names.append(_FORCE)
-            self.scales.append(force_spread(scene))
+            self.scales[_FORCE] = force_spread(scene)
+        self.names = list(self.scales)
         self._also = also
         self._share = Share("shorten run.duration_s, or leave out --check")
         self._samples: list[pd.DataFrame] = []
@@ -242,7 +241,7 @@ class Course:
     def samples(self) -> pd.DataFrame:
         """Samples by time, one for each time, of quantities in their scales."""
         found = pd.concat(self._samples).drop_duplicates("t_s", keep="last").set_index("t_s")
-        found[self.names] /= self.scales
+        found[self.names] /= list(self.scales.values())
         return found
 
     @cached_property
@@ -354,7 +353,7 @@ class _Comparison:
     def _sample(self, row: int, column: int) -> Difference:
         """Describe the difference of a quantity in a sample."""
         name, time = self._first.names[column], float(self._times[row])
-        scale = self._first.scales[column]
+        scale = self._first.scales[name]
         one, two = (float(samples[name].iloc[row]) * scale for samples in self._samples)
         mode = str(self._samples[0]["mode"].iloc[row])
         difference, allowed = float(self._found[row, column]), float(self._allowed[row, column])
@@ -364,34 +363,35 @@ class _Comparison:
         """Pair the events of both, and compare their times."""
         one, two = self._first.events, self._other.events
         pairs = self._paired(self._first, self._other)
-        change = np.full(len(one), math.nan)
-        for course in self._changed:
-            i, j = self._paired(self._first, course).rows.T
-            change[i] = np.fmax(change[i], _apart(one, i, course.events, j))
-        of_other = np.full(len(two), math.nan)
-        i, j = self._paired(self._other, self._again).rows.T
-        of_other[i] = _apart(two, i, self._again.events, j)
         i, j = pairs.rows.T
         speed = self._scene.speed_scale
-        so_far = _so_far(speed * np.fmax(change[i], of_other[j]))
-        allowed = FLOOR * self._tolerance * self._least(one.iloc[i]["gap_rate_before_m_per_s"]) + MULTIPLE * so_far
-        found = speed * _apart(one, i, two, j)
+        change = np.fmax(self._moved(self._first, *self._changed)[i], self._moved(self._other, self._again)[j])
+        least = FLOOR * self._tolerance * self._least(one["gap_rate_before_m_per_s"].to_numpy()[i])
+        allowed = least + MULTIPLE * _so_far(speed * change)
         clear = ~slight(one.iloc[i], self._errors, self._scene)
-        times = one["t_s"].to_numpy()[i], two["t_s"].to_numpy()[j]
-        kinds = one["kind"].to_numpy()[i]
+        columns = one["t_s"].to_numpy()[i], two["t_s"].to_numpy()[j], one["kind"].to_numpy()[i], allowed
         return pairs, [
-            Difference(EVENT_TIME, a, f"at {kind}", a, b, d, most, 1.0 / speed)
-            for a, b, kind, d, most in zip(*(v[clear].tolist() for v in (*times, kinds, found, allowed)), strict=True)
+            Difference(EVENT_TIME, a, f"at {kind}", a, b, speed * abs(a - b), most, 1.0 / speed)
+            for a, b, kind, most in zip(*(column[clear].tolist() for column in columns), strict=True)
         ]
 
-    def _least(self, speeds: Any) -> FloatArray:
+    def _moved(self, one: Course, *others: Course) -> FloatArray:
+        """Return how far repetitions move each event of a run in time (s); nan where none has it."""
+        found = np.full(len(one.events), math.nan)
+        for course in others:
+            i, j = self._paired(one, course).rows.T
+            times = one.events["t_s"].to_numpy()[i], course.events["t_s"].to_numpy()[j]
+            found[i] = np.fmax(found[i], np.abs(times[0] - times[1]))
+        return found
+
+    def _least(self, speeds: FloatArray) -> FloatArray:
         """Return how many times an error of the state, in its scales, moves an event in time, in 1/ω₀.
 
         Impacts are moved by the error of the gap over their speed. Liftoffs, whose speed is 0, are moved by the error
         of the contact force over its rate, about its scale times ω₀.
         """
         scene = self._scene
-        relative = np.abs(np.asarray(speeds, dtype=float)) / state_scales(scene)[GAP_RATE]
+        relative = np.abs(speeds) / state_scales(scene)[GAP_RATE]
         force = force_spread(scene) / scene.force_scale if scene.has_contact else 1.0
         return np.where(relative > 0.0, 1.0 / np.clip(relative, 1e-12, 1.0), force)
 
@@ -402,8 +402,3 @@ class _Comparison:
 def _so_far(changes: FloatArray) -> FloatArray:
     """Return the largest values up to each row; nan counts as nothing."""
     return np.asarray(np.maximum.accumulate(np.nan_to_num(changes), axis=0))
-
-
-def _apart(one: Any, i: Any, two: Any, j: Any) -> FloatArray:
-    """Return how far the times of paired events are apart (s)."""
-    return np.asarray(np.abs(one["t_s"].to_numpy()[i] - two["t_s"].to_numpy()[j]))

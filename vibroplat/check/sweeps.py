@@ -18,7 +18,7 @@ from vibroplat.observe.summary import COHERENCE
 from vibroplat.study import WAIT
 from vibroplat.study.branches import Branch, Place, branches, chosen, require_share
 from vibroplat.study.point import ERRORS, point_task
-from vibroplat.study.pool import Pool, StoredChain, Task, Tasks, run_chains
+from vibroplat.study.pool import Pool, StoredChain, Task, Tasks, run_stored
 from vibroplat.study.store import Store
 from vibroplat.study.sweep import Progress, branch_records, measured
 
@@ -237,19 +237,20 @@ def check_points(
     other, progress
         As in :func:`check_sweep`.
     """
+
+    def tell(done: int) -> None:
+        if progress is not None:
+            progress(done, done, 0)
+
     kept = store.part("check")
     chains = [
         StoredChain(_checked(place, *begun, other), kept, f"{place.branch.number}/{place.point}")
         for place, begun in zip(places, _beginnings(places, store), strict=True)
     ]
-    done = sum(chain.done for chain in chains)
-    for chain in run_chains(chains, workers):
-        done += chain.done
-        if progress is not None:
-            progress(done, done, 0)
+    found = run_stored(chains, workers, tell)
     points = sum(len(branch.frequencies) for branch in planned)
     scene = planned[0].scene
-    return SweepCheck(engine_name(scene), engine_name(other(scene)), points, tuple(chain.result for chain in chains))
+    return SweepCheck(engine_name(scene), engine_name(other(scene)), points, tuple(found))
 
 
 def _beginnings(places: Sequence[Place], store: Store) -> Iterator[tuple[list[float] | None, Row]]:
@@ -282,31 +283,32 @@ def _checked(place: Place, state: list[float] | None, row: Row, other: Other) ->
         for off in (tolerance, -tolerance, 2.0 * tolerance):
             yield task(scene, off)
 
-    rows: tuple[list[Row], list[Row]] = [row], [(yield task(other(scene)))["row"]]
-    found = _conclusion(place, scene, *rows)
+    one, two = [row], [(yield task(other(scene)))["row"]]
+    found = _conclusion(place, scene, one, two)
     if found.agrees:
         return found
     for again in repetitions(scene):
-        rows[0].append((yield again)["row"])
+        one.append((yield again)["row"])
     more = repetitions(other(scene))
-    rows[1].append((yield next(more))["row"])
-    found = _conclusion(place, scene, *rows)
-    if found.explained:
-        return found
-    for again in more:
-        rows[1].append((yield again)["row"])
-    return _conclusion(place, scene, *rows)
+    for group in ([next(more)], more):  # starts of the other engine only if another tolerance does not explain it
+        for again in group:
+            two.append((yield again)["row"])
+        found = _conclusion(place, scene, one, two)
+        if found.explained:
+            break
+    return found
 
 
 def _conclusion(place: Place, scene: Scene, first: list[Row], other: list[Row]) -> PointCheck:
     """Compare the first rows of both that are of one class, with the repetitions that are of it too."""
-    classes = [[tuple(row.get(column) for column in CLASS) for row in rows] for rows in (first, other)]
-    common = next((c for c in classes[0] if c in classes[1]), None)
-    one, two = (
-        [r for r, c in zip(*pair, strict=True) if c == common] for pair in ((first, classes[0]), (other, classes[1]))
-    )
+    common = next((kind for kind in map(_class, first) if kind in map(_class, other)), None)
+    one, two = ([row for row in rows if _class(row) == common] for rows in (first, other))
     differences = [] if common is None else deviations(scene, place.branch.plan.settle_tolerance, one, two)
-    return PointCheck(place, classes[0][0], classes[1][0], differences, common is not None)
+    return PointCheck(place, _class(first[0]), _class(other[0]), differences, common is not None)
+
+
+def _class(row: Row) -> tuple[Any, ...]:
+    return tuple(map(row.get, CLASS))
 
 
 # -- measures ---------------------------------------------------------------------------------------------

@@ -15,8 +15,7 @@ from vibroplat.motion.run import SUMMARY
 from vibroplat.observe.tables import EVENTS, TRAJECTORY
 from vibroplat.paper.calibration import CONFIRMATION, EVALUATIONS, LEFT_OUT, SPREAD
 from vibroplat.paper.claims import CLAIMS
-from vibroplat.paper.contradictions import CONTRADICTIONS
-from vibroplat.paper.tables import HISTORY, IMPACT_LAWS, SYNC_BANDS
+from vibroplat.paper.tables import CONTRADICTIONS, HISTORY, IMPACT_LAWS, SYNC_BANDS
 from vibroplat.study.bands import BANDS
 from vibroplat.study.branches import SUPPLY
 from vibroplat.study.confirming import CONFIRMED

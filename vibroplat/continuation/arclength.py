@@ -3,21 +3,26 @@
 The predictor is a polynomial through the last points with their tangents; the corrector moves orthogonally to the last
 tangent; steps grow while Newton's method takes few iterations. Where the mode on the section is about to change, the
 section is moved along the orbit. Where the sequence of events changes, the branch may have a corner, after which its
-direction follows from a determinant; over grazing it goes as :mod:`.switching` says.
+direction follows from a determinant.
+
+Next to grazing the residual of the orbits without the impact is smooth, with the Jacobian A. An impact of speed w adds
+b w to it, and w² grows linearly, κ g·(u_c − u), with the distance from the grazing orbit u_c (Nordmark 1991). So the
+Jacobian A − (κ / 2 w) b gᵀ grows without bounds, steps along the branch become ever smaller, and no tangent leads from
+one side to the other. But both are known from either side: A t = 0 without the impact, and with it A t + b ω = 0 and
+g·t = 0, where w = ω s at a small distance s from u_c.
 """
 
 from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from vibroplat.continuation.newton import Chart, MissedError, Problem, correct
-from vibroplat.continuation.switching import over_grazing
-from vibroplat.continuation.test_functions import Point, tangent_of
+from vibroplat.continuation.newton import Chart, MissedError, Problem, bordered, correct
+from vibroplat.continuation.special_points import Point, tangent_of
 from vibroplat.hybrid.modes import IMPACT
 from vibroplat.kernels.compiled import FloatArray
 
@@ -44,6 +49,11 @@ BESIDE, ANGULAR = (0.5, 5.0), 1e-3
 ASIDE = 0.2
 #: How near an impact must be, as a part of its speed, to that below which impacts stick, for an end to be due to it.
 NEARLY, LAW_JUMPS = 1e-4, "an impact reaches contact.sticking_speed_m_per_s, where rebounds begin"
+#: Farthest that grazing may be ahead (units of the unknowns), and distances beyond it at which an orbit is looked for,
+#: over how far ahead it is, one after the other; the least of them.
+AHEAD, AWAY, LEAST = 0.3, (1.0, 0.1, 10.0), 1e-5
+#: Most that an orbit may lie beside where it is expected, over how far grazing is ahead, and what is always allowed.
+ASIDE_GRAZING = 10.0, 1e-3
 
 #: What is shown the last point and a new one, in one chart. If it is to be strict, it raises MissedError where it
 #: cannot tell what happens between them.
@@ -220,3 +230,77 @@ def predicted(
         u += weight**2 * ((1.0 - 2.0 * (place - here) * steepness) * point.u + (place - here) * slope)
         jacobian += weight * point.jacobian
     return u, jacobian
+
+
+def over_grazing(problem: Problem, before: Point, last: Point) -> Point:
+    """Find an orbit on the other side of the grazing that is ahead of the last two points of a branch."""
+    if before.chart is not last.chart or before.word != last.word:
+        raise MissedError("the last points cannot be compared")
+    for guesses, change in ((_without_impact(before, last), -1), (_with_impact(problem, before, last), 1)):
+        for guess, direction, ahead in guesses:
+            try:
+                found = correct(problem, last.chart, guess, direction[np.newaxis])
+                point = Point.of(found, tangent_of(found.jacobian, direction))
+            except MissedError:
+                continue
+            near = np.linalg.norm(point.u - guess) < max(ASIDE_GRAZING[0] * ahead, ASIDE_GRAZING[1])
+            if near and len(point.word) == len(last.word) + change:
+                return point
+    raise MissedError("no grazing is ahead")
+
+
+#: What is tried: unknowns, a direction away from grazing, and how far that is ahead of the last point.
+Guesses = Iterator[tuple[FloatArray, FloatArray, float]]
+
+
+def _without_impact(before: Point, last: Point) -> Guesses:
+    """Go on from orbits with an impact that becomes ever slower, to those without."""
+    if "S" in last.word:  # slow impacts are then those that accumulate
+        return
+    speeds = [p.shot.slowest_impact for p in (before, last)]
+    ahead = _ahead([speed**2 for speed in speeds], before, last)
+    if not 0.0 < ahead < AHEAD:
+        return
+    # J = A + B / w at both points
+    growing = (last.jacobian - before.jacobian) / (1.0 / speeds[1] - 1.0 / speeds[0])
+    tangent = _null(last.jacobian - growing / speeds[1])
+    for share in AWAY:
+        for sense in (1.0, -1.0):
+            direction = sense * tangent
+            yield last.u + ahead * last.tangent + max(share * ahead, LEAST) * direction, direction, ahead
+
+
+def _with_impact(problem: Problem, before: Point, last: Point) -> Guesses:
+    """Go on from orbits that come ever nearer to an impact, to those with it."""
+    ahead = _ahead([p.shot.least_gap for p in (before, last)], before, last)
+    if not 0.0 < ahead < AHEAD:
+        return
+    grazing, far = last.u + ahead * last.tangent, max(ahead, LEAST)
+    try:
+        residual, shot = problem.shoot(last.chart, grazing + far * last.tangent, full=True)
+    except MissedError:
+        return
+    speed = shot.slowest_impact
+    if not np.isfinite(speed):
+        return
+    normal = np.linalg.svd(problem.jacobian(last.chart, shot) - last.jacobian)[2][0]
+    kappa = -(speed**2) / (far * float(normal @ last.tangent))
+    extended = _null(bordered(last.jacobian, normal, residual / speed))
+    extended *= np.copysign(1.0, extended[-1]) / np.linalg.norm(extended[:-1])
+    direction, growth = extended[:-1], extended[-1]
+    for share in AWAY:
+        away = max(share * ahead, LEAST)
+        yield grazing + away * direction - normal * (growth * away) ** 2 / kappa, direction, ahead
+
+
+def _ahead(measures: Sequence[float], before: Point, last: Point) -> float:
+    """How far ahead of the last of two points a measure is zero, along its tangent; NaN if it is not ahead."""
+    step = float((last.u - before.u) @ last.tangent)
+    if not np.isfinite(measures).all() or not measures[1] < measures[0]:
+        return float("nan")
+    return measures[1] * step / (measures[0] - measures[1])
+
+
+def _null(matrix: FloatArray) -> FloatArray:
+    """Direction of length 1 that a matrix with one column more than rows turns to zero."""
+    return np.asarray(np.linalg.svd(matrix)[2][-1])

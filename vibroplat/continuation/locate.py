@@ -17,8 +17,7 @@ import numpy as np
 
 from vibroplat.continuation.arclength import Branch, predicted
 from vibroplat.continuation.newton import MissedError
-from vibroplat.continuation.switching import branch_point
-from vibroplat.continuation.test_functions import (
+from vibroplat.continuation.special_points import (
     BRANCH_POINT,
     DOUBLING,
     FOLD,
@@ -28,6 +27,7 @@ from vibroplat.continuation.test_functions import (
     Point,
     Special,
     Test,
+    branch_point,
     coming,
 )
 

@@ -10,6 +10,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -203,6 +204,20 @@ class Problem:
         found[np.arange(along.size), np.arange(along.size)] -= 1.0
         found[:, chart.phase] = along / chart.speed
         return found
+
+    def describe(self, orbit: NewtonResult) -> dict[str, Any]:
+        """Say as plain values where an orbit is: a row of tables, from which another worker can go on."""
+        state, seconds, values = orbit.chart.unpack(orbit.u)
+        turns = abs(self.turns[0])
+        return {
+            "value": values[0],
+            "excitation_frequency_hz": turns / seconds,
+            "period": turns,
+            "period_s": seconds,
+            "turns": list(self.turns),
+            "word": orbit.word,
+            "state": state.tolist(),
+        }
 
     def halves(self, orbit: NewtonResult) -> bool:
         """Whether an orbit repeats after half of its period already."""

@@ -28,6 +28,7 @@ from vibroplat.motion.initial_condition import end_of, initial_condition
 from vibroplat.motion.run import simulate
 from vibroplat.observe.summary import Part, measured
 from vibroplat.results.run import Trajectory
+from vibroplat.study.branches import FREQUENCY, SUPPLY
 from vibroplat.study.confirming import LARGEST, multiplier_columns
 from vibroplat.study.lyapunov import lyapunov
 from vibroplat.study.point import MEASURED, Point, measure_point, row_of
@@ -174,11 +175,10 @@ def orbit(scene: Scene, guess: Any = None, *, period: int = 1, tolerance: float 
     >>> found.sequence, found.stable
     ('none', True)
     """
-    if isinstance(guess, Mapping | pd.Series) and "excitation_frequency_hz" in guess:
-        scene, guess = at_row(scene, guess), guess if RATES[0] in guess else None
+    scene, begin = read_guess(scene, guess)
     scene = accurate(scene, tolerance)
     with closing(Shooter(scene)) as shooter:
-        problem, found = first_orbit(shooter, guess, period, (), tolerance)
+        problem, found = first_orbit(shooter, begin, period, (), tolerance)
         state, seconds, _ = found.chart.unpack(found.u)
         return Orbit(
             scene=scene,
@@ -206,23 +206,10 @@ def accurate(scene: Scene, tolerance: float) -> Scene:
     return scene.replace({"solver.tolerance": min(scene.solver.tolerance, INTEGRATOR * tolerance)})
 
 
-def at_row(scene: Scene, row: Mapping[str, Any] | pd.Series) -> Scene:
-    """Return a scene at the keys of a row of one of its tables; without a state, at the row's phase difference too."""
-    found = {str(key): value for key, value in row.items()}
-    values = {key: value for key, value in found.items() if "." in key}
-    if "supply_frequency_hz" in found:
-        values["drive.supply_frequency_hz"] = float(found["supply_frequency_hz"])
-    phase = found.get("phase_difference_rad")
-    if phase is not None and np.isfinite(phase) and RATES[0] not in row:
-        name = "phase_sum_rad" if scene.rotation == "counter-rotating" else "phase_difference_rad"
-        values[f"run.initial.{name}"] = float(phase)
-    return scene.replace(values)
-
-
 def first_orbit(
-    shooter: Shooter, guess: Any, period: int, units: Sequence[float], tolerance: float
+    shooter: Shooter, guess: FloatArray | None, period: int, units: Sequence[float], tolerance: float
 ) -> tuple[Problem, NewtonResult]:
-    """Find an orbit near a guess at the values that the shooter has; what :func:`orbit` says of guesses."""
+    """Find an orbit near a full state, or the motion that settles, at the values that the shooter has."""
     missed = MissedError("")
     for state in guesses(shooter, guess):
         try:
@@ -257,8 +244,8 @@ def _out_of_step(shooter: Shooter, state: FloatArray, period: int) -> str:
     )
 
 
-def guesses(shooter: Shooter, guess: Any) -> Iterator[FloatArray]:
-    """Yield full states on the section, φ₁ = 0, to begin with."""
+def guesses(shooter: Shooter, guess: FloatArray | None) -> Iterator[FloatArray]:
+    """Yield full states on the section, φ₁ = 0, to begin with: after a state, or while the motion settles."""
     scene, motion = shooter.scene, shooter.motion
     if guess is None:
         motion.reset(initial_condition(scene).state)
@@ -272,7 +259,7 @@ def guesses(shooter: Shooter, guess: Any) -> Iterator[FloatArray]:
             yield state
             motion.reset(state)  # the search has moved it
         return
-    motion.reset(state_of(scene, guess))
+    motion.reset(guess)
     if not motion.to_section(1, 4.0 * TURN / scene.speed_scale):
         raise OrbitError("exciter 1 does not turn; allowed: a motion whose exciters turn")
     yield motion.state
@@ -285,32 +272,47 @@ def beginning_at(scene: Scene, state: FloatArray) -> Scene:
     return scene.replace({"run.initial": {"state": {names[i]: float(state[i]) for i in present}}})
 
 
-def state_of(scene: Scene, guess: Any) -> FloatArray:
-    """Read a full state, shape (14,), from what a user gives.
+def read_guess(scene: Scene, guess: Any) -> tuple[Scene, FloatArray | None]:
+    """Read what a user gives as a guess; what :func:`orbit` says of it.
+
+    Returns
+    -------
+    scene, state
+        The scene at the keys of a row, and a full state, shape (14,). It is None if the motion is to settle: from the
+        phase difference of a row that has no state.
 
     Raises
     ------
     ConfigError
         It is nothing of the kind.
     """
-    if isinstance(guess, Trajectory):
-        return guess.final_state.copy()
-    if isinstance(guess, str | Path):
-        return end_of(Path(guess), scene).state
-    if isinstance(guess, Orbit):
-        return guess.state.copy()
     names = (*COORDINATES, *RATES)
+    if guess is None:
+        return scene, None
+    if isinstance(guess, str | Path):
+        return scene, end_of(Path(guess), scene).state
+    if isinstance(guess, Trajectory | Orbit):
+        return scene, (guess.state if isinstance(guess, Orbit) else guess.final_state).copy()
     if isinstance(guess, Mapping | pd.Series):
-        state = initial_state(scene)
-        given = {name: guess[name] for name in names if name in guess and pd.notna(guess[name])}
+        given = {name: float(guess[name]) for name in names if name in guess and pd.notna(guess[name])}
+        if "excitation_frequency_hz" in guess:  # a row of a table of this scene
+            values = {str(key): value for key, value in guess.items() if "." in str(key)}
+            if SUPPLY in guess:
+                values[FREQUENCY] = float(guess[SUPPLY])
+            phase = guess.get("phase_difference_rad")
+            if RATES[0] not in guess and phase is not None and np.isfinite(phase):
+                name = "phase_sum_rad" if scene.rotation == "counter-rotating" else "phase_difference_rad"
+                values[f"run.initial.{name}"] = float(phase)
+            scene = scene.replace(values)
+            if RATES[0] not in guess:
+                return scene, None
         if given:
-            for place, name in enumerate(names):
-                state[place] = float(given.get(name, state[place]))
-            return state
+            own = initial_state(scene).tolist()
+            return scene, np.array([given.get(name, value) for name, value in zip(names, own, strict=True)])
     else:
         state = np.array(guess, dtype=float)
         if state.shape == (len(names),) and np.isfinite(state).all():
-            return state
+            return scene, state
     raise ConfigError("guess is no state; allowed: 14 numbers, a row of a trajectory or of a sweep, a run, an orbit")
 
 
@@ -379,11 +381,10 @@ def motion_of(scene: Scene, row: Mapping[str, Any]) -> OrbitMotion:
         There is no such orbit, or it cannot be computed; the message says why.
     """
     period = int(row["period"])
-    if RATES[0] in row:
+    placed, state = read_guess(scene, row)
+    if state is not None:
         seconds = float(row["period_s"] if "period_s" in row else period / row["excitation_frequency_hz"])
-        placed = accurate(at_row(scene, row), TOLERANCE)
-        state = state_of(placed, row)
-        run = run_from(placed, state, seconds)
+        run = run_from(accurate(placed, TOLERANCE), state, seconds)
         if run.outcome != "ok":
             raise OrbitError(f"the motion of this row ended early: {run.outcome}: {run.summary['detail']}")
         change = (run.final_state - state) / state_scales(run.scene)

@@ -26,10 +26,9 @@ from vibroplat.model.sensitivity import Course, difference, with_value
 from vibroplat.model.systems import FULL_SIZE, SYSTEMS, systems
 from vibroplat.motion.motion import Motion, Observer
 from vibroplat.motion.recorder import Recorder
-from vibroplat.observe.audit import Energies
 from vibroplat.observe.guard_margins import GuardMargins
 from vibroplat.observe.statistics import Measures, Statistics
-from vibroplat.observe.summary import Part
+from vibroplat.observe.summary import Energies, Part
 from vibroplat.observe.variation import Variation
 
 #: What the letters of a word stand for in tables.

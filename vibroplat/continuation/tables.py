@@ -16,7 +16,7 @@ from vibroplat.config.coordinates import COORDINATES, RATES
 from vibroplat.config.plans import OrbitsPlan
 from vibroplat.config.scene import Scene
 from vibroplat.continuation.orbit import OrbitError, accurate, beginning_at
-from vibroplat.continuation.test_functions import KINDS
+from vibroplat.continuation.special_points import KINDS
 from vibroplat.continuation.two_keys import Boundary, follow_boundary
 from vibroplat.continuation.worker import MULTIPLIERS, Family, Traced, follow_family, same_special
 from vibroplat.errors import ConfigError

@@ -20,19 +20,19 @@ from vibroplat.config.scene import Scene
 from vibroplat.continuation.locate import Tried, locate
 from vibroplat.continuation.newton import Chart, MissedError, NewtonResult, Problem, correct
 from vibroplat.continuation.shooting import Shooter, rotated, spelled
-from vibroplat.continuation.switching import branch_point
-from vibroplat.continuation.test_functions import (
+from vibroplat.continuation.special_points import (
     BRANCH_POINT,
     DOUBLING,
     IN_TWO_KEYS,
     NEIMARK_SACKER,
     ONE_SIDED,
     Point,
+    branch_point,
     others_outside,
 )
 from vibroplat.errors import ConfigError
 from vibroplat.kernels.compiled import FloatArray
-from vibroplat.model.sensitivity import value_of, with_value
+from vibroplat.model.sensitivity import value_of
 from vibroplat.study.point import measure_point
 from vibroplat.study.pool import Task, Tasks
 from vibroplat.study.store import Record
@@ -248,8 +248,8 @@ def follow_boundary(scene: Scene, plan: OrbitsPlan, special: Record, boundary: B
         rows = record["rows"]
         boundary.rows = [*reversed(rows), *boundary.rows] if sense < 0 else [*boundary.rows, *rows[1:]]
         boundary.ended.append(record["ended"])
-    for place in chosen(boundary.rows, plan):
-        row, way = boundary.rows[place], across(boundary.rows, place, plan)
+    for place, way in chosen(boundary.rows, plan).items():
+        row = boundary.rows[place]
         found = yield Task(check, (scene, plan, boundary.kind, row, way), lambda _reason: {"check": FAILED})
         boundary.rows[place] = row | found
 
@@ -270,28 +270,14 @@ def _one_way(scene: Scene, plan: OrbitsPlan, special: Record, sense: int) -> Rec
         curve = Curve(problem, special["kind"], special["word"], sense, low, high)
         try:
             for point in curve.follow(chart, chart.pack(state, special["period_s"], values), first, largest, least):
-                rows.append(_row(problem, point, special["kind"]))
+                row = problem.describe(point) | {"second": float(point.u[-1]) * wanted.unit}
+                row["word"] = rotated(point.word, point.shot.restitution)
+                rows.append(row | {"others_outside": others_outside(curve.kind, point.multipliers)})
                 if len(rows) >= wanted.max_points:
                     return {"rows": rows, "ended": f"max_points = {wanted.max_points} reached"}
         except MissedError as error:
             return {"rows": rows, "ended": f"no point beyond: {error}"}
     return {"rows": rows, "ended": "end of a key's range"}
-
-
-def _row(problem: Problem, point: Point, kind: str) -> Record:
-    state, seconds, values = point.chart.unpack(point.u)
-    turns = abs(problem.turns[0])
-    return {
-        "value": values[0],
-        "second": values[1],
-        "excitation_frequency_hz": turns / seconds,
-        "period": turns,
-        "period_s": seconds,
-        "turns": list(problem.turns),
-        "word": rotated(point.word, float(problem.shooter.p["restitution"])),
-        "state": state.tolist(),
-        "others_outside": others_outside(kind, point.multipliers),
-    }
 
 
 class Side(NamedTuple):
@@ -307,57 +293,76 @@ class Side(NamedTuple):
         return f"period {self.period}: {spelled(self.word)}" if self.period else "no period"
 
 
-def chosen(rows: Sequence[Record], plan: OrbitsPlan) -> list[int]:
-    """Choose the points of a curve that are checked: inner ones, evenly along it."""
+def chosen(rows: Sequence[Record], plan: OrbitsPlan) -> dict[int, tuple[float, float]]:
+    """Choose the points of a curve that are checked: inner ones, evenly along it.
+
+    Returns
+    -------
+    ways
+        The direction across the curve, to where the first key is larger, in units of the keys, by the number of a row.
+    """
     if len(rows) < 3:
-        return []
+        return {}
     assert plan.boundaries is not None
-    places = np.array([[row["value"] / plan.unit, row["second"] / plan.boundaries.unit] for row in rows])
+    places = np.array([[row["value"], row["second"]] for row in rows]) / (plan.unit, plan.boundaries.unit)
     lengths = np.append(0.0, np.cumsum(np.hypot(*np.diff(places, axis=0).T)))
     wanted = lengths[-1] * (np.arange(plan.boundaries.check) + 0.5) / max(plan.boundaries.check, 1)
-    return sorted({int(np.abs(lengths[1:-1] - length).argmin()) + 1 for length in wanted})
-
-
-def across(rows: Sequence[Record], place: int, plan: OrbitsPlan) -> tuple[float, float]:
-    """Find the direction across a curve at a point, to where the first key is larger, in units of the keys."""
-    assert plan.boundaries is not None
-    before, after = rows[place - 1], rows[place + 1]
-    one = (after["value"] - before["value"]) / plan.unit
-    other = (after["second"] - before["second"]) / plan.boundaries.unit
-    length = math.copysign(math.hypot(one, other), other) or 1.0
-    return other / length, -one / length
+    ways: dict[int, tuple[float, float]] = {}
+    for place in sorted({int(np.abs(lengths[1:-1] - length).argmin()) + 1 for length in wanted}):
+        one, other = (places[place + 1] - places[place - 1]).tolist()
+        length = math.copysign(math.hypot(one, other), other) or 1.0
+        ways[place] = other / length, -one / length
+    return ways
 
 
 def check(scene: Scene, plan: OrbitsPlan, kind: str, row: Record, way: tuple[float, float]) -> Record:
     """Settle on both sides of a point of a curve, and compare with what its kind says.
 
-    The row is that of the curve, with the orbit there; the way is the direction across it, in units of the keys.
-    Returns the columns ``below``, ``above`` and ``check`` of the table of boundaries.
+    A stable orbit leads to the motion on its own side; beyond the boundary the motion goes elsewhere, or has other
+    events. Where branches cross, only how far it goes may tell the sides apart.
+
+    Parameters
+    ----------
+    kind, row
+        Of the curve, and its point with the orbit there.
+    way
+        Direction across the curve, in units of the keys, from below to above.
+
+    Returns
+    -------
+    record
+        The columns ``below``, ``above`` and ``check`` of the table of boundaries.
     """
     if row["others_outside"]:
         return {"check": UNSTABLE}
     assert plan.boundaries is not None
     keys, units = (plan.key, plan.boundaries.key), (plan.unit, plan.boundaries.unit)
     place = np.array([row["value"], row["second"]])
-    orbit = _on_section(scene, dict(zip(keys, place.tolist(), strict=True)), row)
     found: Record = {"check": FAILED}
-    for share in DISTANCES:
-        change = share * UNITS * np.array(way) * units
-        ends = ((place + sense * change).tolist() for sense in (-1.0, 1.0))
-        below, above = (_settled(scene, dict(zip(keys, values, strict=True)), row, orbit) for values in ends)
-        if below is None or above is None:
-            continue
-        told = {"below": below.text, "above": above.text}
-        if differ(kind, row, below, above):
-            return told | {"check": AGREES}
-        if found["check"] != DIFFERS:
-            found = told | {"check": DIFFERS if below.period or above.period else UNDECIDED}
+    with closing(Shooter(scene, keys)) as shooter:
+        shooter.set(place.tolist())
+        shooter.motion.reset(np.array(row["state"]))
+        crossings = []  # of the section φ₁ = 0
+        for _ in range(row["period"]):
+            shooter.motion.to_section(1, 2.0 * row["period_s"])
+            crossings.append(_in_scales(shooter.motion.state, shooter))
+        orbit = np.array(crossings)
+        for share in DISTANCES:
+            change = share * UNITS * np.array(way) * units
+            below, above = (_settled(shooter, (place + sense * change).tolist(), row, orbit) for sense in (-1.0, 1.0))
+            if below is None or above is None:
+                continue
+            told = {"below": below.text, "above": above.text}
+            if differ(kind, row, below, above):
+                return told | {"check": AGREES}
+            if found["check"] != DIFFERS:
+                found = told | {"check": DIFFERS if below.period or above.period else UNDECIDED}
     return found
 
 
 def differ(kind: str, row: Record, below: Side, above: Side) -> bool:
     """Whether what was found on both sides of a boundary differs as its kind says."""
-    turns: int = abs(row["turns"][0])
+    turns: int = row["period"]
     repeats = [side.period == turns for side in (below, above)]
     stays = [again and side.word == row["word"] for again, side in zip(repeats, (below, above), strict=True)]
     if kind in ONE_SIDED:
@@ -368,23 +373,10 @@ def differ(kind: str, row: Record, below: Side, above: Side) -> bool:
     return repeats[0] != repeats[1] or NEARER * near < far
 
 
-def _on_section(scene: Scene, values: Mapping[str, float], row: Record) -> FloatArray:
-    """Points of an orbit of a curve on the section φ₁ = 0, in the scales of the scene, shape (turns, 14)."""
-    for key, value in values.items():
-        scene = with_value(scene, key.split("."), value)
-    points = []
-    with closing(Shooter(scene)) as shooter:
-        shooter.motion.reset(np.array(row["state"]))
-        for _ in range(abs(row["turns"][0])):
-            shooter.motion.to_section(1, 2.0 * row["period_s"])
-            points.append(_in_scales(shooter.motion.state, shooter))
-    return np.array(points)
-
-
-def _settled(scene: Scene, values: Mapping[str, float], row: Record, orbit: FloatArray) -> Side | None:
+def _settled(shooter: Shooter, values: list[float], row: Record, orbit: FloatArray) -> Side | None:
     """Let the motion settle from an orbit nearby; None if the values of the keys are not allowed or it ends early."""
     try:
-        scene = scene.replace(values)
+        scene = shooter.scene.replace(dict(zip(shooter.keys, values, strict=True)))
     except ConfigError:
         return None
     supply = scene.drive.at(0.0).frequency_at(0.0)
@@ -393,11 +385,12 @@ def _settled(scene: Scene, values: Mapping[str, float], row: Record, orbit: Floa
     point = measure_point(scene, plan, row["state"], (0,))
     if point.state is None:
         return None
-    period, state = int(point.row["period"]), np.array(point.state)
-    with closing(Shooter(scene)) as shooter:
-        seconds = period / abs(point.row["excitation_frequency_hz"])
-        word = rotated(shooter.shot(state, seconds).word, scene.contact.restitution) if period else ""
-        distance = np.abs(orbit - _in_scales(state, shooter)).max(axis=1).min()
+    period, state, word = int(point.row["period"]), np.array(point.state), ""
+    if period:
+        shooter.set(values)
+        shot = shooter.shot(state, period / abs(point.row["excitation_frequency_hz"]))
+        word = rotated(shot.word, scene.contact.restitution)
+    distance = np.abs(orbit - _in_scales(state, shooter)).max(axis=1).min()
     return Side(period, word, float(distance))
 
 

@@ -18,14 +18,9 @@ from vibroplat.config.scene import Scene
 from vibroplat.continuation.arclength import Branch
 from vibroplat.continuation.locate import specials
 from vibroplat.continuation.newton import ANGLE, MissedError, Problem, correct, n_unstable
-from vibroplat.continuation.orbit import (
-    OrbitError,
-    first_orbit,
-    measures_of_orbit,
-)
+from vibroplat.continuation.orbit import OrbitError, first_orbit, measures_of_orbit, read_guess
 from vibroplat.continuation.shooting import Shooter, spelled
-from vibroplat.continuation.switching import MIRRORED, new_branches
-from vibroplat.continuation.test_functions import DOUBLING, Point, Special, tangent_of
+from vibroplat.continuation.special_points import DOUBLING, MIRRORED, Point, Special, new_branches, tangent_of
 from vibroplat.study.confirming import multiplier_columns
 from vibroplat.study.pool import Task, Tasks
 from vibroplat.study.store import Record
@@ -119,8 +114,8 @@ def _near(row: Record, name: str, part: float, known: Sequence[Record]) -> bool:
 def part(scene: Scene, plan: OrbitsPlan, begin: Record | None, known: Known) -> Record:
     """Make a part of a branch: points, special points, and first points of branches that begin there.
 
-    It begins at the start, at a special point, or goes on from a last point. Branches that begin at its special points
-    are looked for, but not at those that are known.
+    It begins at the start where ``begin`` is None, else at a place that :func:`_place` describes. The record has new
+    ``rows`` and ``special`` points, the ``last`` place, and why the branch ``ended``, or has ``failed``.
     """
     record: Record = {"rows": [], "special": [], "last": None, "ended": "", "failed": False}
     with closing(Shooter(scene, [plan.key], plan.range)) as shooter:
@@ -135,7 +130,8 @@ def part(scene: Scene, plan: OrbitsPlan, begin: Record | None, known: Known) -> 
             for special in list(specials(branch, before, after, strictly=strictly)):
                 if not (plan.covers(special.value) or plan.covers(after.value)):
                     return  # beyond the end of the branch
-                found = _special_record(branch.problem, special, len(rows))
+                found = branch.problem.describe(special.point) | {"kind": special.kind, "value": special.value}
+                found |= {"after": len(known.own) + len(rows), "branches": []}
                 old = any(same_special(found, other, plan) for other in (*known.special, *record["special"]))
                 if special.kind in plan.switch and not old and not (special.kind == DOUBLING and special.mirrors):
                     starts = new_branches(branch.problem, special, _steps(plan)[0], branch.largest)
@@ -145,8 +141,16 @@ def part(scene: Scene, plan: OrbitsPlan, begin: Record | None, known: Known) -> 
                     ends.append(special)
                     return
 
+        def take() -> None:
+            """Add the row of the last point, unless it was passed before: then the branch ends."""
+            rows.append(_row(branch.problem, branch.points[-1]))
+            again = known.met_again(rows)
+            record["ended"], record["failed"] = again or branch.ended, again == RETURNED
+            if again:
+                rows.pop()
+
         if begin is None or begin["new"]:
-            _take(branch, known, record)
+            take()
         while len(rows) < PART and not record["ended"]:
             if not branch.grow(look):
                 return record | {"ended": branch.ended, "failed": True}
@@ -155,7 +159,7 @@ def part(scene: Scene, plan: OrbitsPlan, begin: Record | None, known: Known) -> 
                 branch.points[-1], branch.ended = ends[0].point, beyond
             else:
                 _stop_at_end(branch, plan, *step)
-            _take(branch, known, record)
+            take()
         record["last"] = _place(branch.problem, branch.points[-1], branch.step, new=False)
     return record
 
@@ -169,10 +173,10 @@ def _begun(shooter: Shooter, plan: OrbitsPlan, begin: Record | None) -> Branch:
     """Begin a branch towards the stop, or go on with one from one of its points."""
     first, largest, least = _steps(plan)
     if begin is None:
-        initial = shooter.scene.run.initial.state
+        initial = None if plan.from_ == "settled" else shooter.scene.run.initial.state
         shooter.set([float(plan.start)])
-        guess = None if plan.from_ == "settled" or initial is None else initial.model_dump()
-        problem, found = first_orbit(shooter, guess, plan.period, [plan.unit], plan.tolerance)
+        _, state = read_guess(shooter.scene, None if initial is None else initial.model_dump())
+        problem, found = first_orbit(shooter, state, plan.period, [plan.unit], plan.tolerance)
         towards = np.zeros(found.u.size)
         towards[-1] = np.sign(plan.stop - plan.start)
         branch = Branch(problem, first, least, largest)
@@ -191,31 +195,12 @@ def _begun(shooter: Shooter, plan: OrbitsPlan, begin: Record | None) -> Branch:
 
 
 def _place(problem: Problem, point: Point, step: float, new: bool) -> Record:
-    """Describe a point of a branch so that another worker can go on from there."""
+    """Describe a point of a branch, whether it is new or has a row already, so that a worker can go on from there."""
     chart, tangent = point.chart, point.tangent
-    state, seconds, values = chart.unpack(point.u)
-    full = np.zeros(state.size + 2)  # along the state, the period and the key
+    full = np.zeros(chart.base.size + 2)  # along the state, the period and the key
     full[chart.places] = tangent[: chart.places.size]
     full[ANGLE], full[-2], full[-1] = 0.0, tangent[chart.phase], tangent[-1]
-    return {
-        "turns": list(problem.turns),
-        "state": state.tolist(),
-        "period_s": seconds,
-        "value": values[0],
-        "tangent": full.tolist(),
-        "step": step,
-        "new": new,
-    }
-
-
-def _take(branch: Branch, known: Known, record: Record) -> None:
-    """Add the row of the last point, unless it was passed before: then the branch ends."""
-    rows = record["rows"]
-    rows.append(_row(branch.problem, branch.points[-1]))
-    again = known.met_again(rows)
-    record["ended"], record["failed"] = again or branch.ended, again == RETURNED
-    if again:
-        rows.pop()
+    return problem.describe(point) | {"tangent": full.tolist(), "step": step, "new": new}
 
 
 def _stop_at_end(branch: Branch, plan: OrbitsPlan, before: Point, last: Point) -> None:
@@ -231,33 +216,13 @@ def _stop_at_end(branch: Branch, plan: OrbitsPlan, before: Point, last: Point) -
         branch.points[-1] = Point.of(found, tangent_of(found.jacobian, last.tangent))
 
 
-def _special_record(problem: Problem, special: Special, after: int) -> Record:
-    """Describe a special point, with the number of points before it; other branches begin there at ``branches``."""
-    state, seconds, _ = special.point.chart.unpack(special.point.u)
-    turns = abs(problem.turns[0])
-    return {
-        "kind": special.kind,
-        "value": special.value,
-        "excitation_frequency_hz": turns / seconds,
-        "period": turns,
-        "period_s": seconds,
-        "turns": list(problem.turns),
-        "word": special.point.word,
-        "state": state.tolist(),
-        "after": after,
-        "branches": [],
-    }
-
-
 def _row(problem: Problem, point: Point) -> Record:
     """Return the row of a point in the table of branches; ``turns`` are those since the point before."""
-    state, seconds, values = point.chart.unpack(point.u)
-    unstable, turns = n_unstable(point.multipliers), problem.shooter.turns
+    found, unstable, turns = problem.describe(point), n_unstable(point.multipliers), problem.shooter.turns
     problem.shooter.turns = 0.0
     return {
-        "value": float(f"{values[0]:.15g}"),  # without what units leave of a round number
-        "period": abs(problem.turns[0]),
-        "period_s": seconds,
+        **found,
+        "value": float(f"{found['value']:.15g}"),  # without what units leave of a round number
         **measures_of_orbit(problem, point),
         "sequence": spelled(point.word),
         "stable": unstable == 0,
@@ -265,7 +230,6 @@ def _row(problem: Problem, point: Point) -> Record:
         **multiplier_columns(point.multipliers, MULTIPLIERS),
         "residual": point.residuals[-1],
         "turns": turns,
-        "state": state.tolist(),
     }
 
 
@@ -294,55 +258,39 @@ class Traced:
 
 
 def follow_family(family: Family, plan: OrbitsPlan, traced: list[Traced], progress: Callable[[], None]) -> Tasks[None]:
-    """Follow the branches of a family, one after the other, and add them to those that are traced."""
-    own: list[Traced] = []
+    """Follow the branches of a family, one after the other, and add them to those that are traced.
+
+    Branches that begin at special points wait until those found before have ended, as one of these may pass there. One
+    of which nothing is new is a direction of a branch that is known.
+    """
+    own, scene = list[Traced](), family.scene
     waiting: list[tuple[int, Record | None, Record | None]] = [(-1, None, None)]
     switched: list[Record] = []
+    nothing: Record = {"rows": [], "special": [], "last": None, "failed": True}
     while waiting and len(own) < plan.max_branches:
         parent, source, begin = waiting.pop(0)
         if any(other.number != parent and other.passes(source, plan) for other in own):
             continue
         branch = Traced(family, len(own), parent, "start" if source is None else source["kind"], source)
         traced.append(branch)
-        yield from _parts(branch, own, switched, plan, begin, progress)
+        while not branch.ended:
+            left = [special for special in (*switched, *branch.special) if special["branches"]]
+            known = Known(left, [(other.number, _compared(other.rows)) for other in own], _compared(branch.rows))
+            record = yield Task(part, (scene, plan, begin, known), lambda reason: nothing | {"ended": reason})
+            branch.ended, branch.failed, begin = record["ended"], record["failed"], record["last"]
+            branch.special += record["special"]
+            branch.rows += record["rows"]
+            if not branch.ended and len(branch.rows) >= plan.max_points:
+                branch.ended = f"max_points = {plan.max_points} reached"
+            progress()
         if parent >= 0 and not branch.rows and not branch.failed:
-            traced.remove(branch)  # a direction of a branch that is known
+            traced.remove(branch)
             continue
         own.append(branch)
         for special in branch.special:
             if special["branches"] and not any(same_special(special, other, plan) for other in switched):
                 switched.append(special)
                 waiting += [(branch.number, special, place) for place in special["branches"]]
-
-
-def _parts(
-    branch: Traced,
-    others: Sequence[Traced],
-    switched: Sequence[Record],
-    plan: OrbitsPlan,
-    begin: Record | None,
-    progress: Callable[[], None],
-) -> Tasks[None]:
-    """Make a branch part by part."""
-    passed = [(other.number, _compared(other.rows)) for other in others]
-    nothing: Record = {"rows": [], "special": [], "last": None}
-    while not branch.ended:
-        special = [
-            {name: s[name] for name in ("kind", "value", "excitation_frequency_hz")}
-            for s in (*switched, *branch.special)
-            if s["branches"]
-        ]
-        known = Known(special, passed, _compared(branch.rows))
-        record = yield Task(
-            part, (branch.family.scene, plan, begin, known), lambda reason: nothing | {"ended": reason, "failed": True}
-        )
-        branch.ended, branch.failed = record["ended"], record["failed"]
-        branch.special += [special | {"after": special["after"] + len(branch.rows)} for special in record["special"]]
-        branch.rows += record["rows"]
-        if not branch.ended and len(branch.rows) >= plan.max_points:
-            branch.ended = f"max_points = {plan.max_points} reached"
-        begin = record["last"]
-        progress()
 
 
 def _compared(rows: Sequence[Record]) -> list[Record]:

@@ -21,9 +21,8 @@ from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.accelerations import accelerations
 from vibroplat.model.parameters import Parameters, supply, words
 from vibroplat.model.systems import SYSTEMS
-from vibroplat.observe.audit import Energies
 from vibroplat.observe.statistics import Measures, Statistics, copied
-from vibroplat.observe.summary import Part
+from vibroplat.observe.summary import Energies, Part
 from vibroplat.system.memory import NO_MORE, OutOfMemoryError
 
 #: Names of outcomes, by the automaton's number.
@@ -119,11 +118,15 @@ class Motion:
         self._run[0] = self._beginning
         self._run["state"] = state
         self.events = 0
-        if self.now < self._interval.start or self.now >= self._interval.end:
-            self._interval = interval_at(self._intervals, self.now)
-            for p in (self._p, self.automaton.p, self.automaton.inelastic):
-                supply(p, self.scene, self._interval)
+        if not self._interval.start <= self.now < self._interval.end:
+            self._change_supply()
         first_mode(self.automaton)
+
+    def _change_supply(self) -> None:
+        """Change the supply of the motors to that of the present, for all who hold the parameters."""
+        self._interval = interval_at(self._intervals, self.now)
+        for p in (self._p, self.automaton.p, self.automaton.inelastic):
+            supply(p, self.scene, self._interval)
 
     def advance(
         self, seconds: float, *, settle: float = 0.0, blocks: int = 1, observers: Sequence[Observer] = ()
@@ -167,42 +170,24 @@ class Motion:
 
     def to_time(self, time: float, observers: Sequence[Observer] = ()) -> None:
         """Carry the motion on to a time (s), unless it ends early, through the corners of the drive's program."""
-        run = self.automaton.run
-        awaited = run["awaited"]
-        while True:
-            if self.now >= self._interval.end and time > self.now and self.outcome == "ok":
-                self._turn_corner(observers)
-            if run["awaited"] != awaited:  # the corner is what the motion waits for
-                return
-            end = min(time, self._interval.end)
-            self._within_interval(end, observers)
-            reached = self.outcome == "ok" and run["awaited"] == awaited and self.now >= end
-            if not reached or end >= time:
-                return
-
-    def _turn_corner(self, observers: Sequence[Observer]) -> None:
-        """Change the supply of the motors for all who hold the parameters."""
-        h = self.automaton
-        self._interval = interval_at(self._intervals, self.now)
-        for p in (self._p, h.p, h.inelastic):
-            supply(p, self.scene, self._interval)
-        turn_corner(h, self._interval.corner)
-        rewind(h.steps)  # they have been read
-        self._tell(observers)
-
-    def _within_interval(self, time: float, observers: Sequence[Observer]) -> None:
-        """Carry the motion on to a time (s) at which or before which the supply does not change."""
-        h = self.automaton
-        h.run["end"] = time
-        if h.run["outcome"] == hy.OK:
-            h.run["outcome"] = hy.RUNNING
-        while h.run["outcome"] == hy.RUNNING:
-            rewind(h.steps)  # should memory run out before the engine does so
-            try:
-                self.engine.advance(h)
-            except MemoryError as error:
-                self._end_without_memory(error)
-            self._tell(observers)
+        h, run = self.automaton, self.automaton.run
+        awaited, end = run["awaited"], -math.inf
+        while self.outcome == "ok" and run["awaited"] == awaited and end < time and self.now >= end:
+            if self.now >= self._interval.end and time > self.now:
+                self._change_supply()
+                turn_corner(h, self._interval.corner)
+                rewind(h.steps)  # they have been read
+                self._tell(observers)
+                continue  # the corner may be what the motion waits for
+            run["end"] = end = min(time, self._interval.end)
+            run["outcome"] = hy.RUNNING
+            while run["outcome"] == hy.RUNNING:
+                rewind(h.steps)  # should memory run out before the engine does so
+                try:
+                    self.engine.advance(h)
+                except MemoryError as error:
+                    self._end_without_memory(error)
+                self._tell(observers)
 
     def _tell(self, observers: Sequence[Observer]) -> None:
         """Let observers read the new steps and events, all of them even if one runs out of memory."""

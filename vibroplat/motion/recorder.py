@@ -15,8 +15,7 @@ from vibroplat.config.scene import Scene
 from vibroplat.errors import ConfigError
 from vibroplat.hybrid.state import EVENT, Automaton
 from vibroplat.observe.notes import peaks_of
-from vibroplat.observe.segments import Segment, closed
-from vibroplat.observe.tables import Blocks, Records, TrajectoryRows, column_count, event_table
+from vibroplat.observe.tables import ROW, Blocks, Records, Sampler, Segment, TrajectoryRows, closed, event_table
 from vibroplat.system.memory import SHARE, Share, amount, available
 
 #: What a run keeps besides its summary.
@@ -73,26 +72,20 @@ class Recorder:
     def read(self, h: Automaton) -> None:
         """Record the closed pieces and the events; MemoryError if they would take too much memory."""
         try:
-            if self._rows is not None or self._keep == "segments":
-                self._read_segments(h)
+            for segment in closed(h) if self._rows is not None or self._keep == "segments" else ():
+                if self._rows is not None:
+                    self._rows.add(segment)
+                if self._keep == "segments":
+                    self._share.take(segment.nbytes)
+                    self.segments.append(segment)
         finally:  # events are recorded even if memory has run out
             if h.run["events"]:
-                self._read_events(h.events[: h.run["events"]].copy())
-
-    def _read_segments(self, h: Automaton) -> None:
-        for segment in closed(h):
-            if self._rows is not None:
-                self._rows.add(segment)
-            if self._keep == "segments":
-                self._share.take(segment.nbytes)
-                self.segments.append(segment)
-
-    def _read_events(self, events: Records) -> None:
-        if self._events is not None:
-            self._events.put(events)
-        if self._keep != "summary":
-            self._share.take(events.nbytes)
-            self._kept_events.append(events)
+                events = h.events[: h.run["events"]].copy()
+                if self._events is not None:
+                    self._events.put(events)
+                if self._keep != "summary":
+                    self._share.take(events.nbytes)
+                    self._kept_events.append(events)
 
     def _take(self, part: pd.DataFrame) -> None:
         """Take a part of the trajectory table."""
@@ -139,7 +132,7 @@ def require_room(scene: Scene, directory: Path | None = None, form: str = "parqu
         most, number = float(shutil.disk_usage(directory).free), NUMBER_IN_CSV if form == "csv" else NUMBER
         told = f"on disk, where {amount(most)} are free"
     seconds, rate = scene.run.duration_s, scene.output.sample_rate_hz
-    rows, columns = seconds * rate, column_count(scene)
+    rows, columns = seconds * rate, len(Sampler(scene).table(np.empty(0, ROW)).columns)
     needed = rows * columns * number
     if needed > most:
         raise ConfigError(

@@ -18,9 +18,8 @@ from vibroplat.motion.initial_condition import Start, initial_condition
 from vibroplat.motion.motion import Motion, Observer
 from vibroplat.motion.recorder import Keep, Recorder, Sink, require_room
 from vibroplat.motion.variation import directions, listed
-from vibroplat.observe.audit import INACCURATE, inaccuracy
 from vibroplat.observe.notes import drift, notes_on_measures, stiffness
-from vibroplat.observe.summary import MEASURES, Part, measured
+from vibroplat.observe.summary import INACCURATE, MEASURES, Part, inaccuracy, measured
 from vibroplat.observe.tables import named_derivative
 from vibroplat.observe.variation import Variation
 from vibroplat.results.run import Trajectory

@@ -18,6 +18,7 @@ from vibroplat.errors import VibroplatError
 from vibroplat.page.run import impacts_of, initial, machine_of, packed_coarsely
 from vibroplat.plots.labels import ABSCISSAE, is_number, value_words
 from vibroplat.plots.orbits import MEANINGS, Branches, between, places_of
+from vibroplat.plots.reading import Curve, curves_of
 
 EXCITATION, SUPPLY = ABSCISSAE["excitation"], ABSCISSAE["supply"]
 #: Most rows of a table on the page.
@@ -121,16 +122,15 @@ def grid_of(table: pd.DataFrame) -> list[str]:
 def sweep_series(table: pd.DataFrame) -> Series:
     """Return a series of row numbers for each branch of a sweep; None stands where a curve is broken."""
     several = [key for key in grid_of(table) if len(table[key].unique()) > 1]
-    numbers: dict[str, int] = {}
     series = []
     spread = table[_SIZES].max() - table[_SIZES].min()
-    for _, rows in table.groupby("branch", sort=True):
-        label, direction = _label(several, rows.iloc[0]), str(rows["direction"].iloc[0])
+    for curve in curves_of(table.sort_values("branch", kind="stable"), ["branch"], lambda row: _label(several, row)):
+        rows, direction = curve.rows, curve.direction
         jumps = (rows[_SIZES].diff().abs() > JUMP * spread).any(axis=1)
         series.append(
             {
-                "label": ", ".join(part for part in (label, direction) if part),
-                "colour": numbers.setdefault(label, len(numbers)),
+                "label": ", ".join(part for part in (curve.label, direction) if part),
+                "colour": curve.number,
                 "symbol": "triangle-down" if direction == "down" else "triangle-up",
                 "dash": "solid",
                 "rows": list(_broken_at_jumps(rows, jumps)),
@@ -154,10 +154,9 @@ def _broken_at_jumps(rows: pd.DataFrame, jumps: pd.Series) -> Iterator[int | Non
 # -- branches of orbits ------------------------------------------------------------------------------------------------
 
 
-def _branches(found: Branches, table: pd.DataFrame) -> Iterator[tuple[pd.Series, pd.DataFrame]]:
-    """Yield what all rows of a branch share, and its rows."""
-    for _, rows in table.groupby([*found.grid, "branch"], sort=False):
-        yield rows.iloc[0], rows
+def _branches(found: Branches, table: pd.DataFrame) -> list[Curve]:
+    """Return the branches of a thinned table, without a grid each with a name of its own."""
+    return curves_of(table, [*found.grid, "branch"], lambda row: _label(found.varied, row) or f"branch {row['branch']}")
 
 
 def orbit_series(found: Branches, table: pd.DataFrame) -> Series:
@@ -166,9 +165,7 @@ def orbit_series(found: Branches, table: pd.DataFrame) -> Series:
     Without a grid, for each branch. None stands where a line is broken.
     """
     series: dict[tuple[str, bool], dict[str, Any]] = {}
-    names: dict[str, int] = {}
-    for values, rows in _branches(found, table):
-        name = _label(found.varied, values) or f"branch {values['branch']}"
+    for name, number, rows in _branches(found, table):
         stable = rows["stable"].astype(bool).to_numpy()
         places = [int(place) for place in rows.index]
         edges = [0, *(np.flatnonzero(np.diff(stable)) + 1).tolist(), len(places)]
@@ -176,7 +173,7 @@ def orbit_series(found: Branches, table: pd.DataFrame) -> Series:
             good = bool(stable[first])
             look = {
                 "label": name,
-                "colour": names.setdefault(name, len(names)),
+                "colour": number,
                 "symbol": "circle" if good else "circle-open",
                 "dash": "solid" if good else "dash",
             }
@@ -191,8 +188,8 @@ def special_marks(found: Branches, special: pd.DataFrame, table: pd.DataFrame) -
     Columns that a special point does not have lie between the points of the branch before and after it.
     """
     marks: dict[str, dict[str, Any]] = {}
-    for values, rows in _branches(found, table):
-        whole, own = found.alike(found.points, values), found.alike(special, values)
+    for _, _, rows in _branches(found, table):
+        whole, own = (found.alike(every, rows.iloc[0]) for every in (found.points, special))
         shares = places_of(whole, own)
         drawn = {name: _at(whole, own, name, shares) for name in (found.key, EXCITATION, *DRAWN)}
         points = rows["point"].to_numpy(dtype=float)
@@ -215,20 +212,19 @@ def _at(whole: pd.DataFrame, own: pd.DataFrame, name: str, shares: Any) -> list[
 
 def ends(found: Branches, table: pd.DataFrame) -> list[int]:
     """Return the first and the last row of each branch."""
-    return [int(rows.index[place]) for _, rows in _branches(found, table) for place in (0, -1)]
+    return [int(rows.index[place]) for _, _, rows in _branches(found, table) for place in (0, -1)]
 
 
 def boundary_series(found: Branches, table: pd.DataFrame) -> Series:
     """Return a series of row numbers for each kind of special point and combination of the grid's values."""
     kinds, series = list(dict.fromkeys(table["kind"])), []
-    looks: dict[str, int] = {}
-    for _, rows in table.groupby([*found.grid, "kind"], sort=False):
-        combination, kind = _label(found.varied, rows.iloc[0]), rows["kind"].iloc[0]
+    for combination, number, rows in curves_of(table, [*found.grid, "kind"], lambda row: _label(found.varied, row)):
+        kind = rows["kind"].iloc[0]
         series.append(
             {
                 "label": ": ".join(part for part in (combination, str(kind)) if part),
                 "colour": kinds.index(kind),
-                "dash": looks.setdefault(combination, len(looks)),
+                "dash": number,
                 "rows": [row for _, curve in rows.groupby("curve") for row in [*curve.index.tolist(), None]],
             }
         )

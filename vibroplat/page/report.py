@@ -21,7 +21,7 @@ from vibroplat.page.points import Motions, Mover, Progress
 from vibroplat.page.results import Found, differences, find_results, parameters, remarks, summary_rows
 from vibroplat.plots.orbits import read_branches
 from vibroplat.plots.reading import ends_of, read_columns, read_parts
-from vibroplat.results.tables import replace_files
+from vibroplat.results.tables import replace_file
 
 _LOG = logging.getLogger("vibroplat")
 
@@ -74,7 +74,7 @@ def write_report(
     path = directories[0] / NAME if out is None else out
     data = page_data(find_results(directories), start, stop, mover=mover, progress=progress)
     text = page(data)
-    replace_files({path: lambda place: place.write_text(text, encoding="utf-8", newline="\n")})
+    replace_file(path, lambda place: place.write_text(text, encoding="utf-8", newline="\n"))
     if (size := path.stat().st_size) > LARGE:
         _LOG.warning("%s has %.1f MB, over %.0f MB; %s", path, size / 1e6, LARGE / 1e6, _smaller(data))
     return path

@@ -12,7 +12,7 @@ from vibroplat.columns import unit_of, words
 from vibroplat.config.keys import Key, key_of
 from vibroplat.config.scene import Scene
 from vibroplat.errors import ConfigError, TableError
-from vibroplat.plots.labels import UNUSED, differing, shortened, value_words
+from vibroplat.plots.labels import UNUSED, differing, leaves, shortened, value_words
 from vibroplat.plots.reading import read_result
 from vibroplat.results.files import Command, Result
 
@@ -103,20 +103,11 @@ def parameters(commands: Sequence[str], configurations: Sequence[Mapping[str, An
         for command, tree in zip(commands, configurations, strict=True)
     ]
     sections = list(dict.fromkeys(section for tree in used for section in tree))
-    trees = [{key: value for key, value in _flat(tree) if value != {}} for tree in used]  # empty sections say nothing
+    # Empty sections say nothing.
+    trees = [{key: value for key, value in leaves(tree).items() if value != {}} for tree in used]
     keys = dict.fromkeys(key for tree in trees for key in tree)
     ordered = sorted(keys, key=lambda key: sections.index(key.partition(".")[0]))
     return [_parameter(key, [tree.get(key) for tree in trees]) for key in ordered]
-
-
-def _flat(tree: Any, place: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield dotted keys and values of nested sections and lists; places in lists are numbers."""
-    inside = enumerate(tree) if isinstance(tree, list) else tree.items() if isinstance(tree, Mapping) else ()
-    entries = [(f"{place}.{key}".strip("."), value) for key, value in inside]
-    if not entries:
-        yield place, tree
-    for key, value in entries:
-        yield from _flat(value, key)
 
 
 def _parameter(name: str, values: Sequence[Any]) -> dict[str, Any]:

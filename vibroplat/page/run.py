@@ -117,29 +117,27 @@ def run_data(
     cut = Cut(
         _parts(result, scene), (begin, end), (first, last, INTERVALS), curves, most=most if from_beginning else -most
     )
-    kept = cut.shown
-    if kept["t_s"].nunique() < 2:
+    if cut.shown["t_s"].nunique() < 2:
         allowed = f"allowed: an interval within {first:g} … {last:g} s"
         raise TableError(f"no data between {begin:g} and {end:g} s in {result.directory}; {allowed}")
-    t = kept["t_s"].to_numpy()
+    t, numbers = cut.shown["t_s"].to_numpy(), cut.shown.drop(columns="mode")
+    coarse = {
+        name: {"t": packed(samples["t_s"] - first), "values": packed(samples[name])}
+        for name, samples in cut.extremes().items()
+    }
     frequency = found.summary.get("excitation_frequency_hz")
     return {
         "first": first,
         "last": last,
         "origin": t[0],
         "end": t[-1],
-        "rows": len(kept),
+        "rows": len(t),
         "of": ends.rows,
         "turns": frequency if isinstance(frequency, int | float) and frequency > 0.0 else None,
-        "columns": {name: packed(kept[name] - (t[0] if name == "t_s" else 0.0)) for name in kept if name != "mode"},
-        "largest": {name: float(kept[name].abs().max()) for name in kept if name != "mode"},
-        "modes": "".join(kept["mode"].map(initial).tolist()),
-        "coarse": None
-        if len(kept) == ends.rows
-        else {
-            name: {"t": packed(samples["t_s"] - first), "values": packed(samples[name])}
-            for name, samples in cut.extremes().items()
-        },
+        "columns": {name: packed(values) for name, values in numbers.assign(t_s=t - t[0]).items()},
+        "largest": numbers.abs().max().to_dict(),
+        "modes": "".join(cut.shown["mode"].map(initial)),
+        "coarse": None if len(t) == ends.rows else coarse,
         "impacts": impacts_of(events, t[0], t[-1]),
         "machine": machine_of(scene),
     }

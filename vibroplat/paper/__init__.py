@@ -4,8 +4,6 @@
 * What is simulated: sweeps and time histories (:mod:`~vibroplat.paper.reproduction`), boundaries of regimes and β of
   the non-impact model (:mod:`~vibroplat.paper.root_finding`).
 * What follows from these results alone, the :mod:`~vibroplat.paper.evidence`: verdicts on all
-  :mod:`~vibroplat.paper.claims`, by judges of :mod:`~vibroplat.paper.boundaries` and of curves
-  (:mod:`~vibroplat.paper.comparisons`), and other :mod:`~vibroplat.paper.tables`.
-* What needs no simulation: the :mod:`~vibroplat.paper.contradictions` between the paper's numbers and its figures.
+  :mod:`~vibroplat.paper.claims` by their :mod:`~vibroplat.paper.judges`, and other :mod:`~vibroplat.paper.tables`.
 * The numbers that it does not print: :mod:`~vibroplat.paper.calibration`.
 """

@@ -12,6 +12,7 @@ import itertools
 import json
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -41,8 +42,6 @@ LEAST_POPULATION = 5
 ZERO = 1e-9
 #: A set that holds at most so many claims fewer than the best one counts as equally good.
 WITHIN = 1.0
-#: Columns of the spread of a parameter, and their quantiles.
-QUANTILES = {"least": 0.0, "lower_quartile": 0.25, "median": 0.5, "upper_quartile": 0.75, "largest": 1.0}
 #: Ending of the columns of verdicts.
 HOLDS = ".holds"
 
@@ -151,11 +150,9 @@ class CalibrationPlan(Section):
                 if r is None:
                     raise ValueError(f"begin.{number}: unknown key {key}; allowed: {', '.join(self.parameters)}")
                 if not r.low <= value <= r.high:
-                    raise ValueError(
-                        f"begin.{number}.{key} = {value}; allowed: {r.low} … {r.high}, where it is searched"
-                    )
-            missing = [key for key in self.parameters if key not in chosen]
-            if missing:
+                    allowed = f"allowed: {r.low} … {r.high}, where it is searched"
+                    raise ValueError(f"begin.{number}.{key} = {value}; {allowed}")
+            if missing := [key for key in self.parameters if key not in chosen]:
                 raise ValueError(f"begin.{number}: no {missing[0]}; allowed: a value of each parameter")
         if len(self.begin) > self.population:
             raise ValueError(f"begin holds {len(self.begin)} sets; allowed: {self.population}, the population")
@@ -257,34 +254,34 @@ def objective(result: Mapping[str, Any]) -> float:
     return 1.0 - 0.5 * (float(result["score"]) + float(result["held"]) / sum(name.endswith(HOLDS) for name in result))
 
 
+@dataclass
 class _Judged:
     """Judges sets of numbers side by side, and counts them."""
 
-    def __init__(self, fixed: Mapping[str, Any], records: Store, workers: Pool, progress: Progress | None) -> None:
-        self._fixed, self._records, self._workers, self._progress = fixed, records, workers, progress
-        self._count, self._best = 0, (-1, 0.0)
+    fixed: Mapping[str, Any]
+    records: Store
+    workers: Pool
+    progress: Progress | None
+    count: int = 0
+    best: tuple[int, float] = (-1, 0.0)
 
     def __call__(self, sets: Sequence[dict[str, Any]], *, confirming: bool = False) -> list[Record]:
         """Return what :func:`evaluation` finds for each; one that was judged before is read from the records."""
         names = [json.dumps(numbers) for numbers in sets]
-        chains: dict[str, StoredChain[Record]] = {}
-        for name, numbers in zip(names, sets, strict=True):
-            if name in chains:
-                self._report(None)
-            else:
-                chains[name] = StoredChain(evaluation({**self._fixed, **numbers}), self._records, name)
+        chains = {
+            name: StoredChain(evaluation({**self.fixed, **numbers}), self.records, name)
+            for name, numbers in dict(zip(names, sets, strict=True)).items()
+        }
+        repeated = itertools.repeat(None, len(sets) - len(chains))
         stored = (chain for chain in chains.values() if chain.done)
-        for chain in itertools.chain(stored, run_chains(chains.values(), self._workers, in_turn=False)):
-            if chain.done:
-                self._report(None if confirming else chain.result)
+        for chain in itertools.chain(repeated, stored, run_chains(chains.values(), self.workers, in_turn=False)):
+            if chain is None or chain.done:
+                self.count += 1
+                if chain is not None and not confirming:
+                    self.best = max(self.best, (chain.result["held"], chain.result["score"]))
+                if self.progress is not None:
+                    self.progress(self.count, *self.best)
         return [chains[name].result for name in names]
-
-    def _report(self, result: Record | None) -> None:
-        self._count += 1
-        if result is not None:
-            self._best = max(self._best, (result["held"], result["score"]))
-        if self._progress is not None:
-            self._progress(self._count, *self._best)
 
 
 def calibrate(
@@ -312,22 +309,23 @@ def calibrate(
         the first seed, and confirmed sets come before all others. ``confirmation``: a row for each confirmed set and
         each seed. ``left-out`` and ``spread``: see :func:`left_out` and :func:`spread`.
     """
-    judged = _Judged(fixed, records, workers, progress)
-    keys = list(plan.parameters)
-    rows = pd.DataFrame(
-        [{"start": n, **row} for n in range(plan.starts) for row in _search(plan, plan.seed + n, judged)]
-    )
-    rows = rows.sort_values(["held", "score"], ascending=False, kind="stable")
-    chosen = rows.drop_duplicates(keys).iloc[: plan.confirm.sets].drop(columns="start").to_dict("records")
+    judged, keys = _Judged(fixed, records, workers, progress), list(plan.parameters)
+    found = [{"start": n, **row} for n in range(plan.starts) for row in _search(plan, plan.seed + n, judged)]
+    rows = pd.DataFrame(found).sort_values(["held", "score"], ascending=False, kind="stable")
     first = int(fixed.get(SEED, 0))
-    again = [
-        {**{key: row[key] for key in keys}, SEED: first + 1 + n} for row in chosen for n in range(plan.confirm.seeds)
-    ]
+    distinct = [{"seed": first, **row} for row in rows.drop_duplicates(keys).drop(columns="start").to_dict("records")]
+    chosen = distinct[: plan.confirm.sets]
+    again = [{**{k: row[k] for k in keys}, SEED: first + 1 + n} for row in chosen for n in range(plan.confirm.seeds)]
     confirmed = [{"seed": s[SEED], **s, **r} for s, r in zip(again, judged(again, confirming=True), strict=True)]
-    confirmation = pd.DataFrame([*({"seed": first, **row} for row in chosen), *confirmed]).drop(
-        columns=SEED, errors="ignore"
+    confirmation = pd.DataFrame([*chosen, *confirmed]).drop(columns=SEED, errors="ignore")
+    # a column's own mean, as that of a group rounds otherwise
+    own = {"held_mean": ("held", "mean"), "held_least": ("held", "min"), "score_mean": ("score", pd.Series.mean)}
+    over_seeds = pd.DataFrame([*distinct, *confirmed]).groupby(keys).agg(seeds=("held", "size"), **own)
+    table = rows.join(over_seeds, on=keys).sort_values(
+        ["seeds", "held_mean", "score_mean"], ascending=False, ignore_index=True, kind="stable"
     )
-    table = _over_seeds(rows, confirmation, plan)
+    front = ["start", *keys, *list(EVALUATIONS)[1:]]
+    table = table[[*front, *table.columns.difference(front, sort=False)]]
     tables = {"evaluations": table, "confirmation": confirmation}
     return tables | {"left-out": left_out(table, plan), "spread": spread(table, plan)}
 
@@ -364,21 +362,6 @@ def _search(plan: CalibrationPlan, seed: int, judged: _Judged) -> list[dict[str,
     return rows
 
 
-def _over_seeds(rows: pd.DataFrame, confirmation: pd.DataFrame, plan: CalibrationPlan) -> pd.DataFrame:
-    """Add the columns over all seeds to evaluations, and sort them, confirmed sets first."""
-    keys = list(plan.parameters)
-    held = rows["held"]
-    own: dict[str, Any] = {"seeds": 1, "held_mean": held.astype(float), "held_least": held, "score_mean": rows["score"]}
-    for place, (name, values) in enumerate(own.items(), 1 + list(rows).index("held")):
-        rows.insert(place, name, values)
-    for values, judged in confirmation.groupby(keys) if len(confirmation) else ():
-        same = (rows[keys] == list(values)).all(axis=1)
-        held, score = judged["held"], judged["score"]
-        for name, value in zip(own, (len(judged), held.mean(), held.min(), score.mean()), strict=True):
-            rows.loc[same, name] = value
-    return rows.sort_values(["seeds", "held_mean", "score_mean"], ascending=False, ignore_index=True, kind="stable")
-
-
 # -- what the evaluations show ----------------------------------------------------------------------------
 
 
@@ -390,19 +373,15 @@ def left_out(evaluations: pd.DataFrame, plan: CalibrationPlan) -> pd.DataFrame:
     also guided the search, so this is less strict than a search without the claim.
     """
     names = [name.removesuffix(HOLDS) for name in evaluations.columns if name.endswith(HOLDS)]
-    rows = []
+    keys, rows = list(plan.parameters), []
     for name in names:
         others = [other for other in names if other != name]
         held = evaluations[[f"{other}{HOLDS}" for other in others]].sum(axis=1)
         order = pd.DataFrame({"held": held, "score": evaluations[others].mean(axis=1)})
         place = order.sort_values(["held", "score"], ascending=False, kind="stable").index[0]
         best = evaluations.loc[place]
-        rows.append(
-            {"claim": name, "held": int(held[place]), "of": len(others)}
-            | {key: float(best[key]) for key in plan.parameters}
-            | {"holds": bool(best[f"{name}{HOLDS}"]), "score": float(best[name])}
-        )
-    return pd.DataFrame(rows)
+        rows.append((name, held[place], len(others), *best[keys].astype(float), best[f"{name}{HOLDS}"], best[name]))
+    return pd.DataFrame(rows, columns=["claim", "held", "of", *keys, "holds", "score"])
 
 
 def spread(evaluations: pd.DataFrame, plan: CalibrationPlan) -> pd.DataFrame:
@@ -417,12 +396,10 @@ def spread(evaluations: pd.DataFrame, plan: CalibrationPlan) -> pd.DataFrame:
     rows = []
     for key, searched in plan.parameters.items():
         low, high = searched.bounds
-        found = near[key].map(searched.place).quantile(list(QUANTILES.values())).set_axis(list(QUANTILES))
-        row = {"parameter": key, "best": float(evaluations[key].iloc[0]), **found.map(searched.value)}
-        row["width"] = (found["largest"] - found["least"]) / (high - low)
-        row["middle_width"] = (found["upper_quartile"] - found["lower_quartile"]) / (high - low)
-        rows.append(row | {"sets": len(near)})
-    return pd.DataFrame(rows)
+        places = near[key].map(searched.place).quantile([0.0, 0.25, 0.5, 0.75, 1.0]).to_numpy()
+        widths = [(places[b] - places[a]) / (high - low) for a, b in ((0, 4), (1, 3))]
+        rows.append((key, evaluations[key].iloc[0], *map(searched.value, places), *widths, len(near)))
+    return pd.DataFrame(rows, columns=list(SPREAD))
 
 
 def overview(tables: Mapping[str, pd.DataFrame]) -> dict[str, str]:
@@ -430,9 +407,9 @@ def overview(tables: Mapping[str, pd.DataFrame]) -> dict[str, str]:
     evaluations, left, spreads = (tables[name] for name in ("evaluations", "left-out", "spread"))
     best, judged = evaluations.iloc[0], len(left)
     lines = {
-        str(row["parameter"]): f"{row['best']:<12.5g}{row['least']:.5g} … {row['largest']:.5g}, "
-        f"{row['width']:.0%} of the range, middle half {row['middle_width']:.0%}"
-        for _, row in spreads.iterrows()
+        str(row.parameter): f"{row.best:<12.5g}{row.least:.5g} … {row.largest:.5g}, {row.width:.0%} of the range, "
+        f"middle half {row.middle_width:.0%}"
+        for row in spreads.itertuples()
     }
     count = int(spreads["sets"].iloc[0])
     lines["ranges"] = f"of {count} {'set' if count == 1 else 'sets'} within one claim of the best"

@@ -10,54 +10,44 @@ from typing import Any
 import pandas as pd
 
 from vibroplat.columns import Column, Columns
-from vibroplat.paper import boundaries, comparisons
-from vibroplat.paper.evidence import (
-    EDGE,
-    IMPACT_KEY,
-    NON_IMPACT_KEY,
-    Claim,
-    Evidence,
-    Finding,
-    Judge,
-    Key,
-    listed,
-    name_of,
-)
+from vibroplat.paper import judges
+from vibroplat.paper.evidence import EDGE, IMPACT_KEY, NON_IMPACT_KEY, Evidence, Key
+from vibroplat.paper.judges import Claim, Finding, Judge, listed, ordered, ratio_to_inelastic
 from vibroplat.paper.scenes import claims
 from vibroplat.study.branches import SUPPLY
 
-_FALLS = comparisons.ordered("falls", (Key(0.2), Key(0.1)), (Key(0.1), Key(0.0)))
+_FALLS = ordered("falls", (Key(0.2), Key(0.1)), (Key(0.1), Key(0.0)))
 
 #: Judges by the names of claims; all bands have the same judge.
 JUDGES: dict[str, Judge] = {
-    "sync-deviation": boundaries.deviation,
-    "jump-second-resonance": boundaries.second_resonance,
-    "band-vs-mass": boundaries.jump_over_mass,
-    "bands-unchanged": boundaries.same_bands,
-    "jump-left": boundaries.jump_left,
-    "amp-rise": comparisons.ordered("rises", (Key(0.0), Key(0.1)), (Key(0.1), Key(0.2))),
+    "sync-deviation": judges.deviation,
+    "jump-second-resonance": judges.second_resonance,
+    "band-vs-mass": judges.jump_over_mass,
+    "bands-unchanged": judges.same_bands,
+    "jump-left": judges.jump_left,
+    "amp-rise": ordered("rises", (Key(0.0), Key(0.1)), (Key(0.1), Key(0.2))),
     "amp-fall-inter": _FALLS,
     "amp-fall-over": _FALLS,
-    "attached-mu01": boundaries.attached_until,
-    "attached-mu02": boundaries.attached_until,
-    "R-amp-inter": comparisons.ratio_to_inelastic(1.0, 1.05, "rises by at most 5 %"),
-    "R-amp-over": comparisons.ratio_to_inelastic(0.95, 1.0, "falls by at most 5 %"),
-    "R-same-to-29": comparisons.ratio_to_inelastic(0.98, 1.02, "within 2 %"),
-    "R-none": comparisons.restitution_without_effect,
-    "R1-nonperiodic": boundaries.non_periodic_from,
-    "R-nonperiodic-earlier": boundaries.non_periodic_earlier,
-    "R-bands": boundaries.same_bands,
-    "R-over-boundary": boundaries.periodic_from_over,
-    "NI-below": comparisons.ordered("A_impact > A_nonimpact", (NON_IMPACT_KEY, IMPACT_KEY)),
+    "attached-mu01": judges.attached_until,
+    "attached-mu02": judges.attached_until,
+    "R-amp-inter": ratio_to_inelastic(1.0, 1.05, "rises by at most 5 %"),
+    "R-amp-over": ratio_to_inelastic(0.95, 1.0, "falls by at most 5 %"),
+    "R-same-to-29": ratio_to_inelastic(0.98, 1.02, "within 2 %"),
+    "R-none": judges.restitution_without_effect,
+    "R1-nonperiodic": judges.non_periodic_from,
+    "R-nonperiodic-earlier": judges.non_periodic_earlier,
+    "R-bands": judges.same_bands,
+    "R-over-boundary": judges.periodic_from_over,
+    "NI-below": ordered("A_impact > A_nonimpact", (NON_IMPACT_KEY, IMPACT_KEY)),
     # This contradicts amp-rise from 26 to 27.5 Hz, where both are claimed. In steady antiphase the forces of both
     # exciters add along y. Without impacts y is then that of a linear oscillator of mass M:
     # A = 2 m_r r ω²/√((c_y − Mω²)² + ω²(b_y + βm_w)²). At a given ω this falls with β ≥ 0, so A_NI ≤ A(μ = 0), and
     # A_I < A_NI implies A_I(μ) < A(μ = 0). Only β < 0, or a share of m_w that moves with the platform, changes this.
-    "NI-mid": comparisons.ordered("A_nonimpact > A_impact", (IMPACT_KEY, NON_IMPACT_KEY)),
-    "NI-over": comparisons.non_impact_over,
-    "NI-shape": comparisons.non_impact_shape,
-    "quoted-frequencies": comparisons.quoted_frequencies,
-    "layer-damping": comparisons.layer_damping,
+    "NI-mid": ordered("A_nonimpact > A_impact", (IMPACT_KEY, NON_IMPACT_KEY)),
+    "NI-over": judges.non_impact_over,
+    "NI-shape": judges.non_impact_shape,
+    "quoted-frequencies": judges.quoted_frequencies,
+    "layer-damping": judges.layer_damping,
 }
 #: Largest difference (Hz) between synchronous and excitation frequency at a failed point, whose latter is not known.
 LAG = 1.0
@@ -83,7 +73,7 @@ Others = Sequence[tuple[Mapping[str, Any], Evidence]]
 
 def judge(claim: Claim, evidence: Evidence) -> Finding:
     """Judge a claim; without its branches it does not hold. Failed points are reported, not judged."""
-    judged = boundaries.band if claim["kind"] == "band" else JUDGES[claim["id"]]
+    judged = judges.band if claim["kind"] == "band" else JUDGES[claim["id"]]
     finding = judged(claim, evidence)
     failed = _failed(claim, evidence)
     elastic = [key for key in failed if key.restitution == 1.0]
@@ -93,14 +83,11 @@ def judge(claim: Claim, evidence: Evidence) -> Finding:
         others = {key: course for key, course in evidence.courses.items() if key not in elastic}
         rest = judged(claim, replace(evidence, courses=others))
         if rest.holds:
-            text = f"with R < 1: {rest.measured}; not judged at R = 1"
-            finding = rest._replace(measured=text, holds=False, judged=False)
+            finding = Finding(f"with R < 1: {rest.measured}; not judged at R = 1", False, rest.score, judged=False)
         else:
             finding = finding._replace(measured=f"{finding.measured}; also fails without R = 1")
-    if not failed:
-        return finding
-    counts = ", ".join(f"{count} at {name_of(key)}" for key, count in failed.items())
-    return finding._replace(measured=f"{finding.measured} (points that failed: {counts})")
+    counts = ", ".join(f"{count} at {key.text}" for key, count in failed.items())
+    return finding._replace(measured=f"{finding.measured} (points that failed: {counts})") if failed else finding
 
 
 def _failed(claim: Claim, evidence: Evidence) -> dict[Key, int]:
@@ -112,14 +99,12 @@ def _failed(claim: Claim, evidence: Evidence) -> dict[Key, int]:
     f = claim.get("within", claim.get("f"))
     low, high = (f[0] - EDGE, f[-1] + LAG) if isinstance(f, list) else (0.0, math.inf)
     found = {}
-    for key, course in evidence.courses.items():
+    for key, (branch, rows) in evidence.courses.items():
         if key == Key(key.mass_ratio, key.restitution) and key.mass_ratio in mu and min(r) <= key.restitution <= max(r):
-            pairs = course.branch.scene.exciter_pair[0].pole_pairs  # at the supply's share of them, f is synchronous
-            supplies = [row[SUPPLY] for row in course.rows if row["outcome"] != "ok"]
-            count = sum(low <= supply / pairs <= high for supply in supplies)
-            if count:
-                found[key] = count
-    return found
+            pairs = branch.scene.exciter_pair[0].pole_pairs  # at the supply's share of them, f is synchronous
+            failed = [row for row in rows if row["outcome"] != "ok" and low <= row[SUPPLY] / pairs <= high]
+            found[key] = len(failed)
+    return {key: count for key, count in found.items() if count}
 
 
 def scoreboard(seeds: Mapping[int, Evidence], others: Others) -> pd.DataFrame:
@@ -140,31 +125,17 @@ def scoreboard(seeds: Mapping[int, Evidence], others: Others) -> pd.DataFrame:
     rows = []
     for claim in claims():
         found = {seed: judge(claim, evidence) for seed, evidence in seeds.items()}
-        verdict, why = _verdict(claim, found, others)
-        rows.append(
-            {
-                "id": claim["id"],
-                "figure": claim["fig"],
-                "quote": claim["quote"],
-                "expected": expected(claim),
-                "measured": next(iter(found.values())).measured,
-                "seeds": f"{sum(f.holds for f in found.values())} of {len(found)}",
-                "verdict": verdict,
-                "why": why,
-                "note": claim.get("note", ""),
-            }
-        )
+        count = f"{sum(f.holds for f in found.values())} of {len(found)}"
+        told = (claim["id"], claim["fig"], claim["quote"], expected(claim), next(iter(found.values())).measured)
+        rows.append((*told, count, *_verdict(claim, found, others), claim.get("note", "")))
     former = claims("former")
     holding = [[claim["id"] for claim in former if judge(claim, evidence).holds] for evidence in seeds.values()]
-    failing = [claim["id"] for claim in former if claim["id"] not in holding[0]]
-    last = dict.fromkeys(CLAIMS, "") | {
-        "id": FORMER,
-        "expected": f"the {len(former)} claims as they were worded at first",
-        "measured": f"{len(holding[0])} hold" + (f", not {', '.join(failing)}" if failing else ""),
-        "seeds": ", ".join(str(len(ids)) for ids in holding),
-        "verdict": f"{len(holding[0])} of {len(former)}",
-    }
-    return pd.DataFrame([*rows, last])
+    counts = [str(len(ids)) for ids in holding]
+    failing = ", ".join(claim["id"] for claim in former if claim["id"] not in holding[0])
+    wording = f"the {len(former)} claims as they were worded at first"
+    measured = f"{counts[0]} hold" + (f", not {failing}" if failing else "")
+    rows.append((FORMER, "", "", wording, measured, ", ".join(counts), f"{counts[0]} of {len(former)}", "", ""))
+    return pd.DataFrame(rows, columns=list(CLAIMS))
 
 
 def _verdict(claim: Claim, found: Mapping[int, Finding], others: Others) -> tuple[str, str]:
@@ -181,30 +152,26 @@ def _verdict(claim: Claim, found: Mapping[int, Finding], others: Others) -> tupl
     if any(finding.holds for changes, finding in tried if not changes):
         return verdict, "in coarser steps it holds with the same numbers, so other numbers cannot be tried"
     tried = [(changes, finding) for changes, finding in tried if changes]
-    holding = [(changes, finding) for changes, finding in tried if finding.holds]
-    if holding:
-        changes, finding = holding[0]
-        more = f" (and with {len(holding) - 1} of the other sets)" if len(holding) > 1 else ""
-        return "depends on an unprinted number", f"holds with {_named(changes)}{more}: {finding.measured}"
     if not tried:
         return verdict, ""
-    changes, nearest = max(tried, key=lambda pair: pair[1].score)
-    count = f"nor with any of {len(tried)} other sets of unprinted numbers"
-    return verdict, f"{count}; nearest {_named(changes)}: {nearest.measured}"
-
-
-def _named(changes: Mapping[str, Any]) -> str:
-    return ", ".join(f"{key.split('.')[-1]} {value:g}" for key, value in changes.items())
+    count = sum(finding.holds for _, finding in tried)
+    changes, best = max(tried, key=lambda pair: 2.0 if pair[1].holds else pair[1].score)
+    named = ", ".join(f"{key.split('.')[-1]} {value:g}" for key, value in changes.items())
+    if not count:
+        tries = f"nor with any of {len(tried)} other sets of unprinted numbers"
+        return verdict, f"{tries}; nearest {named}: {best.measured}"
+    more = f" (and with {count - 1} of the other sets)" if count > 1 else ""
+    return "depends on an unprinted number", f"holds with {named}{more}: {best.measured}"
 
 
 def expected(claim: Claim) -> str:
     """Return a claim in words."""
-    parts = [f"{symbol} {_range(claim[key])}" for symbol, key in (("μ", "mu"), ("R", "R")) if key in claim]
+
+    def ends(key: str) -> str:
+        values = listed(claim[key])
+        return f"{values[0]:g}" if values[0] == values[-1] else f"{values[0]:g} … {values[-1]:g}"
+
+    parts = [f"{symbol} {ends(key)}" for symbol, key in (("μ", "mu"), ("R", "R")) if key in claim]
     if "f" in claim:
-        parts.append(f"f {_range(claim['f'])} Hz" + (f" ± {claim['tol']:g}" if "tol" in claim else ""))
+        parts.append(f"f {ends('f')} Hz" + (f" ± {claim['tol']:g}" if "tol" in claim else ""))
     return f"{', '.join(parts)}: {claim.get('regime') or claim['text']}"
-
-
-def _range(value: Any) -> str:
-    ends = listed(value)
-    return f"{ends[0]:g}" if ends[0] == ends[-1] else f"{ends[0]:g} … {ends[-1]:g}"

@@ -7,11 +7,11 @@ is judged and tabulated after them is read from these results alone.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import pandas as pd
 
@@ -19,11 +19,10 @@ from vibroplat.config.reader import configurations, load_list
 from vibroplat.config.scene import Scene
 from vibroplat.integrate import engine_name
 from vibroplat.paper.claims import judge, scoreboard
-from vibroplat.paper.contradictions import contradictions
 from vibroplat.paper.evidence import Evidence
 from vibroplat.paper.root_finding import match_beta, matched_frequency, narrow
 from vibroplat.paper.scenes import BETA, IMPACT, NON_IMPACT, QUICK, SEED, SHARED, claims, paper_scene
-from vibroplat.paper.tables import histories, impact_laws, sync_bands
+from vibroplat.paper.tables import contradictions, histories, impact_laws, sync_bands
 from vibroplat.results.files import write_result
 from vibroplat.results.provenance import provenance
 from vibroplat.study.branches import Branch, branches
@@ -102,9 +101,9 @@ class Trial:
 
     name: str
     numbers: Mapping[str, Any]
-    changes: Mapping[str, Any]
     settings: Mapping[str, Any]
     names: tuple[str, ...] = IMPACT
+    changes: Mapping[str, Any] = field(default_factory=dict)
     evidence: Evidence = field(default_factory=Evidence)
     sweeps: dict[str, tuple[list[Branch], Store]] = field(default_factory=dict)
     store: Store = field(init=False)
@@ -116,32 +115,24 @@ class Trial:
             changes |= SHARED.get(name, {})
         return paper_scene(name, {**self.numbers, **self.changes}, {**self.settings, **changes})
 
-    def conditions(self) -> dict[str, Any]:
-        """Return what its points depend on."""
-        return {name: conditions(self.scene(name)) for name in (*self.names, NON_IMPACT)}
 
-
-class Trials(NamedTuple):
-    """All trials of a machine.
-
-    ``machine`` has a trial for each seed; figures are drawn of the first. ``others`` are coarse, with unprinted numbers
-    changed; the first changes nothing, as a control. The seed of ``laws``, which compares the impact laws, is not that
-    of the figures, so that the difference of the conservative law from itself shows the scatter.
-    """
-
-    machine: list[Trial]
-    others: list[Trial]
-    laws: Trial
+#: The trials of a machine: one for each seed, of the first of which figures are drawn; coarse ones with unprinted
+#: numbers changed, the first of which changes nothing, as a control; and the one that compares the impact laws.
+Trials = tuple[list[Trial], list[Trial], Trial]
 
 
 def trials_of(numbers: Mapping[str, Any], seeds: Sequence[int]) -> Trials:
-    """List the trials of a machine."""
-    machine = [Trial("machine", numbers, {}, {SEED: seeds[0]}, SWEEPS)]
-    machine += [Trial(f"seed-{n}", numbers, {}, {SEED: n, **REPEATED}) for n in seeds[1:]]
+    """List the trials of a machine.
+
+    The seed of the impact laws is not that of the figures, so that the difference of the conservative law from itself
+    shows the scatter.
+    """
+    machine = [Trial("machine", numbers, {SEED: seeds[0]}, SWEEPS)]
+    machine += [Trial(f"seed-{n}", numbers, {SEED: n, **REPEATED}) for n in seeds[1:]]
     alternatives = [{}, *load_list(configurations() / "claims" / "alternatives.yaml")]
     coarse = {**QUICK, SEED: seeds[0]}
-    others = [Trial(f"alternative-{i}", numbers, changes, coarse) for i, changes in enumerate(alternatives)]
-    return Trials(machine, others, Trial("laws", numbers, {}, {SEED: seeds[0] + 1}, (LAWS,)))
+    others = [Trial(f"alternative-{i}", numbers, coarse, changes=c) for i, c in enumerate(alternatives)]
+    return machine, others, Trial("laws", numbers, {SEED: seeds[0] + 1}, (LAWS,))
 
 
 def planned(numbers: Mapping[str, Any], seeds: Sequence[int] = (0,)) -> tuple[int, int]:
@@ -185,15 +176,15 @@ def reproduce(
     TableError
         Points cannot be stored.
     """
-    trials = trials_of(numbers, seeds)
-    main, judged = trials.machine[0], [*trials.machine, *trials.others]
+    trials = machine, others, laws = trials_of(numbers, seeds)
+    main, judged = machine[0], [*machine, *others]
     with ExitStack() as stack:
-        for trial in (*judged, trials.laws):
+        for trial in (*judged, laws):
             place = directory / trial.name
             place.mkdir(parents=True, exist_ok=True)
-            store = Store(place, trial.conditions(), resume=resume, overwrite=overwrite)
-            trial.store = stack.enter_context(store)
-        _sweep([(trial, name) for trial in (*judged, trials.laws) for name in trial.names], workers, progress)
+            wanted = {name: conditions(trial.scene(name)) for name in (*trial.names, NON_IMPACT)}
+            trial.store = stack.enter_context(Store(place, wanted, resume=resume, overwrite=overwrite))
+        _sweep([(trial, name) for trial in (*judged, laws) for name in trial.names], workers, progress)
         _narrow(trials, workers)
         chains = [StoredChain(match_beta(trial.evidence), trial.store.part("beta"), 0) for trial in judged]
         for trial, beta in zip(judged, run_stored(chains, workers), strict=True):
@@ -201,48 +192,47 @@ def reproduce(
         _sweep([(trial, NON_IMPACT) for trial in judged if trial.evidence.beta is not None], workers)
         _narrow(trials, workers)
         shown = histories(numbers, main.evidence.beta, main.store.part("histories"), workers)
-        for trial in (*judged, trials.laws):
+        for trial in (*judged, laws):
             trial.store.finish()
         return _results(trials, shown)
 
 
-def _sweep(wanted: Iterable[tuple[Trial, str]], workers: Pool, progress: Progress | None = None) -> None:
+def _sweep(wanted: Sequence[tuple[Trial, str]], workers: Pool, progress: Progress | None = None) -> None:
     """Run sweeps of trials side by side and add their branches to the evidence."""
-    begun = []
     for trial, name in wanted:
         trial.sweeps[name] = branches(trial.scene(name)), trial.store.part(name)
-        begun.append((trial, trial.sweeps[name]))
-    run_sweeps([sweep for _, sweep in begun], workers, progress)
-    for trial, sweep in begun:
-        for branch in sweep[0]:
-            trial.evidence.add(branch, branch_records(branch, sweep[1]))
+    run_sweeps([trial.sweeps[name] for trial, name in wanted], workers, progress)
+    for trial, name in wanted:
+        planned_branches, store = trial.sweeps[name]
+        for branch in planned_branches:
+            trial.evidence.add(branch, branch_records(branch, store))
 
 
 def _narrow(trials: Trials, workers: Pool) -> None:
     """Narrow the boundaries that matter to the claims, to β and to the comparison of the impact laws."""
-    for trial in trials.machine:
+    machine, _, laws = trials
+    for trial in machine:
         matched_frequency(trial.evidence)
         for claim in (*claims(), *claims("former")):
             judge(claim, trial.evidence)
-    impact_laws(trials.machine[0].evidence, trials.laws.evidence)
-    narrow([(t.evidence, t.store.part("boundaries")) for t in (*trials.machine, trials.laws)], workers)
+    impact_laws(machine[0].evidence, laws.evidence)
+    narrow([(trial.evidence, trial.store.part("boundaries")) for trial in (*machine, laws)], workers)
 
 
 def _results(trials: Trials, shown: Mapping[str, pd.DataFrame]) -> Reproduction:
     """Judge the claims and return all tables, and how much was simulated for them."""
-    (main, *_), others, laws = trials
+    machine, others, laws = trials
+    main = machine[0]
     swept = {
         (trial, name): pd.concat(tables(*sweep), ignore_index=True)
-        for trial in (*trials.machine, *others, laws)
+        for trial in (*machine, *others, laws)
         for name, sweep in trial.sweeps.items()
     }
     results = {name: table for (trial, name), table in swept.items() if trial in (main, laws)}
     results["sync-bands"] = sync_bands(main.evidence)
     results["impact-laws"] = impact_laws(main.evidence, laws.evidence)
     results["contradictions"] = contradictions(main.numbers)
-    results["claims"] = scoreboard(
-        {int(trial.settings[SEED]): trial.evidence for trial in trials.machine},
-        [(trial.changes, trial.evidence) for trial in others],
-    )
+    seeds = {int(trial.settings[SEED]): trial.evidence for trial in machine}
+    results["claims"] = scoreboard(seeds, [(trial.changes, trial.evidence) for trial in others])
     beta, matched = main.evidence.beta, matched_frequency(main.evidence)
     return Reproduction({**results, **shown}, beta, matched, pd.concat(swept.values(), ignore_index=True))

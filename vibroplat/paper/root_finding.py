@@ -54,22 +54,17 @@ def _bisected(evidence: Evidence, step: Step) -> Tasks[Boundary]:
 
     The result is the boundary with the rows next to the change.
     """
-    course = evidence.courses[step.key]
-    before, after = (next(row for row in course.rows if row[SUPPLY] == supply) for supply in (step.before, step.after))
-    plan = course.branch.plan
-    plan = plan.model_copy(update={"lyapunov": plan.lyapunov and step.regime in MOTIONS})
+    branch, rows = evidence.courses[step.key]
+    before, after = (next(row for row in rows if row[SUPPLY] == supply) for supply in (step.before, step.after))
+    plan = branch.plan.model_copy(update={"lyapunov": branch.plan.lyapunov and step.regime in MOTIONS})
     width = JUMP_WIDTH if step.regime in ("antiphase", "in-phase") else WIDTH
     while abs(after[SUPPLY] - before[SUPPLY]) > width:
         middle = float(0.5 * (before[SUPPLY] + after[SUPPLY]))
-        scene = course.branch.scene.replace({FREQUENCY: middle})
-        record = yield point_task(scene, plan, before["state"], course.branch.key(middle))
+        record = yield point_task(branch.scene.replace({FREQUENCY: middle}), plan, before["state"], branch.key(middle))
         row = record["row"] | {SUPPLY: middle, "state": record["state"]}
         if record["state"] is None or (step.regime in MOTIONS and row["motion"] == "undecided"):
             break
-        if REGIMES[step.regime](row) != step.begins:
-            before = row
-        else:
-            after = row
+        before, after = (row, after) if REGIMES[step.regime](row) != step.begins else (before, row)
     return Boundary(before, after)
 
 
@@ -131,7 +126,7 @@ def _rms_at(scene: Scene, plan: SweepPlan, supply: float, wanted: float) -> Task
     The result is None if the frequency is not reached in antiphase.
     """
     state: list[float] | None = None
-    known: list[tuple[float, float]] = []
+    last: tuple[float, float] | None = None
     for number in range(12):
         record = yield point_task(scene.replace({FREQUENCY: supply}), plan, state, (0, number))
         state, row = record["state"], record["row"]
@@ -139,8 +134,7 @@ def _rms_at(scene: Scene, plan: SweepPlan, supply: float, wanted: float) -> Task
             return None
         if abs(row[F] - wanted) < MATCHED_WIDTH:
             return float(row["rms_y_m"])
-        known = [*known, (supply, row[F])][-2:]
-        (s0, f0), (s1, f1) = known[0], known[-1]
-        slope = (f1 - f0) / (s1 - s0) if s1 != s0 else 0.5
+        slope = (row[F] - last[1]) / (supply - last[0]) if last and last[0] != supply else 0.5
+        last = supply, row[F]
         supply += min(max((wanted - row[F]) / max(slope, 0.2), -1.0), 1.0)
     return None

@@ -1,13 +1,23 @@
-"""Tables of a reproduction besides curves and claims: time histories, synchronization, effect of the impact law."""
+"""Tables of a reproduction besides curves and claims.
+
+They are time histories, synchronization, the effect of the impact law, and contradictions between the paper's numbers
+and its figures. The last are formulas without simulation or unprinted numbers: in steady antiphase the forces of both
+exciters add along y. A stiff layer moves with the platform as one mass, with the amplitude
+A = 2 m_r r ω²/√((c_y − (M + m_w)ω²)² + b_y²ω²), and leaves it if Aω² > g. At the vertical resonance each motor supplies
+half of the power that the damper b_y takes, by the mean torque (m_r r)²ω³/b_y. If that is above the motor's critical
+torque, the resonance captures the motor (Sommerfeld; Blekhman 2000).
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from itertools import groupby
 from typing import Any
 
 import numpy as np
 import pandas as pd
+from scipy.optimize import brentq
 
 from vibroplat.columns import Column, Columns
 from vibroplat.config.scene import Scene
@@ -33,6 +43,11 @@ CURVES: dict[str, tuple[str, ...]] = {
 }
 #: Turns of exciter 1 that a time history shows, and its points per second.
 SHOWN, RATE = 8, 2000.0
+
+#: Frequencies (Hz) up to which motion is attached in the paper, by mass ratio.
+LIFTOFF = {0.1: 24.5, 0.2: 24.0}
+#: Lowest frequency (Hz) of the search for liftoff; the highest is the vertical resonance.
+LOWEST = 10.0
 
 #: The tables of Figs. 4, 5 and 7, a row for each time.
 HISTORY: Columns = {
@@ -71,6 +86,13 @@ IMPACT_LAWS: Columns = {
     "jump_hz": Column("excitation frequency where antiphase ends below the second resonance"),
     "jump_conservative_hz": Column("the same with law conservative"),
 }
+#: The table ``contradictions``, a row for each quantity.
+CONTRADICTIONS: Columns = {
+    "what": Column("a quantity"),
+    "unit": Column("its unit"),
+    "figures": Column("value that the paper's figures require"),
+    "machine": Column("value that the machine has"),
+}
 
 
 def histories(numbers: Mapping[str, Any], beta: float | None, records: Store, workers: Pool) -> dict[str, pd.DataFrame]:
@@ -85,16 +107,16 @@ def histories(numbers: Mapping[str, Any], beta: float | None, records: Store, wo
         for number, curve in enumerate(CURVES[figure], 1)
         if beta is not None or not curve.endswith("nonimpact")
     }
-    chains = {}
-    for name in curves.values():
-        if name not in chains:
-            scene = paper_scene(name, numbers, {BETA: beta} if name.endswith("nonimpact") else None)
-            chains[name] = StoredChain(_history(scene), records, configuration_hash(scene))
-    shown = dict(zip(chains, run_stored(chains.values(), workers), strict=True))
-    found: dict[str, list[pd.DataFrame]] = {figure: [] for figure in PANELS}
+    scenes = {
+        name: paper_scene(name, numbers, {BETA: beta} if name.endswith("nonimpact") else None)
+        for name in dict.fromkeys(curves.values())
+    }
+    chains = [StoredChain(_history(scene), records, configuration_hash(scene)) for scene in scenes.values()]
+    shown = dict(zip(scenes, run_stored(chains, workers), strict=True))
+    parts: dict[str, list[pd.DataFrame]] = {figure: [] for figure in PANELS}
     for (figure, panel, number), name in curves.items():
-        found[figure].append(shown[name].assign(panel=float(panel), curve=number)[list(HISTORY)])
-    return {figure: pd.concat(parts, ignore_index=True) for figure, parts in found.items()}
+        parts[figure].append(shown[name].assign(panel=float(panel), curve=number)[list(HISTORY)])
+    return {figure: pd.concat(tables, ignore_index=True) for figure, tables in parts.items()}
 
 
 def _history(scene: Scene) -> Tasks[pd.DataFrame]:
@@ -131,9 +153,8 @@ def sync_bands(evidence: Evidence) -> pd.DataFrame:
     for key in sorted(evidence.courses):
         for sync, stretch in groupby(evidence.rows(key), key=lambda row: str(row["sync"])):
             points = list(stretch)
-            first, last = points[0], points[-1]
-            largest = max(row["rms_y_m"] for row in points)
-            rows.append((*key, sync, len(points), first[F], last[F], first[SUPPLY], last[SUPPLY], largest))
+            ends = [points[place][column] for column in (F, SUPPLY) for place in (0, -1)]
+            rows.append((*key, sync, len(points), *ends, max(row["rms_y_m"] for row in points)))
     return pd.DataFrame(rows, columns=list(SYNC_BANDS))
 
 
@@ -157,11 +178,56 @@ def impact_laws(evidence: Evidence, laws: Evidence) -> pd.DataFrame:
         row = [key.law, key.restitution]
         for low, high in ((21.0, 31.0), (35.5, 40.0)):
             at = np.arange(low, high + 1e-9, EDGE)
-            (values, _), (expected, _) = laws.curve(key, at), evidence.curve(reference, at)
-            change = np.abs(values / expected - 1.0)
+            change = np.abs(laws.curve(key, at)[0] / evidence.curve(reference, at)[0] - 1.0)
             known = change[np.isfinite(change)]
             row += [known.max(), known.mean()] if known.size else [np.nan, np.nan]
-        for jump in (laws.jump(key), evidence.jump(reference)):
-            row.append(jump.before[F] if jump else np.nan)
-        rows.append(row)
+        jumps = laws.jump(key), evidence.jump(reference)
+        rows.append([*row, *(jump.before[F] if jump else np.nan for jump in jumps)])
     return pd.DataFrame(rows, columns=list(IMPACT_LAWS))
+
+
+# -- contradictions ---------------------------------------------------------------------------------------
+
+
+def acceleration(scene: Scene, mass_ratio: float, frequency: float) -> float:
+    """Return the amplitude of the vertical acceleration of the platform with a stiff layer on it (m/s²)."""
+    machine, omega = scene.machine, 2.0 * math.pi * frequency
+    stiffness = machine.stiffness_y_n_per_m - (1.0 + mass_ratio) * machine.total_mass * omega**2
+    resistance = math.hypot(stiffness, machine.damping_y_n_s_per_m * omega)
+    return sum(scene.unbalances) * omega**4 / resistance if resistance > 0.0 else math.inf
+
+
+def stiff_layer_liftoff(scene: Scene, mass_ratio: float) -> float:
+    """Return the frequency (Hz) at which a stiff layer leaves the platform; nan if there is none below resonance."""
+    machine, gravity = scene.machine, scene.machine.gravity_m_per_s2
+    mass = (1.0 + mass_ratio) * machine.total_mass
+    resonance = math.sqrt(machine.stiffness_y_n_per_m / mass) / (2.0 * math.pi)
+    if not acceleration(scene, mass_ratio, LOWEST) < gravity < acceleration(scene, mass_ratio, resonance):
+        return math.nan
+    return float(brentq(lambda f: acceleration(scene, mass_ratio, f) - gravity, LOWEST, resonance))
+
+
+def unbalance_for_liftoff(scene: Scene, mass_ratio: float, frequency: float) -> float:
+    """Return the static moment m_r r (kg·m) with which a stiff layer leaves the platform at a frequency (Hz)."""
+    return scene.unbalances[0] * scene.machine.gravity_m_per_s2 / acceleration(scene, mass_ratio, frequency)
+
+
+def resonance_torque(scene: Scene) -> float:
+    """Return the mean torque (N·m) that each motor needs at the vertical resonance."""
+    machine = scene.machine
+    omega = math.sqrt(machine.stiffness_y_n_per_m / machine.total_mass)
+    damping = machine.damping_y_n_s_per_m
+    return float(scene.unbalances[0] ** 2 * omega**3 / damping) if damping > 0.0 else math.inf
+
+
+def contradictions(numbers: Mapping[str, Any]) -> pd.DataFrame:
+    """Compare what the paper's figures require with what a machine has."""
+    scene = paper_scene("fig2", numbers)
+    rows: list[tuple[str, str, float, float]] = []
+    for mu, f in LIFTOFF.items():
+        rows.append((f"liftoff of a stiff layer, μ {mu:g}", "Hz", f, stiff_layer_liftoff(scene, mu)))
+        what = f"m_r r for liftoff of a stiff layer at {f:g} Hz, μ {mu:g}"
+        rows.append((what, "kg·m", unbalance_for_liftoff(scene, mu, f), scene.unbalances[0]))
+    critical = min(exciter.critical_torque_n_m for exciter in scene.exciter_pair)
+    rows.append(("torque of each motor at the vertical resonance, at most", "N·m", critical, resonance_torque(scene)))
+    return pd.DataFrame(rows, columns=list(CONTRADICTIONS))

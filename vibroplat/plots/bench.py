@@ -31,5 +31,5 @@ def plot_precision(table: pd.DataFrame, directory: Path, name: str) -> Path:
                 axis.set(xscale="log", yscale="log", xlabel=f"largest error of {label}", visible=len(runs) > 0)
                 axis.invert_xaxis()
         figure.suptitle("run time over error; more accurate to the right, faster below", x=0.01, ha="left")
-        legend_below(figure, {line.get_label(): line for line in axes[0, 0].lines})
+        legend_below(figure, axes[0, 0].lines)
         return save(figure, directory, name)

@@ -164,10 +164,10 @@ def differing(command: str, configurations: Sequence[Mapping[str, Any]]) -> list
         used = {key: value for key, value in tree.items() if key not in ("name", *UNUSED[command])}
         supply = {DRIVE: used.pop(DRIVE)} if DRIVE in used else {}
         own = _varied(command, tree)
-        trees.append({key: value for key, value in (supply | flat(_numbered(used))).items() if key not in own})
+        trees.append({key: value for key, value in (supply | leaves(used)).items() if key not in own})
     keys = [key for key in dict.fromkeys(key for tree in trees for key in tree) if not key.startswith(_SHOWN)]
     differ = [key for key in keys if any(tree.get(key) != trees[0].get(key) for tree in trees)]
-    return [{key: tree[key] for key in differ if tree.get(key) not in (None, {})} for tree in trees]
+    return [{key: tree[key] for key in differ if tree.get(key) not in (None, {}, [])} for tree in trees]
 
 
 def _varied(command: str, tree: Mapping[str, Any]) -> set[str]:
@@ -177,9 +177,14 @@ def _varied(command: str, tree: Mapping[str, Any]) -> set[str]:
     return found | {DRIVE} if FREQUENCY in found else found
 
 
+def leaves(tree: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the values of nested sections and lists by dotted keys; places in lists are numbers."""
+    return flat(_numbered(tree))
+
+
 def _numbered(tree: Any) -> Any:
     """Return nested sections with lists as sections whose keys are places."""
-    if isinstance(tree, list):
+    if isinstance(tree, list) and tree:
         return {str(place): _numbered(value) for place, value in enumerate(tree)}
     return {key: _numbered(value) for key, value in tree.items()} if isinstance(tree, Mapping) else tree
 
@@ -187,6 +192,18 @@ def _numbered(tree: Any) -> Any:
 def distinct(names: Sequence[str], directories: Sequence[Path]) -> list[str]:
     """Return names of results, or their directories where two have the same name."""
     return [name if names.count(name) == 1 else str(place) for name, place in zip(names, directories, strict=True)]
+
+
+def compared(
+    command: str, names: Sequence[str], scenes: Sequence[Scene | None], named: Sequence[str] = ()
+) -> list[str]:
+    """Return what several results are called in a legend, without keys that each curve names itself.
+
+    Where a scene is lost, they have no more than their names.
+    """
+    trees = [scene.to_tree() for scene in scenes if scene is not None]
+    found = differing(command, trees) if len(trees) == len(scenes) else [{}] * len(scenes)
+    return legend_names(names, [{key: value for key, value in one.items() if key not in named} for one in found])
 
 
 def legend_names(names: Sequence[str], found: Sequence[Mapping[str, Any]]) -> list[str]:

@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from vibroplat.columns import COORDINATES, MEASURES, PHASE_COLUMN
-from vibroplat.continuation.test_functions import KINDS
+from vibroplat.continuation.special_points import KINDS
 from vibroplat.errors import TableError
 from vibroplat.plots.labels import (
     ABSCISSAE,
@@ -28,9 +28,9 @@ from vibroplat.plots.labels import (
     sweep_parameters,
     value_label,
 )
-from vibroplat.plots.reading import read_columns, read_result
-from vibroplat.plots.response import LEAST_RANGE, drawn_values
-from vibroplat.plots.style import CURVES, DIRECTIONS, REFERENCE, head, new_figure
+from vibroplat.plots.reading import Curve, curves_of, read_columns, read_result
+from vibroplat.plots.response import drawn_values, limit_size
+from vibroplat.plots.style import CURVES, DIRECTIONS, REFERENCE, entry, head, new_figure, panel_grid
 from vibroplat.plots.timelines import phase_axis, wrapped
 from vibroplat.results.files import Result
 from vibroplat.study.branches import EXCITATION, FREQUENCY, SUPPLY
@@ -43,10 +43,9 @@ if TYPE_CHECKING:
 
 #: What is drawn over the key; force only where there is any.
 PANELS = ("rms_y_m", "rms_x_m", PHASE_COLUMN, "motor_power_w", "contact_force_max_n")
-#: Markers and meanings of kinds of special points.
+#: Markers and meanings of kinds of special points, and colours of curves of them.
 MARKERS = dict(zip(KINDS, "oDsX^vP", strict=True))
 MEANINGS = KINDS
-#: Colours of curves of special points.
 _COLOURS = dict(zip(KINDS, itertools.cycle(CURVES)))
 #: Colour of what is behind the branches.
 BEHIND = "#9a9a9a"
@@ -58,10 +57,6 @@ LOGARITHMIC = 10.0
 DRAWN = 2000
 
 # -- tables ------------------------------------------------------------------------------------------------------------
-
-
-#: A branch: number and label of the grid's combination, the points, and the special points.
-Curve = tuple[int, str, pd.DataFrame, pd.DataFrame]
 
 
 @dataclass(frozen=True)
@@ -116,15 +111,13 @@ class Branches:
         return table
 
     @cached_property
-    def branches(self) -> list[Curve]:
+    def curves(self) -> list[Curve]:
         """All branches in the order of the table."""
-        labels: dict[str, int] = {}
-        found = []
-        for _, rows in self.points.groupby([*self.grid, "branch"], sort=False):
-            label = ", ".join(value_label(key, rows[key].iloc[0]) for key in self.varied)
-            number = labels.setdefault(label, len(labels))
-            found.append((number, label, rows.reset_index(drop=True), self.alike(self.special, rows.iloc[0])))
-        return found
+        return curves_of(self.points, [*self.grid, "branch"], self.label)
+
+    def label(self, values: pd.Series) -> str:
+        """Return what a combination of the grid's values is called in a legend."""
+        return ", ".join(value_label(key, values[key]) for key in self.varied)
 
     def sweeps(self) -> Iterator[tuple[str, pd.DataFrame]]:
         """Yield the colour and points of the sweep: of each combination, where the sweep has its keys."""
@@ -214,26 +207,19 @@ def orbit_figures(
 def branches_figure(found: Branches, x: str) -> Figure:
     """Draw all quantities of branches over a column."""
     columns = [c for c in PANELS if c in found.points and found.points[c].notna().any()]
-    height = (len(columns) + 1) // 2
-    figure, axes = new_figure(height, 2, (11.0, 2.2 + 2.5 * height), sharex=True)
-    panels = axes.T.ravel()
+    figure, panels = panel_grid(len(columns), 2, (11.0, 2.2 + 2.5 * -(-len(columns) // 2)), key_label(x))
     for axis, column in zip(panels, columns, strict=False):
         for color, rows in found.sweeps():
             draw_sweep(axis, rows, column, x, color=color)
-        for number, _, points, special in found.branches:
+        for _, number, points in found.curves:
+            special = found.alike(found.special, points.iloc[0])
             draw_branch(axis, points, special, column, x, color=CURVES[number % len(CURVES)])
         if column.startswith("rms"):
-            least = LEAST_RANGE * 1e3 * float(found.points["rms_y_m"].max())
-            axis.set_ylim(0.0, max(axis.get_ylim()[1], least))
-    for axis in panels[len(columns) :]:
-        axis.set_axis_off()
-    for axis in panels[[height - 1, len(columns) - 1]]:
-        axis.set_xlabel(key_label(x))
-        axis.tick_params(labelbottom=True)
+            limit_size(axis, found.points)
     head(figure, found.name, found.parameters())
     handles = _legend(found, x)
-    if len(columns) < axes.size:  # the empty place
-        axes[-1, -1].legend(handles=handles, loc="center left", borderpad=0.0)
+    if len(columns) < len(panels):  # the empty place
+        panels[-1].legend(handles=handles, loc="center left", borderpad=0.0)
     else:
         figure.legend(handles=handles, loc="outside lower center", ncols=2 if len(found.special) else len(handles))
     return figure
@@ -327,20 +313,19 @@ def draw_sweep(axis: Axes, table: pd.DataFrame, column: str, x: str, *, color: A
 
 def _legend(found: Branches, x: str) -> list[Line2D]:
     """Name colours, lines and markers, and say what happens at special points."""
-    labels = dict.fromkeys((number, label) for number, label, _, _ in found.branches if label)
-    handles = [Line2D([], [], color=CURVES[number % len(CURVES)], lw=2.0, label=label) for number, label in labels]
+    numbers = {label: number for label, number, _ in found.curves if label}
+    handles = [entry(label, color=CURVES[number % len(CURVES)], lw=2.0) for label, number in numbers.items()]
     for stable, label, line, width in ((True, "stable", "-", 1.5), (False, "unstable", "--", 0.9)):
         if (found.points["stable"] == stable).any():
-            handles.append(Line2D([], [], color=REFERENCE, label=label, ls=line, lw=width))
+            handles.append(entry(label, color=REFERENCE, ls=line, lw=width))
     if found.swept is not None and x in found.swept:
         for direction, marker in DIRECTIONS.items():
             if (found.swept["direction"] == direction).any():
-                look: dict[str, Any] = {"ls": "", "color": BEHIND, "mew": 0, "ms": 4.0}
-                handles.append(Line2D([], [], marker=marker, label=f"sweep, {direction}", **look))
+                handles.append(entry(f"sweep, {direction}", marker=marker, ls="", color=BEHIND, mew=0, ms=4.0))
     for kind, meaning in KINDS.items():
         if (found.special["kind"] == kind).any():
             look = {"ls": "", "mfc": "white", "mec": REFERENCE, "mew": 1.1, "ms": 5.0}
-            handles.append(Line2D([], [], marker=MARKERS[kind], label=f"{kind}: {meaning}", **look))
+            handles.append(entry(f"{kind}: {meaning}", marker=MARKERS[kind], **look))
     return handles
 
 
@@ -358,10 +343,10 @@ def boundaries_figure(found: Branches, x: str) -> Figure:
             look = {"lw": 1.8, "marker": "o" if len(rows) == 1 else "", "ms": 4.0}  # a lone point is no line
             axis.plot(rows[x], rows[found.second], color=_COLOURS[rows["kind"].iloc[0]], **look)
         axis.set_xlabel(key_label(x))
-        axis.set_title(", ".join(value_label(key, values[key]) for key in varied), loc="left")
+        axis.set_title(found.label(values), loc="left")
     axes[0, 0].set_ylabel(key_label(found.second))
     kinds = [kind for kind in KINDS if (table["kind"] == kind).any()]
-    handles = [Line2D([], [], color=_COLOURS[kind], lw=1.8, label=f"{kind}: {KINDS[kind]}") for kind in kinds]
+    handles = [entry(f"{kind}: {KINDS[kind]}", color=_COLOURS[kind], lw=1.8) for kind in kinds]
     figure.legend(handles=handles, loc="outside lower center", ncols=1)
     head(figure, found.name, found.parameters(found.second))
     return figure
@@ -372,20 +357,19 @@ def boundaries_figure(found: Branches, x: str) -> Figure:
 
 def multipliers_figure(found: Branches, x: str) -> Figure:
     """Draw the leading multipliers on the plane, and the largest one over a column, for each grid combination."""
-    combinations: dict[tuple[int, str], list[pd.DataFrame]] = {}
-    for number, label, points, _ in found.branches:
-        combinations.setdefault((number, label), []).append(points)
+    combinations: dict[int, list[Curve]] = {}
+    for curve in found.curves:
+        combinations.setdefault(curve.number, []).append(curve)
     values = found.points[x]
     norm = Normalize(float(values.min()), float(values.max()))
     farthest = found.points.filter(regex=r"^multiplier_\d+_(re|im)$").abs().max().max()
     frame = float(np.clip(1.05 * farthest, NEAREST, FARTHEST))
     size = (1.5 + 4.3 * len(combinations), 8.2)
     figure, axes = new_figure(2, len(combinations), size, sharey="row", height_ratios=(1.35, 1.0))
-    for (number, label), (plane, largest) in zip(combinations, axes.T, strict=True):
-        parts = combinations[number, label]
-        _draw_plane(plane, pd.concat(parts), x, norm, frame)
-        plane.set_title(label, loc="left")
-        for points in parts:
+    for curves, (plane, largest) in zip(combinations.values(), axes.T, strict=True):
+        _draw_plane(plane, pd.concat([points for _, _, points in curves]), x, norm, frame)
+        plane.set_title(curves[0].label, loc="left")
+        for _, number, points in curves:
             sizes = np.hypot(points["multiplier_1_re"], points["multiplier_1_im"])
             largest.plot(points[x], sizes, ".-", ms=2.5, lw=0.8, color=CURVES[number % len(CURVES)])
         largest.axhline(1.0, color=REFERENCE, lw=0.8)

@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
-from matplotlib.lines import Line2D
 
 from vibroplat.columns import COORDINATES, PHASE, PHASE_COLUMN
 from vibroplat.plots.response import draw_response, drawn_values, marker_legend
-from vibroplat.plots.style import BLACK, BLUE, GREEN, ORANGE, PURPLE, REFERENCE, VERMILION, new_figure
+from vibroplat.plots.style import BLACK, BLUE, GREEN, ORANGE, PURPLE, REFERENCE, VERMILION, entry, new_figure
 from vibroplat.plots.timelines import FloatArray
 from vibroplat.results.files import Result
 from vibroplat.study.bands import jumps
@@ -77,9 +76,8 @@ def _arrows(axis: Axes, rows: pd.DataFrame, column: str, colour: str) -> None:
 
 def _legend(figure: Figure, table: pd.DataFrame, curves: dict[str, str]) -> None:
     """Name the curves, by their colours, and the markers."""
-    handles = [Line2D([], [], color=colour, lw=2.0, label=name) for name, colour in curves.items()]
-    handles += marker_legend(table)
-    figure.legend(handles=handles, loc="outside lower center", ncols=4)
+    handles = [entry(name, color=colour, lw=2.0) for name, colour in curves.items()]
+    figure.legend(handles=[*handles, *marker_legend(table)], loc="outside lower center", ncols=4)
 
 
 def _fig2(result: Result) -> Figure:

@@ -5,7 +5,7 @@ Trajectories are read in parts: those of long runs do not fit into memory.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -37,7 +37,7 @@ def read_columns(
     result: Result, name: str, texts: Collection[str], numbers: Collection[str] = (), optional: Collection[str] = ()
 ) -> pd.DataFrame:
     """Read a table; it must have these columns of texts and of numbers, and numbers in optional ones it has."""
-    return _checked(result, name, result.table(name), texts, numbers, optional)
+    return _checked(result.table(name), f"the {name} table in {result.directory} has no", texts, numbers, optional)
 
 
 def read_parts(
@@ -45,18 +45,12 @@ def read_parts(
 ) -> Iterator[pd.DataFrame]:
     """Read these columns of a table in parts, which must be as in :func:`read_columns`."""
     for part in result.parts(name, (*texts, *numbers, *optional)):
-        yield _checked(result, name, part, texts, numbers, optional)
+        yield _checked(part, f"the {name} table in {result.directory} has no", texts, numbers, optional)
 
 
-def _checked(
-    result: Result,
-    name: str,
-    table: pd.DataFrame,
-    texts: Collection[str],
-    numbers: Collection[str],
-    optional: Collection[str],
-) -> pd.DataFrame:
-    told = f"the {name} table in {result.directory} has no"
+def _checked(table: pd.DataFrame, told: str, *columns: Collection[str]) -> pd.DataFrame:
+    """Return a table that has columns of texts, of numbers, and maybe optional ones of numbers."""
+    texts, numbers, optional = columns
     for column in (*numbers, *(column for column in optional if column in table)):
         if column not in table or not _holds_numbers(table[column]):
             raise TableError(f"{told} numbers in column {column}")
@@ -73,6 +67,27 @@ def _holds_numbers(column: pd.Series) -> bool:
     types = pd.api.types
     real = not (types.is_bool_dtype(column) or types.is_complex_dtype(column))
     return (types.is_numeric_dtype(column) and real) or column.empty
+
+
+class Curve(NamedTuple):
+    """A branch in a table: the label and the number of its combination of grid values, and its rows."""
+
+    label: str
+    number: int
+    rows: pd.DataFrame
+
+    @property
+    def direction(self) -> str:
+        """Direction of the branch of a sweep."""
+        return str(self.rows["direction"].iloc[0])
+
+
+def curves_of(table: pd.DataFrame, keys: Sequence[str], label: Callable[[pd.Series], str]) -> list[Curve]:
+    """Return the curves of a table in its order: rows that share keys, numbered by their labels."""
+    groups = [rows for _, rows in table.groupby([*keys], sort=False)]
+    labels = [label(rows.iloc[0]) for rows in groups]
+    numbers = pd.factorize(np.array(labels, dtype=object))[0]
+    return [Curve(name, int(number), rows) for name, number, rows in zip(labels, numbers, groups, strict=True)]
 
 
 class Ends(NamedTuple):

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import matplotlib as mpl
 import numpy as np
@@ -19,18 +19,9 @@ from matplotlib.lines import Line2D
 from vibroplat.columns import MEASURES, PHASE_COLUMN
 from vibroplat.config.reader import flat
 from vibroplat.errors import TableError
-from vibroplat.plots.labels import (
-    differing,
-    distinct,
-    is_number,
-    key_label,
-    legend_names,
-    scene_of,
-    sweep_parameters,
-    value_label,
-)
-from vibroplat.plots.reading import read_columns, read_result
-from vibroplat.plots.style import BLACK, CURVES, DIRECTIONS, FAILED, REFERENCE, head, legend_below, new_figure, plain
+from vibroplat.plots.labels import compared, distinct, is_number, key_label, scene_of, sweep_parameters, value_label
+from vibroplat.plots.reading import Curve, curves_of, read_columns, read_result
+from vibroplat.plots.style import BLACK, CURVES, DIRECTIONS, FAILED, REFERENCE, entry, head, legend_below, panel_grid
 from vibroplat.plots.timelines import Measured, phase_axis, wrapped
 from vibroplat.results.files import Result
 from vibroplat.study.bands import jumps
@@ -56,15 +47,6 @@ _MEANING = {"full": "periodic", "none": "not periodic", "bottom": "undecided"}
 # -- tables ------------------------------------------------------------------------------------------------------------
 
 
-class Curve(NamedTuple):
-    """A branch: the label and the number of its grid combination, its direction and its rows."""
-
-    label: str
-    number: int
-    direction: str
-    rows: pd.DataFrame
-
-
 @dataclass(frozen=True)
 class Response:
     """Tables of one or several sweeps as one, and the grid keys that have several values.
@@ -82,7 +64,7 @@ class Response:
     data
         Measured data laid over the curves.
     labels
-        What several results are called in a legend, by their names.
+        What results are called in a legend, by their names.
     """
 
     results: list[Result]
@@ -103,18 +85,12 @@ class Response:
     @cached_property
     def curves(self) -> list[Curve]:
         """Each branch, in the order of the table."""
-        numbers: dict[str, int] = {}
-        found = []
-        for _, rows in self.table.groupby([RESULT, "branch"] if RESULT in self.table else ["branch"], sort=False):
-            first = rows.iloc[0]
-            label = ", ".join(self._called(key, first[key]) for key in self.keys)
-            number = numbers.setdefault(label, len(numbers))
-            found.append(Curve(label, number, str(first["direction"]), rows))
-        return found
+        keys = [key for key in (RESULT, "branch") if key in self.table]
+        return curves_of(self.table, keys, lambda row: ", ".join(self._called(key, row[key]) for key in self.keys))
 
     def _called(self, key: str, value: Any) -> str:
         """Return a value in a legend; results are called by their names, and how they differ otherwise."""
-        return self.labels.get(value, plain(value)) if key == RESULT else value_label(key, value)
+        return self.labels[value] if key == RESULT else value_label(key, value)
 
     @property
     def scale(self) -> str | None:
@@ -139,8 +115,9 @@ def read_response(directories: Sequence[Path], *, x: str = EXCITATION, data: Mea
         tables = [table.assign(**{RESULT: name}) for name, table in zip(names, tables, strict=True)]
     joined = pd.concat(tables, ignore_index=True)
     keys = _varied(joined, grid)
-    labels = _labels(names, results, keys)
-    return Response(results, names, joined, ([RESULT] if len(tables) > 1 else []) + keys, x, data, labels)
+    labels = compared("sweep", names, [scene_of(result.provenance) for result in results], keys)
+    varied = ([RESULT] if len(tables) > 1 else []) + keys
+    return Response(results, names, joined, varied, x, data, dict(zip(names, labels, strict=True)))
 
 
 def response_of(table: pd.DataFrame, x: str = EXCITATION) -> Response:
@@ -165,15 +142,6 @@ def _completed(table: pd.DataFrame, result: Result, keys: Iterable[str]) -> pd.D
     except (KeyError, TypeError, AttributeError):
         raise TableError(f"{result.directory}/provenance.json is not the provenance of a sweep") from None
     return table.assign(**{key: made[key] for key in keys if key not in table and key in made})
-
-
-def _labels(names: Sequence[str], results: Sequence[Result], keys: Sequence[str]) -> dict[str, str]:
-    """Return what several results are called: their names, and how they differ but for keys that each curve names."""
-    trees = [scene.to_tree() for result in results if (scene := scene_of(result.provenance)) is not None]
-    if len(trees) < len(results):
-        return {}
-    found = [{key: value for key, value in one.items() if key not in keys} for one in differing("sweep", trees)]
-    return dict(zip(names, legend_names(names, found), strict=True))
 
 
 # -- one branch --------------------------------------------------------------------------------------------------------
@@ -273,15 +241,15 @@ def marker_legend(table: pd.DataFrame) -> Iterator[Line2D]:
     """Yield the entries of a legend that say what markers mean, of those that a table needs."""
     for direction in dict.fromkeys(table["direction"]):
         up = direction != "down"
-        look: dict[str, Any] = {"color": REFERENCE, "ls": "-" if up else "--", "lw": 0.9, "ms": 4.5}
-        yield Line2D([], [], marker=DIRECTIONS["up" if up else "down"], label=f"supply frequency {direction}", **look)
+        look = {"color": REFERENCE, "ls": "-" if up else "--", "lw": 0.9, "ms": 4.5}
+        yield entry(f"supply frequency {direction}", marker=DIRECTIONS["up" if up else "down"], **look)
     found = [filling for filling, _ in _fillings(table)]
     if found != ["full"]:
         for filling in found:
             look = {"fillstyle": filling, "markerfacecoloralt": "white", "color": BLACK, "ls": "", "ms": 7.0}
-            yield Line2D([], [], marker="^", mew=0.7, label=_MEANING[filling], **look)
+            yield entry(_MEANING[filling], marker="^", mew=0.7, **look)
     if _failed(table).any():
-        yield Line2D([], [], ls="", marker="x", color=FAILED, ms=5.0, mew=1.4, label="failed")
+        yield entry("failed", ls="", marker="x", color=FAILED, ms=5.0, mew=1.4)
 
 
 # -- the figure --------------------------------------------------------------------------------------------------------
@@ -291,33 +259,27 @@ def response_figure(response: Response) -> Figure:
     """Draw all measures of a response that say something, over frequency."""
     columns = _columns(response.table)
     two = len(columns) > 5
-    rows = -(-len(columns) // 2) if two else len(columns)
-    figure, axes = new_figure(rows, 1 + two, (11.0 if two else 8.0, 1.9 + 1.75 * rows), sharex=True)
-    panels = axes.T.ravel()
+    size = (11.0 if two else 8.0, 1.9 + 1.75 * -(-len(columns) // (1 + two)))
+    figure, panels = panel_grid(len(columns), 1 + two, size, key_label(response.x))
     labels = list(dict.fromkeys(curve.label for curve in response.curves))
     colours, scale = _colours(response, len(labels))
     for axis, column in zip(panels, columns, strict=False):
-        for _, number, _, branch in response.curves:
-            size = _size(number, len(labels))
-            draw_response(axis, branch, column, x=response.x, color=colours[number], size=size)
+        for _, number, rows in response.curves:
+            width = _size(number, len(labels))
+            draw_response(axis, rows, column, x=response.x, color=colours[number], size=width)
         _limit(axis, column, response.table)
         if response.data is not None:
             response.data.draw(axis, response.x, column, MEASURES[column])
-    for axis in panels[len(columns) :]:
-        axis.set_axis_off()
-    for axis in panels[[rows - 1, len(columns) - 1, -1]]:
-        axis.set_xlabel(key_label(response.x))
-        axis.tick_params(labelbottom=True)
     head(figure, ", ".join(response.names), response.parameters)
     handles: list[Any] = []
     if scale is not None:
         bar = figure.colorbar(scale, ax=figure.axes, aspect=50, pad=0.01)
         bar.set_label(key_label(response.keys[0]))
     elif len(labels) > 1 or response.keys:
-        handles += [Line2D([], [], color=colours[i], lw=2.0, label=label) for i, label in enumerate(labels)]
+        handles += [entry(label, color=colours[i], lw=2.0) for i, label in enumerate(labels)]
     handles += marker_legend(response.table)
     handles += [line for axis in figure.axes for line in axis.get_legend_handles_labels()[0]][:1]  # measured data
-    legend_below(figure, {handle.get_label(): handle for handle in handles})
+    legend_below(figure, handles)
     return figure
 
 
@@ -335,12 +297,16 @@ def _columns(table: pd.DataFrame) -> list[str]:
     return [*_SIZES, PHASE_COLUMN, *(column for column in more if column in table and (table[column] > 0.0).any())]
 
 
+def limit_size(axis: Axes, table: pd.DataFrame) -> None:
+    """Begin the axis of an RMS at 0, and draw small ones small, instead of magnified to noise."""
+    largest = table["rms_y_m"].max()
+    axis.set_ylim(0.0, max(axis.get_ylim()[1], LEAST_RANGE * 1e3 * largest if np.isfinite(largest) else 0.0))
+
+
 def _limit(axis: Axes, column: str, table: pd.DataFrame) -> None:
-    """Begin axes of what is never negative at 0; small RMS are drawn small, instead of magnified to noise."""
+    """Begin axes of what is never negative at 0."""
     if column in _SIZES:
-        largest = table["rms_y_m"].max()
-        least = LEAST_RANGE * 1e3 * largest if np.isfinite(largest) else 0.0
-        axis.set_ylim(0.0, max(axis.get_ylim()[1], least))
+        limit_size(axis, table)
     elif column == "flight_fraction":
         axis.set_ylim(0.0, 1.0)
     elif column in ("contact_force_max_n", "gap_max_m"):

@@ -16,7 +16,7 @@ from vibroplat.columns import COORDINATES, PHASE
 from vibroplat.config.scene import Scene
 from vibroplat.errors import TableError
 from vibroplat.plots import timelines
-from vibroplat.plots.labels import differing, distinct, legend_names, run_parameters, scene_of
+from vibroplat.plots.labels import compared, distinct, run_parameters, scene_of
 from vibroplat.plots.reading import Cut, Ends, ends_of, read_parts, read_result
 from vibroplat.plots.style import BLACK, CURVES, FORCE, MATERIAL, PLATFORM, REFERENCE, head, legend_below, new_figure
 
@@ -261,9 +261,8 @@ def _shown(runs: Sequence[Run], directories: Sequence[Path], data: timelines.Mea
     """Name several runs by how they differ."""
     if len(runs) == 1:
         return Shown(runs, data)
-    trees = [run.scene.to_tree() for run in runs if run.scene is not None]
-    found: Sequence[Mapping[str, Any]] = differing("run", trees) if len(trees) == len(runs) else [{}] * len(runs)
-    return Shown(runs, data, legend_names(distinct([run.name for run in runs], directories), found))
+    names = distinct([run.name for run in runs], directories)
+    return Shown(runs, data, compared("run", names, [run.scene for run in runs]))
 
 
 def _head(figure: Figure, shown: Shown, named: Axes | None = None) -> None:
@@ -275,8 +274,7 @@ def _head(figure: Figure, shown: Shown, named: Axes | None = None) -> None:
     parameters = "" if run is None else run_parameters(run.scene)
     head(figure, ", ".join(run.name for run in shown.runs), parameters)
     if run is None or named is not None:
-        handles, labels = (named or figure.axes[-1]).get_legend_handles_labels()
-        legend_below(figure, dict(zip(labels, handles, strict=True)))
+        legend_below(figure, (named or figure.axes[-1]).get_legend_handles_labels()[0])
 
 
 def _legend_above(axis: Axes, columns: int = 1) -> None:

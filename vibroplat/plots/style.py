@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,8 +13,9 @@ from typing import Any, Literal
 import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
-from vibroplat.results.tables import replace_files, result_directory
+from vibroplat.results.tables import replace_file, result_directory
 
 Form = Literal["png", "pdf", "svg"]
 
@@ -97,6 +98,18 @@ def new_figure(rows: int, columns: int, size: tuple[float, float], **options: An
     return figure, figure.subplots(rows, columns, squeeze=False, **options)
 
 
+def panel_grid(count: int, columns: int, size: tuple[float, float], label: str) -> tuple[Figure, list[Axes]]:
+    """Return a figure and its panels, which share a horizontal axis of this label; each column is filled downwards."""
+    figure, axes = new_figure(-(-count // columns), columns, size, sharex=True)
+    panels = list(axes.T.ravel())
+    for axis in panels[count:]:
+        axis.set_axis_off()
+    for axis in (panels[len(axes) - 1], panels[count - 1]):
+        axis.set_xlabel(label)
+        axis.tick_params(labelbottom=True)
+    return figure, panels
+
+
 def plain(text: str) -> str:
     """Return a text of a user's to be drawn as it is: between two dollar signs, matplotlib would read mathematics."""
     return text.replace("$", r"\$")
@@ -111,8 +124,14 @@ def head(figure: Figure, name: str, parameters: str = "") -> None:
         first.set_title(f"{parameters}\n{own}" if own else parameters, loc="left")
 
 
-def legend_below(figure: Figure, entries: Mapping[str, Any]) -> None:
-    """Put a legend (handles by their labels) below a figure, in as many columns as the labels leave room for."""
+def entry(label: str, **look: Any) -> Line2D:
+    """Return an entry of a legend with the look of a line or of its markers."""
+    return Line2D([], [], label=label, **look)
+
+
+def legend_below(figure: Figure, handles: Iterable[Any]) -> None:
+    """Put a legend below a figure, with one entry for each label, in as many columns as the labels leave room for."""
+    entries = {str(handle.get_label()): handle for handle in handles}
     longest = max((len(re.sub(r"\$[^$]*\$", "MM", label)) for label in entries), default=0)
     room = figure.get_figwidth() * LETTERS
     columns = max(1, min(5, len(entries), int(room / (longest + 6))))
@@ -134,5 +153,5 @@ def save(figure: Figure, directory: Path, name: str, saving: Saving | None = Non
     path = (place or directory) / f"{name}.{saving.form}"
     metadata: Any = _DATES[saving.form]
     with styled():
-        replace_files({path: lambda file: figure.savefig(file, dpi=saving.dpi or "figure", metadata=metadata)})
+        replace_file(path, lambda file: figure.savefig(file, dpi=saving.dpi or "figure", metadata=metadata))
     return path

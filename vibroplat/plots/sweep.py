@@ -12,15 +12,14 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import BoundaryNorm, ListedColormap, Normalize
-from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from vibroplat.columns import MEASURES
 from vibroplat.errors import TableError
-from vibroplat.plots.labels import ABSCISSAE, FREQUENCIES, key_label
-from vibroplat.plots.reading import read_columns
-from vibroplat.plots.response import Curve, Response, read_response, response_figure
-from vibroplat.plots.style import BLUE, CURVES, GREEN, ORANGE, PURPLE, SKY, VERMILION, head, new_figure
+from vibroplat.plots.labels import ABSCISSAE, key_label
+from vibroplat.plots.reading import Curve, read_columns
+from vibroplat.plots.response import Response, read_response, response_figure
+from vibroplat.plots.style import BLUE, CURVES, GREEN, ORANGE, PURPLE, SKY, VERMILION, entry, head, new_figure
 from vibroplat.plots.timelines import read_measured
 from vibroplat.results.files import Result
 from vibroplat.study.branches import EXCITATION, SUPPLY
@@ -129,14 +128,14 @@ def bifurcation(response: Response) -> Figure:
     for axis, curve in zip(axes[0], curves, strict=True):
         axis.set_title(", ".join(part for part in (curve.label, curve.direction) if part), loc="left")
     for axis in axes[-1]:
-        axis.set_xlabel(FREQUENCIES[x])
+        axis.set_xlabel(key_label(x))
     head(figure, ", ".join(response.names), response.parameters)
     directions = dict.fromkeys(curve.direction for curve in curves)
     if len(directions) > 1:
         colours = {f"supply frequency {name}": _DIRECTIONS[name] for name in directions}
-        dot: dict[str, Any] = {"ls": "", "marker": "o", "ms": 4.0, "mew": 0.0}
+        dot = {"ls": "", "marker": "o", "ms": 4.0, "mew": 0.0}
         named = [*colours.items(), ("the other direction", _BEHIND)]
-        handles = [Line2D([], [], color=colour, label=label, **dot) for label, colour in named]
+        handles = [entry(label, color=colour, **dot) for label, colour in named]
         figure.legend(handles=handles, loc="outside lower center", ncols=3)
     return figure
 
@@ -221,7 +220,7 @@ def regimes(response: Response) -> Figure:
             row[2].set_title(f"flight, {direction}", loc="left")
         row[0].set_ylabel(key_label(key))
     for axis in axes[-1]:
-        axis.set_xlabel(FREQUENCIES[SUPPLY])
+        axis.set_xlabel(key_label(SUPPLY))
     head(figure, ", ".join(response.names), response.parameters)
     for axis, (_, values, colours) in zip(axes[-1], classes, strict=False):
         _map_legend(axis, values, colours)

@@ -146,9 +146,9 @@ def draw_phase_difference(
     """Draw the phase difference of the exciters over time; wraps are left out."""
     sign = -1.0 if co_rotating else 1.0
     phase = wrapped((table["phi1_rad"] + sign * table["phi2_rad"]).to_numpy(dtype=float))
-    times, broken = without_wraps(table["t_s"].to_numpy(dtype=float), phase)
-    width = 1.0 if len(broken) - len(phase) <= MOST_WRAPS else 0.25
-    axis.plot(times, broken, lw=width, color=color, label=label)
+    times, wraps = table["t_s"].to_numpy(dtype=float), np.flatnonzero(np.abs(np.diff(phase)) > WRAP) + 1
+    line = np.insert(times, wraps, times[wraps]), np.insert(phase, wraps, np.nan)
+    axis.plot(*line, lw=1.0 if len(wraps) <= MOST_WRAPS else 0.25, color=color, label=label)
     phase_axis(axis, phase_label(co_rotating))
     return axis
 
@@ -156,12 +156,6 @@ def draw_phase_difference(
 def wrapped(phase: FloatArray) -> FloatArray:
     """Put angles into [−π/2, 3π/2)."""
     return np.mod(phase - LOWEST_PHASE, TURN) + LOWEST_PHASE
-
-
-def without_wraps(times: FloatArray, phase: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Break a line of wrapped angles where it wraps."""
-    wraps = np.flatnonzero(np.abs(np.diff(phase)) > WRAP) + 1
-    return np.insert(times, wraps, times[wraps]), np.insert(phase, wraps, np.nan)
 
 
 def phase_axis(axis: Axes, label: str = PHASE) -> None:

@@ -11,6 +11,7 @@ another.
 
 from __future__ import annotations
 
+import hashlib
 import uuid
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import ExitStack
@@ -25,16 +26,15 @@ from vibroplat.results.tables import (
     Format,
     Table,
     TableFile,
-    drop_other_formats,
     json_writer,
-    prepared,
+    new_file,
+    one_line_errors,
     put_in_place,
     read_json,
     read_parts,
     read_table,
     remove_file,
     remove_table,
-    sha256,
 )
 
 Command = Literal["run", "sweep", "orbits", "paper"]
@@ -86,19 +86,20 @@ def write_result(
                 file = stack.enter_context(TableFile(directory, name, form))
                 file.extend(table)
             files[file.path] = file.finish()
-        written = {directory / f"{name}.json": json_writer(value) for name, value in (documents or {}).items()}
-        files |= stack.enter_context(prepared(written))
+        for name, value in (documents or {}).items():
+            path = directory / f"{name}.json"
+            files[path] = stack.enter_context(new_file(path, json_writer(value)))
         digests = {path.name: _sha256(temporary) for path, temporary in files.items()}
         proof = dict(origin) | {"command": command, "result": uuid.uuid4().hex, "files": digests}
         with replacing(directory):
-            path = _place_to_write(directory, command)
-            with prepared({path: json_writer(proof)}) as provenance:
-                if path != _own(directory, command):
-                    remove_file(_own(directory, command))
-                last = list(files)[-1]
-                put_in_place({**{p: t for p, t in files.items() if p != last}, **provenance, last: files[last]})
+            own, path = _own(directory, command), _place_to_write(directory, command)
+            last, temporary = files.popitem()
+            with new_file(path, json_writer(proof)) as files[path]:
+                if path != own:
+                    remove_file(own)
+                put_in_place(files | {last: temporary})
             for name in tables:
-                drop_other_formats(directory, name, form)
+                remove_table(directory, name, kept=form)
             for name in absent:
                 remove_table(directory, name)
 
@@ -174,8 +175,5 @@ def _place_to_write(directory: Path, command: Command) -> Path:
 
 
 def _sha256(path: Path) -> str:
-    try:
-        with path.open("rb") as file:
-            return sha256(file)
-    except OSError as error:
-        raise TableError(f"{path} cannot be read: {error.strerror or error}") from None
+    with one_line_errors(path, "read"), path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

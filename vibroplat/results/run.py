@@ -23,15 +23,23 @@ from vibroplat.errors import TableError
 from vibroplat.hybrid.state import EVENT
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.systems import FULL_SIZE
-from vibroplat.observe.audit import INACCURATE
 from vibroplat.observe.notes import notes_on_samples, peaks_of
-from vibroplat.observe.segments import Segment
 from vibroplat.observe.statistics import Measures, section_rows
-from vibroplat.observe.tables import ROW, TRAJECTORY, Records, Sampler, TrajectoryRows, event_table, state_places
+from vibroplat.observe.summary import INACCURATE
+from vibroplat.observe.tables import (
+    ROW,
+    TRAJECTORY,
+    Records,
+    Sampler,
+    Segment,
+    TrajectoryRows,
+    event_table,
+    state_places,
+)
 from vibroplat.results.card import results
 from vibroplat.results.files import Result, write_result
 from vibroplat.results.provenance import provenance
-from vibroplat.results.tables import Format, replace_files, result_directory
+from vibroplat.results.tables import Format, replace_file, result_directory
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -315,7 +323,7 @@ class Trajectory:
         def write(temporary: Path) -> None:
             savemat(temporary, contents, appendmat=False, long_field_names=True, oned_as="column")
 
-        replace_files({place: write})
+        replace_file(place, write)
         return place
 
 

@@ -65,21 +65,15 @@ def write_table(table: Table, directory: Path, name: str, form: Format) -> Path:
     with TableFile(directory, name, form) as file:
         file.extend(table)
         put_in_place({file.path: file.finish()})
-    drop_other_formats(directory, name, form)
+    remove_table(directory, name, kept=form)
     return file.path
 
 
-def remove_table(directory: Path, name: str) -> None:
-    """Remove a table of any format if it exists."""
+def remove_table(directory: Path, name: str, kept: Format | None = None) -> None:
+    """Remove a table, except a file of the format that is kept; raises :class:`TableError`."""
     for form in FORMATS:
-        remove_file(directory / f"{name}.{form}")
-
-
-def write_json(value: Any, directory: Path, name: str) -> Path:
-    """Write ``name.json``; numbers must be finite."""
-    path = directory / f"{name}.json"
-    replace_files({path: json_writer(value)})
-    return path
+        if form != kept:
+            remove_file(directory / f"{name}.{form}")
 
 
 def read_table(directory: Path, name: str, digests: Mapping[str, str] | None = None) -> pd.DataFrame:
@@ -184,7 +178,7 @@ def _opened(path: Path, digests: Mapping[str, str] | None) -> Iterator[BufferedR
     """
     try:
         with path.open("rb") as file:
-            if digests is not None and sha256(file) != digests.get(path.name):
+            if digests is not None and hashlib.file_digest(file, "sha256").hexdigest() != digests.get(path.name):
                 raise TableError(
                     f"{path} does not belong to this result: it has been changed, or is of another one; "
                     "repeat the command that wrote it"
@@ -196,11 +190,6 @@ def _opened(path: Path, digests: Mapping[str, str] | None) -> Iterator[BufferedR
     except Exception as error:  # on damaged files readers may raise anything: KeyError, OverflowError, MemoryError …
         reason = " ".join(str(error).split()) or type(error).__name__
         raise TableError(f"{path} cannot be read: {reason}") from None
-
-
-def sha256(file: BufferedReader) -> str:
-    """Return the SHA-256 of the rest of a file."""
-    return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 class TableFile:
@@ -229,7 +218,7 @@ class TableFile:
 
     def append(self, part: pd.DataFrame) -> None:
         """Write the next part; raises :class:`TableError`."""
-        with _complaints(self.path):
+        with one_line_errors(self.path):
             first = self._temporary is None
             if self._temporary is None:
                 self._temporary = self._stack.enter_context(_temporary(self.path))
@@ -263,10 +252,9 @@ class TableFile:
     def finish(self) -> Path:
         """Complete the file and return its temporary name; raises :class:`TableError`."""
         assert self._temporary is not None, "a table has one part at least"
-        with _complaints(self.path):
+        with one_line_errors(self.path):
             if self._parquet is not None:
                 self._parquet.close()
-            self._temporary.chmod(0o644)
         return self._temporary
 
     def __enter__(self) -> Self:
@@ -282,53 +270,40 @@ class TableFile:
 
 
 @contextmanager
-def _complaints(path: Path) -> Iterator[None]:
-    """Turn errors of the system into one line."""
+def one_line_errors(path: Path, what: str = "written") -> Iterator[None]:
+    """Turn errors of the system into one line, which says that a file cannot be written, read or removed."""
     try:
         yield
     except OSError as error:
-        raise TableError(f"{path} cannot be written: {error.strerror or error}") from None
-
-
-def drop_other_formats(directory: Path, name: str, form: Format) -> None:
-    """Remove the file of a table in the other format."""
-    remove_file(directory / f"{name}.{'csv' if form == 'parquet' else 'parquet'}")
+        raise TableError(f"{path} cannot be {what}: {error.strerror or error}") from None
 
 
 def remove_file(path: Path) -> None:
     """Remove a file if it exists; raises :class:`TableError`."""
-    try:
+    with one_line_errors(path, "removed"):
         path.unlink(missing_ok=True)
-    except OSError as error:
-        raise TableError(f"{path} cannot be removed: {error.strerror or error}") from None
 
 
-def replace_files(writers: Mapping[Path, Writer]) -> None:
-    """Write files under temporary names next to their final ones, and rename them once all are written.
+def replace_file(path: Path, write: Writer) -> None:
+    """Let a function write a file under a temporary name; if it fails, the old file is kept.
 
     Raises
     ------
     TableError
-        A file cannot be written; all old files are kept.
+        The file cannot be written.
     """
-    with prepared(writers) as temporaries:
-        put_in_place(temporaries)
+    with new_file(path, write) as temporary:
+        put_in_place({path: temporary})
 
 
 @contextmanager
-def prepared(writers: Mapping[Path, Writer]) -> Iterator[dict[Path, Path]]:
-    """Write files under temporary names next to their final ones, and yield these by the final ones.
-
-    Temporary files that are left at the end are removed. Raises :class:`TableError` like :func:`replace_files`.
-    """
-    temporaries: dict[Path, Path] = {}
+def new_file(path: Path, write: Writer) -> Iterator[Path]:
+    """Let a function write a temporary file next to another, and yield its name; raises :class:`TableError`."""
     with ExitStack() as stack:
-        for path, write in writers.items():
-            with _complaints(path):
-                temporaries[path] = stack.enter_context(_temporary(path))
-                write(temporaries[path])
-                temporaries[path].chmod(0o644)
-        yield temporaries
+        with one_line_errors(path):
+            temporary = stack.enter_context(_temporary(path))
+            write(temporary)
+        yield temporary
 
 
 def put_in_place(temporaries: Mapping[Path, Path]) -> None:
@@ -337,48 +312,38 @@ def put_in_place(temporaries: Mapping[Path, Path]) -> None:
     All old files but the first are removed before the first new one is renamed, so that the files of two results are
     never found together if the process is killed in between.
     """
-    path = next(iter(temporaries))
-    try:
-        with watching():
-            for path in list(temporaries)[1:]:
+    with watching():
+        for path in list(temporaries)[1:]:
+            with one_line_errors(path):
                 path.unlink(missing_ok=True)
-            for path, temporary in temporaries.items():
+        for path, temporary in temporaries.items():
+            with one_line_errors(path):
                 os.replace(temporary, path)
-    except OSError as error:
-        raise TableError(f"{path} cannot be written: {error.strerror or error}") from None
 
 
 @contextmanager
 def _temporary(path: Path) -> Iterator[Path]:
-    """Make a temporary file next to another; it is removed at the end, even after Ctrl-C."""
+    """Make an empty temporary file next to another; it is removed at the end, even after Ctrl-C.
+
+    Its name has the mark of this process. Files that killed processes have left are removed.
+    """
     with ExitStack() as stack:
         with watching():
-            temporary = _empty_file(path)
-            stack.enter_context(unfinished(temporary))
+            handle, name = tempfile.mkstemp(prefix=f".{path.stem}-{mark()}", suffix=path.suffix, dir=path.parent)
+            stack.enter_context(unfinished(temporary := Path(name)))
         try:
+            with os.fdopen(handle) as file:
+                now = os.fstat(file.fileno()).st_mtime  # by the clock of the file system, of another machine perhaps
+            temporary.chmod(0o644)
+            for old in path.parent.glob(f".{path.stem}-*"):
+                rest = old.name.removeprefix(f".{path.stem}-")
+                with suppress(FileNotFoundError):  # another process has removed it
+                    if re.match(r"\d+-\w+\.", rest) and (is_gone(rest) or now - old.stat().st_mtime > LEFTOVER):
+                        old.unlink()
             yield temporary
         finally:
             with suppress(OSError):
                 temporary.unlink()
-
-
-def _empty_file(path: Path) -> Path:
-    """Make an empty file next to another, with the mark of this process; remove those left by killed processes."""
-    handle, name = tempfile.mkstemp(prefix=f".{path.stem}-{mark()}", suffix=path.suffix, dir=path.parent)
-    with os.fdopen(handle) as file:
-        now = os.fstat(file.fileno()).st_mtime  # by the clock of the file system, which may be another machine's
-    for old in path.parent.glob(f".{path.stem}-*"):
-        rest = old.name.removeprefix(f".{path.stem}-")
-        if re.match(r"\d+-\w+\.", rest) and (is_gone(rest) or _is_old(old, now)):
-            old.unlink(missing_ok=True)
-    return Path(name)
-
-
-def _is_old(path: Path, now: float) -> bool:
-    try:
-        return now - path.stat().st_mtime > LEFTOVER
-    except FileNotFoundError:
-        return False
 
 
 def json_writer(value: Any) -> Writer:

@@ -167,9 +167,8 @@ class Cluster:
             ask = self._client._run(pickle.loads, pickle.dumps(_Call(self._fingerprint.code)), on_error="return")
             reports = await asyncio.wait_for(ask, REPORT)
         for worker, report in reports.items():
-            is_error = isinstance(report, Exception)
-            other = _lacking(report) if is_error else self._fingerprint.difference(self._expected, report)
-            if other:
+            failed = isinstance(report, Exception)
+            if other := _lacking(report) if failed else self._fingerprint.difference(self._expected, report):
                 answer.set_exception(ForeignWorkerError(f"{worker}: {other}"))
                 return
         left = isinstance(error, (ImportError, AttributeError))
@@ -182,26 +181,20 @@ class Cluster:
         """Raise :class:`LostError` if the scheduler is gone, or there has been no worker for as long as is waited."""
         if self._client.status not in _ALIVE:
             raise self._gone()
-        missing, now = self._missing(), time.monotonic()
-        if not missing:
+        workers, now = None, time.monotonic()
+        if self._client.status == "running":
+            with suppress(Exception):  # whatever dask raises where it gets no answer
+                workers = self._workers()
+        if workers:
             self._since, self._notified = None, False
             return
+        missing = f"{'an answer' if workers is None else 'a worker'} of the scheduler at {self._address}"
         self._since = now if self._since is None else self._since
         if now - self._since >= self._wait:
             raise LostError(f"waited {self._wait:g} s for {missing}{_kept()}")
         if now - self._since >= NOTICE and not self._notified and self._client.status == "running":
             _LOG.warning("waiting for %s, up to %g s", missing, self._wait)
             self._notified = True
-
-    def _missing(self) -> str:
-        """Name what is missing for work to go on; "" where nothing is."""
-        try:
-            workers = self._workers() if self._client.status == "running" else None
-        except Exception:  # whatever dask raises where it gets no answer
-            workers = None
-        if workers is None:
-            return f"an answer of the scheduler at {self._address}"
-        return "" if workers else f"a worker of the scheduler at {self._address}"
 
     def _gone(self) -> LostError:
         return LostError(f"the scheduler at {self._address} is gone{_kept()}")

@@ -94,9 +94,8 @@ def code() -> dict[str, str]:
 @cache
 def arithmetic() -> dict[str, str]:
     """Return a digest of what this machine computes: a short motion, and the functions of libraries."""
-    found = hashlib.sha256()
-    found.update(json.dumps([_motion(), _functions()]).encode())  # text of a number gives back its bits
-    return {"arithmetic": f"{found.hexdigest()[:16]} of processor {get_host_cpu_name()}"}
+    text = json.dumps([_motion(), _functions()])  # that of a number gives back its bits
+    return {"arithmetic": f"{hashlib.sha256(text.encode()).hexdigest()[:16]} of processor {get_host_cpu_name()}"}
 
 
 def _sources() -> str:

@@ -21,14 +21,15 @@ from vibroplat.hybrid.state import Automaton, initial_state, perturbed, state_sc
 from vibroplat.integrate import make_engine
 from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Motion, Observer
-from vibroplat.observe.audit import INACCURATE, inaccuracy
 from vibroplat.observe.notes import notes_on_measures, stiffness
 from vibroplat.observe.statistics import section_rows
 from vibroplat.observe.summary import (
+    INACCURATE,
     WANDER,
     Part,
     block_errors,
     half_open,
+    inaccuracy,
     measured,
     synchronization,
 )

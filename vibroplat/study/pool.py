@@ -140,11 +140,19 @@ class StoredChain(Generic[T]):
                 return
 
 
-def run_stored(chains: Iterable[StoredChain[T]], workers: Pool) -> list[T]:
-    """Run chains side by side and return their results in the order of the chains."""
+def run_stored(
+    chains: Iterable[StoredChain[T]], workers: Pool, progress: Callable[[int], object] = lambda done: None
+) -> list[T]:
+    """Run chains side by side and return their results in the order of the chains.
+
+    ``progress`` is called before the first task and after each with the number of finished chains.
+    """
     chains = list(chains)
-    for _ in run_chains(chains, workers):
-        pass
+    done = sum(chain.done for chain in chains)
+    progress(done)
+    for chain in run_chains(chains, workers):
+        done += chain.done
+        progress(done)
     return [chain.result for chain in chains]
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,7 @@ from vibroplat.study.bands import bands
 from vibroplat.study.branches import EXCITATION, FREQUENCY, SUPPLY, Branch, branches, study_table
 from vibroplat.study.confirming import CONFIRMED
 from vibroplat.study.point import ERRORS, MEASURED, POINT, lost, measure_point
-from vibroplat.study.pool import Pool, StoredChain, Task, Tasks, pool, run_chains
+from vibroplat.study.pool import Pool, StoredChain, Task, Tasks, pool, run_stored
 from vibroplat.study.store import Record, SpoiledError, Store
 
 #: Columns of the table after the swept keys.
@@ -151,18 +152,16 @@ def run_sweeps(
         nonlocal points, events
         points, events = points + 1, events + record["row"].get("events", 0)
 
+    def tell(done: int) -> None:
+        if progress is not None:
+            progress(done, points, events)
+
     chains = [
         StoredChain(branch_points(branch, count), store, branch.number)
         for planned, store in sweeps
         for branch in planned
     ]
-    done = sum(chain.done for chain in chains)
-    if progress is not None:
-        progress(done, points, events)
-    for chain in run_chains(chains, workers):
-        done += chain.done
-        if progress is not None:
-            progress(done, points, events)
+    run_stored(chains, workers, tell)
 
 
 def branch_points(branch: Branch, take: Callable[[Record], object]) -> Tasks[None]:
@@ -219,17 +218,16 @@ def _parts(
 ) -> Iterator[pd.DataFrame]:
     """Yield the rows of all records in parts, at least one, as tables with the swept keys and these columns."""
     grid = planned[0].plan.grid
-    rows: list[Record] = []
-    yielded = False
-    for branch in planned:
-        place = branch.grid | {"direction": branch.direction, "branch": branch.number}
-        for frequency, record in zip(branch.frequencies, branch_records(branch, store), strict=True):
-            rows += [{SUPPLY: frequency} | place | row for row in rows_of(record)]
-            if len(rows) >= CHUNK:
-                yield study_table(rows, [SUPPLY, *grid, *columns], grid, {**SWEEP, **DIAGRAM, **CONFIRMED})
-                rows, yielded = [], True
-    if rows or not yielded:
-        yield study_table(rows, [SUPPLY, *grid, *columns], grid, {**SWEEP, **DIAGRAM, **CONFIRMED})
+    rows = (
+        {SUPPLY: frequency, **branch.grid, "direction": branch.direction, "branch": branch.number, **row}
+        for branch in planned
+        for frequency, record in zip(branch.frequencies, branch_records(branch, store), strict=True)
+        for row in rows_of(record)
+    )
+    part, first = list(islice(rows, CHUNK)), True
+    while part or first:
+        yield study_table(part, [SUPPLY, *grid, *columns], grid, {**SWEEP, **DIAGRAM, **CONFIRMED})
+        part, first = list(islice(rows, CHUNK)), False
 
 
 def write_sweep(

@@ -1,0 +1,319 @@
+"""Special points by kind: functions of an orbit that are zero there, and branches that begin there (Kuznetsov 2004).
+
+Those of smooth bifurcations change their sign on a branch. The contact force and the gap are known on one side only: an
+orbit that has lifted off no longer has the turning point of F_c that fell to zero.
+
+Orbits next to a branch point are hard to correct, as the Jacobian is singular there. With some of a fixed vector in the
+residual, r(u) + b v = 0, the problem is regular, and b is a smooth function on a plane through the branch point. There
+it is 0 without a slope, and the directions in which it does not bend are those of the branches (Moore 1980).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, fields, replace
+from functools import cache, cached_property
+from operator import attrgetter
+from typing import Self
+
+import numpy as np
+import numpy.typing as npt
+
+from vibroplat.continuation.newton import Chart, MissedError, NewtonResult, Problem, bordered, correct, solved
+from vibroplat.continuation.orbit import measures_of_orbit
+from vibroplat.kernels.compiled import FloatArray
+
+FOLD, DOUBLING, NEIMARK_SACKER, BRANCH_POINT = "fold", "period-doubling", "neimark-sacker", "branch-point"
+LIFTOFF, END_OF_STICKING, GRAZING = "liftoff", "end-of-sticking", "grazing"
+#: What happens at each kind, for people.
+KINDS = {
+    FOLD: "two orbits merge and vanish",
+    DOUBLING: "an orbit of twice the period branches off",
+    NEIMARK_SACKER: "quasi-periodic motion branches off",
+    BRANCH_POINT: "another branch crosses, as where symmetry breaks",
+    LIFTOFF: "contact is lost for the first time",
+    END_OF_STICKING: "the material no longer stays on the platform after it lands",
+    GRAZING: "an impact appears or vanishes with zero speed",
+}
+
+#: Imaginary part up to which a multiplier is real, but for round-off.
+REAL = 1e-9
+#: Distance of a multiplier from the unit circle that counts, beside the one that passes it.
+OUTSIDE = 1e-3
+#: Length of the new tangent over its part along the old one, beyond which it is checked as a step is.
+BENT = 1e3
+#: Branch points: distance at which slopes are compared to find how b bends, the longest step, in units of the unknowns,
+#: and most steps.
+BESIDE, FARTHEST, MOST = 1e-3, 1.0, 10
+#: Largest last step to a branch point, after which no shot is taken: in units of the unknowns, and over the tolerance;
+#: and the largest b, in the scales of the scene.
+CLOSE, CLOSER, CROSSING = 1e-6, 100.0, 1e-6
+#: First steps along a new branch, over the largest step, one after the other.
+FIRST = (0.5, 1.0, 0.2, 0.05)
+#: Least part of the way along a branch that must be covered across it by a point that has left it.
+LEFT = 0.3
+#: Measures of an orbit that are the same for its mirror image, besides key and period.
+MIRRORED = ("rms_x_m", "rms_y_m", "rms_phi_rad", "motor_power_w")
+
+
+@dataclass(frozen=True)
+class Point(NewtonResult):
+    """A point of a branch, or of a curve in two keys, with its tangent, its test functions, and the step to here."""
+
+    tangent: FloatArray
+    step: float = 0.0
+
+    @classmethod
+    def of(cls, orbit: NewtonResult, tangent: FloatArray) -> Self:
+        """Give an orbit a tangent."""
+        return cls(**{field.name: getattr(orbit, field.name) for field in fields(NewtonResult)}, tangent=tangent)
+
+    @property
+    def along_key(self) -> float:
+        """Component of the tangent along the key, 0 at a fold of the branch."""
+        return float(self.tangent[-1])
+
+    @cached_property
+    def branching(self) -> float:
+        """Determinant of the Jacobian with the tangent, which changes its sign where branches cross."""
+        sign, size = np.linalg.slogdet(bordered(self.jacobian, self.tangent))
+        return float(sign * math.exp(min(size, 700.0)))
+
+    @cached_property
+    def fold(self) -> float:
+        """Product of 1 − multipliers, 0 at a fold over any key."""
+        return float(np.prod(1.0 - self.multipliers).real)
+
+    @cached_property
+    def doubling(self) -> float:
+        """Product of 1 + multipliers, 0 where the period doubles."""
+        return float(np.prod(1.0 + self.multipliers).real)
+
+    @cached_property
+    def neimark_sacker(self) -> float:
+        """Product of 1 − those of two multipliers, 0 also where a real one is the inverse of another."""
+        return float(np.prod(1.0 - self._products).real)
+
+    @cached_property
+    def _products(self) -> npt.NDArray[np.complex128]:
+        one, other = _pairs(self.multipliers.size)
+        found: npt.NDArray[np.complex128] = self.multipliers[one] * self.multipliers[other]
+        return found
+
+    @property
+    def complex_pair(self) -> bool:
+        """Whether the two multipliers whose product is next to 1 are complex."""
+        if not self._products.size:
+            return False
+        nearest = _pairs(self.multipliers.size)[:, np.argmin(np.abs(1.0 - self._products))]
+        return bool((np.abs(self.multipliers[nearest].imag) > REAL).all())
+
+    @cached_property
+    def outside(self) -> tuple[int, int, int]:
+        """Count the multipliers above 1, the complex ones outside the unit circle, and those below −1."""
+        m = self.multipliers
+        paired = np.abs(m.imag) > REAL
+        several = ~paired & (m.real > 1.0), paired & (np.abs(m) > 1.0), ~paired & (m.real < -1.0)
+        above, around, below = (int(np.count_nonzero(found)) for found in several)
+        return above, around, below
+
+
+@cache
+def _pairs(count: int) -> npt.NDArray[np.int64]:
+    """All pairs of different numbers below a count, shape (2, pairs)."""
+    return np.array(np.triu_indices(count, 1))
+
+
+#: Functions of points.
+Test = Callable[[Point], float]
+#: Those that change their sign on a branch between points with the same sequence of events.
+SMOOTH: dict[str, Test] = {
+    FOLD: attrgetter("along_key"),
+    DOUBLING: attrgetter("doubling"),
+    NEIMARK_SACKER: attrgetter("neimark_sacker"),
+    BRANCH_POINT: attrgetter("branching"),
+}
+#: Those that are positive on the side where the event is not there yet, and unknown on the other.
+ONE_SIDED: dict[str, Test] = {
+    LIFTOFF: attrgetter("shot.least_force"),
+    END_OF_STICKING: attrgetter("shot.landing_force"),
+    GRAZING: attrgetter("shot.least_gap"),
+}
+
+
+#: Those of curves in two keys.
+IN_TWO_KEYS: dict[str, Test] = {
+    FOLD: attrgetter("fold"),
+    DOUBLING: attrgetter("doubling"),
+    NEIMARK_SACKER: lambda point: point.neimark_sacker if point.complex_pair else math.nan,
+    **ONE_SIDED,
+}
+
+
+@dataclass
+class Special:
+    """A special point of a kind, at a value of the key.
+
+    Attributes
+    ----------
+    point
+        The orbit there, or next to it.
+    direction
+        Of the branch there, from neighbour to neighbour: where branches cross, a point has no single tangent.
+    across
+        Direction of the other branch at a branch point.
+    mirrors
+        Whether this branch turns back: beyond are the mirror images of the orbits before or, where it is one of doubled
+        periods and has come to their end, the same orbits begun half a period later.
+    """
+
+    kind: str
+    point: Point
+    value: float
+    direction: FloatArray
+    across: FloatArray | None = None
+    mirrors: bool = False
+
+
+def tangent_of(jacobian: FloatArray, near: FloatArray) -> FloatArray:
+    """Direction of length 1 in which the residual does not change, on the side of a given one."""
+    right = np.zeros(near.size)
+    right[-1] = 1.0
+    found = solved(bordered(jacobian, near), right, BENT)
+    return np.asarray(found / np.linalg.norm(found))
+
+
+def coming(near: Point, far: Point) -> str | None:
+    """Tell which discontinuity is on the way from one orbit to another, if its distance is known; None if it is not."""
+    if near.word.count("S") > far.word.count("S") and far.word:
+        return END_OF_STICKING
+    if len(near.word) >= len(far.word):
+        return None
+    return LIFTOFF if far.word.count("L") > near.word.count("L") else GRAZING
+
+
+def others_outside(kind: str, multipliers: npt.NDArray[np.complex128]) -> int:
+    """Count the multipliers outside the unit circle but those that pass it at a special point of a kind."""
+    critical, rest = {FOLD: 1.0, BRANCH_POINT: 1.0, DOUBLING: -1.0}, multipliers
+    if kind in critical and rest.size:
+        rest = np.delete(rest, np.argmin(np.abs(rest - critical[kind])))
+    elif kind == NEIMARK_SACKER:
+        pairs = np.flatnonzero(np.abs(rest.imag) > 0.0)
+        rest = np.delete(rest, pairs[np.argsort(np.abs(np.abs(rest[pairs]) - 1.0))[:2]])
+    return int((np.abs(rest) > 1.0 + OUTSIDE).sum())
+
+
+def branch_point(
+    problem: Problem, chart: Chart, u: FloatArray, jacobian: FloatArray, held: FloatArray | None = None
+) -> tuple[NewtonResult, tuple[FloatArray, FloatArray]]:
+    """Find the branch point over the first key near some unknowns, from nearly the Jacobian there.
+
+    Directions are held in which the unknowns stay, one for each other key. The orbit's unknowns are a last step ahead
+    of its shot; with it come the directions of both branches, of length 1.
+    """
+    m = chart.places.size
+    left, _, right = np.linalg.svd(jacobian[:, : m + 1])
+    slack, plane = left[:, -1], np.zeros((2, u.size))
+    plane[:, : m + 1] = right[-2:]
+    border = plane if held is None else np.vstack([plane, held])
+
+    def at(place: FloatArray, near: FloatArray) -> tuple[NewtonResult, FloatArray]:
+        found = correct(problem, chart, u + place @ plane, border, near, slack=slack)
+        return found, _slopes(found, border, slack)
+
+    place = np.zeros(2)
+    found, slopes = at(place, jacobian)
+    beside = [at(place + BESIDE * way, found.jacobian)[1] for way in np.eye(2)]
+    bends = np.array([slope - slopes for slope in beside]) / BESIDE
+    for _ in range(MOST):
+        step = np.linalg.lstsq(bends, -slopes, rcond=None)[0]
+        way = float(np.linalg.norm(step))
+        if not way < FARTHEST:
+            break
+        if way < min(CLOSE, CLOSER * problem.tolerance):
+            if abs(found.slack) > CROSSING:
+                raise MissedError("branches pass each other without crossing")
+            return replace(found, u=found.u + step @ plane), _directions(bends, plane)
+        place, before = place + step, slopes
+        found, slopes = at(place, found.jacobian)
+        bends += np.outer(slopes - before - bends @ step, step) / (step @ step)
+    raise MissedError("no branch point nearby")
+
+
+def _slopes(found: NewtonResult, border: FloatArray, slack: FloatArray) -> FloatArray:
+    """Differentiate b by the place in the plane, shape (2,)."""
+    m, free = found.jacobian.shape
+    last = np.zeros(free + 1)
+    last[-1] = 1.0
+    try:
+        return np.asarray(np.linalg.solve(bordered(found.jacobian, border, slack).T, last)[m : m + 2])
+    except np.linalg.LinAlgError:
+        raise MissedError("the bordered Jacobian is singular") from None
+
+
+def _directions(bends: FloatArray, plane: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Directions of length 1 in which b does not bend."""
+    sizes, ways = np.linalg.eigh(0.5 * (bends + bends.T))
+    if not sizes[0] < 0.0 < sizes[1]:
+        raise MissedError("a single orbit, at which no branches cross")
+    one, other = np.sqrt(sizes[1]) * ways[:, 0], np.sqrt(-sizes[0]) * ways[:, 1]
+    first, second = ((one + sign * other) @ plane / np.linalg.norm(one + sign * other) for sign in (1.0, -1.0))
+    return first, second
+
+
+def new_branches(
+    problem: Problem, special: Special, first: float, largest: float
+) -> Iterator[tuple[Problem, Point, float, bool]]:
+    """Find the first points of the branches that begin at a special point, with the first and the largest step there.
+
+    Yields problem, point and step of each, and whether the point is new, or one of another branch already.
+    """
+    if special.kind == DOUBLING:
+        doubled = Problem(problem.shooter, [2 * turns for turns in problem.turns], problem.units, problem.tolerance)
+        point = _first_away(doubled, special, _doubling_direction(special.point), largest)
+        if point is not None:
+            yield doubled, point, first, True
+        return
+    assert special.across is not None
+    ahead, back = (_first_away(problem, special, sign * special.across, largest) for sign in (1.0, -1.0))
+    if ahead is None or back is None or _mirrors(problem, ahead, back):
+        found = [ahead] if ahead is not None else [back]
+        yield from ((problem, point, first, True) for point in found if point is not None)
+    else:  # from the point behind both ways, over the special point and away from it
+        yield problem, replace(back, tangent=-back.tangent), float(np.linalg.norm(ahead.u - back.u)), True
+        yield problem, back, first, False
+
+
+def _first_away(problem: Problem, origin: Special, direction: FloatArray, largest: float) -> Point | None:
+    """Find a point of a branch that leaves another one in a direction; None if it cannot be found."""
+    chart, u = origin.point.chart, origin.point.u.copy()
+    if origin.kind == DOUBLING:
+        u[chart.phase] *= 2.0
+    for share in FIRST:
+        try:
+            found = correct(problem, chart, u + share * largest * direction, direction[np.newaxis], most=20)
+            point = Point.of(found, tangent_of(found.jacobian, direction))
+        except MissedError:
+            continue
+        way = point.u - u
+        apart = abs(way @ direction) > LEFT * abs(way @ origin.direction)
+        if not problem.halves(point) if origin.kind == DOUBLING else apart:
+            return point
+    return None
+
+
+def _doubling_direction(point: Point) -> FloatArray:
+    """Direction of the branch of twice the period: the eigenvector of the multiplier −1."""
+    values, vectors = np.linalg.eig(point.chart.section_map(point.shot))
+    vector = vectors[:, np.argmin(np.abs(values + 1.0))].real
+    direction = np.append(np.insert(vector, point.chart.phase, 0.0), 0.0)
+    return np.asarray(direction / np.linalg.norm(direction))
+
+
+def _mirrors(problem: Problem, one: Point, other: Point) -> bool:
+    """Whether two orbits are mirror images of each other."""
+    measures = [measures_of_orbit(problem, point) for point in (one, other)]
+    pairs = [(measures[0][name], measures[1][name]) for name in MIRRORED]
+    pairs += [(one.value, other.value), (one.shot.duration, other.shot.duration)]
+    return all(abs(first - second) <= 1e-3 * abs(first) for first, second in pairs)

@@ -1,0 +1,439 @@
+"""Judges of the paper's claims about regimes, boundaries between them, and amplitudes over frequency.
+
+Measures of non-periodic motion have standard errors. A comparison of amplitudes is violated at a frequency if it is
+wrong by more than SIGMAS standard errors. It holds if it is violated nowhere, is right at a share RIGHT of the
+frequencies, and right by more than its error at a share SURE of them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from itertools import groupby, pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from vibroplat.model.parameters import FloatArray
+from vibroplat.paper.evidence import EDGE, IMPACT_KEY, MOTIONS, NON_IMPACT_KEY, REGIMES, Evidence, F, Key, Row, error_of
+from vibroplat.paper.root_finding import JUMP_WIDTH, WIDTH
+from vibroplat.study.branches import SUPPLY
+
+#: Least change of frequency (Hz) at a jump, and least share by which RMS y falls there.
+LEAST_JUMP, LEAST_FALL = 0.1, 0.2
+#: Largest shift of the jump to the left (Hz) that counts as slight, and largest rise of its supply frequency (Hz) that
+#: counts as none.
+SLIGHT, NO_RISE = 1.0, 0.05
+#: Spacing of frequencies (Hz) at which curves are compared.
+SPACING = 0.25
+#: Share of an interval in which there must be antiphase motion to be compared.
+COVERED = 0.9
+#: Standard errors by which a comparison may be wrong; shares of frequencies at which it must be right, and surely so.
+SIGMAS, RIGHT, SURE = 2.0, 0.9, 0.5
+
+Claim = Mapping[str, Any]
+
+
+class Finding(NamedTuple):
+    """What was found for a claim: in words, whether it holds, and how close it is, from 0 to 1.
+
+    ``judged`` is False if it does not hold for the sole reason that points at R = 1 failed.
+    """
+
+    measured: str
+    holds: bool = False
+    score: float = 0.0
+    judged: bool = True
+
+
+Judge = Callable[[Claim, Evidence], Finding]
+
+
+def listed(value: Any) -> list[float]:
+    """Return a value of a claim as a list."""
+    return list(value) if isinstance(value, Sequence) else [value]
+
+
+def _keys(claim: Claim) -> list[Key]:
+    """Return the keys of a claim's branches, from its mass ratios and restitutions."""
+    return [Key(mu, r) for mu in listed(claim.get("mu", 0.0)) for r in listed(claim.get("R", 0.0))]
+
+
+def _joined(findings: Mapping[str, Finding]) -> Finding:
+    """Join the findings of several branches; all must hold."""
+    if len(findings) == 1:
+        return next(iter(findings.values()))
+    text = "; ".join(f"{name}: {finding.measured}" for name, finding in findings.items())
+    return Finding(text, all(f.holds for f in findings.values()), float(np.mean([f.score for f in findings.values()])))
+
+
+def _interval(low: float, high: float) -> str:
+    return f"{low:.2f} … {high:.2f} Hz" if high > low else f"{low:.2f} Hz"
+
+
+def _closeness(off: float, tolerance: float) -> float:
+    """Return 1 up to a tolerance; the value falls to 0 at four times the tolerance."""
+    return float(np.clip((4.0 - off / tolerance) / 3.0, 0.0, 1.0))
+
+
+# -- regimes and their boundaries -------------------------------------------------------------------------
+
+
+def band(claim: Claim, evidence: Evidence) -> Finding:
+    """Judge whether a regime holds at all points in a band, and whether the points of all branches reach its ends."""
+    return _joined({key.text: _band_of(claim, evidence, key) for key in _keys(claim)})
+
+
+def _band_of(claim: Claim, evidence: Evidence, key: Key) -> Finding:
+    (low, high), regime = claim["f"], claim["regime"]
+    margin = EDGE if low < high else -EDGE  # a single frequency stands for those around it
+    rows = _with_boundary(evidence, key, regime, low - EDGE)
+    inside = [row for row in rows if low + margin <= row[F] <= high - margin]
+    stretches = runs([row for row in rows if low - 1.0 <= row[F] <= high + 1.0], regime)
+    text = f"{regime} {', '.join(_interval(*run) for run in stretches) or 'nowhere'}; "
+    if not inside:
+        return Finding(f"{text}no steady motion in the band")
+    share = float(np.mean([REGIMES[regime](row) for row in inside]))
+    text += f"{share:.0%} of {len(inside)} points in the band"
+    undecided = sum(row["motion"] == "undecided" for row in inside) if regime in MOTIONS else 0
+    if undecided:
+        text += f", {undecided} undecided"
+    frequencies = [row[F] for row in rows if low - EDGE <= row[F] <= high + EDGE]
+    reached = low == high or (min(frequencies) <= low + EDGE and max(frequencies) >= high - EDGE)
+    if not reached:
+        text += f"; points only {_interval(min(frequencies), max(frequencies))}"
+    return Finding(text, share == 1.0 and reached, share * (1.0 if reached else 0.7))
+
+
+def runs(rows: Sequence[Row], regime: str) -> list[tuple[float, float]]:
+    """Return the first and last excitation frequency (Hz) of each stretch of rows in a regime."""
+    stretches = [[row[F] for row in rows] for holds, rows in groupby(rows, REGIMES[regime]) if holds]
+    return [(frequencies[0], frequencies[-1]) for frequencies in stretches]
+
+
+def _with_boundary(evidence: Evidence, key: Key, regime: str, low: float) -> list[Row]:
+    """Return the rows of a branch and those next to the end of a regime, in the order of frequency."""
+    rows = evidence.rows(key)
+    rows += [row for row in evidence.end_of(key, regime, low) or () if row not in rows]
+    return sorted(rows, key=lambda row: float(row[F]))
+
+
+def second_resonance(claim: Claim, evidence: Evidence) -> Finding:
+    """Judge where antiphase rotation ends, and whether frequency and amplitude jump there."""
+    found = evidence.jump(Key(claim["mu"]))
+    if found is None:
+        return Finding("antiphase does not end up to 40 Hz")
+    before, after = found
+    off = abs(before[F] - claim["f"])
+    ratio = after["rms_y_m"] / before["rms_y_m"]
+    jumps = after[F] - before[F] > LEAST_JUMP and ratio < 1.0 - LEAST_FALL
+    phases = " → ".join(f"{abs(row['phase_difference_rad']):.2f}" for row in found)
+    text = f"{found.text} at supply {after[SUPPLY]:.2f} Hz, RMS y × {ratio:.2g}, Δφ {phases}"
+    return Finding(text, off <= claim["tol"] and jumps, _closeness(off, claim["tol"]) * (1.0 if jumps else 0.5))
+
+
+def jump_over_mass(claim: Claim, evidence: Evidence) -> Finding:
+    """Judge whether material leaves the frequency of the jump within EDGE and does not raise its supply frequency.
+
+    This is the former reading of what :func:`same_bands` and :func:`jump_left` judge.
+    """
+    bare, shifts = _shifts(claim, evidence)
+    if not shifts:
+        return Finding(bare)
+    near = all(abs(f) <= EDGE for f, _ in shifts.values())
+    left = all(supply <= NO_RISE for _, supply in shifts.values())
+    texts = "; ".join(f"μ {mu:g}: {f:+.2f} Hz (supply {supply:+.2f} Hz)" for mu, (f, supply) in shifts.items())
+    return Finding(f"{bare}; {texts}", near and left, (near + left) / 2.0)
+
+
+def jump_left(claim: Claim, evidence: Evidence) -> Finding:
+    """Judge whether material lowers the frequency of the jump slightly, but by more than its error."""
+    bare, shifts = _shifts(claim, evidence)
+    if not shifts:
+        return Finding(bare)
+    left = [-SLIGHT <= f < -0.5 * JUMP_WIDTH for f, _ in shifts.values()]
+    texts = "; ".join(f"μ {mu:g}: {f:+.3f} Hz" for mu, (f, _) in shifts.items())
+    return Finding(f"{bare}; {texts}", all(left), float(np.mean(left)))
+
+
+def _shifts(claim: Claim, evidence: Evidence) -> tuple[str, dict[float, tuple[float, float]]]:
+    """Return the jump without material as text, and by mass ratio how far its excitation and supply frequency shift."""
+    jumps = {mu: evidence.jump(Key(mu)) for mu in (0.0, *claim["mu"])}
+    rows = {mu: jump.before for mu, jump in jumps.items() if jump}
+    if len(rows) < len(jumps):
+        return "antiphase does not end for every μ", {}
+    bare = rows.pop(0.0)
+    return f"μ 0: {bare[F]:.2f} Hz", {mu: (row[F] - bare[F], row[SUPPLY] - bare[SUPPLY]) for mu, row in rows.items()}
+
+
+def same_bands(claim: Claim, evidence: Evidence) -> Finding:
+    """Judge whether antiphase rotation ends and begins again at the same frequencies, within EDGE.
+
+    Branches with several μ are compared with the one without material, those with several R with each other.
+    """
+    over_mass = isinstance(claim["mu"], Sequence)
+    keys = [Key(0.0), *_keys(claim)] if over_mass else evidence.restitutions(claim["mu"])
+    found = {}
+    for key in keys:
+        end, start = evidence.jump(key), evidence.end_of(key, "in-phase", 31.0)
+        if end is not None and start is not None:
+            found[key] = (float(end.before[F]), float(start.after[F]))
+    if len(found) < max(len(keys), 2):
+        missing = ", ".join(key.text for key in keys if key not in found) or "one branch or none"
+        return Finding(f"antiphase does not end and begin again: {missing}")
+    ends = np.array(list(found.values()))
+    off = float(np.max(abs(ends - ends[0]) if over_mass else np.ptp(ends, axis=0)))
+    text = "; ".join(f"{key.text}: up to {a:.2f}, again from {b:.2f} Hz" for key, (a, b) in found.items())
+    return Finding(text, off <= EDGE, _closeness(off, EDGE))
+
+
+def attached_until(claim: Claim, evidence: Evidence) -> Finding:
+    """Judge whether motion is attached from one frequency up to another, and liftoff is neither earlier nor later."""
+    key, begin = Key(claim["mu"], claim["R"]), claim["from"]
+    rows = evidence.rows(key, begin - EDGE)
+    end = evidence.end_of(key, "attached", begin - EDGE)
+    if not rows or rows[0][F] > begin + EDGE or not REGIMES["attached"](rows[0]):
+        return Finding(f"not attached at {begin:g} Hz")
+    if end is None:
+        return Finding(f"attached {_interval(rows[0][F], rows[-1][F])}, never left")
+    off = abs(end.middle - claim["f"])
+    return Finding(f"attached up to {end.text}", off <= claim["tol"], _closeness(off, claim["tol"]))
+
+
+def non_periodic_from(claim: Claim, evidence: Evidence) -> Finding:
+    """Judge where motion stops being periodic, and whether it stays non-periodic up to the jump."""
+    key = Key(claim["mu"], claim["R"])
+    found = evidence.end_of(key, "periodic", 20.0)
+    if found is None:
+        return Finding("periodic everywhere, or nowhere")
+    rows = evidence.rows(key, found.middle + EDGE, 31.0)
+    share = float(np.mean([REGIMES["non-periodic"](row) for row in rows])) if rows else 0.0
+    off = abs(found.middle - claim["f"])
+    text = f"periodic up to {found.text}, then non-periodic at {share:.0%} of points up to 31 Hz"
+    return Finding(text, off <= claim["tol"] and share == 1.0, 0.5 * (_closeness(off, claim["tol"]) + share))
+
+
+def non_periodic_earlier(claim: Claim, evidence: Evidence) -> Finding:
+    """Judge whether motion below the jump stops being periodic at a lower frequency for each larger R.
+
+    Frequencies must differ by more than their error, half of WIDTH.
+    """
+    starts = {}
+    for key in _keys(claim):
+        if key in evidence.courses:
+            found = evidence.end_of(key, "periodic", 20.0)
+            starts[key.restitution] = found.middle if found and found.before[F] <= 31.0 else math.inf
+    falls = [a - b > 0.5 * WIDTH for a, b in pairwise(starts.values()) if math.isfinite(b)]
+    share = sum(falls) / max(len(starts) - 1, 1)
+    return Finding(f"non-periodic from: {_by_restitution(starts, 'nowhere') or 'no branches'}", share == 1.0, share)
+
+
+def periodic_from_over(claim: Claim, evidence: Evidence) -> Finding:
+    """Judge whether the frequency from which over-resonant motion is period-1 up to its end rises with R."""
+    starts = {}
+    for key in evidence.restitutions(claim["mu"]):
+        start, rows = evidence.start_of_last(key, "period-1"), evidence.rows(key)
+        first = rows[0] if rows and REGIMES["period-1"](rows[-1]) else {F: math.inf}
+        starts[key.restitution] = float((start.after if start else first)[F])
+    values = list(starts.values())
+    finite = sum(map(math.isfinite, values))
+    rises = finite > 1 and all(b - a > 0.5 * WIDTH or math.isinf(b) for a, b in pairwise(values))
+    text = f"period-1 from: {_by_restitution(starts, 'nowhere up to 40 Hz')}"
+    return Finding(text, rises, finite / max(len(values), 1) * (1.0 if rises else 0.5))
+
+
+def _by_restitution(starts: Mapping[float, float], nowhere: str) -> str:
+    return "; ".join(f"R {r:g}: " + (nowhere if math.isinf(f) else f"{f:.2f} Hz") for r, f in starts.items())
+
+
+def deviation(claim: Claim, evidence: Evidence) -> Finding:
+    """Judge whether Δφ departs from π, and x and φ begin to vibrate, close to the jump."""
+    key = Key(claim["mu"])
+    end = evidence.jump(key)
+    if end is None:
+        return Finding("antiphase does not end")
+    last = end.before[F]
+    rows = _with_boundary(evidence, key, "antiphase", 20.0)
+    far, near = ([r for r in rows if a <= r[F] <= b] for a, b in ((25.0, min(29.0, last)), (last - 0.5, last)))
+    if not far or not near:
+        return Finding("no steady motion near 31 Hz")
+    away, close = (max(np.pi - abs(r["phase_difference_rad"]) for r in part) for part in (far, near))
+    x, phi = (max(r[c] for r in near) / max(1e-15, *(r[c] for r in far)) for c in ("rms_x_m", "rms_phi_rad"))
+    text = (
+        f"|Δφ − π| {away:.2g} rad at 25 … 29 Hz, {close:.2g} rad within 0.5 Hz of the jump at {last:.2f} Hz; "
+        f"RMS x × {x:.2g} to {1e3 * max(r['rms_x_m'] for r in near):.2g} mm, RMS φ × {phi:.2g}"
+    )
+    holds = close > 0.02 and close > 5.0 * away and min(x, phi) > 5.0
+    return Finding(text, bool(holds), float(np.clip(close / 0.02, 0.0, 1.0)))
+
+
+# -- amplitudes -------------------------------------------------------------------------------------------
+
+
+class _Ratio(NamedTuple):
+    """The ratio of two independent curves in a claim's interval, where both are known.
+
+    Attributes
+    ----------
+    f, values, errors
+        Frequencies (Hz), ratios and their standard errors, shape (n,).
+    covered
+        Share of the interval in which both are known.
+    """
+
+    f: FloatArray
+    values: FloatArray
+    errors: FloatArray
+    covered: float
+
+    @property
+    def mean(self) -> tuple[float, float]:
+        """The mean and its standard error."""
+        if not len(self.f):
+            return math.nan, math.nan
+        return float(self.values.mean()), float(np.linalg.norm(self.errors) / len(self.f))
+
+
+def _ratio(claim: Claim, evidence: Evidence, upper: Key, lower: Key) -> _Ratio:
+    at = np.arange(claim["f"][0] + EDGE, claim["f"][1] - EDGE + 1e-9, SPACING)
+    (x, dx), (y, dy) = evidence.curve(upper, at), evidence.curve(lower, at)
+    values, known = x / y, np.isfinite(x / y)
+    errors = np.abs(values) * np.hypot(dx / x, dy / y)
+    return _Ratio(at[known], values[known], errors[known], float(known.mean()))
+
+
+def _between(ratio: _Ratio, text: str, low: float = np.nextafter(1.0, 2.0), high: float = np.inf) -> Finding:
+    """Judge whether a ratio lies between two values, or is larger than 1, at all frequencies at which it is known."""
+    if not len(ratio.f):
+        return Finding("no steady antiphase motion in the interval")
+    values, errors = ratio.values, SIGMAS * ratio.errors
+    right = (low <= values) & (values <= high)
+    violated = (values + errors < low) | (values - errors > high) | (~right & (errors == 0.0))
+    undecided = ~violated & ((values - errors < low) | (values + errors > high))
+    share = float(right.mean())
+    measured = f"{text} at {share:.0%} of {len(values)} frequencies, ratio {values.min():.3f} … {values.max():.3f}"
+    if violated.any():
+        measured += f", not at {_interval(ratio.f[violated].min(), ratio.f[violated].max())}"
+    if undecided.any():
+        measured += f", {undecided.sum()} undecided by their error"
+    if ratio.covered < COVERED:
+        measured += f"; antiphase motion in {ratio.covered:.0%} of the interval only"
+    sure = float((right & ~undecided).mean())
+    holds = not violated.any() and share >= RIGHT and sure >= SURE and ratio.covered >= COVERED
+    return Finding(measured, bool(holds), share * ratio.covered)
+
+
+def ordered(text: str, *pairs: tuple[Key, Key]) -> Judge:
+    """Return a judge of whether, in each pair of branches, the second has the larger amplitude."""
+
+    def judged(claim: Claim, evidence: Evidence) -> Finding:
+        findings = {}
+        for lower, upper in pairs:
+            masses = sorted({lower.mass_ratio, upper.mass_ratio})
+            name = f"μ {' and '.join(f'{mass:g}' for mass in masses)}"
+            findings[name] = _between(_ratio(claim, evidence, upper, lower), text)
+        return _joined(findings)
+
+    return judged
+
+
+def ratio_to_inelastic(low: float, high: float, text: str) -> Judge:
+    """Return a judge of whether amplitudes at R > 0 over those at R = 0, and their mean, lie between two ratios."""
+
+    def judged(claim: Claim, evidence: Evidence) -> Finding:
+        findings = {}
+        for key in evidence.restitutions(claim["mu"]):
+            if 0.0 < key.restitution <= max(claim["R"]):
+                ratio = _ratio(claim, evidence, key, Key(claim["mu"]))
+                found, (mean, error) = _between(ratio, text, low, high), ratio.mean
+                if math.isfinite(mean):
+                    holds = found.holds and low - SIGMAS * error <= mean <= high + SIGMAS * error
+                    found = found._replace(measured=f"{found.measured}, mean {mean - 1.0:+.1%}", holds=holds)
+                findings[key.text] = found
+        return _joined(findings) if findings else Finding("no branches with R > 0")
+
+    return judged
+
+
+def restitution_without_effect(claim: Claim, evidence: Evidence) -> Finding:
+    """Judge whether amplitudes and periods are the same for all R; undecided points are left out."""
+    amplitude = ratio_to_inelastic(0.99, 1.01, "amplitude within 1 %")(claim, evidence)
+    low, high = claim["f"]
+    periods = {}
+    for key in evidence.restitutions(claim["mu"]):
+        rows = evidence.rows(key, low + EDGE, high - EDGE, decided="periodic")
+        periods[key.restitution] = {row[SUPPLY]: row["period"] for row in rows}
+    reference = periods.pop(0.0, {})
+    same = {
+        r: float(np.mean([reference[supply] == n for supply, n in found.items() if supply in reference] or [0.0]))
+        for r, found in periods.items()
+    }
+    share = float(np.mean(list(same.values()))) if same else 0.0
+    text = f"{amplitude.measured}; period as at R = 0: " + "; ".join(f"R {r:g}: {part:.0%}" for r, part in same.items())
+    return Finding(text, amplitude.holds and share == 1.0, 0.5 * (amplitude.score + share))
+
+
+def non_impact_over(claim: Claim, evidence: Evidence) -> Finding:
+    """Judge whether the non-impact amplitude is larger above resonance, and the ratio grows with R."""
+    ratios = {r: _ratio(claim, evidence, NON_IMPACT_KEY, Key(claim["mu"], r)) for r in claim["R"]}
+    larger = _joined({f"R {r:g}": _between(ratio, "A_nonimpact > A_impact") for r, ratio in ratios.items()})
+    means = [ratio.mean for ratio in ratios.values()]
+    grows = all(b - a > SIGMAS * float(np.hypot(i, j)) for (a, i), (b, j) in pairwise(means))
+    text = " → ".join(f"{mean:.3f}" + (f" ± {error:.1g}" if error else "") for mean, error in means)
+    score = 0.7 * larger.score + 0.3 * grows
+    return Finding(f"{larger.measured}; mean ratio {text}", larger.holds and grows, score)
+
+
+def non_impact_shape(claim: Claim, evidence: Evidence) -> Finding:
+    """Judge whether impact motion is non-periodic and non-impact motion harmonic: A = √2 RMS within 2 %."""
+    nearest = []
+    for key in (IMPACT_KEY, NON_IMPACT_KEY):
+        rows = [row for row in evidence.rows(key) if row["sync"] == "antiphase"]
+        row = min(rows, key=lambda row: abs(row[F] - claim["f"][0]), default=None)
+        if row is None or abs(row[F] - claim["f"][0]) > EDGE:
+            return Finding("30.7 Hz is not reached")
+        period = f"period {row['period']}" if row["period"] else row["motion"]
+        nearest.append((row, f"{row[F]:.2f} Hz: {period}"))
+    (impact, its), (viscous, other) = nearest
+    crest = viscous["amplitude_y_m"] / (np.sqrt(2.0) * viscous["rms_y_m"])
+    harmonic = bool(viscous["period"] == 1 and abs(crest - 1.0) < 0.02)
+    irregular = REGIMES["non-periodic"](impact)
+    text = f"impact at {its}; non-impact at {other}, A/(√2 RMS) = {crest:.4f}"
+    return Finding(text, harmonic and irregular, 0.5 * (harmonic + irregular))
+
+
+# -- numbers in the paper's text --------------------------------------------------------------------------
+
+
+def quoted_frequencies(claim: Claim, evidence: Evidence) -> Finding:
+    """Judge whether the frequencies that the paper quotes are points of its own steps of supply frequency.
+
+    Each must be that of a point of antiphase motion on the curve with R = 0, within the tolerance of the claim and, if
+    the motion is not periodic, two standard errors.
+    """
+    rows = [row for row in evidence.rows(Key(claim["mu"])) if row["sync"] == "antiphase"]
+    points = [(float(row[F]), error_of(row, F)) for row in rows]
+    nearby, hits = [], []
+    for f, tolerance in claim["quoted"]:
+        nearest, error = min(points, key=lambda point: abs(point[0] - f), default=(0.0, 0.0))
+        hits.append(abs(nearest - f) <= tolerance + 2.0 * error)
+        nearby.append(f"{f:g}: {nearest:.2f} Hz")
+    return Finding(f"nearest points {', '.join(nearby)}", all(hits), float(np.mean(hits)))
+
+
+def layer_damping(claim: Claim, evidence: Evidence) -> Finding:
+    """Judge whether the damping between the layers is subcritical, but excludes intensive relative vibration.
+
+    The damping ratio is ζ = b_w/(2√(c_w m_w2)), that of the upper layer on a lower one in contact. If the lower layer
+    moves harmonically, the upper one moves relative to it by at most 1/(2ζ√(1 − ζ²)) of its amplitude (ζ < 1/√2), which
+    is 1.15 for ζ = 1/2. More counts as intensive; ζ < 1 is subcritical. In flight, with both layers free, the ratio is
+    ζ√(1 + m_w2/m_w1); it is reported, not judged.
+    """
+    course = evidence.courses.get(Key(claim["mu"]))
+    if course is None or course.branch.scene.layers < 2:
+        return Finding("no two layers")
+    material, (stiffness, damping) = course.branch.scene.material, course.branch.scene.layer_spring
+    ratio = material.damping_ratio or damping / (2.0 * math.sqrt(stiffness))
+    low, high = claim["ratio"]
+    text = f"damping ratio {ratio:.3g}, {ratio / math.sqrt(material.lower_share):.3g} in flight"
+    return Finding(text, low <= ratio < high, min(ratio / low, high / ratio, 1.0) if ratio > 0.0 else 0.0)
