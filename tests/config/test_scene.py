@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from vibroplat import Drive, Exciter, Machine, Material, Scene
+from vibroplat import Drive, Exciter, Machine, Material, Motor, Scene
 from vibroplat.config.keys import configuration_schema
 from vibroplat.errors import ConfigError
 from vibroplat.study.branches import branches
