@@ -1,15 +1,27 @@
-"""Scenes with closed-form solutions."""
+"""Scenes with closed-form solutions, and motions of scenes."""
 
 import math
+from contextlib import closing, contextmanager
 
 from vibroplat.config.drive import Drive
 from vibroplat.config.scene import Scene
 from vibroplat.config.sections import Contact, Initial, Machine, Material, Motor, Run, Solver, State
+from vibroplat.integrate import make_engine
+from vibroplat.model.parameters import parameters
+from vibroplat.motion.motion import Motion
 
 GRAVITY = 9.81
 TURN = 2.0 * math.pi
 OMEGA = TURN * 25.0
 IDLE = Motor(critical_torque_n_m=0.0, friction_radius_m=0.0, pole_pairs=1)
+
+
+@contextmanager
+def motion_of(scene):
+    """A motion of a scene, whose engine is closed at the end."""
+    p = parameters(scene)
+    with closing(make_engine(scene, p)) as engine:
+        yield Motion(scene, p, engine)
 
 
 def ball_on_table(

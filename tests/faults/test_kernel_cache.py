@@ -94,6 +94,17 @@ def test_read_only_installation_without_a_home_uses_a_temporary_folder_and_says_
     assert told == f"they are kept in {own}, the only folder that can be written; NUMBA_CACHE_DIR names another"
 
 
+def test_user_without_an_entry_in_the_list_of_users_has_a_place(package, tmp_path, monkeypatch):
+    def unknown(_user):
+        raise KeyError("getpwuid(): uid not found")
+
+    monkeypatch.setattr("pwd.getpwuid", unknown)
+    monkeypatch.setattr(os, "getuid", lambda: os.stat(tmp_path).st_uid)
+    monkeypatch.setenv("HOME", "/proc/nowhere")
+    block_all(package)
+    assert found(package).is_relative_to(tmp_path / "temporary")
+
+
 def test_temporary_folder_of_others_is_not_trusted(package, tmp_path, monkeypatch):
     block_all(package)
     planted = tmp_path / f"temporary/numba-{os.getuid()}"

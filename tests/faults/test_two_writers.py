@@ -125,6 +125,16 @@ def test_file_of_another_run_is_refused(name, form, tmp_path):
     )
 
 
+@pytest.mark.parametrize("form", FORMATS)
+def test_table_in_the_other_format_that_was_left_behind_is_not_read(form, tmp_path):
+    write(tmp_path, 1, FORMATS[form == "parquet"])
+    old = tmp_path / f"trajectory.{FORMATS[form == 'parquet']}"
+    kept = old.read_bytes()
+    write(tmp_path, 2, form)
+    old.write_bytes(kept)
+    assert marks(tmp_path) == {2.0}
+
+
 # -- run and sweep --------------------------------------------------------------------------------------
 
 
@@ -187,6 +197,14 @@ def test_flipped_bit_of_a_table_without_provenance_is_told_or_harmless(tmp_path)
         if byte < 7000:
             assert str(caught.value).startswith(f"{path} cannot be read: ")
             assert len(str(caught.value).splitlines()) == 1
+
+
+def test_result_without_digests_is_read(tmp_path):
+    """As those of former versions."""
+    write(tmp_path, 1)
+    path = tmp_path / "provenance.json"
+    path.write_text(json.dumps({"schema": 1, "v": 1}))
+    assert marks(tmp_path) == {1.0}
 
 
 # -- the lock -------------------------------------------------------------------------------------------

@@ -10,10 +10,9 @@ import numpy as np
 import pandas as pd
 import pytest
 from common.commands import not_a_line
-from common.places import QUICKSTART
 from common.results import unproven
 
-from vibroplat import load_config, simulate
+from vibroplat import simulate
 from vibroplat.config.coordinates import COORDINATES, RATES
 from vibroplat.hybrid.state import initial_state, perturbed, state_scales
 from vibroplat.motion.initial_condition import initial_condition
@@ -108,15 +107,6 @@ def test_a_flight_that_has_just_begun_goes_on(first, quickstart):
         found = simulate(going_on(scene, **{"run.duration_s": 0.1})).events
         assert found["kind"].iloc[0] == "impact"
         assert found["t_s"].iloc[0] == pytest.approx(impact, abs=1e-6)
-
-
-def test_it_may_go_on_under_another_supply(first):
-    """A coast-down from a settled motion; all that the scene does not have in common with the first is its own."""
-    scene = first({})
-    program = [{"t_s": 0.0, "supply_frequency_hz": 51.5}, {"t_s": 1.2, "off": True}]
-    table = simulate(going_on(scene, **{"drive.program": program})).trajectory
-    assert (table.loc[table["t_s"] > 1.2, "motor_power_1_w"] == 0.0).all()
-    assert table["phi1_rate_rad_per_s"].iloc[-1] < 0.99 * table["phi1_rate_rad_per_s"].iloc[0]
 
 
 def test_bare_platform_goes_on_with_material_on_it(first):
@@ -244,24 +234,6 @@ def test_run_that_cannot_be_gone_on_from(first, command, here):
         shutil.rmtree(here / "results/first", ignore_errors=True)
 
 
-def test_run_whose_files_were_changed_cannot_be_gone_on_from(first, command, here):
-    scene = first({}, seconds=0.05)
-    not_finite(here / "results/first")
-    line = (
-        ": results/first/trajectory.parquet does not belong to this result: it has been changed, or is of another one"
-    )
-    assert lines_of(going_on(scene), command, here).startswith(line)
-
-
-def test_sweep_cannot_be_gone_on_from(first, command, here):
-    scene = first({}, seconds=0.05)
-    shutil.rmtree(here / "results/first")
-    plan = {"supply_frequency_hz": {"start": 46, "stop": 46}, "settle_s": 0.1, "measure_s": 0.1, "lyapunov": False}
-    write(scene.replace({"sweep": plan}), "first")
-    assert command("sweep", "first.yaml").code == 0
-    assert lines_of(going_on(scene), command, here) == f": results/first holds a result of sweep{FINISHED}"
-
-
 def test_coordinates_that_the_scene_does_not_have(first, command, here):
     scene = first({}, seconds=0.05)
     line = lines_of(going_on(scene, **{"material.mass_ratio": 0.0}), command, here)
@@ -324,12 +296,3 @@ def test_unstable_symmetric_motion_is_left(quickstart):
     assert symmetric["rms_y_m"] > 2e-3
     assert symmetric["rms_x_m"] < 1e-9
     assert abs(symmetric["phase_difference_rad"]) == pytest.approx(np.pi, abs=1e-6)
-
-
-@pytest.mark.long
-def test_quickstart_at_65_hz_is_in_phase():
-    """As a user runs it, long enough for the exciters to turn towards each other."""
-    scene = load_config(QUICKSTART, {"drive.supply_frequency_hz": 65.0, "run.duration_s": 60.0})
-    found = simulate(scene, keep="summary").summary
-    assert abs(found["phase_difference_rad"]) < 0.01
-    assert found["rms_x_m"] > 10.0 * found["rms_y_m"]

@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-from contextlib import closing, contextmanager
-
 import numpy as np
 import pandas as pd
 import pytest
+from common.known import motion_of
 from integrate.dop853 import Dop853
 
 from vibroplat import simulate
 from vibroplat.config.coordinates import COORDINATES, RATES, Mode
 from vibroplat.hybrid.modes import KINDS
 from vibroplat.hybrid.state import state_scales
-from vibroplat.integrate import make_engine
 from vibroplat.integrate.stepwise import Stepwise
 from vibroplat.model.accelerations import accelerations
 from vibroplat.model.parameters import parameters
 from vibroplat.model.systems import systems
-from vibroplat.motion.motion import Motion
 from vibroplat.motion.recorder import Recorder
 
 #: A ramp, a jump, and switching; the first entry is the run's beginning.
@@ -213,13 +210,6 @@ def test_corner_at_another_event(quickstart, kind, shift):
 
 
 # -- a motion that stops on the way -----------------------------------------------------------------------
-
-
-@contextmanager
-def motion_of(scene):
-    p = parameters(scene)
-    with closing(make_engine(scene, p)) as engine:
-        yield Motion(scene, p, engine)
 
 
 def test_motion_waits_for_a_corner(scene):

@@ -6,21 +6,17 @@ import json
 import subprocess
 import sys
 import tracemalloc
-from contextlib import closing
 
-import numpy as np
 import pandas as pd
 import pytest
+from common.known import motion_of
 from common.places import QUICKSTART
 
 from vibroplat import load_config, simulate
 from vibroplat.errors import ConfigError
-from vibroplat.integrate import make_engine
 from vibroplat.integrate.native import NativeEngine
-from vibroplat.model.parameters import parameters
-from vibroplat.motion.motion import Motion
 from vibroplat.motion.recorder import Recorder
-from vibroplat.system.memory import OutOfMemoryError, Share, amount, available
+from vibroplat.system.memory import OutOfMemoryError, Share, available
 
 pytestmark = pytest.mark.usefixtures("kernels")
 
@@ -95,18 +91,6 @@ def test_a_peak_that_is_missed_is_noted_without_the_table(quickstart, small_bloc
     coarse = quickstart.replace({"run.duration_s": 1.0, "output.sample_rate_hz": 1.0})
     run = simulate(coarse, keep="summary", sink=Parts().sink)
     assert run.notes == simulate(coarse).notes != []
-
-
-def test_a_run_without_a_step_has_tables_without_rows(quickstart, monkeypatch):
-    def broken(scene):
-        p = parameters(scene)
-        p.gravity = np.nan
-        return p
-
-    monkeypatch.setattr("vibroplat.motion.run.parameters", broken)
-    parts = Parts()
-    assert simulate(quickstart, sink=parts.sink).outcome == "non-finite"
-    assert [len(part) for part in (*parts.trajectory, *parts.events)] == [0, 0]
 
 
 def peak(scene, **options):
@@ -204,10 +188,8 @@ class Full:
 
 
 def test_observer_without_memory_ends_the_motion_and_all_others_read_to_the_end(quickstart):
-    p, segments, events = parameters(quickstart), Recorder(quickstart, "segments"), Recorder(quickstart, "events")
-    with closing(make_engine(quickstart, p)) as engine:
-        motion = Motion(quickstart, p, engine)
-        full = Full()
+    segments, events, full = Recorder(quickstart, "segments"), Recorder(quickstart, "events"), Full()
+    with motion_of(quickstart) as motion:
         motion.to_time(4.0, [full, segments, events])
     assert (motion.outcome, full.readings) == ("out-of-memory", 3)
     assert motion.detail.startswith("the system gave no more memory; ")
@@ -264,10 +246,6 @@ def test_long_run_under_a_limit_of_memory_ends_with_an_outcome():
 
 
 # -- how much there is ----------------------------------------------------------------------------------
-
-
-def test_amounts_are_told_in_units_of_their_size():
-    assert [amount(size) for size in (0.0, 999.0, 2.5 * 2**30)] == ["0 bytes", "999 bytes", "2.5 GiB"]
 
 
 @pytest.mark.parametrize("version", [1, 2])

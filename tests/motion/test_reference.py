@@ -148,7 +148,7 @@ def elastic_layer(tolerance, engine="taylor"):
     return scene.replace(changes)
 
 
-@pytest.mark.parametrize("tolerance", [1e-6, 1e-10, 1e-14])
+@pytest.mark.parametrize("tolerance", [1e-6, 1e-14])
 def test_elastic_impacts_are_as_accurate_as_errors_grow(tolerance):
     """IDA's last event is off by 1.5e-2 s at tolerance 1e-8 and by 9e-6 s at 1e-12; that of the series by
     3.4e-11 s at 1e-14."""

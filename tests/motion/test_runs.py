@@ -50,21 +50,6 @@ def test_non_impact_damping_equals_a_damper(quickstart):
     assert "contact_force_n" not in run.trajectory
 
 
-def test_unequal_motors_differ_from_equal_ones(quickstart):
-    motor = quickstart.motor.model_dump()
-    scene = quickstart.replace(
-        {
-            "motors": [motor, motor | {"critical_torque_n_m": 0.9}],
-            "run.duration_s": 3.0,
-            "material.mass_ratio": 0.0,
-        }
-    )
-    summary = simulate(scene, keep="summary").summary
-    assert summary["outcome"] == "ok"
-    assert abs(abs(summary["phase_difference_rad"]) - np.pi) > 1e-3
-    assert summary["phase_coherence"] > 0.99
-
-
 # -- outcomes -------------------------------------------------------------------------------------------
 
 
@@ -84,8 +69,10 @@ def test_state_without_finite_accelerations_is_named(quickstart, monkeypatch):
         return p
 
     monkeypatch.setattr("vibroplat.motion.run.parameters", broken)
-    run = simulate(quickstart)
+    parts = []
+    run = simulate(quickstart, sink=(parts.append, parts.append))
     assert run.outcome == "non-finite"
+    assert [len(part) for part in parts] == [0, 0]
     assert run.trajectory.empty
     assert run.summary["detail"].startswith("there are no finite accelerations; mode attached, ")
     assert "t = 0 s, state [0, " in run.summary["detail"]
@@ -114,9 +101,8 @@ def test_memory_stays_flat_over_1e5_restarts(damped):
 
 
 def test_a_long_bare_run_is_restarted_seldom(printed):
-    for engine, restarts in (("native", 1), ("sundae", 5)):
-        scene = printed.replace({"run.duration_s": 20.0, "solver.engine": engine})
-        assert simulate(scene, keep="summary").summary["restarts"] == restarts
+    scene = printed.replace({"run.duration_s": 20.0, "solver.engine": "native"})
+    assert simulate(scene, keep="summary").summary["restarts"] == 1
 
 
 def test_period_of_the_storm_bound_is_the_synchronous_turn():

@@ -38,9 +38,3 @@ def test_output_rate_does_not_touch_the_integration(quickstart):
     runs = [simulate(quickstart.replace({"run.duration_s": 0.3, "output.sample_rate_hz": r})) for r in (50.0, 5000.0)]
     assert runs[0].summary["steps"] == runs[1].summary["steps"]
     assert runs[0].events.equals(runs[1].events)
-
-
-def test_angles_in_tables_do_not_wrap(quickstart):
-    phi1 = simulate(quickstart.replace({"run.duration_s": 1.0})).trajectory["phi1_rad"]
-    assert (phi1.diff().dropna() >= -1e-13).all()  # at an event the same angle, its turns added anew
-    assert phi1.iloc[-1] > 2.0 * np.pi * 24

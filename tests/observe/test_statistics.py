@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from contextlib import closing
-
 import numpy as np
 import pytest
+from common.known import motion_of
 
 from vibroplat import simulate
-from vibroplat.integrate import make_engine
-from vibroplat.model.parameters import parameters
-from vibroplat.motion.motion import Motion
 from vibroplat.observe.statistics import Statistics
 
 
@@ -120,9 +116,8 @@ def test_a_turn_completed_in_the_first_step_is_counted(quickstart):
     scene = quickstart.replace({"run.duration_s": 0.01, "run.initial.phi1_rad": 2.0 * np.pi - 1e-9})
     marks = simulate(scene).measures.marks
     assert marks["passed"] == 1.0
-    p = parameters(scene)
-    with closing(make_engine(scene, p)) as engine:
-        motion, whole = Motion(scene, p, engine), Statistics(0.0)
+    whole = Statistics(0.0)
+    with motion_of(scene) as motion:
         motion.to_time(1e-4, [whole])
     assert whole.measures.marks["turns"] == 1
     assert whole.measures.marks["first"][0] == pytest.approx(1e-9 / scene.synchronous_speeds[0], rel=0.1)

@@ -213,15 +213,6 @@ def test_fewer_than_two_turns_are_undecided(kind_of):
 # -- rows whose truth is known ----------------------------------------------------------------------------
 
 MASS_1, MASS_2 = {"material.mass_ratio": 0.1}, {"material.mass_ratio": 0.2}
-PRINTED = DAMPED.with_name("printed.yaml")
-#: The printed machine with the unbalance that its figures ask for.
-LIGHT = {
-    "machine.unbalance_radius_m": 0.0263,
-    "motor.friction_radius_m": 1e-5,
-    "material.natural_frequency_hz": 38.7,
-    "material.damping_ratio": 0.67,
-    **MASS_1,
-}
 
 
 def agrees_with_itself(row):
@@ -242,18 +233,11 @@ def agrees_with_itself(row):
     return True
 
 
-@pytest.mark.parametrize(
-    ("config", "changes", "frequency", "period", "impacts", "seed"),
-    [
-        pytest.param(DAMPED, MASS_2, 62.5, 3, 2, 0, id="after chaos of 60 s"),
-        pytest.param(PRINTED, LIGHT, 59.0, 3, 1, 2, id="after chaos of up to 100 s", marks=pytest.mark.long),
-    ],
-)
-def test_periodic_motion_is_found_after_chaos_that_ends(config, changes, frequency, period, impacts, seed):
+def test_periodic_motion_is_found_after_chaos_of_a_minute():
     """How long chaos lasts is chance, and changes with the last bit: the plan waits ten times as long as was seen."""
-    row = swept(config, frequency, changes=changes, seed=seed, max_settle_s=1000.0).iloc[0]
-    assert (row["motion"], row["period"]) == ("periodic", period)
-    assert row["impacts_per_period"] == pytest.approx(impacts / period, abs=1e-9)
+    row = swept(DAMPED, 62.5, changes=MASS_2, max_settle_s=1000.0).iloc[0]
+    assert (row["motion"], row["period"]) == ("periodic", 3)
+    assert row["impacts_per_period"] == pytest.approx(2.0 / 3.0, abs=1e-9)
     assert agrees_with_itself(row)
 
 

@@ -191,6 +191,13 @@ def test_uneven_growth_is_measured_until_its_error_is_small_enough(measured):
     assert abs(found.value - 0.1 / 0.08) <= 3.0 * found.error
 
 
+def test_measurements_end_at_the_most_that_are_allowed(measured):
+    random = np.random.default_rng(0)
+    found, count = measured(lambda _: random.normal(0.0, 1.0), most=128)
+    assert (count, found.sign) == (128, 0)
+    assert found.error * found.turn > PER_TURN
+
+
 def test_error_is_the_largest_of_those_of_few_and_many_blocks(measured):
     """Growth that is alike within each of so many blocks: what remembers for longer has fewer that are independent."""
     for count in BLOCKS:
@@ -316,6 +323,13 @@ def test_table_of_exponents_has_a_neutral_one_and_those_that_contact_loses(monke
     assert (table["growth_per_turn"].iloc[-2:] == 0.0).all()
     largest = largest_exponent(scene, state)
     assert abs(values[1] - largest.value) <= 3.0 * math.hypot(table["error_per_s"][1], largest.error)
+
+
+def test_exponents_begin_where_a_run_ends(monkeypatch):
+    monkeypatch.setattr("vibroplat.study.lyapunov.ALL", Effort(1, 4, 16, 16))
+    scene = load_config(MACHINE, {"drive.supply_frequency_hz": 63.0, "run.duration_s": 3.0})
+    run = simulate(scene, keep="summary")
+    assert lyapunov(scene).to_numpy() == pytest.approx(lyapunov(scene, run.final_state).to_numpy(), rel=1e-6)
 
 
 def test_no_exponents_under_a_drive_program():

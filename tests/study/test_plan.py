@@ -92,6 +92,13 @@ def test_mistakes_in_frequencies_are_told_in_a_line(complaint):
     assert found == {text: f"c.yaml: sweep.supply_frequency_hz{line}" for text, line in FREQUENCIES.items()}
 
 
+@pytest.mark.parametrize("count", [0, 3])
+def test_number_of_directions_is_told(count, complaint):
+    given = ["up", "down", "up"][:count]
+    line = complaint(f"sweep: {{supply_frequency_hz: {{start: 42, stop: 44, direction: {given}}}}}")
+    assert line.startswith(f"c.yaml: sweep.supply_frequency_hz.direction = {given}; allowed: ")
+
+
 NOT_SWEPT = "cannot be swept by the grid; allowed: keys of machine, material, …"
 NO_MAP = ": kind = map needs exactly one grid key with several numbers"
 KEYS = {
@@ -142,6 +149,11 @@ def test_names_of_keys_are_guessed(complaint):
     line = complaint(with_plan("grid: {material.mas_ratio: [0.1]}"))
     assert line.startswith("sweep.grid: unknown key material.mas_ratio; did you mean mass_ratio? allowed: ")
     assert complaint("swep: {}").startswith("c.yaml: unknown key swep; did you mean sweep? allowed: ")
+
+
+@pytest.mark.parametrize("values", ["material: [{mass_ratio: 0.1}]", "contact.restitution: []"])
+def test_sections_and_empty_lists_are_no_values_of_a_grid(values, complaint):
+    assert f"grid.{values.partition(':')[0]}" in complaint(with_plan(f"grid: {{{values}}}"))
 
 
 def test_sweep_that_is_no_section_is_told(complaint):

@@ -254,6 +254,12 @@ def test_suspects_run_alone(killers):
     assert len(workers.deaths) <= len(killers) * (1 + LIVES)
 
 
+@pytest.mark.faults
+def test_dask_task_that_kills_its_worker_costs_its_own_point_alone(cluster):
+    chains = [Calls(NAP, KILLER if k == 1 else NAP, NAP, (abs, (-k,))) for k in range(4)]
+    assert finish(chains, cluster) == [[None, "lost" if k == 1 else None, None, k] for k in range(4)]
+
+
 # -- sweeps ---------------------------------------------------------------------------------------------
 
 

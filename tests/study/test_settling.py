@@ -123,6 +123,11 @@ def test_short_measuring_is_enough_to_confirm_a_period():
     assert 16.0 <= turns <= 21.5
 
 
+def test_longest_settling_does_not_bound_a_fixed_one():
+    row = swept(MACHINE, 50.0, settle_s=3.0, max_settle_s=1.0).iloc[0]
+    assert (row["motion"], row["settle_s"], row["simulated_s"]) == ("periodic", 3.0, pytest.approx(5.0))
+
+
 def test_settling_ends_where_the_motion_does():
     storm = {"contact.restitution": 1.0, "solver.max_events_per_period": 3}
     scene = planned(LOADED, 50.0, changes=storm)

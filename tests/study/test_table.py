@@ -367,6 +367,24 @@ def test_command_with_failed_points_exits_1_and_names_them(command, here, stormi
     assert read_table(here / "results/c", "sweep")["outcome"].tolist() == ["ok", "event-storm", "event-storm"]
 
 
+def test_another_kind_removes_what_the_one_before_wrote(command, here):
+    (here / "c.yaml").write_text(f"{FLYING}sweep: {{supply_frequency_hz: {{start: 50.0, stop: 50.0}}}}\n")
+    directory = here / "results/c"
+    kinds = ("--set", "sweep.kind=bifurcation", "--format", "csv"), ("--set", "sweep.kind=response")
+    both = {"section.csv", "impacts.csv", "bands.csv", "sweep.csv"}, {"bands.parquet", "sweep.parquet"}
+    for kind, written in zip(kinds, both, strict=True):
+        assert command("sweep", "c.yaml", *kind).code == 0
+        assert {path.name for path in directory.glob("*.[pc]*")} == written
+
+
+def test_command_with_nothing_but_failed_points_prints_no_nan(command, here):
+    plan = "sweep: {supply_frequency_hz: {start: 52.0, stop: 52.0}}"
+    (here / "c.yaml").write_text(f"{FLYING}solver: {{max_events_per_period: 1}}\n{plan}\n")
+    done = command("sweep", "c.yaml")
+    assert (done.code, len(done.err.splitlines()), "nan" in done.out) == (1, 2, False)
+    assert "outcomes                    event-storm 1" in done.out
+
+
 def test_point_without_memory_has_an_outcome_and_the_next_one_goes_on(monkeypatch):
     made = []
 

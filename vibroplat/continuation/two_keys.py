@@ -38,8 +38,9 @@ from vibroplat.study.pool import Task, Tasks
 from vibroplat.study.store import Record
 
 #: Accuracy across the curve, in units of the unknowns, and most trials. From one side the zero is extrapolated when it
-#: is as near as the third number, and each trial goes a part of the way.
-ACROSS, TRIALS, CLOSE, APPROACH = 1e-7, 14, 1e-4, 0.9
+#: is as near as the third number, and each trial goes a part of the way. The search ends at a part of that: a force
+#: that falls as a root puts the last trials beyond the zero, and the steps that remain must not end the search first.
+ACROSS, TRIALS, CLOSE, APPROACH, ENOUGH = 1e-7, 14, 1e-4, 0.9, 0.3
 #: First trial beside a point of the curve, and the farthest.
 BESIDE, FARTHEST = 2e-3, 0.2
 #: Steps grow and shrink by these. Where the second key hardly changes, the direction's part along it counts as no less
@@ -188,7 +189,7 @@ class Curve:
                 if place > FARTHEST:
                     raise
         close, share = (CLOSE, APPROACH) if self.kind in ONE_SIDED else (ACROSS, 1.0)
-        root = locate(at, test, known, close, step=BESIDE, share=share, most=TRIALS, reach=2.0 * FARTHEST)
+        root = locate(at, test, known, ENOUGH * close, step=BESIDE, share=share, most=TRIALS, reach=2.0 * FARTHEST)
         last = min(known, key=lambda k: abs(k.place - root))
         if abs(last.place - root) >= close:
             raise MissedError("the search across the curve does not converge")

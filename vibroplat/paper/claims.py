@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import pandas as pd
@@ -12,38 +13,38 @@ import pandas as pd
 from vibroplat.columns import Column, Columns
 from vibroplat.paper import judges
 from vibroplat.paper.evidence import EDGE, IMPACT_KEY, NON_IMPACT_KEY, Evidence, Key
-from vibroplat.paper.judges import Claim, Finding, Judge, listed, ordered, ratio_to_inelastic
+from vibroplat.paper.judges import Claim, Finding, listed, ordered, ratio_to_inelastic
 from vibroplat.paper.scenes import claims
 from vibroplat.study.branches import SUPPLY
 
-_FALLS = ordered("falls", (Key(0.2), Key(0.1)), (Key(0.1), Key(0.0)))
+_FALLS = partial(ordered, "falls", ((Key(0.2), Key(0.1)), (Key(0.1), Key(0.0))))
 
 #: Judges by the names of claims; all bands have the same judge.
-JUDGES: dict[str, Judge] = {
+JUDGES: dict[str, Callable[[Claim, Evidence], Finding]] = {
     "sync-deviation": judges.deviation,
     "jump-second-resonance": judges.second_resonance,
     "band-vs-mass": judges.jump_over_mass,
     "bands-unchanged": judges.same_bands,
     "jump-left": judges.jump_left,
-    "amp-rise": ordered("rises", (Key(0.0), Key(0.1)), (Key(0.1), Key(0.2))),
+    "amp-rise": partial(ordered, "rises", ((Key(0.0), Key(0.1)), (Key(0.1), Key(0.2)))),
     "amp-fall-inter": _FALLS,
     "amp-fall-over": _FALLS,
     "attached-mu01": judges.attached_until,
     "attached-mu02": judges.attached_until,
-    "R-amp-inter": ratio_to_inelastic(1.0, 1.05, "rises by at most 5 %"),
-    "R-amp-over": ratio_to_inelastic(0.95, 1.0, "falls by at most 5 %"),
-    "R-same-to-29": ratio_to_inelastic(0.98, 1.02, "within 2 %"),
+    "R-amp-inter": partial(ratio_to_inelastic, "rises by at most 5 %", 1.0, 1.05),
+    "R-amp-over": partial(ratio_to_inelastic, "falls by at most 5 %", 0.95, 1.0),
+    "R-same-to-29": partial(ratio_to_inelastic, "within 2 %", 0.98, 1.02),
     "R-none": judges.restitution_without_effect,
     "R1-nonperiodic": judges.non_periodic_from,
     "R-nonperiodic-earlier": judges.non_periodic_earlier,
     "R-bands": judges.same_bands,
     "R-over-boundary": judges.periodic_from_over,
-    "NI-below": ordered("A_impact > A_nonimpact", (NON_IMPACT_KEY, IMPACT_KEY)),
+    "NI-below": partial(ordered, "A_impact > A_nonimpact", [(NON_IMPACT_KEY, IMPACT_KEY)]),
     # This contradicts amp-rise from 26 to 27.5 Hz, where both are claimed. In steady antiphase the forces of both
     # exciters add along y. Without impacts y is then that of a linear oscillator of mass M:
     # A = 2 m_r r ω²/√((c_y − Mω²)² + ω²(b_y + βm_w)²). At a given ω this falls with β ≥ 0, so A_NI ≤ A(μ = 0), and
     # A_I < A_NI implies A_I(μ) < A(μ = 0). Only β < 0, or a share of m_w that moves with the platform, changes this.
-    "NI-mid": ordered("A_nonimpact > A_impact", (IMPACT_KEY, NON_IMPACT_KEY)),
+    "NI-mid": partial(ordered, "A_nonimpact > A_impact", [(IMPACT_KEY, NON_IMPACT_KEY)]),
     "NI-over": judges.non_impact_over,
     "NI-shape": judges.non_impact_shape,
     "quoted-frequencies": judges.quoted_frequencies,

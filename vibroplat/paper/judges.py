@@ -8,7 +8,7 @@ frequencies, and right by more than its error at a share SURE of them.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from itertools import groupby, pairwise
 from typing import Any, NamedTuple
 
@@ -44,9 +44,6 @@ class Finding(NamedTuple):
     holds: bool = False
     score: float = 0.0
     judged: bool = True
-
-
-Judge = Callable[[Claim, Evidence], Finding]
 
 
 def listed(value: Any) -> list[float]:
@@ -323,51 +320,44 @@ def _between(ratio: _Ratio, text: str, low: float = np.nextafter(1.0, 2.0), high
     return Finding(measured, bool(holds), share * ratio.covered)
 
 
-def ordered(text: str, *pairs: tuple[Key, Key]) -> Judge:
-    """Return a judge of whether, in each pair of branches, the second has the larger amplitude."""
-
-    def judged(claim: Claim, evidence: Evidence) -> Finding:
-        findings = {}
-        for lower, upper in pairs:
-            masses = sorted({lower.mass_ratio, upper.mass_ratio})
-            name = f"μ {' and '.join(f'{mass:g}' for mass in masses)}"
-            findings[name] = _between(_ratio(claim, evidence, upper, lower), text)
-        return _joined(findings)
-
-    return judged
+def ordered(text: str, pairs: Sequence[tuple[Key, Key]], claim: Claim, evidence: Evidence) -> Finding:
+    """Judge whether, in each pair of branches, the second has the larger amplitude."""
+    findings = {}
+    for pair in pairs:
+        masses = sorted({key.mass_ratio for key in pair})
+        name = f"μ {' and '.join(f'{mass:g}' for mass in masses)}"
+        findings[name] = _between(_ratio(claim, evidence, pair[1], pair[0]), text)
+    return _joined(findings)
 
 
-def ratio_to_inelastic(low: float, high: float, text: str) -> Judge:
-    """Return a judge of whether amplitudes at R > 0 over those at R = 0, and their mean, lie between two ratios."""
-
-    def judged(claim: Claim, evidence: Evidence) -> Finding:
-        findings = {}
-        for key in evidence.restitutions(claim["mu"]):
-            if 0.0 < key.restitution <= max(claim["R"]):
-                ratio = _ratio(claim, evidence, key, Key(claim["mu"]))
-                found, (mean, error) = _between(ratio, text, low, high), ratio.mean
-                if math.isfinite(mean):
-                    holds = found.holds and low - SIGMAS * error <= mean <= high + SIGMAS * error
-                    found = found._replace(measured=f"{found.measured}, mean {mean - 1.0:+.1%}", holds=holds)
-                findings[key.text] = found
-        return _joined(findings) if findings else Finding("no branches with R > 0")
-
-    return judged
+def ratio_to_inelastic(text: str, low: float, high: float, claim: Claim, evidence: Evidence) -> Finding:
+    """Judge whether amplitudes at R > 0 over those at R = 0, and their mean, lie between two ratios."""
+    findings = {}
+    for key in evidence.restitutions(claim["mu"]):
+        if 0.0 < key.restitution <= max(claim["R"]):
+            ratio = _ratio(claim, evidence, key, Key(claim["mu"]))
+            found, (mean, error) = _between(ratio, text, low, high), ratio.mean
+            if math.isfinite(mean):
+                holds = found.holds and low - SIGMAS * error <= mean <= high + SIGMAS * error
+                found = found._replace(measured=f"{found.measured}, mean {mean - 1.0:+.1%}", holds=holds)
+            findings[key.text] = found
+    return _joined(findings) if findings else Finding("no branches with R > 0")
 
 
 def restitution_without_effect(claim: Claim, evidence: Evidence) -> Finding:
     """Judge whether amplitudes and periods are the same for all R; undecided points are left out."""
-    amplitude = ratio_to_inelastic(0.99, 1.01, "amplitude within 1 %")(claim, evidence)
+    amplitude = ratio_to_inelastic("amplitude within 1 %", 0.99, 1.01, claim, evidence)
     low, high = claim["f"]
     periods = {}
     for key in evidence.restitutions(claim["mu"]):
         rows = evidence.rows(key, low + EDGE, high - EDGE, decided="periodic")
         periods[key.restitution] = {row[SUPPLY]: row["period"] for row in rows}
     reference = periods.pop(0.0, {})
-    same = {
-        r: float(np.mean([reference[supply] == n for supply, n in found.items() if supply in reference] or [0.0]))
-        for r, found in periods.items()
-    }
+    same = {}
+    for r, found in periods.items():
+        same[r] = float(
+            np.mean([reference[supply] == n for supply, n in found.items() if supply in reference] or [0.0])
+        )
     share = float(np.mean(list(same.values()))) if same else 0.0
     text = f"{amplitude.measured}; period as at R = 0: " + "; ".join(f"R {r:g}: {part:.0%}" for r, part in same.items())
     return Finding(text, amplitude.holds and share == 1.0, 0.5 * (amplitude.score + share))
