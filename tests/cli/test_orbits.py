@@ -12,11 +12,9 @@ import pytest
 from common.commands import command as run_command
 from common.commands import ended, not_a_line, sending
 from common.orbits import traced
-from common.places import ROOT
 from common.results import bits, left
 
 from vibroplat import load_config, orbit
-from vibroplat.continuation.tables import planned
 from vibroplat.motion.run import load_kernels
 from vibroplat.study.pool import Inline
 
@@ -138,43 +136,27 @@ def test_a_branch_that_fails_keeps_its_points(command, config, monkeypatch):
 
 # -- what it refuses ---------------------------------------------------------------------------------------------------
 
-REFUSED = [
-    ("", "this configuration has no orbits section; add orbits: {key: …, start: …, stop: …}"),
-    (
-        "key: contact.impact_law, start: 1, stop: 2",
-        "orbits.key = contact.impact_law holds no number that ",
-    ),
-    ("key: material.layers, start: 1, stop: 2", "orbits.key = material.layers holds no number that "),
-    ("key: machine, start: 1, stop: 2", "orbits.key = machine holds no number that "),
-    (
-        "key: material.mas_ratio, start: 0, stop: 1",
-        "orbits.key: unknown key material.mas_ratio; did you mean",
-    ),
-    (
-        f"{KEY}, start: 47, stop: 48, period: 2",
-        "orbits.period = 2 but the motion repeats after 1; allowed: 1",
-    ),
-    (f"{KEY}, start: 47, stop: 48, step: {{first: 0}}", "c.yaml: orbits.step.first = 0; allowed: "),
-    (f"{KEY}, start: 47, stop: 48, step: 0", "c.yaml: orbits.step = 0; allowed: "),
-    (f"{KEY}, start: 47, stop: 47", "c.yaml: orbits: stop = 47.0 is start; allowed: another value"),
-    (f"{KEY}, start: 47, stop: 48, from: nowhere", "orbits.from = 'nowhere': nowhere holds no provenance"),
-    (
-        f"{KEY}, start: 47, stop: 48, from: state",
-        "orbits.from = state but run.initial.state is not given; ",
-    ),
-    (
-        f"{KEY}, start: 47, stop: 48, grid: {{material.mass_ratio: [0.0, -1.0]}}",
-        "orbits.grid: material.mass_ratio = -1.0; allowed: at least 0.0",
-    ),
-    (
-        f"{KEY}, start: 47, stop: 48, grid: {{material.mass_ratio: [0.1, 0.1]}}",
-        "c.yaml: orbits: grid.material.mass_ratio = [0.1, 0.1]; allowed: each value once",
-    ),
-]
+#: Orbits over the supply frequency, with more keys.
+NEAR = f"{KEY}, start: 47, stop: 48"
+REFUSED = {
+    "": "this configuration has no orbits section; add orbits: {key: …, start: …, stop: …}",
+    "key: contact.impact_law, start: 1, stop: 2": "orbits.key = contact.impact_law holds no number that ",
+    "key: material.layers, start: 1, stop: 2": "orbits.key = material.layers holds no number that ",
+    "key: machine, start: 1, stop: 2": "orbits.key = machine holds no number that ",
+    "key: material.mas_ratio, start: 0, stop: 1": "orbits.key: unknown key material.mas_ratio; did you mean",
+    f"{NEAR}, period: 2": "orbits.period = 2 but the motion repeats after 1; allowed: 1",
+    f"{NEAR}, step: {{first: 0}}": "c.yaml: orbits.step.first = 0; allowed: ",
+    f"{KEY}, start: 47, stop: 47": "c.yaml: orbits: stop = 47.0 is start; allowed: another value",
+    f"{NEAR}, from: nowhere": "orbits.from = 'nowhere': nowhere holds no provenance",
+    f"{NEAR}, from: state": "orbits.from = state but run.initial.state is not given; ",
+    f"{NEAR}, grid: {{material.mass_ratio: [-1.0]}}": "orbits.grid: material.mass_ratio = -1.0; allowed: at least 0.0",
+    f"{NEAR}, grid: {{material.mass_ratio: [0.1, 0.1]}}": "c.yaml: orbits: grid.material.mass_ratio = [0.1, 0.1]; "
+    "allowed: each value once",
+}
 
 
 def test_bad_input_is_one_line(command, config):
-    for keys, line in REFUSED:
+    for keys, line in REFUSED.items():
         done = command("orbits", config(f"orbits: {{{keys}}}\n" if keys else ""))
         assert not_a_line(done) == ""
         assert done.err.startswith(f"vibroplat: {line}")
@@ -261,26 +243,3 @@ def test_parts_of_branches_that_are_missing_are_made_again(command, followed):
     assert (done.code, done.err) == (0, "")
     assert f"{kept} parts of branches from before" in done.out
     assert tables() == wanted
-
-
-def test_other_conditions_are_not_resumed(command, followed):
-    done = command("orbits", "c.yaml", "--resume", "--set", "orbits.stop=49.5")
-    assert not_a_line(done) == ""
-    line = "vibroplat: cannot resume: configuration.orbits.stop = 49.5; allowed: 49.0, as in the finished parts"
-    assert done.err.startswith(line)
-
-
-def test_damaged_tables_are_not_plotted(command, followed):
-    Path("results/c/branches.parquet").write_bytes(b"")
-    assert not_a_line(command("plot", "results/c")) == ""
-
-
-# -- the example -------------------------------------------------------------------------------------------------------
-
-
-def test_example_plans_the_masses_of_the_paper():
-    scene = load_config(ROOT / "configs/examples/branches.yaml")
-    assert [family.grid for family in planned(scene).families] == [
-        {"material.mass_ratio": mass} for mass in (0.0, 0.1, 0.2)
-    ]
-    assert scene.orbits.range == (42.0, 80.0)

@@ -50,6 +50,7 @@ def test_frequency_is_linear_between_entries_and_stays_after_the_last():
         assert example.at(time).frequency_at(time) == pytest.approx(frequency, rel=1e-15)
     assert [interval.corner for interval in example.intervals] == [True] * 3
     assert example.largest_frequency == 50.0
+    assert example.at(0.0).start == 1.0  # before the program is its beginning
 
 
 def test_frequency_jumps_where_two_entries_share_a_time():
@@ -58,14 +59,8 @@ def test_frequency_jumps_where_two_entries_share_a_time():
     assert (before.end, after.start) == (2.0, 2.0)
     assert before.frequency_at(2.0) == 30.0
     assert example.at(2.0).frequency_at(2.0) == after.frequency_at(2.0) == 50.0
-
-
-def test_first_and_last_entries_may_jump():
-    example = drive((0.0, 20.0), (0.0, 30.0), (1.0, 30.0), (1.0, 10.0))
-    assert [(i.start, i.end, i.frequency, i.ramp) for i in example.intervals] == [
-        (0.0, 1.0, 30.0, 0.0),
-        (1.0, math.inf, 10.0, 0.0),
-    ]
+    ends = drive((0.0, 20.0), (0.0, 30.0), (1.0, 30.0), (1.0, 10.0)).intervals
+    assert [(i.start, i.end, i.frequency) for i in ends] == [(0.0, 1.0, 30.0), (1.0, math.inf, 10.0)]
 
 
 def test_left_out_values_are_those_before():
@@ -133,10 +128,6 @@ def test_intervals_cover_the_time_without_gaps():
         at_end = before.slip_frequency[0] + before.slip_frequency[1] * (before.end - before.start)
         assert after.slip_frequency[0] == pytest.approx(at_end, abs=1e-9)
     assert sum(interval.corner for interval in found) == len(entries)
-
-
-def test_before_the_program_is_its_beginning():
-    assert drive((1.0, 20.0), (2.0, 30.0)).at(0.0).start == 1.0
 
 
 def test_scales_follow_the_largest_frequency():

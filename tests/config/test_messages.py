@@ -46,14 +46,11 @@ MESSAGES = {
     "types": {
         "drive: {supply_frequency_hz: fast}": "drive.supply_frequency_hz = 'fast'; allowed: a number",
         "contact: {restitution: true}": "contact.restitution = True; allowed: a number",
-        "contact: {restitution: }": "contact.restitution = None; allowed: a number",
         f"contact: {{restitution: {'x' * 5000}}}": f"contact.restitution = '{'x' * 56}...; allowed: a number",
         "name: 3": "name = 3; allowed: text",
-        "name: 2020-01-01": "name = datetime.date(2020, 1, 1); allowed: text",
         "motor: {pole_pairs: 2.5}": "motor.pole_pairs = 2.5; allowed: a whole number",
         "orbits: {key: a, start: 1, stop: 2, period: true}": "orbits.period = True; allowed: a whole number",
         "material: {layers: true}": "material.layers = True; allowed: 1 or 2",
-        "material: {layers: 3}": "material.layers = 3; allowed: 1 or 2",
         "contact: {model: Impact}": "contact.model = 'Impact'; allowed: 'impact' or 'non-impact'",
         program(f"{START}, exciter_1: 0"): "drive.program.0.exciter_1 = 0; allowed: 'on' or 'off'",
         program(f"{START}, off: off"): "drive.program.0.off = 'off'; allowed: true or false",
@@ -69,13 +66,10 @@ MESSAGES = {
         "contact: {restitution: -0.1}": "contact.restitution = -0.1; allowed: at least 0.0",
         "run: {duration_s: 0}": "run.duration_s = 0; allowed: more than 0.0",
         "machine: {platform_mass_kg: .nan}": "machine.platform_mass_kg = nan; allowed: a finite number",
-        "machine: {platform_mass_kg: 1e999}": "machine.platform_mass_kg = inf; allowed: a finite number",
         "machine: {platform_mass_kg: 1e31}": "machine.platform_mass_kg = 1e+31; allowed: at most 1e+30",
         "machine: {platform_mass_kg: 1e-31}": "machine.platform_mass_kg = 1e-31; allowed: at least 1e-30",
         "machine: {exciter_angle_deg: -1e31}": "machine.exciter_angle_deg = -1e+31; allowed: at least -1e+30",
         "run: {initial: {phi1_rad: 1e20}}": "run.initial.phi1_rad = 1e+20; allowed: at most 10000000000.0",
-        "run: {initial: {state: {phi2_rad: -1.1e10}}}": "run.initial.state.phi2_rad = -11000000000.0; allowed: "
-        "at least -10000000000.0",
         f"motor: {{pole_pairs: 1{'0' * 400}}}": f"motor.pole_pairs = 1{'0' * 56}...; allowed: at most 1000",
         program(START, "t_s: 1, supply_frequency_hz: 5e-4"): "drive.program.1: supply_frequency_hz = 0.0005; "
         "allowed: 0, or at least 0.001",
@@ -85,8 +79,6 @@ MESSAGES = {
         "100000000 rows",
         "drive: {supply_frequency_hz: 1e12}\nmotor: {pole_pairs: 4}": "run.duration_s = 4.0 takes 1e+12 turns at the "
         "synchronous speed; allowed: at most 1e+09",
-        program("t_s: 0, supply_frequency_hz: 3e9"): "run.duration_s = 4.0 takes 6e+09 turns at the synchronous speed; "
-        "allowed: at most 1e+09",
         "drive: {supply_frequency_hz: 1e8}\nsolver: {engine: sundae}": "run.duration_s = 4.0 takes 2e+08 turns at the "
         "synchronous speed; allowed with engine sundae: at most 5e+07",
         "sweep: {supply_frequency_hz: {start: 1.0, stop: 4.0e9, step: 1e9}, max_settle_s: 0.1}": "sweep.measure_s = "
@@ -111,7 +103,6 @@ MESSAGES = {
         "run: {initial: {state: {y_m: 0}, phi1_rad: 0}}": "run.initial: " + both("state", "phi1_rad"),
         "run: {initial: {state: {y_m: 0}, from: x}}": "run.initial: " + both("state", "from"),
         "run: {initial: {from: x, phase_difference_rad: 0}}": "run.initial: " + both("from", "phase_difference_rad"),
-        "run: {initial: {from: x, speed_ratio: 0}}": "run.initial: " + both("from", "speed_ratio"),
         "run: {initial: {phase_difference_rad: 0, phase_sum_rad: 0}}": "run.initial: "
         + both("phase_difference_rad", "phase_sum_rad"),
         "drive: {supply_frequency_hz: 50, program: [{t_s: 0, supply_frequency_hz: 50}]}": "drive: "
@@ -149,9 +140,7 @@ MESSAGES = {
     },
     "files": {
         "- 1\n- 2\n": "holds a list; allowed: keys and values",
-        "hello": "holds a str; allowed: keys and values",
         "machine: {1: 2}": "not valid YAML: a key is not text",
-        "[a, b]: 1": "not valid YAML: a key is not text",
         "drive:\n  a$b: 1\n": "the key in line 2 is no name; allowed: letters, digits and _ . -",
         "drive: {}\nrun: {}\ndrive: {}\n": 'duplicate key "drive" in line 3; allowed: each key once',
         "a: [1\n": "not valid YAML in line 2, column 1: expected ',' or ']', but got '<stream end>'",
@@ -223,44 +212,28 @@ def test_long_path_does_not_hide_what_is_wrong(here):
         load_config(place / "c.yaml")
 
 
-@pytest.mark.parametrize(
-    ("text", "setting", "line"),
-    [
-        ("", "drive", "--set 'drive'; allowed: key.sub=value"),
-        ("", "a..b=3", "--set 'a..b=3'; allowed: key.sub=value"),
-        ("", "a=[1", "--set a: not valid YAML in line 1, column 3: expected ',' or ']', but got '<stream end>'"),
-        ("", "drive.supply_frequency_hz.x=3", "c.yaml: drive.supply_frequency_hz = {'x': 3}; allowed: a number"),
-        ("", "exciters.2.critical_slip=0.1", "unknown key exciters.2; allowed: exciters.0 to exciters.1"),
-        ("", "exciters.-1.critical_slip=0.1", "unknown key exciters.-1; allowed: exciters.0 to exciters.1"),
-        ("motors: [{}, {}]", "motors.0.pole_pairs='3'", "c.yaml: motors.0.pole_pairs = '3'; allowed: a whole number"),
-        (program(), "drive.program.1.t_s=2", "unknown key drive.program.1; allowed: none"),
-        (program(START), "drive.program.1.t_s=2", "unknown key drive.program.1; allowed: drive.program.0"),
-        ("", "exciters.1=3", f"c.yaml: exciters.1 = 3; allowed: {SECTION}"),
-        ("exciters: [{}, {}]", "exciters=[{}]", "c.yaml: exciters = [{}]; allowed: a list of 2"),
-        ("exciters: [{}, {}]", "motor.pole_pairs=3", f"c.yaml: {both('motor', 'exciters')}"),
-        ("motor: 3", "exciters.1.critical_slip=0.1", f"c.yaml: motor = 3; allowed: {SECTION} (and 1 more)"),
-    ],
-)
-def test_message_about_a_setting(text, setting, line, scene_of):
-    with pytest.raises(ConfigError) as caught:
-        scene_of(text, parse_overrides([setting]))
-    assert str(caught.value) == line
+SETTINGS = [
+    ("", "drive", "--set 'drive'; allowed: key.sub=value"),
+    ("", "a=[1", "--set a: not valid YAML in line 1, column 3: expected ',' or ']', but got '<stream end>'"),
+    ("", "drive.supply_frequency_hz.x=3", "c.yaml: drive.supply_frequency_hz = {'x': 3}; allowed: a number"),
+    ("", "exciters.2.critical_slip=0.1", "unknown key exciters.2; allowed: exciters.0 to exciters.1"),
+    ("", "exciters.-1.critical_slip=0.1", "unknown key exciters.-1; allowed: exciters.0 to exciters.1"),
+    ("motors: [{}, {}]", "motors.0.pole_pairs='3'", "c.yaml: motors.0.pole_pairs = '3'; allowed: a whole number"),
+    (program(), "drive.program.1.t_s=2", "unknown key drive.program.1; allowed: none"),
+    (program(START), "drive.program.1.t_s=2", "unknown key drive.program.1; allowed: drive.program.0"),
+    ("exciters: [{}, {}]", "exciters=[{}]", "c.yaml: exciters = [{}]; allowed: a list of 2"),
+    ("exciters: [{}, {}]", "motor.pole_pairs=3", f"c.yaml: {both('motor', 'exciters')}"),
+    ("motor: 3", "motors.0.pole_pairs=2", f"c.yaml: motors.1 = 3; allowed: {SECTION}"),
+    ("motor: 3", "exciters.1.critical_slip=0.1", f"c.yaml: motor = 3; allowed: {SECTION} (and 1 more)"),
+]
 
 
-def test_key_inside_a_value_is_told(complaint):
+def test_messages_about_settings(scene_of, complaint):
+    told = []
+    for text, setting, _ in SETTINGS:
+        with pytest.raises(ConfigError) as caught:
+            scene_of(text, parse_overrides([setting]))
+        told.append(str(caught.value))
+    assert told == [line for _, _, line in SETTINGS]
     line = "drive.supply_frequency_hz lies inside drive, which already has a value"
     assert complaint("", {"drive": 3, "drive.supply_frequency_hz": 50.0}) == line
-
-
-@pytest.mark.parametrize(
-    ("changes", "line"),
-    [
-        ({"material.mass_ratio": -1.0}, "material.mass_ratio = -1.0; allowed: at least 0.0"),
-        ({"foo": 3}, f"unknown key foo; did you mean motor? allowed: {SECTIONS}"),
-        ({"material": None}, f"material = None; allowed: {SECTION}"),
-    ],
-)
-def test_replace_refuses_with_a_line(changes, line):
-    with pytest.raises(ConfigError) as caught:
-        Scene().replace(changes)
-    assert str(caught.value) == line

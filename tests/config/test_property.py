@@ -138,12 +138,3 @@ def test_scene_is_written_and_read_without_a_change(given, drive):
     assert again.to_tree() == tree
     assert again.exciter_pair == scene.exciter_pair
     assert again.drive.intervals == scene.drive.intervals
-
-
-@given(examples=50, given=machines, differences=exciters)
-def test_exciters_are_overridden_number_by_number(given, differences):
-    before, after = (
-        scene.exciter_pair for scene in (Scene.from_tree(given), Scene.from_tree(given).replace(exciters=differences))
-    )
-    for old, new, change in zip(before, after, differences, strict=True):
-        assert new.model_dump() == old.model_dump() | change

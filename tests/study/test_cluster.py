@@ -351,26 +351,28 @@ def given_up(done, what, seconds):
 
 
 @pytest.mark.faults
-def test_workers_and_schedulers_that_go_are_told_and_cost_no_point(place, table):
-    """The last worker is killed, then the scheduler freezes, then it dies: one sweep goes on after each."""
-    with clusters.scheduler(place) as (address, scheduler):
-        sweep = ("sweep", "c.yaml", "--scheduler", address, "--resume")
-        with clusters.worker(place, address) as worker, Child(place, *sweep, "--wait", "6") as child:
+def test_last_worker_killed_is_told_and_given_up(place, table):
+    with clusters.scheduler(place) as (address, _), clusters.worker(place, address) as worker:
+        clusters.await_workers(address, 1)
+        with Child(place, "sweep", "c.yaml", "--scheduler", address, "--wait", "7") as child:
             await_points(place, 3, child)
             clusters.kill(worker)
-            given_up(child.end(), f"a worker of the scheduler at {address}", 6)
-        with clusters.worker(place, address):
-            clusters.await_workers(address, 1)
-            for signal_, wait in ((signal.SIGSTOP, ("--wait", "6")), (signal.SIGKILL, ())):
-                before = finished_points(place / "results/c")
-                with Child(place, *sweep, *wait) as child:
-                    await_points(place, before + 1, child)
-                    scheduler.send_signal(signal_)
-                    done = child.end()
-                if signal_ == signal.SIGSTOP:
-                    given_up(done, f"an answer of the scheduler at {address}", 6)
-                    scheduler.send_signal(signal.SIGCONT)
-    assert (done.code, done.out) == (1, "")
-    assert done.err == f"vibroplat: the scheduler at {address} is gone; {KEPT}\n"
-    assert finished_points(place / "results/c", "worker-lost") == 0
+            given_up(child.end(), f"a worker of the scheduler at {address}", 7)
     resumed(place, table)
+
+
+@pytest.mark.faults
+@pytest.mark.parametrize(("signal_", "wait"), [(signal.SIGSTOP, 7), (signal.SIGKILL, 60)])
+def test_scheduler_that_freezes_or_dies_is_told_and_costs_no_point(signal_, wait, place):
+    with clusters.scheduler(place) as (address, scheduler), clusters.worker(place, address):
+        clusters.await_workers(address, 1)
+        with Child(place, "sweep", "c.yaml", "--scheduler", address, "--wait", wait) as child:
+            await_points(place, 3, child)
+            scheduler.send_signal(signal_)
+            done = child.end()
+    if signal_ == signal.SIGSTOP:
+        given_up(done, f"an answer of the scheduler at {address}", wait)
+    else:
+        told = f"vibroplat: the scheduler at {address} is gone; {KEPT}\n"
+        assert done == (1, "", told)
+    assert finished_points(place / "results/c", "worker-lost") == 0

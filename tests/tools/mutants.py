@@ -107,8 +107,8 @@ MUTANTS = [
     ("config", "half * half - stiffness", "half * half + stiffness"),
     (
         "config",
-        "self.exciters or self.motors or [self.motor or Motor()] * 2",
-        "self.motors or self.exciters or [self.motor or Motor()] * 2",
+        "self.initial.state is None and self.initial.from_ is None else 0.0",
+        "self.initial.state is None or self.initial.from_ is None else 0.0",
     ),
     ("config", 'Share = described(0.0, "R"', 'Share = described(0.5, "R"'),
     # studies

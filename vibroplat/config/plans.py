@@ -150,7 +150,26 @@ class StepPlan(Section, title="Step"):
         return self
 
 
-class BoundariesPlan(Section, title="Boundaries"):
+class _VariedKey(Section):
+    """A key that varies over a range."""
+
+    key: str
+    start: Real
+    stop: Real
+
+    @model_validator(mode="after")
+    def _is_range(self) -> Self:
+        if self.start == self.stop:
+            raise ValueError(f"stop = {self.stop} is start; allowed: another value")
+        return self
+
+    @property
+    def unit(self) -> float:
+        """Unit of the key among the unknowns of an orbit."""
+        return abs(self.stop - self.start) / UNITS
+
+
+class BoundariesPlan(_VariedKey, title="Boundaries"):
     """Curves of special points over the key and a second one."""
 
     key: str = Field(description="dotted second key")
@@ -165,19 +184,8 @@ class BoundariesPlan(Section, title="Boundaries"):
         5, description="points of each curve on both sides of which motion settles, to check the curve"
     )
 
-    @model_validator(mode="after")
-    def _range(self) -> Self:
-        if self.start == self.stop:
-            raise ValueError(f"stop = {self.stop} is start; allowed: another value")
-        return self
 
-    @property
-    def unit(self) -> float:
-        """Unit of the second key among the unknowns of an orbit."""
-        return abs(self.stop - self.start) / UNITS
-
-
-class OrbitsPlan(Section, title="Orbits", populate_by_name=True):
+class OrbitsPlan(_VariedKey, title="Orbits", populate_by_name=True):
     """Branches of periodic orbits over a key of the scene."""
 
     key: str = Field(description="dotted key that varies along a branch, e.g. drive.supply_frequency_hz")
@@ -208,8 +216,6 @@ class OrbitsPlan(Section, title="Orbits", populate_by_name=True):
 
     @model_validator(mode="after")
     def _possible(self) -> Self:
-        if self.start == self.stop:
-            raise ValueError(f"stop = {self.stop} is start; allowed: another value")
         if math.prod(map(len, self.grid.values())) > MAX_FAMILIES:
             raise ValueError(f"grid gives more than {MAX_FAMILIES} combinations")
         for key in self.grid:
@@ -230,8 +236,3 @@ class OrbitsPlan(Section, title="Orbits", populate_by_name=True):
         """Whether a value of the key is in its range."""
         low, high = self.range
         return low <= value <= high
-
-    @property
-    def unit(self) -> float:
-        """Unit of the key among the unknowns of an orbit."""
-        return abs(self.stop - self.start) / UNITS

@@ -58,22 +58,18 @@ def notes_on_inputs(scenes: Iterable[Scene]) -> list[str]:
 def quantities(scene: Scene) -> Iterator[Quantity]:
     """Yield what of a scene has a usual range."""
     machine, material, drive, initial = scene.machine, scene.material, scene.drive, scene.run.initial
-    springs = {
-        "x": (scene.platform_mass, "stiffness_x_n_per_m", "damping_x_n_s_per_m", machine.damping_x_n_s_per_m),
-        "y": (scene.platform_mass, "stiffness_y_n_per_m", "damping_y_n_s_per_m", scene.damping_y),
-        "phi": (
-            machine.inertia,
-            "stiffness_phi_n_m_per_rad",
-            "damping_phi_n_m_s_per_rad",
-            machine.damping_phi_n_m_s_per_rad,
-        ),
-    }
-    for axis, (mass, spring, _, _) in springs.items():
+    springs = (
+        ("x", scene.platform_mass, "stiffness_x_n_per_m", "damping_x_n_s_per_m"),
+        ("y", scene.platform_mass, "stiffness_y_n_per_m", "damping_y_n_s_per_m"),
+        ("phi", machine.inertia, "stiffness_phi_n_m_per_rad", "damping_phi_n_m_s_per_rad"),
+    )
+    for axis, mass, spring, _ in springs:
         stiffness = getattr(machine, spring)
         frequency = math.sqrt(stiffness / mass) / (2.0 * math.pi) if stiffness > 0.0 else None
         yield Quantity(frequency, 1.0, 150.0, "Hz", (f"machine.{spring}",), f"natural frequency {{}} in {axis}")
-    for axis, (mass, spring, damper, damping) in springs.items():
+    for axis, mass, spring, damper in springs:
         keys = (f"machine.{damper}", *(["contact.viscous_per_mass_per_s"] if axis == "y" else []))
+        damping = scene.damping_y if axis == "y" else getattr(machine, damper)
         ratio = _damping_ratio(damping, getattr(machine, spring), mass)
         yield Quantity(ratio, 0.0, 1.0, "", keys, f"damping ratio {{}} in {axis}")
     weight = (scene.platform_mass + sum(scene.layer_masses)) * machine.gravity_m_per_s2
@@ -148,8 +144,8 @@ def _by_default(name: str, section: BaseModel, elsewhere: Sequence[str] = ()) ->
 
     Optional keys need not be given, nor those that are given ``elsewhere``.
     """
-    needed = [key for key, field in type(section).model_fields.items() if field.default is not None]
-    keys = [key for key in needed if key not in COMMON | {*elsewhere}]
+    fields = type(section).model_fields.items()
+    keys = [key for key, field in fields if field.default is not None and key not in COMMON | {*elsewhere}]
     missing = [key for key in keys if key not in section.model_fields_set]
     if not missing:
         return ""

@@ -227,7 +227,7 @@ def merge(lower: Mapping[str, Any], upper: Mapping[str, Any], section: str = "")
     if not section and upper.get("exciters") is not None and merged.get("exciters") is None:
         merged = _with_exciters(merged)
     if not section and isinstance(upper.get("motors"), Mapping) and merged.get("motors") is None:
-        merged["motors"] = [dict(merged.get("motor") or {}) for _ in range(2)]
+        merged["motors"] = [merged.get("motor") or {}] * 2
     for pair in ALTERNATIVES.get(section, ()):
         for given, other in (pair, reversed(pair)):
             if upper.get(given) is not None and upper.get(other) is None:
@@ -254,9 +254,8 @@ def _merge_places(below: list[Any], places: Mapping[str, Any], section: str) -> 
             known = [f"{section}.{number}" for number in sorted({0, len(below) - 1})] if below else ["none"]
             raise ConfigError(f"unknown key {section}.{place}; allowed: {' to '.join(known)}")
         old = merged[int(place)]
-        inner = f"{section}.{place}"
         both = isinstance(value, Mapping) and isinstance(old, Mapping)
-        merged[int(place)] = merge(old, value, inner) if both else value
+        merged[int(place)] = merge(old, value, f"{section}.{place}") if both else value
     return merged
 
 
