@@ -12,6 +12,7 @@ from vibroplat.check.sweeps import check_points
 from vibroplat.paper import calibration, reproduction
 from vibroplat.results.provenance import configuration_hash
 from vibroplat.results.tables import read_json
+from vibroplat.study.sweep import conditions
 
 SHORT = ("--set", "run.duration_s=0.1")
 FREQUENCIES = "{start: 44.0, stop: 46.0, step: 1.0, direction: up}"
@@ -55,16 +56,13 @@ def test_engine_reaches_the_paper(command, kernels, here, monkeypatch):
         machine, others, laws = reproduction.trials_of(numbers, seeds)
         trials = [*machine, *others, laws]
         found.extend(trial.scene(name) for trial in trials for name in (*trial.names, reproduction.NON_IMPACT))
-        found.extend(trial.conditions() for trial in trials)
         raise _Caught
 
     monkeypatch.setattr(reproduction, "reproduce", caught)
     with pytest.raises(_Caught):
         command("paper", "--machine", "calibrated", "--engine", "sundae", "--jobs", "1", "--seeds", "2")
-    conditions = [one for entry in found if isinstance(entry, dict) for one in entry.values()]
-    assert {one["engine"] for one in conditions} == {"sundae"}
-    assert {one["configuration"]["solver"]["engine"] for one in conditions} == {"sundae"}
-    assert {scene.solver.engine for scene in found if not isinstance(scene, dict)} == {"sundae"}
+    assert {conditions(scene)["engine"] for scene in found} == {"sundae"}
+    assert {scene.solver.engine for scene in found} == {"sundae"}
 
 
 def test_engine_reaches_a_calibration(command, kernels, here, monkeypatch):
