@@ -64,6 +64,13 @@ def all_gone(child):
 
 # -- at random moments ----------------------------------------------------------------------------------
 
+#: Says when a program listens to signals; before, Python itself ends it with a traceback.
+LISTENING = """
+from vibroplat.system.interrupts import end_at_signals
+end_at_signals()
+open("listening", "w").close()
+"""
+
 
 @pytest.mark.faults
 @pytest.mark.parametrize("number", [3, pytest.param(60, marks=pytest.mark.campaign)])
@@ -73,7 +80,10 @@ def test_sweep_ended_at_any_moment_leaves_complete_tables_and_goes_on(number, pl
     wanted, seconds = tables(place / "alone/c")[0], time.monotonic() - began + START
     for k, share in enumerate(np.random.default_rng(number).random(number)):
         signal_ = SIGNALS[k % 3]
-        with Child(place, *SWEEP, "2" if k % 5 == 1 else "1") as child:
+        with Child(place, *SWEEP, "2" if k % 5 == 1 else "1", before=LISTENING) as child:
+            while not (place / "listening").exists():
+                time.sleep(0.01)
+            (place / "listening").unlink()
             time.sleep(share * seconds)
             child.process.send_signal(signal_)
             done = child.end(20.0)
