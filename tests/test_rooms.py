@@ -7,6 +7,7 @@ given to functions. Only ``vibroplat/__init__.py`` may know everything: public n
 from __future__ import annotations
 
 import ast
+import re
 from graphlib import TopologicalSorter
 from pathlib import Path
 
@@ -59,6 +60,14 @@ def test_arrows_point_down():
     assert {(name, room) for name, room in rooms if rank[room] > rank[name.split(".")[0]]} == set()
     assert {(name, room) for name, room in rooms if name.startswith("page") and room not in OF_THE_PAGE} == set()
     TopologicalSorter(graph).prepare()  # CycleError names a circle
+
+
+def test_the_map_of_the_house_names_files_that_are_there():
+    page = (PACKAGE.parent / "results" / "method.md").read_text("utf-8")
+    named_files = set(re.findall(r"`((?:\w+/)*\w+\.py)`", page.partition("## The code")[2])) - {"tests/test_rooms.py"}
+    assert len(named_files) > 8
+    known = {path.relative_to(PACKAGE).as_posix() for path in PACKAGE.rglob("*.py")}
+    assert {name for name in named_files if not any(f"/{path}".endswith(f"/{name}") for path in known)} == set()
 
 
 def test_studies_know_nothing_of_the_paper():

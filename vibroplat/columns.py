@@ -116,7 +116,7 @@ def _quantities(names: Mapping[str, str]) -> dict[str, Quantity]:
 PHASE = r"$\Delta\varphi$"
 PHASE_COLUMN = "phase_difference_rad"
 #: Columns of a sweep, and of branches.
-MEASURES = _quantities(
+QUANTITIES = _quantities(
     {
         "rms_y_m": "RMS $y$",
         "rms_x_m": "RMS $x$",

@@ -23,11 +23,23 @@ DURATIONS = {
     "orbits": "eight minutes",
 }
 _NAMES = ", ".join(f"{name} ({duration})" for name, duration in DURATIONS.items() if name)
-_FORMER = {"stability": "a test now, in tests/stability", "soak": "a test now, in tests/bench"}
+_FORMER = {
+    "stability": "a test now, in tests/stability",
+    "soak": "a test now, in tests/bench",
+    **dict.fromkeys(("runtime", "taylor"), "part of engines now"),
+    "sweeps": "part of orbits now",
+}
+
+
+def _completed() -> list[str]:
+    """Names that a shell completes."""
+    return [name for name in DURATIONS if name]
 
 
 def bench(
-    names: Annotated[list[str] | None, typer.Argument(metavar="[NAME]...", help=f"{_NAMES}.")] = None,
+    names: Annotated[
+        list[str] | None, typer.Argument(metavar="[NAME]...", help=f"{_NAMES}.", autocompletion=_completed)
+    ] = None,
     out: Out = Path("results"),
     long: Annotated[bool, typer.Option("--long", help="Run all benchmarks.")] = False,
     repeats: Annotated[int, typer.Option(min=1, help="Number of runs; their median is reported.")] = 5,
@@ -36,7 +48,7 @@ def bench(
 
     Writes tables and plots to OUT/benchmarks. Without a name it compares solvers at equal error, in about a minute.
     """
-    known = [name for name in DURATIONS if name]
+    known = _completed()
     for name in names or []:
         if name not in known:
             raise VibroplatError(f"bench {name}: {_FORMER.get(name, 'unknown')}; allowed: {', '.join(known)}")

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from vibroplat.columns import MEASURES, PHASE_COLUMN, unit_of, words
+from vibroplat.columns import PHASE_COLUMN, QUANTITIES, unit_of, words
 from vibroplat.config.coordinates import COORDINATES, RATES
 from vibroplat.config.scene import Scene
 from vibroplat.errors import VibroplatError
@@ -101,8 +101,8 @@ def measures(table: pd.DataFrame) -> list[dict[str, Any]]:
     found = []
     for name in numbers:
         if largest[name] > (ROUNDING * moved if name.startswith("rms") else 0.0):
-            unit = "rad" if name == PHASE_COLUMN else MEASURES[name].unit
-            found.append({"column": name, "words": words(name), "unit": unit, "factor": MEASURES[name].factor})
+            unit = "rad" if name == PHASE_COLUMN else QUANTITIES[name].unit
+            found.append({"column": name, "words": words(name), "unit": unit, "factor": QUANTITIES[name].factor})
     return found
 
 

@@ -16,7 +16,7 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from vibroplat.columns import COORDINATES, MEASURES, PHASE_COLUMN
+from vibroplat.columns import COORDINATES, PHASE_COLUMN, QUANTITIES
 from vibroplat.continuation.special_points import KINDS
 from vibroplat.errors import TableError
 from vibroplat.plots.labels import (
@@ -259,7 +259,7 @@ def draw_branch(
     if column == PHASE_COLUMN:
         phase_axis(axis)
     else:
-        axis.set_ylabel(MEASURES[column].label)
+        axis.set_ylabel(QUANTITIES[column].label)
     return axis
 
 
@@ -286,7 +286,7 @@ def _at(points: pd.DataFrame, places: Any, column: str) -> Any:
     found = between(points, places, column)
     if column == PHASE_COLUMN:
         return wrapped(found)
-    return (MEASURES[column].factor if column in MEASURES else 1.0) * found
+    return (QUANTITIES[column].factor if column in QUANTITIES else 1.0) * found
 
 
 def _stable(points: pd.DataFrame, places: Any) -> list[bool | None]:

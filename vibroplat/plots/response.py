@@ -16,7 +16,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.lines import Line2D
 
-from vibroplat.columns import MEASURES, PHASE_COLUMN
+from vibroplat.columns import PHASE_COLUMN, QUANTITIES
 from vibroplat.config.reader import flat
 from vibroplat.errors import TableError
 from vibroplat.plots.labels import compared, distinct, is_number, key_label, scene_of, sweep_parameters, value_label
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 #: Columns that figures need in addition to the swept keys, and those they show if there are any.
 _NUMBERS = (EXCITATION, "rms_x_m", "rms_y_m", "rms_phi_rad", PHASE_COLUMN, "period")
-_OPTIONAL = tuple(column for column in MEASURES if column not in _NUMBERS)
+_OPTIONAL = tuple(column for column in QUANTITIES if column not in _NUMBERS)
 _SIZES = ("rms_y_m", "rms_x_m", "rms_phi_rad")
 #: The column that tells several results apart.
 RESULT = "result"
@@ -200,13 +200,13 @@ def draw_response(
     if column == PHASE_COLUMN:
         phase_axis(axis)
     else:
-        axis.set_ylabel(MEASURES[column].label)
+        axis.set_ylabel(QUANTITIES[column].label)
     return axis
 
 
 def drawn_values(rows: pd.DataFrame, column: str) -> Any:
     """Return a column in the unit of its axis; phase differences lie on their axis."""
-    values = MEASURES[column].factor * rows[column].to_numpy(dtype=float, na_value=np.nan)
+    values = QUANTITIES[column].factor * rows[column].to_numpy(dtype=float, na_value=np.nan)
     return wrapped(values) if column == PHASE_COLUMN else values
 
 
@@ -269,7 +269,7 @@ def response_figure(response: Response) -> Figure:
             draw_response(axis, rows, column, x=response.x, color=colours[number], size=width)
         _limit(axis, column, response.table)
         if response.data is not None:
-            response.data.draw(axis, response.x, column, MEASURES[column])
+            response.data.draw(axis, response.x, column, QUANTITIES[column])
     head(figure, ", ".join(response.names), response.parameters)
     handles: list[Any] = []
     if scale is not None:

@@ -14,7 +14,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import BoundaryNorm, ListedColormap, Normalize
 from matplotlib.patches import Patch
 
-from vibroplat.columns import MEASURES
+from vibroplat.columns import QUANTITIES
 from vibroplat.errors import TableError
 from vibroplat.plots.labels import ABSCISSAE, key_label
 from vibroplat.plots.reading import Curve, read_columns
@@ -71,7 +71,7 @@ def sweep_figures(
         Tables are missing, have another schema version, or lack data that a figure needs.
     """
     column = ABSCISSAE[x]
-    measured = None if data is None else read_measured(data, column, MEASURES, ABSCISSAE.values())
+    measured = None if data is None else read_measured(data, column, QUANTITIES, ABSCISSAE.values())
     response = read_response(directories, x=column, data=measured)
     if not kinds:
         kinds = list(dict.fromkeys(["response", *([_kind(response.results[0])] if len(directories) == 1 else [])]))

@@ -50,7 +50,7 @@ Sample = Literal["all", "unique"]
 Kind = Literal["motion", "force", "exciters"]
 
 
-@dataclass(repr=False)
+@dataclass(repr=False, kw_only=True)
 class Trajectory:
     """A finished run.
 
@@ -158,6 +158,8 @@ class Trajectory:
         wanted = np.atleast_1d(np.asarray(times, dtype=float))
         if wanted.ndim != 1 or not np.isfinite(wanted).all():
             raise ValueError("times must be a number or a one-dimensional list of finite numbers")
+        if self.saved is not None:
+            raise ValueError("this run was read from its files, which hold no dense output; simulate it for that")
         if not self.segments:
             raise ValueError("this run kept no segments; simulate with keep='segments' for dense output")
         first, last = self.segments[0].start, self.segments[-1].end
@@ -346,7 +348,8 @@ def load(directory: str | Path) -> Trajectory | pd.DataFrame:
     if any(place.glob("trajectory.*")):
         saved = Result(place, "run")
         scene = Scene.from_tree(saved.provenance["configuration"])
-        return Trajectory(scene, saved.document("summary"), saved.provenance.get("begins_from"), saved=saved)
+        origin = saved.provenance.get("begins_from")
+        return Trajectory(scene=scene, summary=saved.document("summary"), origin=origin, saved=saved)
     if any(place.glob("sweep.*")):
         return Result(place, "sweep").table("sweep")
     raise TableError(f"{place} holds neither a run nor a sweep; allowed: a result directory of vibroplat")

@@ -141,7 +141,7 @@ def measure_point(scene: Scene, plan: SweepPlan, state: list[float] | None, key:
     state
         Full state at the end of the point before, shape (14,); without it the point begins with ``run.initial``.
     key
-        Numbers that, with the plan's seed, determine the perturbation; see :meth:`Branch.key`.
+        Numbers that, with the plan's seed, determine the perturbation; see :meth:`vibroplat.study.branches.Branch.key`.
 
     Returns
     -------
