@@ -26,8 +26,9 @@ _NAMES = ", ".join(f"{name} ({duration})" for name, duration in DURATIONS.items(
 _FORMER = {
     "stability": "a test now, in tests/stability",
     "soak": "a test now, in tests/bench",
-    **dict.fromkeys(("runtime", "taylor"), "part of engines now"),
-    "sweeps": "part of orbits now",
+    "runtime": "part of engines now",
+    "taylor": "part of peers now",
+    "sweeps": "no longer measured",
 }
 
 

@@ -203,7 +203,7 @@ class Contact(Section):
 class State(Section):
     """A full state. Omitted coordinates are at static rest; omitted rates are 0.
 
-    ``t_s``, ``mode``, the contact force and what is told of the supply are accepted but not used, so that the last row
+    ``t_s``, ``mode``, the contact force and the columns of the supply are accepted but not used, so that the last row
     of a trajectory can be given unchanged. Time starts at 0; mode and force follow from the state.
     """
 

@@ -179,7 +179,7 @@ class Problem:
         """
         state, period, values = chart.unpack(u)
         if not period > 0.0 or period * chart.speed > 1e4:
-            raise MissedError(f"the search went astray, to a period of {period:.3g} s")
+            raise MissedError(f"Newton's method went to a period of {period:.3g} s")
         if GAP in chart.places and state[GAP] <= 0.0:
             raise MissedError("the gap closed on the section")
         try:

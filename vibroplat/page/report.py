@@ -29,7 +29,7 @@ _LOG = logging.getLogger("vibroplat")
 SCRIPTS = ("text", "tables", "curves", "machine", "player", "orbit", "points", "page")
 #: Columns of texts and of numbers that a table of a sweep needs.
 SWEEP_COLUMNS = (("direction", "sync", "motion", "outcome"), ("branch", "rms_x_m", "rms_y_m"))
-#: What is told of how a result was made.
+#: What the page says about how a result was made.
 _MADE = ("vibroplat", "git_commit", "created", "engine", "tolerance")
 #: Size of a page that is told (bytes): mail takes what is smaller.
 LARGE = 8_000_000

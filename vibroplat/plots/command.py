@@ -96,7 +96,7 @@ def plot_results(
     for option, value in given.items():
         if not any(option in family.options for family in chosen):
             able = " and ".join(family.article + family.name for family in FAMILIES if option in family.options)
-            raise VibroplatError(f"--{option} {value}: no figure of {first} heeds it; allowed: with {able}")
+            raise VibroplatError(f"--{option} {value}: no figure of {first} uses it; allowed: with {able}")
     written = []
     with styled():
         for family in chosen:
