@@ -1,7 +1,8 @@
 """Arrows between the files of the package point down, from room to room and in each room, and there is no circle.
 
 Every import counts: at the top of a file, inside functions, for type annotations alone, and names of modules that are
-given to functions. Only ``vibroplat/__init__.py`` may know everything: public names are found through it.
+given to functions. Only ``vibroplat/__init__.py`` may know everything; a public name that a file takes from it counts
+as an import of the module where it is.
 """
 
 from __future__ import annotations
@@ -14,10 +15,10 @@ from pathlib import Path
 import vibroplat
 
 PACKAGE = Path(vibroplat.__file__).parent
-#: From the lowest to the highest; ``errors`` and ``columns`` are loose modules.
+#: From the lowest to the highest; ``errors``, ``extensions`` and ``columns`` are loose modules.
 ROOMS = (
-    *("errors", "columns", "system", "kernels", "config", "model", "hybrid", "integrate", "observe", "results"),
-    *("motion", "study", "check", "continuation", "paper", "plots", "page", "bench", "cli", "__main__"),
+    *("errors", "extensions", "columns", "system", "kernels", "config", "model", "hybrid", "integrate", "observe"),
+    *("results", "motion", "study", "check", "continuation", "paper", "plots", "page", "bench", "cli", "__main__"),
 )
 #: What the page may use: it is drawn from result tables alone.
 OF_THE_PAGE = {"errors", "columns", "system", "config", "results", "plots", "page"}
@@ -28,6 +29,8 @@ def name_of(path):
     return ".".join(path.relative_to(PACKAGE).with_suffix("").parts).removesuffix(".__init__")
 
 
+#: Public names, and the modules where they are.
+PUBLIC = {f"vibroplat.{name}": module for name, module in vibroplat._HOMES.items()}
 FILES = {name_of(path): path for path in sorted(PACKAGE.rglob("*.py")) if path != PACKAGE / "__init__.py"}
 
 
@@ -41,12 +44,14 @@ def named(tree):
             yield from (f"{node.module}.{alias.name}" for alias in node.names)
         elif isinstance(node, ast.Call):
             yield from (a.value for a in node.args if isinstance(a, ast.Constant) and isinstance(a.value, str))
+        elif isinstance(node, ast.Attribute):
+            yield ast.unparse(node)
 
 
 def arrows(path):
     """Modules of the package that a file imports."""
     for name in named(ast.parse(path.read_text(encoding="utf-8"))):
-        parts = name.split(".")
+        parts = PUBLIC.get(name, name).split(".")
         if parts[0] == "vibroplat":
             ends = (".".join(parts[1:end]) for end in range(len(parts), 1, -1))
             yield from [end for end in ends if end in FILES][:1]

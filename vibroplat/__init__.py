@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from vibroplat.extensions import PROVIDERS
+
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
@@ -28,11 +30,9 @@ if TYPE_CHECKING:
         State,
     )
     from vibroplat.continuation.orbit import Orbit, orbit
-    from vibroplat.continuation.orbit import confirmed_point as confirmed_point
     from vibroplat.continuation.tables import orbits
     from vibroplat.motion.run import simulate
     from vibroplat.motion.variation import variation
-    from vibroplat.plots.display import figure_of as figure_of
     from vibroplat.results.run import Trajectory, load
     from vibroplat.study.lyapunov import lyapunov
     from vibroplat.study.sweep import sweep
@@ -56,11 +56,9 @@ _HOMES = {
     "orbit": "vibroplat.continuation.orbit",
     "orbits": "vibroplat.continuation.tables",
     "sweep": "vibroplat.study.sweep",
-    # not for users: runs, orbits and tables ask for their figures here, and know nothing else of what draws them
-    "figure_of": "vibroplat.plots.display",
-    # not for users: sweeps whose points are confirmed know nothing else of orbits
-    "confirmed_point": "vibroplat.continuation.orbit",
 }
+# runs, orbits and tables know nothing else of what draws them, sweeps nothing else of orbits
+PROVIDERS |= {"figure_of": "vibroplat.plots.display", "confirmed_point": "vibroplat.continuation.orbit"}
 
 __all__ = [
     "Contact",

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import pandas as pd
 
-import vibroplat
+from vibroplat.extensions import figure_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -187,4 +187,4 @@ class TableAccessor:
         >>> len(run.trajectory.vibroplat.plot().axes) > 1
         True
         """
-        return vibroplat.figure_of(self._table, x)
+        return figure_of(self._table, x)

@@ -14,13 +14,13 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-import vibroplat
 from vibroplat.config.coordinates import COORDINATES, RATES
 from vibroplat.config.plans import SweepPlan
 from vibroplat.config.scene import Scene
 from vibroplat.continuation.newton import MissedError, NewtonResult, Problem, correct, n_unstable
 from vibroplat.continuation.shooting import TURN, Shooter, spelled
 from vibroplat.errors import ConfigError, VibroplatError
+from vibroplat.extensions import figure_of
 from vibroplat.hybrid.modes import IMPACT
 from vibroplat.hybrid.state import initial_state, state_scales
 from vibroplat.kernels.compiled import FloatArray
@@ -130,7 +130,7 @@ class Orbit:
 
     def plot(self) -> Figure:
         """Draw it: its speed over its height, and the gap over the phase where there is material."""
-        return vibroplat.figure_of(self)
+        return figure_of(self)
 
     @cached_property
     def run(self) -> Trajectory:

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import pandas as pd
 
-import vibroplat
 from vibroplat.columns import Column, Columns
 from vibroplat.config.coordinates import COORDINATES, RATES
 from vibroplat.config.plans import OrbitsPlan
@@ -20,6 +19,7 @@ from vibroplat.continuation.special_points import KINDS
 from vibroplat.continuation.two_keys import Boundary, follow_boundary
 from vibroplat.continuation.worker import MULTIPLIERS, Family, Traced, follow_family, same_special
 from vibroplat.errors import ConfigError
+from vibroplat.extensions import figure_of
 from vibroplat.integrate import engine_name
 from vibroplat.model.sensitivity import parameter_direction, value_of
 from vibroplat.motion.initial_condition import end_of
@@ -109,7 +109,7 @@ class OrbitTables(NamedTuple):
 
     def plot(self) -> Figure:
         """Draw the branches with their special points."""
-        return vibroplat.figure_of(self)
+        return figure_of(self)
 
 
 def orbits(

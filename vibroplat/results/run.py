@@ -16,10 +16,10 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-import vibroplat
 from vibroplat.columns import labelled, unit_of
 from vibroplat.config.scene import Scene
 from vibroplat.errors import TableError
+from vibroplat.extensions import figure_of
 from vibroplat.hybrid.state import EVENT
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.systems import FULL_SIZE
@@ -271,7 +271,7 @@ class Trajectory:
         start, stop
             Interval shown (s). Default: the whole run, and the last ten turns of the exciters in detail.
         """
-        return vibroplat.figure_of(self, kind, start, stop)
+        return figure_of(self, kind, start, stop)
 
     # -- to hand on ---------------------------------------------------------------------------------
 

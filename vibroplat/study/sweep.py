@@ -14,6 +14,7 @@ import vibroplat
 from vibroplat.columns import Column, Columns
 from vibroplat.config.plausibility import notes_on_inputs
 from vibroplat.config.scene import Scene
+from vibroplat.extensions import provided
 from vibroplat.integrate import engine_name
 from vibroplat.integrate.seam import WORK
 from vibroplat.observe.summary import MEASURES
@@ -169,7 +170,7 @@ def branch_points(branch: Branch, take: Callable[[Record], object]) -> Tasks[Non
 
     ``take`` is called with the record of each point.
     """
-    measure = vibroplat.confirmed_point if branch.plan.confirm else measure_point
+    measure = provided("confirmed_point") if branch.plan.confirm else measure_point
     state: list[float] | None = None
     for place, frequency in enumerate(branch.frequencies):
         record = yield Task(measure, (branch.at(place), branch.plan, state, branch.key(frequency)), lost)

@@ -1,0 +1,29 @@
+"""What rooms call and rooms above them provide: figures, and the points of a sweep that are confirmed as orbits.
+
+A room knows such a function by its name alone. Where it is, the package's entry says, which knows all rooms; it is
+loaded when it is first called, as entry points are between packages.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+#: Modules of these functions by their names, filled by the package's entry.
+PROVIDERS: dict[str, str] = {}
+
+
+def provided(name: str) -> Callable[..., Any]:
+    """Return a function that a room above provides."""
+    found: Callable[..., Any] = getattr(import_module(PROVIDERS[name]), name)
+    return found
+
+
+def figure_of(shown: object, *options: object) -> Figure:
+    """Draw the figure of a run, a table, branches of orbits or an orbit."""
+    figure: Figure = provided("figure_of")(shown, *options)
+    return figure
