@@ -17,6 +17,8 @@ import numpy as np
 import pytest
 
 import vibroplat
+from vibroplat import Scene, simulate
+from vibroplat.integrate import tell_of_compilation
 from vibroplat.kernels import cache
 from vibroplat.kernels.target import GENERIC, processor
 
@@ -154,13 +156,25 @@ def test_without_any_place_nothing_is_kept_and_the_notice_says_so(why, package, 
     assert cache.notice() == told
 
 
-def test_command_says_once_that_nothing_can_be_kept(command, here, monkeypatch, kernels):
+def test_command_says_once_that_nothing_can_be_kept(command, here, monkeypatch, caplog, kernels):
+    tell_of_compilation.cache_clear()
     monkeypatch.setattr("vibroplat.kernels.cache.is_compiled", lambda engine="auto": False)
     monkeypatch.setattr(cache, "folder", lambda: None)
     (here / "short.yaml").write_text("run: {duration_s: 0.01}\n")
     done = command("run", "short.yaml")
-    assert (done.code, len(done.err.splitlines())) == (0, 1)
-    assert done.err.startswith("vibroplat: compiling the numerical kernels; no folder can be written to keep them, ")
+    assert (done.code, len(caplog.messages)) == (0, 1)
+    assert caplog.messages[0].startswith("compiling the numerical kernels; no folder can be written to keep them, ")
+    tell_of_compilation.cache_clear()
+
+
+def test_first_engine_made_from_python_says_that_it_compiles(monkeypatch, caplog, kernels):
+    tell_of_compilation.cache_clear()
+    monkeypatch.setattr("vibroplat.kernels.cache.is_compiled", lambda engine="auto": False)
+    for _ in range(2):
+        simulate(Scene().replace({"run.duration_s": 0.001}), keep="summary")
+    (line,) = caplog.messages
+    assert line.startswith("compiling the numerical kernels; ")
+    tell_of_compilation.cache_clear()
 
 
 # -- when it is out of date -----------------------------------------------------------------------------
@@ -283,8 +297,9 @@ print(round(found, 9), sum(hits.values()), sum(misses.values()))
 """
 
 
-def called(tmp_path, name, arguments):
-    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path), "PYTHONPATH": str(PACKAGE.parent)}
+def called(tmp_path, name, arguments, package=PACKAGE, before="", **settings):
+    paths = os.pathsep.join(filter(None, [before, str(package.parent)]))
+    environment = os.environ | settings | {"NUMBA_CACHE_DIR": str(tmp_path), "PYTHONPATH": paths}
     line = [sys.executable, "-c", CALL.format(name=name, arguments=arguments)]
     return subprocess.run(line, env=environment, capture_output=True, text=True, check=True).stdout.strip()
 
@@ -306,6 +321,44 @@ def test_files_that_a_crash_left_empty_are_compiled_anew(tmp_path):
         assert min(file.stat().st_size for file in files) > 0
         for file in files:
             file.write_bytes(b"")
+
+
+# -- machine code that came with the package ------------------------------------------------------------
+
+
+def shipped_to(tmp_path):
+    """A copy of the package with the machine code of one kernel, as a wheel brings it."""
+    site = shutil.copytree(PACKAGE, tmp_path / "site/vibroplat", ignore=shutil.ignore_patterns("__pycache__"))
+    called(tmp_path / "first", "crossing", "c, 3, 0, 1.2", site)
+    (made,) = (tmp_path / "first/vibroplat").iterdir()
+    shutil.copytree(made, site / cache.SHIPPED / made.name, ignore=shutil.ignore_patterns("*.inside-*"))
+    return site
+
+
+def compiled_by(tmp_path, site, name="second", **environment):
+    """Kernels that a process compiled which called one; what it gave is right."""
+    assert called(tmp_path / name, "crossing", "c, 3, 0, 1.2", site, **environment).startswith(f"{CROSSED} ")
+    return {path.name.split("-")[0] for path in (tmp_path / name).rglob("*.bin")}
+
+
+#: What stands for another numba, before it is imported by ours.
+OTHER_NUMBA = "import numba; numba.__version__ = '0.68.99'"
+
+
+@pytest.mark.long
+def test_shipped_machine_code_is_used_where_it_fits_and_nowhere_else(tmp_path):
+    site = shipped_to(tmp_path)
+    all_three = {f"kernels.polynomial.{name}" for name in ("crossing", "slope.inside", "value.inside")}
+    assert compiled_by(tmp_path, site) == set()
+    assert compiled_by(tmp_path, site, "opt", NUMBA_OPT="2") == all_three
+    assert compiled_by(tmp_path, site, "cpu", NUMBA_CPU_NAME="nehalem", NUMBA_CPU_FEATURES="") == all_three
+    assert compiled_by(tmp_path, site, "no avx", NUMBA_ENABLE_AVX="0") == all_three
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other/sitecustomize.py").write_text(OTHER_NUMBA)
+    assert compiled_by(tmp_path, site, "numba", before=str(tmp_path / "other")) == all_three
+    with (site / "model/motor.py").open("a") as source:
+        source.write("# changed\n")
+    assert compiled_by(tmp_path, site, "source") == all_three
 
 
 # -- the processor that they are compiled for -----------------------------------------------------------

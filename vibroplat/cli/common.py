@@ -78,12 +78,12 @@ def about(config: Path) -> Iterator[None]:
 def tell_of_compilation(engine: str | None = None) -> None:
     """Say why the first run on a machine takes long; some kernels are compiled as soon as they are imported."""
     import vibroplat.kernels.compiled  # noqa: F401  (refuses where compilation is switched off)
-    from vibroplat.kernels.cache import is_compiled, notice
+    from vibroplat import integrate
+    from vibroplat.kernels.cache import is_compiled
 
     if not is_compiled(engine or "auto"):
-        why = notice() or "this happens once for each engine and takes about half a minute"
         require_memory(COMPILING, "compiling the kernels for the first time")
-        print(f"vibroplat: compiling the numerical kernels; {why}", file=sys.stderr)
+        integrate.tell_of_compilation(engine or "auto")
 
 
 def load_kernels(*engines: str) -> None:

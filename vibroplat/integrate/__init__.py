@@ -26,7 +26,11 @@ _LOG = logging.getLogger("vibroplat")
 
 
 def make_engine(scene: Scene, p: Parameters) -> Engine:
-    """Make the engine that ``solver.engine`` asks for, or ``sundae`` where ``native`` cannot be had."""
+    """Make the engine that ``solver.engine`` asks for, or ``sundae`` where ``native`` cannot be had.
+
+    The first one whose kernels must be compiled says so, as that takes long.
+    """
+    tell_of_compilation(scene.solver.engine)
     name = engine_name(scene)
     if name == "taylor":
         from vibroplat.integrate.taylor import TaylorEngine  # noqa: PLC0415
@@ -39,6 +43,16 @@ def make_engine(scene: Scene, p: Parameters) -> Engine:
     from vibroplat.integrate.sundae import SundaeEngine  # noqa: PLC0415
 
     return SundaeEngine(p)
+
+
+@cache
+def tell_of_compilation(engine: str) -> None:
+    """Say in a line, once, if an engine's kernels must be compiled."""
+    from vibroplat.kernels.cache import is_compiled, notice  # noqa: PLC0415
+
+    if not is_compiled(engine):
+        why = notice() or "this happens once for each engine and takes about half a minute"
+        _LOG.warning("compiling the numerical kernels; %s", why)
 
 
 def engine_name(scene: Scene) -> str:
