@@ -301,7 +301,8 @@ def called(tmp_path, name, arguments, package=PACKAGE, before="", **settings):
     paths = os.pathsep.join(filter(None, [before, str(package.parent)]))
     environment = os.environ | settings | {"NUMBA_CACHE_DIR": str(tmp_path), "PYTHONPATH": paths}
     line = [sys.executable, "-c", CALL.format(name=name, arguments=arguments)]
-    return subprocess.run(line, env=environment, capture_output=True, text=True, check=True).stdout.strip()
+    where = package.parent  # which Python looks through first
+    return subprocess.run(line, cwd=where, env=environment, capture_output=True, text=True, check=True).stdout.strip()
 
 
 @pytest.mark.long
