@@ -16,7 +16,7 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from vibroplat.columns import COORDINATES, PHASE_COLUMN, QUANTITIES
+from vibroplat.columns import COORDINATES, PHASE_COLUMN
 from vibroplat.continuation.special_points import KINDS
 from vibroplat.errors import TableError
 from vibroplat.plots.labels import (
@@ -29,9 +29,9 @@ from vibroplat.plots.labels import (
     value_label,
 )
 from vibroplat.plots.reading import Curve, curves_of, read_columns, read_result
-from vibroplat.plots.response import drawn_values, limit_size
+from vibroplat.plots.response import limit_size
 from vibroplat.plots.style import CURVES, DIRECTIONS, REFERENCE, entry, head, new_figure, panel_grid
-from vibroplat.plots.timelines import phase_axis, wrapped
+from vibroplat.plots.timelines import in_units, name_axis
 from vibroplat.results.files import Result
 from vibroplat.study.branches import EXCITATION, FREQUENCY, SUPPLY
 
@@ -243,7 +243,7 @@ def draw_branch(
     """
     shares = places_of(points, special)
     places = np.sort(np.concatenate([np.arange(len(points)), shares]))
-    xs, ys = _at(points, places, x), _at(points, places, column)
+    xs, ys = (in_units(between(points, places, name), name) for name in (x, column))
     looks: list[bool | None] = _stable(points, places)
     if column == PHASE_COLUMN:  # it passes the end of its axis
         looks = [None if jump > np.pi else look for look, jump in zip(looks, np.abs(np.diff(ys)), strict=True)]
@@ -252,15 +252,11 @@ def draw_branch(
             part = list(run)
             shown = slice(part[0], part[-1] + 2)
             axis.plot(xs[shown], ys[shown], "-" if kind else "--", lw=1.5 if kind else 0.9, color=color)
-    marks = _at(points, shares, column)
-    exact = special[x].to_numpy(dtype=float) if x in special else _at(points, shares, x)
+    marks = in_units(between(points, shares, column), column)
+    exact = special[x].to_numpy(dtype=float) if x in special else between(points, shares, x)
     for where, value, kind in zip(exact, marks, special["kind"], strict=True):
         axis.plot(where, value, MARKERS.get(kind, "*"), ms=5.0, mfc="white", mec=color, mew=1.1, zorder=3)
-    if column == PHASE_COLUMN:
-        phase_axis(axis)
-    else:
-        axis.set_ylabel(QUANTITIES[column].label)
-    return axis
+    return name_axis(axis, column)
 
 
 def places_of(points: pd.DataFrame, special: pd.DataFrame) -> Any:
@@ -281,14 +277,6 @@ def between(points: pd.DataFrame, places: Any, column: str) -> Any:
     return np.interp(places, np.arange(len(points)), values)
 
 
-def _at(points: pd.DataFrame, places: Any, column: str) -> Any:
-    """Return a column in units of the axis at places along a branch; phase differences lie about 0 … 2π."""
-    found = between(points, places, column)
-    if column == PHASE_COLUMN:
-        return wrapped(found)
-    return (QUANTITIES[column].factor if column in QUANTITIES else 1.0) * found
-
-
 def _stable(points: pd.DataFrame, places: Any) -> list[bool | None]:
     """Return whether the pieces of a line between places along a branch are stable.
 
@@ -305,7 +293,8 @@ def draw_sweep(axis: Axes, table: pd.DataFrame, column: str, x: str, *, color: A
     """Draw the points of a sweep, pale, behind what comes later."""
     if x not in table or column not in table:
         return
-    values, places = drawn_values(table, column), table[x].to_numpy(dtype=float)
+    values = in_units(table[column].to_numpy(dtype=float, na_value=np.nan), column)
+    places = table[x].to_numpy(dtype=float)
     for direction, marker in DIRECTIONS.items():
         chosen = (table["direction"] == direction).to_numpy()
         axis.plot(places[chosen], values[chosen], marker, ls="", ms=4.0, color=color, mew=0, alpha=0.5, zorder=1.5)

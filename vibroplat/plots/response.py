@@ -22,7 +22,7 @@ from vibroplat.errors import TableError
 from vibroplat.plots.labels import compared, distinct, is_number, key_label, scene_of, sweep_parameters, value_label
 from vibroplat.plots.reading import Curve, curves_of, read_columns, read_result
 from vibroplat.plots.style import BLACK, CURVES, DIRECTIONS, FAILED, REFERENCE, entry, head, legend_below, panel_grid
-from vibroplat.plots.timelines import Measured, phase_axis, wrapped
+from vibroplat.plots.timelines import Measured, in_units, name_axis
 from vibroplat.results.files import Result
 from vibroplat.study.bands import jumps
 from vibroplat.study.branches import EXCITATION, SUPPLY
@@ -182,7 +182,7 @@ def draw_response(
     Axes
         The same axis.
     """
-    values = drawn_values(rows, column)
+    values = in_units(rows[column].to_numpy(dtype=float, na_value=np.nan), column)
     places = rows[x].to_numpy(dtype=float, na_value=np.nan)
     up = rows["direction"].iloc[0] != "down"
     style: dict[str, Any] = {"color": color, "zorder": 2.5 if up else 2.4}
@@ -197,17 +197,7 @@ def draw_response(
     if len(failed):
         axis.plot(failed, np.zeros(len(failed)), "x", color=FAILED, ms=5.0, mew=1.4, clip_on=False, zorder=4.0,
                   transform=axis.get_xaxis_transform())  # fmt: skip
-    if column == PHASE_COLUMN:
-        phase_axis(axis)
-    else:
-        axis.set_ylabel(QUANTITIES[column].label)
-    return axis
-
-
-def drawn_values(rows: pd.DataFrame, column: str) -> Any:
-    """Return a column in the unit of its axis; phase differences lie on their axis."""
-    values = QUANTITIES[column].factor * rows[column].to_numpy(dtype=float, na_value=np.nan)
-    return wrapped(values) if column == PHASE_COLUMN else values
+    return name_axis(axis, column)
 
 
 def _fillings(rows: pd.DataFrame) -> Iterator[tuple[str, Any]]:
@@ -269,7 +259,7 @@ def response_figure(response: Response) -> Figure:
             draw_response(axis, rows, column, x=response.x, color=colours[number], size=width)
         _limit(axis, column, response.table)
         if response.data is not None:
-            response.data.draw(axis, response.x, column, QUANTITIES[column])
+            response.data.draw(axis, response.x, column)
     head(figure, ", ".join(response.names), response.parameters)
     handles: list[Any] = []
     if scale is not None:

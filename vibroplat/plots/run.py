@@ -216,7 +216,7 @@ class Shown:
     def measured(self, axis: Axes, column: str) -> None:
         """Lay the data over an axis in time."""
         if self.data is not None:
-            self.data.draw(axis, "t_s", column, COORDINATES[column])
+            self.data.draw(axis, "t_s", column)
 
 
 def run_figures(
