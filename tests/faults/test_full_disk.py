@@ -165,29 +165,6 @@ def disk(here):
     subprocess.run(["umount", "-l", str(here / "results")], check=False, capture_output=True)
 
 
-def fill(disk, room):
-    """Leave so much room (bytes) on a disk; return the file that takes the rest."""
-    ballast = disk / "ballast"
-    free = shutil.disk_usage(disk).free
-    ballast.write_bytes(bytes(max(0, free - room)))
-    return ballast
-
-
-def test_run_on_a_full_disk_keeps_the_earlier_one(disk, here):
-    (here / "c.yaml").write_text(RUN)
-    place = disk("size=4m")
-    assert command("run", "c.yaml").code == 0
-    before = tables(place / "c")
-    ballast = fill(place, 20_000)
-    done = command("run", "c.yaml")
-    assert not_a_line(done, codes=FAILED) == ""
-    assert "No space left on device" in done.err or "are free; allowed: " in done.err
-    found, temporaries = left(place / "c")
-    assert (tables(place / "c"), len(found), temporaries) == (before, 4, [])
-    ballast.unlink()
-    assert command("run", "c.yaml").code == 0
-
-
 def test_disk_that_is_only_read_is_told_in_a_line(disk, here):
     (here / "c.yaml").write_text(RUN + SWEEP.partition("name: c\n")[2])
     place = disk("size=4m")
