@@ -25,8 +25,8 @@ from vibroplat.page import points, report, run
 from vibroplat.page.points import plain_column, spread
 from vibroplat.page.results import find_results, parameters
 from vibroplat.page.run import packed, packed_coarsely
-from vibroplat.plots.orbits import read_branches
 from vibroplat.plots.reading import Ends
+from vibroplat.plots.studies import read_branches
 from vibroplat.results.tables import read_table, write_table
 
 HOSTILE = "</script><script>window.hacked = 1</script><img src=x onerror='window.hacked = 1'>"

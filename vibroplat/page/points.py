@@ -17,8 +17,9 @@ from vibroplat.config.scene import Scene
 from vibroplat.errors import VibroplatError
 from vibroplat.page.run import impacts_of, initial, machine_of, packed_coarsely
 from vibroplat.plots.labels import ABSCISSAE, is_number, value_words
-from vibroplat.plots.orbits import MEANINGS, Branches, between, places_of
+from vibroplat.plots.orbits import MEANINGS, between, places_of
 from vibroplat.plots.reading import Curve, curves_of
+from vibroplat.plots.studies import Study, grid_of
 
 EXCITATION, SUPPLY = ABSCISSAE["excitation"], ABSCISSAE["supply"]
 #: Most rows of a table on the page.
@@ -114,11 +115,6 @@ def _label(keys: Iterable[str], row: pd.Series) -> str:
 # -- sweeps ------------------------------------------------------------------------------------------------------------
 
 
-def grid_of(table: pd.DataFrame) -> list[str]:
-    """Return the keys of a sweep's grid."""
-    return [str(name) for name in table.columns[: list(table.columns).index("direction")] if name != SUPPLY]
-
-
 def sweep_series(table: pd.DataFrame) -> Series:
     """Return a series of row numbers for each branch of a sweep; None stands where a curve is broken."""
     several = [key for key in grid_of(table) if len(table[key].unique()) > 1]
@@ -154,12 +150,12 @@ def _broken_at_jumps(rows: pd.DataFrame, jumps: pd.Series) -> Iterator[int | Non
 # -- branches of orbits ------------------------------------------------------------------------------------------------
 
 
-def _branches(found: Branches, table: pd.DataFrame) -> list[Curve]:
+def _branches(found: Study, table: pd.DataFrame) -> list[Curve]:
     """Return the branches of a thinned table, without a grid each with a name of its own."""
     return curves_of(table, [*found.grid, "branch"], lambda row: _label(found.varied, row) or f"branch {row['branch']}")
 
 
-def orbit_series(found: Branches, table: pd.DataFrame) -> Series:
+def orbit_series(found: Study, table: pd.DataFrame) -> Series:
     """Return two series of row numbers, of stable and of unstable orbits, for each combination of the grid's values.
 
     Without a grid, for each branch. None stands where a line is broken.
@@ -182,7 +178,7 @@ def orbit_series(found: Branches, table: pd.DataFrame) -> Series:
     return list(series.values())
 
 
-def special_marks(found: Branches, special: pd.DataFrame, table: pd.DataFrame) -> Series:
+def special_marks(found: Study, special: pd.DataFrame, table: pd.DataFrame) -> Series:
     """Return for each kind of special point its rows, where they lie, and the row of the last point before each.
 
     Columns that a special point does not have lie between the points of the branch before and after it.
@@ -210,12 +206,12 @@ def _at(whole: pd.DataFrame, own: pd.DataFrame, name: str, shares: Any) -> list[
     return plain_column(pd.Series(between(whole, shares, name))) if name in whole else [None] * len(own)
 
 
-def ends(found: Branches, table: pd.DataFrame) -> list[int]:
+def ends(found: Study, table: pd.DataFrame) -> list[int]:
     """Return the first and the last row of each branch."""
     return [int(rows.index[place]) for _, _, rows in _branches(found, table) for place in (0, -1)]
 
 
-def boundary_series(found: Branches, table: pd.DataFrame) -> Series:
+def boundary_series(found: Study, table: pd.DataFrame) -> Series:
     """Return a series of row numbers for each kind of special point and combination of the grid's values."""
     kinds, series = list(dict.fromkeys(table["kind"])), []
     for combination, number, rows in curves_of(table, [*found.grid, "kind"], lambda row: _label(found.varied, row)):

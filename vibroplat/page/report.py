@@ -19,8 +19,8 @@ from plotly.offline import get_plotlyjs
 from vibroplat.page import points, run
 from vibroplat.page.points import Motions, Mover, Progress
 from vibroplat.page.results import Found, differences, find_results, parameters, remarks, summary_rows
-from vibroplat.plots.orbits import read_branches
 from vibroplat.plots.reading import ends_of, read_columns, read_parts
+from vibroplat.plots.studies import grid_of, read_branches
 from vibroplat.results.tables import replace_file
 
 _LOG = logging.getLogger("vibroplat")
@@ -214,7 +214,7 @@ def _sweep(number: int, one: Found, motions: Motions) -> dict[str, Any]:
     table = points.thinned(whole)
     return {
         "table": points.table_data("sweep", number, table, len(whole)),
-        "axes": points.axes(table, [points.EXCITATION, points.SUPPLY, *points.grid_of(table)]),
+        "axes": points.axes(table, [points.EXCITATION, points.SUPPLY, *grid_of(table)]),
         "measures": points.measures(table),
         "series": points.sweep_series(table),
         "marks": [],
@@ -229,7 +229,7 @@ def _orbits(number: int, one: Found, motions: Motions) -> dict[str, Any]:
     marks = points.special_marks(found, special, table)
     return {
         "table": points.table_data("branches", number, table, len(found.points)),
-        "axes": points.axes(table, [found.abscissa, found.key, points.EXCITATION]),
+        "axes": points.axes(table, [found.x, found.key, points.EXCITATION]),
         "measures": points.measures(table),
         "series": points.orbit_series(found, table),
         "marks": marks,
