@@ -336,8 +336,8 @@ def _located(branch: Branch, before: Point, after: Point, kind: str) -> Special:
     clear = [k for k in known if kind != BRANCH_POINT or abs(k.place - root) > enough] or known[:2]
     points = [k.point for k in sorted(clear, key=lambda k: abs(k.place - root))]
     there, here = (predicted(points, before.u, direction, place)[0] for place in (root, near.place))
-    ahead = float(there[-1] - here[-1]) * branch.problem.units[0]
-    return Special(kind, near.point, near.point.value + ahead, direction)
+    point = replace(near.point, u=near.point.u + near.point.newton_step(direction) + there - here)
+    return Special(kind, point, point.value, direction)
 
 
 def _crossed(branch: Branch, before: Point, after: Point) -> Special:
@@ -385,7 +385,7 @@ def discontinuity(branch: Branch, before: Point, after: Point) -> Special | None
         step = math.copysign(max(0.5 * abs(whole), FIRST), whole)
         try:
             locate(at, ONE_SIDED[kind], known, CLOSE, step=step, share=APPROACH, most=SIDED)
-            u = at_zero(known, [k.point.u for k in known])
+            u = at_zero(known, [k.point.u + k.point.newton_step(near.tangent) for k in known])
         except MissedError:
             continue
         if len(known) > 2:

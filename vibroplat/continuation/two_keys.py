@@ -197,8 +197,8 @@ class Curve:
         self._across = across
         self.beside = known[0].point if self.kind in ONE_SIDED else last.point
         if self.kind in ONE_SIDED:
-            return replace(last.point, u=at_zero(known, [k.point.u for k in known]))
-        return replace(last.point, u=last.point.u + (root - last.place) * across)
+            return replace(last.point, u=at_zero(known, [k.point.u + k.point.newton_step(border) for k in known]))
+        return replace(last.point, u=last.point.u + last.point.newton_step(border) + (root - last.place) * across)
 
     def _at_end(self, before: Point, after: Point, place: int, end: float) -> Point:
         """Find the point of the curve at the end of a key's range, between two in one chart."""
