@@ -170,7 +170,7 @@ def test_start_that_is_no_run_is_refused(scene, here):
 def test_records_of_another_version_are_not_resumed(scene, tmp_path):
     wanted, kept = conditions(scene), {"file": "orbits.sqlite", "what": "parts of branches"}
     former = {name: value for name, value in wanted.items() if name != "version of records"}
-    for version, known in ((former, "none"), (former | {"version of records": 1}, "1")):
+    for version, known in ((former, "None"), (former | {"version of records": 1}, "1")):
         with Store(tmp_path, version, overwrite=True, **kept):
             pass
         message = f"^cannot resume: version of records = 2; allowed: {known}, as in the finished parts of branches$"

@@ -297,7 +297,6 @@ def _require_same(found: Mapping[str, Any], wanted: Mapping[str, Any], what: str
     if differing:
         key = differing[0]
         more = f" (and {len(differing) - 1} more)" if len(differing) > 1 else ""
-        known = found.get(key, "none")
         raise ConfigError(
-            f"cannot resume: {key} = {wanted.get(key)}; allowed: {known}, as in the finished {what}{more}"
+            f"cannot resume: {key} = {wanted.get(key)}; allowed: {found.get(key)}, as in the finished {what}{more}"
         )
