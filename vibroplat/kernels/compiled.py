@@ -21,14 +21,17 @@ import numpy.typing as npt
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
+from numba.core.ccallback import CFunc
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 from numba.core.registry import CPUDispatcher
+from numba.core.sigutils import normalize_signature
 from numba.core.types import unliteral
 from numba.extending import intrinsic
 
 from vibroplat.errors import VibroplatError
-from vibroplat.kernels.cache import kept
+from vibroplat.kernels.cache import cache_of
+from vibroplat.kernels.target import TARGET
 
 if getattr(numba.config, "DISABLE_JIT", 0):
     raise VibroplatError(
@@ -46,15 +49,34 @@ T = TypeVar("T")
 OPTIONS = {"nopython": True, "nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
 
 
-class Kernel(CPUDispatcher):
+class _Dispatcher(CPUDispatcher):
+    """Numba's, with the target and the cache of this package."""
+
+    targetdescr = TARGET
+
+    def enable_caching(self) -> None:
+        """Keep what is compiled."""
+        self._cache = cache_of(self.py_func)
+
+
+class _Callback(CFunc):
+    """A C function, with the same."""
+
+    _targetdescr = TARGET
+
+    def enable_caching(self) -> None:
+        """Keep what is compiled."""
+        self._cache = cache_of(self.__wrapped__)
+
+
+class Kernel(_Dispatcher):
     """A kernel that Python and other kernels call, each what is compiled for it; most have only one kind of caller."""
 
     def __init__(self, function: Callable[..., Any], *, inline: bool = False, fused: bool = False) -> None:
         self._options = OPTIONS | ({"fastmath": {"contract"}} if fused else {})
         super().__init__(function, targetoptions=self._options)
-        self._inline, self._kept = inline, kept(function)
-        if self._kept:
-            self.enable_caching()
+        self._inline = inline
+        self.enable_caching()
 
     @cached_property
     def _inside(self) -> Any:
@@ -64,9 +86,8 @@ class Kernel(CPUDispatcher):
         # numba keeps a function by its name
         twin.__module__, twin.__qualname__ = function.__module__, f"{function.__qualname__}.inside"
         options = self._options | {"no_cpython_wrapper": True, "forceinline": self._inline}
-        found = CPUDispatcher(twin, targetoptions=options, pipeline_class=_InsideCompiler)
-        if self._kept:
-            found.enable_caching()
+        found = _Dispatcher(twin, targetoptions=options, pipeline_class=_InsideCompiler)
+        found.enable_caching()
         return found
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
@@ -146,7 +167,10 @@ def callback(signature: str) -> Callable[[Callable[P, T]], Any]:
     """Compile a kernel to a C function of a fixed signature, kept on disk; its ``address`` is callable from C."""
 
     def compiled_to(function: Callable[P, T]) -> Any:
-        return numba.cfunc(signature, cache=kept(function), error_model="numpy")(function)
+        made = _Callback(function, normalize_signature(signature), {}, {"error_model": "numpy"})
+        made.enable_caching()
+        made.compile()
+        return made
 
     return compiled_to
 
