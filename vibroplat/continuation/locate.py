@@ -206,7 +206,7 @@ def specials(
     there = discontinuity(branch, before, after)
     if there is None:
         # nearer to an impact that begins or ends, its distance is known
-        middle = _inside(branch, before, after, 0.5) if depth < HALVED else None
+        middle = _between(branch, before, after, 0.5) if depth < HALVED else None
         if middle is not None:
             yield from specials(branch, before, middle, strictly=strictly, depth=depth + 1)
             yield from specials(branch, middle, after, strictly=strictly, depth=depth + 1)
@@ -227,25 +227,20 @@ def specials(
         yield from part
 
 
-def _inside(branch: Branch, before: Point, after: Point, share: float) -> Point | None:
+def _between(branch: Branch, near: Point, far: Point, share: float, forth: bool = True) -> Point | None:
     """Find an orbit between two, at a part of the way; None if there is none."""
-    chord = after.u - before.u
+    chord = (far.u - near.u) * (1.0 if forth else -1.0)
     whole = float(np.linalg.norm(chord))
     try:
-        return branch.between([before, after], before, chord / whole, share * whole, whole)
+        return branch.between([near, far], near, chord / whole, (share if forth else -share) * whole, whole)
     except MissedError:
         return None
 
 
 def _beyond(branch: Branch, last: Point, far: Point, forth: bool) -> Point | None:
     """Find an orbit next to a discontinuity that has the events of the far side."""
-    chord = (far.u - last.u) * (1.0 if forth else -1.0)
-    whole = float(np.linalg.norm(chord))
-    try:
-        found = branch.between([last, far], last, chord / whole, (BEYOND if forth else -BEYOND) * whole, whole)
-    except MissedError:
-        return None
-    return found if found.word == far.word else None
+    found = _between(branch, last, far, BEYOND, forth)
+    return found if found is not None and found.word == far.word else None
 
 
 def _fold_beside(branch: Branch, there: Special, beyond: Point, forth: bool) -> Special:
@@ -267,7 +262,7 @@ def _smooth(branch: Branch, before: Point, after: Point, depth: int = 0, *, fort
     if place is None and unexplained(before, after):
         place = 0.5
     if place is not None and depth < DEEPEST:
-        middle = _inside(branch, before, after, place)
+        middle = _between(branch, before, after, place)
         if middle is not None and middle.word == before.word:
             yield from _smooth(branch, before, middle, depth + 1)
             yield from _smooth(branch, middle, after, depth + 1)
