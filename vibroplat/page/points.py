@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
@@ -59,8 +59,9 @@ def thinned(table: pd.DataFrame) -> pd.DataFrame:
     return table.reset_index(drop=True)
 
 
-def table_data(title: str, result: int, table: pd.DataFrame, rows: int) -> dict[str, Any]:
-    """Return a table for the page that has been thinned from so many rows."""
+def table_data(title: str, result: int, whole: pd.DataFrame) -> dict[str, Any]:
+    """Return a table for the page, thinned, and how many rows it had."""
+    table = thinned(whole)
     columns = [
         {
             "name": str(name),
@@ -71,7 +72,7 @@ def table_data(title: str, result: int, table: pd.DataFrame, rows: int) -> dict[
         }
         for name in table.columns
     ]
-    return {"title": title, "result": result, "columns": columns, "rows": len(table), "of": rows}
+    return {"title": title, "result": result, "columns": columns, "rows": len(table), "of": len(whole)}
 
 
 def plain_column(column: pd.Series) -> list[Any]:
@@ -236,7 +237,7 @@ Mover = Callable[[Scene, Row], tuple[Scene, pd.DataFrame, pd.DataFrame]]
 Progress = Callable[[int, int], None]
 
 
-@dataclass
+@dataclass(frozen=True)
 class Motions:
     """Computes the orbits of a figure.
 
@@ -256,8 +257,6 @@ class Motions:
     mover: Mover | None
     room: int
     progress: Progress | None = None
-    _list: Series = field(default_factory=list)
-    _machines: Series = field(default_factory=list)
 
     def of(self, special: pd.DataFrame | None, table: pd.DataFrame, first: Iterable[int]) -> dict[str, Any]:
         """Return the orbits of special points, of some rows of a table, then of rows evenly chosen while there is room.
@@ -269,21 +268,16 @@ class Motions:
             place of its orbit, or why it has none.
         """
         records, rows = ([] if shown is None else _records(shown) for shown in (special, table))
-        found: dict[str, dict[int, int | str]] = {
-            "rows": {row: text for row, text in enumerate(map(_why_none, rows)) if text},
-            "special": {},
-        }
-        order = [row for row in dict.fromkeys([*first, *spread(len(rows))]) if row not in found["rows"]]
-        wanted = [(found["special"], row, record) for row, record in enumerate(records)]
-        self._compute([*wanted, *((found["rows"], row, rows[row]) for row in order)])
-        return {**found, "list": self._list, "machines": self._machines}
-
-    def _compute(self, wanted: list[tuple[dict[int, int | str], int, Row]]) -> None:
-        """Compute orbits in this order, until there is no more room."""
-        if self.mover is None:
-            return
+        marked: dict[int, int | str] = {}
+        found: dict[int, int | str] = {row: text for row, text in enumerate(map(_why_none, rows)) if text}
+        order = [row for row in dict.fromkeys([*first, *spread(len(rows))]) if row not in found]
+        wanted = [*((marked, *one) for one in enumerate(records)), *((found, row, rows[row]) for row in order)]
+        orbits: Series = []
+        machines: Series = []
         used = 0
         for done, (places, row, record) in enumerate(wanted):
+            if self.mover is None:
+                break
             if self.progress is not None:
                 self.progress(done, len(wanted))
             try:
@@ -294,24 +288,24 @@ class Motions:
             used += len(trajectory)
             if used > self.room:
                 break
-            places[row] = len(self._list)
-            self._list.append(self._packed(scene, trajectory, events))
+            places[row] = len(orbits)
+            machine = machine_of(scene)
+            machines += [] if machine in machines else [machine]
+            orbits.append(_packed(trajectory, events) | {"machine": machines.index(machine)})
+        return {"rows": found, "special": marked, "list": orbits, "machines": machines}
 
-    def _packed(self, scene: Scene, trajectory: pd.DataFrame, events: pd.DataFrame) -> dict[str, Any]:
-        """Return what the page shows of an orbit."""
-        machine = machine_of(scene)
-        if machine not in self._machines:
-            self._machines.append(machine)
-        seconds = float(trajectory["t_s"].iloc[-1])
-        turns = abs(float(np.ptp(trajectory["phi1_rad"].iloc[[0, -1]]))) / (2.0 * np.pi)
-        return {
-            "end": seconds,
-            "turns": round(turns),
-            "columns": {name: packed_coarsely(trajectory[name]) for name in _ORBIT if name in trajectory},
-            "modes": "".join(trajectory["mode"].map(initial)),
-            "impacts": impacts_of(events, 0.0, seconds),
-            "machine": self._machines.index(machine),
-        }
+
+def _packed(trajectory: pd.DataFrame, events: pd.DataFrame) -> dict[str, Any]:
+    """Return what the page shows of an orbit."""
+    seconds = float(trajectory["t_s"].iloc[-1])
+    turns = abs(float(np.ptp(trajectory["phi1_rad"].iloc[[0, -1]]))) / (2.0 * np.pi)
+    return {
+        "end": seconds,
+        "turns": round(turns),
+        "columns": {name: packed_coarsely(trajectory[name]) for name in _ORBIT if name in trajectory},
+        "modes": "".join(trajectory["mode"].map(initial)),
+        "impacts": impacts_of(events, 0.0, seconds),
+    }
 
 
 def spread(count: int) -> list[int]:
