@@ -21,9 +21,13 @@ import numpy.typing as npt
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
+from numba.core.caching import FunctionCache
+from numba.core.ccallback import CFunc
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 from numba.core.registry import CPUDispatcher
+from numba.core.runtime import rtsys
+from numba.core.sigutils import normalize_signature
 from numba.core.types import unliteral
 from numba.extending import intrinsic
 
@@ -46,6 +50,20 @@ T = TypeVar("T")
 OPTIONS = {"nopython": True, "nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
 
 
+class _Cache(FunctionCache):
+    """Numba's cache, which loads machine code without all that can be compiled.
+
+    Numba looks through its registries, and loads scipy, before each load; they are needed to compile, and the compiler
+    does so itself. Machine code needs the runtime alone.
+    """
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Return the kernel for one signature, ready to be called; None where it must be compiled."""
+        rtsys.initialize(target_context)  # type: ignore[no-untyped-call]
+        with self._guard_against_spurious_io_errors():  # type: ignore[no-untyped-call]
+            return self._load_overload(sig, target_context)  # type: ignore[no-untyped-call]
+
+
 class Kernel(CPUDispatcher):
     """A kernel that Python and other kernels call, each what is compiled for it; most have only one kind of caller."""
 
@@ -54,7 +72,7 @@ class Kernel(CPUDispatcher):
         super().__init__(function, targetoptions=self._options)
         self._inline, self._kept = inline, kept(function)
         if self._kept:
-            self.enable_caching()
+            self._cache = _Cache(function)
 
     @cached_property
     def _inside(self) -> Any:
@@ -66,7 +84,7 @@ class Kernel(CPUDispatcher):
         options = self._options | {"no_cpython_wrapper": True, "forceinline": self._inline}
         found = CPUDispatcher(twin, targetoptions=options, pipeline_class=_InsideCompiler)
         if self._kept:
-            found.enable_caching()
+            found._cache = _Cache(twin)
         return found
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
@@ -146,7 +164,11 @@ def callback(signature: str) -> Callable[[Callable[P, T]], Any]:
     """Compile a kernel to a C function of a fixed signature, kept on disk; its ``address`` is callable from C."""
 
     def compiled_to(function: Callable[P, T]) -> Any:
-        return numba.cfunc(signature, cache=kept(function), error_model="numpy")(function)
+        made = CFunc(function, normalize_signature(signature), {}, {"error_model": "numpy"})  # type: ignore[no-untyped-call]
+        if kept(function):
+            made._cache = _Cache(function)
+        made.compile()  # type: ignore[no-untyped-call]
+        return made
 
     return compiled_to
 
