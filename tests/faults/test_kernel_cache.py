@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import importlib
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -17,6 +18,7 @@ import pytest
 
 import vibroplat
 from vibroplat.kernels import cache
+from vibroplat.kernels.target import GENERIC, processor
 
 PACKAGE = Path(vibroplat.__file__).parent
 
@@ -42,14 +44,14 @@ def package(tmp_path, monkeypatch):
 
 def forget():
     """Forget what this process has found, as a new one would not know it."""
-    cache.digest.cache_clear()
-    cache.folder_of.cache_clear()
+    for known in (cache.digest, cache.folder, cache._readable, processor):
+        known.cache_clear()
 
 
 def found(package):
-    """Folder of the machine code of a room, found anew; None where there is none."""
+    """Folder that keeps machine code, found anew; None where there is none."""
     forget()
-    return cache.folder_of(package / "model")
+    return cache.folder()
 
 
 def block(folder):
@@ -61,8 +63,8 @@ def block(folder):
 # -- where it lies --------------------------------------------------------------------------------------
 
 
-def test_installation_that_can_be_written_keeps_its_own(package):
-    assert found(package).parent == package / "model/__pycache__"
+def test_installation_without_a_home_keeps_its_own(package):
+    assert found(package).parent == package / "__pycache__"
     assert cache.notice() == ""
 
 
@@ -72,8 +74,24 @@ def test_chosen_folder_comes_first(package, tmp_path, monkeypatch):
     assert cache.notice() == ""
 
 
-def test_installation_that_is_read_only_uses_the_users_cache(package, tmp_path, monkeypatch):
-    block_all(package)
+def test_all_checkouts_of_a_version_share_the_users_cache(package, tmp_path, monkeypatch):
+    folders = set()
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    for name in ("first", "second"):
+        monkeypatch.setattr(cache, "PACKAGE", shutil.copytree(package, tmp_path / name / "vibroplat"))
+        folders.add(found(package))
+    assert len(folders) == 1
+    assert folders.pop().parent == tmp_path / "home/.cache/vibroplat"
+
+
+def test_home_of_another_user_is_not_used(package, tmp_path, monkeypatch):
+    """With sudo root may have the home of the user who called it."""
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.setattr(os, "getuid", lambda: os.stat(tmp_path).st_uid + 1)
+    assert found(package).parent == package / "__pycache__"
+
+
+def test_users_cache_goes_before_the_installation(package, tmp_path, monkeypatch):
     for variable in ("HOME", "XDG_CACHE_HOME"):  # the second comes first
         monkeypatch.setenv(variable, str(tmp_path / variable))
         assert found(package).is_relative_to(tmp_path / variable)
@@ -81,8 +99,7 @@ def test_installation_that_is_read_only_uses_the_users_cache(package, tmp_path, 
 
 
 def block_all(package):
-    for room in cache.ROOMS:
-        block(package / room / "__pycache__")
+    block(package / "__pycache__")
 
 
 def test_read_only_installation_without_a_home_uses_a_temporary_folder_and_says_so(package, tmp_path):
@@ -139,7 +156,7 @@ def test_without_any_place_nothing_is_kept_and_the_notice_says_so(why, package, 
 
 def test_command_says_once_that_nothing_can_be_kept(command, here, monkeypatch, kernels):
     monkeypatch.setattr("vibroplat.kernels.cache.is_compiled", lambda engine="auto": False)
-    monkeypatch.setattr(cache, "folder_of", lambda _room: None)
+    monkeypatch.setattr(cache, "folder", lambda: None)
     (here / "short.yaml").write_text("run: {duration_s: 0.01}\n")
     done = command("run", "short.yaml")
     assert (done.code, len(done.err.splitlines())) == (0, 1)
@@ -216,13 +233,13 @@ def digests(folder, *ages):
     for number, age in enumerate(ages):
         other = folder / f"kernels-{number:016d}"
         other.mkdir(parents=True)
-        (other / "kernel.nbi").write_text("machine code")
+        (other / "kernel.bin").write_text("machine code")
         used = time.time() - age * 86_400.0
         os.utime(other, (used, used))
 
 
 def test_unused_machine_code_does_not_pile_up(package):
-    room = package / "model/__pycache__"
+    room = package / "__pycache__"
     digests(room, *range(2, 30))
     current = found(package)
     left = sorted(path.name for path in room.iterdir())
@@ -230,16 +247,16 @@ def test_unused_machine_code_does_not_pile_up(package):
 
 
 def test_machine_code_that_a_running_process_may_use_is_left_alone(package):
-    room = package / "model/__pycache__"
+    room = package / "__pycache__"
     digests(room, *[0.5] * 10)
     found(package)
     assert len(list(room.iterdir())) == 11
 
 
 def test_removal_that_was_killed_is_completed_by_the_next_process(package):
-    left = package / "model/__pycache__/.old-kernels-0-1"
+    left = package / "__pycache__/.old-kernels-0-1"
     left.mkdir(parents=True)
-    (left / "kernel.nbi").write_text("machine code")
+    (left / "kernel.bin").write_text("machine code")
     found(package)
     assert not left.exists()
 
@@ -248,14 +265,6 @@ def test_machine_code_in_use_counts_as_used(package):
     folder = found(package)
     os.utime(folder, (0.0, 0.0))
     assert found(package).stat().st_mtime == pytest.approx(time.time(), abs=60.0)
-
-
-def test_files_that_a_crash_left_empty_are_compiled_anew(package):
-    folder = found(package)
-    (folder / "kernel.nbi").write_text("")
-    (folder / "kernel.1.nbc").write_text("machine code")
-    found(package)
-    assert [path.name for path in folder.iterdir()] == ["kernel.1.nbc"]
 
 
 # -- callers from Python and from other kernels ---------------------------------------------------------
@@ -284,6 +293,53 @@ def called(tmp_path, name, arguments):
 def test_what_kernels_call_is_kept_for_kernels_of_later_processes(tmp_path):
     """``slope`` is compiled for ``crossing`` alone, not for Python, and taken from disk for ``at_highest``."""
     assert called(tmp_path, "crossing", "c, 3, 0, 1.2") == f"{CROSSED} 0 0"
-    names = {path.name.split("-")[0] for path in tmp_path.rglob("*.nbi")}
-    assert names == {"polynomial.crossing", "polynomial.slope.inside", "polynomial.value.inside"}
+    names = {path.name.split("-")[0] for path in tmp_path.rglob("*.bin")}
+    assert names == {f"kernels.polynomial.{name}" for name in ("crossing", "slope.inside", "value.inside")}
     assert called(tmp_path, "at_highest", "c, 3, 0").endswith(" 1 0")
+
+
+@pytest.mark.long
+def test_files_that_a_crash_left_empty_are_compiled_anew(tmp_path):
+    for _ in range(2):
+        assert called(tmp_path, "crossing", "c, 3, 0, 1.2") == f"{CROSSED} 0 0"
+        files = list(tmp_path.rglob("*.bin"))
+        assert min(file.stat().st_size for file in files) > 0
+        for file in files:
+            file.write_bytes(b"")
+
+
+# -- the processor that they are compiled for -----------------------------------------------------------
+
+
+def chosen(monkeypatch, features=None, **settings):
+    """What kernels are compiled for by a process with these settings of numba, on a machine with these features."""
+    for name in ("CPU_NAME", "CPU_FEATURES"):
+        monkeypatch.setattr(numba.core.config, name, settings.get(name))
+    if features is not None:
+        monkeypatch.setattr("vibroplat.kernels.target.get_host_cpu_features", lambda: features)
+    monkeypatch.setattr("platform.machine", lambda: "x86_64")
+    processor.cache_clear()
+    return processor()
+
+
+V3 = ",".join(f"+{feature}" for feature in GENERIC["x86_64"][1].split())
+
+
+def test_machines_with_what_it_needs_share_one_target(package, monkeypatch):
+    assert chosen(monkeypatch, V3) == chosen(monkeypatch, f"+avx512f,{V3}") == ("x86-64-v3", "")
+
+
+@pytest.mark.parametrize("lacking", GENERIC["x86_64"][1].split())
+def test_machine_that_lacks_a_feature_compiles_for_itself(lacking, package, monkeypatch):
+    less = V3.replace(f"+{lacking}", f"-{lacking}", 1) if not V3.endswith(lacking) else V3[: -len(lacking) - 1]
+    monkeypatch.setattr("llvmlite.binding.get_host_cpu_name", lambda: "nehalem")
+    assert chosen(monkeypatch, less) == ("nehalem", less)
+
+
+def test_choice_of_the_user_goes_before(package, monkeypatch):
+    assert chosen(monkeypatch, V3, CPU_NAME="nehalem", CPU_FEATURES="") == ("nehalem", "")
+    assert chosen(monkeypatch, V3, CPU_NAME="icelake-server") == ("icelake-server", V3)
+    one = found(package)
+    assert chosen(monkeypatch, V3, CPU_NAME="nehalem") == ("nehalem", V3)
+    cache.digest.cache_clear(), cache.folder.cache_clear()
+    assert cache.folder() != one

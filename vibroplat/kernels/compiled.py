@@ -21,18 +21,17 @@ import numpy.typing as npt
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
-from numba.core.caching import FunctionCache
 from numba.core.ccallback import CFunc
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 from numba.core.registry import CPUDispatcher
-from numba.core.runtime import rtsys
 from numba.core.sigutils import normalize_signature
 from numba.core.types import unliteral
 from numba.extending import intrinsic
 
 from vibroplat.errors import VibroplatError
-from vibroplat.kernels.cache import kept
+from vibroplat.kernels.cache import cache_of
+from vibroplat.kernels.target import TARGET
 
 if getattr(numba.config, "DISABLE_JIT", 0):
     raise VibroplatError(
@@ -50,29 +49,34 @@ T = TypeVar("T")
 OPTIONS = {"nopython": True, "nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
 
 
-class _Cache(FunctionCache):
-    """Numba's cache, which loads machine code without all that can be compiled.
+class _Dispatcher(CPUDispatcher):
+    """Numba's, with the target and the cache of this package."""
 
-    Numba looks through its registries, and loads scipy, before each load; they are needed to compile, and the compiler
-    does so itself. Machine code needs the runtime alone.
-    """
+    targetdescr = TARGET
 
-    def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Return the kernel for one signature, ready to be called; None where it must be compiled."""
-        rtsys.initialize(target_context)  # type: ignore[no-untyped-call]
-        with self._guard_against_spurious_io_errors():  # type: ignore[no-untyped-call]
-            return self._load_overload(sig, target_context)  # type: ignore[no-untyped-call]
+    def enable_caching(self) -> None:
+        """Keep what is compiled."""
+        self._cache = cache_of(self.py_func)
 
 
-class Kernel(CPUDispatcher):
+class _Callback(CFunc):
+    """A C function, with the same."""
+
+    _targetdescr = TARGET
+
+    def enable_caching(self) -> None:
+        """Keep what is compiled."""
+        self._cache = cache_of(self.__wrapped__)
+
+
+class Kernel(_Dispatcher):
     """A kernel that Python and other kernels call, each what is compiled for it; most have only one kind of caller."""
 
     def __init__(self, function: Callable[..., Any], *, inline: bool = False, fused: bool = False) -> None:
         self._options = OPTIONS | ({"fastmath": {"contract"}} if fused else {})
         super().__init__(function, targetoptions=self._options)
-        self._inline, self._kept = inline, kept(function)
-        if self._kept:
-            self._cache = _Cache(function)
+        self._inline = inline
+        self.enable_caching()
 
     @cached_property
     def _inside(self) -> Any:
@@ -82,9 +86,8 @@ class Kernel(CPUDispatcher):
         # numba keeps a function by its name
         twin.__module__, twin.__qualname__ = function.__module__, f"{function.__qualname__}.inside"
         options = self._options | {"no_cpython_wrapper": True, "forceinline": self._inline}
-        found = CPUDispatcher(twin, targetoptions=options, pipeline_class=_InsideCompiler)
-        if self._kept:
-            found._cache = _Cache(twin)
+        found = _Dispatcher(twin, targetoptions=options, pipeline_class=_InsideCompiler)
+        found.enable_caching()
         return found
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
@@ -164,10 +167,9 @@ def callback(signature: str) -> Callable[[Callable[P, T]], Any]:
     """Compile a kernel to a C function of a fixed signature, kept on disk; its ``address`` is callable from C."""
 
     def compiled_to(function: Callable[P, T]) -> Any:
-        made = CFunc(function, normalize_signature(signature), {}, {"error_model": "numpy"})  # type: ignore[no-untyped-call]
-        if kept(function):
-            made._cache = _Cache(function)
-        made.compile()  # type: ignore[no-untyped-call]
+        made = _Callback(function, normalize_signature(signature), {}, {"error_model": "numpy"})
+        made.enable_caching()
+        made.compile()
         return made
 
     return compiled_to

@@ -3,9 +3,10 @@
 Points that two versions of the package have measured look alike and differ. Each task therefore travels with the
 fingerprint of the process that sent it, and a worker with another one refuses it, whenever that worker has joined.
 
-Machines are compared by what they compute, not by the names of their processors. Machine code of the kernels gives
-the same bits on all of them, as the compiler may neither contract a product and a sum nor reorder sums; but the C
-library, numpy and BLAS choose variants of their functions by processor, and these differ in the last bits.
+Machines are compared by what they compute, not by the names of their processors. Machine code of the kernels is the
+same on all that have what the generic processor has that it is compiled for; on others a product and a sum may be
+rounded otherwise. And the C library, numpy and BLAS choose variants of their functions by processor, which differ in
+the last bits.
 """
 
 from __future__ import annotations
@@ -24,12 +25,12 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from llvmlite.binding import get_host_cpu_name
 
 import vibroplat
 from vibroplat.config.scene import Scene
 from vibroplat.integrate import make_engine, native_library
 from vibroplat.integrate.sundials import UnavailableError, configuration
+from vibroplat.kernels.target import processor
 from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Motion
 from vibroplat.observe.summary import measured
@@ -95,7 +96,7 @@ def code() -> dict[str, str]:
 def arithmetic() -> dict[str, str]:
     """Return a digest of what this machine computes: a short motion, and the functions of libraries."""
     text = json.dumps([_motion(), _functions()])  # that of a number gives back its bits
-    return {"arithmetic": f"{hashlib.sha256(text.encode()).hexdigest()[:16]} of processor {get_host_cpu_name()}"}
+    return {"arithmetic": f"{hashlib.sha256(text.encode()).hexdigest()[:16]} on {processor()[0]}"}
 
 
 def _sources() -> str:

@@ -1,0 +1,65 @@
+"""Which processor the kernels are compiled for: a generic one, so that machines share machine code and results.
+
+Code for x86-64-v3 (AVX2 and FMA, in nearly all processors since 2015) runs as fast as code for all that a newer
+processor has: kernels are chains of scalars that gain nothing from wider vectors. The same machine code then runs
+everywhere, and computes the same bits. A user's own choice (``NUMBA_CPU_NAME``, ``NUMBA_CPU_FEATURES``) goes before.
+"""
+
+from __future__ import annotations
+
+import platform
+from functools import cache
+from typing import Any
+
+import llvmlite.binding as llvm
+from numba.core import config
+from numba.core.codegen import JITCPUCodegen, get_host_cpu_features
+from numba.core.registry import CPUTarget, cpu_target
+from numba.core.utils import threadsafe_cached_property
+
+#: Generic processors by machine, and what a processor must have of the names that LLVM gives its features.
+GENERIC = {
+    "x86_64": ("x86-64-v3", "cx16 sahf popcnt sse3 ssse3 sse4.1 sse4.2 avx avx2 bmi bmi2 f16c fma lzcnt movbe xsave"),
+    "aarch64": ("generic", "neon"),
+}
+GENERIC |= {"AMD64": GENERIC["x86_64"], "arm64": GENERIC["aarch64"]}  # as other systems name them
+
+
+@cache
+def processor() -> tuple[str, str]:
+    """Return the processor that kernels are compiled for, and its features beyond those of its name, as LLVM says.
+
+    It is this machine's own where the user has chosen one, or where it lacks what the generic one has.
+    """
+    generic, needed = GENERIC.get(platform.machine(), ("", ""))
+    name, features = getattr(config, "CPU_NAME", None), getattr(config, "CPU_FEATURES", None)
+    own = get_host_cpu_features()
+    if generic and name is None and features is None and {f"+{one}" for one in needed.split()} <= set(own.split(",")):
+        return generic, ""
+    return name or llvm.get_host_cpu_name(), own if features is None else features
+
+
+class _Codegen(JITCPUCodegen):
+    """Numba's generator of machine code, for that processor."""
+
+    def _get_host_cpu_name(self) -> str:
+        return processor()[0]
+
+    def _get_host_cpu_features(self) -> str:
+        return processor()[1]
+
+
+class _Target(CPUTarget):
+    """Numba's target with a generator of its own: what others compile in this process stays for this machine."""
+
+    @threadsafe_cached_property
+    def _toplevel_target_context(self) -> Any:
+        return cpu_target.target_context.subtarget(_internal_codegen=_Codegen("vibroplat"))  # type: ignore[no-untyped-call]
+
+    @property
+    def typing_context(self) -> Any:
+        """Numba's own: kernels call its functions."""
+        return cpu_target.typing_context
+
+
+TARGET = _Target("cpu")  # type: ignore[no-untyped-call]
