@@ -324,17 +324,6 @@ def test_new_overwrites_nothing_and_refuses_names_that_cannot_be_used(command, h
 # -- results --------------------------------------------------------------------------------------------
 
 
-def test_run_and_sweep_of_one_name_keep_each_others_files(command, kernels, here):
-    (here / "c.yaml").write_text("sweep: {supply_frequency_hz: {start: 45, stop: 45}, settle_s: 0.1, measure_s: 0.1}\n")
-    assert command("run", "c.yaml", *SHORT).code == 0
-    before = {path.name: path.read_bytes() for path in (here / "results/c").iterdir() if path.suffix != ".lock"}
-    assert command("sweep", "c.yaml").code == 0
-    assert {name: (here / "results/c" / name).read_bytes() for name in before} == before
-    assert (here / "results/c/sweep-provenance.json").exists()
-    assert command("plot", "results/c", "--kind", "motion").code == 0
-    assert command("plot", "results/c", "--kind", "response").code == 0
-
-
 def test_tables_of_the_paper_hold_no_wall_times():
     tables = sorted((RESULTS / "paper").rglob("*.csv"))
     assert len(tables) > 30
