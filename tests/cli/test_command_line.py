@@ -22,6 +22,7 @@ from vibroplat.cli import main
 from vibroplat.config.keys import configuration_schema, keys
 from vibroplat.config.scene import Scene
 from vibroplat.kernels.cache import is_compiled
+from vibroplat.motion.run import load_kernels
 from vibroplat.results.provenance import configuration_hash, provenance
 from vibroplat.results.tables import read_json, read_table
 from vibroplat.system.interrupts import KEPT, RESUMABLE
@@ -61,6 +62,17 @@ def test_version_and_schema_are_printed(command):
     assert command("--version") == (0, f"vibroplat {__version__}\n", "")
     done = command("schema")
     assert (done.code, done.err, json.loads(done.out)) == (0, "", configuration_schema())
+
+
+def test_a_run_loads_nothing_that_it_does_not_use(tmp_path):
+    load_kernels()  # the compiler would need scipy
+    code = "import atexit, sys; atexit.register(lambda: print('loaded', *sys.modules))\n" + script()
+    arguments = ["run", str(QUICKSTART), *settings("run.duration_s=0.1"), "--out", str(tmp_path)]
+    done = subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=True)
+    loaded = set(done.stdout.rpartition("loaded")[2].split())
+    unused = {"scipy.linalg", "scipy.optimize", "numba.np.arraymath", "matplotlib", "plotly", "loky", "dask"}
+    assert unused & loaded == set()
+    assert "numba" in loaded
 
 
 def test_help_names_the_commands_and_h_is_short_for_it(command):

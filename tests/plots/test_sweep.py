@@ -219,3 +219,9 @@ def test_a_table_may_hold_failed_points_only_but_not_none(write_sweep):
     response = read_sweeps([write_sweep(lost.astype({"sync": object}))])
     axis = FIGURES["response"](response).axes[0]
     assert not any(np.isfinite(line.get_ydata()).any() for line in curves(axis))
+
+
+def test_the_only_value_of_a_grid_is_told_instead_of_that_of_the_configuration(write_sweep):
+    table = sweep_table()
+    ((_, _, figure),) = sweep_figures([write_sweep(table[table["material.mass_ratio"] == 0.0])], ["response"])
+    assert figure.axes[0].get_title(loc="left") == "no material"

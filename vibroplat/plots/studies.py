@@ -74,7 +74,9 @@ class Study:
 
     def parameters(self, shown: Sequence[str]) -> str:
         """Return what a reader wants to know of the scene, without keys that axes and curves show."""
-        return sweep_parameters(scene_of(self.results[0].provenance), shown) if len(self.results) == 1 else ""
+        scene = scene_of(self.results[0].provenance) if len(self.results) == 1 else None
+        single = {key: self.points[key].astype(object).iloc[0] for key in self.grid if key not in self.varied}
+        return sweep_parameters(scene if scene is None else scene.replace(single), shown)
 
     @cached_property
     def curves(self) -> list[Curve]:
