@@ -218,18 +218,6 @@ def test_points_start_where_the_sweep_did():
     assert {d.difference for point in found.checked for d in point.differences} == {0.0}
 
 
-@pytest.mark.parametrize("jobs", [1, pytest.param(2, marks=pytest.mark.long)])
-def test_a_wrong_term_is_found_in_a_sweep(jobs):
-    scene = sweep_scene(changes={"solver.tolerance": 1e-10})
-    found = check_sweep(scene, 0.3, jobs=jobs, other=wrong)
-    assert not found.agrees
-    assert len(found.disagreements) == 2
-    for line, place in zip(found.disagreements, chosen(branches(scene), 0.3), strict=True):
-        assert line.startswith(f"engines disagree at supply_frequency_hz = {place.branch.frequencies[place.point]}")
-        assert f"branch {place.branch.number} ({place.branch.direction}): motor_power_w = " in line
-        assert "allowed: a difference of " in line
-
-
 def test_another_class_is_found():
     frequencies = {"start": 54.0, "stop": 55.0}
     scene = sweep_scene().replace({"sweep": {"supply_frequency_hz": frequencies, **QUICK}})

@@ -23,6 +23,7 @@ from vibroplat.config.keys import configuration_schema, keys
 from vibroplat.config.scene import Scene
 from vibroplat.integrate import tell_of_compilation
 from vibroplat.kernels.cache import is_compiled
+from vibroplat.motion.run import load_kernels
 from vibroplat.results.provenance import configuration_hash, provenance
 from vibroplat.results.tables import read_json, read_table
 from vibroplat.system.interrupts import KEPT, RESUMABLE
@@ -62,6 +63,17 @@ def test_version_and_schema_are_printed(command):
     assert command("--version") == (0, f"vibroplat {__version__}\n", "")
     done = command("schema")
     assert (done.code, done.err, json.loads(done.out)) == (0, "", configuration_schema())
+
+
+def test_a_run_loads_nothing_that_it_does_not_use(tmp_path):
+    load_kernels()  # the compiler would need scipy
+    code = "import atexit, sys; atexit.register(lambda: print('loaded', *sys.modules))\n" + script()
+    arguments = ["run", str(QUICKSTART), *settings("run.duration_s=0.1"), "--out", str(tmp_path)]
+    done = subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=True)
+    loaded = set(done.stdout.rpartition("loaded")[2].split())
+    unused = {"scipy.linalg", "scipy.optimize", "numba.np.arraymath", "matplotlib", "plotly", "loky", "dask"}
+    assert unused & loaded == set()
+    assert "numba" in loaded
 
 
 def test_help_names_the_commands_and_h_is_short_for_it(command):
@@ -313,17 +325,6 @@ def test_new_overwrites_nothing_and_refuses_names_that_cannot_be_used(command, h
 
 
 # -- results --------------------------------------------------------------------------------------------
-
-
-def test_run_and_sweep_of_one_name_keep_each_others_files(command, kernels, here):
-    (here / "c.yaml").write_text("sweep: {supply_frequency_hz: {start: 45, stop: 45}, settle_s: 0.1, measure_s: 0.1}\n")
-    assert command("run", "c.yaml", *SHORT).code == 0
-    before = {path.name: path.read_bytes() for path in (here / "results/c").iterdir() if path.suffix != ".lock"}
-    assert command("sweep", "c.yaml").code == 0
-    assert {name: (here / "results/c" / name).read_bytes() for name in before} == before
-    assert (here / "results/c/sweep-provenance.json").exists()
-    assert command("plot", "results/c", "--kind", "motion").code == 0
-    assert command("plot", "results/c", "--kind", "response").code == 0
 
 
 def test_tables_of_the_paper_hold_no_wall_times():

@@ -90,14 +90,6 @@ def test_writes_tables_and_prints_an_overview(followed):
     assert row.split()[:4] == ["0.1", "0", "liftoff", "48.176451"]
 
 
-@pytest.mark.parametrize("jobs", [1, pytest.param(2, marks=pytest.mark.long)])
-def test_csv_has_the_same_values(jobs, command, followed):
-    one = results()["branches.parquet"]
-    assert command("orbits", "c.yaml", "--format", "csv", "--jobs", jobs).code == 0
-    csv = results()["branches.csv"]
-    assert (csv["rms_y_m"] == one["rms_y_m"]).all()
-
-
 def test_a_sweep_keeps_its_files_in_the_same_directory(command, config, figures):
     path = config(ORBITS + SWEEP)
     assert command("sweep", path).code == 0
@@ -201,14 +193,6 @@ def test_run_to_begin_from_is_relative_to_the_directory_of_the_command(command, 
     (branch,) = traced(scene, Elsewhere())
     settled = orbit(scene.replace({"drive.supply_frequency_hz": 51.5}))
     assert branch.rows[0]["rms_y_m"] == pytest.approx(settled.measures["rms_y_m"], rel=1e-6)
-
-
-def test_figures_of_orbits_need_orbits(command, here):
-    (here / "results").mkdir()
-    for kind in ("branches", "multipliers"):
-        done = command("plot", "results", "--kind", kind)
-        assert not_a_line(done) == ""
-        assert done.err.startswith(f"vibroplat: --kind {kind}: results holds no branches of orbits")
 
 
 # -- killed and resumed ------------------------------------------------------------------------------------------------

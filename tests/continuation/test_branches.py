@@ -347,3 +347,15 @@ def test_motion_that_settles_to_another_period_is_told():
     """Beyond the period doubling."""
     with pytest.raises(OrbitError, match="the motion that settles does not repeat after 1 turns; "):
         orbit(machine(0.2).replace({KEY: 56.7}))
+
+
+def test_special_points_do_not_depend_on_the_tolerance():
+    """Key and frequency are those of the point itself, not of the orbit next to it where the search has ended."""
+    plan = {"key": KEY, "start": 46.0, "stop": 60.0, "switch": []}
+    scene = load_config(MACHINE, {"solver.engine": "taylor", MASS: 0.2, "orbits": plan})
+    (branch,), (exact,) = (traced(scene.replace({"orbits.tolerance": t})) for t in (1e-8, 1e-10))
+    assert [s["kind"] for s in branch.special] == [s["kind"] for s in exact.special]
+    assert len(branch.special) == 4
+    for name in ("value", "excitation_frequency_hz"):
+        found, known = ([s[name] for s in b.special] for b in (branch, exact))
+        assert found == pytest.approx(known, abs=1e-8), name

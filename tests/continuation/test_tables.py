@@ -8,7 +8,7 @@ import pytest
 from vibroplat import load_config, orbit, orbits
 from vibroplat.config.coordinates import COORDINATES, RATES
 from vibroplat.continuation.orbit import motion_of
-from vibroplat.continuation.tables import follow, planned, tables
+from vibroplat.continuation.tables import conditions, follow, planned, tables
 from vibroplat.continuation.worker import Traced
 from vibroplat.errors import ConfigError
 from vibroplat.study.confirming import multiplier_columns
@@ -165,3 +165,14 @@ def test_start_that_is_no_run_is_refused(scene, here):
         f"orbits.from = '{place}': {place} holds no provenance.json; "
         "allowed: settled, state, or the directory of a finished run"
     )
+
+
+def test_records_of_another_version_are_not_resumed(scene, tmp_path):
+    wanted, kept = conditions(scene), {"file": "orbits.sqlite", "what": "parts of branches"}
+    former = {name: value for name, value in wanted.items() if name != "version of records"}
+    for version, known in ((former, "None"), (former | {"version of records": 1}, "1")):
+        with Store(tmp_path, version, overwrite=True, **kept):
+            pass
+        message = f"^cannot resume: version of records = 2; allowed: {known}, as in the finished parts of branches$"
+        with pytest.raises(ConfigError, match=message):
+            Store(tmp_path, wanted, resume=True, **kept)

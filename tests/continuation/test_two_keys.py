@@ -65,11 +65,10 @@ def test_motion_differs_on_both_sides_of_boundaries_over_restitution():
     found = {kind: sum((checks(c) for c in curves if c.kind == kind), Counter()) for kind in {c.kind for c in curves}}
     for kind in ("liftoff", "end-of-sticking", "fold"):
         assert found[kind].total() >= 5
-        # next to where sticking ends, a multiplier grows without bounds: some orbits found there are unstable
-        assert set(found[kind]) <= ({AGREES, UNSTABLE} if kind == "end-of-sticking" else {AGREES})
-        assert found[kind][AGREES] >= 4
+        assert set(found[kind]) == {AGREES}
     (sticking,) = [curve for curve in curves if curve.kind == "end-of-sticking"]
     assert sticking.ended[1] == "end of a key's range"
+    assert sticking.rows[0]["second"] < 1e-5
     # one of these curves bounds orbits of three impacts, which in places attract too little to be met
     assert found["period-doubling"].total() >= 10
     assert found["period-doubling"][AGREES] >= 6

@@ -10,7 +10,7 @@ import time
 import numpy as np
 import pytest
 from common.commands import Child, command, ended, not_a_line, sending
-from common.places import LOADED
+from common.places import SWEPT
 from common.results import bits, finished_points, left
 
 pytestmark = pytest.mark.usefixtures("kernels")
@@ -19,12 +19,6 @@ pytestmark = pytest.mark.usefixtures("kernels")
 SOON = 10.0
 #: What imports take (s), about.
 START = 1.3
-CONFIGURATION = (
-    f"extends: {LOADED}\nname: c\nrun: {{duration_s: 0.3}}\n"
-    "sweep:\n"
-    "  supply_frequency_hz: {start: 46.0, stop: 51.0, step: 0.5, direction: [up, down]}\n"
-    "  measure_s: 0.5\n"
-)
 POINTS = 22
 RUN = ("run", "c.yaml")
 LONG_RUN = (*RUN, "--set", "run.duration_s=1000", "--set", "output.sample_rate_hz=10")
@@ -37,7 +31,7 @@ WRITE = "vibroplat.study.store:Store.write"
 
 @pytest.fixture
 def place(here):
-    (here / "c.yaml").write_text(CONFIGURATION)
+    (here / "c.yaml").write_text(SWEPT)
     return here
 
 

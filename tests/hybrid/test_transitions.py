@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from common.known import ball_on_table
+from common.known import ball_on_table, motion_of
 
 from vibroplat import simulate
 from vibroplat.bench.scenes import base
 from vibroplat.config.coordinates import COORDINATES, RATES
+from vibroplat.hybrid.jumps import strike
 from vibroplat.model.impact import impulse_response
 from vibroplat.model.parameters import IMPACT_LAWS, parameters
+from vibroplat.model.systems import GAP, GAP_RATE
 
 
 @pytest.mark.parametrize("torque", [2e4, 2e5])
@@ -63,6 +65,19 @@ def test_slow_impacts_stick_and_fast_ones_rebound(quickstart, restitution, law):
         if law == "conservative":
             loss = 0.5 * reduced * (1.0 - share**2) * speed**2
             assert event.energy_loss_j == pytest.approx(loss, rel=1e-9, abs=1e-14)
+
+
+@pytest.mark.parametrize("restitution", [0.0, 0.5])
+def test_a_layer_that_already_leaves_strikes_nothing(quickstart, restitution):
+    """Round-off may find an impact where the gap opens again: an impulse there would pull."""
+    contact = {"material": {"mass_ratio": 0.2, "layers": 1}, "contact.restitution": restitution}
+    leaving = {"run.initial": {"state": {"gap_m": 1e-12, "gap_rate_m_per_s": 0.1}}}
+    with motion_of(quickstart.replace(contact | leaving)) as motion:
+        before = motion.automaton.run["state"].copy()
+        strike(motion.automaton)
+        change = motion.automaton.run["state"] - before
+    assert np.flatnonzero(change).tolist() == [GAP, GAP_RATE]
+    assert change[GAP_RATE] == -0.1
 
 
 def test_sticking_speed_ends_a_storm_of_elastic_impacts():

@@ -5,12 +5,24 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from common.random_scenes import random_scene
+from numpy.polynomial import polynomial
 
 from vibroplat import Scene, simulate
-from vibroplat.integrate.taylor import LAST, TaylorEngine, comes_to_rest, degree_of, guard_fall
+from vibroplat.integrate.taylor import (
+    LAST,
+    TaylorEngine,
+    comes_to_rest,
+    confirmed,
+    degree_of,
+    end_of_step,
+    guard_fall,
+    longest_step,
+    start,
+)
 from vibroplat.kernels.lanes import in_lines
 from vibroplat.model.parameters import parameters
 from vibroplat.model.series import HIGHEST
+from vibroplat.motion.motion import Motion
 
 TAYLOR = {"solver.engine": "taylor"}
 DEGREE, GUARD = 17, 5
@@ -86,6 +98,24 @@ def test_degree_follows_the_tolerance():
     assert degrees == sorted(degrees)
     assert degree_of(1e-6) == DEGREE
     assert max(degrees) <= HIGHEST
+
+
+@pytest.mark.parametrize(("longer", "taken"), [(1.0, True), (2.0, False)])
+def test_a_step_that_its_series_does_not_reach_is_not_taken(longer, taken):
+    """At its end the series must have the accelerations that the equations have there."""
+    scene = Scene().replace(TAYLOR)
+    p = parameters(scene)
+    engine = TaylorEngine(scene, p)
+    motion = Motion(scene, p, engine)
+    motion.to_time(0.01)
+    h, e = motion.automaton, engine._e
+    start(h, e)
+    h.run["until"] = 1.0
+    stop, length = end_of_step(h, e, h.steps.c[0], longer * longest_step(e.room["q"], DEGREE, e.status["weights"]))
+    series = e.room["q"][: DEGREE + 1]
+    for order in range(3):
+        e.status["at_end"][order] = polynomial.polyval(length, polynomial.polyder(series, order))
+    assert confirmed(h, e, int(h.run["systems"][h.run["mode"]]), stop, length) == taken
 
 
 def test_few_steps_a_turn(quickstart):

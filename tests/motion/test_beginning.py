@@ -253,9 +253,9 @@ def test_program_that_begins_later(first, command, here):
 
 
 def test_start_is_perturbed_as_a_first_point_of_a_sweep(quickstart):
-    plan = {"supply_frequency_hz": {"start": 65, "stop": 66}, "grid": {}, "seed": 3}
+    plan = {"supply_frequency_hz": {"start": 65, "stop": 66}, "grid": {}, "seed": 3, "perturbation": 0.02}
     scene = quickstart.replace(
-        {"drive.supply_frequency_hz": 65.0, "run.perturbation": None, "run.seed": 3, "sweep": plan}
+        {"drive.supply_frequency_hz": 65.0, "run.perturbation": 0.02, "run.seed": 3, "sweep": plan}
     )
     (branch,) = branches(scene.replace({"sweep.supply_frequency_hz.direction": "up"}))
     key = (scene.sweep.seed, *branch.key(branch.frequencies[0]))
@@ -263,36 +263,8 @@ def test_start_is_perturbed_as_a_first_point_of_a_sweep(quickstart):
     assert (initial_condition(scene).state == of_sweep).all()
 
 
-def test_perturbation_changes_the_rates_of_platform_and_exciters_alone(quickstart):
-    scene = quickstart.replace({"run.perturbation": None})
-
-    def change(**keys):
-        changed = initial_condition(scene.replace(keys)).state - initial_state(scene.replace(keys))
-        return changed / state_scales(scene)
-
-    found = change()
-    assert (found[[*range(7), 12, 13]] == 0.0).all()
-    assert ((np.abs(found[7:12]) > 1e-5) & (np.abs(found[7:12]) < 0.05)).all()
-    np.testing.assert_allclose(change(**{"run.perturbation": 0.02})[7:12], 2.0 * found[7:12], rtol=1e-9)
-    assert (change(**{"run.seed": 2})[7:12] != found[7:12]).all()
-    assert (change(**{"drive.supply_frequency_hz": 51.6})[7:12] != found[7:12]).all()
-
-
 def test_0_is_the_start_as_it_is_given_and_a_state_is_not_perturbed(quickstart):
     for perturbation, initial in ((0, {}), (0, {"phase_difference_rad": 1.0}), (None, {"state": {"y_m": -3e-4}})):
         scene = quickstart.replace({"run": {"perturbation": perturbation, "initial": initial, "duration_s": 0.01}})
         assert (initial_condition(scene).state == initial_state(scene)).all()
         assert simulate(scene).summary["perturbation"] == 0.0
-
-
-def test_unstable_symmetric_motion_is_left(quickstart):
-    """At 65 Hz exciters in antiphase are unstable; symmetric motion stays so all the same."""
-    scene = quickstart.replace({"drive.supply_frequency_hz": 65.0, "run.duration_s": 10.0, "run.perturbation": None})
-    found = simulate(scene, keep="summary").summary
-    assert found["rms_x_m"] == pytest.approx(2.49e-3, rel=0.01)
-    assert found["rms_y_m"] < 1e-5
-    assert abs(found["phase_difference_rad"]) < 0.01
-    symmetric = simulate(scene.replace({"run.perturbation": 0.0}), keep="summary").summary
-    assert symmetric["rms_y_m"] > 2e-3
-    assert symmetric["rms_x_m"] < 1e-9
-    assert abs(symmetric["phase_difference_rad"]) == pytest.approx(np.pi, abs=1e-6)

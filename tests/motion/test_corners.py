@@ -273,17 +273,3 @@ def test_engines_agree_through_ramps_and_switching(scene, changes, engine):
         if name in mine:
             error = np.abs(mine[name] - theirs[name])[same].max() / scale
             assert error < 2e-5, name
-
-
-@pytest.mark.parametrize(("changes", "engine"), [({}, "native"), (BARE, "taylor")], ids=["contact", "bare"])
-def test_errors_fall_with_the_tolerance(scene, changes, engine):
-    scene = scene.replace({**changes, "solver.engine": engine})
-    exact = simulate(scene.replace({"solver.tolerance": 1e-12})).final_state
-    errors = [
-        np.abs(
-            (simulate(scene.replace({"solver.tolerance": tolerance})).final_state - exact) / state_scales(scene)
-        ).max()
-        for tolerance in (1e-6, 1e-8, 1e-10)
-    ]
-    assert errors[0] > 10.0 * errors[1] > 100.0 * errors[2]
-    assert errors[2] < 1e-6

@@ -8,7 +8,6 @@ from contextlib import closing
 import numpy as np
 import pytest
 from common.divergence import integral_of_divergence
-from common.known import ball_on_table
 
 from vibroplat import simulate, variation
 from vibroplat.config.coordinates import Mode
@@ -314,18 +313,6 @@ def determinant(scene, start, seconds):
     """Change of the volume of states."""
     places = list(state_places(scene).values())
     return np.linalg.det(scaled(variation(scene, start, seconds), scene)[np.ix_(places, places)])
-
-
-@pytest.mark.parametrize(("gamma_sine", "restitution", "engine"), [(0.5, 0.8, "native"), (0.9, 0.2, "taylor")])
-def test_determinant_of_the_ball_is_the_square_of_restitution(gamma_sine, restitution, engine):
-    """The table has no dampers; over a period there is one impact."""
-    gamma_cosine = math.pi * (1.0 - restitution) / (1.0 + restitution)
-    gamma, phase = math.hypot(gamma_cosine, gamma_sine), math.atan2(gamma_sine, gamma_cosine)
-    rebound = (math.pi - gamma_cosine) * 9.81 / (50.0 * math.pi)
-    scene = ball_on_table(gamma, restitution, phase=phase, gap_rate=rebound, periods=0.3, tolerance=1e-12)
-    scene = scene.replace({"solver.engine": engine})
-    start = simulate(scene).final_state
-    assert determinant(scene, start, 0.04) == pytest.approx(restitution**2, rel=1e-9)
 
 
 @pytest.mark.parametrize(("layers", "law", "setup"), [*zip((1, 2, 2), IMPACT_LAWS, SETUPS, strict=True)])

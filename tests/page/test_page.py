@@ -25,8 +25,8 @@ from vibroplat.page import points, report, run
 from vibroplat.page.points import plain_column, spread
 from vibroplat.page.results import find_results, parameters
 from vibroplat.page.run import packed, packed_coarsely
-from vibroplat.plots.orbits import read_branches
 from vibroplat.plots.reading import Ends
+from vibroplat.plots.studies import read_branches
 from vibroplat.results.tables import read_table, write_table
 
 HOSTILE = "</script><script>window.hacked = 1</script><img src=x onerror='window.hacked = 1'>"
@@ -423,7 +423,7 @@ def test_no_more_than_8_mb_for_ten_seconds(moved):
     one["modes"] = "a" * run.ROWS
     one["impacts"] = [[1.2345678901234567, 0.12345678901234567]] * run.IMPACTS
     row = {c["name"]: -0.00123456789 for c in data["tables"][0]["columns"]}
-    data["tables"] = [points.table_data("events", 0, pd.DataFrame([row] * points.MOST_ROWS), points.MOST_ROWS)]
+    data["tables"] = [points.table_data("events", 0, pd.DataFrame([row] * points.MOST_ROWS))]
     assert len(report.page(data).encode()) < 8_000_000
 
 

@@ -12,7 +12,7 @@ from common.places import QUICKSTART
 from matplotlib.figure import Figure
 
 from vibroplat import load_config
-from vibroplat.columns import PHASE_COLUMN, QUANTITIES
+from vibroplat.columns import PHASE_COLUMN
 from vibroplat.page.results import differences
 from vibroplat.plots.labels import MOST, differing, distinct, key_label, legend_names, value_label
 from vibroplat.plots.timelines import Measured, phase_axis
@@ -86,7 +86,7 @@ def test_a_phase_axis_tells_values_as_tables_do():
     assert told["±π"] == pytest.approx(np.pi)
     assert told["−π/2"] in (pytest.approx(-0.5 * np.pi), pytest.approx(1.5 * np.pi))
     table = pd.DataFrame({"supply_frequency_hz": [50.0, 51.0], PHASE_COLUMN: [-3.136, 3.136]})
-    Measured("measured", table).draw(axis, "supply_frequency_hz", PHASE_COLUMN, QUANTITIES[PHASE_COLUMN])
+    Measured("measured", table).draw(axis, "supply_frequency_hz", PHASE_COLUMN)
     low, high = axis.get_ylim()
     drawn = axis.lines[0].get_ydata()
     assert all(low < value < high for value in drawn)

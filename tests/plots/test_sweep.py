@@ -14,7 +14,7 @@ from common.results import unproven
 
 from vibroplat.errors import TableError
 from vibroplat.plots.command import plot_results
-from vibroplat.plots.response import read_response
+from vibroplat.plots.studies import read_sweeps
 from vibroplat.plots.sweep import FIGURES, PERIODS, SYNC, sweep_figures
 from vibroplat.results.tables import read_json, write_table
 
@@ -216,6 +216,12 @@ def test_a_table_may_hold_failed_points_only_but_not_none(write_sweep):
         drawn(write_sweep(table.iloc[:0]))
     measures = table.columns[list(table.columns).index("branch") + 1 :].difference(["outcome", "motion"])
     lost = table.assign(outcome="event-storm", **dict.fromkeys(measures, np.nan))
-    response = read_response([write_sweep(lost.astype({"sync": object}))])
+    response = read_sweeps([write_sweep(lost.astype({"sync": object}))])
     axis = FIGURES["response"](response).axes[0]
     assert not any(np.isfinite(line.get_ydata()).any() for line in curves(axis))
+
+
+def test_the_only_value_of_a_grid_is_told_instead_of_that_of_the_configuration(write_sweep):
+    table = sweep_table()
+    ((_, _, figure),) = sweep_figures([write_sweep(table[table["material.mass_ratio"] == 0.0])], ["response"])
+    assert figure.axes[0].get_title(loc="left") == "no material"

@@ -87,44 +87,73 @@ def kind_of(monkeypatch):
 # -- sections that repeat ---------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("n", "late"), [(1, False), (3, True), (16, False)])
-def test_section_that_repeats_as_it_settled_is_periodic(n, late, kind_of):
-    found = kind_of(repeating(n), settled(n, late=late), NEGATIVE if late else None)
-    assert found == Kind("periodic", n, NEGATIVE if late else None)
+def periodic(n, exponent=None):
+    return Kind("periodic", n, exponent)
 
 
-def test_period_divides_that_at_which_it_settled_or_it_must_settle_longer(kind_of):
-    assert kind_of(repeating(3), settled(6)) == Kind("periodic", 3)
-    assert kind_of(repeating(3), settled(4)) is None
-
-
-@pytest.mark.parametrize("settling", [MAXIMUM, FIXED])
-def test_section_that_repeats_without_having_settled_is_periodic(settling, kind_of):
-    assert kind_of(repeating(5, 400), settling) == Kind("periodic", 5)
-
-
-def test_spiral_that_comes_near_itself_every_14_turns_is_not_period_14(kind_of):
-    """It settles longer, and is period 1 once it is there."""
-    assert kind_of(spiral(), settled(14)) is None
-    assert kind_of(spiral(start=2e-4), settled(1)) == Kind("periodic", 1)
-
-
-def test_section_that_looked_settled_and_does_not_repeat_must_settle_longer(kind_of):
-    for points in (noise(64), torus(64)):
-        assert kind_of(points, settled(1)) is None
-        assert kind_of(points, settled(1), last=True) is None
-
-
-def test_section_that_repeats_but_drifts_must_settle_longer(kind_of):
-    """What is left of the way is more than the tolerance."""
+def drifting():
+    """Repeats after two turns but for what is left of its way, which is more than the tolerance."""
     points = repeating(2)
     points[:, 5] += 5e-3 * np.linspace(0.0, 1.0, 64)
-    assert kind_of(points, settled(2)) is None
+    return points
 
 
-def test_late_period_whose_neighbours_part_is_chaos_that_passes_by(kind_of):
-    assert kind_of(repeating(4), settled(4, late=True), POSITIVE) is None
-    assert kind_of(repeating(4), settled(4, late=True), lyapunov=False) == Kind("periodic", 4)  # not asked for
+#: Closed curves that drift, shrink, or have stood still.
+MOVING = (
+    torus(drift=2.0),
+    section(torus()[:, 1] * np.linspace(1.5, 1.0, 400)),
+    section(torus()[:, 1] * (np.arange(400) >= 200)),
+)
+OPEN_SIGN = Kind("undecided", 0, OPEN, "exponent 0.5 ± 0.4 per s, sign unclear")
+DRIFTS = Kind("undecided", 0, NONE, "exponent 0.0001 ± 0.002 per s, the section still drifts")
+TOO_FEW = Kind("undecided", None, None, "exciter 1 made fewer than two full turns while measured")
+LAST, NO_EXPONENTS = {"last": True}, {"lyapunov": False}
+
+#: Sections, how they settled, their exponent where it is asked for, and options; the kind, None: must settle longer.
+KINDS = {
+    "repeats as it settled": [
+        (repeating(1), settled(1), None, {}, periodic(1)),
+        (repeating(3), settled(3, late=True), NEGATIVE, {}, periodic(3, NEGATIVE)),
+        (repeating(16), settled(16), None, {}, periodic(16)),
+    ],
+    "repeats after another period than it settled with": [
+        (repeating(3), settled(6), None, {}, periodic(3)),
+        (repeating(3), settled(4), None, {}, None),
+    ],
+    "repeats without having settled": [(repeating(5, 400), how, None, {}, periodic(5)) for how in (MAXIMUM, FIXED)],
+    "spiral that comes near itself every 14 turns": [
+        (spiral(), settled(14), None, {}, None),
+        (spiral(start=2e-4), settled(1), None, {}, periodic(1)),
+    ],
+    "looked settled and does not repeat": [
+        (points, settled(1), None, last, None) for points in (noise(64), torus(64)) for last in ({}, LAST)
+    ],
+    "repeats but drifts": [(drifting(), settled(2), None, {}, None)],
+    "late period whose neighbours part": [
+        (repeating(4), settled(4, late=True), POSITIVE, {}, None),  # chaos that passes by
+        (repeating(4), settled(4, late=True), POSITIVE, NO_EXPONENTS, periodic(4)),  # not asked for
+    ],
+    "neighbours part": [(noise(), how, POSITIVE, {}, Kind("chaotic", 0, POSITIVE)) for how in (MAXIMUM, FIXED)],
+    "closed curve": [
+        (torus(), MAXIMUM, NONE, {}, Kind("quasi-periodic", 0, NONE)),
+        (torus(), MAXIMUM, OPEN, {}, OPEN_SIGN),
+        (torus(), MAXIMUM, None, NO_EXPONENTS, Kind("non-periodic", 0)),
+        *((points, MAXIMUM, NONE, {}, DRIFTS) for points in MOVING),
+    ],
+    "long period": [
+        (repeating(17, 400), MAXIMUM, NEGATIVE, {}, periodic(17, NEGATIVE)),
+        (repeating(64, 400), MAXIMUM, NEGATIVE, LAST, periodic(64, NEGATIVE)),
+    ],
+    "fewer than two turns": [
+        (repeating(1, turns), how, None, {}, TOO_FEW) for turns, how in ((0, MAXIMUM), (1, FIXED), (1, settled(1)))
+    ],
+}
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_kind_of_a_section(name, kind_of):
+    for points, settling, exponent, options, expected in KINDS[name]:
+        assert kind_of(points, settling, exponent, **options) == expected
 
 
 def test_late_period_is_kept_unless_neighbours_part(kind_of):
@@ -133,35 +162,6 @@ def test_late_period_is_kept_unless_neighbours_part(kind_of):
 
 
 # -- sections that do not ---------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("settling", [MAXIMUM, FIXED])
-def test_neighbours_that_part_are_chaos(settling, kind_of):
-    assert kind_of(noise(), settling, POSITIVE) == Kind("chaotic", 0, POSITIVE)
-
-
-def test_closed_curve_without_growth_is_quasi_periodic(kind_of):
-    assert kind_of(torus(), exponent=NONE) == Kind("quasi-periodic", 0, NONE)
-
-
-#: They drift, shrink, or have stood still.
-MOVING = (
-    torus(drift=2.0),
-    section(torus()[:, 1] * np.linspace(1.5, 1.0, 400)),
-    section(torus()[:, 1] * (np.arange(400) >= 200)),
-)
-
-
-def test_curve_without_growth_that_moves_is_undecided(kind_of):
-    for points in MOVING:
-        found = kind_of(points, exponent=NONE)
-        assert found[:3] == ("undecided", 0, NONE)
-        assert found.why == "exponent 0.0001 ± 0.002 per s, the section still drifts"
-
-
-def test_exponent_whose_error_leaves_its_sign_open_is_undecided(kind_of):
-    found = kind_of(torus(), exponent=OPEN)
-    assert found == Kind("undecided", 0, OPEN, "exponent 0.5 ± 0.4 per s, sign unclear")
 
 
 def test_growth_that_may_be_slow_is_not_told_as_none(kind_of):
@@ -187,27 +187,12 @@ def test_neighbours_that_draw_together_without_a_period_must_settle_longer(expon
     assert found.why.endswith("no period found up to 64")
 
 
-@pytest.mark.parametrize(("n", "last"), [(17, False), (64, True)])
-def test_long_period_is_told_where_neighbours_draw_together(n, last, kind_of):
-    assert kind_of(repeating(n, 400), exponent=NEGATIVE, last=last) == Kind("periodic", n, NEGATIVE)
-
-
 def test_long_period_is_not_told_of_what_looks_like_it(kind_of):
     """Chaos and tori come near themselves after many turns."""
     points = repeating(34, 400)
     assert kind_of(points, exponent=POSITIVE).motion == "chaotic"
     assert kind_of(points, exponent=NONE).motion == "quasi-periodic"
     assert kind_of(repeating(65, 400), exponent=NEGATIVE, last=True).motion == "undecided"
-
-
-def test_without_exponents_on_demand_it_is_non_periodic(kind_of):
-    assert kind_of(torus(), lyapunov=False) == Kind("non-periodic", 0)
-
-
-def test_fewer_than_two_turns_are_undecided(kind_of):
-    why = "exciter 1 made fewer than two full turns while measured"
-    for turns, settling in ((0, MAXIMUM), (1, FIXED), (1, settled(1))):
-        assert kind_of(repeating(1, turns), settling) == Kind("undecided", None, None, why)
 
 
 # -- rows whose truth is known ----------------------------------------------------------------------------

@@ -239,19 +239,6 @@ def test_exponent_of_a_periodic_scene_with_impacts_is_negative():
     assert found.value == pytest.approx(math.log(second) / found.turn, abs=max(3.0 * found.error, 0.02))
 
 
-def test_exponent_is_that_of_the_slowest_settling():
-    """Bare and in phase, the phase difference settles last: its rate is read off the section."""
-    scene, state = settled(MACHINE, 63.0, {"run.initial.phase_sum_rad": 0.3})
-    state[11] += 1.0
-    accurate = scene.replace({"solver.tolerance": 1e-10})
-    phases = []
-    for _ in range(5):
-        seconds, state = later_state(accurate, state, 30)
-        phases.append(math.remainder(state[3] + state[4], 2.0 * math.pi))
-    rate = math.log((phases[4] - phases[3]) / (phases[3] - phases[2])) / seconds
-    assert largest_exponent(scene, state).value == pytest.approx(rate, rel=0.05)
-
-
 def test_no_exponent_where_the_exciter_stands_still():
     scene = load_config(MACHINE, {"run.initial.speed_ratio": 0.0, "motor.critical_torque_n_m": 0.0})
     assert np.isnan(largest_exponent(scene, initial_state(scene))).all()

@@ -162,11 +162,6 @@ def test_symmetry_keeps_antiphase_without_a_perturbation():
     assert left["rms_phi_rad"] == pytest.approx(begun["rms_phi_rad"], rel=1e-3)
 
 
-def test_small_perturbation_is_enough():
-    row = swept(MACHINE, 66.0, perturbation=1e-4, seed=1).iloc[0]
-    assert (row["sync"], row["motion"]) == ("in-phase", "periodic")
-
-
 # -- the Poincaré section -------------------------------------------------------------------------------
 
 GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
@@ -203,26 +198,15 @@ def test_periods_beyond_the_longest_are_not_found():
     assert period(repeating(17, 200), 1e-9) == period(np.zeros((1, 14)), 1.0) == 0
 
 
-def test_quasi_periodic_section_has_no_period():
-    points = np.zeros((64, 14))
-    points[:, 1] = np.cos(2.0 * math.pi * GOLDEN * np.arange(64))
-    assert period(points, 0.05) == 0
-
-
-@pytest.mark.parametrize(("tolerance", "found"), [(0.009, 2), (0.011, 1)])
-def test_period_within_the_tolerance(tolerance, found):
-    """A doubling by a hundredth is period 1 to who does not look closer."""
-    points = repeating(1)
-    points[::2, 1] += 0.01
-    assert period(points, tolerance) == found
-
-
-def test_slow_drift_is_no_period():
-    """Each point is within the tolerance of the one before, the first is not of the last."""
-    points = repeating(1)
-    points[:, 1] += 0.001 * np.arange(64)
-    assert period(points, 0.01) == 0
-    assert period(points, 0.0631) == 1
+def test_periods_are_told_within_the_tolerance():
+    k = np.arange(64)
+    closed_curve, doubled, drifting = np.zeros((64, 14)), repeating(1), repeating(1)
+    closed_curve[:, 1] = np.cos(2.0 * math.pi * GOLDEN * k)
+    assert period(closed_curve, 0.05) == 0
+    doubled[::2, 1] += 0.01  # period 1 to who does not look closer
+    assert (period(doubled, 0.009), period(doubled, 0.011)) == (2, 1)
+    drifting[:, 1] += 0.001 * k  # each point is within the tolerance of the one before, the first is not of the last
+    assert (period(drifting, 0.01), period(drifting, 0.0631)) == (0, 1)
 
 
 # -- spread ---------------------------------------------------------------------------------------------
@@ -254,20 +238,18 @@ def states_with_phase(phases, turn=0.0):
     return states
 
 
-def test_phase_difference_wraps_across_pi():
-    phases = [math.pi - 1e-4, -math.pi + 1e-4] * 16
-    assert period(section_of(states_with_phase(phases)), 1e-3) == 1
-    assert period(section_of(states_with_phase(phases)), 1e-5) == 2
-
-
-def test_whole_turns_do_not_count():
-    phases = 0.3 + 2.0 * math.pi * np.arange(32)
-    assert period(section_of(states_with_phase(phases, turn=2.0 * math.pi * 1000)), 1e-9) == 1
-
-
-@pytest.mark.parametrize("phases", [[0.5 * math.pi, -0.5 * math.pi], [0.0, math.pi]])
-def test_phases_of_the_same_cosine_or_sine_differ(phases):
-    assert period(section_of(states_with_phase(phases * 16)), 0.1) == 2
+@pytest.mark.parametrize(
+    ("phases", "turn", "tolerance", "expected"),
+    [
+        ([math.pi - 1e-4, -math.pi + 1e-4] * 16, 0.0, 1e-3, 1),  # on both sides of π
+        ([math.pi - 1e-4, -math.pi + 1e-4] * 16, 0.0, 1e-5, 2),
+        (0.3 + 2.0 * math.pi * np.arange(32), 2000.0 * math.pi, 1e-9, 1),  # whole turns do not count
+        ([0.5 * math.pi, -0.5 * math.pi] * 16, 0.0, 0.1, 2),  # of the same cosine
+        ([0.0, math.pi] * 16, 0.0, 0.1, 2),  # of the same sine
+    ],
+)
+def test_phase_differences_are_those_of_angles(phases, turn, tolerance, expected):
+    assert period(section_of(states_with_phase(phases, turn)), tolerance) == expected
 
 
 def test_points_are_in_the_scales_of_the_scene():

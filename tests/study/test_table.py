@@ -13,7 +13,7 @@ import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 from common import commands
-from common.places import FLYING, LOADED, ROOT
+from common.places import FLYING, LOADED
 from common.results import bits
 
 from vibroplat import load_config, simulate, sweep
@@ -404,19 +404,6 @@ def test_point_without_memory_has_an_outcome_and_the_next_one_goes_on(monkeypatc
 # -- notes ----------------------------------------------------------------------------------------------
 
 CAPTURED = "captured by a resonance, overloaded or still running up"
-
-
-def test_rows_of_captured_motors_say_so():
-    """The vertical resonance of the printed machine captures the motors on the way up from 62 Hz."""
-    rising = {"motor.friction_radius_m": 0.0, "run.initial.speed_ratio": 0.8, "solver.tolerance": 1e-5}
-    plan = {"step": 4.0, "changes": rising, "measure_s": 0.5, "lyapunov": False}
-    table = swept(ROOT / "configs/machines/printed.yaml", 58.0, 66.0, **plan)
-    notes = table["notes"].tolist()
-    assert table["outcome"].tolist() == ["ok"] * 3
-    assert notes[0] == ""
-    first, second = notes[2].split("; ")
-    assert first == f"exciter 1 turns at 30.5 Hz, 7.6 % below its synchronous speed 33 Hz: {CAPTURED}"
-    assert second.startswith("exciter 2 turns at 30.5 Hz")
 
 
 # -- the digest -----------------------------------------------------------------------------------------

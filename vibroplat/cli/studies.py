@@ -220,14 +220,13 @@ def orbits(
     """
     scene = common.scene_of(config, set_, engine)
     common.tell_of_compilation(scene.solver.engine)
-    from vibroplat.continuation.tables import follow, planned, write_orbits
+    from vibroplat.continuation.tables import conditions, follow, planned, write_orbits
 
     plan = planned(scene)
     common.require_scheduler(scheduler)
     from vibroplat.config.plausibility import notes_on_inputs
     from vibroplat.study.pool import pool
     from vibroplat.study.store import Store
-    from vibroplat.study.sweep import conditions
 
     directory = _study_directory(out, scene.name, "orbits", resume=resume)
     kept: dict[str, Any] = {"file": FILE, "what": "parts of branches"}

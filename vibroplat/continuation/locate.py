@@ -14,6 +14,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from vibroplat.continuation.arclength import Branch, predicted
 from vibroplat.continuation.newton import MissedError
@@ -30,14 +31,17 @@ from vibroplat.continuation.special_points import (
     branch_point,
     coming,
 )
+from vibroplat.kernels.compiled import FloatArray
 
 #: Most evaluations between two points, and from one side.
-LOCATING, SIDED = 12, 7
+LOCATING, SIDED = 12, 12
 #: What part of the way to an extrapolated zero each evaluation from one side goes, and the distance, in units of the
-#: unknowns, at which the zero is extrapolated through three of them: two others are 20 and 400 times as far.
-APPROACH, CLOSE = 0.95, 1e-6
-#: What an evaluation from one side that has failed is shortened to, and the least length of the first.
-SHORTER, FIRST = 0.4, 1e-4
+#: unknowns, at which the zero is extrapolated through the last few of them: others are 20 and 400 times as far. The way
+#: to the zero over its linear part, up to which the function is taken to fall linearly.
+APPROACH, CLOSE, SIDES, LINEAR = 0.95, 1e-6, 4, 0.9
+#: What an evaluation from one side that has failed is shortened to, the least length of the first, and that of all,
+#: over the distance at which the search ends.
+SHORTER, FIRST, NEAREST = 0.4, 1e-4, 0.1
 #: Distance of a known orbit from the zero at which it is interpolated; nearer to a branch point than the second, an
 #: orbit cannot be told from those of the branch that crosses.
 NARROW, BLURRED = 1e-4, 1e-3
@@ -98,28 +102,33 @@ def locate(
     MissedError
         There are not even two orbits, or the function has no zero within reach.
     """
-    tries = 0
+    tries, root = 0, math.nan
     while True:
         if len(known) > 1:
-            root = _root(known, 2 if share < 1.0 else 3)
-            if min(abs(k.place - root) for k in known) < close or len(known) > most or tries == 2 * most:
-                return _root(known, 3)
+            root = _root(known) if share == 1.0 else float(at_zero(known, [k.place for k in known]))
+            near = min(abs(k.place - root) for k in known) < close and (share == 1.0 or len(known) > 2)
+            if near or len(known) > most or tries == 2 * most:
+                return root
             if abs(root) > reach:
                 raise MissedError("the test function has no zero nearby")
             step = share * (root - known[-1].place)
+            if share < 1.0 and len(known) == 2 and abs(step) < close:  # not yet known how it falls
+                step = 0.5 * (known[-2].place - known[-1].place)
         for place, width in itertools.islice(_trials(known, step, close), 2 * most - tries):
             tries += 1
             try:
                 found = Tried(place, test(point := at(place, known, width)), point)
             except MissedError:
                 continue
-            if share == 1.0 or 0.0 < found.value < (known[-1].value if len(known) > 1 else math.inf):
+            if share == 1.0 or 0.0 < found.value < (known[0].value if len(known) > 1 else math.inf):
                 known.append(found)
+                if share < 1.0:
+                    known.sort(key=lambda k: -k.value)
                 break
         else:
             if len(known) < 2:
                 raise MissedError("no orbit beside the special point")
-            return _root(known, 3)
+            return root
 
 
 def _trials(known: Sequence[Tried], step: float, close: float) -> Iterator[tuple[float, float]]:
@@ -133,7 +142,7 @@ def _trials(known: Sequence[Tried], step: float, close: float) -> Iterator[tuple
         places = [last + step + beside * (high - low) for beside in ASIDE]
         yield from ((place, high - low) for place in places if low < place < high)
         return
-    while abs(step) >= close:
+    while abs(step) >= NEAREST * close:
         yield last + step, abs(step)
         step *= SHORTER if len(known) > 1 else -SHORTER
 
@@ -143,13 +152,31 @@ def _other_side(known: Sequence[Tried]) -> float | None:
     return next((k.place for k in reversed(known[:-1]) if k.value * known[-1].value <= 0.0), None)
 
 
-def _root(known: Sequence[Tried], count: int) -> float:
-    """Where the inverse polynomial through the last few is zero; in the middle of an interval that it leaves."""
-    root = extrapolated([k.place for k in known[-count:]], [k.value for k in known[-count:]])
+def _root(known: Sequence[Tried]) -> float:
+    """Where the inverse polynomial through the last three is zero; in the middle of an interval that it leaves."""
+    root = extrapolated([k.place for k in known[-3:]], [k.value for k in known[-3:]])
     last, other = known[-1].place, _other_side(known)
     if other is None or min(last, other) <= root <= max(last, other):
         return root
     return 0.5 * (last + other)
+
+
+def at_zero(known: Sequence[Tried], found: npt.ArrayLike) -> FloatArray:
+    """Extrapolate what was found at the last places to the zero of a test function that is known on one side only.
+
+    By a polynomial in the function. As it may fall linearly, or as a root where the orbits' slope grows without bounds,
+    the polynomial has a linear term only where that makes up most of the way.
+    """
+    last, there = known[-SIDES:], np.asarray(found, dtype=float)[-SIDES:]
+    values = np.array([k.value for k in last]) / last[-1].value
+    if len(set(values.tolist())) < len(last):
+        raise MissedError("the test function has no zero nearby")
+    places, powers = np.array([k.place for k in last]), np.arange(len(last))
+    terms = values[:, np.newaxis] ** powers
+    zero, linear = np.linalg.solve(terms, places)[:2]
+    if len(last) < 3 or not 0.0 < LINEAR * (places[-1] - zero) / linear < 1.0:
+        terms = values[:, np.newaxis] ** (powers + (powers > 0))
+    return np.asarray(np.linalg.solve(terms, there)[0])
 
 
 def extrapolated(places: Sequence[float], values: Sequence[float]) -> float:
@@ -179,7 +206,7 @@ def specials(
     there = discontinuity(branch, before, after)
     if there is None:
         # nearer to an impact that begins or ends, its distance is known
-        middle = _inside(branch, before, after, 0.5) if depth < HALVED else None
+        middle = _between(branch, before, after, 0.5) if depth < HALVED else None
         if middle is not None:
             yield from specials(branch, before, middle, strictly=strictly, depth=depth + 1)
             yield from specials(branch, middle, after, strictly=strictly, depth=depth + 1)
@@ -200,25 +227,20 @@ def specials(
         yield from part
 
 
-def _inside(branch: Branch, before: Point, after: Point, share: float) -> Point | None:
+def _between(branch: Branch, near: Point, far: Point, share: float, forth: bool = True) -> Point | None:
     """Find an orbit between two, at a part of the way; None if there is none."""
-    chord = after.u - before.u
+    chord = (far.u - near.u) * (1.0 if forth else -1.0)
     whole = float(np.linalg.norm(chord))
     try:
-        return branch.between([before, after], before, chord / whole, share * whole, whole)
+        return branch.between([near, far], near, chord / whole, (share if forth else -share) * whole, whole)
     except MissedError:
         return None
 
 
 def _beyond(branch: Branch, last: Point, far: Point, forth: bool) -> Point | None:
     """Find an orbit next to a discontinuity that has the events of the far side."""
-    chord = (far.u - last.u) * (1.0 if forth else -1.0)
-    whole = float(np.linalg.norm(chord))
-    try:
-        found = branch.between([last, far], last, chord / whole, (BEYOND if forth else -BEYOND) * whole, whole)
-    except MissedError:
-        return None
-    return found if found.word == far.word else None
+    found = _between(branch, last, far, BEYOND, forth)
+    return found if found is not None and found.word == far.word else None
 
 
 def _fold_beside(branch: Branch, there: Special, beyond: Point, forth: bool) -> Special:
@@ -240,7 +262,7 @@ def _smooth(branch: Branch, before: Point, after: Point, depth: int = 0, *, fort
     if place is None and unexplained(before, after):
         place = 0.5
     if place is not None and depth < DEEPEST:
-        middle = _inside(branch, before, after, place)
+        middle = _between(branch, before, after, place)
         if middle is not None and middle.word == before.word:
             yield from _smooth(branch, before, middle, depth + 1)
             yield from _smooth(branch, middle, after, depth + 1)
@@ -309,8 +331,8 @@ def _located(branch: Branch, before: Point, after: Point, kind: str) -> Special:
     clear = [k for k in known if kind != BRANCH_POINT or abs(k.place - root) > enough] or known[:2]
     points = [k.point for k in sorted(clear, key=lambda k: abs(k.place - root))]
     there, here = (predicted(points, before.u, direction, place)[0] for place in (root, near.place))
-    ahead = float(there[-1] - here[-1]) * branch.problem.units[0]
-    return Special(kind, near.point, near.point.value + ahead, direction)
+    point = replace(near.point, u=near.point.u + near.point.newton_step(direction) + there - here)
+    return Special(kind, point, point.value, direction)
 
 
 def _crossed(branch: Branch, before: Point, after: Point) -> Special:
@@ -358,9 +380,10 @@ def discontinuity(branch: Branch, before: Point, after: Point) -> Special | None
         step = math.copysign(max(0.5 * abs(whole), FIRST), whole)
         try:
             locate(at, ONE_SIDED[kind], known, CLOSE, step=step, share=APPROACH, most=SIDED)
-            value = extrapolated([k.point.value for k in known[-3:]], [k.value for k in known[-3:]])
+            u = at_zero(known, [k.point.u + k.point.newton_step(near.tangent) for k in known])
         except MissedError:
             continue
         if len(known) > 2:
-            return Special(kind, known[-1].point, value, near.tangent)
+            point = replace(known[-1].point, u=u)
+            return Special(kind, point, point.value, near.tangent)
     return None

@@ -109,14 +109,16 @@ class NewtonResult:
     ----------
     shot, jacobian
         The measured shot from the unknowns u, and the derivative of its residual by them.
-    residuals, slack
-        Of all iterations; how much of a vector there is in the last one, if that was allowed.
+    residual, residuals, slack
+        Of the shot, shape (m,), and the largest of all iterations; how much of a vector there is in the last one, if
+        that was allowed.
     """
 
     chart: Chart
     u: FloatArray
     shot: Shot
     jacobian: FloatArray
+    residual: FloatArray
     residuals: Sequence[float]
     slack: float
 
@@ -130,6 +132,11 @@ class NewtonResult:
     def word(self) -> str:
         """Sequence of events, wherever the period begins."""
         return rotated(self.shot.word)
+
+    def newton_step(self, border: FloatArray) -> FloatArray:
+        """Newton's last step in the directions that a border leaves free, which needs no further shot."""
+        held = np.zeros(self.u.size - self.residual.size)
+        return solved(bordered(self.jacobian, border), -np.append(self.residual, held), LONGEST)
 
     @property
     def value(self) -> float:
@@ -342,7 +349,7 @@ def correct(
             if full:
                 jacobian = problem.jacobian(chart, shot)
                 if size < problem.tolerance:
-                    return NewtonResult(chart, u, shot, jacobian, residuals, much)
+                    return NewtonResult(chart, u, shot, jacobian, missing, residuals, much)
             elif size < problem.tolerance or slow:
                 full = True
                 continue

@@ -88,6 +88,8 @@ class Orbit:
         As in the table of a sweep.
     residuals
         Of Newton's iterations.
+    distance
+        How far it is from the guess on the section, at most, in the scales of the scene.
     """
 
     scene: Scene
@@ -99,6 +101,7 @@ class Orbit:
     sequence: str
     measures: dict[str, Any]
     residuals: Sequence[float] = ()
+    distance: float = math.nan
 
     def __repr__(self) -> str:
         kind = "stable" if self.stable else f"unstable ({self.unstable} multipliers outside the unit circle)"
@@ -190,6 +193,7 @@ def orbit(scene: Scene, guess: Any = None, *, period: int = 1, tolerance: float 
             sequence=spelled(found.word),
             measures=measures_of_orbit(problem, found),
             residuals=found.residuals,
+            distance=float(np.abs((state - found.chart.base) / shooter.scales).max()),
         )
 
 
@@ -412,7 +416,14 @@ def confirmed_point(scene: Scene, plan: SweepPlan, state: list[float] | None, ke
         return point
     try:
         if period:
-            found = _orbit_near(scene, np.array(point.state), period)
+            near = orbit(scene, point.state, period=period, tolerance=TOLERANCE)
+            found = {
+                **{f"orbit_{name}": near.measures[name] for name in ("excitation_frequency_hz", "rms_x_m", "rms_y_m")},
+                "orbit_distance": near.distance,
+                "orbit_residual": near.residual,
+                "orbit_unstable": near.unstable,
+                **multiplier_columns(near.multipliers, LARGEST),
+            }
         else:
             values = lyapunov(scene, point.state)["exponent_per_s"].to_numpy()[:LARGEST]
             found = {f"exponent_{i + 1}_per_s": float(v) for i, v in enumerate(values) if math.isfinite(v)}
@@ -420,17 +431,3 @@ def confirmed_point(scene: Scene, plan: SweepPlan, state: list[float] | None, ke
         found = {"confirmation": str(error)}
     point.row.update({"confirmation": ""} | found)
     return point
-
-
-def _orbit_near(scene: Scene, state: FloatArray, period: int) -> dict[str, Any]:
-    """Find the orbit near a settled state, as columns of a sweep."""
-    with closing(Shooter(accurate(scene, TOLERANCE))) as shooter:
-        problem, found = first_orbit(shooter, state, period, (), TOLERANCE)
-        measures, apart = measures_of_orbit(problem, found), found.chart.unpack(found.u)[0] - found.chart.base
-        return {
-            **{f"orbit_{name}": measures[name] for name in ("excitation_frequency_hz", "rms_x_m", "rms_y_m")},
-            "orbit_distance": float(np.abs(apart / shooter.scales).max()),
-            "orbit_residual": found.residuals[-1],
-            "orbit_unstable": n_unstable(found.multipliers),
-            **multiplier_columns(found.multipliers, LARGEST),
-        }

@@ -17,7 +17,7 @@ from vibroplat.config.scene import Scene
 from vibroplat.continuation.orbit import OrbitError, accurate, beginning_at
 from vibroplat.continuation.special_points import KINDS
 from vibroplat.continuation.two_keys import Boundary, follow_boundary
-from vibroplat.continuation.worker import MULTIPLIERS, Family, Traced, follow_family, same_special
+from vibroplat.continuation.worker import MULTIPLIERS, RECORDS, Family, Traced, follow_family, same_special
 from vibroplat.errors import ConfigError
 from vibroplat.extensions import figure_of
 from vibroplat.integrate import engine_name
@@ -28,7 +28,7 @@ from vibroplat.observe.tables import TRAJECTORY
 from vibroplat.results.files import write_result
 from vibroplat.results.provenance import provenance
 from vibroplat.results.tables import Format, Table
-from vibroplat.study import WAIT
+from vibroplat.study import WAIT, sweep
 from vibroplat.study.branches import EXCITATION, FREQUENCY, SUPPLY, study_table
 from vibroplat.study.confirming import describe_multipliers
 from vibroplat.study.point import MEASURED, POINT
@@ -232,6 +232,11 @@ def _require_inside(scene: Scene, plan: OrbitsPlan) -> None:
             f"orbits.boundaries: {second.key} = {value:g} in this scene, where the curves begin; "
             f"allowed: start and stop on both sides of it, not {second.start:g} and {second.stop:g}"
         )
+
+
+def conditions(scene: Scene) -> dict[str, Any]:
+    """Return what stored parts of branches depend on: all that points of a sweep do, and the version of records."""
+    return {"version of records": RECORDS} | sweep.conditions(scene)
 
 
 def follow(

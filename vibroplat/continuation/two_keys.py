@@ -17,7 +17,7 @@ import numpy as np
 
 from vibroplat.config.plans import UNITS, OrbitsPlan, SweepPlan
 from vibroplat.config.scene import Scene
-from vibroplat.continuation.locate import Tried, locate
+from vibroplat.continuation.locate import Tried, at_zero, locate
 from vibroplat.continuation.newton import Chart, MissedError, NewtonResult, Problem, correct
 from vibroplat.continuation.shooting import Shooter, rotated, spelled
 from vibroplat.continuation.special_points import (
@@ -38,9 +38,8 @@ from vibroplat.study.pool import Task, Tasks
 from vibroplat.study.store import Record
 
 #: Accuracy across the curve, in units of the unknowns, and most trials. From one side the zero is extrapolated when it
-#: is as near as the third number, and each trial goes a part of the way. The search ends at a part of that: a force
-#: that falls as a root puts the last trials beyond the zero, and the steps that remain must not end the search first.
-ACROSS, TRIALS, CLOSE, APPROACH, ENOUGH = 1e-7, 14, 1e-4, 0.9, 0.3
+#: is as near as the third number, and each trial goes a part of the way.
+ACROSS, TRIALS, CLOSE, APPROACH = 1e-7, 14, 1e-4, 0.9
 #: First trial beside a point of the curve, and the farthest.
 BESIDE, FARTHEST = 2e-3, 0.2
 #: Steps grow and shrink by these. Where the second key hardly changes, the direction's part along it counts as no less
@@ -69,6 +68,8 @@ class Curve:
     def __init__(self, problem: Problem, kind: str, word: str, sense: float, low: FloatArray, high: FloatArray) -> None:
         self.problem, self.kind, self.word, self.sense, self.low, self.high = problem, kind, word, sense, low, high
         self._across = np.zeros(0)  # in which the test function grows, at the last point
+        # an orbit beside the last point: nearer to a discontinuity a multiplier may grow without bounds
+        self.beside: Point | None = None
 
     def follow(self, chart: Chart, u: FloatArray, first: float, longest: float, least: float) -> Iterator[Point]:
         """Follow the curve from unknowns near it to the end of a key's range; yield its points with their tangents.
@@ -189,12 +190,15 @@ class Curve:
                 if place > FARTHEST:
                     raise
         close, share = (CLOSE, APPROACH) if self.kind in ONE_SIDED else (ACROSS, 1.0)
-        root = locate(at, test, known, ENOUGH * close, step=BESIDE, share=share, most=TRIALS, reach=2.0 * FARTHEST)
+        root = locate(at, test, known, close, step=BESIDE, share=share, most=TRIALS, reach=2.0 * FARTHEST)
         last = min(known, key=lambda k: abs(k.place - root))
         if abs(last.place - root) >= close:
             raise MissedError("the search across the curve does not converge")
         self._across = across
-        return replace(last.point, u=last.point.u + (root - last.place) * across)
+        self.beside = known[0].point if self.kind in ONE_SIDED else last.point
+        if self.kind in ONE_SIDED:
+            return replace(last.point, u=at_zero(known, [k.point.u + k.point.newton_step(border) for k in known]))
+        return replace(last.point, u=last.point.u + last.point.newton_step(border) + (root - last.place) * across)
 
     def _at_end(self, before: Point, after: Point, place: int, end: float) -> Point:
         """Find the point of the curve at the end of a key's range, between two in one chart."""
@@ -273,7 +277,7 @@ def _one_way(scene: Scene, plan: OrbitsPlan, special: Record, sense: int) -> Rec
             for point in curve.follow(chart, chart.pack(state, special["period_s"], values), first, largest, least):
                 row = problem.describe(point) | {"second": float(point.u[-1]) * wanted.unit}
                 row["word"] = rotated(point.word, point.shot.restitution)
-                rows.append(row | {"others_outside": others_outside(curve.kind, point.multipliers)})
+                rows.append(row | {"others_outside": others_outside(curve.kind, (curve.beside or point).multipliers)})
                 if len(rows) >= wanted.max_points:
                     return {"rows": rows, "ended": f"max_points = {wanted.max_points} reached"}
         except MissedError as error:

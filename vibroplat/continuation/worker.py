@@ -25,6 +25,8 @@ from vibroplat.study.confirming import multiplier_columns
 from vibroplat.study.pool import Task, Tasks
 from vibroplat.study.store import Record
 
+#: Version of the records of parts of branches and of boundaries: those of another one cannot be gone on with.
+RECORDS = 2
 #: Points of a branch that a task makes.
 PART = 100
 #: Largest multipliers that tables have.

@@ -24,7 +24,7 @@ from vibroplat.hybrid.state import CUBIC, OK, Automaton, no_steps
 from vibroplat.integrate import ida
 from vibroplat.integrate.multistep import no_past
 from vibroplat.integrate.sundials import Library, UnavailableError
-from vibroplat.kernels.compiled import FloatArray
+from vibroplat.kernels.compiled import FloatArray, same_types
 from vibroplat.model.parameters import Parameters, address, parameters
 from vibroplat.model.systems import FULL_SIZE, System, systems
 
@@ -81,6 +81,7 @@ class NativeEngine:
         self._finalizer = weakref.finalize(self, _free_all, self._free)
         self._alive: list[Any] = []  # what the library holds addresses of
         self._p = p  # not a copy: a drive's program changes it in place
+        self._drive = same_types(ida.drive)
         self._n = ida.Native(
             functions=np.array([tuple(library.address(name) for name in ida.NAMES.values())], ida.FUNCTIONS)[0],
             handles=np.zeros(3, ida.HANDLES),
@@ -125,7 +126,7 @@ class NativeEngine:
 
     def advance(self, h: Automaton) -> None:
         """Go on with a run; see :class:`vibroplat.integrate.seam.Engine`."""
-        ida.drive(h, self._n)
+        self._drive(h, self._n)
 
     def close(self) -> None:
         """Free solvers, vectors, matrices and the context."""

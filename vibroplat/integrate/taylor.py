@@ -24,7 +24,7 @@ from vibroplat.hybrid.loop import AT_GUARD, AT_TARGET, AT_TIME, FAILED, NOT_FINI
 from vibroplat.hybrid.modes import GUARDS
 from vibroplat.hybrid.state import MARGIN, RUNNING, WIDTH, Automaton, rewind
 from vibroplat.integrate.seam import WORK
-from vibroplat.kernels.compiled import FloatArray, borrow, compiled, inlined
+from vibroplat.kernels.compiled import FloatArray, borrow, compiled, inlined, same_types
 from vibroplat.kernels.lanes import horner_8, in_lines, put_step, sizes_16
 from vibroplat.kernels.polynomial import crossing, first_fall
 from vibroplat.model.equations import finite
@@ -60,6 +60,7 @@ class TaylorEngine:
     def __init__(self, scene: Scene, p: Parameters) -> None:
         self.degree = degree_of(scene.solver.tolerance)
         self._p = p  # not a copy: a drive's program changes it in place
+        self._drive = same_types(drive)
         self._e = Expansion(room(), in_lines((STATUS.itemsize // 8,)).view(STATUS)[0])
         self._e.status["degree"] = self.degree
         self._e.status["most"] = max(MAX_STEPS, STEPS_PER_EVENT * scene.solver.max_events_per_period)
@@ -80,7 +81,7 @@ class TaylorEngine:
 
     def advance(self, h: Automaton) -> None:
         """Go on with a run; see :class:`vibroplat.integrate.seam.Engine`."""
-        drive(h, self._e)
+        self._drive(h, self._e)
 
     def close(self) -> None:
         """Do nothing: Python frees what the engine holds."""

@@ -36,6 +36,7 @@ import numba
 from numba.core import config, serialize, sigutils
 from numba.core.caching import NullCache
 from numba.core.compiler import CompileResult
+from numba.core.runtime.nrt import rtsys
 
 from vibroplat.kernels.target import processor
 
@@ -188,8 +189,12 @@ class KernelCache(NullCache):
         return f"{self._place}-{found.hexdigest()[:16]}.bin"
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Return the kernel for one signature, ready to be called; None where it must be compiled."""
-        target_context.refresh()
+        """Return the kernel for one signature, ready to be called; None where it must be compiled.
+
+        Machine code needs numba's runtime alone. Its registries of what can be compiled, which load scipy, are for the
+        compiler, which looks through them itself.
+        """
+        rtsys.initialize(target_context)
         for place in _readable():
             # a crash of the machine may keep the name of a file alone
             with suppress(OSError, EOFError, pickle.UnpicklingError):

@@ -17,7 +17,7 @@ from vibroplat.hybrid.loop import automaton, first_mode, fly
 from vibroplat.hybrid.modes import KINDS
 from vibroplat.hybrid.state import no_steps, rewind
 from vibroplat.integrate.seam import Engine
-from vibroplat.kernels.compiled import FloatArray
+from vibroplat.kernels.compiled import FloatArray, same_types
 from vibroplat.model.accelerations import accelerations
 from vibroplat.model.parameters import Parameters, supply, words
 from vibroplat.model.systems import SYSTEMS
@@ -98,7 +98,8 @@ class Motion:
         self._beginning = self.automaton.run.copy()
         self._run = np.asarray(self.automaton.run).reshape(1)
         self._held = words(p), words(self.automaton.p), words(self.automaton.inelastic)
-        first_mode(self.automaton)
+        self._first_mode, self._accelerations = same_types(first_mode), same_types(accelerations)
+        self._first_mode(self.automaton)
         if mode is Mode.FLIGHT and self.automaton.run["mode"] == Mode.ATTACHED:
             fly(self.automaton)
         if mode is not None:
@@ -120,7 +121,7 @@ class Motion:
         self.events = 0
         if not self._interval.start <= self.now < self._interval.end:
             self._change_supply()
-        first_mode(self.automaton)
+        self._first_mode(self.automaton)
 
     def _change_supply(self) -> None:
         """Change the supply of the motors to that of the present, for all who hold the parameters."""

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from vibroplat.hybrid.modes import FLIGHT, IMPACT, KINDS, MODES
 from vibroplat.hybrid.state import WIDTH, Automaton, Steps
-from vibroplat.kernels.compiled import FloatArray, borrow, compiled, copy, inlined
+from vibroplat.kernels.compiled import FloatArray, borrow, compiled, copy, inlined, same_types
 from vibroplat.kernels.lanes import horner_16, horner_pair_16, in_lines
 from vibroplat.kernels.polynomial import bend, crossing, extremes, slope, turning_value
 from vibroplat.model.energy import FORCE_SIZE, POWERS, powers
@@ -163,7 +163,7 @@ class Statistics:
     """
 
     def __init__(self, window: float, points: int = SECTION_ROWS) -> None:
-        self._points = points
+        self._points, self._add_pieces = points, same_types(add_pieces)
         self._room = in_lines((ROOM.itemsize // 8,)).view(ROOM)[0]
         self.begin(window)
 
@@ -179,7 +179,7 @@ class Statistics:
         degree = h.steps.degree
         nodes = (degree + 1) // 2 if degree <= 8 else (degree + 1) // 3
         nodes = min(nodes + nodes % 2, _MOST_NODES)
-        add_pieces(self.measures, h.steps, h.events[: h.run["events"]], self._room, nodes, h.p)
+        self._add_pieces(self.measures, h.steps, h.events[: h.run["events"]], self._room, nodes, h.p)
 
 
 @compiled

@@ -16,7 +16,7 @@ import numpy as np
 
 from vibroplat.hybrid.modes import ATTACHED, IMPACT, LATCH
 from vibroplat.hybrid.state import Automaton, Steps
-from vibroplat.kernels.compiled import FloatArray, borrow, compiled, copy
+from vibroplat.kernels.compiled import FloatArray, borrow, compiled, copy, same_types
 from vibroplat.kernels.lanes import in_lines
 from vibroplat.kernels.polynomial import values
 from vibroplat.model.accelerations import accelerations, linearize, solve
@@ -98,6 +98,7 @@ class Variation:
     """
 
     def __init__(self, directions: Sequence[Parameters] = (), *, rough: bool = False) -> None:
+        self._follow, self._arrive = same_types(follow), same_types(arrive)
         self._of = b""  # the parameters that ``turned`` was made of
         self._given: tuple[Any, ...] = ()  # their records, and views of their numbers
         turned = np.zeros((2, 1 + len(directions)), COMPLEX)
@@ -135,12 +136,12 @@ class Variation:
     def read(self, h: Automaton) -> None:
         """Go along the closed pieces, and through the events."""
         self._turn(h)
-        follow(h, self._carried)
+        self._follow(h, self._carried)
 
     def derivative(self, h: Automaton) -> FloatArray:
         """Find the derivative of the motion's full state now, shape (14, 14 + keys)."""
         self._turn(h)
-        arrive(h, self._carried)
+        self._arrive(h, self._carried)
         found: FloatArray = self._carried.s[:, : self._columns].copy()
         return found
 

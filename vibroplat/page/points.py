@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
@@ -17,8 +17,9 @@ from vibroplat.config.scene import Scene
 from vibroplat.errors import VibroplatError
 from vibroplat.page.run import impacts_of, initial, machine_of, packed_coarsely
 from vibroplat.plots.labels import ABSCISSAE, is_number, value_words
-from vibroplat.plots.orbits import MEANINGS, Branches, between, places_of
+from vibroplat.plots.orbits import MEANINGS, between, places_of
 from vibroplat.plots.reading import Curve, curves_of
+from vibroplat.plots.studies import Study, grid_of
 
 EXCITATION, SUPPLY = ABSCISSAE["excitation"], ABSCISSAE["supply"]
 #: Most rows of a table on the page.
@@ -58,8 +59,9 @@ def thinned(table: pd.DataFrame) -> pd.DataFrame:
     return table.reset_index(drop=True)
 
 
-def table_data(title: str, result: int, table: pd.DataFrame, rows: int) -> dict[str, Any]:
-    """Return a table for the page that has been thinned from so many rows."""
+def table_data(title: str, result: int, whole: pd.DataFrame) -> dict[str, Any]:
+    """Return a table for the page, thinned, and how many rows it had."""
+    table = thinned(whole)
     columns = [
         {
             "name": str(name),
@@ -70,7 +72,7 @@ def table_data(title: str, result: int, table: pd.DataFrame, rows: int) -> dict[
         }
         for name in table.columns
     ]
-    return {"title": title, "result": result, "columns": columns, "rows": len(table), "of": rows}
+    return {"title": title, "result": result, "columns": columns, "rows": len(table), "of": len(whole)}
 
 
 def plain_column(column: pd.Series) -> list[Any]:
@@ -114,11 +116,6 @@ def _label(keys: Iterable[str], row: pd.Series) -> str:
 # -- sweeps ------------------------------------------------------------------------------------------------------------
 
 
-def grid_of(table: pd.DataFrame) -> list[str]:
-    """Return the keys of a sweep's grid."""
-    return [str(name) for name in table.columns[: list(table.columns).index("direction")] if name != SUPPLY]
-
-
 def sweep_series(table: pd.DataFrame) -> Series:
     """Return a series of row numbers for each branch of a sweep; None stands where a curve is broken."""
     several = [key for key in grid_of(table) if len(table[key].unique()) > 1]
@@ -154,12 +151,12 @@ def _broken_at_jumps(rows: pd.DataFrame, jumps: pd.Series) -> Iterator[int | Non
 # -- branches of orbits ------------------------------------------------------------------------------------------------
 
 
-def _branches(found: Branches, table: pd.DataFrame) -> list[Curve]:
+def _branches(found: Study, table: pd.DataFrame) -> list[Curve]:
     """Return the branches of a thinned table, without a grid each with a name of its own."""
     return curves_of(table, [*found.grid, "branch"], lambda row: _label(found.varied, row) or f"branch {row['branch']}")
 
 
-def orbit_series(found: Branches, table: pd.DataFrame) -> Series:
+def orbit_series(found: Study, table: pd.DataFrame) -> Series:
     """Return two series of row numbers, of stable and of unstable orbits, for each combination of the grid's values.
 
     Without a grid, for each branch. None stands where a line is broken.
@@ -182,7 +179,7 @@ def orbit_series(found: Branches, table: pd.DataFrame) -> Series:
     return list(series.values())
 
 
-def special_marks(found: Branches, special: pd.DataFrame, table: pd.DataFrame) -> Series:
+def special_marks(found: Study, special: pd.DataFrame, table: pd.DataFrame) -> Series:
     """Return for each kind of special point its rows, where they lie, and the row of the last point before each.
 
     Columns that a special point does not have lie between the points of the branch before and after it.
@@ -210,12 +207,12 @@ def _at(whole: pd.DataFrame, own: pd.DataFrame, name: str, shares: Any) -> list[
     return plain_column(pd.Series(between(whole, shares, name))) if name in whole else [None] * len(own)
 
 
-def ends(found: Branches, table: pd.DataFrame) -> list[int]:
+def ends(found: Study, table: pd.DataFrame) -> list[int]:
     """Return the first and the last row of each branch."""
     return [int(rows.index[place]) for _, _, rows in _branches(found, table) for place in (0, -1)]
 
 
-def boundary_series(found: Branches, table: pd.DataFrame) -> Series:
+def boundary_series(found: Study, table: pd.DataFrame) -> Series:
     """Return a series of row numbers for each kind of special point and combination of the grid's values."""
     kinds, series = list(dict.fromkeys(table["kind"])), []
     for combination, number, rows in curves_of(table, [*found.grid, "kind"], lambda row: _label(found.varied, row)):
@@ -240,7 +237,7 @@ Mover = Callable[[Scene, Row], tuple[Scene, pd.DataFrame, pd.DataFrame]]
 Progress = Callable[[int, int], None]
 
 
-@dataclass
+@dataclass(frozen=True)
 class Motions:
     """Computes the orbits of a figure.
 
@@ -260,8 +257,6 @@ class Motions:
     mover: Mover | None
     room: int
     progress: Progress | None = None
-    _list: Series = field(default_factory=list)
-    _machines: Series = field(default_factory=list)
 
     def of(self, special: pd.DataFrame | None, table: pd.DataFrame, first: Iterable[int]) -> dict[str, Any]:
         """Return the orbits of special points, of some rows of a table, then of rows evenly chosen while there is room.
@@ -273,21 +268,16 @@ class Motions:
             place of its orbit, or why it has none.
         """
         records, rows = ([] if shown is None else _records(shown) for shown in (special, table))
-        found: dict[str, dict[int, int | str]] = {
-            "rows": {row: text for row, text in enumerate(map(_why_none, rows)) if text},
-            "special": {},
-        }
-        order = [row for row in dict.fromkeys([*first, *spread(len(rows))]) if row not in found["rows"]]
-        wanted = [(found["special"], row, record) for row, record in enumerate(records)]
-        self._compute([*wanted, *((found["rows"], row, rows[row]) for row in order)])
-        return {**found, "list": self._list, "machines": self._machines}
-
-    def _compute(self, wanted: list[tuple[dict[int, int | str], int, Row]]) -> None:
-        """Compute orbits in this order, until there is no more room."""
-        if self.mover is None:
-            return
+        marked: dict[int, int | str] = {}
+        found: dict[int, int | str] = {row: text for row, text in enumerate(map(_why_none, rows)) if text}
+        order = [row for row in dict.fromkeys([*first, *spread(len(rows))]) if row not in found]
+        wanted = [*((marked, *one) for one in enumerate(records)), *((found, row, rows[row]) for row in order)]
+        orbits: Series = []
+        machines: Series = []
         used = 0
         for done, (places, row, record) in enumerate(wanted):
+            if self.mover is None:
+                break
             if self.progress is not None:
                 self.progress(done, len(wanted))
             try:
@@ -298,24 +288,24 @@ class Motions:
             used += len(trajectory)
             if used > self.room:
                 break
-            places[row] = len(self._list)
-            self._list.append(self._packed(scene, trajectory, events))
+            places[row] = len(orbits)
+            machine = machine_of(scene)
+            machines += [] if machine in machines else [machine]
+            orbits.append(_packed(trajectory, events) | {"machine": machines.index(machine)})
+        return {"rows": found, "special": marked, "list": orbits, "machines": machines}
 
-    def _packed(self, scene: Scene, trajectory: pd.DataFrame, events: pd.DataFrame) -> dict[str, Any]:
-        """Return what the page shows of an orbit."""
-        machine = machine_of(scene)
-        if machine not in self._machines:
-            self._machines.append(machine)
-        seconds = float(trajectory["t_s"].iloc[-1])
-        turns = abs(float(np.ptp(trajectory["phi1_rad"].iloc[[0, -1]]))) / (2.0 * np.pi)
-        return {
-            "end": seconds,
-            "turns": round(turns),
-            "columns": {name: packed_coarsely(trajectory[name]) for name in _ORBIT if name in trajectory},
-            "modes": "".join(trajectory["mode"].map(initial)),
-            "impacts": impacts_of(events, 0.0, seconds),
-            "machine": self._machines.index(machine),
-        }
+
+def _packed(trajectory: pd.DataFrame, events: pd.DataFrame) -> dict[str, Any]:
+    """Return what the page shows of an orbit."""
+    seconds = float(trajectory["t_s"].iloc[-1])
+    turns = abs(float(np.ptp(trajectory["phi1_rad"].iloc[[0, -1]]))) / (2.0 * np.pi)
+    return {
+        "end": seconds,
+        "turns": round(turns),
+        "columns": {name: packed_coarsely(trajectory[name]) for name in _ORBIT if name in trajectory},
+        "modes": "".join(trajectory["mode"].map(initial)),
+        "impacts": impacts_of(events, 0.0, seconds),
+    }
 
 
 def spread(count: int) -> list[int]:

@@ -19,8 +19,8 @@ from plotly.offline import get_plotlyjs
 from vibroplat.page import points, run
 from vibroplat.page.points import Motions, Mover, Progress
 from vibroplat.page.results import Found, differences, find_results, parameters, remarks, summary_rows
-from vibroplat.plots.orbits import read_branches
 from vibroplat.plots.reading import ends_of, read_columns, read_parts
+from vibroplat.plots.studies import grid_of, read_branches
 from vibroplat.results.tables import replace_file
 
 _LOG = logging.getLogger("vibroplat")
@@ -196,10 +196,7 @@ def _events(one: Found) -> pd.DataFrame:
 
 def _tables(number: int, one: Found) -> list[dict[str, Any]]:
     """Return the tables that belong to no figure with points: those of events."""
-    if one.command != "run":
-        return []
-    events = _events(one)
-    return [points.table_data("events", number, points.thinned(events), len(events))]
+    return [points.table_data("events", number, _events(one))] if one.command == "run" else []
 
 
 def _points(number: int, one: Found, motions: Motions) -> dict[str, Any]:
@@ -213,8 +210,8 @@ def _sweep(number: int, one: Found, motions: Motions) -> dict[str, Any]:
     whole = read_columns(one.result, "sweep", *SWEEP_COLUMNS)
     table = points.thinned(whole)
     return {
-        "table": points.table_data("sweep", number, table, len(whole)),
-        "axes": points.axes(table, [points.EXCITATION, points.SUPPLY, *points.grid_of(table)]),
+        "table": points.table_data("sweep", number, whole),
+        "axes": points.axes(table, [points.EXCITATION, points.SUPPLY, *grid_of(table)]),
         "measures": points.measures(table),
         "series": points.sweep_series(table),
         "marks": [],
@@ -228,12 +225,12 @@ def _orbits(number: int, one: Found, motions: Motions) -> dict[str, Any]:
     table, special = points.thinned(found.points), points.thinned(found.special)
     marks = points.special_marks(found, special, table)
     return {
-        "table": points.table_data("branches", number, table, len(found.points)),
-        "axes": points.axes(table, [found.abscissa, found.key, points.EXCITATION]),
+        "table": points.table_data("branches", number, found.points),
+        "axes": points.axes(table, [found.x, found.key, points.EXCITATION]),
         "measures": points.measures(table),
         "series": points.orbit_series(found, table),
         "marks": marks,
-        "special": points.table_data("special points", number, special, len(found.special)),
+        "special": points.table_data("special points", number, found.special),
         "motions": motions.of(special, table, [*points.ends(found, table), *(n for m in marks for n in m["nearest"])]),
     }
 
@@ -244,6 +241,6 @@ def _boundaries(number: int, one: Found) -> list[dict[str, Any]]:
         return []
     found = read_branches(one.result.directory)
     whole = found.boundaries()
-    table = points.thinned(whole)
-    data = points.table_data("boundaries", number, table, len(whole))
-    return [{"table": data, "keys": [found.key, found.second], "series": points.boundary_series(found, table)}]
+    series = points.boundary_series(found, points.thinned(whole))
+    data = points.table_data("boundaries", number, whole)
+    return [{"table": data, "keys": [found.key, found.second], "series": series}]

@@ -23,7 +23,7 @@ _FALLS = partial(ordered, "falls", ((Key(0.2), Key(0.1)), (Key(0.1), Key(0.0))))
 JUDGES: dict[str, Callable[[Claim, Evidence], Finding]] = {
     "sync-deviation": judges.deviation,
     "jump-second-resonance": judges.second_resonance,
-    "band-vs-mass": judges.jump_over_mass,
+    "band-vs-mass": partial(judges.jump_left, former=True),
     "bands-unchanged": judges.same_bands,
     "jump-left": judges.jump_left,
     "amp-rise": partial(ordered, "rises", ((Key(0.0), Key(0.1)), (Key(0.1), Key(0.2)))),

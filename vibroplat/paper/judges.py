@@ -129,38 +129,25 @@ def second_resonance(claim: Claim, evidence: Evidence) -> Finding:
     return Finding(text, off <= claim["tol"] and jumps, _closeness(off, claim["tol"]) * (1.0 if jumps else 0.5))
 
 
-def jump_over_mass(claim: Claim, evidence: Evidence) -> Finding:
-    """Judge whether material leaves the frequency of the jump within EDGE and does not raise its supply frequency.
+def jump_left(claim: Claim, evidence: Evidence, *, former: bool = False) -> Finding:
+    """Judge whether material lowers the frequency of the jump slightly, but by more than its error.
 
-    This is the former reading of what :func:`same_bands` and :func:`jump_left` judge.
+    In the ``former`` reading material leaves this frequency within EDGE and does not raise its supply frequency.
     """
-    bare, shifts = _shifts(claim, evidence)
-    if not shifts:
-        return Finding(bare)
-    near = all(abs(f) <= EDGE for f, _ in shifts.values())
-    left = all(supply <= NO_RISE for _, supply in shifts.values())
-    texts = "; ".join(f"μ {mu:g}: {f:+.2f} Hz (supply {supply:+.2f} Hz)" for mu, (f, supply) in shifts.items())
-    return Finding(f"{bare}; {texts}", near and left, (near + left) / 2.0)
-
-
-def jump_left(claim: Claim, evidence: Evidence) -> Finding:
-    """Judge whether material lowers the frequency of the jump slightly, but by more than its error."""
-    bare, shifts = _shifts(claim, evidence)
-    if not shifts:
-        return Finding(bare)
-    left = [-SLIGHT <= f < -0.5 * JUMP_WIDTH for f, _ in shifts.values()]
-    texts = "; ".join(f"μ {mu:g}: {f:+.3f} Hz" for mu, (f, _) in shifts.items())
-    return Finding(f"{bare}; {texts}", all(left), float(np.mean(left)))
-
-
-def _shifts(claim: Claim, evidence: Evidence) -> tuple[str, dict[float, tuple[float, float]]]:
-    """Return the jump without material as text, and by mass ratio how far its excitation and supply frequency shift."""
     jumps = {mu: evidence.jump(Key(mu)) for mu in (0.0, *claim["mu"])}
     rows = {mu: jump.before for mu, jump in jumps.items() if jump}
     if len(rows) < len(jumps):
-        return "antiphase does not end for every μ", {}
+        return Finding("antiphase does not end for every μ")
     bare = rows.pop(0.0)
-    return f"μ 0: {bare[F]:.2f} Hz", {mu: (row[F] - bare[F], row[SUPPLY] - bare[SUPPLY]) for mu, row in rows.items()}
+    shifts = {mu: (row[F] - bare[F], row[SUPPLY] - bare[SUPPLY]) for mu, row in rows.items()}
+    if former:
+        near = all(abs(f) <= EDGE for f, _ in shifts.values())
+        holds = [near, all(supply <= NO_RISE for _, supply in shifts.values())]
+        texts = [f"μ {mu:g}: {f:+.2f} Hz (supply {supply:+.2f} Hz)" for mu, (f, supply) in shifts.items()]
+    else:
+        holds = [-SLIGHT <= f < -0.5 * JUMP_WIDTH for f, _ in shifts.values()]
+        texts = [f"μ {mu:g}: {f:+.3f} Hz" for mu, (f, _) in shifts.items()]
+    return Finding("; ".join([f"μ 0: {bare[F]:.2f} Hz", *texts]), all(holds), float(np.mean(holds)))
 
 
 def same_bands(claim: Claim, evidence: Evidence) -> Finding:

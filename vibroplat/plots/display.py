@@ -13,9 +13,10 @@ from vibroplat.continuation.orbit import Orbit
 from vibroplat.continuation.tables import OrbitTables
 from vibroplat.errors import TableError
 from vibroplat.plots import run as drawing
-from vibroplat.plots.orbits import branches_figure, branches_of, orbit_figure
+from vibroplat.plots.orbits import branches_figure, orbit_figure
 from vibroplat.plots.reading import ends_of
-from vibroplat.plots.response import response_figure, response_of
+from vibroplat.plots.response import response_figure
+from vibroplat.plots.studies import branches_of, sweep_of
 from vibroplat.plots.style import styled
 from vibroplat.results.run import Kind, Trajectory
 from vibroplat.study.branches import EXCITATION
@@ -70,9 +71,9 @@ def _(table: pd.DataFrame, x: str | None = None) -> Figure:
     with styled():
         if kind == "branches":
             found = branches_of(table)
-            return branches_figure(found, x or found.abscissa)
+            return branches_figure(found, x or found.x)
         if kind == "sweep":
-            return response_figure(response_of(table, x or EXCITATION))
+            return response_figure(sweep_of(table, x or EXCITATION))
         return drawing.FIGURES["motion"](drawing.Shown([_run_of_table(table)]))
 
 
@@ -96,7 +97,7 @@ def _(followed: OrbitTables) -> Figure:
     """Draw branches of orbits with their special points."""
     found = branches_of(followed.branches, followed.special)
     with styled():
-        return branches_figure(found, found.abscissa)
+        return branches_figure(found, found.x)
 
 
 @figure_of.register

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,24 +14,20 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from vibroplat.columns import COORDINATES, PHASE_COLUMN, QUANTITIES
+from vibroplat.columns import COORDINATES, PHASE_COLUMN
 from vibroplat.continuation.special_points import KINDS
 from vibroplat.errors import TableError
 from vibroplat.plots.labels import (
     ABSCISSAE,
-    is_number,
     key_label,
     run_parameters,
-    scene_of,
-    sweep_parameters,
-    value_label,
 )
-from vibroplat.plots.reading import Curve, curves_of, read_columns, read_result
-from vibroplat.plots.response import drawn_values, limit_size
+from vibroplat.plots.reading import Curve
+from vibroplat.plots.response import limit_size
+from vibroplat.plots.studies import BEHIND, Study, read_branches
 from vibroplat.plots.style import CURVES, DIRECTIONS, REFERENCE, entry, head, new_figure, panel_grid
-from vibroplat.plots.timelines import phase_axis, wrapped
-from vibroplat.results.files import Result
-from vibroplat.study.branches import EXCITATION, FREQUENCY, SUPPLY
+from vibroplat.plots.timelines import in_units, name_axis
+from vibroplat.study.branches import EXCITATION
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -47,124 +41,12 @@ PANELS = ("rms_y_m", "rms_x_m", PHASE_COLUMN, "motor_power_w", "contact_force_ma
 MARKERS = dict(zip(KINDS, "oDsX^vP", strict=True))
 MEANINGS = KINDS
 _COLOURS = dict(zip(KINDS, itertools.cycle(CURVES)))
-#: Colour of what is behind the branches.
-BEHIND = "#9a9a9a"
 #: Largest real and imaginary part of multipliers that are drawn, and the least frame, just around the unit circle.
 FARTHEST, NEAREST = 2.0, 1.1
 #: Largest multiplier above which their axis is logarithmic.
 LOGARITHMIC = 10.0
 #: Points of an orbit that are drawn.
 DRAWN = 2000
-
-# -- tables ------------------------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Branches:
-    """Tables of branches.
-
-    Attributes
-    ----------
-    name, result
-        What they are called, and their result; None in memory.
-    points, special
-        The tables.
-    swept
-        Table of a sweep in the same directory, or None.
-    key
-        Column of the key.
-    grid
-        Columns of the grid.
-    second
-        Column of the second key of boundaries, "" where there is none.
-    """
-
-    name: str
-    result: Result | None
-    points: pd.DataFrame
-    special: pd.DataFrame
-    swept: pd.DataFrame | None
-    key: str
-    grid: list[str]
-    second: str = ""
-
-    @property
-    def abscissa(self) -> str:
-        """Column that they are drawn over first."""
-        return EXCITATION if self.key == SUPPLY else self.key
-
-    @cached_property
-    def varied(self) -> list[str]:
-        """Columns of the grid that have several values."""
-        return [key for key in self.grid if len(self.points[key].unique()) > 1]
-
-    def parameters(self, *columns: str) -> str:
-        """Return what a reader wants to know of the scene, but for the key, the grid and more columns that vary."""
-        if self.result is None:
-            return ""
-        return sweep_parameters(scene_of(self.result.provenance), [*self.grid, self.key, *columns])
-
-    def alike(self, table: pd.DataFrame, values: Any, keys: Sequence[str] | None = None) -> pd.DataFrame:
-        """Return the rows of a table that belong to the branch of some values, or that share them in other keys."""
-        for key in (*self.grid, "branch") if keys is None else keys:
-            table = table[table[key] == values[key]]
-        return table
-
-    @cached_property
-    def curves(self) -> list[Curve]:
-        """All branches in the order of the table."""
-        return curves_of(self.points, [*self.grid, "branch"], self.label)
-
-    def label(self, values: pd.Series) -> str:
-        """Return what a combination of the grid's values is called in a legend."""
-        return ", ".join(value_label(key, values[key]) for key in self.varied)
-
-    def sweeps(self) -> Iterator[tuple[str, pd.DataFrame]]:
-        """Yield the colour and points of the sweep: of each combination, where the sweep has its keys."""
-        if self.swept is None:
-            return
-        if not self.varied or any(key not in self.swept for key in self.varied):
-            yield BEHIND, self.swept
-            return
-        for number, (_, values) in enumerate(self.points[self.varied].drop_duplicates().iterrows()):
-            yield CURVES[number % len(CURVES)], self.alike(self.swept, values, self.varied)
-
-    def boundaries(self) -> pd.DataFrame:
-        """Read the table ``boundaries``; its keys must hold numbers."""
-        assert self.result is not None
-        table = read_columns(self.result, "boundaries", ("kind",), ("curve",))
-        if not all(key in table and is_number(table[key]) for key in (self.key, self.second)):
-            raise TableError(f"the boundaries table in {self.result.directory} has no numbers of two keys")
-        return table
-
-
-def read_branches(directory: Path) -> Branches:
-    """Read the tables of branches, and that of a sweep if it lies in the same directory."""
-    result = read_result(directory, "orbits")
-    try:
-        plan = result.provenance["configuration"]["orbits"]
-        named = str(plan["key"]), str((plan.get("boundaries") or {}).get("key", ""))
-    except (AttributeError, KeyError, TypeError):
-        raise TableError(f"{directory}/provenance.json is not the provenance of branches of orbits") from None
-    key, second = (SUPPLY if name == FREQUENCY else name for name in named)
-    numbers = (key, EXCITATION, "branch", "rms_x_m", "rms_y_m", PHASE_COLUMN, "motor_power_w", "multiplier_1_re")
-    points = read_columns(result, "branches", ("sequence",), numbers, ("contact_force_max_n",))
-    if "stable" not in points:
-        raise TableError(f"the branches table in {directory} has no column stable")
-    special = read_columns(result, "special", ("kind",), (key, EXCITATION, "branch", "point"))
-    if points.empty:
-        raise TableError(f"{directory} holds an empty table of branches; there is nothing to plot")
-    swept = Result(directory, "sweep").table("sweep") if any(directory.glob("sweep.*")) else None
-    grid = list(points.columns[: list(points.columns).index(key)])
-    return Branches(directory.resolve().name, result, points, special, swept, key, grid, second)
-
-
-def branches_of(points: pd.DataFrame, special: pd.DataFrame | None = None) -> Branches:
-    """Prepare tables in memory, those of special points if there are any; the key stands before ``branch``."""
-    *grid, key = (str(column) for column in points.columns[: list(points.columns).index("branch")])
-    if special is None:
-        special = pd.DataFrame({name: [] for name in (*grid, "branch", "kind", "point", EXCITATION)})
-    return Branches("orbits", None, points, special, None, key, grid)
 
 
 def orbit_figures(
@@ -191,7 +73,7 @@ def orbit_figures(
     """
     for directory in directories:
         found = read_branches(directory)
-        column = found.abscissa if x is None else ABSCISSAE[x]
+        column = found.x if x is None else ABSCISSAE[x]
         has_curves = any(directory.glob("boundaries.*"))
         if column not in found.points:
             raise TableError(f"--x {x}: the branches table in {directory} has no column {column}")
@@ -204,7 +86,7 @@ def orbit_figures(
 # -- branches ----------------------------------------------------------------------------------------------------------
 
 
-def branches_figure(found: Branches, x: str) -> Figure:
+def branches_figure(found: Study, x: str) -> Figure:
     """Draw all quantities of branches over a column."""
     columns = [c for c in PANELS if c in found.points and found.points[c].notna().any()]
     figure, panels = panel_grid(len(columns), 2, (11.0, 2.2 + 2.5 * -(-len(columns) // 2)), key_label(x))
@@ -216,7 +98,7 @@ def branches_figure(found: Branches, x: str) -> Figure:
             draw_branch(axis, points, special, column, x, color=CURVES[number % len(CURVES)])
         if column.startswith("rms"):
             limit_size(axis, found.points)
-    head(figure, found.name, found.parameters())
+    _head(figure, found)
     handles = _legend(found, x)
     if len(columns) < len(panels):  # the empty place
         panels[-1].legend(handles=handles, loc="center left", borderpad=0.0)
@@ -243,7 +125,7 @@ def draw_branch(
     """
     shares = places_of(points, special)
     places = np.sort(np.concatenate([np.arange(len(points)), shares]))
-    xs, ys = _at(points, places, x), _at(points, places, column)
+    xs, ys = (in_units(between(points, places, name), name) for name in (x, column))
     looks: list[bool | None] = _stable(points, places)
     if column == PHASE_COLUMN:  # it passes the end of its axis
         looks = [None if jump > np.pi else look for look, jump in zip(looks, np.abs(np.diff(ys)), strict=True)]
@@ -252,15 +134,11 @@ def draw_branch(
             part = list(run)
             shown = slice(part[0], part[-1] + 2)
             axis.plot(xs[shown], ys[shown], "-" if kind else "--", lw=1.5 if kind else 0.9, color=color)
-    marks = _at(points, shares, column)
-    exact = special[x].to_numpy(dtype=float) if x in special else _at(points, shares, x)
+    marks = in_units(between(points, shares, column), column)
+    exact = special[x].to_numpy(dtype=float) if x in special else between(points, shares, x)
     for where, value, kind in zip(exact, marks, special["kind"], strict=True):
         axis.plot(where, value, MARKERS.get(kind, "*"), ms=5.0, mfc="white", mec=color, mew=1.1, zorder=3)
-    if column == PHASE_COLUMN:
-        phase_axis(axis)
-    else:
-        axis.set_ylabel(QUANTITIES[column].label)
-    return axis
+    return name_axis(axis, column)
 
 
 def places_of(points: pd.DataFrame, special: pd.DataFrame) -> Any:
@@ -281,14 +159,6 @@ def between(points: pd.DataFrame, places: Any, column: str) -> Any:
     return np.interp(places, np.arange(len(points)), values)
 
 
-def _at(points: pd.DataFrame, places: Any, column: str) -> Any:
-    """Return a column in units of the axis at places along a branch; phase differences lie about 0 … 2π."""
-    found = between(points, places, column)
-    if column == PHASE_COLUMN:
-        return wrapped(found)
-    return (QUANTITIES[column].factor if column in QUANTITIES else 1.0) * found
-
-
 def _stable(points: pd.DataFrame, places: Any) -> list[bool | None]:
     """Return whether the pieces of a line between places along a branch are stable.
 
@@ -305,13 +175,14 @@ def draw_sweep(axis: Axes, table: pd.DataFrame, column: str, x: str, *, color: A
     """Draw the points of a sweep, pale, behind what comes later."""
     if x not in table or column not in table:
         return
-    values, places = drawn_values(table, column), table[x].to_numpy(dtype=float)
+    values = in_units(table[column].to_numpy(dtype=float, na_value=np.nan), column)
+    places = table[x].to_numpy(dtype=float)
     for direction, marker in DIRECTIONS.items():
         chosen = (table["direction"] == direction).to_numpy()
         axis.plot(places[chosen], values[chosen], marker, ls="", ms=4.0, color=color, mew=0, alpha=0.5, zorder=1.5)
 
 
-def _legend(found: Branches, x: str) -> list[Line2D]:
+def _legend(found: Study, x: str) -> list[Line2D]:
     """Name colours, lines and markers, and say what happens at special points."""
     numbers = {label: number for label, number, _ in found.curves if label}
     handles = [entry(label, color=CURVES[number % len(CURVES)], lw=2.0) for label, number in numbers.items()]
@@ -329,10 +200,15 @@ def _legend(found: Branches, x: str) -> list[Line2D]:
     return handles
 
 
+def _head(figure: Figure, found: Study, *more: str) -> None:
+    """Put their name above a figure, and parameters but for the key, the grid and more columns that vary."""
+    head(figure, found.names[0], found.parameters([*found.grid, found.key, *more]))
+
+
 # -- boundaries --------------------------------------------------------------------------------------------------------
 
 
-def boundaries_figure(found: Branches, x: str) -> Figure:
+def boundaries_figure(found: Study, x: str) -> Figure:
     """Draw curves of special points over two keys: the second one over a column; a colour for each kind."""
     table, varied = found.boundaries(), found.varied
     combinations = table[varied].drop_duplicates() if varied else table.iloc[:1]
@@ -348,14 +224,14 @@ def boundaries_figure(found: Branches, x: str) -> Figure:
     kinds = [kind for kind in KINDS if (table["kind"] == kind).any()]
     handles = [entry(f"{kind}: {KINDS[kind]}", color=_COLOURS[kind], lw=1.8) for kind in kinds]
     figure.legend(handles=handles, loc="outside lower center", ncols=1)
-    head(figure, found.name, found.parameters(found.second))
+    _head(figure, found, found.second)
     return figure
 
 
 # -- multipliers -------------------------------------------------------------------------------------------------------
 
 
-def multipliers_figure(found: Branches, x: str) -> Figure:
+def multipliers_figure(found: Study, x: str) -> Figure:
     """Draw the leading multipliers on the plane, and the largest one over a column, for each grid combination."""
     combinations: dict[int, list[Curve]] = {}
     for curve in found.curves:
@@ -380,7 +256,7 @@ def multipliers_figure(found: Branches, x: str) -> Figure:
     if np.hypot(found.points["multiplier_1_re"], found.points["multiplier_1_im"]).max() > LOGARITHMIC:
         axes[1, 0].set_yscale("log")
     figure.colorbar(ScalarMappable(norm, "viridis"), ax=list(axes[0]), pad=0.01).set_label(key_label(x))
-    head(figure, found.name, found.parameters())
+    _head(figure, found)
     return figure
 
 
@@ -427,7 +303,7 @@ def orbit_figure(orbit: Orbit) -> Figure:
     return figure
 
 
-FIGURES: Mapping[str, Callable[[Branches, str], Figure]] = {
+FIGURES: Mapping[str, Callable[[Study, str], Figure]] = {
     "branches": branches_figure,
     "multipliers": multipliers_figure,
     "boundaries": boundaries_figure,

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import pandas as pd
 
 from vibroplat.columns import COORDINATES, PHASE, PHASE_COLUMN
-from vibroplat.plots.response import draw_response, drawn_values, marker_legend
+from vibroplat.plots.response import draw_response, marker_legend
 from vibroplat.plots.style import BLACK, BLUE, GREEN, ORANGE, PURPLE, REFERENCE, VERMILION, entry, new_figure
-from vibroplat.plots.timelines import FloatArray
+from vibroplat.plots.timelines import FloatArray, in_units
 from vibroplat.results.files import Result
 from vibroplat.study.bands import jumps
 from vibroplat.study.branches import EXCITATION
@@ -25,12 +25,13 @@ if TYPE_CHECKING:
 MASSES = {0.1: BLUE, 0.2: VERMILION, 0.0: BLACK}
 RESTITUTIONS = {0.0: VERMILION, 0.3: ORANGE, 0.5: PURPLE}
 NON_IMPACT = GREEN
-#: Names of the curves in the paper's numbering.
-_MASS_NAMES = {mass: rf"{i} – $\mu_w$ = {mass:g}" for i, mass in enumerate(MASSES, start=1)}
-_MODEL_NAMES = [*(f"{i} – $R$ = {r:g}" for i, r in enumerate(RESTITUTIONS, start=1)), "4 – non-impact"]
-_F = "$f$ (Hz)"
 #: Names and colours of curves, in the paper's numbering.
 Curves = Sequence[tuple[str, str]]
+_MASS_CURVES: Curves = [(rf"{i} – $\mu_w$ = {mass:g}", colour) for i, (mass, colour) in enumerate(MASSES.items(), 1)]
+_MODEL_CURVES: Curves = [
+    *((f"{i} – $R$ = {r:g}", colour) for i, (r, colour) in enumerate(RESTITUTIONS.items(), 1)),
+    ("4 – non-impact", NON_IMPACT),
+]
 #: Least change at a jump that is shown, over the range of the quantity.
 VISIBLE = 0.02
 #: The paper's symbols of the RMS.
@@ -63,7 +64,7 @@ def _arrows(axis: Axes, rows: pd.DataFrame, column: str, colour: str) -> None:
 
     A dotted line leads on to that point. Where a quantity does not change visibly there is no arrow.
     """
-    f, values = rows[EXCITATION].to_numpy(dtype=float), drawn_values(rows, column)
+    f, values = rows[EXCITATION].to_numpy(dtype=float), in_units(rows[column], column)
     up = rows["direction"].iloc[0] != "down"
     arrow = {"arrowstyle": "->", "color": colour, "lw": 0.8, "ls": "-" if up else "--", "shrinkA": 0.0, "shrinkB": 0.0}
     known = [0.0, 2.0 * np.pi] if column == PHASE_COLUMN else [0.0, *values[np.isfinite(values)]]
@@ -74,63 +75,58 @@ def _arrows(axis: Axes, rows: pd.DataFrame, column: str, colour: str) -> None:
             axis.hlines(values[i + 1], min(f[i : i + 2]), max(f[i : i + 2]), colors=colour, ls=":", lw=0.6)
 
 
-def _legend(figure: Figure, table: pd.DataFrame, curves: dict[str, str]) -> None:
-    """Name the curves, by their colours, and the markers."""
-    handles = [entry(name, color=colour, lw=2.0) for name, colour in curves.items()]
-    figure.legend(handles=[*handles, *marker_legend(table)], loc="outside lower center", ncols=4)
+class Panel(NamedTuple):
+    """A panel over f: its title, its quantity, its curves (points, colour, size) and its share of the height."""
+
+    title: str
+    column: str
+    curves: Sequence[tuple[pd.DataFrame, str, float]]
+    height: float = 1.0
+
+
+def _over_frequency(height: float, panels: Sequence[Panel], names: Curves = ()) -> Figure:
+    """Draw panels over f in a figure of a height (inch); below it are the names of curves and markers."""
+    figure, axes = new_figure(len(panels), 1, (8.0, height), sharex=True, height_ratios=[p.height for p in panels])
+    for axis, panel in zip(axes[:, 0], panels, strict=True):
+        for rows, colour, size in panel.curves:
+            _branches(axis, rows, panel.column, colour, size)
+        if panel.column != PHASE_COLUMN:
+            axis.set_ylim(bottom=0.0)
+        axis.set_title(panel.title, loc="left")
+    axes[-1, 0].set_xlabel("$f$ (Hz)")
+    handles = [entry(name, color=colour, lw=2.0) for name, colour in names]
+    markers = marker_legend(pd.concat([rows for panel in panels for rows, _, _ in panel.curves]))
+    figure.legend(handles=[*handles, *markers], loc="outside lower center", ncols=4)
+    return figure
 
 
 def _fig2(result: Result) -> Figure:
-    table = result.table("fig2")
-    figure, axes = new_figure(4, 1, (8.0, 8.6), sharex=True)
-    for axis, column in zip(axes[:, 0], _SYMBOLS, strict=True):
-        _branches(axis, table, column, MASSES[0.0])
-        if column != PHASE_COLUMN:
-            axis.set_ylim(bottom=0.0)
-    axes[0, 0].set_title(r"Fig. 2(a). $\mu_w$ = 0", loc="left")
-    axes[3, 0].set_title("Fig. 2(b)", loc="left")
-    axes[3, 0].set_xlabel(_F)
-    _legend(figure, table, {})
-    return figure
+    curves = [(result.table("fig2"), MASSES[0.0], 1.0)]
+    titles = [r"Fig. 2(a). $\mu_w$ = 0", "", "", "Fig. 2(b)"]
+    return _over_frequency(8.6, [Panel(title, column, curves) for title, column in zip(titles, _SYMBOLS, strict=True)])
 
 
 def _fig3(result: Result) -> Figure:
     table = result.table("fig3")
-    figure, axes = new_figure(4, 1, (8.0, 9.0), sharex=True, height_ratios=[3.0, 1.2, 1.2, 1.2])
-    for i, (mass, colour) in enumerate(MASSES.items()):
-        rows = table[table["material.mass_ratio"] == mass]
-        _branches(axes[0, 0], rows, "rms_y_m", colour, 1.4 - 0.3 * i)
-        _branches(axes[1 + i, 0], rows, PHASE_COLUMN, colour)
-        axes[1 + i, 0].set_title(f"Fig. 3(b). {_MASS_NAMES[mass]}", loc="left")
-    axes[0, 0].set_ylim(bottom=0.0)
-    axes[0, 0].set_title("Fig. 3(a). $R$ = 0", loc="left")
-    axes[3, 0].set_xlabel(_F)
-    _legend(figure, table, {_MASS_NAMES[mass]: colour for mass, colour in MASSES.items()})
-    return figure
+    curves = [(table[table["material.mass_ratio"] == mass], colour) for mass, colour in MASSES.items()]
+    sized = [(rows, colour, 1.4 - 0.3 * i) for i, (rows, colour) in enumerate(curves)]
+    phases = [
+        Panel(f"Fig. 3(b). {name}", PHASE_COLUMN, [(rows, colour, 1.0)], 1.2)
+        for (name, _), (rows, colour) in zip(_MASS_CURVES, curves, strict=True)
+    ]
+    return _over_frequency(9.0, [Panel("Fig. 3(a). $R$ = 0", "rms_y_m", sized, 3.0), *phases], _MASS_CURVES)
 
 
 def _fig6(result: Result) -> Figure:
     table = result.table("fig6")
-    shown = table[table["direction"] == "up"]
-    curves = {
-        name: (shown[shown["contact.restitution"] == r], colour)
-        for name, (r, colour) in zip(_MODEL_NAMES, RESTITUTIONS.items(), strict=False)
-    }
+    shown = [table[table["contact.restitution"] == r] for r in RESTITUTIONS]
     if any(result.directory.glob("fig6-nonimpact.*")):
-        viscous = result.table("fig6-nonimpact")
-        curves[_MODEL_NAMES[3]] = (viscous[viscous["direction"] == "up"], NON_IMPACT)
-    figure, axes = new_figure(1, 1, (8.0, 5.0))
-    for i, (rows, colour) in enumerate(curves.values()):
-        _branches(axes[0, 0], rows, "rms_y_m", colour, 1.5 - 0.25 * i)
-    axes[0, 0].set_ylim(bottom=0.0)
-    axes[0, 0].set_xlabel(_F)
-    axes[0, 0].set_title(r"Fig. 6. $\mu_w$ = 0.2", loc="left")
-    _legend(figure, pd.concat([rows for rows, _ in curves.values()]), {n: colour for n, (_, colour) in curves.items()})
-    return figure
-
-
-_MASS_CURVES = [(_MASS_NAMES[mass], colour) for mass, colour in MASSES.items()]
-_MODEL_CURVES = list(zip(_MODEL_NAMES, [*RESTITUTIONS.values(), NON_IMPACT], strict=True))
+        shown.append(result.table("fig6-nonimpact"))
+    curves = [
+        (rows[rows["direction"] == "up"], colour, 1.5 - 0.25 * i)
+        for i, (rows, (_, colour)) in enumerate(zip(shown, _MODEL_CURVES, strict=False))
+    ]
+    return _over_frequency(5.0, [Panel(r"Fig. 6. $\mu_w$ = 0.2", "rms_y_m", curves)], _MODEL_CURVES[: len(curves)])
 
 
 def history(name: str, column: str, curves: Curves, title: str, *, near: float = 0.0) -> Callable[[Result], Figure]:

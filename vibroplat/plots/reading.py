@@ -84,7 +84,7 @@ class Curve(NamedTuple):
 
 def curves_of(table: pd.DataFrame, keys: Sequence[str], label: Callable[[pd.Series], str]) -> list[Curve]:
     """Return the curves of a table in its order: rows that share keys, numbered by their labels."""
-    groups = [rows for _, rows in table.groupby([*keys], sort=False)]
+    groups = [rows for _, rows in table.groupby([*keys], sort=False, dropna=False)]
     labels = [label(rows.iloc[0]) for rows in groups]
     numbers = pd.factorize(np.array(labels, dtype=object))[0]
     return [Curve(name, int(number), rows) for name, number, rows in zip(labels, numbers, groups, strict=True)]

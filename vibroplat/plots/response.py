@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import cached_property
-from pathlib import Path
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import matplotlib as mpl
@@ -16,26 +13,18 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.lines import Line2D
 
-from vibroplat.columns import PHASE_COLUMN, QUANTITIES
-from vibroplat.config.reader import flat
-from vibroplat.errors import TableError
-from vibroplat.plots.labels import compared, distinct, is_number, key_label, scene_of, sweep_parameters, value_label
-from vibroplat.plots.reading import Curve, curves_of, read_columns, read_result
+from vibroplat.columns import PHASE_COLUMN
+from vibroplat.plots.labels import key_label
+from vibroplat.plots.studies import Study
 from vibroplat.plots.style import BLACK, CURVES, DIRECTIONS, FAILED, REFERENCE, entry, head, legend_below, panel_grid
-from vibroplat.plots.timelines import Measured, phase_axis, wrapped
-from vibroplat.results.files import Result
+from vibroplat.plots.timelines import in_units, name_axis
 from vibroplat.study.bands import jumps
 from vibroplat.study.branches import EXCITATION, SUPPLY
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Columns that figures need in addition to the swept keys, and those they show if there are any.
-_NUMBERS = (EXCITATION, "rms_x_m", "rms_y_m", "rms_phi_rad", PHASE_COLUMN, "period")
-_OPTIONAL = tuple(column for column in QUANTITIES if column not in _NUMBERS)
 _SIZES = ("rms_y_m", "rms_x_m", "rms_phi_rad")
-#: The column that tells several results apart.
-RESULT = "result"
 #: Least range of an axis of RMS, relative to the largest RMS of y: small quantities are drawn small.
 LEAST_RANGE = 0.02
 #: Most values of a key that have colours of their own; more of them follow a colour scale.
@@ -43,106 +32,6 @@ DISTINCT = 5
 #: Fillings of the markers and what they say of the motion; others are not periodic.
 FILLINGS = {"periodic": "full", "undecided": "bottom"}
 _MEANING = {"full": "periodic", "none": "not periodic", "bottom": "undecided"}
-
-# -- tables ------------------------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Response:
-    """Tables of one or several sweeps as one, and the grid keys that have several values.
-
-    Attributes
-    ----------
-    results, names
-        The results, none of a table in memory, and what they are called.
-    table
-        Their rows, with the column ``result`` if there are several.
-    keys
-        What varies: keys of the grid, and ``result``.
-    x
-        The column of the horizontal axis.
-    data
-        Measured data laid over the curves.
-    labels
-        What results are called in a legend, by their names.
-    """
-
-    results: list[Result]
-    names: list[str]
-    table: pd.DataFrame
-    keys: list[str]
-    x: str = EXCITATION
-    data: Measured | None = None
-    labels: Mapping[str, str] = field(default_factory=dict)
-
-    @cached_property
-    def parameters(self) -> str:
-        """What does not vary, for a title."""
-        if len(self.results) != 1:
-            return ""
-        return sweep_parameters(scene_of(self.results[0].provenance), self.keys)
-
-    @cached_property
-    def curves(self) -> list[Curve]:
-        """Each branch, in the order of the table."""
-        keys = [key for key in (RESULT, "branch") if key in self.table]
-        return curves_of(self.table, keys, lambda row: ", ".join(self._called(key, row[key]) for key in self.keys))
-
-    def _called(self, key: str, value: Any) -> str:
-        """Return a value in a legend; results are called by their names, and how they differ otherwise."""
-        return self.labels[value] if key == RESULT else value_label(key, value)
-
-    @property
-    def scale(self) -> str | None:
-        """The key whose numbers colours can follow, if it alone varies."""
-        return self.keys[0] if len(self.keys) == 1 and is_number(self.table[self.keys[0]]) else None
-
-
-def read_response(directories: Sequence[Path], *, x: str = EXCITATION, data: Measured | None = None) -> Response:
-    """Read the table of a sweep, or those of several as one."""
-    results, tables = [], []
-    for place in directories:
-        result = read_result(place, "sweep")
-        table = read_columns(result, "sweep", ("direction", "sync"), (SUPPLY, "branch", *_NUMBERS), _OPTIONAL)
-        if table.empty:
-            raise TableError(f"{place} holds an empty sweep table; there is nothing to plot")
-        results.append(result)
-        tables.append(table)
-    grid = list(dict.fromkeys(key for table in tables for key in _grid(table)))
-    tables = [_completed(table, result, grid) for table, result in zip(tables, results, strict=True)]
-    names = distinct([directory.resolve().name for directory in directories], directories)
-    if len(tables) > 1:
-        tables = [table.assign(**{RESULT: name}) for name, table in zip(names, tables, strict=True)]
-    joined = pd.concat(tables, ignore_index=True)
-    keys = _varied(joined, grid)
-    labels = compared("sweep", names, [scene_of(result.provenance) for result in results], keys)
-    varied = ([RESULT] if len(tables) > 1 else []) + keys
-    return Response(results, names, joined, varied, x, data, dict(zip(names, labels, strict=True)))
-
-
-def response_of(table: pd.DataFrame, x: str = EXCITATION) -> Response:
-    """Prepare the table of a sweep in memory."""
-    return Response([], ["sweep"], table, _varied(table, _grid(table)), x)
-
-
-def _grid(table: pd.DataFrame) -> list[str]:
-    """Return the keys of the grid of a sweep."""
-    return [str(key) for key in table.columns[1 : list(table.columns).index("direction")]]
-
-
-def _varied(table: pd.DataFrame, keys: Iterable[str]) -> list[str]:
-    """Return the keys that have several values."""
-    return [key for key in keys if len(table[key].unique()) > 1]
-
-
-def _completed(table: pd.DataFrame, result: Result, keys: Iterable[str]) -> pd.DataFrame:
-    """Add the keys that only other sweeps vary, with the value that this one was made with."""
-    try:
-        made = flat(result.provenance["configuration"])
-    except (KeyError, TypeError, AttributeError):
-        raise TableError(f"{result.directory}/provenance.json is not the provenance of a sweep") from None
-    return table.assign(**{key: made[key] for key in keys if key not in table and key in made})
-
 
 # -- one branch --------------------------------------------------------------------------------------------------------
 
@@ -182,7 +71,7 @@ def draw_response(
     Axes
         The same axis.
     """
-    values = drawn_values(rows, column)
+    values = in_units(rows[column].to_numpy(dtype=float, na_value=np.nan), column)
     places = rows[x].to_numpy(dtype=float, na_value=np.nan)
     up = rows["direction"].iloc[0] != "down"
     style: dict[str, Any] = {"color": color, "zorder": 2.5 if up else 2.4}
@@ -197,17 +86,7 @@ def draw_response(
     if len(failed):
         axis.plot(failed, np.zeros(len(failed)), "x", color=FAILED, ms=5.0, mew=1.4, clip_on=False, zorder=4.0,
                   transform=axis.get_xaxis_transform())  # fmt: skip
-    if column == PHASE_COLUMN:
-        phase_axis(axis)
-    else:
-        axis.set_ylabel(QUANTITIES[column].label)
-    return axis
-
-
-def drawn_values(rows: pd.DataFrame, column: str) -> Any:
-    """Return a column in the unit of its axis; phase differences lie on their axis."""
-    values = QUANTITIES[column].factor * rows[column].to_numpy(dtype=float, na_value=np.nan)
-    return wrapped(values) if column == PHASE_COLUMN else values
+    return name_axis(axis, column)
 
 
 def _fillings(rows: pd.DataFrame) -> Iterator[tuple[str, Any]]:
@@ -255,9 +134,9 @@ def marker_legend(table: pd.DataFrame) -> Iterator[Line2D]:
 # -- the figure --------------------------------------------------------------------------------------------------------
 
 
-def response_figure(response: Response) -> Figure:
+def response_figure(response: Study) -> Figure:
     """Draw all measures of a response that say something, over frequency."""
-    columns = _columns(response.table)
+    columns = _columns(response.points)
     two = len(columns) > 5
     size = (11.0 if two else 8.0, 1.9 + 1.75 * -(-len(columns) // (1 + two)))
     figure, panels = panel_grid(len(columns), 1 + two, size, key_label(response.x))
@@ -267,17 +146,17 @@ def response_figure(response: Response) -> Figure:
         for _, number, rows in response.curves:
             width = _size(number, len(labels))
             draw_response(axis, rows, column, x=response.x, color=colours[number], size=width)
-        _limit(axis, column, response.table)
+        _limit(axis, column, response.points)
         if response.data is not None:
-            response.data.draw(axis, response.x, column, QUANTITIES[column])
-    head(figure, ", ".join(response.names), response.parameters)
+            response.data.draw(axis, response.x, column)
+    head(figure, ", ".join(response.names), response.parameters(response.varied))
     handles: list[Any] = []
     if scale is not None:
         bar = figure.colorbar(scale, ax=figure.axes, aspect=50, pad=0.01)
-        bar.set_label(key_label(response.keys[0]))
-    elif len(labels) > 1 or response.keys:
+        bar.set_label(key_label(response.varied[0]))
+    elif len(labels) > 1 or response.varied:
         handles += [entry(label, color=colours[i], lw=2.0) for i, label in enumerate(labels)]
-    handles += marker_legend(response.table)
+    handles += marker_legend(response.points)
     handles += [line for axis in figure.axes for line in axis.get_legend_handles_labels()[0]][:1]  # measured data
     legend_below(figure, handles)
     return figure
@@ -313,14 +192,14 @@ def _limit(axis: Axes, column: str, table: pd.DataFrame) -> None:
         axis.set_ylim(bottom=0.0)
 
 
-def _colours(response: Response, count: int) -> tuple[Sequence[Any], ScalarMappable | None]:
+def _colours(response: Study, count: int) -> tuple[Sequence[Any], ScalarMappable | None]:
     """Return a colour for each grid combination: distinct ones, or along a scale, which is returned, if they are many.
 
     The scale differs in lightness as well, and is without its palest end.
     """
     many = ListedColormap(mpl.colormaps["viridis"](np.linspace(0.0, 0.9, 256)))
     if response.scale is not None and count > DISTINCT:
-        values = response.table[response.scale]
+        values = response.points[response.scale]
         norm = Normalize(float(values.min()), float(values.max()))
         numbers = {curve.number: float(curve.rows[response.scale].iloc[0]) for curve in response.curves}
         return [many(norm(number)) for number in numbers.values()], ScalarMappable(norm, many)

@@ -213,11 +213,6 @@ class Shown:
         colour = CURVES[number % len(CURVES)]
         return {"color": colour, "label": self.names[number], "lw": 1.8 - 0.9 * number / len(self.runs), "alpha": 0.9}
 
-    def measured(self, axis: Axes, column: str) -> None:
-        """Lay the data over an axis in time."""
-        if self.data is not None:
-            self.data.draw(axis, "t_s", column, COORDINATES[column])
-
 
 def run_figures(
     directories: Sequence[Path],
@@ -297,8 +292,8 @@ def _motion(shown: Shown) -> Figure:
     figure, axes = new_figure(len(rows), 1 + overview, size, sharex="col")
     for column, row in zip(rows, axes, strict=True):
         if overview:
-            _overview(row[0], shown, column)
-        _detail(row[-1], shown, column)
+            _draw(row[0], shown, column, detail=False)
+        _draw(row[-1], shown, column)
     if overview:
         axes[0, 0].set_title("whole run, range of values", loc="left")
         axes[0, 1].set_title("last turns, grey on the left" if shown.only else "last turns", loc="left")
@@ -313,37 +308,31 @@ def _motion(shown: Shown) -> Figure:
     return figure
 
 
-def _overview(axis: Axes, shown: Shown, column: str) -> None:
-    """Draw the range of a coordinate over the whole run, and shade what is shown in detail."""
-    for number, run in enumerate(shown.runs):
-        if f"{column}:max" in run.envelope:
-            look = shown.look(number, column)
-            timelines.draw_envelope(axis, run.envelope, column, color=look["color"], filled=shown.only is not None)
-            if shown.only is not None:
-                axis.axvspan(run.shown["t_s"].iloc[0], run.shown["t_s"].iloc[-1], color=REFERENCE, alpha=0.25, lw=0)
-    shown.measured(axis, column)
+def _draw(axis: Axes, shown: Shown, column: str, *, detail: bool = True) -> None:
+    """Draw a coordinate in detail, or its range over the whole run.
 
-
-def _detail(axis: Axes, shown: Shown, column: str) -> None:
-    """Draw a coordinate in detail, with contact shaded and impacts marked if there is one run."""
+    If there is one run, contact is shaded and impacts are marked in detail; the other panel shades what detail shows.
+    """
+    alone = shown.only is not None
     for number, run in enumerate(shown.runs):
         if column not in run.shown:
             continue
         look = shown.look(number, column)
-        if run.turns > MOST_TURNS:
-            filled = shown.only is not None
-            timelines.draw_envelope(
-                axis, run.envelope, column, color=look["color"], label=look.get("label"), filled=filled
-            )
+        if not detail or run.turns > MOST_TURNS:
+            colour, label = look["color"], look.get("label")
+            timelines.draw_envelope(axis, run.envelope, column, color=colour, label=label, filled=alone)
+            if alone and not detail:
+                axis.axvspan(run.shown["t_s"].iloc[0], run.shown["t_s"].iloc[-1], color=REFERENCE, alpha=0.25, lw=0)
             continue
         table = run.shown.assign(t_s=run.shown["t_s"] - shown.origin(run))
         timelines.draw_coordinate(axis, table[table["t_s"] >= 0.0] if shown.aligned else table, column, **look)
-        if shown.only is not None and "gap_m" in run.shown:
+        if alone and "gap_m" in run.shown:
             timelines.draw_contact(axis, run.shown)
             if column == "gap_m":
                 timelines.draw_impacts(axis, run.events)
-    shown.measured(axis, column)
-    if column in ("x_m", "y_m"):
+    if shown.data is not None:
+        shown.data.draw(axis, "t_s", column)
+    if detail and column in ("x_m", "y_m"):
         _no_noise(axis, shown)
 
 
@@ -361,7 +350,7 @@ def _force(shown: Shown) -> Figure:
     ratios = {"height_ratios": [2.0, 1.0]} if strikes else {}
     figure, axes = new_figure(1 + strikes, 1, (8.0, 4.4 if strikes else 3.2), sharex=True, gridspec_kw=ratios)
     force: Axes = axes[0, 0]
-    _detail(force, shown, "contact_force_n")
+    _draw(force, shown, "contact_force_n")
     force.set_ylim(bottom=0.0)
     for number, run in enumerate(shown.runs if strikes else []):
         events = run.events.assign(t_s=run.events["t_s"] - shown.origin(run))

@@ -18,7 +18,8 @@ from vibroplat.columns import QUANTITIES
 from vibroplat.errors import TableError
 from vibroplat.plots.labels import ABSCISSAE, key_label
 from vibroplat.plots.reading import Curve, read_columns
-from vibroplat.plots.response import Response, read_response, response_figure
+from vibroplat.plots.response import response_figure
+from vibroplat.plots.studies import Study, read_sweeps
 from vibroplat.plots.style import BLUE, CURVES, GREEN, ORANGE, PURPLE, SKY, VERMILION, entry, head, new_figure
 from vibroplat.plots.timelines import read_measured
 from vibroplat.results.files import Result
@@ -72,7 +73,7 @@ def sweep_figures(
     """
     column = ABSCISSAE[x]
     measured = None if data is None else read_measured(data, column, QUANTITIES, ABSCISSAE.values())
-    response = read_response(directories, x=column, data=measured)
+    response = read_sweeps(directories, x=column, data=measured)
     if not kinds:
         kinds = list(dict.fromkeys(["response", *([_kind(response.results[0])] if len(directories) == 1 else [])]))
     if len(directories) > 1 and {*kinds} != {"response"}:
@@ -102,7 +103,7 @@ def draw_section(
     return axis
 
 
-def bifurcation(response: Response) -> Figure:
+def bifurcation(response: Study) -> Figure:
     """Draw the Poincaré section and impact speeds over frequency, a column for each branch.
 
     Behind the points of a branch are those of the other direction, in grey: where both are alike, none is hidden.
@@ -129,7 +130,7 @@ def bifurcation(response: Response) -> Figure:
         axis.set_title(", ".join(part for part in (curve.label, curve.direction) if part), loc="left")
     for axis in axes[-1]:
         axis.set_xlabel(key_label(x))
-    head(figure, ", ".join(response.names), response.parameters)
+    head(figure, ", ".join(response.names), response.parameters(response.varied))
     directions = dict.fromkeys(curve.direction for curve in curves)
     if len(directions) > 1:
         colours = {f"supply frequency {name}": _DIRECTIONS[name] for name in directions}
@@ -198,9 +199,9 @@ def draw_map(axis: Axes, table: pd.DataFrame, key: str, values: pd.Series, colou
     return axis
 
 
-def regimes(response: Response) -> Figure:
+def regimes(response: Study) -> Figure:
     """Draw maps of synchronization, period and flight over supply frequency and a grid key."""
-    key, table = _key(response), response.table
+    key, table = _key(response), response.points
     directions = list(dict.fromkeys(table["direction"]))
     flies = "flight_fraction" in table and bool((table["flight_fraction"] > 0.0).any())
     classes = [("synchronization", sync_classes(table), SYNC), ("period (turns)", period_classes(table), PERIODS)]
@@ -221,7 +222,7 @@ def regimes(response: Response) -> Figure:
         row[0].set_ylabel(key_label(key))
     for axis in axes[-1]:
         axis.set_xlabel(key_label(SUPPLY))
-    head(figure, ", ".join(response.names), response.parameters)
+    head(figure, ", ".join(response.names), response.parameters(response.varied))
     for axis, (_, values, colours) in zip(axes[-1], classes, strict=False):
         _map_legend(axis, values, colours)
     if flies:
@@ -230,12 +231,12 @@ def regimes(response: Response) -> Figure:
     return figure
 
 
-def _key(response: Response) -> str:
+def _key(response: Study) -> str:
     """Return the grid key with several numbers, if there is exactly one."""
     if response.scale is not None:
         return response.scale
     place = response.results[0].directory
-    raise TableError(f"{place} varies {response.keys}; a map needs one grid key with several numbers")
+    raise TableError(f"{place} varies {response.varied}; a map needs one grid key with several numbers")
 
 
 def _map_legend(axis: Axes, values: pd.Series, colours: dict[str, str]) -> None:
@@ -247,7 +248,7 @@ def _map_legend(axis: Axes, values: pd.Series, colours: dict[str, str]) -> None:
     axis.legend(handles=entries, loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=4, columnspacing=1.2)
 
 
-FIGURES: dict[str, Callable[[Response], Figure]] = {
+FIGURES: dict[str, Callable[[Study], Figure]] = {
     "response": response_figure,
     "bifurcation": bifurcation,
     "map": regimes,

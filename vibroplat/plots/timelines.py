@@ -1,12 +1,12 @@
 """Panels over time: each function draws into an axis what a table of a run holds, and returns the axis.
 
-Also phase differences on any axis, and measured data that are laid over figures.
+Also units and names of any axis, and measured data that are laid over figures.
 """
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 
-from vibroplat.columns import COORDINATES, PHASE, PHASE_COLUMN, Quantity
+from vibroplat.columns import COORDINATES, PHASE, PHASE_COLUMN, QUANTITIES
 from vibroplat.config.scene import Scene
 from vibroplat.errors import TableError
 from vibroplat.plots.labels import is_number, phase_label
@@ -25,6 +25,8 @@ from vibroplat.plots.style import BLACK, CONTACT, CURVES, PLATFORM, REFERENCE, p
 _LOG = logging.getLogger("vibroplat")
 
 FloatArray = np.ndarray[Any, np.dtype[np.float64]]
+
+_SHOWN = QUANTITIES | COORDINATES
 
 TURN = 2.0 * np.pi
 #: Phase differences are shown from here on, so that 0 and π, near which exciters synchronize, are well inside.
@@ -54,10 +56,8 @@ def draw_coordinate(axis: Axes, table: pd.DataFrame, column: str, **look: Any) -
     Axes
         The same axis.
     """
-    quantity = COORDINATES[column]
-    axis.plot(table["t_s"], quantity.factor * table[column], **{"color": PLATFORM} | look)
-    axis.set_ylabel(quantity.label)
-    return axis
+    axis.plot(table["t_s"], in_units(table[column], column), **{"color": PLATFORM} | look)
+    return name_axis(axis, column)
 
 
 def draw_envelope(
@@ -69,15 +69,13 @@ def draw_envelope(
     ``envelope`` has times (``t_s``) and the columns ``column:min`` and ``column:max``. Without ``filled`` its outlines
     are drawn, so that several do not hide each other.
     """
-    quantity = COORDINATES[column]
-    low, high = (quantity.factor * envelope[f"{column}:{end}"] for end in ("min", "max"))
+    low, high = (in_units(envelope[f"{column}:{end}"], column) for end in ("min", "max"))
     if filled:
         axis.fill_between(envelope["t_s"], low, high, color=color, lw=0.4, alpha=0.85, label=label)
     else:
         axis.plot(envelope["t_s"], low, lw=1.0, color=color, label=label)
         axis.plot(envelope["t_s"], high, lw=1.0, color=color)
-    axis.set_ylabel(quantity.label)
-    return axis
+    return name_axis(axis, column)
 
 
 def draw_contact(axis: Axes, table: pd.DataFrame) -> Axes:
@@ -158,6 +156,23 @@ def wrapped(phase: FloatArray) -> FloatArray:
     return np.mod(phase - LOWEST_PHASE, TURN) + LOWEST_PHASE
 
 
+def in_units(values: Any, column: str) -> FloatArray:
+    """Return values of a column in the unit of its axis; phase differences lie on their axis."""
+    found = np.asarray(values, dtype=float)
+    if column == PHASE_COLUMN:
+        return wrapped(found)
+    return (_SHOWN[column].factor if column in _SHOWN else 1.0) * found
+
+
+def name_axis(axis: Axes, column: str) -> Axes:
+    """Label the vertical axis of a column with its name and unit."""
+    if column == PHASE_COLUMN:
+        phase_axis(axis)
+    else:
+        axis.set_ylabel(_SHOWN[column].label)
+    return axis
+
+
 def phase_axis(axis: Axes, label: str = PHASE) -> None:
     """Label an axis of phase differences: a circle that is cut at −π/2, with values in (−π, π] as in the tables."""
     axis.set_ylim(LOWEST_PHASE - 0.1, LOWEST_PHASE + TURN + 0.1)
@@ -178,17 +193,16 @@ class Measured:
     name: str
     table: pd.DataFrame
 
-    def draw(self, axis: Axes, x: str, column: str, quantity: Quantity) -> Axes:
+    def draw(self, axis: Axes, x: str, column: str) -> Axes:
         """Draw a column over another where the data have both, in black diamonds."""
         if {x, column} <= {*self.table.columns}:
-            values = quantity.factor * self.table[column].to_numpy(dtype=float)
-            values = wrapped(values) if column == PHASE_COLUMN else values
+            values = in_units(self.table[column], column)
             look: dict[str, Any] = {"color": BLACK, "mfc": "white", "ms": 4.0, "mew": 1.0, "zorder": 5.0, "ls": ""}
             axis.plot(self.table[x], values, marker="D", label=f"measured: {plain(self.name)}", **look)
         return axis
 
 
-def read_measured(path: Path, x: str, columns: Mapping[str, Quantity], others: Collection[str] = ()) -> Measured:
+def read_measured(path: Path, x: str, columns: Collection[str], others: Collection[str] = ()) -> Measured:
     """Read measured data of these columns over ``x``.
 
     Columns that no figure shows are named in a line, but for ``others``, which further figures would use.
