@@ -45,15 +45,15 @@ for engine in ("native", "taylor"):
 def compile_all(root: Path, place: Path) -> Path:
     """Run it all, and return the folder of what it compiled."""
     own = {name: value for name, value in os.environ.items() if not name.startswith("NUMBA_")}
-    paths = os.pathsep.join([str(root), *filter(None, [os.environ.get("PYTHONPATH")])])
-    environment = own | {"PYTHONPATH": paths, "NUMBA_CACHE_DIR": str(place), "NUMBA_DISABLE_INTEL_SVML": "1"}
+    environment = own | {"NUMBA_CACHE_DIR": str(place), "NUMBA_DISABLE_INTEL_SVML": "1"}
     configs = root / "configs"
     lines = [
         ["-m", "vibroplat", name, str(configs / config), *options, "--out", str(place / f"results-{i}")]
         for i, (name, config, *options) in enumerate(COMMANDS)
     ]
     for line in (*lines, ["-c", PYTHON.format(config=str(configs / "quickstart.yaml"))]):
-        subprocess.run([sys.executable, *line], cwd=place, env=environment, check=True, stdout=subprocess.DEVNULL)
+        # Python looks through the folder it is started in first, whatever is installed
+        subprocess.run([sys.executable, *line], cwd=root, env=environment, check=True, stdout=subprocess.DEVNULL)
     (made,) = (place / "vibroplat").glob("kernels-*")
     return made
 
