@@ -98,7 +98,7 @@ class Motion:
         self._beginning = self.automaton.run.copy()
         self._run = np.asarray(self.automaton.run).reshape(1)
         self._held = words(p), words(self.automaton.p), words(self.automaton.inelastic)
-        self._first_mode, self._accelerations = same_types(first_mode), same_types(accelerations)
+        self._first_mode = same_types(first_mode)
         self._first_mode(self.automaton)
         if mode is Mode.FLIGHT and self.automaton.run["mode"] == Mode.ATTACHED:
             fly(self.automaton)
