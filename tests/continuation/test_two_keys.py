@@ -79,8 +79,9 @@ def test_ball_leaves_its_orbit_where_it_folds():
     plan = {"key": "machine.gravity_m_per_s2", "start": GRAVITY, "stop": GRAVITY * 1.4, "from": "state", "switch": []}
     plan |= {"boundaries": {"key": RESTITUTION, "start": 0.48, "stop": 0.52, "check": 2}}
     _, curves = bounded(shaken(middle, 0.5).replace({"orbits": plan}))
-    (curve,) = [curve for curve in curves if curve.kind == "fold"]
-    assert checks(curve) == {AGREES: 2}
+    # nothing damps the platform under the ball: a product of its multipliers is 1 everywhere, not along a curve
+    (curve,) = [curve for curve in curves if curve.rows]
+    assert (curve.kind, checks(curve)) == ("fold", {AGREES: 2})
 
 
 def test_points_are_chosen_evenly_along_a_curve(over_mass):

@@ -39,6 +39,8 @@ KINDS = {
 
 #: Imaginary part up to which a multiplier is real, but for round-off.
 REAL = 1e-9
+#: Distance from 1 of the product of two multipliers that nothing damps.
+UNDAMPED = 1e-5
 #: Distance of a multiplier from the unit circle that counts, beside the one that passes it.
 OUTSIDE = 1e-3
 #: Length of the new tangent over its part along the old one, beyond which it is checked as a step is.
@@ -109,6 +111,11 @@ class Point(NewtonResult):
         nearest = _pairs(self.multipliers.size)[:, np.argmin(np.abs(1.0 - self._products))]
         return bool((np.abs(self.multipliers[nearest].imag) > REAL).all())
 
+    @property
+    def one_pair(self) -> bool:
+        """Whether no more than one product is next to 1: one always is without damping, which no curve can be along."""
+        return bool(np.count_nonzero(np.abs(1.0 - self._products) < UNDAMPED) < 2)
+
     @cached_property
     def outside(self) -> tuple[int, int, int]:
         """Count the multipliers above 1, the complex ones outside the unit circle, and those below −1."""
@@ -146,7 +153,7 @@ ONE_SIDED: dict[str, Test] = {
 IN_TWO_KEYS: dict[str, Test] = {
     FOLD: attrgetter("fold"),
     DOUBLING: attrgetter("doubling"),
-    NEIMARK_SACKER: lambda point: point.neimark_sacker if point.complex_pair else math.nan,
+    NEIMARK_SACKER: lambda point: point.neimark_sacker if point.complex_pair and point.one_pair else math.nan,
     **ONE_SIDED,
 }
 
