@@ -101,7 +101,8 @@ def page_data(
 ) -> dict[str, Any]:
     """Return all that a page shows of some results."""
     runs, transient = _runs(found, start, stop)
-    summaries = [one for one in found if one.command == "run"]
+    numbers = [number for number, one in enumerate(found) if one.command == "run"]
+    summaries = [found[number] for number in numbers]
     studies = [(number, one) for number, one in enumerate(found) if one.command != "run"]
     room = points.MOST_SAMPLES // max(len(studies), 1)
     commands, trees = [one.command for one in found], [one.given() for one in found]
@@ -111,7 +112,7 @@ def page_data(
         "results": [_origin(one) | {"differs": how} for one, how in zip(found, different, strict=True)],
         "parameters": parameters(commands, trees),
         "summary": {
-            "results": [found.index(one) for one in summaries],
+            "results": numbers,
             "rows": summary_rows([one.summary for one in summaries]),
         },
         "remarks": [remark for one in summaries for remark in remarks(one.label, one.summary)],
@@ -120,8 +121,8 @@ def page_data(
         "turns": run.SHOWN_TURNS,
         "panels": run.panels(runs),
         "points": [_points(n, one, Motions(one.scene, mover, room, progress)) for n, one in studies],
-        "tables": [table for number, one in enumerate(found) for table in _tables(number, one)],
-        "boundaries": [table for number, one in enumerate(found) for table in _boundaries(number, one)],
+        "tables": [points.table_data("events", number, _events(found[number])) for number in numbers],
+        "boundaries": [table for number, one in studies for table in _boundaries(number, one)],
     }
 
 
@@ -194,16 +195,10 @@ def _events(one: Saved) -> pd.DataFrame:
     return one.columns("events", ("kind",), ("t_s", "impulse_n_s"))
 
 
-def _tables(number: int, one: Saved) -> list[dict[str, Any]]:
-    """Return the tables that belong to no figure with points: those of events."""
-    return [points.table_data("events", number, _events(one))] if one.command == "run" else []
-
-
 def _points(number: int, one: Saved, motions: Motions) -> dict[str, Any]:
     """Return the figure of a sweep or of orbits, with its table and what moves when a point is clicked."""
-    return {"command": one.command, "result": number} | (_sweep if one.command == "sweep" else _orbits)(
-        number, one, motions
-    )
+    shown = (_sweep if one.command == "sweep" else _orbits)(number, one, motions)
+    return {"command": one.command, "result": number} | shown
 
 
 def _sweep(number: int, one: Saved, motions: Motions) -> dict[str, Any]:
