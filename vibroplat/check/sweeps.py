@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import nullcontext
 from dataclasses import dataclass
 from itertools import groupby
 from typing import Any, Final, NamedTuple
@@ -18,9 +17,9 @@ from vibroplat.observe.summary import COHERENCE
 from vibroplat.study import WAIT
 from vibroplat.study.branches import Branch, Place, branches, chosen, require_share
 from vibroplat.study.point import ERRORS, point_task
-from vibroplat.study.pool import Pool, StoredChain, Task, Tasks, run_stored
+from vibroplat.study.pool import Pool, StoredChain, Task, Tasks, pool, run_stored
 from vibroplat.study.store import Store
-from vibroplat.study.sweep import Progress, branch_records, measured
+from vibroplat.study.sweep import Progress, branch_records, run_sweeps
 
 #: Standard errors of the difference of two means over blocks that are allowed. With eight blocks each it follows
 #: Student's distribution with 14 degrees of freedom, beyond six of them once in 30 000 cases.
@@ -206,10 +205,9 @@ def check_sweep(
     require_share(share)
     planned = branches(scene)
     places = chosen(planned, share)
-    with (
-        Store(None, {}) as store,
-        measured(planned, store, jobs, scheduler, wait, nullcontext(progress), len(places)) as workers,
-    ):
+    chains = max(len(planned), len(places))
+    with Store(None, {}) as store, pool(jobs, scheduler, wait=wait, chains=chains) as workers:
+        run_sweeps([(planned, store)], workers, progress)
         return check_points(planned, places, store, workers, other=other, progress=progress)
 
 
