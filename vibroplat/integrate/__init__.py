@@ -13,7 +13,7 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 from vibroplat.integrate.sundials import Library, UnavailableError, library
-from vibroplat.system.memory import COMPILING, require_memory
+from vibroplat.system import memory
 
 if TYPE_CHECKING:
     from vibroplat.config.scene import Scene
@@ -59,7 +59,7 @@ def tell_of_compilation(engine: str) -> bool:
 
     must = not is_compiled(engine)
     if must:
-        require_memory(COMPILING, "compiling the kernels for the first time")
+        memory.require_memory(memory.COMPILING, "compiling the kernels for the first time")
         why = notice() or "this happens once for each engine and takes about half a minute"
         _LOG.warning("compiling the numerical kernels; %s", why)
     return must
