@@ -255,9 +255,19 @@ def test_suspects_run_alone(killers):
 
 
 @pytest.mark.faults
-def test_dask_task_that_kills_its_worker_costs_its_own_point_alone(cluster):
-    chains = [Calls(NAP, KILLER if k == 1 else NAP, NAP, (abs, (-k,))) for k in range(4)]
-    assert finish(chains, cluster) == [[None, "lost" if k == 1 else None, None, k] for k in range(4)]
+def test_dask_task_that_kills_its_worker_costs_its_own_point_alone():
+    """The only worker holds two tasks; dask counts each death against both, and gives both up at the first."""
+    import dask
+    from distributed import LocalCluster
+
+    late_killer = exec, ("import os, time; time.sleep(0.5); os._exit(1)",)
+    chains = [Calls(late_killer, NAP), Calls(NAP, (abs, (-1,))), Calls((abs, (-2,)))]
+    with (
+        dask.config.set({"distributed.scheduler.allowed-failures": 0}),
+        LocalCluster(n_workers=1, threads_per_worker=1, silence_logs=50, dashboard_address=":0") as single,
+        pool(scheduler=single.scheduler_address) as workers,
+    ):
+        assert finish(chains, workers) == [["lost", None], [None, 1], [2]]
 
 
 # -- sweeps ---------------------------------------------------------------------------------------------
