@@ -56,7 +56,7 @@ def _guard():
         pytest.fail("did not end")
 
     before = signal.signal(signal.SIGALRM, stop)
-    signal.alarm(120)
+    signal.alarm(300)
     yield
     signal.alarm(0)
     signal.signal(signal.SIGALRM, before)
@@ -265,7 +265,7 @@ def test_dask_task_that_kills_its_worker_costs_its_own_point_alone():
     with (
         dask.config.set({"distributed.scheduler.allowed-failures": 0}),
         LocalCluster(n_workers=1, threads_per_worker=1, silence_logs=50, dashboard_address=":0") as single,
-        pool(scheduler=single.scheduler_address) as workers,
+        pool(scheduler=single.scheduler_address, wait=250.0) as workers,
     ):
         assert finish(chains, workers) == [["lost", None], [None, 1], [2]]
 
