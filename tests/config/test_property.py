@@ -74,49 +74,22 @@ def test_any_text_is_a_setting_or_told_in_a_line(text):
 
 
 #: What YAML gives a meaning of its own, what is no text or cannot be printed, and what is far too long.
-ODD = [
-    *(
-        b"\t",
-        b"\r",
-        b"\x00",
-        b"\x1b[2J",
-        b"\xff\xfe",
-        b"\xed\xa0\x80",
-        b"\xe2\x80\xae",
-        b"\xef\xbb\xbf",
-        b"\n---\n",
-        b"\n...\n",
-    ),
-    *(
-        b"!!int 1.5",
-        b"!!binary x",
-        b"!!set {a, b}",
-        b"!!python/name:os.system",
-        b"&a [*a]",
-        b"{<<: 5}",
-        b"*a",
-        b"? [a]\n: 1",
-    ),
-    *(
-        b'"\\ud800"',
-        b"2001-13-45",
-        b"1:30",
-        b"0x" + b"f" * 5000,
-        b"1e" + b"9" * 400,
-        b"[" * 150,
-        b"\nname: ../up",
-        b"|\n x",
-    ),
-    *(
-        b"\nextends: .",
-        b"\nextends: /dev/null",
-        b"\nextends: c.yaml",
-        b"\nextends: [a]",
-        b"\nsweep: {}",
-        b"\n1: 2",
-        b"~",
-    ),
+ODD = (
+    rb"""
+!!int 1.5 | !!binary x | !!set {a, b} | !!python/name:os.system | &a [*a] | {<<: 5} | *a | ? [a] | 1:30 | 2001-13-45 | ~
+"\ud800" | "a\x1b[31mb": 1 | extends: . | extends: /dev/null | extends: c.yaml | extends: "a\0b" | extends: [a] | 1: 2
+sweep: {} | name: ../up | name: "a\nb" | %YAML 1.3
+""".replace(b"\n", b" | ")
+    .strip(b" |")
+    .split(b" | ")
+)
+ODD += [b"\n" + odd + b"\n" for odd in ODD] + [
+    b"\n---\n",
+    b"0x" + b"f" * 5000,
+    b"[" * 150,
+    b"\n? " + b"k" * 2000 + b"\n: 1",
 ]
+ODD += [b"\t", b"\r", b"\x00", b"\x1b[2J", b"\xff\xfe", b"\xed\xa0\x80", b"\xe2\x80\xae", b"\xef\xbb\xbf"]
 
 
 @given(
