@@ -238,7 +238,7 @@ class Fragile:
             self.deaths.append(len(hit))
             self._broken = self._error is BrokenExecutor
             for other in hit:
-                other.set_exception(self._error())
+                other.set_exception(self._error("died"))
 
     def renew(self):
         self._open, self._broken = [], False
