@@ -25,6 +25,7 @@ UNITS = {
     "n_m": "N·m",
     "kg": "kg",
     "hz": "Hz",
+    "rpm": "1/min",
     "rad": "rad",
     "deg": "°",
     "m": "m",
