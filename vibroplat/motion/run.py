@@ -19,7 +19,7 @@ from vibroplat.kernels.compiled import compile_for
 from vibroplat.model.parameters import Parameters, parameters
 from vibroplat.motion.initial_condition import Start, initial_condition
 from vibroplat.motion.motion import Motion, Observer
-from vibroplat.motion.recorder import Keep, Recorder, Sink, require_room
+from vibroplat.motion.recorder import Files, Keep, Recorder, Sink, require_room
 from vibroplat.motion.variation import directions, listed
 from vibroplat.observe.notes import drift, notes_on_measures, stiffness
 from vibroplat.observe.statistics import Statistics
@@ -55,7 +55,7 @@ def simulate(
     *,
     keep: Keep = "segments",
     progress: Callable[[float, int], None] | None = None,
-    sink: Sink | None = None,
+    sink: Sink | Files | None = None,
     variation: bool | str | Sequence[str] = False,
     start: Start | None = None,
     engine: Callable[[Scene, Parameters], Engine] = make_engine,
@@ -73,7 +73,7 @@ def simulate(
         Called now and then with the time reached (s) and the number of events so far.
     sink
         Two functions that are given the trajectory table and the event table part by part while the run goes on,
-        whatever it keeps.
+        whatever it keeps; or two files, :class:`vibroplat.results.tables.TableFile`.
     variation
         ``True``: find the derivative of the end by the start too, :attr:`Trajectory.monodromy`; keys as in
         :func:`vibroplat.motion.variation.variation`: also by these, :attr:`Trajectory.variation`.
