@@ -189,7 +189,7 @@ def initial(mode: object) -> str:
 def machine_of(scene: Scene) -> dict[str, Any]:
     """Return what the drawing of the machine needs; lengths in m."""
     return {
-        "axis": scene.machine.exciter_axis,
+        "axes": scene.body.axes,
         "radii": [exciter.unbalance_radius_m for exciter in scene.exciter_pair],
         "directions": [exciter.direction for exciter in scene.exciter_pair],
         "layers": scene.layers,

@@ -94,7 +94,7 @@ class Run:
 
     def size(self, values: pd.DataFrame | pd.Series, column: str) -> float:
         """Return the range of a coordinate's values (m); of a rotation, that of the exciters' axes."""
-        arm = (self.scene.machine.exciter_distance_m if self.scene else 0.1) if column == "phi_rad" else 1.0
+        arm = (self.scene.body.distance if self.scene else 0.1) if column == "phi_rad" else 1.0
         found = values.to_numpy(dtype=float)
         found = found[np.isfinite(found)]
         return arm * float(np.ptp(found)) if len(found) else 0.0
