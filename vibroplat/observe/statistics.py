@@ -304,7 +304,7 @@ def cover(
     marks.least[k], marks.largest[k] = low, high
 
 
-@compiled
+@inlined
 def widened(
     least: float, largest: float, c: FloatArray, samples: FloatArray, nodes: int, j: int, since: float, last: float
 ) -> tuple[float, float]:
@@ -315,13 +315,8 @@ def widened(
     between their samples, and each of these that is lower, or higher, than its neighbours may have an extreme beside
     it: beyond the sample by less than they are on this side of it.
     """
-    degree = c.shape[0] - 1
-    if degree <= FEW_SAMPLES or since > 0.0:
-        reach = bend(c, degree, j)
-        if not (least < min(c[0, j], last) - reach and max(c[0, j], last) + reach < largest):
-            low, high = extremes(c, degree, j, since, last)
-            least, largest = min(least, low), max(largest, high)
-        return least, largest
+    if c.shape[0] - 1 <= FEW_SAMPLES or since > 0.0:
+        return looked_through(least, largest, c, j, since, last)
     before, here, bit, lower, higher = c[0, j], c[0, j], 1, 0, 0
     for i in range(nodes + 2):  # without branches: what a step holds cannot be guessed
         after = samples[i, j] if i < nodes else last
@@ -329,7 +324,38 @@ def widened(
         lower |= bit * ((here <= before) & (here <= after) & (here - beside < least))
         higher |= bit * ((here >= before) & (here >= after) & (here + beside > largest))
         before, here, bit = here, after, 2 * bit
-    for i in range(nodes + 2 if lower | higher else 0):
+    if lower | higher:
+        return turned(least, largest, c, samples, nodes, j, last, lower, higher)
+    return least, largest
+
+
+@compiled
+def looked_through(
+    least: float, largest: float, c: FloatArray, j: int, since: float, last: float
+) -> tuple[float, float]:
+    """Do as :func:`widened` for any degree and any part of a step."""
+    degree = c.shape[0] - 1
+    reach = bend(c, degree, j)
+    if not (least < min(c[0, j], last) - reach and max(c[0, j], last) + reach < largest):
+        low, high = extremes(c, degree, j, since, last)
+        least, largest = min(least, low), max(largest, high)
+    return least, largest
+
+
+@compiled
+def turned(
+    least: float,
+    largest: float,
+    c: FloatArray,
+    samples: FloatArray,
+    nodes: int,
+    j: int,
+    last: float,
+    lower: int,
+    higher: int,
+) -> tuple[float, float]:
+    """Return extremes that also cover unknown j near samples, those of the bits that are set."""
+    for i in range(nodes + 2):
         here = c[0, j] if i == 0 else (samples[i - 1, j] if i <= nodes else last)
         if lower >> i & 1:
             least = min(least, here, turning_near(c, nodes, j, i, here, -1.0))
