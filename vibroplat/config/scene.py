@@ -43,6 +43,9 @@ MAX_TURNS = 1e9
 #: The same with engine ``sundae``, which is ten to twenty times slower.
 MAX_TURNS_SUNDAE = 5e7
 
+#: Sections from which the numbers of the exciters come.
+EXCITERS_FROM = frozenset(("machine", "motor", "motors", "exciters"))
+
 
 def _plain(value: Any) -> Any:
     """Turn a section, or a list of some, into the keys and values that it was given."""
@@ -175,9 +178,10 @@ class Scene(Section):
     # -- derived quantities -------------------------------------------------------------------------
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
-        """Copy the scene, with some sections changed; the exciters are found anew."""
+        """Copy the scene, with some sections changed; where these give the exciters, they are found anew."""
         copied = super().model_copy(update=update, deep=deep)
-        copied.__dict__.pop("exciter_pair", None)
+        if update and not EXCITERS_FROM.isdisjoint(update):
+            copied.__dict__.pop("exciter_pair", None)
         return copied
 
     @cached_property

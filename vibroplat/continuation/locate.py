@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -258,8 +258,8 @@ def _smooth(branch: Branch, before: Point, after: Point, depth: int = 0, *, fort
     """
     if not forth:
         before, after = after, before
-    place = turning(before, after)
-    if place is None and unexplained(before, after):
+    place, passed = turning(before, after), _passed(before, after)
+    if place is None and (_unexplained(before, after, passed) or _far(before, after) or _far(after, before)):
         place = 0.5
     if place is not None and depth < DEEPEST:
         middle = _between(branch, before, after, place)
@@ -267,7 +267,6 @@ def _smooth(branch: Branch, before: Point, after: Point, depth: int = 0, *, fort
             yield from _smooth(branch, before, middle, depth + 1)
             yield from _smooth(branch, middle, after, depth + 1)
             return
-    passed = {kind: test(before) * test(after) < 0.0 for kind, test in SMOOTH.items()}
     if passed[BRANCH_POINT]:  # where this branch bends, it has a fold as well
         yield _crossed(branch, before, after)
     elif passed[FOLD]:
@@ -280,22 +279,27 @@ def _smooth(branch: Branch, before: Point, after: Point, depth: int = 0, *, fort
             yield found
 
 
-def unexplained(before: Point, after: Point) -> bool:
-    """Whether multipliers have left the unit circle, or entered it, where no test function has changed its sign.
+def _passed(before: Point, after: Point) -> dict[str, bool]:
+    """Whether the test function of each kind changes its sign between two points."""
+    return {kind: test(before) * test(after) < 0.0 for kind, test in SMOOTH.items()}
 
-    They may also have gone so far that this cannot be told.
-    """
-    passed = {kind: test(before) * test(after) < 0.0 for kind, test in SMOOTH.items()}
+
+def _unexplained(before: Point, after: Point, passed: Mapping[str, bool]) -> bool:
+    """Whether multipliers have left the unit circle, or entered it, where no test function has changed its sign."""
     explained = passed[FOLD] or passed[BRANCH_POINT], passed[NEIMARK_SACKER], passed[DOUBLING]
-    changed = (one != other for one, other in zip(before.outside, after.outside, strict=True))
-    unseen = any(c and not e for c, e in zip(changed, explained, strict=True))
-    return unseen or _far(before, after) or _far(after, before)
+    pairs = zip(before.outside, after.outside, explained, strict=True)
+    return any(one != other and not known for one, other, known in pairs)
 
 
 def _far(one: Point, other: Point) -> bool:
-    """Whether a multiplier near the unit circle, or outside, has none near it at another point."""
+    """Whether a multiplier near the unit circle, or outside, has none near it at another point.
+
+    It has then gone too far to tell whether it has passed the unit circle.
+    """
     m = one.multipliers[np.abs(one.multipliers) > WATCHED]
-    apart = np.abs(m[:, np.newaxis] - other.multipliers).min(axis=1, initial=math.inf)
+    if not m.size:
+        return False
+    apart = np.abs(m[:, np.newaxis] - other.multipliers).min(axis=1)
     return bool((apart > MOVED * np.maximum(1.0, np.abs(m))).any())
 
 

@@ -9,6 +9,7 @@ import math
 from collections.abc import Callable, Sequence
 from contextlib import closing, suppress
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -85,8 +86,11 @@ class Known(NamedTuple):
 
 def _passed(row: Record, former: Sequence[Record]) -> bool | None:
     """Whether a branch has passed a point: None if not, else whether as its mirror image."""
-    beyond = np.array([point["value"] for point in former]) - row["value"]
-    for i in np.flatnonzero(beyond[:-1] * beyond[1:] <= 0.0).tolist():
+    value = row["value"]
+    beyond = [point["value"] - value for point in former]
+    for i, (one, other) in enumerate(pairwise(beyond)):
+        if one * other > 0.0:
+            continue
         first, second = former[i], former[i + 1]
         if row["period"] != first["period"] or row["sequence"] not in (first["sequence"], second["sequence"]):
             continue
