@@ -39,7 +39,7 @@ KINDS = {
 
 #: Imaginary part up to which a multiplier is real, but for round-off.
 REAL = 1e-9
-#: Distance from 1 of the product of two multipliers that nothing damps.
+#: How far round-off takes the product of the two multipliers of an undamped mode from 1.
 UNDAMPED = 1e-5
 #: Distance of a multiplier from the unit circle that counts, beside the one that passes it.
 OUTSIDE = 1e-3
@@ -115,7 +115,10 @@ class Point(NewtonResult):
 
     @property
     def one_pair(self) -> bool:
-        """Whether no more than one product is next to 1: one always is without damping, which no curve can be along."""
+        """Whether at most one pair of multipliers has the product 1.
+
+        That of an undamped mode has it at all values of the keys, where the test function then says nothing.
+        """
         return bool(np.count_nonzero(np.abs(1.0 - self._products) < UNDAMPED) < 2)
 
     @cached_property
