@@ -18,6 +18,15 @@ VALID = {
     "run": {"duration_s": 1.0},
 }
 
+#: A file with a list of sections, a sweep and a state.
+TEXT = b"""
+motors: [{pole_pairs: 2}, {pole_pairs: 3}]
+run: {duration_s: 1.0, initial: {state: {x_m: 0.0, gap_m: 1.0e-3}}}
+material:
+  mass_ratio: 0.2
+  natural_frequency_hz: 18.5
+sweep: {supply_frequency_hz: {start: 46, stop: 47, direction: [up, down]}, grid: {material.layers: [1, 2]}}
+"""
 
 #: All keys of a configuration, sections too.
 KEYS = sorted(name.replace(".N", ".1") for name in nodes(Scene))
@@ -62,6 +71,38 @@ def test_any_key_is_told_in_a_line(key, here):
 @given(text=lambda st: st.one_of(st.text(max_size=60), st.text("[]{}:,-&*!|>%#? \n\t'\"aé1.~<", max_size=30)))
 def test_any_text_is_a_setting_or_told_in_a_line(text):
     accepted(lambda: parse_overrides([f"key.sub={text}"]), dict)
+
+
+#: What YAML gives a meaning of its own, what is no text or cannot be printed, and what is far too long.
+ODD = (
+    rb"""
+!!int 1.5 | !!binary x | !!set {a, b} | !!python/name:os.system | &a [*a] | {<<: 5} | *a | ? [a] | 1:30 | 2001-13-45 | ~
+"\ud800" | "a\x1b[31mb": 1 | extends: . | extends: /dev/null | extends: c.yaml | extends: "a\0b" | extends: [a] | 1: 2
+sweep: {} | name: ../up | name: "a\nb" | %YAML 1.3
+""".replace(b"\n", b" | ")
+    .strip(b" |")
+    .split(b" | ")
+)
+ODD += [b"\n" + odd + b"\n" for odd in ODD] + [
+    b"\n---\n",
+    b"0x" + b"f" * 5000,
+    b"[" * 150,
+    b"\n? " + b"k" * 2000 + b"\n: 1",
+]
+ODD += [b"\t", b"\r", b"\x00", b"\x1b[2J", b"\xff\xfe", b"\xed\xa0\x80", b"\xe2\x80\xae", b"\xef\xbb\xbf"]
+
+
+@given(
+    examples=200,
+    at=lambda st: st.integers(0, len(TEXT)),
+    left_out=lambda st: st.integers(0, 12),
+    put_in=lambda st: st.one_of(st.sampled_from(ODD), st.binary(max_size=8)),
+)
+def test_any_file_is_a_scene_or_told_in_a_line(at, left_out, put_in, here):
+    """A valid file into which something has slipped."""
+    (here / "c.yaml").write_bytes(TEXT[:at] + put_in + TEXT[at + left_out :])
+    accepted(lambda: load_config("c.yaml"))
+    assert [path.name for path in here.iterdir()] == ["c.yaml"]
 
 
 def unusable(key, value):

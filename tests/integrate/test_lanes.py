@@ -8,16 +8,18 @@ import numpy as np
 
 from vibroplat.kernels import lanes
 from vibroplat.kernels.compiled import compiled
+from vibroplat.kernels.pairs import paired, parted
 
 
 @compiled
 def products(a, b, n, last, out):
-    lanes.products_16(a, b, n, last, out)
+    for i, pair in enumerate(lanes.products_16(a, b, n, last)):
+        out[2 * i], out[2 * i + 1] = parted(pair)
 
 
 @compiled
 def products_of_two(a, b, n, last, out):
-    lanes.products_2(a, b, n, last, out)
+    out[0], out[1] = parted(lanes.products_2(a, b, n, last)[0])
 
 
 @compiled
@@ -41,6 +43,13 @@ def sines(x, y, out):
         out[i, 0], out[i, 1], out[i, 2], out[i, 3] = lanes.sines(x[i], y[i])
 
 
+@compiled
+def compute(a, b, out):
+    both = paired(a[0], a[1])
+    out[0] = parted(2.0 * both - both * paired(b[0], b[1]) + both * 0.25)
+    out[1] = parted(1.0 - both - 3.0)
+
+
 def rows(count, width, seed=0):
     found = lanes.in_lines((count, width))
     found[:] = np.random.default_rng(seed).normal(size=(count, width))
@@ -53,6 +62,12 @@ def test_products():
         kernel(a, b, n, n - short, out)
         expected = sum((a[j] * b[n - j] for j in range(2, n - short + 1)), np.zeros(width))
         np.testing.assert_allclose(out, expected, rtol=1e-14, atol=1e-13)
+
+
+def test_pairs_compute_as_numbers_do():
+    a, b, out = *rows(2, 2), np.empty((2, 2))
+    compute(a, b, out)
+    np.testing.assert_allclose(out, [2.0 * a - a * b + 0.25 * a, -2.0 - a], rtol=1e-14)
 
 
 def test_values_of_polynomials():

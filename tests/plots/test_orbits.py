@@ -17,6 +17,7 @@ from vibroplat.continuation.special_points import KINDS
 from vibroplat.errors import TableError
 from vibroplat.plots.orbits import MARKERS, draw_branch, orbit_figures
 from vibroplat.plots.studies import read_branches
+from vibroplat.plots.style import CURVES
 from vibroplat.results.tables import read_table, write_table
 
 from .conftest import data_of, texts
@@ -60,6 +61,12 @@ def lines(points, marks, column="rms_y_m"):
     drawn = [line for line in axis.lines if line.get_linestyle() != "None" and len(line.get_xdata()) > 1]
     ends = [(*line.get_xdata()[[0, -1]], line.get_linestyle()) for line in drawn]
     return ends, [line for line in axis.lines if len(line.get_xdata()) == 1]
+
+
+@pytest.mark.parametrize(("stable", "filling"), [(True, CURVES[0]), (False, "white")])
+def test_a_branch_of_one_point_is_a_dot(stable, filling):
+    ends, (dot,) = lines(branch([stable]), special(0.0).iloc[:0])
+    assert (ends, dot.get_marker(), dot.get_markerfacecolor()) == ([], "o", filling)
 
 
 def test_stable_parts_are_solid_and_end_at_the_special_point():

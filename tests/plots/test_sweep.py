@@ -219,6 +219,8 @@ def test_a_table_may_hold_failed_points_only_but_not_none(write_sweep):
     response = read_sweeps([write_sweep(lost.astype({"sync": object}))])
     axis = FIGURES["response"](response).axes[0]
     assert not any(np.isfinite(line.get_ydata()).any() for line in curves(axis))
+    crosses = np.concatenate([line.get_xdata() for line in axis.lines if line.get_marker() == "x"])
+    assert sorted(crosses) == sorted(table["supply_frequency_hz"])  # no excitation frequency is known
 
 
 def test_the_only_value_of_a_grid_is_told_instead_of_that_of_the_configuration(write_sweep):

@@ -274,6 +274,15 @@ def await_points(place, number, child):
     raise AssertionError("no points")
 
 
+def await_text(file, text):
+    """Wait until a command has said something."""
+    for _ in range(1200):
+        if text in file.read_text():
+            return
+        time.sleep(0.05)
+    raise AssertionError(f"no {text!r}")
+
+
 def resumed(place, table):
     """Resume without a cluster: the table is that of a sweep that was never interrupted."""
     done = ended(place, "sweep", "c.yaml", "--resume")
@@ -334,7 +343,8 @@ def test_two_sweeps_share_workers_that_come_late_and_have_their_package_elsewher
         Child(place, "sweep", "c.yaml", "--scheduler", address) as child,
         Child(second, "sweep", "c.yaml", "--scheduler", address) as other,
     ):
-        time.sleep(9.0)  # for the notice
+        for place_ in (place, second):
+            await_text(place_ / ".err", "waiting for a worker")
         with clusters.worker(place, address), clusters.worker(place, address, path=same):
             ends = child.end(), other.end()
     told = f"vibroplat: waiting for a worker of the scheduler at {address}, up to 60 s\n"
@@ -354,15 +364,15 @@ def given_up(done, what, seconds):
 def test_last_worker_killed_is_told_and_given_up(place, table):
     with clusters.scheduler(place) as (address, _), clusters.worker(place, address) as worker:
         clusters.await_workers(address, 1)
-        with Child(place, "sweep", "c.yaml", "--scheduler", address, "--wait", "7") as child:
+        with Child(place, "sweep", "c.yaml", "--scheduler", address, "--wait", "2") as child:
             await_points(place, 3, child)
             clusters.kill(worker)
-            given_up(child.end(), f"a worker of the scheduler at {address}", 7)
+            given_up(child.end(), f"a worker of the scheduler at {address}", 2)
     resumed(place, table)
 
 
 @pytest.mark.faults
-@pytest.mark.parametrize(("signal_", "wait"), [(signal.SIGSTOP, 7), (signal.SIGKILL, 60)])
+@pytest.mark.parametrize(("signal_", "wait"), [(signal.SIGSTOP, 2), (signal.SIGKILL, 60)])
 def test_scheduler_that_freezes_or_dies_is_told_and_costs_no_point(signal_, wait, place):
     with clusters.scheduler(place) as (address, scheduler), clusters.worker(place, address):
         clusters.await_workers(address, 1)

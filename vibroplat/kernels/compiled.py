@@ -188,6 +188,14 @@ def inlined(function: Callable[P, T]) -> Callable[P, T]:
     return cast("Callable[P, T]", Kernel(function, inline=True))
 
 
+def fused_inline(function: Callable[P, T]) -> Callable[P, T]:
+    """Compile a kernel as both :func:`fused` and :func:`inlined` do.
+
+    A fused kernel makes kernels that are compiled for it fused as well, but not those that others had compiled before.
+    """
+    return cast("Callable[P, T]", Kernel(function, inline=True, fused=True))
+
+
 def same_types(kernel: Callable[P, T]) -> Callable[P, T]:
     """Return a kernel for one caller, whose arguments always have the same types: they are looked at the first time.
 

@@ -16,6 +16,7 @@ from numba.core import cgutils, types
 from numba.extending import intrinsic
 
 from vibroplat.kernels.compiled import FloatArray
+from vibroplat.kernels.pairs import PAIR, Pair, pair_of
 
 _INDEX = ir.IntType(64)
 _PLACE = ir.IntType(32)
@@ -108,11 +109,9 @@ def _cauchy(numbers: int) -> Any:
     """Make the intrinsic for rows of so many numbers."""
 
     @intrinsic
-    def products(typing_context: Any, a: Any, b: Any, n: Any, last: Any, out: Any) -> Any:
+    def products(typing_context: Any, a: Any, b: Any, n: Any, last: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-            first_rows, second_rows, out_rows = (
-                _Rows(context, builder, signature.args[i], values[i], numbers) for i in (0, 1, 4)
-            )
+            first_rows, second_rows = (_Rows(context, builder, signature.args[i], values[i], numbers) for i in (0, 1))
             n, last = values[2], values[3]
             one, two = ir.Constant(_INDEX, 1), ir.Constant(_INDEX, 2)
             zero = ir.Constant(first_rows.vector, [0.0] * numbers)
@@ -125,13 +124,17 @@ def _cauchy(numbers: int) -> Any:
                 *(builder, two, builder.sub(last, one), 2, [zero, zero]),
                 lambda j, sums: (added(sums[0], j), added(sums[1], builder.add(j, one))),
             )
-            total = builder.fadd(even, odd, flags=_FUSED)
-            out_rows.store(ir.Constant(_INDEX, 0), total)
+            total, before = builder.fadd(even, odd, flags=_FUSED), builder.block
             with builder.if_then(builder.icmp_signed("==", j, last)):
-                out_rows.store(ir.Constant(_INDEX, 0), added(total, j))
-            return context.get_dummy_value()
+                whole, within = added(total, j), builder.block
+            found = builder.phi(total.type)
+            found.add_incoming(total, before)
+            found.add_incoming(whole, within)
+            numbers_found = [builder.extract_element(found, ir.Constant(_PLACE, i)) for i in range(numbers)]
+            pairs = [pair_of(builder, *numbers_found[i : i + 2]) for i in range(0, numbers, 2)]
+            return context.make_tuple(builder, signature.return_type, pairs)
 
-        return types.void(a, b, types.int64, types.int64, out), generate
+        return types.UniTuple(PAIR, numbers // 2)(a, b, types.int64, types.int64), generate
 
     return products
 
@@ -139,9 +142,13 @@ def _cauchy(numbers: int) -> Any:
 @intrinsic
 def _put_row(typing_context: Any, a: Any, row: Any, numbers: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        rows = _Rows(context, builder, signature.args[0], values[0], len(signature.args[2]))
+        single: list[Any] = []
+        for kind, part in zip(signature.args[2], cgutils.unpack_tuple(builder, values[2]), strict=True):
+            places = range(2) if kind == PAIR else ()
+            single += [builder.extract_element(part, ir.Constant(_PLACE, i)) for i in places] or [part]
+        rows = _Rows(context, builder, signature.args[0], values[0], len(single))
         vector = ir.Constant(rows.vector, ir.Undefined)
-        for i, number in enumerate(cgutils.unpack_tuple(builder, values[2])):
+        for i, number in enumerate(single):
             vector = builder.insert_element(vector, number, ir.Constant(_PLACE, i))
         rows.store(values[1], vector)
         return context.get_dummy_value()
@@ -307,13 +314,13 @@ def _put_step(typing_context: Any, q: Any, degree: Any, length: Any, n: Any, c: 
 if TYPE_CHECKING:
 
     def put_row(a: FloatArray, row: int, numbers: tuple[float, ...]) -> None:
-        """Store numbers at the beginning of a row."""
+        """Store numbers and pairs at the beginning of a row."""
 
-    def products_2(a: FloatArray, b: FloatArray, n: int, last: int, out: FloatArray) -> None:
+    def products_2(a: FloatArray, b: FloatArray, n: int, last: int) -> tuple[Pair]:
         """Do as :func:`products_16` for rows of 2 numbers."""
 
-    def products_16(a: FloatArray, b: FloatArray, n: int, last: int, out: FloatArray) -> None:
-        """Fill, for each of the 16 numbers of rows, the sum of a[j] b[n − j] from j = 2 to ``last``."""
+    def products_16(a: FloatArray, b: FloatArray, n: int, last: int) -> tuple[Pair, ...]:
+        """Return, for each of the 16 numbers of rows, the sum of a[j] b[n − j] from j = 2 to ``last``, as pairs."""
 
     def horner_16(c: FloatArray, degree: int, s: float, out: FloatArray) -> None:
         """Evaluate the polynomials of all 16 columns at s; ``out`` has room for 16 numbers."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from vibroplat.kernels.compiled import FloatArray, compiled, inlined
+from vibroplat.kernels.compiled import FloatArray, compiled, fused_inline, inlined
 from vibroplat.model.equations import finite, jacobian, rows
 from vibroplat.model.motor import torque_rate
 from vibroplat.model.parameters import Parameters
@@ -55,7 +55,7 @@ def mobility(attached: bool, p: Parameters) -> Three:
     return 1.0 / p.mass, 1.0 / (p.mass + carried), 1.0 / p.inertia
 
 
-@inlined
+@fused_inline
 def solve_rows(
     attached: bool, b: Five, lower: float, upper: float, inverse: Compliance, p: Parameters
 ) -> tuple[Five, float, float]:

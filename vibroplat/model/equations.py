@@ -18,7 +18,7 @@ its equation (paper (5), (6); there the damper of (6b) has the wrong sign).
 
 from __future__ import annotations
 
-from vibroplat.kernels.compiled import FloatArray, compiled, inlined
+from vibroplat.kernels.compiled import FloatArray, compiled, fused_inline
 from vibroplat.model.motor import net_slope
 from vibroplat.model.parameters import Parameters
 from vibroplat.model.platform import forces, holds, inertial, unbalance
@@ -76,7 +76,7 @@ def rows(system: int, t: float, y: FloatArray, yp: FloatArray, res: FloatArray, 
         res[2 * n if attached else n + 5] = p.lower_mass * lower - p.upper_mass * spring - force
 
 
-@inlined
+@fused_inline
 def layer_spring(y: float, rate: float, p: Parameters) -> float:
     """S/m_w2 of the spring and damper between the layers (N/kg); linear, so that it gives terms of series as well."""
     return p.layer_stiffness * y + p.layer_damping * rate

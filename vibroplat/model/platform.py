@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibroplat.kernels.compiled import FloatArray, compiled, inlined
+from vibroplat.kernels.compiled import FloatArray, compiled, fused_inline, inlined
 from vibroplat.model.motor import motor_torque, resistance
 from vibroplat.model.parameters import Parameters
 
@@ -55,7 +55,7 @@ def couplings(i: int, phi: float, sine: float, cosine: float, p: Parameters) -> 
     return Unbalance(-sine, cosine, b + phi * d, d - phi * b, b, d)
 
 
-@inlined
+@fused_inline
 def suspension(q: Three, v: Three, p: Parameters) -> Three:
     """Evaluate the forces of springs and dampers on x, y, φ at their coordinates and rates (N, N, N·m).
 
@@ -133,14 +133,14 @@ def compliance(first: Unbalance, second: Unbalance, mobility: Three, p: Paramete
     return Compliance(mobility, first, second, m22 / determinant, -m12 / determinant, m11 / determinant)
 
 
-@inlined
+@fused_inline
 def solve_platform(b: Five, c: Compliance) -> Five:
     """Accelerations of x, y, φ, φ₁, φ₂ under five generalized forces, or jumps of rates under impulses."""
     mx, my, mphi = c.mobility
     first, second = c.first, c.second
     bx, by, bphi, b1, b2 = b
-    r1 = b1 - mx * first.x * bx - my * first.y * by - mphi * first.phi * bphi
-    r2 = b2 - mx * second.x * bx - my * second.y * by - mphi * second.phi * bphi
+    r1 = b1 - (mx * first.x * bx + my * first.y * by + mphi * first.phi * bphi)
+    r2 = b2 - (mx * second.x * bx + my * second.y * by + mphi * second.phi * bphi)
     a1 = c.own_1 * r1 + c.mutual * r2
     a2 = c.mutual * r1 + c.own_2 * r2
     return (

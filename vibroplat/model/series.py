@@ -13,7 +13,8 @@ row holds k (c aʸ − s aˣ), with the acceleration a of its axis (X, Y) = (X�
 
 Products of series are sums over two lists of coefficients (Cauchy). All of them are formed at once, as vectors of 16
 numbers: :data:`ROOM` says which. Of a sum at order k the rows have the middle terms; those with the newest
-coefficients are added by themselves, from numbers that have not been stored yet.
+coefficients are added by themselves, from numbers that have not been stored yet. What is computed for each exciter is
+computed for both at once, in pairs (:mod:`vibroplat.kernels.pairs`).
 
 Literature: Jorba and Zou, A software package for the numerical integration of ODEs by means of high-order Taylor
 methods, 2005; Pryce, Solving high-index DAEs by Taylor series, 1998.
@@ -27,6 +28,7 @@ import numpy as np
 
 from vibroplat.kernels.compiled import FloatArray, fused, inlined
 from vibroplat.kernels.lanes import in_lines, products_2, products_16, put_row, sines
+from vibroplat.kernels.pairs import Pair, paired, parted
 from vibroplat.model.accelerations import mobility, solve_rows
 from vibroplat.model.equations import layer_spring
 from vibroplat.model.motor import Motor, kloss_term, motor_at, resistance_term, square_term
@@ -59,10 +61,8 @@ ROOM = np.dtype(
         # coefficients in powers of time (SI units): coordinates in the order of the system's unknowns, F_c in column
         # FORCE, which has two orders less; 0 in the columns between
         ("q", float, (_ROWS, 8)),
-        ("sums", float, 16),  # what sums of products are written to
         ("squares", float, (_ROWS, 2)),  # terms of both motors' Δ² + u², and of their torques
         ("torques", float, (_ROWS, 2)),
-        ("torque_sums", float, 2),
     ],
     align=True,
 )
@@ -74,51 +74,50 @@ def room() -> Any:
 
 
 class Fixed(NamedTuple):
-    """What of an exciter is the same in all orders; σ, k_R k and M_c are those of the parameters."""
+    """What of an exciter, or in pairs, is the same in all orders; σ, k_R k and M_c are those of the parameters."""
 
-    x0: float  # its axis in the platform, not turned and turned (m)
-    y0: float
-    x: float
-    y: float
-    sine: float  # of its angle now
-    cosine: float
-    speed: float  # φ̇ᵢ now (rad/s)
-    direction: float  # σ
-    friction: float  # k_R k
-    critical_torque: float  # M_c
-    unbalance: float  # k (kg·m)
+    x0: Pair  # its axis in the platform, not turned and turned (m)
+    y0: Pair
+    x: Pair
+    y: Pair
+    sine: Pair  # of its angle now
+    cosine: Pair
+    speed: Pair  # φ̇ᵢ now (rad/s)
+    direction: Pair  # σ
+    friction: Pair  # k_R k
+    critical_torque: Pair  # M_c
+    unbalance: Pair  # k (kg·m)
     couplings: Unbalance  # how it pulls at the platform
     motor: Motor
 
 
 class Newest(NamedTuple):
-    """The newest coefficients of an exciter's series at the beginning of order k."""
+    """The newest coefficients of both exciters' series at the beginning of order k."""
 
-    sine: float  # of order k + 1
-    cosine: float
-    sine_1: float  # of order 1, 0 while k = 0
-    cosine_1: float
-    speed: float  # φ̇ᵢ, of order k
-    slip: float  # u of order k and k − 1
-    slip_before: float
-    ax: float  # a of order k − 1
-    ay: float
-    torque: float  # of order k − 1
-    torque_0: float  # of order 0, 0 while k = 0
-    square_1: float  # Δ² + u² of order 1, 0 while k < 2
-    sense: float  # in which it turns (±1), 0 while all coefficients of φ̇ᵢ are 0
+    sine: Pair  # of order k + 1
+    cosine: Pair
+    sine_1: Pair  # of order 1, 0 while k = 0
+    cosine_1: Pair
+    speed: Pair  # φ̇ᵢ, of order k
+    slip: Pair  # u of order k and k − 1
+    slip_before: Pair
+    ax: Pair  # a of order k − 1
+    ay: Pair
+    torque: Pair  # of order k − 1
+    torque_0: Pair  # of order 0, 0 while k = 0
+    square_1: Pair  # Δ² + u² of order 1, 0 while k < 2
 
 
 class Known(NamedTuple):
-    """What lower orders say of an exciter's terms of order k."""
+    """What lower orders say of both exciters' terms of order k."""
 
-    sine: float  # s″ and c″ without φ̈ᵢ
-    cosine: float
-    ax: float  # a without ẍ, ÿ, φ̈
-    ay: float
-    moment: float  # right-hand side of its row (N·m)
-    square: float  # Δ² + u² (rad²/s²)
-    torque: float  # of the motor (N·m)
+    sine: Pair  # s″ and c″ without φ̈ᵢ
+    cosine: Pair
+    ax: Pair  # a without ẍ, ÿ, φ̈
+    ay: Pair
+    moment: Pair  # right-hand sides of their rows (N·m)
+    square: Pair  # Δ² + u² (rad²/s²)
+    torque: Pair  # of the motors, in their own directions (N·m)
 
 
 class Rotation(NamedTuple):
@@ -141,30 +140,30 @@ def expand(system: int, t: float, y: FloatArray, degree: int, room: Any, p: Para
     s1, c1, s2, c2 = sines(y[3], y[4])
     fixed_1, fixed_2 = fixed(0, t, y, n, s1, c1, p), fixed(1, t, y, n, s2, c2, p)
     inverse = compliance(fixed_1.couplings, fixed_2.couplings, mobility(attached, p), p)
-    first, second = at_order_0(fixed_1), at_order_0(fixed_2)
+    f = paired(fixed_1, fixed_2)
+    e, sense = at_order_0(f), paired(sense_of(y[n + 3]), sense_of(y[n + 4]))
+    at_rest = y[n + 3] == 0.0 or y[n + 4] == 0.0
     q, rate = (y[0], y[1], y[2]), (y[n], y[n + 1], y[n + 2])
     upper, upper_rate = (y[n - 1], y[2 * n - 1]) if layers == 2 else (0.0, 0.0)
     phi_1, unbalances, turning, square = 0.0, 0.0, 0.0, 0.0
-    sums, torque_sums = room.sums, room.torque_sums
     for i in range(FORCE):
         room.q[0, i], room.q[1, i] = (y[i], y[n + i]) if i < n else (0.0, 0.0)
     for k in range(degree - 1):
-        products_16(room.early, room.late, k, k, sums)
-        products_2(room.squares, room.torques, k, k - 1, torque_sums)
+        sums = products_16(room.early, room.late, k, k)
+        torques = products_2(room.squares, room.torques, k, k - 1)[0]
         weight, twice = (p.gravity, 1.0) if k == 0 else (0.0, 2.0)
-        moment = sums[12] + phi_1 * unbalances
-        centre, lifted = sums[13] + phi_1 * turning, sums[14] + phi_1 * square
-        square = sums[15] + twice * y[n + 2] * rate[2]
+        (moment, centre), (lifted, squares) = parted(sums[6]), parted(sums[7])
+        moment, centre, lifted = moment + phi_1 * unbalances, centre + phi_1 * turning, lifted + phi_1 * square
+        square = squares + twice * y[n + 2] * rate[2]
         rotation = Rotation(centre + square, lifted + y[2] * square, weight)
-        known_1 = from_lower_orders(0, k, twice, rotation, first, fixed_1, sums, torque_sums)
-        known_2 = from_lower_orders(1, k, twice, rotation, second, fixed_2, sums, torque_sums)
-        held = suspension(q, rate, p)
+        known = from_lower_orders(k, twice, rotation, e, sense, f, sums, torques)
+        held, (moment_1, moment_2) = suspension(q, rate, p), parted(known.moment)
         b = (
-            held[0] - fixed_1.unbalance * known_1.cosine - fixed_2.unbalance * known_2.cosine,
-            held[1] - fixed_1.unbalance * known_1.sine - fixed_2.unbalance * known_2.sine - p.mass * weight,
-            held[2] - about_centre(known_1, fixed_1) - about_centre(known_2, fixed_2) + moment,
-            known_1.moment,
-            known_2.moment,
+            held[0] - total(f.unbalance * known.cosine),
+            held[1] - total(f.unbalance * known.sine) - p.mass * weight,
+            held[2] - total(f.unbalance * (f.x * known.sine - f.y * known.cosine)) + moment,  # k (X s″ − Y c″)
+            moment_1,
+            moment_2,
         )
         spring = layer_spring(upper, upper_rate, p) if layers == 2 else 0.0
         lower = p.upper_mass * spring - p.lower_mass * weight
@@ -182,22 +181,42 @@ def expand(system: int, t: float, y: FloatArray, degree: int, room: Any, p: Para
         room.q[k, FORCE] = contact if attached else 0.0
         if k == 0:
             phi_1 = y[n + 2]
-        unbalances = curvature(a[3], known_1, fixed_1) + curvature(a[4], known_2, fixed_2)
-        turning = a[2]
-        first = following(k, share, a, a[3], known_1, first, fixed_1)
-        second = following(k, share, a, a[4], known_2, second, fixed_2)
-        put_factors(room, k, first, second, a[2] * twofold, (unbalances, turning, square, rate[2]))
-        put_row(room.squares, k, (known_1.square, known_2.square))
-        put_row(room.torques, k, (known_1.torque, known_2.torque))
+        own = paired(a[3], a[4])
+        unbalances, turning = total(curvature(own, known, f)), a[2]
+        e = following(k, share, a, own, known, e, f)
+        if at_rest:
+            sense = about_to_turn(sense, e.speed)
+        put_factors(room, k, e, a[2] * twofold, (unbalances, turning, square, rate[2]))
+        put_row(room.squares, k, (known.square,))
+        put_row(room.torques, k, (known.torque,))
 
 
 @inlined
-def put_factors(room: Any, k: int, first: Newest, second: Newest, phi: float, turned: Four) -> None:
+def put_factors(room: Any, k: int, e: Newest, phi: float, turned: Four) -> None:
     """Store what is known after order k for products to come; ``turned`` is columns 12 to 15 of ``late``."""
-    c1, c2, s1, s2 = first.cosine, second.cosine, first.sine, second.sine
-    u1, u2, w1, w2 = first.slip, second.slip, first.speed, second.speed
-    put_row(room.early, k + 2, (c1, c2, s1, s2, s1, s2, c1, c2, u1, u2, w1, w2, phi, phi, phi, turned[3]))
-    put_row(room.late, k, (w1, w2, w1, w2, first.ax, second.ax, first.ay, second.ay, u1, u2, w1, w2, *turned))
+    c, s, u, w = e.cosine, e.sine, e.slip, e.speed
+    put_row(room.early, k + 2, (c, s, s, c, u, w, phi, phi, phi, turned[3]))
+    put_row(room.late, k, (w, w, e.ax, e.ay, u, w, *turned))
+
+
+@inlined
+def total(both: Pair) -> float:
+    """Add up what both exciters contribute."""
+    first, second = parted(both)
+    return first + second
+
+
+@inlined
+def sense_of(speed: float) -> float:
+    """Sense of a speed, ±1; 0 for none."""
+    return 1.0 if speed > 0.0 else (-1.0 if speed < 0.0 else 0.0)
+
+
+@inlined
+def about_to_turn(sense: Pair, speed: Pair) -> Pair:
+    """Senses in which exciters turn, where all lower coefficients of φ̇ᵢ are 0 by the sign of this one."""
+    (first, second), (first_speed, second_speed) = parted(sense), parted(speed)
+    return paired(first if first != 0.0 else sense_of(first_speed), second if second != 0.0 else sense_of(second_speed))
 
 
 @inlined
@@ -212,60 +231,53 @@ def fixed(i: int, t: float, y: FloatArray, n: int, sine: float, cosine: float, p
 
 @inlined
 def at_order_0(f: Fixed) -> Newest:
-    """Begin an exciter's series."""
-    w = f.speed
-    sense = 1.0 if w > 0.0 else (-1.0 if w < 0.0 else 0.0)
-    return Newest(f.cosine * w, -f.sine * w, 0.0, 0.0, w, f.motor.slip, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, sense)
+    """Begin both exciters' series."""
+    w, none = f.speed, paired(0.0, 0.0)
+    return Newest(f.cosine * w, -1.0 * f.sine * w, none, none, w, f.motor.slip, none, none, none, none, none, none)
 
 
 @inlined
 def from_lower_orders(
-    i: int, k: int, twice: float, rotation: Rotation, e: Newest, f: Fixed, sums: FloatArray, torque_sums: FloatArray
+    k: int, twice: float, rotation: Rotation, e: Newest, sense: Pair, f: Fixed, sums: tuple[Pair, ...], torques: Pair
 ) -> Known:
-    """Terms of order k of exciter i, without those of the accelerations of order k.
+    """Terms of order k of the exciters, without those of the accelerations of order k.
 
     ``twice`` is how often a product of a series with itself has its first and last term: 1 if they are the same.
+    ``sums`` are those of products, ``torques`` that of Δ² + u² and the torque.
     """
     order = k + 1.0
-    sine = order * (sums[i] + e.cosine_1 * e.speed + e.cosine * f.speed)
-    cosine = -order * (sums[2 + i] + e.sine_1 * e.speed + e.sine * f.speed)
+    sine = order * (sums[0] + e.cosine_1 * e.speed + e.cosine * f.speed)
+    cosine = -order * (sums[1] + e.sine_1 * e.speed + e.sine * f.speed)
     ax = f.y0 * rotation.lifted - f.x0 * rotation.centre
     ay = rotation.weight - f.x0 * rotation.lifted - f.y0 * rotation.centre
-    pulled = sums[6 + i] + e.cosine_1 * e.ay - sums[4 + i] - e.sine_1 * e.ax
-    square = square_term(k, sums[8 + i] + twice * f.motor.slip * e.slip, f.motor)
-    products = torque_sums[i] + square * e.torque_0 + e.square_1 * e.torque
-    torque = f.direction * kloss_term(e.slip, e.slip_before, products, f.motor, f.critical_torque)
-    resistance = resistance_term(sums[10 + i] + twice * f.speed * e.speed, e.sense, f.friction)
-    moment = torque - resistance - f.unbalance * pulled - f.couplings.x * ax - f.couplings.y * ay
-    return Known(sine, cosine, ax, ay, moment, square, f.direction * torque)
+    pulled = sums[3] - sums[2] + e.cosine_1 * e.ay - e.sine_1 * e.ax
+    square = square_term(k, sums[4] + twice * f.motor.slip * e.slip, f.motor)
+    products = torques + square * e.torque_0 + e.square_1 * e.torque
+    torque = kloss_term(e.slip, e.slip_before, products, f.motor, f.critical_torque)
+    resistance = resistance_term(sums[5] + twice * f.speed * e.speed, sense, f.friction)
+    # what is known last is added last: all waits for it
+    moment = f.direction * torque - (resistance + f.couplings.x * ax + f.couplings.y * ay) - f.unbalance * pulled
+    return Known(sine, cosine, ax, ay, moment, square, torque)
 
 
 @inlined
-def about_centre(known: Known, f: Fixed) -> float:
-    """Term of k (X s″ − Y c″), without φ̈ᵢ and without what of X and Y turns (N·m)."""
-    return f.unbalance * (f.x * known.sine - f.y * known.cosine)
-
-
-@inlined
-def curvature(a: float, known: Known, f: Fixed) -> float:
-    """Term of k (Y₀ s″ + X₀ c″) under an acceleration φ̈ᵢ."""
+def curvature(a: Pair, known: Known, f: Fixed) -> Pair:
+    """Terms of k (Y₀ s″ + X₀ c″) under accelerations φ̈ᵢ."""
     return f.unbalance * (f.y0 * (known.sine + f.cosine * a) + f.x0 * (known.cosine - f.sine * a))
 
 
 @inlined
-def following(k: int, share: float, a: Five, own: float, known: Known, e: Newest, f: Fixed) -> Newest:
-    """Newest coefficients of an exciter at the beginning of order k + 1, under accelerations of order k."""
+def following(k: int, share: float, a: Five, own: Pair, known: Known, e: Newest, f: Fixed) -> Newest:
+    """Newest coefficients of the exciters at the beginning of order k + 1, under accelerations of order k."""
     twofold = share * _SHARE[k + 2]
     speed = own * share
-    slip = -f.direction * speed
-    sine_1, cosine_1, torque_0, square_1, sense = e.sine_1, e.cosine_1, e.torque_0, e.square_1, e.sense
+    slip = -1.0 * f.direction * speed
+    sine_1, cosine_1, torque_0, square_1 = e.sine_1, e.cosine_1, e.torque_0, e.square_1
     if k == 0:
         sine_1, cosine_1, torque_0 = e.sine, e.cosine, known.torque
-        slip += f.motor.slip_ramp
+        slip = slip + f.motor.slip_ramp
     elif k == 1:
         square_1 = known.square
-    if sense == 0.0 and speed != 0.0:
-        sense = 1.0 if speed > 0.0 else -1.0
     unit = (known.sine + f.cosine * own) * twofold, (known.cosine - f.sine * own) * twofold
     ax, ay = known.ax + a[0] - f.y * a[2], known.ay + a[1] + f.x * a[2]
-    return Newest(*unit, sine_1, cosine_1, speed, slip, e.slip, ax, ay, known.torque, torque_0, square_1, sense)
+    return Newest(*unit, sine_1, cosine_1, speed, slip, e.slip, ax, ay, known.torque, torque_0, square_1)

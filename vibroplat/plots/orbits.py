@@ -17,11 +17,7 @@ from matplotlib.lines import Line2D
 from vibroplat.columns import COORDINATES, PHASE_COLUMN
 from vibroplat.continuation.special_points import KINDS
 from vibroplat.errors import TableError
-from vibroplat.plots.labels import (
-    ABSCISSAE,
-    key_label,
-    run_parameters,
-)
+from vibroplat.plots.labels import ABSCISSAE, key_label, run_parameters
 from vibroplat.plots.reading import Curve
 from vibroplat.plots.response import limit_size
 from vibroplat.plots.studies import BEHIND, Study, read_branches
@@ -112,6 +108,8 @@ def draw_branch(
 ) -> Axes:
     """Draw a quantity along one branch: stable parts solid, unstable ones dashed, special points with their markers.
 
+    A branch of one point is a dot, full if it is stable.
+
     Parameters
     ----------
     axis
@@ -134,6 +132,8 @@ def draw_branch(
             part = list(run)
             shown = slice(part[0], part[-1] + 2)
             axis.plot(xs[shown], ys[shown], "-" if kind else "--", lw=1.5 if kind else 0.9, color=color)
+    if len(points) == 1:  # no line
+        axis.plot(xs[:1], ys[:1], "o", ms=3.0, color=color, mfc=color if points["stable"].iloc[0] else "white")
     marks = in_units(between(points, shares, column), column)
     exact = special[x].to_numpy(dtype=float) if x in special else between(points, shares, x)
     for where, value, kind in zip(exact, marks, special["kind"], strict=True):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import matplotlib as mpl
@@ -135,7 +136,12 @@ def marker_legend(table: pd.DataFrame) -> Iterator[Line2D]:
 
 
 def response_figure(response: Study) -> Figure:
-    """Draw all measures of a response that say something, over frequency."""
+    """Draw all measures of a response that say something, over frequency.
+
+    Where all points failed none has an excitation frequency, and the supply frequencies show where they are.
+    """
+    if response.points[response.x].isna().all():
+        response = replace(response, x=SUPPLY)
     columns = _columns(response.points)
     two = len(columns) > 5
     size = (11.0 if two else 8.0, 1.9 + 1.75 * -(-len(columns) // (1 + two)))

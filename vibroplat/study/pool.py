@@ -162,7 +162,8 @@ def run_chains(chains: Iterable[StoredChain[T]], workers: Pool, *, in_turn: bool
     Chains take turns, so that all end at about the same time. Otherwise the first ones are finished first.
 
     When a worker dies, one of the tasks that were running has killed it. From then on each of them runs alone, until
-    it has a result or has killed its worker :data:`LIVES` times and is given up.
+    it has a result or has killed its worker :data:`LIVES` times and is given up. A task that dask has given up runs
+    alone too before it is lost: dask counts the death of a worker against every task that the worker held.
     """
     waiting = deque(chain for chain in chains if not chain.done)
     suspects: deque[StoredChain[T]] = deque()
@@ -194,6 +195,9 @@ def run_chains(chains: Iterable[StoredChain[T]], workers: Pool, *, in_turn: bool
                     killed = killed or isinstance(error, BrokenExecutor)  # rather than lost with the connection
                     continue
                 except WorkerLostError as error:
+                    if chain not in suspects:  # it was not alone
+                        suspects.append(chain)
+                        continue
                     result = error
                 yield taken(chain, result)
             if lost:
@@ -204,8 +208,8 @@ def run_chains(chains: Iterable[StoredChain[T]], workers: Pool, *, in_turn: bool
                 deaths[id(chain)] += killed and not others
                 if deaths[id(chain)] == LIVES:
                     yield taken(chain, WorkerLostError(f"its worker died {LIVES} times"))
-                elif not suspects:
-                    suspects.extend(lost)
+                else:
+                    suspects.extend(chain for chain in lost if chain not in suspects)
 
 
 def _finished(running: Iterable[Future[Any]], workers: Pool) -> set[Future[Any]]:
