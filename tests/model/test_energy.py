@@ -65,7 +65,7 @@ def test_energy_and_momentum_change_by_powers_and_forces_alone(system, machine):
     assert shares[8:] == [0.0, 0.0]
 
 
-@pytest.mark.parametrize(("machine", "layers"), list(zip(SETUPS, (0, 1, 2, 2), strict=True)))
+@pytest.mark.parametrize(("machine", "layers"), list(zip(SETUPS, (0, 1, 2, 2, 2), strict=True)))
 def test_kinetic_energy_is_that_of_the_mass_matrix(machine, layers):
     scene = scene_of(layers, machine)
     (lower_mass, upper_mass), p = scene.layer_masses, parameters(scene)

@@ -200,7 +200,7 @@ def test_contact_force_of_the_linear_attached_motion(simulate, damped):
             [
                 machine.stiffness_y_n_per_m
                 + 1j * omega * machine.damping_y_n_s_per_m
-                - omega**2 * (machine.total_mass + m1),
+                - omega**2 * (scene.body.mass + m1),
                 -coupling,
             ],
             [-(omega**2) * m2, coupling - omega**2 * m2],

@@ -61,7 +61,7 @@ class TaylorEngine:
         self.degree = degree_of(scene.solver.tolerance)
         self._p = p  # not a copy: a drive's program changes it in place
         self._drive = same_types(drive)
-        self._e = Expansion(room(), in_lines((STATUS.itemsize // 8,)).view(STATUS)[0])
+        self._e = nothing()
         self._e.status["degree"] = self.degree
         self._e.status["most"] = max(MAX_STEPS, STEPS_PER_EVENT * scene.solver.max_events_per_period)
 
@@ -135,6 +135,11 @@ class Expansion(NamedTuple):
 
     room: Any
     status: Any
+
+
+def nothing() -> Expansion:
+    """Make what compiled code needs of the engine, empty."""
+    return Expansion(room(), in_lines((STATUS.itemsize // 8,)).view(STATUS)[0])
 
 
 @compiled
