@@ -198,7 +198,7 @@ def tangent_of(jacobian: FloatArray, near: FloatArray) -> FloatArray:
     right = np.zeros(near.size)
     right[-1] = 1.0
     found = solved(bordered(jacobian, near), right, BENT)
-    return np.asarray(found / np.linalg.norm(found))
+    return np.asarray(found / math.sqrt(found @ found))
 
 
 def coming(near: Point, far: Point) -> str | None:
