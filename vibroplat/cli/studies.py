@@ -155,14 +155,17 @@ def sweep(
     from vibroplat.check.sweeps import check_points
     from vibroplat.integrate import other_engine
     from vibroplat.study import sweep as sweeps
+    from vibroplat.study.pool import pool
     from vibroplat.study.store import Store
 
     found = None
     with Store(directory, sweeps.conditions(scene), resume=resume, overwrite=overwrite) as store:
         common.load_kernels(scene.solver.engine, *([other_engine(scene.solver.engine)] if places else []))
-        began = time.perf_counter()
-        bar = sweep_progress(scene.name, len(planned), sum(len(branch.frequencies) for branch in planned))
-        with sweeps.measured(planned, store, jobs, scheduler, wait, bar, len(places)) as workers:
+        began, points = time.perf_counter(), sum(len(branch.frequencies) for branch in planned)
+        chains = max(sweeps.unfinished(planned, store), len(places))
+        with pool(jobs, scheduler, wait=wait, chains=chains) as workers:
+            with sweep_progress(scene.name, len(planned), points) as progress:
+                sweeps.run_sweeps([(planned, store)], workers, progress)
             known, seconds = store.reused, time.perf_counter() - began
             if places:
                 with sweep_progress(f"{scene.name}, check", len(places), len(places)) as progress:

@@ -15,7 +15,7 @@ from pydantic import BaseModel
 from vibroplat.config.scene import Scene
 from vibroplat.config.sections import OF_EXCITERS, Motor
 
-#: Keys whose default is that of any machine.
+#: Keys whose default holds for any machine.
 COMMON = frozenset({"gravity_m_per_s2"})
 
 
