@@ -1,11 +1,12 @@
 """Builds the wheel: with the machine code of all kernels if VIBROPLAT_COMPILE is set, so that no run compiles any.
 
-``VIBROPLAT_COMPILE=1 pip wheel --no-deps .`` takes about two minutes and makes a wheel for this Python and this kind of
-machine (cp311-cp311-linux_x86_64). Without it the wheel is the same for all, and each machine compiles what it needs at
-its first run: ``pip install .`` would otherwise wait for kernels that its user may never call. Editable installs never
-bring machine code, as their sources change.
+``VIBROPLAT_COMPILE=1 pip wheel --no-deps .`` takes about two minutes and makes a wheel for this version of Python and
+this kind of machine (cp311-cp311-linux_x86_64). Without the variable the wheel runs everywhere, and each machine
+compiles what it needs at its first run, so that ``pip install .`` need not wait for kernels that are perhaps never
+called. Editable installs have no machine code: their sources change.
 
-Which kernels there are is not listed: the commands below are run, and what they compile is taken.
+There is no list of kernels: the commands below are run in an empty cache, and what they compile goes into the wheel.
+Where ``NUMBA_CACHE_DIR`` has the kernels in the form that others are compiled with, these are not compiled again.
 """
 
 from __future__ import annotations
@@ -20,9 +21,12 @@ from typing import Any
 
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
+#: Files of kernels that are compiled into others.
+INSIDE = "*.inside-*"
+
 SHORT = ("--set", "run.duration_s=0.3")
 SWEEP = ("--set", "sweep.supply_frequency_hz={start: 46.0, stop: 48.0, step: 2.0}", "--set", "sweep.max_settle_s=2.0")
-#: A command of each kind that computes; the second argument is in the folder of configurations.
+#: Commands that compute, of each kind; the second argument is a file in the folder of configurations.
 COMMANDS = (
     ("run", "quickstart.yaml", "--engine", "native", *SHORT),
     ("run", "quickstart.yaml", "--engine", "taylor", *SHORT),
@@ -32,7 +36,7 @@ COMMANDS = (
     ("orbits", "examples/boundaries-mass.yaml", "--engine", "taylor", "--set", "orbits.stop=46.0"),
     ("orbits", "examples/branches.yaml", "--engine", "native", "--set", "orbits.stop=42.5"),
 )
-#: The same from Python: what no command does.
+#: What can be computed from Python alone.
 PYTHON = """
 from vibroplat import load_config, lyapunov, simulate, variation
 for engine in ("native", "taylor"):
@@ -43,7 +47,12 @@ for engine in ("native", "taylor"):
 
 
 def compile_all(root: Path, place: Path) -> Path:
-    """Run it all, and return the folder of what it compiled."""
+    """Run it all, and return the folder with the machine code."""
+    known = os.environ.get("NUMBA_CACHE_DIR")
+    for file in Path(known, "vibroplat").glob(f"kernels-*/{INSIDE}") if known else ():
+        copy = place / "vibroplat" / file.parent.name / file.name
+        copy.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(file, copy)
     own = {name: value for name, value in os.environ.items() if not name.startswith("NUMBA_")}
     environment = own | {"NUMBA_CACHE_DIR": str(place), "NUMBA_DISABLE_INTEL_SVML": "1"}
     configs = root / "configs"
@@ -52,33 +61,33 @@ def compile_all(root: Path, place: Path) -> Path:
         for i, (name, config, *options) in enumerate(COMMANDS)
     ]
     for line in (*lines, ["-c", PYTHON.format(config=str(configs / "quickstart.yaml"))]):
-        # Python looks through the folder it is started in first, whatever is installed
+        # in this folder Python finds the package here, even if another one is installed
         subprocess.run([sys.executable, *line], cwd=root, env=environment, check=True, stdout=subprocess.DEVNULL)
-    (made,) = (place / "vibroplat").glob("kernels-*")
+    (made,) = {file.parent for file in (place / "vibroplat").glob("kernels-*/*") if not file.match(INSIDE)}
     return made
 
 
 class CustomBuildHook(BuildHookInterface):
-    """Adds machine code to the wheel, where it is asked for."""
+    """Adds machine code to the wheel if ``VIBROPLAT_COMPILE`` asks for it."""
 
     def dependencies(self) -> list[str]:
-        """Return what compiling takes: all that the package needs."""
+        """Return what has to be installed for compiling: all that the package needs."""
         return self.metadata.core.dependencies if self._asked() else []
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
-        """Compile, and add what was compiled."""
+        """Compile all kernels, and add their machine code to the wheel."""
         if version == "editable" or not self._asked():
             return
         self._folder = tempfile.mkdtemp(prefix="vibroplat-wheel-")
         made = compile_all(Path(self.root), Path(self._folder))
         for file in made.glob("*.bin"):
-            if ".inside-" not in file.name:  # for compiling other kernels
+            if not file.match(INSIDE):
                 build_data["force_include"][str(file)] = f"vibroplat/kernels/machine_code/{made.name}/{file.name}"
         build_data["pure_python"] = False
         build_data["infer_tag"] = True
 
     def finalize(self, version: str, build_data: dict[str, Any], artifact_path: str) -> None:
-        """Remove what is in the wheel now."""
+        """Remove the folder that they were compiled in."""
         shutil.rmtree(getattr(self, "_folder", ""), ignore_errors=True)
 
     @staticmethod

@@ -15,10 +15,11 @@ from pathlib import Path
 import vibroplat
 
 PACKAGE = Path(vibroplat.__file__).parent
-#: From the lowest to the highest; ``errors``, ``extensions`` and ``columns`` are loose modules.
+#: From the lowest to the highest; ``errors``, ``extensions``, ``columns`` and ``frames`` are loose modules.
 ROOMS = (
-    *("errors", "extensions", "columns", "system", "kernels", "config", "model", "hybrid", "integrate", "observe"),
-    *("results", "motion", "study", "check", "continuation", "paper", "plots", "page", "bench", "cli", "__main__"),
+    *("errors", "extensions", "columns", "frames", "system", "kernels", "config", "model", "hybrid", "integrate"),
+    *("observe", "results", "motion", "study", "check", "continuation", "paper", "plots", "page", "bench", "cli"),
+    "__main__",
 )
 #: What the page may use: it is drawn from result tables alone.
 OF_THE_PAGE = {"errors", "columns", "system", "config", "results", "plots", "page"}

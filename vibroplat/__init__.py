@@ -94,7 +94,10 @@ def __getattr__(name: str) -> Any:
 
     if name not in _HOMES:
         raise AttributeError(f"module 'vibroplat' has no attribute {name!r}")
-    return getattr(importlib.import_module(_HOMES[name]), name)
+    found = getattr(importlib.import_module(_HOMES[name]), name)
+    if not _HOMES[name].startswith("vibroplat.config"):  # tables that pandas reads have ``.vibroplat`` too
+        importlib.import_module("vibroplat.frames").load_pandas()
+    return found
 
 
 def __dir__() -> list[str]:

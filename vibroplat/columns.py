@@ -8,14 +8,7 @@ fields.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, NamedTuple
-
-import pandas as pd
-
-from vibroplat.extensions import figure_of
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from typing import NamedTuple
 
 #: Units by the ends of names, longer ends before those that they end with.
 UNITS = {
@@ -32,6 +25,7 @@ UNITS = {
     "n_m": "N·m",
     "kg": "kg",
     "hz": "Hz",
+    "rpm": "1/min",
     "rad": "rad",
     "deg": "°",
     "m": "m",
@@ -142,49 +136,3 @@ COORDINATES = _quantities(
         "contact_force_n": "contact force $F_c$",
     }
 )
-
-
-def labelled(table: pd.DataFrame, columns: Columns) -> pd.DataFrame:
-    """Put units and meanings of a table's columns into its ``attrs``, and return it."""
-    table.attrs["units"] = {name: unit_of(name) for name in map(str, table)}
-    table.attrs["meanings"] = {name: columns[name].text for name in map(str, table) if name in columns}
-    return table
-
-
-@pd.api.extensions.register_dataframe_accessor("vibroplat")
-class TableAccessor:
-    """What tables offer at a prompt: ``table.vibroplat.plot()``.
-
-    Parameters
-    ----------
-    table
-        Of a trajectory, a sweep or branches of orbits, or rows of it.
-    """
-
-    def __init__(self, table: pd.DataFrame) -> None:
-        self._table = table
-
-    def plot(self, x: str | None = None) -> Figure:
-        """Draw the figure of the table: a motion over time, the response of a sweep, or branches of orbits.
-
-        Parameters
-        ----------
-        x
-            Column of the horizontal axis of a sweep or of branches. Default: the excitation frequency; for branches
-            over another key than the supply frequency, the key.
-
-        Raises
-        ------
-        ValueError
-            It is no such table, or has no such column.
-        TableError
-            There is nothing to draw.
-
-        Examples
-        --------
-        >>> from vibroplat import Scene, simulate
-        >>> run = simulate(Scene(run={"duration_s": 0.5}))
-        >>> len(run.trajectory.vibroplat.plot().axes) > 1
-        True
-        """
-        return figure_of(self._table, x)

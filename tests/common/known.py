@@ -84,7 +84,7 @@ def dropped_ball(restitution, height=1.0, tolerance=1e-10):
         damping_y_n_s_per_m=0.0,
     )
     state = State(
-        y_m=-machine.total_mass * GRAVITY / machine.stiffness_y_n_per_m,
+        y_m=-Scene(machine=machine).body.mass * GRAVITY / machine.stiffness_y_n_per_m,
         phi1_rad=-0.5 * math.pi,
         phi2_rad=-0.5 * math.pi,
         gap_m=height,

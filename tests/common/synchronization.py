@@ -18,7 +18,7 @@ TURN = 2.0 * math.pi
 
 def compliances(scene, speed):
     """Displacements of the platform along (x, y, φ) by forces of 1 N and a moment of 1 N·m, complex."""
-    machine, mass = scene.machine, scene.machine.total_mass
+    machine, mass = scene.machine, scene.body.mass
     return np.array(
         [
             1.0 / (machine.stiffness_x_n_per_m - mass * speed**2 + 1j * machine.damping_x_n_s_per_m * speed),
@@ -26,7 +26,7 @@ def compliances(scene, speed):
             1.0
             / (
                 machine.stiffness_phi_n_m_per_rad
-                - machine.inertia * speed**2
+                - scene.body.inertia * speed**2
                 + 1j * machine.damping_phi_n_m_s_per_rad * speed
             ),
         ]
@@ -35,9 +35,8 @@ def compliances(scene, speed):
 
 def influence(scene, speed):
     """Return H, shape (2, 2): how the motion that exciter j causes acts on exciter i (m/N)."""
-    x, y = scene.machine.exciter_axis
     directions = [exciter.direction for exciter in scene.exciter_pair]
-    pulls = [np.array([1.0, -1j * s, -1j * s * side - y]) for s, side in zip(directions, (x, -x), strict=True)]
+    pulls = [np.array([1.0, -1j * s, -1j * s * x - y]) for s, (x, y) in zip(directions, scene.body.axes, strict=True)]
     g = compliances(scene, speed)
     return np.array([[np.sum(a.conj() * g * b) for b in pulls] for a in pulls])
 

@@ -13,8 +13,14 @@ from vibroplat.config.reader import parse_overrides
 from vibroplat.errors import ConfigError
 
 SECTIONS = "name, machine, motor, motors, exciters, material, contact, drive, run, solver, output, sweep, orbits"
-MOTOR = "critical_torque_n_m, critical_slip, pole_pairs, friction_radius_m, rated_frequency_hz"
-EXCITER = f"{MOTOR}, unbalance_radius_m, rotor_inertia_kg_m2, rotation"
+MOTOR = (
+    "critical_torque_n_m, critical_slip, rated_power_w, rated_speed_rpm, breakdown_ratio, pole_pairs, "
+    "friction_radius_m, rated_frequency_hz"
+)
+EXCITER = (
+    f"{MOTOR}, unbalance_mass_kg, unbalance_radius_m, static_moment_kg_m, position_m, rotor_inertia_kg_m2, rotation"
+)
+PLATE = "rated_power_w: 1500, breakdown_ratio: 2.6, rated_frequency_hz: 50"
 INITIAL = "phase_difference_rad, phase_sum_rad, phi1_rad, speed_ratio, state, from"
 NAME = "letters, digits and . _ + -, starting with a letter or digit"
 SECTION = "a section of keys and values"
@@ -100,6 +106,10 @@ MESSAGES = {
         "motors: [{}, {}]\nexciters: [{}, {}]": both("motors", "exciters"),
         "exciters: [{}, {}]\nmachine: {unbalance_radius_m: 0.1}": both("exciters", "machine.unbalance_radius_m"),
         "exciters: [{}, {}]\nmachine: {rotor_inertia_kg_m2: 0.1}": both("exciters", "machine.rotor_inertia_kg_m2"),
+        "exciters: [{unbalance_radius_m: 0.1, static_moment_kg_m: 1}, {}]": "exciters.0: "
+        + both("unbalance_radius_m", "static_moment_kg_m"),
+        f"motor: {{{PLATE}, rated_speed_rpm: 1425, critical_slip: 0.1}}": "motor: "
+        + both("rated_power_w", "critical_slip"),
         "run: {initial: {state: {y_m: 0}, phi1_rad: 0}}": "run.initial: " + both("state", "phi1_rad"),
         "run: {initial: {state: {y_m: 0}, from: x}}": "run.initial: " + both("state", "from"),
         "run: {initial: {from: x, phase_difference_rad: 0}}": "run.initial: " + both("from", "phase_difference_rad"),
@@ -111,6 +121,10 @@ MESSAGES = {
         program(f"{START}, exciter_2: on, off: false"): "drive.program.0: " + both("off", "exciter_2"),
     },
     "values that do not go together": {
+        f"motor: {{{PLATE}}}": "motor: rated_power_w is given without rated_speed_rpm; allowed: rated_power_w, "
+        "rated_speed_rpm, breakdown_ratio together with rated_frequency_hz, or none of them",
+        f"motor: {{{PLATE}, rated_speed_rpm: 1500}}": "motor: rated_speed_rpm = 1500; allowed: less than the "
+        "synchronous speed, 1500",
         "material: {mass_ratio: 0.2, lower_share: 1, natural_frequency_hz: 18.5}": "material: lower_share = 1 leaves "
         "no upper layer; allowed with layers = 2: more than 0, less than 1",
         "material: {mass_ratio: 0.2, layers: 2}": "material: two layers need a spring between them; give "

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 
 from vibroplat import Drive, Exciter, Machine, Material, Motor, Scene
 from vibroplat.config.keys import configuration_schema
 from vibroplat.errors import ConfigError
+from vibroplat.hybrid.state import initial_state
+from vibroplat.model.motor import motor_torque
+from vibroplat.model.parameters import parameters
 from vibroplat.study.branches import branches
 
 SCENE = Scene(material=Material(mass_ratio=0.1, natural_frequency_hz=18.5, damping_ratio=0.05))
@@ -75,6 +79,51 @@ def test_each_exciter_has_its_own_moment_and_inertia():
     assert scene.exciter_inertias == pytest.approx((0.8e-3 + 0.5 * 0.09**2, 1.7e-3 + 0.5 * 0.07**2), rel=1e-15)
 
 
+def test_exciters_have_own_masses_moments_and_positions():
+    """Two of them beside the closed form, also after a round trip; what an exciter does not give is the machine's."""
+    machine = {"platform_mass_kg": 10.0, "unbalance_mass_kg": 2.0}
+    first = {"unbalance_mass_kg": 3.0, "static_moment_kg_m": 0.6, "position_m": [0.4, -0.1]}
+    scene = Scene(machine=machine, exciters=[first, {"position_m": [-0.2, 0.5]}])
+    assert Scene.from_tree(scene.to_tree()) == scene
+    assert scene.body.mass == 15.0
+    assert scene.unbalances == pytest.approx((0.6, 0.18))
+    assert scene.exciter_inertias == pytest.approx((0.8e-3 + 0.6 * 0.2, 0.8e-3 + 0.18 * 0.09))
+    c = np.array([3.0 * 0.4 - 2.0 * 0.2, -3.0 * 0.1 + 2.0 * 0.5]) / 15.0
+    arms = np.array([[0.4, -0.1], [-0.2, 0.5]]) - c
+    assert np.array(scene.body.axes) == pytest.approx(arms)
+    inertia = 0.11 + 10.0 * c @ c + 3.0 * arms[0] @ arms[0] + 2.0 * arms[1] @ arms[1]
+    assert scene.body.inertia == pytest.approx(inertia, rel=1e-14)
+    # a later layer gives the moment otherwise, or moves an axis by its place
+    assert scene.replace({"exciters.0.unbalance_radius_m": 0.3}).unbalances[0] == pytest.approx(0.9)
+    assert scene.replace({"exciters.1.position_m.0": 0.0}).exciter_pair[1].position_m == [0.0, 0.5]
+
+
+def test_axes_and_inertia_of_equal_exciters_are_those_of_the_paper():
+    scene = Scene()
+    m, m_0, gamma, rho = 0.045, 12.42, math.radians(22.5), 0.128
+    x, y = rho * math.cos(gamma), m_0 / (m_0 + 2 * m) * rho * math.sin(gamma)
+    assert np.array(scene.body.axes) == pytest.approx(np.array([[x, y], [-x, y]]), rel=1e-14)
+    inertia = 0.11 + 2 * m * rho**2 * (m_0 + 2 * m * math.cos(gamma) ** 2) / (m_0 + 2 * m)
+    assert scene.body.inertia == pytest.approx(inertia, rel=1e-14)
+
+
+PLATE = {"rated_power_w": 1500.0, "rated_speed_rpm": 1425.0, "breakdown_ratio": 2.6, "rated_frequency_hz": 50.0}
+
+
+def test_motor_by_its_nameplate_has_its_rated_and_its_critical_torque():
+    """At the rated speed it has the rated torque P/ω, and at no slip more than breakdown_ratio times that."""
+    base = Scene(motor={"critical_torque_n_m": 3.0, "critical_slip": 0.3}, drive={"supply_frequency_hz": 50.0})
+    scene = base.replace(motor=PLATE)
+    assert Scene.from_tree(scene.to_tree()) == scene
+    motor, p = scene.exciter_pair[0], parameters(scene)
+    speed = 2.0 * math.pi * 1425.0 / 60.0
+    assert motor_torque(0, 0.0, speed, p) == pytest.approx(1500.0 / speed, rel=1e-14)
+    speeds = (1.0 - motor.critical_slip * np.array([0.99, 1.0, 1.01])) * 50.0 * math.pi
+    below, most, above = (motor_torque(0, 0.0, one, p) for one in speeds)
+    assert most == pytest.approx(2.6 * 1500.0 / speed, rel=1e-14)
+    assert max(below, above) < most
+
+
 def test_exciters_are_swept_by_a_grid_but_not_their_common_radius():
     sweep = {"supply_frequency_hz": {"start": 40, "stop": 40}, "grid": {"exciters.1.unbalance_radius_m": [0.08, 0.09]}}
     found = branches(Scene(sweep=sweep))
@@ -88,9 +137,20 @@ def test_exciters_are_swept_by_a_grid_but_not_their_common_radius():
 
 
 def test_phase_sum_is_the_difference_of_counter_rotating_exciters():
-    assert Scene(run={"initial": {"phase_sum_rad": 0.3}}).run.initial.phase_difference == 0.3
-    assert Scene(run={"initial": {"phase_difference_rad": 0.3}}).run.initial.phase_difference == 0.3
-    assert Scene().run.initial.phase_difference == math.pi
+    for initial, angles in (
+        ({"phase_sum_rad": 0.3}, (0.0, 0.3)),
+        ({"phase_difference_rad": 0.3, "phi1_rad": 0.1}, (0.1, 0.2)),
+        ({}, (0.0, math.pi)),
+        ({"speed_ratio": 0.0, "phi1_rad": 0.0}, (0.0, math.pi)),
+    ):
+        assert Scene(run={"initial": initial}).run.initial.angles(1.0) == pytest.approx(angles)
+
+
+@pytest.mark.parametrize("rotation", ["clockwise", "counter-clockwise"])
+def test_exciters_at_rest_hang_unless_an_angle_is_given(rotation):
+    scene = Scene(exciters=[Exciter(), Exciter(rotation=rotation)], run={"initial": {"speed_ratio": 0.0}})
+    again = Scene.from_tree(scene.to_tree())
+    assert list(initial_state(again)[3:5]) == [-0.5 * math.pi, -0.5 * math.pi]
 
 
 def test_start_is_perturbed_unless_it_is_given_as_a_state_or_a_run():
@@ -107,7 +167,7 @@ def test_an_open_gap_may_close():
 def test_fastest_decay_is_that_of_the_strongest_damper_or_motor():
     free = dict.fromkeys(("damping_x_n_s_per_m", "damping_y_n_s_per_m", "damping_phi_n_m_s_per_rad"), 0.0)
     scene = Scene(machine=free, motor={"critical_torque_n_m": 0.0})
-    mass = scene.machine.total_mass
+    mass = scene.body.mass
     assert scene.fastest_decay == 0.0
     critical = {"machine.damping_y_n_s_per_m": 2.0 * math.sqrt(470e3 * mass)}
     assert scene.replace(critical).fastest_decay == pytest.approx(math.sqrt(470e3 / mass), rel=1e-6)

@@ -23,12 +23,16 @@ LOPSIDED = {
 UNEQUAL_MOTORS = [Motor(), Motor(critical_torque_n_m=0.9, critical_slip=0.21, pole_pairs=3, friction_radius_m=8.0e-5)]
 
 
-def exciters(first, second, **changes):
-    """Return exciters that share nothing but their unbalance mass, turned these ways."""
-    motor = UNEQUAL_MOTORS[1].model_dump()
+#: What two exciters have of their own: unbalance masses, axes from the platform's own centre of mass.
+OWN = [{"unbalance_mass_kg": 0.8, "position_m": [0.21, -0.08]}, {"unbalance_mass_kg": 0.3, "position_m": [-0.13, 0.17]}]
+
+
+def exciters(first, second, own=({}, {}), **changes):
+    """Return exciters that share nothing but, as long as they have no own ones, unbalance mass and axes' distance."""
+    motor = UNEQUAL_MOTORS[1].model_dump(exclude_none=True)
     return [
-        Exciter(unbalance_radius_m=0.07, rotor_inertia_kg_m2=1.7e-3, rotation=first, **changes),
-        Exciter(unbalance_radius_m=0.12, rotor_inertia_kg_m2=0.9e-3, rotation=second, **motor),
+        Exciter(unbalance_radius_m=0.07, rotor_inertia_kg_m2=1.7e-3, rotation=first, **changes, **own[0]),
+        Exciter(unbalance_radius_m=0.12, rotor_inertia_kg_m2=0.9e-3, rotation=second, **motor, **own[1]),
     ]
 
 
@@ -39,8 +43,8 @@ TIME = 1.7
 RISING = Drive(program=[Entry(t_s=t, supply_frequency_hz=f) for t, f in ((0.0, 10.0), (1.0, 30.0), (3.0, 68.0))])
 
 #: What scenes have besides their material. The rig of the paper, a lopsided machine, one whose unequal exciters turn
-#: the same way, and one on which both turn against the usual, under a rising supply; the critical slip speed of its
-#: first motor does not rise with it.
+#: the same way, one on which both turn against the usual, under a rising supply, while the critical slip speed of its
+#: first motor does not rise; and one whose exciters share nothing, not even the distance of their axes.
 SETUPS = {
     "paper": {"motors": UNEQUAL_MOTORS},
     "lopsided": {"machine": Machine(**LOPSIDED, rotor_inertia_kg_m2=2.0e-3), "motors": UNEQUAL_MOTORS},
@@ -50,6 +54,7 @@ SETUPS = {
         "exciters": exciters("clockwise", "counter-clockwise", rated_frequency_hz=55.0),
         "drive": RISING,
     },
+    "uneven": {"machine": Machine(**LOPSIDED), "exciters": exciters("clockwise", "clockwise", OWN)},
 }
 
 MATERIALS = {
@@ -58,17 +63,7 @@ MATERIALS = {
     2: Material(mass_ratio=0.2, lower_share=0.7, natural_frequency_hz=18.5, damping_ratio=0.05),
 }
 
-#: Two exciters that share nothing: unbalance masses, radii, rotors, axes from the platform's own centre of mass; both
-#: driven the same way.
-UNEVEN = {
-    "mass": (0.8, 0.3),
-    "radius": (0.09, 0.13),
-    "rotor": (2.0e-3, 0.7e-3),
-    "axis": ((0.21, -0.08), (-0.13, 0.17)),
-    "direction": (-1.0, -1.0),
-}
-
-RECORDS = (*SETUPS, "uneven")  # those of scenes, and one whose exciters differ in more than a scene allows
+RECORDS = tuple(SETUPS)
 
 
 def name_of(system):
@@ -91,22 +86,8 @@ def scene_of(layers, machine="paper", **contact):
 
 
 def record_of(layers, machine):
-    """Return the parameters of a scene at :data:`TIME`, or of a lopsided one with uneven exciters."""
-    if machine != "uneven":
-        return parameters(scene_of(layers, machine), TIME)
-    given, p = SETUPS["lopsided"]["machine"], parameters(scene_of(layers, "lopsided"))
-    mass, radius, axis = (np.array(UNEVEN[name]) for name in ("mass", "radius", "axis"))
-    p.mass = given.platform_mass_kg + mass.sum()
-    centre = mass @ axis / p.mass
-    p.inertia = given.platform_inertia_kg_m2 + given.platform_mass_kg * centre @ centre
-    p.inertia += mass @ ((axis - centre) ** 2).sum(axis=1)
-    p.axis_x, p.axis_y = (axis - centre).T
-    p.friction *= mass * radius / p.unbalance
-    p.unbalance = mass * radius
-    p.exciter_inertia = UNEVEN["rotor"] + mass * radius**2
-    p.direction = UNEVEN["direction"]
-    p.safe_rotation = 0.1
-    return p
+    """Return the parameters of a scene at :data:`TIME`."""
+    return parameters(scene_of(layers, machine), TIME)
 
 
 def random_states(seed, count):
@@ -141,12 +122,10 @@ def central_difference(function, step):
 
 def mass_matrix(state, scene):
     """Return the 5×5 mass matrix of model.md, in the order (x, y, φ, φ₁, φ₂)."""
-    machine = scene.machine
-    matrix = np.diag([machine.total_mass, machine.total_mass, machine.inertia, *scene.exciter_inertias])
-    x0, y0 = machine.exciter_axis
-    for i, (k, side) in enumerate(zip(scene.unbalances, (1.0, -1.0), strict=True)):
+    matrix = np.diag([scene.body.mass, scene.body.mass, scene.body.inertia, *scene.exciter_inertias])
+    for i, (k, (x0, y0)) in enumerate(zip(scene.unbalances, scene.body.axes, strict=True)):
         sine, cosine = np.sin(state[3 + i]), np.cos(state[3 + i])
-        axis_x, axis_y = side * x0 - state[2] * y0, y0 + state[2] * side * x0
+        axis_x, axis_y = x0 - state[2] * y0, y0 + state[2] * x0
         coupling = k * np.array([-sine, cosine, axis_x * cosine + axis_y * sine])
         matrix[3 + i, :3] = matrix[:3, 3 + i] = coupling
     return matrix

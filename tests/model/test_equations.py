@@ -8,7 +8,7 @@ import pytest
 from vibroplat.model.impact import impulse_response
 from vibroplat.model.parameters import PARAMETERS, parameters
 
-from .helpers import EACH_PAIR, RECORDS, TIME, UNEVEN, random_states, record_of, scene_of, settled, torque_by_quotient
+from .helpers import EACH_PAIR, RECORDS, TIME, random_states, record_of, scene_of, settled, torque_by_quotient
 
 
 @cache
@@ -70,33 +70,26 @@ CONTACT = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0])
 
 
 def keys_of_exciters(scene):
-    """Return radii, rotor inertias and directions of both exciters, and their motors, as the scene is given them."""
+    """Return masses, radii, rotor inertias and axes (x₁, y₁, x₂, y₂) of both exciters, as the scene is given them."""
+    m = scene.machine
+    gamma = np.radians(m.exciter_angle_deg)
+    x, y = m.exciter_distance_m * np.array([np.cos(gamma), np.sin(gamma)])
+    masses, axes = 2 * [m.unbalance_mass_kg], [x, y, -x, y]
     if scene.exciters is None:
-        both = (scene.machine.unbalance_radius_m, scene.machine.rotor_inertia_kg_m2)
-        return *((value, value) for value in both), (1.0, -1.0), scene.motors
-    first, second = scene.exciters
-    signs = {"counter-clockwise": 1.0, "clockwise": -1.0}
-    return (
-        (first.unbalance_radius_m, second.unbalance_radius_m),
-        (first.rotor_inertia_kg_m2, second.rotor_inertia_kg_m2),
-        (signs[first.rotation], signs[second.rotation]),
-        scene.exciters,
-    )
+        return masses, 2 * [m.unbalance_radius_m], 2 * [m.rotor_inertia_kg_m2], axes
+    if scene.exciters[0].position_m is not None:
+        masses = [exciter.unbalance_mass_kg for exciter in scene.exciters]
+        axes = np.ravel([exciter.position_m for exciter in scene.exciters])
+    radii, rotors = zip(*((e.unbalance_radius_m, e.rotor_inertia_kg_m2) for e in scene.exciters), strict=True)
+    return masses, radii, rotors, axes
 
 
-def constants(scene, *, uneven=False):
-    """Return the constants of :func:`lagrange` from what the scene is given; its exciters may be the uneven ones."""
+def constants(scene):
+    """Return the constants of :func:`lagrange` from what the scene is given."""
     m, material = scene.machine, scene.material
-    if uneven:
-        (x_1, y_1), (x_2, y_2) = UNEVEN["axis"]
-        exciters = (*UNEVEN["mass"], *UNEVEN["radius"], *UNEVEN["rotor"], x_1, y_1, x_2, y_2)
-    else:
-        gamma = np.radians(m.exciter_angle_deg)
-        x, y = m.exciter_distance_m * np.array([np.cos(gamma), np.sin(gamma)])
-        radii, rotors, *_ = keys_of_exciters(scene)
-        exciters = (m.unbalance_mass_kg, m.unbalance_mass_kg, *radii, *rotors, x, y, -x, y)
+    exciters = np.concatenate(keys_of_exciters(scene))
     share = material.lower_share if material.layers == 2 else 1.0
-    masses = material.mass_ratio * (m.platform_mass_kg + 2.0 * m.unbalance_mass_kg)
+    masses = material.mass_ratio * (m.platform_mass_kg + exciters[0] + exciters[1])
     lower, upper = share * masses, (1.0 - share) * masses
     spring = upper * (2.0 * np.pi * (material.natural_frequency_hz or 0.0)) ** 2
     damper = 2.0 * (material.damping_ratio or 0.0) * np.sqrt(spring * upper)
@@ -109,13 +102,14 @@ def constants(scene, *, uneven=False):
     )
 
 
-def expected(system, state, scene, *, uneven):
+def expected(system, state, scene):
     """Return accelerations of the system's coordinates and F_c by Lagrange's equations."""
     moving = [int(c) for c in system.places[: system.differential // 2]]
-    given = constants(scene, uneven=uneven)
+    given = constants(scene)
     unbalances = np.multiply(given[13:15], given[15:17])
-    _, _, directions, motors = keys_of_exciters(scene)
-    exciters = zip(motors, UNEVEN["direction"] if uneven else directions, state[10:12], unbalances, strict=True)
+    turning = {"counter-clockwise": 1.0, "clockwise": -1.0}
+    directions = [turning[one.rotation] for one in scene.exciters] if scene.exciters else [1.0, -1.0]
+    exciters = zip(scene.exciters or scene.motors, directions, state[10:12], unbalances, strict=True)
     frequency = scene.drive.supply_frequency_hz
     if scene.drive.program is not None:
         frequency = np.interp(TIME, *zip(*((e.t_s, e.supply_frequency_hz) for e in scene.drive.program), strict=True))
@@ -132,21 +126,16 @@ def expected(system, state, scene, *, uneven):
     return np.linalg.solve(columns[rows], forces[rows, 0])
 
 
-def scene_behind(layers, machine):
-    """Return the scene from which the record of a machine is made."""
-    return scene_of(layers, "lopsided" if machine == "uneven" else machine)
-
-
 @EACH_PAIR
 def test_accelerations_and_contact_force_are_those_of_lagrange(system, machine):
-    scene, p = scene_behind(system.layers, machine), record_of(system.layers, machine)
+    scene, p = scene_of(system.layers, machine), record_of(system.layers, machine)
     n = system.differential // 2
     wanted, got = [], []
     for full in random_states(seed=1, count=24):
         state = system.full(system.unknowns(full))
         y, yp, _, _ = settled(system, state[system.places], p)
         got.append(np.append(yp[n : 2 * n], y[2 * n :]))
-        wanted.append(expected(system, state, scene, uneven=machine == "uneven"))
+        wanted.append(expected(system, state, scene))
     # each acceleration, and F_c, relative to the largest of its kind over the states; two linear solves
     # of condition ~1e4 and sums that cancel leave some 1e-14
     scale = np.max(np.abs(wanted), axis=0)
@@ -156,21 +145,19 @@ def test_accelerations_and_contact_force_are_those_of_lagrange(system, machine):
 
 @pytest.mark.parametrize("machine", RECORDS)
 def test_response_to_an_impulse_is_that_of_the_derived_mass_matrix(machine):
-    scene, p = scene_behind(2, machine), record_of(2, machine)
-    given, response = constants(scene, uneven=machine == "uneven"), np.empty(7)
+    scene, p = scene_of(2, machine), record_of(2, machine)
+    given, response = constants(scene), np.empty(7)
     for state in random_states(seed=6, count=10):
         mass, _ = lagrange()(state[:7], state[7:], given, (0.0, 0.0))
         wanted = np.linalg.solve(mass, CONTACT)
         reduced = impulse_response(state, response, p)
         np.testing.assert_allclose(response, wanted, rtol=1e-12, atol=1e-13 * np.abs(wanted).max())
         assert reduced == pytest.approx(1.0 / wanted[5], rel=1e-13)
-    if machine != "uneven":
-        mass, _ = lagrange()(np.zeros(7), np.zeros(7), constants(scene_of(0, machine)), (0.0, 0.0))
-        m = scene.machine
-        listed = [m.total_mass, m.total_mass, m.inertia, *scene.exciter_inertias]
-        assert np.diag(mass)[:5] == pytest.approx(listed, rel=1e-14)
-        # with φ₁ = φ₂ = 0 each unbalance lies beside its axis, and couples with y by its static moment
-        assert mass[1, 3:5] == pytest.approx(scene.unbalances, rel=1e-14)
+    mass, _ = lagrange()(np.zeros(7), np.zeros(7), constants(scene_of(0, machine)), (0.0, 0.0))
+    listed = [scene.body.mass, scene.body.mass, scene.body.inertia, *scene.exciter_inertias]
+    assert np.diag(mass)[:5] == pytest.approx(listed, rel=1e-14)
+    # with φ₁ = φ₂ = 0 each unbalance lies beside its axis, and couples with y by its static moment
+    assert mass[1, 3:5] == pytest.approx(scene.unbalances, rel=1e-14)
 
 
 def test_non_impact_model_is_a_bare_platform_with_friction_and_mass_added():

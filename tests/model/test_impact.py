@@ -90,7 +90,7 @@ def test_central_law_has_the_printed_effective_mass(machine, layers, restitution
     """The k of (7), for the equal exciters of the paper; what jumps follows from the momentum balance."""
     scene = scene_of(layers, machine, restitution=restitution, impact_law="central")
     (m_k, _), (J_e, _) = scene.unbalances, scene.exciter_inertias
-    M, m_w1 = scene.machine.total_mass, scene.layer_masses[0]
+    M, m_w1 = scene.body.mass, scene.layer_masses[0]
     for before in approaching(seed=20):
         _, impulse, _ = struck(before, parameters(scene))
         phi1, phi2 = before[3], before[4]

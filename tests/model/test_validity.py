@@ -51,24 +51,28 @@ def test_mass_matrix_is_positive_definite_up_to_the_safe_rotation(seed):
     seeds = SEEDS[seed] if isinstance(seed, slice) else [seed]
     machines = [drawn(seed) for seed in seeds]
     for side in (-1.0, 1.0):
-        assert all(least_eigenvalue(machine, side * machine.safe_rotation) > 0.0 for machine in machines)
+        assert all(
+            least_eigenvalue(machine, side * Scene(machine=machine).body.safe_rotation) > 0.0 for machine in machines
+        )
     if len(seeds) > 1:
-        assert any(least_eigenvalue(machine, 1.5 * machine.safe_rotation) < 0.0 for machine in machines)
+        assert any(
+            least_eigenvalue(machine, 1.5 * Scene(machine=machine).body.safe_rotation) < 0.0 for machine in machines
+        )
 
 
 def test_model_holds_where_the_mass_matrix_is_well_definite_and_nowhere_else():
     """At rest, by the residual and by the accelerations."""
-    assert Machine(exciter_distance_m=0.0).safe_rotation == math.inf
+    assert Scene(machine=Machine(exciter_distance_m=0.0)).body.safe_rotation == math.inf
     for seed in SEEDS:
         machine = drawn(seed)
         p = parameters(scene_of(0).replace({"machine": machine.model_dump()}))
         scene, rng = Scene(machine=machine), np.random.default_rng(seed)
         for _ in range(25):
-            phi = machine.safe_rotation * rng.uniform(-4.0, 4.0)
+            phi = scene.body.safe_rotation * rng.uniform(-4.0, 4.0)
             y, yp = np.zeros(10), np.zeros(10)
             y[2:5] = phi, *rng.uniform(0.0, 2.0 * math.pi, 2)
             definite = np.linalg.eigvalsh(mass_matrix(y[:5], scene))[0] > 0.0
-            if not definite or abs(phi) <= machine.safe_rotation:
+            if not definite or abs(phi) <= scene.body.safe_rotation:
                 assert evaluate_residual(BARE.index, 0.0, y, yp, np.empty(10), p) == definite
                 assert accelerations(BARE.index, 0.0, y, yp, p) == definite
 

@@ -81,7 +81,7 @@ def test_coast_down_passes_resonance_below_its_amplitude():
     """The amplitude after a fast passage is F/(Mω₀) √(π/2α) (Lewis), with α the rate at which the speed falls there."""
     run = finished("coast-down")
     machine, table = run.scene.machine, run.trajectory
-    natural = math.sqrt(machine.stiffness_y_n_per_m / machine.total_mass)
+    natural = math.sqrt(machine.stiffness_y_n_per_m / run.scene.body.mass)
     turns = table["t_s"].to_numpy(), 0.5 * (table["phi1_rad"] - table["phi2_rad"]).to_numpy()
     ends = turns[0][-1]
     grid = np.arange(1.2, ends, 1.0 / 33.0)
@@ -90,7 +90,7 @@ def test_coast_down_passes_resonance_below_its_amplitude():
     slowing = (speeds[passing - 4] - speeds[passing + 3]) * 33.0 / 7.0
     coasting = table[table["t_s"] > grid[passing] - 0.2]
     largest = 0.5 * (coasting["y_m"].max() - coasting["y_m"].min())
-    lewis = sum(run.scene.unbalances) * natural / machine.total_mass * math.sqrt(math.pi / (2.0 * slowing))
+    lewis = sum(run.scene.unbalances) * natural / run.scene.body.mass * math.sqrt(math.pi / (2.0 * slowing))
     steady = sum(run.scene.unbalances) * natural / machine.damping_y_n_s_per_m
     assert largest == pytest.approx(lewis, rel=0.15)
     assert largest < steady / 4.0

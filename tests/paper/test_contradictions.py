@@ -55,7 +55,7 @@ def test_capture_is_the_same_for_a_small_unbalance_and_for_a_large_damping():
 def test_acceleration_is_that_of_the_linear_response():
     machine = PRINTED.machine
     omega = 2.0 * math.pi * 25.0
-    mass = 1.2 * machine.total_mass
+    mass = 1.2 * PRINTED.body.mass
     response = (
         sum(PRINTED.unbalances)
         * omega**2

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+import math
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +11,9 @@ import pandas as pd
 import pytest
 
 from vibroplat import simulate
+from vibroplat.columns import Column
 from vibroplat.errors import TableError
+from vibroplat.frames import PlainTable, Words
 from vibroplat.results.files import write_result
 from vibroplat.results.tables import (
     FORMATS,
@@ -108,6 +112,42 @@ def test_table_in_parts_reads_back_bit_for_bit(form, columns, runs, tmp_path, mo
     pd.testing.assert_frame_equal(found, wanted.astype({"mode": "str"}), check_exact=True)
     (*_, end) = read_parts(tmp_path, "t", last=True)
     assert end["t_s"].iloc[-1] == table["t_s"].iloc[-1]
+
+
+#: A table with all kinds of columns that tables of runs have.
+PLAIN = {
+    "t_s": np.arange(12.0)[::2],
+    "gap_m": np.array([math.nan, math.inf, -0.0, 5e-324, 0.1, 1e22]),
+    "mode": Words(np.array([0, 1, 1, 2, 0, 0]), ("a", "b", "ψ"), categorical=True),
+    "kind": Words(np.array([1, 1, 0, 1, 0, 1]), ("liftoff", "Stoß")),
+    "impacts": np.arange(6),
+}
+
+
+@pytest.mark.parametrize("form", FORMATS)
+@pytest.mark.parametrize("ends", [(2, 6), (6,), (0,)], ids=str)
+def test_plain_tables_are_written_to_the_byte_as_dataframes_are(form, ends, tmp_path):
+    def rows(column, part):
+        return column._replace(numbers=column.numbers[part]) if isinstance(column, Words) else column[part]
+
+    parts = [slice(*part) for part in itertools.pairwise((0, *ends))]
+    described = {"t_s": Column("time"), "kind": Column("kind", "what – or how")}
+    plain = [PlainTable({name: rows(of, part) for name, of in PLAIN.items()}, described) for part in parts]
+    frames = [part.frame for part in plain]
+    for name, table in (("plain", plain), ("frames", frames)):
+        write_table(table, tmp_path, name, form)
+    assert (tmp_path / f"plain.{form}").read_bytes() == (tmp_path / f"frames.{form}").read_bytes()
+    if form == "parquet" and ends[-1]:  # an empty column of words has no categories in a file
+        back, wanted = pd.read_parquet(tmp_path / "plain.parquet"), pd.concat(frames, ignore_index=True)
+        pd.testing.assert_frame_equal(back, wanted, check_exact=True)
+        assert (
+            back.attrs
+            == frames[0].attrs
+            == {
+                "units": {"t_s": "s", "gap_m": "m", "mode": "", "kind": "", "impacts": ""},
+                "meanings": {"t_s": "time", "kind": "kind; what – or how"},
+            }
+        )
 
 
 @pytest.mark.parametrize("form", FORMATS)

@@ -11,8 +11,8 @@ engines differ by at most about twice the largest change; ``MULTIPLE`` times tha
 come close to what it repeats, so ``FLOOR`` times the tolerance is always allowed. Where classes of motion differ, some
 repetitions of both engines must be of the same class.
 
-A wrong term is the same at every tolerance, so repetitions do not show it and it is found, unless what it changes is
-less than what errors of the tolerance change. A lower tolerance finds more. An engine that is right but less accurate
+A wrong term acts the same at every tolerance. Repetitions do not change it, so it is found unless it changes less than
+errors of the tolerance do. A lower tolerance finds more. An engine that is right but less accurate
 than its tolerance says is excused; the audit of energy and momentum is there for that.
 """
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import nullcontext
 from dataclasses import dataclass
 from itertools import groupby
 from typing import Any, Final, NamedTuple
@@ -18,15 +17,15 @@ from vibroplat.observe.summary import COHERENCE
 from vibroplat.study import WAIT
 from vibroplat.study.branches import Branch, Place, branches, chosen, require_share
 from vibroplat.study.point import ERRORS, point_task
-from vibroplat.study.pool import Pool, StoredChain, Task, Tasks, run_stored
+from vibroplat.study.pool import Pool, StoredChain, Task, Tasks, pool, run_stored
 from vibroplat.study.store import Store
-from vibroplat.study.sweep import Progress, branch_records, measured
+from vibroplat.study.sweep import Progress, branch_records, run_sweeps
 
 #: Standard errors of the difference of two means over blocks that are allowed. With eight blocks each it follows
 #: Student's distribution with 14 degrees of freedom, beyond six of them once in 30 000 cases.
 SIGMAS: Final = 6.0
-#: Change under repetitions, over the standard error, from which on errors of the tolerance have become those of chance:
-#: of independent motions, one in 10 000 times all repetitions stay below it.
+#: Change under repetitions, over the standard error, from which on they count as independent motions: of these, all
+#: stay below it once in 10 000 cases.
 CHANCE: Final = 0.1
 #: Columns that say what kind of motion a row is.
 CLASS: Final = ("outcome", "sync", "motion", "period")
@@ -206,10 +205,9 @@ def check_sweep(
     require_share(share)
     planned = branches(scene)
     places = chosen(planned, share)
-    with (
-        Store(None, {}) as store,
-        measured(planned, store, jobs, scheduler, wait, nullcontext(progress), len(places)) as workers,
-    ):
+    chains = max(len(planned), len(places))
+    with Store(None, {}) as store, pool(jobs, scheduler, wait=wait, chains=chains) as workers:
+        run_sweeps([(planned, store)], workers, progress)
         return check_points(planned, places, store, workers, other=other, progress=progress)
 
 
@@ -317,11 +315,11 @@ def _class(row: Row) -> tuple[Any, ...]:
 def deviations(scene: Scene, settled: float, first: Sequence[Row], other: Sequence[Row]) -> list[Deviation]:
     """Compare two rows of one class, each with repetitions of the class, which show what is allowed.
 
-    Means over blocks of chaotic motion may differ by SIGMAS of their standard errors; so may those of other motion that
-    does not repeat if repetitions differ by a share of them. Otherwise both motions are the same from start to end, and
-    so are their means, whatever scatters from block to block. Extremes of motion that does not repeat have no standard
-    error and are not compared. Motions that settled for different times are compared to the settling tolerance, which
-    is how far from the steady motion either may be.
+    Means over blocks of chaotic motion may differ by SIGMAS of their standard errors. So may those of other motion that
+    does not repeat, if repetitions differ by more than CHANCE of these errors; if they do not, both motions are the
+    same from start to end and so are their means, however blocks scatter. Extremes of motion that does not repeat have
+    no standard error and are not compared. Motions that settled for different times are compared to the settling
+    tolerance, which is how far from the steady motion either may be.
 
     Parameters
     ----------

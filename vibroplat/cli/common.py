@@ -5,7 +5,7 @@ from __future__ import annotations
 import gc
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -13,7 +13,7 @@ import typer
 
 from vibroplat.errors import ConfigError
 from vibroplat.system.interrupts import offer_resume
-from vibroplat.system.memory import COMPILING, require_memory
+from vibroplat.system.terminal import compilation_progress
 
 if TYPE_CHECKING:
     from vibroplat.config.scene import Scene
@@ -75,15 +75,12 @@ def about(config: Path) -> Iterator[None]:
         raise ConfigError(f"{config}: {error}") from None
 
 
-def tell_of_compilation(engine: str | None = None) -> None:
-    """Say why the first run on a machine takes long; some kernels are compiled as soon as they are imported."""
+def tell_of_compilation(engine: str | None = None) -> bool:
+    """Say why the first run on a machine takes long; return whether it is one."""
     import vibroplat.kernels.compiled  # noqa: F401  (refuses where compilation is switched off)
     from vibroplat import integrate
-    from vibroplat.kernels.cache import is_compiled
 
-    if not is_compiled(engine or "auto"):
-        require_memory(COMPILING, "compiling the kernels for the first time")
-        integrate.tell_of_compilation(engine or "auto")
+    return integrate.tell_of_compilation(engine or "auto")
 
 
 def load_kernels(*engines: str) -> None:
@@ -91,8 +88,22 @@ def load_kernels(*engines: str) -> None:
     from vibroplat.motion import run
 
     for engine in engines or ("auto",):
-        run.load_kernels(engine)
+        with _compilation(engine) if tell_of_compilation(engine) else nullcontext():
+            run.load_kernels(engine)
     gc.freeze()  # what is loaded stays: the garbage collector need not look at it
+
+
+@contextmanager
+def _compilation(engine: str) -> Iterator[None]:
+    """Let a second process compile an engine's loop, and show how many kernels are compiled."""
+    from vibroplat.kernels import cache
+    from vibroplat.motion import run
+    from vibroplat.system.two_processes import helped_by
+
+    kept, before = cache.folder(), cache.count()
+    helped = nullcontext() if kept is None else helped_by(lambda: run.compile_loop(engine))
+    with helped, compilation_progress(lambda: cache.count() - before):
+        yield
 
 
 def require_scheduler(address: str | None) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from enum import StrEnum
-from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -80,9 +79,5 @@ def _move(scene: Scene, row: Mapping[str, Any]) -> OrbitMotion:
     """Compute the orbit of a row; what computes is loaded when the first one is wanted."""
     from vibroplat.continuation.orbit import motion_of
 
-    _tell(scene.solver.engine)
+    tell_of_compilation(scene.solver.engine)
     return motion_of(scene, row)
-
-
-#: Once for each engine.
-_tell = cache(tell_of_compilation)

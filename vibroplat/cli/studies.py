@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from vibroplat.config.scene import Scene
     from vibroplat.continuation.tables import Planned
     from vibroplat.motion.initial_condition import Start
-    from vibroplat.motion.recorder import Sink
+    from vibroplat.motion.recorder import Files
     from vibroplat.results.run import Trajectory
     from vibroplat.study.branches import Branch
 
@@ -72,7 +72,7 @@ def run(
 
     trajectory, events = (TableFile(directory, name, format_) for name in ("trajectory", "events"))
     with trajectory, events:
-        result, found = _simulate(scene, start, (trajectory.append, events.append), check=check)
+        result, found = _simulate(scene, start, (trajectory, events), check=check)
         summary = result.summary | {"notes": result.notes} | ({} if found is None else {"check": found.to_tree()})
         origin = provenance(scene, summary["engine"], result.origin)
         tables = {"trajectory": trajectory, "events": events}
@@ -94,16 +94,16 @@ def run(
         raise typer.Exit(1)
 
 
-def _simulate(scene: Scene, start: Start, sink: Sink, *, check: bool) -> tuple[Trajectory, RunCheck | None]:
+def _simulate(scene: Scene, start: Start, files: Files, *, check: bool) -> tuple[Trajectory, RunCheck | None]:
     """Simulate a scene; with ``check``, compare the finished run with that of another engine."""
     with run_progress(scene.name, scene.run.duration_s) as report:
         from vibroplat.motion.run import simulate
 
         if not check:
-            return simulate(scene, keep="summary", sink=sink, progress=report, start=start), None
+            return simulate(scene, keep="summary", sink=files, progress=report, start=start), None
         from vibroplat.check.runs import RUNS, Course, compared
 
-        course = Course(scene, report, sink, start)
+        course = Course(scene, report, (files[0].append, files[1].append), start)
     if course.result.outcome == "out-of-memory":
         return course.result, None
     with run_progress(f"{scene.name}, check", RUNS * scene.run.duration_s) as report:
@@ -155,14 +155,17 @@ def sweep(
     from vibroplat.check.sweeps import check_points
     from vibroplat.integrate import other_engine
     from vibroplat.study import sweep as sweeps
+    from vibroplat.study.pool import pool
     from vibroplat.study.store import Store
 
     found = None
     with Store(directory, sweeps.conditions(scene), resume=resume, overwrite=overwrite) as store:
         common.load_kernels(scene.solver.engine, *([other_engine(scene.solver.engine)] if places else []))
-        began = time.perf_counter()
-        bar = sweep_progress(scene.name, len(planned), sum(len(branch.frequencies) for branch in planned))
-        with sweeps.measured(planned, store, jobs, scheduler, wait, bar, len(places)) as workers:
+        began, points = time.perf_counter(), sum(len(branch.frequencies) for branch in planned)
+        chains = max(sweeps.unfinished(planned, store), len(places))
+        with pool(jobs, scheduler, wait=wait, chains=chains) as workers:
+            with sweep_progress(scene.name, len(planned), points) as progress:
+                sweeps.run_sweeps([(planned, store)], workers, progress)
             known, seconds = store.reused, time.perf_counter() - began
             if places:
                 with sweep_progress(f"{scene.name}, check", len(places), len(places)) as progress:

@@ -16,8 +16,8 @@ from vibroplat.config.schema import NonNegative, Positive, Section, described
 FREQUENCY = 50.0
 
 #: Share of a program's largest frequency below which the critical slip speed falls no more with the frequency. Kloss's
-#: formula with a constant critical slip has no limit at 0 Hz and standstill: any torque up to the critical one, by the
-#: way one gets there, and a motor infinitely stiff.
+#: formula with a constant critical slip has no limit at 0 Hz and standstill: the torque depends on the way there, and
+#: the motor becomes infinitely stiff.
 LEAST_SHARE = 1e-3
 
 #: Least supply frequency of a program above 0 (Hz).

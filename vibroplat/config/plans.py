@@ -18,7 +18,7 @@ MAX_BRANCHES, MAX_FAMILIES = 10_000, 1000
 #: Lengths of steps along branches of orbits that are not given, over the range of the key.
 FIRST_STEP, LARGEST_STEP, LEAST_STEP = 1.0 / 300.0, 1.0 / 40.0, 1e-8
 
-#: What a branch over the range of its key is long in units of the unknowns.
+#: Length of a branch over the whole range of its key, in the units of the unknowns.
 UNITS = 8.0
 
 Direction = Literal["up", "down"]

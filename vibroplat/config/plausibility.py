@@ -6,16 +6,16 @@ A scene with such numbers is simulated like any other; a note points at what may
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator
 from functools import reduce
 from typing import Any, NamedTuple
 
 from pydantic import BaseModel
 
 from vibroplat.config.scene import Scene
-from vibroplat.config.sections import OF_EXCITERS
+from vibroplat.config.sections import OF_EXCITERS, Motor
 
-#: Keys whose default is that of any machine.
+#: Keys whose default holds for any machine.
 COMMON = frozenset({"gravity_m_per_s2"})
 
 
@@ -45,8 +45,8 @@ class Quantity(NamedTuple):
 def notes_on_input(scene: Scene) -> list[str]:
     """Say what is unusual in a scene, and which numbers of machine and motors it takes by default, in one line each."""
     found = [_unusual(quantity, scene) for quantity in quantities(scene)]
-    found.append(_by_default("machine", scene.machine, OF_EXCITERS if scene.exciters is not None else ()))
-    found += [_by_default(name, motor) for name, motor in _motors(scene)]
+    found.append(_by_default("machine", scene.machine, _of_exciters(scene)))
+    found += [_by_default(name, motor, motor.replaced()) for name, motor in _motors(scene)]
     return [note for note in found if note]
 
 
@@ -61,7 +61,7 @@ def quantities(scene: Scene) -> Iterator[Quantity]:
     springs = (
         ("x", scene.platform_mass, "stiffness_x_n_per_m", "damping_x_n_s_per_m"),
         ("y", scene.platform_mass, "stiffness_y_n_per_m", "damping_y_n_s_per_m"),
-        ("phi", machine.inertia, "stiffness_phi_n_m_per_rad", "damping_phi_n_m_s_per_rad"),
+        ("phi", scene.body.inertia, "stiffness_phi_n_m_per_rad", "damping_phi_n_m_s_per_rad"),
     )
     for axis, mass, spring, _ in springs:
         stiffness = getattr(machine, spring)
@@ -93,12 +93,12 @@ def quantities(scene: Scene) -> Iterator[Quantity]:
     for key in ("x_m", "y_m") if initial.state is not None else ():
         yield Quantity(getattr(initial.state, key), -1.0, 1.0, "m", (f"run.initial.state.{key}",))
     for name, motor in _motors(scene):
-        for key, high, unit in (
-            ("critical_slip", 1.0, ""),
-            ("friction_radius_m", 0.01, "m"),
-            ("critical_torque_n_m", 1e4, "N·m"),
-        ):
-            yield Quantity(getattr(motor, key), 0.0, high, unit, (f"{name}.{key}",))
+        torque, slip = motor.critical_values()
+        plate = motor.rated_power_w is not None
+        of_slip, of_torque = ("rated_speed_rpm", "rated_power_w") if plate else ("critical_slip", "critical_torque_n_m")
+        yield Quantity(slip, 0.0, 1.0, "", (f"{name}.{of_slip}",), "critical slip {}" if plate else "")
+        yield Quantity(motor.friction_radius_m, 0.0, 0.01, "m", (f"{name}.friction_radius_m",))
+        yield Quantity(torque, 0.0, 1e4, "N·m", (f"{name}.{of_torque}",), "critical torque {}" if plate else "")
 
 
 def rounded(value: float, digits: int = 3) -> str:
@@ -111,7 +111,18 @@ def _damping_ratio(damping: float, stiffness: float, mass: float) -> float | Non
     return 0.5 * damping / (math.sqrt(stiffness) * math.sqrt(mass)) if stiffness > 0.0 else None
 
 
-def _motors(scene: Scene) -> Iterator[tuple[str, BaseModel]]:
+def _of_exciters(scene: Scene) -> set[str]:
+    """Return the keys of the machine that the exciters give instead, each for itself."""
+    exciters = scene.exciters or ()
+    found = set(OF_EXCITERS) if exciters else set()
+    if exciters and all(exciter.unbalance_mass_kg for exciter in exciters):
+        found.add("unbalance_mass_kg")
+    if exciters and all(exciter.position_m for exciter in exciters):
+        found |= {"exciter_distance_m", "exciter_angle_deg"}
+    return found
+
+
+def _motors(scene: Scene) -> Iterator[tuple[str, Motor]]:
     """Yield the sections of the motors with their keys."""
     if scene.motor is not None:
         yield "motor", scene.motor
@@ -124,7 +135,7 @@ def _unusual(quantity: Quantity, scene: Scene) -> str:
     value, low, high, unit, keys, text = quantity
     if value is None or low <= value <= high:
         return ""
-    own = [key for key in keys if scene.exciters is not None and key.removeprefix("machine.") in OF_EXCITERS]
+    own = [key for key in keys if key.removeprefix("machine.") in _of_exciters(scene)]
     keys = (
         *(key for key in keys if key not in own),
         *(f"exciters.{i}.{key.removeprefix('machine.')}" for key in own for i in range(2)),
@@ -139,7 +150,7 @@ def _unusual(quantity: Quantity, scene: Scene) -> str:
     return f"{': '.join(part for part in (named, what) if part)}; usual: {ends} {unit}".rstrip()
 
 
-def _by_default(name: str, section: BaseModel, elsewhere: Sequence[str] = ()) -> str:
+def _by_default(name: str, section: BaseModel, elsewhere: Collection[str] = ()) -> str:
     """Return the note on keys of a section that are not given, or an empty text if there are none.
 
     Optional keys need not be given, nor those that are given ``elsewhere``.
@@ -151,5 +162,5 @@ def _by_default(name: str, section: BaseModel, elsewhere: Sequence[str] = ()) ->
         return ""
     more = len(missing) - 1
     which = missing[0] if more == 0 else f"{missing[0]} and {more} more key{'s' if more > 1 else ''}"
-    what = "no key given" if missing == keys else f"{which} not given"
+    what = "no key given" if not section.model_fields_set else f"{which} not given"
     return f"{name}: {what}; taken from the paper's test rig"

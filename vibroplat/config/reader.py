@@ -17,8 +17,8 @@ from ruamel.yaml.error import MarkedYAMLError, ReusedAnchorWarning
 from ruamel.yaml.nodes import MappingNode, ScalarNode
 
 from vibroplat.config.drive import Drive
-from vibroplat.config.schema import short
-from vibroplat.config.sections import OF_EXCITERS, Initial, Material
+from vibroplat.config.schema import in_lists, short
+from vibroplat.config.sections import OF_EXCITERS, Exciter, Initial, Material, Motor
 from vibroplat.errors import ConfigError
 
 #: Key that ``--engine`` is short for.
@@ -32,8 +32,11 @@ MAX_BRACKETS = 200
 KEY = re.compile(r"[^\W\d][\w .-]{0,79}")
 
 #: Pairs of keys that exclude each other, by section: if an upper layer gives one, the lower layer's other is dropped.
-ALTERNATIVES = {
+ALTERNATIVES: dict[str, tuple[tuple[str, str], ...]] = {
     "": (("motor", "motors"),),
+    "motor": Motor.alternatives,
+    "motors.N": Motor.alternatives,
+    "exciters.N": Exciter.alternatives,
     "material": Material.alternatives,
     "drive": Drive.alternatives,
     "run.initial": Initial.alternatives,
@@ -160,11 +163,12 @@ def _parsed(text: str, source: str) -> Any:
                 raise ConfigError(f"{source}: more than {MAX_BRACKETS} brackets; not a configuration")
             if text.count(",") > MAX_VALUES:  # of a list in one line; the parser takes a second for as many
                 raise ConfigError(f"{source}: more than {MAX_VALUES} values; not a configuration")
-            node = YAML(typ="safe", pure=True).compose(text)
+            yaml = YAML(typ="safe", pure=True)
+            node = yaml.compose(text)
             if _values(node, {}) > MAX_VALUES:
                 raise ConfigError(f"{source}: more than {MAX_VALUES} values; not a configuration")
             _require_names(node, source)
-            return YAML(typ="safe", pure=True).load(text)
+            return None if node is None else yaml.constructor.construct_document(node)
     except ConfigError:
         raise
     except DuplicateKeyError as error:
@@ -228,7 +232,7 @@ def merge(lower: Mapping[str, Any], upper: Mapping[str, Any], section: str = "")
         merged = _with_exciters(merged)
     if not section and isinstance(upper.get("motors"), Mapping) and merged.get("motors") is None:
         merged["motors"] = [merged.get("motor") or {}] * 2
-    for pair in ALTERNATIVES.get(section, ()):
+    for pair in ALTERNATIVES.get(in_lists(section.split(".")), ()):
         for given, other in (pair, reversed(pair)):
             if upper.get(given) is not None and upper.get(other) is None:
                 merged.pop(other, None)

@@ -16,6 +16,7 @@ from typing import Annotated, Any, Self
 
 from pydantic import BaseModel, Field, ValidationError, model_validator
 
+from vibroplat.config.body import RigidBody, rigid_body
 from vibroplat.config.coordinates import COORDINATES, RATES, Mode
 from vibroplat.config.drive import Drive
 from vibroplat.config.plans import OrbitsPlan, SweepPlan
@@ -42,6 +43,9 @@ MAX_ROWS = 100_000_000
 MAX_TURNS = 1e9
 #: The same with engine ``sundae``, which is ten to twenty times slower.
 MAX_TURNS_SUNDAE = 5e7
+
+#: Sections from which the numbers of exciters and rigid body come.
+EXCITERS_FROM = frozenset(("machine", "motor", "motors", "exciters"))
 
 
 def _plain(value: Any) -> Any:
@@ -175,9 +179,11 @@ class Scene(Section):
     # -- derived quantities -------------------------------------------------------------------------
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
-        """Copy the scene, with some sections changed; the exciters are found anew."""
+        """Copy the scene, with some sections changed; what these give of exciters and body is found anew."""
         copied = super().model_copy(update=update, deep=deep)
-        copied.__dict__.pop("exciter_pair", None)
+        if update and not EXCITERS_FROM.isdisjoint(update):
+            for name in ("exciter_pair", "body"):
+                copied.__dict__.pop(name, None)
         return copied
 
     @cached_property
@@ -189,7 +195,13 @@ class Scene(Section):
             Exciter.model_construct(**{"rotation": rotation, **numbers.model_dump(exclude_none=True), **common})
             for numbers, rotation in zip(given, ROTATIONS, strict=True)
         )
-        return first, second
+        common_mass = self.machine.unbalance_mass_kg
+        return first.resolved(common_mass), second.resolved(common_mass)
+
+    @cached_property
+    def body(self) -> RigidBody:
+        """Platform and unbalances as one rigid body."""
+        return rigid_body(self.machine, self.exciter_pair)
 
     @property
     def co_rotating(self) -> bool:
@@ -209,16 +221,18 @@ class Scene(Section):
 
     @property
     def unbalances(self) -> tuple[float, float]:
-        """The static moments k_i = m_r r_i of both exciters (kg·m)."""
-        first, second = (self.machine.unbalance_mass_kg * exciter.unbalance_radius_m for exciter in self.exciter_pair)
+        """The static moments k_i = m_i r_i of both exciters (kg·m)."""
+        first, second = (
+            mass * exciter.unbalance_radius_m for mass, exciter in zip(self.body.masses, self.exciter_pair, strict=True)
+        )
         return first, second
 
     @property
     def exciter_inertias(self) -> tuple[float, float]:
-        """J_e,i = J_d,i + m_r r_i² (kg·m²)."""
+        """J_e,i = J_d,i + m_i r_i² (kg·m²)."""
         first, second = (
-            exciter.rotor_inertia_kg_m2 + self.machine.unbalance_mass_kg * exciter.unbalance_radius_m**2
-            for exciter in self.exciter_pair
+            exciter.rotor_inertia_kg_m2 + mass * exciter.unbalance_radius_m**2
+            for mass, exciter in zip(self.body.masses, self.exciter_pair, strict=True)
         )
         return first, second
 
@@ -240,7 +254,7 @@ class Scene(Section):
     @property
     def length_scale(self) -> float:
         """(k_1 + k_2)/M, the platform's amplitude far above resonance (m)."""
-        return sum(self.unbalances) / self.machine.total_mass
+        return sum(self.unbalances) / self.body.mass
 
     @property
     def force_scale(self) -> float:
@@ -255,7 +269,7 @@ class Scene(Section):
         springs = (
             (self.platform_mass, machine.damping_x_n_s_per_m, machine.stiffness_x_n_per_m),
             (self.platform_mass, self.damping_y, machine.stiffness_y_n_per_m),
-            (machine.inertia, machine.damping_phi_n_m_s_per_rad, machine.stiffness_phi_n_m_per_rad),
+            (self.body.inertia, machine.damping_phi_n_m_s_per_rad, machine.stiffness_phi_n_m_per_rad),
         )
         halves = [(0.5 * (damping / mass), stiffness / mass) for mass, damping, stiffness in springs]
         rates = [half + math.sqrt(max(half * half - stiffness, 0.0)) for half, stiffness in halves]
@@ -267,7 +281,7 @@ class Scene(Section):
     @property
     def material_mass(self) -> float:
         """m_w = μ_w M (kg)."""
-        return self.material.mass_ratio * self.machine.total_mass
+        return self.material.mass_ratio * self.body.mass
 
     @property
     def layer_masses(self) -> tuple[float, float]:
@@ -297,8 +311,8 @@ class Scene(Section):
     def platform_mass(self) -> float:
         """Mass that moves with the platform (kg): M, plus a share of m_w in the non-impact model."""
         if self.contact.model == "non-impact":
-            return self.machine.total_mass + self.contact.added_mass_share * self.material_mass
-        return self.machine.total_mass
+            return self.body.mass + self.contact.added_mass_share * self.material_mass
+        return self.body.mass
 
     @property
     def damping_y(self) -> float:
@@ -331,10 +345,7 @@ class Scene(Section):
     def to_tree(self) -> dict[str, Any]:
         """Return all keys as nested plain values, including defaults; the inverse of :meth:`from_tree`."""
         tree = self.model_dump(mode="json", exclude_none=True, by_alias=True)
-        initial = tree["run"]["initial"]
-        for way in ("state", "from"):
-            if way in initial:
-                tree["run"]["initial"] = {way: initial[way]}
+        self.leave_out_replaced(tree)
         if self.exciters is not None:
             for name in OF_EXCITERS:
                 del tree["machine"][name]

@@ -73,12 +73,30 @@ class Section(BaseModel):
 
     @model_validator(mode="after")
     def _one_of_each_pair(self) -> Self:
-        fields = type(self).model_fields
-        given = {fields[name].alias or name for name in self.model_fields_set if getattr(self, name) is not None}
+        given = self._given()
         for first, second in self.alternatives:
             if given >= {first, second}:
                 raise ValueError(f"{first} and {second} are both given; allowed: one of the two")
         return self
+
+    def _given(self) -> set[str]:
+        fields = type(self).model_fields
+        return {fields[name].alias or name for name in self.model_fields_set if getattr(self, name) is not None}
+
+    def replaced(self) -> set[str]:
+        """Return the keys whose alternatives are given: their defaults do not hold."""
+        given, pairs = self._given(), self.alternatives
+        return {other for pair in pairs for name, other in (pair, reversed(pair)) if name in given}
+
+    def leave_out_replaced(self, tree: dict[str, Any]) -> None:
+        """Remove keys that are replaced from the tree of this section and of those in it."""
+        for name in self.replaced():
+            tree.pop(name, None)
+        for name, value in self:
+            inner = tree.get(name)
+            for section, part in zip(value, inner or (), strict=True) if isinstance(value, list) else [(value, inner)]:
+                if isinstance(section, Section) and part is not None:
+                    section.leave_out_replaced(part)
 
 
 class Node(NamedTuple):

@@ -8,7 +8,7 @@ are defined here, with those of the supply in :mod:`vibroplat.config.drive` and 
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import BeforeValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
@@ -32,6 +32,9 @@ Rotation = Literal["counter-clockwise", "clockwise"]
 #: Keys of the machine that the section ``exciters`` gives for each exciter instead.
 OF_EXCITERS = ("unbalance_radius_m", "rotor_inertia_kg_m2")
 
+#: Keys of a motor that are read from its nameplate; the frequency may also be given without the others.
+NAMEPLATE = ("rated_power_w", "rated_speed_rpm", "breakdown_ratio", "rated_frequency_hz")
+
 #: Rotations of exciters 1 and 2 where they are not given.
 ROTATIONS: tuple[Rotation, Rotation] = ("counter-clockwise", "clockwise")
 
@@ -41,6 +44,16 @@ class Motor(Section):
 
     critical_torque_n_m: NonNegative = described(1.2, "M_c", "critical torque, the largest; 0: supply switched off")
     critical_slip: Positive = described(0.15, "s_c", "slip at the critical torque")
+    rated_power_w: Positive | None = described(
+        None,
+        "P_r",
+        "rated mechanical power; with rated_speed_rpm, breakdown_ratio and rated_frequency_hz, as on the nameplate, "
+        "instead of critical_torque_n_m and critical_slip",
+    )
+    rated_speed_rpm: Positive | None = described(None, "n_r", "speed at the rated power and frequency")
+    breakdown_ratio: Annotated[float, Field(gt=1.0, le=100.0)] | None = described(
+        None, "M_c / M_r", "critical torque, also called breakdown torque, over the rated torque"
+    )
     pole_pairs: Annotated[int, Field(ge=1, le=1000)] = described(
         2, "P", "pole pairs; the synchronous speed is 2 pi f_e / P"
     )
@@ -52,24 +65,91 @@ class Motor(Section):
         "all others, as with an inverter of constant V/f; not given: the critical slip stays the same",
     )
 
+    # rated_power_w stands for the whole nameplate, which one key of the other kind does not replace
+    alternatives: ClassVar[tuple[tuple[str, str], ...]] = (
+        ("rated_power_w", "critical_torque_n_m"),
+        ("rated_power_w", "critical_slip"),
+    )
+
+    @model_validator(mode="after")
+    def _whole_nameplate(self) -> Self:
+        if self.rated_power_w is self.rated_speed_rpm is self.breakdown_ratio is None:
+            return self
+        given = {name: getattr(self, name) for name in NAMEPLATE}
+        missing = [name for name, value in given.items() if value is None]
+        plate = [name for name in given if name not in (*missing, "rated_frequency_hz")]
+        if missing:
+            raise ValueError(
+                f"{plate[0]} is given without {' and '.join(missing)}; allowed: {', '.join(NAMEPLATE[:-1])} together "
+                f"with {NAMEPLATE[-1]}, or none of them"
+            )
+        if not self.rated_slip > 0.0:
+            synchronous = 60.0 * given["rated_frequency_hz"] / self.pole_pairs
+            raise ValueError(
+                f"rated_speed_rpm = {self.rated_speed_rpm:g}; allowed: less than the synchronous speed, {synchronous:g}"
+            )
+        return self
+
+    @property
+    def rated_slip(self) -> float:
+        """Slip s_r = 1 - P n_r/f_r on the nameplate, with n_r in turns per second; 0 without a nameplate."""
+        return 1.0 - (self.rated_speed_rpm or 0.0) / 60.0 * self.pole_pairs / (self.rated_frequency_hz or math.inf)
+
+    def critical_values(self) -> tuple[float, float]:
+        """Critical torque M_c (N·m) and slip s_c, as given or of the motor with this nameplate.
+
+        M_c is the breakdown ratio λ times the rated torque; s_c = s_r (λ + √(λ² - 1)) follows from Kloss's formula,
+        which gives the rated torque at the rated slip s_r < s_c.
+        """
+        power, speed, ratio = self.rated_power_w, self.rated_speed_rpm, self.breakdown_ratio
+        if power is None or speed is None or ratio is None:
+            return self.critical_torque_n_m, self.critical_slip
+        rated_torque = power / (2.0 * math.pi * speed / 60.0)
+        return ratio * rated_torque, self.rated_slip * (ratio + math.sqrt(ratio * ratio - 1.0))
+
     def critical_slip_speed(self, frequency: float) -> float:
         """Difference between synchronous speed and speed at the critical torque (rad/s), at a supply frequency (Hz)."""
         return self.critical_slip * (2.0 * math.pi * (self.rated_frequency_hz or frequency) / self.pole_pairs)
 
 
 class Exciter(Motor):
-    """An unbalance and its motor. The unbalance mass is the machine's, common to both."""
+    """An unbalance and its motor."""
 
+    unbalance_mass_kg: Positive | None = described(None, "m_i", "unbalance mass; not given: that of machine")
     unbalance_radius_m: Positive = described(0.09, "r_i", "radius of the unbalance")
+    static_moment_kg_m: Positive | None = described(
+        None, "k_i", "static moment of the unbalance, mass times radius, instead of unbalance_radius_m"
+    )
+    position_m: Annotated[list[Real], Field(min_length=2, max_length=2)] | None = described(
+        None,
+        "p_i",
+        "axis [x, y] from the platform's own centre of mass; not given: by exciter_distance_m and exciter_angle_deg of "
+        "machine",
+    )
     rotor_inertia_kg_m2: Positive = described(0.8e-3, "J_d,i", "moment of inertia of the rotor")
     rotation: Rotation | None = described(
         None, "sigma_i", "in which its motor drives it; not given: exciter 1 counter-clockwise, exciter 2 clockwise"
+    )
+
+    alternatives: ClassVar[tuple[tuple[str, str], ...]] = (
+        *Motor.alternatives,
+        ("unbalance_radius_m", "static_moment_kg_m"),
     )
 
     @property
     def direction(self) -> float:
         """Direction σ in which the motor drives: +1 counter-clockwise, −1 clockwise."""
         return -1.0 if self.rotation == "clockwise" else 1.0
+
+    def resolved(self, common_mass: float) -> Exciter:
+        """Return it with radius, critical torque and slip, however they are given; the machine's mass is in kg."""
+        mass, moment = self.unbalance_mass_kg or common_mass, self.static_moment_kg_m
+        if self.rated_power_w is moment is None:
+            return self
+        torque, slip = self.critical_values()
+        radius = self.unbalance_radius_m if moment is None else moment / mass
+        changes = {"unbalance_radius_m": radius, "critical_torque_n_m": torque, "critical_slip": slip}
+        return self.model_copy(update=changes)
 
 
 class Machine(Section):
@@ -79,7 +159,7 @@ class Machine(Section):
     platform_inertia_kg_m2: Positive = described(
         0.11, "J_0", "moment of inertia of the platform about its centre of mass"
     )
-    unbalance_mass_kg: Positive = described(0.045, "m_r", "unbalance mass of each exciter")
+    unbalance_mass_kg: Positive = described(0.045, "m_r", "unbalance mass of both exciters; or in exciters, for each")
     unbalance_radius_m: Positive = described(0.09, "r", "radius of both unbalances; or in exciters, for each")
     rotor_inertia_kg_m2: Positive = described(
         0.8e-3, "J_d", "moment of inertia of both rotors; or in exciters, for each"
@@ -97,39 +177,6 @@ class Machine(Section):
     damping_y_n_s_per_m: NonNegative = described(40.0, "b_y", "damping of the springs along y")
     damping_phi_n_m_s_per_rad: NonNegative = described(0.77, "b_phi", "damping of the springs against rotation")
     gravity_m_per_s2: NonNegative = described(9.81, "g", "gravity")
-
-    @property
-    def total_mass(self) -> float:
-        """M = m_0 + 2 m_r (kg)."""
-        return self.platform_mass_kg + 2.0 * self.unbalance_mass_kg
-
-    @property
-    def inertia(self) -> float:
-        """Moment J about the common centre of mass (kg·m²); cos²γ₁ by the parallel-axis theorem."""
-        gamma = math.radians(self.exciter_angle_deg)
-        lever = self.platform_mass_kg + 2.0 * self.unbalance_mass_kg * math.cos(gamma) ** 2
-        exciters = 2.0 * self.unbalance_mass_kg * self.exciter_distance_m**2
-        return self.platform_inertia_kg_m2 + exciters * lever / self.total_mass
-
-    @property
-    def safe_rotation(self) -> float:
-        """Rotation φ up to which the mass matrix is positive definite wherever the exciters are (rad).
-
-        To first order in φ a rotation moves the axes out by √(1 + φ²) but leaves J unchanged. The error of J,
-        φ²(J − J_0), is at most J_0 up to this rotation.
-        """
-        exciters = self.inertia - self.platform_inertia_kg_m2
-        return math.sqrt(self.platform_inertia_kg_m2 / exciters) if exciters > 0.0 else math.inf
-
-    @property
-    def exciter_axis(self) -> tuple[float, float]:
-        """Axis (X_0, Y_0) of exciter 1 from the common centre of mass (m); exciter 2 is at (−X_0, Y_0)."""
-        gamma = math.radians(self.exciter_angle_deg)
-        share = self.platform_mass_kg / self.total_mass
-        return (
-            self.exciter_distance_m * math.cos(gamma),
-            share * self.exciter_distance_m * math.sin(gamma),
-        )
 
 
 def _not_bool(value: Any) -> Any:
@@ -251,7 +298,12 @@ class Initial(Section, populate_by_name=True):
         "co-rotating ones; not given: pi",
     )
     phase_sum_rad: Angle | None = described(None, "", "phase_difference_rad of counter-rotating exciters")
-    phi1_rad: Angle = described(0.0, "phi_1", "angle of exciter 1 at the start")
+    phi1_rad: Angle | None = described(
+        None,
+        "phi_1",
+        "angle of exciter 1 at the start; not given: 0, but where speed_ratio is 0 and no angle is given, both "
+        "unbalances hang",
+    )
     speed_ratio: Real = described(0.98, "", "speed of both exciters over the synchronous speed")
     state: State | None = described(None, "", "a full state, such as the last row of a trajectory")
     from_: Annotated[str, Field(min_length=1)] | None = Field(
@@ -264,11 +316,13 @@ class Initial(Section, populate_by_name=True):
         ("phase_difference_rad", "phase_sum_rad"),
     )
 
-    @property
-    def phase_difference(self) -> float:
-        """Phase difference of the exciters (rad)."""
+    def angles(self, sign: float) -> tuple[float, float]:
+        """Angles φ₁ and φ₂ of the exciters (rad); ``sign`` is that of φ₂ in the phase difference."""
         given = self.phase_difference_rad if self.phase_sum_rad is None else self.phase_sum_rad
-        return math.pi if given is None else given
+        if given is None and self.phi1_rad is None and self.speed_ratio == 0.0:
+            return -0.5 * math.pi, -0.5 * math.pi
+        first = self.phi1_rad or 0.0
+        return first, sign * ((math.pi if given is None else given) - first)
 
 
 class Run(Section):

@@ -39,7 +39,7 @@ KINDS = {
 
 #: Imaginary part up to which a multiplier is real, but for round-off.
 REAL = 1e-9
-#: Distance from 1 of the product of two multipliers that nothing damps.
+#: How far round-off takes the product of the two multipliers of an undamped mode from 1.
 UNDAMPED = 1e-5
 #: Distance of a multiplier from the unit circle that counts, beside the one that passes it.
 OUTSIDE = 1e-3
@@ -58,6 +58,8 @@ LEFT = 0.3
 #: Measures of an orbit that are the same for its mirror image, besides key and period.
 MIRRORED = ("rms_x_m", "rms_y_m", "rms_phi_rad", "motor_power_w")
 
+_FIELDS = tuple(field.name for field in fields(NewtonResult))
+
 
 @dataclass(frozen=True)
 class Point(NewtonResult):
@@ -69,7 +71,7 @@ class Point(NewtonResult):
     @classmethod
     def of(cls, orbit: NewtonResult, tangent: FloatArray) -> Self:
         """Give an orbit a tangent."""
-        return cls(**{field.name: getattr(orbit, field.name) for field in fields(NewtonResult)}, tangent=tangent)
+        return cls(**{name: getattr(orbit, name) for name in _FIELDS}, tangent=tangent)
 
     @property
     def along_key(self) -> float:
@@ -80,22 +82,22 @@ class Point(NewtonResult):
     def branching(self) -> float:
         """Determinant of the Jacobian with the tangent, which changes its sign where branches cross."""
         sign, size = np.linalg.slogdet(bordered(self.jacobian, self.tangent))
-        return float(sign * math.exp(min(size, 700.0)))
+        return float(sign) * math.exp(min(size, 700.0))
 
     @cached_property
     def fold(self) -> float:
         """Product of 1 − multipliers, 0 at a fold over any key."""
-        return float(np.prod(1.0 - self.multipliers).real)
+        return _product(1.0 - self.multipliers)
 
     @cached_property
     def doubling(self) -> float:
         """Product of 1 + multipliers, 0 where the period doubles."""
-        return float(np.prod(1.0 + self.multipliers).real)
+        return _product(1.0 + self.multipliers)
 
     @cached_property
     def neimark_sacker(self) -> float:
         """Product of 1 − those of two multipliers, 0 also where a real one is the inverse of another."""
-        return float(np.prod(1.0 - self._products).real)
+        return _product(1.0 - self._products)
 
     @cached_property
     def _products(self) -> npt.NDArray[np.complex128]:
@@ -113,7 +115,10 @@ class Point(NewtonResult):
 
     @property
     def one_pair(self) -> bool:
-        """Whether no more than one product is next to 1: one always is without damping, which no curve can be along."""
+        """Whether at most one pair of multipliers has the product 1.
+
+        That of an undamped mode has it at all values of the keys, where the test function then says nothing.
+        """
         return bool(np.count_nonzero(np.abs(1.0 - self._products) < UNDAMPED) < 2)
 
     @cached_property
@@ -124,6 +129,11 @@ class Point(NewtonResult):
         several = ~paired & (m.real > 1.0), paired & (np.abs(m) > 1.0), ~paired & (m.real < -1.0)
         above, around, below = (int(np.count_nonzero(found)) for found in several)
         return above, around, below
+
+
+def _product(numbers: npt.NDArray[np.complex128]) -> float:
+    """Real part of the product of numbers."""
+    return complex(np.multiply.reduce(numbers)).real
 
 
 @cache
@@ -188,7 +198,7 @@ def tangent_of(jacobian: FloatArray, near: FloatArray) -> FloatArray:
     right = np.zeros(near.size)
     right[-1] = 1.0
     found = solved(bordered(jacobian, near), right, BENT)
-    return np.asarray(found / np.linalg.norm(found))
+    return np.asarray(found / math.sqrt(found @ found))
 
 
 def coming(near: Point, far: Point) -> str | None:

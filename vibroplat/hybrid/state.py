@@ -220,13 +220,13 @@ def state_scales(scene: Scene) -> FloatArray:
     """Scales of the full state, shape (14,).
 
     With ω₀ the larger synchronous speed, and the largest of a program: lengths (k₁+k₂)/M (what both unbalances move
-    the platform by far above resonance), and g/ω₀² where larger for gap and upper layer; rotation (k₁+k₂)ρ/J;
-    exciters 1 rad; rates ω₀ times these.
+    the platform by far above resonance), and g/ω₀² where larger for gap and upper layer; rotation (k₁+k₂)ρ/J, with ρ
+    the largest distance of an exciter's axis from the platform's centre of mass; exciters 1 rad; rates ω₀ times these.
     """
-    machine, speed, length = scene.machine, scene.speed_scale, scene.length_scale
-    flight = max(length, machine.gravity_m_per_s2 / speed**2)
-    arm = max(machine.exciter_distance_m, *(exciter.unbalance_radius_m for exciter in scene.exciter_pair))
-    rotation = sum(scene.unbalances) * arm / machine.inertia
+    speed, length = scene.speed_scale, scene.length_scale
+    flight = max(length, scene.machine.gravity_m_per_s2 / speed**2)
+    arm = max(scene.body.distance, *(exciter.unbalance_radius_m for exciter in scene.exciter_pair))
+    rotation = sum(scene.unbalances) * arm / scene.body.inertia
     coordinates = np.array([length, length, rotation, 1.0, 1.0, flight, flight])
     return np.concatenate([coordinates, speed * coordinates])
 
@@ -254,7 +254,7 @@ def force_spread(scene: Scene) -> float:
     layers = upper * (stiffness * scales[6] + damping * rates[6])
     springs = machine.stiffness_y_n_per_m * scales[1] + scene.damping_y * rates[1]
     motors = max(scene.unbalances) * scene.fastest_decay * rates[3]
-    return float(scene.force_scale + layers + lower / machine.total_mass * (springs + motors))
+    return float(scene.force_scale + layers + lower / scene.body.mass * (springs + motors))
 
 
 def force_noise(scene: Scene) -> float:
@@ -300,8 +300,7 @@ def initial_state(scene: Scene) -> FloatArray:
     state = static_rest(scene)
     if initial.state is None:
         speeds = scene.synchronous_speeds_at(scene.drive.at(0.0).frequency_at(0.0))
-        state[3] = initial.phi1_rad
-        state[4] = scene.phase_weights[1] * (initial.phase_difference - initial.phi1_rad)
+        state[3:5] = initial.angles(scene.phase_weights[1])
         for i, exciter in enumerate(scene.exciter_pair):
             state[10 + i] = initial.speed_ratio * exciter.direction * speeds[i]
         return state

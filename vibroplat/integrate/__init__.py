@@ -13,6 +13,7 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 from vibroplat.integrate.sundials import Library, UnavailableError, library
+from vibroplat.system import memory
 
 if TYPE_CHECKING:
     from vibroplat.config.scene import Scene
@@ -46,13 +47,22 @@ def make_engine(scene: Scene, p: Parameters) -> Engine:
 
 
 @cache
-def tell_of_compilation(engine: str) -> None:
-    """Say in a line, once, if an engine's kernels must be compiled."""
+def tell_of_compilation(engine: str) -> bool:
+    """Return whether an engine's kernels must be compiled; say so in a line, once, as that takes long.
+
+    Raises
+    ------
+    MemoryShortError
+        There is too little memory for that.
+    """
     from vibroplat.kernels.cache import is_compiled, notice  # noqa: PLC0415
 
-    if not is_compiled(engine):
+    must = not is_compiled(engine)
+    if must:
+        memory.require_memory(memory.COMPILING, "compiling the kernels for the first time")
         why = notice() or "this happens once for each engine and takes about half a minute"
         _LOG.warning("compiling the numerical kernels; %s", why)
+    return must
 
 
 def engine_name(scene: Scene) -> str:

@@ -18,7 +18,7 @@ from vibroplat.hybrid.jumps import cut_piece
 from vibroplat.hybrid.loop import AT_GUARD, AT_TARGET, AT_TIME, FAILED, NOT_FINITE
 from vibroplat.hybrid.modes import GUARDS
 from vibroplat.hybrid.state import MARGIN, ROUND_OFF, RUNNING, Automaton, Steps, end_at, rewind
-from vibroplat.integrate.multistep import Past, add_step, begin_steps, calm, prepare_first_step, stop_within
+from vibroplat.integrate.multistep import Past, add_step, begin_steps, calm, no_past, prepare_first_step, stop_within
 from vibroplat.kernels.compiled import (
     FloatArray,
     borrow,
@@ -188,6 +188,22 @@ class Native(NamedTuple):
     status: Any  # a record of STATUS
     time: FloatArray  # what the library writes times (s) and counters to, shape (1,)
     number: IntArray
+
+
+def nothing() -> Native:
+    """Make what compiled code needs of the engine, empty."""
+    return Native(
+        functions=np.zeros(1, FUNCTIONS)[0],
+        handles=np.zeros(3, HANDLES),
+        links=np.zeros(3, LINKS),
+        y=np.zeros((3, FULL_SIZE)),
+        yp=np.zeros((3, FULL_SIZE)),
+        atol=np.ones((3, FULL_SIZE)),
+        past=no_past(),
+        status=np.zeros(1, STATUS)[0],
+        time=np.zeros(1),
+        number=np.zeros(1, dtype=np.int64),
+    )
 
 
 @compiled

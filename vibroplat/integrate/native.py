@@ -22,11 +22,10 @@ from vibroplat.hybrid.loop import automaton
 from vibroplat.hybrid.modes import GUARDS
 from vibroplat.hybrid.state import CUBIC, OK, Automaton, no_steps
 from vibroplat.integrate import ida
-from vibroplat.integrate.multistep import no_past
 from vibroplat.integrate.sundials import Library, UnavailableError
 from vibroplat.kernels.compiled import FloatArray, same_types
 from vibroplat.model.parameters import Parameters, address, parameters
-from vibroplat.model.systems import FULL_SIZE, System, systems
+from vibroplat.model.systems import System, systems
 
 #: Steps between two returns to Python: many against what a return costs, few against the processor's cache.
 ROWS = 2048
@@ -82,18 +81,9 @@ class NativeEngine:
         self._alive: list[Any] = []  # what the library holds addresses of
         self._p = p  # not a copy: a drive's program changes it in place
         self._drive = same_types(ida.drive)
-        self._n = ida.Native(
-            functions=np.array([tuple(library.address(name) for name in ida.NAMES.values())], ida.FUNCTIONS)[0],
-            handles=np.zeros(3, ida.HANDLES),
-            links=np.zeros(3, ida.LINKS),
-            y=np.zeros((3, FULL_SIZE)),
-            yp=np.zeros((3, FULL_SIZE)),
-            atol=np.ones((3, FULL_SIZE)),
-            past=no_past(),
-            status=np.zeros(1, ida.STATUS)[0],
-            time=np.zeros(1),
-            number=np.zeros(1, dtype=np.int64),
-        )
+        self._n = ida.nothing()
+        for name, function in ida.NAMES.items():
+            self._n.functions[name] = library.address(function)
         self._n.status["most"] = max(MAX_STEPS, STEPS_PER_EVENT * scene.solver.max_events_per_period)
         self._direction = np.array([-1], dtype=np.int32)
         self._context = self._make_context()

@@ -48,8 +48,8 @@ SHIPPED = "kernels/machine_code"
 ROOMS = ("kernels", "model", "hybrid", "integrate", "observe")
 #: Files besides, with constants that are compiled into kernels: the numbers of the modes and of the coordinates.
 SHARED = ("config/coordinates.py",)
-#: The kernel that is compiled last, as it calls the others, by engine.
-LAST = {"taylor": "integrate.taylor.drive", "native": "integrate.ida.drive"}
+#: The kernel that calls most of the others, by engine.
+LOOPS = {"taylor": "integrate.taylor.drive", "native": "integrate.ida.drive"}
 #: Settings of numba that change machine code. With Intel's SVML it calls a library that other machines may lack.
 SETTINGS = ("OPT", "LOOP_VECTORIZE", "SLP_VECTORIZE", "BOUNDSCHECK", "USING_SVML")
 
@@ -156,8 +156,14 @@ def _remove_unused(place: Path, current: Path) -> None:
 
 def is_compiled(engine: str = "auto") -> bool:
     """Whether an engine's compiled kernels are on disk, so that a run need not wait; it loads none of them."""
-    name = LAST.get(engine, LAST["native"])
+    name = LOOPS.get(engine, LOOPS["native"])
     return any(any(place.glob(f"{name}-*")) for place in _readable())
+
+
+def count() -> int:
+    """Count what is kept in the folder."""
+    kept = folder()
+    return 0 if kept is None else len(os.listdir(kept))
 
 
 def notice() -> str:
@@ -188,6 +194,10 @@ class KernelCache(NullCache):
         found = hashlib.sha256(f"{self._function.__code__.co_firstlineno} {kinds}".encode())
         return f"{self._place}-{found.hexdigest()[:16]}.bin"
 
+    def number(self, sig: Any) -> int:
+        """Return the number of the kernel with one signature, below 2⁵⁶."""
+        return int.from_bytes(hashlib.sha256(self._file(sig).encode()).digest()[:7])
+
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Return the kernel for one signature, ready to be called; None where it must be compiled.
 
@@ -204,7 +214,7 @@ class KernelCache(NullCache):
     def save_overload(self, sig: Any, data: Any) -> None:
         """Keep what was compiled, where there is room: a process that is killed leaves no part of it."""
         kept = folder()
-        if kept is None or data.library.has_dynamic_globals:  # that are addresses of this process
+        if kept is None or data.library.has_dynamic_globals:  # addresses that are valid in this process only
             return
         code = serialize.dumps(data._reduce())
         part = kept / f".{self._file(sig)}-{os.getpid()}"

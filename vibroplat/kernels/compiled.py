@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from functools import cached_property
 from types import FunctionType
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar, cast
@@ -33,8 +34,9 @@ from numba.core.types import unliteral
 from numba.extending import intrinsic
 
 from vibroplat.errors import VibroplatError
-from vibroplat.kernels.cache import cache_of
+from vibroplat.kernels.cache import KernelCache, cache_of
 from vibroplat.kernels.target import TARGET
+from vibroplat.system.two_processes import is_second, locked
 
 if getattr(numba.config, "DISABLE_JIT", 0):
     raise VibroplatError(
@@ -74,6 +76,11 @@ if _records_are_as_expected():  # otherwise numba's own way stays
 OPTIONS = {"nopython": True, "nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
 
 
+def _locked(cache: Any, sig: Any) -> AbstractContextManager[None]:
+    """Wait while a second process compiles a kernel for a signature, and keep it from doing so."""
+    return locked(cache.number(sig)) if isinstance(cache, KernelCache) else nullcontext()
+
+
 class _Dispatcher(CPUDispatcher):
     """Numba's, with the target and the cache of this package."""
 
@@ -83,15 +90,33 @@ class _Dispatcher(CPUDispatcher):
         """Keep what is compiled."""
         self._cache = cache_of(self.py_func)
 
+    def compile(self, sig: Any) -> Any:
+        """Compile for one signature, or load what was compiled."""
+        with _locked(self._cache, sig):
+            return super().compile(sig)
+
 
 class _Callback(CFunc):
-    """A C function, with the same."""
+    """A C function, with the same. It is compiled when its address is asked for."""
 
     _targetdescr = TARGET
+    _sig: Any
+    _wrapper_address: int | None
 
     def enable_caching(self) -> None:
         """Keep what is compiled."""
         self._cache = cache_of(self.__wrapped__)
+
+    @property
+    def address(self) -> int:
+        """Where its machine code is; 0 in a process that calls none."""
+        if is_second():
+            return 0
+        if self._wrapper_address is None:
+            with _locked(self._cache, self._sig):
+                self.compile()
+        assert self._wrapper_address is not None
+        return self._wrapper_address
 
 
 class Kernel(_Dispatcher):
@@ -217,13 +242,17 @@ def same_types(kernel: Callable[P, T]) -> Callable[P, T]:
     return cast("Callable[P, T]", call)
 
 
+def compile_for(kernel: Callable[..., Any], *arguments: Any) -> None:
+    """Compile a kernel for arguments of these types, without a call."""
+    cast("Any", kernel).compile(tuple(numba.typeof(argument) for argument in arguments))
+
+
 def callback(signature: str) -> Callable[[Callable[P, T]], Any]:
     """Compile a kernel to a C function of a fixed signature, kept on disk; its ``address`` is callable from C."""
 
     def compiled_to(function: Callable[P, T]) -> Any:
         made = _Callback(function, normalize_signature(signature), {}, {"error_model": "numpy"})
         made.enable_caching()
-        made.compile()
         return made
 
     return compiled_to

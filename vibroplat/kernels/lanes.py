@@ -216,6 +216,29 @@ def _sizes(typing_context: Any, c: Any, first: Any, degree: Any, out: Any) -> An
 
 
 @intrinsic
+def _means(typing_context: Any, samples: Any, weights: Any, nodes: Any, out: Any) -> Any:
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        rows, out_rows = (_Rows(context, builder, signature.args[i], values[i], 16) for i in (0, 3))
+        shares = _Rows(context, builder, signature.args[1], values[1], 1)
+        size, zero = _elementwise(builder, "fabs", rows.vector), ir.Constant(_INDEX, 0)
+
+        def body(i: Any, totals: list[Any]) -> list[Any]:
+            row, single = rows.load(i), builder.extract_element(shares.load(zero, i), ir.Constant(_PLACE, 0))
+            weight = _repeated(builder, single, rows.vector)
+            weighed = builder.fmul(row, weight)
+            parts = (row, weight), (row, weighed), (builder.call(size, [row]), weight)
+            return [_multiplied(builder, *part, total) for part, total in zip(parts, totals, strict=True)]
+
+        last = builder.sub(values[2], ir.Constant(_INDEX, 1))
+        found = _loop(builder, zero, last, 1, [ir.Constant(rows.vector, [0.0] * 16)] * 3, body)[1:]
+        for i, total in enumerate(found):
+            out_rows.store(ir.Constant(_INDEX, i), total)
+        return context.get_dummy_value()
+
+    return types.void(samples, weights, types.int64, out), generate
+
+
+@intrinsic
 def _reduce(typing_context: Any, a: Any, row: Any, other: Any, column: Any, factor: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         rows = _Rows(context, builder, signature.args[0], values[0], 16)
@@ -331,6 +354,9 @@ if TYPE_CHECKING:
     def sizes_16(c: FloatArray, first: int, degree: int, out: FloatArray) -> None:
         """Sum up the sizes of all 16 columns over rows ``first`` to ``degree``."""
 
+    def means_16(samples: FloatArray, weights: FloatArray, nodes: int, out: FloatArray) -> None:
+        """Fill the weighted sums of 16 columns over their rows, of their squares and of their sizes: shape (3, 16)."""
+
     def reduce_16(a: FloatArray, row: int, other: int, column: int, factor: float) -> None:
         """Subtract a multiple of another row from a row, in 16 columns from one on."""
 
@@ -357,5 +383,5 @@ if TYPE_CHECKING:
 else:
     products_2, products_16 = _cauchy(2), _cauchy(16)
     put_row, put_step, horner_pair_16, sizes_16 = _put_row, _put_step, _horner_pair, _sizes
-    reduce_16, sines = _reduce, _sines
+    reduce_16, sines, means_16 = _reduce, _sines, _means
     horner_16, horner_8 = _horner_at_one(16, derivatives=0), _horner_at_one(8, derivatives=2)

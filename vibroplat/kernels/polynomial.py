@@ -10,10 +10,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibroplat.kernels.compiled import FloatArray, compiled, copy, inlined
+from vibroplat.kernels.compiled import FloatArray, compiled, copy, fused, inlined
 
 #: Halvings until a fraction of a step is found to round-off.
 HALVINGS = 54
+#: Step of Newton's iteration after which its square, the error, is below round-off; round-off may keep it from less.
+SETTLED = 2.0**-40
+#: Part of a step within which a Taylor polynomial of degree 3 is exact to round-off.
+COVERED = 1e-4
 
 
 @inlined
@@ -179,7 +183,7 @@ def only_change(b: FloatArray, room: FloatArray) -> float:
             high = s
         rate *= n - 1
         following = s - found / rate if rate < 0.0 else low
-        if abs(following - s) <= 2.0**-HALVINGS:
+        if abs(following - s) <= SETTLED:
             return following
         s = following if low < following < high else 0.5 * (low + high)
     return s
@@ -239,30 +243,39 @@ def at_highest(c: FloatArray, degree: int, j: int) -> float:
     return low
 
 
-@compiled
+@fused
 def turning_value(c: FloatArray, degree: int, j: int, s: float, low: float, high: float, otherwise: float) -> float:
     """Value of unknown j at a fraction of a step near s where its slope is zero, or ``otherwise``.
 
-    By Newton's iteration between ``low`` and ``high``; at the ends of the step there is nothing to look for.
+    By Halley's iteration between ``low`` and ``high``, up to a way that its Taylor polynomial covers to round-off; at
+    the ends of the step there is nothing to look for.
     """
     for _ in range(4):
-        curvature = 0.0
-        for k in range(degree, 1, -1):
-            curvature = curvature * s + k * (k - 1) * c[k, j]
-        if curvature == 0.0:
+        found, rate, half, sixth = c[degree, j], 0.0, 0.0, 0.0  # derivatives over their factorials
+        for k in range(degree - 1, -1, -1):
+            sixth = sixth * s + half
+            half = half * s + rate
+            rate = rate * s + found
+            found = found * s + c[k, j]
+        if half == 0.0:
             return otherwise
-        s = min(max(s - slope(c, degree, j, s) / curvature, low), high)
+        bent = 2.0 * half * half - 1.5 * rate * sixth
+        way = -rate * half / bent if bent > half * half else -0.5 * rate / half
+        s += way
+        if abs(way) <= COVERED and 0.0 < s < 1.0:
+            return found + way * (rate + way * (half + way * sixth))
+        s = min(max(s, low), high)
     return value(c, degree, j, s) if 0.0 < s < 1.0 else otherwise
 
 
-@compiled
+@fused
 def crossing(c: FloatArray, degree: int, j: int, level: float) -> float:
     """Fraction of a step at which unknown j passes a level between its values at both ends, or next to one of them.
 
     By Newton's iteration, and halving where it leaves the interval.
     """
     low, high = 0.0, 1.0
-    begin, end = value(c, degree, j, 0.0), value(c, degree, j, 1.0)
+    begin, end = c[0, j], value(c, degree, j, 1.0)
     rising = begin < end
     s = min(max((level - begin) / (end - begin), 0.0), 1.0) if begin != end else 0.5
     for _ in range(HALVINGS):
@@ -272,8 +285,8 @@ def crossing(c: FloatArray, degree: int, j: int, level: float) -> float:
         else:
             high = s
         following = s - (found - level) / rate if rate != 0.0 else -1.0
-        if abs(following - s) <= 2.0**-HALVINGS:
-            break
+        if abs(following - s) <= SETTLED:
+            return min(max(following, 0.0), 1.0)
         s = following if low < following < high else 0.5 * (low + high)
     return s
 

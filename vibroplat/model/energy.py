@@ -13,7 +13,7 @@ from vibroplat.kernels.compiled import FloatArray, compiled, inlined
 from vibroplat.kernels.lanes import sines
 from vibroplat.model.motor import motor_torque, resistance
 from vibroplat.model.parameters import Parameters
-from vibroplat.model.platform import couplings, inertial, unbalance
+from vibroplat.model.platform import Three, couplings, inertial, unbalance
 
 #: Powers in the order of :func:`powers`; those of motor and truncation feed the system, the dissipations
 #: after them take from it.
@@ -24,35 +24,45 @@ FORCE, FORCE_SIZE = len(POWERS), len(POWERS) + 1
 
 
 @inlined
-def powers(t: float, state: FloatArray, out: FloatArray, p: Parameters) -> None:
-    """Fill the powers named in :data:`POWERS` at a full state (W), then the vertical force from outside (N)."""
-    w1, w2 = state[10], state[11]
-    out[0] = motor_torque(0, t, w1, p) * w1 + motor_torque(1, t, w2, p) * w2
-    out[1] = truncation(state, abs(out[0]), p)
-    out[2] = p.damping_x * state[7] ** 2
-    out[3] = p.damping_y * state[8] ** 2
-    out[4] = p.damping_phi * state[9] ** 2
-    out[5] = p.upper_mass * p.layer_damping * state[13] ** 2
-    out[6] = w1 * resistance(w1, p.friction[0]) + w2 * resistance(w2, p.friction[1])
+def exciter_powers(t: float, y: FloatArray, n: int, p: Parameters) -> Three:
+    """Powers at a time of motors, truncation and resistance (W); the rates begin at place n of the unknowns."""
+    w1, w2 = y[n + 3], y[n + 4]
+    motor = motor_torque(0, t, w1, p) * w1 + motor_torque(1, t, w2, p) * w2
+    resisted = w1 * resistance(w1, p.friction[0]) + w2 * resistance(w2, p.friction[1])
+    return motor, truncation(y, n, abs(motor), p), resisted
+
+
+@inlined
+def powers(exciters: Three, means: FloatArray, n: int, layers: int, out: FloatArray, p: Parameters) -> None:
+    """Fill the powers named in :data:`POWERS` (W), then the vertical force from outside (N), as means over a time.
+
+    Parameters
+    ----------
+    exciters
+        Means of :func:`exciter_powers`.
+    means
+        Means of the unknowns, of their squares and of their sizes, shape (3, 2n or more).
+    """
+    squares, sizes = means[1], means[2]
+    out[0], out[1], out[6] = exciters
+    out[2], out[3], out[4] = p.damping_x * squares[n], p.damping_y * squares[n + 1], p.damping_phi * squares[n + 2]
+    out[5] = p.upper_mass * p.layer_damping * squares[2 * n - 1] if layers == 2 else 0.0
     weight = p.gravity * (p.mass + p.lower_mass + p.upper_mass)
-    spring, damper = p.stiffness_y * state[1], p.damping_y * state[8]
-    out[FORCE] = -spring - damper - weight
-    out[FORCE_SIZE] = abs(spring) + abs(damper) + weight
+    out[FORCE] = -p.stiffness_y * means[0, 1] - p.damping_y * means[0, n + 1] - weight
+    out[FORCE_SIZE] = p.stiffness_y * sizes[1] + p.damping_y * sizes[n + 1] + weight
 
 
-@compiled
-def truncation(state: FloatArray, beside: float, p: Parameters) -> float:
+@inlined
+def truncation(y: FloatArray, n: int, beside: float, p: Parameters) -> float:
     """Power of the axes' turning to first order (W); 0 where it is round-off beside another power."""
-    turning, largest = state[2] * state[9] * state[9], 0.0
+    phi, w1, w2 = y[2], y[n + 3], y[n + 4]
+    turning, largest = phi * y[n + 2] * y[n + 2], 0.0
     for i in range(2):
-        largest += p.unbalance[i] * (abs(p.axis_x[i]) + abs(p.axis_y[i])) * abs(state[10 + i])
+        largest += p.unbalance[i] * (abs(p.axis_x[i]) + abs(p.axis_y[i])) * abs(y[n + 3 + i])
     if abs(turning) * largest <= 1e-16 * beside:
         return 0.0  # a platform that does not rock pays for no sines
-    s1, c1, s2, c2 = sines(state[3], state[4])
-    phi = state[2]
-    return turning * (
-        state[10] * couplings(0, phi, s1, c1, p).phi_still + state[11] * couplings(1, phi, s2, c2, p).phi_still
-    )
+    s1, c1, s2, c2 = sines(y[3], y[4])
+    return turning * (w1 * couplings(0, phi, s1, c1, p).phi_still + w2 * couplings(1, phi, s2, c2, p).phi_still)
 
 
 @compiled

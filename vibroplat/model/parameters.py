@@ -81,7 +81,7 @@ def parameters(scene: Scene, time: float = 0.0) -> Parameters:
     """Fill the record of a scene, with the supply as it is at a time (s)."""
     machine, p = scene.machine, blank()
     p["mass"] = scene.platform_mass
-    p["inertia"] = machine.inertia
+    p["inertia"] = scene.body.inertia
     p["stiffness_x"] = machine.stiffness_x_n_per_m
     p["stiffness_y"] = machine.stiffness_y_n_per_m
     p["stiffness_phi"] = machine.stiffness_phi_n_m_per_rad
@@ -92,8 +92,7 @@ def parameters(scene: Scene, time: float = 0.0) -> Parameters:
     p["unbalance"] = scene.unbalances
     p["exciter_inertia"] = scene.exciter_inertias
     p["direction"] = [exciter.direction for exciter in scene.exciter_pair]
-    axis_x, axis_y = machine.exciter_axis
-    p["axis_x"], p["axis_y"] = (axis_x, -axis_x), axis_y
+    p["axis_x"], p["axis_y"] = zip(*scene.body.axes, strict=True)
     p["friction"] = [
         exciter.friction_radius_m * k for exciter, k in zip(scene.exciter_pair, scene.unbalances, strict=True)
     ]
@@ -102,7 +101,7 @@ def parameters(scene: Scene, time: float = 0.0) -> Parameters:
     p["layer_stiffness"], p["layer_damping"] = scene.layer_spring
     p["restitution"] = scene.contact.restitution
     p["sticking_speed"] = scene.contact.sticking_speed_m_per_s
-    p["safe_rotation"] = machine.safe_rotation
+    p["safe_rotation"] = scene.body.safe_rotation
     p["impact_law"] = IMPACT_LAWS.index(scene.contact.impact_law)
     return p
 

@@ -6,23 +6,26 @@ import math
 import shutil
 from collections.abc import Callable
 from pathlib import Path
-from typing import Literal
+from typing import Literal, TypeAlias
 
 import numpy as np
-import pandas as pd
 
 from vibroplat.config.scene import Scene
 from vibroplat.errors import ConfigError
+from vibroplat.frames import PlainTable, pd
 from vibroplat.hybrid.state import EVENT, Automaton
 from vibroplat.observe.notes import peaks_of
 from vibroplat.observe.tables import ROW, Blocks, Records, Sampler, Segment, TrajectoryRows, closed, event_table
+from vibroplat.results.tables import TableFile
 from vibroplat.system.memory import SHARE, Share, amount, available
 
 #: What a run keeps besides its summary.
 Keep = Literal["segments", "table", "events", "summary"]
 #: Functions that are given the trajectory table and the event table part by part, at least once, without rows if need
 #: be.
-Sink = tuple[Callable[[pd.DataFrame], object], Callable[[pd.DataFrame], object]]
+Sink: TypeAlias = "tuple[Callable[[pd.DataFrame], object], Callable[[pd.DataFrame], object]]"
+#: Files that these tables are written to.
+Files = tuple[TableFile, TableFile]
 
 #: What to change if it does not fit into memory.
 ADVICE: dict[Keep, str] = {
@@ -55,7 +58,7 @@ class Recorder:
         Largest values of the trajectory table in the measured part, by column, if the table or a sink is asked for.
     """
 
-    def __init__(self, scene: Scene, keep: Keep, sink: Sink | None = None, since: float = 0.0) -> None:
+    def __init__(self, scene: Scene, keep: Keep, sink: Sink | Files | None = None, since: float = 0.0) -> None:
         self.segments: list[Segment] = []
         self.peaks: dict[str, float] | None = None
         self._keep, self._sink, self._since = keep, sink, since
@@ -67,7 +70,7 @@ class Recorder:
         if keep == "table" or sink is not None:
             self._rows, self.peaks = TrajectoryRows(scene, self._take), {}
         if sink is not None:
-            self._events = Blocks(EVENT, lambda events: sink[1](event_table(events)))
+            self._events = Blocks(EVENT, lambda events: _hand(event_table(events), sink[1]))
 
     def read(self, h: Automaton) -> None:
         """Record the closed pieces and the events; MemoryError if they would take too much memory."""
@@ -87,15 +90,15 @@ class Recorder:
                     self._share.take(events.nbytes)
                     self._kept_events.append(events)
 
-    def _take(self, part: pd.DataFrame) -> None:
+    def _take(self, part: PlainTable) -> None:
         """Take a part of the trajectory table."""
         if self._keep == "table":
-            self._share.take(COPIES * int(part.memory_usage(index=False).sum()))
-            self._parts.append(part)
+            self._share.take(COPIES * int(part.frame.memory_usage(index=False).sum()))
+            self._parts.append(part.frame)
         if self._sink is not None:
-            self._sink[0](part)
+            _hand(part, self._sink[0])
         assert self.peaks is not None
-        for column, largest in peaks_of(part, self._since).items():
+        for column, largest in peaks_of(part.columns, self._since).items():
             self.peaks[column] = max(largest, self.peaks.get(column, -math.inf))
 
     def finish(self) -> None:
@@ -114,6 +117,14 @@ class Recorder:
     def table(self) -> pd.DataFrame | None:
         """The trajectory table, if that is kept."""
         return pd.concat(self._parts, ignore_index=True) if self._keep == "table" else None
+
+
+def _hand(part: PlainTable, taker: Callable[[pd.DataFrame], object] | TableFile) -> None:
+    """Hand a part of a table over, to files without making a DataFrame of it."""
+    if isinstance(taker, TableFile):
+        taker.append(part)
+    else:
+        taker(part.frame)
 
 
 def require_room(scene: Scene, directory: Path | None = None, form: str = "parquet") -> None:

@@ -5,20 +5,24 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from contextlib import closing
+from importlib import import_module
 from typing import Any
 
 from vibroplat.columns import Column, Columns
 from vibroplat.config.plausibility import notes_on_input
 from vibroplat.config.scene import Scene
-from vibroplat.hybrid.state import Automaton, force_noise
+from vibroplat.hybrid.loop import automaton
+from vibroplat.hybrid.state import CUBIC, Automaton, force_noise, no_steps
 from vibroplat.integrate import make_engine
 from vibroplat.integrate.seam import WORK, Engine
+from vibroplat.kernels.compiled import compile_for
 from vibroplat.model.parameters import Parameters, parameters
 from vibroplat.motion.initial_condition import Start, initial_condition
 from vibroplat.motion.motion import Motion, Observer
-from vibroplat.motion.recorder import Keep, Recorder, Sink, require_room
+from vibroplat.motion.recorder import Files, Keep, Recorder, Sink, require_room
 from vibroplat.motion.variation import directions, listed
 from vibroplat.observe.notes import drift, notes_on_measures, stiffness
+from vibroplat.observe.statistics import Statistics
 from vibroplat.observe.summary import INACCURATE, MEASURES, Part, inaccuracy, measured
 from vibroplat.observe.tables import named_derivative
 from vibroplat.observe.variation import Variation
@@ -51,7 +55,7 @@ def simulate(
     *,
     keep: Keep = "segments",
     progress: Callable[[float, int], None] | None = None,
-    sink: Sink | None = None,
+    sink: Sink | Files | None = None,
     variation: bool | str | Sequence[str] = False,
     start: Start | None = None,
     engine: Callable[[Scene, Parameters], Engine] = make_engine,
@@ -69,7 +73,7 @@ def simulate(
         Called now and then with the time reached (s) and the number of events so far.
     sink
         Two functions that are given the trajectory table and the event table part by part while the run goes on,
-        whatever it keeps.
+        whatever it keeps; or two files, :class:`vibroplat.results.tables.TableFile`.
     variation
         ``True``: find the derivative of the end by the start too, :attr:`Trajectory.monodromy`; keys as in
         :func:`vibroplat.motion.variation.variation`: also by these, :attr:`Trajectory.variation`.
@@ -172,8 +176,25 @@ class _Progress:
 
 
 def load_kernels(engine: str = "auto") -> None:
-    """Compile or load all that a motion needs, by the engine that ``solver.engine`` names."""
-    scene = Scene().replace({"material": {"mass_ratio": 0.1, "layers": 1}, "solver.engine": engine})
-    p = parameters(scene)
+    """Compile or load all that a motion needs, by the engine that ``solver.engine`` names.
+
+    The engine's loop comes last: a second process may be compiling it, by :func:`compile_loop`.
+    """
+    scene, p, h = _any_motion(engine)
+    Statistics(0.0).read(h)
     with closing(make_engine(scene, p)) as made:
         Motion(scene, p, made).advance(1e-3)
+
+
+def compile_loop(engine: str) -> None:
+    """Compile the loop of an engine that has a compiled one, in a process that calls no kernel."""
+    if engine != "sundae":
+        module = import_module(f"vibroplat.integrate.{'taylor' if engine == 'taylor' else 'ida'}")
+        compile_for(module.drive, _any_motion(engine)[-1], module.nothing())
+
+
+def _any_motion(engine: str) -> tuple[Scene, Parameters, Automaton]:
+    """Make a scene that takes all kernels, its parameters and its automaton, with room for no steps."""
+    scene = Scene().replace({"material": {"mass_ratio": 0.1, "layers": 1}, "solver.engine": engine})
+    p = parameters(scene)
+    return scene, p, automaton(scene, p, no_steps(1, CUBIC), 1.0)

@@ -10,10 +10,10 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from vibroplat.config.plausibility import rounded
 from vibroplat.config.scene import Scene
+from vibroplat.frames import pd
 
 #: Rotation of the platform (rad) beyond which a model of first order in φ is inaccurate.
 LARGE_ROTATION = 0.1
@@ -92,11 +92,11 @@ def stiffness(scene: Scene, engine: str, steps: int | None, restarts: int, secon
     )
 
 
-def peaks_of(table: pd.DataFrame, since: float) -> dict[str, float]:
+def peaks_of(table: pd.DataFrame | Mapping[str, Any], since: float) -> dict[str, float]:
     """Find the largest values in rows of a trajectory table from a time on (s), by column, where there are any."""
-    measured = (table["t_s"] >= since).to_numpy()
+    measured = np.asarray(table["t_s"]) >= since
     found = {
-        column: float(np.fmax.reduce(table[column].to_numpy()[measured], initial=-math.inf))
+        column: float(np.fmax.reduce(np.asarray(table[column])[measured], initial=-math.inf))
         for column, *_ in _SAMPLED
         if column in table
     }

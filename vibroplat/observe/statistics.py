@@ -15,11 +15,11 @@ import numpy.typing as npt
 from vibroplat.hybrid.modes import FLIGHT, IMPACT, KINDS, MODES
 from vibroplat.hybrid.state import WIDTH, Automaton, Steps
 from vibroplat.kernels.compiled import FloatArray, borrow, compiled, copy, inlined, same_types
-from vibroplat.kernels.lanes import horner_16, horner_pair_16, in_lines
+from vibroplat.kernels.lanes import horner_16, horner_pair_16, in_lines, means_16, sines
 from vibroplat.kernels.polynomial import bend, crossing, extremes, slope, turning_value
-from vibroplat.model.energy import FORCE_SIZE, POWERS, powers
+from vibroplat.model.energy import FORCE_SIZE, POWERS, exciter_powers, powers
 from vibroplat.model.parameters import Parameters
-from vibroplat.model.systems import DIFFERENTIAL, FULL_SIZE, GAP, PLACES, SIZES
+from vibroplat.model.systems import DIFFERENTIAL, FULL_SIZE, GAP, LAYERS, PLACES, SIZES
 
 N_POWERS = len(POWERS)
 N_WORK = FORCE_SIZE + 1
@@ -80,10 +80,12 @@ _COMPLETE = 1e-12
 #: Turns of exciter 1 within a step beyond which none of them is counted: the motion makes no sense any more.
 _MOST_TURNS = 1000.0
 
-#: What is overwritten at each step: unknowns at the nodes, full state and powers at one, phase differences at all.
+#: What is overwritten at each step: unknowns and phase differences at the nodes; means of the unknowns, of their
+#: squares and their sizes, and of the powers; a full state.
 ROOM = np.dtype(
     [
         ("samples", float, (_MOST_NODES, WIDTH)),
+        ("means", float, (3, WIDTH)),
         ("full", float, FULL_SIZE),
         ("power", float, N_WORK),
         ("phases", float, _MOST_NODES),
@@ -320,15 +322,19 @@ def widened(
             low, high = extremes(c, degree, j, since, last)
             least, largest = min(least, low), max(largest, high)
         return least, largest
-    before, here = c[0, j], c[0, j]
-    for i in range(nodes + 2):
+    before, here, bit, lower, higher = c[0, j], c[0, j], 1, 0, 0
+    for i in range(nodes + 2):  # without branches: what a step holds cannot be guessed
         after = samples[i, j] if i < nodes else last
         beside = max(abs(here - before), abs(here - after))
-        if here <= before and here <= after and here - beside < least:
+        lower |= bit * ((here <= before) & (here <= after) & (here - beside < least))
+        higher |= bit * ((here >= before) & (here >= after) & (here + beside > largest))
+        before, here, bit = here, after, 2 * bit
+    for i in range(nodes + 2 if lower | higher else 0):
+        here = c[0, j] if i == 0 else (samples[i - 1, j] if i <= nodes else last)
+        if lower >> i & 1:
             least = min(least, here, turning_near(c, nodes, j, i, here, -1.0))
-        if here >= before and here >= after and here + beside > largest:
+        if higher >> i & 1:
             largest = max(largest, here, turning_near(c, nodes, j, i, here, 1.0))
-        before, here = here, after
     return least, largest
 
 
@@ -365,63 +371,54 @@ def integrate(
     ``start`` and ``end`` are fractions of the step, which begins at time ``begin`` and takes ``length`` (s); ``room``
     holds the samples at its nodes.
     """
-    marks, sums, work, full, power, phases = ms.marks, ms.open_turn, ms.work, room.full, room.power, room.phases
-    duration = (end - start) * length
-    total_x, total_xx, total_y, total_yy, total_phi, total_phi_phi, total_motor = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    total_exchanged, total_phase, drift = 0.0, 0.0, 0.0
-    sense = -p.direction[0] * p.direction[1]  # the phase difference is φ₁ + φ₂, or φ₁ − φ₂ if co-rotating
+    marks, sums, means, power, n = ms.marks, ms.open_turn, room.means, room.power, DIFFERENTIAL[system] // 2
+    duration, motor, truncated, resisted, exchanged = (end - start) * length, 0.0, 0.0, 0.0, 0.0
     for i in range(nodes):
-        s, weight = start + (end - start) * NODES[nodes, i], duration * WEIGHTS[nodes, i]
-        for j in range(DIFFERENTIAL[system]):
-            full[PLACES[system, j]] = room.samples[i, j]
-        powers(begin + s * length, full, power, p)
-        for j in range(N_WORK):
-            work[j] += weight * power[j]
-        exchanged = abs(power[0])
-        for j in range(DISSIPATIONS, N_POWERS):
-            exchanged += power[j]
-        total_exchanged += weight * exchanged
-        if measured:
-            x, y, phi = full[0], full[1], full[2]
-            total_x += weight * x
-            total_xx += weight * x * x
-            total_y += weight * y
-            total_yy += weight * y * y
-            total_phi += weight * phi
-            total_phi_phi += weight * phi * phi
-            total_motor += weight * power[0]
-            phases[i] = full[3] + sense * full[4]
-            total_phase += weight * phases[i]
-            drift = max(drift, duration * abs(full[10] + sense * full[11]))
-    marks.exchanged += total_exchanged
+        now, weight = begin + (start + (end - start) * NODES[nodes, i]) * length, WEIGHTS[nodes, i]
+        fed, turned, lost = exciter_powers(now, room.samples[i], n, p)
+        motor += weight * fed
+        truncated += weight * turned
+        resisted += weight * lost
+        exchanged += weight * abs(fed)
+    means_16(room.samples, WEIGHTS[nodes], nodes, means)
+    powers((motor, truncated, resisted), means, n, LAYERS[system], power, p)
+    for j in range(N_WORK):
+        ms.work[j] += duration * power[j]
+    for j in range(DISSIPATIONS, N_POWERS):
+        exchanged += power[j]
+    marks.exchanged += duration * exchanged
     if measured and duration > 0.0:
-        sums[X] += total_x
-        sums[XX] += total_xx
-        sums[Y] += total_y
-        sums[YY] += total_yy
-        sums[PHI] += total_phi
-        sums[PHI_PHI] += total_phi_phi
-        sums[MOTOR] += total_motor
+        for k in range(3):  # of x, y and φ
+            sums[X + 2 * k] += duration * means[0, k]
+            sums[XX + 2 * k] += duration * means[1, k]
+        sums[MOTOR] += duration * motor
         sums[TIME] += duration
         sums[FLYING] += duration if MODES[system] == FLIGHT else 0.0
-        add_phase(sums, phases, total_phase / duration, drift, duration, nodes)
+        add_phase(sums, room, n, duration, nodes, -p.direction[0] * p.direction[1])
 
 
 @inlined
-def add_phase(sums: FloatArray, phases: FloatArray, mean: float, drift: float, duration: float, nodes: int) -> None:
-    """Add cosine and sine of the phase difference over a part of a step (s), from its values at the nodes (rad).
+def add_phase(sums: FloatArray, room: Any, n: int, duration: float, nodes: int, sense: float) -> None:
+    """Add cosine and sine of the phase difference φ₁ + sense φ₂ over a part of a step (s), from the samples.
 
     Where it changes little, they follow from its mean and its variance.
     """
+    samples, phases, mean, drift = room.samples, room.phases, 0.0, 0.0
+    for i in range(nodes):
+        phases[i] = samples[i, 3] + sense * samples[i, 4]
+        mean += WEIGHTS[nodes, i] * phases[i]
+        drift = max(drift, duration * abs(samples[i, n + 3] + sense * samples[i, n + 4]))
     cosine, sine, variance = 0.0, 0.0, 0.0
     if drift > STILL:
         for i in range(nodes):
-            cosine += WEIGHTS[nodes, i] * math.cos(phases[i])
-            sine += WEIGHTS[nodes, i] * math.sin(phases[i])
+            sine_i, cosine_i, _, _ = sines(phases[i], 0.0)
+            cosine += WEIGHTS[nodes, i] * cosine_i
+            sine += WEIGHTS[nodes, i] * sine_i
     else:
         for i in range(nodes):
             variance += WEIGHTS[nodes, i] * (phases[i] - mean) ** 2
-        cosine, sine = (1.0 - 0.5 * variance) * math.cos(mean), (1.0 - 0.5 * variance) * math.sin(mean)
+        sine, cosine, _, _ = sines(mean, 0.0)
+        cosine, sine = (1.0 - 0.5 * variance) * cosine, (1.0 - 0.5 * variance) * sine
     sums[COSINE] += duration * cosine
     sums[SINE] += duration * sine
 

@@ -12,12 +12,12 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import pandas as pd
 
-from vibroplat.columns import Column, Columns, labelled
+from vibroplat.columns import Column, Columns
 from vibroplat.config.coordinates import COORDINATES, RATES, Mode
 from vibroplat.config.scene import Scene
 from vibroplat.config.sections import State
+from vibroplat.frames import PlainTable, Words, pd
 from vibroplat.hybrid.modes import KINDS
 from vibroplat.hybrid.state import Automaton
 from vibroplat.kernels.compiled import FloatArray, compiled, copy
@@ -58,6 +58,9 @@ EVENTS: Columns = {
 #: Fields of :data:`vibroplat.hybrid.state.EVENT` that these columns hold, in the same order.
 _FIELDS = ("t", "kind", "rate_before", "rate_after", "impulse", "loss", "force_after", "mode_after", "impacts")
 
+#: Names of modes by their numbers.
+_MODES = tuple(mode.label for mode in Mode)
+
 #: A row of the trajectory table: time (s), numbers of the mode and of the drive's interval, full state, F_c (N).
 ROW = np.dtype(
     [("t", float), ("mode", np.int64), ("interval", np.int64), ("state", float, FULL_SIZE), ("force", float)]
@@ -77,12 +80,12 @@ def named_derivative(derivative: FloatArray, scene: Scene, keys: Sequence[str]) 
     return pd.DataFrame(derivative[rows][:, columns], index=list(places), columns=[*places, *keys])
 
 
-def event_table(events: Records) -> pd.DataFrame:
+def event_table(events: Records) -> PlainTable:
     """Make an event table of records of :data:`vibroplat.hybrid.state.EVENT`."""
-    table = pd.DataFrame({column: events[field] for column, field in zip(EVENTS, _FIELDS, strict=True)})
-    table["kind"] = np.array(KINDS, dtype=object)[events["kind"]]
-    table["mode_after"] = np.array([mode.label for mode in Mode], dtype=object)[events["mode_after"]]
-    return labelled(table, EVENTS)
+    columns: dict[str, Any] = {column: events[field] for column, field in zip(EVENTS, _FIELDS, strict=True)}
+    columns["kind"] = Words(events["kind"], KINDS)
+    columns["mode_after"] = Words(events["mode_after"], _MODES)
+    return PlainTable(columns, EVENTS)
 
 
 @dataclass(frozen=True)
@@ -183,14 +186,13 @@ class Sampler:
         rows["state"], rows["force"] = segment(times)
         return rows
 
-    def table(self, rows: Records) -> pd.DataFrame:
+    def table(self, rows: Records) -> PlainTable:
         """Make a table of records of ROW."""
-        labels = pd.Index([mode.label for mode in Mode])
-        columns: dict[str, Any] = {"t_s": rows["t"], "mode": pd.Categorical.from_codes(rows["mode"], categories=labels)}
+        columns: dict[str, Any] = {"t_s": rows["t"], "mode": Words(rows["mode"], _MODES, categorical=True)}
         columns |= {name: rows["state"][:, place] for name, place in state_places(self.scene).items()}
         if self.scene.has_contact:
             columns["contact_force_n"] = rows["force"]
-        return labelled(pd.DataFrame(columns | self._supply(rows)), TRAJECTORY)
+        return PlainTable(columns | self._supply(rows), TRAJECTORY)
 
     def _supply(self, rows: Records) -> dict[str, FloatArray]:
         """Power of both motors (W), and the supply frequency (Hz) where a program changes it, in all rows."""
@@ -254,7 +256,7 @@ class TrajectoryRows:
         Is called with each part of the table.
     """
 
-    def __init__(self, scene: Scene, take: Callable[[pd.DataFrame], object]) -> None:
+    def __init__(self, scene: Scene, take: Callable[[PlainTable], object]) -> None:
         self._sample = Sampler(scene)
         self._blocks = Blocks(ROW, lambda rows: take(self._sample.table(rows)))
         self._end = np.empty(0, ROW)  # of the segment before: it is no row if the next one goes on from it

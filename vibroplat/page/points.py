@@ -96,7 +96,7 @@ def axes(table: pd.DataFrame, columns: Iterable[str]) -> list[dict[str, Any]]:
 
 
 def measures(table: pd.DataFrame) -> list[dict[str, Any]]:
-    """Return the panels that a table fills; what does not move but for rounding has none."""
+    """Return the panels that a table fills; what moves by rounding alone has none."""
     numbers = [name for name in DRAWN if name in table and is_number(table[name]) and table[name].notna().any()]
     largest = {name: float(table[name].abs().max()) for name in numbers}
     moved = max((size for name, size in largest.items() if name.startswith("rms")), default=0.0)

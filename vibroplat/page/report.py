@@ -18,8 +18,8 @@ from plotly.offline import get_plotlyjs
 
 from vibroplat.page import points, run
 from vibroplat.page.points import Motions, Mover, Progress
-from vibroplat.page.results import Found, differences, find_results, parameters, remarks, summary_rows
-from vibroplat.plots.reading import ends_of, read_columns, read_parts
+from vibroplat.page.results import differences, find_results, parameters, remarks, summary_rows
+from vibroplat.plots.reading import Saved, ends_of, has_table
 from vibroplat.plots.studies import grid_of, read_branches
 from vibroplat.results.tables import replace_file
 
@@ -92,7 +92,7 @@ def _smaller(data: Mapping[str, Any]) -> str:
 
 
 def page_data(
-    found: Sequence[Found],
+    found: Sequence[Saved],
     start: float | None = None,
     stop: float | None = None,
     *,
@@ -101,17 +101,18 @@ def page_data(
 ) -> dict[str, Any]:
     """Return all that a page shows of some results."""
     runs, transient = _runs(found, start, stop)
-    summaries = [one for one in found if one.command == "run"]
+    numbers = [number for number, one in enumerate(found) if one.command == "run"]
+    summaries = [found[number] for number in numbers]
     studies = [(number, one) for number, one in enumerate(found) if one.command != "run"]
     room = points.MOST_SAMPLES // max(len(studies), 1)
-    commands, trees = [one.command for one in found], [one.configuration for one in found]
+    commands, trees = [one.command for one in found], [one.given() for one in found]
     different = differences(commands, [one.scene.to_tree() for one in found])
     return {
         "title": ", ".join(dict.fromkeys(one.label for one in found)),
         "results": [_origin(one) | {"differs": how} for one, how in zip(found, different, strict=True)],
         "parameters": parameters(commands, trees),
         "summary": {
-            "results": [found.index(one) for one in summaries],
+            "results": numbers,
             "rows": summary_rows([one.summary for one in summaries]),
         },
         "remarks": [remark for one in summaries for remark in remarks(one.label, one.summary)],
@@ -120,16 +121,16 @@ def page_data(
         "turns": run.SHOWN_TURNS,
         "panels": run.panels(runs),
         "points": [_points(n, one, Motions(one.scene, mover, room, progress)) for n, one in studies],
-        "tables": [table for number, one in enumerate(found) for table in _tables(number, one)],
-        "boundaries": [table for number, one in enumerate(found) for table in _boundaries(number, one)],
+        "tables": [points.table_data("events", number, _events(found[number])) for number in numbers],
+        "boundaries": [table for number, one in studies for table in _boundaries(number, one)],
     }
 
 
 def page(data: dict[str, Any]) -> str:
     """Return the text of a page.
 
-    Whatever comes from files is in the data, where no character can end the element; the script never reads it as HTML.
-    Should it fail to do so, the policy of the page lets no other script run and nothing be loaded.
+    Whatever comes from files is in the data, where no character can end the element, and the script never reads it as
+    HTML. Should it ever do so, the policy of the page still lets no other script run and nothing be loaded.
     """
     ours = "\n".join(_web(f"{name}.js") for name in SCRIPTS)
     library, script = str(get_plotlyjs()), f'(() => {{\n"use strict";\n{ours}}})();'
@@ -162,20 +163,20 @@ def _inside_script(text: str) -> str:
     return text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e")
 
 
-def _origin(one: Found) -> dict[str, Any]:
+def _origin(one: Saved) -> dict[str, Any]:
     """Return how a result was made."""
-    told = {key: one.result.provenance.get(key) for key in _MADE}
-    return {"label": one.label, "command": one.command, "directory": str(one.result.directory), **told}
+    told = {key: one.provenance.get(key) for key in _MADE}
+    return {"label": one.label, "command": one.command, "directory": str(one.directory), **told}
 
 
-def _runs(found: Sequence[Found], start: float | None, stop: float | None) -> tuple[list[dict[str, Any]], bool]:
+def _runs(found: Sequence[Saved], start: float | None, stop: float | None) -> tuple[list[dict[str, Any]], bool]:
     """Return all runs, and whether they are shown from their beginning, as a start is.
 
     The machines move side by side until the first run ends, if all have begun by then.
     """
     ours = []
     for number, one in enumerate(found):
-        ends = ends_of(read_parts(one.result, "trajectory", (), ("t_s", *run.SPEEDS))) if one.command == "run" else None
+        ends = ends_of(one.column_parts("trajectory", (), ("t_s", *run.SPEEDS))) if one.command == "run" else None
         if ends is not None and ends.rows > 1:
             ours.append((number, one, ends))
     common = min((float(ends.last["t_s"]) for _, _, ends in ours), default=0.0)
@@ -190,24 +191,18 @@ def _runs(found: Sequence[Found], start: float | None, stop: float | None) -> tu
     return runs, transient
 
 
-def _events(one: Found) -> pd.DataFrame:
-    return read_columns(one.result, "events", ("kind",), ("t_s", "impulse_n_s"))
+def _events(one: Saved) -> pd.DataFrame:
+    return one.columns("events", ("kind",), ("t_s", "impulse_n_s"))
 
 
-def _tables(number: int, one: Found) -> list[dict[str, Any]]:
-    """Return the tables that belong to no figure with points: those of events."""
-    return [points.table_data("events", number, _events(one))] if one.command == "run" else []
-
-
-def _points(number: int, one: Found, motions: Motions) -> dict[str, Any]:
+def _points(number: int, one: Saved, motions: Motions) -> dict[str, Any]:
     """Return the figure of a sweep or of orbits, with its table and what moves when a point is clicked."""
-    return {"command": one.command, "result": number} | (_sweep if one.command == "sweep" else _orbits)(
-        number, one, motions
-    )
+    shown = (_sweep if one.command == "sweep" else _orbits)(number, one, motions)
+    return {"command": one.command, "result": number} | shown
 
 
-def _sweep(number: int, one: Found, motions: Motions) -> dict[str, Any]:
-    whole = read_columns(one.result, "sweep", *SWEEP_COLUMNS)
+def _sweep(number: int, one: Saved, motions: Motions) -> dict[str, Any]:
+    whole = one.columns("sweep", *SWEEP_COLUMNS)
     table = points.thinned(whole)
     return {
         "table": points.table_data("sweep", number, whole),
@@ -220,8 +215,8 @@ def _sweep(number: int, one: Found, motions: Motions) -> dict[str, Any]:
     }
 
 
-def _orbits(number: int, one: Found, motions: Motions) -> dict[str, Any]:
-    found = read_branches(one.result.directory)
+def _orbits(number: int, one: Saved, motions: Motions) -> dict[str, Any]:
+    found = read_branches(one.directory)
     table, special = points.thinned(found.points), points.thinned(found.special)
     marks = points.special_marks(found, special, table)
     return {
@@ -235,11 +230,11 @@ def _orbits(number: int, one: Found, motions: Motions) -> dict[str, Any]:
     }
 
 
-def _boundaries(number: int, one: Found) -> list[dict[str, Any]]:
+def _boundaries(number: int, one: Saved) -> list[dict[str, Any]]:
     """Return the table of boundaries of orbits in the plane of two keys."""
-    if one.command != "orbits" or not any(one.result.directory.glob("boundaries.*")):
+    if one.command != "orbits" or not has_table(one.directory, "boundaries"):
         return []
-    found = read_branches(one.result.directory)
+    found = read_branches(one.directory)
     whole = found.boundaries()
     series = points.boundary_series(found, points.thinned(whole))
     data = points.table_data("boundaries", number, whole)

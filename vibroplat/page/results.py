@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 from vibroplat.columns import unit_of, words
 from vibroplat.config.keys import Key, key_of
-from vibroplat.config.scene import Scene
-from vibroplat.errors import ConfigError, TableError
+from vibroplat.errors import TableError
 from vibroplat.plots.labels import UNUSED, differing, leaves, shortened, value_words
-from vibroplat.plots.reading import read_result
-from vibroplat.results.files import Command, Result
+from vibroplat.plots.reading import Saved, has_result
+from vibroplat.results.files import Command
 
-#: The table by which the result of a command is found.
-TABLES: dict[Command, str] = {"run": "trajectory", "sweep": "sweep", "orbits": "branches"}
+#: The commands whose results the page shows, in their order in one directory.
+COMMANDS: tuple[Command, ...] = ("run", "sweep", "orbits")
 #: Keys of a summary that are shown first.
 FIRST = (
     *("outcome", "simulated_s", "excitation_frequency_hz", "frequency_split_hz", "phase_difference_rad"),
@@ -28,39 +25,8 @@ FIRST = (
 _ELSEWHERE = ("name", "detail", "notes", "check")
 
 
-@dataclass(frozen=True)
-class Found:
-    """A result of a command.
-
-    Attributes
-    ----------
-    result, command
-        Its files, and the command that wrote them.
-    label
-        Its name, with its directory where two have the same.
-    configuration
-        The full configuration.
-    summary
-        Of a run; empty for other commands.
-    """
-
-    result: Result
-    command: Command
-    label: str
-    configuration: dict[str, Any]
-    summary: dict[str, Any]
-
-    @cached_property
-    def scene(self) -> Scene:
-        """What was simulated."""
-        try:
-            return Scene.from_tree(self.configuration)
-        except ConfigError as error:
-            raise TableError(f"the configuration in {self.result.directory}: {error}") from None
-
-
-def find_results(directories: Sequence[Path]) -> list[Found]:
-    """Return all results in some directories, each with a label of its own.
+def find_results(directories: Sequence[Path]) -> list[Saved]:
+    """Return all results in some directories, each with a label of its own: its directory where two share a name.
 
     Raises
     ------
@@ -68,29 +34,24 @@ def find_results(directories: Sequence[Path]) -> list[Found]:
         A directory holds none, or one that is damaged or of another version.
     """
     found = [result for directory in dict.fromkeys(directories) for result in _in(directory)]
-    labels = [(one.label, one.command) for one in found]
-    return [
-        one
-        if labels.count((one.label, one.command)) == 1
-        else replace(one, label=f"{one.label} ({one.result.directory})")
-        for one in found
-    ]
+    names = [(one.label, one.command) for one in found]
+    for one, name in zip(found, names, strict=True):
+        if names.count(name) > 1:
+            one.label += f" ({one.directory})"
+    return found
 
 
-def _in(directory: Path) -> Iterator[Found]:
-    commands = [command for command, name in TABLES.items() if any(directory.glob(f"{name}.*"))]
+def _in(directory: Path) -> Iterator[Saved]:
+    commands = [command for command in COMMANDS if has_result(directory, command)]
     if not commands:
         raise TableError(f"{directory} holds no finished run, sweep or orbits; allowed: a directory with one of them")
     for command in commands:
-        result = read_result(directory, command)
+        result = Saved(directory, command)
         configuration = result.provenance.get("configuration")
         if not isinstance(configuration, dict):
             raise TableError(f"the provenance in {directory} holds no configuration; repeat the command that wrote it")
-        summary = result.document("summary") if command == "run" else {}
-        if not isinstance(summary, dict):
-            raise TableError(f"{directory / 'summary.json'} is not the summary of a run")
-        name = str(summary.get("name") or configuration.get("name") or directory.name)
-        yield Found(result, command, name, configuration, summary)
+        result.label = str(result.summary.get("name") or configuration.get("name") or directory.name)
+        yield result
 
 
 # -- what was run ------------------------------------------------------------------------------------------------------

@@ -14,9 +14,8 @@ import pandas as pd
 from vibroplat.config.coordinates import Mode
 from vibroplat.config.scene import Scene
 from vibroplat.errors import TableError
-from vibroplat.page.results import Found
-from vibroplat.plots.reading import Cut, Ends, read_parts
-from vibroplat.results.files import Result
+from vibroplat.plots.reading import Cut, Ends, Saved
+from vibroplat.plots.timelines import wrapped
 
 #: Most rows of all runs together that are kept as they are, each of 80 bytes: 25 s at 2000 Hz with their events.
 ROWS = 52_000
@@ -83,7 +82,7 @@ def is_transient(ends: Ends, scene: Scene) -> bool:
 
 
 def run_data(
-    found: Found,
+    found: Saved,
     events: pd.DataFrame,
     ends: Ends,
     most: int,
@@ -110,16 +109,14 @@ def run_data(
     TableError
         A table is missing or of another run, or the interval is empty.
     """
-    result, scene = found.result, found.scene
+    scene = found.scene
     first, last = float(ends.first["t_s"]), float(ends.last["t_s"])
     begin, end = first if start is None else start, last if stop is None else stop
     curves = [name for _, _, labels in PANELS for name in labels]
-    cut = Cut(
-        _parts(result, scene), (begin, end), (first, last, INTERVALS), curves, most=most if from_beginning else -most
-    )
+    cut = Cut(_parts(found), (begin, end), (first, last, INTERVALS), curves, most=most if from_beginning else -most)
     if cut.shown["t_s"].nunique() < 2:
         allowed = f"allowed: an interval within {first:g} … {last:g} s"
-        raise TableError(f"no data between {begin:g} and {end:g} s in {result.directory}; {allowed}")
+        raise TableError(f"no data between {begin:g} and {end:g} s in {found.directory}; {allowed}")
     t, numbers = cut.shown["t_s"].to_numpy(), cut.shown.drop(columns="mode")
     coarse = {
         name: {"t": packed(samples["t_s"] - first), "values": packed(samples[name])}
@@ -143,19 +140,19 @@ def run_data(
     }
 
 
-def _parts(result: Result, scene: Scene) -> Iterator[pd.DataFrame]:
+def _parts(found: Saved) -> Iterator[pd.DataFrame]:
     """Read the trajectory in parts, with what follows from its columns."""
-    sign = -1.0 if scene.co_rotating else 1.0
-    for part in read_parts(result, "trajectory", ("mode",), _NEEDED, _OPTIONAL):
+    sign = -1.0 if found.scene.co_rotating else 1.0
+    for part in found.column_parts("trajectory", ("mode",), _NEEDED, _OPTIONAL):
         table = part.assign(
-            phase=np.mod(part["phi1_rad"] + sign * part["phi2_rad"] + 0.5 * np.pi, 2.0 * np.pi) - 0.5 * np.pi,
+            phase=wrapped((part["phi1_rad"] + sign * part["phi2_rad"]).to_numpy(dtype=float)),
             speed_1=part[SPEEDS[0]].abs() / (2.0 * np.pi),
             speed_2=part[SPEEDS[1]].abs() / (2.0 * np.pi),
             phi1_rad=np.mod(part["phi1_rad"], 2.0 * np.pi),
             phi2_rad=np.mod(part["phi2_rad"], 2.0 * np.pi),
         )
         if "supply_frequency_hz" in part:
-            table["synchronous"] = part["supply_frequency_hz"] / scene.exciter_pair[0].pole_pairs
+            table["synchronous"] = part["supply_frequency_hz"] / found.scene.exciter_pair[0].pole_pairs
         yield table.drop(columns=[*SPEEDS, "supply_frequency_hz"], errors="ignore")
 
 
@@ -192,7 +189,7 @@ def initial(mode: object) -> str:
 def machine_of(scene: Scene) -> dict[str, Any]:
     """Return what the drawing of the machine needs; lengths in m."""
     return {
-        "axis": scene.machine.exciter_axis,
+        "axes": scene.body.axes,
         "radii": [exciter.unbalance_radius_m for exciter in scene.exciter_pair],
         "directions": [exciter.direction for exciter in scene.exciter_pair],
         "layers": scene.layers,

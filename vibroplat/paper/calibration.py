@@ -318,7 +318,7 @@ def calibrate(
     again = [{**{k: row[k] for k in keys}, SEED: first + 1 + n} for row in chosen for n in range(plan.confirm.seeds)]
     confirmed = [{"seed": s[SEED], **s, **r} for s, r in zip(again, judged(again, confirming=True), strict=True)]
     confirmation = pd.DataFrame([*chosen, *confirmed]).drop(columns=SEED, errors="ignore")
-    # a column's own mean, as that of a group rounds otherwise
+    # the mean of a column, as pandas rounds that of a group otherwise
     own = {"held_mean": ("held", "mean"), "held_least": ("held", "min"), "score_mean": ("score", pd.Series.mean)}
     over_seeds = pd.DataFrame([*distinct, *confirmed]).groupby(keys).agg(seeds=("held", "size"), **own)
     table = rows.join(over_seeds, on=keys).sort_values(

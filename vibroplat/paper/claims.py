@@ -102,7 +102,7 @@ def _failed(claim: Claim, evidence: Evidence) -> dict[Key, int]:
     found = {}
     for key, (branch, rows) in evidence.courses.items():
         if key == Key(key.mass_ratio, key.restitution) and key.mass_ratio in mu and min(r) <= key.restitution <= max(r):
-            pairs = branch.scene.exciter_pair[0].pole_pairs  # at the supply's share of them, f is synchronous
+            pairs = branch.scene.exciter_pair[0].pole_pairs  # f_e over these is the synchronous frequency
             failed = [row for row in rows if row["outcome"] != "ok" and low <= row[SUPPLY] / pairs <= high]
             found[key] = len(failed)
     return {key: count for key, count in found.items() if count}

@@ -148,8 +148,7 @@ class Evidence:
         f, values, errors, across = np.array(
             [(row[F], row["rms_y_m"], error_of(row, "rms_y_m"), error_of(row, F)) for row in rows]
         ).T
-        # at equal frequency a curve is also off by its slope times the error of the frequency
-        # by the steeper side; above 0, as inf · 0 is nan
+        # an error of the frequency moves a curve by its slope, here the steeper one; above 0, as inf · 0 is nan
         slope = np.maximum(np.abs(np.diff(values) / np.maximum(np.diff(f), 1e-6)), 1e-300)
         errors = errors + across * np.maximum(np.append(slope, 0.0), np.insert(slope, 0, 0.0))
         place = np.clip(np.searchsorted(f, at), 1, len(f) - 1)

@@ -25,7 +25,7 @@ from vibroplat.paper.scenes import BETA, IMPACT, NON_IMPACT, QUICK, SEED, SHARED
 from vibroplat.paper.tables import contradictions, histories, impact_laws, sync_bands
 from vibroplat.results.files import write_result
 from vibroplat.results.provenance import provenance
-from vibroplat.study.branches import Branch, branches
+from vibroplat.study.branches import branches
 from vibroplat.study.pool import Pool, StoredChain, run_stored
 from vibroplat.study.store import Store
 from vibroplat.study.sweep import Progress, branch_records, conditions, run_sweeps, tables
@@ -95,8 +95,10 @@ class Trial:
         Its sweeps of the impact model.
     evidence
         What has been found so far.
-    sweeps
-        By name: the branches of finished sweeps and where their points are.
+    tables
+        Those of its finished sweeps, by name.
+    store
+        Where its points are.
     """
 
     name: str
@@ -105,7 +107,7 @@ class Trial:
     names: tuple[str, ...] = IMPACT
     changes: Mapping[str, Any] = field(default_factory=dict)
     evidence: Evidence = field(default_factory=Evidence)
-    sweeps: dict[str, tuple[list[Branch], Store]] = field(default_factory=dict)
+    tables: dict[str, pd.DataFrame] = field(default_factory=dict)
     store: Store = field(init=False)
 
     def scene(self, name: str) -> Scene:
@@ -199,11 +201,10 @@ def reproduce(
 
 def _sweep(wanted: Sequence[tuple[Trial, str]], workers: Pool, progress: Progress | None = None) -> None:
     """Run sweeps of trials side by side and add their branches to the evidence."""
-    for trial, name in wanted:
-        trial.sweeps[name] = branches(trial.scene(name)), trial.store.part(name)
-    run_sweeps([trial.sweeps[name] for trial, name in wanted], workers, progress)
-    for trial, name in wanted:
-        planned_branches, store = trial.sweeps[name]
+    sweeps = [(branches(trial.scene(name)), trial.store.part(name)) for trial, name in wanted]
+    run_sweeps(sweeps, workers, progress)
+    for (trial, name), (planned_branches, store) in zip(wanted, sweeps, strict=True):
+        trial.tables[name] = pd.concat(tables(planned_branches, store), ignore_index=True)
         for branch in planned_branches:
             trial.evidence.add(branch, branch_records(branch, store))
 
@@ -223,16 +224,12 @@ def _results(trials: Trials, shown: Mapping[str, pd.DataFrame]) -> Reproduction:
     """Judge the claims and return all tables, and how much was simulated for them."""
     machine, others, laws = trials
     main = machine[0]
-    swept = {
-        (trial, name): pd.concat(tables(*sweep), ignore_index=True)
-        for trial in (*machine, *others, laws)
-        for name, sweep in trial.sweeps.items()
-    }
-    results = {name: table for (trial, name), table in swept.items() if trial in (main, laws)}
+    points = [table for trial in (*machine, *others, laws) for table in trial.tables.values()]
+    results = {**main.tables, **laws.tables}
     results["sync-bands"] = sync_bands(main.evidence)
     results["impact-laws"] = impact_laws(main.evidence, laws.evidence)
     results["contradictions"] = contradictions(main.numbers)
     seeds = {int(trial.settings[SEED]): trial.evidence for trial in machine}
     results["claims"] = scoreboard(seeds, [(trial.changes, trial.evidence) for trial in others])
     beta, matched = main.evidence.beta, matched_frequency(main.evidence)
-    return Reproduction({**results, **shown}, beta, matched, pd.concat(swept.values(), ignore_index=True))
+    return Reproduction({**results, **shown}, beta, matched, pd.concat(points, ignore_index=True))

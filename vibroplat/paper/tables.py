@@ -192,7 +192,7 @@ def impact_laws(evidence: Evidence, laws: Evidence) -> pd.DataFrame:
 def acceleration(scene: Scene, mass_ratio: float, frequency: float) -> float:
     """Return the amplitude of the vertical acceleration of the platform with a stiff layer on it (m/s²)."""
     machine, omega = scene.machine, 2.0 * math.pi * frequency
-    stiffness = machine.stiffness_y_n_per_m - (1.0 + mass_ratio) * machine.total_mass * omega**2
+    stiffness = machine.stiffness_y_n_per_m - (1.0 + mass_ratio) * scene.body.mass * omega**2
     resistance = math.hypot(stiffness, machine.damping_y_n_s_per_m * omega)
     return sum(scene.unbalances) * omega**4 / resistance if resistance > 0.0 else math.inf
 
@@ -200,7 +200,7 @@ def acceleration(scene: Scene, mass_ratio: float, frequency: float) -> float:
 def stiff_layer_liftoff(scene: Scene, mass_ratio: float) -> float:
     """Return the frequency (Hz) at which a stiff layer leaves the platform; nan if there is none below resonance."""
     machine, gravity = scene.machine, scene.machine.gravity_m_per_s2
-    mass = (1.0 + mass_ratio) * machine.total_mass
+    mass = (1.0 + mass_ratio) * scene.body.mass
     resonance = math.sqrt(machine.stiffness_y_n_per_m / mass) / (2.0 * math.pi)
     if not acceleration(scene, mass_ratio, LOWEST) < gravity < acceleration(scene, mass_ratio, resonance):
         return math.nan
@@ -215,7 +215,7 @@ def unbalance_for_liftoff(scene: Scene, mass_ratio: float, frequency: float) -> 
 def resonance_torque(scene: Scene) -> float:
     """Return the mean torque (N·m) that each motor needs at the vertical resonance."""
     machine = scene.machine
-    omega = math.sqrt(machine.stiffness_y_n_per_m / machine.total_mass)
+    omega = math.sqrt(machine.stiffness_y_n_per_m / scene.body.mass)
     damping = machine.damping_y_n_s_per_m
     return float(scene.unbalances[0] ** 2 * omega**3 / damping) if damping > 0.0 else math.inf
 

@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from vibroplat.errors import VibroplatError
 from vibroplat.plots import orbits, run, sweep
 from vibroplat.plots.paper import paper_figures
+from vibroplat.plots.reading import RESULTS, has_result
 from vibroplat.plots.style import Saving, save, styled
+from vibroplat.results.files import Command
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -20,10 +22,8 @@ class Family(NamedTuple):
 
     Attributes
     ----------
-    name, article
-        What such a result is called in a message.
-    table
-        The table by which one recognizes it.
+    command
+        The command.
     kinds
         Its figures that can be asked for by name.
     options
@@ -33,24 +33,18 @@ class Family(NamedTuple):
         directory and the name of each.
     """
 
-    name: str
-    article: str
-    table: str
+    command: Command
     kinds: Collection[str]
     options: Collection[str]
     draw: Callable[..., Iterator[tuple[Path, str, Figure]]]
 
-    def is_in(self, directory: Path) -> bool:
-        """Whether a directory holds such a result."""
-        return any(directory.glob(f"{self.table}.*"))
-
 
 #: In the order of drawing. The last one is tried if no table is found, and its reader says what is missing.
 FAMILIES = (
-    Family("reproduction of the paper", "a ", "claims", (), (), paper_figures),
-    Family("sweep", "a ", "sweep", sweep.FIGURES, ("x", "data"), sweep.sweep_figures),
-    Family("branches of orbits", "", "branches", orbits.FIGURES, ("x",), orbits.orbit_figures),
-    Family("run", "a ", "trajectory", run.FIGURES, ("start", "stop", "data"), run.run_figures),
+    Family("paper", (), (), paper_figures),
+    Family("sweep", sweep.FIGURES, ("x", "data"), sweep.sweep_figures),
+    Family("orbits", orbits.FIGURES, ("x",), orbits.orbit_figures),
+    Family("run", run.FIGURES, ("start", "stop", "data"), run.run_figures),
 )
 #: Families whose results can be laid over each other.
 _COMPARED = ("sweep", "run")
@@ -80,9 +74,9 @@ def plot_results(
     TableError
         Their tables are missing or damaged.
     """
-    found = [family for family in FAMILIES if all(family.is_in(directory) for directory in directories)]
+    found = [family for family in FAMILIES if all(has_result(place, family.command) for place in directories)]
     first, held = directories[0], ", ".join(map(str, directories))
-    if not found and len(directories) > 1 and any(f.is_in(d) for f in FAMILIES for d in directories):
+    if not found and len(directories) > 1 and any(has_result(d, f.command) for f in FAMILIES for d in directories):
         raise VibroplatError(f"{held} hold no results of one command; allowed: several runs, or several sweeps")
     found = found or [FAMILIES[-1]]
     allowed = [kind for family in found for kind in family.kinds]
@@ -90,19 +84,21 @@ def plot_results(
         for kind in kinds:
             if kind in family.kinds and kind not in allowed:
                 names = ", ".join(allowed) or "no --kind"
-                raise VibroplatError(f"--kind {kind}: {first} holds no {family.name}; allowed: {names}")
+                raise VibroplatError(
+                    f"--kind {kind}: {first} holds no {RESULTS[family.command][0].removeprefix('a ')}; allowed: {names}"
+                )
     chosen = [family for family in found if not kinds or {*family.kinds} & {*kinds}]
     given = {option: value for option, value in options.items() if value is not None}
     for option, value in given.items():
         if not any(option in family.options for family in chosen):
-            able = " and ".join(family.article + family.name for family in FAMILIES if option in family.options)
+            able = " and ".join(RESULTS[family.command][0] for family in FAMILIES if option in family.options)
             raise VibroplatError(f"--{option} {value}: no figure of {first} uses it; allowed: with {able}")
     written = []
     with styled():
         for family in chosen:
             wanted = [kind for kind in kinds if kind in family.kinds]
             own = {option: value for option, value in given.items() if option in family.options}
-            compared = "-compared" if len(directories) > 1 and family.name in _COMPARED else ""
+            compared = "-compared" if len(directories) > 1 and family.command in _COMPARED else ""
             for directory, name, figure in family.draw(directories, wanted, **own):
                 written.append(save(figure, directory, f"{name}{compared}", saving))
     return written

@@ -12,7 +12,6 @@ from vibroplat.columns import PHASE, unit_of, words
 from vibroplat.config.drive import Drive, Entry
 from vibroplat.config.reader import flat
 from vibroplat.config.scene import Scene
-from vibroplat.errors import ConfigError
 from vibroplat.plots.style import plain
 from vibroplat.study.branches import EXCITATION, FREQUENCY, SUPPLY
 
@@ -93,14 +92,6 @@ def _place(key: str) -> str:
 
 
 # -- scenes ------------------------------------------------------------------------------------------------------------
-
-
-def scene_of(provenance: dict[str, Any]) -> Scene | None:
-    """Return the scene of a result, or None if its configuration is lost or of another version."""
-    try:
-        return Scene.from_tree(provenance["configuration"])
-    except (KeyError, TypeError, AttributeError, ConfigError):
-        return None
 
 
 def phase_label(co_rotating: bool) -> str:

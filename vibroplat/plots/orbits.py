@@ -18,7 +18,7 @@ from vibroplat.columns import COORDINATES, PHASE_COLUMN
 from vibroplat.continuation.special_points import KINDS
 from vibroplat.errors import TableError
 from vibroplat.plots.labels import ABSCISSAE, key_label, run_parameters
-from vibroplat.plots.reading import Curve
+from vibroplat.plots.reading import Curve, has_table
 from vibroplat.plots.response import limit_size
 from vibroplat.plots.studies import BEHIND, Study, read_branches
 from vibroplat.plots.style import CURVES, DIRECTIONS, REFERENCE, entry, head, new_figure, panel_grid
@@ -70,7 +70,7 @@ def orbit_figures(
     for directory in directories:
         found = read_branches(directory)
         column = found.x if x is None else ABSCISSAE[x]
-        has_curves = any(directory.glob("boundaries.*"))
+        has_curves = has_table(directory, "boundaries")
         if column not in found.points:
             raise TableError(f"--x {x}: the branches table in {directory} has no column {column}")
         if "boundaries" in kinds and not has_curves:

@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from vibroplat.columns import COORDINATES, PHASE, PHASE_COLUMN
+from vibroplat.plots.reading import has_table
 from vibroplat.plots.response import draw_response, marker_legend
 from vibroplat.plots.style import BLACK, BLUE, GREEN, ORANGE, PURPLE, REFERENCE, VERMILION, entry, new_figure
 from vibroplat.plots.timelines import FloatArray, in_units
@@ -120,7 +121,7 @@ def _fig3(result: Result) -> Figure:
 def _fig6(result: Result) -> Figure:
     table = result.table("fig6")
     shown = [table[table["contact.restitution"] == r] for r in RESTITUTIONS]
-    if any(result.directory.glob("fig6-nonimpact.*")):
+    if has_table(result.directory, "fig6-nonimpact"):
         shown.append(result.table("fig6-nonimpact"))
     curves = [
         (rows[rows["direction"] == "up"], colour, 1.5 - 0.25 * i)

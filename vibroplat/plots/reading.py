@@ -1,4 +1,4 @@
-"""Reads result tables for figures and the page, and cuts and thins trajectories.
+"""Reads results for figures and the page, and cuts and thins trajectories.
 
 Trajectories are read in parts: those of long runs do not fit into memory.
 """
@@ -6,46 +6,118 @@ Trajectories are read in parts: those of long runs do not fit into memory.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
-from vibroplat.errors import TableError
+from vibroplat.config.scene import Scene
+from vibroplat.errors import ConfigError, TableError
 from vibroplat.results.files import Command, Result
 
-#: Where points are kept until their table is written, that table, and what is then told.
-_UNFINISHED = {
-    "sweep": ("points.sqlite", "sweep", "an unfinished sweep; continue it"),
-    "orbits": ("orbits.sqlite", "branches", "unfinished branches; continue them"),
+#: Of each command: what its result is called, and the table by which one recognizes it.
+RESULTS: dict[Command, tuple[str, str]] = {
+    "paper": ("a reproduction of the paper", "claims"),
+    "sweep": ("a sweep", "sweep"),
+    "orbits": ("branches of orbits", "branches"),
+    "run": ("a run", "trajectory"),
+}
+#: Where points are kept until their table is written, and what is then told.
+_UNFINISHED: dict[Command, tuple[str, str]] = {
+    "sweep": ("points.sqlite", "an unfinished sweep; continue it"),
+    "orbits": ("orbits.sqlite", "unfinished branches; continue them"),
 }
 
 
-def read_result(directory: Path, command: Command) -> Result:
-    """Return the result of a command; refuse other schema versions and what is unfinished."""
-    if not directory.is_dir():
-        raise TableError(f"{directory} is not a directory; allowed: a result directory of vibroplat")
-    study = "orbits" if command == "orbits" else "sweep"
-    kept, table, what = _UNFINISHED[study]
-    if (directory / kept).exists() and not any(directory.glob(f"{table}.*")):
-        raise TableError(f"{directory} holds {what} with `vibroplat {study} --resume`")
-    return Result(directory, command)
+def has_table(directory: Path, name: str) -> bool:
+    """Whether a directory holds a table, of whatever format."""
+    return any(directory.glob(f"{name}.*"))
 
 
-def read_columns(
-    result: Result, name: str, texts: Collection[str], numbers: Collection[str] = (), optional: Collection[str] = ()
-) -> pd.DataFrame:
-    """Read a table; it must have these columns of texts and of numbers, and numbers in optional ones it has."""
-    return _checked(result.table(name), f"the {name} table in {result.directory} has no", texts, numbers, optional)
+def has_result(directory: Path, command: Command) -> bool:
+    """Whether a directory holds a result of a command."""
+    return has_table(directory, RESULTS[command][1])
 
 
-def read_parts(
-    result: Result, name: str, texts: Collection[str], numbers: Collection[str], optional: Collection[str] = ()
-) -> Iterator[pd.DataFrame]:
-    """Read these columns of a table in parts, which must be as in :func:`read_columns`."""
-    for part in result.parts(name, (*texts, *numbers, *optional)):
-        yield _checked(part, f"the {name} table in {result.directory} has no", texts, numbers, optional)
+class Saved(Result):
+    """The result of a command as figures and the page read it.
+
+    Parameters
+    ----------
+    directory, command
+        Where it is, and the command that wrote it.
+
+    Attributes
+    ----------
+    label
+        What the page calls it.
+
+    Raises
+    ------
+    TableError
+        It is unfinished, or as for :class:`vibroplat.results.files.Result`.
+    """
+
+    label: str = ""
+
+    def __init__(self, directory: Path, command: Command) -> None:
+        if not directory.is_dir():
+            raise TableError(f"{directory} is not a directory; allowed: a result directory of vibroplat")
+        study: Command = "orbits" if command == "orbits" else "sweep"
+        kept, what = _UNFINISHED[study]
+        if (directory / kept).exists() and not has_result(directory, study):
+            raise TableError(f"{directory} holds {what} with `vibroplat {study} --resume`")
+        super().__init__(directory, command)
+        self.command = command
+
+    def given(self, *path: str) -> Any:
+        """Return the configuration, or a section or value of it; raises TableError if it is not there."""
+        found: Any = self.provenance.get("configuration")
+        for name in path:
+            found = found.get(name) if isinstance(found, dict) else None
+        if found is None or not (path or isinstance(found, dict)):
+            what, _ = RESULTS[self.command]
+            raise TableError(f"{self.directory}/provenance.json is not the provenance of {what}")
+        return found
+
+    @cached_property
+    def scene(self) -> Scene:
+        """What was simulated; raises TableError if the configuration is lost or of another version."""
+        try:
+            return Scene.from_tree(self.given())
+        except (TypeError, AttributeError, ConfigError) as error:
+            raise TableError(f"the configuration in {self.directory}: {error}") from None
+
+    @property
+    def known_scene(self) -> Scene | None:
+        """What was simulated, if that is known."""
+        try:
+            return self.scene
+        except TableError:
+            return None
+
+    @cached_property
+    def summary(self) -> dict[str, Any]:
+        """Summary of a run; empty for other commands."""
+        found = self.document("summary") if self.command == "run" else {}
+        if not isinstance(found, dict):
+            raise TableError(f"{self.directory / 'summary.json'} is not the summary of a run")
+        return found
+
+    def columns(
+        self, name: str, texts: Collection[str], numbers: Collection[str] = (), optional: Collection[str] = ()
+    ) -> pd.DataFrame:
+        """Read a table; it must have these columns of texts and of numbers, and numbers in optional ones it has."""
+        return _checked(self.table(name), f"the {name} table in {self.directory} has no", texts, numbers, optional)
+
+    def column_parts(
+        self, name: str, texts: Collection[str], numbers: Collection[str], optional: Collection[str] = ()
+    ) -> Iterator[pd.DataFrame]:
+        """Read these columns of a table in parts, which must be as in :meth:`columns`."""
+        for part in self.parts(name, (*texts, *numbers, *optional)):
+            yield _checked(part, f"the {name} table in {self.directory} has no", texts, numbers, optional)
 
 
 def _checked(table: pd.DataFrame, told: str, *columns: Collection[str]) -> pd.DataFrame:
@@ -122,7 +194,7 @@ class Cut:
     columns
         Columns of which the extremes are kept.
     every
-        Every how many rows of the trajectory one is kept of the thinned interval; 0: none are.
+        In the thinned interval one of so many rows of the trajectory is kept; 0: none.
     most
         Most rows that are kept of the interval shown: the first ones, or with a negative number the last ones.
 

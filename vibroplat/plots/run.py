@@ -16,8 +16,8 @@ from vibroplat.columns import COORDINATES, PHASE
 from vibroplat.config.scene import Scene
 from vibroplat.errors import TableError
 from vibroplat.plots import timelines
-from vibroplat.plots.labels import compared, distinct, run_parameters, scene_of
-from vibroplat.plots.reading import Cut, Ends, ends_of, read_parts, read_result
+from vibroplat.plots.labels import compared, distinct, run_parameters
+from vibroplat.plots.reading import Cut, Ends, Saved, ends_of
 from vibroplat.plots.style import BLACK, CURVES, FORCE, MATERIAL, PLATFORM, REFERENCE, head, legend_below, new_figure
 
 if TYPE_CHECKING:
@@ -94,7 +94,7 @@ class Run:
 
     def size(self, values: pd.DataFrame | pd.Series, column: str) -> float:
         """Return the range of a coordinate's values (m); of a rotation, that of the exciters' axes."""
-        arm = (self.scene.machine.exciter_distance_m if self.scene else 0.1) if column == "phi_rad" else 1.0
+        arm = (self.scene.body.distance if self.scene else 0.1) if column == "phi_rad" else 1.0
         found = values.to_numpy(dtype=float)
         found = found[np.isfinite(found)]
         return arm * float(np.ptp(found)) if len(found) else 0.0
@@ -106,18 +106,18 @@ _IN_MEMORY = ("the run lasted", "{} = {:g}", "the trajectory is empty")
 
 def read_run(directory: Path, start: float | None = None, stop: float | None = None) -> Run:
     """Read the tables of a run from ``start`` to ``stop`` (s); raises as :func:`run_of`, and where one is missing."""
-    result = read_result(directory, "run")
-    summary = result.document("summary")
-    frequency: Any = summary.get("excitation_frequency_hz", "") if isinstance(summary, dict) else ""
+    result = Saved(directory, "run")
+    summary = result.summary
+    frequency = summary.get("excitation_frequency_hz", "")
     known = frequency is None or (type(frequency) in (int, float) and frequency >= 0.0)
     if not known or not isinstance(summary.get("name"), str):
         raise TableError(f"{directory / 'summary.json'} is not the summary of a run")
-    ends = ends_of(read_parts(result, "trajectory", (), ("t_s",)))
+    ends = ends_of(result.column_parts("trajectory", (), ("t_s",)))
     optional = [column for column in COORDINATES if column != "y_m"]
-    trajectory = read_parts(result, "trajectory", ("mode",), ("t_s", "y_m", *_ANGLES), optional)
-    events = read_parts(result, "events", ("kind",), ("t_s", "impulse_n_s"))
+    trajectory = result.column_parts("trajectory", ("mode",), ("t_s", "y_m", *_ANGLES), optional)
+    events = result.column_parts("events", ("kind",), ("t_s", "impulse_n_s"))
     told = (f"{directory} runs", "--{} {:g}", f"{directory} holds an empty trajectory")
-    return run_of(summary, scene_of(result.provenance), ends, trajectory, events, start, stop, told)
+    return run_of(summary, result.known_scene, ends, trajectory, events, start, stop, told)
 
 
 def run_of(

@@ -13,8 +13,8 @@ import pandas as pd
 from vibroplat.columns import PHASE_COLUMN, QUANTITIES
 from vibroplat.config.reader import flat
 from vibroplat.errors import TableError
-from vibroplat.plots.labels import compared, distinct, is_number, scene_of, sweep_parameters, value_label
-from vibroplat.plots.reading import Curve, curves_of, read_columns, read_result
+from vibroplat.plots.labels import compared, distinct, is_number, sweep_parameters, value_label
+from vibroplat.plots.reading import Curve, Saved, curves_of, has_table
 from vibroplat.plots.style import CURVES
 from vibroplat.plots.timelines import Measured
 from vibroplat.results.files import Result
@@ -55,7 +55,7 @@ class Study:
         Table of a sweep in the same directory as branches, or None.
     """
 
-    results: list[Result]
+    results: list[Saved]
     names: list[str]
     points: pd.DataFrame
     grid: list[str]
@@ -74,7 +74,7 @@ class Study:
 
     def parameters(self, shown: Sequence[str]) -> str:
         """Return what a reader wants to know of the scene, without keys that axes and curves show."""
-        scene = scene_of(self.results[0].provenance) if len(self.results) == 1 else None
+        scene = self.results[0].known_scene if len(self.results) == 1 else None
         single = {key: self.points[key].astype(object).iloc[0] for key in self.grid if key not in self.varied}
         return sweep_parameters(scene if scene is None else scene.replace(single), shown)
 
@@ -113,7 +113,7 @@ class Study:
     def boundaries(self) -> pd.DataFrame:
         """Read the table ``boundaries``; its keys must hold numbers."""
         (result,) = self.results
-        table = read_columns(result, "boundaries", ("kind",), ("curve",))
+        table = result.columns("boundaries", ("kind",), ("curve",))
         if not all(key in table and is_number(table[key]) for key in (self.key, self.second)):
             raise TableError(f"the boundaries table in {result.directory} has no numbers of two keys")
         return table
@@ -126,8 +126,8 @@ def read_sweeps(directories: Sequence[Path], *, x: str = EXCITATION, data: Measu
     """Read the table of a sweep, or those of several as one."""
     results, tables = [], []
     for place in directories:
-        result = read_result(place, "sweep")
-        table = read_columns(result, "sweep", ("direction", "sync"), (SUPPLY, "branch", *_NUMBERS), _OPTIONAL)
+        result = Saved(place, "sweep")
+        table = result.columns("sweep", ("direction", "sync"), (SUPPLY, "branch", *_NUMBERS), _OPTIONAL)
         if table.empty:
             raise TableError(f"{place} holds an empty sweep table; there is nothing to plot")
         results.append(result)
@@ -138,7 +138,7 @@ def read_sweeps(directories: Sequence[Path], *, x: str = EXCITATION, data: Measu
     if len(tables) > 1:
         tables = [table.assign(**{RESULT: name}) for name, table in zip(names, tables, strict=True)]
     study = Study(results, names, pd.concat(tables, ignore_index=True), [RESULT, *grid][len(tables) == 1 :], x, data)
-    labels = compared("sweep", names, [scene_of(result.provenance) for result in results], study.varied)
+    labels = compared("sweep", names, [result.known_scene for result in results], study.varied)
     return replace(study, labels=dict(zip(names, labels, strict=True)))
 
 
@@ -152,12 +152,9 @@ def grid_of(table: pd.DataFrame) -> list[str]:
     return [str(key) for key in table.columns[: list(table.columns).index("direction")] if key != SUPPLY]
 
 
-def _completed(table: pd.DataFrame, result: Result, keys: Iterable[str]) -> pd.DataFrame:
+def _completed(table: pd.DataFrame, result: Saved, keys: Iterable[str]) -> pd.DataFrame:
     """Add the keys that only other sweeps vary, with the value that this one was made with."""
-    try:
-        made = flat(result.provenance["configuration"])
-    except (KeyError, TypeError, AttributeError):
-        raise TableError(f"{result.directory}/provenance.json is not the provenance of a sweep") from None
+    made = flat(result.given())
     return table.assign(**{key: made[key] for key in keys if key not in table and key in made})
 
 
@@ -166,21 +163,19 @@ def _completed(table: pd.DataFrame, result: Result, keys: Iterable[str]) -> pd.D
 
 def read_branches(directory: Path) -> Study:
     """Read the tables of branches, and that of a sweep if it lies in the same directory."""
-    result = read_result(directory, "orbits")
-    try:
-        plan = result.provenance["configuration"]["orbits"]
-        named = str(plan["key"]), str((plan.get("boundaries") or {}).get("key", ""))
-    except (AttributeError, KeyError, TypeError):
-        raise TableError(f"{directory}/provenance.json is not the provenance of branches of orbits") from None
+    result = Saved(directory, "orbits")
+    named = [str(result.given("orbits", "key")), ""]
+    if result.given("orbits").get("boundaries"):
+        named[1] = str(result.given("orbits", "boundaries", "key"))
     key, second = (SUPPLY if name == FREQUENCY else name for name in named)
     numbers = (key, EXCITATION, "branch", "rms_x_m", "rms_y_m", PHASE_COLUMN, "motor_power_w", "multiplier_1_re")
-    points = read_columns(result, "branches", ("sequence",), numbers, ("contact_force_max_n",))
+    points = result.columns("branches", ("sequence",), numbers, ("contact_force_max_n",))
     if "stable" not in points:
         raise TableError(f"the branches table in {directory} has no column stable")
-    special = read_columns(result, "special", ("kind",), (key, EXCITATION, "branch", "point"))
+    special = result.columns("special", ("kind",), (key, EXCITATION, "branch", "point"))
     if points.empty:
         raise TableError(f"{directory} holds an empty table of branches; there is nothing to plot")
-    swept = Result(directory, "sweep").table("sweep") if any(directory.glob("sweep.*")) else None
+    swept = Result(directory, "sweep").table("sweep") if has_table(directory, "sweep") else None
     return _branches([result], directory.resolve().name, points, key, second=second, special=special, swept=swept)
 
 
@@ -192,7 +187,7 @@ def branches_of(points: pd.DataFrame, special: pd.DataFrame | None = None) -> St
     return _branches([], "orbits", points, key, special=special)
 
 
-def _branches(results: list[Result], name: str, points: pd.DataFrame, key: str, **more: Any) -> Study:
+def _branches(results: list[Saved], name: str, points: pd.DataFrame, key: str, **more: Any) -> Study:
     """Prepare branches over a key; the columns of the grid stand before it."""
     grid = list(points.columns[: list(points.columns).index(key)])
     return Study(results, [name], points, grid, EXCITATION if key == SUPPLY else key, key=key, **more)

@@ -17,12 +17,11 @@ from matplotlib.patches import Patch
 from vibroplat.columns import QUANTITIES
 from vibroplat.errors import TableError
 from vibroplat.plots.labels import ABSCISSAE, key_label
-from vibroplat.plots.reading import Curve, read_columns
+from vibroplat.plots.reading import Curve
 from vibroplat.plots.response import response_figure
 from vibroplat.plots.studies import Study, read_sweeps
 from vibroplat.plots.style import BLUE, CURVES, GREEN, ORANGE, PURPLE, SKY, VERMILION, entry, head, new_figure
 from vibroplat.plots.timelines import read_measured
-from vibroplat.results.files import Result
 from vibroplat.study.branches import EXCITATION, SUPPLY
 
 if TYPE_CHECKING:
@@ -75,20 +74,16 @@ def sweep_figures(
     measured = None if data is None else read_measured(data, column, QUANTITIES, ABSCISSAE.values())
     response = read_sweeps(directories, x=column, data=measured)
     if not kinds:
-        kinds = list(dict.fromkeys(["response", *([_kind(response.results[0])] if len(directories) == 1 else [])]))
+        kinds = list(
+            dict.fromkeys(
+                ["response", *([response.results[0].given("sweep", "kind")] if len(directories) == 1 else [])]
+            )
+        )
     if len(directories) > 1 and {*kinds} != {"response"}:
         other = next(kind for kind in kinds if kind != "response")
         raise TableError(f"--kind {other} shows one sweep; allowed with {len(directories)} of them: response")
     for kind in kinds:
         yield directories[0], kind, FIGURES[kind](response)
-
-
-def _kind(result: Result) -> str:
-    """Return the kind of a sweep."""
-    try:
-        return str(result.provenance["configuration"]["sweep"]["kind"])
-    except (KeyError, TypeError):
-        raise TableError(f"{result.directory}/provenance.json is not the provenance of a sweep") from None
 
 
 # -- bifurcation diagram -----------------------------------------------------------------------------------------------
@@ -110,7 +105,7 @@ def bifurcation(response: Study) -> Figure:
     """
     curves, x = response.curves, response.x
     section, impacts = (
-        read_columns(response.results[0], name, ("direction",), (x, "branch", column))
+        response.results[0].columns(name, ("direction",), (x, "branch", column))
         for name, column in (("section", "y_m"), ("impacts", "impact_speed_m_per_s"))
     )
     quantities = [(section, "y_m", 1e3, "$y$ at whole turns of exciter 1 (mm)")]

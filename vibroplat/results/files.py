@@ -18,9 +18,8 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, Literal
 
-import pandas as pd
-
 from vibroplat.errors import TableError
+from vibroplat.frames import pd
 from vibroplat.results.locks import replacing
 from vibroplat.results.tables import (
     Format,

@@ -29,7 +29,7 @@ def provenance(scene: Scene, engine: str, origin: dict[str, Any] | None = None) 
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
         "configuration_sha256": configuration_hash(scene),
         "engine": engine,
-        "sundials": _sundials(),
+        "sundials": sundials_version(),
         "tolerance": scene.solver.tolerance,
         "python": platform.python_version(),
         "platform": platform.platform(),
@@ -51,8 +51,8 @@ def _version(name: str) -> str | None:
         return None
 
 
-def _sundials() -> str | None:
-    """Version of SUNDIALS inside scikit-sundae."""
+def sundials_version() -> str | None:
+    """Version of SUNDIALS inside scikit-sundae, if it can be read."""
     try:
         return configuration().get("SUNDIALS_VERSION")
     except UnavailableError:

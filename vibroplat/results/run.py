@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
-import pandas as pd
 
-from vibroplat.columns import labelled, unit_of
+from vibroplat.columns import unit_of
 from vibroplat.config.scene import Scene
 from vibroplat.errors import TableError
 from vibroplat.extensions import figure_of
+from vibroplat.frames import PlainTable, pd
 from vibroplat.hybrid.state import EVENT
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.systems import FULL_SIZE
@@ -104,7 +104,7 @@ class Trajectory:
         if self.table is not None:
             return self.table
         parts: list[pd.DataFrame] = []
-        rows = TrajectoryRows(self.scene, parts.append)
+        rows = TrajectoryRows(self.scene, lambda part: parts.append(part.frame))
         for segment in self.segments:
             rows.add(segment)
         rows.finish()
@@ -113,7 +113,7 @@ class Trajectory:
     @cached_property
     def events(self) -> pd.DataFrame:
         """Event table."""
-        return event_table(self.event_rows) if self.saved is None else self.saved.table("events")
+        return event_table(self.event_rows).frame if self.saved is None else self.saved.table("events")
 
     @cached_property
     def section(self) -> pd.DataFrame:
@@ -133,7 +133,7 @@ class Trajectory:
         columns = {"t_s": points["t"]} | {name: states[:, i] for name, i in state_places(self.scene).items()}
         if self.scene.has_contact:
             columns["contact_force_n"] = points["force"]
-        return labelled(pd.DataFrame(columns), TRAJECTORY)
+        return PlainTable(columns, TRAJECTORY).frame
 
     @property
     def final_state(self) -> FloatArray:
@@ -171,7 +171,7 @@ class Trajectory:
         for i in np.unique(owner):
             mine = order[owner == i]
             rows[mine] = sampler(self.segments[i], wanted[mine])
-        return sampler.table(rows)
+        return sampler.table(rows).frame
 
     def rows(self, sample: Sample = "all") -> pd.DataFrame:
         """Return the trajectory table; with ``unique``, times ascend strictly, as interpolation elsewhere needs it."""

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import csv
 import hashlib
 import json
+import math
 import os
 import re
 import tempfile
@@ -11,11 +13,10 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from io import BufferedReader
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, Self
-
-import pandas as pd
+from typing import TYPE_CHECKING, Any, Literal, Self, TypeAlias
 
 from vibroplat.errors import TableError
+from vibroplat.frames import PlainTable, Words, pd
 from vibroplat.results.locks import is_gone, mark
 from vibroplat.system.interrupts import unfinished, watching
 
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
 Format = Literal["parquet", "csv"]
 Writer = Callable[[Path], object]
 #: A table, or its parts, with one of them in memory at a time.
-Table = pd.DataFrame | Iterable[pd.DataFrame]
+Table: TypeAlias = "pd.DataFrame | Iterable[pd.DataFrame]"
 FORMATS: tuple[Format, ...] = ("parquet", "csv")
 #: Most rows that are read at a time.
 PART = 2**15
@@ -216,28 +217,32 @@ class TableFile:
         self._temporary: Path | None = None
         self._parquet: pq.ParquetWriter | None = None
 
-    def append(self, part: pd.DataFrame) -> None:
-        """Write the next part; raises :class:`TableError`."""
+    def append(self, part: pd.DataFrame | PlainTable) -> None:
+        """Write the next part; raises :class:`TableError`. Of plain arrays it is the same file, without pandas."""
         with one_line_errors(self.path):
             first = self._temporary is None
             if self._temporary is None:
                 self._temporary = self._stack.enter_context(_temporary(self.path))
-            if self._form == "csv":
-                part.to_csv(self._temporary, mode="a", index=False, header=first)
-            else:
+            if self._form == "parquet":
                 self._append_rows(part, self._temporary)
+            elif isinstance(part, PlainTable):
+                _append_lines(part, self._temporary, header=first)
+            else:
+                part.to_csv(self._temporary, mode="a", index=False, header=first)
 
     def extend(self, table: Table) -> None:
         """Write a table, whole or in parts; raises :class:`TableError`."""
         for part in [table] if isinstance(table, pd.DataFrame) else table:
             self.append(part)
 
-    def _append_rows(self, part: pd.DataFrame, place: Path) -> None:
+    def _append_rows(self, part: pd.DataFrame | PlainTable, place: Path) -> None:
         """Append a row group; units and meanings in the ``attrs`` become metadata of the fields."""
         import pyarrow as pa  # noqa: PLC0415  (a table in CSV does not need it)
         import pyarrow.parquet as pq  # noqa: PLC0415
 
-        rows = pa.Table.from_pandas(part, preserve_index=False)
+        from vibroplat.results.arrow import arrow_table  # noqa: PLC0415  (nor this)
+
+        rows = arrow_table(part) if isinstance(part, PlainTable) else pa.Table.from_pandas(part, preserve_index=False)
         units, meanings = part.attrs.get("units", {}), part.attrs.get("meanings", {})
         fields = [
             field.with_metadata({"unit": units.get(field.name, ""), "meaning": meanings[field.name]})
@@ -259,7 +264,7 @@ class TableFile:
 
     def __enter__(self) -> Self:
         if self._form == "parquet":
-            import pyarrow.parquet  # noqa: F401, PLC0415  (before memory is short)
+            import vibroplat.results.arrow  # noqa: F401, PLC0415
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -267,6 +272,19 @@ class TableFile:
             if self._parquet is not None:
                 self._parquet.close()
         self._stack.close()
+
+
+def _append_lines(part: PlainTable, place: Path, *, header: bool) -> None:
+    """Append lines of CSV, to the byte as pandas writes them: numbers in full, and nothing for nan."""
+    cells = [
+        of.texts() if isinstance(of, Words) else ["" if math.isnan(number) else number for number in of.tolist()]
+        for of in part.columns.values()
+    ]
+    with place.open("a", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator=os.linesep)
+        if header:
+            writer.writerow(part.columns)
+        writer.writerows(zip(*cells, strict=True))
 
 
 @contextmanager

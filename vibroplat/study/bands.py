@@ -20,7 +20,7 @@ LEAP = 2.5
 #: Change of the phase difference between two points that is a jump (rad); where radii differ it may shift gradually.
 TURN = np.pi / 4.0
 #: Change of amplitude between two points that is a jump, over the largest amplitude of the branch and over the changes
-#: next to it; up a resonance the amplitude grows as much, but neither at once nor in one step alone.
+#: next to it; up a resonance the amplitude grows as much, but over several points.
 RISE, ALONE = 0.15, 4.0
 
 #: Columns of the table, after the grid keys, direction and branch; the last ones are of the ends.

@@ -10,11 +10,12 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from vibroplat.columns import Column, Columns, labelled
+from vibroplat.columns import Column, Columns
 from vibroplat.config.keys import key_of
 from vibroplat.config.plans import SweepPlan
 from vibroplat.config.scene import Scene
 from vibroplat.errors import ConfigError
+from vibroplat.frames import labelled
 
 #: Key of a scene that varies along a branch.
 FREQUENCY = "drive.supply_frequency_hz"

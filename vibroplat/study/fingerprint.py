@@ -3,10 +3,10 @@
 Points that two versions of the package have measured look alike and differ. Each task therefore travels with the
 fingerprint of the process that sent it, and a worker with another one refuses it, whenever that worker has joined.
 
-Machines are compared by what they compute, not by the names of their processors. Machine code of the kernels is the
-same on all that have what the generic processor has that it is compiled for; on others a product and a sum may be
-rounded otherwise. And the C library, numpy and BLAS choose variants of their functions by processor, which differ in
-the last bits.
+Machines are compared by what they compute, not by the names of their processors. Kernels are compiled for a generic
+processor, and all machines that can run that code give the same bits; on others a product and a sum may be rounded
+otherwise. And the C library, numpy and BLAS choose variants of their functions by processor, which differ in the last
+bits.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ import numpy as np
 import vibroplat
 from vibroplat.config.scene import Scene
 from vibroplat.integrate import make_engine, native_library
-from vibroplat.integrate.sundials import UnavailableError, configuration
 from vibroplat.kernels.target import processor
 from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Motion
 from vibroplat.observe.summary import measured
+from vibroplat.results.provenance import sundials_version
 
 Fingerprint = Mapping[str, str]
 
@@ -53,8 +53,8 @@ TRIED = 2000
 def checked(expected: Fingerprint, work: bytes) -> dict[str, Any]:
     """Do a task on a worker, if it would give the same bits in the process that sent it.
 
-    ``work`` is the pickled task, function and arguments. It is opened last: only what has the same fingerprint can
-    read it. The answer holds its ``result``, the ``error`` that it raised, or why it was ``refused``.
+    ``work`` is the pickled task, function and arguments. It is unpickled last, as other code could not read it. The
+    answer holds its ``result``, the ``error`` that it raised, or why it was ``refused``.
     """
     # machine code is compiled and run for the arithmetic, which is not worth the time where anything else differs
     other = difference(expected, code()) or difference(expected, code() | arithmetic())
@@ -86,7 +86,7 @@ def code() -> dict[str, str]:
         "source files": _sources()[:16],
         "Python": f"{platform.python_implementation()} {sys.version_info.major}.{sys.version_info.minor}",
         "platform": f"{platform.system()} {platform.machine()}",
-        "SUNDIALS": _sundials(),
+        "SUNDIALS": sundials_version() or "unknown",
         **{name: importlib.metadata.version(name) for name in LIBRARIES},
         "engine": "sundae" if native_library() is None else "native",
     }
@@ -107,13 +107,6 @@ def _sources() -> str:
         text = source.read_bytes()
         found.update(f"{source.relative_to(package).as_posix()} {len(text)} ".encode() + text)
     return found.hexdigest()
-
-
-def _sundials() -> str:
-    try:
-        return configuration().get("SUNDIALS_VERSION", "unknown")
-    except UnavailableError:
-        return "unknown"
 
 
 def _motion() -> list[Any]:

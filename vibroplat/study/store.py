@@ -1,8 +1,8 @@
 """Results on disk, stored one by one as they are finished, so that a killed process loses none of them.
 
-What is read back is what was written, or it is said: each record has a digest of its text, its place and its task. A
-record that is damaged is deleted when work is resumed, and its task is done again. A later record of its chain is used
-again only if the task that now follows is the one that it was the record of, with the same arguments.
+Damage is found, as each record has a digest of its text, its place and its task. When work is resumed, damaged records
+are deleted and their tasks done again. Later records of such a chain are used again only where the same task follows,
+with the same arguments.
 """
 
 from __future__ import annotations
@@ -218,7 +218,7 @@ class Store:
                 yield place, json.loads(content[1])
 
     def part(self, name: str) -> Store:
-        """Return the part of the store in which the chains of one purpose have names of their own."""
+        """Return the same store with names of chains of its own, for one purpose."""
         part = copy(self)
         part._prefix = f"{self._prefix}{name}/"
         return part

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager, nullcontext
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -105,27 +104,15 @@ def sweep(
     ['ok', 'ok', 'ok']
     """
     planned = branches(scene)
-    with Store(None, {}) as store, measured(planned, store, jobs, scheduler, wait, nullcontext(progress)):
+    with Store(None, {}) as store, pool(jobs, scheduler, wait=wait, chains=len(planned)) as workers:
+        run_sweeps([(planned, store)], workers, progress)
         return pd.concat(tables(planned, store), ignore_index=True)
 
 
-@contextmanager
-def measured(
-    planned: Sequence[Branch],
-    store: Store,
-    jobs: int,
-    scheduler: str | None,
-    wait: float,
-    progress: AbstractContextManager[Progress | None],
-    further: int = 0,
-) -> Iterator[Pool]:
-    """Measure the points of branches that are not stored yet; yield the open pool, for ``further`` chains."""
+def unfinished(planned: Sequence[Branch], store: Store) -> int:
+    """Return the number of branches whose points are not all stored."""
     stored = store.lengths()
-    left = sum(stored.get(branch.number, 0) < len(branch.frequencies) for branch in planned)
-    with pool(jobs, scheduler, wait=wait, chains=max(left, further)) as workers:
-        with progress as report:
-            run_sweeps([(planned, store)], workers, report)
-        yield workers
+    return sum(stored.get(branch.number, 0) < len(branch.frequencies) for branch in planned)
 
 
 def conditions(scene: Scene) -> dict[str, Any]:

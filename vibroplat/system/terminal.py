@@ -69,6 +69,28 @@ def calibration_progress(total: int) -> Iterator[Callable[[int, int, float], Non
 
 
 @contextmanager
+def compilation_progress(count: Callable[[], int]) -> Iterator[None]:
+    """Show how many kernels have been compiled, as ``count`` says, and the time that it has taken."""
+    if not sys.stderr.isatty():
+        yield
+        return
+    from rich.console import Console
+    from rich.progress import Progress, ProgressColumn, SpinnerColumn, Task, TimeElapsedColumn
+    from rich.text import Text
+
+    class Count(ProgressColumn):
+        """How many there are."""
+
+        def render(self, task: Task) -> Text:
+            """Ask again."""
+            return Text(f"{count()} kernels compiled")
+
+    with Progress(SpinnerColumn(), Count(), TimeElapsedColumn(), console=Console(stderr=True), transient=True) as line:
+        line.add_task("")
+        yield
+
+
+@contextmanager
 def _bar(
     name: str, total: float, unit: str, counts: str, number: str = "", **fields: Any
 ) -> Iterator[Callable[..., None] | None]:

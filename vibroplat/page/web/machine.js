@@ -8,12 +8,13 @@ class Machine {
   constructor(run, largest) {
     this.run = run;
     this.largest = largest;
-    const {axis: [x0, y0], radii} = run.machine, radius = Math.max(...radii);
-    this.scale = HALF / Math.max(x0 + 1.25 * radius, 1e-6);
-    this.axis = [x0 * this.scale, y0 * this.scale];
+    const {axes, radii} = run.machine, reach = (place, share) =>
+      Math.max(...axes.map((axis, number) => place(axis) + share * radii[number]));
+    this.scale = HALF / Math.max(reach(([x]) => Math.abs(x), 1.25), 1e-6);
+    this.axes = axes.map(axis => axis.map(one => one * this.scale));
     this.radii = radii.map(one => one * this.scale);
-    this.top = this.axis[1] + radius * this.scale + 13;
-    this.bottom = Math.min(this.axis[1] - radius * this.scale - 17, -14);
+    this.top = Math.max(reach(([, y]) => y, 1) * this.scale, 0) + 13;
+    this.bottom = Math.min(-reach(([, y]) => -y, 1) * this.scale - 17, -14);
     this.floor = this.bottom - SPRING - ROOM;
     this.build();
   }
@@ -133,7 +134,7 @@ class Machine {
     set(this.body, {transform: carried});
     this.drawSprings();
     this.exciters.forEach(({group, arm}, number) => {
-      const [x, y] = this.moved(number ? -this.axis[0] : this.axis[0], this.axis[1]);
+      const [x, y] = this.moved(...this.axes[number]);
       set(group, {transform: `translate(${x} ${-y})`});
       set(arm, {transform: `rotate(${-value(`phi${number + 1}_rad`, 2 * Math.PI) * 180 / Math.PI})`});
     });

@@ -1,0 +1,155 @@
+"""Tables as plain arrays, and as DataFrames once somebody asks for them.
+
+Loading pandas takes longer than integrating a short run, and the command ``run`` needs none of it. Modules that it
+loads take ``pd`` from here, which is pandas from its first use on.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache, cached_property
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from vibroplat.columns import Columns, unit_of
+from vibroplat.extensions import figure_of
+
+if TYPE_CHECKING:
+    import pandas
+    from matplotlib.figure import Figure
+
+
+@cache
+def load_pandas() -> Any:
+    """Load pandas, and give its tables what they offer at a prompt."""
+    loaded = import_module("pandas")
+    loaded.api.extensions.register_dataframe_accessor("vibroplat")(TableAccessor)
+    return loaded
+
+
+class _Pandas:
+    """Pandas, which is loaded when one of its names is first used."""
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(load_pandas(), name)
+
+
+if TYPE_CHECKING:
+    pd = pandas
+else:
+    pd = _Pandas()
+
+
+class Words(NamedTuple):
+    """A column of a table, with one of a few words in each row.
+
+    Attributes
+    ----------
+    numbers
+        Which of the words each row has, shape (rows,).
+    words
+        The words.
+    categorical
+        Whether they are categories in a DataFrame.
+    """
+
+    numbers: npt.NDArray[Any]
+    words: Sequence[str]
+    categorical: bool = False
+
+    def texts(self) -> list[str]:
+        """Return the word of each row."""
+        return [self.words[number] for number in self.numbers.tolist()]
+
+
+@dataclass(frozen=True)
+class PlainTable:
+    """A table, or a part of it, as arrays.
+
+    Attributes
+    ----------
+    columns
+        Columns by their names.
+    described
+        What they mean.
+    """
+
+    columns: Mapping[str, npt.NDArray[Any] | Words]
+    described: Columns
+
+    @property
+    def attrs(self) -> dict[str, dict[str, str]]:
+        """Units and meanings of the columns, as in the ``attrs`` of :attr:`frame`."""
+        return _attributes(self.columns, self.described)
+
+    @cached_property
+    def frame(self) -> pd.DataFrame:
+        """The table as a DataFrame."""
+        columns: dict[str, Any] = dict(self.columns)
+        for name, column in self.columns.items():
+            if isinstance(column, Words) and column.categorical:
+                columns[name] = pd.Categorical.from_codes(column.numbers, categories=pd.Index(column.words))
+            elif isinstance(column, Words):
+                columns[name] = np.array(column.texts(), dtype=object)
+        return labelled(pd.DataFrame(columns), self.described)
+
+
+def _attributes(columns: Iterable[str], described: Columns) -> dict[str, dict[str, str]]:
+    """Return units of columns, and meanings of those that are described."""
+    return {
+        "units": {name: unit_of(name) for name in columns},
+        "meanings": {name: described[name].text for name in columns if name in described},
+    }
+
+
+def labelled(table: pd.DataFrame, columns: Columns) -> pd.DataFrame:
+    """Put units and meanings of a table's columns into its ``attrs``, and return it."""
+    table.attrs |= _attributes([str(name) for name in table], columns)
+    return table
+
+
+class TableAccessor:
+    """What tables offer at a prompt: ``table.vibroplat.plot()``.
+
+    Parameters
+    ----------
+    table
+        Of a trajectory, a sweep or branches of orbits, or rows of it.
+    """
+
+    def __init__(self, table: pd.DataFrame) -> None:
+        self._table = table
+
+    def plot(self, x: str | None = None) -> Figure:
+        """Draw the figure of the table: a motion over time, the response of a sweep, or branches of orbits.
+
+        Parameters
+        ----------
+        x
+            Column of the horizontal axis of a sweep or of branches. Default: the excitation frequency; for branches
+            over another key than the supply frequency, the key.
+
+        Raises
+        ------
+        ValueError
+            It is no such table, or has no such column.
+        TableError
+            There is nothing to draw.
+
+        Examples
+        --------
+        >>> from vibroplat import Scene, simulate
+        >>> run = simulate(Scene(run={"duration_s": 0.5}))
+        >>> len(run.trajectory.vibroplat.plot().axes) > 1
+        True
+        """
+        return figure_of(self._table, x)
+
+
+if "pandas" in sys.modules:
+    load_pandas()
