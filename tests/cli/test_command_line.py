@@ -18,11 +18,8 @@ from common.commands import script
 from common.places import QUICKSTART
 
 from vibroplat import __version__, load_config
-from vibroplat.cli import main
 from vibroplat.config.keys import configuration_schema, keys
 from vibroplat.config.scene import Scene
-from vibroplat.integrate import tell_of_compilation
-from vibroplat.kernels.cache import is_compiled
 from vibroplat.results.provenance import configuration_hash, provenance
 from vibroplat.results.tables import FORMATS, read_json, read_table
 from vibroplat.system.interrupts import KEPT, RESUMABLE
@@ -187,19 +184,6 @@ def test_run_without_a_first_step_exits_1_and_writes_empty_tables(command, tmp_p
     assert read_json(directory, "summary")["simulated_s"] == 0.0
     told = f"vibroplat: {directory} holds an empty trajectory; there is nothing to plot\n"
     assert command("plot", directory) == (2, "", told)
-
-
-def test_the_first_run_says_why_it_takes_long(here, monkeypatch, caplog, kernels):
-    assert is_compiled()
-    tell_of_compilation.cache_clear()
-    monkeypatch.setattr("vibroplat.kernels.cache.is_compiled", lambda engine="auto": False)
-    monkeypatch.setattr("sys.argv", ["vibroplat", "run", str(QUICKSTART), "--set", "run.duration_s=0.01"])
-    with pytest.raises(SystemExit) as ended:
-        main()
-    assert ended.value.code == 0
-    how = "this happens once for each engine and takes about half a minute"
-    assert caplog.messages == [f"compiling the numerical kernels; {how}"]
-    tell_of_compilation.cache_clear()
 
 
 # -- provenance -----------------------------------------------------------------------------------------

@@ -93,7 +93,7 @@ ODD += [b"\t", b"\r", b"\x00", b"\x1b[2J", b"\xff\xfe", b"\xed\xa0\x80", b"\xe2\
 
 
 @given(
-    examples=200,
+    examples=100,
     at=lambda st: st.integers(0, len(TEXT)),
     left_out=lambda st: st.integers(0, 12),
     put_in=lambda st: st.one_of(st.sampled_from(ODD), st.binary(max_size=8)),

@@ -59,19 +59,19 @@ def test_a_curve_in_the_wrong_place_is_told(over_mass, kind):
 
 @pytest.mark.long
 def test_motion_differs_on_both_sides_of_boundaries_over_restitution():
-    boundaries = {"key": RESTITUTION, "start": 0.0, "stop": 0.4, "step": {"first": 0.02, "largest": 0.05}}
+    boundaries = {"key": RESTITUTION, "start": 0.0, "stop": 0.4, "step": {"first": 0.02, "largest": 0.05}, "check": 3}
     _, curves = bounded(machine(0.1, boundaries))
     assert {curve.kind for curve in curves} >= {"liftoff", "end-of-sticking", "period-doubling"}
     found = {kind: sum((checks(c) for c in curves if c.kind == kind), Counter()) for kind in {c.kind for c in curves}}
     for kind in ("liftoff", "end-of-sticking", "fold"):
-        assert found[kind].total() >= 5
+        assert found[kind].total() >= 3
         assert set(found[kind]) == {AGREES}
     (sticking,) = [curve for curve in curves if curve.kind == "end-of-sticking"]
     assert sticking.ended[1] == "end of a key's range"
     assert sticking.rows[0]["second"] < 1e-5
     # one of these curves bounds orbits of three impacts, which in places attract too little to be met
-    assert found["period-doubling"].total() >= 10
-    assert found["period-doubling"][AGREES] >= 6
+    assert found["period-doubling"].total() >= 6
+    assert found["period-doubling"][AGREES] >= 4
 
 
 def test_ball_leaves_its_orbit_where_it_folds():

@@ -40,20 +40,6 @@ def largest_file(size):
 # -- a file cannot grow ---------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("text", "form", "size"), [(RUN, "parquet", 10_000), (SPARSE, "csv", 0)])
-def test_run_without_room_is_told_in_a_line(text, form, size, here):
-    (here / "c.yaml").write_text(text)
-    with largest_file(size):
-        done = command("run", "c.yaml", "--format", form)
-    found, temporaries = left(here / "results/c")
-    assert temporaries == []
-    assert not_a_line(done, codes=FAILED) == ""
-    assert len(found) < 4
-    again = command("run", "c.yaml", "--format", form)
-    assert (again.code, again.err) == (0, "")
-    assert len(left(here / "results/c")[0]) == 4
-
-
 @pytest.mark.parametrize(("text", "size", "file"), [(RUN, 3000, "trajectory.csv"), (SPARSE, 2000, "provenance.json")])
 def test_earlier_run_is_kept_where_there_is_no_room(text, size, file, here):
     (here / "c.yaml").write_text(text)

@@ -87,32 +87,27 @@ def resumed(directory, caplog):
 
 
 @pytest.mark.faults
-def test_sweep_killed_three_times_ends_in_the_same_table(here):
-    (here / "c.yaml").write_text(LONGER)
-    assert command("sweep", "c.yaml", "--out", "alone", "--format", "csv").code == 0
-    options = ("sweep", "c.yaml", "--resume", "--jobs", "2", "--format", "csv")
-    expected = 0
-    for points, after in ((1, True), (9, False), (4, True)):
-        done = ended(here, *options, before=sending(signal.SIGKILL, WRITE, points, after=after))
-        assert done.code == -signal.SIGKILL
-        expected += points if after else points - 1
-        assert finished_points(here / "results/c") == expected
-    assert not list((here / "results/c").glob("sweep.*"))
-    done = command(*options)
-    assert f", {expected} of the points from before\n" in done.out
-    table, alone = (read_table(here / place, "sweep") for place in ("results/c", "alone/c"))
-    assert bits(table) == bits(alone)
-    assert table.dtypes.equals(alone.dtypes)
+def test_sweep_that_was_killed_goes_on_to_the_same_table_and_no_worker_outlives_it(here):
+    """A killed process cannot stop its workers; they end when no more tasks come, half a minute later by loky's rule.
 
-
-@pytest.mark.faults
-def test_no_workers_outlive_a_sweep_that_was_killed(here):
-    """A killed process cannot stop its workers; they end when no more tasks come."""
+    What needs as long is done meanwhile: the sweep, and one that is killed before a point is stored and after another.
+    """
     (here / "c.yaml").write_text(LONGER)
     before = sending(signal.SIGKILL, WRITE, 10) + "import vibroplat.study.pool\nvibroplat.study.pool.IDLE = 1\n"
     with Child(here, "sweep", "c.yaml", "--jobs", "2", before=before) as child:
-        child.end()
-        _, alive = psutil.wait_procs(child.members(), timeout=150.0)
+        assert child.end().code == -signal.SIGKILL
+        orphans = child.members()
+        assert command("sweep", "c.yaml", "--out", "alone").code == 0
+        assert finished_points(here / "results/c") == 9
+        kill = sending(signal.SIGKILL, WRITE, 4, after=True)
+        assert ended(here, "sweep", "c.yaml", "--resume", before=kill).code == -signal.SIGKILL
+        assert not list((here / "results/c").glob("sweep.*"))
+        done = command("sweep", "c.yaml", "--resume")
+        assert ", 13 of the points from before\n" in done.out
+        table, alone = (read_table(here / place, "sweep") for place in ("results/c", "alone/c"))
+        assert bits(table) == bits(alone)
+        assert table.dtypes.equals(alone.dtypes)
+        _, alive = psutil.wait_procs(orphans, timeout=150.0)
         assert alive == []
 
 

@@ -34,6 +34,10 @@ def driver(request):
         yield opened
 
 
+#: For what does not depend on the width of the screen.
+WIDE = pytest.mark.parametrize("driver", WIDTHS[1:], indirect=True)
+
+
 @pytest.fixture(scope="module")
 def pages(moved, started, swept, followed, branched, measured, tmp_path_factory):
     """Paths of pages by name."""
@@ -157,6 +161,7 @@ def test_figures_keep_their_place_when_the_window_changes(visit):
     assert 500 < axis < 700
 
 
+@WIDE
 def test_play_and_keys_move_the_drawing_and_the_cursor_through_time(visit):
     page = visit("one")
     state = """[window.vibroplat.player.time, document.querySelector('#machines svg').innerHTML,
@@ -213,6 +218,7 @@ def test_clicks_and_drags_set_the_time_and_the_interval(visit):
     assert js(page, RANGE) == pytest.approx(whole)
 
 
+@WIDE
 def test_a_table_sets_the_time_is_sorted_and_saved(visit, tmp_path):
     page = visit("one")
     page.execute_async_script("window.vibroplat.player.curves.show([0.2, 0.25]).then(arguments[0])")
@@ -274,6 +280,7 @@ def test_clicks_show_rows_of_points_multipliers_and_special_points(visit):
     assert js(page, "document.getElementById('boundaries-0').data.length") == 2
 
 
+@WIDE
 def test_a_start_is_played_from_its_beginning(visit):
     page = visit("start")
     whole = js(page, "window.vibroplat.player.curves.whole")
@@ -286,6 +293,7 @@ def test_a_start_is_played_from_its_beginning(visit):
     assert clock(page) > 0.0  # the last turns
 
 
+@WIDE
 def test_phases_are_told_as_in_the_tables(visit):
     page = visit("one")
     number = js(page, "window.vibroplat.data.panels.findIndex(panel => panel.title === 'phase difference')")
@@ -370,6 +378,7 @@ def test_a_click_on_a_point_of_a_branch_draws_its_orbit(visit):
     assert js(page, "document.documentElement.scrollWidth") <= page.width
 
 
+@WIDE
 def test_the_machine_moves_through_orbits_of_all_kinds_of_points(visit):
     page = visit("orbits")
     page.execute_script("document.querySelector('.study tbody tr').click()")
@@ -403,6 +412,7 @@ def test_the_machine_moves_through_orbits_of_all_kinds_of_points(visit):
     assert "Orbit of this point" in js(page, "document.querySelectorAll('.study')[1].querySelector('.row').textContent")
 
 
+@WIDE
 def test_a_point_without_an_orbit_says_so_and_shows_its_neighbour(visit, branched, tmp_path, monkeypatch):
     monkeypatch.setattr(points, "MOST_SAMPLES", 600)
     page = visit(write_report([branched], tmp_path / "few.html", mover=motion_of))
@@ -422,6 +432,7 @@ def test_a_point_without_an_orbit_says_so_and_shows_its_neighbour(visit, branche
     assert "orbits of" in js(page, "document.querySelector('.study').textContent")
 
 
+@WIDE
 def test_curves_have_all_samples_where_these_are_shown(visit, moved, tmp_path):
     page = visit(write_report([moved["two layers"]], tmp_path / "part.html", 0.1, 0.2))
     count = "document.getElementById('curves').data[0].x.length"
@@ -433,6 +444,7 @@ def test_curves_have_all_samples_where_these_are_shown(visit, moved, tmp_path):
     assert js(page, "document.getElementById('curves').data[0].x[0]") == 0.0
 
 
+@WIDE
 def test_text_from_files_is_not_run(visit, moved, tmp_path):
     copy = handmade.rename(unproven(shutil.copytree(moved["two layers"], tmp_path / "copy")), HOSTILE, HOSTILE)
     page = visit(write_report([copy, moved["bare"]], tmp_path / "hostile.html"))

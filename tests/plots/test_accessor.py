@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -62,3 +65,11 @@ def test_what_cannot_be_drawn_is_refused(table, x, told):
         table.vibroplat.plot(x)
     with pytest.raises(TableError, match="the table is empty"):
         handmade.branches().iloc[:0].vibroplat.plot()
+
+
+def test_tables_that_pandas_reads_offer_it_too():
+    """In whatever order pandas and the package are loaded; a room alone loads no pandas before it makes a table."""
+    for code in ("from vibroplat import load; import pandas", "import pandas; from vibroplat import load"):
+        subprocess.run([sys.executable, "-c", f"{code}; pandas.DataFrame.vibroplat"], check=True)
+    code = "from vibroplat.motion.recorder import pd; assert 'pandas' not in __import__('sys').modules"
+    subprocess.run([sys.executable, "-c", f"{code}; pd.DataFrame.vibroplat"], check=True)

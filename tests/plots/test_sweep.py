@@ -40,7 +40,7 @@ def known(values):
 
 
 def test_a_sweep_by_the_command_has_its_figures(command, kernels, here):
-    plan = "{supply_frequency_hz: {start: 44, stop: 62, step: 6}, kind: bifurcation, lyapunov: false, max_settle_s: 5}"
+    plan = "{supply_frequency_hz: {start: 44, stop: 62, step: 18}, kind: bifurcation, lyapunov: false, settle_s: 1}"
     done = command("sweep", QUICKSTART, "--set", f"sweep={plan}", "--set", "name=swept")
     assert (done.code, done.err) == (0, "")
     before = dict(mpl.rcParams)

@@ -94,17 +94,6 @@ def test_numbers_read_back_bit_for_bit(form, tmp_path):
     np.testing.assert_array_equal(back.view(np.uint64), table["v"].to_numpy().view(np.uint64))
 
 
-@pytest.mark.parametrize("form", FORMATS)
-def test_tables_of_a_run_read_back_bit_for_bit(form, runs, tmp_path):
-    for table in (runs["bouncing"].trajectory, runs["bouncing"].events, runs["bare"].events):
-        write_table(table, tmp_path, "table", form)
-        back = read_table(tmp_path, "table")
-        assert list(back.columns) == list(table.columns)
-        for column in table:
-            wanted = table[column].to_numpy()
-            np.testing.assert_array_equal(back[column].to_numpy(wanted.dtype), wanted)
-
-
 @pytest.mark.parametrize(("form", "columns"), [("parquet", None), ("csv", ("mode", "y_m", "unknown"))])
 def test_table_in_parts_reads_back_bit_for_bit(form, columns, runs, tmp_path, monkeypatch):
     table = runs["two layers"].trajectory

@@ -16,7 +16,7 @@ import time
 import pandas as pd
 import pytest
 from common import clusters
-from common.commands import Child, ended, not_a_line
+from common.commands import Child, command, ended, not_a_line
 from common.places import LOADED
 from common.results import bits, finished_points
 
@@ -251,8 +251,8 @@ def table(tmp_path_factory, kernels):
     """The sweep's table, made without a cluster."""
     place = tmp_path_factory.mktemp("alone")
     (place / "c.yaml").write_text(SWEEP)
-    assert ended(place, "sweep", "c.yaml").code == 0
-    return bits(pd.read_parquet(place / "results/c/sweep.parquet"))
+    assert command("sweep", place / "c.yaml", "--out", place / "results").code == 0
+    return made(place)
 
 
 def made(place):
@@ -285,7 +285,7 @@ def await_text(file, text):
 
 def resumed(place, table):
     """Resume without a cluster: the table is that of a sweep that was never interrupted."""
-    done = ended(place, "sweep", "c.yaml", "--resume")
+    done = command("sweep", "c.yaml", "--resume")
     assert done.code == 0, done.err
     assert made(place) == table
 

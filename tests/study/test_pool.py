@@ -258,21 +258,22 @@ def test_suspects_run_alone(killers, error):
 
 @pytest.mark.faults
 def test_dask_task_that_kills_its_worker_costs_its_own_point_alone():
-    """The only worker holds two tasks; dask counts each death against both, and gives both up at the first.
+    """Each worker holds two tasks; dask counts the death of one against both, and gives both up at the first.
 
-    The killer waits: a worker that dies before its nanny has seen it started is not started again.
+    There are workers enough that none need be started again: a nanny gives a worker up that dies while it starts.
     """
     import dask
     from distributed import LocalCluster
 
-    late_killer = exec, ("import os, time; time.sleep(3); os._exit(1)",)
-    chains = [Calls(late_killer, NAP), Calls(NAP, (abs, (-1,))), Calls((abs, (-2,)))]
+    killer = exec, ("import os, time; time.sleep(0.5); os._exit(1)",)
+    chains = [Calls((time.sleep, (1.0,)) if k != 1 else killer, NAP, (abs, (-k,))) for k in range(6)]
+    options = {"n_workers": 3, "threads_per_worker": 1, "silence_logs": 50, "dashboard_address": ":0"}
     with (
         dask.config.set({"distributed.scheduler.allowed-failures": 0}),
-        LocalCluster(n_workers=1, threads_per_worker=1, silence_logs=50, dashboard_address=":0") as single,
-        pool(scheduler=single.scheduler_address, wait=250.0) as workers,
+        LocalCluster(**options) as three,
+        pool(scheduler=three.scheduler_address) as workers,
     ):
-        assert finish(chains, workers) == [["lost", None], [None, 1], [2]]
+        assert finish(chains, workers) == [["lost" if k == 1 else None, None, k] for k in range(6)]
 
 
 # -- sweeps ---------------------------------------------------------------------------------------------

@@ -519,17 +519,17 @@ def test_memory_does_not_grow_with_the_number_of_points(tmp_path, monkeypatch):
 
 def test_table_of_many_points_is_in_row_groups(tmp_path, monkeypatch):
     monkeypatch.setattr("vibroplat.study.sweep.measure_point", measured_at_once)
-    monkeypatch.setattr("vibroplat.study.sweep.CHUNK", 30)
-    sweep_of(100, tmp_path / "points", kind="bifurcation")
+    monkeypatch.setattr("vibroplat.study.sweep.CHUNK", 12)
+    sweep_of(40, tmp_path / "points", kind="bifurcation")
     table = read_table(tmp_path / "points", "sweep")
     groups = pq.ParquetFile(tmp_path / "points/sweep.parquet").metadata
-    assert groups.num_rows == len(table) == 100
-    assert [groups.row_group(k).num_rows for k in range(groups.num_row_groups)] == [30, 30, 30, 10]
-    assert table["branch"].tolist() == [branch for branch in range(10) for _ in range(10)]
+    assert groups.num_rows == len(table) == 40
+    assert [groups.row_group(k).num_rows for k in range(groups.num_row_groups)] == [12, 12, 12, 4]
+    assert table["branch"].tolist() == [branch for branch in range(10) for _ in range(4)]
     up = table[table["branch"] == 2]
-    assert up["supply_frequency_hz"].tolist() == [round(1.0 + 0.1 * k, 1) for k in range(10)]
+    assert up["supply_frequency_hz"].tolist() == [round(1.0 + 0.1 * k, 1) for k in range(4)]
     assert up["rms_y_m"].tolist() == [
-        np.random.default_rng((0, 1_000_000 + 100_000 * k)).random(len(MEASURED))[3] for k in range(10)
+        np.random.default_rng((0, 1_000_000 + 100_000 * k)).random(len(MEASURED))[3] for k in range(4)
     ]
     section = read_table(tmp_path / "points", "section")
-    assert len(section) == 100 * SECTION_POINTS
+    assert len(section) == 40 * SECTION_POINTS

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import gc
-import logging
 import os
 import sys
-from typing import Annotated, Any
+from typing import Annotated, Any, get_type_hints
 
 import typer
 from typer.core import TyperGroup
@@ -47,7 +46,6 @@ app = typer.Typer(
 
 def main() -> None:
     """Run the command line and turn errors into one line and an exit code."""
-    logging.basicConfig(format="vibroplat: %(message)s")
     # imports create many objects that stay alive; collecting garbage among them takes a sixth of a short command
     gc.set_threshold(200_000)
     os.environ["MPLBACKEND"] = "Agg"  # figures are written to files, whatever the user draws with otherwise
@@ -93,6 +91,9 @@ def _options(
     if context.invoked_subcommand is None:
         print(context.get_help())
     elif not {*HELP} & {*sys.argv}:
+        import logging  # help needs none
+
+        logging.basicConfig(format="vibroplat: %(message)s")
         require_memory()
 
 
@@ -110,4 +111,5 @@ COMMANDS = (
     reference.columns,
 )
 for command in COMMANDS:
+    command.__annotations__ = get_type_hints(command, include_extras=True)  # typer would evaluate them three times
     app.command()(command)

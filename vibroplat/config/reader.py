@@ -163,11 +163,12 @@ def _parsed(text: str, source: str) -> Any:
                 raise ConfigError(f"{source}: more than {MAX_BRACKETS} brackets; not a configuration")
             if text.count(",") > MAX_VALUES:  # of a list in one line; the parser takes a second for as many
                 raise ConfigError(f"{source}: more than {MAX_VALUES} values; not a configuration")
-            node = YAML(typ="safe", pure=True).compose(text)
+            yaml = YAML(typ="safe", pure=True)
+            node = yaml.compose(text)
             if _values(node, {}) > MAX_VALUES:
                 raise ConfigError(f"{source}: more than {MAX_VALUES} values; not a configuration")
             _require_names(node, source)
-            return YAML(typ="safe", pure=True).load(text)
+            return None if node is None else yaml.constructor.construct_document(node)
     except ConfigError:
         raise
     except DuplicateKeyError as error:

@@ -44,6 +44,9 @@ MAX_TURNS = 1e9
 #: The same with engine ``sundae``, which is ten to twenty times slower.
 MAX_TURNS_SUNDAE = 5e7
 
+#: Sections from which the numbers of exciters and rigid body come.
+EXCITERS_FROM = frozenset(("machine", "motor", "motors", "exciters"))
+
 
 def _plain(value: Any) -> Any:
     """Turn a section, or a list of some, into the keys and values that it was given."""
@@ -176,10 +179,11 @@ class Scene(Section):
     # -- derived quantities -------------------------------------------------------------------------
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
-        """Copy the scene, with some sections changed; what is derived of them is found anew."""
+        """Copy the scene, with some sections changed; what these give of exciters and body is found anew."""
         copied = super().model_copy(update=update, deep=deep)
-        for name in ("exciter_pair", "body"):
-            copied.__dict__.pop(name, None)
+        if update and not EXCITERS_FROM.isdisjoint(update):
+            for name in ("exciter_pair", "body"):
+                copied.__dict__.pop(name, None)
         return copied
 
     @cached_property

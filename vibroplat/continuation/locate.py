@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -69,14 +69,69 @@ class Tried(NamedTuple):
 At = Callable[[float, Sequence[Tried], float], Point]
 
 
+class BothSides:
+    """How a zero is sought of a function that exists on both sides of it."""
+
+    #: Orbits that must be known before the search ends.
+    least = 2
+
+    def root(self, known: Sequence[Tried]) -> float:
+        """Where the inverse polynomial through the last three is zero; in the middle of an interval that it leaves."""
+        root = extrapolated([k.place for k in known[-3:]], [k.value for k in known[-3:]])
+        last, other = known[-1].place, _other_side(known)
+        if other is None or min(last, other) <= root <= max(last, other):
+            return root
+        return 0.5 * (last + other)
+
+    def step(self, known: Sequence[Tried], root: float, close: float) -> float:
+        """Where to look next, from the last orbit."""
+        return root - known[-1].place
+
+    def take(self, known: list[Tried], found: Tried) -> bool:
+        """Add an orbit to those that are known, if it serves; return whether it does."""
+        known.append(found)
+        return True
+
+
+class OneSide(BothSides):
+    """The same of a function that does not exist beyond the zero, and is positive on this side.
+
+    ``share`` is the part of the way to the extrapolated zero that each step goes.
+    """
+
+    least = 3
+
+    def __init__(self, share: float) -> None:
+        self.share = share
+
+    def root(self, known: Sequence[Tried]) -> float:
+        """Where the function is zero, as extrapolated."""
+        return float(at_zero(known, [k.place for k in known]))
+
+    def step(self, known: Sequence[Tried], root: float, close: float) -> float:
+        """Where to look next, from the last orbit; on this side of it while two do not tell how the function falls."""
+        step = self.share * (root - known[-1].place)
+        if len(known) == 2 and abs(step) < close:
+            return 0.5 * (known[-2].place - known[-1].place)
+        return step
+
+    def take(self, known: list[Tried], found: Tried) -> bool:
+        """Add an orbit, the nearest to the zero last, if its value lies between the largest known one and zero."""
+        if not 0.0 < found.value < (known[0].value if len(known) > 1 else math.inf):
+            return False
+        known.append(found)
+        known.sort(key=lambda k: -k.value)
+        return True
+
+
 def locate(
     at: At,
     test: Test,
     known: list[Tried],
     close: float,
+    sides: BothSides,
     *,
     step: float = 0.0,
-    share: float = 1.0,
     most: int = LOCATING,
     reach: float = math.inf,
 ) -> float:
@@ -91,9 +146,8 @@ def locate(
     close
         Distance of a known orbit from the zero at which the search ends; it also ends, with what is known, where no
         more orbits are found.
-    share
-        What part of the way to the zero is gone at once: less than 1 if the function does not exist beyond, and is
-        positive on this side.
+    sides
+        On which sides of the zero the function exists.
     most, reach
         Number of known orbits beyond which the search ends, as after twice as many trials; farthest place of a zero.
 
@@ -105,25 +159,20 @@ def locate(
     tries, root = 0, math.nan
     while True:
         if len(known) > 1:
-            root = _root(known) if share == 1.0 else float(at_zero(known, [k.place for k in known]))
-            near = min(abs(k.place - root) for k in known) < close and (share == 1.0 or len(known) > 2)
+            root = sides.root(known)
+            near = len(known) >= sides.least and min(abs(k.place - root) for k in known) < close
             if near or len(known) > most or tries == 2 * most:
                 return root
             if abs(root) > reach:
                 raise MissedError("the test function has no zero nearby")
-            step = share * (root - known[-1].place)
-            if share < 1.0 and len(known) == 2 and abs(step) < close:  # not yet known how it falls
-                step = 0.5 * (known[-2].place - known[-1].place)
+            step = sides.step(known, root, close)
         for place, width in itertools.islice(_trials(known, step, close), 2 * most - tries):
             tries += 1
             try:
-                found = Tried(place, test(point := at(place, known, width)), point)
+                point = at(place, known, width)
             except MissedError:
                 continue
-            if share == 1.0 or 0.0 < found.value < (known[0].value if len(known) > 1 else math.inf):
-                known.append(found)
-                if share < 1.0:
-                    known.sort(key=lambda k: -k.value)
+            if sides.take(known, Tried(place, test(point), point)):
                 break
         else:
             if len(known) < 2:
@@ -150,15 +199,6 @@ def _trials(known: Sequence[Tried], step: float, close: float) -> Iterator[tuple
 def _other_side(known: Sequence[Tried]) -> float | None:
     """Place of the latest whose value has not the sign of the last; None if there is none."""
     return next((k.place for k in reversed(known[:-1]) if k.value * known[-1].value <= 0.0), None)
-
-
-def _root(known: Sequence[Tried]) -> float:
-    """Where the inverse polynomial through the last three is zero; in the middle of an interval that it leaves."""
-    root = extrapolated([k.place for k in known[-3:]], [k.value for k in known[-3:]])
-    last, other = known[-1].place, _other_side(known)
-    if other is None or min(last, other) <= root <= max(last, other):
-        return root
-    return 0.5 * (last + other)
 
 
 def at_zero(known: Sequence[Tried], found: npt.ArrayLike) -> FloatArray:
@@ -258,8 +298,8 @@ def _smooth(branch: Branch, before: Point, after: Point, depth: int = 0, *, fort
     """
     if not forth:
         before, after = after, before
-    place = turning(before, after)
-    if place is None and unexplained(before, after):
+    place, passed = turning(before, after), _passed(before, after)
+    if place is None and (_unexplained(before, after, passed) or _far(before, after) or _far(after, before)):
         place = 0.5
     if place is not None and depth < DEEPEST:
         middle = _between(branch, before, after, place)
@@ -267,7 +307,6 @@ def _smooth(branch: Branch, before: Point, after: Point, depth: int = 0, *, fort
             yield from _smooth(branch, before, middle, depth + 1)
             yield from _smooth(branch, middle, after, depth + 1)
             return
-    passed = {kind: test(before) * test(after) < 0.0 for kind, test in SMOOTH.items()}
     if passed[BRANCH_POINT]:  # where this branch bends, it has a fold as well
         yield _crossed(branch, before, after)
     elif passed[FOLD]:
@@ -280,22 +319,27 @@ def _smooth(branch: Branch, before: Point, after: Point, depth: int = 0, *, fort
             yield found
 
 
-def unexplained(before: Point, after: Point) -> bool:
-    """Whether multipliers have left the unit circle, or entered it, where no test function has changed its sign.
+def _passed(before: Point, after: Point) -> dict[str, bool]:
+    """Whether the test function of each kind changes its sign between two points."""
+    return {kind: test(before) * test(after) < 0.0 for kind, test in SMOOTH.items()}
 
-    They may also have gone so far that this cannot be told.
-    """
-    passed = {kind: test(before) * test(after) < 0.0 for kind, test in SMOOTH.items()}
+
+def _unexplained(before: Point, after: Point, passed: Mapping[str, bool]) -> bool:
+    """Whether multipliers have left the unit circle, or entered it, where no test function has changed its sign."""
     explained = passed[FOLD] or passed[BRANCH_POINT], passed[NEIMARK_SACKER], passed[DOUBLING]
-    changed = (one != other for one, other in zip(before.outside, after.outside, strict=True))
-    unseen = any(c and not e for c, e in zip(changed, explained, strict=True))
-    return unseen or _far(before, after) or _far(after, before)
+    pairs = zip(before.outside, after.outside, explained, strict=True)
+    return any(one != other and not known for one, other, known in pairs)
 
 
 def _far(one: Point, other: Point) -> bool:
-    """Whether a multiplier near the unit circle, or outside, has none near it at another point."""
+    """Whether a multiplier near the unit circle, or outside, has none near it at another point.
+
+    It has then gone too far to tell whether it has passed the unit circle.
+    """
     m = one.multipliers[np.abs(one.multipliers) > WATCHED]
-    apart = np.abs(m[:, np.newaxis] - other.multipliers).min(axis=1, initial=math.inf)
+    if not m.size:
+        return False
+    apart = np.abs(m[:, np.newaxis] - other.multipliers).min(axis=1)
     return bool((apart > MOVED * np.maximum(1.0, np.abs(m))).any())
 
 
@@ -326,7 +370,7 @@ def _located(branch: Branch, before: Point, after: Point, kind: str) -> Special:
         nearest = [k.point for k in sorted(known, key=lambda k: abs(k.place - place))]
         return branch.between(nearest, before, direction, place, width)
 
-    root = locate(at, test, known, enough)
+    root = locate(at, test, known, enough, BothSides())
     near = min(known, key=lambda k: abs(k.place - root))
     clear = [k for k in known if kind != BRANCH_POINT or abs(k.place - root) > enough] or known[:2]
     points = [k.point for k in sorted(clear, key=lambda k: abs(k.place - root))]
@@ -379,7 +423,7 @@ def discontinuity(branch: Branch, before: Point, after: Point) -> Special | None
         whole = float((far.u - near.u) @ near.tangent)
         step = math.copysign(max(0.5 * abs(whole), FIRST), whole)
         try:
-            locate(at, ONE_SIDED[kind], known, CLOSE, step=step, share=APPROACH, most=SIDED)
+            locate(at, ONE_SIDED[kind], known, CLOSE, OneSide(APPROACH), step=step, most=SIDED)
             u = at_zero(known, [k.point.u + k.point.newton_step(near.tangent) for k in known])
         except MissedError:
             continue

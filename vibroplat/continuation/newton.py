@@ -71,6 +71,8 @@ class Chart:
         columns = np.append(self.places, np.arange(scales.size, scales.size + len(self.units)))
         self._block = self.places[:, np.newaxis], columns
         self._sizes = np.append(self.scales, self.units) / self.scales[:, np.newaxis]
+        others = np.flatnonzero(np.arange(self.places.size) != self.phase)
+        self._others = others[:, np.newaxis], others
 
     def pack(self, state: FloatArray, period: float, values: Sequence[float] = ()) -> FloatArray:
         """Write a state on the section, the period (s) and the values of the keys as a vector of unknowns."""
@@ -97,8 +99,7 @@ class Chart:
         derivative, along = self.derivative(shot)
         whole = derivative[:, : along.size]
         whole = whole - np.outer(along / along[self.phase], whole[self.phase])
-        others = np.flatnonzero(np.arange(along.size) != self.phase)
-        return np.asarray(whole[others[:, np.newaxis], others])
+        return np.asarray(whole[self._others])
 
 
 @dataclass(frozen=True)
@@ -126,7 +127,7 @@ class NewtonResult:
     def multipliers(self) -> npt.NDArray[np.complex128]:
         """Floquet multipliers but the 1 along the motion, the largest first; of a pair that above the real axis."""
         found = np.linalg.eigvals(self.chart.section_map(self.shot)).astype(complex)
-        return found[np.lexsort((-found.imag, -np.round(np.abs(found), 12)))]
+        return found[np.lexsort((-found.imag, -np.abs(found).round(12)))]
 
     @cached_property
     def word(self) -> str:
@@ -193,7 +194,7 @@ class Problem:
             self.shooter.set(values)
         except ValueError as error:
             raise MissedError(f"no scene has these values: {error}") from None
-        shot = self.shooter.shot(state, period, varied=full, measured=full)
+        shot = self.shooter.shot(state, period, full=full)
         if shot.outcome != "ok":
             raise MissedError(f"{shot.outcome}: {shot.detail}")
         if not shot.begins == shot.ends == chart.system:
@@ -248,7 +249,7 @@ class Problem:
             return None
         state, period, values = orbit.chart.unpack(orbit.u)
         self.shooter.set(values)
-        way = self.shooter.shot(state, when, varied=True)
+        way = self.shooter.shot(state, when, full=True)
         if way.outcome != "ok":
             return None
         moved = way.state.copy()

@@ -23,7 +23,7 @@ from vibroplat.integrate import make_engine
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.parameters import Parameters, parameters
 from vibroplat.model.sensitivity import Course, difference, with_value
-from vibroplat.model.systems import FULL_SIZE, SYSTEMS, systems
+from vibroplat.model.systems import FULL_SIZE, SYSTEMS
 from vibroplat.motion.motion import Motion, Observer
 from vibroplat.motion.recorder import Recorder
 from vibroplat.observe.guard_margins import GuardMargins
@@ -40,6 +40,7 @@ STEP = 1e-4
 MARGIN, CONTACT_SHARE = 0.15, 0.06
 
 TURN = 2.0 * math.pi
+_ALL = np.eye(FULL_SIZE)
 
 
 @dataclass
@@ -184,8 +185,7 @@ class Shooter:
         self.turns = 0.0
         self.held: dict[str, float] = {}
         self._variation = Variation([self.p.copy()] * len(self.keys))
-        self._statistics = Statistics(0.0, points=1)
-        self._numbers = {int(mode): system.index for mode, system in systems(scene).items()}
+        self._statistics, self._near = Statistics(0.0, points=1), GuardMargins()
         self._course = None if course is None or len(self.keys) != 1 else Course(scene, self.keys[0], *course)
 
     def close(self) -> None:
@@ -222,44 +222,28 @@ class Shooter:
         above, below = (parameters(self.scene_at(self.held | {key: value + s})) for s in (step, -step))
         return difference(above, below, 2.0 * step)
 
-    def shot(self, start: FloatArray, duration: float, *, varied: bool = False, measured: bool = False) -> Shot:
-        """Follow the motion from a full state for a duration (s).
-
-        Parameters
-        ----------
-        varied
-            Whether to find the rates, and the derivative by the start and by the keys.
-        measured
-            Whether to measure it.
-        """
-        motion, h = self.motion, self.motion.automaton
-        recorder, near = Recorder(motion.scene, "events"), GuardMargins()
+    def shot(self, start: FloatArray, duration: float, *, full: bool = False) -> Shot:
+        """Follow the motion from a full state for a duration (s), if ``full`` with rates, derivative and measures."""
+        motion, h, near = self.motion, self.motion.automaton, self._near
+        recorder = Recorder(motion.scene, "events")
         observers: list[Observer] = [recorder]
-        if varied:
-            observers.append(self._variation)
-        if measured:
-            self._statistics.begin(0.0)
-            observers += [self._statistics, near]
         motion.reset(start)
-        begins = self._system
-        if varied:
-            self._variation.begin(np.eye(FULL_SIZE), [self.direction(key) for key in self.keys])
-        before = Energies.of(h.run["state"], h.p) if measured else None
+        begins, before = motion.system.index, None
+        if full:
+            observers += [self._variation, self._statistics, near]
+            self._variation.begin(_ALL, [self.direction(key) for key in self.keys])
+            self._statistics.begin(0.0)
+            near.begin()
+            before = Energies.of(h.run["state"], h.p)
         motion.to_time(duration, observers)
-        state, ends, restitution = motion.state, self._system, float(h.p["restitution"])
-        self.turns += abs(state[3] - start[3]) / TURN
+        state, ends, restitution = motion.state, motion.system.index, float(h.p["restitution"])
+        self.turns += abs(float(state[3] - start[3])) / TURN
         found = Shot(state, begins, ends, duration, motion.outcome, motion.detail, recorder.events, restitution)
-        if varied:
-            found.rates, found.derivative = motion.rates, self._variation.derivative(h)
         if before is not None:
+            found.derivative, found.rates = self._variation.derivative(h), self._variation.rates
             found.part = Part(_undivided(self._statistics.measures), before, Energies.of(h.run["state"], h.p))
             found.pieces, found.least_force, found.least_gap = near.pieces, near.least_force, near.least_gap
         return found
-
-    @property
-    def _system(self) -> int:
-        """Number of the present system."""
-        return self._numbers[int(self.motion.automaton.run["mode"])]
 
 
 def _undivided(measures: Measures) -> Measures:

@@ -39,7 +39,7 @@ KINDS = {
 
 #: Imaginary part up to which a multiplier is real, but for round-off.
 REAL = 1e-9
-#: Distance from 1 of the product of two multipliers that nothing damps.
+#: How far round-off takes the product of the two multipliers of an undamped mode from 1.
 UNDAMPED = 1e-5
 #: Distance of a multiplier from the unit circle that counts, beside the one that passes it.
 OUTSIDE = 1e-3
@@ -80,22 +80,22 @@ class Point(NewtonResult):
     def branching(self) -> float:
         """Determinant of the Jacobian with the tangent, which changes its sign where branches cross."""
         sign, size = np.linalg.slogdet(bordered(self.jacobian, self.tangent))
-        return float(sign * math.exp(min(size, 700.0)))
+        return float(sign) * math.exp(min(size, 700.0))
 
     @cached_property
     def fold(self) -> float:
         """Product of 1 − multipliers, 0 at a fold over any key."""
-        return float(np.prod(1.0 - self.multipliers).real)
+        return float(math.prod((1.0 - self.multipliers).tolist()).real)
 
     @cached_property
     def doubling(self) -> float:
         """Product of 1 + multipliers, 0 where the period doubles."""
-        return float(np.prod(1.0 + self.multipliers).real)
+        return float(math.prod((1.0 + self.multipliers).tolist()).real)
 
     @cached_property
     def neimark_sacker(self) -> float:
         """Product of 1 − those of two multipliers, 0 also where a real one is the inverse of another."""
-        return float(np.prod(1.0 - self._products).real)
+        return float(math.prod((1.0 - self._products).tolist()).real)
 
     @cached_property
     def _products(self) -> npt.NDArray[np.complex128]:
@@ -113,7 +113,10 @@ class Point(NewtonResult):
 
     @property
     def one_pair(self) -> bool:
-        """Whether no more than one product is next to 1: one always is without damping, which no curve can be along."""
+        """Whether at most one pair of multipliers has the product 1.
+
+        That of an undamped mode has it at all values of the keys, where the test function then says nothing.
+        """
         return bool(np.count_nonzero(np.abs(1.0 - self._products) < UNDAMPED) < 2)
 
     @cached_property
@@ -188,7 +191,7 @@ def tangent_of(jacobian: FloatArray, near: FloatArray) -> FloatArray:
     right = np.zeros(near.size)
     right[-1] = 1.0
     found = solved(bordered(jacobian, near), right, BENT)
-    return np.asarray(found / np.linalg.norm(found))
+    return np.asarray(found / math.sqrt(found @ found))
 
 
 def coming(near: Point, far: Point) -> str | None:

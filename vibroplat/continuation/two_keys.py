@@ -17,7 +17,7 @@ import numpy as np
 
 from vibroplat.config.plans import UNITS, OrbitsPlan, SweepPlan
 from vibroplat.config.scene import Scene
-from vibroplat.continuation.locate import Tried, at_zero, locate
+from vibroplat.continuation.locate import BothSides, OneSide, Tried, at_zero, locate
 from vibroplat.continuation.newton import Chart, MissedError, NewtonResult, Problem, correct
 from vibroplat.continuation.shooting import Shooter, rotated, spelled
 from vibroplat.continuation.special_points import (
@@ -189,8 +189,8 @@ class Curve:
                 place = max(2.5 * place, BESIDE)
                 if place > FARTHEST:
                     raise
-        close, share = (CLOSE, APPROACH) if self.kind in ONE_SIDED else (ACROSS, 1.0)
-        root = locate(at, test, known, close, step=BESIDE, share=share, most=TRIALS, reach=2.0 * FARTHEST)
+        close, sides = (CLOSE, OneSide(APPROACH)) if self.kind in ONE_SIDED else (ACROSS, BothSides())
+        root = locate(at, test, known, close, sides, step=BESIDE, most=TRIALS, reach=2.0 * FARTHEST)
         last = min(known, key=lambda k: abs(k.place - root))
         if abs(last.place - root) >= close:
             raise MissedError("the search across the curve does not converge")

@@ -21,6 +21,7 @@ from vibroplat.continuation.newton import ANGLE, MissedError, Problem, correct, 
 from vibroplat.continuation.orbit import OrbitError, first_orbit, measures_of_orbit, read_guess
 from vibroplat.continuation.shooting import Shooter, spelled
 from vibroplat.continuation.special_points import DOUBLING, MIRRORED, Point, Special, new_branches, tangent_of
+from vibroplat.kernels.compiled import FloatArray
 from vibroplat.study.confirming import multiplier_columns
 from vibroplat.study.pool import Task, Tasks
 from vibroplat.study.store import Record
@@ -68,24 +69,33 @@ class Known(NamedTuple):
     others: Sequence[tuple[int, Sequence[Record]]]
     own: Sequence[Record]
 
-    def met_again(self, rows: Sequence[Record]) -> str:
-        """Say in which way a branch has passed the last of its new points before; empty if it has not."""
+    def met_again(self, rows: Sequence[Record], values: Sequence[FloatArray]) -> str:
+        """Say in which way a branch has passed the last of its new points before; empty if it has not.
+
+        ``values`` are those of the key at the points of each other branch.
+        """
         row = rows[-1]
-        for number, former in self.others:
-            mirrored = _passed(row, former)
+        for (number, former), at in zip(self.others, values, strict=True):
+            mirrored = _passed(row, former, at)
             if mirrored is not None:
                 return f"{'mirror image of' if mirrored else 'joins'} branch {number}"
         own = [*self.own, *rows[:-1]][:-2]
-        mirrored = _passed(row, own)
+        mirrored = _passed(row, own, _values(own))
         if mirrored is None:
             return ""
-        back = not mirrored and _passed(row, own[-RETURN:]) is not None
+        last = own[-RETURN:]
+        back = not mirrored and _passed(row, last, _values(last)) is not None
         return RETURNED if back else "mirror image" if mirrored else "loop"
 
 
-def _passed(row: Record, former: Sequence[Record]) -> bool | None:
+def _values(rows: Sequence[Record]) -> FloatArray:
+    """Values of the key at some points."""
+    return np.array([row["value"] for row in rows])
+
+
+def _passed(row: Record, former: Sequence[Record], values: FloatArray) -> bool | None:
     """Whether a branch has passed a point: None if not, else whether as its mirror image."""
-    beyond = np.array([point["value"] for point in former]) - row["value"]
+    beyond = values - row["value"]
     for i in np.flatnonzero(beyond[:-1] * beyond[1:] <= 0.0).tolist():
         first, second = former[i], former[i + 1]
         if row["period"] != first["period"] or row["sequence"] not in (first["sequence"], second["sequence"]):
@@ -126,6 +136,7 @@ def part(scene: Scene, plan: OrbitsPlan, begin: Record | None, known: Known) -> 
         except (MissedError, OrbitError) as error:
             return record | {"ended": str(error), "failed": True}
         rows, ends, step = record["rows"], list[Special](), list[Point]()
+        values = [_values(former) for _, former in known.others]
 
         def look(before: Point, after: Point, strictly: bool) -> None:
             step[:] = before, after
@@ -146,7 +157,7 @@ def part(scene: Scene, plan: OrbitsPlan, begin: Record | None, known: Known) -> 
         def take() -> None:
             """Add the row of the last point, unless it was passed before: then the branch ends."""
             rows.append(_row(branch.problem, branch.points[-1]))
-            again = known.met_again(rows)
+            again = known.met_again(rows, values)
             record["ended"], record["failed"] = again or branch.ended, again == RETURNED
             if again:
                 rows.pop()

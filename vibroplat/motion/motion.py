@@ -20,7 +20,7 @@ from vibroplat.integrate.seam import Engine
 from vibroplat.kernels.compiled import FloatArray, same_types
 from vibroplat.model.accelerations import accelerations
 from vibroplat.model.parameters import Parameters, supply, words
-from vibroplat.model.systems import SYSTEMS
+from vibroplat.model.systems import SYSTEMS, System
 from vibroplat.observe.statistics import Measures, Statistics, copied
 from vibroplat.observe.summary import Energies, Part
 from vibroplat.system.memory import NO_MORE, OutOfMemoryError
@@ -97,8 +97,10 @@ class Motion:
         self.automaton = automaton(scene, p, steps, engine.turns_per_segment, state, time)
         self._beginning = self.automaton.run.copy()
         self._run = np.asarray(self.automaton.run).reshape(1)
+        # several times as quick to reach as the fields of a record
+        self._field = {name: self._run[name] for name in ("now", "outcome", "mode", "awaited", "events", "systems")}
         self._held = words(p), words(self.automaton.p), words(self.automaton.inelastic)
-        self._first_mode = same_types(first_mode)
+        self._first_mode, self._rewind = same_types(first_mode), same_types(rewind)
         self._first_mode(self.automaton)
         if mode is Mode.FLIGHT and self.automaton.run["mode"] == Mode.ATTACHED:
             fly(self.automaton)
@@ -107,8 +109,9 @@ class Motion:
 
     def set_parameters(self, p: Parameters) -> None:
         """Change the parameters for all who hold them: of another scene of the same modes, with the same tolerances."""
+        given = words(p)
         for held in self._held:
-            held[:] = words(p)
+            held[:] = given
         self.automaton.inelastic["restitution"] = 0.0
 
     def reset(self, state: FloatArray) -> None:
@@ -171,19 +174,19 @@ class Motion:
 
     def to_time(self, time: float, observers: Sequence[Observer] = ()) -> None:
         """Carry the motion on to a time (s), unless it ends early, through the corners of the drive's program."""
-        h, run = self.automaton, self.automaton.run
-        awaited, end = run["awaited"], -math.inf
-        while self.outcome == "ok" and run["awaited"] == awaited and end < time and self.now >= end:
-            if self.now >= self._interval.end and time > self.now:
+        h, outcome, waiting, end = self.automaton, self._field["outcome"], self._field["awaited"], -math.inf
+        awaited = waiting.item()
+        while end < time and self.outcome == "ok" and waiting.item() == awaited and self.now >= end:
+            if time > self.now >= self._interval.end:
                 self._change_supply()
                 turn_corner(h, self._interval.corner)
-                rewind(h.steps)  # they have been read
+                self._rewind(h.steps)  # they have been read
                 self._tell(observers)
                 continue  # the corner may be what the motion waits for
-            run["end"] = end = min(time, self._interval.end)
-            run["outcome"] = hy.RUNNING
-            while run["outcome"] == hy.RUNNING:
-                rewind(h.steps)  # should memory run out before the engine does so
+            h.run["end"] = end = min(time, self._interval.end)
+            outcome[0] = hy.RUNNING
+            while outcome.item() == hy.RUNNING:
+                self._rewind(h.steps)  # should memory run out before the engine does so
                 try:
                     self.engine.advance(h)
                 except MemoryError as error:
@@ -198,8 +201,8 @@ class Motion:
                 observer.read(h)
             except MemoryError as error:
                 self._end_without_memory(error)
-        self.events += int(h.run["events"])
-        h.run["events"] = 0
+        self.events += self._field["events"].item()
+        self._field["events"][0] = 0
 
     def _end_without_memory(self, error: MemoryError) -> None:
         """End the motion early; what was computed is kept."""
@@ -260,7 +263,7 @@ class Motion:
     @property
     def now(self) -> float:
         """Time since the beginning (s)."""
-        return float(self.automaton.run["now"])
+        return float(self._field["now"].item())
 
     @property
     def state(self) -> FloatArray:
@@ -270,10 +273,14 @@ class Motion:
         return state
 
     @property
+    def system(self) -> System:
+        """The present equations."""
+        return SYSTEMS[int(self._field["systems"][0, self._field["mode"].item()])]
+
+    @property
     def rates(self) -> FloatArray:
         """Rates of the full state, shape (14,)."""
-        h = self.automaton
-        system = SYSTEMS[h.run["systems"][h.run["mode"]]]
+        h, system = self.automaton, self.system
         y, yp = system.unknowns(h.run["state"]), np.zeros(system.size)
         accelerations(system.index, self.now, y, yp, h.p)
         found: FloatArray = system.full(yp)
@@ -291,7 +298,7 @@ class Motion:
     @property
     def outcome(self) -> str:
         """``ok``, or why the motion has ended early."""
-        return OUTCOMES[int(self.automaton.run["outcome"])]
+        return OUTCOMES[self._field["outcome"].item()]
 
     @property
     def detail(self) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 
 from vibroplat.hybrid.modes import ATTACHED, FLIGHT, GUARDS, MODES
 from vibroplat.hybrid.state import Automaton, Steps
-from vibroplat.kernels.compiled import FloatArray, borrow, compiled
+from vibroplat.kernels.compiled import FloatArray, borrow, compiled, same_types
 from vibroplat.kernels.polynomial import HALVINGS, slope, values
 from vibroplat.model.accelerations import accelerations
 from vibroplat.model.parameters import Parameters
@@ -26,16 +26,21 @@ class GuardMargins:
     """
 
     def __init__(self) -> None:
+        self._look = same_types(look)
+        self._least = np.empty(2)
+        self.begin()
+
+    def begin(self) -> None:
+        """Begin anew."""
         self.pieces: list[tuple[int, float, float]] = []
-        self._least = np.array([math.inf, math.inf])
+        self._least[:] = math.inf
 
     def read(self, h: Automaton) -> None:
         """Look at the closed pieces."""
-        steps = h.steps
-        for piece in steps.pieces[: steps.used["pieces"]]:
-            begin = float(piece["origin"] + steps.start[piece["first"]])
-            self.pieces.append((int(piece["system"]), begin, float(piece["until"])))
-        look(h, self._least)
+        closed = h.steps.pieces[: h.steps.used["pieces"]]
+        begins = closed["origin"] + h.steps.start[closed["first"]]
+        self.pieces += zip(closed["system"].tolist(), begins.tolist(), closed["until"].tolist(), strict=True)
+        self._look(h, self._least)
 
     @property
     def least_force(self) -> float:

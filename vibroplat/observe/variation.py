@@ -55,6 +55,8 @@ class Carried(NamedTuple):
         Derivative of that event's time, shape (COLUMNS,).
     at_event
         Whether ``s`` is that at the event, shape (1,).
+    rates
+        Of the full state where the derivative has last left an event or arrived, shape (14,).
     step
         First and longest step of the collocation in a piece (s), shape (2,).
     turned
@@ -74,6 +76,7 @@ class Carried(NamedTuple):
     s: FloatArray
     late: FloatArray
     at_event: Any
+    rates: FloatArray
     step: FloatArray
     turned: Any
     methods: tuple[Radau, ...]
@@ -110,6 +113,7 @@ class Variation:
             s=np.zeros((FULL_SIZE, COLUMNS)),
             late=np.zeros(COLUMNS),
             at_event=np.zeros(1, np.int64),
+            rates=np.zeros(FULL_SIZE),
             step=np.ones(2),
             turned=turned,
             methods=ROUGH_METHODS if rough else METHODS,
@@ -144,6 +148,11 @@ class Variation:
         self._arrive(h, self._carried)
         found: FloatArray = self._carried.s[:, : self._columns].copy()
         return found
+
+    @property
+    def rates(self) -> FloatArray:
+        """Rates of the full state, shape (14,), where the last :meth:`derivative` was asked for."""
+        return self._carried.rates.copy()
 
     def _turn(self, h: Automaton) -> None:
         """Follow the parameters, which a drive's program changes."""
@@ -184,24 +193,31 @@ def follow(owned_h: Automaton, owned_v: Carried) -> None:
 
 @compiled
 def arrive(owned_h: Automaton, owned_v: Carried) -> None:
-    """Leave the last event, if the motion has ended there."""
+    """Leave the last event, if the motion has ended there, with the rates of the end."""
     h, v = borrow(owned_h), borrow(owned_v)
     system = h.run.systems[h.run.mode]
     gather(system, h.run.state, v.yp)
-    settle(system, h.run.now, v.yp, h.p, v)
+    rates_of(system, h.run.now, v.yp, v.rates, h.p, v)
+    leave(v)
 
 
 @compiled
 def settle(system: int, t: float, start: FloatArray, p: Parameters, v: Carried) -> None:
-    """Turn a derivative at an event into one at a fixed time, by the rates of the piece that begins."""
+    """Leave an event, if the derivative is at one, for the piece that begins with these unknowns."""
+    if v.at_event[0] == 1:
+        rates_of(system, t, start, v.rates, p, v)
+        leave(v)
+
+
+@compiled
+def leave(v: Carried) -> None:
+    """Turn a derivative at an event into one at a fixed time, by the rates after the event."""
     if v.at_event[0] == 0:
         return
     v.at_event[0] = 0
-    rates = np.empty(FULL_SIZE)
-    rates_of(system, t, start, rates, p, v)
     for i in range(FULL_SIZE):
         for j in range(COLUMNS):
-            v.s[i, j] -= rates[i] * v.late[j]
+            v.s[i, j] -= v.rates[i] * v.late[j]
 
 
 @compiled
