@@ -36,19 +36,11 @@ MUTANTS = [
     ("model", "p.layer_stiffness, p.layer_damping + cj", "p.layer_stiffness, p.layer_damping - cj"),
     ("model", "-u.lever * a - u.phi * q, cj * u.phi", "-u.lever * a + u.phi * q, cj * u.phi"),
     ("model", "response[5] = 1.0 / p.lower_mass - response[1]", "response[5] = 1.0 / p.lower_mass + response[1]"),
-    ("model", "out[5] = p.upper_mass * p.layer_damping * state[13] ** 2", "out[5] = p.layer_damping * state[13] ** 2"),
+    ("model", "out[5] = p.upper_mass * p.layer_damping * squares", "out[5] = p.layer_damping * squares"),
     ("model", "heights - unbalance(0, state, p).x - unbalance(1, state, p).x", "heights - unbalance(0, state, p).x"),
     ("model", "inertias[i] - acting[i]", "inertias[i] + acting[i]"),
-    (
-        "model config",
-        'p["axis_x"], p["axis_y"] = (axis_x, -axis_x), axis_y',
-        'p["axis_x"], p["axis_y"] = (axis_x, axis_x), axis_y',
-    ),
-    (
-        "model config",
-        "2.0 * self.unbalance_mass_kg * math.cos(gamma) ** 2",
-        "2.0 * self.unbalance_mass_kg * math.cos(gamma)",
-    ),
+    ("model config", "exciters[1].position_m or (-x, y)", "exciters[1].position_m or (x, y)"),
+    ("model config", "machine.platform_mass_kg * (x_c * x_c + y_c * y_c)", "(x_c * x_c + y_c * y_c)"),
     # modes and jumps
     ("hybrid motion", "return force_rate >= -noise * speed", "return force_rate >= noise * speed"),
     (
@@ -125,7 +117,7 @@ MUTANTS = [
     ("study", "return None if exponent.sign > 0 else", "return None if exponent.sign < 0 else"),
     ("study", "now <= NEAR * tolerance", "now >= NEAR * tolerance"),
     # continuation
-    ("continuation cli", "np.prod(1.0 + self.multipliers).real", "np.prod(2.0 + self.multipliers).real"),
+    ("continuation cli", "math.prod((1.0 + self.multipliers)", "math.prod((2.0 + self.multipliers)"),
     (
         "continuation cli",
         "weight**2 * ((1.0 - 2.0 * (place - here) * steepness) * point.u",
