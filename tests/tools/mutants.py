@@ -63,7 +63,7 @@ MUTANTS = [
     ("integrate", "return worst <= AGREED or rounded(", "return True or rounded("),
     (
         "integrate",
-        "stop, status.resting = AT_TARGET, -1\n        length *= crossing(c, degree, 3, target)",
+        "stop, status.resting = AT_TARGET, -1\n            length *= crossing(c, degree, 3, target)",
         "stop, status.resting = AT_TARGET, -1",
     ),
     ("integrate", "ahead[n + 3 + e.status.resting] = 0.0", "ahead[n + 3 + e.status.resting] = 1e-3"),
