@@ -152,8 +152,8 @@ run.simulate = announced
 #: A program that gets a signal when it has done something with a file of its results for the n-th time.
 AT_FILE = """
 import os
-import pandas as pd
 import vibroplat.observe.tables
+import vibroplat.results.tables
 vibroplat.observe.tables.BLOCK = 64
 done, files = {function}, []
 def signalled(first, path, *arguments, **options):
@@ -188,7 +188,7 @@ def test_run_ended_while_its_table_grows_leaves_the_old_result(signal_, place):
     """A process that is killed leaves its part of a table behind; the next run removes it."""
     assert command(*RUN).code == 0
     wanted = tables(place / "results/c")[0]
-    before = at_file(signal_, "pd.DataFrame.to_csv", 3)
+    before = at_file(signal_, "vibroplat.results.tables._append_lines", 3)
     done = ended(place, *RUN, "--set", "run.duration_s=0.5", "--format", "csv", before=before)
     assert problem(done, signal_) == ""
     found, temporaries = tables(place / "results/c")

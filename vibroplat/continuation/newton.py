@@ -194,7 +194,7 @@ class Problem:
             self.shooter.set(values)
         except ValueError as error:
             raise MissedError(f"no scene has these values: {error}") from None
-        shot = self.shooter.shot(state, period, varied=full, measured=full)
+        shot = self.shooter.shot(state, period, full=full)
         if shot.outcome != "ok":
             raise MissedError(f"{shot.outcome}: {shot.detail}")
         if not shot.begins == shot.ends == chart.system:
@@ -249,7 +249,7 @@ class Problem:
             return None
         state, period, values = orbit.chart.unpack(orbit.u)
         self.shooter.set(values)
-        way = self.shooter.shot(state, when, varied=True)
+        way = self.shooter.shot(state, when, full=True)
         if way.outcome != "ok":
             return None
         moved = way.state.copy()

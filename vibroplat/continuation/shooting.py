@@ -222,36 +222,25 @@ class Shooter:
         above, below = (parameters(self.scene_at(self.held | {key: value + s})) for s in (step, -step))
         return difference(above, below, 2.0 * step)
 
-    def shot(self, start: FloatArray, duration: float, *, varied: bool = False, measured: bool = False) -> Shot:
-        """Follow the motion from a full state for a duration (s).
-
-        Parameters
-        ----------
-        varied
-            Whether to find the rates, and the derivative by the start and by the keys.
-        measured
-            Whether to measure it.
-        """
+    def shot(self, start: FloatArray, duration: float, *, full: bool = False) -> Shot:
+        """Follow the motion from a full state for a duration (s), if ``full`` with rates, derivative and measures."""
         motion, h, near = self.motion, self.motion.automaton, self._near
         recorder = Recorder(motion.scene, "events")
         observers: list[Observer] = [recorder]
         motion.reset(start)
         begins, before = motion.system.index, None
-        if varied:
+        if full:
+            observers += [self._variation, self._statistics, near]
             self._variation.begin(_ALL, [self.direction(key) for key in self.keys])
-            observers.append(self._variation)
-        if measured:
             self._statistics.begin(0.0)
             near.begin()
-            observers += [self._statistics, near]
             before = Energies.of(h.run["state"], h.p)
         motion.to_time(duration, observers)
         state, ends, restitution = motion.state, motion.system.index, float(h.p["restitution"])
         self.turns += abs(float(state[3] - start[3])) / TURN
         found = Shot(state, begins, ends, duration, motion.outcome, motion.detail, recorder.events, restitution)
-        if varied:
-            found.derivative, found.rates = self._variation.derivative(h), self._variation.rates
         if before is not None:
+            found.derivative, found.rates = self._variation.derivative(h), self._variation.rates
             found.part = Part(_undivided(self._statistics.measures), before, Energies.of(h.run["state"], h.p))
             found.pieces, found.least_force, found.least_gap = near.pieces, near.least_force, near.least_gap
         return found

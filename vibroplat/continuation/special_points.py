@@ -58,8 +58,6 @@ LEFT = 0.3
 #: Measures of an orbit that are the same for its mirror image, besides key and period.
 MIRRORED = ("rms_x_m", "rms_y_m", "rms_phi_rad", "motor_power_w")
 
-_FIELDS = tuple(field.name for field in fields(NewtonResult))
-
 
 @dataclass(frozen=True)
 class Point(NewtonResult):
@@ -71,7 +69,7 @@ class Point(NewtonResult):
     @classmethod
     def of(cls, orbit: NewtonResult, tangent: FloatArray) -> Self:
         """Give an orbit a tangent."""
-        return cls(**{name: getattr(orbit, name) for name in _FIELDS}, tangent=tangent)
+        return cls(**{field.name: getattr(orbit, field.name) for field in fields(NewtonResult)}, tangent=tangent)
 
     @property
     def along_key(self) -> float:
@@ -87,17 +85,17 @@ class Point(NewtonResult):
     @cached_property
     def fold(self) -> float:
         """Product of 1 − multipliers, 0 at a fold over any key."""
-        return _product(1.0 - self.multipliers)
+        return float(math.prod((1.0 - self.multipliers).tolist()).real)
 
     @cached_property
     def doubling(self) -> float:
         """Product of 1 + multipliers, 0 where the period doubles."""
-        return _product(1.0 + self.multipliers)
+        return float(math.prod((1.0 + self.multipliers).tolist()).real)
 
     @cached_property
     def neimark_sacker(self) -> float:
         """Product of 1 − those of two multipliers, 0 also where a real one is the inverse of another."""
-        return _product(1.0 - self._products)
+        return float(math.prod((1.0 - self._products).tolist()).real)
 
     @cached_property
     def _products(self) -> npt.NDArray[np.complex128]:
@@ -129,11 +127,6 @@ class Point(NewtonResult):
         several = ~paired & (m.real > 1.0), paired & (np.abs(m) > 1.0), ~paired & (m.real < -1.0)
         above, around, below = (int(np.count_nonzero(found)) for found in several)
         return above, around, below
-
-
-def _product(numbers: npt.NDArray[np.complex128]) -> float:
-    """Real part of the product of numbers."""
-    return complex(np.multiply.reduce(numbers)).real
 
 
 @cache

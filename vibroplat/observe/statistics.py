@@ -16,10 +16,11 @@ from vibroplat.hybrid.modes import FLIGHT, IMPACT, KINDS, MODES
 from vibroplat.hybrid.state import WIDTH, Automaton, Steps
 from vibroplat.kernels.compiled import FloatArray, borrow, compiled, copy, inlined, same_types
 from vibroplat.kernels.lanes import horner_16, horner_pair_16, in_lines, means_16, sines
-from vibroplat.kernels.polynomial import bend, crossing, extremes, slope, turning_value
+from vibroplat.kernels.polynomial import crossing, slope
 from vibroplat.model.energy import FORCE_SIZE, POWERS, exciter_powers, powers
 from vibroplat.model.parameters import Parameters
 from vibroplat.model.systems import DIFFERENTIAL, FULL_SIZE, GAP, LAYERS, PLACES, SIZES
+from vibroplat.observe.extremes import MOST_NODES, NODES, WEIGHTS, widened
 
 N_POWERS = len(POWERS)
 N_WORK = FORCE_SIZE + 1
@@ -65,14 +66,6 @@ _Y, _PHI, _ANGLE, _GAP = np.array([1, 2, 3, GAP])
 #: Change of the phase difference within a step (rad) up to which its mean and variance say cosine and sine: what they
 #: leave out, the third moment, is below 1e-7 there.
 STILL = 0.02
-#: Degree of polynomials up to which there are too few samples of them to find extremes by.
-FEW_SAMPLES = 8
-#: Gauss nodes and weights on [0, 1], by their number.
-_MOST_NODES = 16
-NODES, WEIGHTS = np.zeros((2, _MOST_NODES + 1, _MOST_NODES))
-for _n in range(1, _MOST_NODES + 1):
-    _nodes, _weights = np.polynomial.legendre.leggauss(_n)
-    NODES[_n, :_n], WEIGHTS[_n, :_n] = 0.5 + 0.5 * _nodes, 0.5 * _weights
 
 _TURN = 2.0 * math.pi
 #: Part of a turn that may be missing by round-off.
@@ -84,11 +77,11 @@ _MOST_TURNS = 1000.0
 #: squares and their sizes, and of the powers; a full state.
 ROOM = np.dtype(
     [
-        ("samples", float, (_MOST_NODES, WIDTH)),
+        ("samples", float, (MOST_NODES, WIDTH)),
         ("means", float, (3, WIDTH)),
         ("full", float, FULL_SIZE),
         ("power", float, N_WORK),
-        ("phases", float, _MOST_NODES),
+        ("phases", float, MOST_NODES),
     ],
     align=True,
 )
@@ -180,7 +173,7 @@ class Statistics:
         """
         degree = h.steps.degree
         nodes = (degree + 1) // 2 if degree <= 8 else (degree + 1) // 3
-        nodes = min(nodes + nodes % 2, _MOST_NODES)
+        nodes = min(nodes + nodes % 2, MOST_NODES)
         self._add_pieces(self.measures, h.steps, h.events[: h.run["events"]], self._room, nodes, h.p)
 
 
@@ -302,55 +295,6 @@ def cover(
     """Let extremes k cover unknown j in a step from fraction ``since`` of it."""
     low, high = widened(marks.least[k], marks.largest[k], c, samples, nodes, j, since, last)
     marks.least[k], marks.largest[k] = low, high
-
-
-@compiled
-def widened(
-    least: float, largest: float, c: FloatArray, samples: FloatArray, nodes: int, j: int, since: float, last: float
-) -> tuple[float, float]:
-    """Return extremes that also cover unknown j in a step from fraction ``since`` of it, at whose end it is ``last``.
-
-    Most steps cannot hold a new one, as their coefficients say. Polynomials of low degree have few samples and are
-    looked through, and so is a step of which only a part counts, which happens once. Those of high degree are smooth
-    between their samples, and each of these that is lower, or higher, than its neighbours may have an extreme beside
-    it: beyond the sample by less than they are on this side of it.
-    """
-    degree = c.shape[0] - 1
-    if degree <= FEW_SAMPLES or since > 0.0:
-        reach = bend(c, degree, j)
-        if not (least < min(c[0, j], last) - reach and max(c[0, j], last) + reach < largest):
-            low, high = extremes(c, degree, j, since, last)
-            least, largest = min(least, low), max(largest, high)
-        return least, largest
-    before, here, bit, lower, higher = c[0, j], c[0, j], 1, 0, 0
-    for i in range(nodes + 2):  # without branches: what a step holds cannot be guessed
-        after = samples[i, j] if i < nodes else last
-        beside = max(abs(here - before), abs(here - after))
-        lower |= bit * ((here <= before) & (here <= after) & (here - beside < least))
-        higher |= bit * ((here >= before) & (here >= after) & (here + beside > largest))
-        before, here, bit = here, after, 2 * bit
-    for i in range(nodes + 2 if lower | higher else 0):
-        here = c[0, j] if i == 0 else (samples[i - 1, j] if i <= nodes else last)
-        if lower >> i & 1:
-            least = min(least, here, turning_near(c, nodes, j, i, here, -1.0))
-        if higher >> i & 1:
-            largest = max(largest, here, turning_near(c, nodes, j, i, here, 1.0))
-    return least, largest
-
-
-@compiled
-def turning_near(c: FloatArray, nodes: int, j: int, at: int, here: float, sense: float) -> float:
-    """Extreme value of unknown j between the neighbours of sample ``at``, where it is ``here``.
-
-    ``sense`` is 1 for a largest value, −1 for a least. At an end that the unknown comes to straight there is no other.
-    """
-    degree = c.shape[0] - 1
-    if (at == 0 and sense * c[1, j] <= 0.0) or (at > nodes and sense * slope(c, degree, j, 1.0) >= 0.0):
-        return here
-    s = 0.0 if at == 0 else (1.0 if at > nodes else NODES[nodes, at - 1])
-    low = 0.0 if at <= 1 else NODES[nodes, at - 2]
-    high = 1.0 if at >= nodes else NODES[nodes, at]
-    return turning_value(c, degree, j, s, low, high, here)
 
 
 @inlined
