@@ -116,8 +116,11 @@ def test_motion_that_repeats_at_the_end_of_the_plan_is_measured_over_whole_perio
 
 
 def test_short_measuring_is_enough_to_confirm_a_period():
-    """Each half of what is measured must show the period: four of them are measured at least."""
-    row = swept(DAMPED, 60.5, changes=MATERIAL, measure_s=0.01).iloc[0]
+    """Each half of what is measured must show the period: four of them are measured at least.
+
+    No chaotic transient comes before this motion, whose length would hang on the last bits.
+    """
+    row = swept(DAMPED, 57.5, changes=MATERIAL, measure_s=0.01).iloc[0]
     assert (row["motion"], row["period"], row["settle_s"] < 60.0) == ("periodic", 4, True)
     turns = (row["simulated_s"] - row["settle_s"]) * row["excitation_frequency_hz"]
     assert 16.0 <= turns <= 21.5
