@@ -21,6 +21,7 @@ UNITS = {
     "m_per_s": "m/s",
     "per_s": "1/s",
     "kg_m2": "kg·m²",
+    "kg_m": "kg·m",
     "n_s": "N·s",
     "n_m": "N·m",
     "kg": "kg",
