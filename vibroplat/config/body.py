@@ -27,9 +27,9 @@ class RigidBody(NamedTuple):
     inertia
         J = J_0 + m_0 |c|² + m_1 |P_1|² + m_2 |P_2|² about the common centre of mass (kg·m²).
     safe_rotation
-        Rotation φ up to which the mass matrix is positive definite wherever the exciters are (rad). To first order in φ
-        a rotation moves the axes out by √(1 + φ²) but leaves J unchanged; up to here its error φ²(J - J_0) is at most
-        J_0.
+        Rotation φ up to which the mass matrix is positive definite at all angles of the exciters (rad). To first order
+        in φ a rotation moves the axes out by √(1 + φ²) but leaves J unchanged; up to here this error of J, φ²(J - J_0),
+        is at most J_0.
     """
 
     mass: float

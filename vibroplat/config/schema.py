@@ -73,7 +73,7 @@ class Section(BaseModel):
 
     @model_validator(mode="after")
     def _one_of_each_pair(self) -> Self:
-        given = self._given()
+        given = self._given() if self.alternatives else set()
         for first, second in self.alternatives:
             if given >= {first, second}:
                 raise ValueError(f"{first} and {second} are both given; allowed: one of the two")

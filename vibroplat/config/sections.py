@@ -115,7 +115,7 @@ class Motor(Section):
 class Exciter(Motor):
     """An unbalance and its motor."""
 
-    unbalance_mass_kg: Positive | None = described(None, "m_i", "unbalance mass; not given: that of machine")
+    unbalance_mass_kg: Positive | None = described(None, "m_i", "unbalance mass; not given: machine.unbalance_mass_kg")
     unbalance_radius_m: Positive = described(0.09, "r_i", "radius of the unbalance")
     static_moment_kg_m: Positive | None = described(
         None, "k_i", "static moment of the unbalance, mass times radius, instead of unbalance_radius_m"

@@ -15,6 +15,7 @@ from vibroplat.hybrid.loop import automaton
 from vibroplat.hybrid.state import CUBIC, Automaton, force_noise, no_steps
 from vibroplat.integrate import make_engine
 from vibroplat.integrate.seam import WORK, Engine
+from vibroplat.kernels.cache import LOOPS
 from vibroplat.kernels.compiled import compile_for
 from vibroplat.model.parameters import Parameters, parameters
 from vibroplat.motion.initial_condition import Start, initial_condition
@@ -189,8 +190,9 @@ def load_kernels(engine: str = "auto") -> None:
 def compile_loop(engine: str) -> None:
     """Compile the loop of an engine that has a compiled one, in a process that calls no kernel."""
     if engine != "sundae":
-        module = import_module(f"vibroplat.integrate.{'taylor' if engine == 'taylor' else 'ida'}")
-        compile_for(module.drive, _any_motion(engine)[-1], module.nothing())
+        place, _, name = LOOPS.get(engine, LOOPS["native"]).rpartition(".")
+        module = import_module(f"vibroplat.{place}")
+        compile_for(getattr(module, name), _any_motion(engine)[-1], module.nothing())
 
 
 def _any_motion(engine: str) -> tuple[Scene, Parameters, Automaton]:

@@ -218,7 +218,7 @@ class TableFile:
         self._parquet: pq.ParquetWriter | None = None
 
     def append(self, part: pd.DataFrame | PlainTable) -> None:
-        """Write the next part; raises :class:`TableError`. Of plain arrays it is the same file, without pandas."""
+        """Write the next part; raises :class:`TableError`. Plain arrays give the same file without loading pandas."""
         with one_line_errors(self.path):
             first = self._temporary is None
             if self._temporary is None:
