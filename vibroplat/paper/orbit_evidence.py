@@ -102,7 +102,7 @@ def _rows(scene: Scene, frequencies: Sequence[float]) -> list[dict[str, Any]]:
             state = found.chart.unpack(found.u)[0]
             rows.append({SUPPLY: supply, **measures, "period": 1, "motion": "periodic", "outcome": "ok"})
     slip = rows[-1][F] / rows[-1][SUPPLY] if rows else 1.0 / scene.exciter_pair[0].pole_pairs
-    other = {"period": 0, "motion": "non-periodic", "sync": "none", "outcome": "ok", "flight_fraction": math.nan}
+    other = {"period": 0, "motion": "non-periodic", "sync": "none", "outcome": "ok", "flight_fraction": None}
     return rows + [{SUPPLY: supply, F: slip * supply, **other} for supply in frequencies[len(rows) :]]
 
 
