@@ -94,7 +94,7 @@ def judge(claim: Claim, evidence: Evidence) -> Finding:
             finding = Finding(f"with R < 1: {rest.measured}; not judged at R = 1", False, rest.score, judged=False)
         else:
             finding = finding._replace(measured=f"{finding.measured}; also fails without R = 1")
-    if (finding.margin >= 0.0) is not bool(finding.holds):  # another condition decides
+    if bool(finding.margin >= 0.0) is not bool(finding.holds):  # another condition decides
         finding = finding._replace(margin=math.nan)
     counts = ", ".join(f"{count} at {key.text}" for key, count in failed.items())
     return finding._replace(measured=f"{finding.measured} (points that failed: {counts})") if failed else finding
