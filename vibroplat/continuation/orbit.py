@@ -294,7 +294,9 @@ def read_guess(scene: Scene, guess: Any) -> tuple[Scene, FloatArray | None]:
     if guess is None:
         return scene, None
     if isinstance(guess, str | Path):
-        return scene, _in_pace(end_of(Path(guess), scene).state, load(guess).scene, scene)
+        state, finished = end_of(Path(guess), scene).state, load(guess)
+        assert isinstance(finished, Trajectory)  # or it would have been refused
+        return scene, _in_pace(state, finished.scene, scene)
     if isinstance(guess, Trajectory | Orbit):
         return scene, _in_pace(guess.state if isinstance(guess, Orbit) else guess.final_state, guess.scene, scene)
     if isinstance(guess, Mapping | pd.Series):
