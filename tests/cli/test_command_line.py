@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 from common.commands import script
-from common.places import QUICKSTART
+from common.places import QUICKSTART, ROOT
 
 from vibroplat import __version__, load_config
 from vibroplat.config.keys import configuration_schema, keys
@@ -298,6 +298,12 @@ def test_new_writes_the_quickstart_with_all_its_keys(command, kernels, here):
             assert re.search(rf"^ *(# )?{name.rpartition('.')[2]}:", text, re.MULTILINE)
     assert max(map(len, text.splitlines())) <= 120
     assert command("run", "mine.yaml", *SHORT).code == 0
+
+
+@pytest.mark.parametrize("machine", ["rig", "screen", "feeder"])
+def test_new_writes_the_machine_of_a_template(machine, command, here):
+    assert command("new", "mine.yaml", "--template", machine).code == 0
+    assert load_config("mine.yaml") == load_config(ROOT / f"configs/templates/{machine}.yaml", {"name": "mine"})
 
 
 def test_new_overwrites_nothing_and_refuses_names_that_cannot_be_used(command, here):

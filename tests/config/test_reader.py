@@ -28,7 +28,7 @@ def test_name_is_that_given_or_the_stem_of_the_file(here, scene_of):
     assert scene_of("name: given", {"name": "set"}).name == "set"
 
 
-@pytest.mark.parametrize("room", ["", "machines", "paper", "examples"])
+@pytest.mark.parametrize("room", ["", "machines", "templates", "paper", "examples"])
 def test_shipped_configurations_load_and_those_of_machines_are_usual(room):
     scenes = [load_config(file) for file in sorted((ROOT / "configs" / room).glob("*.yaml"))]
     assert scenes

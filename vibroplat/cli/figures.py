@@ -63,6 +63,7 @@ def report(
         bool,
         typer.Option(help="Compute orbits of points of sweeps and branches: a click on such a point draws its orbit."),
     ] = True,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace FILE even if it is no page.")] = False,
 ) -> None:
     """Write an HTML page of results, to look at and to hand on.
 
@@ -72,7 +73,8 @@ def report(
     from vibroplat.system.terminal import points_progress
 
     with points_progress("orbits") as progress:
-        print(write_report(directories, out, start, stop, mover=_move if orbits else None, progress=progress))
+        mover = _move if orbits else None
+        print(write_report(directories, out, start, stop, mover=mover, progress=progress, overwrite=overwrite))
 
 
 def _move(scene: Scene, row: Mapping[str, Any]) -> OrbitMotion:
