@@ -27,9 +27,9 @@ PARALLEL = 1e8
 SHELLS, SHRINK, DIRECTIONS = 3, 0.25, 4
 #: Least share of the decay that the derivative promises, in a period.
 PROMISED = 0.5
-#: The same on a motion's own way, the periods in which it must be seen, and the number of places on the way, each half
-#: as far from the orbit as the one before.
-ON_WAY, PERIODS, PLACES = 0.25, 4, 6
+#: The same on a motion's own way, the periods in which it must be seen, and the number of places on the way, each
+#: SHRINK times as far from the orbit as the one before.
+ON_WAY, PERIODS, PLACES = 0.25, 4, 4
 #: Smallest distance that says anything, over the tolerance of the integrator.
 NOISE = 1e4
 #: Places of the exciters' angles in the full state.
@@ -89,7 +89,7 @@ class Attraction:
                 return False
             if self._length(offset) < NOISE * shooter.scene.solver.tolerance:
                 break
-            offset = 0.5 * offset
+            offset = SHRINK * offset
         return True
 
     def _offset(self, state: FloatArray) -> FloatArray:

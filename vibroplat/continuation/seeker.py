@@ -19,10 +19,10 @@ from vibroplat.continuation.shooting import TURN, Shooter
 from vibroplat.hybrid.modes import IMPACT
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.motion.motion import Motion
-from vibroplat.study.settling import BLOCK, KnownOrbit, section_points, spreads
+from vibroplat.study.settling import BLOCK, KnownOrbit, section_points
 
-#: Longest period that is looked for, in turns of exciter 1, and spread of the section, in the scales of the scene, from
-#: which it is.
+#: Longest period that is looked for, in turns of exciter 1, and distance of points of the section, in the scales of the
+#: scene, from which it is.
 LONGEST, FARTHEST = 8, 0.5
 #: Least distance of the largest multiplier from the unit circle that counts.
 MARGIN = 1e-4
@@ -129,8 +129,10 @@ class OrbitSeeker:
 
 
 def _periods(points: FloatArray, period: int) -> Iterator[int]:
-    """Yield what the period of a section may be: 1, that after which its points are nearest, and a given one."""
-    near = spreads(points, last=LONGEST)
+    """Yield what the period of a section may be: 1, that after which its last points are near, and a given one."""
+    if len(points) < LONGEST + 2:
+        return
+    near = np.array([np.abs(points[-2:] - points[-2 - n : -n]).max() for n in range(1, LONGEST + 1)])
     if near[0] < FARTHEST:
         yield 1
     shortest = int(np.flatnonzero(near <= 2.0 * near.min())[0]) + 1
