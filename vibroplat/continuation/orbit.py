@@ -32,7 +32,7 @@ from vibroplat.results.run import Trajectory, load
 from vibroplat.study.branches import FREQUENCY, SUPPLY
 from vibroplat.study.confirming import LARGEST, multiplier_columns
 from vibroplat.study.lyapunov import lyapunov
-from vibroplat.study.point import MEASURED, Point, measure_point, row_of
+from vibroplat.study.point import ANTIPHASE_OF_ORBITS, MEASURED, Point, measure_point, row_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -369,7 +369,7 @@ def repeats_after(problem: Problem, found: NewtonResult, period: int) -> int:
 def measures_of_orbit(problem: Problem, found: NewtonResult) -> dict[str, Any]:
     """Return the measures of a sweep over the period of an orbit, as in its rows."""
     scene = problem.shooter.scene_at(dict(zip(problem.shooter.keys, found.chart.unpack(found.u)[2], strict=True)))
-    row = row_of(measured_over_period(problem, found), scene)
+    row = row_of(measured_over_period(problem, found), scene, near=ANTIPHASE_OF_ORBITS)
     return {name: row[name] for name in (*MEASURED, "sync", "notes")}
 
 

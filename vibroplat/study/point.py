@@ -43,6 +43,8 @@ from vibroplat.system.memory import NO_MORE
 
 #: Distance from −π (rad) up to which a phase difference is reported as π: a few times the error left by settling.
 ANTIPHASE = 5e-3
+#: The same of orbits.
+ANTIPHASE_OF_ORBITS = 1e-6
 #: Number of blocks in which motion that does not repeat is measured, each as long as the plan's ``measure_s``.
 BLOCKS = 8
 #: Fewest periods that are measured of motion that repeats: each half must show that it does.
@@ -199,7 +201,8 @@ def _on_orbit(
     if doubt:
         row |= {"outcome": INACCURATE, "detail": doubt, "energy_residual": found["energy_residual"]}
         return Point(row, None)
-    row |= row_of(found, scene) | columns_of(Kind("periodic", orbit.period)) | {"multiplier_max": orbit.multiplier}
+    row |= row_of(found, scene, near=ANTIPHASE_OF_ORBITS) | columns_of(Kind("periodic", orbit.period))
+    row["multiplier_max"] = orbit.multiplier
     return Point(row, orbit.state.tolist(), orbit.section_y, orbit.impact_speeds)
 
 
@@ -280,6 +283,9 @@ def _settled_and_measured(
             break
         if settling.how == "maximum":
             longest = PATIENCE * plan.max_settle_s
+    orbit = seeker.seek(motion, points, kind.period) if kind.period and seeker is not None else None
+    if orbit is not None:
+        return settling._replace(seconds=motion.now, orbit=orbit), part, kind
     if kind.period and part.blocks:  # it repeats after all: measure whole periods
         if settling.how == "maximum":
             settling = settling._replace(seconds=motion.now)
@@ -309,18 +315,23 @@ def _measure(motion: Motion, least: float, settling: Settling, observers: Sequen
 
 
 def row_of(
-    found: dict[str, Any], scene: Scene, errors: Mapping[str, float | None] = MappingProxyType({}), slip: float = 0.0
+    found: dict[str, Any],
+    scene: Scene,
+    errors: Mapping[str, float | None] = MappingProxyType({}),
+    slip: float = 0.0,
+    near: float = ANTIPHASE,
 ) -> dict[str, Any]:
     """Return the columns of measures that were found: with their errors, the notes on them and the synchronization.
 
-    ``slip`` is the change of the phase difference while the motion settled (rad), if it has not become periodic.
+    ``slip`` is the change of the phase difference while the motion settled (rad), if it has not become periodic. What
+    is no farther than ``near`` from −π (rad) is π.
     """
     row: dict[str, Any] = {name: found[name] for name in MEASURED} | dict(errors)
     if scene.has_contact and row["gap_max_m"] is None:
         row["gap_max_m"] = 0.0  # it never flew
     if row["phase_difference_rad"] is not None:
         error = errors.get(ERRORS["phase_difference_rad"]) or 0.0
-        row["phase_difference_rad"] = half_open(row["phase_difference_rad"], max(ANTIPHASE, 2.0 * error))
+        row["phase_difference_rad"] = half_open(row["phase_difference_rad"], max(near, 2.0 * error))
     row["notes"] = "; ".join(notes_on_measures(scene, found))
     row["sync"] = "none" if abs(slip) > WANDER else synchronization(found)
     return row
