@@ -116,6 +116,7 @@ COMMANDS = (
     studies.orbits,
     figures.plot,
     figures.report,
+    figures.film,
     paper.paper,
     paper.calibrate,
     bench.bench,

@@ -225,7 +225,8 @@ def orbits(
     common.tell_of_compilation(scene.solver.engine)
     from vibroplat.continuation.tables import conditions, follow, planned, write_orbits
 
-    plan = planned(scene)
+    with common.about(config):
+        plan = planned(scene)
     common.require_scheduler(scheduler)
     from vibroplat.config.plausibility import notes_on_inputs
     from vibroplat.study.pool import pool

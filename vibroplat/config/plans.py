@@ -84,6 +84,11 @@ class SweepPlan(Section, title="Sweep"):
     settle_s: Annotated[Literal["auto"] | float, BeforeValidator(_settling)] = Field(
         "auto", description="time before a point is measured; auto: until the Poincaré section has settled"
     )
+    settle: Literal["orbits", "motion"] = Field(
+        "motion",
+        description="with settle_s auto; orbits: a motion has settled as soon as it surely comes to a stable periodic "
+        "orbit, found by Newton's method, and is measured there; motion: only once it repeats",
+    )
     max_settle_s: Positive = described(
         150.0, "", "longest settling time with auto; motion that does not repeat settles this long"
     )
