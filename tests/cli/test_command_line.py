@@ -78,7 +78,8 @@ def test_a_run_loads_nothing_that_it_does_not_use(form, command, tmp_path):
 def test_help_names_the_commands_and_h_is_short_for_it(command):
     done = command("--help")
     assert (done.code, done.err) == (0, "")
-    for name in ("new", "run", "sweep", "orbits", "plot", "report", "paper", "calibrate", "bench", "schema", "columns"):
+    study = {"new", "run", "sweep", "orbits", "plot", "report", "film"}
+    for name in study | {"paper", "calibrate", "bench", "schema", "columns"}:
         assert re.search(rf"^\W*{name}\s", done.out, re.MULTILINE)
     for before in ([], ["run"], ["new"]):
         assert command(*before, "-h") == command(*before, "--help")

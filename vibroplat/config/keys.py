@@ -140,7 +140,7 @@ def yaml(value: Any) -> str:
 
 
 def template(machine: str, file: str, name: str) -> str:
-    """Return the text of a configuration of a machine in ``configs/templates``; its head names the file and the scene."""
+    """Return the text of a configuration of a machine of ``configs/templates``; its head names file and scene."""
     source = configurations() / "templates" / f"{machine}.yaml"
     given = load_tree(source)
     scene = Scene.from_tree(given)

@@ -146,7 +146,8 @@ def run_of(
     frequency = summary["excitation_frequency_hz"]
     chosen = start is not None or stop is not None
     detail = max(begin, end - SHOWN_TURNS / frequency) if frequency and not chosen else begin
-    bins = min(max(int((end - begin) * frequency), 1), BINS) if frequency else BINS
+    turns = int((end - begin) * (frequency or 0.0))
+    bins = min(turns, BINS) if turns else BINS
     found = Cut(trajectory, (detail, end), (begin, end, bins), COORDINATES, every=math.ceil(ends.rows / POINTS))
     shown_events = pd.concat([part[part["t_s"].between(detail, end)] for part in events], ignore_index=True)
     if found.shown["t_s"].nunique() < 2:
