@@ -380,11 +380,12 @@ def differing(screened: pd.DataFrame, plan: CalibrationPlan) -> list[dict[str, f
     chosen: list[dict[str, float]] = []
     places: list[FloatArray] = []
     low, high = np.array([r.bounds for r in plan.parameters.values()]).T
-    for numbers in [*plan.begin, *screened[list(plan.parameters)].to_dict("records")]:
-        place = np.array([r.place(numbers[key]) for key, r in plan.parameters.items()])
+    begin = [[numbers[key] for key in plan.parameters] for numbers in plan.begin]
+    for numbers in [*begin, *screened[list(plan.parameters)].to_numpy().tolist()]:
+        place = np.array([r.place(value) for r, value in zip(plan.parameters.values(), numbers, strict=True)])
         place = (place - low) / (high - low)
         if len(chosen) < plan.sweeps and all(np.abs(place - other).max() >= APART for other in places):
-            chosen.append({key: float(numbers[key]) for key in plan.parameters})
+            chosen.append(dict(zip(plan.parameters, numbers, strict=True)))
             places.append(place)
     return chosen
 

@@ -32,7 +32,7 @@ from vibroplat.study.store import Record
 #: Supply frequencies (Hz) of the orbits, upward and, over resonance, downward: where claims look.
 UPWARD = (
     *(42.4, 44.2, 46.0, 47.0, 47.5, 48.0, 48.5, 49.0, 49.5, 51.5, 53.0, 54.0, 55.0, 56.0, 57.5, 58.5, 59.5),
-    *(60.0, 60.5, 62.0, 62.5, 62.75, 63.0, 63.5),
+    *(60.0, 60.5, 62.0),
 )
 OVER = (79.4, 77.5, 75.6, 73.7, 71.8, 71.4)
 #: Residual at which an orbit is found, in the scales of the scene.
@@ -45,7 +45,7 @@ AMPLE = 10.0
 JUDGED: dict[str, dict[str, Any]] = {
     **{name: {} for name in ("amp-rise", "amp-fall-over", "attached-mu01", "attached-mu02", "flight-period1")},
     **{name: {} for name in ("flight-period1-implied", "nonperiodic", "over-period1", "layer-damping")},
-    **{name: {} for name in ("R-none", "R1-nonperiodic", "R-nonperiodic-earlier", "sync-deviation")},
+    **{name: {} for name in ("R-none", "R1-nonperiodic", "R-nonperiodic-earlier")},
     "amp-fall-inter": {"f": [27.5, 29.5]},
     "R-same-to-29": {"f": [21.0, 28.0]},
     "R-amp-over": {"f": [37.0, 40.0]},
