@@ -48,7 +48,7 @@ FULL = PLAN.model_copy(
         "confirm": Confirm(sets=4, seeds=2),
     }
 )
-COLUMNS = [DAMPING, RATIO, "score", "held", "seeds", "held_mean", "held_least", "score_mean"]
+COLUMNS = ["start", DAMPING, RATIO, "score", "held", "seeds", "held_mean", "held_least", "score_mean"]
 
 
 class Killed(BaseException):

@@ -57,6 +57,7 @@ SCREENING: Columns = {
 #: The table ``evaluations``, a row for each set of numbers that is judged by sweeps. Besides, it has the searched keys,
 #: and of each claim a column with its score and one with ending :data:`HOLDS`.
 EVALUATIONS: Columns = {
+    "start": SCREENING["start"],
     "score": Column("mean score of all claims", "1: all hold"),
     "held": Column("number of claims that hold"),
     "seeds": Column("seeds the set was judged with"),
@@ -335,9 +336,10 @@ def calibrate(
     own = {"held_mean": ("held", "mean"), "held_least": ("held", "min"), "score_mean": ("score", pd.Series.mean)}
     over_seeds = pd.DataFrame([*rows, *confirmed]).groupby(keys).agg(seeds=("held", "size"), **own)
     table = pd.DataFrame(rows).drop(columns="seed").join(over_seeds, on=keys)
+    table = table.join(screened.groupby(keys)["start"].min(), on=keys)
     order = ["seeds", "held_mean", "score_mean"]
     table = table.sort_values(order, ascending=False, ignore_index=True, kind="stable")
-    front = [*keys, *EVALUATIONS]
+    front = ["start", *keys, *list(EVALUATIONS)[1:]]
     table = table[[*front, *table.columns.difference(front, sort=False)]]
     tables = {"screening": screened, "evaluations": table, "confirmation": confirmation}
     return tables | {"left-out": left_out(table, plan), "spread": spread(table, plan)}
