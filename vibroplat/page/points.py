@@ -18,7 +18,7 @@ from vibroplat.errors import VibroplatError
 from vibroplat.page.run import impacts_of, initial, machine_of, packed_coarsely
 from vibroplat.plots.labels import ABSCISSAE, is_number, value_words
 from vibroplat.plots.orbits import MEANINGS, between, places_of
-from vibroplat.plots.reading import Curve, curves_of
+from vibroplat.plots.reading import Curve, curves_of, rest_of
 from vibroplat.plots.studies import Study, grid_of
 
 EXCITATION, SUPPLY = ABSCISSAE["excitation"], ABSCISSAE["supply"]
@@ -291,7 +291,10 @@ class Motions:
             places[row] = len(orbits)
             machine = machine_of(scene)
             machines += [] if machine in machines else [machine]
-            orbits.append(_packed(trajectory, events) | {"machine": machines.index(machine)})
+            orbits.append(
+                _packed(trajectory.assign(y_m=trajectory["y_m"] - rest_of(scene)), events)
+                | {"machine": machines.index(machine)}
+            )
         return {"rows": found, "special": marked, "list": orbits, "machines": machines}
 
 

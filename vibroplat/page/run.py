@@ -14,7 +14,7 @@ import pandas as pd
 from vibroplat.config.coordinates import Mode
 from vibroplat.config.scene import Scene
 from vibroplat.errors import TableError
-from vibroplat.plots.reading import Cut, Ends, Saved
+from vibroplat.plots.reading import Cut, Ends, Saved, rest_of
 from vibroplat.plots.timelines import wrapped
 
 #: Most rows of all runs together that are kept as they are, each of 80 bytes: 25 s at 2000 Hz with their events.
@@ -36,7 +36,7 @@ _OPTIONAL = ("gap_m", "upper_m", "contact_force_n", "motor_power_1_w", "motor_po
 
 #: Panels: title, unit, and the columns of its curves with their labels.
 PANELS: tuple[tuple[str, str, dict[str, str]], ...] = (
-    ("platform y", "m", {"y_m": ""}),
+    ("platform y from rest", "m", {"y_m": ""}),
     ("gap", "m", {"gap_m": ""}),
     ("contact force", "N", {"contact_force_n": ""}),
     ("impulse", "N·s", {}),  # stems, of the events
@@ -142,9 +142,10 @@ def run_data(
 
 def _parts(found: Saved) -> Iterator[pd.DataFrame]:
     """Read the trajectory in parts, with what follows from its columns."""
-    sign = -1.0 if found.scene.co_rotating else 1.0
+    sign, rest = -1.0 if found.scene.co_rotating else 1.0, rest_of(found.scene)
     for part in found.column_parts("trajectory", ("mode",), _NEEDED, _OPTIONAL):
         table = part.assign(
+            y_m=part["y_m"] - rest,
             phase=wrapped((part["phi1_rad"] + sign * part["phi2_rad"]).to_numpy(dtype=float)),
             speed_1=part[SPEEDS[0]].abs() / (2.0 * np.pi),
             speed_2=part[SPEEDS[1]].abs() / (2.0 * np.pi),

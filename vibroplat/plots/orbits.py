@@ -17,12 +17,13 @@ from matplotlib.lines import Line2D
 from vibroplat.columns import COORDINATES, PHASE_COLUMN
 from vibroplat.continuation.special_points import KINDS
 from vibroplat.errors import TableError
+from vibroplat.hybrid.state import static_rest
 from vibroplat.plots.labels import ABSCISSAE, key_label, run_parameters
 from vibroplat.plots.reading import Curve, has_table
 from vibroplat.plots.response import limit_size
 from vibroplat.plots.studies import BEHIND, Study, read_branches
 from vibroplat.plots.style import CURVES, DIRECTIONS, REFERENCE, entry, head, new_figure, panel_grid
-from vibroplat.plots.timelines import in_units, name_axis
+from vibroplat.plots.timelines import FROM_REST, in_units, name_axis
 from vibroplat.study.branches import EXCITATION
 
 if TYPE_CHECKING:
@@ -289,9 +290,9 @@ def orbit_figure(orbit: Orbit) -> Figure:
     count = 2 if orbit.scene.has_contact else 1
     figure, axes = new_figure(1, count, (1.0 + 4.2 * count, 4.0))
     table = orbit.run(np.linspace(0.0, orbit.run.segments[-1].end, DRAWN))
-    first, height = axes[0, 0], COORDINATES["y_m"]
-    first.plot(height.factor * table["y_m"], table["y_rate_m_per_s"], color=CURVES[0])
-    first.set(xlabel=height.label, ylabel=r"$\dot y$ (m/s)")
+    first, heights = axes[0, 0], table["y_m"] - static_rest(orbit.scene)[1]
+    first.plot(in_units(heights, "y_m"), table["y_rate_m_per_s"], color=CURVES[0])
+    first.set(xlabel=FROM_REST, ylabel=r"$\dot y$ (m/s)")
     first.set_title(f"period {orbit.period}, {'stable' if orbit.stable else 'unstable'}, {orbit.sequence}", loc="left")
     if count == 2:
         second, gap = axes[0, 1], COORDINATES["gap_m"]

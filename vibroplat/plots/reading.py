@@ -15,6 +15,7 @@ import pandas as pd
 
 from vibroplat.config.scene import Scene
 from vibroplat.errors import ConfigError, TableError
+from vibroplat.hybrid.state import static_rest
 from vibroplat.results.files import Command, Result
 
 #: Of each command: what its result is called, and the table by which one recognizes it.
@@ -39,6 +40,11 @@ def has_table(directory: Path, name: str) -> bool:
 def has_result(directory: Path, command: Command) -> bool:
     """Whether a directory holds a result of a command."""
     return has_table(directory, RESULTS[command][1])
+
+
+def rest_of(scene: Scene) -> float:
+    """Return y at the static rest (m), from where figures count it."""
+    return float(static_rest(scene)[1])
 
 
 class Saved(Result):

@@ -12,6 +12,7 @@ import pandas as pd
 
 from vibroplat.columns import PHASE_COLUMN, QUANTITIES
 from vibroplat.config.reader import flat
+from vibroplat.config.scene import Scene
 from vibroplat.errors import TableError
 from vibroplat.plots.labels import compared, distinct, is_number, sweep_parameters, value_label
 from vibroplat.plots.reading import Curve, Saved, curves_of, has_table
@@ -74,9 +75,12 @@ class Study:
 
     def parameters(self, shown: Sequence[str]) -> str:
         """Return what a reader wants to know of the scene, without keys that axes and curves show."""
+        return sweep_parameters(self.scene_of(self.points, [key for key in self.grid if key not in self.varied]), shown)
+
+    def scene_of(self, rows: pd.DataFrame, keys: Sequence[str]) -> Scene | None:
+        """Return the scene of a single result, if it is known, with the values of keys that some rows share."""
         scene = self.results[0].known_scene if len(self.results) == 1 else None
-        single = {key: self.points[key].astype(object).iloc[0] for key in self.grid if key not in self.varied}
-        return sweep_parameters(scene if scene is None else scene.replace(single), shown)
+        return scene and scene.replace({key: rows[key].astype(object).iloc[0] for key in keys})
 
     @cached_property
     def curves(self) -> list[Curve]:

@@ -28,6 +28,8 @@ FloatArray = np.ndarray[Any, np.dtype[np.float64]]
 
 _SHOWN = QUANTITIES | COORDINATES
 
+#: Name of the axis of y where it is counted from the static rest.
+FROM_REST = "$y$ from rest (mm)"
 TURN = 2.0 * np.pi
 #: Phase differences are shown from here on, so that 0 and π, near which exciters synchronize, are well inside.
 LOWEST_PHASE = -0.5 * np.pi

@@ -265,7 +265,7 @@ class Overview {
       mode: "lines", line: {width: 0.8, color: this.curves.runs.length > 1 ? run.colour : COLOURS[0]}, hoverinfo: "skip"}));
     const layout = {height: 92, margin: {l: LEFT, r: RIGHT, t: 18, b: 22}, font: {...FONT, size: 11}, showlegend: false,
       dragmode: "select", selectdirection: "h", plot_bgcolor: "#fafafa",
-      title: {text: "whole run: platform y (mm)", x: 0, xref: "container", y: 0.97,
+      title: {text: "whole run: platform y from rest (mm)", x: 0, xref: "container", y: 0.97,
         font: {size: 11.5}, pad: {l: 4}},
       xaxis: {range: this.curves.whole, fixedrange: true, zeroline: false, showgrid: false},
       yaxis: {fixedrange: true, nticks: 3, zeroline: false, gridcolor: "#eee"}};
