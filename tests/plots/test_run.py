@@ -51,7 +51,9 @@ def test_motion_shows_platform_and_gap_of_the_last_turns(result, monkeypatch):
 
 
 def test_y_is_counted_from_rest_where_a_scene_or_a_summary_tells_the_sag(result):
-    (result / "provenance.json").write_text(json.dumps(read_json(result, "provenance") | {"configuration": {}}))
+    (result / "provenance.json").write_text(
+        json.dumps(read_json(result, "provenance") | {"configuration": {"lost": 1}})
+    )
     axis = drawn(result)["motion"].axes[0]
     table, summary = read_table(result, "trajectory"), read_json(result, "summary")
     assert axis.lines[0].get_ydata()[-1] == pytest.approx(1e3 * from_rest(table, result)["y_m"].iloc[-1])

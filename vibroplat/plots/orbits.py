@@ -13,16 +13,17 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.ticker import FixedLocator
 
 from vibroplat.columns import COORDINATES, PHASE_COLUMN
-from vibroplat.continuation.special_points import KINDS
+from vibroplat.continuation.special_points import KINDS, LIFTOFF
 from vibroplat.errors import TableError
 from vibroplat.hybrid.state import static_rest
 from vibroplat.plots.labels import ABSCISSAE, key_label, run_parameters
 from vibroplat.plots.reading import Curve, has_table
 from vibroplat.plots.response import limit_size
 from vibroplat.plots.studies import BEHIND, Study, read_branches
-from vibroplat.plots.style import CURVES, DIRECTIONS, REFERENCE, entry, head, new_figure, panel_grid
+from vibroplat.plots.style import CURVES, DIRECTIONS, REFERENCE, entry, head, legend_below, new_figure, panel_grid
 from vibroplat.plots.timelines import FROM_REST, in_units, name_axis
 from vibroplat.study.branches import EXCITATION
 
@@ -38,10 +39,13 @@ PANELS = ("rms_y_m", "rms_x_m", PHASE_COLUMN, "motor_power_w", "contact_force_ma
 MARKERS = dict(zip(KINDS, "oDsX^vP", strict=True))
 MEANINGS = KINDS
 _COLOURS = dict(zip(KINDS, itertools.cycle(CURVES)))
+#: What is 0 without flight.
+_OF_FLIGHT = ("flight_fraction", "gap_max_m", "impulse_max_n_s")
 #: Largest real and imaginary part of multipliers that are drawn, and the least frame, just around the unit circle.
 FARTHEST, NEAREST = 2.0, 1.1
-#: Largest multiplier above which their axis is logarithmic.
-LOGARITHMIC = 10.0
+#: The axis of sizes of multipliers is linear up to this distance from 1, and logarithmic farther away.
+NEAR_ONE = 1e-3
+_SIZE_TICKS = (0.0, 0.9, 0.99, 0.999, 1.0, 1.001, 1.01, 1.1, 2.0, *(10.0**power for power in range(1, 16)))
 #: Points of an orbit that are drawn.
 DRAWN = 2000
 
@@ -135,7 +139,7 @@ def draw_branch(
             axis.plot(xs[shown], ys[shown], "-" if kind else "--", lw=1.5 if kind else 0.9, color=color)
     if len(points) == 1:  # no line
         axis.plot(xs[:1], ys[:1], "o", ms=3.0, color=color, mfc=color if points["stable"].iloc[0] else "white")
-    marks = in_units(between(points, shares, column), column)
+    marks = in_units(at_special(points, special, shares, column), column)
     exact = special[x].to_numpy(dtype=float) if x in special else between(points, shares, x)
     for where, value, kind in zip(exact, marks, special["kind"], strict=True):
         axis.plot(where, value, MARKERS.get(kind, "*"), ms=5.0, mfc="white", mec=color, mew=1.1, zorder=3)
@@ -158,6 +162,12 @@ def between(points: pd.DataFrame, places: Any, column: str) -> Any:
     values = points[column].to_numpy(dtype=float)
     values = np.unwrap(values) if column == PHASE_COLUMN else values
     return np.interp(places, np.arange(len(points)), values)
+
+
+def at_special(points: pd.DataFrame, special: pd.DataFrame, shares: Any, column: str) -> Any:
+    """Return a column at special points, whose places along a branch are given; a liftoff begins the flight."""
+    found = between(points, shares, column)
+    return np.where(special["kind"] == LIFTOFF, 0.0, found) if column in _OF_FLIGHT else found
 
 
 def _stable(points: pd.DataFrame, places: Any) -> list[bool | None]:
@@ -243,22 +253,37 @@ def multipliers_figure(found: Study, x: str) -> Figure:
     frame = float(np.clip(1.05 * farthest, NEAREST, FARTHEST))
     size = (1.5 + 4.3 * len(combinations), 8.2)
     figure, axes = new_figure(2, len(combinations), size, sharey="row", height_ratios=(1.35, 1.0))
+    _scale_about_one(axes[1, 0])
     for curves, (plane, largest) in zip(combinations.values(), axes.T, strict=True):
         _draw_plane(plane, pd.concat([points for _, _, points in curves]), x, norm, frame)
         plane.set_title(curves[0].label, loc="left")
         for _, number, points in curves:
             sizes = np.hypot(points["multiplier_1_re"], points["multiplier_1_im"])
-            largest.plot(points[x], sizes, ".-", ms=2.5, lw=0.8, color=CURVES[number % len(CURVES)])
+            color = CURVES[number % len(CURVES)]
+            largest.plot(points[x], sizes, "-", lw=0.6, color=color)
+            for stable, filling in ((True, color), (False, "white")):
+                chosen = points["stable"] == stable
+                largest.plot(points[x][chosen], sizes[chosen], "o", ms=2.8, mew=0.7, color=color, mfc=filling)
         largest.axhline(1.0, color=REFERENCE, lw=0.8)
         plane.set_xlabel("real part")
         largest.set_xlabel(key_label(x))
     axes[0, 0].set_ylabel("imaginary part")
     axes[1, 0].set_ylabel("largest |multiplier|")
-    if np.hypot(found.points["multiplier_1_re"], found.points["multiplier_1_im"]).max() > LOGARITHMIC:
-        axes[1, 0].set_yscale("log")
+    looks = {"marker": "o", "ls": "", "ms": 4.0, "mew": 0.9, "color": REFERENCE}
+    legend_below(figure, [entry("stable", **looks), entry("unstable", **looks, mfc="white")])
     figure.colorbar(ScalarMappable(norm, "viridis"), ax=list(axes[0]), pad=0.01).set_label(key_label(x))
     _head(figure, found)
     return figure
+
+
+def _scale_about_one(axis: Axes) -> None:
+    """Scale an axis of multipliers' sizes so that those near 1, which decide on stability, are told apart."""
+    axis.set_yscale(
+        "function",
+        functions=(lambda size: np.arcsinh((size - 1.0) / NEAR_ONE), lambda place: 1.0 + NEAR_ONE * np.sinh(place)),
+    )
+    axis.yaxis.set_major_locator(FixedLocator(_SIZE_TICKS))
+    axis.yaxis.set_major_formatter("{x:g}")
 
 
 def _draw_plane(axis: Axes, points: pd.DataFrame, x: str, norm: Normalize, frame: float) -> None:

@@ -17,6 +17,7 @@ from vibroplat.config.scene import Scene
 from vibroplat.errors import ConfigError, TableError
 from vibroplat.hybrid.state import static_rest
 from vibroplat.results.files import Command, Result
+from vibroplat.study.bands import Flags, jumps
 
 #: Of each command: what its result is called, and the table by which one recognizes it.
 RESULTS: dict[Command, tuple[str, str]] = {
@@ -158,6 +159,11 @@ class Curve(NamedTuple):
     def direction(self) -> str:
         """Direction of the branch of a sweep."""
         return str(self.rows["direction"].iloc[0])
+
+    @property
+    def jumps(self) -> Flags:
+        """Whether the motion jumps between each point of the branch of a sweep and the next."""
+        return jumps(self.rows)
 
 
 def curves_of(table: pd.DataFrame, keys: Sequence[str], label: Callable[[pd.Series], str]) -> list[Curve]:

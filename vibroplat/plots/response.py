@@ -28,8 +28,13 @@ if TYPE_CHECKING:
 _SIZES = ("rms_y_m", "rms_x_m", "rms_phi_rad")
 #: Least range of an axis of RMS, relative to the largest RMS of y: small quantities are drawn small.
 LEAST_RANGE = 0.02
+#: Share of an axis beyond what is on it, so that markers are whole.
+MARGIN = 0.05
 #: Most values of a key that have colours of their own; more of them follow a colour scale.
 DISTINCT = 5
+#: Looks of the ways up and down, and the widths of their lines and sizes of their markers.
+_LOOKS: dict[bool, dict[str, Any]] = {True: {"zorder": 2.5}, False: {"zorder": 2.4, "alpha": 0.5}}
+_SIZES_OF = {True: (0.9, 3.2), False: (2.2, 4.6)}
 #: Fillings of the markers and what they say of the motion; others are not periodic.
 FILLINGS = {"periodic": "full", "undecided": "bottom"}
 _MEANING = {"full": "periodic", "none": "not periodic", "bottom": "undecided"}
@@ -49,7 +54,8 @@ def draw_response(
 ) -> Axes:
     """Draw a quantity along one branch of a sweep.
 
-    Jumps are left open. Markers point in the direction of the branch: full ones are periodic, open ones quasi-periodic
+    The way down is wide and pale below the way up, so that both are seen where they coincide. Jumps are left open.
+    Markers point in the direction of the branch: full ones are periodic, open ones quasi-periodic
     or chaotic, half-full ones undecided. Points that failed are crosses on the horizontal axis.
 
     Parameters
@@ -75,13 +81,14 @@ def draw_response(
     values = in_units(rows[column].to_numpy(dtype=float, na_value=np.nan), column)
     places = rows[x].to_numpy(dtype=float, na_value=np.nan)
     up = rows["direction"].iloc[0] != "down"
-    style: dict[str, Any] = {"color": color, "zorder": 2.5 if up else 2.4}
+    style: dict[str, Any] = {"color": color, **_LOOKS[up]}
+    width, marker_size = (size * number for number in _SIZES_OF[up])
     at = np.flatnonzero(jumps(rows)) + 1
     line = np.insert(places, at, np.nan), np.insert(values, at, np.nan)
-    axis.plot(*line, "-" if up else "--", lw=size * (0.9 if up else 0.7), label=label, **style)
+    axis.plot(*line, "-" if up else "--", lw=width, label=label, **style)
     marker = DIRECTIONS["up" if up else "down"]
     for filling, chosen in _fillings(rows):
-        look = style | {"fillstyle": filling, "markerfacecoloralt": "white", "mew": 0.7, "ms": 3.2 * size}
+        look = style | {"fillstyle": filling, "markerfacecoloralt": "white", "mew": 0.7, "ms": marker_size}
         axis.plot(places[chosen], values[chosen], ls="", marker=marker, **look)
     failed = failed_places(rows, x)
     if len(failed):
@@ -121,7 +128,8 @@ def marker_legend(table: pd.DataFrame) -> Iterator[Line2D]:
     """Yield the entries of a legend that say what markers mean, of those that a table needs."""
     for direction in dict.fromkeys(table["direction"]):
         up = direction != "down"
-        look = {"color": REFERENCE, "ls": "-" if up else "--", "lw": 0.9, "ms": 4.5}
+        width, size = _SIZES_OF[up]
+        look = {"color": REFERENCE, "ls": "-" if up else "--", "lw": width, "ms": 1.4 * size, **_LOOKS[up]}
         yield entry(f"supply frequency {direction}", marker=DIRECTIONS["up" if up else "down"], **look)
     found = [filling for filling, _ in _fillings(table)]
     if found != ["full"]:
@@ -152,9 +160,9 @@ def response_figure(response: Study) -> Figure:
         for _, number, rows in response.curves:
             width = _size(number, len(labels))
             draw_response(axis, rows, column, x=response.x, color=colours[number], size=width)
-        _limit(axis, column, response.points)
         if response.data is not None:
             response.data.draw(axis, response.x, column)
+        _limit(axis, column, response.points)
     head(figure, ", ".join(response.names), response.parameters(response.varied))
     handles: list[Any] = []
     if scale is not None:
@@ -185,7 +193,12 @@ def _columns(table: pd.DataFrame) -> list[str]:
 def limit_size(axis: Axes, table: pd.DataFrame) -> None:
     """Begin the axis of an RMS at 0, and draw small ones small, instead of magnified to noise."""
     largest = table["rms_y_m"].max()
-    axis.set_ylim(0.0, max(axis.get_ylim()[1], LEAST_RANGE * 1e3 * largest if np.isfinite(largest) else 0.0))
+    _begin_at_zero(axis, max(axis.get_ylim()[1], LEAST_RANGE * 1e3 * largest if np.isfinite(largest) else 0.0))
+
+
+def _begin_at_zero(axis: Axes, end: float) -> None:
+    """Begin an axis at 0, with room for markers there."""
+    axis.set_ylim(-MARGIN * end, end)
 
 
 def _limit(axis: Axes, column: str, table: pd.DataFrame) -> None:
@@ -193,9 +206,9 @@ def _limit(axis: Axes, column: str, table: pd.DataFrame) -> None:
     if column in _SIZES:
         limit_size(axis, table)
     elif column == "flight_fraction":
-        axis.set_ylim(0.0, 1.0)
+        _begin_at_zero(axis, 1.0 + MARGIN)
     elif column in ("contact_force_max_n", "gap_max_m"):
-        axis.set_ylim(bottom=0.0)
+        _begin_at_zero(axis, axis.get_ylim()[1])
 
 
 def _colours(response: Study, count: int) -> tuple[Sequence[Any], ScalarMappable | None]:

@@ -28,6 +28,14 @@ CONTACT, REFERENCE, FAILED = "#e3eaf0", "#666666", "#a00000"
 #: Markers of the directions of a branch, and of curves that may lie on each other.
 DIRECTIONS = {"up": "^", "down": "v"}
 MARKERS = "osD^vPX<>hp"
+#: What the page calls them.
+SYMBOLS = dict(
+    zip(
+        f"{MARKERS[:5]}XP*",
+        ("circle", "square", "diamond", "triangle-up", "triangle-down", "x", "cross", "star"),
+        strict=True,
+    )
+)
 #: Letters of a legend that an inch has room for.
 LETTERS = 14.0
 
