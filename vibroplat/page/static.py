@@ -46,14 +46,19 @@ def header(data: Mapping[str, Any]) -> str:
     lines = []
     for one in results:
         commit = f" ({one['git_commit'][:10]})" if one["git_commit"] else ""
-        made = (("engine", ""), ("tolerance", ""), ("vibroplat", commit), ("created", ""))
-        told = [f"{name} {shown(one[name])}{more}" for name, more in made if one[name] is not None]
+        made = (
+            ("engine", "engine", ""),
+            ("tolerance", "tolerance", ""),
+            ("vibroplat", "vibroplat", commit),
+            ("made", "created", ""),
+        )
+        told = [f"{word} {shown(one[key])}{more}" for word, key, more in made if one[key] is not None]
         lines.append(", ".join([f"{one['label']}: {one['command']}" if len(results) > 1 else one["command"], *told]))
-    remarks = [
-        f"<li{_class('failed' if one['failed'] else '')}><b>{'Failed' if one['failed'] else 'Note'}: </b>"
-        f"{escape(f'{one["result"]}: ' if len(results) > 1 else '')}{escape(one['text'])}</li>"
-        for one in data["remarks"]
-    ]
+    remarks = []
+    for one in data["remarks"]:
+        text = f"{one['result']}: {one['text']}" if len(results) > 1 else one["text"]
+        look, word = ("failed", "Failed") if one["failed"] else ("", "Note")
+        remarks.append(f'<li class="{look}"><b>{word}: </b>{escape(text)}</li>')
     return "\n".join(
         [
             f'<h1 id="title">{escape(data["title"])}</h1>',
@@ -129,7 +134,8 @@ def _typeset(text: str) -> str:
 def listing(heads: Sequence[str], rows: Sequence[str]) -> str:
     """Return a table of headings and rows."""
     head = "".join(f'<th scope="col">{escape(text)}</th>' for text in heads)
-    return f'<div class="wide"><table class="listing"><thead><tr>{head}</tr></thead><tbody>{"".join(rows)}</tbody></table></div>'
+    inside = f"<thead><tr>{head}</tr></thead><tbody>{''.join(rows)}</tbody>"
+    return f'<div class="wide"><table class="listing">{inside}</table></div>'
 
 
 def tables(data: Mapping[str, Any]) -> str:
@@ -173,7 +179,3 @@ def _pictures(found: Sequence[Saved]) -> Iterator[tuple[str, str]]:
                     yield f"{one.label}: {name}", base64.b64encode(written.getvalue()).decode("ascii")
             except TableError:
                 continue
-
-
-def _class(name: str) -> str:
-    return f' class="{name}"' if name else ""
