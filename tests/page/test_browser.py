@@ -11,9 +11,7 @@ import numpy as np
 import pytest
 from common import handmade
 from common.results import unproven
-from PIL import Image
 from tools.browser import browser, missing, open_page, resize
-from tools.film import HEIGHT, write_film
 
 from vibroplat.continuation.orbit import motion_of
 from vibroplat.page import points
@@ -453,14 +451,3 @@ def test_text_from_files_is_not_run(visit, moved, tmp_path):
     assert HOSTILE in js(page, "document.getElementById('title').textContent")
     assert HOSTILE in js(page, "document.getElementById('remarks').textContent")
     assert HOSTILE in js(page, "document.querySelector('.events tbody').textContent")
-
-
-def test_a_film_shows_the_last_turns(moved, tmp_path):
-    with Image.open(write_film(moved["two layers"], tmp_path / "machine.gif", 1, 12, 900, 64)) as film:
-        assert (film.n_frames, film.size) == (12, (900, HEIGHT))
-        shots = []
-        for number in (0, 5):
-            film.seek(number)
-            shots.append(np.asarray(film.convert("RGB"), dtype=int))
-    assert (np.abs(shots[1] - shots[0]).max(axis=2) > 60).mean() > 0.005  # what moves is more than a cursor
-    assert (tmp_path / "machine.gif").stat().st_size < 2_000_000

@@ -448,6 +448,17 @@ def test_a_directory_without_results_is_refused(tmp_path, command):
         assert done.err == f"vibroplat: {told}\n"
 
 
+def test_a_page_does_not_replace_a_configuration(moved, tmp_path, command):
+    config = tmp_path / "machine.yaml"
+    config.write_text("name: mine")
+    done = command("report", moved["bare"], "--out", config)
+    told = f"{config} is a file of another kind; allowed: a new file, or to overwrite it"
+    assert (done.code, done.err, config.read_text()) == (2, f"vibroplat: {told}\n", "name: mine")
+    for option in ("--overwrite", "--no-orbits"):  # then there is a page to replace
+        assert command("report", moved["bare"], option, "--out", config).code == 0
+        assert config.read_text().startswith("<!DOCTYPE html>")
+
+
 @pytest.mark.parametrize(("name", "column"), [("sweep", "sync"), ("branches", "stable")])
 def test_a_table_without_a_column_is_refused(swept, followed, tmp_path, name, column):
     source = {"sweep": swept, "branches": followed}[name]

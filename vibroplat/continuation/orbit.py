@@ -27,7 +27,7 @@ from vibroplat.kernels.compiled import FloatArray
 from vibroplat.motion.initial_condition import end_of, initial_condition
 from vibroplat.motion.run import simulate
 from vibroplat.observe.summary import Part, measured
-from vibroplat.results.run import Trajectory
+from vibroplat.results.run import Trajectory, load
 from vibroplat.study.branches import FREQUENCY, SUPPLY
 from vibroplat.study.confirming import LARGEST, multiplier_columns
 from vibroplat.study.lyapunov import lyapunov
@@ -156,9 +156,9 @@ def orbit(scene: Scene, guess: Any = None, *, period: int = 1, tolerance: float 
         With a constant supply.
     guess
         Where to begin: None, to let the motion settle from ``run.initial``; a full state, shape (14,), or a mapping
-        with its names, as a row of a trajectory table; a finished run (a Trajectory or its directory); a row of a
-        table of this scene, whose keys are set: one of ``branches`` or ``special`` has a state, from one of a sweep the
-        motion settles, with the phase difference of the row.
+        with its names, as a row of a trajectory table; an orbit or a finished run (a Trajectory or its directory),
+        whose speeds are scaled to this supply; a row of a table of this scene, whose keys are set: one of ``branches``
+        or ``special`` has a state, from one of a sweep the motion settles, with the phase difference of the row.
     period
         Turns of exciter 1 after which it is to repeat.
     tolerance
@@ -294,9 +294,11 @@ def read_guess(scene: Scene, guess: Any) -> tuple[Scene, FloatArray | None]:
     if guess is None:
         return scene, None
     if isinstance(guess, str | Path):
-        return scene, end_of(Path(guess), scene).state
+        state, finished = end_of(Path(guess), scene).state, load(guess)
+        assert isinstance(finished, Trajectory)  # or it would have been refused
+        return scene, _in_pace(state, finished.scene, scene)
     if isinstance(guess, Trajectory | Orbit):
-        return scene, (guess.state if isinstance(guess, Orbit) else guess.final_state).copy()
+        return scene, _in_pace(guess.state if isinstance(guess, Orbit) else guess.final_state, guess.scene, scene)
     if isinstance(guess, Mapping | pd.Series):
         given = {name: float(guess[name]) for name in names if name in guess and pd.notna(guess[name])}
         if "excitation_frequency_hz" in guess:  # a row of a table of this scene
@@ -318,6 +320,12 @@ def read_guess(scene: Scene, guess: Any) -> tuple[Scene, FloatArray | None]:
         if state.shape == (len(names),) and np.isfinite(state).all():
             return scene, state
     raise ConfigError("guess is no state; allowed: 14 numbers, a row of a trajectory or of a sweep, a run, an orbit")
+
+
+def _in_pace(state: FloatArray, source: Scene, scene: Scene) -> FloatArray:
+    """Return the state of a scene with its rates scaled to the synchronous speed of another."""
+    share = 1.0 if source.drive.program else scene.speed_scale / source.speed_scale
+    return np.concatenate([state[:7], share * state[7:]])
 
 
 def _from_state(

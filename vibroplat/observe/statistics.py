@@ -26,9 +26,9 @@ N_POWERS = len(POWERS)
 N_WORK = FORCE_SIZE + 1
 DISSIPATIONS = 2  # first of the powers that dampers take
 
-#: Integrals over a part of a run (s, and the units of what is integrated times s).
-SUMS = ("time", "x", "xx", "y", "yy", "phi", "phi_phi", "cosine", "sine", "flying", "motor")
-TIME, X, XX, Y, YY, PHI, PHI_PHI, COSINE, SINE, FLYING, MOTOR = range(len(SUMS))
+#: Integrals over a part of a run (s, and the units of what is integrated times s); one, two: speeds of the exciters.
+SUMS = ("time", "x", "xx", "y", "yy", "phi", "phi_phi", "cosine", "sine", "flying", "motor", "one", "two")
+TIME, X, XX, Y, YY, PHI, PHI_PHI, COSINE, SINE, FLYING, MOTOR, ONE, TWO = range(len(SUMS))
 
 #: A point of the Poincaré section: time (s), full state, F_c (N).
 SECTION = np.dtype([("t", np.float64), ("state", np.float64, FULL_SIZE), ("force", np.float64)], align=True)
@@ -336,6 +336,8 @@ def integrate(
             sums[X + 2 * k] += duration * means[0, k]
             sums[XX + 2 * k] += duration * means[1, k]
         sums[MOTOR] += duration * motor
+        sums[ONE] += duration * means[0, n + 3]
+        sums[TWO] += duration * means[0, n + 4]
         sums[TIME] += duration
         sums[FLYING] += duration if MODES[system] == FLIGHT else 0.0
         add_phase(sums, room, n, duration, nodes, -p.direction[0] * p.direction[1])

@@ -21,7 +21,7 @@ from vibroplat.page.points import Motions, Mover, Progress
 from vibroplat.page.results import differences, find_results, parameters, remarks, summary_rows
 from vibroplat.plots.reading import Saved, ends_of, has_table
 from vibroplat.plots.studies import grid_of, read_branches
-from vibroplat.results.tables import replace_file
+from vibroplat.results.tables import replace_file, require_replaceable
 
 _LOG = logging.getLogger("vibroplat")
 
@@ -36,6 +36,8 @@ SWEEP_COLUMNS = (
 _MADE = ("vibroplat", "git_commit", "created", "engine", "tolerance")
 #: Size of a page that is told (bytes): mail takes what is smaller.
 LARGE = 8_000_000
+#: How a page begins, whatever wrote it.
+BEGINS = b"<!doctype html"
 #: Name of the page where none is given.
 NAME = "report.html"
 
@@ -48,6 +50,7 @@ def write_report(
     *,
     mover: Mover | None = None,
     progress: Progress | None = None,
+    overwrite: bool = False,
 ) -> Path:
     """Write a page of the results in some directories.
 
@@ -63,6 +66,8 @@ def write_report(
     mover, progress
         What computes the orbits of the points of sweeps and branches, and who is told of each. Default: the page has
         no orbits.
+    overwrite
+        Whether the page may replace a file of another kind.
 
     Returns
     -------
@@ -72,9 +77,10 @@ def write_report(
     Raises
     ------
     TableError
-        A directory holds no result, or the page cannot be written.
+        A directory holds no result, or the page cannot be written or would replace something else.
     """
     path = directories[0] / NAME if out is None else out
+    require_replaceable(path, BEGINS, overwrite=overwrite)
     found = find_results(directories)
     data = page_data(found, start, stop, mover=mover, progress=progress)
     text = page(data, static.figures(found))

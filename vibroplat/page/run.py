@@ -140,7 +140,7 @@ def run_data(
         "end": t[-1],
         "rows": len(t),
         "of": ends.rows,
-        "turns": frequency if isinstance(frequency, int | float) and frequency > 0.0 else None,
+        "turns": frequency if isinstance(frequency, int | float) and frequency * (last - first) >= 1.0 else None,
         "columns": {name: packed(values) for name, values in numbers.assign(t_s=t - t[0]).items()},
         "largest": numbers.abs().max().to_dict(),
         "modes": "".join(cut.shown["mode"].map(initial)),

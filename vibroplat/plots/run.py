@@ -149,7 +149,8 @@ def run_of(
     frequency = summary["excitation_frequency_hz"]
     chosen = start is not None or stop is not None
     detail = max(begin, end - SHOWN_TURNS / frequency) if frequency and not chosen else begin
-    bins = min(max(int((end - begin) * frequency), 1), BINS) if frequency else BINS
+    turns = int((end - begin) * (frequency or 0.0))
+    bins = min(turns, BINS) if turns else BINS
     sag = summary.get("static_sag_m") if scene is None else -rest_of(scene)
     parts = (part.assign(y_m=part["y_m"] + (sag or 0.0)) for part in trajectory)
     found = Cut(parts, (detail, end), (begin, end, bins), COORDINATES, every=math.ceil(ends.rows / POINTS))

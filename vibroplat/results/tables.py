@@ -302,6 +302,27 @@ def remove_file(path: Path) -> None:
         path.unlink(missing_ok=True)
 
 
+def require_replaceable(path: Path, begins: bytes = b"", *, overwrite: bool = False) -> None:
+    """Refuse a path that holds what was hardly meant: a device, a folder, or a file that begins with other bytes.
+
+    Files may be of another kind if they are to be overwritten, or if they are empty.
+
+    Raises
+    ------
+    TableError
+        That is so.
+    """
+    with one_line_errors(path):
+        if not path.exists():
+            return
+        if not path.is_file():
+            raise TableError(f"{path} is no regular file; allowed: a new file or one to replace")
+        with path.open("rb") as file:
+            head = file.read(len(begins)).lower()
+    if head not in (b"", begins.lower()) and not overwrite:
+        raise TableError(f"{path} is a file of another kind; allowed: a new file, or to overwrite it")
+
+
 def replace_file(path: Path, write: Writer) -> None:
     """Let a function write a file under a temporary name; if it fails, the old file is kept.
 
@@ -317,6 +338,7 @@ def replace_file(path: Path, write: Writer) -> None:
 @contextmanager
 def new_file(path: Path, write: Writer) -> Iterator[Path]:
     """Let a function write a temporary file next to another, and yield its name; raises :class:`TableError`."""
+    require_replaceable(path)
     with ExitStack() as stack:
         with one_line_errors(path):
             temporary = stack.enter_context(_temporary(path))

@@ -115,7 +115,7 @@ async function build() {
   player = await motion();
   tables();
   printing(await figures());
-  // For tests and for `tests/tools/film.py`.
+  // For tests.
   window.vibroplat = {data, player};
   document.documentElement.dataset.ready = "true";
 }
