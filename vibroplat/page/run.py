@@ -142,7 +142,7 @@ def run_data(
         "of": ends.rows,
         "turns": frequency if isinstance(frequency, int | float) and frequency * (last - first) >= 1.0 else None,
         "columns": {name: packed(values) for name, values in numbers.assign(t_s=t - t[0]).items()},
-        "largest": numbers.abs().max().to_dict(),
+        "largest": numbers.abs().max().fillna(0.0).to_dict(),
         "modes": "".join(cut.shown["mode"].map(initial)),
         "coarse": None if len(t) == ends.rows else coarse,
         "impacts": impacts_of(events, t[0], t[-1]),

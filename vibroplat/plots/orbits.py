@@ -23,7 +23,17 @@ from vibroplat.plots.labels import ABSCISSAE, key_label, run_parameters
 from vibroplat.plots.reading import Curve, has_table
 from vibroplat.plots.response import limit_size
 from vibroplat.plots.studies import BEHIND, Study, read_branches
-from vibroplat.plots.style import CURVES, DIRECTIONS, REFERENCE, entry, head, legend_below, new_figure, panel_grid
+from vibroplat.plots.style import (
+    CURVES,
+    DIRECTIONS,
+    REFERENCE,
+    begin_at_zero,
+    entry,
+    head,
+    legend_below,
+    new_figure,
+    panel_grid,
+)
 from vibroplat.plots.timelines import FROM_REST, in_units, name_axis
 from vibroplat.study.branches import EXCITATION
 
@@ -324,7 +334,7 @@ def orbit_figure(orbit: Orbit) -> Figure:
         turns = (table["phi1_rad"] - table["phi1_rad"].iloc[0]).abs() / (2.0 * np.pi)
         second.plot(turns, gap.factor * table["gap_m"], color=CURVES[1])
         second.set(xlabel="phase of exciter 1 (turns)", ylabel=gap.label)
-        second.set_ylim(bottom=0.0)
+        begin_at_zero(second)
     head(figure, orbit.scene.name, run_parameters(orbit.scene))
     return figure
 

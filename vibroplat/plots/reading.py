@@ -192,6 +192,11 @@ def ends_of(parts: Iterable[pd.DataFrame]) -> Ends | None:
     return found
 
 
+def finite(table: pd.DataFrame) -> pd.DataFrame:
+    """Return a table whose infinite numbers are missing, as no axis has room for them."""
+    return table.replace([np.inf, -np.inf], np.nan)
+
+
 class Cut:
     """What is shown of a trajectory: all rows of one interval, some of another one, and the extremes in its bins.
 
@@ -241,8 +246,8 @@ class Cut:
                 if column in part:
                     self._samples.setdefault(column, []).append(self._of_bins(part[inside], column))
             count += len(part)
-        self.shown = pd.concat(kept, ignore_index=True)
-        self.thinned = pd.concat(thinned, ignore_index=True) if thinned else self.shown.iloc[:0]
+        self.shown = finite(pd.concat(kept, ignore_index=True))
+        self.thinned = finite(pd.concat(thinned, ignore_index=True)) if thinned else self.shown.iloc[:0]
 
     def _bins_of(self, table: pd.DataFrame) -> Any:
         width = (self._end - self._begin) / self._bins or 1.0
@@ -250,7 +255,7 @@ class Cut:
 
     def _of_bins(self, part: pd.DataFrame, column: str) -> pd.DataFrame:
         """Return the samples with the smallest and the largest value of each bin, in order of time."""
-        known = part[["t_s", column]].dropna().reset_index(drop=True)
+        known = finite(part[["t_s", column]]).dropna().reset_index(drop=True)
         values = known[column].groupby(self._bins_of(known))
         return known.iloc[np.unique(np.concatenate([values.idxmin(), values.idxmax()]))]
 

@@ -17,7 +17,19 @@ from matplotlib.lines import Line2D
 from vibroplat.columns import PHASE_COLUMN
 from vibroplat.plots.labels import key_label
 from vibroplat.plots.studies import Study
-from vibroplat.plots.style import BLACK, CURVES, DIRECTIONS, FAILED, REFERENCE, entry, head, legend_below, panel_grid
+from vibroplat.plots.style import (
+    BLACK,
+    CURVES,
+    DIRECTIONS,
+    FAILED,
+    MARGIN,
+    REFERENCE,
+    begin_at_zero,
+    entry,
+    head,
+    legend_below,
+    panel_grid,
+)
 from vibroplat.plots.timelines import in_units, name_axis
 from vibroplat.study.bands import jumps
 from vibroplat.study.branches import EXCITATION, SUPPLY
@@ -28,8 +40,6 @@ if TYPE_CHECKING:
 _SIZES = ("rms_y_m", "rms_x_m", "rms_phi_rad")
 #: Least range of an axis of RMS, relative to the largest RMS of y: small quantities are drawn small.
 LEAST_RANGE = 0.02
-#: Share of an axis beyond what is on it, so that markers are whole.
-MARGIN = 0.05
 #: Most values of a key that have colours of their own; more of them follow a colour scale.
 DISTINCT = 5
 #: Looks of the ways up and down, and the widths of their lines and sizes of their markers.
@@ -193,12 +203,7 @@ def _columns(table: pd.DataFrame) -> list[str]:
 def limit_size(axis: Axes, table: pd.DataFrame) -> None:
     """Begin the axis of an RMS at 0, and draw small ones small, instead of magnified to noise."""
     largest = table["rms_y_m"].max()
-    _begin_at_zero(axis, max(axis.get_ylim()[1], LEAST_RANGE * 1e3 * largest if np.isfinite(largest) else 0.0))
-
-
-def _begin_at_zero(axis: Axes, end: float) -> None:
-    """Begin an axis at 0, with room for markers there."""
-    axis.set_ylim(-MARGIN * end, end)
+    begin_at_zero(axis, max(axis.get_ylim()[1], LEAST_RANGE * 1e3 * largest if np.isfinite(largest) else 0.0))
 
 
 def _limit(axis: Axes, column: str, table: pd.DataFrame) -> None:
@@ -206,9 +211,9 @@ def _limit(axis: Axes, column: str, table: pd.DataFrame) -> None:
     if column in _SIZES:
         limit_size(axis, table)
     elif column == "flight_fraction":
-        _begin_at_zero(axis, 1.0 + MARGIN)
+        begin_at_zero(axis, 1.0 + MARGIN)
     elif column in ("contact_force_max_n", "gap_max_m"):
-        _begin_at_zero(axis, axis.get_ylim()[1])
+        begin_at_zero(axis)
 
 
 def _colours(response: Study, count: int) -> tuple[Sequence[Any], ScalarMappable | None]:

@@ -18,7 +18,18 @@ from vibroplat.errors import TableError
 from vibroplat.plots import timelines
 from vibroplat.plots.labels import compared, distinct, run_parameters
 from vibroplat.plots.reading import Cut, Ends, Saved, ends_of, rest_of
-from vibroplat.plots.style import BLACK, CURVES, FORCE, MATERIAL, PLATFORM, REFERENCE, head, legend_below, new_figure
+from vibroplat.plots.style import (
+    BLACK,
+    CURVES,
+    FORCE,
+    MATERIAL,
+    PLATFORM,
+    REFERENCE,
+    begin_at_zero,
+    head,
+    legend_below,
+    new_figure,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -359,7 +370,7 @@ def _force(shown: Shown) -> Figure:
     figure, axes = new_figure(1 + strikes, 1, (8.0, 4.4 if strikes else 3.2), sharex=True, gridspec_kw=ratios)
     force: Axes = axes[0, 0]
     _draw(force, shown, "contact_force_n")
-    force.set_ylim(bottom=0.0)
+    begin_at_zero(force)
     for number, run in enumerate(shown.runs if strikes else []):
         events = run.events.assign(t_s=run.events["t_s"] - shown.origin(run))
         look = shown.look(number, "")
