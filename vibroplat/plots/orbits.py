@@ -55,7 +55,7 @@ _OF_FLIGHT = ("flight_fraction", "gap_max_m", "impulse_max_n_s")
 FARTHEST, NEAREST = 2.0, 1.1
 #: The axis of sizes of multipliers is linear up to this distance from 1, and logarithmic farther away.
 NEAR_ONE = 1e-3
-_SIZE_TICKS = (0.0, 0.9, 0.99, 0.999, 1.0, 1.001, 1.01, 1.1, 2.0, *(10.0**power for power in range(1, 16)))
+_SIZE_TICKS = (1.0, 0.9, 1.1, 0.99, 1.01, 0.0, 2.0, 0.999, 1.001, *(10.0**power for power in range(1, 32)))
 #: Points of an orbit that are drawn.
 DRAWN = 2000
 
@@ -99,7 +99,7 @@ def orbit_figures(
 
 def branches_figure(found: Study, x: str) -> Figure:
     """Draw all quantities of branches over a column."""
-    columns = [c for c in PANELS if c in found.points and found.points[c].notna().any()]
+    columns = [c for c in PANELS if c in found.points and found.points[c].notna().any()] or [PANELS[0]]
     figure, panels = panel_grid(len(columns), 2, (11.0, 2.2 + 2.5 * -(-len(columns) // 2)), key_label(x))
     for axis, column in zip(panels, columns, strict=False):
         for color, rows in found.sweeps():
@@ -235,11 +235,12 @@ def boundaries_figure(found: Study, x: str) -> Figure:
     combinations = table[varied].drop_duplicates() if varied else table.iloc[:1]
     count = max(len(combinations), 1)
     figure, axes = new_figure(1, count, (1.5 + 5.5 * count, 5.2), sharex=True, sharey=True)
-    for axis, (_, values) in zip(axes[0], combinations.iterrows(), strict=True):
+    for axis in axes[0]:
+        axis.set_xlabel(key_label(x))
+    for axis, (_, values) in zip(axes[0], combinations.iterrows(), strict=False):  # an empty table has none
         for _, rows in found.alike(table, values, varied).groupby("curve"):
             look = {"lw": 1.8, "marker": "o" if len(rows) == 1 else "", "ms": 4.0}  # a lone point is no line
             axis.plot(rows[x], rows[found.second], color=_COLOURS[rows["kind"].iloc[0]], **look)
-        axis.set_xlabel(key_label(x))
         axis.set_title(found.label(values), loc="left")
     axes[0, 0].set_ylabel(key_label(found.second))
     kinds = [kind for kind in KINDS if (table["kind"] == kind).any()]
@@ -260,10 +261,10 @@ def multipliers_figure(found: Study, x: str) -> Figure:
     values = found.points[x]
     norm = Normalize(float(values.min()), float(values.max()))
     farthest = found.points.filter(regex=r"^multiplier_\d+_(re|im)$").abs().max().max()
-    frame = float(np.clip(1.05 * farthest, NEAREST, FARTHEST))
+    frame = float(np.clip(np.nan_to_num(1.05 * farthest), NEAREST, FARTHEST))
     size = (1.5 + 4.3 * len(combinations), 8.2)
     figure, axes = new_figure(2, len(combinations), size, sharey="row", height_ratios=(1.35, 1.0))
-    _scale_about_one(axes[1, 0])
+    axes[1, 0].set_yscale("function", functions=(_place, _size))
     for curves, (plane, largest) in zip(combinations.values(), axes.T, strict=True):
         _draw_plane(plane, pd.concat([points for _, _, points in curves]), x, norm, frame)
         plane.set_title(curves[0].label, loc="left")
@@ -279,6 +280,8 @@ def multipliers_figure(found: Study, x: str) -> Figure:
         largest.set_xlabel(key_label(x))
     axes[0, 0].set_ylabel("imaginary part")
     axes[1, 0].set_ylabel("largest |multiplier|")
+    axes[1, 0].yaxis.set_major_locator(FixedLocator(_size_ticks(*axes[1, 0].get_ylim())))
+    axes[1, 0].yaxis.set_major_formatter("{x:g}")
     looks = {"marker": "o", "ls": "", "ms": 4.0, "mew": 0.9, "color": REFERENCE}
     legend_below(figure, [entry("stable", **looks), entry("unstable", **looks, mfc="white")])
     figure.colorbar(ScalarMappable(norm, "viridis"), ax=list(axes[0]), pad=0.01).set_label(key_label(x))
@@ -286,14 +289,23 @@ def multipliers_figure(found: Study, x: str) -> Figure:
     return figure
 
 
-def _scale_about_one(axis: Axes) -> None:
-    """Scale an axis of multipliers' sizes so that those near 1, which decide on stability, are told apart."""
-    axis.set_yscale(
-        "function",
-        functions=(lambda size: np.arcsinh((size - 1.0) / NEAR_ONE), lambda place: 1.0 + NEAR_ONE * np.sinh(place)),
-    )
-    axis.yaxis.set_major_locator(FixedLocator(_SIZE_TICKS))
-    axis.yaxis.set_major_formatter("{x:g}")
+def _place(size: Any) -> Any:
+    """Return where a multiplier's size is on its axis, on which those near 1, which decide on stability, have room."""
+    return np.arcsinh((size - 1.0) / NEAR_ONE)
+
+
+def _size(place: Any) -> Any:
+    return 1.0 + NEAR_ONE * np.sinh(place)
+
+
+def _size_ticks(low: float, high: float) -> list[float]:
+    """Return ticks of sizes between two, those near 1 first, as many as there is room for."""
+    kept: list[float] = []
+    for tick in _SIZE_TICKS:
+        distances = [abs(_place(tick) - _place(other)) for other in kept]
+        if low <= tick <= high and min(distances, default=np.inf) > 0.05 * (_place(high) - _place(low)):
+            kept.append(tick)
+    return kept
 
 
 def _draw_plane(axis: Axes, points: pd.DataFrame, x: str, norm: Normalize, frame: float) -> None:
