@@ -268,6 +268,7 @@ def multipliers_figure(found: Study, x: str) -> Figure:
     for curves, (plane, largest) in zip(combinations.values(), axes.T, strict=True):
         _draw_plane(plane, pd.concat([points for _, _, points in curves]), x, norm, frame)
         plane.set_title(curves[0].label, loc="left")
+        largest.update_datalim([(0.0, 1.0)], updatex=False)
         for _, number, points in curves:
             sizes = np.hypot(points["multiplier_1_re"], points["multiplier_1_im"])
             color = CURVES[number % len(CURVES)]
