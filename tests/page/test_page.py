@@ -25,8 +25,10 @@ from vibroplat.page import points, report, run
 from vibroplat.page.points import plain_column, spread
 from vibroplat.page.results import find_results, parameters
 from vibroplat.page.run import packed, packed_coarsely
+from vibroplat.plots.orbits import MARKERS
 from vibroplat.plots.reading import Ends
 from vibroplat.plots.studies import read_branches
+from vibroplat.plots.style import SYMBOLS
 from vibroplat.results.tables import read_json, read_table, write_table
 
 HOSTILE = "</script><script>window.hacked = 1</script><img src=x onerror='window.hacked = 1'>"
@@ -303,6 +305,30 @@ def test_boundaries_lie_in_the_plane_of_both_keys_and_an_empty_section_is_not_to
         ("fold", [*range(7), None]),
         ("liftoff", [*range(7, 14), None]),
     ]
+
+
+def test_a_quantity_has_one_unit_on_the_whole_page(moved, followed):
+    """In the file that is saved from a table, columns have the unit of their names."""
+    data = shown(moved["two layers"], followed)
+    (orbits,) = data["points"]
+    tables = {column["name"]: column for column in orbits["table"]["columns"]}
+    for measure in orbits["measures"]:
+        column = tables[measure["column"]]
+        assert (column["unit"], column["factor"]) == (measure["unit"], measure["factor"])
+    units = {row["words"]: row["unit"] for row in data["summary"]["rows"]}
+    panels = {panel["title"]: panel["unit"] for panel in data["panels"]}
+    assert units["RMS y"] == tables["rms_y_m"]["unit"] == panels["platform y from rest"] == "mm"
+    assert units["RMS φ"] == panels["rotation φ"] == "mrad"
+    assert units["phase difference"] == tables["phase_difference_rad"]["unit"] == panels["phase difference"] == "rad"
+    assert tables["rms_y_m"]["values"][0] == pytest.approx(1e-3)
+
+
+def test_symbols_are_those_of_figures_and_flight_begins_at_its_liftoff(branched):
+    (orbits,) = shown(branched)["points"]
+    (liftoff,) = (mark for mark in orbits["marks"] if mark["kind"] == "liftoff")
+    assert liftoff["symbol"] == SYMBOLS[MARKERS["liftoff"]] == "triangle-up"
+    assert set(liftoff["at"]["flight_fraction"]) == {0.0}
+    assert len({SYMBOLS[marker] for marker in MARKERS.values()}) == len(MARKERS)
 
 
 # -- orbits of points -----------------------------------------------------------------------------------
