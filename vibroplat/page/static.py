@@ -69,19 +69,24 @@ def header(data: Mapping[str, Any]) -> str:
 
 
 def summary(data: Mapping[str, Any]) -> str:
-    """Return the summary of runs: what a person asks for first, and the rest, folded."""
+    """Return the summary of runs: what a person asks for first, the data sheet by its groups, and the rest, folded."""
     results, rows = data["summary"]["results"], data["summary"]["rows"]
     if not results:
         return ""
     heads = ["", "unit", *(data["results"][n]["label"] if len(results) > 1 else "value" for n in results)]
-    first, rest = (
-        listing(
-            heads, [_row(row["words"], row["unit"], map(shown, row["values"])) for row in rows if row["first"] is which]
-        )
-        for which in (True, False)
-    )
-    more = f"<details><summary>All numbers of the summary</summary>{rest}</details>"
-    return f'<section id="summary"><h2>Summary</h2>{first}{more}</section>'
+    groups: dict[str, list[str]] = {}
+    for row in rows:
+        groups.setdefault(row["group"], []).append(_row(row["words"], row["unit"], map(shown, row["values"])))
+    first, rest = (listing(heads, groups.pop(group, [])) for group in ("first", ""))
+    lines = [line for group, found in groups.items() for line in (_section(group, heads), *found)]
+    sheet = f"<h3>Data sheet</h3>{listing(heads, lines)}" if lines else ""
+    more = f"<details><summary>All other numbers of the summary</summary>{rest}</details>"
+    return f'<section id="summary"><h2>Summary</h2>{first}{sheet}{more}</section>'
+
+
+def _section(name: str, heads: Sequence[str]) -> str:
+    """Return the row of a table that names those below it."""
+    return f'<tr class="section"><th scope="rowgroup" colspan="{len(heads)}">{escape(name)}</th></tr>'
 
 
 def _row(name: str, unit: str, values: Any) -> str:
@@ -101,7 +106,7 @@ def parameters(data: Mapping[str, Any]) -> str:
     for row in data["parameters"]:
         if row["section"] != section:
             section = row["section"]
-            lines.append(f'<tr class="section"><th scope="rowgroup" colspan="{len(heads)}">{escape(section)}</th></tr>')
+            lines.append(_section(row["section"], heads))
         lines.append(_parameter(row, names))
     table = listing(heads, lines)
     return f'<section id="parameters"><h2>Parameters</h2><p class="hint">{note}</p>{table}</section>'
