@@ -122,7 +122,7 @@ def test_run_prints_a_summary_and_where_the_tables_are(name, finished_commands):
     assert (lines["outcome"], lines["simulated"], lines["tables"]) == ("ok", "0.2 s", f"results/{name}")
     assert re.fullmatch(r"0\.1 … 0\.2 s, [12] whole turns?", lines["measured"])
     assert re.fullmatch(r"\S+, \S+ mm", lines["RMS x, y"])
-    assert re.fullmatch(r"\S+ rad, antiphase", lines["phase difference phi1+phi2"])
+    assert re.fullmatch(r"\S+ rad, antiphase: shakes along y", lines["phase difference phi1+phi2"])
     assert ("flight fraction" in lines) == ("contact force, largest" in lines) == (name == "quickstart")
     if name == "quickstart":
         events = read_table(finished_commands[1] / name, "events")

@@ -67,6 +67,18 @@ def test_a_motor_too_weak_to_turn_is_noted(printed):
     assert notes == [f"exciter {i} hardly turns, though its synchronous speed is 25 Hz" for i in (1, 2)]
 
 
+def test_a_coarse_tolerance_of_sundials_is_noted_where_impacts_amplify_errors(quickstart):
+    coarse = {"contact.restitution": 0.99, "contact.sticking_speed_m_per_s": 0.0, "run.duration_s": 0.5}
+    noted = {
+        (engine, tolerance): any(
+            "amplify errors" in note
+            for note in of_motion(quickstart, **coarse, **{"solver.engine": engine, "solver.tolerance": tolerance})
+        )
+        for engine, tolerance in (("native", 1e-3), ("native", 1e-5), ("taylor", 1e-3))
+    }
+    assert noted == {("native", 1e-3): True, ("native", 1e-5): False, ("taylor", 1e-3): False}
+
+
 # -- samples --------------------------------------------------------------------------------------------
 
 
