@@ -8,7 +8,7 @@ from contextlib import closing
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -24,6 +24,7 @@ from vibroplat.extensions import figure_of
 from vibroplat.hybrid.modes import IMPACT
 from vibroplat.hybrid.state import initial_state, state_scales
 from vibroplat.kernels.compiled import FloatArray
+from vibroplat.model.sensitivity import with_value
 from vibroplat.motion.initial_condition import end_of, initial_condition
 from vibroplat.motion.run import simulate
 from vibroplat.observe.summary import Part, measured
@@ -31,7 +32,7 @@ from vibroplat.results.run import Trajectory, load
 from vibroplat.study.branches import FREQUENCY, SUPPLY
 from vibroplat.study.confirming import LARGEST, multiplier_columns
 from vibroplat.study.lyapunov import lyapunov
-from vibroplat.study.point import MEASURED, Point, measure_point, row_of
+from vibroplat.study.point import ANTIPHASE_OF_ORBITS, MEASURED, Point, measure_point, row_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -207,7 +208,8 @@ def accurate(scene: Scene, tolerance: float) -> Scene:
     """
     if scene.drive.program is not None:
         raise ConfigError("drive.program is given, but orbits have a constant supply; allowed: supply_frequency_hz")
-    return scene.replace({"solver.tolerance": min(scene.solver.tolerance, INTEGRATOR * tolerance)})
+    finest = min(scene.solver.tolerance, INTEGRATOR * tolerance)
+    return cast("Scene", with_value(scene, ["solver", "tolerance"], finest))  # in its range as both are
 
 
 def first_orbit(
@@ -346,6 +348,13 @@ def _from_state(
 
 def _require_whole(problem: Problem, found: NewtonResult, period: int) -> None:
     """Refuse an orbit that repeats after fewer turns."""
+    turns = repeats_after(problem, found, period)
+    if turns < period:
+        raise OrbitError(f"orbits.period = {period} but the motion repeats after {turns}; allowed: {turns}")
+
+
+def repeats_after(problem: Problem, found: NewtonResult, period: int) -> int:
+    """Return the turns of exciter 1 after which an orbit repeats that closes after a period."""
     state, seconds, _ = found.chart.unpack(found.u)
     places = found.chart.places
     for turns in range(1, period):
@@ -353,19 +362,25 @@ def _require_whole(problem: Problem, found: NewtonResult, period: int) -> None:
             difference = problem.shooter.shot(state, seconds * turns / period).state - state
             difference[3:5] -= np.round(difference[3:5] / TURN) * TURN
             if np.abs(difference[places] / problem.shooter.scales[places]).max() < REPEATS * problem.tolerance:
-                raise OrbitError(f"orbits.period = {period} but the motion repeats after {turns}; allowed: {turns}")
+                return turns
+    return period
 
 
 def measures_of_orbit(problem: Problem, found: NewtonResult) -> dict[str, Any]:
-    """Return the measures of a sweep over the period of an orbit."""
+    """Return the measures of a sweep over the period of an orbit, as in its rows."""
+    scene = problem.shooter.scene_at(dict(zip(problem.shooter.keys, found.chart.unpack(found.u)[2], strict=True)))
+    row = row_of(measured_over_period(problem, found), scene, near=ANTIPHASE_OF_ORBITS)
+    return {name: row[name] for name in (*MEASURED, "sync", "notes")}
+
+
+def measured_over_period(problem: Problem, found: NewtonResult) -> dict[str, Any]:
+    """Gather what was measured over the period of an orbit; see :func:`vibroplat.observe.summary.measured`."""
     shot = found.shot
     assert isinstance(shot.part, Part)
-    scene = problem.shooter.scene_at(dict(zip(problem.shooter.keys, found.chart.unpack(found.u)[2], strict=True)))
     first, second = (abs(n) / shot.duration for n in problem.turns)
     speeds = {"excitation_frequency_hz": 0.5 * (first + second), "frequency_split_hz": first - second}
     impacts = float(shot.part.measures.marks["measured"][IMPACT]) / abs(problem.turns[0])
-    row = row_of(measured(shot.part) | speeds | {"impacts_per_period": impacts}, scene)
-    return {name: row[name] for name in (*MEASURED, "sync", "notes")}
+    return measured(shot.part) | speeds | {"impacts_per_period": impacts}
 
 
 class OrbitMotion(NamedTuple):
