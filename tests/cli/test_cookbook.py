@@ -7,6 +7,7 @@ import shlex
 import shutil
 
 import pytest
+from common import commands
 from common.places import ROOT
 
 COOKBOOK = (ROOT / "results/cookbook.md").read_text(encoding="utf-8")
@@ -28,17 +29,17 @@ LONG = {
 
 
 @pytest.fixture(scope="module")
-def begun(tmp_path_factory, vibroplat):
+def begun(tmp_path_factory, kernels):
     """A directory with the screen, its run and a file of measured data."""
     place = tmp_path_factory.mktemp("cookbook")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(place)
-        assert vibroplat("new", "screen.yaml", "--template", "screen").code == 0
+        assert commands.command("new", "screen.yaml", "--template", "screen").code == 0
         text = (place / "screen.yaml").read_text(encoding="utf-8")
         quick = text.replace("duration_s: 8 ", "duration_s: 3 ").replace("    step: 1 ", "    step: 25 ")
         assert quick != text
         (place / "screen.yaml").write_text(quick, encoding="utf-8")
-        assert vibroplat("run", "screen.yaml", "--engine", "taylor").code == 0
+        assert commands.command("run", "screen.yaml", "--engine", "taylor").code == 0
     (place / "measured.csv").write_text("t_s,y_m\n2.5,-0.032\n2.6,-0.033\n")
     return place
 

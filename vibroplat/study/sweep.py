@@ -271,9 +271,10 @@ def overview(table: pd.DataFrame) -> dict[str, str]:
 
 def _synchronizations(table: pd.DataFrame) -> str:
     """Count the kinds of synchronization, and say what each shakes."""
-    counts = table[["rotation", "sync"]].dropna().value_counts(sort=True)
-    shakes = {kind: f" ({SHAKING[kind]})" if kind in SHAKING else "" for kind in counts.index}
-    return ", ".join(f"{kind[1]} {count}{shakes[kind]}" for kind, count in counts.items())
+    counts = table[["rotation", "sync"]].dropna().value_counts().reset_index()
+    kinds = zip(counts["rotation"], counts["sync"], counts["count"], strict=True)
+    shakes = {kind: f" ({what})" for kind, what in SHAKING.items()}
+    return ", ".join(f"{sync} {count}{shakes.get((rotation, sync), '')}" for rotation, sync, count in kinds)
 
 
 def _counts(column: pd.Series) -> str:
