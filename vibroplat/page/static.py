@@ -29,7 +29,7 @@ _SYMBOL = re.compile(r"\b([A-Za-z]{1,5})_(\w{1,3})\b|\b(" + "|".join(_GREEK) + r
 
 
 def shown(value: Any) -> str:
-    """Return a value as a person reads it."""
+    """Return a value as a person reads it: what is very small or large as a power of ten, what is unknown as a dash."""
     if value is None or isinstance(value, bool):
         return {None: "–", True: "yes", False: "no"}[value]
     if not isinstance(value, int | float):
@@ -90,6 +90,7 @@ def _section(name: str, heads: Sequence[str]) -> str:
 
 
 def _row(name: str, unit: str, values: Any) -> str:
+    """Return a row of the summary; values are texts, one for each run."""
     cells = "".join(f'<td class="number">{escape(value)}</td>' for value in values)
     return f'<tr><th scope="row">{escape(name)}</th><td class="unit">{escape(unit)}</td>{cells}</tr>'
 
@@ -151,6 +152,7 @@ def tables(data: Mapping[str, Any]) -> str:
 
 
 def _table(table: Mapping[str, Any], label: str) -> str:
+    """Return the first rows of a table, in the units in which the script shows them, and say if there are more."""
     columns, count = table["columns"], min(table["rows"], ROWS)
     heads = [f"{one['words']} ({one['unit']})" if one["unit"] else one["words"] for one in columns]
     cells = ([_scaled(value, one["factor"]) for value in one["values"][:count]] for one in columns)
@@ -161,11 +163,15 @@ def _table(table: Mapping[str, Any], label: str) -> str:
 
 
 def _scaled(value: Any, factor: float) -> Any:
+    """Return a number in another unit; texts and flags have none."""
     return factor * value if isinstance(value, int | float) and not isinstance(value, bool) and factor != 1.0 else value
 
 
 def figures(found: Sequence[Saved]) -> str:
-    """Return the figures that ``vibroplat plot`` draws of some results."""
+    """Return the figures that ``vibroplat plot`` draws of some results, as images inside the page.
+
+    A browser that runs scripts reads them as text and decodes none of them.
+    """
     return "".join(
         f'<figure><img alt="{escape(name)}" src="data:image/png;base64,{picture}"></figure>'
         for name, picture in _pictures(found)

@@ -296,6 +296,7 @@ def _place(size: Any) -> Any:
 
 
 def _size(place: Any) -> Any:
+    """Return the size of a multiplier at a place of its axis, the inverse of :func:`_place`."""
     return 1.0 + NEAR_ONE * np.sinh(place)
 
 

@@ -64,6 +64,7 @@ def paper_figures(directories: Sequence[Path], _: Sequence[str] = ()) -> Iterato
 
 
 def _table(result: Result, name: str) -> pd.DataFrame:
+    """Read a table of the reproduction as axes can show it."""
     return finite(result.table(name))
 
 
