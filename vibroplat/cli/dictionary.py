@@ -91,7 +91,8 @@ def configuration_page() -> str:
         "not given has its default; where the default is empty, the meaning says what holds. `extends: FILE`, relative",
         "to the file itself, takes all keys from another file; those given here override them. The symbols are those",
         "of [the model](model.md). Typical values are those of screens and feeders in industry; `vibroplat new FILE",
-        "--template screen` writes such a machine. This page is written by `vibroplat schema --markdown`.",
+        "--template screen` writes such a machine. The scales of the scene are defined in",
+        "[How it works](method.md#scales). This page is written by `vibroplat schema --markdown`.",
     ]
     sections = groupby(keys().values(), key=lambda key: key.name.partition(".")[0] if "." in key.name else "")
     for section, found in sections:
