@@ -21,7 +21,7 @@ from vibroplat.kernels.compiled import FloatArray, same_types
 from vibroplat.model.accelerations import accelerations
 from vibroplat.model.parameters import Parameters, supply, words
 from vibroplat.model.systems import SYSTEMS, System
-from vibroplat.observe.statistics import Measures, Statistics, copied
+from vibroplat.observe.statistics import Measures, Statistics, copied, forget_extremes, widen_extremes
 from vibroplat.observe.summary import Energies, Part
 from vibroplat.system.memory import NO_MORE, OutOfMemoryError
 
@@ -144,7 +144,8 @@ class Motion:
         settle
             What is not measured of it at its beginning (s).
         blocks
-            Equally long parts in which it is carried on; the sums at their ends are kept in the part that is returned.
+            Equally long parts in which it is carried on; what was measured is kept at their ends in the part that is
+            returned: sums since the beginning, extremes of each block.
         observers
             What else reads it.
         """
@@ -156,6 +157,9 @@ class Motion:
                 break
             if blocks > 1:
                 ends.append(copied(statistics.measures))
+                forget_extremes(statistics.measures)
+        for block_end in ends:
+            widen_extremes(statistics.measures, block_end)
         return Part(statistics.measures, before, self._energies, ends)
 
     def go_round(self, turns: int, longest: float, observers: Sequence[Observer] = ()) -> Part:

@@ -131,8 +131,19 @@ def copied(ms: Measures) -> Measures:
     return ms._replace(whole=ms.whole.copy(), marks=ms.marks.copy())
 
 
+def forget_extremes(ms: Measures) -> None:
+    """Forget the extremes so far."""
+    ms.marks["least"], ms.marks["largest"], ms.marks["impulse_max"] = _LEAST, _LARGEST, 0.0
+
+
+def widen_extremes(ms: Measures, other: Measures) -> None:
+    """Let the extremes be those of another part too."""
+    for name, wider in (("least", np.minimum), ("largest", np.maximum), ("impulse_max", np.maximum)):
+        ms.marks[name] = wider(ms.marks[name], other.marks[name])
+
+
 def between(earlier: Measures, later: Measures) -> Measures:
-    """Subtract two copies: sums over whole turns of exciter 1 between them; extremes and counts are of all before."""
+    """Subtract two copies: sums over whole turns of exciter 1 between them; extremes are the later's, counts of all."""
     marks = later.marks.copy()
     marks["turns"] += 1 - earlier.marks["turns"]  # the last turn before is the first mark
     marks["first"] = earlier.marks["last"]

@@ -179,22 +179,35 @@ def statistics(ms: Measures) -> dict[str, float | None]:
     return {k: None if v is None else float(v) for k, v in result.items()}
 
 
+#: Measures that are the largest of their values in blocks.
+MAXIMA = ("amplitude_y_m", "contact_force_max_n", "gap_max_m", "impulse_max_n_s")
+
+
 def block_errors(blocks: Sequence[Measures], names: Sequence[str]) -> dict[str, float | None]:
-    """Estimate standard errors of statistics from their scatter over blocks; None where a block has none.
+    """Estimate standard errors of measures from their scatter over blocks; None where a block has none.
 
     Means of blocks that are long against the memory of the motion are independent, so that the error of their mean is
-    their standard deviation over the root of their number (method of batch means).
+    their standard deviation over the root of their number (method of batch means). The largest of several maxima
+    scatters as each of them does (Gumbel's law).
     """
     parts = [*blocks[:1], *(between(a, b) for a, b in pairwise(blocks))]
-    found = [statistics(part) for part in parts]
+    found = [statistics(part) | extremes(part) for part in parts]
     errors: dict[str, float | None] = {}
     for name in names:
         values = np.array([math.nan if part[name] is None else part[name] for part in found], dtype=float)
         if name == "phase_difference_rad" and len(values):  # about one of them, for angles have no mean
             values = np.angle(np.exp(1j * (values - values[0])))
-        error = float(values.std(ddof=1)) / math.sqrt(len(values)) if len(values) > 1 else math.nan
+        count = 1 if name in MAXIMA else len(values)
+        error = float(values.std(ddof=1)) / math.sqrt(count) if len(values) > 1 else math.nan
         errors[name] = error if math.isfinite(error) else None
     return errors
+
+
+def extremes(ms: Measures) -> dict[str, float | None]:
+    """Largest contact force, gap and impulse; −inf where there is none."""
+    names, largest = ("contact_force_max_n", "gap_max_m", "impulse_max_n_s"), ms.marks["largest"]
+    found = largest[FORCE], largest[OPENING], ms.marks["impulse_max"]
+    return {name: float(value) for name, value in zip(names, found, strict=True)}
 
 
 def half_open(angle: float, near: float = 1e-12) -> float:
@@ -217,15 +230,13 @@ def measured(part: Part) -> dict[str, Any]:
     counts = dict(zip(kinds, marks["counts"].tolist(), strict=False))
     found = {
         **statistics(part.measures),
+        **extremes(part.measures),
         "measured_from_s": float(marks["window"]),
         "measured_to_s": float(max(marks["until"], marks["window"])),
         "contact_force_min_n": least[FORCE],
-        "contact_force_max_n": largest[FORCE],
         "contact_pull_n": max(float(marks["pull"]), -least[FORCE]),
         "gap_min_m": least[OPENING],
-        "gap_max_m": largest[OPENING],
         "phi_max_rad": max(largest[ROTATION], -least[ROTATION]),
-        "impulse_max_n_s": float(marks["impulse_max"]),
         "impulse_sum_n_s": float(marks["impulse_sum"]),
         **counts,
         "events": sum(counts.values()),

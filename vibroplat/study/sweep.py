@@ -32,7 +32,7 @@ from vibroplat.study.store import Record, SpoiledError, Store
 COLUMNS = (
     *("direction", "branch", "rotation"),
     *MEASURED[:8],
-    *("sync", "motion", "period", "multiplier_max"),
+    *("sync", "motion", "period", "multiplier_max", "coexists"),
     *MEASURED[8:],
     *("lyapunov_per_s", "lyapunov_error_per_s"),
     *ERRORS.values(),
