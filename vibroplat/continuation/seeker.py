@@ -30,7 +30,7 @@ MARGIN = 1e-4
 #: Multiplier above which decay is slow. How far beyond the motion an orbit must attract where it is not.
 SLOW, BEYOND = 0.9, 1.25
 #: Most tries from returns of a section that does not repeat, and their largest distance in the scales of the scene.
-TRIES, RETURN = 12, 4.0
+TRIES, RETURN = 12, 2.0
 #: Iterations of Newton's method.
 ITERATIONS = 8
 

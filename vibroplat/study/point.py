@@ -54,8 +54,8 @@ PATIENCE = 4.0
 #: Time (s) after which a motion that is near no orbit is measured, and chaotic if its neighbours part, unless an orbit
 #: that it returns to has a largest multiplier below the other number.
 EARLY, CLEARLY = 40.0, 1.5
-#: Difference of measures, over its standard error, from which on two motions are not the same.
-DISTINCT = 5.0
+#: Differences of measures from which on two motions are not the same: over their standard error, and over themselves.
+DISTINCT, BY_SHARE = 5.0, 0.02
 #: Measured time of motion from other starts, over that of the plan.
 SHORTER = 1.0 / 3.0
 #: How many of the last points of the Poincaré section and impacts a bifurcation diagram shows at each point.
@@ -293,9 +293,11 @@ def _distinct(row: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
     """Whether a motion differs from that of a row, which does not repeat."""
     if other["period"]:
         return True
-    names = ("rms_x_m", "rms_y_m", "rms_phi_rad")
-    errors = (math.hypot(row[ERRORS[name]] or 0.0, other[ERRORS[name]] or 0.0) for name in names)
-    return any(abs(row[name] - other[name]) > DISTINCT * error for name, error in zip(names, errors, strict=True))
+    for name in ("rms_x_m", "rms_y_m", "rms_phi_rad"):
+        error = math.hypot(row[ERRORS[name]] or 0.0, other[ERRORS[name]] or 0.0)
+        if abs(row[name] - other[name]) > max(DISTINCT * error, BY_SHARE * abs(row[name])):
+            return True
+    return False
 
 
 class _Impacts:
