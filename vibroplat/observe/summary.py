@@ -194,7 +194,8 @@ def block_errors(blocks: Sequence[Measures], names: Sequence[str]) -> dict[str, 
     found = [statistics(part) | extremes(part) for part in parts]
     errors: dict[str, float | None] = {}
     for name in names:
-        values = np.array([math.nan if part[name] is None else part[name] for part in found], dtype=float)
+        told = [part[name] for part in found]
+        values = np.array([math.nan if v is None or math.isinf(v) else v for v in told], dtype=float)
         if name == "phase_difference_rad" and len(values):  # about one of them, for angles have no mean
             values = np.angle(np.exp(1j * (values - values[0])))
         count = 1 if name in MAXIMA else len(values)

@@ -204,6 +204,7 @@ def _on_orbit(
     found = orbit.measures
     row: dict[str, Any] = {
         "rotation": scene.rotation,
+        "coexists": "",
         "settle_s": settled,
         "outcome": "ok",
         "detail": "",
@@ -236,6 +237,7 @@ def _followed(
         return _on_orbit(scene, settling.orbit, settling.seconds, work, motion.events)
     row: dict[str, Any] = {
         "rotation": scene.rotation,
+        "coexists": "",
         "settle_s": settling.seconds,
         "outcome": motion.outcome,
         "detail": motion.detail,
