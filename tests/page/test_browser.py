@@ -125,6 +125,53 @@ def test_all_panels_are_drawn(visit):
     assert js(page, "document.querySelectorAll('#machines svg').length") == 1
 
 
+@WIDE
+def test_without_scripts_summary_tables_parameters_and_figures_are_there(driver, pages, by_hand):
+    def all_of(selector):
+        return driver.find_elements("css selector", selector)
+
+    def table(heading):
+        return next(box for box in all_of("section") if box.text.startswith(heading))
+
+    driver.execute_cdp_cmd("Emulation.setScriptExecutionDisabled", {"value": True})
+    try:
+        for path, figures in ((pages["one"], 3), (by_hand["points"], 3)):
+            driver.get(path.resolve().as_uri())
+            drawn = [(one.is_displayed(), js(driver, "arguments[0].naturalWidth > 400", one)) for one in all_of("img")]
+            assert drawn == [(True, True)] * figures
+            assert len(table("Parameters").text.splitlines()) > 30
+        assert "46" in table("Table sweep").text
+        driver.get(pages["one"].resolve().as_uri())
+        assert "mm 0.3" in table("Summary").text
+        assert "liftoff" in table("Table events").text
+    finally:
+        driver.execute_cdp_cmd("Emulation.setScriptExecutionDisabled", {"value": False})
+
+
+def test_parameters_are_readable_on_a_telephone(visit):
+    page = visit("several")
+    resize(page, 390, 800)
+    rows = js(
+        page,
+        """[...document.querySelectorAll('#parameters tbody tr')].map(row =>
+        [row.getBoundingClientRect().right, row.scrollWidth - row.clientWidth, row.innerText])""",
+    )
+    assert max(right for right, _, _ in rows) <= 390.0
+    assert max(beyond for _, beyond, _ in rows) <= 0
+    name, meaning, *rest = next(text for _, _, text in rows if "platform mass" in text).splitlines()
+    assert (name, meaning) == ("platform mass", "m0: mass of the platform, without the unbalances")
+    assert "12.42" in "".join(rest)
+
+
+@WIDE
+def test_speeds_of_several_runs_show_their_ripple(visit):
+    page = visit("several")
+    number = js(page, "window.vibroplat.data.panels.findIndex(({title}) => title === 'speed from its mean')")
+    low, high = js(page, f"document.getElementById('curves')._fullLayout.yaxis{number + 1}.range")
+    assert low < 0.0 < high
+    assert high - low < 2.0  # Hz; speeds are near 26
+
+
 def test_several_machines_move_side_by_side_and_headings_lie_between_panels(visit):
     page = visit("several")
     machines = "[...document.querySelectorAll('#machines svg')].map(svg => svg.innerHTML)"

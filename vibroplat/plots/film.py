@@ -22,6 +22,7 @@ from vibroplat.hybrid.state import static_rest
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.plots.run import read_run
 from vibroplat.plots.style import CURVES, MATERIAL, PLATFORM, head, new_figure, styled
+from vibroplat.plots.timelines import FROM_REST
 from vibroplat.results.tables import replace_file
 
 #: Duration of a frame (ms).
@@ -125,10 +126,8 @@ def _scenery(name: str, scene: Scene, table: pd.DataFrame) -> tuple[Figure, Pain
     times = table["t_s"].to_numpy()
     columns = ["x_m", "y_m", "phi_rad", "phi1_rad", "phi2_rad", *(c for c in ("gap_m", "upper_m") if c in table)]
     moving = {column: table[column].to_numpy(dtype=float) for column in columns}
-    rest = static_rest(scene)
-    moving["y_m"] = moving["y_m"] - rest[1]
     if "upper_m" in moving:
-        moving["upper_m"] = moving["upper_m"] - rest[6]
+        moving["upper_m"] = moving["upper_m"] - static_rest(scene)[6]
     figure, axes = new_figure(2 if "gap_m" in table else 1, 2, SIZE, width_ratios=(1.1, 1.0))
     stage = axes[0, 0]
     if len(axes) == 2:
@@ -140,7 +139,7 @@ def _scenery(name: str, scene: Scene, table: pd.DataFrame) -> tuple[Figure, Pain
     stage.set_title(f"displacements × {machine.magnification:g}")
     cursors = []
     for axis, (column, label, colour) in zip(
-        axes[:, 1], (("y_m", "$y$ from rest (mm)", PLATFORM), ("gap_m", "gap (mm)", MATERIAL)), strict=False
+        axes[:, 1], (("y_m", FROM_REST, PLATFORM), ("gap_m", "gap (mm)", MATERIAL)), strict=False
     ):
         axis.plot(times, 1e3 * moving[column], color=colour)
         axis.set(ylabel=label, xlim=(times[0], times[-1]))

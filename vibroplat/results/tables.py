@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Self, TypeAlias
 
 from vibroplat.errors import TableError
-from vibroplat.frames import PlainTable, Words, pd
+from vibroplat.frames import PlainTable, Words, pd, sharing
 from vibroplat.results.locks import is_gone, mark
 from vibroplat.system.interrupts import unfinished, watching
 
@@ -94,7 +94,7 @@ def read_table(directory: Path, name: str, digests: Mapping[str, str] | None = N
     """
     with _opened_table(directory, name, digests) as file:
         if file.name.endswith(".parquet"):
-            return pd.read_parquet(file, page_checksum_verification=True)
+            return sharing(pd.read_parquet(file, page_checksum_verification=True))
         return pd.read_csv(file)
 
 
@@ -132,9 +132,9 @@ def _read_row_groups(file: BufferedReader, columns: Collection[str] | None, *, l
     found = False
     for rows in source.iter_batches(PART, groups[-1:] if last else groups, wanted):
         found = True
-        yield pa.Table.from_batches([rows]).to_pandas()
+        yield sharing(pa.Table.from_batches([rows]).to_pandas())
     if not found:
-        yield source.schema_arrow.empty_table().select(wanted).to_pandas()
+        yield sharing(source.schema_arrow.empty_table().select(wanted).to_pandas())
 
 
 def _read_lines(file: BufferedReader, columns: Collection[str] | None, *, last: bool) -> Iterator[pd.DataFrame]:
