@@ -26,6 +26,7 @@ from vibroplat.hybrid.state import initial_state, state_scales
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.motion.initial_condition import end_of, initial_condition
 from vibroplat.motion.run import simulate
+from vibroplat.observe.sheet import columns
 from vibroplat.observe.summary import Part, measured
 from vibroplat.results.run import Trajectory
 from vibroplat.study.branches import FREQUENCY, SUPPLY
@@ -356,8 +357,8 @@ def measures_of_orbit(problem: Problem, found: NewtonResult) -> dict[str, Any]:
     first, second = (abs(n) / shot.duration for n in problem.turns)
     speeds = {"excitation_frequency_hz": 0.5 * (first + second), "frequency_split_hz": first - second}
     impacts = float(shot.part.measures.marks["measured"][IMPACT]) / abs(problem.turns[0])
-    row = row_of(measured(shot.part) | speeds | {"impacts_per_period": impacts}, scene)
-    return {name: row[name] for name in (*MEASURED, "sync", "notes")}
+    row = row_of(measured(shot.part, scene) | speeds | {"impacts_per_period": impacts}, scene)
+    return {name: row[name] for name in (*MEASURED, "sync", "notes", *columns(scene))}
 
 
 class OrbitMotion(NamedTuple):

@@ -189,15 +189,20 @@ def _horner_at_one(numbers: int, derivatives: int) -> Any:
     return evaluate
 
 
-@intrinsic
-def _horner_pair(typing_context: Any, c: Any, degree: Any, s: Any, following: Any, out: Any) -> Any:
-    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        rows, out_rows = (_Rows(context, builder, signature.args[i], values[i], 16) for i in (0, 4))
-        for i, found in enumerate(_horner(builder, rows, values[1], [values[2], values[3]])):
-            out_rows.store(ir.Constant(_INDEX, i), found)
-        return context.get_dummy_value()
+def _horner_pair(numbers: int) -> Any:
+    """Make the intrinsic for rows of so many numbers."""
 
-    return types.void(c, types.int64, types.float64, types.float64, out), generate
+    @intrinsic
+    def evaluate(typing_context: Any, c: Any, degree: Any, s: Any, following: Any, out: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+            rows, out_rows = (_Rows(context, builder, signature.args[i], values[i], numbers) for i in (0, 4))
+            for i, found in enumerate(_horner(builder, rows, values[1], [values[2], values[3]])):
+                out_rows.store(ir.Constant(_INDEX, i), found)
+            return context.get_dummy_value()
+
+        return types.void(c, types.int64, types.float64, types.float64, out), generate
+
+    return evaluate
 
 
 @intrinsic
@@ -351,6 +356,9 @@ if TYPE_CHECKING:
     def horner_pair_16(c: FloatArray, degree: int, s: float, following: float, out: FloatArray) -> None:
         """Do as :func:`horner_16` at two places in the time of one; degree above 0, ``out`` of shape (2, 16)."""
 
+    def horner_pair_8(c: FloatArray, degree: int, s: float, following: float, out: FloatArray) -> None:
+        """Do the same with 8 columns; ``out`` of shape (2, 8)."""
+
     def sizes_16(c: FloatArray, first: int, degree: int, out: FloatArray) -> None:
         """Sum up the sizes of all 16 columns over rows ``first`` to ``degree``."""
 
@@ -382,6 +390,7 @@ if TYPE_CHECKING:
         """
 else:
     products_2, products_16 = _cauchy(2), _cauchy(16)
-    put_row, put_step, horner_pair_16, sizes_16 = _put_row, _put_step, _horner_pair, _sizes
+    put_row, put_step, sizes_16 = _put_row, _put_step, _sizes
+    horner_pair_8, horner_pair_16 = _horner_pair(8), _horner_pair(16)
     reduce_16, sines, means_16 = _reduce, _sines, _means
     horner_16, horner_8 = _horner_at_one(16, derivatives=0), _horner_at_one(8, derivatives=2)

@@ -116,7 +116,7 @@ def _motion() -> list[Any]:
     with closing(make_engine(scene, p)) as engine:
         motion = Motion(scene, p, engine)
         part = motion.advance(FOLLOWED)
-        return [motion.outcome, motion.events, motion.state.tolist(), measured(part)]
+        return [motion.outcome, motion.events, motion.state.tolist(), measured(part, scene)]
 
 
 def _functions() -> list[Any]:
