@@ -54,7 +54,6 @@ PARAMETERS = np.dtype(
         ("point_y", float, (MOST_POINTS,)),
         ("safe_rotation", float),  # |φ| up to which the mass matrix is positive definite (rad)
         ("impact_law", np.int64),  # index into IMPACT_LAWS
-        ("points", np.int64),  # how many of them there are
     ],
     align=True,
 )
@@ -108,7 +107,6 @@ def parameters(scene: Scene, time: float = 0.0) -> Parameters:
     p["safe_rotation"] = scene.body.safe_rotation
     for i, (x, y) in enumerate(scene.named_points.values()):
         p["point_x"][i], p["point_y"][i] = x, y
-    p["points"] = len(scene.output.points)
     p["impact_law"] = IMPACT_LAWS.index(scene.contact.impact_law)
     return p
 

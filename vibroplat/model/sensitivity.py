@@ -18,7 +18,7 @@ from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.parameters import PARAMETERS, Parameters, blank, parameters
 
 #: Names of the fields that enter the equations as numbers; the others are choices, or say where the equations hold.
-CHOICES = ("safe_rotation", "impact_law", "points")
+CHOICES = ("safe_rotation", "impact_law")
 NUMBERS = tuple(name for name in PARAMETERS.names or () if name not in CHOICES)
 #: How many numbers they are; they are the first of the record.
 _WIDTH = int(np.zeros(1, PARAMETERS).itemsize // 8 - len(CHOICES))

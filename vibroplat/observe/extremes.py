@@ -27,9 +27,12 @@ HEIGHT, ROTATION, OPENING, FORCE, SIDEWAYS, SPEED_1, _, PULL_X, PULL_Y, MOMENT =
 TORQUE_1, _, POWER_1, _, LIFT, ACCELERATION, POINTS = _PLACES[10:]
 _SIZE = QUANTITIES + 3 * MOST_POINTS
 
-#: Extremes, when they were met (s), and how fast the exciters turned then, in the mean (rad/s).
+#: Extremes, when they were met (s), and how fast the exciters turned then, in the mean (rad/s); of accelerations the
+#: largest squares of their polynomials.
 PEAKS = np.dtype(
-    [(f"{what}{end}", float, _SIZE) for what in ("", "at_", "pace_") for end in ("least", "largest")], align=True
+    [(f"{what}{end}", float, _SIZE) for what in ("", "at_", "pace_") for end in ("least", "largest")]
+    + [("square", float, _SIZE)],
+    align=True,
 )
 
 
@@ -73,6 +76,7 @@ def cover(
     since: float,
     last: float,
     span: Span,
+    fine: float,
     sized: bool,
 ) -> None:
     """Let extremes k cover polynomial j in a step from fraction ``since`` of it, at whose end it is ``last``.
@@ -80,7 +84,9 @@ def cover(
     Most steps cannot hold a new one, as their coefficients say. Polynomials of low degree have few samples and are
     looked through, and so is a step of which only a part counts, which happens once. Those of high degree are smooth
     between their samples, and each of these that is lower, or higher, than its neighbours may have an extreme beside
-    it: beyond the sample by less than they are on this side of it. ``sized``: only the larger of both sizes matters.
+    it: beyond the sample by less than they are on this side of it. One
+    whose samples vary by no more than ``fine`` is not looked at more closely. ``sized``: only the larger of both sizes
+    matters.
     """
     least, largest = peaks.least[k], peaks.largest[k]
     if sized:
@@ -89,14 +95,16 @@ def cover(
     if degree <= FEW_SAMPLES or since > 0.0:
         looked_through(peaks, k, c, degree, j, since, last, span)
         return
-    before, here, bit, lower, higher = c[0, j], c[0, j], 1, 0, 0
+    before, here, bit, lower, higher, most = c[0, j], c[0, j], 1, 0, 0, 0.0
     for i in range(nodes + 2):  # without branches: what a step holds cannot be guessed
         after = samples[i, j] if i < nodes else last
         beside = max(abs(here - before), abs(here - after))
         lower |= bit * ((here <= before) & (here <= after) & (here - beside < least))
         higher |= bit * ((here >= before) & (here >= after) & (here + beside > largest))
-        before, here, bit = here, after, 2 * bit
-    if lower | higher:
+        before, here, bit, most = here, after, 2 * bit, max(most, beside)
+    if most <= fine:
+        remember(peaks, k, last, 1.0, span)
+    elif lower | higher:
         turned(peaks, k, c, degree, samples, nodes, j, last, lower, higher, span)
 
 

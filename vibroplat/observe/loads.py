@@ -13,7 +13,7 @@ import numpy as np
 from vibroplat.hybrid.modes import FLIGHT, MODES
 from vibroplat.kernels.compiled import FloatArray, call_int, compiled, fused, inlined
 from vibroplat.kernels.lanes import horner_pair_8, put_row
-from vibroplat.kernels.polynomial import crossing, extremes, value, values
+from vibroplat.kernels.polynomial import COVERED, crossing, extremes, value, values
 from vibroplat.model.motor import motor_torque, slip_speeds
 from vibroplat.model.parameters import Parameters
 from vibroplat.model.platform import suspension
@@ -47,6 +47,8 @@ _X, _Y, _PHI, _GAP = np.array([0, 1, 2, GAP])
 #: points.
 FORMS = 8
 _FORCES, _ACCELERATIONS, _A_POINT = 0, 3, 4
+#: What varies less in a step than this part of y, of the force along y or of the speed is not looked at more closely.
+FINE = 1e-9
 
 
 # -- forms ------------------------------------------------------------------------------------------------
@@ -55,8 +57,9 @@ _FORCES, _ACCELERATIONS, _A_POINT = 0, 3, 4
 @inlined
 def fill_forms(c: FloatArray, degree: int, n: int, length: float, block: int, forms: FloatArray, p: Parameters) -> None:
     """Fill the polynomials of a block of forms: forces and accelerations, or two named points."""
+    inverse = 1.0 / length
     for k in range(degree + 1):
-        share = (k + 1) / length if k < degree else 0.0
+        share = (k + 1) * inverse if k < degree else 0.0
         above = min(k + 1, degree)
         ax, ay = share * c[above, n], share * c[above, n + 1]
         if block == 0:
@@ -96,20 +99,21 @@ def shaken(
     """Let extremes k cover the size of an acceleration, whose forms are j along x and j + 1 along y.
 
     ``sideways`` is 1, or 0 if that along y alone counts; ``spot`` is the point of the platform. The polynomials say
-    where it is largest, and the equations how large it is there. The samples are of the part of the step from ``since``
-    on.
+    whether and where it is larger than before, and the equations how large it is there: these are more accurate, and
+    take longer. The samples are of the part of the step from ``since`` on.
     """
-    samples, largest = room.form_samples, peaks.largest[k]
-    bound = largest * largest if largest > 0.0 else -1.0
+    samples, width = room.form_samples, 1.0 - since
     before = here = size_at(samples, 0, j, sideways)
     for i in range(nodes + 2):
         after = size_at(samples, min(i + 1, nodes + 1), j, sideways)
-        if here >= before and here >= after and here + max(here - before, here - after) > bound:
-            low = since + (1.0 - since) * place_of(i - 1, nodes)
-            high = since + (1.0 - since) * place_of(i + 1, nodes)
-            s = since + (1.0 - since) * place_of(i, nodes)
-            s = steepest(room.forms, degree, j, sideways, s, low, high)
-            remember(peaks, k, exact_size(c, degree, s, system, sideways, spot, room, span, equations), s, span)
+        if here >= before and here >= after and here + max(here - before, here - after) > peaks.square[k]:
+            s, low, high = place_of(i, nodes), place_of(i - 1, nodes), place_of(i + 1, nodes)
+            s, square = steepest(
+                room.forms, degree, j, sideways, since + width * s, since + width * low, since + width * high
+            )
+            if square > peaks.square[k]:
+                peaks.square[k] = square
+                remember(peaks, k, exact_size(c, degree, s, system, sideways, spot, room, span, equations), s, span)
         before, here = here, after
 
 
@@ -120,21 +124,34 @@ def size_at(samples: FloatArray, i: int, j: int, sideways: float) -> float:
 
 
 @fused
-def steepest(forms: FloatArray, degree: int, j: int, sideways: float, s: float, low: float, high: float) -> float:
-    """Fraction of a step near s at which the square of an acceleration is largest, by Newton's iteration."""
-    for _ in range(3):
+def steepest(
+    forms: FloatArray, degree: int, j: int, sideways: float, s: float, low: float, high: float
+) -> tuple[float, float]:
+    """Fraction of a step near s at which the square of an acceleration is largest, and that square.
+
+    By Newton's iteration, up to a way that three terms of its Taylor series cover.
+    """
+    square, begun = -1.0, s
+    for _ in range(4):
         x, x1, x2 = forms[degree, j], 0.0, 0.0  # derivatives over their factorials
         y, y1, y2 = forms[degree, j + 1], 0.0, 0.0
         for k in range(degree - 1, -1, -1):
             x2, y2 = x2 * s + x1, y2 * s + y1
             x1, y1 = x1 * s + x, y1 * s + y
             x, y = x * s + forms[k, j], y * s + forms[k, j + 1]
+        found = sideways * x * x + y * y
+        if found > square:
+            square, begun = found, s
         rate = sideways * x * x1 + y * y1
         half = sideways * (x1 * x1 + 2.0 * x * x2) + y1 * y1 + 2.0 * y * y2
         if not half < 0.0:
-            return s
-        s = min(max(s - rate / half, low), high)
-    return s
+            break
+        following = min(max(s - rate / half, low), high)
+        way = following - s
+        if abs(way) <= COVERED:
+            return following, found + way * (2.0 * rate + half * way)
+        s = following
+    return begun, square
 
 
 @compiled
@@ -192,7 +209,7 @@ def cover_motor(
     """
     k, j = SPEED_1 + i, n + 3 + i
     least, largest = peaks.least[k], peaks.largest[k]
-    cover(peaks, k, c, degree, samples, nodes, j, since, last, span, False)
+    cover(peaks, k, c, degree, samples, nodes, j, since, last, span, FINE * abs(last), False)
     if peaks.least[k] < least:
         drive_at(peaks, i, peaks.least[k], (peaks.at_least[k] - span.begin) / span.length, span, p)
     if peaks.largest[k] > largest:
@@ -256,23 +273,25 @@ def widen(
 ) -> None:
     """Let the extremes cover a step from fraction ``since`` of it; ``fresh``: it is the first of its piece."""
     samples, force, n = room.samples, DIFFERENTIAL[system], DIFFERENTIAL[system] // 2
+    fine = FINE * abs(end[1])
     for k, j in ((SIDEWAYS, _X), (HEIGHT, _Y), (ROTATION, _PHI)):
-        cover(peaks, k, c, degree, samples, nodes, j, since, end[j], span, False)
+        cover(peaks, k, c, degree, samples, nodes, j, since, end[j], span, fine, False)
     if MODES[system] == FLIGHT:
-        cover(peaks, OPENING, c, degree, samples, nodes, _GAP, since, end[_GAP], span, False)
+        cover(peaks, OPENING, c, degree, samples, nodes, _GAP, since, end[_GAP], span, 0.0, False)
     if SIZES[system] > force:
-        cover(peaks, FORCE, c, degree, samples, nodes, force, since, end[force], span, False)
+        cover(peaks, FORCE, c, degree, samples, nodes, force, since, end[force], span, 0.0, False)
     for i in range(2):
         cover_motor(peaks, i, c, degree, samples, nodes, n, since, end[n + 3 + i], fresh, span, p)
     fill_forms(c, degree, n, span.length, 0, room.forms, p)
     sample_forms(degree, since, nodes, room)
     inside, last = room.form_samples[1:], nodes + 1
+    fine = FINE * abs(room.form_samples[last, _FORCES + 1])
     for k, j in ((PULL_X, _FORCES), (PULL_Y, _FORCES + 1), (MOMENT, _FORCES + 2)):
-        cover(peaks, k, room.forms, degree, inside, nodes, j, since, room.form_samples[last, j], span, True)
+        cover(peaks, k, room.forms, degree, inside, nodes, j, since, room.form_samples[last, j], span, fine, True)
     spot = (0.0, 0.0)
     for k, sideways in ((LIFT, 0.0), (ACCELERATION, 1.0)):
         shaken(peaks, k, c, degree, room, nodes, _ACCELERATIONS, sideways, since, system, spot, span, equations)
-    if p.points > 0:
+    if room.named > 0:
         cover_points(peaks, c, degree, room, nodes, system, since, span, equations, p)
 
 
@@ -290,14 +309,14 @@ def cover_points(
     p: Parameters,
 ) -> None:
     """Let the extremes of named points cover a step from fraction ``since`` of it."""
-    inside, last = room.form_samples[1:], nodes + 1
-    for i in range(p.points):
+    inside, last, fine = room.form_samples[1:], nodes + 1, FINE * abs(c[0, 1])
+    for i in range(room.named):
         if i % 2 == 0:
             fill_forms(c, degree, DIFFERENTIAL[system] // 2, span.length, 1 + i // 2, room.forms, p)
             sample_forms(degree, since, nodes, room)
         for axis in range(2):
             k, j = POINTS + 3 * i + axis, _A_POINT * (i % 2) + axis
-            cover(peaks, k, room.forms, degree, inside, nodes, j, since, room.form_samples[last, j], span, False)
+            cover(peaks, k, room.forms, degree, inside, nodes, j, since, room.form_samples[last, j], span, fine, False)
         k, j, spot = POINTS + 3 * i + 2, _A_POINT * (i % 2) + 2, (p.point_x[i], p.point_y[i])
         shaken(peaks, k, c, degree, room, nodes, j, 1.0, since, system, spot, span, equations)
 

@@ -83,7 +83,7 @@ _MOST_TURNS = 1000.0
 
 #: What is overwritten at each step: unknowns and phase differences at the nodes; means of the unknowns, of their
 #: squares and their sizes, and of the powers; a full state; forms, their values at the nodes and, before and after
-#: these, at both ends; unknowns and rates.
+#: these, at both ends; unknowns and rates. What stays is how many named points there are.
 ROOM = np.dtype(
     [
         ("samples", float, (MOST_NODES, WIDTH)),
@@ -95,6 +95,7 @@ ROOM = np.dtype(
         ("form_samples", float, (MOST_NODES + 3, FORMS)),
         ("y", float, FULL_SIZE),
         ("yp", float, FULL_SIZE),
+        ("named", np.int64),
     ],
     align=True,
 )
@@ -174,11 +175,14 @@ class Statistics:
         When the measured part begins (s).
     points
         Points of the Poincaré section that are kept, the last ones.
+    named
+        Number of the scene's named points.
     """
 
-    def __init__(self, window: float, points: int = SECTION_ROWS) -> None:
+    def __init__(self, window: float, points: int = SECTION_ROWS, named: int = 0) -> None:
         self._points, self._add_pieces = points, same_types(add_pieces)
         self._room = in_lines((ROOM.itemsize // 8,)).view(ROOM)[0]
+        self._room["named"] = named
         self.begin(window)
 
     def begin(self, window: float) -> None:
