@@ -69,7 +69,7 @@ MARKS = np.dtype(
     align=True,
 )
 #: Place of φ₁ among the unknowns. An integer of numpy, so that functions are compiled once for all.
-_ANGLE = np.int64(3)
+_ANGLE = np.array([3])[0]
 
 #: Change of the phase difference within a step (rad) up to which its mean and variance say cosine and sine: what they
 #: leave out, the third moment, is below 1e-7 there.
