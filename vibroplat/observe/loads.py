@@ -12,11 +12,10 @@ import numpy as np
 
 from vibroplat.hybrid.modes import FLIGHT, MODES
 from vibroplat.kernels.compiled import FloatArray, call_int, compiled, fused, inlined
-from vibroplat.kernels.lanes import horner_pair_8, put_row
+from vibroplat.kernels.lanes import horner_four_8, put_forms, put_row
 from vibroplat.kernels.polynomial import COVERED, crossing, extremes, value, values
 from vibroplat.model.motor import motor_torque, slip_speeds
 from vibroplat.model.parameters import Parameters
-from vibroplat.model.platform import suspension
 from vibroplat.model.systems import DIFFERENTIAL, GAP, SIZES
 from vibroplat.observe.extremes import (
     ACCELERATION,
@@ -24,7 +23,6 @@ from vibroplat.observe.extremes import (
     HEIGHT,
     LIFT,
     MOMENT,
-    NODES,
     OPENING,
     POINTS,
     POWER_1,
@@ -43,34 +41,28 @@ from vibroplat.observe.extremes import (
 #: Places of x, y, φ and the gap among the unknowns. Integers of numpy, so that functions are compiled once for all.
 _X, _Y, _PHI, _GAP = np.array([0, 1, 2, GAP])
 
-#: Forms that are looked at side by side: three forces and two accelerations, or x, y and both accelerations of two
-#: points.
+#: Forms that are looked at side by side: three forces and, from the fifth on, three accelerations; or x, y and their
+#: accelerations of two points.
 FORMS = 8
-_FORCES, _ACCELERATIONS, _A_POINT = 0, 3, 4
+_FORCES, _ACCELERATIONS, _A_POINT = 0, 4, 4
 #: What varies less in a step than this part of y, of the force along y or of the speed is not looked at more closely.
 FINE = 1e-9
+#: Part of the acceleration along y up to which that along x does not matter for its size.
+ALIKE = 1e-5
 
 
 # -- forms ------------------------------------------------------------------------------------------------
 
 
-@inlined
-def fill_forms(c: FloatArray, degree: int, n: int, length: float, block: int, forms: FloatArray, p: Parameters) -> None:
-    """Fill the polynomials of a block of forms: forces and accelerations, or two named points."""
-    inverse = 1.0 / length
+@compiled
+def fill_points(c: FloatArray, degree: int, first: int, room: Any, p: Parameters) -> None:
+    """Fill the polynomials of two named points, from those of the unknowns and from the forms, which hold them then."""
+    x_1, y_1, x_2, y_2 = p.point_x[first], p.point_y[first], p.point_x[first + 1], p.point_y[first + 1]
     for k in range(degree + 1):
-        share = (k + 1) * inverse if k < degree else 0.0
-        above = min(k + 1, degree)
-        ax, ay = share * c[above, n], share * c[above, n + 1]
-        if block == 0:
-            fx, fy, moment = suspension((c[k, 0], c[k, 1], c[k, 2]), (c[k, n], c[k, n + 1], c[k, n + 2]), p)
-            put_row(forms, k, (-fx, -fy, -moment, ax, ay, 0.0, 0.0, 0.0))
-        else:
-            i, phi, aphi = 2 * (block - 1), c[k, 2], share * c[above, n + 2]
-            x, y, other_x, other_y = p.point_x[i], p.point_y[i], p.point_x[i + 1], p.point_y[i + 1]
-            first = (c[k, 0] - y * phi, c[k, 1] + x * phi, ax - y * aphi, ay + x * aphi)
-            second = (c[k, 0] - other_y * phi, c[k, 1] + other_x * phi, ax - other_y * aphi, ay + other_x * aphi)
-            put_row(forms, k, first + second)
+        x, y, phi = c[k, 0], c[k, 1], c[k, 2]
+        ax, ay, aphi = room.forms[k, 4], room.forms[k, 5], room.forms[k, 6]
+        one = (x - y_1 * phi, y + x_1 * phi, ax - y_1 * aphi, ay + x_1 * aphi)
+        put_row(room.forms, k, (*one, x - y_2 * phi, y + x_2 * phi, ax - y_2 * aphi, ay + x_2 * aphi))
 
 
 class Equations(NamedTuple):
@@ -102,15 +94,13 @@ def shaken(
     whether and where it is larger than before, and the equations how large it is there: these are more accurate, and
     take longer. The samples are of the part of the step from ``since`` on.
     """
-    samples, width = room.form_samples, 1.0 - since
+    samples = room.form_samples
     before = here = size_at(samples, 0, j, sideways)
     for i in range(nodes + 2):
         after = size_at(samples, min(i + 1, nodes + 1), j, sideways)
         if here >= before and here >= after and here + max(here - before, here - after) > peaks.square[k]:
-            s, low, high = place_of(i, nodes), place_of(i - 1, nodes), place_of(i + 1, nodes)
-            s, square = steepest(
-                room.forms, degree, j, sideways, since + width * s, since + width * low, since + width * high
-            )
+            low, s, high = between(i - 1, nodes, since), between(i, nodes, since), between(i + 1, nodes, since)
+            s, square = steepest(room.forms, degree, j, sideways, s, low, high)
             if square > peaks.square[k]:
                 peaks.square[k] = square
                 remember(peaks, k, exact_size(c, degree, s, system, sideways, spot, room, span, equations), s, span)
@@ -197,15 +187,13 @@ def cover_motor(
     n: int,
     since: float,
     last: float,
-    fresh: bool,
     span: Span,
     p: Parameters,
 ) -> None:
     """Let the extremes of speed, torque and power of motor i cover a step from fraction ``since`` of it.
 
     At a constant supply torque and power depend on the speed alone: they have extremes at new extremes of the speed, at
-    the critical slip, and for the power where u² + 2uΔ²/ω₀ = Δ², with slip speed u and critical slip speed Δ. ``fresh``
-    says that the step is the first of a piece.
+    the critical slip, and for the power where u² + 2uΔ²/ω₀ = Δ², with slip speed u and critical slip speed Δ.
     """
     k, j = SPEED_1 + i, n + 3 + i
     least, largest = peaks.least[k], peaks.largest[k]
@@ -214,10 +202,7 @@ def cover_motor(
         drive_at(peaks, i, peaks.least[k], (peaks.at_least[k] - span.begin) / span.length, span, p)
     if peaks.largest[k] > largest:
         drive_at(peaks, i, peaks.largest[k], (peaks.at_largest[k] - span.begin) / span.length, span, p)
-    drive_at(peaks, i, last, 1.0, span, p)
     begun = c[0, j] if since == 0.0 else value(c, degree, j, since)
-    if fresh or since > 0.0:
-        drive_at(peaks, i, begun, since, span, p)
     if p.since > 0.0 or p.speed_ramp[i] != 0.0 or p.slip_ramp[i] != 0.0:  # the supply changes
         low, high, at_low, at_high = extremes(c, degree, j, since, last)
         drive_at(peaks, i, low, at_low, span, p)
@@ -266,12 +251,11 @@ def widen(
     system: int,
     since: float,
     end: FloatArray,
-    fresh: bool,
     span: Span,
     equations: Equations,
     p: Parameters,
 ) -> None:
-    """Let the extremes cover a step from fraction ``since`` of it; ``fresh``: it is the first of its piece."""
+    """Let the extremes cover a step from fraction ``since`` of it."""
     samples, force, n = room.samples, DIFFERENTIAL[system], DIFFERENTIAL[system] // 2
     fine = FINE * abs(end[1])
     for k, j in ((SIDEWAYS, _X), (HEIGHT, _Y), (ROTATION, _PHI)):
@@ -281,16 +265,22 @@ def widen(
     if SIZES[system] > force:
         cover(peaks, FORCE, c, degree, samples, nodes, force, since, end[force], span, 0.0, False)
     for i in range(2):
-        cover_motor(peaks, i, c, degree, samples, nodes, n, since, end[n + 3 + i], fresh, span, p)
-    fill_forms(c, degree, n, span.length, 0, room.forms, p)
+        cover_motor(peaks, i, c, degree, samples, nodes, n, since, end[n + 3 + i], span, p)
+    put_forms(c, degree, n, 1.0 / span.length, room.springs, room.forms)
     sample_forms(degree, since, nodes, room)
     inside, last = room.form_samples[1:], nodes + 1
     fine = FINE * abs(room.form_samples[last, _FORCES + 1])
     for k, j in ((PULL_X, _FORCES), (PULL_Y, _FORCES + 1), (MOMENT, _FORCES + 2)):
         cover(peaks, k, room.forms, degree, inside, nodes, j, since, room.form_samples[last, j], span, fine, True)
-    spot = (0.0, 0.0)
-    for k, sideways in ((LIFT, 0.0), (ACCELERATION, 1.0)):
-        shaken(peaks, k, c, degree, room, nodes, _ACCELERATIONS, sideways, since, system, spot, span, equations)
+    spot, across, along = (0.0, 0.0), 0.0, 0.0
+    for i in range(nodes + 2):
+        across = max(across, abs(room.form_samples[i, _ACCELERATIONS]))
+        along = max(along, abs(room.form_samples[i, _ACCELERATIONS + 1]))
+    shaken(peaks, LIFT, c, degree, room, nodes, _ACCELERATIONS, 0.0, since, system, spot, span, equations)
+    if across > ALIKE * along:
+        shaken(peaks, ACCELERATION, c, degree, room, nodes, _ACCELERATIONS, 1.0, since, system, spot, span, equations)
+    elif peaks.largest[LIFT] > peaks.largest[ACCELERATION]:
+        remember(peaks, ACCELERATION, peaks.largest[LIFT], (peaks.at_largest[LIFT] - span.begin) / span.length, span)
     if room.named > 0:
         cover_points(peaks, c, degree, room, nodes, system, since, span, equations, p)
 
@@ -312,7 +302,8 @@ def cover_points(
     inside, last, fine = room.form_samples[1:], nodes + 1, FINE * abs(c[0, 1])
     for i in range(room.named):
         if i % 2 == 0:
-            fill_forms(c, degree, DIFFERENTIAL[system] // 2, span.length, 1 + i // 2, room.forms, p)
+            put_forms(c, degree, DIFFERENTIAL[system] // 2, 1.0 / span.length, room.springs, room.forms)
+            fill_points(c, degree, i, room, p)
             sample_forms(degree, since, nodes, room)
         for axis in range(2):
             k, j = POINTS + 3 * i + axis, _A_POINT * (i % 2) + axis
@@ -324,10 +315,12 @@ def cover_points(
 @inlined
 def sample_forms(degree: int, since: float, nodes: int, room: Any) -> None:
     """Fill the values of the forms at both ends and the nodes of the part of a step from fraction ``since`` on."""
-    forms, samples, width = room.forms, room.form_samples, 1.0 - since
-    for i in range(1, nodes + 1, 2):
-        first, second = since + width * NODES[nodes, i - 1], since + width * NODES[nodes, i]
-        horner_pair_8(forms, degree, first, second, samples[i : i + 2])
-    horner_pair_8(forms, degree, 1.0, since, samples[nodes + 1 : nodes + 3])
-    for j in range(FORMS):
-        samples[0, j] = samples[nodes + 2, j]
+    for i in range(0, nodes + 2, 4):
+        places = (between(i, nodes, since), between(i + 1, nodes, since), between(i + 2, nodes, since))
+        horner_four_8(room.forms, degree, (*places, between(i + 3, nodes, since)), room.form_samples, i)
+
+
+@inlined
+def between(i: int, nodes: int, since: float) -> float:
+    """Fraction of a step at sample i of the part from ``since`` on."""
+    return since + (1.0 - since) * place_of(i, nodes)

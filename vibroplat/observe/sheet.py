@@ -7,7 +7,7 @@ for runs alone.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 import numpy as np
@@ -286,14 +286,3 @@ def _captor(ms: Measures, scene: Scene) -> str:
     apart = {axis: abs(speed / math.sqrt(square) - 1.0) for axis, square in natural if square > 0.0}
     nearest = min(apart, key=lambda axis: apart[axis])
     return nearest if apart[nearest] <= NEAR else ""
-
-
-def sheet_of(summary: Mapping[str, Any]) -> list[tuple[str, float, float | None, float | None, float | None]]:
-    """List what a summary has of a data sheet: column, value, and the whole run's largest value, its time and speed."""
-    rows = []
-    for name, value in summary.items():
-        known = name in SHEET or name.startswith(("stroke_x_", "stroke_y_", "acceleration_max_"))
-        if known and value is not None:
-            base = split(name)[0]
-            rows.append((name, value, *(summary.get(f"whole_{n}") for n in (name, f"{base}_at_s", f"{base}_at_hz"))))
-    return rows

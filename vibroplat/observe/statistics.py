@@ -82,8 +82,8 @@ _COMPLETE = 1e-12
 _MOST_TURNS = 1000.0
 
 #: What is overwritten at each step: unknowns and phase differences at the nodes; means of the unknowns, of their
-#: squares and their sizes, and of the powers; a full state; forms, their values at the nodes and, before and after
-#: these, at both ends; unknowns and rates. What stays is how many named points there are.
+#: squares and their sizes, and of the powers; a full state; stiffnesses and dampings; forms, their values at both ends
+#: and, between, at the nodes; unknowns and rates. What stays is how many named points there are.
 ROOM = np.dtype(
     [
         ("samples", float, (MOST_NODES, WIDTH)),
@@ -91,8 +91,9 @@ ROOM = np.dtype(
         ("full", float, FULL_SIZE),
         ("power", float, N_WORK),
         ("phases", float, MOST_NODES),
+        ("springs", float, (2, 4)),
         ("forms", float, (HIGHEST + 1, FORMS)),
-        ("form_samples", float, (MOST_NODES + 3, FORMS)),
+        ("form_samples", float, (MOST_NODES + 4, FORMS)),
         ("y", float, FULL_SIZE),
         ("yp", float, FULL_SIZE),
         ("named", np.int64),
@@ -218,6 +219,10 @@ def add_pieces(
     """Add all closed pieces and events in the order of time; ``room`` is overwritten."""
     ms, steps, events = borrow(owned_ms), borrow(owned_steps), borrow(owned_events)
     counted, degree, full = 0, steps.c.shape[1] - 1, room.full
+    stiffnesses = (p.stiffness_x, p.stiffness_y, p.stiffness_phi), (p.damping_x, p.damping_y, p.damping_phi)
+    for i in range(2):
+        for j in range(3):
+            room.springs[i, j] = stiffnesses[i][j]
     for i in range(steps.used.pieces):
         piece = steps.pieces[i]
         while counted < piece.events:
@@ -267,11 +272,10 @@ def add_step(
     n = force // 2
     pace = 0.5 * (abs(c[0, n + 3]) + abs(c[0, n + 4]))
     span = Span(begin, length, pace, 0.5 * (abs(end[n + 3]) + abs(end[n + 4])) - pace)
-    fresh = row == piece.first
     if since > 0.0:
-        widen(ms.early, c, degree, room, nodes, system, 0.0, end, fresh, span, equations, p)
+        widen(ms.early, c, degree, room, nodes, system, 0.0, end, span, equations, p)
     if since < 1.0:
-        widen(ms.late, c, degree, room, nodes, system, since, end, fresh, span, equations, p)
+        widen(ms.late, c, degree, room, nodes, system, since, end, span, equations, p)
     turn, last = marks.passed, whole_turns(end[3], piece.turns[0])
     if math.isnan(turn):
         turn = whole_turns(c[0, 3], piece.turns[0])
