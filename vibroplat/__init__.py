@@ -58,7 +58,11 @@ _HOMES = {
     "sweep": "vibroplat.study.sweep",
 }
 # runs, orbits and tables know nothing else of what draws them, sweeps nothing else of orbits
-PROVIDERS |= {"figure_of": "vibroplat.plots.display", "confirmed_point": "vibroplat.continuation.orbit"}
+PROVIDERS |= {
+    "figure_of": "vibroplat.plots.display",
+    "confirmed_point": "vibroplat.continuation.orbit",
+    "OrbitSeeker": "vibroplat.continuation.seeker",
+}
 
 __all__ = [
     "Contact",

@@ -98,13 +98,19 @@ class Quantity(NamedTuple):
         return f"{self.name} ({self.unit})" if self.unit else self.name
 
 
+def shown_in(name: str) -> tuple[str, float]:
+    """Return the unit in which figures and the page show a column, and the factor from SI units to it.
+
+    Lengths are in mm and rotations of the platform in mrad. Keys, whose names have a dot, keep the unit of their name.
+    """
+    unit = unit_of(name)
+    is_small = unit == "m" or (unit == "rad" and "phi" in name.split("_"))
+    return (f"m{unit}", 1e3) if is_small and "." not in name else (unit, 1.0)
+
+
 def _quantities(names: Mapping[str, str]) -> dict[str, Quantity]:
-    """Return quantities of columns; lengths and rotations are shown in mm and mrad."""
-    found = {}
-    for column, name in names.items():
-        unit = unit_of(column)
-        found[column] = Quantity(name, f"m{unit}", 1e3) if unit in ("m", "rad") else Quantity(name, unit)
-    return found
+    """Return quantities of columns."""
+    return {column: Quantity(name, *shown_in(column)) for column, name in names.items()}
 
 
 #: Phase difference of the exciters, everywhere. Its ticks are parts of π, so it has no unit.

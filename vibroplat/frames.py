@@ -99,12 +99,25 @@ class PlainTable:
         return labelled(pd.DataFrame(columns), self.described)
 
 
+class _Labels(dict[str, str]):
+    """Texts by column, which tables made from others share: pandas would copy them at each step."""
+
+    def __deepcopy__(self, _: object) -> _Labels:
+        return self
+
+
 def _attributes(columns: Iterable[str], described: Columns) -> dict[str, dict[str, str]]:
     """Return units of columns, and meanings of those that are described."""
     return {
-        "units": {name: unit_of(name) for name in columns},
-        "meanings": {name: described[name].text for name in columns if name in described},
+        "units": _Labels((name, unit_of(name)) for name in columns),
+        "meanings": _Labels((name, described[name].text) for name in columns if name in described),
     }
+
+
+def sharing(table: pd.DataFrame) -> pd.DataFrame:
+    """Let a table that was read share its units and meanings with those made from it, and return it."""
+    table.attrs = {name: _Labels(texts) if isinstance(texts, dict) else texts for name, texts in table.attrs.items()}
+    return table
 
 
 def labelled(table: pd.DataFrame, columns: Columns) -> pd.DataFrame:

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 from common.commands import script
-from common.places import QUICKSTART
+from common.places import QUICKSTART, ROOT
 
 from vibroplat import __version__, load_config
 from vibroplat.config.keys import configuration_schema, keys
@@ -78,7 +78,8 @@ def test_a_run_loads_nothing_that_it_does_not_use(form, command, tmp_path):
 def test_help_names_the_commands_and_h_is_short_for_it(command):
     done = command("--help")
     assert (done.code, done.err) == (0, "")
-    for name in ("new", "run", "sweep", "orbits", "plot", "report", "paper", "calibrate", "bench", "schema", "columns"):
+    study = {"new", "run", "sweep", "orbits", "plot", "report", "film"}
+    for name in study | {"paper", "calibrate", "bench", "schema", "columns"}:
         assert re.search(rf"^\W*{name}\s", done.out, re.MULTILINE)
     for before in ([], ["run"], ["new"]):
         assert command(*before, "-h") == command(*before, "--help")
@@ -298,6 +299,12 @@ def test_new_writes_the_quickstart_with_all_its_keys(command, kernels, here):
             assert re.search(rf"^ *(# )?{name.rpartition('.')[2]}:", text, re.MULTILINE)
     assert max(map(len, text.splitlines())) <= 120
     assert command("run", "mine.yaml", *SHORT).code == 0
+
+
+@pytest.mark.parametrize("machine", ["rig", "screen", "feeder"])
+def test_new_writes_the_machine_of_a_template(machine, command, here):
+    assert command("new", "mine.yaml", "--template", machine).code == 0
+    assert load_config("mine.yaml") == load_config(ROOT / f"configs/templates/{machine}.yaml", {"name": "mine"})
 
 
 def test_new_overwrites_nothing_and_refuses_names_that_cannot_be_used(command, here):

@@ -43,9 +43,9 @@ def test_every_key_has_a_meaning_and_says_what_is_allowed():
     assert [name for name in flat(scene.to_tree()) if name not in keys()] == []
 
 
-def test_a_key_is_told_with_symbol_unit_default_and_range():
-    assert key_of("machine.damping_y_n_s_per_m")[1:5] == ("b_y", "N·s/m", 40.0, "number, ≥ 0")
-    assert key_of("exciters.1.critical_slip")[1:5] == ("s_c", "", 0.15, "number, > 0")
+def test_a_key_is_told_with_symbol_unit_default_typical_values_and_range():
+    assert key_of("machine.platform_mass_kg")[1:6] == ("m_0", "kg", 12.42, "200 … 5000", "number, > 0")
+    assert key_of("exciters.1.critical_slip")[1:6] == ("s_c", "", 0.15, "0.1 … 0.3", "number, > 0")
     assert key_of("sweep.supply_frequency_hz.step").unit == "Hz"
     assert key_of("contact.impact_law").allowed == "conservative, central, printed"
     assert key_of("run.seed").allowed == "whole number, ≥ 0"

@@ -131,17 +131,18 @@ def test_a_branch_that_fails_keeps_its_points(command, config, monkeypatch):
 #: Orbits over the supply frequency, with more keys.
 NEAR = f"{KEY}, start: 47, stop: 48"
 REFUSED = {
-    "": "this configuration has no orbits section; add orbits: {key: …, start: …, stop: …}",
-    "key: contact.impact_law, start: 1, stop: 2": "orbits.key = contact.impact_law holds no number that ",
-    "key: material.layers, start: 1, stop: 2": "orbits.key = material.layers holds no number that ",
-    "key: machine, start: 1, stop: 2": "orbits.key = machine holds no number that ",
-    "key: material.mas_ratio, start: 0, stop: 1": "orbits.key: unknown key material.mas_ratio; did you mean",
+    "": "c.yaml: this configuration has no orbits section; add orbits: {key: …, start: …, stop: …}",
+    "key: contact.impact_law, start: 1, stop: 2": "c.yaml: orbits.key = contact.impact_law holds no number that ",
+    "key: material.layers, start: 1, stop: 2": "c.yaml: orbits.key = material.layers holds no number that ",
+    "key: machine, start: 1, stop: 2": "c.yaml: orbits.key = machine holds no number that ",
+    "key: material.mas_ratio, start: 0, stop: 1": "c.yaml: orbits.key: unknown key material.mas_ratio; did you mean",
     f"{NEAR}, period: 2": "orbits.period = 2 but the motion repeats after 1; allowed: 1",
     f"{NEAR}, step: {{first: 0}}": "c.yaml: orbits.step.first = 0; allowed: ",
     f"{KEY}, start: 47, stop: 47": "c.yaml: orbits: stop = 47.0 is start; allowed: another value",
-    f"{NEAR}, from: nowhere": "orbits.from = 'nowhere': nowhere holds no provenance",
-    f"{NEAR}, from: state": "orbits.from = state but run.initial.state is not given; ",
-    f"{NEAR}, grid: {{material.mass_ratio: [-1.0]}}": "orbits.grid: material.mass_ratio = -1.0; allowed: at least 0.0",
+    f"{NEAR}, from: nowhere": "c.yaml: orbits.from = 'nowhere': nowhere holds no provenance",
+    f"{NEAR}, from: state": "c.yaml: orbits.from = state but run.initial.state is not given; ",
+    f"{NEAR}, grid: {{material.mass_ratio: [-1.0]}}": "c.yaml: orbits.grid: material.mass_ratio = -1.0; "
+    "allowed: at least 0.0",
     f"{NEAR}, grid: {{material.mass_ratio: [0.1, 0.1]}}": "c.yaml: orbits: grid.material.mass_ratio = [0.1, 0.1]; "
     "allowed: each value once",
 }
@@ -155,7 +156,7 @@ def test_bad_input_is_one_line(command, config):
         assert not results()
     done = command("orbits", config(ORBITS + "drive: {program: [{t_s: 0, supply_frequency_hz: 50}]}\n"))
     assert not_a_line(done) == ""
-    assert done.err.startswith("vibroplat: drive.program is given, but orbits have a constant supply")
+    assert done.err.startswith("vibroplat: c.yaml: drive.program is given, but orbits have a constant supply")
     assert command("orbits", config(ORBITS)).code == 0  # nothing is unfinished
 
 

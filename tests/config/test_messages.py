@@ -155,6 +155,8 @@ MESSAGES = {
     "files": {
         "- 1\n- 2\n": "holds a list; allowed: keys and values",
         "machine: {1: 2}": "not valid YAML: a key is not text",
+        "drive:\n  supply_frequency_hz: 51,5": "a decimal comma in line 2; allowed: a point, as in 51.5",
+        "\nmachine: {platform_mass_kg: 12,4}": "a decimal comma in line 2; allowed: a point, as in 51.5",
         "drive:\n  a$b: 1\n": "the key in line 2 is no name; allowed: letters, digits and _ . -",
         "drive: {}\nrun: {}\ndrive: {}\n": 'duplicate key "drive" in line 3; allowed: each key once',
         "a: [1\n": "not valid YAML in line 2, column 1: expected ',' or ']', but got '<stream end>'",

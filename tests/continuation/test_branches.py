@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from common.orbits import traced
+from common.places import QUICKSTART
 
 from continuation.helpers import MACHINE
 from vibroplat import load_config, orbit
@@ -317,6 +318,14 @@ def test_an_orbit_is_found_from_all_guesses():
         again = orbit(scene, guess)
         assert again.period_s == pytest.approx(settled.period_s, rel=1e-9)
         assert np.abs(again.multipliers[:3]) == pytest.approx(np.abs(settled.multipliers[:3]), abs=1e-6)
+
+
+def test_speeds_of_a_guess_follow_the_supply(tmp_path):
+    scene = load_config(QUICKSTART, {"solver.engine": "taylor"})
+    moved = scene.replace({KEY: 58.0})
+    near, wanted = orbit(scene), orbit(moved)
+    for guess in (near, near.run, near.run.save(tmp_path / "near")):
+        assert orbit(moved, guess).period_s == pytest.approx(wanted.period_s, rel=1e-9)
 
 
 def test_a_motion_goes_on_settling_after_a_search_in_vain():

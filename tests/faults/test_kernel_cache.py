@@ -11,6 +11,7 @@ import sys
 import tempfile
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import numba
 import numpy as np
@@ -86,11 +87,57 @@ def test_all_checkouts_of_a_version_share_the_users_cache(package, tmp_path, mon
     assert folders.pop().parent == tmp_path / "home/.cache/vibroplat"
 
 
-def test_home_of_another_user_is_not_used(package, tmp_path, monkeypatch):
+def test_folder_that_others_can_write_to_is_not_used(package, tmp_path, monkeypatch, caplog):
+    """What they plant there would be executed: that of the variable, the home, the package or the temporary one."""
+    for variable in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME", "HOME"):
+        monkeypatch.setenv(variable, str(tmp_path / variable))
+    places = [tmp_path / "NUMBA_CACHE_DIR", tmp_path / "XDG_CACHE_HOME", tmp_path / "HOME/.cache", package]
+    for place in places:
+        place.mkdir(parents=True, exist_ok=True)
+        assert found(package).is_relative_to(place)
+        place.chmod(0o777)  # above what was made by us
+    assert found(package).is_relative_to(tmp_path / "temporary")
+    (tmp_path / "temporary").chmod(0o777)  # not sticky: others can replace what is in it
+    caplog.clear()
+    assert found(package) is None
+    told = [f"machine code in {place}/vibroplat is not used: others can write to {place}" for place in places[:3]]
+    told.append(f"machine code in {package}/__pycache__ is not used: others can write to {package}")
+    assert caplog.messages[:4] == told
+
+
+def test_folder_of_another_user_is_not_used(package, tmp_path, monkeypatch, caplog):
     """With sudo root may have the home of the user who called it."""
-    monkeypatch.setenv("HOME", str(tmp_path))
-    monkeypatch.setattr(os, "getuid", lambda: os.stat(tmp_path).st_uid + 1)
+    if os.getuid():
+        pytest.skip("only root can give a folder to another user")
+    home = tmp_path / "home"
+    home.mkdir()
+    os.chown(home, 12345, 12345)
+    monkeypatch.setenv("HOME", str(home))
     assert found(package).parent == package / "__pycache__"
+    assert caplog.messages == [f"machine code in {home}/.cache/vibroplat is not used: {home} belongs to another user"]
+
+
+def test_shipped_machine_code_that_others_can_write_to_is_not_used(package):
+    shipped = package / cache.SHIPPED / found(package).name
+    shipped.mkdir(parents=True)
+    forget()
+    assert cache._readable()[0] == shipped
+    shipped.chmod(0o702)
+    forget()
+    assert shipped not in cache._readable()
+
+
+def test_group_of_the_user_alone_may_write(package, tmp_path, monkeypatch):
+    """As where each user has a group of his name, and files may be written by the group."""
+    chosen = tmp_path / "chosen"
+    chosen.mkdir()
+    chosen.chmod(0o770)
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(chosen))
+    monkeypatch.setattr("pwd.getpwuid", lambda _user: SimpleNamespace(pw_name="ann"))
+    for group, used in ((("ann", []), True), (("ann", ["ben"]), False), (("staff", []), False)):
+        name, members = group
+        monkeypatch.setattr("grp.getgrgid", lambda _group, n=name, m=members: SimpleNamespace(gr_name=n, gr_mem=m))
+        assert found(package).is_relative_to(chosen) == used
 
 
 def test_users_cache_goes_before_the_installation(package, tmp_path, monkeypatch):
@@ -124,20 +171,11 @@ def test_user_without_an_entry_in_the_list_of_users_has_a_place(package, tmp_pat
     assert found(package).is_relative_to(tmp_path / "temporary")
 
 
-def test_temporary_folder_of_others_is_not_trusted(package, tmp_path, monkeypatch):
+def test_link_in_the_temporary_folder_cannot_be_turned_elsewhere_later(package, tmp_path):
     block_all(package)
-    planted = tmp_path / f"temporary/numba-{os.getuid()}"
-    planted.mkdir()
-    for mode in (0o777, 0o720):
-        planted.chmod(mode)
-        assert found(package) is None
-    planted.rmdir()
     (tmp_path / "elsewhere").mkdir(mode=0o700)
-    planted.symlink_to(tmp_path / "elsewhere")
-    assert found(package) is None
-    (tmp_path / "temporary/numba-12345").mkdir(mode=0o700)
-    monkeypatch.setattr(os, "getuid", lambda: 12345)
-    assert found(package) is None
+    (tmp_path / f"temporary/numba-{os.getuid()}").symlink_to(tmp_path / "elsewhere")
+    assert found(package).parent == tmp_path / "elsewhere/vibroplat"
 
 
 @pytest.mark.parametrize("why", ["none", "blocked"])

@@ -20,6 +20,7 @@ from common.results import bits, finished_points
 from vibroplat.errors import ConfigError
 from vibroplat.results.tables import read_table
 from vibroplat.study import sweep
+from vibroplat.study.fingerprint import package
 from vibroplat.study.store import FILE, SpoiledError, Store, digest
 
 pytestmark = pytest.mark.usefixtures("kernels")
@@ -160,7 +161,8 @@ def test_changed_configuration_is_not_resumed_and_the_key_is_named(unfinished, r
     assert finished_points(unfinished) == 1
     directory = result()
     assert "sweep.seed = 1; allowed: 0" in command("sweep", "c.yaml", "--resume", "--set", "sweep.seed=1").err
-    monkeypatch.setattr("vibroplat.__version__", "9.9.9")
+    known = package()
+    monkeypatch.setattr("vibroplat.study.sweep.package", lambda: known | {"vibroplat": "9.9.9"})
     assert "vibroplat = 9.9.9; allowed: 0." in command("sweep", "c.yaml", "--resume").err
     assert finished_points(directory) == POINTS
 
@@ -380,7 +382,36 @@ def test_first_condition_that_differs_is_named(tmp_path):
     ):
         with pytest.raises(ConfigError) as caught:
             Store(tmp_path, changed_, resume=True)
-        assert str(caught.value) == f"cannot resume: {line}"
+        assert str(caught.value) == f"cannot resume: {line}, or --overwrite instead, to begin anew"
+
+
+def test_condition_that_is_known_later_is_compared_too(tmp_path):
+    with Store(tmp_path, {}) as store:
+        store.require("arithmetic", "here")
+        store.write(0, 0, {})
+    with Store(tmp_path, {}, resume=True) as store:
+        store.require("arithmetic", "here")
+        with pytest.raises(ConfigError, match=r"^cannot resume: arithmetic = there; allowed: here, as in the finished"):
+            store.require("arithmetic", "there")
+    with Store(tmp_path, {}, overwrite=True) as store:
+        store.require("arithmetic", "there")
+
+
+@pytest.mark.parametrize(
+    ("what", "where", "found"),
+    [
+        ("source files", "vibroplat.study.sweep.package", lambda: package.__wrapped__() | {"source files": "others"}),
+        ("arithmetic", "vibroplat.study.fingerprint.arithmetic", lambda _engine: "others"),
+    ],
+)
+def test_sweep_of_other_sources_or_arithmetic_is_not_resumed(what, where, found, result, monkeypatch):
+    """Points of both look alike and differ."""
+    result()
+    monkeypatch.setattr(where, found)
+    done = command("sweep", "c.yaml", "--resume")
+    assert (done.code, done.out) == (2, "")
+    assert f"cannot resume: {what} = others; allowed: " in done.err
+    assert done.err.endswith(", or --overwrite instead, to begin anew\n")
 
 
 def test_store_in_memory_writes_no_file(here):

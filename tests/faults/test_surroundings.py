@@ -169,3 +169,23 @@ def test_sweep_that_runs_out_of_memory_keeps_its_finished_points(command, here, 
     assert (done.code, done.err) == (0, "")
     assert "1 of the points from before" in done.out
     assert len(calls) == 4
+
+
+# -- what the system refuses ----------------------------------------------------------------------------
+
+
+def test_shared_memory_that_cannot_be_written_is_not_blamed_on_the_output(command, here, kernels, monkeypatch):
+    """Worker processes need semaphores there."""
+    monkeypatch.setattr("loky.get_reusable_executor", raising(OSError(errno.EROFS, "Read-only file system")))
+    (here / "few.yaml").write_text(SWEEP.replace("settle_s", "grid: {contact.restitution: [0.0, 0.3]}, settle_s"))
+    told = "worker processes cannot be started: Read-only file system; one job needs none"
+    assert command("sweep", "few.yaml", "--jobs", "2") == (1, "", f"vibroplat: {told}; {RESUMABLE}\n")
+    monkeypatch.setattr("vibroplat.study.sweep.run_sweeps", raising(OSError(errno.EMFILE, "Too many open files", "it")))
+    assert command("sweep", "few.yaml") == (1, "", f"vibroplat: it: Too many open files; {RESUMABLE}\n")
+
+
+def test_too_few_open_files_for_workers_are_named(here, kernels):
+    (here / "few.yaml").write_text(SWEEP.replace("settle_s", "grid: {contact.restitution: [0.0, 0.3]}, settle_s"))
+    done = shell("sweep", "few.yaml", "--jobs", "2", before="ulimit -n 20;")
+    told = "worker processes cannot be started: Too many open files; one job needs none"
+    assert (done.code, done.err) == (1, f"vibroplat: {told}; {RESUMABLE}\n")

@@ -108,3 +108,13 @@ def test_a_long_bare_run_is_restarted_seldom(printed):
 def test_period_of_the_storm_bound_is_the_synchronous_turn():
     run = simulate(ball_on_table(1.5, periods=3).replace({"solver.max_events_per_period": 1}))
     assert run.outcome == "event-storm"
+
+
+@pytest.mark.parametrize("name", ["two layers", "bare"])
+def test_the_machine_vibrates_about_its_static_sag(name, runs):
+    """There its springs carry its weight and that of the material."""
+    run, machine = runs[name], runs[name].scene.machine
+    weight = machine.gravity_m_per_s2 * (run.scene.platform_mass + sum(run.scene.layer_masses))
+    sag = run.summary["static_sag_m"]
+    assert sag == pytest.approx(weight / machine.stiffness_y_n_per_m)
+    assert run.trajectory["y_m"].mean() == pytest.approx(-sag, abs=0.2 * run.summary["amplitude_y_m"])

@@ -8,6 +8,7 @@ from common.known import motion_of
 
 from vibroplat import simulate
 from vibroplat.observe.statistics import Statistics
+from vibroplat.observe.summary import synchronization
 
 
 def test_statistics_agree_with_the_tables(quickstart):
@@ -104,12 +105,15 @@ def test_speeds_of_exciters_that_differ_are_their_turns_over_their_time(quicksta
     assert run.summary["frequency_split_hz"] == pytest.approx(first - second, rel=1e-9)
 
 
-def test_an_exciter_that_swings_completes_no_turn(printed):
+def test_an_exciter_that_swings_completes_no_turn_and_has_a_mean_speed(printed):
     idle = {"critical_torque_n_m": 0.0, "friction_radius_m": 0.0}
     state = {"phi1_rad": 0.5, "phi2_rad": 0.2}
     scene = printed.replace({"motor": idle, "run.duration_s": 4.0, "run.initial": {"state": state}})
     run = simulate(scene)
-    assert run.summary["excitation_frequency_hz"] is None
+    passed = abs(run([2.0, 4.0])[["phi1_rad", "phi2_rad"]].diff().iloc[1]) / (2.0 * np.pi * 2.0)
+    assert run.summary["excitation_frequency_hz"] == pytest.approx(passed.mean(), rel=1e-6)
+    assert run.summary["frequency_split_hz"] == pytest.approx(passed["phi1_rad"] - passed["phi2_rad"], rel=1e-6)
+    assert synchronization(run.summary) == "none"
     assert run.summary["measured_s"] == pytest.approx(2.0, abs=0.01)
     assert len(run.section) <= 1
 

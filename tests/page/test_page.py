@@ -25,9 +25,11 @@ from vibroplat.page import points, report, run
 from vibroplat.page.points import plain_column, spread
 from vibroplat.page.results import find_results, parameters
 from vibroplat.page.run import packed, packed_coarsely
+from vibroplat.plots.orbits import MARKERS
 from vibroplat.plots.reading import Ends
 from vibroplat.plots.studies import read_branches
-from vibroplat.results.tables import read_table, write_table
+from vibroplat.plots.style import SYMBOLS
+from vibroplat.results.tables import read_json, read_table, write_table
 
 HOSTILE = "</script><script>window.hacked = 1</script><img src=x onerror='window.hacked = 1'>"
 
@@ -103,7 +105,8 @@ def test_a_short_run_is_on_the_page_as_it_is(moved):
     trajectory = read_table(moved["two layers"], "trajectory")
     assert data["rows"] == data["of"] == len(trajectory)
     assert data["coarse"] is None
-    np.testing.assert_allclose(opened(data["columns"]["y_m"]), trajectory["y_m"], rtol=1e-6)
+    sag = read_json(moved["two layers"], "summary")["static_sag_m"]
+    np.testing.assert_allclose(opened(data["columns"]["y_m"]), trajectory["y_m"] + sag, rtol=1e-6, atol=1e-12)
     np.testing.assert_allclose(data["origin"] + opened(data["columns"]["t_s"]), trajectory["t_s"], atol=1e-7)
     assert data["modes"] == "".join(mode[0] for mode in trajectory["mode"])
     events = read_table(moved["two layers"], "events")
@@ -118,7 +121,7 @@ def test_a_long_run_keeps_its_last_rows_and_the_extremes_of_all(moved, monkeypat
     trajectory = read_table(moved["two layers"], "trajectory")
     assert (data["rows"], data["of"]) == (100, len(trajectory))
     assert data["origin"] == trajectory["t_s"].iloc[-100]
-    for name in ("y_m", "contact_force_n"):
+    for name in ("x_m", "contact_force_n"):
         coarse = opened(data["coarse"][name]["values"])
         assert len(coarse) < len(trajectory)
         np.testing.assert_allclose(
@@ -184,8 +187,8 @@ def test_phases_are_wrapped_and_speeds_are_in_hz(moved):
 
 def test_panels_are_those_of_the_scene_in_units_of_its_size(moved):
     units = {panel["title"]: panel["unit"] for panel in shown(moved["two layers"])["panels"]}
-    assert units["gap"] == units["platform y"] == "mm"
-    assert units["platform x"] == "µm"
+    assert units["gap"] == units["platform y from rest"] == "mm"
+    assert units["platform x"] == "mm"
     assert "impulse" in units
     assert not {"gap", "contact force", "impulse"} & {p["title"] for p in shown(moved["bare"])["panels"]}
 
@@ -302,6 +305,30 @@ def test_boundaries_lie_in_the_plane_of_both_keys_and_an_empty_section_is_not_to
         ("fold", [*range(7), None]),
         ("liftoff", [*range(7, 14), None]),
     ]
+
+
+def test_a_quantity_has_one_unit_on_the_whole_page(moved, followed):
+    """In the file that is saved from a table, columns have the unit of their names."""
+    data = shown(moved["two layers"], followed)
+    (orbits,) = data["points"]
+    tables = {column["name"]: column for column in orbits["table"]["columns"]}
+    for measure in orbits["measures"]:
+        column = tables[measure["column"]]
+        assert (column["unit"], column["factor"]) == (measure["unit"], measure["factor"])
+    units = {row["words"]: row["unit"] for row in data["summary"]["rows"]}
+    panels = {panel["title"]: panel["unit"] for panel in data["panels"]}
+    assert units["RMS y"] == tables["rms_y_m"]["unit"] == panels["platform y from rest"] == "mm"
+    assert units["RMS φ"] == panels["rotation φ"] == "mrad"
+    assert units["phase difference"] == tables["phase_difference_rad"]["unit"] == panels["phase difference"] == "rad"
+    assert tables["rms_y_m"]["values"][0] == pytest.approx(1e-3)
+
+
+def test_symbols_are_those_of_figures_and_flight_begins_at_its_liftoff(branched):
+    (orbits,) = shown(branched)["points"]
+    (liftoff,) = (mark for mark in orbits["marks"] if mark["kind"] == "liftoff")
+    assert liftoff["symbol"] == SYMBOLS[MARKERS["liftoff"]] == "triangle-up"
+    assert set(liftoff["at"]["flight_fraction"]) == {0.0}
+    assert len({SYMBOLS[marker] for marker in MARKERS.values()}) == len(MARKERS)
 
 
 # -- orbits of points -----------------------------------------------------------------------------------
@@ -445,6 +472,17 @@ def test_a_directory_without_results_is_refused(tmp_path, command):
         assert (done.code, done.out) == (2, "")
         told = f"{directory} holds no finished run, sweep or orbits; allowed: a directory with one of them"
         assert done.err == f"vibroplat: {told}\n"
+
+
+def test_a_page_does_not_replace_a_configuration(moved, tmp_path, command):
+    config = tmp_path / "machine.yaml"
+    config.write_text("name: mine")
+    done = command("report", moved["bare"], "--out", config)
+    told = f"{config} is a file of another kind; allowed: a new file, or to overwrite it"
+    assert (done.code, done.err, config.read_text()) == (2, f"vibroplat: {told}\n", "name: mine")
+    for option in ("--overwrite", "--no-orbits"):  # then there is a page to replace
+        assert command("report", moved["bare"], option, "--out", config).code == 0
+        assert config.read_text().startswith("<!DOCTYPE html>")
 
 
 @pytest.mark.parametrize(("name", "column"), [("sweep", "sync"), ("branches", "stable")])

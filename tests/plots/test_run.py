@@ -28,6 +28,11 @@ def drawn(*directories, kinds=(), **options):
     return {name: figure for _, name, figure in run.run_figures(directories, kinds, **options)}
 
 
+def from_rest(table, directory):
+    """A trajectory with y as figures show it."""
+    return table.assign(y_m=table["y_m"] + read_json(directory, "summary")["static_sag_m"])
+
+
 def test_motion_shows_platform_and_gap_of_the_last_turns(result, monkeypatch):
     monkeypatch.setattr(run, "SHOWN_TURNS", 5)
     top, bottom = drawn(result)["motion"].axes
@@ -35,14 +40,27 @@ def test_motion_shows_platform_and_gap_of_the_last_turns(result, monkeypatch):
     begin = 0.25 - 5.0 / read_json(result, "summary")["excitation_frequency_hz"]
     shown = trajectory[trajectory["t_s"] >= begin]
     assert 100 < len(shown) < len(trajectory)
-    np.testing.assert_allclose(data_of(top.lines[0]), table_line(shown, "y_m", 1e3))
+    np.testing.assert_allclose(data_of(top.lines[0]), table_line(from_rest(shown, result), "y_m", 1e3))
     np.testing.assert_allclose(data_of(bottom.lines[0]), table_line(shown, "gap_m", 1e3))
     impacts = events[(events["kind"] == "impact") & (events["t_s"] >= begin)]
     assert len(impacts) > 0
     assert bottom.lines[1].get_xdata().tolist() == impacts["t_s"].tolist()
     stretches = (shown["mode"] == "attached").astype(int).diff().eq(1).sum() + (shown["mode"].iloc[0] == "attached")
     assert len(top.patches) == len(bottom.patches) == stretches > 1
-    assert [axis.get_ylabel() for axis in (top, bottom)] == ["$y$ (mm)", "gap $y_{w1}$ (mm)"]  # no rocking
+    assert [axis.get_ylabel() for axis in (top, bottom)] == ["$y$ from rest (mm)", "gap $y_{w1}$ (mm)"]  # no rocking
+
+
+def test_y_is_counted_from_rest_where_a_scene_or_a_summary_tells_the_sag(result):
+    (result / "provenance.json").write_text(
+        json.dumps(read_json(result, "provenance") | {"configuration": {"lost": 1}})
+    )
+    axis = drawn(result)["motion"].axes[0]
+    table, summary = read_table(result, "trajectory"), read_json(result, "summary")
+    assert axis.lines[0].get_ydata()[-1] == pytest.approx(1e3 * from_rest(table, result)["y_m"].iloc[-1])
+    (result / "summary.json").write_text(json.dumps({k: v for k, v in summary.items() if k != "static_sag_m"}))
+    axis = drawn(result)["motion"].axes[0]
+    assert axis.lines[0].get_ydata()[-1] == pytest.approx(1e3 * table["y_m"].iloc[-1])
+    assert axis.get_ylabel() == "$y$ (mm)"
 
 
 def test_a_long_run_has_an_overview_of_its_range(result, monkeypatch):
@@ -50,7 +68,7 @@ def test_a_long_run_has_an_overview_of_its_range(result, monkeypatch):
     figure = drawn(result, kinds=["motion"])["motion"]
     titles = [axis.get_title(loc="left").splitlines()[-1] for axis in figure.axes[:2]]
     assert titles == ["whole run, range of values", "last turns, grey on the left"]
-    table = read_table(result, "trajectory")
+    table = from_rest(read_table(result, "trajectory"), result)
     whole = figure.axes[0].collections[0].get_datalim(figure.axes[0].transData)
     assert (whole.y0, whole.y1) == pytest.approx((1e3 * table["y_m"].min(), 1e3 * table["y_m"].max()))
     assert whole.x1 - whole.x0 > 0.2
@@ -60,7 +78,7 @@ def test_a_long_run_has_an_overview_of_its_range(result, monkeypatch):
 def test_many_turns_are_drawn_as_their_range(result, monkeypatch):
     monkeypatch.setattr(run, "MOST_TURNS", 3)
     axis = drawn(result, kinds=["motion"], start=0.0)["motion"].axes[0]
-    table = read_table(result, "trajectory")
+    table = from_rest(read_table(result, "trajectory"), result)
     low, high = axis.collections[0].get_datalim(axis.transData).intervaly
     assert (low, high) == pytest.approx((1e3 * table["y_m"].min(), 1e3 * table["y_m"].max()))
     assert not axis.lines

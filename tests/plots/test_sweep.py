@@ -12,7 +12,9 @@ import pytest
 from common.places import QUICKSTART
 from common.results import unproven
 
+from vibroplat import load_config
 from vibroplat.errors import TableError
+from vibroplat.hybrid.state import static_rest
 from vibroplat.plots.command import plot_results
 from vibroplat.plots.studies import read_sweeps
 from vibroplat.plots.sweep import FIGURES, PERIODS, SYNC, sweep_figures
@@ -139,15 +141,16 @@ def test_bifurcation_shows_every_point_with_the_other_direction_behind(write_swe
     table = sweep_table().query("branch < 2")
     tables = {"section": diagram(table, "y_m"), "impacts": diagram(table, "impact_speed_m_per_s")}
     figure = drawn(write_sweep(table, "bifurcation", **tables))["bifurcation"]
-    quantities = [("section", "y_m", 1e3), ("impacts", "impact_speed_m_per_s", 1.0)]
-    for row, (name, column, factor) in zip(np.reshape(figure.axes, (2, 2)), quantities, strict=True):
+    rest = 1e3 * static_rest(load_config(QUICKSTART, {MASS: 0.0}))[1]
+    quantities = [("section", "y_m", 1e3, rest), ("impacts", "impact_speed_m_per_s", 1.0, 0.0)]
+    for row, (name, column, factor, zero) in zip(np.reshape(figure.axes, (2, 2)), quantities, strict=True):
         for branch, axis in enumerate(row):
             behind, shown = axis.lines
             assert behind.get_color() != shown.get_color()
             assert behind.get_zorder() < shown.get_zorder()
             for line, number in ((behind, 1 - branch), (shown, branch)):
                 rows = tables[name][tables[name]["branch"] == number]
-                assert line.get_ydata() == pytest.approx(factor * rows[column].to_numpy())
+                assert line.get_ydata() == pytest.approx(factor * rows[column].to_numpy() - zero)
                 assert line.get_xdata() == pytest.approx(rows["excitation_frequency_hz"].to_numpy())
     assert texts(figure.legends[0]) == ["supply frequency up", "supply frequency down", "the other direction"]
 

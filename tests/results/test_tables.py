@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import os
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,8 @@ from vibroplat.results.tables import (
     read_json,
     read_parts,
     read_table,
+    replace_file,
+    require_replaceable,
     result_directory,
     write_table,
 )
@@ -324,3 +327,32 @@ def test_times_that_are_none_of_the_run_are_refused(runs):
         with pytest.raises(ValueError, match=r"^times must ") as caught:
             runs["two layers"](times)
         assert str(caught.value) == told
+
+
+@pytest.mark.parametrize("kind", ["device", "link", "fifo", "folder"])
+def test_what_is_no_file_is_never_replaced(kind, tmp_path):
+    """As root a device would give way to a file of its name."""
+    path = {"device": Path("/dev/null")}.get(kind, tmp_path / "there")
+    if kind == "link":
+        path.symlink_to("/dev/null")
+    elif kind == "fifo":
+        os.mkfifo(path)
+    elif kind == "folder":
+        path.mkdir()
+    before = path.stat().st_mode
+    with pytest.raises(TableError, match=f"{path} is no regular file; allowed: a new file or one to replace"):
+        replace_file(path, lambda place: place.write_text("mine"))
+    assert path.stat().st_mode == before
+
+
+def test_file_of_another_kind_is_replaced_only_on_request(tmp_path):
+    path = tmp_path / "machine.yaml"
+    require_replaceable(path, b"MATLAB")
+    path.touch()  # as mktemp does
+    require_replaceable(path, b"MATLAB")
+    path.write_text("MatLab 5.0")
+    require_replaceable(path, b"MATLAB")
+    path.write_text("name: mine")
+    require_replaceable(path, b"MATLAB", overwrite=True)
+    with pytest.raises(TableError, match="is a file of another kind; allowed: a new file, or to overwrite it"):
+        require_replaceable(path, b"MATLAB")

@@ -9,8 +9,9 @@ from vibroplat.study.pool import Task
 
 #: A bare machine.
 MACHINE = Path(__file__).parents[1] / "machines" / "damped.yaml"
-#: One of the machines that are shipped.
+#: Two of the machines that are shipped.
 DAMPED = Path(__file__).parents[2] / "configs" / "machines" / "damped.yaml"
+CALIBRATED = DAMPED.with_name("calibrated.yaml")
 
 #: Non-periodic motion of the machine.
 CHAOTIC = {"material.mass_ratio": 0.2, "material.damping_ratio": 0.005, "drive.supply_frequency_hz": 62.5}

@@ -76,7 +76,7 @@ def test_a_changed_line_anywhere_changes_the_source_files(tmp_path, monkeypatch)
 
 
 def test_reference_motion_has_impacts(kernels):
-    outcome, events, _, measures = fingerprint._motion()
+    outcome, events, _, measures = fingerprint._motion("auto")
     assert (outcome, measures["impacts"] > 5) == ("ok", True)
     assert events > measures["impacts"]
 

@@ -13,6 +13,7 @@ from common.known import GRAVITY, OMEGA, TURN, ball_on_table
 
 from vibroplat import load_config, lyapunov, simulate, variation
 from vibroplat.errors import ConfigError, MotionError
+from vibroplat.hybrid.modes import ATTACHED
 from vibroplat.hybrid.state import initial_state
 from vibroplat.integrate import make_engine
 from vibroplat.model.parameters import parameters
@@ -150,15 +151,15 @@ def test_sign_is_told_beyond_three_errors_and_beyond_what_is_no_growth():
 
 
 class Growing:
-    """In the place of what follows a motion: growth by numbers that are given, turns of 0.04 s."""
+    """In the place of what follows a motion: growth by numbers that are given, turns of 0.04 s, what is forgotten."""
 
-    def __init__(self, growth):
-        self.growth = growth
+    def __init__(self, growth, forgotten=lambda call: 0):
+        self.growth, self.forgotten = growth, forgotten
         self.calls = 0
 
     def __call__(self, motion, variation, basis, turns):
         self.calls += 1
-        return 0.04 * turns, basis, np.array([self.growth(self.calls)])
+        return 0.04 * turns, basis, np.array([self.growth(self.calls)]).ravel(), self.forgotten(self.calls)
 
 
 @pytest.fixture
@@ -210,6 +211,27 @@ def test_error_is_the_largest_of_those_of_few_and_many_blocks(measured):
 def test_motions_that_merge_have_an_exponent_below_all_numbers(measured):
     found, _ = measured(lambda call: -math.inf if call == 20 else -0.5)
     assert (found.value, found.error, found.sign) == (-math.inf, 0.0, -1)
+
+
+@pytest.mark.parametrize("count", [0, 1, 2])
+def test_one_event_among_many_turns_says_how_many_directions_are_forgotten(monkeypatch, count):
+    """Whatever numbers round-off leaves; a single turn in which a growth is lost says nothing."""
+    scene = load_config(MACHINE)
+    section = whole_section(scene)
+    numbers = -1.0 - np.arange(section.shape[1])
+
+    def growth(call):
+        return np.append(numbers[:-1], -math.inf if call == ALL.skipped + 7 else numbers[-1])
+
+    growing = Growing(growth, lambda call: count if call == ALL.skipped + 100 else 2 * (call == 3))
+    monkeypatch.setattr("vibroplat.study.lyapunov._grow", growing)
+    found, _ = spectrum(scene, initial_state(scene))
+    values = np.array([exponent.value for exponent in found])
+    assert np.isneginf(values).sum() == np.isneginf(values[len(values) - count :]).sum() == count
+    kept = np.arange(len(numbers) - max(count, 1))
+    assert values[kept] == pytest.approx(numbers[kept] / 0.04, rel=1e-12)
+    few = exponents(Motion(scene, parameters(scene), make_engine(scene, parameters(scene))), section[:, :3], ALL)
+    assert np.isfinite([exponent.value for exponent in few]).all()  # what is forgotten may lie outside of these
 
 
 # -- scenes -----------------------------------------------------------------------------------------------
@@ -265,12 +287,10 @@ def spectrum(scene, state, effort=ALL):
         return exponents(motion, whole_section(scene), effort), motion
 
 
-def mean_divergence(scene, state, seconds):
-    """Mean divergence of the flow, without impacts (1/s)."""
-    names = state_places(scene)
-    at = {"state": {name: state[place] for name, place in names.items()}}
-    run = simulate(scene.replace({"run.duration_s": seconds}, run={"initial": at}))
-    return integral_of_divergence(run) / seconds
+def run_from(scene, state, seconds):
+    """The motion from a state on."""
+    at = {"state": {name: state[place] for name, place in state_places(scene).items()}}
+    return simulate(scene.replace({"run.duration_s": seconds}, run={"initial": at}))
 
 
 def test_exponents_are_logarithms_of_multipliers():
@@ -284,7 +304,8 @@ def test_exponents_are_logarithms_of_multipliers():
     values, errors = (np.array(column) for column in zip(*((e.value, e.error) for e in found), strict=True))
     order = np.argsort(-values)
     assert (np.abs(values[order] - logarithms[1:]) <= 3.0 * errors[order] + 1e-3 * np.abs(logarithms[1:])).all()
-    assert values.sum() == pytest.approx(mean_divergence(scene, motion.state, turn), rel=1e-4)
+    change = integral_of_divergence(run_from(scene, motion.state, turn))
+    assert values.sum() == pytest.approx(change / turn, rel=1e-4)
 
 
 def test_sum_over_a_chaotic_ball_is_that_of_its_impacts():
@@ -294,6 +315,31 @@ def test_sum_over_a_chaotic_ball_is_that_of_its_impacts():
     total = sum(e.value for e in found) * motion.now
     assert motion.events > 15
     assert total == pytest.approx(2.0 * math.log(CHAOTIC_BALL[1]) * motion.events, rel=0.05)
+
+
+def test_sum_over_flights_is_that_of_divergence_and_impacts():
+    """Each impact takes R² of the volume of all states; on the section the exciter's speed counts too."""
+    scene, state = settled(MACHINE, 52.0, {**CHAOTIC, "contact.restitution": 0.9, "solver.tolerance": 1e-9})
+    found, motion = spectrum(scene, state, Effort(1, 0, 16, 16))
+    begun, seconds = later_state(scene, state, 1)[1], 16 * found[0].turn
+    run = run_from(scene, begun, seconds)
+    assert len(run.events) > 3
+    change = integral_of_divergence(run) + 2.0 * math.log(0.9) * len(run.events)
+    total = sum(e.value for e in found) * seconds
+    assert total == pytest.approx(change + math.log(begun[10] / motion.state[10]), rel=1e-4)
+
+
+def test_sum_with_latches_is_that_of_the_part_that_is_kept():
+    """In contact that part is the whole state without gap and gap rate; here each section is in contact."""
+    scene, state = settled(MACHINE, 50.0, {**CHAOTIC, "contact.restitution": 0.3})
+    found, motion = spectrum(scene, state, Effort(1, 4, 16, 16))
+    assert motion.automaton.run["mode"] == ATTACHED
+    assert motion.events > 8 * 16  # a latch takes many impacts
+    turn, values = found[0].turn, np.array([exponent.value for exponent in found])
+    places = [place for name, place in state_places(scene).items() if not name.startswith("gap_")]
+    whole = variation(scene, motion.state, turn).derivative.to_numpy()[np.ix_(places, places)]
+    assert np.isneginf(values).sum() == 2
+    assert values[:-2].sum() == pytest.approx(np.linalg.slogdet(whole)[1] / turn, rel=1e-4)
 
 
 def test_table_of_exponents_has_a_neutral_one_and_those_that_contact_loses(monkeypatch):

@@ -7,6 +7,7 @@ from common.places import LOADED
 
 from vibroplat import Scene, load_config
 from vibroplat.config.plans import Frequencies
+from vibroplat.errors import ConfigError
 from vibroplat.study.branches import branches
 
 from .helpers import planned
@@ -59,6 +60,17 @@ def test_branches_are_combinations_times_directions_the_first_key_slowest():
     assert [list(b.grid) for b in found] == [list(grid)] * 8
     assert {b.frequencies for b in found[::2]} == {(51.0, 50.5, 50.0)}
     assert {b.frequencies for b in found[1::2]} == {(50.0, 50.5, 51.0)}
+
+
+def test_points_of_all_branches_are_limited_by_a_key():
+    """10 000 combinations and 100 000 frequencies, each allowed by itself, would be 1e9 points."""
+    settings = {"sweep.supply_frequency_hz": {"start": 50.0, "stop": 149.99, "step": 1e-3, "direction": ["up", "down"]}}
+    settings["sweep.grid"] = {"contact.restitution": [0.0, 0.5]}
+    told = r"sweep: 2 × 2 branches of 99991 points are 399964; allowed: at most max_points = 200000$"
+    with pytest.raises(ConfigError, match=told):
+        Scene().replace(settings)
+    found = branches(Scene().replace(settings | {"sweep.max_points": 399_964}))
+    assert len({id(branch.frequencies) for branch in found}) == 2
 
 
 def test_scenes_of_a_branch_have_its_values_and_frequencies():
@@ -144,7 +156,7 @@ def test_mistakes_in_other_keys_are_told_in_a_line(complaint):
 
 
 def test_names_of_keys_are_guessed(complaint):
-    assert complaint(with_plan("settle: 3")).startswith("c.yaml: unknown key sweep.settle; did you mean settle_s? ")
+    assert complaint(with_plan("settl_s: 3")).startswith("c.yaml: unknown key sweep.settl_s; did you mean settle_s? ")
     assert complaint(with_plan("zzzz: 3")).startswith("c.yaml: unknown key sweep.zzzz; allowed: supply_frequency_hz, ")
     line = complaint(with_plan("grid: {material.mas_ratio: [0.1]}"))
     assert line.startswith("sweep.grid: unknown key material.mas_ratio; did you mean mass_ratio? allowed: ")

@@ -17,10 +17,11 @@ from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Motion
 from vibroplat.observe import statistics as m
 from vibroplat.observe.statistics import no_measures
-from vibroplat.study.point import BLOCKS, ERRORS
+from vibroplat.study.branches import branches
+from vibroplat.study.point import BLOCKS, ERRORS, measure_point
 from vibroplat.study.settling import BLOCK, MAX_PERIOD, TURNS, period, section_points, settle, spreads
 
-from .helpers import CHAOTIC, DAMPED, MACHINE, planned, swept
+from .helpers import CALIBRATED, CHAOTIC, DAMPED, MACHINE, planned, swept
 
 FIXED = 30.0
 IN_PHASE = {"run.initial.phase_sum_rad": 0.3}
@@ -124,6 +125,56 @@ def test_short_measuring_is_enough_to_confirm_a_period():
     assert (row["motion"], row["period"], row["settle_s"] < 60.0) == ("periodic", 4, True)
     turns = (row["simulated_s"] - row["settle_s"]) * row["excitation_frequency_hz"]
     assert 16.0 <= turns <= 21.5
+
+
+# -- by orbits ------------------------------------------------------------------------------------------
+
+
+def alike(orbits, motion):
+    """Whether both tables tell of the same motions, each row to what settling leaves."""
+    assert orbits[["motion", "period", "sync", "outcome"]].equals(motion[["motion", "period", "sync", "outcome"]])
+    assert orbits["rms_y_m"].to_numpy() == pytest.approx(motion["rms_y_m"].to_numpy(), rel=1e-3, abs=2e-6)
+    assert phase_distance(orbits, motion) < 6e-3
+
+
+def test_orbits_are_what_motions_settle_to():
+    """In antiphase and in phase; no row has what is left of a transient."""
+    options = {"changes": {"material.mass_ratio": 0.02, "solver.engine": "taylor"}, "step": 8.0}
+    motion, orbits = (swept(MACHINE, 50.0, 66.0, settle=how, **options) for how in ("motion", "orbits"))
+    alike(orbits, motion)
+    assert motion["multiplier_max"].isna().all()
+    assert ((orbits["multiplier_max"] > 0.5) & (orbits["multiplier_max"] < 1.0)).all()
+    assert orbits["simulated_s"].sum() < 0.5 * motion["simulated_s"].sum()
+    others = swept(MACHINE, 50.0, 66.0, settle="orbits", seed=1, **options)
+    for name in ("rms_y_m", "rms_phi_rad", "excitation_frequency_hz", "multiplier_max"):
+        assert orbits[name].to_numpy() == pytest.approx(others[name].to_numpy(), rel=1e-5, abs=1e-9)
+
+
+@pytest.mark.long
+def test_sweep_by_orbits_has_the_rows_of_one_that_waits():
+    """Of the calibrated machine where flight begins, and around the loss of antiphase at 69.5 Hz."""
+    changes = {"solver.engine": "taylor", "material.mass_ratio": 0.2}
+    for start, stop in ((50.0, 53.0), (68.0, 71.0)):
+        options = {"changes": changes, "direction": ["up", "down"], "step": 1.0, "seed": 1}
+        motion, orbits = (swept(CALIBRATED, start, stop, settle=how, **options) for how in ("motion", "orbits"))
+        alike(orbits, motion)
+        assert orbits["multiplier_max"].notna().all()
+
+
+def test_period_of_an_orbit_is_its_least():
+    """Period 4 between chaotic motions, not a multiple of it."""
+    row = swept(DAMPED, 57.5, changes=MATERIAL | {"solver.engine": "taylor"}, settle="orbits").iloc[0]
+    assert (row["motion"], row["period"], row["multiplier_max"] < 1.0) == ("periodic", 4, True)
+
+
+def test_diagram_of_an_orbit_has_its_points_once():
+    options = {"changes": MATERIAL | {"solver.engine": "taylor"}, "settle": "orbits", "kind": "bifurcation"}
+    (branch,) = branches(planned(DAMPED, 57.5, **options))
+    point = measure_point(branch.at(0), branch.plan, None, branch.key(57.5))
+    assert len(set(point.section_y)) == len(point.section_y) == 4
+    impacts = point.row["impacts_per_period"] * 4
+    assert len(point.impact_speeds) == pytest.approx(impacts)
+    assert min(point.impact_speeds) > 0.0
 
 
 def test_longest_settling_does_not_bound_a_fixed_one():

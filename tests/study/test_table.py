@@ -214,6 +214,7 @@ def test_progress_counts_branches_points_and_events(monkeypatch):
 def found(phase, *, split=0.0, coherence=1.0, seconds=2.0):
     return {
         "phase_difference_rad": phase,
+        "impacts_per_period": 0.0,
         "frequency_split_hz": split,
         "phase_coherence": coherence,
         "measured_s": seconds,
@@ -230,9 +231,10 @@ def test_exciters_that_drift_apart_are_not_synchronous():
     """Drift by more than a quarter turn over the measured part, or incoherence."""
     for changes in ({"split": 0.1}, {"split": -0.1}, {"coherence": 0.81}):
         assert synchronization(found(math.pi, **changes)) == "antiphase"
-    drifting = ({"split": 0.15}, {"split": -0.15}, {"split": 0.1, "seconds": 4.0}, {"split": None})
+    drifting = ({"split": 0.15}, {"split": -0.15}, {"split": 0.1, "seconds": 4.0})
     for changes in (*drifting, {"coherence": 0.79}):
         assert synchronization(found(math.pi, **changes)) == "none"
+    assert synchronization(found(math.pi) | {"impacts_per_period": None}) == "none"  # nothing turns
 
 
 # -- perturbation ---------------------------------------------------------------------------------------

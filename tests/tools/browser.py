@@ -1,4 +1,4 @@
-"""A browser of the system without a window, driven by selenium: for the film of a page and for tests of it."""
+"""A browser of the system without a window, driven by selenium: for tests of the page."""
 
 import shutil
 from contextlib import contextmanager
@@ -16,7 +16,7 @@ _OPTIONS = ("--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--disa
 def missing():
     """Say what is not installed; "" where nothing is missing."""
     try:
-        import selenium  # noqa: F401  (only films and tests need it)
+        import selenium  # noqa: F401  (only these tests need it)
     except ImportError:
         return "selenium is not installed"
     if not any(map(shutil.which, BROWSERS)):

@@ -17,6 +17,7 @@ from vibroplat.system.terminal import compilation_progress
 
 if TYPE_CHECKING:
     from vibroplat.config.scene import Scene
+    from vibroplat.study.store import Store
 
 # -- options ----------------------------------------------------------------------------------------------
 
@@ -91,6 +92,14 @@ def load_kernels(*engines: str) -> None:
         with _compilation(engine) if tell_of_compilation(engine) else nullcontext():
             run.load_kernels(engine)
     gc.freeze()  # what is loaded stays: the garbage collector need not look at it
+
+
+def begin(store: Store, engine: str, *others: str) -> None:
+    """Load what a study computes with; refuse to resume one that was begun with another arithmetic."""
+    load_kernels(engine, *others)
+    from vibroplat.study.fingerprint import arithmetic
+
+    store.require("arithmetic", arithmetic(engine))
 
 
 @contextmanager

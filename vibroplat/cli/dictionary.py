@@ -88,13 +88,14 @@ def configuration_page() -> str:
         "All keys of a configuration, in YAML 1.2. Names end with their unit. `N` is a place in a list. A key that is",
         "not given has its default; where the default is empty, the meaning says what holds. `extends: FILE`, relative",
         "to the file itself, takes all keys from another file; those given here override them. The symbols are those",
-        "of [the model](model.md). This page is written by `vibroplat schema --markdown`.",
+        "of [the model](model.md). Typical values are those of screens and feeders in industry; `vibroplat new FILE",
+        "--template screen` writes such a machine. This page is written by `vibroplat schema --markdown`.",
     ]
     sections = groupby(keys().values(), key=lambda key: key.name.partition(".")[0] if "." in key.name else "")
     for section, found in sections:
-        rows = [(f"`{k.name}`", k.symbol, k.unit, yaml(k.default), k.allowed, k.meaning) for k in found]
+        rows = [(f"`{k.name}`", k.symbol, k.unit, yaml(k.default), k.typical, k.allowed, k.meaning) for k in found]
         lines += ["", f"## {section or 'Top level'}", ""]
-        lines += _table(("key", "symbol", "unit", "default", "allowed", "meaning"), rows)
+        lines += _table(("key", "symbol", "unit", "default", "typical", "allowed", "meaning"), rows)
     return "\n".join(lines) + "\n"
 
 

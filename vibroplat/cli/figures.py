@@ -1,4 +1,4 @@
-"""The commands ``plot`` and ``report``: figures, and a page to hand on, from result tables."""
+"""The commands ``plot``, ``report`` and ``film``: figures, a page to hand on and a film, from result tables."""
 
 from __future__ import annotations
 
@@ -63,6 +63,7 @@ def report(
         bool,
         typer.Option(help="Compute orbits of points of sweeps and branches: a click on such a point draws its orbit."),
     ] = True,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace FILE even if it is no page.")] = False,
 ) -> None:
     """Write an HTML page of results, to look at and to hand on.
 
@@ -72,7 +73,24 @@ def report(
     from vibroplat.system.terminal import points_progress
 
     with points_progress("orbits") as progress:
-        print(write_report(directories, out, start, stop, mover=_move if orbits else None, progress=progress))
+        mover = _move if orbits else None
+        print(write_report(directories, out, start, stop, mover=mover, progress=progress, overwrite=overwrite))
+
+
+def film(
+    directory: Annotated[Path, typer.Argument(metavar="DIR", help="Result directory of a run.")],
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="The film, .gif or .mp4. Default: machine.gif in DIR.")
+    ] = None,
+    start: Annotated[float | None, typer.Option(help="Start of the interval (s). Default: the last turns.")] = None,
+    stop: Annotated[float | None, typer.Option(help="End of that interval (s).")] = None,
+    turns: Annotated[float, typer.Option(min=0.1, max=100.0, help="Turns, if no interval is given.")] = 2.0,
+    frames: Annotated[int, typer.Option(min=2, max=1000, help="Pictures of each turn.")] = 40,
+) -> None:
+    """Film the moving machine of a run in slow motion, as GIF, or MP4 where ffmpeg is installed."""
+    from vibroplat.plots.film import write_film
+
+    print(write_film(directory, out, start, stop, turns=turns, frames=frames))
 
 
 def _move(scene: Scene, row: Mapping[str, Any]) -> OrbitMotion:

@@ -94,7 +94,7 @@ def calibrate(
     directory = result_directory(out, "calibration")
     total, chains = plan.evaluations + plan.confirmations, max(plan.population, plan.confirmations)
     with Store(directory, calibration.conditions(fixed), resume=resume, overwrite=overwrite) as store:
-        common.load_kernels(fixed.get(ENGINE, "auto"))
+        common.begin(store, fixed.get(ENGINE, "auto"))
         opened = pool(jobs, scheduler, wait=wait, chains=chains)
         with opened as workers, calibration_progress(total) as progress:
             tables = calibration.calibrate(fixed, plan, store, workers, progress)

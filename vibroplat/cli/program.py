@@ -60,14 +60,26 @@ def main() -> None:
             sys.exit(_complain(f"not enough memory; {kept()}", 1))
         if not isinstance(error, OSError):
             raise
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # the rest of the output has nowhere to go
-        sys.exit(_complain(f"standard output cannot be written: {error.strerror or error}", 1))
+        sys.exit(_complain(_reason(error), 1))
     except Exception as error:
         # typer's base class of usage errors is not public; this method identifies them
         if not hasattr(error, "format_message"):
             raise
         sys.exit(_complain(f"{error.format_message().rstrip('.')}. Try 'vibroplat --help'.", 2))
     sys.exit(code if isinstance(code, int) else 0)
+
+
+def _reason(error: OSError) -> str:
+    """Say what an error of the system is about: standard output if that still cannot be written, or else as it says."""
+    what = error.strerror or str(error)
+    try:
+        if isinstance(error, BrokenPipeError):
+            raise error
+        sys.stdout.flush()  # holds what could not be written
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # the rest of the output has nowhere to go
+        return f"standard output cannot be written: {what}"
+    return f"{f'{error.filename}: ' if error.filename else ''}{what}; {kept()}"
 
 
 def _complain(text: str, code: int) -> int:
@@ -104,6 +116,7 @@ COMMANDS = (
     studies.orbits,
     figures.plot,
     figures.report,
+    figures.film,
     paper.paper,
     paper.calibrate,
     bench.bench,

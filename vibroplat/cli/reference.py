@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -11,14 +11,20 @@ from vibroplat.cli.common import about
 from vibroplat.errors import ConfigError
 
 
-def new(file: Annotated[Path, typer.Argument(metavar="FILE", help="The file to write, e.g. mine.yaml.")]) -> None:
+def new(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="The file to write, e.g. mine.yaml.")],
+    machine: Annotated[
+        Literal["rig", "screen", "feeder"],
+        typer.Option("--template", help="The machine: a small test rig, a screen of 1.2 t, or a feeder of 0.6 t."),
+    ] = "rig",
+) -> None:
     """Write a commented configuration to start from."""
     from vibroplat.config.keys import template
     from vibroplat.config.scene import Scene
 
     with about(file):
         Scene.from_tree({"name": file.stem})  # the file's name will be that of the results
-    text = template(str(file), file.stem)
+    text = template(machine, str(file), file.stem)
     try:
         with file.open("x", encoding="utf-8") as opened:
             opened.write(text)

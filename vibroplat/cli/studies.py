@@ -160,7 +160,7 @@ def sweep(
 
     found = None
     with Store(directory, sweeps.conditions(scene), resume=resume, overwrite=overwrite) as store:
-        common.load_kernels(scene.solver.engine, *([other_engine(scene.solver.engine)] if places else []))
+        common.begin(store, scene.solver.engine, *([other_engine(scene.solver.engine)] if places else []))
         began, points = time.perf_counter(), sum(len(branch.frequencies) for branch in planned)
         chains = max(sweeps.unfinished(planned, store), len(places))
         with pool(jobs, scheduler, wait=wait, chains=chains) as workers:
@@ -225,7 +225,8 @@ def orbits(
     common.tell_of_compilation(scene.solver.engine)
     from vibroplat.continuation.tables import conditions, follow, planned, write_orbits
 
-    plan = planned(scene)
+    with common.about(config):
+        plan = planned(scene)
     common.require_scheduler(scheduler)
     from vibroplat.config.plausibility import notes_on_inputs
     from vibroplat.study.pool import pool
@@ -234,7 +235,7 @@ def orbits(
     directory = _study_directory(out, scene.name, "orbits", resume=resume)
     kept: dict[str, Any] = {"file": FILE, "what": "parts of branches"}
     with Store(directory, conditions(scene), resume=resume, overwrite=overwrite, **kept) as store:
-        common.load_kernels(scene.solver.engine)
+        common.begin(store, scene.solver.engine)
         began, families = time.perf_counter(), len(plan.families)
         with (
             pool(jobs, scheduler, wait=wait, chains=families) as workers,

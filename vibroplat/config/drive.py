@@ -105,7 +105,7 @@ class Drive(Section):
     """The common supply of both motors."""
 
     supply_frequency_hz: Positive | None = described(
-        None, "f_e", f"supply frequency of both motors; not given: {FREQUENCY:g}, or as in program"
+        None, "f_e", f"supply frequency of both motors; not given: {FREQUENCY:g}, or as in program", "20 … 60"
     )
     program: Annotated[list[Entry], Field(max_length=MOST_ENTRIES)] | None = Field(
         None, description="supply over time: a list of entries, instead of supply_frequency_hz"

@@ -5,13 +5,15 @@ All of it is read from the models of the sections, where keys are defined.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from functools import cache
+from itertools import groupby, takewhile
 from textwrap import wrap
 from typing import Any, NamedTuple
 
 from vibroplat.columns import unit_of
-from vibroplat.config.reader import configurations, flat, load_tree
+from vibroplat.config.plausibility import given_by_exciters
+from vibroplat.config.reader import configurations, load_tree
 from vibroplat.config.scene import Scene
 from vibroplat.config.schema import LARGEST, LARGEST_ANGLE, LEAST, Node, in_lists, nodes
 
@@ -23,19 +25,17 @@ _FREQUENCIES = "sweep.supply_frequency_hz"
 #: Column at which comments begin, if there is room.
 _COMMENTS = 44
 #: Most characters of a line.
-_WIDTH = 110
-#: What the template leaves out: other ways to give the same, and what few ever need.
+_WIDTH = 120
+#: What a template leaves out unless its file gives it: other ways to give the same, and what few ever need.
 _LEFT_OUT = (
     "name",
     "orbits.",
-    "motors.",
-    "exciters.",
     "drive.program.",
     "run.initial.state.",
     "run.initial.phase_sum_rad",
 )
 _HEAD = """\
-# A configuration to start from. Lines that begin with # are other ways to give something, or keys that are not needed.
+# Lines with # are other ways to give something, or keys that are not needed. Typical: screens and feeders in industry.
 """
 _COMMANDS = {
     "vibroplat run {file}": "simulates it, prints a summary, writes results/{name}",
@@ -45,18 +45,11 @@ _COMMANDS = {
     "vibroplat report results/{name}": "writes it into an HTML page",
     "vibroplat schema --markdown": "lists all keys, also of two unequal motors or exciters",
 }
-_SWEEP = {"sweep.grid": "{material.mass_ratio: [0, 0.1, 0.2]}"}
 #: Stands after the supply frequency.
 _PROGRAM = """\
   # program:                                # instead: the supply over time, here a start in 3 s; starts from rest
   #   - {t_s: 0, supply_frequency_hz: 0}    # also need run.initial.speed_ratio: 0
-  #   - {t_s: 3, supply_frequency_hz: 51.5}"""
-_ORBITS = """\
-orbits:
-  key: drive.supply_frequency_hz            # dotted key that varies along a branch
-  start: 42                                 # one end of its range
-  stop: 80                                  # the other end
-  grid: {material.mass_ratio: [0, 0.1, 0.2]}  # branches for each value"""
+  #   - {t_s: 3, supply_frequency_hz: %s}"""
 
 
 class Key(NamedTuple):
@@ -72,6 +65,8 @@ class Key(NamedTuple):
         "" for none.
     default
         None if the key is required or its meaning says what holds without it.
+    typical
+        Its usual range in industry; "" where that says nothing.
     allowed
         What it may be.
     meaning
@@ -82,6 +77,7 @@ class Key(NamedTuple):
     symbol: str
     unit: str
     default: Any
+    typical: str
     allowed: str
     meaning: str
 
@@ -111,7 +107,8 @@ def _key(name: str, node: Node) -> Key:
     unit = "Hz" if section == _FREQUENCIES and last != "direction" else unit_of(last)
     allowed = " or ".join(map(_allowed, node.choices)) + ("; required" if node.required else "")
     schema = node.schema
-    return Key(name, schema.get("symbol", ""), unit, schema.get("default"), allowed, schema["description"])
+    symbol, typical = schema.get("symbol", ""), schema.get("typical", "")
+    return Key(name, symbol, unit, schema.get("default"), typical, allowed, schema["description"])
 
 
 def _allowed(field: Mapping[str, Any]) -> str:
@@ -137,25 +134,50 @@ def yaml(value: Any) -> str:
         return text if float(text) == value else repr(value)
     if isinstance(value, list):
         return f"[{', '.join(map(yaml, value))}]"
+    if isinstance(value, dict):
+        return f"{{{', '.join(f'{key}: {yaml(entry)}' for key, entry in value.items())}}}"
     return str(value)
 
 
-def template(file: str, name: str) -> str:
-    """Return the text of a configuration; its head names the file and the scene."""
-    given = flat(load_tree(configurations() / "quickstart.yaml"))
-    wanted = [key for key in keys().values() if not key.name.startswith(_LEFT_OUT)]
-    lines: list[str] = [_head(file, name)]
+def template(machine: str, file: str, name: str) -> str:
+    """Return the text of a configuration of a machine of ``configs/templates``; its head names file and scene."""
+    source = configurations() / "templates" / f"{machine}.yaml"
+    given = load_tree(source)
+    scene = Scene.from_tree(given)
+    elsewhere = {f"machine.{key}" for key in given_by_exciters(scene)}
+    about = takewhile(lambda line: line.startswith("#"), source.read_text(encoding="utf-8").splitlines())
+    lines: list[str] = [*about, _head(file, name)]
     above: list[str] = []
-    for key in wanted:
-        *sections, last = key.name.split(".")
+    values = scene.to_tree()
+    for place, key in _in_places(given):
+        if place in elsewhere or (place.startswith(_LEFT_OUT) and _at(given, place) is None):
+            continue
+        *sections, last = place.split(".")
         for depth, section in enumerate(sections):
             if sections[: depth + 1] != above[: depth + 1]:
-                lines.append(f"{'  ' * depth}{section}:")
+                lines.append(f"{'  ' * depth}{f'- # {int(section) + 1}' if section.isdigit() else f'{section}:'}")
         above = sections
-        lines += _lines(last, "  " * len(sections), key, given)
-        if key.name == "drive.supply_frequency_hz":
-            lines.append(_PROGRAM)
-    return "\n".join([*lines, _ORBITS]) + "\n"
+        lines += _lines(last, "  " * len(sections), key, yaml(_at(values, place)), beside="1" not in sections)
+        if place == "drive.supply_frequency_hz":
+            lines.append(_PROGRAM % yaml(_at(values, place)))
+    return "\n".join(lines) + "\n"
+
+
+def _in_places(given: Mapping[str, Any]) -> Iterator[tuple[str, Key]]:
+    """Yield all keys with their names, those in lists for each place of a configuration's list; absent motors not."""
+    for section, found in groupby(keys().values(), key=lambda key: key.name.partition(".")[0]):
+        inside = list(found)
+        if section not in given and section in ("motor", "motors", "exciters"):
+            continue
+        for place in range(len(given[section]) if isinstance(given.get(section), list) else 1):
+            yield from ((key.name.replace(f"{section}.N.", f"{section}.{place}."), key) for key in inside)
+
+
+def _at(tree: Any, name: str) -> Any:
+    """Return the value of a dotted name, which may have numbers as places in lists; None if there is none."""
+    for part in name.split("."):
+        tree = tree[int(part)] if isinstance(tree, list) else tree.get(part) if isinstance(tree, Mapping) else None
+    return tree
 
 
 def _head(file: str, name: str) -> str:
@@ -165,12 +187,19 @@ def _head(file: str, name: str) -> str:
     return _HEAD + "".join(f"#   {command:<{width}}  {does}\n" for command, does in rows)
 
 
-def _lines(last: str, indent: str, key: Key, given: Mapping[str, Any]) -> list[str]:
-    """Write a key with its value and its meaning; one without a value is a comment, and long meanings stand above."""
-    value = _SWEEP.get(key.name) or yaml(given.get(key.name, key.default))
+def _lines(last: str, indent: str, key: Key, value: str, *, beside: bool) -> list[str]:
+    """Write a key with its value and its meaning; one without a value is a comment, and long meanings stand above.
+
+    Without ``beside`` the meaning stands elsewhere already.
+    """
     text = f"{indent}{'' if value else '# '}{last}:{f' {value}' if value else ''}"
-    about = ", ".join(part for part in (key.symbol, key.meaning) if part)
-    beside = f"{text:<{_COMMENTS - 2}}  # {about}"
-    if len(beside) <= _WIDTH:
-        return [beside]
+    if not beside:
+        return [text] if value else []
+    parts = (key.symbol, key.meaning)
+    about = "; ".join(
+        part for part in (", ".join(filter(None, parts)), key.typical and f"typical: {key.typical}") if part
+    )
+    line = f"{text:<{_COMMENTS - 2}}  # {about}"
+    if len(line) <= _WIDTH:
+        return [line]
     return [f"{indent}# {line}" for line in wrap(about, _WIDTH - len(indent) - 2)] + [text]

@@ -63,8 +63,12 @@ class Frequencies(Section):
     @property
     def upward(self) -> list[float]:
         """The frequencies (Hz) in ascending order, rounded as a user would write them."""
-        count = int((self.stop - self.start) / self.step * (1.0 + 1e-12) + 1e-9) + 1
-        return [float(f"{self.start + i * self.step:.12g}") for i in range(count)]
+        return [float(f"{self.start + i * self.step:.12g}") for i in range(self.count)]
+
+    @property
+    def count(self) -> int:
+        """How many frequencies there are."""
+        return int((self.stop - self.start) / self.step * (1.0 + 1e-12) + 1e-9) + 1
 
 
 class SweepPlan(Section, title="Sweep"):
@@ -79,6 +83,11 @@ class SweepPlan(Section, title="Sweep"):
     )
     settle_s: Annotated[Literal["auto"] | float, BeforeValidator(_settling)] = Field(
         "auto", description="time before a point is measured; auto: until the Poincaré section has settled"
+    )
+    settle: Literal["orbits", "motion"] = Field(
+        "motion",
+        description="with settle_s auto; orbits: a motion has settled as soon as it surely comes to a stable periodic "
+        "orbit, found by Newton's method, and is measured there; motion: only once it repeats",
     )
     max_settle_s: Positive = described(
         150.0, "", "longest settling time with auto; motion that does not repeat settles this long"
@@ -102,6 +111,7 @@ class SweepPlan(Section, title="Sweep"):
         True, "", "use the largest Lyapunov exponent to tell chaotic from quasi-periodic motion; false: non-periodic"
     )
 
+    max_points: Annotated[int, Field(ge=1, le=10**9)] = Field(200_000, description="most points of all branches")
     confirm: Literal["orbits"] | None = Field(
         None,
         description="orbits: periodic points are polished by Newton's method, with Floquet multipliers and the "
@@ -113,6 +123,10 @@ class SweepPlan(Section, title="Sweep"):
         found = math.prod(map(len, self.grid.values()))
         if found > MAX_BRANCHES:
             raise ValueError(f"grid gives {found} combinations; allowed: at most {MAX_BRANCHES}")
+        each, ways = self.supply_frequency_hz.count, len(self.supply_frequency_hz.direction)
+        if each * ways * found > self.max_points:
+            times = f"{found} × {ways} branches of {each} points"
+            raise ValueError(f"{times} are {each * ways * found}; allowed: at most max_points = {self.max_points}")
         for key, values in self.grid.items():
             if not key.isascii():
                 raise ValueError(f"grid.{key!a} is not a key of a scene; allowed: keys of machine, material, …")

@@ -45,7 +45,7 @@ class Quantity(NamedTuple):
 def notes_on_input(scene: Scene) -> list[str]:
     """Say what is unusual in a scene, and which numbers of machine and motors it takes by default, in one line each."""
     found = [_unusual(quantity, scene) for quantity in quantities(scene)]
-    found.append(_by_default("machine", scene.machine, _of_exciters(scene)))
+    found.append(_by_default("machine", scene.machine, given_by_exciters(scene)))
     found += [_by_default(name, motor, motor.replaced()) for name, motor in _motors(scene)]
     return [note for note in found if note]
 
@@ -111,7 +111,7 @@ def _damping_ratio(damping: float, stiffness: float, mass: float) -> float | Non
     return 0.5 * damping / (math.sqrt(stiffness) * math.sqrt(mass)) if stiffness > 0.0 else None
 
 
-def _of_exciters(scene: Scene) -> set[str]:
+def given_by_exciters(scene: Scene) -> set[str]:
     """Return the keys of the machine that the exciters give instead, each for itself."""
     exciters = scene.exciters or ()
     found = set(OF_EXCITERS) if exciters else set()
@@ -135,7 +135,7 @@ def _unusual(quantity: Quantity, scene: Scene) -> str:
     value, low, high, unit, keys, text = quantity
     if value is None or low <= value <= high:
         return ""
-    own = [key for key in keys if key.removeprefix("machine.") in _of_exciters(scene)]
+    own = [key for key in keys if key.removeprefix("machine.") in given_by_exciters(scene)]
     keys = (
         *(key for key in keys if key not in own),
         *(f"exciters.{i}.{key.removeprefix('machine.')}" for key in own for i in range(2)),

@@ -30,6 +30,8 @@ MAX_VALUES = 5_000
 MAX_BRACKETS = 200
 #: What a key looks like. Messages quote keys; a file that is no configuration, such as one with passwords, has others.
 KEY = re.compile(r"[^\W\d][\w .-]{0,79}")
+#: A number that YAML reads as text.
+DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+")
 
 #: Pairs of keys that exclude each other, by section: if an upper layer gives one, the lower layer's other is dropped.
 ALTERNATIVES: dict[str, tuple[tuple[str, str], ...]] = {
@@ -197,9 +199,15 @@ def _values(node: Any, known: dict[int, int]) -> int:
 
 
 def _require_names(node: Any, source: str) -> None:
-    """Refuse keys that are not text, and without quoting them those that do not look like keys."""
+    """Refuse decimal commas, keys that are not text, and without quoting them those that do not look like keys."""
     for entry in getattr(node, "value", ()) if not isinstance(node, ScalarNode) else ():
         key, value = entry if isinstance(node, MappingNode) else (None, entry)
+        # {mass: 51,5} is read as {mass: 51, 5: }
+        split = key is not None and str(key.tag).endswith(":int") and not value.value
+        if split or (isinstance(value, ScalarNode) and value.style is None and DECIMAL_COMMA.fullmatch(value.value)):
+            raise ConfigError(
+                f"{source}: a decimal comma in line {value.start_mark.line + 1}; allowed: a point, as in 51.5"
+            )
         if key is not None and not (isinstance(key, ScalarNode) and str(key.tag).endswith((":str", ":merge"))):
             raise ConfigError(f"{source}: not valid YAML: a key is not text")
         if key is not None and str(key.tag).endswith(":str") and not KEY.fullmatch(key.value):

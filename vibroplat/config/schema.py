@@ -58,9 +58,13 @@ Angle = Annotated[float, Field(ge=-LARGEST_ANGLE, le=LARGEST_ANGLE, allow_inf_na
 Share = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
 
 
-def described(default: Any, symbol: str, meaning: str) -> Any:
-    """Make a field of a section: default (``...`` if it must be given), symbol in the equations, meaning."""
-    return Field(default, description=meaning, json_schema_extra={"symbol": symbol} if symbol else None)
+def described(default: Any, symbol: str, meaning: str, typical: str = "") -> Any:
+    """Make a field of a section: default (``...`` if it must be given), symbol in the equations, meaning.
+
+    ``typical`` is the range of screens and feeders in industry, for keys that differ from one machine to another.
+    """
+    more: dict[str, Any] = {name: text for name, text in (("symbol", symbol), ("typical", typical)) if text}
+    return Field(default, description=meaning, json_schema_extra=more or None)
 
 
 class Section(BaseModel):

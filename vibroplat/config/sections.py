@@ -45,27 +45,33 @@ ROTATIONS: tuple[Rotation, Rotation] = ("counter-clockwise", "clockwise")
 class Motor(Section):
     """An induction motor (Kloss formula) and its resistance to rotation."""
 
-    critical_torque_n_m: NonNegative = described(1.2, "M_c", "critical torque, the largest; 0: supply switched off")
-    critical_slip: Positive = described(0.15, "s_c", "slip at the critical torque")
+    critical_torque_n_m: NonNegative = described(
+        1.2, "M_c", "critical torque, the largest; 0: supply switched off", "10 … 500"
+    )
+    critical_slip: Positive = described(0.15, "s_c", "slip at the critical torque", "0.1 … 0.3")
     rated_power_w: Positive | None = described(
         None,
         "P_r",
         "rated mechanical power; with rated_speed_rpm, breakdown_ratio and rated_frequency_hz, as on the nameplate, "
         "instead of critical_torque_n_m and critical_slip",
+        "100 … 10 000",
     )
-    rated_speed_rpm: Positive | None = described(None, "n_r", "speed at the rated power and frequency")
+    rated_speed_rpm: Positive | None = described(None, "n_r", "speed at the rated power and frequency", "700 … 2900")
     breakdown_ratio: Annotated[float, Field(gt=1.0, le=100.0)] | None = described(
-        None, "M_c / M_r", "critical torque, also called breakdown torque, over the rated torque"
+        None, "M_c / M_r", "critical torque, also called breakdown torque, over the rated torque", "2 … 3"
     )
     pole_pairs: Annotated[int, Field(ge=1, le=1000)] = described(
-        2, "P", "pole pairs; the synchronous speed is 2 pi f_e / P"
+        2, "P", "pole pairs; the synchronous speed is 2 pi f_e / P", "1 … 4"
     )
-    friction_radius_m: NonNegative = described(5.0e-5, "k_R", "resistance: bearing friction times shaft radius")
+    friction_radius_m: NonNegative = described(
+        5.0e-5, "k_R", "resistance: bearing friction times shaft radius", "5e-5 … 3e-4"
+    )
     rated_frequency_hz: Positive | None = described(
         None,
         "",
         "supply frequency at which critical_slip is measured; the critical slip speed stays the same at "
         "all others, as with an inverter of constant V/f; not given: the critical slip stays the same",
+        "50 or 60",
     )
 
     # rated_power_w stands for the whole nameplate, which one key of the other kind does not replace
@@ -118,18 +124,21 @@ class Motor(Section):
 class Exciter(Motor):
     """An unbalance and its motor."""
 
-    unbalance_mass_kg: Positive | None = described(None, "m_i", "unbalance mass; not given: machine.unbalance_mass_kg")
-    unbalance_radius_m: Positive = described(0.09, "r_i", "radius of the unbalance")
+    unbalance_mass_kg: Positive | None = described(
+        None, "m_i", "unbalance mass; not given: machine.unbalance_mass_kg", "5 … 100"
+    )
+    unbalance_radius_m: Positive = described(0.09, "r_i", "radius of the unbalance", "0.03 … 0.15")
     static_moment_kg_m: Positive | None = described(
-        None, "k_i", "static moment of the unbalance, mass times radius, instead of unbalance_radius_m"
+        None, "k_i", "static moment of the unbalance, mass times radius, instead of unbalance_radius_m", "0.1 … 10"
     )
     position_m: Annotated[list[Real], Field(min_length=2, max_length=2)] | None = described(
         None,
         "p_i",
         "axis [x, y] from the platform's own centre of mass; not given: by exciter_distance_m and exciter_angle_deg of "
         "machine",
+        "0.1 … 1.5 each",
     )
-    rotor_inertia_kg_m2: Positive = described(0.8e-3, "J_d,i", "moment of inertia of the rotor")
+    rotor_inertia_kg_m2: Positive = described(0.8e-3, "J_d,i", "moment of inertia of the rotor", "0.005 … 0.5")
     rotation: Rotation | None = described(
         None, "sigma_i", "in which its motor drives it; not given: exciter 1 counter-clockwise, exciter 2 clockwise"
     )
@@ -158,27 +167,43 @@ class Exciter(Motor):
 class Machine(Section):
     """Platform, springs and exciters; the defaults are the paper's test rig (section 3)."""
 
-    platform_mass_kg: Positive = described(12.42, "m_0", "mass of the platform, without the unbalances")
+    platform_mass_kg: Positive = described(12.42, "m_0", "mass of the platform, without the unbalances", "200 … 5000")
     platform_inertia_kg_m2: Positive = described(
-        0.11, "J_0", "moment of inertia of the platform about its centre of mass"
+        0.11, "J_0", "moment of inertia of the platform about its centre of mass", "20 … 15 000"
     )
-    unbalance_mass_kg: Positive = described(0.045, "m_r", "unbalance mass of both exciters; or in exciters, for each")
-    unbalance_radius_m: Positive = described(0.09, "r", "radius of both unbalances; or in exciters, for each")
+    unbalance_mass_kg: Positive = described(
+        0.045, "m_r", "unbalance mass of both exciters; or in exciters, for each", "5 … 100"
+    )
+    unbalance_radius_m: Positive = described(
+        0.09, "r", "radius of both unbalances; or in exciters, for each", "0.03 … 0.15"
+    )
     rotor_inertia_kg_m2: Positive = described(
-        0.8e-3, "J_d", "moment of inertia of both rotors; or in exciters, for each"
+        0.8e-3, "J_d", "moment of inertia of both rotors; or in exciters, for each", "0.005 … 0.5"
     )
     exciter_distance_m: NonNegative = described(
-        0.128, "rho", "distance of the exciter axes from the platform's centre of mass"
+        0.128, "rho", "distance of the exciter axes from the platform's centre of mass", "0.1 … 1.5"
     )
     exciter_angle_deg: Real = described(
-        22.5, "gamma_1", "direction of exciter 1's axis above the x axis; exciter 2 is its mirror image"
+        22.5, "gamma_1", "direction of exciter 1's axis above the x axis; exciter 2 is its mirror image", "-90 … 90"
     )
-    stiffness_x_n_per_m: NonNegative = described(580e3, "c_x", "stiffness of the springs along x")
-    stiffness_y_n_per_m: Positive = described(470e3, "c_y", "stiffness of the springs along y")
-    stiffness_phi_n_m_per_rad: NonNegative = described(1.8e3, "c_phi", "stiffness of the springs against rotation")
-    damping_x_n_s_per_m: NonNegative = described(300.0, "b_x", "damping of the springs along x")
-    damping_y_n_s_per_m: NonNegative = described(40.0, "b_y", "damping of the springs along y")
-    damping_phi_n_m_s_per_rad: NonNegative = described(0.77, "b_phi", "damping of the springs against rotation")
+    stiffness_x_n_per_m: NonNegative = described(
+        580e3, "c_x", "stiffness of the springs along x", "natural frequency 1 … 4 Hz"
+    )
+    stiffness_y_n_per_m: Positive = described(
+        470e3, "c_y", "stiffness of the springs along y", "natural frequency 2 … 4 Hz"
+    )
+    stiffness_phi_n_m_per_rad: NonNegative = described(
+        1.8e3, "c_phi", "stiffness of the springs against rotation", "natural frequency 2 … 6 Hz"
+    )
+    damping_x_n_s_per_m: NonNegative = described(
+        300.0, "b_x", "damping of the springs along x", "damping ratio 0.02 … 0.1"
+    )
+    damping_y_n_s_per_m: NonNegative = described(
+        40.0, "b_y", "damping of the springs along y", "damping ratio 0.02 … 0.1"
+    )
+    damping_phi_n_m_s_per_rad: NonNegative = described(
+        0.77, "b_phi", "damping of the springs against rotation", "damping ratio 0.02 … 0.1"
+    )
     gravity_m_per_s2: NonNegative = described(9.81, "g", "gravity")
 
 
@@ -193,7 +218,7 @@ class Material(Section):
     """The material on the platform; a mass ratio of 0 means a bare platform."""
 
     mass_ratio: NonNegative = described(
-        0.0, "mu_w", "mass of the material over that of the machine, m_w / M; 0: bare platform"
+        0.0, "mu_w", "mass of the material over that of the machine, m_w / M; 0: bare platform", "0.1 … 0.5"
     )
     layers: Annotated[Literal[1, 2], BeforeValidator(_not_bool)] = Field(
         2, description="layers of material: 2, or 1 for a thin layer"
@@ -202,13 +227,13 @@ class Material(Section):
         0.75, "m_w1 / m_w", "share of the lower layer in the mass of the material; used with two layers"
     )
     natural_frequency_hz: Positive | None = described(
-        None, "sqrt(c_w/m_w2) / 2 pi", "natural frequency of the upper layer on the lower one"
+        None, "sqrt(c_w/m_w2) / 2 pi", "natural frequency of the upper layer on the lower one", "20 … 60"
     )
     stiffness_n_per_m: Positive | None = described(
         None, "c_w", "stiffness of the spring between the layers, instead of natural_frequency_hz"
     )
     damping_ratio: NonNegative | None = described(
-        None, "b_w / (2 sqrt(c_w m_w2))", "damping ratio of the upper layer on the lower one; not given: 0"
+        None, "b_w / (2 sqrt(c_w m_w2))", "damping ratio of the upper layer on the lower one; not given: 0", "0.2 … 1"
     )
     damping_n_s_per_m: NonNegative | None = described(
         None, "b_w", "damping between the layers, instead of damping_ratio"
@@ -237,8 +262,10 @@ class Contact(Section):
         "impact",
         description="impact: the material may lift off and strike the platform; non-impact: it is viscous friction",
     )
-    restitution: Share = described(0.0, "R", "coefficient of restitution of impacts")
-    sticking_speed_m_per_s: NonNegative = described(0.0, "", "impacts slower than this are inelastic; 0: none")
+    restitution: Share = described(0.0, "R", "coefficient of restitution of impacts", "0 … 0.3")
+    sticking_speed_m_per_s: NonNegative = described(
+        0.0, "", "impacts slower than this are inelastic; 0: none", "0 … 0.1"
+    )
     impact_law: Literal["conservative", "central", "printed"] = Field(
         "conservative",
         description="conservative: keeps momentum, and energy at R = 1; central: leaves the rotation as it is, as the "
@@ -307,7 +334,9 @@ class Initial(Section, populate_by_name=True):
         "angle of exciter 1 at the start; not given: 0, but where speed_ratio is 0 and no angle is given, both "
         "unbalances hang",
     )
-    speed_ratio: Real = described(0.98, "", "speed of both exciters over the synchronous speed")
+    speed_ratio: Real = described(
+        0.98, "", "speed of both exciters over the synchronous speed", "0: from rest; 0.98: running"
+    )
     state: State | None = described(None, "", "a full state, such as the last row of a trajectory")
     from_: Annotated[str, Field(min_length=1)] | None = Field(
         None, alias="from", description="directory of a run; this one begins where it ended, and its times go on"
@@ -331,7 +360,7 @@ class Initial(Section, populate_by_name=True):
 class Run(Section):
     """Duration and initial state of a run."""
 
-    duration_s: Positive = described(4.0, "", "simulated time")
+    duration_s: Positive = described(4.0, "", "simulated time", "5 … 30")
     initial: Initial = Field(Initial(), description="how the run begins")
     perturbation: Share | None = described(
         None,

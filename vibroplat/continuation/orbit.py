@@ -8,7 +8,7 @@ from contextlib import closing
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -24,15 +24,16 @@ from vibroplat.extensions import figure_of
 from vibroplat.hybrid.modes import IMPACT
 from vibroplat.hybrid.state import initial_state, state_scales
 from vibroplat.kernels.compiled import FloatArray
+from vibroplat.model.sensitivity import with_value
 from vibroplat.motion.initial_condition import end_of, initial_condition
 from vibroplat.motion.run import simulate
 from vibroplat.observe.sheet import columns
 from vibroplat.observe.summary import Part, measured
-from vibroplat.results.run import Trajectory
+from vibroplat.results.run import Trajectory, load
 from vibroplat.study.branches import FREQUENCY, SUPPLY
 from vibroplat.study.confirming import LARGEST, multiplier_columns
 from vibroplat.study.lyapunov import lyapunov
-from vibroplat.study.point import MEASURED, Point, measure_point, row_of
+from vibroplat.study.point import ANTIPHASE_OF_ORBITS, MEASURED, Point, measure_point, row_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -157,9 +158,9 @@ def orbit(scene: Scene, guess: Any = None, *, period: int = 1, tolerance: float 
         With a constant supply.
     guess
         Where to begin: None, to let the motion settle from ``run.initial``; a full state, shape (14,), or a mapping
-        with its names, as a row of a trajectory table; a finished run (a Trajectory or its directory); a row of a
-        table of this scene, whose keys are set: one of ``branches`` or ``special`` has a state, from one of a sweep the
-        motion settles, with the phase difference of the row.
+        with its names, as a row of a trajectory table; an orbit or a finished run (a Trajectory or its directory),
+        whose speeds are scaled to this supply; a row of a table of this scene, whose keys are set: one of ``branches``
+        or ``special`` has a state, from one of a sweep the motion settles, with the phase difference of the row.
     period
         Turns of exciter 1 after which it is to repeat.
     tolerance
@@ -208,7 +209,8 @@ def accurate(scene: Scene, tolerance: float) -> Scene:
     """
     if scene.drive.program is not None:
         raise ConfigError("drive.program is given, but orbits have a constant supply; allowed: supply_frequency_hz")
-    return scene.replace({"solver.tolerance": min(scene.solver.tolerance, INTEGRATOR * tolerance)})
+    finest = min(scene.solver.tolerance, INTEGRATOR * tolerance)
+    return cast("Scene", with_value(scene, ["solver", "tolerance"], finest))  # in its range as both are
 
 
 def first_orbit(
@@ -295,9 +297,11 @@ def read_guess(scene: Scene, guess: Any) -> tuple[Scene, FloatArray | None]:
     if guess is None:
         return scene, None
     if isinstance(guess, str | Path):
-        return scene, end_of(Path(guess), scene).state
+        state, finished = end_of(Path(guess), scene).state, load(guess)
+        assert isinstance(finished, Trajectory)  # or it would have been refused
+        return scene, _in_pace(state, finished.scene, scene)
     if isinstance(guess, Trajectory | Orbit):
-        return scene, (guess.state if isinstance(guess, Orbit) else guess.final_state).copy()
+        return scene, _in_pace(guess.state if isinstance(guess, Orbit) else guess.final_state, guess.scene, scene)
     if isinstance(guess, Mapping | pd.Series):
         given = {name: float(guess[name]) for name in names if name in guess and pd.notna(guess[name])}
         if "excitation_frequency_hz" in guess:  # a row of a table of this scene
@@ -321,6 +325,12 @@ def read_guess(scene: Scene, guess: Any) -> tuple[Scene, FloatArray | None]:
     raise ConfigError("guess is no state; allowed: 14 numbers, a row of a trajectory or of a sweep, a run, an orbit")
 
 
+def _in_pace(state: FloatArray, source: Scene, scene: Scene) -> FloatArray:
+    """Return the state of a scene with its rates scaled to the synchronous speed of another."""
+    share = 1.0 if source.drive.program else scene.speed_scale / source.speed_scale
+    return np.concatenate([state[:7], share * state[7:]])
+
+
 def _from_state(
     shooter: Shooter, state: FloatArray, period: int, units: Sequence[float], tolerance: float
 ) -> tuple[Problem, NewtonResult]:
@@ -339,6 +349,13 @@ def _from_state(
 
 def _require_whole(problem: Problem, found: NewtonResult, period: int) -> None:
     """Refuse an orbit that repeats after fewer turns."""
+    turns = repeats_after(problem, found, period)
+    if turns < period:
+        raise OrbitError(f"orbits.period = {period} but the motion repeats after {turns}; allowed: {turns}")
+
+
+def repeats_after(problem: Problem, found: NewtonResult, period: int) -> int:
+    """Return the turns of exciter 1 after which an orbit repeats that closes after a period."""
     state, seconds, _ = found.chart.unpack(found.u)
     places = found.chart.places
     for turns in range(1, period):
@@ -346,19 +363,30 @@ def _require_whole(problem: Problem, found: NewtonResult, period: int) -> None:
             difference = problem.shooter.shot(state, seconds * turns / period).state - state
             difference[3:5] -= np.round(difference[3:5] / TURN) * TURN
             if np.abs(difference[places] / problem.shooter.scales[places]).max() < REPEATS * problem.tolerance:
-                raise OrbitError(f"orbits.period = {period} but the motion repeats after {turns}; allowed: {turns}")
+                return turns
+    return period
 
 
 def measures_of_orbit(problem: Problem, found: NewtonResult) -> dict[str, Any]:
-    """Return the measures of a sweep over the period of an orbit."""
+    """Return the measures of a sweep over the period of an orbit, as in its rows."""
+    scene = _scene_of(problem, found)
+    row = row_of(measured_over_period(problem, found), scene, near=ANTIPHASE_OF_ORBITS)
+    return {name: row[name] for name in (*MEASURED, "sync", "notes", *columns(scene))}
+
+
+def _scene_of(problem: Problem, found: NewtonResult) -> Scene:
+    """Return the scene of an orbit, at the values of the keys there."""
+    return problem.shooter.scene_at(dict(zip(problem.shooter.keys, found.chart.unpack(found.u)[2], strict=True)))
+
+
+def measured_over_period(problem: Problem, found: NewtonResult) -> dict[str, Any]:
+    """Gather what was measured over the period of an orbit; see :func:`vibroplat.observe.summary.measured`."""
     shot = found.shot
     assert isinstance(shot.part, Part)
-    scene = problem.shooter.scene_at(dict(zip(problem.shooter.keys, found.chart.unpack(found.u)[2], strict=True)))
     first, second = (abs(n) / shot.duration for n in problem.turns)
     speeds = {"excitation_frequency_hz": 0.5 * (first + second), "frequency_split_hz": first - second}
     impacts = float(shot.part.measures.marks["measured"][IMPACT]) / abs(problem.turns[0])
-    row = row_of(measured(shot.part, scene) | speeds | {"impacts_per_period": impacts}, scene)
-    return {name: row[name] for name in (*MEASURED, "sync", "notes", *columns(scene))}
+    return measured(shot.part, _scene_of(problem, found)) | speeds | {"impacts_per_period": impacts}
 
 
 class OrbitMotion(NamedTuple):

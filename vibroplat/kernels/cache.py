@@ -11,12 +11,17 @@ taken only where the sources, the compiler, its settings, Python and the process
 
 What is compiled is kept in the first folder that can be written: ``NUMBA_CACHE_DIR``, ``XDG_CACHE_HOME``, ``~/.cache``,
 the package's own, or a temporary one. Where there is none, each process compiles for itself.
+
+Machine code is loaded without question, so whoever can write it can run anything as this user: folders that others can
+write to, or replace, are not used, whichever of these they are.
 """
 
 from __future__ import annotations
 
 import hashlib
 import inspect
+import logging
+import multiprocessing
 import os
 import pickle
 import shutil
@@ -40,6 +45,7 @@ from numba.core.runtime.nrt import rtsys
 
 from vibroplat.kernels.target import processor
 
+_LOG = logging.getLogger("vibroplat")
 PACKAGE = Path(__file__).parents[1]
 #: Folder of the machine code that came with the package.
 SHIPPED = "kernels/machine_code"
@@ -76,41 +82,50 @@ def _folders() -> Iterator[Path]:
     if chosen:
         yield Path(chosen) / "vibroplat"
     for variable, below in (("XDG_CACHE_HOME", ()), ("HOME", (".cache",))):
-        if os.environ.get(variable) and _is_own(Path(os.environ[variable])):
+        if os.environ.get(variable):
             yield Path(os.environ[variable], *below, "vibroplat")
     yield PACKAGE / "__pycache__"
-    own = _own_temporary()
-    if own is not None:
-        yield own / "vibroplat"
+    with suppress(OSError):  # there is none
+        yield _temporary() / "vibroplat"
 
 
-def _is_own(folder: Path) -> bool:
-    """Whether a folder is this user's, or can be made.
+def _temporary() -> Path:
+    """Name the folder for this user's temporary files."""
+    return Path(tempfile.gettempdir()) / f"numba-{os.getuid() if hasattr(os, 'getuid') else 'user'}"
+
+
+def _stranger(folder: Path) -> str:
+    """Say in a clause who else can write to a resolved folder, or put another in its place; empty if nobody can.
 
     With ``sudo`` it may be another user's, who could then write what root runs, and not what root leaves there.
     """
+    if not hasattr(os, "getuid"):
+        return ""
+    for path in (folder, *folder.parents):
+        try:
+            found = path.stat()
+        except (FileNotFoundError, NotADirectoryError):
+            continue
+        # in a sticky folder, such as /tmp, nobody can replace what belongs to another
+        shared = stat.S_IWOTH | (0 if _is_users_own(found.st_gid) else stat.S_IWGRP)
+        if found.st_uid not in (0, os.getuid()):
+            return f"{path} belongs to another user"
+        if found.st_mode & shared and (path == folder or not found.st_mode & stat.S_ISVTX):
+            return f"others can write to {path}"
+    return ""
+
+
+def _is_users_own(group: int) -> bool:
+    """Whether a group has this user alone, as many systems give one of his name to each."""
     try:
-        return not hasattr(os, "getuid") or folder.stat().st_uid == os.getuid()
-    except FileNotFoundError:
-        return folder != folder.parent and _is_own(folder.parent)
-    except OSError:
+        import grp  # noqa: PLC0415  (not on Windows)
+        import pwd  # noqa: PLC0415
+
+        name = pwd.getpwuid(os.getuid()).pw_name
+        found = grp.getgrgid(group)
+    except (ImportError, KeyError):
         return False
-
-
-def _own_temporary() -> Path | None:
-    """Make this user's folder for temporary files; None where there is none, or where others can write to it.
-
-    Machine code is loaded without question: whoever can write it can run anything.
-    """
-    user = os.getuid() if hasattr(os, "getuid") else None
-    try:
-        folder = Path(tempfile.gettempdir()) / f"numba-{'user' if user is None else user}"
-        folder.mkdir(mode=0o700, exist_ok=True)
-        found = folder.lstat()
-    except OSError:
-        return None
-    safe = user is None or (stat.S_ISDIR(found.st_mode) and found.st_uid == user and not found.st_mode & 0o022)
-    return folder if safe else None
+    return found.gr_name == name and set(found.gr_mem) <= {name}
 
 
 def _name() -> str:
@@ -121,9 +136,12 @@ def _name() -> str:
 def folder() -> Path | None:
     """Make the folder that keeps machine code, and tidy up around it; None where nothing can be written."""
     for place in _folders():
-        current = place / _name()
         try:
-            current.mkdir(parents=True, exist_ok=True)
+            current = (place / _name()).resolve()  # somebody else's link may lead elsewhere later
+            if not _is_safe(current):
+                continue
+            for part in (*reversed(current.parents), current):
+                part.mkdir(mode=0o700, exist_ok=True)
             tempfile.TemporaryFile(dir=current).close()
             os.utime(current)  # it is in use
         except OSError:
@@ -134,10 +152,19 @@ def folder() -> Path | None:
     return None
 
 
+def _is_safe(folder: Path) -> bool:
+    """Whether nobody else can write to a folder; if somebody can, this process says so unless it is a worker."""
+    stranger = _stranger(folder)
+    if stranger and multiprocessing.current_process().name == "MainProcess":
+        _LOG.warning("machine code in %s is not used: %s", folder.parent, stranger)
+    return not stranger
+
+
 @cache
 def _readable() -> list[Path]:
     """Folders with machine code that fits, best first."""
-    return [place for place in (PACKAGE / SHIPPED / _name(), folder()) if place is not None and place.is_dir()]
+    shipped, kept = (PACKAGE / SHIPPED / _name()).resolve(), folder()
+    return [*([shipped] if shipped.is_dir() and _is_safe(shipped) else []), *([kept] if kept is not None else [])]
 
 
 def _remove_unused(place: Path, current: Path) -> None:
@@ -171,8 +198,8 @@ def notice() -> str:
     kept = folder()
     if kept is None:
         return "no folder can be written to keep them, so each process compiles them; NUMBA_CACHE_DIR names one"
-    temporary = _own_temporary()
-    if temporary is not None and kept.is_relative_to(temporary):
+    temporary = kept.parents[1]
+    if temporary.name.startswith("numba-") and temporary == _temporary().resolve():
         return f"they are kept in {temporary}, the only folder that can be written; NUMBA_CACHE_DIR names another"
     return ""
 
@@ -219,6 +246,7 @@ class KernelCache(NullCache):
         code = serialize.dumps(data._reduce())
         part = kept / f".{self._file(sig)}-{os.getpid()}"
         try:
+            part.touch(mode=0o600)  # whatever files are made with otherwise
             part.write_bytes(code)
             part.replace(kept / self._file(sig))
         except OSError:

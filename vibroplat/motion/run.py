@@ -12,7 +12,7 @@ from vibroplat.columns import Column, Columns
 from vibroplat.config.plausibility import notes_on_input
 from vibroplat.config.scene import Scene
 from vibroplat.hybrid.loop import automaton
-from vibroplat.hybrid.state import CUBIC, Automaton, force_noise, no_steps
+from vibroplat.hybrid.state import CUBIC, Automaton, force_noise, no_steps, static_rest
 from vibroplat.integrate import make_engine
 from vibroplat.integrate.seam import WORK, Engine
 from vibroplat.kernels.cache import LOOPS
@@ -41,6 +41,9 @@ SUMMARY: Columns = {
     "simulated_s": Column("simulated time"),
     "rotation": Column("counter-rotating or co-rotating exciters"),
     "perturbation": Column("random change of the rates at the start", "in the scales of the scene"),
+    "static_sag_m": Column(
+        "static sag of the springs", "the machine rests at y = -static_sag_m; figures show y from there"
+    ),
     **MEASURES,
     "contact_force_noise_n": Column("contact forces up to this size, of either sign, are noise"),
     "engine": Column("integrator that ran"),
@@ -155,6 +158,7 @@ def _summary(motion: Motion, part: Part, begun: float) -> dict[str, Any]:
         "simulated_s": seconds,
         "rotation": scene.rotation,
         "perturbation": scene.run.start_perturbation,
+        "static_sag_m": 0.0 - float(static_rest(scene)[1]),
         **found,
         "contact_force_noise_n": force_noise(scene) if scene.has_contact else None,
         "engine": engine.name,

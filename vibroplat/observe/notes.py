@@ -54,7 +54,7 @@ def drift(found: Mapping[str, Any]) -> str:
 
     It is for runs: points of a sweep have settled, and say by their synchronization what did not.
     """
-    if found["frequency_split_hz"] is None:
+    if found["impacts_per_period"] is None:  # no whole turn
         return ""
     change = abs(2.0 * math.pi * found["frequency_split_hz"] * found["measured_s"])
     if change <= DRIFTING:
@@ -129,11 +129,14 @@ def captures(scene: Scene, found: Mapping[str, Any]) -> list[str]:
     slips = [c / s if s > 0.0 else math.inf for c, s in zip(critical, synchronous, strict=True)]
     driven = [i for i in (0, 1) if supply.driven[i] and motors[i].critical_torque_n_m > 0.0]
     mean, split = found["excitation_frequency_hz"], found["frequency_split_hz"]
-    if mean is not None:
-        speeds = mean + 0.5 * split, mean - 0.5 * split
+    if mean is None:
+        return []
+    speeds = mean + 0.5 * split, mean - 0.5 * split
+    if found["impacts_per_period"] is not None:
         return [capture(i + 1, speeds[i], synchronous[i], slips[i]) for i in driven]
     seconds = found["measured_to_s"] - found["measured_from_s"]
-    # exciter 1 has turned less than twice
-    if 0 in driven and seconds > 0.0 and capture(1, 2.0 / seconds, synchronous[0], slips[0]):
-        return [f"exciter 1 hardly turns, though its synchronous speed is {rounded(synchronous[0])} Hz"]
-    return []
+    return [
+        f"exciter {i + 1} hardly turns, though its synchronous speed is {rounded(synchronous[i])} Hz"
+        for i in driven
+        if speeds[i] * seconds < 1.0 and capture(i + 1, 2.0 / seconds, synchronous[i], slips[i])
+    ]

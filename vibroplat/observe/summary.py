@@ -74,7 +74,10 @@ MEASURES: Columns = {
     "rms_y_m": Column("RMS of y", "about its mean"),
     "rms_phi_rad": Column("RMS of phi", "about its mean"),
     "amplitude_y_m": Column("amplitude of y", "half the difference of its largest and least value"),
-    "excitation_frequency_hz": Column("mean speed of both exciters", "turns of each over the time they take"),
+    "excitation_frequency_hz": Column(
+        "mean speed of both exciters",
+        "turns of each over the time they take; parts of a turn where exciter 1 completes none",
+    ),
     "frequency_split_hz": Column("speed of exciter 1 minus that of exciter 2"),
     "impacts_per_period": Column("impacts per turn of exciter 1"),
     "phase_difference_rad": Column(
@@ -136,7 +139,7 @@ class Part(NamedTuple):
 
 def statistics(ms: Measures) -> dict[str, float | None]:
     """RMS about the mean, amplitude, frequencies, phase of the measured part; None where it is too short."""
-    marks, mean = ms.marks, means(ms)
+    marks, mean, turned = ms.marks, means(ms), ms.whole[TIME] > 0.0
     names = ("rms_x_m", "rms_y_m", "rms_phi_rad")
     if not mean:
         others = ("amplitude_y_m", "excitation_frequency_hz", "frequency_split_hz", "phase_difference_rad")
@@ -148,13 +151,13 @@ def statistics(ms: Measures) -> dict[str, float | None]:
         for name, first, square in zip(names, ("x", "y", "phi"), ("xx", "yy", "phi_phi"), strict=True)
     }
     result["amplitude_y_m"] = 0.5 * (ms.late["largest"][HEIGHT] - ms.late["least"][HEIGHT])
-    result["excitation_frequency_hz"] = result["frequency_split_hz"] = result["impacts_per_period"] = None
-    if ms.whole[TIME] > 0.0:
-        seconds, one, two, impacts = marks["last"] - marks["first"]
-        first, second = (abs(angle) / (2.0 * math.pi * seconds) for angle in (one, two))
-        result["excitation_frequency_hz"] = 0.5 * (first + second)
-        result["frequency_split_hz"] = first - second
-        result["impacts_per_period"] = impacts / (marks["turns"] - 1.0)
+    # without a whole turn: of exciters that swing or stand still
+    standing = 1.0, mean["speed_1"], mean["speed_2"], 0.0
+    seconds, one, two, impacts = marks["last"] - marks["first"] if turned else standing
+    first, second = (abs(angle) / (2.0 * math.pi * seconds) for angle in (one, two))
+    result["excitation_frequency_hz"] = 0.5 * (first + second)
+    result["frequency_split_hz"] = first - second
+    result["impacts_per_period"] = impacts / (marks["turns"] - 1.0) if turned else None
     result["phase_difference_rad"] = half_open(math.atan2(mean["sine"], mean["cosine"]))
     result["phase_coherence"] = math.hypot(mean["sine"], mean["cosine"])
     result["flight_fraction"] = mean["flying"]
@@ -277,10 +280,15 @@ def inaccuracy(found: Mapping[str, Any], scene: Scene) -> str:
 def synchronization(found: Mapping[str, Any]) -> str:
     """Name the synchronization: ``antiphase``, ``in-phase``, ``intermediate`` or ``none``.
 
-    It is ``none`` if the phase difference drifts by more than WANDER over the measured part or is incoherent.
+    It is ``none`` if the phase difference drifts by more than WANDER over the measured part or is incoherent, or if
+    exciter 1 completes no turn.
     """
     split, seconds, phase = found["frequency_split_hz"], found["measured_s"], found["phase_difference_rad"]
-    if split is None or abs(split) * 2.0 * math.pi * seconds > WANDER or found["phase_coherence"] < COHERENCE:
+    if (
+        found["impacts_per_period"] is None
+        or abs(split) * 2.0 * math.pi * seconds > WANDER
+        or found["phase_coherence"] < COHERENCE
+    ):
         return "none"
     if abs(phase) <= SYNCHRONOUS:
         return "in-phase"

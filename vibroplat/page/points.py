@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -11,15 +11,16 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from vibroplat.columns import PHASE_COLUMN, QUANTITIES, unit_of, words
+from vibroplat.columns import shown_in, unit_of, words
 from vibroplat.config.coordinates import COORDINATES, RATES
 from vibroplat.config.scene import Scene
 from vibroplat.errors import VibroplatError
 from vibroplat.page.run import impacts_of, initial, machine_of, packed_coarsely
 from vibroplat.plots.labels import ABSCISSAE, is_number, value_words
-from vibroplat.plots.orbits import MEANINGS, between, places_of
-from vibroplat.plots.reading import Curve, curves_of
+from vibroplat.plots.orbits import MARKERS, MEANINGS, at_special, places_of
+from vibroplat.plots.reading import Curve, curves_of, rest_of
 from vibroplat.plots.studies import Study, grid_of
+from vibroplat.plots.style import DIRECTIONS, SYMBOLS
 
 EXCITATION, SUPPLY = ABSCISSAE["excitation"], ABSCISSAE["supply"]
 #: Most rows of a table on the page.
@@ -28,11 +29,8 @@ MOST_ROWS = 5000
 MOST_SAMPLES = 50_000
 #: Significant digits of the numbers in tables.
 DIGITS = 9
-#: Share of the range of RMS x or y in a sweep beyond which the step between two neighbours is a jump.
-JUMP = 1 / 3
 #: Columns of a state, which few readers want to see.
 _STATE = {*COORDINATES, *RATES}
-_SIZES = ["rms_x_m", "rms_y_m"]
 #: Share of the largest RMS (m or rad) up to which another one is rounding: orbits in antiphase have 2e-13 m along x and
 #: 4e-11 rad beside 9e-3 m along y.
 ROUNDING = 1e-7
@@ -66,7 +64,8 @@ def table_data(title: str, result: int, whole: pd.DataFrame) -> dict[str, Any]:
         {
             "name": str(name),
             "words": words(str(name)),
-            "unit": unit_of(str(name)),
+            "unit": shown_in(str(name))[0],
+            "factor": shown_in(str(name))[1],
             "state": name in _STATE,
             "values": plain_column(table[name]),
         }
@@ -103,8 +102,8 @@ def measures(table: pd.DataFrame) -> list[dict[str, Any]]:
     found = []
     for name in numbers:
         if largest[name] > (ROUNDING * moved if name.startswith("rms") else 0.0):
-            unit = "rad" if name == PHASE_COLUMN else QUANTITIES[name].unit
-            found.append({"column": name, "words": words(name), "unit": unit, "factor": QUANTITIES[name].factor})
+            unit, factor = shown_in(name)
+            found.append({"column": name, "words": words(name), "unit": unit, "factor": factor})
     return found
 
 
@@ -120,32 +119,25 @@ def sweep_series(table: pd.DataFrame) -> Series:
     """Return a series of row numbers for each branch of a sweep; None stands where a curve is broken."""
     several = [key for key in grid_of(table) if len(table[key].unique()) > 1]
     series = []
-    spread = table[_SIZES].max() - table[_SIZES].min()
     for curve in curves_of(table.sort_values("branch", kind="stable"), ["branch"], lambda row: _label(several, row)):
         rows, direction = curve.rows, curve.direction
-        jumps = (rows[_SIZES].diff().abs() > JUMP * spread).any(axis=1)
+        places = [int(place) for place in rows.index]
+        breaks: list[list[int | None]] = [
+            [place, None] if jumped else [place] for place, jumped in zip(places, [*curve.jumps, False], strict=True)
+        ]
         series.append(
             {
                 "label": ", ".join(part for part in (curve.label, direction) if part),
                 "colour": curve.number,
-                "symbol": "triangle-down" if direction == "down" else "triangle-up",
+                "symbol": SYMBOLS[DIRECTIONS["down" if direction == "down" else "up"]],
                 "dash": "solid",
-                "rows": list(_broken_at_jumps(rows, jumps)),
+                "rows": [place for part in breaks for place in part],
                 "open": [int(place) for place in rows.index[rows["motion"] != "periodic"]],
+                "undecided": [int(place) for place in rows.index[rows["motion"] == "undecided"]],
                 "failed": [int(place) for place in rows.index[rows["outcome"] != "ok"]],
             }
         )
     return series
-
-
-def _broken_at_jumps(rows: pd.DataFrame, jumps: pd.Series) -> Iterator[int | None]:
-    """Yield the numbers of rows in order, and None between two that another motion lies between."""
-    before = None
-    for place, jumped, sync in zip(rows.index, jumps, rows["sync"], strict=True):
-        if before is not None and (jumped or before != sync):
-            yield None
-        before = sync
-        yield int(place)
 
 
 # -- branches of orbits ------------------------------------------------------------------------------------------------
@@ -171,7 +163,7 @@ def orbit_series(found: Study, table: pd.DataFrame) -> Series:
             look = {
                 "label": name,
                 "colour": number,
-                "symbol": "circle" if good else "circle-open",
+                "symbol": SYMBOLS["o"] if good else f"{SYMBOLS['o']}-open",
                 "dash": "solid" if good else "dash",
             }
             one = series.setdefault((name, good), {**look, "rows": [], "open": [], "failed": []})
@@ -192,7 +184,12 @@ def special_marks(found: Study, special: pd.DataFrame, table: pd.DataFrame) -> S
         points = rows["point"].to_numpy(dtype=float)
         for number, (place, kind) in enumerate(own["kind"].items()):
             empty: dict[str, Any] = {"rows": [], "nearest": [], "at": {name: [] for name in drawn}}
-            mark = marks.setdefault(str(kind), {"kind": str(kind), "meaning": MEANINGS.get(str(kind), ""), **empty})
+            named = {
+                "kind": str(kind),
+                "meaning": MEANINGS.get(str(kind), ""),
+                "symbol": SYMBOLS[MARKERS.get(str(kind), "*")],
+            }
+            mark = marks.setdefault(str(kind), {**named, **empty})
             mark["rows"].append(place)
             mark["nearest"].append(int(rows.index[np.abs(points - shares[number]).argmin()]))
             for name, at in drawn.items():
@@ -204,7 +201,7 @@ def _at(whole: pd.DataFrame, own: pd.DataFrame, name: str, shares: Any) -> list[
     """Return a column at special points: their own values, or those between the points of their branch."""
     if name in own:
         return plain_column(own[name])
-    return plain_column(pd.Series(between(whole, shares, name))) if name in whole else [None] * len(own)
+    return plain_column(pd.Series(at_special(whole, own, shares, name))) if name in whole else [None] * len(own)
 
 
 def ends(found: Study, table: pd.DataFrame) -> list[int]:
@@ -291,7 +288,10 @@ class Motions:
             places[row] = len(orbits)
             machine = machine_of(scene)
             machines += [] if machine in machines else [machine]
-            orbits.append(_packed(trajectory, events) | {"machine": machines.index(machine)})
+            orbits.append(
+                _packed(trajectory.assign(y_m=trajectory["y_m"] - rest_of(scene)), events)
+                | {"machine": machines.index(machine)}
+            )
         return {"rows": found, "special": marked, "list": orbits, "machines": machines}
 
 

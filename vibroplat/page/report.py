@@ -16,23 +16,28 @@ from typing import Any
 import pandas as pd
 from plotly.offline import get_plotlyjs
 
-from vibroplat.page import points, run
+from vibroplat.page import points, run, static
 from vibroplat.page.points import Motions, Mover, Progress
 from vibroplat.page.results import differences, find_results, parameters, remarks, summary_rows
 from vibroplat.plots.reading import Saved, ends_of, has_table
 from vibroplat.plots.studies import grid_of, read_branches
-from vibroplat.results.tables import replace_file
+from vibroplat.results.tables import replace_file, require_replaceable
 
 _LOG = logging.getLogger("vibroplat")
 
 #: The parts of the script, in the order in which they use each other.
 SCRIPTS = ("text", "tables", "curves", "machine", "player", "orbit", "points", "page")
 #: Columns of texts and of numbers that a table of a sweep needs.
-SWEEP_COLUMNS = (("direction", "sync", "motion", "outcome"), ("branch", "rms_x_m", "rms_y_m"))
+SWEEP_COLUMNS = (
+    ("direction", "sync", "motion", "outcome"),
+    ("branch", points.SUPPLY, points.EXCITATION, "rms_x_m", "rms_y_m", "phase_difference_rad"),
+)
 #: What the page says about how a result was made.
 _MADE = ("vibroplat", "git_commit", "created", "engine", "tolerance")
 #: Size of a page that is told (bytes): mail takes what is smaller.
 LARGE = 8_000_000
+#: How a page begins, whatever wrote it.
+BEGINS = b"<!doctype html"
 #: Name of the page where none is given.
 NAME = "report.html"
 
@@ -45,6 +50,7 @@ def write_report(
     *,
     mover: Mover | None = None,
     progress: Progress | None = None,
+    overwrite: bool = False,
 ) -> Path:
     """Write a page of the results in some directories.
 
@@ -60,6 +66,8 @@ def write_report(
     mover, progress
         What computes the orbits of the points of sweeps and branches, and who is told of each. Default: the page has
         no orbits.
+    overwrite
+        Whether the page may replace a file of another kind.
 
     Returns
     -------
@@ -69,11 +77,13 @@ def write_report(
     Raises
     ------
     TableError
-        A directory holds no result, or the page cannot be written.
+        A directory holds no result, or the page cannot be written or would replace something else.
     """
     path = directories[0] / NAME if out is None else out
-    data = page_data(find_results(directories), start, stop, mover=mover, progress=progress)
-    text = page(data)
+    require_replaceable(path, BEGINS, overwrite=overwrite)
+    found = find_results(directories)
+    data = page_data(found, start, stop, mover=mover, progress=progress)
+    text = page(data, static.figures(found))
     replace_file(path, lambda place: place.write_text(text, encoding="utf-8", newline="\n"))
     if (size := path.stat().st_size) > LARGE:
         _LOG.warning("%s has %.1f MB, over %.0f MB; %s", path, size / 1e6, LARGE / 1e6, _smaller(data))
@@ -101,6 +111,7 @@ def page_data(
 ) -> dict[str, Any]:
     """Return all that a page shows of some results."""
     runs, transient = _runs(found, start, stop)
+    from_mean = len(runs) > 1 and not transient
     numbers = [number for number, one in enumerate(found) if one.command == "run"]
     summaries = [found[number] for number in numbers]
     studies = [(number, one) for number, one in enumerate(found) if one.command != "run"]
@@ -119,18 +130,18 @@ def page_data(
         "runs": runs,
         "transient": transient,
         "turns": run.SHOWN_TURNS,
-        "panels": run.panels(runs),
+        "panels": run.panels(runs, from_mean=from_mean),
         "points": [_points(n, one, Motions(one.scene, mover, room, progress)) for n, one in studies],
         "tables": [points.table_data("events", number, _events(found[number])) for number in numbers],
         "boundaries": [table for number, one in studies for table in _boundaries(number, one)],
     }
 
 
-def page(data: dict[str, Any]) -> str:
-    """Return the text of a page.
+def page(data: dict[str, Any], figures: str = "") -> str:
+    """Return the text of a page, with the HTML of figures that it shows without scripts.
 
-    Whatever comes from files is in the data, where no character can end the element, and the script never reads it as
-    HTML. Should it ever do so, the policy of the page still lets no other script run and nothing be loaded.
+    Whatever comes from files is escaped, or in the data, where no character can end the element, and the script never
+    reads it as HTML. Should it ever do so, the policy of the page still lets no other script run and nothing be loaded.
     """
     ours = "\n".join(_web(f"{name}.js") for name in SCRIPTS)
     library, script = str(get_plotlyjs()), f'(() => {{\n"use strict";\n{ours}}})();'
@@ -140,6 +151,11 @@ def page(data: dict[str, Any]) -> str:
         "POLICY": " ".join(f"'sha256-{_sha256(text)}'" for text in (library, script)),
         "TITLE": html.escape(data["title"]),
         "STYLE": _web("style.css"),
+        "HEADER": static.header(data),
+        "SUMMARY": static.summary(data),
+        "PARAMETERS": static.parameters(data),
+        "FIGURES": figures,
+        "TABLES": static.tables(data),
         "DATA": _inside_script(json.dumps(data, ensure_ascii=False, allow_nan=False, separators=(",", ":"))),
     }
     before, *rest = _web("page.html").split("{{")
@@ -172,6 +188,7 @@ def _origin(one: Saved) -> dict[str, Any]:
 def _runs(found: Sequence[Saved], start: float | None, stop: float | None) -> tuple[list[dict[str, Any]], bool]:
     """Return all runs, and whether they are shown from their beginning, as a start is.
 
+    Otherwise speeds of several runs are counted from their means, or their ripple would not be seen beside these.
     The machines move side by side until the first run ends, if all have begun by then.
     """
     ours = []
@@ -184,10 +201,8 @@ def _runs(found: Sequence[Saved], start: float | None, stop: float | None) -> tu
         stop = common
     most = max(run.ROWS // max(len(ours), 1), 2)
     transient = any(run.is_transient(ends, one.scene) for _, one, ends in ours)
-    runs = [
-        {"result": n} | run.run_data(one, _events(one), ends, most, start, stop, from_beginning=transient)
-        for n, one, ends in ours
-    ]
+    how = {"from_beginning": transient, "from_mean": len(ours) > 1 and not transient}
+    runs = [{"result": n} | run.run_data(one, _events(one), ends, most, start, stop, **how) for n, one, ends in ours]
     return runs, transient
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from vibroplat.columns import unit_of, words
+from vibroplat.columns import shown_in, unit_of, words
 from vibroplat.config.keys import Key, key_of
 from vibroplat.errors import TableError
 from vibroplat.plots.labels import UNUSED, differing, leaves, shortened, value_words
@@ -106,15 +106,15 @@ def differences(commands: Sequence[str], configurations: Sequence[Mapping[str, A
 def summary_rows(summaries: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """Return a row for each key of some summaries: its words, its unit, its values and whether it is shown first.
 
-    The numbers that a person asks for first come first. Lengths are in mm.
+    The numbers that a person asks for first come first. Units are those of figures.
     """
     keys = [key for key in FIRST if any(key in summary for summary in summaries)]
     keys += [key for key in dict.fromkeys(k for s in summaries for k in s) if key not in (*FIRST, *_ELSEWHERE)]
     rows = []
     for key in keys:
-        unit, values = unit_of(key), [summary.get(key) for summary in summaries]
-        if unit == "m":
-            unit, values = "mm", [1e3 * v if isinstance(v, int | float) else v for v in values]
+        (unit, factor), values = shown_in(key), [summary.get(key) for summary in summaries]
+        if factor != 1.0:
+            values = [factor * v if isinstance(v, int | float) else v for v in values]
         rows.append({"words": words(key), "unit": unit, "values": values, "first": key in FIRST})
     return rows
 

@@ -11,10 +11,11 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
+from vibroplat.columns import shown_in
 from vibroplat.config.coordinates import Mode
 from vibroplat.config.scene import Scene
 from vibroplat.errors import TableError
-from vibroplat.plots.reading import Cut, Ends, Saved
+from vibroplat.plots.reading import Cut, Ends, Saved, rest_of
 from vibroplat.plots.timelines import wrapped
 
 #: Most rows of all runs together that are kept as they are, each of 80 bytes: 25 s at 2000 Hz with their events.
@@ -36,19 +37,19 @@ _OPTIONAL = ("gap_m", "upper_m", "contact_force_n", "motor_power_1_w", "motor_po
 
 #: Panels: title, unit, and the columns of its curves with their labels.
 PANELS: tuple[tuple[str, str, dict[str, str]], ...] = (
-    ("platform y", "m", {"y_m": ""}),
-    ("gap", "m", {"gap_m": ""}),
+    ("platform y from rest", "mm", {"y_m": ""}),
+    ("gap", "mm", {"gap_m": ""}),
     ("contact force", "N", {"contact_force_n": ""}),
     ("impulse", "N·s", {}),  # stems, of the events
-    ("platform x", "m", {"x_m": ""}),
-    ("rotation φ", "rad", {"phi_rad": ""}),
-    ("upper layer against lower one", "m", {"upper_m": ""}),
+    ("platform x", "mm", {"x_m": ""}),
+    ("rotation φ", "mrad", {"phi_rad": ""}),
+    ("upper layer against lower one", "mm", {"upper_m": ""}),
     ("speed", "Hz", {"speed_1": "exciter 1", "speed_2": "exciter 2", "synchronous": "synchronous"}),
     ("phase difference", "rad", {"phase": ""}),
     ("motor power", "W", {"motor_power_1_w": "exciter 1", "motor_power_2_w": "exciter 2"}),
 )
-#: Larger and smaller units of lengths and small angles, by their size in SI units.
-_SCALED = {"m": {1e-6: "µm", 1e-3: "mm", 1.0: "m"}, "rad": {1e-6: "µrad", 1e-3: "mrad", 1.0: "rad"}}
+#: Most decimals of a value at the cursor.
+DECIMALS = 6
 
 
 def packed(values: npt.ArrayLike) -> str:
@@ -90,6 +91,7 @@ def run_data(
     stop: float | None,
     *,
     from_beginning: bool = False,
+    from_mean: bool = False,
 ) -> dict[str, Any]:
     """Return what the page shows of a run with two rows or more.
 
@@ -103,6 +105,8 @@ def run_data(
         The interval of these rows (s). Default: the whole run.
     from_beginning
         The first rows are kept instead of the last ones.
+    from_mean
+        Speeds are counted from the mean of the run.
 
     Raises
     ------
@@ -113,7 +117,14 @@ def run_data(
     first, last = float(ends.first["t_s"]), float(ends.last["t_s"])
     begin, end = first if start is None else start, last if stop is None else stop
     curves = [name for _, _, labels in PANELS for name in labels]
-    cut = Cut(_parts(found), (begin, end), (first, last, INTERVALS), curves, most=most if from_beginning else -most)
+    frequency = found.summary.get("excitation_frequency_hz")
+    cut = Cut(
+        _parts(found, (frequency or 0.0) if from_mean else 0.0),
+        (begin, end),
+        (first, last, INTERVALS),
+        curves,
+        most=most if from_beginning else -most,
+    )
     if cut.shown["t_s"].nunique() < 2:
         allowed = f"allowed: an interval within {first:g} … {last:g} s"
         raise TableError(f"no data between {begin:g} and {end:g} s in {found.directory}; {allowed}")
@@ -122,7 +133,6 @@ def run_data(
         name: {"t": packed(samples["t_s"] - first), "values": packed(samples[name])}
         for name, samples in cut.extremes().items()
     }
-    frequency = found.summary.get("excitation_frequency_hz")
     return {
         "first": first,
         "last": last,
@@ -130,9 +140,9 @@ def run_data(
         "end": t[-1],
         "rows": len(t),
         "of": ends.rows,
-        "turns": frequency if isinstance(frequency, int | float) and frequency > 0.0 else None,
+        "turns": frequency if isinstance(frequency, int | float) and frequency * (last - first) >= 1.0 else None,
         "columns": {name: packed(values) for name, values in numbers.assign(t_s=t - t[0]).items()},
-        "largest": numbers.abs().max().to_dict(),
+        "largest": numbers.abs().max().fillna(0.0).to_dict(),
         "modes": "".join(cut.shown["mode"].map(initial)),
         "coarse": None if len(t) == ends.rows else coarse,
         "impacts": impacts_of(events, t[0], t[-1]),
@@ -140,19 +150,20 @@ def run_data(
     }
 
 
-def _parts(found: Saved) -> Iterator[pd.DataFrame]:
-    """Read the trajectory in parts, with what follows from its columns."""
-    sign = -1.0 if found.scene.co_rotating else 1.0
+def _parts(found: Saved, mean: float) -> Iterator[pd.DataFrame]:
+    """Read the trajectory in parts, with what follows from its columns; speeds (Hz) are counted from a mean."""
+    sign, rest = -1.0 if found.scene.co_rotating else 1.0, rest_of(found.scene)
     for part in found.column_parts("trajectory", ("mode",), _NEEDED, _OPTIONAL):
         table = part.assign(
+            y_m=part["y_m"] - rest,
             phase=wrapped((part["phi1_rad"] + sign * part["phi2_rad"]).to_numpy(dtype=float)),
-            speed_1=part[SPEEDS[0]].abs() / (2.0 * np.pi),
-            speed_2=part[SPEEDS[1]].abs() / (2.0 * np.pi),
+            speed_1=part[SPEEDS[0]].abs() / (2.0 * np.pi) - mean,
+            speed_2=part[SPEEDS[1]].abs() / (2.0 * np.pi) - mean,
             phi1_rad=np.mod(part["phi1_rad"], 2.0 * np.pi),
             phi2_rad=np.mod(part["phi2_rad"], 2.0 * np.pi),
         )
         if "supply_frequency_hz" in part:
-            table["synchronous"] = part["supply_frequency_hz"] / found.scene.exciter_pair[0].pole_pairs
+            table["synchronous"] = part["supply_frequency_hz"] / found.scene.exciter_pair[0].pole_pairs - mean
         yield table.drop(columns=[*SPEEDS, "supply_frequency_hz"], errors="ignore")
 
 
@@ -162,8 +173,8 @@ def impacts_of(events: pd.DataFrame, start: float, end: float) -> list[list[floa
     return struck[["t_s", "impulse_n_s"]].tail(IMPACTS).to_numpy(dtype=float).tolist()
 
 
-def panels(runs: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Return the panels of curves that the columns of some runs fill, with units in which values are not too small."""
+def panels(runs: Sequence[Mapping[str, Any]], *, from_mean: bool = False) -> list[dict[str, Any]]:
+    """Return the panels of curves that the columns of some runs fill, with as many decimals as their sizes need."""
     largest: dict[str, float] = {}
     for shown in runs:
         for name, size in shown["largest"].items():
@@ -173,11 +184,11 @@ def panels(runs: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
         curves = {name: label for name, label in labels.items() if name in largest}
         if not curves and not (title == "impulse" and any(shown["impacts"] for shown in runs)):
             continue
-        units = {1.0: unit} if title == "phase difference" else _SCALED.get(unit, {1.0: unit})
-        most = max((largest[name] for name in curves), default=math.inf)
-        size = max((size for size in units if most >= 0.2 * size), default=min(units))
-        drawn = [{"column": name, "factor": 1.0 / size, "label": label} for name, label in curves.items()]
-        found.append({"title": title, "unit": units[size], "curves": drawn})
+        drawn = [{"column": name, "factor": shown_in(name)[1], "label": label} for name, label in curves.items()]
+        most = max((largest[name] * shown_in(name)[1] for name in curves), default=1.0)
+        decimals = 3 - math.floor(math.log10(most)) if 0.0 < most < math.inf else 3
+        name = "speed from its mean" if title == "speed" and from_mean else title
+        found.append({"title": name, "unit": unit, "curves": drawn, "decimals": min(max(decimals, 0), DECIMALS)})
     return found
 
 

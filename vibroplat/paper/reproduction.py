@@ -26,6 +26,7 @@ from vibroplat.paper.tables import contradictions, histories, impact_laws, sync_
 from vibroplat.results.files import write_result
 from vibroplat.results.provenance import provenance
 from vibroplat.study.branches import branches
+from vibroplat.study.fingerprint import arithmetic
 from vibroplat.study.pool import Pool, StoredChain, run_stored
 from vibroplat.study.store import Store
 from vibroplat.study.sweep import Progress, branch_records, conditions, run_sweeps, tables
@@ -186,6 +187,7 @@ def reproduce(
             place.mkdir(parents=True, exist_ok=True)
             wanted = {name: conditions(trial.scene(name)) for name in (*trial.names, NON_IMPACT)}
             trial.store = stack.enter_context(Store(place, wanted, resume=resume, overwrite=overwrite))
+            trial.store.require("arithmetic", arithmetic(engine_name(trial.scene(NON_IMPACT))))
         _sweep([(trial, name) for trial in (*judged, laws) for name in trial.names], workers, progress)
         _narrow(trials, workers)
         chains = [StoredChain(match_beta(trial.evidence), trial.store.part("beta"), 0) for trial in judged]

@@ -13,16 +13,28 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.ticker import FixedLocator
 
 from vibroplat.columns import COORDINATES, PHASE_COLUMN
-from vibroplat.continuation.special_points import KINDS
+from vibroplat.continuation.special_points import KINDS, LIFTOFF
 from vibroplat.errors import TableError
+from vibroplat.hybrid.state import static_rest
 from vibroplat.plots.labels import ABSCISSAE, key_label, run_parameters
 from vibroplat.plots.reading import Curve, has_table
 from vibroplat.plots.response import limit_size
 from vibroplat.plots.studies import BEHIND, Study, read_branches
-from vibroplat.plots.style import CURVES, DIRECTIONS, REFERENCE, entry, head, new_figure, panel_grid
-from vibroplat.plots.timelines import in_units, name_axis
+from vibroplat.plots.style import (
+    CURVES,
+    DIRECTIONS,
+    REFERENCE,
+    begin_at_zero,
+    entry,
+    head,
+    legend_below,
+    new_figure,
+    panel_grid,
+)
+from vibroplat.plots.timelines import FROM_REST, in_units, name_axis
 from vibroplat.study.branches import EXCITATION
 
 if TYPE_CHECKING:
@@ -37,10 +49,13 @@ PANELS = ("rms_y_m", "rms_x_m", PHASE_COLUMN, "motor_power_w", "contact_force_ma
 MARKERS = dict(zip(KINDS, "oDsX^vP", strict=True))
 MEANINGS = KINDS
 _COLOURS = dict(zip(KINDS, itertools.cycle(CURVES)))
+#: What is 0 without flight.
+_OF_FLIGHT = ("flight_fraction", "gap_max_m", "impulse_max_n_s")
 #: Largest real and imaginary part of multipliers that are drawn, and the least frame, just around the unit circle.
 FARTHEST, NEAREST = 2.0, 1.1
-#: Largest multiplier above which their axis is logarithmic.
-LOGARITHMIC = 10.0
+#: The axis of sizes of multipliers is linear up to this distance from 1, and logarithmic farther away.
+NEAR_ONE = 1e-3
+_SIZE_TICKS = (1.0, 0.9, 1.1, 0.99, 1.01, 0.0, 2.0, 0.999, 1.001, *(10.0**power for power in range(1, 32)))
 #: Points of an orbit that are drawn.
 DRAWN = 2000
 
@@ -84,7 +99,7 @@ def orbit_figures(
 
 def branches_figure(found: Study, x: str) -> Figure:
     """Draw all quantities of branches over a column."""
-    columns = [c for c in PANELS if c in found.points and found.points[c].notna().any()]
+    columns = [c for c in PANELS if c in found.points and found.points[c].notna().any()] or [PANELS[0]]
     figure, panels = panel_grid(len(columns), 2, (11.0, 2.2 + 2.5 * -(-len(columns) // 2)), key_label(x))
     for axis, column in zip(panels, columns, strict=False):
         for color, rows in found.sweeps():
@@ -134,7 +149,7 @@ def draw_branch(
             axis.plot(xs[shown], ys[shown], "-" if kind else "--", lw=1.5 if kind else 0.9, color=color)
     if len(points) == 1:  # no line
         axis.plot(xs[:1], ys[:1], "o", ms=3.0, color=color, mfc=color if points["stable"].iloc[0] else "white")
-    marks = in_units(between(points, shares, column), column)
+    marks = in_units(at_special(points, special, shares, column), column)
     exact = special[x].to_numpy(dtype=float) if x in special else between(points, shares, x)
     for where, value, kind in zip(exact, marks, special["kind"], strict=True):
         axis.plot(where, value, MARKERS.get(kind, "*"), ms=5.0, mfc="white", mec=color, mew=1.1, zorder=3)
@@ -157,6 +172,12 @@ def between(points: pd.DataFrame, places: Any, column: str) -> Any:
     values = points[column].to_numpy(dtype=float)
     values = np.unwrap(values) if column == PHASE_COLUMN else values
     return np.interp(places, np.arange(len(points)), values)
+
+
+def at_special(points: pd.DataFrame, special: pd.DataFrame, shares: Any, column: str) -> Any:
+    """Return a column at special points, whose places along a branch are given; a liftoff begins the flight."""
+    found = between(points, shares, column)
+    return np.where(special["kind"] == LIFTOFF, 0.0, found) if column in _OF_FLIGHT else found
 
 
 def _stable(points: pd.DataFrame, places: Any) -> list[bool | None]:
@@ -214,11 +235,12 @@ def boundaries_figure(found: Study, x: str) -> Figure:
     combinations = table[varied].drop_duplicates() if varied else table.iloc[:1]
     count = max(len(combinations), 1)
     figure, axes = new_figure(1, count, (1.5 + 5.5 * count, 5.2), sharex=True, sharey=True)
-    for axis, (_, values) in zip(axes[0], combinations.iterrows(), strict=True):
+    for axis in axes[0]:
+        axis.set_xlabel(key_label(x))
+    for axis, (_, values) in zip(axes[0], combinations.iterrows(), strict=False):  # an empty table has none
         for _, rows in found.alike(table, values, varied).groupby("curve"):
             look = {"lw": 1.8, "marker": "o" if len(rows) == 1 else "", "ms": 4.0}  # a lone point is no line
             axis.plot(rows[x], rows[found.second], color=_COLOURS[rows["kind"].iloc[0]], **look)
-        axis.set_xlabel(key_label(x))
         axis.set_title(found.label(values), loc="left")
     axes[0, 0].set_ylabel(key_label(found.second))
     kinds = [kind for kind in KINDS if (table["kind"] == kind).any()]
@@ -239,25 +261,52 @@ def multipliers_figure(found: Study, x: str) -> Figure:
     values = found.points[x]
     norm = Normalize(float(values.min()), float(values.max()))
     farthest = found.points.filter(regex=r"^multiplier_\d+_(re|im)$").abs().max().max()
-    frame = float(np.clip(1.05 * farthest, NEAREST, FARTHEST))
+    frame = float(np.clip(np.nan_to_num(1.05 * farthest), NEAREST, FARTHEST))
     size = (1.5 + 4.3 * len(combinations), 8.2)
     figure, axes = new_figure(2, len(combinations), size, sharey="row", height_ratios=(1.35, 1.0))
+    axes[1, 0].set_yscale("function", functions=(_place, _size))
     for curves, (plane, largest) in zip(combinations.values(), axes.T, strict=True):
         _draw_plane(plane, pd.concat([points for _, _, points in curves]), x, norm, frame)
         plane.set_title(curves[0].label, loc="left")
+        largest.update_datalim([(0.0, 1.0)], updatex=False)
         for _, number, points in curves:
             sizes = np.hypot(points["multiplier_1_re"], points["multiplier_1_im"])
-            largest.plot(points[x], sizes, ".-", ms=2.5, lw=0.8, color=CURVES[number % len(CURVES)])
+            color = CURVES[number % len(CURVES)]
+            largest.plot(points[x], sizes, "-", lw=0.6, color=color)
+            for stable, filling in ((True, color), (False, "white")):
+                chosen = points["stable"] == stable
+                largest.plot(points[x][chosen], sizes[chosen], "o", ms=2.8, mew=0.7, color=color, mfc=filling)
         largest.axhline(1.0, color=REFERENCE, lw=0.8)
         plane.set_xlabel("real part")
         largest.set_xlabel(key_label(x))
     axes[0, 0].set_ylabel("imaginary part")
     axes[1, 0].set_ylabel("largest |multiplier|")
-    if np.hypot(found.points["multiplier_1_re"], found.points["multiplier_1_im"]).max() > LOGARITHMIC:
-        axes[1, 0].set_yscale("log")
+    axes[1, 0].yaxis.set_major_locator(FixedLocator(_size_ticks(*axes[1, 0].get_ylim())))
+    axes[1, 0].yaxis.set_major_formatter("{x:g}")
+    looks = {"marker": "o", "ls": "", "ms": 4.0, "mew": 0.9, "color": REFERENCE}
+    legend_below(figure, [entry("stable", **looks), entry("unstable", **looks, mfc="white")])
     figure.colorbar(ScalarMappable(norm, "viridis"), ax=list(axes[0]), pad=0.01).set_label(key_label(x))
     _head(figure, found)
     return figure
+
+
+def _place(size: Any) -> Any:
+    """Return where a multiplier's size is on its axis, on which those near 1, which decide on stability, have room."""
+    return np.arcsinh((size - 1.0) / NEAR_ONE)
+
+
+def _size(place: Any) -> Any:
+    return 1.0 + NEAR_ONE * np.sinh(place)
+
+
+def _size_ticks(low: float, high: float) -> list[float]:
+    """Return ticks of sizes between two, those near 1 first, as many as there is room for."""
+    kept: list[float] = []
+    for tick in _SIZE_TICKS:
+        distances = [abs(_place(tick) - _place(other)) for other in kept]
+        if low <= tick <= high and min(distances, default=np.inf) > 0.05 * (_place(high) - _place(low)):
+            kept.append(tick)
+    return kept
 
 
 def _draw_plane(axis: Axes, points: pd.DataFrame, x: str, norm: Normalize, frame: float) -> None:
@@ -289,16 +338,16 @@ def orbit_figure(orbit: Orbit) -> Figure:
     count = 2 if orbit.scene.has_contact else 1
     figure, axes = new_figure(1, count, (1.0 + 4.2 * count, 4.0))
     table = orbit.run(np.linspace(0.0, orbit.run.segments[-1].end, DRAWN))
-    first, height = axes[0, 0], COORDINATES["y_m"]
-    first.plot(height.factor * table["y_m"], table["y_rate_m_per_s"], color=CURVES[0])
-    first.set(xlabel=height.label, ylabel=r"$\dot y$ (m/s)")
+    first, heights = axes[0, 0], table["y_m"] - static_rest(orbit.scene)[1]
+    first.plot(in_units(heights, "y_m"), table["y_rate_m_per_s"], color=CURVES[0])
+    first.set(xlabel=FROM_REST, ylabel=r"$\dot y$ (m/s)")
     first.set_title(f"period {orbit.period}, {'stable' if orbit.stable else 'unstable'}, {orbit.sequence}", loc="left")
     if count == 2:
         second, gap = axes[0, 1], COORDINATES["gap_m"]
         turns = (table["phi1_rad"] - table["phi1_rad"].iloc[0]).abs() / (2.0 * np.pi)
         second.plot(turns, gap.factor * table["gap_m"], color=CURVES[1])
         second.set(xlabel="phase of exciter 1 (turns)", ylabel=gap.label)
-        second.set_ylim(bottom=0.0)
+        begin_at_zero(second)
     head(figure, orbit.scene.name, run_parameters(orbit.scene))
     return figure
 

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from vibroplat.columns import COORDINATES, PHASE, PHASE_COLUMN
-from vibroplat.plots.reading import has_table
+from vibroplat.plots.reading import finite, has_table
 from vibroplat.plots.response import draw_response, marker_legend
 from vibroplat.plots.style import BLACK, BLUE, GREEN, ORANGE, PURPLE, REFERENCE, VERMILION, entry, new_figure
 from vibroplat.plots.timelines import FloatArray, in_units
@@ -50,6 +50,10 @@ def paper_figures(directories: Sequence[Path], _: Sequence[str] = ()) -> Iterato
         result = Result(directory, "paper")
         for name, draw in FIGURES.items():
             yield directory, name, draw(result)
+
+
+def _table(result: Result, name: str) -> pd.DataFrame:
+    return finite(result.table(name))
 
 
 def _branches(axis: Axes, table: pd.DataFrame, column: str, colour: str, size: float = 1.0) -> None:
@@ -102,13 +106,13 @@ def _over_frequency(height: float, panels: Sequence[Panel], names: Curves = ()) 
 
 
 def _fig2(result: Result) -> Figure:
-    curves = [(result.table("fig2"), MASSES[0.0], 1.0)]
+    curves = [(_table(result, "fig2"), MASSES[0.0], 1.0)]
     titles = [r"Fig. 2(a). $\mu_w$ = 0", "", "", "Fig. 2(b)"]
     return _over_frequency(8.6, [Panel(title, column, curves) for title, column in zip(titles, _SYMBOLS, strict=True)])
 
 
 def _fig3(result: Result) -> Figure:
-    table = result.table("fig3")
+    table = _table(result, "fig3")
     curves = [(table[table["material.mass_ratio"] == mass], colour) for mass, colour in MASSES.items()]
     sized = [(rows, colour, 1.4 - 0.3 * i) for i, (rows, colour) in enumerate(curves)]
     phases = [
@@ -119,10 +123,10 @@ def _fig3(result: Result) -> Figure:
 
 
 def _fig6(result: Result) -> Figure:
-    table = result.table("fig6")
+    table = _table(result, "fig6")
     shown = [table[table["contact.restitution"] == r] for r in RESTITUTIONS]
     if has_table(result.directory, "fig6-nonimpact"):
-        shown.append(result.table("fig6-nonimpact"))
+        shown.append(_table(result, "fig6-nonimpact"))
     curves = [
         (rows[rows["direction"] == "up"], colour, 1.5 - 0.25 * i)
         for i, (rows, (_, colour)) in enumerate(zip(shown, _MODEL_CURVES, strict=False))
@@ -146,7 +150,7 @@ def history(name: str, column: str, curves: Curves, title: str, *, near: float =
     """
 
     def draw(result: Result) -> Figure:
-        table, quantity = result.table(name), COORDINATES[column]
+        table, quantity = _table(result, name), COORDINATES[column]
         panels = [table[table["panel"] == panel] for panel in dict.fromkeys(table["panel"])]
         beside = [_differences(rows, column, near) for rows in panels]
         heights = [h for found in beside for h in ([2.2, 1.0] if found else [2.2])]

@@ -15,7 +15,9 @@ import pandas as pd
 
 from vibroplat.config.scene import Scene
 from vibroplat.errors import ConfigError, TableError
+from vibroplat.hybrid.state import static_rest
 from vibroplat.results.files import Command, Result
+from vibroplat.study.bands import Flags, jumps
 
 #: Of each command: what its result is called, and the table by which one recognizes it.
 RESULTS: dict[Command, tuple[str, str]] = {
@@ -39,6 +41,11 @@ def has_table(directory: Path, name: str) -> bool:
 def has_result(directory: Path, command: Command) -> bool:
     """Whether a directory holds a result of a command."""
     return has_table(directory, RESULTS[command][1])
+
+
+def rest_of(scene: Scene) -> float:
+    """Return y at the static rest (m), from where figures count it."""
+    return float(static_rest(scene)[1])
 
 
 class Saved(Result):
@@ -153,6 +160,11 @@ class Curve(NamedTuple):
         """Direction of the branch of a sweep."""
         return str(self.rows["direction"].iloc[0])
 
+    @property
+    def jumps(self) -> Flags:
+        """Whether the motion jumps between each point of the branch of a sweep and the next."""
+        return jumps(self.rows)
+
 
 def curves_of(table: pd.DataFrame, keys: Sequence[str], label: Callable[[pd.Series], str]) -> list[Curve]:
     """Return the curves of a table in its order: rows that share keys, numbered by their labels."""
@@ -178,6 +190,11 @@ def ends_of(parts: Iterable[pd.DataFrame]) -> Ends | None:
             rows, first = (0, part.iloc[0]) if found is None else found[:2]
             found = Ends(rows + len(part), first, part.iloc[-1])
     return found
+
+
+def finite(table: pd.DataFrame) -> pd.DataFrame:
+    """Return a table whose infinite numbers are missing, as no axis has room for them."""
+    return table.replace([np.inf, -np.inf], np.nan)
 
 
 class Cut:
@@ -229,8 +246,8 @@ class Cut:
                 if column in part:
                     self._samples.setdefault(column, []).append(self._of_bins(part[inside], column))
             count += len(part)
-        self.shown = pd.concat(kept, ignore_index=True)
-        self.thinned = pd.concat(thinned, ignore_index=True) if thinned else self.shown.iloc[:0]
+        self.shown = finite(pd.concat(kept, ignore_index=True))
+        self.thinned = finite(pd.concat(thinned, ignore_index=True)) if thinned else self.shown.iloc[:0]
 
     def _bins_of(self, table: pd.DataFrame) -> Any:
         width = (self._end - self._begin) / self._bins or 1.0
@@ -238,7 +255,7 @@ class Cut:
 
     def _of_bins(self, part: pd.DataFrame, column: str) -> pd.DataFrame:
         """Return the samples with the smallest and the largest value of each bin, in order of time."""
-        known = part[["t_s", column]].dropna().reset_index(drop=True)
+        known = finite(part[["t_s", column]]).dropna().reset_index(drop=True)
         values = known[column].groupby(self._bins_of(known))
         return known.iloc[np.unique(np.concatenate([values.idxmin(), values.idxmax()]))]
 

@@ -17,7 +17,19 @@ from matplotlib.lines import Line2D
 from vibroplat.columns import PHASE_COLUMN
 from vibroplat.plots.labels import key_label
 from vibroplat.plots.studies import Study
-from vibroplat.plots.style import BLACK, CURVES, DIRECTIONS, FAILED, REFERENCE, entry, head, legend_below, panel_grid
+from vibroplat.plots.style import (
+    BLACK,
+    CURVES,
+    DIRECTIONS,
+    FAILED,
+    MARGIN,
+    REFERENCE,
+    begin_at_zero,
+    entry,
+    head,
+    legend_below,
+    panel_grid,
+)
 from vibroplat.plots.timelines import in_units, name_axis
 from vibroplat.study.bands import jumps
 from vibroplat.study.branches import EXCITATION, SUPPLY
@@ -30,6 +42,9 @@ _SIZES = ("rms_y_m", "rms_x_m", "rms_phi_rad")
 LEAST_RANGE = 0.02
 #: Most values of a key that have colours of their own; more of them follow a colour scale.
 DISTINCT = 5
+#: Looks of the ways up and down, and the widths of their lines and sizes of their markers.
+_LOOKS: dict[bool, dict[str, Any]] = {True: {"zorder": 2.5}, False: {"zorder": 2.4, "alpha": 0.5}}
+_SIZES_OF = {True: (0.9, 3.2), False: (2.2, 4.6)}
 #: Fillings of the markers and what they say of the motion; others are not periodic.
 FILLINGS = {"periodic": "full", "undecided": "bottom"}
 _MEANING = {"full": "periodic", "none": "not periodic", "bottom": "undecided"}
@@ -49,7 +64,8 @@ def draw_response(
 ) -> Axes:
     """Draw a quantity along one branch of a sweep.
 
-    Jumps are left open. Markers point in the direction of the branch: full ones are periodic, open ones quasi-periodic
+    The way down is wide and pale below the way up, so that both are seen where they coincide. Jumps are left open.
+    Markers point in the direction of the branch: full ones are periodic, open ones quasi-periodic
     or chaotic, half-full ones undecided. Points that failed are crosses on the horizontal axis.
 
     Parameters
@@ -75,13 +91,14 @@ def draw_response(
     values = in_units(rows[column].to_numpy(dtype=float, na_value=np.nan), column)
     places = rows[x].to_numpy(dtype=float, na_value=np.nan)
     up = rows["direction"].iloc[0] != "down"
-    style: dict[str, Any] = {"color": color, "zorder": 2.5 if up else 2.4}
+    style: dict[str, Any] = {"color": color, **_LOOKS[up]}
+    width, marker_size = (size * number for number in _SIZES_OF[up])
     at = np.flatnonzero(jumps(rows)) + 1
     line = np.insert(places, at, np.nan), np.insert(values, at, np.nan)
-    axis.plot(*line, "-" if up else "--", lw=size * (0.9 if up else 0.7), label=label, **style)
+    axis.plot(*line, "-" if up else "--", lw=width, label=label, **style)
     marker = DIRECTIONS["up" if up else "down"]
     for filling, chosen in _fillings(rows):
-        look = style | {"fillstyle": filling, "markerfacecoloralt": "white", "mew": 0.7, "ms": 3.2 * size}
+        look = style | {"fillstyle": filling, "markerfacecoloralt": "white", "mew": 0.7, "ms": marker_size}
         axis.plot(places[chosen], values[chosen], ls="", marker=marker, **look)
     failed = failed_places(rows, x)
     if len(failed):
@@ -121,7 +138,8 @@ def marker_legend(table: pd.DataFrame) -> Iterator[Line2D]:
     """Yield the entries of a legend that say what markers mean, of those that a table needs."""
     for direction in dict.fromkeys(table["direction"]):
         up = direction != "down"
-        look = {"color": REFERENCE, "ls": "-" if up else "--", "lw": 0.9, "ms": 4.5}
+        width, size = _SIZES_OF[up]
+        look = {"color": REFERENCE, "ls": "-" if up else "--", "lw": width, "ms": 1.4 * size, **_LOOKS[up]}
         yield entry(f"supply frequency {direction}", marker=DIRECTIONS["up" if up else "down"], **look)
     found = [filling for filling, _ in _fillings(table)]
     if found != ["full"]:
@@ -152,9 +170,9 @@ def response_figure(response: Study) -> Figure:
         for _, number, rows in response.curves:
             width = _size(number, len(labels))
             draw_response(axis, rows, column, x=response.x, color=colours[number], size=width)
-        _limit(axis, column, response.points)
         if response.data is not None:
             response.data.draw(axis, response.x, column)
+        _limit(axis, column, response.points)
     head(figure, ", ".join(response.names), response.parameters(response.varied))
     handles: list[Any] = []
     if scale is not None:
@@ -185,7 +203,7 @@ def _columns(table: pd.DataFrame) -> list[str]:
 def limit_size(axis: Axes, table: pd.DataFrame) -> None:
     """Begin the axis of an RMS at 0, and draw small ones small, instead of magnified to noise."""
     largest = table["rms_y_m"].max()
-    axis.set_ylim(0.0, max(axis.get_ylim()[1], LEAST_RANGE * 1e3 * largest if np.isfinite(largest) else 0.0))
+    begin_at_zero(axis, max(axis.get_ylim()[1], LEAST_RANGE * 1e3 * largest if np.isfinite(largest) else 0.0))
 
 
 def _limit(axis: Axes, column: str, table: pd.DataFrame) -> None:
@@ -193,9 +211,9 @@ def _limit(axis: Axes, column: str, table: pd.DataFrame) -> None:
     if column in _SIZES:
         limit_size(axis, table)
     elif column == "flight_fraction":
-        axis.set_ylim(0.0, 1.0)
+        begin_at_zero(axis, 1.0 + MARGIN)
     elif column in ("contact_force_max_n", "gap_max_m"):
-        axis.set_ylim(bottom=0.0)
+        begin_at_zero(axis)
 
 
 def _colours(response: Study, count: int) -> tuple[Sequence[Any], ScalarMappable | None]:

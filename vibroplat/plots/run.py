@@ -17,8 +17,19 @@ from vibroplat.config.scene import Scene
 from vibroplat.errors import TableError
 from vibroplat.plots import timelines
 from vibroplat.plots.labels import compared, distinct, run_parameters
-from vibroplat.plots.reading import Cut, Ends, Saved, ends_of
-from vibroplat.plots.style import BLACK, CURVES, FORCE, MATERIAL, PLATFORM, REFERENCE, head, legend_below, new_figure
+from vibroplat.plots.reading import Cut, Ends, Saved, ends_of, rest_of
+from vibroplat.plots.style import (
+    BLACK,
+    CURVES,
+    FORCE,
+    MATERIAL,
+    PLATFORM,
+    REFERENCE,
+    begin_at_zero,
+    head,
+    legend_below,
+    new_figure,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -65,6 +76,8 @@ class Run:
         Whether the exciters co-rotate.
     chosen
         Whether an interval was given.
+    from_rest
+        Whether y is counted from the static rest; if that is not known, it is as in the table.
     """
 
     name: str
@@ -75,6 +88,7 @@ class Run:
     events: pd.DataFrame
     co_rotating: bool
     chosen: bool
+    from_rest: bool
 
     @property
     def turns(self) -> float:
@@ -146,14 +160,17 @@ def run_of(
     frequency = summary["excitation_frequency_hz"]
     chosen = start is not None or stop is not None
     detail = max(begin, end - SHOWN_TURNS / frequency) if frequency and not chosen else begin
-    bins = min(max(int((end - begin) * frequency), 1), BINS) if frequency else BINS
-    found = Cut(trajectory, (detail, end), (begin, end, bins), COORDINATES, every=math.ceil(ends.rows / POINTS))
+    turns = int((end - begin) * (frequency or 0.0))
+    bins = min(turns, BINS) if turns else BINS
+    sag = summary.get("static_sag_m") if scene is None else -rest_of(scene)
+    parts = (part.assign(y_m=part["y_m"] + (sag or 0.0)) for part in trajectory)
+    found = Cut(parts, (detail, end), (begin, end, bins), COORDINATES, every=math.ceil(ends.rows / POINTS))
     shown_events = pd.concat([part[part["t_s"].between(detail, end)] for part in events], ignore_index=True)
     if found.shown["t_s"].nunique() < 2:
         raise TableError(f"no data between {begin:g} and {end:g} s; {length}")
     co_rotating = summary.get("rotation") == "co-rotating"
-    envelope = found.envelope()
-    return Run(summary["name"], scene, found.thinned, envelope, found.shown, shown_events, co_rotating, chosen)
+    cut = (found.thinned, found.envelope(), found.shown, shown_events)
+    return Run(summary["name"], scene, *cut, co_rotating, chosen, from_rest=sag is not None)
 
 
 def _interval(
@@ -235,7 +252,7 @@ def run_figures(
     start, stop
         Interval shown (s). Default: the whole run, and the last ten turns of the exciters in detail.
     data
-        File of measured data laid over the figures.
+        File of measured data laid over the figures, as they are: y is counted from the static rest.
 
     Raises
     ------
@@ -330,6 +347,8 @@ def _draw(axis: Axes, shown: Shown, column: str, *, detail: bool = True) -> None
             timelines.draw_contact(axis, run.shown)
             if column == "gap_m":
                 timelines.draw_impacts(axis, run.events)
+    if column == "y_m" and all(run.from_rest for run in shown.runs):
+        axis.set_ylabel(timelines.FROM_REST)
     if shown.data is not None:
         shown.data.draw(axis, "t_s", column)
     if detail and column in ("x_m", "y_m"):
@@ -351,7 +370,7 @@ def _force(shown: Shown) -> Figure:
     figure, axes = new_figure(1 + strikes, 1, (8.0, 4.4 if strikes else 3.2), sharex=True, gridspec_kw=ratios)
     force: Axes = axes[0, 0]
     _draw(force, shown, "contact_force_n")
-    force.set_ylim(bottom=0.0)
+    begin_at_zero(force)
     for number, run in enumerate(shown.runs if strikes else []):
         events = run.events.assign(t_s=run.events["t_s"] - shown.origin(run))
         look = shown.look(number, "")

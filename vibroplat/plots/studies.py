@@ -12,9 +12,10 @@ import pandas as pd
 
 from vibroplat.columns import PHASE_COLUMN, QUANTITIES
 from vibroplat.config.reader import flat
+from vibroplat.config.scene import Scene
 from vibroplat.errors import TableError
 from vibroplat.plots.labels import compared, distinct, is_number, sweep_parameters, value_label
-from vibroplat.plots.reading import Curve, Saved, curves_of, has_table
+from vibroplat.plots.reading import Curve, Saved, curves_of, finite, has_table
 from vibroplat.plots.style import CURVES
 from vibroplat.plots.timelines import Measured
 from vibroplat.results.files import Result
@@ -74,9 +75,12 @@ class Study:
 
     def parameters(self, shown: Sequence[str]) -> str:
         """Return what a reader wants to know of the scene, without keys that axes and curves show."""
+        return sweep_parameters(self.scene_of(self.points, [key for key in self.grid if key not in self.varied]), shown)
+
+    def scene_of(self, rows: pd.DataFrame, keys: Sequence[str]) -> Scene | None:
+        """Return the scene of a single result, if it is known, with the values of keys that some rows share."""
         scene = self.results[0].known_scene if len(self.results) == 1 else None
-        single = {key: self.points[key].astype(object).iloc[0] for key in self.grid if key not in self.varied}
-        return sweep_parameters(scene if scene is None else scene.replace(single), shown)
+        return scene and scene.replace({key: rows[key].astype(object).iloc[0] for key in keys})
 
     @cached_property
     def curves(self) -> list[Curve]:
@@ -137,14 +141,16 @@ def read_sweeps(directories: Sequence[Path], *, x: str = EXCITATION, data: Measu
     names = distinct([directory.resolve().name for directory in directories], directories)
     if len(tables) > 1:
         tables = [table.assign(**{RESULT: name}) for name, table in zip(names, tables, strict=True)]
-    study = Study(results, names, pd.concat(tables, ignore_index=True), [RESULT, *grid][len(tables) == 1 :], x, data)
+    study = Study(
+        results, names, finite(pd.concat(tables, ignore_index=True)), [RESULT, *grid][len(tables) == 1 :], x, data
+    )
     labels = compared("sweep", names, [result.known_scene for result in results], study.varied)
     return replace(study, labels=dict(zip(names, labels, strict=True)))
 
 
 def sweep_of(table: pd.DataFrame, x: str = EXCITATION) -> Study:
     """Prepare the table of a sweep in memory."""
-    return Study([], ["sweep"], table, grid_of(table), x)
+    return Study([], ["sweep"], finite(table), grid_of(table), x)
 
 
 def grid_of(table: pd.DataFrame) -> list[str]:
@@ -190,4 +196,4 @@ def branches_of(points: pd.DataFrame, special: pd.DataFrame | None = None) -> St
 def _branches(results: list[Saved], name: str, points: pd.DataFrame, key: str, **more: Any) -> Study:
     """Prepare branches over a key; the columns of the grid stand before it."""
     grid = list(points.columns[: list(points.columns).index(key)])
-    return Study(results, [name], points, grid, EXCITATION if key == SUPPLY else key, key=key, **more)
+    return Study(results, [name], finite(points), grid, EXCITATION if key == SUPPLY else key, key=key, **more)

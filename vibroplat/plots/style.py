@@ -28,6 +28,16 @@ CONTACT, REFERENCE, FAILED = "#e3eaf0", "#666666", "#a00000"
 #: Markers of the directions of a branch, and of curves that may lie on each other.
 DIRECTIONS = {"up": "^", "down": "v"}
 MARKERS = "osD^vPX<>hp"
+#: What the page calls them.
+SYMBOLS = dict(
+    zip(
+        f"{MARKERS[:5]}XP*",
+        ("circle", "square", "diamond", "triangle-up", "triangle-down", "x", "cross", "star"),
+        strict=True,
+    )
+)
+#: Share of an axis beyond what is on it, so that markers are whole.
+MARGIN = 0.05
 #: Letters of a legend that an inch has room for.
 LETTERS = 14.0
 
@@ -113,6 +123,12 @@ def panel_grid(count: int, columns: int, size: tuple[float, float], label: str) 
 def plain(text: str) -> str:
     """Return a text of a user's to be drawn as it is: between two dollar signs, matplotlib would read mathematics."""
     return text.replace("$", r"\$")
+
+
+def begin_at_zero(axis: Axes, end: float | None = None) -> None:
+    """Begin a vertical axis at 0, with room for lines and markers there; it ends where it does if nothing is given."""
+    top = axis.get_ylim()[1] if end is None else end
+    axis.set_ylim(-MARGIN * top, top)
 
 
 def head(figure: Figure, name: str, parameters: str = "") -> None:

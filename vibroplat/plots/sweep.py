@@ -17,7 +17,7 @@ from matplotlib.patches import Patch
 from vibroplat.columns import QUANTITIES
 from vibroplat.errors import TableError
 from vibroplat.plots.labels import ABSCISSAE, key_label
-from vibroplat.plots.reading import Curve
+from vibroplat.plots.reading import Curve, rest_of
 from vibroplat.plots.response import response_figure
 from vibroplat.plots.studies import Study, read_sweeps
 from vibroplat.plots.style import BLUE, CURVES, GREEN, ORANGE, PURPLE, SKY, VERMILION, entry, head, new_figure
@@ -108,7 +108,11 @@ def bifurcation(response: Study) -> Figure:
         response.results[0].columns(name, ("direction",), (x, "branch", column))
         for name, column in (("section", "y_m"), ("impacts", "impact_speed_m_per_s"))
     )
-    quantities = [(section, "y_m", 1e3, "$y$ at whole turns of exciter 1 (mm)")]
+    scenes = {c.rows["branch"].iloc[0]: response.scene_of(c.rows, response.grid) for c in curves}
+    rests = {branch: rest_of(scene) for branch, scene in scenes.items() if scene is not None}
+    name = "$y$ from rest" if rests else "$y$"
+    section = section.assign(y_m=section["y_m"] - section["branch"].map(rests).fillna(0.0).astype(float))
+    quantities = [(section, "y_m", 1e3, f"{name} at whole turns of exciter 1 (mm)")]
     if len(impacts):
         quantities.append((impacts, "impact_speed_m_per_s", 1.0, "impact speed (m/s)"))
     size = (max(8.0, 1.0 + 4.2 * len(curves)), 1.2 + 2.9 * len(quantities))

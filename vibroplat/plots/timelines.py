@@ -28,6 +28,8 @@ FloatArray = np.ndarray[Any, np.dtype[np.float64]]
 
 _SHOWN = QUANTITIES | COORDINATES
 
+#: Name of the axis of y where it is counted from the static rest.
+FROM_REST = "$y$ from rest (mm)"
 TURN = 2.0 * np.pi
 #: Phase differences are shown from here on, so that 0 and π, near which exciters synchronize, are well inside.
 LOWEST_PHASE = -0.5 * np.pi
@@ -103,6 +105,7 @@ def draw_impulses(axis: Axes, events: pd.DataFrame, color: str = BLACK, label: s
     times, impulses = strikes["t_s"].to_numpy(), strikes["impulse_n_s"].to_numpy()
     stems = np.stack([np.column_stack([times, np.zeros_like(times)]), np.column_stack([times, impulses])], axis=1)
     axis.add_collection(LineCollection(list(stems), colors=color, lw=0.9))
+    axis.set_autoscaley_on(True)  # the limit below has ended it where another run's were drawn before
     axis.plot(times, impulses, "o", color=color, ms=3.0 if len(times) <= 60 else 1.5, label=label)
     axis.set_ylim(bottom=0.0)
     axis.set_ylabel("impulse $P$ (N·s)")

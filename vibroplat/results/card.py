@@ -31,6 +31,7 @@ def results(scene: Scene, summary: Mapping[str, Any], origin: Mapping[str, Any] 
         (f"phase difference {phases}", *_phase(summary)),
         ("RMS x, y", [_mm(summary["rms_x_m"]), _mm(summary["rms_y_m"])], "mm"),
         ("RMS phi", summary["rms_phi_rad"], "rad"),
+        ("static sag", _mm(summary.get("static_sag_m")), "mm"),
         ("contact force, largest", summary["contact_force_max_n"], "N"),
         ("gap, largest", _mm(summary["gap_max_m"]) or None, "mm"),
         ("impulse, largest", summary["impulse_max_n_s"] or None, "N·s"),

@@ -40,7 +40,7 @@ from vibroplat.observe.tables import (
 from vibroplat.results.card import results
 from vibroplat.results.files import Result, write_result
 from vibroplat.results.provenance import provenance
-from vibroplat.results.tables import Format, replace_file, result_directory
+from vibroplat.results.tables import Format, replace_file, require_replaceable, result_directory
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -322,18 +322,19 @@ class Trajectory:
             found[name].attrs = {"units": unit_of(name), "long_name": table.attrs["meanings"].get(name, name)}
         return found.assign_attrs(name=self.scene.name, outcome=self.outcome)
 
-    def save_mat(self, path: str | Path, sample: Sample = "unique") -> Path:
+    def save_mat(self, path: str | Path, sample: Sample = "unique", *, overwrite: bool = False) -> Path:
         """Write ``trajectory``, ``events``, ``summary`` and ``units`` as structures into a file for MATLAB or Octave.
 
-        Numbers that are not known are NaN.
+        Numbers that are not known are NaN. A file of another kind is replaced only with ``overwrite``.
 
         Raises
         ------
         TableError
-            It cannot be written.
+            It cannot be written, or there is something else already.
         """
         savemat = import_module("scipy.io").savemat
         trajectory, place = self.rows(sample), Path(path)
+        require_replaceable(place, b"MATLAB", overwrite=overwrite)
         contents = {
             "trajectory": {str(c): _plain(trajectory[c]) for c in trajectory},
             "events": {str(c): _plain(self.events[c]) for c in self.events},

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Self, TypeAlias
 
 from vibroplat.errors import TableError
-from vibroplat.frames import PlainTable, Words, pd
+from vibroplat.frames import PlainTable, Words, pd, sharing
 from vibroplat.results.locks import is_gone, mark
 from vibroplat.system.interrupts import unfinished, watching
 
@@ -94,7 +94,7 @@ def read_table(directory: Path, name: str, digests: Mapping[str, str] | None = N
     """
     with _opened_table(directory, name, digests) as file:
         if file.name.endswith(".parquet"):
-            return pd.read_parquet(file, page_checksum_verification=True)
+            return sharing(pd.read_parquet(file, page_checksum_verification=True))
         return pd.read_csv(file)
 
 
@@ -132,9 +132,9 @@ def _read_row_groups(file: BufferedReader, columns: Collection[str] | None, *, l
     found = False
     for rows in source.iter_batches(PART, groups[-1:] if last else groups, wanted):
         found = True
-        yield pa.Table.from_batches([rows]).to_pandas()
+        yield sharing(pa.Table.from_batches([rows]).to_pandas())
     if not found:
-        yield source.schema_arrow.empty_table().select(wanted).to_pandas()
+        yield sharing(source.schema_arrow.empty_table().select(wanted).to_pandas())
 
 
 def _read_lines(file: BufferedReader, columns: Collection[str] | None, *, last: bool) -> Iterator[pd.DataFrame]:
@@ -302,6 +302,27 @@ def remove_file(path: Path) -> None:
         path.unlink(missing_ok=True)
 
 
+def require_replaceable(path: Path, begins: bytes = b"", *, overwrite: bool = False) -> None:
+    """Refuse a path that holds what was hardly meant: a device, a folder, or a file that begins with other bytes.
+
+    Files may be of another kind if they are to be overwritten, or if they are empty.
+
+    Raises
+    ------
+    TableError
+        That is so.
+    """
+    with one_line_errors(path):
+        if not path.exists():
+            return
+        if not path.is_file():
+            raise TableError(f"{path} is no regular file; allowed: a new file or one to replace")
+        with path.open("rb") as file:
+            head = file.read(len(begins)).lower()
+    if head not in (b"", begins.lower()) and not overwrite:
+        raise TableError(f"{path} is a file of another kind; allowed: a new file, or to overwrite it")
+
+
 def replace_file(path: Path, write: Writer) -> None:
     """Let a function write a file under a temporary name; if it fails, the old file is kept.
 
@@ -317,6 +338,7 @@ def replace_file(path: Path, write: Writer) -> None:
 @contextmanager
 def new_file(path: Path, write: Writer) -> Iterator[Path]:
     """Let a function write a temporary file next to another, and yield its name; raises :class:`TableError`."""
+    require_replaceable(path)
     with ExitStack() as stack:
         with one_line_errors(path):
             temporary = stack.enter_context(_temporary(path))

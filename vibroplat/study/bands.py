@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,8 @@ from vibroplat.columns import Column, Columns
 from vibroplat.study.branches import EXCITATION, SUPPLY, study_table
 
 Flags = np.ndarray[Any, np.dtype[np.bool_]]
+#: Columns of a table, or of a part of it.
+Rows = Mapping[str, np.ndarray[Any, Any]]
 
 RMS = "rms_y_m"
 #: Change of the excitation frequency between two points that is a jump, over that of the synchronous frequency. Along
@@ -41,7 +43,7 @@ BANDS: Columns = {
 }
 
 
-def jumps(rows: pd.DataFrame) -> Flags:
+def jumps(rows: pd.DataFrame | Rows) -> Flags:
     """Return where the motion jumps along a branch: whether it does between each point and the next.
 
     It does where synchronization is lost or found, or where the phase difference, the excitation frequency or the
@@ -58,11 +60,12 @@ def jumps(rows: pd.DataFrame) -> Flags:
         One value less than there are points.
     """
     columns = (SUPPLY, EXCITATION, "rms_x_m", RMS, "phase_difference_rad")
-    supply, found, x, y, phase = (rows[column].to_numpy(dtype=float) for column in columns)
+    supply, found, x, y, phase = (np.asarray(rows[column], dtype=float) for column in columns)
     known = np.isfinite(found)
-    if len(rows) < 2 or not known.any():
-        return np.zeros(max(len(rows) - 1, 0), dtype=bool)
-    sync = rows["sync"].astype(object).where(rows["sync"].notna(), "").to_numpy()
+    if len(found) < 2 or not known.any():
+        return np.zeros(max(len(found) - 1, 0), dtype=bool)
+    sync = np.asarray(rows["sync"], dtype=object)
+    sync = np.where(pd.isna(sync), "", sync)
     both = (sync[:-1] != "") & (sync[1:] != "")
     held = (sync[:-1] != "none") & (sync[1:] != "none")
     lost = both & ((sync[:-1] == "none") != (sync[1:] == "none"))
@@ -80,38 +83,41 @@ def jumps(rows: pd.DataFrame) -> Flags:
 def bands(table: pd.DataFrame) -> pd.DataFrame:
     """Return the bands of all branches of a sweep table: the grid keys, direction and branch, and :data:`BANDS`."""
     place = list(table.columns[1 : list(table.columns).index("branch") + 1])
+    needed = {*place, SUPPLY, EXCITATION, RMS, "rms_x_m", "phase_difference_rad", "flight_fraction", "outcome", "sync"}
+    columns = {name: table[name].to_numpy() for name in needed}
+    order = np.argsort(columns["branch"], kind="stable")
+    ends = np.flatnonzero(np.diff(columns["branch"][order])) + 1
     found = [
-        {key: rows[key].iloc[0] for key in place} | band
-        for _, rows in table.groupby("branch", sort=True)
-        for band in _bands_of(rows.reset_index(drop=True))
+        {key: rows[key][0] for key in place} | band
+        for branch in (np.split(order, ends) if len(table) else [])
+        for rows in [{name: values[branch] for name, values in columns.items()}]
+        for band in _bands_of(rows)
     ]
     meanings = {key: Column(text) for key, text in table.attrs.get("meanings", {}).items()}
     return study_table(found, [*place, *BANDS], {key: table[key] for key in place[:-2]}, {**meanings, **BANDS})
 
 
-def _bands_of(rows: pd.DataFrame) -> Iterator[dict[str, Any]]:
+def _bands_of(rows: Rows) -> Iterator[dict[str, Any]]:
     """Yield the bands of a branch: synchronization and failures, jumps, flight, the largest amplitude."""
     failed = rows["outcome"] != "ok"
-    names = rows["outcome"].where(failed, rows["sync"])
-    for _, run in rows.groupby((names != names.shift()).cumsum()):
-        first, last = run.index[0], run.index[-1]
-        yield _band(rows, first, last, "failed" if failed[first] else "band", str(names[first]))
-    good = rows[~failed].reset_index(drop=True)
+    names = np.where(failed, rows["outcome"], rows["sync"]).astype(str)
+    begins = np.flatnonzero(np.append(True, names[1:] != names[:-1])).tolist()
+    for first, after in zip(begins, [*begins[1:], len(names)], strict=True):
+        yield _band(rows, first, after - 1, "failed" if failed[first] else "band", str(names[first]))
+    good = {name: values[~failed] for name, values in rows.items()}
     for i in np.flatnonzero(jumps(good)).tolist():
-        change = list(dict.fromkeys(good["sync"].iloc[i : i + 2]))
+        change = list(dict.fromkeys(good["sync"][i : i + 2]))
         yield _band(good, i, i + 1, "jump", " → ".join(change))
-    flies = (good["flight_fraction"] > 0.0).to_numpy(dtype=bool)
+    flies = good["flight_fraction"] > 0.0
     for i in np.flatnonzero(flies[1:] != flies[:-1]).tolist():
         yield _band(good, i, i + 1, "liftoff" if flies[i + 1] else "flight-end", "")
-    if good[RMS].notna().any():
-        top = int(good[RMS].to_numpy(dtype=float, na_value=-1.0).argmax())
+    if not np.isnan(good[RMS]).all():
+        top = int(np.nanargmax(good[RMS]))
         yield _band(good, top, top, "largest", str(good["sync"][top]))
 
 
-def _band(rows: pd.DataFrame, first: int, last: int, kind: str, name: str) -> dict[str, Any]:
-    ends = {
-        f"{end}_{c}": rows[c].iloc[i] for c in (SUPPLY, EXCITATION, RMS) for end, i in (("from", first), ("to", last))
-    }
+def _band(rows: Rows, first: int, last: int, kind: str, name: str) -> dict[str, Any]:
+    ends = {f"{end}_{c}": rows[c][i] for c in (SUPPLY, EXCITATION, RMS) for end, i in (("from", first), ("to", last))}
     return {"kind": kind, "name": name, "points": last - first + 1} | ends
 
 

@@ -94,6 +94,7 @@ def branches(scene: Scene) -> list[Branch]:
     if scene.run.initial.from_ is not None:
         raise ConfigError("run.initial.from is given, but a sweep does not begin with a run; allowed: state, or phases")
     upward = tuple(plan.supply_frequency_hz.upward)
+    along = {"up": upward, "down": upward[::-1]}  # all branches share them
     found: list[Branch] = []
     for combination in itertools.product(*plan.grid.values()):
         values = dict(zip(plan.grid, combination, strict=True))
@@ -102,9 +103,8 @@ def branches(scene: Scene) -> list[Branch]:
         except ConfigError as error:
             raise ConfigError(f"sweep.grid: {error}") from None
         for direction in plan.supply_frequency_hz.direction:
-            frequencies = upward if direction == "up" else upward[::-1]
-            first = placed.replace({FREQUENCY: frequencies[0]})
-            found.append(Branch(len(found), direction, values, first, frequencies))
+            first = placed.replace({FREQUENCY: along[direction][0]})
+            found.append(Branch(len(found), direction, values, first, along[direction]))
     return found
 
 

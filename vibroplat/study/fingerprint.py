@@ -1,7 +1,8 @@
 """What the bits of a result depend on besides its task: code, libraries, and the arithmetic of the machine.
 
 Points that two versions of the package have measured look alike and differ. Each task therefore travels with the
-fingerprint of the process that sent it, and a worker with another one refuses it, whenever that worker has joined.
+fingerprint of the process that sent it, and a worker with another one refuses it, whenever that worker has joined. For
+the same reason a study is resumed only where code and arithmetic are those that began it.
 
 Machines are compared by what they compute, not by the names of their processors. Kernels are compiled for a generic
 processor, and all machines that can run that code give the same bits; on others a product and a sum may be rounded
@@ -57,7 +58,7 @@ def checked(expected: Fingerprint, work: bytes) -> dict[str, Any]:
     answer holds its ``result``, the ``error`` that it raised, or why it was ``refused``.
     """
     # machine code is compiled and run for the arithmetic, which is not worth the time where anything else differs
-    other = difference(expected, code()) or difference(expected, code() | arithmetic())
+    other = difference(expected, code()) or difference(expected, fingerprint())
     if other:
         return {"refused": f"{_here()}: {other}"}
     try:
@@ -69,7 +70,7 @@ def checked(expected: Fingerprint, work: bytes) -> dict[str, Any]:
 
 def fingerprint() -> Fingerprint:
     """Return all that the bits of a result depend on besides its task, by name."""
-    return code() | arithmetic()
+    return code() | {"arithmetic": arithmetic()}
 
 
 def difference(expected: Fingerprint, found: Fingerprint) -> str:
@@ -80,23 +81,30 @@ def difference(expected: Fingerprint, found: Fingerprint) -> str:
 
 @cache
 def code() -> dict[str, str]:
-    """Return versions of code, libraries and platform, by name."""
-    return {
-        "vibroplat": vibroplat.__version__,
-        "source files": _sources()[:16],
-        "Python": f"{platform.python_implementation()} {sys.version_info.major}.{sys.version_info.minor}",
-        "platform": f"{platform.system()} {platform.machine()}",
+    """Return versions of code, libraries and platform, by name, and which engine ``auto`` is."""
+    return package() | {
         "SUNDIALS": sundials_version() or "unknown",
-        **{name: importlib.metadata.version(name) for name in LIBRARIES},
         "engine": "sundae" if native_library() is None else "native",
     }
 
 
 @cache
-def arithmetic() -> dict[str, str]:
-    """Return a digest of what this machine computes: a short motion, and the functions of libraries."""
-    text = json.dumps([_motion(), _functions()])  # that of a number gives back its bits
-    return {"arithmetic": f"{hashlib.sha256(text.encode()).hexdigest()[:16]} on {processor()[0]}"}
+def package() -> dict[str, str]:
+    """Return versions of code, libraries and platform, by name, as far as they can be told without SUNDIALS."""
+    return {
+        "vibroplat": vibroplat.__version__,
+        "source files": _sources()[:16],
+        "Python": f"{platform.python_implementation()} {sys.version_info.major}.{sys.version_info.minor}",
+        "platform": f"{platform.system()} {platform.machine()}",
+        **{name: importlib.metadata.version(name) for name in LIBRARIES},
+    }
+
+
+@cache
+def arithmetic(engine: str = "auto") -> str:
+    """Digest what this machine computes: a short motion by an engine, and the functions of libraries."""
+    text = json.dumps([_motion(engine), _functions()])  # that of a number gives back its bits
+    return f"{hashlib.sha256(text.encode()).hexdigest()[:16]} on {processor()[0]}"
 
 
 def _sources() -> str:
@@ -109,12 +117,12 @@ def _sources() -> str:
     return found.hexdigest()
 
 
-def _motion() -> list[Any]:
+def _motion(engine: str) -> list[Any]:
     """Return what is measured of the reference motion, and its last state."""
-    scene = Scene().replace(REFERENCE)
+    scene = Scene().replace(REFERENCE | {"solver.engine": engine})
     p = parameters(scene)
-    with closing(make_engine(scene, p)) as engine:
-        motion = Motion(scene, p, engine)
+    with closing(make_engine(scene, p)) as integrator:
+        motion = Motion(scene, p, integrator)
         part = motion.advance(FOLLOWED)
         return [motion.outcome, motion.events, motion.state.tolist(), measured(part, scene)]
 

@@ -4,6 +4,11 @@ The derivative is carried along the motion (:mod:`vibroplat.observe.variation`),
 Where exciter 1 completes its turns it is projected along the motion onto the section, which takes out the neutral
 direction, and its columns are made orthogonal again: their growth gives the exponents (Benettin et al. 1980; Müller
 1995).
+
+Where contact begins, gap and gap rate are 0 whatever they were: the rank of the derivative falls by two. An inelastic
+impact after which the material flies on fixes the gap rate alone. A motion that does so now and then has forgotten as
+many directions for good: their exponents are −∞. This follows from the events themselves; of a number that should be 0,
+round-off leaves something that could be taken for growth.
 """
 
 from __future__ import annotations
@@ -18,7 +23,8 @@ import pandas as pd
 
 from vibroplat.config.scene import Scene
 from vibroplat.errors import ConfigError, MotionError
-from vibroplat.hybrid.state import state_scales
+from vibroplat.hybrid.modes import ATTACHED, IMPACT
+from vibroplat.hybrid.state import Automaton, state_scales
 from vibroplat.integrate import make_engine
 from vibroplat.model.parameters import FloatArray, parameters
 from vibroplat.model.systems import FULL_SIZE
@@ -36,8 +42,10 @@ BLOCKS = (4, 8, 16)
 #: Errors that are small enough: relative to the exponent, so that its sign is clear, and as growth per turn, which
 #: would need two thousand turns to double a distance.
 SHARE, PER_TURN = 1.0 / 6.0, 3e-4
-#: Growth between two measurements, over the largest one or 1, that is none: round-off hides a smaller one.
+#: Least growth between two measurements, over the largest one or 1: round-off hides a smaller one.
 LOST = 1e-13
+#: Directions that a motion forgets where contact begins, and in an inelastic impact after which it does not.
+CONTACT, INELASTIC = 2, 1
 
 _TURN = 2.0 * math.pi
 _ANGLE = 3  # of exciter 1, the same for all points of the section
@@ -113,8 +121,8 @@ def lyapunov(scene: Scene, state: npt.ArrayLike | None = None) -> pd.DataFrame:
     pandas.DataFrame
         A row for each exponent, the largest first, with ``exponent_per_s``, its standard error ``error_per_s`` and
         ``growth_per_turn``, by which a distance is multiplied in a mean turn of exciter 1. One exponent is 0: that of
-        the direction along the motion. Those of directions that the motion forgets are −inf: gap and its rate in a
-        contact without restitution, and what decays to less than 1e-13 in a turn.
+        the direction along the motion. Those of directions that the motion forgets are −inf: gap and its rate if the
+        material is ever in contact for a while, and what decays to less than 1e-13 in most turns.
 
     Raises
     ------
@@ -188,20 +196,23 @@ def exponents(motion: Motion, directions: FloatArray, effort: Effort, *, largest
         return nothing
     variation = Variation(rough=largest)
     basis, _ = np.linalg.qr(_on_section(directions))
-    growth: list[FloatArray] = []
-    seconds: list[float] = []
+    growth, seconds, forgotten = list[FloatArray](), list[float](), list[int]()
+    spare = len(state_places(motion.scene)) - 1 - directions.shape[1]  # directions of the section that are not followed
     while True:
         for _ in range(effort.least + effort.skipped if not growth else MORE):
             grown = _grow(motion, variation, basis, effort.turns)
             if grown is None:
                 return nothing
-            passed, basis, logarithms = grown
+            passed, basis, logarithms, count = grown
             growth.append(logarithms)
             seconds.append(passed)
+            forgotten.append(count)
             if np.isneginf(logarithms).all():  # whatever begins nearby has merged with the motion
                 return [Exponent(-math.inf, 0.0, passed / effort.turns)] * directions.shape[1]
         counted = np.array(seconds[effort.skipped :])
         found = [_estimate(g, counted, effort.turns) for g in np.array(growth[effort.skipped :]).T]
+        for place in range(1, 1 + max(forgotten[effort.skipped :]) - spare):  # the last directions grow least
+            found[-place] = Exponent(-math.inf, 0.0, found[-place].turn)
         asked = [max(found, key=lambda exponent: exponent.value)] if largest else found
         if all(e.error <= e.enough for e in asked) or counted.size >= effort.most:
             return found
@@ -221,19 +232,19 @@ def _on_section(directions: FloatArray) -> FloatArray:
 
 def _grow(
     motion: Motion, variation: Variation, basis: FloatArray, turns: int
-) -> tuple[float, FloatArray, FloatArray] | None:
+) -> tuple[float, FloatArray, FloatArray, int] | None:
     """Carry orthogonal directions on the section along with the motion for some turns of exciter 1.
 
     Returns
     -------
     tuple
-        The time passed (s), the directions made orthogonal again, and the logarithms of their growth, −inf where it is
-        lost; None if the motion does not get there.
+        The time passed (s), the directions made orthogonal again, the logarithms of their growth, −inf where it is
+        lost, and how many directions were forgotten; None if the motion does not get there.
     """
-    scales = state_scales(motion.scene)[:, np.newaxis]
+    forgetting, scales = _Forgetting(), state_scales(motion.scene)[:, np.newaxis]
     begun = motion.now
     variation.begin(basis * scales)
-    if not motion.to_section(turns, _longest(motion, turns), (variation,)):
+    if not motion.to_section(turns, _longest(motion, turns), (variation, forgetting)):
         return None
     moved = variation.derivative(motion.automaton)[:, : basis.shape[1]] / scales
     along = motion.rates / scales[:, 0]
@@ -241,15 +252,31 @@ def _grow(
     size = np.abs(np.diag(r))
     size[size <= LOST * max(1.0, size.max())] = 0.0
     with np.errstate(divide="ignore"):
-        return motion.now - begun, basis, np.log(size)
+        return motion.now - begun, basis, np.log(size), forgetting.count
+
+
+class _Forgetting:
+    """Observes a motion: counts the directions that it forgets."""
+
+    def __init__(self) -> None:
+        self.count = 0
+
+    def read(self, h: Automaton) -> None:
+        """Look at the events and where they lead."""
+        events = h.events[: h.run["events"]]
+        if h.run["mode"] == ATTACHED or (events["mode_after"] == ATTACHED).any():
+            self.count = CONTACT
+        inelastic = (events["kind"] == IMPACT) & (events["rate_before"] < 0.0) & (events["rate_after"] == 0.0)
+        self.count = max(self.count, INELASTIC * int(inelastic.any()))
 
 
 def _estimate(growth: FloatArray, seconds: FloatArray, turns: int) -> Exponent:
     """Return the mean growth per second and its standard error from the means of blocks."""
     turn = float(seconds.sum() / (turns * len(seconds)))
-    if np.isneginf(growth).any():
+    lost = np.isneginf(growth)
+    if 2 * lost.sum() > len(growth):
         return Exponent(-math.inf, 0.0, turn)
-    errors = []
+    growth, errors = np.where(lost, math.log(LOST), growth), []
     for count in BLOCKS:
         blocks = np.array_split(growth, count), np.array_split(seconds, count)
         means = np.array([g.sum() / s.sum() for g, s in zip(*blocks, strict=True)])

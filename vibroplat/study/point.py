@@ -16,9 +16,11 @@ import numpy as np
 from vibroplat.columns import Column, Columns
 from vibroplat.config.plans import SweepPlan
 from vibroplat.config.scene import Scene
+from vibroplat.extensions import provided
 from vibroplat.hybrid.modes import IMPACT
 from vibroplat.hybrid.state import Automaton, initial_state, perturbed, state_scales
 from vibroplat.integrate import make_engine
+from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Motion, Observer
 from vibroplat.observe.notes import notes_on_measures, stiffness
@@ -36,12 +38,14 @@ from vibroplat.observe.summary import (
 )
 from vibroplat.study.classification import Kind, classify
 from vibroplat.study.pool import Task
-from vibroplat.study.settling import Settling, period, section_points, settle
+from vibroplat.study.settling import KnownOrbit, Seeker, Settling, period, section_points, settle
 from vibroplat.study.store import Record
 from vibroplat.system.memory import NO_MORE
 
 #: Distance from −π (rad) up to which a phase difference is reported as π: a few times the error left by settling.
 ANTIPHASE = 5e-3
+#: The same of orbits.
+ANTIPHASE_OF_ORBITS = 1e-6
 #: Number of blocks in which motion that does not repeat is measured, each as long as the plan's ``measure_s``.
 BLOCKS = 8
 #: Fewest periods that are measured of motion that repeats: each half must show that it does.
@@ -83,6 +87,9 @@ POINT: Columns = {
         "undecided, or non-periodic where it was not asked for",
     ),
     "period": Column("turns of exciter 1 until the motion repeats", "0: none found"),
+    "multiplier_max": Column(
+        "size of the largest Floquet multiplier", "of motion that repeats, but the 1 along it; empty without its orbit"
+    ),
     "lyapunov_per_s": Column("largest Lyapunov exponent", "of motion that does not repeat"),
     "lyapunov_error_per_s": Column("standard error of lyapunov_per_s"),
     **{
@@ -157,14 +164,62 @@ def measure_point(scene: Scene, plan: SweepPlan, state: list[float] | None, key:
 
 def _measured_point(scene: Scene, plan: SweepPlan, state: list[float] | None, key: tuple[int, ...]) -> Point:
     began = time.perf_counter()
+    start = initial_state(scene) if state is None else np.array(state)
+    start = perturbed(start, scene, plan.perturbation, (plan.seed, *key))
+    if plan.settle == "motion" or plan.settle_s != "auto":
+        point = _followed(scene, plan, start)
+    else:
+        with closing(provided("OrbitSeeker")(scene)) as seeker:
+            point = _sought(scene, plan, start, seeker)
+    point.row["wall_s"] = time.perf_counter() - began
+    return point
+
+
+def _sought(scene: Scene, plan: SweepPlan, start: FloatArray, seeker: Seeker) -> Point:
+    """Look for the orbit that a motion comes to at once, and while it settles."""
+    orbit = seeker.first(start)
+    if orbit is not None and seeker.reached is not None:
+        return _on_orbit(scene, orbit, seeker.reached[1], seeker.work)
+    return _followed(scene, plan, *(seeker.reached or (start, 0.0)), seeker)
+
+
+def _on_orbit(
+    scene: Scene, orbit: KnownOrbit, settled: float, work: Mapping[str, int | None], events: int = 0
+) -> Point:
+    """Tell what is known of the orbit that a motion comes to, which has settled for a time (s), with some events."""
+    found = orbit.measures
+    row: dict[str, Any] = {
+        "rotation": scene.rotation,
+        "settle_s": settled,
+        "outcome": "ok",
+        "detail": "",
+        "steps": work["steps"],
+        "residual_calls": work["residual_calls"],
+        "events": events + found["events"],
+        "simulated_s": settled + orbit.period * orbit.turn,
+    }
+    doubt = inaccuracy(found, scene)
+    if doubt:
+        row |= {"outcome": INACCURATE, "detail": doubt, "energy_residual": found["energy_residual"]}
+        return Point(row, None)
+    row |= row_of(found, scene, near=ANTIPHASE_OF_ORBITS) | columns_of(Kind("periodic", orbit.period))
+    row["multiplier_max"] = orbit.multiplier
+    return Point(row, orbit.state.tolist(), orbit.section_y, orbit.impact_speeds)
+
+
+def _followed(
+    scene: Scene, plan: SweepPlan, start: FloatArray, began: float = 0.0, seeker: Seeker | None = None
+) -> Point:
+    """Follow a motion from a full state and a time (s) until it has settled, and measure it."""
     p = parameters(scene)
     impacts = _Impacts() if plan.kind == "bifurcation" else None
     with closing(make_engine(scene, p)) as engine:
-        start = initial_state(scene) if state is None else np.array(state)
-        motion = Motion(scene, p, engine, perturbed(start, scene, plan.perturbation, (plan.seed, *key)))
-        settling, part, kind = _settled_and_measured(motion, plan, [] if impacts is None else [impacts])
+        motion = Motion(scene, p, engine, start, began)
+        settling, part, kind = _settled_and_measured(motion, plan, [] if impacts is None else [impacts], seeker)
         work = engine.work
-        stiff = stiffness(scene, engine.name, work["steps"], motion.restarts, motion.now)
+        stiff = stiffness(scene, engine.name, work["steps"], motion.restarts, motion.now - began)
+    if settling.orbit is not None:
+        return _on_orbit(scene, settling.orbit, settling.seconds, work, motion.events)
     row: dict[str, Any] = {
         "rotation": scene.rotation,
         "settle_s": settling.seconds,
@@ -191,7 +246,6 @@ def _measured_point(scene: Scene, plan: SweepPlan, state: list[float] | None, ke
         if impacts is not None:
             points = section_points(part.measures, scene)
             heights = (points[-SHOWN:, 1] * state_scales(scene)[1]).tolist()
-    row["wall_s"] = time.perf_counter() - began
     return Point(row, final, heights, list(impacts.speeds) if final and impacts else [])
 
 
@@ -208,7 +262,7 @@ class _Impacts:
 
 
 def _settled_and_measured(
-    motion: Motion, plan: SweepPlan, observers: Sequence[Observer]
+    motion: Motion, plan: SweepPlan, observers: Sequence[Observer], seeker: Seeker | None = None
 ) -> tuple[Settling, Part, Kind | None]:
     """Settle, measure and classify a motion; settle again if it turns out not to have settled.
 
@@ -217,7 +271,9 @@ def _settled_and_measured(
     """
     longest = plan.max_settle_s
     while True:
-        settling = settle(motion, plan, longest)
+        settling = settle(motion, plan, longest, seeker)
+        if settling.orbit is not None:  # it is measured already
+            return settling, motion.advance(0.0), None
         part = _measured_part(motion, plan, settling, observers)
         if motion.outcome != "ok":
             return settling, part, None
@@ -228,6 +284,9 @@ def _settled_and_measured(
             break
         if settling.how == "maximum":
             longest = PATIENCE * plan.max_settle_s
+    orbit = seeker.seek(motion, points, kind.period) if kind.period and seeker is not None else None
+    if orbit is not None:
+        return settling._replace(seconds=motion.now, orbit=orbit), part, kind
     if kind.period and part.blocks:  # it repeats after all: measure whole periods
         if settling.how == "maximum":
             settling = settling._replace(seconds=motion.now)
@@ -257,18 +316,23 @@ def _measure(motion: Motion, least: float, settling: Settling, observers: Sequen
 
 
 def row_of(
-    found: dict[str, Any], scene: Scene, errors: Mapping[str, float | None] = MappingProxyType({}), slip: float = 0.0
+    found: dict[str, Any],
+    scene: Scene,
+    errors: Mapping[str, float | None] = MappingProxyType({}),
+    slip: float = 0.0,
+    near: float = ANTIPHASE,
 ) -> dict[str, Any]:
     """Return the columns of measures that were found: with their errors, the notes on them and the synchronization.
 
-    ``slip`` is the change of the phase difference while the motion settled (rad), if it has not become periodic.
+    ``slip`` is the change of the phase difference while the motion settled (rad), if it has not become periodic. What
+    is no farther than ``near`` from −π (rad) is π.
     """
     row: dict[str, Any] = {name: found[name] for name in (*MEASURED, *columns(scene))} | dict(errors)
     if scene.has_contact and row["gap_max_m"] is None:
         row["gap_max_m"] = 0.0  # it never flew
     if row["phase_difference_rad"] is not None:
         error = errors.get(ERRORS["phase_difference_rad"]) or 0.0
-        row["phase_difference_rad"] = half_open(row["phase_difference_rad"], max(ANTIPHASE, 2.0 * error))
+        row["phase_difference_rad"] = half_open(row["phase_difference_rad"], max(near, 2.0 * error))
     row["notes"] = "; ".join(notes_on_measures(scene, found))
     row["sync"] = "none" if abs(slip) > WANDER else synchronization(found)
     return row

@@ -289,9 +289,10 @@ class Processes:
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
         """Start a task; if the workers have just died it fails like the tasks that they had."""
         try:
-            resource_tracker.ensure_running()  # started later, it would unblock Ctrl-C (CPython < 3.14)
-            with unheard():
-                future: Future[Any] = self._executor.submit(function, *arguments)
+            with _starting():
+                resource_tracker.ensure_running()  # started later, it would unblock Ctrl-C (CPython < 3.14)
+                with unheard():
+                    future: Future[Any] = self._executor.submit(function, *arguments)
         except BrokenExecutor as error:
             future = Future()
             future.set_exception(error)
@@ -303,7 +304,8 @@ class Processes:
 
         # a worker that has been idle for long ends, and is replaced when there is work
         warnings.filterwarnings("ignore", message="A worker stopped while some jobs were given", category=UserWarning)
-        self._executor: Executor = get_reusable_executor(self._jobs, timeout=IDLE, env=PINNED)
+        with _starting():
+            self._executor: Executor = get_reusable_executor(self._jobs, timeout=IDLE, env=PINNED)
 
     def check(self) -> None:
         """Nothing to look for: the futures of workers that die fail by themselves."""
@@ -311,6 +313,16 @@ class Processes:
     def close(self) -> None:
         """Stop the workers."""
         self._executor.shutdown(wait=True, kill_workers=True)  # type: ignore[call-arg]
+
+
+@contextmanager
+def _starting() -> Iterator[None]:
+    """Let an error of the system say that it is about processes: it may be short of files, or not give semaphores."""
+    try:
+        yield
+    except OSError as error:
+        why = f"worker processes cannot be started: {error.strerror or error}; one job needs none"
+        raise OSError(error.errno, why) from None
 
 
 @contextmanager

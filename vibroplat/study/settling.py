@@ -10,7 +10,8 @@ transients end in periodic motion, and only time distinguishes them from chaos.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from collections.abc import Mapping
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -35,14 +36,68 @@ NOISE = 30.0
 WANDERING = 192
 
 
+class KnownOrbit(NamedTuple):
+    """A stable periodic orbit that a motion comes to.
+
+    Attributes
+    ----------
+    state
+        Full state on it, on the Poincaré section, shape (14,).
+    period, turn
+        Turns of exciter 1 in a period, and the mean duration of one (s).
+    multiplier
+        Size of the largest Floquet multiplier but the 1 along the motion.
+    measures
+        What :func:`vibroplat.observe.summary.measured` gathers over a period.
+    section_y, impact_speeds
+        y where it crosses the section (m), and speeds of the impacts in a period (m/s).
+    """
+
+    state: FloatArray
+    period: int
+    turn: float
+    multiplier: float
+    measures: dict[str, Any]
+    section_y: list[float]
+    impact_speeds: list[float]
+
+
+class Seeker(Protocol):
+    """Looks for the orbit that a motion comes to."""
+
+    @property
+    def reached(self) -> tuple[FloatArray, float] | None:
+        """Full state at the end of the first turns, shape (14,), and time that they took (s); None without them."""
+
+    @property
+    def leaving(self) -> bool:
+        """Whether the orbit that the motion was last near is unstable."""
+
+    @property
+    def work(self) -> Mapping[str, int | None]:
+        """How much was done so far; see :data:`vibroplat.integrate.seam.WORK`."""
+
+    def first(self, start: FloatArray) -> KnownOrbit | None:
+        """Follow a motion for BLOCK turns from a full state, and return the orbit that it surely comes to."""
+
+    def seek(self, motion: Motion, points: FloatArray, period: int) -> KnownOrbit | None:
+        """Return the orbit that a motion surely comes to.
+
+        Its section has these points, in the scales of the scene, and draws together after a period (turns), or 0.
+        """
+
+    def close(self) -> None:
+        """Free what the engine holds."""
+
+
 class Settling(NamedTuple):
     """How a motion settled.
 
     Attributes
     ----------
     how
-        ``periodic``, ``maximum`` (not within the time that the plan allows), ``fixed`` (for a given time), or
-        ``unfinished`` (it ended early).
+        ``periodic``, ``orbit`` (it comes to a known one), ``maximum`` (not within the time that the plan allows),
+        ``fixed`` (for a given time), or ``unfinished`` (it ended early).
     seconds
         How long it settled (s).
     period
@@ -51,6 +106,8 @@ class Settling(NamedTuple):
         Duration of a turn at the end (s); 0 if it is not known.
     slip
         Change of the phase difference over the last WANDERING turns (rad) if the motion is not periodic.
+    orbit
+        The orbit that it comes to, if that is known.
     """
 
     how: str
@@ -58,6 +115,7 @@ class Settling(NamedTuple):
     period: int = 1
     turn: float = 0.0
     slip: float = 0.0
+    orbit: KnownOrbit | None = None
 
     @property
     def late(self) -> bool:
@@ -65,8 +123,8 @@ class Settling(NamedTuple):
         return self.how == "periodic" and self.turn > 0.0 and self.seconds > EARLY_LOOKS * BLOCK * self.turn
 
 
-def settle(motion: Motion, plan: SweepPlan, longest: float) -> Settling:
-    """Advance a motion until it has settled as the plan says or has ended early.
+def settle(motion: Motion, plan: SweepPlan, longest: float, seeker: Seeker | None = None) -> Settling:
+    """Advance a motion until it has settled as the plan says, or comes to an orbit that a seeker knows, or ends early.
 
     ``longest`` limits the settling with ``auto`` (s). It is counted from the beginning of the motion, so that one that
     turns out not to have settled can settle for the remaining time.
@@ -86,11 +144,12 @@ def settle(motion: Motion, plan: SweepPlan, longest: float) -> Settling:
         points = np.concatenate([points, section_points(part.measures, motion.scene)])[-2 * TURNS :]
         times = np.concatenate([times, section_rows(part.measures)["t"]])[-2 * TURNS :]
         phases = [*phases, float(motion.state[3:5] @ motion.scene.phase_weights)][-max(WANDERING // block, 1) - 1 :]
-        if len(points) < 2 * TURNS:
-            continue
         was_close = close
-        close = draws_together(points, motion.scene, plan)
-        if close and was_close:
+        close = draws_together(points, motion.scene, plan) if len(points) == 2 * TURNS else 0
+        orbit = None if seeker is None else seeker.seek(motion, points, close)
+        if orbit is not None:
+            return Settling("orbit", motion.now, orbit.period, orbit.turn, orbit=orbit)
+        if close and was_close and not (seeker is not None and seeker.leaving):
             return Settling("periodic", motion.now, close, float(times[-1] - times[TURNS]) / (TURNS - 1))
     return Settling("maximum", motion.now, slip=phases[-1] - phases[0] if phases else 0.0)
 

@@ -126,6 +126,7 @@ class Store:
                 self._drop_spoiled(finished or 0)
             else:
                 self._base.execute("DELETE FROM records")
+                self._base.execute("DELETE FROM about")
             self._tell("conditions", wanted)
             self._tell("finished", finished if resume else 0)
 
@@ -226,6 +227,20 @@ class Store:
     def _named(self, chain: int | str) -> int | str:
         return f"{self._prefix}{chain}" if self._prefix else chain
 
+    def require(self, condition: str, value: Any) -> None:
+        """Refuse to go on under another value of a condition that is known only when the work begins.
+
+        Raises
+        ------
+        ConfigError
+            Work is resumed that began under another value.
+        """
+        with self._complaints(), self._base:
+            found = self._about(condition)
+            if found is not None:
+                _require_same({condition: found}, {condition: value}, self._what)
+            self._tell(condition, value)
+
     def finish(self) -> None:
         """Mark the work as finished: nothing is missing."""
         with self._complaints(), self._base:
@@ -298,5 +313,6 @@ def _require_same(found: Mapping[str, Any], wanted: Mapping[str, Any], what: str
         key = differing[0]
         more = f" (and {len(differing) - 1} more)" if len(differing) > 1 else ""
         raise ConfigError(
-            f"cannot resume: {key} = {wanted.get(key)}; allowed: {found.get(key)}, as in the finished {what}{more}"
+            f"cannot resume: {key} = {wanted.get(key)}; allowed: {found.get(key)}, as in the finished {what}{more}, "
+            "or --overwrite instead, to begin anew"
         )

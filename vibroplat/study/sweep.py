@@ -9,7 +9,6 @@ from typing import Any
 
 import pandas as pd
 
-import vibroplat
 from vibroplat.columns import Column, Columns
 from vibroplat.config.plausibility import notes_on_inputs
 from vibroplat.config.scene import Scene
@@ -25,6 +24,7 @@ from vibroplat.study import WAIT
 from vibroplat.study.bands import bands
 from vibroplat.study.branches import EXCITATION, FREQUENCY, SUPPLY, Branch, branches, study_table
 from vibroplat.study.confirming import CONFIRMED
+from vibroplat.study.fingerprint import package
 from vibroplat.study.point import ERRORS, MEASURED, POINT, lost, measure_point
 from vibroplat.study.pool import Pool, StoredChain, Task, Tasks, pool, run_stored
 from vibroplat.study.store import Record, SpoiledError, Store
@@ -33,7 +33,7 @@ from vibroplat.study.store import Record, SpoiledError, Store
 COLUMNS = (
     *("direction", "branch", "rotation"),
     *MEASURED[:8],
-    *("sync", "motion", "period"),
+    *("sync", "motion", "period", "multiplier_max"),
     *MEASURED[8:],
     *("lyapunov_per_s", "lyapunov_error_per_s"),
     *ERRORS.values(),
@@ -118,8 +118,8 @@ def unfinished(planned: Sequence[Branch], store: Store) -> int:
 
 
 def conditions(scene: Scene) -> dict[str, Any]:
-    """Return what the points of a sweep depend on: version, engine and configuration."""
-    return {"vibroplat": vibroplat.__version__, "engine": engine_name(scene), "configuration": scene.to_tree()}
+    """Return what the points of a sweep depend on: code, engine and configuration."""
+    return package() | {"engine": engine_name(scene), "configuration": scene.to_tree()}
 
 
 def run_sweeps(

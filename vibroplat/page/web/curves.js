@@ -6,7 +6,7 @@ const PANEL = 92, LEFT = 58, RIGHT = 10, BOTTOM = 40;
 const PHASE_TICKS = {tickvals: [0, Math.PI / 2, Math.PI, 3 * Math.PI / 2], ticktext: ["0", "π/2", "±π", "−π/2"],
   range: [-Math.PI / 2 - 0.1, 3 * Math.PI / 2 + 0.45]}; // room for the highest tick's label below the heading
 // As wide as any value of a heading.
-const WIDEST = "−0.0000";
+const WIDEST = "−0.000000";
 const CONFIG = {responsive: true, displaylogo: false, displayModeBar: window.innerWidth > 700 ? "hover" : false,
   modeBarButtonsToRemove: ["select2d", "lasso2d", "autoScale2d"]};
 
@@ -132,7 +132,7 @@ class Curves {
       const top = 1 - (this.tops[number] - above) / inner;
       layout[number ? `yaxis${number + 1}` : "yaxis"] = {
         domain: [Math.max(top - PANEL / inner, 0), top], anchor: "x", gridcolor: "#eee", zerolinecolor: "#ccc",
-        nticks: 5, fixedrange: false, ...(panel.title === "phase difference" ? PHASE_TICKS : {})};
+        nticks: 5, fixedrange: false, exponentformat: "power", ...(panel.title === "phase difference" ? PHASE_TICKS : {})};
     });
     await figure(this.box, this.traces(), layout);
     this.cursor = element("div", {class: "cursor", "aria-hidden": "true", style: `top:${above}px;height:${inner}px`});
@@ -225,7 +225,8 @@ class Curves {
     for (const {values} of this.readouts) for (const {curve, text} of values) {
       const value = valueAt(curve.run, curve.column, t, curve.column === "phase" ? 2 * Math.PI : 0);
       const inside = t >= curve.run.origin && t <= curve.run.end;
-      text.textContent = inside && value !== null ? fixed(curve.column === "phase" ? principal(value) : value * curve.factor) : "–";
+      const told = curve.column === "phase" ? principal(value) : value * curve.factor;
+      text.textContent = inside && value !== null ? fixed(told, this.data.panels[curve.panel].decimals) : "–";
     }
   }
 
@@ -246,11 +247,8 @@ class Curves {
 // A value of a curve as it is told where one points at it.
 const told = (column, value) => value === null ? "" : shown(column === "phase" ? principal(value) : value, 4);
 
-// Four digits that do not change their number while they run.
-function fixed(value) {
-  const size = Math.abs(value);
-  return value.toFixed(size >= 100 ? 1 : size >= 10 ? 2 : size >= 0.1 ? 3 : 4).replace(/^-(?=0\.0*$)/, "").replace("-", "−");
-}
+// Digits that do not change their number while they run.
+const fixed = (value, decimals) => value.toFixed(decimals).replace(/^-(?=0\.?0*$)/, "").replace("-", "−");
 
 // The whole run in one panel, where an interval is chosen by dragging.
 class Overview {
@@ -265,7 +263,7 @@ class Overview {
       mode: "lines", line: {width: 0.8, color: this.curves.runs.length > 1 ? run.colour : COLOURS[0]}, hoverinfo: "skip"}));
     const layout = {height: 92, margin: {l: LEFT, r: RIGHT, t: 18, b: 22}, font: {...FONT, size: 11}, showlegend: false,
       dragmode: "select", selectdirection: "h", plot_bgcolor: "#fafafa",
-      title: {text: "whole run: platform y (mm)", x: 0, xref: "container", y: 0.97,
+      title: {text: "whole run: platform y from rest (mm)", x: 0, xref: "container", y: 0.97,
         font: {size: 11.5}, pad: {l: 4}},
       xaxis: {range: this.curves.whole, fixedrange: true, zeroline: false, showgrid: false},
       yaxis: {fixedrange: true, nticks: 3, zeroline: false, gridcolor: "#eee"}};

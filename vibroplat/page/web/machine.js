@@ -90,7 +90,7 @@ class Machine {
     this.upper = upper ? slab(upper, UPPER) : null;
     this.gap = drawn("g", {}, this.svg);
     this.gapLine = drawn("path", {stroke: INK, "stroke-width": 1, fill: "none"}, this.gap);
-    this.gapText = drawn("text", {x: 154, class: "small", "text-anchor": "end"}, this.gap);
+    this.gapText = drawn("text", {x: 99, class: "small"}, this.gap);
   }
 
   burst() {
@@ -101,7 +101,7 @@ class Machine {
       path += `${ray ? "L" : "M"}${(102 * size * Math.cos(angle)).toFixed(1)} ${(13 * size * Math.sin(angle)).toFixed(1)}`;
     }
     drawn("path", {d: `${path}Z`, fill: "#FFD400", stroke: "#7a5b00", "stroke-width": 1}, group);
-    const text = drawn("text", {x: 154, y: -9, class: "small strong halo", "text-anchor": "end"}, group);
+    const text = drawn("text", {x: 106, y: 17, class: "small strong halo"}, group);
     return {group, text};
   }
 

@@ -79,7 +79,7 @@ class OrbitView {
     const axis = {gridcolor: "#eee", zerolinecolor: "#ccc", nticks: 6, exponentformat: "power"};
     const layout = {height, margin: {l: 52, r: 8, t: 8, b: 40}, font: {...FONT, size: 11}, showlegend: false,
       hovermode: "closest", plot_bgcolor: "#fff", dragmode: "zoom",
-      xaxis: {...axis, title: {text: "y (mm)", standoff: 4}, anchor: "y", range: range(mm(columns.y_m))},
+      xaxis: {...axis, title: {text: "y from rest (mm)", standoff: 4}, anchor: "y", range: range(mm(columns.y_m))},
       yaxis: {...axis, title: {text: "ẏ (m/s)", standoff: 4}, domain: [part, 1], anchor: "x", range: range(columns.y_rate_m_per_s)}};
     const traces = this.lines(t, mm(columns.y_m), columns.y_rate_m_per_s, COLOURS[0], {});
     if (hasGap) {

@@ -8,24 +8,6 @@ const nameOf = number => data.results[number].label;
 // How a result differs from the others of its command.
 const differs = number => element("small", {}, data.results[number].differs && ` ${data.results[number].differs}`);
 
-function header() {
-  byId("title").textContent = data.title;
-  const told = data.results.map(result => {
-    const commit = result.git_commit ? ` (${String(result.git_commit).slice(0, 10)})` : "";
-    const how = [["engine", result.engine], ["tolerance", result.tolerance], ["vibroplat", result.vibroplat, commit],
-      ["made", result.created]].filter(([, value]) => value !== null)
-      .map(([name, value, more = ""]) => `${name} ${shown(value)}${more}`);
-    return element("span", {}, `${several ? `${result.label}: ` : ""}${[result.command, ...how].join(", ")}`);
-  });
-  byId("origin").append(...told);
-  const list = byId("remarks");
-  list.hidden = !data.remarks.length;
-  for (const {result, text, failed} of data.remarks) {
-    list.append(element("li", {class: failed ? "failed" : ""}, element("b", {}, failed ? "Failed: " : "Note: "),
-      several ? `${result}: ${text}` : text));
-  }
-}
-
 function legend(runs) {
   const box = byId("legend");
   box.hidden = runs.length < 2;
@@ -78,44 +60,6 @@ function notes(runs) {
   `Numbers above a panel: values at the cursor. ${(told.length ? told : all).join(" ")}`);
 }
 
-function summary() {
-  const {results, rows} = data.summary;
-  if (!results.length) return;
-  byId("summary").hidden = false;
-  const heads = ["", "unit", ...results.map(number => results.length > 1 ? nameOf(number) : "value")];
-  const line = row => element("tr", {}, element("th", {scope: "row"}, row.words), element("td", {class: "unit"}, row.unit),
-    ...row.values.map(value => element("td", {class: "number"}, shown(value))));
-  byId("summary-first").append(listing(heads, rows.filter(row => row.first).map(line)));
-  byId("summary-rest").append(listing(heads, rows.filter(row => !row.first).map(line)));
-}
-
-function parameters() {
-  byId("parameters-note").textContent = "Highlighted and marked ●: not the default, which is the paper's test rig." +
-    (several ? " Marked ≠: not the same in all results." : "");
-  const heads = ["parameter", "symbol or meaning", "unit", "default", ...data.results.map(result =>
-    several ? `${result.label} (${result.command})` : "value")];
-  const lines = [];
-  let section = null;
-  for (const row of data.parameters) {
-    if (row.section !== section) {
-      section = row.section;
-      lines.push(element("tr", {class: "section"}, element("th", {scope: "rowgroup", colspan: heads.length}, section)));
-    }
-    lines.push(parameter(row));
-  }
-  byId("parameters-table").append(listing(heads, lines));
-}
-
-function parameter(row) {
-  const value = (one, number) => element("td", {class: row.changed[number] ? "number changed" : "number"},
-    `${row.changed[number] ? "● " : ""}${listed(one)}`);
-  return element("tr", {}, element("th", {scope: "row"}, `${row.differs ? "≠ " : ""}${row.words}`),
-    element("td", {class: "meaning"}, typeset(row.meaning)), element("td", {class: "unit"}, row.unit),
-    element("td", {class: "number"}, listed(row.default)), ...row.values.map(value));
-}
-
-const listed = value => value !== null && typeof value === "object" ? JSON.stringify(value) : shown(value);
-
 function tables() {
   for (const table of data.tables) {
     const title = table.title[0].toUpperCase() + table.title.slice(1), label = nameOf(table.result);
@@ -164,9 +108,6 @@ async function library() {
 }
 
 async function build() {
-  header();
-  summary();
-  parameters();
   byId("fault").hidden = "DecompressionStream" in window;
   if (!byId("fault").hidden) return;
   await library();
@@ -174,7 +115,7 @@ async function build() {
   player = await motion();
   tables();
   printing(await figures());
-  // For tests and for `tests/tools/film.py`.
+  // For tests.
   window.vibroplat = {data, player};
   document.documentElement.dataset.ready = "true";
 }

@@ -2,7 +2,7 @@
 
 const POINT_PANEL = 138, PRINTED_PANEL = 84, BETWEEN_POINTS = 34, ABOVE_POINTS = 46;
 const MEANINGS = {
-  sweep: "▲ up, ▼ down; filled: periodic, open: not periodic, ×: failed. Where the motion jumps, a line is broken.",
+  sweep: "▲ up, ▼ down; filled: periodic, open: not periodic, with a dot: undecided, ×: failed. Where the motion jumps, a line is broken.",
   orbits: "Solid: stable orbits; dashed, with open points: unstable ones. White marks: special points of branches, at " +
     "their exact frequency.",
 };
@@ -124,8 +124,9 @@ class Points {
   }
 
   series(series, measure, over, place, inLegend) {
-    const open = new Set(series.open), failed = new Set(series.failed), colour = this.colour(series.colour);
-    const symbol = row => failed.has(row) ? "x-thin-open" : open.has(row) ? `${series.symbol}-open` : series.symbol;
+    const open = new Set(series.open), undecided = new Set(series.undecided), failed = new Set(series.failed), colour = this.colour(series.colour);
+    const symbol = row => failed.has(row) ? "x-thin-open" : undecided.has(row) ?
+      `${series.symbol}-open-dot` : open.has(row) ? `${series.symbol}-open` : series.symbol;
     const isOrbit = this.data.command === "orbits", wrapped = this.wrapped(series.rows, measure);
     return {...place, mode: "lines+markers", name: plain(series.label), legendgroup: plain(series.label), showlegend: inLegend,
       x: wrapped.map(row => row === null ? null : over[row]),
@@ -162,11 +163,10 @@ class Points {
   }
 
   mark(mark, measure, place, inLegend, number) {
-    const symbols = ["diamond", "square", "star", "hexagon", "cross", "pentagon", "bowtie"];
     return {...place, mode: "markers", name: plain(mark.kind), legendgroup: plain(mark.kind), showlegend: inLegend,
       x: mark.at[this.axis.column], y: mark.at[measure.column].map(value => scaled(measure, value)),
       customdata: mark.rows.map(special => ({special})),
-      marker: {size: 9, symbol: symbols[number % symbols.length], color: "#fff", line: {color: "#000", width: 1.3}},
+      marker: {size: 9, symbol: mark.symbol, color: "#fff", line: {color: "#000", width: 1.3}},
       hovertemplate: `${plain([mark.kind, mark.meaning].filter(Boolean).join(": "))}<br>%{x:.7g}<extra></extra>`};
   }
 
@@ -214,7 +214,7 @@ class Points {
       const value = column.values[row];
       if (value === null || value === "" || /^multiplier_/.test(column.name)) continue;
       (column.state ? state : list).append(element("dt", {title: column.name}, column.words),
-        element("dd", {}, `${shown(value)}${column.unit ? ` ${column.unit}` : ""}`));
+        element("dd", {}, `${shown(inUnit(column, value))}${column.unit ? ` ${column.unit}` : ""}`));
     }
     const back = element("button", {type: "button", class: "back screen"}, "↑ Back to the curves");
     back.addEventListener("click", () => this.figure.scrollIntoView({block: "nearest"}));

@@ -78,7 +78,7 @@ class Table {
   row(number) {
     const cells = this.data.columns.map(column => {
       const value = column.values[number];
-      return element("td", {class: typeof value === "string" ? "word" : "number"}, shown(value));
+      return element("td", {class: typeof value === "string" ? "word" : "number"}, shown(inUnit(column, value)));
     });
     const made = element("tr", {"data-row": number}, ...cells);
     if (number === this.picked) made.className = "picked";
@@ -108,6 +108,9 @@ class Table {
   }
 }
 
+// A value of a column in the unit that is shown.
+const inUnit = (column, value) => typeof value === "number" ? column.factor * value : value;
+
 // What is missing comes last, however a table is sorted.
 function compared(a, b, sign) {
   if (a === null || b === null) return (a === null) - (b === null);
@@ -118,10 +121,4 @@ function save(text, file) {
   const address = URL.createObjectURL(new Blob([text], {type: "text/csv"}));
   element("a", {href: address, download: file}).click();
   setTimeout(() => URL.revokeObjectURL(address), 1000);
-}
-
-// A table of labels and values, a column for each result.
-function listing(heads, rows) {
-  const head = element("tr", {}, ...heads.map(text => element("th", {scope: "col"}, text)));
-  return element("table", {class: "listing"}, element("thead", {}, head), element("tbody", {}, ...rows));
 }

@@ -41,23 +41,6 @@ const withUnit = (text, unit) => unit ? `${text} (${unit})` : text;
 // Plotly reads a few tags in its texts.
 const plain = text => text.replace(/&/g, "&amp;").replace(/</g, "&lt;").replace(/>/g, "&gt;");
 
-const GREEK = {rho: "ρ", mu: "μ", gamma: "γ", phi: "φ", beta: "β", omega: "ω", pi: "π"};
-const greek = word => GREEK[word] || word;
-
-// Symbols such as m_0 and gamma_1 with their index below.
-function typeset(text) {
-  const box = element("span");
-  let end = 0;
-  for (const found of text.matchAll(/\b([A-Za-z]{1,5})_([A-Za-z0-9]{1,3})\b|\b(rho|mu|gamma|phi|beta|omega|pi)\b/g)) {
-    box.append(text.slice(end, found.index));
-    if (found[3]) box.append(greek(found[3]));
-    else box.append(element("i", {}, greek(found[1])), element("sub", {}, greek(found[2])));
-    end = found.index + found[0].length;
-  }
-  box.append(text.slice(end));
-  return box;
-}
-
 // Draw a figure. Its box gets the height of the figure, which Plotly takes from it when the window changes.
 function figure(box, traces, layout, config = CONFIG) {
   box.style.height = `${layout.height}px`;

@@ -1,0 +1,58 @@
+"""From where motion is known to come to a stable orbit."""
+
+from __future__ import annotations
+
+from contextlib import closing
+
+import numpy as np
+import pytest
+
+from continuation.helpers import MACHINE
+from vibroplat import load_config
+from vibroplat.continuation.attraction import Attraction, contracting_norm
+from vibroplat.continuation.orbit import accurate, first_orbit
+from vibroplat.continuation.shooting import Shooter
+
+
+@pytest.mark.parametrize("defective", [False, True])
+def test_the_norm_shrinks_in_each_period(defective):
+    """For a map whose powers grow at first, and for one whose eigenvectors are parallel."""
+    section_map = np.array([[0.9, 5.0, 0.0], [0.0, 0.9 if defective else 0.4, 3.0], [0.0, 0.0, -0.2]])
+    norm = contracting_norm(section_map, *np.linalg.eig(section_map))
+    bound = 0.95 if defective else 0.9
+    for way in np.random.default_rng(0).standard_normal((20, 3)):
+        assert np.linalg.norm(norm @ section_map @ way) <= (bound + 1e-9) * np.linalg.norm(norm @ way)
+
+
+@pytest.fixture(scope="module")
+def flying():
+    """An orbit with flight, its attraction, and a shooter of its scene."""
+    scene = load_config(MACHINE, {"solver.engine": "taylor", "material.mass_ratio": 0.2})
+    with closing(Shooter(accurate(scene.replace({"drive.supply_frequency_hz": 50.0}), 1e-8))) as shooter:
+        _, found = first_orbit(shooter, None, 1, (), 1e-8)
+        yield Attraction(found, 1), shooter
+
+
+def moved(around, size):
+    state = around.state.copy()
+    state[8] += size
+    return state
+
+
+def test_motion_comes_nearer_from_where_an_orbit_attracts(flying):
+    around, shooter = flying
+    state = moved(around, 1e-3)
+    away = around.distance(state, around.system)
+    assert around.attracts(shooter, away)
+    assert around.draws(shooter, state)
+    shooter.motion.reset(state)
+    assert shooter.motion.to_section(40, 10.0)
+    left = around.distance(shooter.motion.state, shooter.motion.system.index)
+    assert left < (0.5 * (1.0 + around.rate)) ** 40 * away
+
+
+def test_an_orbit_does_not_attract_from_anywhere(flying):
+    around, shooter = flying
+    assert not around.attracts(shooter, 30.0)
+    assert not around.draws(shooter, moved(around, 5.0))
+    assert around.distance(around.state, around.system + 1) == np.inf

@@ -1,0 +1,385 @@
+"""Every figure of every degenerate table: no panel vanishes, nothing is cut off, and what is known is seen."""
+
+from __future__ import annotations
+
+from itertools import combinations
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+from common import handmade
+from common.places import QUICKSTART
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.text import Text
+
+from vibroplat import load_config
+from vibroplat.errors import TableError
+from vibroplat.plots import bench, orbits, paper, run, sweep
+from vibroplat.plots.reading import ends_of, finite
+from vibroplat.plots.studies import Study, branches_of, grid_of
+from vibroplat.plots.style import styled
+
+from .conftest import diagram, sweep_table
+
+MASS, LAW = "material.mass_ratio", "contact.impact_law"
+FREQUENCIES = ["supply_frequency_hz", "excitation_frequency_hz"]
+#: Dots per inch of the pictures that are looked at, and the least width and height of a panel (inch).
+DPI, LEAST = 60, (0.8, 0.4)
+
+# -- tables ------------------------------------------------------------------------------------------------------------
+
+
+def numbers(table):
+    """Columns that are measured: those that can be lost, or be any number."""
+    names = [name for name in table.select_dtypes("number") if name not in (*FREQUENCIES, *KEYS)]
+    return [name for name in names if table[name].dtype == float]
+
+
+KEYS = ("t_s", "branch", "parent", "point", "period", "curve", "panel", MASS)
+
+
+def filled(value, *names):
+    """All measures, or the columns of these names, have one value."""
+    return lambda table: table.assign(**{n: value for n in numbers(table) if not names or n in names})
+
+
+def times(factor, *names):
+    return lambda table: table.assign(**{n: factor * table[n] for n in names or numbers(table) if n in table})
+
+
+def some(value):
+    """One value of each measure is another one."""
+
+    def change(table):
+        found = table.copy()
+        found.loc[found.index[len(found) // 2 : len(found) // 2 + 1], numbers(found)] = value
+        return found
+
+    return change
+
+
+def without(*names):
+    return lambda table: table.drop(columns=[name for name in names if name in table])
+
+
+def rows(chosen):
+    return lambda table: table.iloc[chosen]
+
+
+def where(column, *values):
+    return lambda table: table[table[column].isin(values)] if column in table else table
+
+
+def text(column, value):
+    return lambda table: table.assign(**{column: value}) if column in table else table
+
+
+def every(*changes):
+    def change(table):
+        for one in changes:
+            table = one(table)
+        return table
+
+    return change
+
+
+def failed(table):
+    if "outcome" not in table:
+        return table
+    return filled(np.nan)(table).assign(outcome="event-storm", sync=None, excitation_frequency_hz=np.nan)
+
+
+def same_place(table):
+    return table.assign(**{name: 25.0 for name in FREQUENCIES if name in table})
+
+
+def alike(table):
+    """The way down is the way up."""
+    if "direction" not in table:
+        return table
+    up = table[table["direction"] == "up"]
+    return pd.concat([up, up.assign(direction="down", branch=up["branch"] + 1)], ignore_index=True)
+
+
+def many(table):
+    if "direction" not in table:
+        return table
+    parts = [table.assign(**{MASS: 0.01 * n, "branch": table["branch"] + 4 * n}) for n in range(12)]
+    return pd.concat(parts, ignore_index=True)
+
+
+def words(table):
+    """The key of the grid has texts."""
+    named = {0.0: "central", 0.2: "conservative"}
+    return table.rename(columns={MASS: LAW}).assign(**{LAW: table[MASS].map(named)}) if "sync" in table else table
+
+
+#: How tables are altered, by what they are then.
+CASES = {
+    "as they are": lambda table: table,
+    "no rows": rows(slice(0, 0)),
+    "one row": rows(slice(0, 1)),
+    "two rows": rows(slice(0, 2)),
+    "three rows": rows(slice(0, 3)),
+    "one branch of one point": lambda table: (
+        pd.concat([table.iloc[:1], table[table["branch"] != table["branch"].iloc[0]]]) if "branch" in table else table
+    ),
+    "no numbers": filled(np.nan),
+    "one number missing": some(np.nan),
+    "one infinite": some(np.inf),
+    "all infinite": filled(np.inf),
+    "all minus infinite": filled(-np.inf),
+    "zero": filled(0.0),
+    "equal": filled(0.3),
+    "nearly equal": every(filled(0.3), some(0.3 + 1e-15)),
+    "negative": filled(-0.3),
+    "huge": times(1e30),
+    "tiny": times(1e-30),
+    "one huge": some(1e30),
+    "never lands": every(text("mode", "flight"), filled(1e-3, "gap_m"), filled(0.0, "contact_force_n", "impulse_n_s")),
+    "never leaves": every(
+        text("mode", "attached"), filled(0.0, "gap_m", "impulse_n_s", "flight_fraction", "gap_max_m")
+    ),
+    "no impacts": where("kind", "liftoff", "fold"),
+    "no liftoff": where("kind", "impact", "grazing"),
+    "no events": where("kind"),
+    "one event": lambda table: table.iloc[:1] if "kind" in table else table,
+    "gap missing": filled(np.nan, "gap_m", "gap_max_m", "contact_force_n", "contact_force_max_n"),
+    "no optional columns": without(
+        "gap_m", "contact_force_n", "x_m", "phi_rad", "motion", "flight_fraction", "gap_max_m"
+    ),
+    "standing still": filled(0.0, "phi1_rate_rad_per_s", "phi2_rate_rad_per_s", "phi1_rad", "phi2_rad"),
+    "speeds missing": filled(np.nan, "phi1_rate_rad_per_s", "phi2_rate_rad_per_s", "phi1_rad", "phi2_rad"),
+    "always in flight": filled(1.0, "flight_fraction"),
+    "long after": lambda table: table.assign(t_s=1e9 + table["t_s"]) if "t_s" in table else table,
+    "very short": times(1e-9, "t_s"),
+    "one direction": where("direction", "down"),
+    "up as down": alike,
+    "all failed": failed,
+    "never synchronous": every(text("sync", "none"), text("motion", "chaotic"), text("period", 0)),
+    "all at one frequency": same_place,
+    "many values of a key": many,
+    "a key of words": words,
+    "all stable": text("stable", True),
+    "all unstable": text("stable", False),
+}
+
+# -- figures -----------------------------------------------------------------------------------------------------------
+
+
+def drawn_run(kind, count=1):
+    def draw(change, tables):
+        whole = tables["run"]
+        table, events = change(whole.trajectory), change(whole.events)
+        told = whole.summary | {"name": "run"}
+        one = run.run_of(told, whole.scene, ends_of([table]), [table], [events])
+        if kind == "force" and "contact_force_n" not in one.shown:
+            raise TableError("not drawn")
+        return run.FIGURES[kind](run.Shown([one] * count, names=["one", "another"]))
+
+    return draw
+
+
+class Found:
+    """A result in memory."""
+
+    known_scene = load_config(QUICKSTART)
+    directory = "results"
+
+    def __init__(self, tables):
+        self.tables = tables
+
+    def columns(self, name, *_):
+        return self.tables[name]
+
+    table = columns
+
+
+def drawn_sweep(kind):
+    def draw(change, tables):
+        table = finite(change(tables["sweep"]))
+        if table.empty:
+            raise TableError("refused where it is read")
+        points = {"section": diagram(table, "y_m"), "impacts": change(diagram(table, "impact_speed_m_per_s"))}
+        return sweep.FIGURES[kind](Study([Found(points)], ["sweep"], table, grid_of(table)))
+
+    return draw
+
+
+def drawn_branches(kind):
+    def draw(change, tables):
+        table = change(tables["branches"])
+        if table.empty:
+            raise TableError("refused where it is read")
+        special = change(handmade.special(tables["branches"]))
+        followed = branches_of(table, special[special["point"] < len(table)])
+        found = Study([Found({"boundaries": change(handmade.boundaries())})], **{
+            name: getattr(followed, name) for name in ("names", "points", "grid", "x", "key", "special")
+        }, second=MASS)  # fmt: skip
+        return orbits.FIGURES[kind](found, found.x)
+
+    return draw
+
+
+def drawn_orbit(change, tables):
+    whole = tables["run"]
+    table = change(whole.trajectory)
+    motion = SimpleNamespace(segments=[SimpleNamespace(end=0.1)])
+    found = {"scene": whole.scene, "period": 1, "stable": True, "sequence": "liftoff impact", "run": None}
+    if table.empty or "gap_m" not in table:
+        raise TableError("an orbit has rows and all columns")
+
+    class Motion:
+        segments = motion.segments
+
+        def __call__(self, _):
+            return table
+
+    return orbits.orbit_figure(SimpleNamespace(**found | {"run": Motion()}))
+
+
+def drawn_paper(name):
+    def draw(change, tables):
+        class Result:
+            directory = SimpleNamespace(glob=lambda _: [])
+
+            def table(self, which):
+                return change(tables["paper"][which])
+
+        if Result().table(name).empty:
+            raise TableError("a reproduction has rows")
+        return paper.FIGURES[name](Result())
+
+    return draw
+
+
+def drawn_precision(change, _):
+    errors = {"coordinates": 1e-6, "contact_force": 1e-3}
+    table = pd.DataFrame({"engine": ["a", "b"] * 4, "case": ["one"] * 4 + ["two"] * 4, "ms_per_s": 2.0} | errors)
+    kept = []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(bench, "save", lambda figure, *_: kept.append(figure))
+        bench.plot_precision(change(table), None, "precision")
+    return kept[0]
+
+
+FIGURES = {
+    **{kind: drawn_run(kind) for kind in run.FIGURES},
+    "force of two": drawn_run("force", 2),
+    **{kind: drawn_sweep(kind) for kind in sweep.FIGURES},
+    **{kind: drawn_branches(kind) for kind in orbits.FIGURES},
+    "orbit": drawn_orbit,
+    **{name: drawn_paper(name) for name in ("fig4", "fig6")},
+    "precision": drawn_precision,
+}
+
+
+@pytest.fixture(scope="module")
+def tables(runs):
+    found = sweep_table()
+    laws = found.assign(**{"contact.restitution": found[MASS].map({0.0: 0.0, 0.2: 0.5})})
+    t = np.linspace(0.0, 0.1, 50)
+    curves = [{"panel": f, "excitation_frequency_hz": f, "curve": n, "t_s": t} for f in (25.0, 30.0) for n in (1, 2)]
+    history = [pd.DataFrame(c | {"y_m": 1e-3 * c["curve"] * np.sin(2.0 * np.pi * c["panel"] * t)}) for c in curves]
+    reproduction = {"fig6": laws, "fig4": pd.concat(history, ignore_index=True)}
+    return {"run": runs["two layers"], "sweep": found, "branches": handmade.branches(), "paper": reproduction}
+
+
+# -- what is looked at -------------------------------------------------------------------------------------------------
+
+
+def faults(figure):
+    """What a reader of a figure would call broken."""
+    figure.set_dpi(DPI)
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    picture = np.asarray(canvas.buffer_rgba())[..., :3]
+    whole = figure.bbox
+    for axis in (axis for axis in figure.axes if axis.get_visible() and axis.axison):
+        box = axis.get_window_extent()
+        name = axis.get_ylabel() or axis.get_title(loc="left") or "a panel"
+        if min(box.x0, box.y0) < -1.0 or box.x1 > whole.x1 + 1.0 or box.y1 > whole.y1 + 1.0:
+            yield f"{name} lies outside"
+        if not hasattr(axis, "_colorbar"):
+            if box.width < LEAST[0] * DPI or box.height < LEAST[1] * DPI:
+                yield f"{name} has {box.width:.0f} by {box.height:.0f} pixels"
+            elif _has_data(axis) and not _ink(picture, box):
+                yield f"{name} shows nothing"
+    written = [(one, one.get_window_extent()) for one in _seen(figure)]
+    for one, box in written:
+        if box.x0 < -2.0 or box.y0 < -2.0 or box.x1 > whole.x1 + 2.0 or box.y1 > whole.y1 + 2.0:
+            yield f"{one.get_text()!r} is cut"
+    for (one, a), (other, b) in combinations(written, 2):
+        if min(a.x1, b.x1) - max(a.x0, b.x0) > 2.0 and min(a.y1, b.y1) - max(a.y0, b.y0) > 2.0:
+            yield f"{one.get_text()!r} and {other.get_text()!r} lie on each other"
+
+
+def _seen(figure):
+    """Texts that are drawn: of labels of ticks, those within the limits of their axis."""
+    hidden = set()
+    for axis in figure.axes:
+        if not (axis.get_visible() and axis.axison):
+            hidden |= {*(axis if not axis.get_visible() else axis.xaxis).findobj(Text), *axis.yaxis.findobj(Text)}
+            continue
+        for line in (axis.xaxis, axis.yaxis):
+            drawn = {label for tick in line._update_ticks() for label in (tick.label1, tick.label2)}
+            hidden |= {*line.findobj(Text)} - drawn - {line.label, line.get_offset_text()}
+    return [one for one in figure.findobj(Text) if one.get_visible() and one.get_text().strip() and one not in hidden]
+
+
+def _has_data(axis):
+    """Whether an axis has points that can be drawn."""
+    for line in axis.lines:
+        x, y = (np.asarray(values, dtype=float) for values in line.get_data())
+        known = np.isfinite(x) & np.isfinite(y)
+        if line.get_transform() == axis.transData and len({*zip(x[known], y[known], strict=True)}) > 1:
+            return True
+    return False
+
+
+def _ink(picture, box):
+    """Whether something darker than the grid is inside a panel."""
+    height = picture.shape[0]
+    inside = picture[int(height - box.y1) + 2 : int(height - box.y0) - 2, int(box.x0) + 3 : int(box.x1) - 2]
+    return bool((inside.min(axis=2) < 170).any())
+
+
+def look(figure, case, tables):
+    """Draw, and return what is broken. A case that alters nothing here is not looked at; refusals are of one line."""
+    altered = [case == "as they are"]
+
+    def change(table):
+        found = CASES[case](table)
+        altered.append(not found.equals(table))
+        return found
+
+    with styled():
+        try:
+            drawn = FIGURES[figure](change, tables)
+        except TableError as told:
+            return [] if len(str(told).splitlines()) == 1 else [f"{told} has several lines"]
+        return sorted({*faults(drawn)}) if any(altered) else []
+
+
+#: Pairs that are looked at each time: what was broken once, one of each kind.
+PAIRS = [
+    ("motion", "never lands"),
+    ("force of two", "never lands"),
+    ("exciters", "all infinite"),
+    ("multipliers", "no numbers"),
+    ("branches", "no numbers"),
+    ("boundaries", "no events"),
+    ("multipliers", "huge"),
+]
+
+
+@pytest.mark.parametrize(("figure", "case"), PAIRS)
+def test_a_figure_of_a_degenerate_table_is_whole(figure, case, tables):
+    assert look(figure, case, tables) == []
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("figure", FIGURES)
+def test_a_figure_of_any_degenerate_table_is_whole(figure, tables):
+    assert {case: told for case in CASES if (told := look(figure, case, tables))} == {}

@@ -1,0 +1,129 @@
+"""The attraction of a stable periodic orbit: from where motion is known to come to it.
+
+Where an orbit crosses the section, M is the derivative of the map that takes it round once, in the scales of the scene
+and without the angle of exciter 1, and W holds the left eigenvectors of M as rows of length 1. The distance ‖W ξ‖ of a
+state that is ξ away from the orbit shrinks by the largest multiplier in each period, as far as M is all that matters.
+How far that is, motions from shells around the orbit tell. Where decay is slow, these ellipsoids are thin, for what
+decays quickly feeds into what decays slowly; a motion in which only that is left is tested on its own way instead.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from vibroplat.continuation.newton import NewtonResult
+from vibroplat.continuation.shooting import TURN, Shooter
+from vibroplat.kernels.compiled import FloatArray
+from vibroplat.model.systems import GAP
+
+#: Condition of the eigenvectors beyond which they are too nearly parallel to measure distances with.
+PARALLEL = 1e8
+#: Shells on which an ellipsoid is tested, each SHRINK times as large as the one before, and directions on each besides
+#: both along the slowest decay.
+SHELLS, SHRINK, DIRECTIONS = 3, 0.25, 4
+#: Least share of the decay that the derivative promises, in a period.
+PROMISED = 0.5
+#: The same on a motion's own way, the periods in which it must be seen, and the number of places on the way, each
+#: SHRINK times as far from the orbit as the one before.
+ON_WAY, PERIODS, PLACES = 0.25, 4, 4
+#: Smallest distance that says anything, over the tolerance of the integrator.
+NOISE = 1e4
+#: Places of the exciters' angles in the full state.
+_ANGLES = slice(3, 5)
+
+
+class Attraction:
+    """The surroundings of an orbit where it crosses the section.
+
+    Parameters
+    ----------
+    found
+        The orbit as Newton's method leaves it.
+    turns
+        Of exciter 1 in a period.
+
+    Attributes
+    ----------
+    state, system
+        Of the orbit on the section: full state, shape (14,), and number of its system.
+    rate
+        What a period multiplies distances by, as far as the derivative is all that matters.
+    """
+
+    def __init__(self, found: NewtonResult, turns: int) -> None:
+        chart, section_map = found.chart, found.chart.section_map(found.shot)
+        kept = np.arange(chart.places.size) != chart.phase
+        self.state, self.system, self.turns = chart.unpack(found.u)[0], chart.system, turns
+        self._places, self._scales = chart.places[kept], chart.scales[kept]
+        values, right = np.linalg.eig(section_map)
+        self.rate = float(np.abs(values).max())
+        self._slowest: FloatArray = right[:, int(np.abs(values).argmax())].real
+        self._norm = contracting_norm(section_map, values, right)
+
+    def distance(self, state: FloatArray, system: int) -> float:
+        """How far a full state on the section is away, ‖W ξ‖; inf in another system."""
+        return self._length(self._offset(state)) if system == self.system else math.inf
+
+    def attracts(self, shooter: Shooter, radius: float) -> bool:
+        """Whether motion from so far away, and from nearer, comes nearer in a period.
+
+        It must do so from some directions on each shell, and be in the same system afterwards.
+        """
+        random, bound = np.random.default_rng(0), 1.0 - PROMISED * (1.0 - self.rate)
+        for shell in range(SHELLS):
+            size = max(radius * SHRINK**shell, NOISE * shooter.scene.solver.tolerance)
+            for way in (self._slowest, -self._slowest, *random.standard_normal((DIRECTIONS, self._scales.size))):
+                if not self._comes_nearer(shooter, way * (size / self._length(way)), 1, bound):
+                    return False
+        return True
+
+    def draws(self, shooter: Shooter, state: FloatArray) -> bool:
+        """Whether motion comes nearer on the way from a full state on the section."""
+        offset, bound = self._offset(state), 1.0 - ON_WAY * (1.0 - self.rate**PERIODS)
+        for _ in range(PLACES):
+            if not self._comes_nearer(shooter, offset, PERIODS, bound):
+                return False
+            if self._length(offset) < NOISE * shooter.scene.solver.tolerance:
+                break
+            offset = SHRINK * offset
+        return True
+
+    def _offset(self, state: FloatArray) -> FloatArray:
+        away = state - self.state
+        away[_ANGLES] -= TURN * np.round(away[_ANGLES] / TURN)
+        return np.asarray(away[self._places] / self._scales)
+
+    def _length(self, offset: FloatArray) -> float:
+        return float(np.linalg.norm(self._norm @ offset))
+
+    def _comes_nearer(self, shooter: Shooter, offset: FloatArray, periods: int, bound: float) -> bool:
+        """Whether some periods multiply a distance by less than a bound."""
+        motion, start, turns = shooter.motion, self.state.copy(), periods * self.turns
+        start[self._places] += offset * self._scales
+        if GAP in self._places and start[GAP] <= 0.0:
+            return False
+        motion.reset(start)
+        return (
+            motion.system.index == self.system
+            and motion.to_section(turns, 2.0 * (turns + 1) * TURN / shooter.scene.speed_scale)
+            and self.distance(motion.state, motion.system.index) <= bound * self._length(offset)
+        )
+
+
+def contracting_norm(section_map: FloatArray, values: npt.NDArray[Any], right: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Return W with ‖W M ξ‖ ≤ |λ₁| ‖W ξ‖ for M of these eigenvalues and eigenvectors.
+
+    Where the eigenvectors are nearly parallel, W is the root of Σ (Mᵀ)ᵏ Mᵏ / ρ²ᵏ, with ρ half way from |λ₁| to 1.
+    """
+    if np.linalg.cond(right) < PARALLEL:
+        left = np.linalg.inv(right)
+        return np.asarray(left / np.linalg.norm(left, axis=1)[:, np.newaxis])
+    power, total = section_map / (0.5 * (1.0 + np.abs(values).max())), np.eye(len(values))
+    while np.abs(power).max() > 1e-9:
+        total = total + power.T @ total @ power
+        power = power @ power
+    return np.asarray(np.linalg.cholesky(total).T / math.sqrt(np.abs(total).max()))

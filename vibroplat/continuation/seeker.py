@@ -1,0 +1,142 @@
+"""Looks, while a motion settles, for the periodic orbit that it comes to.
+
+After 16 turns of exciter 1, again after 32, 64, 128 …, and where the section draws together, Newton's method begins
+where the motion is. A stable orbit that attracts the motion from there is the one that it comes to
+(:mod:`vibroplat.continuation.attraction`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from vibroplat.config.scene import Scene
+from vibroplat.continuation.attraction import Attraction
+from vibroplat.continuation.newton import MissedError, NewtonResult, Problem, correct
+from vibroplat.continuation.orbit import TOLERANCE, accurate, measured_over_period, repeats_after
+from vibroplat.continuation.shooting import TURN, Shooter
+from vibroplat.hybrid.modes import IMPACT
+from vibroplat.kernels.compiled import FloatArray
+from vibroplat.motion.motion import Motion
+from vibroplat.study.settling import BLOCK, KnownOrbit, section_points
+
+#: Longest period that is looked for, in turns of exciter 1, and distance of points of the section, in the scales of the
+#: scene, from which it is.
+LONGEST, FARTHEST = 8, 0.5
+#: Least distance of the largest multiplier from the unit circle that counts.
+MARGIN = 1e-4
+#: Multiplier above which decay is slow. How far beyond the motion an orbit must attract where it is not.
+SLOW, BEYOND = 0.9, 1.25
+#: Iterations of Newton's method.
+ITERATIONS = 8
+
+
+class OrbitSeeker:
+    """Looks for the orbit that a motion of a scene comes to; see :class:`vibroplat.study.settling.Seeker`."""
+
+    def __init__(self, scene: Scene) -> None:
+        self._shooter = Shooter(accurate(scene, TOLERANCE))
+        self._looks = 0
+        self.reached: tuple[FloatArray, float] | None = None
+        self.leaving = False
+
+    def close(self) -> None:
+        """Free what the engine holds."""
+        self._shooter.close()
+
+    @property
+    def work(self) -> Mapping[str, int | None]:
+        """How much was done so far."""
+        return self._shooter.engine.work
+
+    def first(self, start: FloatArray) -> KnownOrbit | None:
+        """Follow a motion from a full state for BLOCK turns, and return the orbit that it surely comes to."""
+        motion = self._shooter.motion
+        motion.reset(start)
+        points = section_points(motion.go_round(BLOCK, self._longest(BLOCK)).measures, self._shooter.scene)
+        if len(points) <= BLOCK:
+            return None
+        self.reached = motion.state, motion.now
+        return self._look(points, 0)
+
+    def seek(self, motion: Motion, points: FloatArray, period: int) -> KnownOrbit | None:
+        """Return the orbit that a motion surely comes to, with a period in which it draws together, or 0."""
+        own = self._shooter.motion
+        self._looks += 1
+        if not period and self._looks & (self._looks - 1):
+            return None
+        own.reset(motion.state)
+        return self._look(points, period) if own.to_section(1, self._longest(1)) else None
+
+    def _look(self, points: FloatArray, period: int) -> KnownOrbit | None:
+        """Return the orbit that the shooter's motion comes to from where it is on the section."""
+        motion = self._shooter.motion
+        state, system, self.leaving = motion.state, motion.system.index, False
+        for turns in _periods(points, period):
+            try:
+                problem, found = self._orbit_near(state, system, turns)
+            except MissedError:
+                continue
+            if repeats_after(problem, found, turns) < turns:
+                continue
+            around = Attraction(found, turns)
+            away = around.distance(state, system)
+            if around.rate > 1.0 - MARGIN:
+                self.leaving = around.rate > 1.0 + MARGIN
+            elif (
+                around.draws(self._shooter, state)
+                if around.rate > SLOW
+                else around.attracts(self._shooter, BEYOND * away)
+            ):
+                return self._known(problem, found, around)
+        return None
+
+    def _orbit_near(self, state: FloatArray, system: int, turns: int) -> tuple[Problem, NewtonResult]:
+        """Find an orbit by Newton's method from a full state on the section."""
+        motion, here = self._shooter.motion, state.copy()
+        here[3:5] -= TURN * np.round(here[3:5] / TURN)
+        motion.reset(here)
+        if not motion.to_section(turns, self._longest(turns)):
+            raise MissedError("exciter 1 does not turn")
+        both = np.round((motion.state - here)[3:5] / TURN).astype(int).tolist()
+        problem = Problem(self._shooter, both, (), TOLERANCE)
+        chart = problem.chart(here, system)
+        u = chart.pack(here, motion.now)
+        return problem, correct(problem, chart, u, np.empty((0, u.size)), most=ITERATIONS)
+
+    def _known(self, problem: Problem, found: NewtonResult, around: Attraction) -> KnownOrbit:
+        """Gather what a sweep tells of an orbit."""
+        motion, heights = self._shooter.motion, [float(around.state[1])]
+        motion.reset(around.state)
+        for _ in range(1, around.turns):
+            motion.to_section(1, self._longest(1))
+            heights.append(float(motion.state[1]))
+        events = found.shot.events
+        return KnownOrbit(
+            state=around.state,
+            period=around.turns,
+            turn=found.shot.duration / around.turns,
+            multiplier=around.rate,
+            measures=measured_over_period(problem, found),
+            section_y=heights,
+            impact_speeds=(-events["rate_before"][events["kind"] == IMPACT]).tolist(),
+        )
+
+    def _longest(self, turns: int) -> float:
+        """Time within which exciter 1 must make so many turns (s)."""
+        return 4.0 * (turns + 1) * TURN / self._shooter.scene.speed_scale
+
+
+def _periods(points: FloatArray, period: int) -> Iterator[int]:
+    """Yield what the period of a section may be: 1, that after which its last points are near, and a given one."""
+    if len(points) < LONGEST + 2:
+        return
+    near = np.array([np.abs(points[-2:] - points[-2 - n : -n]).max() for n in range(1, LONGEST + 1)])
+    if near[0] < FARTHEST:
+        yield 1
+    shortest = int(np.flatnonzero(near <= 2.0 * near.min())[0]) + 1
+    if shortest > 1 and near.min() < FARTHEST:
+        yield shortest
+    if period > 1 and period != shortest:
+        yield period

@@ -1,0 +1,211 @@
+"""The machine of a run moving in slow motion, beside its curves: a GIF, or an MP4 where ffmpeg is installed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle, Rectangle
+from matplotlib.transforms import Affine2D
+from PIL import Image
+
+from vibroplat.config.scene import Scene
+from vibroplat.errors import VibroplatError
+from vibroplat.hybrid.state import static_rest
+from vibroplat.kernels.compiled import FloatArray
+from vibroplat.plots.run import read_run
+from vibroplat.plots.style import CURVES, MATERIAL, PLATFORM, head, new_figure, styled
+from vibroplat.plots.timelines import FROM_REST
+from vibroplat.results.tables import replace_file
+
+#: Duration of a frame (ms).
+FRAME = 50
+#: Size of a picture (inch) and dots per inch.
+SIZE, DPI = (9.0, 3.8), 100
+#: Colours of a GIF, chosen from so many of its pictures.
+COLOURS, SAMPLES = 64, 10
+#: Room for the largest displacement, over half the width of the platform.
+ROOM = 0.25
+
+#: Draws what is to be seen at a time (s).
+Painter = Callable[[float], None]
+
+
+def write_film(
+    directory: Path,
+    out: Path | None = None,
+    start: float | None = None,
+    stop: float | None = None,
+    *,
+    turns: float = 2.0,
+    frames: int = 40,
+) -> Path:
+    """Film the machine of a run, with displacements magnified by a round number that the film tells.
+
+    Parameters
+    ----------
+    directory
+        Result directory of ``vibroplat run``.
+    out
+        The film, ``.gif`` or ``.mp4``. Default: ``machine.gif`` in the directory.
+    start, stop
+        Interval that is filmed (s). Default: the last turns.
+    turns, frames
+        How many turns, where no interval is given, and pictures of each.
+
+    Raises
+    ------
+    VibroplatError
+        There is no such result or nothing to film, the format is unknown, or ffmpeg is not installed.
+    """
+    out = out or directory / "machine.gif"
+    if out.suffix not in (".gif", ".mp4"):
+        raise VibroplatError(f"--out {out}: not a film; allowed: a name that ends with .gif or .mp4")
+    run = read_run(directory, start, stop)
+    if run.scene is None:
+        raise VibroplatError(f"{directory}: its configuration cannot be read; there is nothing to film")
+    table = run.shown.drop_duplicates("t_s", keep="last")
+    if not run.chosen and run.turns > turns:
+        table = table[table["t_s"] >= table["t_s"].iloc[-1] - turns / run.turns * float(np.ptp(table["t_s"]))]
+    turned = abs(float(np.ptp(table["phi1_rad"]))) / (2.0 * math.pi)
+    times = np.linspace(table["t_s"].iloc[0], table["t_s"].iloc[-1], max(round(frames * turned), 2), endpoint=False)
+    with styled():
+        figure, paint = _scenery(run.name, run.scene, table)
+        if out.suffix == ".gif":
+            canvas = FigureCanvasAgg(figure)
+            pictures = _reduced([_picture(canvas, paint, time) for time in times])
+            replace_file(out, lambda file: _save_gif(file, pictures))
+        else:
+            _save_mp4(out, figure, paint, times)
+    return out
+
+
+def _save_gif(file: Any, pictures: list[Image.Image]) -> None:
+    first, *others = pictures
+    first.save(file, format="gif", save_all=True, append_images=others, duration=FRAME, loop=0, optimize=True)
+
+
+def _save_mp4(out: Path, figure: Figure, paint: Painter, times: FloatArray) -> None:
+    from matplotlib.animation import FFMpegWriter  # noqa: PLC0415  (few films are MP4)
+
+    if not FFMpegWriter.isAvailable():
+        raise VibroplatError(f"--out {out}: ffmpeg is not installed; allowed: a name that ends with .gif")
+    writer = FFMpegWriter(fps=1000 // FRAME)
+    with writer.saving(figure, str(out), DPI):
+        for time in times:
+            paint(time)
+            writer.grab_frame()
+
+
+def _picture(canvas: FigureCanvasAgg, paint: Painter, time: float) -> Image.Image:
+    """Paint the figure of a time (s)."""
+    paint(time)
+    canvas.draw()
+    return Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
+
+
+def _reduced(pictures: list[Image.Image]) -> list[Image.Image]:
+    """Give all pictures the same few colours, so that only what moves is stored anew."""
+    width, height = pictures[0].size
+    sample = Image.new("RGB", (width, SAMPLES * height))
+    for number in range(SAMPLES):
+        sample.paste(pictures[number * len(pictures) // SAMPLES], (0, number * height))
+    palette = sample.quantize(COLOURS)
+    return [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures]
+
+
+def _scenery(name: str, scene: Scene, table: pd.DataFrame) -> tuple[Figure, Painter]:
+    """Draw the machine at rest and its curves; return the figure and what moves both to a time (s)."""
+    times = table["t_s"].to_numpy()
+    columns = ["x_m", "y_m", "phi_rad", "phi1_rad", "phi2_rad", *(c for c in ("gap_m", "upper_m") if c in table)]
+    moving = {column: table[column].to_numpy(dtype=float) for column in columns}
+    if "upper_m" in moving:
+        moving["upper_m"] = moving["upper_m"] - static_rest(scene)[6]
+    figure, axes = new_figure(2 if "gap_m" in table else 1, 2, SIZE, width_ratios=(1.1, 1.0))
+    stage = axes[0, 0]
+    if len(axes) == 2:
+        stage.remove()
+        axes[1, 0].remove()
+        stage = figure.add_subplot(axes[0, 0].get_gridspec()[:, 0])
+    machine = _Machine(stage, scene, moving)
+    head(figure, name)
+    stage.set_title(f"displacements × {machine.magnification:g}")
+    cursors = []
+    for axis, (column, label, colour) in zip(
+        axes[:, 1], (("y_m", FROM_REST, PLATFORM), ("gap_m", "gap (mm)", MATERIAL)), strict=False
+    ):
+        axis.plot(times, 1e3 * moving[column], color=colour)
+        axis.set(ylabel=label, xlim=(times[0], times[-1]))
+        cursors.append(axis.axvline(times[0], color="black", lw=1.0))
+    axes[-1, 1].set_xlabel("$t$ (s)")
+    figure.set_dpi(DPI)
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")  # what moves leaves the layout as it is, which takes most of the time
+
+    def paint(time: float) -> None:
+        machine.move({column: float(np.interp(time, times, values)) for column, values in moving.items()})
+        for cursor in cursors:
+            cursor.set_xdata([time, time])
+
+    return figure, paint
+
+
+class _Machine:
+    """The machine, drawn at its true size (m) with displacements magnified."""
+
+    def __init__(self, axis: Axes, scene: Scene, moving: dict[str, FloatArray]) -> None:
+        axes, radii = scene.body.axes, [exciter.unbalance_radius_m for exciter in scene.exciter_pair]
+        self.axis, self.places, self.radii = axis, axes, radii
+        self.half = half = max(abs(x) + 1.5 * r for (x, _), r in zip(axes, radii, strict=True))
+        self.top = max(0.15 * half, *(y + 1.2 * r for (_, y), r in zip(axes, radii, strict=True)))
+        self.bottom = min(-0.15 * half, *(y - 1.2 * r for (_, y), r in zip(axes, radii, strict=True)))
+        sizes = [float(np.abs(moving[name]).max()) for name in moving if name.endswith("_m")]
+        free = ROOM * half / max(*sizes, half * float(np.abs(moving["phi_rad"]).max()), 1e-9 * half)
+        power = 10.0 ** math.floor(math.log10(free))
+        self.magnification = power * next(step for step in (5.0, 2.0, 1.0) if step * power <= 1.0001 * free)
+        self.floor = self.bottom - 0.9 * half
+        self.body = Rectangle((-half, self.bottom), 2 * half, self.top - self.bottom, fc="#c9d3dc", ec="#333")
+        self.springs = [axis.plot([], [], color="#333", lw=1.2)[0] for _ in range(2)]
+        self.rims = [Circle((0.0, 0.0), r, fc="white", ec=CURVES[i]) for i, r in enumerate(radii)]
+        self.arms = [axis.plot([], [], color=CURVES[i], lw=2.0, marker="o", markevery=[1])[0] for i in range(2)]
+        heights = [0.15 * half + 0.2 * half * mass / sum(scene.layer_masses) for mass in scene.layer_masses if mass]
+        self.slabs = [
+            Rectangle((-0.8 * half, 0.0), 1.6 * half, height, fc=colour, ec="#333")
+            for height, colour in zip(heights, ("#E9C46A", "#F1DCA7"), strict=False)
+        ]
+        for patch in (self.body, *self.rims, *self.slabs):
+            axis.add_patch(patch)
+        axis.axhline(self.floor, color="#777")
+        axis.set(
+            xlim=(-1.4 * half, 1.4 * half), ylim=(self.floor - 0.1 * half, self.top + half * (1.5 if heights else 0.4))
+        )
+        axis.set_aspect("equal")
+        axis.set_axis_off()
+
+    def move(self, now: dict[str, float]) -> None:
+        """Draw it at values of the coordinates (m, rad)."""
+        k, half = self.magnification, self.half
+        pose = Affine2D().rotate(k * now["phi_rad"]).translate(k * now["x_m"], k * now["y_m"])
+        for patch in (self.body, *self.slabs):
+            patch.set_transform(pose + self.axis.transData)
+        for i, (arm, rim) in enumerate(zip(self.arms, self.rims, strict=True)):
+            x, y = pose.transform(self.places[i])
+            angle = now[f"phi{i + 1}_rad"]
+            rim.set_center((x, y))
+            arm.set_data([x, x + self.radii[i] * math.cos(angle)], [y, y + self.radii[i] * math.sin(angle)])
+        for side, spring in zip((-0.7, 0.7), self.springs, strict=True):
+            x, y = pose.transform((side * half, self.bottom))
+            share = np.linspace(0.0, 1.0, 14)
+            aside = 0.06 * half * np.array([0, 0, *[1, -1] * 5, 0, 0])
+            spring.set_data(side * half + share * (x - side * half) + aside, self.floor + share * (y - self.floor))
+        base = self.top + k * now.get("gap_m", 0.0)
+        for slab, lift in zip(self.slabs, (0.0, 0.15 * half + k * now.get("upper_m", 0.0)), strict=False):
+            slab.set_y(base + max(lift, 0.0))
+            base += slab.get_height()
