@@ -115,6 +115,15 @@ def _quantities(names: Mapping[str, str]) -> dict[str, Quantity]:
 
 #: Phase difference of the exciters, everywhere. Its ticks are parts of π, so it has no unit.
 PHASE = r"$\Delta\varphi$"
+
+#: How the forces of both exciters act together, by how these are driven and synchronize. Forces of equal exciters that
+#: are mirror images add so, and cancel otherwise; where exciters differ, something is left over.
+SHAKING = {
+    ("counter-rotating", "antiphase"): "along y",
+    ("counter-rotating", "in-phase"): "along x and rocking",
+    ("co-rotating", "antiphase"): "rocking",
+    ("co-rotating", "in-phase"): "in circles",
+}
 PHASE_COLUMN = "phase_difference_rad"
 #: Columns of a sweep, and of branches.
 QUANTITIES = _quantities(

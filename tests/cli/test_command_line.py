@@ -120,9 +120,9 @@ def test_run_prints_a_summary_and_where_the_tables_are(name, finished_commands):
     printed = finished_commands[0][name].out
     lines = {line[:28].rstrip(): line[28:] for line in printed.splitlines()}
     assert (lines["outcome"], lines["simulated"], lines["tables"]) == ("ok", "0.2 s", f"results/{name}")
-    assert re.fullmatch(r"0\.1 … 0\.2 s, [12] whole turns?", lines["measured"])
+    assert re.fullmatch(r"0\.1\d* … 0\.1\d* s, [12] whole turns?", lines["measured"])
     assert re.fullmatch(r"\S+, \S+ mm", lines["RMS x, y"])
-    assert re.fullmatch(r"\S+ rad, antiphase", lines["phase difference phi1+phi2"])
+    assert re.fullmatch(r"\S+ rad, antiphase: shakes along y", lines["phase difference phi1+phi2"])
     assert ("flight fraction" in lines) == ("contact force, largest" in lines) == (name == "quickstart")
     if name == "quickstart":
         events = read_table(finished_commands[1] / name, "events")
@@ -138,7 +138,7 @@ def test_run_prints_and_keeps_its_notes(command, kernels, here):
     (here / "own.yaml").write_text("machine: {stiffness_y_n_per_m: 470.0}\n")
     done = command("run", "own.yaml", *SHORT)
     notes = read_json(here / "results/own", "summary")["notes"]
-    assert done.out.endswith("".join(f"note: {note}\n" for note in notes))
+    assert [line.removeprefix("note: ") for line in done.out.splitlines() if line.startswith("note: ")] == notes
     assert [note.partition(":")[0] for note in notes] == [
         *["machine.stiffness_y_n_per_m = 470"] * 2,
         "machine",

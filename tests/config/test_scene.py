@@ -96,6 +96,10 @@ def test_exciters_have_own_masses_moments_and_positions():
     # a later layer gives the moment otherwise, or moves an axis by its place
     assert scene.replace({"exciters.0.unbalance_radius_m": 0.3}).unbalances[0] == pytest.approx(0.9)
     assert scene.replace({"exciters.1.position_m.0": 0.0}).exciter_pair[1].position_m == [0.0, 0.5]
+    assert not scene.has_mirrored_exciters
+    mirrored = [{"position_m": [x, 0.3], "static_moment_kg_m": 0.6} for x in (0.2, -0.2)]
+    assert Scene(exciters=mirrored).has_mirrored_exciters
+    assert not Scene(exciters=[mirrored[0], mirrored[1] | {"static_moment_kg_m": 0.5}]).has_mirrored_exciters
 
 
 def test_axes_and_inertia_of_equal_exciters_are_those_of_the_paper():

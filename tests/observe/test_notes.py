@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import pytest
+from common.places import QUICKSTART
 
-from vibroplat import simulate
+from vibroplat import load_config, simulate
 from vibroplat.observe.notes import capture, notes_on_samples, peaks_of
 
 #: Captured by the vertical resonance: with f_e = 66 Hz and b_y = 40 the motors turn at 30.493 Hz (Sommerfeld).
@@ -65,6 +66,15 @@ def test_a_motor_too_weak_to_turn_is_noted(printed):
     weak = {"motor.critical_torque_n_m": 0.02, "run.initial": {"speed_ratio": 0.0, "phase_sum_rad": 0.0}}
     notes = of_motion(printed, **weak, **{"run.duration_s": 4.0})
     assert notes == [f"exciter {i} hardly turns, though its synchronous speed is 25 Hz" for i in (1, 2)]
+
+
+def test_a_coarse_tolerance_of_sundials_is_noted_where_impacts_amplify_errors():
+    coarse = {"contact.restitution": 0.99, "contact.sticking_speed_m_per_s": 0.0, "run.duration_s": 2.0}
+    scene, noted = load_config(QUICKSTART), {}
+    for engine, tolerance in (("native", 1e-3), ("native", 1e-5), ("taylor", 1e-3)):
+        notes = of_motion(scene, **coarse, **{"solver.engine": engine, "solver.tolerance": tolerance})
+        noted[engine, tolerance] = any("amplify errors" in note for note in notes)
+    assert noted == {("native", 1e-3): True, ("native", 1e-5): False, ("taylor", 1e-3): False}
 
 
 # -- samples --------------------------------------------------------------------------------------------

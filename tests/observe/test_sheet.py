@@ -120,7 +120,7 @@ def test_accelerations_are_those_of_the_equations(quickstart):
     """Differences of the velocity in contact, where it is smooth."""
     changes = {"drive.supply_frequency_hz": 44.0, "run.duration_s": 0.4, "solver.tolerance": 1e-11}
     run = simulate(quickstart.replace({**changes, "solver.engine": "taylor", **POINTS}))
-    begin, end = (run.summary[f"measured_{name}_s"] for name in ("from", "to"))
+    begin, end = 0.2, 0.4
     assert not run.events["t_s"].between(begin, end).any()
     times, step = np.linspace(begin + 1e-4, end - 1e-4, 40_001), 2e-5
     ahead, behind = run(times + step), run(times - step)

@@ -307,6 +307,19 @@ def test_boundaries_lie_in_the_plane_of_both_keys_and_an_empty_section_is_not_to
     ]
 
 
+def test_the_data_sheet_of_a_run_is_in_groups(moved, tmp_path):
+    copy = unproven(shutil.copytree(moved["bare"], tmp_path / "copy"))
+    more = {"gamma": 5.0, "foundation_force_y_max_n": 7e3, "slip_1": 0.01, "whole_gamma": 9.0, "start_energy_j": 1.0}
+    (copy / "summary.json").write_text(json.dumps(read_json(copy, "summary") | more))
+    data = shown(copy)
+    page = report.page(data)
+    sheet = page[page.index("<h3>Data sheet</h3>") : page.index("All other numbers")]
+    headed = [*dict.fromkeys(row["group"] for row in data["summary"]["rows"] if row["group"] not in ("first", ""))]
+    assert {"load on the foundation", "motors", "start", "peaks of the whole run"} <= {*headed}
+    assert all(f">{group}</th>" in sheet for group in headed)
+    assert "7000" in sheet
+
+
 def test_a_quantity_has_one_unit_on_the_whole_page(moved, followed):
     """In the file that is saved from a table, columns have the unit of their names."""
     data = shown(moved["two layers"], followed)

@@ -8,21 +8,26 @@ import pytest
 from vibroplat.cli import paper
 from vibroplat.config.reader import configurations
 from vibroplat.errors import ConfigError
-from vibroplat.paper import calibration, scenes
+from vibroplat.paper import calibration, orbit_evidence, scenes
 from vibroplat.paper.calibration import (
     CalibrationPlan,
     Confirm,
     Range,
     calibrate,
     conditions,
+    differing,
     evaluation,
+    laid,
     left_out,
     load_plan,
-    objective,
     overview,
     spread,
 )
+from vibroplat.paper.judges import Finding
+from vibroplat.paper.orbit_evidence import JUDGED, judged_by_orbits, orbits_along, worth
 from vibroplat.paper.scenes import QUICK
+from vibroplat.study.branches import EXCITATION, FREQUENCY, branches
+from vibroplat.study.point import measure_point
 from vibroplat.study.pool import Inline, Task
 from vibroplat.study.store import Store
 
@@ -32,6 +37,7 @@ PLAN = CalibrationPlan(
     population_per_parameter=6,
     generations=12,
     seed=3,
+    sweeps=8,
 )
 #: Several starts, sets to begin with, confirmation: all that a plan can have.
 FULL = PLAN.model_copy(
@@ -51,7 +57,10 @@ class Killed(BaseException):
 
 @pytest.fixture
 def valley(monkeypatch):
-    """Claims whose scores are best at b_y 320 and damping ratio 0.02; counts evaluations, and may stop after some."""
+    """Claims whose scores are best at b_y 320 and damping ratio 0.02, by orbits as by sweeps.
+
+    Counts evaluations, and may stop after some.
+    """
     state = {"calls": 0, "most": math.inf}
 
     def simulated(numbers):
@@ -63,17 +72,19 @@ def valley(monkeypatch):
         second = math.exp(-(math.log10(numbers[RATIO] / 0.02) ** 2))
         return result({"first": first, "second": second}, {"first": first > 0.9, "second": second > 0.9})
 
-    monkeypatch.setattr(calibration, "evaluation", of(simulated))
+    judge_by(monkeypatch, simulated)
     return state
 
 
-def of(function):
-    """In the place of an evaluation: a single task, which makes its result."""
+def judge_by(monkeypatch, function):
+    """In the place of both ways to judge a set: a single task, which makes the result."""
+    for name in ("screening", "evaluation"):
 
-    def evaluation(numbers):
-        return (yield Task(function, (numbers,)))
+        def judged(numbers):
+            return (yield Task(function, (numbers,)))
 
-    return evaluation
+        judged.__name__ = name
+        monkeypatch.setattr(calibration, name, judged)
 
 
 def result(scores, holds):
@@ -93,29 +104,46 @@ FIXED = {"machine.gravity_m_per_s2": 9.81}
 
 def test_search_finds_the_best_numbers(valley):
     with Store(None, {}) as store:
-        table = calibrate(FIXED, PLAN, store, Inline())["evaluations"]
-    best = table.iloc[0]
-    assert best[DAMPING] == pytest.approx(320.0, abs=10.0)
-    assert math.log10(best[RATIO]) == pytest.approx(math.log10(0.02), abs=0.15)
-    assert len(table) == PLAN.evaluations
-    assert valley["calls"] == distinct(table)
+        found = calibrate(FIXED, PLAN, store, Inline())
+    screening, table = found["screening"], found["evaluations"]
+    for best in (screening.iloc[0], table.iloc[0]):
+        assert best[DAMPING] == pytest.approx(320.0, abs=10.0)
+        assert math.log10(best[RATIO]) == pytest.approx(math.log10(0.02), abs=0.15)
+    assert len(screening) == PLAN.evaluations
+    assert screening["score"].is_monotonic_decreasing
+    assert valley["calls"] == distinct(screening) + PLAN.sweeps
+    assert len(table) == PLAN.sweeps
     for _, equal in table.groupby("held", sort=False):
         assert equal["score"].is_monotonic_decreasing
     assert table["held"].is_monotonic_decreasing
     assert list(table.columns) == [*COLUMNS, "first", "first.holds", "second", "second.holds"]
 
 
+def test_sets_that_are_swept_are_the_best_that_differ():
+    rows = [(200.0, 0.1), (205.0, 0.1), (200.0, 0.11), (200.0, 0.2), (240.0, 0.1), (400.0, 0.01), (500.0, 1.0)]
+    screened = pd.DataFrame(rows, columns=[DAMPING, RATIO])
+    plan = PLAN.model_copy(update={"sweeps": 4, "begin": [{DAMPING: 150.0, RATIO: 0.5}]})
+    assert [tuple(chosen.values()) for chosen in differing(screened, plan)] == [
+        (150.0, 0.5),
+        *(rows[i] for i in (0, 3, 4)),
+    ]
+
+
 def test_starts_are_searches_of_their_own_and_share_the_sets_to_begin_with(valley):
     told = []
     with Store(None, {}) as store:
-        table = calibrate(FIXED, FULL, store, Inline(), lambda *news: told.append(news))["evaluations"]
+        found = calibrate(FIXED, FULL, store, Inline(), lambda *news: told.append(news))
+    table = found["screening"]
     by_start = {start: set(zip(rows[DAMPING], rows[RATIO], strict=True)) for start, rows in table.groupby("start")}
     assert table["start"].value_counts().to_dict() == dict.fromkeys(range(3), FULL.evaluations // 3)
     common = {(150.0, 0.5), (500.0, 1e-3)}
     assert all(a & b == common for a, b in ((by_start[0], by_start[1]), (by_start[1], by_start[2])))
-    assert valley["calls"] == distinct(table) + FULL.confirmations
+    assert common <= set(zip(found["evaluations"][DAMPING], found["evaluations"][RATIO], strict=True))
+    assert valley["calls"] == distinct(table) + FULL.sweeps + FULL.confirmations
     # progress counts all evaluations and tells the best of them
-    assert [done for done, _, _ in told] == list(range(1, FULL.evaluations + FULL.confirmations + 1))
+    counts = [done for done, _, _ in told]
+    assert counts == sorted(counts)
+    assert counts[-1] == FULL.evaluations + FULL.sweeps + FULL.confirmations
     best = table.sort_values(["held", "score"], ascending=False).iloc[0]
     assert told[-1][1:] == (best["held"], best["score"])
 
@@ -124,7 +152,7 @@ def test_interrupted_search_goes_on_to_the_same_table(valley, tmp_path):
     with Store(None, {}) as store:
         whole = calibrate(FIXED, FULL, store, Inline())
     calls = valley["calls"]
-    for most in (5, FULL.evaluations - 5 - 2):  # in the search, and in the confirmation
+    for most in (5, FULL.evaluations + FULL.sweeps - 5 - 2):  # in the search, and in the confirmation
         valley.update(calls=0, most=most)
         with Store(tmp_path, conditions(FIXED), resume=True) as store, pytest.raises(Killed):
             calibrate(FIXED, FULL, store, Inline())
@@ -147,8 +175,9 @@ def test_longer_search_goes_on_from_what_there_is(valley, tmp_path, plan, fewer)
     with Store(tmp_path, conditions(FIXED)) as store:
         calibrate(FIXED, first, store, Inline())
     with Store(tmp_path, conditions(FIXED), resume=True) as store:
-        table = calibrate(FIXED, plan, store, Inline())["evaluations"]
-    assert valley["calls"] == distinct(table) + first.confirmations + plan.confirmations
+        found = calibrate(FIXED, plan, store, Inline())
+    new = distinct(found["screening"]) + first.sweeps + first.confirmations
+    assert new < valley["calls"] <= new + plan.sweeps + plan.confirmations
 
 
 def test_other_machine_does_not_go_on(valley, tmp_path):
@@ -172,11 +201,55 @@ def test_engine_and_seed_reach_what_is_evaluated(tmp_path):
     assert first.digest != next(evaluation({})).digest
 
 
-def test_claim_that_holds_is_worth_more_than_one_that_nearly_does():
-    near = result({"a": 0.99, "b": 0.99}, {"a": False, "b": False})
-    one = result({"a": 1.0, "b": 0.5}, {"a": True, "b": False})
-    both = result({"a": 1.0, "b": 1.0}, {"a": True, "b": True})
-    assert objective(both) == 0.0 < objective(one) < objective(near)
+def test_claim_is_worth_most_with_an_ample_margin():
+    findings = [Finding("", margin > 0.0, 1.0, margin) for margin in (-1.0, -0.1, -0.01, 0.01, 0.1, 1.0)]
+    values = [worth(finding) for finding in findings]
+    assert values == pytest.approx([0.0, 0.15, 0.24, 0.76, 0.85, 1.0])
+    assert worth(Finding("", False, 0.5)) == 0.25  # without a margin by the score
+
+
+def test_numbers_of_one_motor_lie_over_those_of_both():
+    fixed = {"motor.critical_torque_n_m": 1.2, "motor.friction_radius_m": 1e-5}
+    numbers = laid(fixed, {"motors.1.critical_torque_n_m": 1.19, "motor.friction_radius_m": 2e-6})
+    motors = scenes.paper_scene("fig3", numbers).motors
+    assert [(m.critical_torque_n_m, m.friction_radius_m) for m in motors] == [(1.2, 2e-6), (1.19, 2e-6)]
+
+
+# -- orbits -----------------------------------------------------------------------------------------------
+
+
+def test_orbits_are_those_of_the_settled_motion_and_end_where_it_is_no_longer_periodic(monkeypatch):
+    """Beside points of sweeps that settle for long."""
+    numbers = {**scenes.machine_numbers("calibrated"), "solver.engine": "taylor"}
+    settling = {"sweep.max_settle_s": 60.0, "sweep.supply_frequency_hz": {"start": 57.5, "stop": 61.5, "step": 4.0}}
+    branch = branches(scenes.coarse_scene("fig3", numbers, settling))[-1]
+    monkeypatch.setattr(orbit_evidence, "UPWARD", (42.4, 50.0, 57.5, 61.5))
+    rows = {row["supply_frequency_hz"]: row for row in orbits_along(branch.scene)["rows"]}
+    assert [row["motion"] for row in rows.values()] == ["periodic"] * 3 + ["non-periodic"] + ["periodic"] * 6
+    for supply, motion in ((57.5, "periodic"), (61.5, "non-periodic")):
+        point = measure_point(branch.scene.replace({FREQUENCY: supply}), branch.plan, None, (0, 0)).row
+        assert point["motion"] == rows[supply]["motion"] == motion
+        if motion == "periodic":
+            for column in (EXCITATION, "rms_y_m", "flight_fraction"):
+                assert rows[supply][column] == pytest.approx(point[column], rel=1e-3)
+
+
+@pytest.mark.long
+def test_orbits_judge_claims_as_sweeps_do():
+    """Those of the calibrated machine, whose claims of period-1 motion have margins."""
+    chain = judged_by_orbits(scenes.machine_numbers("calibrated") | {"solver.engine": "taylor"})
+    record = None
+    try:
+        while True:
+            task = chain.send(record)
+            record = task.function(*task.arguments)
+    except StopIteration as end:
+        found = end.value
+    assert set(found) == set(JUDGED)
+    board = pd.read_csv(configurations().parent / "results/paper/calibrated/claims.csv").set_index("id")
+    for name, finding in found.items():
+        if "without margin" not in board["verdict"][name]:
+            assert finding.holds == board["verdict"][name].startswith("reproduced"), name
 
 
 # -- confirmation -----------------------------------------------------------------------------------------
@@ -192,11 +265,11 @@ def lucky(monkeypatch):
         holds = {name: place < many for place, name in enumerate("abcd")}
         return result({name: 0.5 + 0.5 * held for name, held in holds.items()}, holds)
 
-    monkeypatch.setattr(calibration, "evaluation", of(simulated))
+    judge_by(monkeypatch, simulated)
 
 
 def test_best_set_is_the_one_of_most_claims_over_all_seeds(lucky):
-    plan = PLAN.model_copy(update={"generations": 0, "confirm": Confirm(sets=10, seeds=3)})
+    plan = PLAN.model_copy(update={"generations": 0, "sweeps": 12, "confirm": Confirm(sets=10, seeds=3)})
     with Store(None, {}) as store:
         found = calibrate({"sweep.seed": 7}, plan, store, Inline())
     evaluations, confirmation = found["evaluations"], found["confirmation"]
@@ -223,7 +296,7 @@ def by_hand(*rows):
     for damping, ratio, a, b, c in rows:
         scores = dict(zip("abc", (a, b, c), strict=True))
         held = sum(score == 1.0 for score in scores.values())
-        row = {"start": 0, DAMPING: damping, RATIO: ratio, "score": (a + b + c) / 3.0, "held": held}
+        row = {DAMPING: damping, RATIO: ratio, "score": (a + b + c) / 3.0, "held": held}
         row |= {"seeds": 1, "held_mean": float(held), "held_least": held, "score_mean": row["score"]}
         for name, score in scores.items():
             row |= {name: score, f"{name}.holds": score == 1.0}
@@ -274,7 +347,8 @@ def test_spread_is_over_the_sets_within_one_claim_of_the_best():
 
 def test_overview_says_what_is_determined_and_what_is_predicted():
     table = by_hand((300.0, 0.01, 1.0, 1.0, 0.4), (340.0, 1.0, 1.0, 0.5, 0.1))
-    lines = overview({"evaluations": table, "left-out": left_out(table, PLAN), "spread": spread(table, PLAN)})
+    tables = {"screening": table, "evaluations": table}
+    lines = overview(tables | {"left-out": left_out(table, PLAN), "spread": spread(table, PLAN)})
     assert lines[DAMPING] == "300         300 … 340, 10% of the range, middle half 5%"
     assert lines["ranges"] == "of 2 sets within one claim of the best"
     assert lines["claims held"] == "2 of 3, score 0.800"
@@ -282,13 +356,14 @@ def test_overview_says_what_is_determined_and_what_is_predicted():
     assert "claims held over seeds" not in lines
 
 
-def test_command_writes_four_tables_and_tells_what_they_say(valley, monkeypatch, tmp_path, capsys):
+def test_command_writes_five_tables_and_tells_what_they_say(valley, monkeypatch, tmp_path, capsys):
     monkeypatch.setattr("vibroplat.cli.common.load_kernels", lambda *_: None)
     (tmp_path / "c.yaml").write_text(
         "machine: {gravity_m_per_s2: 9.81}\n"
         "calibration:\n"
         f"  parameters: {{{DAMPING}: {{low: 100, high: 500}}, {RATIO}: {{low: 1.0e-3, high: 1, scale: log}}}}\n"
         "  starts: 2\n"
+        "  sweeps: 7\n"
         f"  begin: [{{{DAMPING}: 320, {RATIO}: 0.02}}]\n"
         "  confirm: {sets: 2, seeds: 1}\n"
     )
@@ -299,7 +374,8 @@ def test_command_writes_four_tables_and_tells_what_they_say(valley, monkeypatch,
     assert lines[-1] == f"{'tables':<40}{tmp_path / 'calibration'}"
     tables = {path.stem: pd.read_csv(path) for path in (tmp_path / "calibration").glob("*.csv")}
     assert {name: len(table) for name, table in tables.items()} == {
-        "evaluations": 2 * 2 * 16,
+        "screening": 2 * 2 * 16,
+        "evaluations": 7,
         "confirmation": 2 * 2,
         "left-out": 2,
         "spread": 2,
@@ -318,8 +394,8 @@ def test_low_end_of_zero_comes_out_as_zero():
 
 def test_shipped_plan_searches_from_several_starts():
     _, plan = load_plan(configurations() / "claims" / "calibration.yaml", {})
-    assert (plan.starts, plan.population, plan.evaluations, plan.confirmations) == (2, 20, 80, 12)
-    assert len(plan.begin) == 5
+    assert plan.evaluations >= 300
+    assert len(plan.begin) < plan.sweeps
 
 
 BAD = {
@@ -367,7 +443,8 @@ def test_interrupted_evaluation_keeps_its_points(tmp_path, monkeypatch):
     coarse = {"sweep.supply_frequency_hz.step": 39.0, "sweep.max_settle_s": 0.5, "sweep.measure_s": 0.5}
     monkeypatch.setattr(scenes, "QUICK", QUICK | coarse)
     monkeypatch.setattr(calibration, "IMPACT", ("fig3",))
-    plan = PLAN.model_copy(update={"population_per_parameter": 2, "generations": 0})
+    monkeypatch.setattr(orbit_evidence, "IMPACT", ())
+    plan = PLAN.model_copy(update={"population_per_parameter": 2, "generations": 0, "sweeps": 5})
     with Store(tmp_path, conditions(FIXED)) as store, pytest.raises(Killed):
         calibrate(FIXED, plan, store, Cut(11))
     with Store(tmp_path, conditions(FIXED), resume=True) as store:

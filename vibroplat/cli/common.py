@@ -133,9 +133,9 @@ def print_lines(lines: Mapping[str, str], width: int = 28) -> None:
 
 
 def print_notes(notes: list[str]) -> None:
-    """Print what is to be noted, a line each."""
+    """Print what is to be noted, a line each, at once."""
     for note in notes:
-        print(f"note: {note}")
+        print(f"note: {note}", flush=True)
 
 
 def complain_of(lines: Sequence[str], total: str, most: int = 5) -> None:

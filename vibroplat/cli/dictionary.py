@@ -14,7 +14,7 @@ from vibroplat.continuation.tables import BOUNDARIES, BRANCHES, SPECIAL
 from vibroplat.motion.run import SUMMARY
 from vibroplat.observe.sheet import SHEET, of_points, whole_columns
 from vibroplat.observe.tables import EVENTS, TRAJECTORY
-from vibroplat.paper.calibration import CONFIRMATION, EVALUATIONS, LEFT_OUT, SPREAD
+from vibroplat.paper.calibration import CONFIRMATION, EVALUATIONS, LEFT_OUT, SCREENING, SPREAD
 from vibroplat.paper.claims import CLAIMS
 from vibroplat.paper.tables import CONTRADICTIONS, HISTORY, IMPACT_LAWS, SYNC_BANDS
 from vibroplat.study.bands import BANDS
@@ -69,9 +69,13 @@ TABLES: dict[str, tuple[str, Columns]] = {
     ),
     "sync-bands": ("`vibroplat paper`: where the exciters synchronize how.", SYNC_BANDS),
     "impact-laws": ("`vibroplat paper`: how much the impact law matters.", IMPACT_LAWS),
+    "screening": (
+        "`vibroplat calibrate`: a row for each set judged by orbits; it also has a column for each of its keys.",
+        SCREENING,
+    ),
     "evaluations": (
-        "`vibroplat calibrate`: a row for each set of numbers. It also has a column for each of its keys, and two for "
-        "each claim: its score, and whether it holds.",
+        "`vibroplat calibrate`: a row for each set of numbers judged by sweeps. It also has a column for each of its "
+        "keys, and two for each claim: its score, and whether it holds.",
         EVALUATIONS,
     ),
     "confirmation": ("`vibroplat calibrate`: the best sets with other seeds; more columns, as above.", CONFIRMATION),
@@ -89,7 +93,8 @@ def configuration_page() -> str:
         "not given has its default; where the default is empty, the meaning says what holds. `extends: FILE`, relative",
         "to the file itself, takes all keys from another file; those given here override them. The symbols are those",
         "of [the model](model.md). Typical values are those of screens and feeders in industry; `vibroplat new FILE",
-        "--template screen` writes such a machine. This page is written by `vibroplat schema --markdown`.",
+        "--template screen` writes such a machine. The scales of the scene are defined in",
+        "[How it works](method.md#scales). This page is written by `vibroplat schema --markdown`.",
     ]
     sections = groupby(keys().values(), key=lambda key: key.name.partition(".")[0] if "." in key.name else "")
     for section, found in sections:

@@ -92,7 +92,8 @@ def calibrate(
     from vibroplat.study.store import Store
 
     directory = result_directory(out, "calibration")
-    total, chains = plan.evaluations + plan.confirmations, max(plan.population, plan.confirmations)
+    total = plan.evaluations + plan.sweeps + plan.confirmations
+    chains = max(plan.population, plan.sweeps, plan.confirmations)
     with Store(directory, calibration.conditions(fixed), resume=resume, overwrite=overwrite) as store:
         common.begin(store, fixed.get(ENGINE, "auto"))
         opened = pool(jobs, scheduler, wait=wait, chains=chains)

@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from vibroplat.motion.initial_condition import Start
     from vibroplat.motion.recorder import Files
     from vibroplat.results.run import Trajectory
-    from vibroplat.study.branches import Branch
 
 #: Points of a sweep that are reported one by one where engines tell them differently.
 SHOWN = 5
@@ -66,6 +65,9 @@ def run(
     from vibroplat.motion.recorder import require_room
 
     require_room(scene, directory, format_)
+    from vibroplat.config.plausibility import notes_on_input
+
+    common.print_notes(told := notes_on_input(scene))
     common.load_kernels(scene.solver.engine)
     from vibroplat.results.files import write_result
     from vibroplat.results.provenance import provenance
@@ -81,7 +83,7 @@ def run(
 
     lines = results(scene, result.summary, result.origin) | sheet(scene, result.summary) | whole(result.summary)
     common.print_lines(lines | {"tables": str(directory)})
-    common.print_notes(result.notes)
+    common.print_notes([note for note in result.notes if note not in told])
     if found is not None:
         common.print_lines(found.lines())
     if result.outcome != "ok":
@@ -159,6 +161,7 @@ def sweep(
     from vibroplat.study.store import Store
 
     found = None
+    common.print_notes(sweeps.notes_on_branches(planned))
     with Store(directory, sweeps.conditions(scene), resume=resume, overwrite=overwrite) as store:
         common.begin(store, scene.solver.engine, *([other_engine(scene.solver.engine)] if places else []))
         began, points = time.perf_counter(), sum(len(branch.frequencies) for branch in planned)
@@ -175,13 +178,13 @@ def sweep(
         table, bands = sweeps.write_sweep(scene, planned, store, directory, format_, checked)
     took = f"{seconds:.3g} s, {(len(table) - known) / seconds:.3g} points per s"
     took += f", {known} of the points from before" if known else ""
-    good = _print_sweep(planned, table, bands, {"wall time": took, "tables": str(directory)})
+    good = _print_sweep(table, bands, {"wall time": took, "tables": str(directory)})
     agrees = found is None or _print_check(found)
     if not (good and agrees):
         raise typer.Exit(1)
 
 
-def _print_sweep(planned: Sequence[Branch], table: pd.DataFrame, bands: pd.DataFrame, more: dict[str, str]) -> bool:
+def _print_sweep(table: pd.DataFrame, bands: pd.DataFrame, more: dict[str, str]) -> bool:
     """Print an overview of a finished sweep; return whether all points are good."""
     from vibroplat.study import sweep as sweeps
     from vibroplat.study.bands import band_lines
@@ -189,7 +192,7 @@ def _print_sweep(planned: Sequence[Branch], table: pd.DataFrame, bands: pd.DataF
     common.print_lines(sweeps.overview(table) | more)
     for line in band_lines(bands):
         print(line)
-    common.print_notes(sweeps.notes_on_branches(planned) + sweeps.notes_on_points(table))
+    common.print_notes(sweeps.notes_on_points(table))
     failed = sweeps.failures(table)
     common.complain_of(failed, f"{len(failed)} of {len(table)} points failed")
     return not failed
@@ -234,6 +237,7 @@ def orbits(
 
     directory = _study_directory(out, scene.name, "orbits", resume=resume)
     kept: dict[str, Any] = {"file": FILE, "what": "parts of branches"}
+    common.print_notes(notes_on_inputs(family.scene for family in plan.families))
     with Store(directory, conditions(scene), resume=resume, overwrite=overwrite, **kept) as store:
         common.begin(store, scene.solver.engine)
         began, families = time.perf_counter(), len(plan.families)
@@ -251,7 +255,6 @@ def orbits(
     _print_boundaries(summary["boundaries"])
     _print_branches(plan, summary["branches"])
     _print_special(plan, made.special)
-    common.print_notes(notes_on_inputs(family.scene for family in plan.families))
     failed = [
         f"branch {branch['branch']}{''.join(f', {key} {value}' for key, value in branch['grid'].items())} failed "
         f"after {branch['points']} points: {branch['ended']}"

@@ -221,6 +221,14 @@ class Scene(Section):
         return "co-rotating" if self.co_rotating else "counter-rotating"
 
     @property
+    def has_mirrored_exciters(self) -> bool:
+        """Whether the exciters have equal static moments and are mirror images of each other, as near as 1e-6."""
+        (x_1, y_1), (x_2, y_2) = self.body.axes
+        first, second = self.unbalances
+        apart = math.hypot(x_1 + x_2, y_1 - y_2)
+        return apart <= 1e-6 * self.body.distance and abs(first - second) <= 1e-6 * first
+
+    @property
     def phase_weights(self) -> tuple[float, float]:
         """Weights of φ₁ and φ₂ in the phase difference: φ₁ + φ₂ if counter-rotating, φ₁ − φ₂ if co-rotating."""
         return 1.0, -1.0 if self.co_rotating else 1.0

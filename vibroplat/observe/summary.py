@@ -90,8 +90,8 @@ MEASURES: Columns = {
     "flight_fraction": Column("share of the time in flight"),
     "motor_power_w": Column("mean mechanical power of both motors"),
     "measured_s": Column("time over which means are taken"),
-    "measured_from_s": Column("beginning of the measured part"),
-    "measured_to_s": Column("end of the measured part"),
+    "measured_from_s": Column("beginning of that time"),
+    "measured_to_s": Column("end of that time"),
     "contact_force_min_n": Column("least contact force"),
     "contact_force_max_n": Column("largest contact force", "impulses of impacts do not count"),
     "contact_pull_n": Column("how far the contact force fell below 0 in the whole run", "a check: should be noise"),
@@ -192,20 +192,21 @@ def half_open(angle: float, near: float = 1e-12) -> float:
 def measured(part: Part, scene: Scene) -> dict[str, Any]:
     """Gather what was measured over a part of a scene's motion. What has no finite value is None.
 
-    These are of the measured part, from ``measured_from_s`` to ``measured_to_s``: extremes of contact force and
-    impulse, the largest gap, and counts that begin with ``measured_``. Statistics are cut to its ``measured_turns``
-    whole turns of exciter 1 where there are any, which take ``measured_s``. All else is of the whole: other counts, the
+    These are of the measured part: extremes of contact force and impulse, the largest gap, and counts that begin with
+    ``measured_``. Statistics are cut to its ``measured_turns`` whole turns of exciter 1 where there are any, from
+    ``measured_from_s`` to ``measured_to_s``. All else is of the whole: other counts, the
     sum of impulses, energies, the largest rotation |φ|, and two checks, the least gap and how far the contact force
     fell below 0.
     """
     marks, late, whole = part.measures.marks, part.measures.late, joined(part.measures)
     least, largest = late["least"].tolist(), late["largest"].tolist()
+    turned = part.measures.whole[TIME] > 0.0
     kinds = ("liftoffs", "impacts", "latches")  # as KINDS; a corner of the drive is no event of the motion
     counts = dict(zip(kinds, marks["counts"].tolist(), strict=False))
     found = {
         **statistics(part.measures),
-        "measured_from_s": float(marks["window"]),
-        "measured_to_s": float(max(marks["until"], marks["window"])),
+        "measured_from_s": float(marks["first"][0] if turned else marks["window"]),
+        "measured_to_s": float(marks["last"][0] if turned else max(marks["until"], marks["window"])),
         "contact_force_min_n": least[FORCE],
         "contact_force_max_n": largest[FORCE],
         "contact_pull_n": max(0.0, -float(whole["least"][FORCE])),

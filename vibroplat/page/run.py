@@ -113,18 +113,12 @@ def run_data(
     TableError
         A table is missing or of another run, or the interval is empty.
     """
-    scene = found.scene
     first, last = float(ends.first["t_s"]), float(ends.last["t_s"])
     begin, end = first if start is None else start, last if stop is None else stop
     curves = [name for _, _, labels in PANELS for name in labels]
     frequency = found.summary.get("excitation_frequency_hz")
-    cut = Cut(
-        _parts(found, (frequency or 0.0) if from_mean else 0.0),
-        (begin, end),
-        (first, last, INTERVALS),
-        curves,
-        most=most if from_beginning else -most,
-    )
+    parts = _parts(found, (frequency or 0.0) if from_mean else 0.0)
+    cut = Cut(parts, (begin, end), (first, last, INTERVALS), curves, most=most if from_beginning else -most)
     if cut.shown["t_s"].nunique() < 2:
         allowed = f"allowed: an interval within {first:g} … {last:g} s"
         raise TableError(f"no data between {begin:g} and {end:g} s in {found.directory}; {allowed}")
@@ -146,7 +140,7 @@ def run_data(
         "modes": "".join(cut.shown["mode"].map(initial)),
         "coarse": None if len(t) == ends.rows else coarse,
         "impacts": impacts_of(events, t[0], t[-1]),
-        "machine": machine_of(scene),
+        "machine": machine_of(found.scene),
     }
 
 

@@ -1,14 +1,14 @@
 """Calibration: the numbers that the paper does not print are fitted to its claims.
 
-A set of numbers is judged by coarse sweeps. The search is scipy's differential evolution (Storn and Price 1997) from
-several starts, with the candidates of a generation evaluated side by side; the best sets are judged again with other
-seeds. It depends on its seed alone, so a resumed search repeats the same candidates, and the points that are stored are
-not simulated again.
+The search judges thousands of sets by periodic orbits, in half a second each (:mod:`vibroplat.paper.orbit_evidence`).
+It is scipy's differential evolution (Storn and Price 1997) from several starts, with the candidates of a generation
+evaluated side by side. The best sets that differ are judged by coarse sweeps, and the best of these again with other
+seeds. All depends on the seed of the search alone, so a resumed search repeats the same candidates, and what is stored
+is not computed again.
 """
 
 from __future__ import annotations
 
-import itertools
 import json
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -22,33 +22,42 @@ from pydantic import Field, ValidationError, model_validator
 from scipy.optimize import differential_evolution
 
 from vibroplat.columns import Column, Columns
-from vibroplat.config.reader import ENGINE, flat, load_tree
+from vibroplat.config.reader import ENGINE, flat, load_tree, merge, nest
 from vibroplat.config.scene import Scene
 from vibroplat.config.schema import Real, Section, explain
 from vibroplat.errors import ConfigError
 from vibroplat.model.parameters import FloatArray
 from vibroplat.paper.claims import judge
 from vibroplat.paper.evidence import Evidence
+from vibroplat.paper.orbit_evidence import screening
 from vibroplat.paper.root_finding import match_beta
 from vibroplat.paper.scenes import BETA, IMPACT, NON_IMPACT, SEED, claims, coarse_scene, paper_scene
 from vibroplat.study import sweep
 from vibroplat.study.branches import branches
-from vibroplat.study.pool import Pool, StoredChain, Tasks, run_chains
+from vibroplat.study.pool import Pool, StoredChain, Tasks, run_stored
 from vibroplat.study.store import Record, Store
 
 #: Smallest population that differential evolution allows.
 LEAST_POPULATION = 5
 #: Share of a linear range below which a value counts as 0: rounding leaves so much of a low end of 0.
 ZERO = 1e-9
+#: Least difference of two sets that are both swept, of any parameter over its range.
+APART = 0.03
 #: A set that holds at most so many claims fewer than the best one counts as equally good.
 WITHIN = 1.0
 #: Ending of the columns of verdicts.
 HOLDS = ".holds"
 
-#: The table ``evaluations``, a row for each set of numbers. Besides, it has the searched keys, and of each claim a
-#: column with its score and one with ending :data:`HOLDS`.
-EVALUATIONS: Columns = {
+#: The table ``screening``, a row for each set of numbers that is judged by orbits; besides, it has the searched keys.
+SCREENING: Columns = {
     "start": Column("number of the search that found the set"),
+    "score": Column("mean score of the claims that orbits can judge", "1: all hold with an ample margin"),
+    "held": Column("number of these claims that hold"),
+}
+#: The table ``evaluations``, a row for each set of numbers that is judged by sweeps. Besides, it has the searched keys,
+#: and of each claim a column with its score and one with ending :data:`HOLDS`.
+EVALUATIONS: Columns = {
+    "start": SCREENING["start"],
     "score": Column("mean score of all claims", "1: all hold"),
     "held": Column("number of claims that hold"),
     "seeds": Column("seeds the set was judged with"),
@@ -131,7 +140,7 @@ class CalibrationPlan(Section):
     """Section ``calibration``: the parameters and the length of the search.
 
     Each start is a separate search, with the seeds ``seed``, ``seed + 1``, …; ``begin`` lists sets of parameters that
-    are in the first population of each start.
+    are in the first population of each start. So many of the best sets as ``sweeps`` says are judged by sweeps.
     """
 
     parameters: Annotated[dict[str, Range], Field(min_length=1)]
@@ -139,6 +148,7 @@ class CalibrationPlan(Section):
     population_per_parameter: Annotated[int, Field(ge=2, le=1_000)] = 8
     generations: Annotated[int, Field(ge=0, le=10_000)] = 6
     seed: Annotated[int, Field(ge=0)] = 0
+    sweeps: Annotated[int, Field(ge=1, le=10_000)] = 24
     begin: Annotated[list[dict[str, Real]], Field(default_factory=list)]
     confirm: Confirm = Confirm()
 
@@ -165,13 +175,13 @@ class CalibrationPlan(Section):
 
     @property
     def evaluations(self) -> int:
-        """Number of evaluations in all starts."""
+        """Number of evaluations by orbits in all starts."""
         return self.starts * self.population * (self.generations + 1)
 
     @property
     def confirmations(self) -> int:
         """Largest number of evaluations in the confirmation."""
-        return min(self.confirm.sets, self.evaluations) * self.confirm.seeds
+        return min(self.confirm.sets, self.sweeps) * self.confirm.seeds
 
 
 def load_plan(
@@ -198,8 +208,18 @@ def load_plan(
     except ValidationError as error:
         raise ConfigError(f"{path}: calibration: {explain(error, CalibrationPlan)}") from None
     for end in ("low", "high"):  # keys and values that no scene takes are refused before the search
-        paper_scene(IMPACT[0], fixed | {key: getattr(r, end) for key, r in plan.parameters.items()})
+        paper_scene(IMPACT[0], laid(fixed, {key: getattr(r, end) for key, r in plan.parameters.items()}))
     return fixed, plan
+
+
+def laid(fixed: Mapping[str, Any], searched: Mapping[str, Any]) -> dict[str, Any]:
+    """Lay searched numbers over those of a machine, those of one motor or exciter over those that both have."""
+    tree = nest(fixed)
+    for single in (False, True):
+        tree = merge(
+            tree, nest({k: v for k, v in searched.items() if k.startswith(("motors.", "exciters.")) is single})
+        )
+    return flat(tree)
 
 
 # -- the search -------------------------------------------------------------------------------------------
@@ -243,17 +263,6 @@ def _swept(evidence: Evidence, scene: Scene) -> Tasks[None]:
         evidence.add(branch, records)
 
 
-def objective(result: Mapping[str, Any]) -> float:
-    """Return what the search minimizes: 1 − the mean of (score + holds)/2 over the claims.
-
-    By scores alone, a claim that fails with 0.99 would count almost as much as one that holds, but the best set is that
-    with most claims held. By the number of claims held alone, the search would see nothing but steps, and those of
-    motions that are not periodic depend on the seed. With both, a claim counts more the closer it is, and twice as much
-    once it holds.
-    """
-    return 1.0 - 0.5 * (float(result["score"]) + float(result["held"]) / sum(name.endswith(HOLDS) for name in result))
-
-
 @dataclass
 class _Judged:
     """Judges sets of numbers side by side, and counts them."""
@@ -263,31 +272,33 @@ class _Judged:
     workers: Pool
     progress: Progress | None
     count: int = 0
-    best: tuple[int, float] = (-1, 0.0)
+    best: tuple[int, float] = (0, 0.0)
 
-    def __call__(self, sets: Sequence[dict[str, Any]], *, confirming: bool = False) -> list[Record]:
-        """Return what :func:`evaluation` finds for each; one that was judged before is read from the records."""
-        names = [json.dumps(numbers) for numbers in sets]
+    def __call__(
+        self, sets: Sequence[dict[str, Any]], judged: Callable[[Mapping[str, Any]], Tasks[Record]]
+    ) -> list[Record]:
+        """Return what is found for each set; one that was judged before is read from the records."""
+        names = [f"{judged.__name__} {json.dumps(numbers)}" for numbers in sets]
         chains = {
-            name: StoredChain(evaluation({**self.fixed, **numbers}), self.records, name)
+            name: StoredChain(judged(laid(self.fixed, numbers)), self.records, name)
             for name, numbers in dict(zip(names, sets, strict=True)).items()
         }
-        repeated = itertools.repeat(None, len(sets) - len(chains))
-        stored = (chain for chain in chains.values() if chain.done)
-        for chain in itertools.chain(repeated, stored, run_chains(chains.values(), self.workers, in_turn=False)):
-            if chain is None or chain.done:
-                self.count += 1
-                if chain is not None and not confirming:
-                    self.best = max(self.best, (chain.result["held"], chain.result["score"]))
-                if self.progress is not None:
-                    self.progress(self.count, *self.best)
-        return [chains[name].result for name in names]
+        results = run_stored(chains.values(), self.workers, self._tell)
+        found = dict(zip(chains, results, strict=True))
+        self.best = max([self.best, *((result["held"], result["score"]) for result in results)])
+        self.count += len(sets)
+        self._tell(0)
+        return [found[name] for name in names]
+
+    def _tell(self, done: int) -> None:
+        if self.progress is not None:
+            self.progress(self.count + done, *self.best)
 
 
 def calibrate(
     fixed: Mapping[str, Any], plan: CalibrationPlan, records: Store, workers: Pool, progress: Progress | None = None
 ) -> dict[str, pd.DataFrame]:
-    """Search from all starts, one after the other, and confirm the best sets.
+    """Search from all starts, one after the other, by orbits; judge the best sets by sweeps; confirm the best of these.
 
     Parameters
     ----------
@@ -296,37 +307,41 @@ def calibrate(
     plan
         What is searched, and for how long.
     records
-        Where points are stored; points that are stored already are not repeated.
+        Where results are stored; those that are stored already are not repeated.
     workers
-        Where points are simulated.
+        Where orbits and points are computed.
     progress
         Called after each evaluation with their number, the most claims held and the best score of those that hold most.
 
     Returns
     -------
     dict
-        ``evaluations``: a row for each evaluation of the search, the best first; the verdicts on claims are those with
-        the first seed, and confirmed sets come before all others. ``confirmation``: a row for each confirmed set and
-        each seed. ``left-out`` and ``spread``: see :func:`left_out` and :func:`spread`.
+        ``screening``: a row for each evaluation by orbits, the best first. ``evaluations``: a row for each set that was
+        swept, the best first; the verdicts on claims are those with the first seed, and confirmed sets come before all
+        others. ``confirmation``: a row for each confirmed set and each seed. ``left-out`` and ``spread``: see
+        :func:`left_out` and :func:`spread`.
     """
     judged, keys = _Judged(fixed, records, workers, progress), list(plan.parameters)
     found = [{"start": n, **row} for n in range(plan.starts) for row in _search(plan, plan.seed + n, judged)]
-    rows = pd.DataFrame(found).sort_values(["held", "score"], ascending=False, kind="stable")
+    screened = pd.DataFrame(found).sort_values("score", ascending=False, ignore_index=True, kind="stable")
+    chosen = differing(screened, plan)
     first = int(fixed.get(SEED, 0))
-    distinct = [{"seed": first, **row} for row in rows.drop_duplicates(keys).drop(columns="start").to_dict("records")]
-    chosen = distinct[: plan.confirm.sets]
-    again = [{**{k: row[k] for k in keys}, SEED: first + 1 + n} for row in chosen for n in range(plan.confirm.seeds)]
-    confirmed = [{"seed": s[SEED], **s, **r} for s, r in zip(again, judged(again, confirming=True), strict=True)]
-    confirmation = pd.DataFrame([*chosen, *confirmed]).drop(columns=SEED, errors="ignore")
+    rows = [{"seed": first, **s, **r} for s, r in zip(chosen, judged(chosen, evaluation), strict=True)]
+    rows.sort(key=lambda row: (-row["held"], -row["score"]))
+    best = rows[: plan.confirm.sets]
+    again = [{**{k: row[k] for k in keys}, SEED: first + 1 + n} for row in best for n in range(plan.confirm.seeds)]
+    confirmed = [{"seed": s[SEED], **s, **r} for s, r in zip(again, judged(again, evaluation), strict=True)]
+    confirmation = pd.DataFrame([*best, *confirmed]).drop(columns=SEED, errors="ignore")
     # the mean of a column, as pandas rounds that of a group otherwise
     own = {"held_mean": ("held", "mean"), "held_least": ("held", "min"), "score_mean": ("score", pd.Series.mean)}
-    over_seeds = pd.DataFrame([*distinct, *confirmed]).groupby(keys).agg(seeds=("held", "size"), **own)
-    table = rows.join(over_seeds, on=keys).sort_values(
-        ["seeds", "held_mean", "score_mean"], ascending=False, ignore_index=True, kind="stable"
-    )
+    over_seeds = pd.DataFrame([*rows, *confirmed]).groupby(keys).agg(seeds=("held", "size"), **own)
+    table = pd.DataFrame(rows).drop(columns="seed").join(over_seeds, on=keys)
+    table = table.join(screened.groupby(keys)["start"].min(), on=keys)
+    order = ["seeds", "held_mean", "score_mean"]
+    table = table.sort_values(order, ascending=False, ignore_index=True, kind="stable")
     front = ["start", *keys, *list(EVALUATIONS)[1:]]
     table = table[[*front, *table.columns.difference(front, sort=False)]]
-    tables = {"evaluations": table, "confirmation": confirmation}
+    tables = {"screening": screened, "evaluations": table, "confirmation": confirmation}
     return tables | {"left-out": left_out(table, plan), "spread": spread(table, plan)}
 
 
@@ -339,9 +354,9 @@ def _search(plan: CalibrationPlan, seed: int, judged: _Judged) -> list[dict[str,
 
     def values(_: Callable[..., float], candidates: Iterable[FloatArray]) -> list[float]:
         sets = [{k: r.value(v) for (k, r), v in zip(ranges.items(), x, strict=True)} for x in candidates]
-        results = judged(sets)
+        results = judged(sets, screening)
         rows.extend({**searched, **result} for searched, result in zip(sets, results, strict=True))
-        return [objective(result) for result in results]
+        return [1.0 - result["score"] for result in results]
 
     # the first population is a Latin hypercube, whose first sets are replaced by the plan's ``begin``
     low, high = np.array([r.bounds for r in ranges.values()]).T
@@ -360,6 +375,21 @@ def _search(plan: CalibrationPlan, seed: int, judged: _Judged) -> list[dict[str,
         polish=False,
     )
     return rows
+
+
+def differing(screened: pd.DataFrame, plan: CalibrationPlan) -> list[dict[str, float]]:
+    """Choose the sets to be swept: those that the plan begins with, and the best ones that differ from all before."""
+    chosen: list[dict[str, float]] = []
+    places: list[FloatArray] = []
+    low, high = np.array([r.bounds for r in plan.parameters.values()]).T
+    begin = [[numbers[key] for key in plan.parameters] for numbers in plan.begin]
+    for numbers in [*begin, *screened[list(plan.parameters)].to_numpy().tolist()]:
+        place = np.array([r.place(value) for r, value in zip(plan.parameters.values(), numbers, strict=True)])
+        place = (place - low) / (high - low)
+        if len(chosen) < plan.sweeps and all(np.abs(place - other).max() >= APART for other in places):
+            chosen.append(dict(zip(plan.parameters, numbers, strict=True)))
+            places.append(place)
+    return chosen
 
 
 # -- what the evaluations show ----------------------------------------------------------------------------
@@ -420,5 +450,5 @@ def overview(tables: Mapping[str, pd.DataFrame]) -> dict[str, str]:
             f"score {best['score_mean']:.3f}"
         )
     lines["predicted"] = f"{int(left['holds'].sum())} of {judged} claims hold with the set that the others choose"
-    lines["evaluations"] = str(len(evaluations))
+    lines["evaluations"] = f"{len(tables['screening'])} by orbits, {len(evaluations)} by sweeps"
     return lines

@@ -14,6 +14,7 @@ from vibroplat.columns import Column, Columns
 from vibroplat.paper import judges
 from vibroplat.paper.evidence import EDGE, IMPACT_KEY, NON_IMPACT_KEY, Evidence, Key
 from vibroplat.paper.judges import Claim, Finding, listed, ordered, ratio_to_inelastic
+from vibroplat.paper.root_finding import WIDTH
 from vibroplat.paper.scenes import claims
 from vibroplat.study.branches import SUPPLY
 
@@ -61,10 +62,16 @@ CLAIMS: Columns = {
     "expected": Column("what the claim says, in numbers"),
     "measured": Column("what was found with the first seed"),
     "seeds": Column("with how many seeds the claim holds"),
+    "margin": Column(
+        "how far what was measured is from where the verdict changes, over the seeds", "below 0 if the claim fails"
+    ),
     "verdict": Column("whether the claim is reproduced, and what it depends on"),
     "why": Column("reason of the verdict"),
     "note": Column("comment on the claim"),
 }
+#: A verdict without a margin rests on less than this: half of the width to which most boundaries are narrowed, and as
+#: small a part of the tolerances of other claims.
+NARROW = {"Hz": 0.25 * WIDTH, "%": 0.25, "rad": 2e-3, "": 0.02}
 #: Name of the row that counts the claims in their former wording.
 FORMER = "former-wording"
 
@@ -87,6 +94,8 @@ def judge(claim: Claim, evidence: Evidence) -> Finding:
             finding = Finding(f"with R < 1: {rest.measured}; not judged at R = 1", False, rest.score, judged=False)
         else:
             finding = finding._replace(measured=f"{finding.measured}; also fails without R = 1")
+    if bool(finding.margin >= 0.0) is not bool(finding.holds):  # another condition decides
+        finding = finding._replace(margin=math.nan)
     counts = ", ".join(f"{count} at {key.text}" for key, count in failed.items())
     return finding._replace(measured=f"{finding.measured} (points that failed: {counts})") if failed else finding
 
@@ -128,15 +137,28 @@ def scoreboard(seeds: Mapping[int, Evidence], others: Others) -> pd.DataFrame:
         found = {seed: judge(claim, evidence) for seed, evidence in seeds.items()}
         count = f"{sum(f.holds for f in found.values())} of {len(found)}"
         told = (claim["id"], claim["fig"], claim["quote"], expected(claim), next(iter(found.values())).measured)
-        rows.append((*told, count, *_verdict(claim, found, others), claim.get("note", "")))
+        margin, narrow = _margin(list(found.values()))
+        verdict, why = _verdict(claim, found, others)
+        verdict += ", without margin" if narrow else ""
+        rows.append((*told, count, margin, verdict, why, claim.get("note", "")))
     former = claims("former")
     holding = [[claim["id"] for claim in former if judge(claim, evidence).holds] for evidence in seeds.values()]
     counts = [str(len(ids)) for ids in holding]
     failing = ", ".join(claim["id"] for claim in former if claim["id"] not in holding[0])
     wording = f"the {len(former)} claims as they were worded at first"
     measured = f"{counts[0]} hold" + (f", not {failing}" if failing else "")
-    rows.append((FORMER, "", "", wording, measured, ", ".join(counts), f"{counts[0]} of {len(former)}", "", ""))
+    rows.append((FORMER, "", "", wording, measured, ", ".join(counts), "", f"{counts[0]} of {len(former)}", "", ""))
     return pd.DataFrame(rows, columns=list(CLAIMS))
+
+
+def _margin(findings: Sequence[Finding]) -> tuple[str, bool]:
+    """Return the margins of a claim with several seeds in words, and whether any of them is none to speak of."""
+    known = [finding for finding in findings if math.isfinite(finding.margin)]
+    if not known:
+        return "", False
+    margins = sorted(finding.margin for finding in known)
+    ends = dict.fromkeys(f"{margin:+.2g}" for margin in (margins[0], margins[-1]))
+    return f"{' … '.join(ends)} {known[0].unit}".strip(), min(map(abs, margins)) < NARROW[known[0].unit]
 
 
 def _verdict(claim: Claim, found: Mapping[int, Finding], others: Others) -> tuple[str, str]:

@@ -35,14 +35,26 @@ Claim = Mapping[str, Any]
 
 
 class Finding(NamedTuple):
-    """What was found for a claim: in words, whether it holds, and how close it is, from 0 to 1.
+    """What was found for a claim.
 
-    ``judged`` is False if it does not hold for the sole reason that points at R = 1 failed.
+    Attributes
+    ----------
+    measured
+        In words.
+    holds, score
+        Whether it holds, and how close it is, from 0 to 1.
+    margin, unit
+        How far what was measured is from where the verdict changes: above 0 if the claim holds, below 0 if it does not;
+        nan if it fails by something else than this number.
+    judged
+        False if it does not hold for the sole reason that points at R = 1 failed.
     """
 
     measured: str
     holds: bool = False
     score: float = 0.0
+    margin: float = math.nan
+    unit: str = "Hz"
     judged: bool = True
 
 
@@ -61,7 +73,9 @@ def _joined(findings: Mapping[str, Finding]) -> Finding:
     if len(findings) == 1:
         return next(iter(findings.values()))
     text = "; ".join(f"{name}: {finding.measured}" for name, finding in findings.items())
-    return Finding(text, all(f.holds for f in findings.values()), float(np.mean([f.score for f in findings.values()])))
+    of = list(findings.values())
+    least = min(of, key=lambda f: f.margin if math.isfinite(f.margin) else math.inf)
+    return Finding(text, all(f.holds for f in of), float(np.mean([f.score for f in of])), least.margin, least.unit)
 
 
 def _interval(low: float, high: float) -> str:
@@ -99,7 +113,10 @@ def _band_of(claim: Claim, evidence: Evidence, key: Key) -> Finding:
     reached = low == high or (min(frequencies) <= low + EDGE and max(frequencies) >= high - EDGE)
     if not reached:
         text += f"; points only {_interval(min(frequencies), max(frequencies))}"
-    return Finding(text, share == 1.0 and reached, share * (1.0 if reached else 0.7))
+    off = [max(low + margin - row[F], row[F] - high + margin) for row in rows if not REGIMES[regime](row)]
+    ends = [low + EDGE - min(frequencies), max(frequencies) - high + EDGE] if low < high else []
+    holds = share == 1.0 and reached
+    return Finding(text, holds, share * (1.0 if reached else 0.7), min(off + ends, default=math.nan))
 
 
 def runs(rows: Sequence[Row], regime: str) -> list[tuple[float, float]]:
@@ -126,7 +143,9 @@ def second_resonance(claim: Claim, evidence: Evidence) -> Finding:
     jumps = after[F] - before[F] > LEAST_JUMP and ratio < 1.0 - LEAST_FALL
     phases = " → ".join(f"{abs(row['phase_difference_rad']):.2f}" for row in found)
     text = f"{found.text} at supply {after[SUPPLY]:.2f} Hz, RMS y × {ratio:.2g}, Δφ {phases}"
-    return Finding(text, off <= claim["tol"] and jumps, _closeness(off, claim["tol"]) * (1.0 if jumps else 0.5))
+    score = _closeness(off, claim["tol"]) * (1.0 if jumps else 0.5)
+    margin = min(claim["tol"] - off, after[F] - before[F] - LEAST_JUMP)
+    return Finding(text, off <= claim["tol"] and jumps, score, margin)
 
 
 def jump_left(claim: Claim, evidence: Evidence, *, former: bool = False) -> Finding:
@@ -140,6 +159,7 @@ def jump_left(claim: Claim, evidence: Evidence, *, former: bool = False) -> Find
         return Finding("antiphase does not end for every μ")
     bare = rows.pop(0.0)
     shifts = {mu: (row[F] - bare[F], row[SUPPLY] - bare[SUPPLY]) for mu, row in rows.items()}
+    margin = min(min(-0.5 * JUMP_WIDTH - f, f + SLIGHT) for f, _ in shifts.values())
     if former:
         near = all(abs(f) <= EDGE for f, _ in shifts.values())
         holds = [near, all(supply <= NO_RISE for _, supply in shifts.values())]
@@ -147,7 +167,7 @@ def jump_left(claim: Claim, evidence: Evidence, *, former: bool = False) -> Find
     else:
         holds = [-SLIGHT <= f < -0.5 * JUMP_WIDTH for f, _ in shifts.values()]
         texts = [f"μ {mu:g}: {f:+.3f} Hz" for mu, (f, _) in shifts.items()]
-    return Finding("; ".join([f"μ 0: {bare[F]:.2f} Hz", *texts]), all(holds), float(np.mean(holds)))
+    return Finding("; ".join([f"μ 0: {bare[F]:.2f} Hz", *texts]), all(holds), float(np.mean(holds)), margin)
 
 
 def same_bands(claim: Claim, evidence: Evidence) -> Finding:
@@ -168,7 +188,7 @@ def same_bands(claim: Claim, evidence: Evidence) -> Finding:
     ends = np.array(list(found.values()))
     off = float(np.max(abs(ends - ends[0]) if over_mass else np.ptp(ends, axis=0)))
     text = "; ".join(f"{key.text}: up to {a:.2f}, again from {b:.2f} Hz" for key, (a, b) in found.items())
-    return Finding(text, off <= EDGE, _closeness(off, EDGE))
+    return Finding(text, off <= EDGE, _closeness(off, EDGE), EDGE - off)
 
 
 def attached_until(claim: Claim, evidence: Evidence) -> Finding:
@@ -181,7 +201,8 @@ def attached_until(claim: Claim, evidence: Evidence) -> Finding:
     if end is None:
         return Finding(f"attached {_interval(rows[0][F], rows[-1][F])}, never left")
     off = abs(end.middle - claim["f"])
-    return Finding(f"attached up to {end.text}", off <= claim["tol"], _closeness(off, claim["tol"]))
+    tolerance = claim["tol"]
+    return Finding(f"attached up to {end.text}", off <= tolerance, _closeness(off, tolerance), tolerance - off)
 
 
 def non_periodic_from(claim: Claim, evidence: Evidence) -> Finding:
@@ -194,7 +215,8 @@ def non_periodic_from(claim: Claim, evidence: Evidence) -> Finding:
     share = float(np.mean([REGIMES["non-periodic"](row) for row in rows])) if rows else 0.0
     off = abs(found.middle - claim["f"])
     text = f"periodic up to {found.text}, then non-periodic at {share:.0%} of points up to 31 Hz"
-    return Finding(text, off <= claim["tol"] and share == 1.0, 0.5 * (_closeness(off, claim["tol"]) + share))
+    score = 0.5 * (_closeness(off, claim["tol"]) + share)
+    return Finding(text, off <= claim["tol"] and share == 1.0, score, claim["tol"] - off)
 
 
 def non_periodic_earlier(claim: Claim, evidence: Evidence) -> Finding:
@@ -207,9 +229,10 @@ def non_periodic_earlier(claim: Claim, evidence: Evidence) -> Finding:
         if key in evidence.courses:
             found = evidence.end_of(key, "periodic", 20.0)
             starts[key.restitution] = found.middle if found and found.before[F] <= 31.0 else math.inf
-    falls = [a - b > 0.5 * WIDTH for a, b in pairwise(starts.values()) if math.isfinite(b)]
-    share = sum(falls) / max(len(starts) - 1, 1)
-    return Finding(f"non-periodic from: {_by_restitution(starts, 'nowhere') or 'no branches'}", share == 1.0, share)
+    falls = [a - b - 0.5 * WIDTH for a, b in pairwise(starts.values()) if math.isfinite(b)]
+    share = sum(fall > 0.0 for fall in falls) / max(len(starts) - 1, 1)
+    text = f"non-periodic from: {_by_restitution(starts, 'nowhere') or 'no branches'}"
+    return Finding(text, share == 1.0, share, min(falls, default=math.nan))
 
 
 def periodic_from_over(claim: Claim, evidence: Evidence) -> Finding:
@@ -221,9 +244,11 @@ def periodic_from_over(claim: Claim, evidence: Evidence) -> Finding:
         starts[key.restitution] = float((start.after if start else first)[F])
     values = list(starts.values())
     finite = sum(map(math.isfinite, values))
-    rises = finite > 1 and all(b - a > 0.5 * WIDTH or math.isinf(b) for a, b in pairwise(values))
+    rises = [b - a - 0.5 * WIDTH for a, b in pairwise(values) if math.isfinite(b)]
+    holds = finite > 1 and all(rise > 0.0 for rise in rises)
     text = f"period-1 from: {_by_restitution(starts, 'nowhere up to 40 Hz')}"
-    return Finding(text, rises, finite / max(len(values), 1) * (1.0 if rises else 0.5))
+    score = finite / max(len(values), 1) * (1.0 if holds else 0.5)
+    return Finding(text, holds, score, min(rises, default=math.nan))
 
 
 def _by_restitution(starts: Mapping[float, float], nowhere: str) -> str:
@@ -248,7 +273,8 @@ def deviation(claim: Claim, evidence: Evidence) -> Finding:
         f"RMS x × {x:.2g} to {1e3 * max(r['rms_x_m'] for r in near):.2g} mm, RMS φ × {phi:.2g}"
     )
     holds = close > 0.02 and close > 5.0 * away and min(x, phi) > 5.0
-    return Finding(text, bool(holds), float(np.clip(close / 0.02, 0.0, 1.0)))
+    margin = min(close - 0.02, close - 5.0 * away)
+    return Finding(text, bool(holds), float(np.clip(close / 0.02, 0.0, 1.0)), margin, "rad")
 
 
 # -- amplitudes -------------------------------------------------------------------------------------------
@@ -304,7 +330,8 @@ def _between(ratio: _Ratio, text: str, low: float = np.nextafter(1.0, 2.0), high
         measured += f"; antiphase motion in {ratio.covered:.0%} of the interval only"
     sure = float((right & ~undecided).mean())
     holds = not violated.any() and share >= RIGHT and sure >= SURE and ratio.covered >= COVERED
-    return Finding(measured, bool(holds), share * ratio.covered)
+    margin = 100.0 * float(np.minimum(values + errors - low, high - values + errors).min())
+    return Finding(measured, bool(holds), share * ratio.covered, margin, "%")
 
 
 def ordered(text: str, pairs: Sequence[tuple[Key, Key]], claim: Claim, evidence: Evidence) -> Finding:
@@ -347,7 +374,8 @@ def restitution_without_effect(claim: Claim, evidence: Evidence) -> Finding:
         )
     share = float(np.mean(list(same.values()))) if same else 0.0
     text = f"{amplitude.measured}; period as at R = 0: " + "; ".join(f"R {r:g}: {part:.0%}" for r, part in same.items())
-    return Finding(text, amplitude.holds and share == 1.0, 0.5 * (amplitude.score + share))
+    score = 0.5 * (amplitude.score + share)
+    return Finding(text, amplitude.holds and share == 1.0, score, amplitude.margin, "%")
 
 
 def non_impact_over(claim: Claim, evidence: Evidence) -> Finding:
@@ -355,10 +383,12 @@ def non_impact_over(claim: Claim, evidence: Evidence) -> Finding:
     ratios = {r: _ratio(claim, evidence, NON_IMPACT_KEY, Key(claim["mu"], r)) for r in claim["R"]}
     larger = _joined({f"R {r:g}": _between(ratio, "A_nonimpact > A_impact") for r, ratio in ratios.items()})
     means = [ratio.mean for ratio in ratios.values()]
-    grows = all(b - a > SIGMAS * float(np.hypot(i, j)) for (a, i), (b, j) in pairwise(means))
+    growth = [b - a - SIGMAS * float(np.hypot(i, j)) for (a, i), (b, j) in pairwise(means)]
+    grows = all(part > 0.0 for part in growth)
     text = " → ".join(f"{mean:.3f}" + (f" ± {error:.1g}" if error else "") for mean, error in means)
     score = 0.7 * larger.score + 0.3 * grows
-    return Finding(f"{larger.measured}; mean ratio {text}", larger.holds and grows, score)
+    margin = min(larger.margin, *(100.0 * part for part in growth))
+    return Finding(f"{larger.measured}; mean ratio {text}", larger.holds and grows, score, margin, "%")
 
 
 def non_impact_shape(claim: Claim, evidence: Evidence) -> Finding:
@@ -376,7 +406,7 @@ def non_impact_shape(claim: Claim, evidence: Evidence) -> Finding:
     harmonic = bool(viscous["period"] == 1 and abs(crest - 1.0) < 0.02)
     irregular = REGIMES["non-periodic"](impact)
     text = f"impact at {its}; non-impact at {other}, A/(√2 RMS) = {crest:.4f}"
-    return Finding(text, harmonic and irregular, 0.5 * (harmonic + irregular))
+    return Finding(text, harmonic and irregular, 0.5 * (harmonic + irregular), 2.0 - 100.0 * abs(crest - 1.0), "%")
 
 
 # -- numbers in the paper's text --------------------------------------------------------------------------
@@ -390,12 +420,13 @@ def quoted_frequencies(claim: Claim, evidence: Evidence) -> Finding:
     """
     rows = [row for row in evidence.rows(Key(claim["mu"])) if row["sync"] == "antiphase"]
     points = [(float(row[F]), error_of(row, F)) for row in rows]
-    nearby, hits = [], []
+    nearby, margins = [], []
     for f, tolerance in claim["quoted"]:
         nearest, error = min(points, key=lambda point: abs(point[0] - f), default=(0.0, 0.0))
-        hits.append(abs(nearest - f) <= tolerance + 2.0 * error)
+        margins.append(tolerance + 2.0 * error - abs(nearest - f))
         nearby.append(f"{f:g}: {nearest:.2f} Hz")
-    return Finding(f"nearest points {', '.join(nearby)}", all(hits), float(np.mean(hits)))
+    hits = [margin >= 0.0 for margin in margins]
+    return Finding(f"nearest points {', '.join(nearby)}", all(hits), float(np.mean(hits)), min(margins))
 
 
 def layer_damping(claim: Claim, evidence: Evidence) -> Finding:
@@ -413,4 +444,5 @@ def layer_damping(claim: Claim, evidence: Evidence) -> Finding:
     ratio = material.damping_ratio or damping / (2.0 * math.sqrt(stiffness))
     low, high = claim["ratio"]
     text = f"damping ratio {ratio:.3g}, {ratio / math.sqrt(material.lower_share):.3g} in flight"
-    return Finding(text, low <= ratio < high, min(ratio / low, high / ratio, 1.0) if ratio > 0.0 else 0.0)
+    score = min(ratio / low, high / ratio, 1.0) if ratio > 0.0 else 0.0
+    return Finding(text, low <= ratio < high, score, min(ratio - low, high - ratio), "")

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -29,6 +30,8 @@ from vibroplat.results.tables import replace_file
 FRAME = 50
 #: Size of a picture (inch) and dots per inch.
 SIZE, DPI = (9.0, 3.8), 100
+#: Most pictures of a film.
+MOST = 200
 #: Colours of a GIF, chosen from so many of its pictures.
 COLOURS, SAMPLES = 64, 10
 #: Room for the largest displacement, over half the width of the platform.
@@ -75,12 +78,13 @@ def write_film(
     if not run.chosen and run.turns > turns:
         table = table[table["t_s"] >= table["t_s"].iloc[-1] - turns / run.turns * float(np.ptp(table["t_s"]))]
     turned = abs(float(np.ptp(table["phi1_rad"]))) / (2.0 * math.pi)
-    times = np.linspace(table["t_s"].iloc[0], table["t_s"].iloc[-1], max(round(frames * turned), 2), endpoint=False)
+    times = np.linspace(
+        table["t_s"].iloc[0], table["t_s"].iloc[-1], min(max(round(frames * turned), 2), MOST), endpoint=False
+    )
     with styled():
         figure, paint = _scenery(run.name, run.scene, table)
         if out.suffix == ".gif":
-            canvas = FigureCanvasAgg(figure)
-            pictures = _reduced([_picture(canvas, paint, time) for time in times])
+            pictures = _reduced(_pictures(figure, paint, times))
             replace_file(out, lambda file: _save_gif(file, pictures))
         else:
             _save_mp4(out, figure, paint, times)
@@ -104,11 +108,19 @@ def _save_mp4(out: Path, figure: Figure, paint: Painter, times: FloatArray) -> N
             writer.grab_frame()
 
 
-def _picture(canvas: FigureCanvasAgg, paint: Painter, time: float) -> Image.Image:
-    """Paint the figure of a time (s)."""
-    paint(time)
+def _pictures(figure: Figure, paint: Painter, times: FloatArray) -> list[Image.Image]:
+    """Take pictures at these times (s); what stands still is drawn once."""
+    canvas = FigureCanvasAgg(figure)
+    moving = [artist for axis in figure.axes for artist in axis.get_children() if artist.get_animated()]
     canvas.draw()
-    return Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
+    still, pictures = canvas.copy_from_bbox(figure.bbox), []
+    for time in times:
+        paint(time)
+        canvas.restore_region(still)
+        for artist in sorted(moving, key=Artist.get_zorder):
+            artist.draw(canvas.get_renderer())
+        pictures.append(Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB"))
+    return pictures
 
 
 def _reduced(pictures: list[Image.Image]) -> list[Image.Image]:
@@ -143,7 +155,7 @@ def _scenery(name: str, scene: Scene, table: pd.DataFrame) -> tuple[Figure, Pain
     ):
         axis.plot(times, 1e3 * moving[column], color=colour)
         axis.set(ylabel=label, xlim=(times[0], times[-1]))
-        cursors.append(axis.axvline(times[0], color="black", lw=1.0))
+        cursors.append(axis.axvline(times[0], color="black", lw=1.0, animated=True))
     axes[-1, 1].set_xlabel("$t$ (s)")
     figure.set_dpi(DPI)
     figure.draw_without_rendering()
@@ -182,6 +194,8 @@ class _Machine:
         ]
         for patch in (self.body, *self.rims, *self.slabs):
             axis.add_patch(patch)
+        for part in (self.body, *self.rims, *self.slabs, *self.springs, *self.arms):
+            part.set_animated(True)
         axis.axhline(self.floor, color="#777")
         axis.set(
             xlim=(-1.4 * half, 1.4 * half), ylim=(self.floor - 0.1 * half, self.top + half * (1.5 if heights else 0.4))

@@ -16,7 +16,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 
-from vibroplat.columns import COORDINATES, PHASE, PHASE_COLUMN, QUANTITIES
+from vibroplat.columns import COORDINATES, PHASE, PHASE_COLUMN, QUANTITIES, SHAKING
 from vibroplat.config.scene import Scene
 from vibroplat.errors import TableError
 from vibroplat.plots.labels import is_number, phase_label
@@ -182,9 +182,11 @@ def phase_axis(axis: Axes, label: str = PHASE) -> None:
     ticks = {-0.5: "−π/2", 0.0: "0", 0.5: "π/2", 1.0: "±π", 1.5: "−π/2"}
     axis.set_yticks([np.pi * tick for tick in ticks], list(ticks.values()))
     axis.set_ylabel(label)
+    rotations = {phase_label(False): "counter-rotating", phase_label(True): "co-rotating"}
     for angle, name in () if axis.texts else ((0.0, "in-phase"), (np.pi, "antiphase")):
+        text = ": ".join(filter(None, (name, SHAKING.get((rotations.get(label, ""), name)))))
         axis.annotate(
-            name, (1.0, angle), (-2.0, 3.0), axis.get_yaxis_transform(), "offset points",
+            text, (1.0, angle), (-2.0, 3.0), axis.get_yaxis_transform(), "offset points",
             fontsize=7.5, color=REFERENCE, ha="right", va="bottom",
         )  # fmt: skip
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from vibroplat.columns import split
+from vibroplat.columns import SHAKING, split
 from vibroplat.config.scene import Scene
 from vibroplat.observe.summary import COHERENCE, synchronization
 
@@ -28,7 +28,7 @@ def results(scene: Scene, summary: Mapping[str, Any], origin: Mapping[str, Any] 
         ("measured", _window(summary), ""),
         ("excitation frequency", summary["excitation_frequency_hz"], "Hz"),
         ("speeds of the exciters", _speeds(summary), "Hz"),
-        (f"phase difference {phases}", *_phase(summary)),
+        (f"phase difference {phases}", *_phase(scene, summary)),
         ("RMS x, y", [_mm(summary["rms_x_m"]), _mm(summary["rms_y_m"])], "mm"),
         ("RMS phi", summary["rms_phi_rad"], "rad"),
         ("static sag", _mm(summary.get("static_sag_m")), "mm"),
@@ -138,13 +138,17 @@ def _speeds(summary: Mapping[str, Any]) -> list[float] | None:
     return [mean + 0.5 * split, mean - 0.5 * split] if mean and abs(split) > 1e-3 * mean else None
 
 
-def _phase(summary: Mapping[str, Any]) -> tuple[float | str | None, str]:
+def _phase(scene: Scene, summary: Mapping[str, Any]) -> tuple[float | str | None, str]:
     """Return the mean phase difference with its unit, unless it drifts so much that it has no mean."""
     drifts = summary["phase_coherence"] is not None and summary["phase_coherence"] < COHERENCE
     if drifts or summary["phase_difference_rad"] is None:
         return ("drifts" if drifts else None), ""
     named = synchronization(summary)
-    return summary["phase_difference_rad"], "rad" if named == "none" else f"rad, {named}"
+    shakes = SHAKING.get((scene.rotation, named))
+    mainly = "" if scene.has_mirrored_exciters else "mainly "
+    return summary["phase_difference_rad"], "rad" if named == "none" else (
+        f"rad, {named}" + (f": shakes {mainly}{shakes}" if shakes else "")
+    )
 
 
 def _window(summary: Mapping[str, Any]) -> str:

@@ -253,7 +253,10 @@ class Trajectory:
         notes: list[str] = self.summary["notes"]
         if self.saved is not None:
             return notes
-        peaks = peaks_of(self.trajectory, self.summary["measured_from_s"]) if self.peaks is None else self.peaks
+        peaks = self.peaks
+        if peaks is None:
+            assert self.measures is not None  # of a run that was not read from its files
+            peaks = peaks_of(self.trajectory, float(self.measures.marks["window"]))
         return notes + notes_on_samples(peaks, self.summary, self.scene.output.sample_rate_hz)
 
     def __repr__(self) -> str:

@@ -79,7 +79,8 @@ POINT: Columns = {
     "sync": Column(
         "synchronization of the exciters",
         "antiphase or in-phase: phase difference within pi/3 of pi or 0; intermediate: between; none: it drifts or is "
-        "incoherent",
+        "incoherent. Counter-rotating exciters in antiphase shake along y, in phase along x and rocking, with what is "
+        "left over where they differ",
     ),
     "motion": Column(
         "kind of motion",

@@ -9,7 +9,7 @@ from typing import Any
 
 import pandas as pd
 
-from vibroplat.columns import Column, Columns
+from vibroplat.columns import SHAKING, Column, Columns
 from vibroplat.config.plausibility import notes_on_inputs
 from vibroplat.config.scene import Scene
 from vibroplat.extensions import provided
@@ -258,7 +258,7 @@ def overview(table: pd.DataFrame) -> dict[str, str]:
     lines = {
         "points": f"{len(table)} in {table['branch'].nunique()} branches",
         "outcomes": _counts(table["outcome"]),
-        "synchronization": _counts(table["sync"]),
+        "synchronization": _synchronizations(table),
         "motions": _counts(table["motion"]),
         "periods": _counts(table["period"].map({0: "none"}).fillna(table["period"].astype("str"))),
         "simulated": f"{table['simulated_s'].sum():.6g} s, {table['events'].sum()} events, "
@@ -271,6 +271,14 @@ def overview(table: pd.DataFrame) -> dict[str, str]:
             "energy residual": f"at most {table['energy_residual'].max():.2g}",
         }
     return {label: text for label, text in lines.items() if text}
+
+
+def _synchronizations(table: pd.DataFrame) -> str:
+    """Count the kinds of synchronization, and say what each shakes."""
+    counts = table[["rotation", "sync"]].dropna().value_counts().reset_index()
+    kinds = zip(counts["rotation"], counts["sync"], counts["count"], strict=True)
+    shakes = {kind: f" ({what})" for kind, what in SHAKING.items()}
+    return ", ".join(f"{sync} {count}{shakes.get((rotation, sync), '')}" for rotation, sync, count in kinds)
 
 
 def _counts(column: pd.Series) -> str:
