@@ -113,6 +113,16 @@ def test_a_short_run_is_on_the_page_as_it_is(moved):
     assert data["impacts"] == events.loc[events["impulse_n_s"] > 0.0, ["t_s", "impulse_n_s"]].to_numpy().tolist()
 
 
+def test_infinite_numbers_are_missing(moved, tmp_path):
+    copy = unproven(shutil.copytree(moved["two layers"], tmp_path / "copy"))
+    for name in ("trajectory", "events"):
+        table = read_table(copy, name)
+        numbers = table.select_dtypes(float).columns.drop("t_s")
+        table.loc[len(table) // 2 :, numbers] = np.inf
+        write_table(table, copy, name, "parquet")
+    assert "Infinity" not in report.page(shown(copy))
+
+
 def test_a_long_run_keeps_its_last_rows_and_the_extremes_of_all(moved, monkeypatch):
     monkeypatch.setattr(run, "ROWS", 100)
     monkeypatch.setattr(run, "INTERVALS", 20)
@@ -305,6 +315,19 @@ def test_boundaries_lie_in_the_plane_of_both_keys_and_an_empty_section_is_not_to
         ("fold", [*range(7), None]),
         ("liftoff", [*range(7, 14), None]),
     ]
+
+
+def test_the_data_sheet_of_a_run_is_in_groups(moved, tmp_path):
+    copy = unproven(shutil.copytree(moved["bare"], tmp_path / "copy"))
+    more = {"gamma": 5.0, "foundation_force_y_max_n": 7e3, "slip_1": 0.01, "whole_gamma": 9.0, "start_energy_j": 1.0}
+    (copy / "summary.json").write_text(json.dumps(read_json(copy, "summary") | more))
+    data = shown(copy)
+    page = report.page(data)
+    sheet = page[page.index("<h3>Data sheet</h3>") : page.index("All other numbers")]
+    headed = [*dict.fromkeys(row["group"] for row in data["summary"]["rows"] if row["group"] not in ("first", ""))]
+    assert {"load on the foundation", "motors", "start", "peaks of the whole run"} <= {*headed}
+    assert all(f">{group}</th>" in sheet for group in headed)
+    assert "7000" in sheet
 
 
 def test_a_quantity_has_one_unit_on_the_whole_page(moved, followed):

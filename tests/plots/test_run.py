@@ -268,4 +268,4 @@ def test_a_figure_that_cannot_be_written_is_told_in_a_line(result):
     (result / "motion.png").mkdir()
     with pytest.raises(TableError) as caught:
         plot_results([result], ["motion"])
-    assert str(caught.value) == f"{result}/motion.png cannot be written: Is a directory"
+    assert str(caught.value) == f"{result}/motion.png is no regular file; allowed: a new file or one to replace"

@@ -150,7 +150,7 @@ class Motion:
             What else reads it.
         """
         begun, before, ends = self.now, self._energies, list[Measures]()
-        statistics = Statistics(begun + settle)
+        statistics = Statistics(begun + settle, named=len(self.scene.output.points))
         for block in range(1, blocks + 1):
             self.to_time(begun + seconds * block / blocks, (statistics, *observers))
             if self.outcome != "ok":
@@ -172,7 +172,7 @@ class Motion:
         longest, observers
             As in :meth:`to_section`.
         """
-        statistics, before = Statistics(self.now), self._energies
+        statistics, before = Statistics(self.now, named=len(self.scene.output.points)), self._energies
         self.to_section(turns + 1, longest, (statistics, *observers))
         return Part(statistics.measures, before, self._energies)
 

@@ -21,6 +21,17 @@ FIRST = (
     *("rms_x_m", "rms_y_m", "rms_phi_rad", "gap_max_m", "contact_force_max_n", "impulse_max_n_s"),
     *("flight_fraction", "impacts_per_period", "motor_power_w", "energy_residual"),
 )
+#: Groups of the data sheet, by the beginnings of its keys.
+SHEET = {
+    "foundation_": "load on the foundation",
+    "stroke_": "strokes",
+    "acceleration_": "accelerations",
+    "gamma": "accelerations",
+    **dict.fromkeys(("motor_power_", "motor_torque_", "torque_share", "slip_", "speed_ripple_"), "motors"),
+    "bearing_": "motors",
+    **dict.fromkeys(("synchronized_", "start_"), "start"),
+    "whole_": "peaks of the whole run",
+}
 #: Keys of a summary that are told elsewhere on the page.
 _ELSEWHERE = ("name", "detail", "notes", "check")
 
@@ -104,7 +115,7 @@ def differences(commands: Sequence[str], configurations: Sequence[Mapping[str, A
 
 
 def summary_rows(summaries: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Return a row for each key of some summaries: its words, its unit, its values and whether it is shown first.
+    """Return a row for each key of some summaries: its words, its unit, its values and its group.
 
     The numbers that a person asks for first come first. Units are those of figures.
     """
@@ -115,7 +126,9 @@ def summary_rows(summaries: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]
         (unit, factor), values = shown_in(key), [summary.get(key) for summary in summaries]
         if factor != 1.0:
             values = [factor * v if isinstance(v, int | float) else v for v in values]
-        rows.append({"words": words(key), "unit": unit, "values": values, "first": key in FIRST})
+        group = next((group for begins, group in SHEET.items() if key.startswith(begins)), "")
+        group = "first" if key in FIRST else group
+        rows.append({"words": words(key), "unit": unit, "values": values, "group": group})
     return rows
 
 

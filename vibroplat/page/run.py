@@ -15,7 +15,7 @@ from vibroplat.columns import shown_in
 from vibroplat.config.coordinates import Mode
 from vibroplat.config.scene import Scene
 from vibroplat.errors import TableError
-from vibroplat.plots.reading import Cut, Ends, Saved, rest_of
+from vibroplat.plots.reading import Cut, Ends, Saved, finite, rest_of
 from vibroplat.plots.timelines import wrapped
 
 #: Most rows of all runs together that are kept as they are, each of 80 bytes: 25 s at 2000 Hz with their events.
@@ -113,18 +113,12 @@ def run_data(
     TableError
         A table is missing or of another run, or the interval is empty.
     """
-    scene = found.scene
     first, last = float(ends.first["t_s"]), float(ends.last["t_s"])
     begin, end = first if start is None else start, last if stop is None else stop
     curves = [name for _, _, labels in PANELS for name in labels]
     frequency = found.summary.get("excitation_frequency_hz")
-    cut = Cut(
-        _parts(found, (frequency or 0.0) if from_mean else 0.0),
-        (begin, end),
-        (first, last, INTERVALS),
-        curves,
-        most=most if from_beginning else -most,
-    )
+    parts = _parts(found, (frequency or 0.0) if from_mean else 0.0)
+    cut = Cut(parts, (begin, end), (first, last, INTERVALS), curves, most=most if from_beginning else -most)
     if cut.shown["t_s"].nunique() < 2:
         allowed = f"allowed: an interval within {first:g} … {last:g} s"
         raise TableError(f"no data between {begin:g} and {end:g} s in {found.directory}; {allowed}")
@@ -146,14 +140,14 @@ def run_data(
         "modes": "".join(cut.shown["mode"].map(initial)),
         "coarse": None if len(t) == ends.rows else coarse,
         "impacts": impacts_of(events, t[0], t[-1]),
-        "machine": machine_of(scene),
+        "machine": machine_of(found.scene),
     }
 
 
 def _parts(found: Saved, mean: float) -> Iterator[pd.DataFrame]:
     """Read the trajectory in parts, with what follows from its columns; speeds (Hz) are counted from a mean."""
     sign, rest = -1.0 if found.scene.co_rotating else 1.0, rest_of(found.scene)
-    for part in found.column_parts("trajectory", ("mode",), _NEEDED, _OPTIONAL):
+    for part in map(finite, found.column_parts("trajectory", ("mode",), _NEEDED, _OPTIONAL)):
         table = part.assign(
             y_m=part["y_m"] - rest,
             phase=wrapped((part["phi1_rad"] + sign * part["phi2_rad"]).to_numpy(dtype=float)),

@@ -29,7 +29,7 @@ _SYMBOL = re.compile(r"\b([A-Za-z]{1,5})_(\w{1,3})\b|\b(" + "|".join(_GREEK) + r
 
 
 def shown(value: Any) -> str:
-    """Return a value as a person reads it."""
+    """Return a value as a person reads it: what is very small or large as a power of ten, what is unknown as a dash."""
     if value is None or isinstance(value, bool):
         return {None: "–", True: "yes", False: "no"}[value]
     if not isinstance(value, int | float):
@@ -69,22 +69,28 @@ def header(data: Mapping[str, Any]) -> str:
 
 
 def summary(data: Mapping[str, Any]) -> str:
-    """Return the summary of runs: what a person asks for first, and the rest, folded."""
+    """Return the summary of runs: what a person asks for first, the data sheet by its groups, and the rest, folded."""
     results, rows = data["summary"]["results"], data["summary"]["rows"]
     if not results:
         return ""
     heads = ["", "unit", *(data["results"][n]["label"] if len(results) > 1 else "value" for n in results)]
-    first, rest = (
-        listing(
-            heads, [_row(row["words"], row["unit"], map(shown, row["values"])) for row in rows if row["first"] is which]
-        )
-        for which in (True, False)
-    )
-    more = f"<details><summary>All numbers of the summary</summary>{rest}</details>"
-    return f'<section id="summary"><h2>Summary</h2>{first}{more}</section>'
+    groups: dict[str, list[str]] = {}
+    for row in rows:
+        groups.setdefault(row["group"], []).append(_row(row["words"], row["unit"], map(shown, row["values"])))
+    first, rest = (listing(heads, groups.pop(group, [])) for group in ("first", ""))
+    lines = [line for group, found in groups.items() for line in (_section(group, heads), *found)]
+    sheet = f"<h3>Data sheet</h3>{listing(heads, lines)}" if lines else ""
+    more = f"<details><summary>All other numbers of the summary</summary>{rest}</details>"
+    return f'<section id="summary"><h2>Summary</h2>{first}{sheet}{more}</section>'
+
+
+def _section(name: str, heads: Sequence[str]) -> str:
+    """Return the row of a table that names those below it."""
+    return f'<tr class="section"><th scope="rowgroup" colspan="{len(heads)}">{escape(name)}</th></tr>'
 
 
 def _row(name: str, unit: str, values: Any) -> str:
+    """Return a row of the summary; values are texts, one for each run."""
     cells = "".join(f'<td class="number">{escape(value)}</td>' for value in values)
     return f'<tr><th scope="row">{escape(name)}</th><td class="unit">{escape(unit)}</td>{cells}</tr>'
 
@@ -101,7 +107,7 @@ def parameters(data: Mapping[str, Any]) -> str:
     for row in data["parameters"]:
         if row["section"] != section:
             section = row["section"]
-            lines.append(f'<tr class="section"><th scope="rowgroup" colspan="{len(heads)}">{escape(section)}</th></tr>')
+            lines.append(_section(row["section"], heads))
         lines.append(_parameter(row, names))
     table = listing(heads, lines)
     return f'<section id="parameters"><h2>Parameters</h2><p class="hint">{note}</p>{table}</section>'
@@ -146,6 +152,7 @@ def tables(data: Mapping[str, Any]) -> str:
 
 
 def _table(table: Mapping[str, Any], label: str) -> str:
+    """Return the first rows of a table, in the units in which the script shows them, and say if there are more."""
     columns, count = table["columns"], min(table["rows"], ROWS)
     heads = [f"{one['words']} ({one['unit']})" if one["unit"] else one["words"] for one in columns]
     cells = ([_scaled(value, one["factor"]) for value in one["values"][:count]] for one in columns)
@@ -156,11 +163,15 @@ def _table(table: Mapping[str, Any], label: str) -> str:
 
 
 def _scaled(value: Any, factor: float) -> Any:
+    """Return a number in another unit; texts and flags have none."""
     return factor * value if isinstance(value, int | float) and not isinstance(value, bool) and factor != 1.0 else value
 
 
 def figures(found: Sequence[Saved]) -> str:
-    """Return the figures that ``vibroplat plot`` draws of some results."""
+    """Return the figures that ``vibroplat plot`` draws of some results, as images inside the page.
+
+    A browser that runs scripts reads them as text and decodes none of them.
+    """
     return "".join(
         f'<figure><img alt="{escape(name)}" src="data:image/png;base64,{picture}"></figure>'
         for name, picture in _pictures(found)

@@ -214,16 +214,12 @@ def load_plan(
 
 def laid(fixed: Mapping[str, Any], searched: Mapping[str, Any]) -> dict[str, Any]:
     """Lay searched numbers over those of a machine, those of one motor or exciter over those that both have."""
-    tree = nest(fixed)
-    for single in (False, True):
-        tree = merge(
-            tree, nest({k: v for k, v in searched.items() if k.startswith(("motors.", "exciters.")) is single})
-        )
-    return flat(tree)
+    single = {key: value for key, value in searched.items() if key.startswith(("motors.", "exciters."))}
+    common = {key: value for key, value in searched.items() if key not in single}
+    return flat(merge(merge(nest(fixed), nest(common)), nest(single)))
 
 
 # -- the search -------------------------------------------------------------------------------------------
-
 
 #: Called after each evaluation: their number so far, the most claims held, and the best score of those that hold most.
 Progress = Callable[[int, int, float], None]
@@ -270,7 +266,7 @@ class _Judged:
     fixed: Mapping[str, Any]
     records: Store
     workers: Pool
-    progress: Progress | None
+    progress: Progress
     count: int = 0
     best: tuple[int, float] = (0, 0.0)
 
@@ -283,16 +279,12 @@ class _Judged:
             name: StoredChain(judged(laid(self.fixed, numbers)), self.records, name)
             for name, numbers in dict(zip(names, sets, strict=True)).items()
         }
-        results = run_stored(chains.values(), self.workers, self._tell)
+        results = run_stored(chains.values(), self.workers, lambda done: self.progress(self.count + done, *self.best))
         found = dict(zip(chains, results, strict=True))
         self.best = max([self.best, *((result["held"], result["score"]) for result in results)])
         self.count += len(sets)
-        self._tell(0)
+        self.progress(self.count, *self.best)
         return [found[name] for name in names]
-
-    def _tell(self, done: int) -> None:
-        if self.progress is not None:
-            self.progress(self.count + done, *self.best)
 
 
 def calibrate(
@@ -321,7 +313,7 @@ def calibrate(
         others. ``confirmation``: a row for each confirmed set and each seed. ``left-out`` and ``spread``: see
         :func:`left_out` and :func:`spread`.
     """
-    judged, keys = _Judged(fixed, records, workers, progress), list(plan.parameters)
+    judged, keys = _Judged(fixed, records, workers, progress or (lambda *_: None)), list(plan.parameters)
     found = [{"start": n, **row} for n in range(plan.starts) for row in _search(plan, plan.seed + n, judged)]
     screened = pd.DataFrame(found).sort_values("score", ascending=False, ignore_index=True, kind="stable")
     chosen = differing(screened, plan)
@@ -337,8 +329,8 @@ def calibrate(
     over_seeds = pd.DataFrame([*rows, *confirmed]).groupby(keys).agg(seeds=("held", "size"), **own)
     table = pd.DataFrame(rows).drop(columns="seed").join(over_seeds, on=keys)
     table = table.join(screened.groupby(keys)["start"].min(), on=keys)
-    order = ["seeds", "held_mean", "score_mean"]
-    table = table.sort_values(order, ascending=False, ignore_index=True, kind="stable")
+    by = ["seeds", "held_mean", "score_mean"]
+    table = table.sort_values(by, ascending=False, ignore_index=True, kind="stable")
     front = ["start", *keys, *list(EVALUATIONS)[1:]]
     table = table[[*front, *table.columns.difference(front, sort=False)]]
     tables = {"screening": screened, "evaluations": table, "confirmation": confirmation}

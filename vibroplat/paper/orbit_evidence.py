@@ -11,6 +11,7 @@ import math
 from collections.abc import Mapping, Sequence
 from contextlib import closing, suppress
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -37,8 +38,9 @@ UPWARD = (
 OVER = (79.4, 77.5, 75.6, 73.7, 71.8, 71.4)
 #: Residual at which an orbit is found, in the scales of the scene.
 TOLERANCE = 1e-6
-#: Turns of exciter 1 before the first orbit and before each other one is looked for; largest number of iterations.
-FIRST, SETTLED, MOST = 48, 8, 8
+#: Turns of exciter 1 after which the first orbit and each other one is looked for, and again if there is none; largest
+#: number of iterations.
+FIRST, SETTLING, MOST = (48, 96), (4, 8, 16, 32), 8
 #: Margin of a claim, over that which counts as none, that is ample.
 AMPLE = 10.0
 #: The claims that orbits can judge, and what is changed of them as orbits do not reach further.
@@ -91,30 +93,38 @@ def _rows(scene: Scene, frequencies: Sequence[float]) -> list[dict[str, Any]]:
     """Return a row for each supply frequency (Hz); all after the last stable orbit are of non-periodic motion."""
     scene = accurate(scene.replace({FREQUENCY: frequencies[0], "run.perturbation": 0.0}), TOLERANCE)
     rows: list[dict[str, Any]] = []
-    state = initial_state(scene)
+    state, turn = initial_state(scene), TURN / scene.speed_scale
     with closing(Shooter(scene, (FREQUENCY,))) as shooter, suppress(MissedError):
-        for supply in frequencies:
+        for last, supply in pairwise((frequencies[0], *frequencies)):
             shooter.set([supply])
-            problem, found = _orbit(shooter, state, supply, SETTLED if rows else FIRST)
+            problem, found = _orbit(shooter, state, turn * last / supply, supply, SETTLING if rows else FIRST)
             measures = measures_of_orbit(problem, found)
             if abs(found.multipliers[0]) >= 1.0 or measures["sync"] != "antiphase":
                 break
-            state = found.chart.unpack(found.u)[0]
+            chart, u, _ = problem.far_from_events(found) or (found.chart, found.u, [])
+            state, turn, _ = chart.unpack(u)
             rows.append({SUPPLY: supply, **measures, "period": 1, "motion": "periodic", "outcome": "ok"})
     slip = rows[-1][F] / rows[-1][SUPPLY] if rows else 1.0 / scene.exciter_pair[0].pole_pairs
     other = {"period": 0, "motion": "non-periodic", "sync": "none", "outcome": "ok", "flight_fraction": None}
     return rows + [{SUPPLY: supply, F: slip * supply, **other} for supply in frequencies[len(rows) :]]
 
 
-def _orbit(shooter: Shooter, state: FloatArray, supply: float, turns: int) -> tuple[Problem, NewtonResult]:
-    """Let a motion settle for some turns and find the orbit of period 1 near it."""
-    motion, scene = shooter.motion, shooter.scene
-    motion.reset(state)
-    if not motion.to_section(turns, 4.0 * turns * TURN / scene.speed_scale):
-        raise MissedError("exciter 1 does not turn")
-    start = motion.state
-    start[3:5] -= TURN * np.round(start[3:5] / TURN)
-    problem = Problem(shooter, [int(exciter.direction) for exciter in scene.exciter_pair], (1.0,), TOLERANCE)
-    chart = problem.chart(start)
-    u = chart.pack(start, TURN / abs(start[10]), [supply])
-    return problem, correct(problem, chart, u, np.eye(u.size)[-1:], most=MOST)
+def _orbit(
+    shooter: Shooter, state: FloatArray, turn: float, supply: float, settling: Sequence[int]
+) -> tuple[Problem, NewtonResult]:
+    """Let a motion settle and find the orbit of period 1 near it; after some turns or, if there is none, after more."""
+    motion = shooter.motion
+    problem = Problem(shooter, [int(e.direction) for e in shooter.scene.exciter_pair], (1.0,), TOLERANCE)
+    missed = MissedError("")
+    for turns in settling:
+        motion.reset(state)
+        motion.to_time(motion.now + turns * turn)
+        start = motion.state
+        start[3:5] -= TURN * np.floor(start[3:5] / TURN)
+        try:
+            chart = problem.chart(start)
+            u = chart.pack(start, turn, [supply])
+            return problem, correct(problem, chart, u, np.eye(u.size)[-1:], most=MOST)
+        except MissedError as error:
+            missed = error
+    raise missed

@@ -12,7 +12,18 @@ import pandas as pd
 from vibroplat.columns import COORDINATES, PHASE, PHASE_COLUMN
 from vibroplat.plots.reading import finite, has_table
 from vibroplat.plots.response import draw_response, marker_legend
-from vibroplat.plots.style import BLACK, BLUE, GREEN, ORANGE, PURPLE, REFERENCE, VERMILION, entry, new_figure
+from vibroplat.plots.style import (
+    BLACK,
+    BLUE,
+    GREEN,
+    ORANGE,
+    PURPLE,
+    REFERENCE,
+    VERMILION,
+    begin_at_zero,
+    entry,
+    new_figure,
+)
 from vibroplat.plots.timelines import FloatArray, in_units
 from vibroplat.results.files import Result
 from vibroplat.study.bands import jumps
@@ -53,6 +64,7 @@ def paper_figures(directories: Sequence[Path], _: Sequence[str] = ()) -> Iterato
 
 
 def _table(result: Result, name: str) -> pd.DataFrame:
+    """Read a table of the reproduction as axes can show it."""
     return finite(result.table(name))
 
 
@@ -96,7 +108,7 @@ def _over_frequency(height: float, panels: Sequence[Panel], names: Curves = ()) 
         for rows, colour, size in panel.curves:
             _branches(axis, rows, panel.column, colour, size)
         if panel.column != PHASE_COLUMN:
-            axis.set_ylim(bottom=0.0)
+            begin_at_zero(axis)
         axis.set_title(panel.title, loc="left")
     axes[-1, 0].set_xlabel("$f$ (Hz)")
     handles = [entry(name, color=colour, lw=2.0) for name, colour in names]

@@ -22,7 +22,6 @@ from vibroplat.plots.style import (
     CURVES,
     DIRECTIONS,
     FAILED,
-    MARGIN,
     REFERENCE,
     begin_at_zero,
     entry,
@@ -211,7 +210,7 @@ def _limit(axis: Axes, column: str, table: pd.DataFrame) -> None:
     if column in _SIZES:
         limit_size(axis, table)
     elif column == "flight_fraction":
-        begin_at_zero(axis, 1.0 + MARGIN)
+        begin_at_zero(axis, 1.0)
     elif column in ("contact_force_max_n", "gap_max_m"):
         begin_at_zero(axis)
 

@@ -126,9 +126,10 @@ def plain(text: str) -> str:
 
 
 def begin_at_zero(axis: Axes, end: float | None = None) -> None:
-    """Begin a vertical axis at 0, with room for lines and markers there; it ends where it does if nothing is given."""
+    """Begin a vertical axis at 0, with room for lines and markers at both ends; one below 0 stays as it is."""
     top = axis.get_ylim()[1] if end is None else end
-    axis.set_ylim(-MARGIN * top, top)
+    if top > 0.0:
+        axis.set_ylim(-MARGIN * top, (1.0 + MARGIN) * top)
 
 
 def head(figure: Figure, name: str, parameters: str = "") -> None:

@@ -76,7 +76,7 @@ def jumps(rows: pd.DataFrame | Rows) -> Flags:
     with np.errstate(invalid="ignore"):
         turned = held & (np.abs(np.angle(np.exp(1j * np.diff(phase)))) > TURN)
         leapt = np.abs(np.diff(found)) > np.maximum(LEAP * expected, 1e-3 * found[1:])
-        rose = (change > RISE * np.nanmax(height)) & (change > ALONE * beside)
+        rose = (change > RISE * np.nanmax(height, initial=0.0)) & (change > ALONE * beside)
     return np.asarray(lost | turned | leapt | rose)
 
 

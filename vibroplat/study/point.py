@@ -24,6 +24,7 @@ from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Motion, Observer
 from vibroplat.observe.notes import notes_on_measures, stiffness
+from vibroplat.observe.sheet import columns
 from vibroplat.observe.statistics import section_rows
 from vibroplat.observe.summary import (
     INACCURATE,
@@ -249,7 +250,7 @@ def _followed(
     }
     final: list[float] | None = None
     heights: list[float] = []
-    found = measured(part)
+    found = measured(part, scene)
     doubt = inaccuracy(found, scene) if kind is not None else ""
     if doubt:
         row |= {"outcome": INACCURATE, "detail": doubt, "energy_residual": found["energy_residual"]}
@@ -394,7 +395,7 @@ def row_of(
     ``slip`` is the change of the phase difference while the motion settled (rad), if it has not become periodic. What
     is no farther than ``near`` from −π (rad) is π.
     """
-    row: dict[str, Any] = {name: found[name] for name in MEASURED} | dict(errors)
+    row: dict[str, Any] = {name: found[name] for name in (*MEASURED, *columns(scene))} | dict(errors)
     if scene.has_contact and row["gap_max_m"] is None:
         row["gap_max_m"] = 0.0  # it never flew
     if row["phase_difference_rad"] is not None:
