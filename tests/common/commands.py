@@ -63,11 +63,14 @@ def process(*arguments, **options):
 
 
 def not_a_line(done, codes=(2,)):
-    """Say what is wrong with the end of a command that was to end with one line for the user; "" where nothing is."""
+    """Say what is wrong with the end of a command that was to end with one line for the user; "" where nothing is.
+
+    Notes on the input may come before it.
+    """
     lines = done.err.splitlines()
     if done.code not in codes:
         return f"exit code {done.code}, told {done.err[-300:]!r}"
-    if done.out:
+    if any(not line.startswith("note: ") for line in done.out.splitlines()):
         return f"printed {done.out[:300]!r}"
     if len(lines) != 1 or not done.err.startswith("vibroplat: "):
         return f"told {done.err[-300:]!r}"

@@ -5,6 +5,7 @@ import pytest
 
 from vibroplat.model.energy import FORCE, FORCE_SIZE, POWERS, energies, exciter_powers, powers
 from vibroplat.model.impact import kinetic_change
+from vibroplat.model.motor import motor_torque
 from vibroplat.model.parameters import parameters
 
 from .helpers import (
@@ -37,7 +38,8 @@ def rates_of(system, state, p):
 
 def powers_of(state, p):
     out = np.empty(FORCE_SIZE + 1)
-    powers(exciter_powers(TIME, state, 7, p), np.array([state, state**2, abs(state)]), 7, 2, out, p)
+    motors = [motor_torque(i, TIME, state[10 + i], p) * state[10 + i] for i in (0, 1)]
+    powers(exciter_powers(*motors, state, 7, p), np.array([state, state**2, abs(state)]), 7, 2, out, p)
     return dict(zip(POWERS, out, strict=False)), out[FORCE], out[FORCE_SIZE]
 
 

@@ -142,7 +142,7 @@ def test_without_scripts_summary_tables_parameters_and_figures_are_there(driver,
             assert len(table("Parameters").text.splitlines()) > 30
         assert "46" in table("Table sweep").text
         driver.get(pages["one"].resolve().as_uri())
-        assert "mm 0.3" in table("Summary").text
+        assert "RMS y mm 0." in table("Summary").text
         assert "liftoff" in table("Table events").text
     finally:
         driver.execute_cdp_cmd("Emulation.setScriptExecutionDisabled", {"value": False})

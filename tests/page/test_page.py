@@ -113,6 +113,16 @@ def test_a_short_run_is_on_the_page_as_it_is(moved):
     assert data["impacts"] == events.loc[events["impulse_n_s"] > 0.0, ["t_s", "impulse_n_s"]].to_numpy().tolist()
 
 
+def test_infinite_numbers_are_missing(moved, tmp_path):
+    copy = unproven(shutil.copytree(moved["two layers"], tmp_path / "copy"))
+    for name in ("trajectory", "events"):
+        table = read_table(copy, name)
+        numbers = table.select_dtypes(float).columns.drop("t_s")
+        table.loc[len(table) // 2 :, numbers] = np.inf
+        write_table(table, copy, name, "parquet")
+    assert "Infinity" not in report.page(shown(copy))
+
+
 def test_a_long_run_keeps_its_last_rows_and_the_extremes_of_all(moved, monkeypatch):
     monkeypatch.setattr(run, "ROWS", 100)
     monkeypatch.setattr(run, "INTERVALS", 20)

@@ -382,7 +382,7 @@ def test_a_figure_of_a_degenerate_table_is_whole(figure, case, tables):
     assert look(figure, case, tables) == []
 
 
-@pytest.mark.long
+@pytest.mark.campaign
 @pytest.mark.parametrize("figure", FIGURES)
 def test_a_figure_of_any_degenerate_table_is_whole(figure, tables):
     assert {case: told for case in CASES if (told := look(figure, case, tables))} == {}

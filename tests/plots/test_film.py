@@ -21,7 +21,7 @@ def test_a_film_shows_the_last_turns(saved, tmp_path, kind):
 
 
 def test_what_cannot_be_filmed_is_refused_in_a_line(saved, command, here, monkeypatch):
-    monkeypatch.setattr("matplotlib.animation.FFMpegWriter.isAvailable", lambda: False)
+    monkeypatch.setattr("shutil.which", lambda _: None)
     bare, name = saved["bare"], "allowed: a name that ends with"
     refused = {
         "film.png": f"--out film.png: not a film; {name} .gif or .mp4",

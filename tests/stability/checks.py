@@ -53,7 +53,7 @@ def steady(scene, settle, measure):
         motion.advance(settle)
         part = motion.advance(measure)
         work = {"outcome": motion.outcome, "detail": motion.detail, "steps": engine.work["steps"] or 0}
-    return measured(part) | work
+    return measured(part, scene) | work
 
 
 def row(name, outcome, limits, *, allowed=("ok",)):

@@ -65,7 +65,7 @@ def _long(name, scene, turns):
         steps = engine.work["steps"]
         for _ in range(PARTS):
             impacts = Impacts()
-            parts.append(measured(motion.advance(seconds, observers=[impacts])) | {"interval": impacts.spread})
+            parts.append(measured(motion.advance(seconds, observers=[impacts]), scene) | {"interval": impacts.spread})
             memory.append(psutil.Process().memory_info().rss / 1024.0)
         steps = (engine.work["steps"] - steps) / PARTS
         outcome, state = motion.outcome, motion.automaton.run["state"]

@@ -13,7 +13,7 @@ from vibroplat.integrate import make_engine
 from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Motion
 from vibroplat.observe import statistics as m
-from vibroplat.observe.summary import half_open
+from vibroplat.observe.summary import block_errors, extremes, half_open
 from vibroplat.study.classification import Kind, classify
 from vibroplat.study.lyapunov import Exponent
 from vibroplat.study.point import BLOCKS, ERRORS, columns_of
@@ -285,6 +285,10 @@ def test_blocks_add_up_to_the_whole():
     assert turns == part.measures.marks["turns"]
     impacts = [(block.marks["last"] - block.marks["first"])[3] for block in [part.blocks[0], *differences]]
     assert sum(impacts) == (part.measures.marks["last"] - part.measures.marks["first"])[3]
+    of_blocks, whole = [extremes(block) for block in part.blocks], extremes(part.measures)
+    assert {name: max(found[name] for found in of_blocks) for name in whole} == whole
+    errors = block_errors(part.blocks, ["gap_max_m"])
+    assert errors["gap_max_m"] == pytest.approx(np.std([found["gap_max_m"] for found in of_blocks], ddof=1))
 
 
 # -- phase difference -------------------------------------------------------------------------------------

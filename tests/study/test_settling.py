@@ -11,12 +11,13 @@ import pytest
 from common.places import LOADED
 
 from vibroplat import Scene
+from vibroplat.continuation.seeker import OrbitSeeker
 from vibroplat.hybrid.state import state_scales
 from vibroplat.integrate import make_engine
 from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Motion
 from vibroplat.observe import statistics as m
-from vibroplat.observe.statistics import no_measures
+from vibroplat.observe.statistics import no_measures, section_rows
 from vibroplat.study.branches import branches
 from vibroplat.study.point import BLOCKS, ERRORS, measure_point
 from vibroplat.study.settling import BLOCK, MAX_PERIOD, TURNS, period, section_points, settle, spreads
@@ -175,6 +176,36 @@ def test_diagram_of_an_orbit_has_its_points_once():
     impacts = point.row["impacts_per_period"] * 4
     assert len(point.impact_speeds) == pytest.approx(impacts)
     assert min(point.impact_speeds) > 0.0
+
+
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.long)])
+def test_stable_orbit_beside_chaos_is_found(seed):
+    """At 61 Hz a chaotic transient of a minute comes before period 4: the row waits for it, or names it."""
+    options = {"changes": MATERIAL | {"solver.engine": "taylor"}, "settle": "orbits", "seed": seed}
+    row = swept(DAMPED, 61.0, max_settle_s=60.0, **options).iloc[0]
+    assert row["period"] == 4 or "period 4" in row["coexists"]
+
+
+def test_hunt_finds_the_orbit_near_a_motion_that_does_not_repeat():
+    """Period 4, from a section of which only the last points are near to each other."""
+    scene = planned(DAMPED, 57.5).replace(MATERIAL | {"solver.engine": "taylor", "drive.supply_frequency_hz": 57.5})
+    with closing(OrbitSeeker(scene)) as seeker, moving(scene) as motion:
+        measures = motion.advance(8.0).measures
+        states, points = section_rows(measures)["state"][-30:], section_points(measures, scene)[-30:]
+        points[:20] += np.random.default_rng(0).uniform(0.0, 9.0, (20, 1))
+        found = seeker.hunt(points, states)
+    assert [orbit.period for orbit in found.stable] == [4]
+    assert found.least == found.stable[0].multiplier < 1.0
+
+
+@pytest.mark.long
+def test_another_chaotic_motion_is_told():
+    """With R = 0.5 at 59.5 Hz RMS y is 1.164 mm or 1.78 mm: each row names the other one, or that in phase."""
+    changes = {"solver.engine": "taylor", **MATERIAL, "contact.restitution": 0.5}
+    row = swept(CALIBRATED, 59.5, changes=changes, settle="orbits").iloc[0]
+    assert row["motion"] == "chaotic"
+    heights = [float(text.split("RMS y ")[1].split()[0]) for text in row["coexists"].split("; ") if "none" in text]
+    assert any(abs(height - row["rms_y_m"]) > 0.2e-3 for height in heights)
 
 
 def test_longest_settling_does_not_bound_a_fixed_one():

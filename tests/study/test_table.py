@@ -36,7 +36,7 @@ INTERFACE = [
     *("impacts_per_period", "gap_max_m", "contact_force_max_n", "impulse_max_n_s", "motor_power_w", "energy_residual"),
     *("outcome", "steps", "residual_calls", "events", "simulated_s", "wall_s"),
 ]
-TEXTS = {"direction", "rotation", "sync", "motion", "outcome", "detail", "notes"}
+TEXTS = {"direction", "rotation", "sync", "motion", "outcome", "detail", "notes", "coexists"}
 COUNTS = {"branch", "period", "steps", "residual_calls", "events"}
 #: What every row has, also of a point that failed.
 OF_THE_OUTCOME = [*INTERFACE[:2], "detail", *INTERFACE[-6:]]

@@ -70,8 +70,8 @@ MUTANTS = [
     # what is observed
     (
         "observe motion",
-        '0.5 * (marks["largest"][HEIGHT] - marks["least"][HEIGHT])',
-        'marks["largest"][HEIGHT] - marks["least"][HEIGHT]',
+        '0.5 * (ms.late["largest"][HEIGHT] - ms.late["least"][HEIGHT])',
+        'ms.late["largest"][HEIGHT] - ms.late["least"][HEIGHT]',
     ),
     (
         "observe motion",
@@ -85,7 +85,7 @@ MUTANTS = [
     ),
     ("observe motion", "mean[square] - mean[first] ** 2", "mean[square] + mean[first] ** 2"),
     ("observe motion", "gravity = before.gravity - after.gravity", "gravity = after.gravity - before.gravity"),
-    ("observe motion", 'max(float(marks["pull"]), -least[FORCE])', 'float(marks["pull"])'),
+    ("observe motion", 'max(0.0, -float(whole["least"][FORCE]))', 'max(0.0, -float(late["least"][FORCE]))'),
     ("observe study", "values.std(ddof=1)) / math.sqrt(len(values))", "values.std(ddof=1))"),
     ("observe motion", "if falling and rate > 0.0:", "if rate > 0.0:"),
     ("observe motion", "MOMENTUM * energy", "0.0 * energy"),

@@ -13,7 +13,7 @@ from vibroplat.config.scene import Scene
 from vibroplat.hybrid.state import force_spread, state_scales
 from vibroplat.integrate import engine_name
 from vibroplat.model.systems import GAP, GAP_RATE
-from vibroplat.observe.summary import COHERENCE
+from vibroplat.observe.summary import COHERENCE, MAXIMA
 from vibroplat.study import WAIT
 from vibroplat.study.branches import Branch, Place, branches, chosen, require_share
 from vibroplat.study.point import ERRORS, point_task
@@ -21,8 +21,8 @@ from vibroplat.study.pool import Pool, StoredChain, Task, Tasks, pool, run_store
 from vibroplat.study.store import Store
 from vibroplat.study.sweep import Progress, branch_records, run_sweeps
 
-#: Standard errors of the difference of two means over blocks that are allowed. With eight blocks each it follows
-#: Student's distribution with 14 degrees of freedom, beyond six of them once in 30 000 cases.
+#: Standard errors of the difference of two means over blocks that are allowed. With 24 blocks each it follows
+#: Student's distribution with 46 degrees of freedom, beyond six of them once in three million cases.
 SIGMAS: Final = 6.0
 #: Change under repetitions, over the standard error, from which on they count as independent motions: of these, all
 #: stay below it once in 10 000 cases.
@@ -32,7 +32,9 @@ CLASS: Final = ("outcome", "sync", "motion", "period")
 
 _EXPONENT: Final = "lyapunov_per_s"
 _PHASE: Final = "phase_difference_rad"
-_ERRORS: Final = ERRORS | {_EXPONENT: "lyapunov_error_per_s"}
+_ERRORS: Final = {name: error for name, error in ERRORS.items() if name not in MAXIMA} | {
+    _EXPONENT: "lyapunov_error_per_s"
+}
 
 #: A row of the sweep table.
 Row = Mapping[str, Any]

@@ -12,6 +12,7 @@ from vibroplat.columns import Column, Columns, unit_of
 from vibroplat.config.keys import keys, yaml
 from vibroplat.continuation.tables import BOUNDARIES, BRANCHES, SPECIAL
 from vibroplat.motion.run import SUMMARY
+from vibroplat.observe.sheet import SHEET, of_points, whole_columns
 from vibroplat.observe.tables import EVENTS, TRAJECTORY
 from vibroplat.paper.calibration import CONFIRMATION, EVALUATIONS, LEFT_OUT, SCREENING, SPREAD
 from vibroplat.paper.claims import CLAIMS
@@ -24,7 +25,8 @@ from vibroplat.study.sweep import COLUMNS, DIAGRAM, SWEEP
 #: The swept keys of a sweep's tables.
 _SWEPT = {"…": Column("the keys of the sweep's grid, by their dotted names", "see configuration.md")}
 _FOLLOWED = {"…": Column("the keys of the grid and the keys that vary, by their dotted names", "see configuration.md")}
-_IN_ORDER = {SUPPLY: SWEEP[SUPPLY], **_SWEPT, **{name: SWEEP[name] for name in COLUMNS}}
+_POINTS = of_points(["NAME"])
+_IN_ORDER = {SUPPLY: SWEEP[SUPPLY], **_SWEPT, **{name: SWEEP[name] for name in (*COLUMNS, *SHEET)}, **_POINTS}
 
 
 def _diagram(name: str) -> Columns:
@@ -40,7 +42,7 @@ TABLES: dict[str, tuple[str, Columns]] = {
     "summary.json": (
         "`vibroplat run`: numbers of the second half of the run, cut to whole turns of exciter 1; what is of the whole "
         "run says so.",
-        SUMMARY,
+        {**SUMMARY, **_POINTS, **whole_columns(_POINTS)},
     ),
     "sweep": ("`vibroplat sweep`: a row for each point.", _IN_ORDER),
     "sweep, confirmed": ("Columns that `confirm: orbits` adds to `sweep`.", CONFIRMED),
@@ -53,7 +55,7 @@ TABLES: dict[str, tuple[str, Columns]] = {
         "`vibroplat sweep` with `kind: bifurcation`: the last impacts of each point.",
         _diagram("impact_speed_m_per_s"),
     ),
-    "branches": ("`vibroplat orbits`: a row for each point of each branch.", {**_FOLLOWED, **BRANCHES}),
+    "branches": ("`vibroplat orbits`: a row for each point of each branch.", {**_FOLLOWED, **BRANCHES, **_POINTS}),
     "special": ("`vibroplat orbits`: a row for each special point.", {**_FOLLOWED, **SPECIAL}),
     "boundaries": (
         "`vibroplat orbits` with `boundaries`: the points of each curve in their order.",

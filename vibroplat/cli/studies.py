@@ -79,9 +79,9 @@ def run(
         origin = provenance(scene, summary["engine"], result.origin)
         tables = {"trajectory": trajectory, "events": events}
         write_result(directory, "run", origin, tables, {"summary": summary}, form=format_)
-    from vibroplat.results.card import results, whole
+    from vibroplat.results.card import results, sheet, whole
 
-    lines = results(scene, result.summary, result.origin) | whole(result.summary)
+    lines = results(scene, result.summary, result.origin) | sheet(scene, result.summary) | whole(result.summary)
     common.print_lines(lines | {"tables": str(directory)})
     common.print_notes([note for note in result.notes if note not in told])
     if found is not None:

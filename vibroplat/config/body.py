@@ -20,8 +20,10 @@ class RigidBody(NamedTuple):
         M = m_0 + m_1 + m_2 (kg).
     masses
         Unbalance masses m_1, m_2 (kg).
+    centre
+        Common centre of mass c = (m_1 p_1 + m_2 p_2)/M, from the platform's own (m).
     axes
-        Axes P_i = p_i - c of the exciters from the common centre of mass c = (m_1 p_1 + m_2 p_2)/M (m).
+        Axes P_i = p_i - c of the exciters from there (m).
     distance
         The larger distance |p_i| of the axes from the platform's own centre of mass (m).
     inertia
@@ -34,6 +36,7 @@ class RigidBody(NamedTuple):
 
     mass: float
     masses: Pair
+    centre: Pair
     axes: tuple[Pair, Pair]
     distance: float
     inertia: float
@@ -55,6 +58,7 @@ def rigid_body(machine: Machine, exciters: tuple[Exciter, Exciter]) -> RigidBody
     return RigidBody(
         mass=mass,
         masses=(m_1, m_2),
+        centre=(x_c, y_c),
         axes=((p_1, q_1), (p_2, q_2)),
         distance=max(math.hypot(x_1, y_1), math.hypot(x_2, y_2)),
         inertia=own + shifted,

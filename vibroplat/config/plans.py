@@ -96,7 +96,7 @@ class SweepPlan(Section, title="Sweep"):
         1e-3, description="distance from the steady motion at which auto stops, in the scales of the scene"
     )
     measure_s: Positive = described(
-        2.0, "", "measured time of each point; motion that does not repeat is measured eight times as long"
+        2.0, "", "measured time of each point; motion that does not repeat is measured 24 times as long"
     )
     period_tolerance: Annotated[float, Field(gt=0.0, le=1.0, allow_inf_nan=False)] = Field(
         1e-2, description="largest distance of points of the Poincaré section that repeat, in the scales of the scene"

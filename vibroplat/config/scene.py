@@ -204,6 +204,12 @@ class Scene(Section):
         return rigid_body(self.machine, self.exciter_pair)
 
     @property
+    def named_points(self) -> dict[str, tuple[float, float]]:
+        """The points of ``output.points`` from the common centre of mass (m), by their names."""
+        x_c, y_c = self.body.centre
+        return {name: (x - x_c, y - y_c) for name, (x, y) in self.output.points.items()}
+
+    @property
     def co_rotating(self) -> bool:
         """Whether both exciters are driven the same way."""
         first, second = self.exciter_pair

@@ -29,6 +29,9 @@ LEAST_TOLERANCE, LEAST_TOLERANCE_SUNDIALS = 1e-14, 1e-12
 
 Rotation = Literal["counter-clockwise", "clockwise"]
 
+#: Most points of the platform that may be named.
+MOST_POINTS = 8
+
 #: Keys of the machine that the section ``exciters`` gives for each exciter instead.
 OF_EXCITERS = ("unbalance_radius_m", "rotor_inertia_kg_m2")
 
@@ -407,3 +410,15 @@ class Output(Section):
     """Output tables."""
 
     sample_rate_hz: Positive = described(2000.0, "", "rows of the trajectory table per second")
+    points: Annotated[
+        dict[
+            Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,39}$")],
+            Annotated[list[Real], Field(min_length=2, max_length=2)],
+        ],
+        Field(max_length=MOST_POINTS),
+    ] = described(
+        {},
+        "",
+        "named points of the platform whose stroke and acceleration are wanted: {NAME: [x, y]} in metres, from the "
+        f"platform's own centre of mass; at most {MOST_POINTS}",
+    )

@@ -27,6 +27,7 @@ from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.sensitivity import with_value
 from vibroplat.motion.initial_condition import end_of, initial_condition
 from vibroplat.motion.run import simulate
+from vibroplat.observe.sheet import columns
 from vibroplat.observe.summary import Part, measured
 from vibroplat.results.run import Trajectory, load
 from vibroplat.study.branches import FREQUENCY, SUPPLY
@@ -368,9 +369,14 @@ def repeats_after(problem: Problem, found: NewtonResult, period: int) -> int:
 
 def measures_of_orbit(problem: Problem, found: NewtonResult) -> dict[str, Any]:
     """Return the measures of a sweep over the period of an orbit, as in its rows."""
-    scene = problem.shooter.scene_at(dict(zip(problem.shooter.keys, found.chart.unpack(found.u)[2], strict=True)))
+    scene = _scene_of(problem, found)
     row = row_of(measured_over_period(problem, found), scene, near=ANTIPHASE_OF_ORBITS)
-    return {name: row[name] for name in (*MEASURED, "sync", "notes")}
+    return {name: row[name] for name in (*MEASURED, "sync", "notes", *columns(scene))}
+
+
+def _scene_of(problem: Problem, found: NewtonResult) -> Scene:
+    """Return the scene of an orbit, at the values of the keys there."""
+    return problem.shooter.scene_at(dict(zip(problem.shooter.keys, found.chart.unpack(found.u)[2], strict=True)))
 
 
 def measured_over_period(problem: Problem, found: NewtonResult) -> dict[str, Any]:
@@ -380,7 +386,7 @@ def measured_over_period(problem: Problem, found: NewtonResult) -> dict[str, Any
     first, second = (abs(n) / shot.duration for n in problem.turns)
     speeds = {"excitation_frequency_hz": 0.5 * (first + second), "frequency_split_hz": first - second}
     impacts = float(shot.part.measures.marks["measured"][IMPACT]) / abs(problem.turns[0])
-    return measured(shot.part) | speeds | {"impacts_per_period": impacts}
+    return measured(shot.part, _scene_of(problem, found)) | speeds | {"impacts_per_period": impacts}
 
 
 class OrbitMotion(NamedTuple):

@@ -7,6 +7,7 @@ where the motion is. A stable orbit that attracts the motion from there is the o
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 
 import numpy as np
@@ -19,7 +20,7 @@ from vibroplat.continuation.shooting import TURN, Shooter
 from vibroplat.hybrid.modes import IMPACT
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.motion.motion import Motion
-from vibroplat.study.settling import BLOCK, KnownOrbit, section_points
+from vibroplat.study.settling import BLOCK, Hunt, KnownOrbit, section_points
 
 #: Longest period that is looked for, in turns of exciter 1, and distance of points of the section, in the scales of the
 #: scene, from which it is.
@@ -28,6 +29,8 @@ LONGEST, FARTHEST = 8, 0.5
 MARGIN = 1e-4
 #: Multiplier above which decay is slow. How far beyond the motion an orbit must attract where it is not.
 SLOW, BEYOND = 0.9, 1.25
+#: Most tries from returns of a section that does not repeat, and their largest distance in the scales of the scene.
+TRIES, RETURN = 12, 2.0
 #: Iterations of Newton's method.
 ITERATIONS = 8
 
@@ -39,7 +42,7 @@ class OrbitSeeker:
         self._shooter = Shooter(accurate(scene, TOLERANCE))
         self._looks = 0
         self.reached: tuple[FloatArray, float] | None = None
-        self.leaving = False
+        self.near = self.leaving = False
 
     def close(self) -> None:
         """Free what the engine holds."""
@@ -52,7 +55,7 @@ class OrbitSeeker:
 
     def first(self, start: FloatArray) -> KnownOrbit | None:
         """Follow a motion from a full state for BLOCK turns, and return the orbit that it surely comes to."""
-        motion = self._shooter.motion
+        motion, self._looks, self.reached = self._shooter.motion, 0, None
         motion.reset(start)
         points = section_points(motion.go_round(BLOCK, self._longest(BLOCK)).measures, self._shooter.scene)
         if len(points) <= BLOCK:
@@ -69,10 +72,37 @@ class OrbitSeeker:
         own.reset(motion.state)
         return self._look(points, period) if own.to_section(1, self._longest(1)) else None
 
+    def hunt(self, points: FloatArray, states: FloatArray) -> Hunt:
+        """Look for orbits from where a section that does not repeat comes back to itself, nearest first.
+
+        Parameters
+        ----------
+        points, states
+            Of the section, in the scales of the scene and full states, each shape (turns, 14).
+        """
+        stable: list[KnownOrbit] = []
+        mildest, least = None, math.inf
+        for turns, place in _returns(points):
+            self._shooter.motion.reset(states[place])
+            try:
+                problem, found = self._orbit_near(states[place], self._shooter.motion.system.index, turns)
+            except MissedError:
+                continue
+            if repeats_after(problem, found, turns) < turns:
+                continue
+            around = Attraction(found, turns)
+            if around.rate < least:
+                mildest, least = around.state, around.rate
+            if around.rate < 1.0 - MARGIN:
+                stable.append(self._known(problem, found, around))
+                break
+        return Hunt(stable, mildest, least)
+
     def _look(self, points: FloatArray, period: int) -> KnownOrbit | None:
         """Return the orbit that the shooter's motion comes to from where it is on the section."""
         motion = self._shooter.motion
-        state, system, self.leaving = motion.state, motion.system.index, False
+        state, system = motion.state, motion.system.index
+        self.near = self.leaving = False
         for turns in _periods(points, period):
             try:
                 problem, found = self._orbit_near(state, system, turns)
@@ -80,7 +110,7 @@ class OrbitSeeker:
                 continue
             if repeats_after(problem, found, turns) < turns:
                 continue
-            around = Attraction(found, turns)
+            around, self.near = Attraction(found, turns), True
             away = around.distance(state, system)
             if around.rate > 1.0 - MARGIN:
                 self.leaving = around.rate > 1.0 + MARGIN
@@ -126,6 +156,19 @@ class OrbitSeeker:
     def _longest(self, turns: int) -> float:
         """Time within which exciter 1 must make so many turns (s)."""
         return 4.0 * (turns + 1) * TURN / self._shooter.scene.speed_scale
+
+
+def _returns(points: FloatArray) -> Iterator[tuple[int, int]]:
+    """Yield turns and places after which a section comes near to itself, the nearest first, most of them apart."""
+    found: list[tuple[float, int, int]] = []
+    for turns in range(1, LONGEST + 1):
+        away = np.abs(points[turns:] - points[:-turns]).max(axis=1)
+        found += [(float(away[place]), turns, int(place)) for place in np.argsort(away)[:TRIES]]
+    tried: list[tuple[int, int]] = []
+    for away, turns, place in sorted(found):
+        if len(tried) < TRIES and away < RETURN and all(n != turns or abs(place - k) >= n for n, k in tried):
+            tried.append((turns, place))
+            yield turns, place
 
 
 def _periods(points: FloatArray, period: int) -> Iterator[int]:

@@ -185,7 +185,7 @@ class Shooter:
         self.turns = 0.0
         self.held: dict[str, float] = {}
         self._variation = Variation([self.p.copy()] * len(self.keys))
-        self._statistics, self._near = Statistics(0.0, points=1), GuardMargins()
+        self._statistics, self._near = Statistics(0.0, points=1, named=len(scene.output.points)), GuardMargins()
         self._course = None if course is None or len(self.keys) != 1 else Course(scene, self.keys[0], *course)
 
     def close(self) -> None:

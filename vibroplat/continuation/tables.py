@@ -23,6 +23,7 @@ from vibroplat.extensions import figure_of
 from vibroplat.integrate import engine_name
 from vibroplat.model.sensitivity import parameter_direction, value_of
 from vibroplat.motion.initial_condition import end_of
+from vibroplat.observe.sheet import SHEET, of_points
 from vibroplat.observe.summary import MEASURES
 from vibroplat.observe.tables import TRAJECTORY
 from vibroplat.results.files import write_result
@@ -63,6 +64,7 @@ BRANCHES: Columns = {
     "residual": Column("how far the orbit is from closing", "in the scales of the scene"),
     "turns": Column("turns of exciter 1 that were integrated for the point", "with those of special points before it"),
     **STATE,
+    **SHEET,
 }
 SPECIAL: Columns = {
     "branch": BRANCHES["branch"],
@@ -298,6 +300,8 @@ def tables(plan: OrbitsPlan, traced: Sequence[Traced], curves: Sequence[Boundary
     """Make the tables of branches and boundaries that have been followed."""
     key, present = column_of(plan.key), sorted({i for branch in traced for i in branch.family.scene.coordinates})
     state = [names[i] for names in (COORDINATES, RATES) for i in present]  # coordinates that none has are absent
+    columns = [key, *(name for name in BRANCHES if name not in STATE and name not in SHEET)]
+    named = of_points(dict.fromkeys(name for branch in traced for name in branch.family.scene.output.points))
     points = [
         _columns(branch, row, key) | {"parent": branch.parent, "point": point}
         for branch in traced
@@ -319,7 +323,7 @@ def tables(plan: OrbitsPlan, traced: Sequence[Traced], curves: Sequence[Boundary
         for row in curve.rows
     ]
     return OrbitTables(
-        _table(points, plan, [key, *(name for name in BRANCHES if name not in STATE), *state], BRANCHES),
+        _table(points, plan, [*columns, *state, *SHEET, *named], {**BRANCHES, **named}),
         _table(special, plan, ["branch", "kind", key, EXCITATION, "period", "point", *state], SPECIAL),
         _table(rows, plan, ["curve", "kind", "branch", *keys, EXCITATION, "period", *SIDES], BOUNDARIES),
     )

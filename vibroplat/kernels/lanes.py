@@ -201,6 +201,41 @@ def _horner_pair(typing_context: Any, c: Any, degree: Any, s: Any, following: An
 
 
 @intrinsic
+def _horner_four(typing_context: Any, c: Any, degree: Any, places: Any, out: Any, first: Any) -> Any:
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        rows, out_rows = (_Rows(context, builder, signature.args[i], values[i], 8) for i in (0, 3))
+        for i, found in enumerate(_horner(builder, rows, values[1], cgutils.unpack_tuple(builder, values[2]))):
+            out_rows.store(builder.add(values[4], ir.Constant(_INDEX, i)), found)
+        return context.get_dummy_value()
+
+    return types.void(c, types.int64, places, out, types.int64), generate
+
+
+@intrinsic
+def _put_forms(typing_context: Any, c: Any, degree: Any, n: Any, inverse: Any, springs: Any, forms: Any) -> Any:
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        rows, spring_rows, form_rows = (_Rows(context, builder, signature.args[i], values[i], 4) for i in (0, 4, 5))
+        _, degree, n, inverse, _, _ = values
+        one, zero, four = (ir.Constant(_INDEX, i) for i in (1, 0, 4))
+        stiffness, damping = spring_rows.load(zero), spring_rows.load(one)
+
+        def body(k: Any, totals: list[Any]) -> list[Any]:
+            following = builder.add(k, one)
+            share = builder.fmul(builder.sitofp(following, ir.DoubleType()), inverse)
+            forces = builder.fmul(rows.load(k), stiffness, flags=_FUSED)
+            form_rows.store(k, _multiplied(builder, rows.load(k, n), damping, forces), zero)
+            above = builder.select(builder.icmp_signed("<", k, degree), following, k)
+            share = builder.select(builder.icmp_signed("<", k, degree), share, ir.Constant(ir.DoubleType(), 0.0))
+            form_rows.store(k, builder.fmul(rows.load(above, n), _repeated(builder, share, rows.vector)), four)
+            return totals
+
+        _loop(builder, zero, degree, 1, [], body)
+        return context.get_dummy_value()
+
+    return types.void(c, types.int64, types.int64, types.float64, springs, forms), generate
+
+
+@intrinsic
 def _sizes(typing_context: Any, c: Any, first: Any, degree: Any, out: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         rows, out_rows = (_Rows(context, builder, signature.args[i], values[i], 16) for i in (0, 3))
@@ -351,6 +386,24 @@ if TYPE_CHECKING:
     def horner_pair_16(c: FloatArray, degree: int, s: float, following: float, out: FloatArray) -> None:
         """Do as :func:`horner_16` at two places in the time of one; degree above 0, ``out`` of shape (2, 16)."""
 
+    def horner_four_8(c: FloatArray, degree: int, places: tuple[float, ...], out: FloatArray, first: int) -> None:
+        """Evaluate the polynomials of 8 columns at four places, in rows of ``out`` from the first on."""
+
+    def put_forms(c: FloatArray, degree: int, n: int, inverse: float, springs: FloatArray, forms: FloatArray) -> None:
+        """Fill the polynomials of three forces and a number of no meaning, three accelerations and another such number.
+
+        Parameters
+        ----------
+        c
+            Polynomials of a step in its fraction: x, y, φ from column 0 on, their rates from column n on.
+        inverse
+            One over the duration of the step (1/s).
+        springs
+            Stiffnesses, and dampings, of x, y, φ, then 0, shape (2, 4).
+        forms
+            Filled, shape (degree + 1 or more, 8).
+        """
+
     def sizes_16(c: FloatArray, first: int, degree: int, out: FloatArray) -> None:
         """Sum up the sizes of all 16 columns over rows ``first`` to ``degree``."""
 
@@ -383,5 +436,6 @@ if TYPE_CHECKING:
 else:
     products_2, products_16 = _cauchy(2), _cauchy(16)
     put_row, put_step, horner_pair_16, sizes_16 = _put_row, _put_step, _horner_pair, _sizes
+    horner_four_8, put_forms = _horner_four, _put_forms
     reduce_16, sines, means_16 = _reduce, _sines, _means
     horner_16, horner_8 = _horner_at_one(16, derivatives=0), _horner_at_one(8, derivatives=2)

@@ -202,10 +202,10 @@ def bend(c: FloatArray, degree: int, j: int) -> float:
 
 
 @compiled
-def extremes(c: FloatArray, degree: int, j: int, first: float, last: float) -> tuple[float, float]:
+def extremes(c: FloatArray, degree: int, j: int, first: float, last: float) -> tuple[float, float, float, float]:
     """Least and largest value of unknown j from fraction ``first`` of a step to its end, where it is ``last``.
 
-    Found among points, and improved by Newton's iteration on the slope.
+    Behind them the fractions where it has them. Found among points, and improved by Newton's iteration on the slope.
     """
     points = 2 * degree
     least = largest = value(c, degree, j, first)
@@ -220,8 +220,13 @@ def extremes(c: FloatArray, degree: int, j: int, first: float, last: float) -> t
     apart = 0.5 / degree
     around_least = max(at_least - apart, first), min(at_least + apart, 1.0)
     around_largest = max(at_largest - apart, first), min(at_largest + apart, 1.0)
-    least = min(least, turning_value(c, degree, j, at_least, *around_least, least))
-    return least, max(largest, turning_value(c, degree, j, at_largest, *around_largest, largest))
+    low, at_low = turning_point(c, degree, j, at_least, *around_least, least)
+    high, at_high = turning_point(c, degree, j, at_largest, *around_largest, largest)
+    if low < least:
+        least, at_least = low, at_low
+    if high > largest:
+        largest, at_largest = high, at_high
+    return least, largest, at_least, at_largest
 
 
 @compiled
@@ -244,12 +249,15 @@ def at_highest(c: FloatArray, degree: int, j: int) -> float:
 
 
 @fused
-def turning_value(c: FloatArray, degree: int, j: int, s: float, low: float, high: float, otherwise: float) -> float:
-    """Value of unknown j at a fraction of a step near s where its slope is zero, or ``otherwise``.
+def turning_point(
+    c: FloatArray, degree: int, j: int, s: float, low: float, high: float, otherwise: float
+) -> tuple[float, float]:
+    """Value of unknown j near fraction s of a step where its slope is zero, and where that is; or ``otherwise`` and s.
 
     By Halley's iteration between ``low`` and ``high``, up to a way that its Taylor polynomial covers to round-off; at
     the ends of the step there is nothing to look for.
     """
+    begun = s
     for _ in range(4):
         found, rate, half, sixth = c[degree, j], 0.0, 0.0, 0.0  # derivatives over their factorials
         for k in range(degree - 1, -1, -1):
@@ -258,14 +266,14 @@ def turning_value(c: FloatArray, degree: int, j: int, s: float, low: float, high
             rate = rate * s + found
             found = found * s + c[k, j]
         if half == 0.0:
-            return otherwise
+            return otherwise, begun
         bent = 2.0 * half * half - 1.5 * rate * sixth
         way = -rate * half / bent if bent > half * half else -0.5 * rate / half
         s += way
         if abs(way) <= COVERED and 0.0 < s < 1.0:
-            return found + way * (rate + way * (half + way * sixth))
+            return found + way * (rate + way * (half + way * sixth)), s
         s = min(max(s, low), high)
-    return value(c, degree, j, s) if 0.0 < s < 1.0 else otherwise
+    return (value(c, degree, j, s), s) if 0.0 < s < 1.0 else (otherwise, begun)
 
 
 @fused

@@ -11,7 +11,7 @@ import numpy as np
 
 from vibroplat.kernels.compiled import FloatArray, compiled, inlined
 from vibroplat.kernels.lanes import sines
-from vibroplat.model.motor import motor_torque, resistance
+from vibroplat.model.motor import resistance
 from vibroplat.model.parameters import Parameters
 from vibroplat.model.platform import Three, couplings, inertial, unbalance
 
@@ -24,10 +24,12 @@ FORCE, FORCE_SIZE = len(POWERS), len(POWERS) + 1
 
 
 @inlined
-def exciter_powers(t: float, y: FloatArray, n: int, p: Parameters) -> Three:
-    """Powers at a time of motors, truncation and resistance (W); the rates begin at place n of the unknowns."""
-    w1, w2 = y[n + 3], y[n + 4]
-    motor = motor_torque(0, t, w1, p) * w1 + motor_torque(1, t, w2, p) * w2
+def exciter_powers(motor_1: float, motor_2: float, y: FloatArray, n: int, p: Parameters) -> Three:
+    """Powers of both motors, truncation and resistance (W), from those of the motors.
+
+    The rates begin at place n of the unknowns.
+    """
+    w1, w2, motor = y[n + 3], y[n + 4], motor_1 + motor_2
     resisted = w1 * resistance(w1, p.friction[0]) + w2 * resistance(w2, p.friction[1])
     return motor, truncation(y, n, abs(motor), p), resisted
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from vibroplat.config.drive import Interval
 from vibroplat.config.scene import Scene
+from vibroplat.config.sections import MOST_POINTS
 from vibroplat.kernels.compiled import FloatArray
 
 __all__ = ["FloatArray", "Parameters", "parameters"]
@@ -49,6 +50,8 @@ PARAMETERS = np.dtype(
         ("layer_damping", float),  # b_w / m_w2 (1/s)
         ("restitution", float),  # R
         ("sticking_speed", float),  # slower impacts have no restitution (m/s)
+        ("point_x", float, (MOST_POINTS,)),  # named points of the platform, from the common centre of mass (m)
+        ("point_y", float, (MOST_POINTS,)),
         ("safe_rotation", float),  # |φ| up to which the mass matrix is positive definite (rad)
         ("impact_law", np.int64),  # index into IMPACT_LAWS
     ],
@@ -102,6 +105,8 @@ def parameters(scene: Scene, time: float = 0.0) -> Parameters:
     p["restitution"] = scene.contact.restitution
     p["sticking_speed"] = scene.contact.sticking_speed_m_per_s
     p["safe_rotation"] = scene.body.safe_rotation
+    for i, (x, y) in enumerate(scene.named_points.values()):
+        p["point_x"][i], p["point_y"][i] = x, y
     p["impact_law"] = IMPACT_LAWS.index(scene.contact.impact_law)
     return p
 

@@ -21,7 +21,7 @@ from vibroplat.kernels.compiled import FloatArray, same_types
 from vibroplat.model.accelerations import accelerations
 from vibroplat.model.parameters import Parameters, supply, words
 from vibroplat.model.systems import SYSTEMS, System
-from vibroplat.observe.statistics import Measures, Statistics, copied
+from vibroplat.observe.statistics import Measures, Statistics, copied, forget_extremes, widen_extremes
 from vibroplat.observe.summary import Energies, Part
 from vibroplat.system.memory import NO_MORE, OutOfMemoryError
 
@@ -144,18 +144,22 @@ class Motion:
         settle
             What is not measured of it at its beginning (s).
         blocks
-            Equally long parts in which it is carried on; the sums at their ends are kept in the part that is returned.
+            Equally long parts in which it is carried on; what was measured is kept at their ends in the part that is
+            returned: sums since the beginning, extremes of each block.
         observers
             What else reads it.
         """
         begun, before, ends = self.now, self._energies, list[Measures]()
-        statistics = Statistics(begun + settle)
+        statistics = Statistics(begun + settle, named=len(self.scene.output.points))
         for block in range(1, blocks + 1):
             self.to_time(begun + seconds * block / blocks, (statistics, *observers))
             if self.outcome != "ok":
                 break
             if blocks > 1:
                 ends.append(copied(statistics.measures))
+                forget_extremes(statistics.measures)
+        for block_end in ends:
+            widen_extremes(statistics.measures, block_end)
         return Part(statistics.measures, before, self._energies, ends)
 
     def go_round(self, turns: int, longest: float, observers: Sequence[Observer] = ()) -> Part:
@@ -168,7 +172,7 @@ class Motion:
         longest, observers
             As in :meth:`to_section`.
         """
-        statistics, before = Statistics(self.now), self._energies
+        statistics, before = Statistics(self.now, named=len(self.scene.output.points)), self._energies
         self.to_section(turns + 1, longest, (statistics, *observers))
         return Part(statistics.measures, before, self._energies)
 

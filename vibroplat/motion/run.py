@@ -22,7 +22,8 @@ from vibroplat.motion.initial_condition import Start, initial_condition
 from vibroplat.motion.motion import Motion, Observer
 from vibroplat.motion.recorder import Files, Keep, Recorder, Sink, require_room
 from vibroplat.motion.variation import directions, listed
-from vibroplat.observe.notes import drift, notes_on_measures, stiffness
+from vibroplat.observe.notes import captures, drift, notes_on_measures, stiffness
+from vibroplat.observe.sheet import SHEET, WHOLE, columns, whole_run
 from vibroplat.observe.statistics import Statistics
 from vibroplat.observe.summary import INACCURATE, MEASURES, Part, inaccuracy, measured
 from vibroplat.observe.tables import named_derivative
@@ -51,6 +52,8 @@ SUMMARY: Columns = {
     "restarts": Column("starts of the integrator", "the first one, and one after each event"),
     "wall_s": Column("time that the computation took"),
     "notes": Column("what deserves a second look"),
+    **SHEET,
+    **WHOLE,
 }
 
 
@@ -124,7 +127,7 @@ def _run(
         derivative = named_derivative(varied[0].derivative(motion.automaton), scene, keys)
     return Trajectory(
         scene=scene,
-        summary=_summary(motion, part, motion.now - start.time),
+        summary=_summary(motion, part, start.time),
         origin=start.origin,
         segments=recorder.segments,
         event_rows=recorder.events,
@@ -136,10 +139,11 @@ def _run(
     )
 
 
-def _summary(motion: Motion, part: Part, seconds: float) -> dict[str, Any]:
-    """Summarize a finished run that took so long in its own time (s)."""
-    scene, engine = motion.scene, motion.engine
-    found = measured(part)
+def _summary(motion: Motion, part: Part, begun: float) -> dict[str, Any]:
+    """Summarize a finished run that began at a time (s)."""
+    scene, engine, seconds = motion.scene, motion.engine, motion.now - begun
+    found = measured(part, scene)
+    sheet = {name: found.pop(name) for name in columns(scene)}
     doubt = inaccuracy(found, scene) if motion.outcome == "ok" else ""
     notes = [
         *notes_on_input(scene),
@@ -163,6 +167,8 @@ def _summary(motion: Motion, part: Part, seconds: float) -> dict[str, Any]:
         "restarts": motion.restarts,
         "wall_s": 0.0,
         "notes": [note for note in notes if note],
+        **sheet,
+        **whole_run(part.measures, scene, begun, any(captures(scene, found))),
     }
 
 

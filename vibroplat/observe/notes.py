@@ -14,6 +14,7 @@ import numpy as np
 from vibroplat.config.plausibility import rounded
 from vibroplat.config.scene import Scene
 from vibroplat.frames import pd
+from vibroplat.observe.sheet import steady_supply
 
 #: Rotation of the platform (rad) beyond which a model of first order in φ is inaccurate.
 LARGE_ROTATION = 0.1
@@ -41,7 +42,7 @@ _SAMPLED = (
 
 def notes_on_measures(scene: Scene, found: Mapping[str, Any]) -> list[str]:
     """Say where measures of a motion are outside what the model or the motors of its scene are made for."""
-    notes = (rotation(found["phi_max_rad"]), *_captures(scene, found), coarseness(scene, found))
+    notes = (rotation(found["phi_max_rad"]), *captures(scene, found), coarseness(scene, found))
     return [note for note in notes if note]
 
 
@@ -137,10 +138,10 @@ def notes_on_samples(peaks: Mapping[str, float], found: Mapping[str, Any], rate:
     return notes
 
 
-def _captures(scene: Scene, found: Mapping[str, Any]) -> list[str]:
+def captures(scene: Scene, found: Mapping[str, Any]) -> list[str]:
     """List the notes on both exciters, unless their motors are off or their supply changes in the measured part."""
-    supply = scene.drive.at(found["measured_from_s"])
-    if supply.ramp != 0.0 or supply.end < found["measured_to_s"]:
+    supply = steady_supply(scene, found["measured_from_s"], found["measured_to_s"])
+    if supply is None:
         return []
     motors = scene.exciter_pair
     synchronous = [speed / (2.0 * math.pi) for speed in scene.synchronous_speeds_at(supply.frequency)]

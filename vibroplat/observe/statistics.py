@@ -18,17 +18,30 @@ from vibroplat.kernels.compiled import FloatArray, borrow, compiled, copy, inlin
 from vibroplat.kernels.lanes import horner_16, horner_pair_16, in_lines, means_16, sines
 from vibroplat.kernels.polynomial import crossing, slope
 from vibroplat.model.energy import FORCE_SIZE, POWERS, exciter_powers, powers
+from vibroplat.model.motor import motor_torque
 from vibroplat.model.parameters import Parameters
-from vibroplat.model.systems import DIFFERENTIAL, FULL_SIZE, GAP, LAYERS, PLACES, SIZES
-from vibroplat.observe.extremes import MOST_NODES, NODES, WEIGHTS, widened
+from vibroplat.model.platform import suspension
+from vibroplat.model.series import HIGHEST
+from vibroplat.model.systems import DIFFERENTIAL, FULL_SIZE, LAYERS, PLACES, SIZES
+from vibroplat.observe.extremes import MOST_NODES, NODES, PEAKS, WEIGHTS, Span, no_peaks, widen_peaks
+from vibroplat.observe.loads import FORMS, Equations, widen
 
 N_POWERS = len(POWERS)
 N_WORK = FORCE_SIZE + 1
 DISSIPATIONS = 2  # first of the powers that dampers take
 
-#: Integrals over a part of a run (s, and the units of what is integrated times s); one, two: speeds of the exciters.
-SUMS = ("time", "x", "xx", "y", "yy", "phi", "phi_phi", "cosine", "sine", "flying", "motor", "one", "two")
-TIME, X, XX, Y, YY, PHI, PHI_PHI, COSINE, SINE, FLYING, MOTOR, ONE, TWO = range(len(SUMS))
+#: Integrals over a part of a run (s, and the units of what is integrated times s).
+SUMS = (
+    *("time", "x", "xx", "y", "yy", "phi", "phi_phi", "cosine", "sine", "flying", "power_1", "power_2"),
+    *("torque_1", "torque_2", "speed_1", "speed_2", "force_x", "force_y", "moment"),
+    *("force_x_force_x", "force_y_force_y", "moment_moment"),
+)
+TIME, X, XX, Y, YY, PHI, PHI_PHI, COSINE, SINE, FLYING, POWER = range(11)
+TORQUE, SPEED, PULL, PULL_PULL = 12, 14, 16, 19
+
+#: Into how many sorts phase differences and speeds are put; those of speeds reach to the largest synchronous speed
+#: times FASTEST.
+SORTS, FASTEST = 96, 1.5
 
 #: A point of the Poincaré section: time (s), full state, F_c (N).
 SECTION = np.dtype([("t", np.float64), ("state", np.float64, FULL_SIZE), ("force", np.float64)], align=True)
@@ -47,9 +60,6 @@ MARKS = np.dtype(
         ("last", np.float64, 4),  # at its last point
         ("way", np.float64),  # in which exciter 1 has passed angle 0 the last time
         ("exchanged", np.float64),  # energy that motors and dampers have exchanged, all of it positive (J)
-        ("least", np.float64, 4),  # y, φ, gap and F_c in the measured part, but φ and gap in the whole run
-        ("largest", np.float64, 4),  # y, φ, gap and F_c in the measured part, but φ in the whole run
-        ("pull", np.float64),  # how far F_c fell below 0 before the measured part (N)
         ("counts", np.int64, len(KINDS)),  # events of each kind
         ("measured", np.int64, len(KINDS)),  # those in the measured part
         ("impact_loss", np.float64),  # (J)
@@ -58,10 +68,8 @@ MARKS = np.dtype(
     ],
     align=True,
 )
-#: Places of y, φ, gap and F_c in ``least`` and ``largest``. Integers of numpy, so that functions are compiled once for
-#: all, like the places of y, φ, φ₁ and the gap among the unknowns.
-HEIGHT, ROTATION, OPENING, FORCE = np.array([0, 1, 2, 3])
-_Y, _PHI, _ANGLE, _GAP = np.array([1, 2, 3, GAP])
+#: Place of φ₁ among the unknowns. An integer of numpy, so that functions are compiled once for all.
+_ANGLE = np.array([3])[0]
 
 #: Change of the phase difference within a step (rad) up to which its mean and variance say cosine and sine: what they
 #: leave out, the third moment, is below 1e-7 there.
@@ -74,7 +82,8 @@ _COMPLETE = 1e-12
 _MOST_TURNS = 1000.0
 
 #: What is overwritten at each step: unknowns and phase differences at the nodes; means of the unknowns, of their
-#: squares and their sizes, and of the powers; a full state.
+#: squares and their sizes, and of the powers; a full state; stiffnesses and dampings; forms, their values at both ends
+#: and, between, at the nodes; unknowns and rates. What stays is how many named points there are.
 ROOM = np.dtype(
     [
         ("samples", float, (MOST_NODES, WIDTH)),
@@ -82,6 +91,12 @@ ROOM = np.dtype(
         ("full", float, FULL_SIZE),
         ("power", float, N_WORK),
         ("phases", float, MOST_NODES),
+        ("springs", float, (2, 4)),
+        ("forms", float, (HIGHEST + 1, FORMS)),
+        ("form_samples", float, (MOST_NODES + 4, FORMS)),
+        ("y", float, FULL_SIZE),
+        ("yp", float, FULL_SIZE),
+        ("named", np.int64),
     ],
     align=True,
 )
@@ -98,7 +113,13 @@ class Measures(NamedTuple):
         :data:`SUMS` over the measured part: before the first whole turn of exciter 1, since the last one, over whole
         turns.
     marks
-        A record of :data:`MARKS`: extremes, counts and what is remembered from step to step.
+        A record of :data:`MARKS`: counts and what is remembered from step to step.
+    early, late
+        Records of :data:`vibroplat.observe.extremes.PEAKS`: of the steps that begin before the measured part, and of
+        that.
+    seen
+        When each sort of phase difference, and of speed of exciters 1 and 2, was last met (s), and the motors' work
+        until then (J), shape (3, SORTS, 2).
     section
         Poincaré section: records of :data:`SECTION` at the whole turns of exciter 1 in the measured part, the last
         of them, turn n in row n modulo their number.
@@ -109,6 +130,9 @@ class Measures(NamedTuple):
     open_turn: FloatArray
     whole: FloatArray
     marks: Any
+    early: Any
+    late: Any
+    seen: FloatArray
     section: npt.NDArray[np.void]
 
 
@@ -116,23 +140,35 @@ def no_measures(window: float, points: int = SECTION_ROWS) -> Measures:
     """Make empty sums whose measured part begins at a time (s), with room for points of the Poincaré section."""
     marks = np.zeros(1, MARKS)[0]
     marks["window"], marks["until"], marks["passed"] = window, window, math.nan
-    marks["least"], marks["largest"] = _LEAST, _LARGEST
     plain, open_turn, whole = np.zeros((3, len(SUMS)))
-    return Measures(np.zeros(N_WORK), plain, open_turn, whole, marks, np.zeros(points, SECTION))
-
-
-#: Extremes before the first step. The gap is 0 unless a layer flies.
-_LEAST = np.array([math.inf, math.inf, 0.0, math.inf])
-_LARGEST = -_LEAST + 0.0
+    seen = np.zeros((3, SORTS, 2))
+    seen[..., 0] = -math.inf
+    peaks = no_peaks(), no_peaks()
+    return Measures(np.zeros(N_WORK), plain, open_turn, whole, marks, *peaks, seen, np.zeros(points, SECTION))
 
 
 def copied(ms: Measures) -> Measures:
-    """Copy what changes from turn to turn of the sums over whole turns."""
-    return ms._replace(whole=ms.whole.copy(), marks=ms.marks.copy())
+    """Copy what changes from turn to turn of the sums over whole turns, and the extremes."""
+    return ms._replace(whole=ms.whole.copy(), marks=ms.marks.copy(), late=ms.late.copy())
+
+
+def forget_extremes(ms: Measures) -> None:
+    """Forget the extremes of the measured part so far."""
+    none = no_peaks()
+    for name in PEAKS.names or ():
+        ms.late[name] = none[name]
+    ms.marks["impulse_max"] = 0.0
+
+
+def widen_extremes(ms: Measures, other: Measures) -> None:
+    """Let the extremes be those of another part too."""
+    widen_peaks(ms.late, other.late)
+    ms.late["square"] = np.maximum(ms.late["square"], other.late["square"])
+    ms.marks["impulse_max"] = max(ms.marks["impulse_max"], other.marks["impulse_max"])
 
 
 def between(earlier: Measures, later: Measures) -> Measures:
-    """Subtract two copies: sums over whole turns of exciter 1 between them; extremes and counts are of all before."""
+    """Subtract two copies: sums over whole turns of exciter 1 between them; extremes are the later's, counts of all."""
     marks = later.marks.copy()
     marks["turns"] += 1 - earlier.marks["turns"]  # the last turn before is the first mark
     marks["first"] = earlier.marks["last"]
@@ -155,11 +191,14 @@ class Statistics:
         When the measured part begins (s).
     points
         Points of the Poincaré section that are kept, the last ones.
+    named
+        Number of the scene's named points.
     """
 
-    def __init__(self, window: float, points: int = SECTION_ROWS) -> None:
+    def __init__(self, window: float, points: int = SECTION_ROWS, named: int = 0) -> None:
         self._points, self._add_pieces = points, same_types(add_pieces)
         self._room = in_lines((ROOM.itemsize // 8,)).view(ROOM)[0]
+        self._room["named"] = named
         self.begin(window)
 
     def begin(self, window: float) -> None:
@@ -174,16 +213,31 @@ class Statistics:
         degree = h.steps.degree
         nodes = (degree + 1) // 2 if degree <= 8 else (degree + 1) // 3
         nodes = min(nodes + nodes % 2, MOST_NODES)
-        self._add_pieces(self.measures, h.steps, h.events[: h.run["events"]], self._room, nodes, h.p)
+        equations = Equations(h.start, h.parameters)
+        fastest = FASTEST * float(h.run["speed"])
+        self._add_pieces(
+            self.measures, h.steps, h.events[: h.run["events"]], self._room, nodes, fastest, equations, h.p
+        )
 
 
 @compiled
 def add_pieces(
-    owned_ms: Measures, owned_steps: Steps, owned_events: npt.NDArray[np.void], room: Any, nodes: int, p: Parameters
+    owned_ms: Measures,
+    owned_steps: Steps,
+    owned_events: npt.NDArray[np.void],
+    room: Any,
+    nodes: int,
+    fastest: float,
+    equations: Equations,
+    p: Parameters,
 ) -> None:
     """Add all closed pieces and events in the order of time; ``room`` is overwritten."""
     ms, steps, events = borrow(owned_ms), borrow(owned_steps), borrow(owned_events)
     counted, degree, full = 0, steps.c.shape[1] - 1, room.full
+    stiffnesses = (p.stiffness_x, p.stiffness_y, p.stiffness_phi), (p.damping_x, p.damping_y, p.damping_phi)
+    for i in range(2):
+        for j in range(3):
+            room.springs[i, j] = stiffnesses[i][j]
     for i in range(steps.used.pieces):
         piece = steps.pieces[i]
         while counted < piece.events:
@@ -193,7 +247,8 @@ def add_pieces(
             full[j] = 0.0
         for row in range(piece.first, piece.end):
             if steps.length[row] > 0.0:
-                add_step(ms, steps, row, piece, degree, nodes, room, p)
+                add_step(ms, steps, row, piece, degree, nodes, room, equations, p)
+                sort(ms, steps.ends[row], piece.origin + steps.start[row] + steps.length[row], piece.system, fastest, p)
         ms.marks.until = piece.until
     while counted < events.size:
         count_event(ms.marks, events[counted])
@@ -213,7 +268,15 @@ def count_event(marks: Any, event: Any) -> None:
 
 @inlined
 def add_step(
-    ms: Measures, steps: Steps, row: int, piece: Any, degree: int, nodes: int, room: Any, p: Parameters
+    ms: Measures,
+    steps: Steps,
+    row: int,
+    piece: Any,
+    degree: int,
+    nodes: int,
+    room: Any,
+    equations: Equations,
+    p: Parameters,
 ) -> None:
     """Add a step, in parts where the measured part begins and where exciter 1 completes turns within it."""
     marks, c, end = ms.marks, steps.c[row], steps.ends[row]
@@ -221,7 +284,13 @@ def add_step(
     begin, length = piece.origin + steps.start[row], steps.length[row]
     since = (marks.window - begin) / length if begin < marks.window else 0.0  # fraction from which it is measured
     fill_nodes(c, degree, 0.0, 1.0, nodes, room)
-    widen(marks, c, room.samples, nodes, system, since, end)
+    n = force // 2
+    pace = 0.5 * (abs(c[0, n + 3]) + abs(c[0, n + 4]))
+    span = Span(begin, length, pace, 0.5 * (abs(end[n + 3]) + abs(end[n + 4])) - pace)
+    if since > 0.0:
+        widen(ms.early, c, degree, room, nodes, system, 0.0, end, span, equations, p)
+    if since < 1.0:
+        widen(ms.late, c, degree, room, nodes, system, since, end, span, equations, p)
     turn, last = marks.passed, whole_turns(end[3], piece.turns[0])
     if math.isnan(turn):
         turn = whole_turns(c[0, 3], piece.turns[0])
@@ -269,32 +338,14 @@ def whole_turns(angle: float, turns: float) -> float:
 
 
 @inlined
-def widen(
-    marks: Any, c: FloatArray, samples: FloatArray, nodes: int, system: int, since: float, end: FloatArray
-) -> None:
-    """Let the extremes cover a step, those of the measured part from fraction ``since`` of it."""
-    force, flying = DIFFERENTIAL[system], MODES[system] == FLIGHT
-    pressed = SIZES[system] > force
-    cover(marks, ROTATION, c, samples, nodes, _PHI, 0.0, end[2])
-    if since > 0.0 and flying:
-        marks.least[OPENING] = widened(marks.least[OPENING], math.inf, c, samples, nodes, _GAP, 0.0, end[GAP])[0]
-    if since > 0.0 and pressed:
-        marks.pull = -widened(-marks.pull, math.inf, c, samples, nodes, force, 0.0, end[force])[0]
-    if since < 1.0:
-        cover(marks, HEIGHT, c, samples, nodes, _Y, since, end[1])
-        if flying:
-            cover(marks, OPENING, c, samples, nodes, _GAP, since, end[GAP])
-        if pressed:
-            cover(marks, FORCE, c, samples, nodes, force, since, end[force])
-
-
-@inlined
-def cover(
-    marks: Any, k: int, c: FloatArray, samples: FloatArray, nodes: int, j: int, since: float, last: float
-) -> None:
-    """Let extremes k cover unknown j in a step from fraction ``since`` of it."""
-    low, high = widened(marks.least[k], marks.largest[k], c, samples, nodes, j, since, last)
-    marks.least[k], marks.largest[k] = low, high
+def sort(ms: Measures, end: FloatArray, now: float, system: int, fastest: float, p: Parameters) -> None:
+    """Note that the phase difference and the speeds at the end of a step have been met."""
+    n = DIFFERENTIAL[system] // 2
+    turns = (end[3] - p.direction[0] * p.direction[1] * end[4]) / _TURN
+    which = (turns - math.floor(turns), min(abs(end[n + 3]) / fastest, 1.0), min(abs(end[n + 4]) / fastest, 1.0))
+    for i in range(3):
+        place = ms.seen[i, min(int(SORTS * which[i]), SORTS - 1)]
+        place[0], place[1] = now, ms.work[0]
 
 
 @inlined
@@ -317,9 +368,15 @@ def integrate(
     """
     marks, sums, means, power, n = ms.marks, ms.open_turn, room.means, room.power, DIFFERENTIAL[system] // 2
     duration, motor, truncated, resisted, exchanged = (end - start) * length, 0.0, 0.0, 0.0, 0.0
+    first = torque_1 = torque_2 = 0.0
     for i in range(nodes):
         now, weight = begin + (start + (end - start) * NODES[nodes, i]) * length, WEIGHTS[nodes, i]
-        fed, turned, lost = exciter_powers(now, room.samples[i], n, p)
+        w_1, w_2 = room.samples[i, n + 3], room.samples[i, n + 4]
+        l_1, l_2 = motor_torque(0, now, w_1, p), motor_torque(1, now, w_2, p)
+        fed, turned, lost = exciter_powers(l_1 * w_1, l_2 * w_2, room.samples[i], n, p)
+        torque_1 += weight * l_1
+        torque_2 += weight * l_2
+        first += weight * l_1 * w_1
         motor += weight * fed
         truncated += weight * turned
         resisted += weight * lost
@@ -335,12 +392,33 @@ def integrate(
         for k in range(3):  # of x, y and φ
             sums[X + 2 * k] += duration * means[0, k]
             sums[XX + 2 * k] += duration * means[1, k]
-        sums[MOTOR] += duration * motor
-        sums[ONE] += duration * means[0, n + 3]
-        sums[TWO] += duration * means[0, n + 4]
+        sums[POWER] += duration * first
+        sums[POWER + 1] += duration * (motor - first)
+        sums[TORQUE] += duration * p.direction[0] * torque_1
+        sums[TORQUE + 1] += duration * p.direction[1] * torque_2
+        for i in range(2):
+            sums[SPEED + i] += duration * means[0, n + 3 + i]
+        add_forces(sums, room.samples, n, duration, nodes, p)
         sums[TIME] += duration
         sums[FLYING] += duration if MODES[system] == FLIGHT else 0.0
         add_phase(sums, room, n, duration, nodes, -p.direction[0] * p.direction[1])
+
+
+@inlined
+def add_forces(sums: FloatArray, samples: FloatArray, n: int, duration: float, nodes: int, p: Parameters) -> None:
+    """Add forces into the foundation and their squares over a part of a step (s), from the samples."""
+    x = y = moment = xx = yy = moments = 0.0
+    for i in range(nodes):
+        q, weight = samples[i], duration * WEIGHTS[nodes, i]
+        fx, fy, m = suspension((q[0], q[1], q[2]), (q[n], q[n + 1], q[n + 2]), p)
+        x, y, moment = x - weight * fx, y - weight * fy, moment - weight * m
+        xx, yy, moments = xx + weight * fx * fx, yy + weight * fy * fy, moments + weight * m * m
+    sums[PULL] += x
+    sums[PULL + 1] += y
+    sums[PULL + 2] += moment
+    sums[PULL_PULL] += xx
+    sums[PULL_PULL + 1] += yy
+    sums[PULL_PULL + 2] += moments
 
 
 @inlined

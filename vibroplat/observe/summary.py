@@ -16,20 +16,9 @@ from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.energy import FORCE as VERTICAL
 from vibroplat.model.energy import FORCE_SIZE, POWERS, energies
 from vibroplat.model.parameters import Parameters
-from vibroplat.observe.statistics import (
-    DISSIPATIONS,
-    FORCE,
-    HEIGHT,
-    N_POWERS,
-    ONE,
-    OPENING,
-    ROTATION,
-    SUMS,
-    TIME,
-    TWO,
-    Measures,
-    between,
-)
+from vibroplat.observe.extremes import FORCE, HEIGHT, OPENING, ROTATION
+from vibroplat.observe.sheet import data_sheet, joined, means
+from vibroplat.observe.statistics import DISSIPATIONS, N_POWERS, TIME, Measures, between
 
 #: Phase coherence below which exciters are not synchronous: their phase difference has no mean that says anything.
 COHERENCE = 0.8
@@ -150,23 +139,21 @@ class Part(NamedTuple):
 
 def statistics(ms: Measures) -> dict[str, float | None]:
     """RMS about the mean, amplitude, frequencies, phase of the measured part; None where it is too short."""
-    marks = ms.marks
-    turned = ms.whole[TIME] > 0.0
-    sums = ms.whole if turned else ms.plain + ms.open_turn
+    marks, mean, turned = ms.marks, means(ms), ms.whole[TIME] > 0.0
     names = ("rms_x_m", "rms_y_m", "rms_phi_rad")
-    if sums[TIME] <= 0.0:
+    if not mean:
         others = ("amplitude_y_m", "excitation_frequency_hz", "frequency_split_hz", "phase_difference_rad")
         return dict.fromkeys(
             (*names, *others, "phase_coherence", "flight_fraction", "motor_power_w", "impacts_per_period", "measured_s")
         )
-    mean = dict(zip(SUMS, sums / sums[TIME], strict=True))
     result: dict[str, float | None] = {
         name: math.sqrt(max(mean[square] - mean[first] ** 2, 0.0))
         for name, first, square in zip(names, ("x", "y", "phi"), ("xx", "yy", "phi_phi"), strict=True)
     }
-    result["amplitude_y_m"] = 0.5 * (marks["largest"][HEIGHT] - marks["least"][HEIGHT])
+    result["amplitude_y_m"] = 0.5 * (ms.late["largest"][HEIGHT] - ms.late["least"][HEIGHT])
     # without a whole turn: of exciters that swing or stand still
-    seconds, one, two, impacts = marks["last"] - marks["first"] if turned else (*sums[[TIME, ONE, TWO]], 0.0)
+    standing = 1.0, mean["speed_1"], mean["speed_2"], 0.0
+    seconds, one, two, impacts = marks["last"] - marks["first"] if turned else standing
     first, second = (abs(angle) / (2.0 * math.pi * seconds) for angle in (one, two))
     result["excitation_frequency_hz"] = 0.5 * (first + second)
     result["frequency_split_hz"] = first - second
@@ -174,27 +161,41 @@ def statistics(ms: Measures) -> dict[str, float | None]:
     result["phase_difference_rad"] = half_open(math.atan2(mean["sine"], mean["cosine"]))
     result["phase_coherence"] = math.hypot(mean["sine"], mean["cosine"])
     result["flight_fraction"] = mean["flying"]
-    result["motor_power_w"] = mean["motor"]
-    result["measured_s"] = sums[TIME]
+    result["motor_power_w"] = mean["power_1"] + mean["power_2"]
+    result["measured_s"] = mean["time"]
     return {k: None if v is None else float(v) for k, v in result.items()}
 
 
+#: Measures that are the largest of their values in blocks.
+MAXIMA = ("amplitude_y_m", "contact_force_max_n", "gap_max_m", "impulse_max_n_s")
+
+
 def block_errors(blocks: Sequence[Measures], names: Sequence[str]) -> dict[str, float | None]:
-    """Estimate standard errors of statistics from their scatter over blocks; None where a block has none.
+    """Estimate standard errors of measures from their scatter over blocks; None where a block has none.
 
     Means of blocks that are long against the memory of the motion are independent, so that the error of their mean is
-    their standard deviation over the root of their number (method of batch means).
+    their standard deviation over the root of their number (method of batch means). The largest of several maxima
+    scatters as each of them does (Gumbel's law).
     """
     parts = [*blocks[:1], *(between(a, b) for a, b in pairwise(blocks))]
-    found = [statistics(part) for part in parts]
+    found = [statistics(part) | extremes(part) for part in parts]
     errors: dict[str, float | None] = {}
     for name in names:
-        values = np.array([math.nan if part[name] is None else part[name] for part in found], dtype=float)
+        told = [part[name] for part in found]
+        values = np.array([math.nan if v is None or math.isinf(v) else v for v in told], dtype=float)
         if name == "phase_difference_rad" and len(values):  # about one of them, for angles have no mean
             values = np.angle(np.exp(1j * (values - values[0])))
-        error = float(values.std(ddof=1)) / math.sqrt(len(values)) if len(values) > 1 else math.nan
+        count = 1 if name in MAXIMA else len(values)
+        error = float(values.std(ddof=1)) / math.sqrt(count) if len(values) > 1 else math.nan
         errors[name] = error if math.isfinite(error) else None
     return errors
+
+
+def extremes(ms: Measures) -> dict[str, float | None]:
+    """Largest contact force, gap and impulse; −inf where there is none."""
+    names, largest = ("contact_force_max_n", "gap_max_m", "impulse_max_n_s"), ms.late["largest"]
+    found = largest[FORCE], largest[OPENING], ms.marks["impulse_max"]
+    return {name: float(value) for name, value in zip(names, found, strict=True)}
 
 
 def half_open(angle: float, near: float = 1e-12) -> float:
@@ -202,8 +203,8 @@ def half_open(angle: float, near: float = 1e-12) -> float:
     return min(angle + 2.0 * math.pi, math.pi) if angle <= -math.pi + near else angle
 
 
-def measured(part: Part) -> dict[str, Any]:
-    """Gather what was measured over a part of a motion. What has no finite value is None.
+def measured(part: Part, scene: Scene) -> dict[str, Any]:
+    """Gather what was measured over a part of a scene's motion. What has no finite value is None.
 
     These are of the measured part: extremes of contact force and impulse, the largest gap, and counts that begin with
     ``measured_``. Statistics are cut to its ``measured_turns`` whole turns of exciter 1 where there are any, from
@@ -211,28 +212,27 @@ def measured(part: Part) -> dict[str, Any]:
     sum of impulses, energies, the largest rotation |φ|, and two checks, the least gap and how far the contact force
     fell below 0.
     """
-    marks = part.measures.marks
+    marks, whole = part.measures.marks, joined(part.measures)
+    least = part.measures.late["least"].tolist()
     turned = part.measures.whole[TIME] > 0.0
-    least, largest = marks["least"].tolist(), marks["largest"].tolist()
     kinds = ("liftoffs", "impacts", "latches")  # as KINDS; a corner of the drive is no event of the motion
     counts = dict(zip(kinds, marks["counts"].tolist(), strict=False))
     found = {
         **statistics(part.measures),
+        **extremes(part.measures),
         "measured_from_s": float(marks["first"][0] if turned else marks["window"]),
         "measured_to_s": float(marks["last"][0] if turned else max(marks["until"], marks["window"])),
         "contact_force_min_n": least[FORCE],
-        "contact_force_max_n": largest[FORCE],
-        "contact_pull_n": max(float(marks["pull"]), -least[FORCE]),
-        "gap_min_m": least[OPENING],
-        "gap_max_m": largest[OPENING],
-        "phi_max_rad": max(largest[ROTATION], -least[ROTATION]),
-        "impulse_max_n_s": float(marks["impulse_max"]),
+        "contact_pull_n": max(0.0, -float(whole["least"][FORCE])),
+        "gap_min_m": float(whole["least"][OPENING]),
+        "phi_max_rad": float(max(whole["largest"][ROTATION], -whole["least"][ROTATION])),
         "impulse_sum_n_s": float(marks["impulse_sum"]),
         **counts,
         "events": sum(counts.values()),
         **dict(zip((f"measured_{kind}" for kind in kinds), marks["measured"].tolist(), strict=False)),
         "measured_turns": max(int(marks["turns"]) - 1, 0),
         **audit(part.measures, part.before, part.after),
+        **data_sheet(part.measures, scene),
     }
     return {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in found.items()}
 

@@ -18,7 +18,7 @@ from vibroplat.errors import VibroplatError
 from vibroplat.page.run import impacts_of, initial, machine_of, packed_coarsely
 from vibroplat.plots.labels import ABSCISSAE, is_number, value_words
 from vibroplat.plots.orbits import MARKERS, MEANINGS, at_special, places_of
-from vibroplat.plots.reading import Curve, curves_of, rest_of
+from vibroplat.plots.reading import Curve, curves_of, finite, rest_of
 from vibroplat.plots.studies import Study, grid_of
 from vibroplat.plots.style import DIRECTIONS, SYMBOLS
 
@@ -54,7 +54,7 @@ def thinned(table: pd.DataFrame) -> pd.DataFrame:
     """Return the rows of a table that the page has, numbered anew; one that is too long loses some evenly."""
     if len(table) > MOST_ROWS:
         table = table.iloc[np.unique(np.linspace(0, len(table) - 1, MOST_ROWS).round().astype(int))]
-    return table.reset_index(drop=True)
+    return finite(table).reset_index(drop=True)
 
 
 def table_data(title: str, result: int, whole: pd.DataFrame) -> dict[str, Any]:

@@ -19,7 +19,7 @@ from plotly.offline import get_plotlyjs
 from vibroplat.page import points, run, static
 from vibroplat.page.points import Motions, Mover, Progress
 from vibroplat.page.results import differences, find_results, parameters, remarks, summary_rows
-from vibroplat.plots.reading import Saved, ends_of, has_table
+from vibroplat.plots.reading import Saved, ends_of, finite, has_table
 from vibroplat.plots.studies import grid_of, read_branches
 from vibroplat.results.tables import replace_file, require_replaceable
 
@@ -193,7 +193,11 @@ def _runs(found: Sequence[Saved], start: float | None, stop: float | None) -> tu
     """
     ours = []
     for number, one in enumerate(found):
-        ends = ends_of(one.column_parts("trajectory", (), ("t_s", *run.SPEEDS))) if one.command == "run" else None
+        ends = (
+            ends_of(map(finite, one.column_parts("trajectory", (), ("t_s", *run.SPEEDS))))
+            if one.command == "run"
+            else None
+        )
         if ends is not None and ends.rows > 1:
             ours.append((number, one, ends))
     common = min((float(ends.last["t_s"]) for _, _, ends in ours), default=0.0)
@@ -207,7 +211,7 @@ def _runs(found: Sequence[Saved], start: float | None, stop: float | None) -> tu
 
 
 def _events(one: Saved) -> pd.DataFrame:
-    return one.columns("events", ("kind",), ("t_s", "impulse_n_s"))
+    return finite(one.columns("events", ("kind",), ("t_s", "impulse_n_s")))
 
 
 def _points(number: int, one: Saved, motions: Motions) -> dict[str, Any]:

@@ -15,7 +15,7 @@ from vibroplat.columns import shown_in
 from vibroplat.config.coordinates import Mode
 from vibroplat.config.scene import Scene
 from vibroplat.errors import TableError
-from vibroplat.plots.reading import Cut, Ends, Saved, rest_of
+from vibroplat.plots.reading import Cut, Ends, Saved, finite, rest_of
 from vibroplat.plots.timelines import wrapped
 
 #: Most rows of all runs together that are kept as they are, each of 80 bytes: 25 s at 2000 Hz with their events.
@@ -147,7 +147,7 @@ def run_data(
 def _parts(found: Saved, mean: float) -> Iterator[pd.DataFrame]:
     """Read the trajectory in parts, with what follows from its columns; speeds (Hz) are counted from a mean."""
     sign, rest = -1.0 if found.scene.co_rotating else 1.0, rest_of(found.scene)
-    for part in found.column_parts("trajectory", ("mode",), _NEEDED, _OPTIONAL):
+    for part in map(finite, found.column_parts("trajectory", ("mode",), _NEEDED, _OPTIONAL)):
         table = part.assign(
             y_m=part["y_m"] - rest,
             phase=wrapped((part["phi1_rad"] + sign * part["phi2_rad"]).to_numpy(dtype=float)),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -24,7 +25,7 @@ from vibroplat.kernels.compiled import FloatArray
 from vibroplat.plots.run import read_run
 from vibroplat.plots.style import CURVES, MATERIAL, PLATFORM, head, new_figure, styled
 from vibroplat.plots.timelines import FROM_REST
-from vibroplat.results.tables import replace_file
+from vibroplat.results.tables import replace_file, require_replaceable
 
 #: Duration of a frame (ms).
 FRAME = 50
@@ -71,6 +72,9 @@ def write_film(
     out = out or directory / "machine.gif"
     if out.suffix not in (".gif", ".mp4"):
         raise VibroplatError(f"--out {out}: not a film; allowed: a name that ends with .gif or .mp4")
+    if out.suffix == ".mp4" and shutil.which("ffmpeg") is None:
+        raise VibroplatError(f"--out {out}: ffmpeg is not installed; allowed: a name that ends with .gif")
+    require_replaceable(out, b"GIF" if out.suffix == ".gif" else b"")
     run = read_run(directory, start, stop)
     if run.scene is None:
         raise VibroplatError(f"{directory}: its configuration cannot be read; there is nothing to film")
@@ -87,7 +91,7 @@ def write_film(
             pictures = _reduced(_pictures(figure, paint, times))
             replace_file(out, lambda file: _save_gif(file, pictures))
         else:
-            _save_mp4(out, figure, paint, times)
+            replace_file(out, lambda file: _save_mp4(file, figure, paint, times))
     return out
 
 
@@ -96,13 +100,11 @@ def _save_gif(file: Any, pictures: list[Image.Image]) -> None:
     first.save(file, format="gif", save_all=True, append_images=others, duration=FRAME, loop=0, optimize=True)
 
 
-def _save_mp4(out: Path, figure: Figure, paint: Painter, times: FloatArray) -> None:
+def _save_mp4(file: Path, figure: Figure, paint: Painter, times: FloatArray) -> None:
     from matplotlib.animation import FFMpegWriter  # noqa: PLC0415  (few films are MP4)
 
-    if not FFMpegWriter.isAvailable():
-        raise VibroplatError(f"--out {out}: ffmpeg is not installed; allowed: a name that ends with .gif")
     writer = FFMpegWriter(fps=1000 // FRAME)
-    with writer.saving(figure, str(out), DPI):
+    with writer.saving(figure, str(file), DPI):
         for time in times:
             paint(time)
             writer.grab_frame()

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
-from vibroplat.columns import SHAKING
+from vibroplat.columns import SHAKING, split
 from vibroplat.config.scene import Scene
 from vibroplat.observe.summary import COHERENCE, synchronization
 
@@ -37,6 +38,71 @@ def results(scene: Scene, summary: Mapping[str, Any], origin: Mapping[str, Any] 
         ("flight fraction", summary["flight_fraction"] if scene.has_contact else None, ""),
         ("liftoffs, impacts, latches", f"{counts}; in the whole run {in_whole}", ""),
     )
+
+
+def sheet(scene: Scene, summary: Mapping[str, Any]) -> dict[str, str]:
+    """Return the data sheet of a run: in the measured part and, after "whole run", the largest values of all of it.
+
+    A summary from before there were data sheets has none.
+    """
+    if summary.get("foundation_force_y_rms_n") is None:
+        return {}
+    gravity = scene.machine.gravity_m_per_s2 or math.nan
+    force = {}
+    for axis, name, unit, words in (
+        ("force x into foundation", "force_x", "n", "N"),
+        ("force y into foundation", "force_y", "n", "N"),
+        ("moment into foundation", "moment", "n_m", "N·m"),
+    ):
+        most, rms = f"foundation_{name}_max_{unit}", _short(summary, f"foundation_{name}_rms_{unit}")
+        force[axis] = f"{_short(summary, most)} {words}, RMS {rms}{_peak(summary, most, words)}"
+    static = _short(summary, "foundation_force_y_mean_n")
+    force["force y into foundation"] = force["force y into foundation"].replace(" N,", f" N, static {static},", 1)
+    strokes = {"stroke x": "stroke_x_m", "stroke y": "stroke_y_m"}
+    for name in scene.output.points:
+        strokes |= {f"stroke {axis} of {name}": f"stroke_{axis}_{name}_m" for axis in ("x", "y")}
+    lines = {
+        label: f"{_short(summary, name, 1e3)} mm{_peak(summary, name, 'mm', 1e3)}" for label, name in strokes.items()
+    }
+    column = "acceleration_max_m_per_s2"
+    throw = f" ({_short(summary, column, 1.0 / gravity)} g), gamma {_short(summary, 'gamma')}" if gravity > 0.0 else ""
+    lines["acceleration"] = f"{_short(summary, column)} m/s²{throw}{_peak(summary, column, 'm/s²')}"
+    for n in (1, 2):
+        torque, power = f"motor_torque_{n}", f"motor_power_{n}"
+        share = summary[f"torque_share_{n}"]
+        critical = "" if share is None else f" ({100.0 * share:.3g} % of critical)"
+        lines[f"torque of motor {n}"] = (
+            f"mean {_short(summary, f'{torque}_mean_n_m')} N·m{critical}, "
+            f"largest {_short(summary, f'{torque}_max_n_m')}{_peak(summary, f'{torque}_max_n_m', 'N·m')}"
+        )
+        slip = "" if summary[f"slip_{n}"] is None else f", slip {100.0 * summary[f'slip_{n}']:.3g} %"
+        lines[f"power of motor {n}"] = (
+            f"mean {_short(summary, f'{power}_mean_w')} W, largest {_short(summary, f'{power}_max_w')}{slip}, "
+            f"ripple {_short(summary, f'speed_ripple_{n}_hz')} Hz{_peak(summary, f'{power}_max_w', 'W')}"
+        )
+    bearings = ", ".join(_short(summary, f"bearing_force_{n}_max_n") for n in (1, 2))
+    lines["bearings, centrifugal"] = f"{bearings} N"
+    at = summary["synchronized_at_s"]
+    if at is not None:
+        lines["in step"] = f"from {_number(at)} s on, after {_short(summary, 'start_energy_j')} J"
+    if summary["captured_by"]:
+        lines["captured"] = f"by the resonance in {summary['captured_by']}"
+    return force | lines
+
+
+def _short(summary: Mapping[str, Any], column: str, factor: float = 1.0) -> str:
+    """Write a value of a summary with three digits."""
+    value = summary[column]
+    return "none" if value is None else f"{factor * value:.3g}"
+
+
+def _peak(summary: Mapping[str, Any], column: str, unit: str, factor: float = 1.0) -> str:
+    """Write the largest value of the whole run, where it is not that of the measured part."""
+    base, value = split(column)[0], summary[f"whole_{column}"]
+    if value is None or value == summary[column]:
+        return ""
+    at, pace = summary[f"whole_{base}_at_s"], summary[f"whole_{base}_at_hz"]
+    return f"; whole run {factor * value:.3g} {unit} at {at:.4g} s, {pace:.3g} Hz"
 
 
 def whole(summary: Mapping[str, Any]) -> dict[str, str]:

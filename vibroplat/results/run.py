@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from vibroplat.columns import unit_of
+from vibroplat.columns import split, unit_of
 from vibroplat.config.scene import Scene
 from vibroplat.errors import TableError
 from vibroplat.extensions import figure_of
@@ -24,6 +24,7 @@ from vibroplat.hybrid.state import EVENT
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.systems import FULL_SIZE
 from vibroplat.observe.notes import notes_on_samples, peaks_of
+from vibroplat.observe.sheet import columns
 from vibroplat.observe.statistics import Measures, section_rows
 from vibroplat.observe.summary import INACCURATE
 from vibroplat.observe.tables import (
@@ -134,6 +135,24 @@ class Trajectory:
         if self.scene.has_contact:
             columns["contact_force_n"] = points["force"]
         return PlainTable(columns, TRAJECTORY).frame
+
+    @property
+    def data_sheet(self) -> pd.DataFrame:
+        """Loads, strokes, accelerations and motors, a row for each column of the summary that holds one.
+
+        Columns: ``value`` in the measured part, ``unit``, ``whole_run`` (largest value of all of it), ``at_s`` and
+        ``at_hz`` (when that was, and how fast the exciters turned then), ``meaning``. Empty for a run that was saved
+        before there were data sheets.
+        """
+        known = columns(self.scene)
+        found = []
+        for name in (name for name in known if name in self.summary):
+            base = split(name)[0]
+            peak = (self.summary.get(f"whole_{column}") for column in (name, f"{base}_at_s", f"{base}_at_hz"))
+            found.append([self.summary[name], unit_of(name), *peak, known[name].text])
+        names = ["value", "unit", "whole_run", "at_s", "at_hz", "meaning"]
+        table = pd.DataFrame(found, [name for name in known if name in self.summary], names)
+        return table.astype(dict.fromkeys(("value", "whole_run", "at_s", "at_hz"), float))
 
     @property
     def final_state(self) -> FloatArray:

@@ -26,9 +26,19 @@ SUPPLY, EXCITATION = "supply_frequency_hz", "excitation_frequency_hz"
 _CHOICE = 0xC4EC
 
 #: Columns of text, of whole numbers, and of yes and no, in tables of studies; all others hold floating-point numbers.
-TEXTS = {"direction", "rotation", "sync", "motion", "outcome", "detail", "notes", "confirmation", "kind", "name"} | {
-    *("sequence", "below", "above", "check")
-}
+TEXTS = {
+    "direction",
+    "rotation",
+    "sync",
+    "motion",
+    "outcome",
+    "detail",
+    "notes",
+    "confirmation",
+    "kind",
+    "name",
+    "coexists",
+} | {*("sequence", "below", "above", "check")}
 COUNTS = {"branch", "parent", "curve", "point", "points", "period", "steps", "residual_calls", "events"} | {
     *("unstable", "orbit_unstable")
 }

@@ -124,7 +124,7 @@ def _motion(engine: str) -> list[Any]:
     with closing(make_engine(scene, p)) as integrator:
         motion = Motion(scene, p, integrator)
         part = motion.advance(FOLLOWED)
-        return [motion.outcome, motion.events, motion.state.tolist(), measured(part)]
+        return [motion.outcome, motion.events, motion.state.tolist(), measured(part, scene)]
 
 
 def _functions() -> list[Any]:

@@ -24,6 +24,7 @@ from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Motion, Observer
 from vibroplat.observe.notes import notes_on_measures, stiffness
+from vibroplat.observe.sheet import columns
 from vibroplat.observe.statistics import section_rows
 from vibroplat.observe.summary import (
     INACCURATE,
@@ -37,7 +38,7 @@ from vibroplat.observe.summary import (
 )
 from vibroplat.study.classification import Kind, classify
 from vibroplat.study.pool import Task
-from vibroplat.study.settling import KnownOrbit, Seeker, Settling, period, section_points, settle
+from vibroplat.study.settling import Hunt, KnownOrbit, Seeker, Settling, period, section_points, settle
 from vibroplat.study.store import Record
 from vibroplat.system.memory import NO_MORE
 
@@ -46,11 +47,18 @@ ANTIPHASE = 5e-3
 #: The same of orbits.
 ANTIPHASE_OF_ORBITS = 1e-6
 #: Number of blocks in which motion that does not repeat is measured, each as long as the plan's ``measure_s``.
-BLOCKS = 8
+BLOCKS = 24
 #: Fewest periods that are measured of motion that repeats: each half must show that it does.
 PERIODS = 4
 #: A motion whose neighbours draw together will repeat: it may settle this many times ``max_settle_s``.
 PATIENCE = 4.0
+#: Time (s) after which a motion that is near no orbit is measured, and chaotic if its neighbours part, unless an orbit
+#: that it returns to has a largest multiplier below the other number.
+EARLY, CLEARLY = 40.0, 1.5
+#: Differences of measures from which on two motions are not the same: over their standard error, and over themselves.
+DISTINCT, BY_SHARE = 5.0, 0.02
+#: Measured time of motion from other starts, over that of the plan.
+SHORTER = 1.0 / 3.0
 #: How many of the last points of the Poincaré section and impacts a bifurcation diagram shows at each point.
 SHOWN = 64
 
@@ -70,6 +78,10 @@ ERRORS = {
     "flight_fraction": "flight_fraction_error",
     "impacts_per_period": "impacts_per_period_error",
     "motor_power_w": "motor_power_error_w",
+    "amplitude_y_m": "amplitude_y_error_m",
+    "contact_force_max_n": "contact_force_max_error_n",
+    "gap_max_m": "gap_max_error_m",
+    "impulse_max_n_s": "impulse_max_error_n_s",
 }
 
 #: Columns that a point has besides :data:`vibroplat.observe.summary.MEASURES`.
@@ -90,10 +102,14 @@ POINT: Columns = {
     "multiplier_max": Column(
         "size of the largest Floquet multiplier", "of motion that repeats, but the 1 along it; empty without its orbit"
     ),
+    "coexists": Column(
+        "other motions that were found beside a chaotic one",
+        "from other starts, and stable orbits near it; empty if none was found, which proves nothing",
+    ),
     "lyapunov_per_s": Column("largest Lyapunov exponent", "of motion that does not repeat"),
     "lyapunov_error_per_s": Column("standard error of lyapunov_per_s"),
     **{
-        error: Column(f"standard error of {name}", "from its scatter over eight blocks of motion that does not repeat")
+        error: Column(f"standard error of {name}", "from its scatter over blocks of motion that does not repeat")
         for name, error in ERRORS.items()
     },
     "settle_s": Column("time before the point was measured"),
@@ -190,6 +206,7 @@ def _on_orbit(
     found = orbit.measures
     row: dict[str, Any] = {
         "rotation": scene.rotation,
+        "coexists": "",
         "settle_s": settled,
         "outcome": "ok",
         "detail": "",
@@ -222,6 +239,7 @@ def _followed(
         return _on_orbit(scene, settling.orbit, settling.seconds, work, motion.events)
     row: dict[str, Any] = {
         "rotation": scene.rotation,
+        "coexists": "",
         "settle_s": settling.seconds,
         "outcome": motion.outcome,
         "detail": motion.detail,
@@ -232,7 +250,7 @@ def _followed(
     }
     final: list[float] | None = None
     heights: list[float] = []
-    found = measured(part)
+    found = measured(part, scene)
     doubt = inaccuracy(found, scene) if kind is not None else ""
     if doubt:
         row |= {"outcome": INACCURATE, "detail": doubt, "energy_residual": found["energy_residual"]}
@@ -243,10 +261,47 @@ def _followed(
         errors = {ERRORS[name]: error for name, error in block_errors(part.blocks, tuple(ERRORS)).items()}
         row |= row_of(found, scene, errors, settling.slip) | columns_of(kind)
         row["notes"] = "; ".join(note for note in (row["notes"], stiff) if note)
+        if kind.motion == "chaotic" and seeker is not None:
+            row["coexists"] = _coexisting(scene, plan, row, settling.hunt, seeker)
         if impacts is not None:
             points = section_points(part.measures, scene)
             heights = (points[-SHOWN:, 1] * state_scales(scene)[1]).tolist()
     return Point(row, final, heights, list(impacts.speeds) if final and impacts else [])
+
+
+def _coexisting(scene: Scene, plan: SweepPlan, row: Mapping[str, Any], hunt: Hunt | None, seeker: Seeker) -> str:
+    """Describe other motions than that of a chaotic row: stable orbits near it, and what other starts lead to.
+
+    These are ``run.initial``, the same with exciter 2 half a turn ahead, and an orbit that motion leaves slowly.
+    """
+    shorter = {"max_settle_s": min(EARLY, plan.max_settle_s), "measure_s": SHORTER * plan.measure_s, "lyapunov": False}
+    brief = plan.model_copy(update=shorter)
+    turned = initial_state(scene)
+    turned[4] += math.pi
+    starts = [initial_state(scene), turned]
+    if hunt is not None and hunt.mildest is not None and hunt.least < CLEARLY:
+        starts.append(hunt.mildest)
+    others = [_on_orbit(scene, orbit, 0.0, seeker.work).row for orbit in (hunt.stable if hunt is not None else ())]
+    for number, start in enumerate(starts):
+        begun = perturbed(start, scene, plan.perturbation, (plan.seed, number))
+        others.append(_sought(scene, brief, begun, seeker).row)
+    told = {
+        f"period {other['period'] or 'none'}, {other['sync']}, RMS y {other['rms_y_m']:.4g} m"
+        for other in others
+        if other.get("motion") and _distinct(row, other)
+    }
+    return "; ".join(sorted(told))
+
+
+def _distinct(row: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
+    """Whether a motion differs from that of a row, which does not repeat."""
+    if other["period"]:
+        return True
+    for name in ("rms_x_m", "rms_y_m", "rms_phi_rad"):
+        error = math.hypot(row[ERRORS[name]] or 0.0, other[ERRORS[name]] or 0.0)
+        if abs(row[name] - other[name]) > max(DISTINCT * error, BY_SHARE * abs(row[name])):
+            return True
+    return False
 
 
 class _Impacts:
@@ -270,20 +325,33 @@ def _settled_and_measured(
     ended early has no kind.
     """
     longest = plan.max_settle_s
+    early = seeker is not None and plan.lyapunov and longest > EARLY
+    hunt: Hunt | None = None
     while True:
-        settling = settle(motion, plan, longest, seeker)
+        settling = settle(motion, plan, EARLY if early else longest, seeker)
         if settling.orbit is not None:  # it is measured already
             return settling, motion.advance(0.0), None
+        restless = settling.how == "maximum"
+        if early and restless and seeker is not None and seeker.near:
+            early = False
+            continue
         part = _measured_part(motion, plan, settling, observers)
         if motion.outcome != "ok":
             return settling, part, None
         points = section_points(part.measures, motion.scene)
+        if restless and part.blocks and seeker is not None and plan.lyapunov:
+            hunt = seeker.hunt(points, section_rows(part.measures)["state"])
+        if early and restless and (hunt is None or hunt.stable or hunt.least < CLEARLY):
+            early = False  # it may come to that orbit yet
+            continue
         last = settling.how == "fixed" or longest > plan.max_settle_s
         kind = classify(motion.scene, plan, settling, points, motion.state, last=last)
-        if kind is not None:
+        if kind is not None and not (early and restless and kind.motion != "chaotic"):
             break
-        if settling.how == "maximum":
+        if restless and not early:
             longest = PATIENCE * plan.max_settle_s
+        early = early and not restless
+    settling = settling._replace(hunt=hunt)
     orbit = seeker.seek(motion, points, kind.period) if kind.period and seeker is not None else None
     if orbit is not None:
         return settling._replace(seconds=motion.now, orbit=orbit), part, kind
@@ -327,7 +395,7 @@ def row_of(
     ``slip`` is the change of the phase difference while the motion settled (rad), if it has not become periodic. What
     is no farther than ``near`` from −π (rad) is π.
     """
-    row: dict[str, Any] = {name: found[name] for name in MEASURED} | dict(errors)
+    row: dict[str, Any] = {name: found[name] for name in (*MEASURED, *columns(scene))} | dict(errors)
     if scene.has_contact and row["gap_max_m"] is None:
         row["gap_max_m"] = 0.0  # it never flew
     if row["phase_difference_rad"] is not None:

@@ -62,6 +62,23 @@ class KnownOrbit(NamedTuple):
     impact_speeds: list[float]
 
 
+class Hunt(NamedTuple):
+    """Orbits near a motion that does not repeat.
+
+    Attributes
+    ----------
+    stable
+        The stable one that was found, if any.
+    mildest, least
+        Full state on the one that motion leaves most slowly, shape (14,), and the size of its largest multiplier; None
+        and inf if none was found.
+    """
+
+    stable: list[KnownOrbit]
+    mildest: FloatArray | None
+    least: float
+
+
 class Seeker(Protocol):
     """Looks for the orbit that a motion comes to."""
 
@@ -70,8 +87,12 @@ class Seeker(Protocol):
         """Full state at the end of the first turns, shape (14,), and time that they took (s); None without them."""
 
     @property
+    def near(self) -> bool:
+        """Whether the motion was near an orbit when it was last looked for."""
+
+    @property
     def leaving(self) -> bool:
-        """Whether the orbit that the motion was last near is unstable."""
+        """Whether this orbit is unstable."""
 
     @property
     def work(self) -> Mapping[str, int | None]:
@@ -85,6 +106,9 @@ class Seeker(Protocol):
 
         Its section has these points, in the scales of the scene, and draws together after a period (turns), or 0.
         """
+
+    def hunt(self, points: FloatArray, states: FloatArray) -> Hunt:
+        """Look for orbits from where a section comes back to itself: its points, in scales, and states, (turns, 14)."""
 
     def close(self) -> None:
         """Free what the engine holds."""
@@ -108,6 +132,8 @@ class Settling(NamedTuple):
         Change of the phase difference over the last WANDERING turns (rad) if the motion is not periodic.
     orbit
         The orbit that it comes to, if that is known.
+    hunt
+        What was found near it if it does not repeat and orbits were looked for.
     """
 
     how: str
@@ -116,6 +142,7 @@ class Settling(NamedTuple):
     turn: float = 0.0
     slip: float = 0.0
     orbit: KnownOrbit | None = None
+    hunt: Hunt | None = None
 
     @property
     def late(self) -> bool:

@@ -15,6 +15,7 @@ from vibroplat.config.scene import Scene
 from vibroplat.extensions import provided
 from vibroplat.integrate import engine_name
 from vibroplat.integrate.seam import WORK
+from vibroplat.observe.sheet import SHEET, of_points
 from vibroplat.observe.summary import MEASURES
 from vibroplat.results.files import write_result
 from vibroplat.results.provenance import provenance
@@ -32,7 +33,7 @@ from vibroplat.study.store import Record, SpoiledError, Store
 COLUMNS = (
     *("direction", "branch", "rotation"),
     *MEASURED[:8],
-    *("sync", "motion", "period", "multiplier_max"),
+    *("sync", "motion", "period", "multiplier_max", "coexists"),
     *MEASURED[8:],
     *("lyapunov_per_s", "lyapunov_error_per_s"),
     *ERRORS.values(),
@@ -44,6 +45,7 @@ SWEEP: Columns = {
     "direction": Column("direction of the branch", "up or down: each point starts where the one before ended"),
     "branch": Column("number of the branch"),
     **{name: column for name, column in {**MEASURES, **POINT, **WORK}.items() if name in COLUMNS},
+    **SHEET,
 }
 #: The tables of a bifurcation diagram.
 DIAGRAM: Columns = {
@@ -182,7 +184,8 @@ def branch_records(branch: Branch, store: Store) -> Iterator[Record]:
 
 def tables(planned: Sequence[Branch], store: Store) -> Iterator[pd.DataFrame]:
     """Yield the sweep table in parts, in the order of branches and points."""
-    columns = (*COLUMNS, *CONFIRMED) if planned[0].plan.confirm else COLUMNS
+    confirmed = CONFIRMED if planned[0].plan.confirm else ()
+    columns = (*COLUMNS, *confirmed, *SHEET, *of_points(planned[0].scene.output.points))
     yield from _parts(planned, store, columns, lambda record: [record["row"]])
 
 
@@ -206,6 +209,7 @@ def _parts(
 ) -> Iterator[pd.DataFrame]:
     """Yield the rows of all records in parts, at least one, as tables with the swept keys and these columns."""
     grid = planned[0].plan.grid
+    meant = {**SWEEP, **DIAGRAM, **CONFIRMED, **of_points(planned[0].scene.output.points)}
     rows = (
         {SUPPLY: frequency, **branch.grid, "direction": branch.direction, "branch": branch.number, **row}
         for branch in planned
@@ -214,7 +218,7 @@ def _parts(
     )
     part, first = list(islice(rows, CHUNK)), True
     while part or first:
-        yield study_table(part, [SUPPLY, *grid, *columns], grid, {**SWEEP, **DIAGRAM, **CONFIRMED})
+        yield study_table(part, [SUPPLY, *grid, *columns], grid, meant)
         part, first = list(islice(rows, CHUNK)), False
 
 

@@ -1,0 +1,190 @@
+"""The data sheet: against closed forms, balances, trajectories, and between engines."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from vibroplat import Scene, orbit, simulate, sweep
+from vibroplat.columns import split
+from vibroplat.observe.sheet import SHEET, columns
+from vibroplat.results.card import sheet
+
+POINTS = {"output.points": {"inlet": [-0.2, 0.1], "outlet": [0.25, 0.05], "top": [0.0, 0.3]}}
+
+
+def test_closed_forms_of_a_bare_platform_in_antiphase():
+    """Rotors so heavy that they keep their speed: the platform is a driven oscillator, the motors have a fixed slip."""
+    omega, slip, (torque, critical) = 2.0 * math.pi * 26.0, 0.02, (1.2, 0.15)
+    machine = {"rotor_inertia_kg_m2": 1e7, "damping_y_n_s_per_m": 400.0}
+    supply = {"drive.supply_frequency_hz": omega / (math.pi * (1.0 - slip)), "motor.friction_radius_m": 0.0}
+    scene = Scene().replace({f"machine.{name}": value for name, value in machine.items()} | supply)
+    mass, m = scene.body.mass, scene.machine
+    pull = 2.0 * scene.unbalances[0] * omega**2
+    spring = m.stiffness_y_n_per_m + 1j * m.damping_y_n_s_per_m * omega
+    y = pull / (spring - mass * omega**2)
+    weight = mass * m.gravity_m_per_s2
+    state = {
+        "y_m": y.imag - weight / m.stiffness_y_n_per_m,
+        "y_rate_m_per_s": (1j * omega * y).imag,
+        "phi1_rad": 0.0,
+        "phi2_rad": math.pi,
+        "phi1_rate_rad_per_s": omega,
+        "phi2_rate_rad_per_s": -omega,
+    }
+    run = {"run.initial": {"state": state}, "run.duration_s": 0.5, "solver.tolerance": 1e-10, "solver.engine": "taylor"}
+    scene = scene.replace(run | POINTS)
+    amplitude, torque = abs(y), 2.0 * torque * critical * slip / (critical**2 + slip**2)
+    expected = {
+        "foundation_force_y_mean_n": -weight,
+        "foundation_force_y_rms_n": abs(spring * y) / math.sqrt(2.0),
+        "foundation_force_y_max_n": weight + abs(spring * y),
+        "stroke_y_m": 2.0 * amplitude,
+        "stroke_y_inlet_m": 2.0 * amplitude,
+        "acceleration_max_m_per_s2": amplitude * omega**2,
+        "acceleration_max_top_m_per_s2": amplitude * omega**2,
+        "gamma": amplitude * omega**2 / 9.81,
+        "slip_1": slip,
+        "torque_share_2": torque / 1.2,
+        "motor_torque_1_mean_n_m": torque,
+        "motor_torque_2_max_n_m": torque,
+        "motor_power_1_mean_w": torque * omega,
+        "motor_power_2_max_w": torque * omega,
+        "bearing_force_1_max_n": scene.unbalances[0] * omega**2,
+    }
+    summary = simulate(scene).summary
+    assert {name: summary[name] for name in expected} == pytest.approx(expected, rel=1e-7)
+    assert max(summary["foundation_force_x_max_n"], summary["foundation_moment_max_n_m"]) < 1e-9
+    assert summary["speed_ripple_1_hz"] < 1e-6
+    assert summary["captured_by"] == ""
+
+
+def test_balances_over_the_period_of_an_orbit(quickstart):
+    """The impulse on the foundation is that of the weight, and motors replace what dampers and impacts take."""
+    found = orbit(quickstart.replace({"solver.engine": "taylor"}))
+    scene, sums = found.scene, found.run.summary
+    weight = (scene.platform_mass + scene.material_mass) * scene.machine.gravity_m_per_s2
+    assert found.measures["foundation_force_y_mean_n"] == pytest.approx(-weight, rel=1e-7)
+    taken = ("damping_x", "damping_y", "damping_phi", "damping_layers", "resistance")
+    losses = sum(sums[f"{name}_work_j"] for name in taken) + sums["impact_loss_j"]
+    assert sums["impact_loss_j"] > 0.1 * losses
+    fed = sum(found.measures[f"motor_power_{n}_mean_w"] for n in (1, 2))
+    assert fed * found.period_s == pytest.approx(losses, rel=1e-6)
+    assert fed == pytest.approx(found.measures["motor_power_w"], rel=1e-12)
+
+
+def by_hand(run, begin, end):
+    """Largest sizes and strokes between two times, from dense output: forces of springs and dampers, points, speeds."""
+    times = np.linspace(begin, end, 100_001)
+    events = run.events["t_s"].to_numpy()
+    after = np.nextafter(events[(events >= begin) & (events < end)], np.inf)
+    at = run(np.sort(np.concatenate([times, after])))
+    m, found = run.scene.machine, {}
+    for name, unit, q in (("force_x", "n", "x"), ("force_y", "n", "y"), ("moment", "n_m", "phi")):
+        of = "phi_n_m" if q == "phi" else f"{q}_n"
+        stiffness = getattr(m, f"stiffness_{of}_per_{'rad' if q == 'phi' else 'm'}")
+        damping = getattr(m, f"damping_{of}_s_per_{'rad' if q == 'phi' else 'm'}")
+        place, rate = (f"{q}_rad", f"{q}_rate_rad_per_s") if q == "phi" else (f"{q}_m", f"{q}_rate_m_per_s")
+        found[f"foundation_{name}_max_{unit}"] = (stiffness * at[place] + damping * at[rate]).abs().max()
+    for name, (x, y) in {"": (0.0, 0.0), **run.scene.named_points}.items():
+        column = f"{name}_m" if name else "m"
+        found[f"stroke_x_{column}"] = np.ptp(at["x_m"] - y * at["phi_rad"])
+        found[f"stroke_y_{column}"] = np.ptp(at["y_m"] + x * at["phi_rad"])
+    for n in (1, 2):
+        speed = at[f"phi{n}_rate_rad_per_s"]
+        found[f"motor_power_{n}_max_w"] = at[f"motor_power_{n}_w"].abs().max()
+        found[f"motor_torque_{n}_max_n_m"] = (at[f"motor_power_{n}_w"] / speed).abs().max()
+        found[f"speed_ripple_{n}_hz"] = np.ptp(speed) / (2.0 * math.pi)
+        found[f"bearing_force_{n}_max_n"] = run.scene.unbalances[n - 1] * (speed**2).max()
+    return found, at
+
+
+def test_a_run_with_impacts_by_hand_and_by_both_engines(quickstart):
+    changes = {"run.duration_s": 0.6, "solver.tolerance": 1e-9, "run.initial.phase_difference_rad": 2.5}
+    scene = quickstart.replace(changes | POINTS)
+    runs = [simulate(scene.replace({"solver.engine": engine})) for engine in ("taylor", "native")]
+    summary = runs[0].summary
+    expected, _ = by_hand(runs[0], 0.3, 0.6)
+    assert {name: summary[name] for name in expected} == pytest.approx(expected, rel=1e-6)
+    whole, _ = by_hand(runs[0], 0.0, 0.6)
+    peaks = {name: value for name, value in whole.items() if not name.startswith("speed_")}
+    assert {name: summary[f"whole_{name}"] for name in peaks} == pytest.approx(peaks, rel=1e-6)
+    other = {name: runs[1].summary[name] for name in columns(scene)}
+    assert {name: summary[name] for name in other} == pytest.approx(other, rel=2e-5)
+    assert summary["acceleration_max_m_per_s2"] > summary["gamma"] * 9.81 > 20.0
+
+
+def test_accelerations_are_those_of_the_equations(quickstart):
+    """Differences of the velocity in contact, where it is smooth."""
+    changes = {"drive.supply_frequency_hz": 44.0, "run.duration_s": 0.4, "solver.tolerance": 1e-11}
+    run = simulate(quickstart.replace({**changes, "solver.engine": "taylor", **POINTS}))
+    begin, end = 0.2, 0.4
+    assert not run.events["t_s"].between(begin, end).any()
+    times, step = np.linspace(begin + 1e-4, end - 1e-4, 40_001), 2e-5
+    ahead, behind = run(times + step), run(times - step)
+    a = {
+        q: ((ahead[f"{q}_rate_{unit}"] - behind[f"{q}_rate_{unit}"]) / (2.0 * step)).to_numpy()
+        for q, unit in (("x", "m_per_s"), ("y", "m_per_s"), ("phi", "rad_per_s"))
+    }
+    assert run.summary["gamma"] == pytest.approx(np.abs(a["y"]).max() / 9.81, rel=2e-6)
+    for name, (x, y) in run.scene.named_points.items():
+        size = np.hypot(a["x"] - y * a["phi"], a["y"] + x * a["phi"]).max()
+        assert run.summary[f"acceleration_max_{name}_m_per_s2"] == pytest.approx(size, rel=2e-6)
+
+
+def test_a_start_from_rest_and_a_stop(quickstart):
+    """The motors pass their critical slip, exciters come into step, and the coast-down is part of the whole run."""
+    program = [{"t_s": 0.0, "supply_frequency_hz": 44.0}, {"t_s": 3.4, "off": True}]
+    start = {"run.initial": {"speed_ratio": 0.0}, "run.duration_s": 4.0, "solver.engine": "taylor"}
+    run = simulate(quickstart.replace({**start, "drive": {"program": program}}))
+    summary, (expected, at) = run.summary, by_hand(run, 0.0, 4.0)
+    assert summary["whole_motor_torque_1_max_n_m"] == pytest.approx(run.scene.exciter_pair[0].critical_torque_n_m)
+    assert 0.0 < summary["whole_motor_torque_1_max_at_s"] < summary["synchronized_at_s"] < 2.0
+    for column in ("foundation_force_y_max_n", "motor_power_2_max_w"):
+        base = split(column)[0]
+        assert summary[f"whole_{column}"] == pytest.approx(expected[column], rel=1e-6)
+        then = run(summary[f"whole_{base}_at_s"])
+        pace = 0.5 * sum(abs(then[f"phi{n}_rate_rad_per_s"].iloc[0]) for n in (1, 2)) / (2.0 * math.pi)
+        assert summary[f"whole_{base}_at_hz"] == pytest.approx(pace, rel=0.01)
+    assert summary["slip_1"] is None  # the supply changes while it is measured
+    steady = simulate(run.scene.replace({"drive": {"program": program[:1]}})).summary
+    assert steady["synchronized_at_s"] == pytest.approx(summary["synchronized_at_s"], abs=0.1)
+    early = at[at["t_s"] <= steady["synchronized_at_s"]]
+    work = np.trapezoid(early["motor_power_1_w"] + early["motor_power_2_w"], early["t_s"])
+    assert steady["start_energy_j"] == pytest.approx(work, rel=0.02)
+    late = at[at["t_s"].between(steady["synchronized_at_s"] + 0.02, 3.3)]
+    speeds = late[["phi1_rate_rad_per_s", "phi2_rate_rad_per_s"]].abs() / (2.0 * math.pi)
+    assert (speeds / steady["excitation_frequency_hz"] - 1.0).abs().to_numpy().max() < 0.07
+    before = at[at["t_s"].between(steady["synchronized_at_s"] - 0.2, steady["synchronized_at_s"] - 0.05)]
+    assert len(before) == 0 or steady["synchronized_at_s"] > 0.05
+
+
+def test_a_motor_that_hangs_below_a_resonance_is_captured(printed):
+    """The paper's printed imbalance: at 66 Hz it stays at the first root of the balance of power, 30.49 Hz."""
+    scene = printed.replace({"drive.supply_frequency_hz": 66.0, "run.initial": {"speed_ratio": 0.85}})
+    summary = simulate(scene.replace({"run.duration_s": 6.0, "solver.engine": "taylor"}), keep="summary").summary
+    assert summary["excitation_frequency_hz"] == pytest.approx(30.49, abs=0.3)
+    assert summary["captured_by"] == "y"
+    assert summary["slip_1"] > 0.05
+
+
+def test_rows_and_old_summaries(quickstart):
+    plan = {"supply_frequency_hz": {"start": 46.0, "stop": 46.0}, "measure_s": 0.2}
+    scene = quickstart.replace({"sweep": plan, "solver.engine": "taylor", **POINTS})
+    table = sweep(scene)
+    names = list(columns(scene))
+    assert list(table.columns)[-len(names) :] == names
+    assert table[names].notna().all(axis=None)
+    assert table.attrs["units"]["stroke_x_inlet_m"] == "m"
+    run = simulate(scene.replace({"run.duration_s": 0.2}))
+    assert list(run.data_sheet.index) == names
+    assert run.data_sheet.loc["gamma", "whole_run"] == run.summary["whole_gamma"]
+    lines = sheet(scene, run.summary)
+    assert "gamma" in lines["acceleration"]
+    assert "stroke y of inlet" in lines
+    for name in [name for name in run.summary if name in SHEET or name.startswith("whole_")]:
+        del run.summary[name]
+    assert not set(run.data_sheet.index) & set(SHEET)
+    assert sheet(scene, run.summary) == {}

@@ -1,0 +1,286 @@
+"""The data sheet of a motion: loads on foundation, motors and bearings, strokes and accelerations, and how it starts.
+
+What is of a measured interval is found for runs, points of sweeps and orbits alike; peaks of the whole, and the start,
+for runs alone.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+import numpy as np
+
+from vibroplat.columns import Column, Columns, split
+from vibroplat.config.drive import Interval
+from vibroplat.config.scene import Scene
+from vibroplat.observe.extremes import (
+    ACCELERATION,
+    HEIGHT,
+    LIFT,
+    MOMENT,
+    POINTS,
+    POWER_1,
+    PULL_X,
+    PULL_Y,
+    SIDEWAYS,
+    SPEED_1,
+    TORQUE_1,
+    widen_peaks,
+)
+from vibroplat.observe.statistics import FASTEST, SORTS, SUMS, TIME, Measures
+
+#: Part of its mean by which a speed may differ from it while the motion has its measured speed.
+STEADY = 0.05
+#: Distance of a speed from a natural frequency, as a part of it, up to which they are near each other.
+NEAR = 0.1
+
+_TURN = 2.0 * math.pi
+
+#: Axes of the suspension: their names in columns, places in PEAKS, sums of force and its square, and units.
+_AXES = (
+    ("force_x", PULL_X, "force_x", "n"),
+    ("force_y", PULL_Y, "force_y", "n"),
+    ("moment", MOMENT, "moment", "n_m"),
+)
+_SUSPENSION = "springs and dampers; impulses of impacts reach it through them alone"
+
+
+def _of_motors() -> Iterator[tuple[str, Column]]:
+    """Yield the columns of both motors, those of one kind side by side."""
+    for what, unit, told in (
+        ("power", "w", "torque times speed"),
+        ("torque", "n_m", "in the direction of the drive"),
+    ):
+        for i in (1, 2):
+            yield f"motor_{what}_{i}_mean_{unit}", Column(f"mean {what} of motor {i}", told)
+            yield f"motor_{what}_{i}_max_{unit}", Column(f"largest {what} of motor {i}", "of either sign")
+    for i in (1, 2):
+        yield f"torque_share_{i}", Column(f"mean torque of motor {i} over its critical torque")
+    for i in (1, 2):
+        yield f"slip_{i}", Column(f"mean slip of motor {i}", "if its supply is constant")
+    for i in (1, 2):
+        yield f"speed_ripple_{i}_hz", Column(f"ripple of the speed of exciter {i}", "largest minus least")
+    for i in (1, 2):
+        yield (
+            f"bearing_force_{i}_max_n",
+            Column(f"largest centrifugal force of unbalance {i}", "m_i r_i times the square of its largest speed"),
+        )
+
+
+#: What is of the measured interval.
+SHEET: Columns = {
+    **{
+        f"foundation_{name}_{how}_{unit}": Column(f"{meaning} of the {what} into the foundation", told)
+        for name, what, unit in (
+            ("force_x", "force along x", "n"),
+            ("force_y", "force along y", "n"),
+            ("moment", "moment", "n_m"),
+        )
+        for how, meaning, told in (
+            *((("mean", "mean", "the static part: minus the weight of machine and material"),) * (name == "force_y")),
+            ("rms", "RMS", "about its mean"),
+            ("max", "largest size", _SUSPENSION + ("; with the static part" if name == "force_y" else "")),
+        )
+    },
+    "stroke_x_m": Column("stroke along x", "largest minus least value"),
+    "stroke_y_m": Column("stroke along y", "largest minus least value"),
+    "acceleration_max_m_per_s2": Column(
+        "largest acceleration of the machine's centre of mass", "its size; impulses of impacts do not count"
+    ),
+    "gamma": Column(
+        "largest acceleration along y of the machine's centre of mass over gravity",
+        "of either sign, impulses of impacts do not count; the throw index of a level deck",
+    ),
+    **dict(_of_motors()),
+}
+
+
+def of_points(names: Iterable[str]) -> Columns:
+    """Return the columns of named points of the platform."""
+    found = {}
+    for name in names:
+        for axis in ("x", "y"):
+            found[f"stroke_{axis}_{name}_m"] = Column(f"stroke of point {name} along {axis}", "largest minus least")
+        found[f"acceleration_max_{name}_m_per_s2"] = Column(
+            f"largest acceleration of point {name}", "as the axes, it turns with the platform to first order in phi"
+        )
+    return found
+
+
+def columns(scene: Scene) -> Columns:
+    """Return the columns of a scene's data sheet."""
+    return {**SHEET, **of_points(scene.output.points)}
+
+
+def _peaked(names: Iterable[str]) -> list[str]:
+    """Return those columns that are largest values."""
+    return [name for name in names if "_max" in name or name.startswith("stroke_") or name == "gamma"]
+
+
+def whole_columns(described: Columns) -> Columns:
+    """Return the columns of the largest values in the whole run of a data sheet's columns."""
+    found: dict[str, Column] = {}
+    for name in _peaked(described):
+        base = split(name)[0]
+        meaning, told = described[name]
+        found[f"whole_{name}"] = Column(f"{meaning} in the whole run", told)
+        found[f"whole_{base}_at_s"] = Column(f"when whole_{base} was reached")
+        found[f"whole_{base}_at_hz"] = Column("mean speed of both exciters then")
+    return found
+
+
+#: What is of a whole run.
+WHOLE: Columns = {
+    **whole_columns(SHEET),
+    "synchronized_at_s": Column(
+        "from when on the exciters turn as in the measured part",
+        "speeds within 5 % of theirs there, phase difference within pi/3 of its mean; empty if they do not synchronize",
+    ),
+    "start_energy_j": Column("work of both motors until then"),
+    "captured_by": Column(
+        "resonance by which a motor is captured (Sommerfeld)",
+        "x, y or phi: it slips by more than a third of its critical slip at a steady speed within 10 % of that natural "
+        "frequency, y with or without the material; empty if it is not",
+    ),
+}
+
+
+def means(ms: Measures) -> dict[str, float]:
+    """Means over the whole turns of exciter 1, or without any over the whole measured part; empty if that is nothing.
+
+    What is called ``time`` is how long that is (s).
+    """
+    sums = ms.whole if ms.whole[TIME] > 0.0 else ms.plain + ms.open_turn
+    if sums[TIME] <= 0.0:
+        return {}
+    return dict(zip(SUMS, (sums / sums[TIME]).tolist(), strict=True)) | {"time": float(sums[TIME])}
+
+
+def steady_supply(scene: Scene, begin: float, end: float) -> Interval | None:
+    """Return the supply between two times (s), None if it changes in between."""
+    supply = scene.drive.at(begin)
+    return None if supply.ramp != 0.0 or supply.end < end else supply
+
+
+def data_sheet(ms: Measures, scene: Scene) -> dict[str, float | None]:
+    """Return the data sheet of a measured interval; None where there is nothing, or nothing constant, to measure."""
+    mean = means(ms)
+    found: dict[str, float | None] = dict.fromkeys(columns(scene))
+    if not mean:
+        return found
+    for name, _, key, unit in _AXES:
+        found[f"foundation_{name}_rms_{unit}"] = math.sqrt(max(mean[f"{key}_{key}"] - mean[key] ** 2, 0.0))
+    found["foundation_force_y_mean_n"] = mean["force_y"]
+    marks = ms.marks
+    supply = steady_supply(scene, float(marks["window"]), float(marks["until"]))
+    speeds = None if supply is None else scene.synchronous_speeds_at(supply.frequency)
+    for i, exciter in enumerate(scene.exciter_pair):
+        n, critical = i + 1, exciter.critical_torque_n_m
+        found[f"motor_power_{n}_mean_w"], found[f"motor_torque_{n}_mean_n_m"] = mean[f"power_{n}"], mean[f"torque_{n}"]
+        found[f"torque_share_{n}"] = mean[f"torque_{n}"] / critical if critical > 0.0 else None
+        if supply is not None and speeds is not None and supply.driven[i] and critical > 0.0 and speeds[i] > 0.0:
+            found[f"slip_{n}"] = 1.0 - exciter.direction * mean[f"speed_{n}"] / speeds[i]
+        ripple = ms.late["largest"][SPEED_1 + i] - ms.late["least"][SPEED_1 + i]
+        found[f"speed_ripple_{n}_hz"] = float(ripple) / _TURN
+    return found | {name: value for name, (value, _, _) in _peaks(ms.late, scene).items()}
+
+
+def _peaks(peaks: Any, scene: Scene) -> dict[str, tuple[float | None, float, float]]:
+    """Return largest values with their times (s) and paces (rad/s) by their columns."""
+    gravity, (k_1, k_2) = scene.machine.gravity_m_per_s2, scene.unbalances
+
+    def largest(k: int, factor: float = 1.0) -> tuple[float | None, float, float]:
+        """Return the larger size of both extremes."""
+        end = "least" if -peaks["least"][k] > peaks["largest"][k] else "largest"
+        value = factor * abs(float(peaks[end][k]))
+        return value if math.isfinite(value) else None, float(peaks[f"at_{end}"][k]), float(peaks[f"pace_{end}"][k])
+
+    def stroke(k: int) -> tuple[float | None, float, float]:
+        """Return the difference of both extremes, and when it was complete."""
+        end = "least" if peaks["at_least"][k] > peaks["at_largest"][k] else "largest"
+        value = float(peaks["largest"][k] - peaks["least"][k])
+        return value if math.isfinite(value) else None, float(peaks[f"at_{end}"][k]), float(peaks[f"pace_{end}"][k])
+
+    found = {f"foundation_{name}_max_{unit}": largest(k) for name, k, _, unit in _AXES}
+    found |= {"stroke_x_m": stroke(SIDEWAYS), "stroke_y_m": stroke(HEIGHT)}
+    found["acceleration_max_m_per_s2"] = largest(ACCELERATION)
+    found["gamma"] = largest(LIFT, 1.0 / gravity if gravity > 0.0 else math.inf)
+    for i, k in enumerate((k_1, k_2)):
+        found[f"motor_power_{i + 1}_max_w"] = largest(POWER_1 + i)
+        found[f"motor_torque_{i + 1}_max_n_m"] = largest(TORQUE_1 + i)
+        speed, at, pace = largest(SPEED_1 + i)
+        found[f"bearing_force_{i + 1}_max_n"] = None if speed is None else k * speed**2, at, pace
+    for i, name in enumerate(scene.output.points):
+        found |= {f"stroke_{axis}_{name}_m": stroke(POINTS + 3 * i + j) for j, axis in enumerate(("x", "y"))}
+        found[f"acceleration_max_{name}_m_per_s2"] = largest(POINTS + 3 * i + 2)
+    return found
+
+
+def joined(ms: Measures) -> Any:
+    """Return the extremes of a whole run: before the measured part, and in it."""
+    found = ms.late.copy()
+    widen_peaks(found, ms.early)
+    return found
+
+
+def whole_run(ms: Measures, scene: Scene, begun: float, captured: bool) -> dict[str, Any]:
+    """Return what of a data sheet is of a whole run.
+
+    Parameters
+    ----------
+    begun
+        When it began (s).
+    captured
+        Whether a motor slips as one does that is captured; see :data:`vibroplat.observe.notes.CAPTURED`.
+    """
+    found: dict[str, Any] = {}
+    for name, (value, at, pace) in _peaks(joined(ms), scene).items():
+        base, there = split(name)[0], value is not None
+        found[f"whole_{name}"] = value
+        found[f"whole_{base}_at_s"], found[f"whole_{base}_at_hz"] = (at, pace / _TURN) if there else (None, None)
+    found["synchronized_at_s"], found["start_energy_j"] = synchronized(ms, scene, begun)
+    return found | {"captured_by": _captor(ms, scene) if captured else ""}
+
+
+def synchronized(ms: Measures, scene: Scene, begun: float) -> tuple[float | None, float | None]:
+    """Return from when on the exciters turn as in the measured part (s), and the motors' work until then (J).
+
+    They are None if the phase difference or a speed did not stay there until the end.
+    """
+    mean = means(ms)
+    if not mean:
+        return None, None
+    width, fastest = 1.0 / SORTS, FASTEST * scene.speed_scale
+    middle = (np.arange(SORTS) + 0.5) * width
+    away = np.abs(np.angle(np.exp(1j * (_TURN * middle - math.atan2(mean["sine"], mean["cosine"])))))
+    outside = [away > math.pi / 3.0]
+    for i in (1, 2):
+        speed = abs(mean[f"speed_{i}"]) / fastest
+        outside.append(np.abs(middle - speed) > STEADY * speed + 0.5 * width)
+    met = np.concatenate([seen[there] for seen, there in zip(ms.seen, outside, strict=True)])
+    last, work = met[met[:, 0].argmax()]
+    if last >= ms.marks["until"]:
+        return None, None
+    return (float(last), float(work)) if math.isfinite(last) else (begun, 0.0)
+
+
+def _captor(ms: Measures, scene: Scene) -> str:
+    """Name the axis whose natural frequency is near the speed of the exciters, if that is steady; or ""."""
+    mean, machine, mass = means(ms), scene.machine, scene.platform_mass
+    if not mean:
+        return ""
+    for i in (0, 1):
+        if ms.late["largest"][SPEED_1 + i] - ms.late["least"][SPEED_1 + i] > NEAR * abs(mean[f"speed_{i + 1}"]):
+            return ""
+    speed, carried = 0.5 * (abs(mean["speed_1"]) + abs(mean["speed_2"])), mass + sum(scene.layer_masses)
+    natural = [
+        ("x", machine.stiffness_x_n_per_m / mass),
+        ("y", machine.stiffness_y_n_per_m / mass),
+        ("y", machine.stiffness_y_n_per_m / carried),
+        ("phi", machine.stiffness_phi_n_m_per_rad / scene.body.inertia),
+    ]
+    apart = {axis: abs(speed / math.sqrt(square) - 1.0) for axis, square in natural if square > 0.0}
+    nearest = min(apart, key=lambda axis: apart[axis])
+    return nearest if apart[nearest] <= NEAR else ""
