@@ -80,7 +80,9 @@ def match_beta(evidence: Evidence) -> Tasks[float | None]:
         return None
     impact = float(evidence.curve(IMPACT_KEY, np.array([wanted]))[0][0])
     branch = evidence.courses[IMPACT_KEY].branch
-    plan = branch.plan.model_copy(update={"measure_s": 1.0, "lyapunov": False, "perturbation": 0.0})
+    # antiphase with viscous friction may be unstable near the jump: without perturbation the motion stays there
+    changes = {"measure_s": 1.0, "lyapunov": False, "perturbation": 0.0, "settle": "motion"}
+    plan = branch.plan.model_copy(update=changes)
     begin = min(evidence.rows(IMPACT_KEY), key=lambda row: abs(row[F] - wanted + 1.0))[SUPPLY]
     excess: dict[float, float] = {}
     while True:

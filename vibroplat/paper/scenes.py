@@ -21,7 +21,6 @@ SEED = "sweep.seed"
 QUICK: dict[str, Any] = {
     "sweep.supply_frequency_hz.direction": ["up"],
     "sweep.measure_s": 0.5,
-    "sweep.settle": "orbits",
     "sweep.max_settle_s": 8.0,
     "sweep.lyapunov": False,
     "solver.tolerance": 1e-4,
