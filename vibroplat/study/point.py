@@ -52,13 +52,13 @@ BLOCKS = 24
 PERIODS = 4
 #: A motion whose neighbours draw together will repeat: it may settle this many times ``max_settle_s``.
 PATIENCE = 4.0
-#: Time (s) after which a motion that is near no orbit is measured, and chaotic if its neighbours part, unless an orbit
-#: that it returns to has a largest multiplier below the other number.
-EARLY, CLEARLY = 40.0, 1.5
+#: Time (s) after which a motion that is near no orbit is measured, and chaotic if its neighbours part, where orbits to
+#: which it returns are found and have largest multipliers above the other number.
+EARLY, CLEARLY = 100.0, 1.5
 #: Differences of measures from which on two motions are not the same: over their standard error, and over themselves.
 DISTINCT, BY_SHARE = 5.0, 0.02
-#: Measured time of motion from other starts, over that of the plan.
-SHORTER = 1.0 / 3.0
+#: Longest settling of motion from other starts (s), and its measured time over that of the plan.
+BRIEF, SHORTER = 40.0, 1.0 / 3.0
 #: How many of the last points of the Poincaré section and impacts a bifurcation diagram shows at each point.
 SHOWN = 64
 
@@ -274,7 +274,7 @@ def _coexisting(scene: Scene, plan: SweepPlan, row: Mapping[str, Any], hunt: Hun
 
     These are ``run.initial``, the same with exciter 2 half a turn ahead, and an orbit that motion leaves slowly.
     """
-    shorter = {"max_settle_s": min(EARLY, plan.max_settle_s), "measure_s": SHORTER * plan.measure_s, "lyapunov": False}
+    shorter = {"max_settle_s": min(BRIEF, plan.max_settle_s), "measure_s": SHORTER * plan.measure_s, "lyapunov": False}
     brief = plan.model_copy(update=shorter)
     turned = initial_state(scene)
     turned[4] += math.pi
@@ -341,8 +341,8 @@ def _settled_and_measured(
         points = section_points(part.measures, motion.scene)
         if restless and part.blocks and seeker is not None and plan.lyapunov:
             hunt = seeker.hunt(points, section_rows(part.measures)["state"])
-        if early and restless and (hunt is None or hunt.stable or hunt.least < CLEARLY):
-            early = False  # it may come to that orbit yet
+        if early and restless and (hunt is None or hunt.stable or not CLEARLY < hunt.least < math.inf):
+            early = False  # it may come to an orbit yet
             continue
         last = settling.how == "fixed" or longest > plan.max_settle_s
         kind = classify(motion.scene, plan, settling, points, motion.state, last=last)
