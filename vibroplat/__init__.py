@@ -60,7 +60,7 @@ _HOMES = {
 # runs, orbits and tables know nothing else of what draws them, sweeps nothing else of orbits
 PROVIDERS |= {
     "figure_of": "vibroplat.plots.display",
-    "confirmed_point": "vibroplat.continuation.orbit",
+    "confirmed_point": "vibroplat.continuation.seeker",
     "OrbitSeeker": "vibroplat.continuation.seeker",
 }
 

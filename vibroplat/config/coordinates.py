@@ -1,4 +1,4 @@
-"""The numbers of modes and coordinates: constants that are compiled into kernels.
+"""The numbers of modes, coordinates and points: constants that are compiled into kernels.
 
 They stand apart from all else that a scene is, so that no change of a key compiles the kernels anew.
 """
@@ -32,3 +32,6 @@ RATES = (
     "gap_rate_m_per_s",
     "upper_rate_m_per_s",
 )
+
+#: Most points of the platform that may be named.
+MOST_POINTS = 8

@@ -13,6 +13,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 from pydantic import BeforeValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
+from vibroplat.config.coordinates import MOST_POINTS
 from vibroplat.config.schema import (
     PERTURBATION,
     Angle,
@@ -28,9 +29,6 @@ from vibroplat.config.schema import (
 LEAST_TOLERANCE, LEAST_TOLERANCE_SUNDIALS = 1e-14, 1e-12
 
 Rotation = Literal["counter-clockwise", "clockwise"]
-
-#: Most points of the platform that may be named.
-MOST_POINTS = 8
 
 #: Keys of the machine that the section ``exciters`` gives for each exciter instead.
 OF_EXCITERS = ("unbalance_radius_m", "rotor_inertia_kg_m2")

@@ -15,7 +15,6 @@ import numpy.typing as npt
 import pandas as pd
 
 from vibroplat.config.coordinates import COORDINATES, RATES
-from vibroplat.config.plans import SweepPlan
 from vibroplat.config.scene import Scene
 from vibroplat.continuation.newton import MissedError, NewtonResult, Problem, correct, n_unstable
 from vibroplat.continuation.shooting import TURN, Shooter, spelled
@@ -31,9 +30,7 @@ from vibroplat.observe.sheet import columns
 from vibroplat.observe.summary import Part, measured
 from vibroplat.results.run import Trajectory, load
 from vibroplat.study.branches import FREQUENCY, SUPPLY
-from vibroplat.study.confirming import LARGEST, multiplier_columns
-from vibroplat.study.lyapunov import lyapunov
-from vibroplat.study.point import ANTIPHASE_OF_ORBITS, MEASURED, Point, measure_point, row_of
+from vibroplat.study.point import ANTIPHASE_OF_ORBITS, MEASURED, row_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -435,28 +432,3 @@ def motion_of(scene: Scene, row: Mapping[str, Any]) -> OrbitMotion:
     times, last = run.events["t_s"].to_numpy()[:EVENTS], run.segments[-1].end
     grid = [np.linspace(0.0, last, SAMPLES * period + 1), times, np.minimum(np.nextafter(times, np.inf), last)]
     return OrbitMotion(run.scene, run(np.unique(np.concatenate(grid))), run.events)
-
-
-def confirmed_point(scene: Scene, plan: SweepPlan, state: list[float] | None, key: tuple[int, ...]) -> Point:
-    """Measure a point of a sweep, and confirm it; see :func:`vibroplat.study.point.measure_point`."""
-    point = measure_point(scene, plan, state, key)
-    period = point.row.get("period")
-    if point.state is None or period is None:
-        return point
-    try:
-        if period:
-            near = orbit(scene, point.state, period=period, tolerance=TOLERANCE)
-            found = {
-                **{f"orbit_{name}": near.measures[name] for name in ("excitation_frequency_hz", "rms_x_m", "rms_y_m")},
-                "orbit_distance": near.distance,
-                "orbit_residual": near.residual,
-                "orbit_unstable": near.unstable,
-                **multiplier_columns(near.multipliers, LARGEST),
-            }
-        else:
-            values = lyapunov(scene, point.state)["exponent_per_s"].to_numpy()[:LARGEST]
-            found = {f"exponent_{i + 1}_per_s": float(v) for i, v in enumerate(values) if math.isfinite(v)}
-    except VibroplatError as error:
-        found = {"confirmation": str(error)}
-    point.row.update({"confirmation": ""} | found)
-    return point

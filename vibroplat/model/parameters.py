@@ -10,9 +10,9 @@ import math
 
 import numpy as np
 
+from vibroplat.config.coordinates import MOST_POINTS
 from vibroplat.config.drive import Interval
 from vibroplat.config.scene import Scene
-from vibroplat.config.sections import MOST_POINTS
 from vibroplat.kernels.compiled import FloatArray
 
 __all__ = ["FloatArray", "Parameters", "parameters"]

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from vibroplat.config.sections import MOST_POINTS
+from vibroplat.config.coordinates import MOST_POINTS
 from vibroplat.kernels.compiled import FloatArray, compiled, inlined
 from vibroplat.kernels.polynomial import bend, extremes, slope, turning_point
 

@@ -16,6 +16,7 @@ from vibroplat.kernels.lanes import horner_four_8, put_forms, put_row
 from vibroplat.kernels.polynomial import COVERED, crossing, extremes, value, values
 from vibroplat.model.motor import motor_torque, slip_speeds
 from vibroplat.model.parameters import Parameters
+from vibroplat.model.platform import suspension
 from vibroplat.model.systems import DIFFERENTIAL, GAP, SIZES
 from vibroplat.observe.extremes import (
     ACCELERATION,
@@ -32,6 +33,7 @@ from vibroplat.observe.extremes import (
     SIDEWAYS,
     SPEED_1,
     TORQUE_1,
+    WEIGHTS,
     Span,
     cover,
     place_of,
@@ -324,3 +326,20 @@ def sample_forms(degree: int, since: float, nodes: int, room: Any) -> None:
 def between(i: int, nodes: int, since: float) -> float:
     """Fraction of a step at sample i of the part from ``since`` on."""
     return since + (1.0 - since) * place_of(i, nodes)
+
+
+@inlined
+def add_forces(sums: FloatArray, samples: FloatArray, n: int, duration: float, nodes: int, p: Parameters) -> None:
+    """Add forces into the foundation, and then their squares, over a part of a step (s), from the samples."""
+    x = y = moment = xx = yy = moments = 0.0
+    for i in range(nodes):
+        q, weight = samples[i], duration * WEIGHTS[nodes, i]
+        fx, fy, m = suspension((q[0], q[1], q[2]), (q[n], q[n + 1], q[n + 2]), p)
+        x, y, moment = x - weight * fx, y - weight * fy, moment - weight * m
+        xx, yy, moments = xx + weight * fx * fx, yy + weight * fy * fy, moments + weight * m * m
+    sums[0] += x
+    sums[1] += y
+    sums[2] += moment
+    sums[3] += xx
+    sums[4] += yy
+    sums[5] += moments

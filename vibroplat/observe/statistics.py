@@ -20,11 +20,10 @@ from vibroplat.kernels.polynomial import crossing, slope
 from vibroplat.model.energy import FORCE_SIZE, POWERS, exciter_powers, powers
 from vibroplat.model.motor import motor_torque
 from vibroplat.model.parameters import Parameters
-from vibroplat.model.platform import suspension
 from vibroplat.model.series import HIGHEST
 from vibroplat.model.systems import DIFFERENTIAL, FULL_SIZE, LAYERS, PLACES, SIZES
 from vibroplat.observe.extremes import MOST_NODES, NODES, PEAKS, WEIGHTS, Span, no_peaks, widen_peaks
-from vibroplat.observe.loads import FORMS, Equations, widen
+from vibroplat.observe.loads import FORMS, Equations, add_forces, widen
 
 N_POWERS = len(POWERS)
 N_WORK = FORCE_SIZE + 1
@@ -37,7 +36,7 @@ SUMS = (
     *("force_x_force_x", "force_y_force_y", "moment_moment"),
 )
 TIME, X, XX, Y, YY, PHI, PHI_PHI, COSINE, SINE, FLYING, POWER = range(11)
-TORQUE, SPEED, PULL, PULL_PULL = 12, 14, 16, 19
+TORQUE, SPEED, PULL = 12, 14, 16
 
 #: Into how many sorts phase differences and speeds are put; those of speeds reach to the largest synchronous speed
 #: times FASTEST.
@@ -398,27 +397,10 @@ def integrate(
         sums[TORQUE + 1] += duration * p.direction[1] * torque_2
         for i in range(2):
             sums[SPEED + i] += duration * means[0, n + 3 + i]
-        add_forces(sums, room.samples, n, duration, nodes, p)
+        add_forces(sums[PULL:], room.samples, n, duration, nodes, p)
         sums[TIME] += duration
         sums[FLYING] += duration if MODES[system] == FLIGHT else 0.0
         add_phase(sums, room, n, duration, nodes, -p.direction[0] * p.direction[1])
-
-
-@inlined
-def add_forces(sums: FloatArray, samples: FloatArray, n: int, duration: float, nodes: int, p: Parameters) -> None:
-    """Add forces into the foundation and their squares over a part of a step (s), from the samples."""
-    x = y = moment = xx = yy = moments = 0.0
-    for i in range(nodes):
-        q, weight = samples[i], duration * WEIGHTS[nodes, i]
-        fx, fy, m = suspension((q[0], q[1], q[2]), (q[n], q[n + 1], q[n + 2]), p)
-        x, y, moment = x - weight * fx, y - weight * fy, moment - weight * m
-        xx, yy, moments = xx + weight * fx * fx, yy + weight * fy * fy, moments + weight * m * m
-    sums[PULL] += x
-    sums[PULL + 1] += y
-    sums[PULL + 2] += moment
-    sums[PULL_PULL] += xx
-    sums[PULL_PULL + 1] += yy
-    sums[PULL_PULL + 2] += moments
 
 
 @inlined
