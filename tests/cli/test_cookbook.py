@@ -40,7 +40,8 @@ def begun(tmp_path_factory, kernels):
         assert quick != text
         (place / "screen.yaml").write_text(quick, encoding="utf-8")
         assert commands.command("run", "screen.yaml", "--engine", "taylor").code == 0
-    (place / "measured.csv").write_text("t_s,y_m\n2.5,-0.032\n2.6,-0.033\n")
+    (place / "measured.csv").write_text("t_s,y_m\n2.5,0.001\n2.6,-0.001\n")
+    (place / "response.csv").write_text("supply_frequency_hz,rms_y_m\n40,0.001\n50,0.0011\n")
     return place
 
 

@@ -40,7 +40,7 @@ def largest_file(size):
 # -- a file cannot grow ---------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("text", "size", "file"), [(RUN, 3000, "trajectory.csv"), (SPARSE, 2000, "provenance.json")])
+@pytest.mark.parametrize(("text", "size", "file"), [(RUN, 3000, "trajectory.csv"), (SPARSE, 2000, "summary.json")])
 def test_earlier_run_is_kept_where_there_is_no_room(text, size, file, here):
     (here / "c.yaml").write_text(text)
     assert command("run", "c.yaml", "--format", "csv").code == 0

@@ -8,7 +8,7 @@ import numpy as np
 
 from vibroplat.config.coordinates import MOST_POINTS
 from vibroplat.kernels.compiled import FloatArray, compiled, inlined
-from vibroplat.kernels.polynomial import bend, extremes, slope, turning_point
+from vibroplat.kernels.polynomial import bend, extremes, slope, turning_point, value
 
 #: Degree of polynomials up to which there are too few samples of them to find extremes by.
 FEW_SAMPLES = 8
@@ -53,12 +53,13 @@ def widen_peaks(peaks: Any, other: Any) -> None:
 
 
 class Span(NamedTuple):
-    """A step: when it begins, how long it takes (s), and the pace of the exciters: at first, and its change (rad/s)."""
+    """A step: when it begins, how long it takes (s), its polynomials, and the column of the speed of exciter 1."""
 
     begin: float
     length: float
-    pace: float
-    gain: float
+    c: FloatArray
+    degree: int
+    speed: int
 
 
 @inlined
@@ -66,10 +67,16 @@ def remember(peaks: Any, k: int, found: float, s: float, span: Span) -> None:
     """Let extremes k cover a value at a fraction of a step."""
     if found < peaks.least[k]:
         peaks.least[k], peaks.at_least[k] = found, span.begin + s * span.length
-        peaks.pace_least[k] = span.pace + s * span.gain
+        peaks.pace_least[k] = pace(s, span)
     if found > peaks.largest[k]:
         peaks.largest[k], peaks.at_largest[k] = found, span.begin + s * span.length
-        peaks.pace_largest[k] = span.pace + s * span.gain
+        peaks.pace_largest[k] = pace(s, span)
+
+
+@compiled
+def pace(s: float, span: Span) -> float:
+    """How fast the exciters turn at a fraction of a step, in the mean (rad/s)."""
+    return 0.5 * (abs(value(span.c, span.degree, span.speed, s)) + abs(value(span.c, span.degree, span.speed + 1, s)))
 
 
 @inlined

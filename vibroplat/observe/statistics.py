@@ -284,8 +284,7 @@ def add_step(
     since = (marks.window - begin) / length if begin < marks.window else 0.0  # fraction from which it is measured
     fill_nodes(c, degree, 0.0, 1.0, nodes, room)
     n = force // 2
-    pace = 0.5 * (abs(c[0, n + 3]) + abs(c[0, n + 4]))
-    span = Span(begin, length, pace, 0.5 * (abs(end[n + 3]) + abs(end[n + 4])) - pace)
+    span = Span(begin, length, c, degree, n + 3)
     if since > 0.0:
         widen(ms.early, c, degree, room, nodes, system, 0.0, end, span, equations, p)
     if since < 1.0:

@@ -93,8 +93,10 @@ def draw_contact(axis: Axes, table: pd.DataFrame) -> Axes:
 def draw_impacts(axis: Axes, events: pd.DataFrame) -> Axes:
     """Mark the times of impacts on the line of zero gap."""
     impacts = events[events["kind"] == "impact"]
+    if impacts.empty:  # an empty line that is not clipped would take all the room
+        return axis
     size = 5.0 if len(impacts) <= 60 else 2.5
-    look: dict[str, Any] = {"ms": size, "mew": 0, "clip_on": False, "label": "impact" if len(impacts) else None}
+    look: dict[str, Any] = {"ms": size, "mew": 0, "clip_on": False, "label": "impact"}
     axis.plot(impacts["t_s"], np.zeros(len(impacts)), "v", color=BLACK, **look)
     return axis
 

@@ -56,8 +56,8 @@ def sheet(scene: Scene, summary: Mapping[str, Any]) -> dict[str, str]:
     ):
         most, rms = f"foundation_{name}_max_{unit}", _short(summary, f"foundation_{name}_rms_{unit}")
         force[axis] = f"{_short(summary, most)} {words}, RMS {rms}{_peak(summary, most, words)}"
-    static = _short(summary, "foundation_force_y_mean_n")
-    force["force y into foundation"] = force["force y into foundation"].replace(" N,", f" N, static {static},", 1)
+    mean = _short(summary, "foundation_force_y_mean_n")
+    force["force y into foundation"] = force["force y into foundation"].replace(" N,", f" N, mean {mean},", 1)
     strokes = {"stroke x": "stroke_x_m", "stroke y": "stroke_y_m"}
     for name in scene.output.points:
         strokes |= {f"stroke {axis} of {name}": f"stroke_{axis}_{name}_m" for axis in ("x", "y")}

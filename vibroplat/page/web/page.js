@@ -51,7 +51,7 @@ function notes(runs) {
   byId("motion-note").textContent = "Displacements, the gap and the rotation are magnified alike, by the number above; " +
     "exciters and their radii are to scale, layers and springs are symbols. The red arrow is the contact force, to the " +
     "scale of its largest value; a yellow flash is an impact with its impulse.";
-  const told = runs.filter(run => !run.isWhole).map(run => `${several ? `${run.label}: ` : ""}the machine moves, and curves ` +
+  const told = runs.filter(run => !run.isWhole).map(run => `${several ? `${run.label}: the` : "The"} machine moves, and curves ` +
     `have all samples, from ${shown(run.origin)} to ${shown(run.end)} s; elsewhere the curves keep the smallest and the ` +
     "largest value of each thousandth of the run.");
   const all = [`All samples of the ${several ? "runs" : "run"} are on this page.`];
