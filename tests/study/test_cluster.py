@@ -35,7 +35,7 @@ SWEEP = (
     "  grid: {contact.restitution: [0.0, 0.3]}\n"
 )
 #: A change of one line that changes all points: its file, the old text and the new one.
-CHANGE = ("study/point.py", "perturbed(start, scene, plan", "perturbed(start, scene, 1.01 * plan")
+CHANGE = ("study/point.py", "plan.perturbation, (plan.seed, *key)", "1.01 * plan.perturbation, (plan.seed, *key)")
 #: How what is given up ends.
 KEPT = "finished points are kept: continue with --resume"
 
