@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import gc
 import os
 import sys
@@ -18,6 +19,8 @@ from vibroplat.system.memory import is_short_of_memory, require_memory
 
 #: Options that print help.
 HELP = ["-h", "--help"]
+#: Why a stream cannot be written.
+OUTPUT = {errno.EPIPE, errno.ENOSPC, errno.EIO, errno.EFBIG, errno.EBADF, getattr(errno, "EDQUOT", 0)}
 
 
 class _Commands(TyperGroup):
@@ -70,13 +73,9 @@ def main() -> None:
 
 
 def _reason(error: OSError) -> str:
-    """Say what an error of the system is about: standard output if that still cannot be written, or else as it says."""
+    """Say what an error of the system is about; those of standard output, which has no name, do not say so."""
     what = error.strerror or str(error)
-    try:
-        if isinstance(error, BrokenPipeError):
-            raise error
-        sys.stdout.flush()  # holds what could not be written
-    except OSError:
+    if error.errno in OUTPUT and not error.filename:
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # the rest of the output has nowhere to go
         return f"standard output cannot be written: {what}"
     return f"{f'{error.filename}: ' if error.filename else ''}{what}; {kept()}"

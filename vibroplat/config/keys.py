@@ -164,7 +164,7 @@ def template(machine: str, file: str, name: str) -> str:
 
 
 def _in_places(given: Mapping[str, Any]) -> Iterator[tuple[str, Key]]:
-    """Yield all keys with their names, those in lists for each place of a configuration's list; absent motors not."""
+    """Yield all keys with their names, those in lists for each item that a configuration has, but no absent motors."""
     for section, found in groupby(keys().values(), key=lambda key: key.name.partition(".")[0]):
         inside = list(found)
         if section not in given and section in ("motor", "motors", "exciters"):

@@ -49,15 +49,13 @@ def sheet(scene: Scene, summary: Mapping[str, Any]) -> dict[str, str]:
         return {}
     gravity = scene.machine.gravity_m_per_s2 or math.nan
     force = {}
-    for axis, name, unit, words in (
-        ("force x into foundation", "force_x", "n", "N"),
-        ("force y into foundation", "force_y", "n", "N"),
-        ("moment into foundation", "moment", "n_m", "N·m"),
+    for label, name, unit, written, mean in (
+        ("force x into foundation", "force_x", "n", "N", ""),
+        ("force y into foundation", "force_y", "n", "N", f"mean {_short(summary, 'foundation_force_y_mean_n')}, "),
+        ("moment into foundation", "moment", "n_m", "N·m", ""),
     ):
         most, rms = f"foundation_{name}_max_{unit}", _short(summary, f"foundation_{name}_rms_{unit}")
-        force[axis] = f"{_short(summary, most)} {words}, RMS {rms}{_peak(summary, most, words)}"
-    mean = _short(summary, "foundation_force_y_mean_n")
-    force["force y into foundation"] = force["force y into foundation"].replace(" N,", f" N, mean {mean},", 1)
+        force[label] = f"{_short(summary, most)} {written}, {mean}RMS {rms}{_peak(summary, most, written)}"
     strokes = {"stroke x": "stroke_x_m", "stroke y": "stroke_y_m"}
     for name in scene.output.points:
         strokes |= {f"stroke {axis} of {name}": f"stroke_{axis}_{name}_m" for axis in ("x", "y")}

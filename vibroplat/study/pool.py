@@ -26,6 +26,7 @@ from vibroplat.study import WAIT
 from vibroplat.study.cluster import Cluster, WorkerLostError
 from vibroplat.study.store import Record, Store, digest
 from vibroplat.system.interrupts import stop_if_asked, unheard, unwinding, watching
+from vibroplat.system.memory import is_short_of_memory
 
 #: Environment of workers: without it numerical libraries would start a pool of threads in each process.
 PINNED = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA")}
@@ -321,8 +322,9 @@ def _starting() -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        why = f"worker processes cannot be started: {error.strerror or error}; one job needs none"
-        raise OSError(error.errno, why) from None
+        if is_short_of_memory(error):
+            raise
+        raise OSError(f"worker processes cannot be started: {error.strerror or error}; one job needs none") from None
 
 
 @contextmanager
