@@ -22,10 +22,11 @@ from vibroplat.errors import VibroplatError
 from vibroplat.hybrid.modes import IMPACT
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.motion.motion import Motion
+from vibroplat.observe.section import section_points
 from vibroplat.study.confirming import LARGEST, multiplier_columns
 from vibroplat.study.lyapunov import lyapunov
 from vibroplat.study.point import Point, measure_point
-from vibroplat.study.settling import BLOCK, Hunt, KnownOrbit, section_points
+from vibroplat.study.settling import BLOCK, Hunt, KnownOrbit
 
 #: Longest period that is looked for, in turns of exciter 1, and distance of points of the section, in the scales of the
 #: scene, from which it is.

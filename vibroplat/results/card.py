@@ -26,6 +26,7 @@ def results(scene: Scene, summary: Mapping[str, Any], origin: Mapping[str, Any] 
         ("start", _start(scene, summary, origin), ""),
         ("simulated", summary["simulated_s"], "s"),
         ("measured", _window(summary), ""),
+        ("repeats after", _period(summary), ""),
         ("excitation frequency", summary["excitation_frequency_hz"], "Hz"),
         ("speeds of the exciters", _speeds(summary), "Hz"),
         (f"phase difference {phases}", *_phase(scene, summary)),
@@ -155,6 +156,12 @@ def _window(summary: Mapping[str, Any]) -> str:
     if last <= first:
         return f"nothing: the run ended before {_number(first)} s"
     return f"{_number(first)} … {_number(last)} s, {turns or 'no'} whole turn{'' if turns == 1 else 's'}"
+
+
+def _period(summary: Mapping[str, Any]) -> str | None:
+    """Say after how many turns a motion repeats; a summary from before this was told has none."""
+    turns = summary.get("period")
+    return turns and f"{turns} turn{'' if turns == 1 else 's'} of exciter 1"
 
 
 def _number(value: Any) -> str:
