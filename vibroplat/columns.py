@@ -116,14 +116,21 @@ def _quantities(names: Mapping[str, str]) -> dict[str, Quantity]:
 #: Phase difference of the exciters, everywhere. Its ticks are parts of π, so it has no unit.
 PHASE = r"$\Delta\varphi$"
 
-#: How the forces of both exciters act together, by how these are driven and synchronize. Forces of equal exciters that
-#: are mirror images add so, and cancel otherwise; where exciters differ, something is left over.
+#: What a machine does, by how its exciters are driven and synchronize. Forces of equal exciters that are mirror images
+#: add so, and cancel otherwise; where exciters differ, something is left over.
 SHAKING = {
-    ("counter-rotating", "antiphase"): "along y",
-    ("counter-rotating", "in-phase"): "along x and rocking",
-    ("co-rotating", "antiphase"): "rocking",
-    ("co-rotating", "in-phase"): "in circles",
+    ("counter-rotating", "antiphase"): "shakes along y",
+    ("counter-rotating", "in-phase"): "shakes along x and rocks",
+    ("co-rotating", "antiphase"): "rocks",
+    ("co-rotating", "in-phase"): "shakes in circles",
 }
+
+
+def with_shaking(sync: str, rotation: str) -> str:
+    """Return the name of a synchronization, and what it does to a machine if that is known."""
+    return ": ".join(filter(None, (sync, SHAKING.get((rotation, sync)))))
+
+
 PHASE_COLUMN = "phase_difference_rad"
 #: Columns of a sweep, and of branches.
 QUANTITIES = _quantities(

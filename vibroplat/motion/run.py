@@ -23,7 +23,7 @@ from vibroplat.motion.motion import Motion, Observer
 from vibroplat.motion.recorder import Files, Keep, Recorder, Sink, require_room
 from vibroplat.motion.variation import directions, listed
 from vibroplat.observe.notes import captures, drift, notes_on_measures, stiffness
-from vibroplat.observe.section import MAX_PERIOD, period, section_points, whole_periods
+from vibroplat.observe.section import MAX_PERIOD, latest_period, section_points, whole_periods
 from vibroplat.observe.sheet import SHEET, WHOLE, columns, whole_run
 from vibroplat.observe.statistics import Statistics
 from vibroplat.observe.summary import INACCURATE, MEASURES, Part, inaccuracy, measured
@@ -33,9 +33,6 @@ from vibroplat.results.run import Trajectory
 
 #: The measured part is what follows this share of the duration, cut to whole turns of exciter 1.
 SETTLE_SHARE = 0.5
-#: Largest distance of points of the Poincaré section that repeat, in the scales of the scene, and how many, the last
-#: ones, are looked at.
-REPEATS, LATEST = 1e-3, 4 * MAX_PERIOD
 
 #: The summary of a run.
 SUMMARY: Columns = {
@@ -50,7 +47,7 @@ SUMMARY: Columns = {
     ),
     "period": Column(
         "turns of exciter 1 after which the motion repeats",
-        f"0: it does not within {MAX_PERIOD}, or has not settled; means are of whole periods",
+        f"0: none found up to {MAX_PERIOD}, or not settled; means are of whole periods",
     ),
     **MEASURES,
     "contact_force_noise_n": Column("contact forces up to this size, of either sign, are noise"),
@@ -150,7 +147,7 @@ def _run(
 def _summary(motion: Motion, part: Part, begun: float) -> dict[str, Any]:
     """Summarize a finished run that began at a time (s)."""
     scene, engine, seconds = motion.scene, motion.engine, motion.now - begun
-    repeats = period(section_points(part.measures, scene)[-LATEST:], REPEATS)
+    repeats = latest_period(section_points(part.measures, scene))
     found = measured(part._replace(measures=whole_periods(part.measures, max(repeats, 1))), scene)
     sheet = {name: found.pop(name) for name in columns(scene)}
     doubt = inaccuracy(found, scene) if motion.outcome == "ok" else ""

@@ -12,6 +12,10 @@ from vibroplat.observe.statistics import Measures
 
 #: Longest period, in turns of exciter 1, that is searched for while a motion settles and at its end.
 MAX_PERIOD, LONGEST_PERIOD = 16, 64
+#: Of a run: largest distance of points that repeat, in the scales of the scene, and up to which they count as equal. Of
+#: shorter periods the distance is larger by this factor: the rest of a slow oscillation, which may come back to itself
+#: after some turns, decays by less.
+NEAR, EQUAL, CLEARLY = 1e-3, 1e-5, 30.0
 
 
 def section_rows(ms: Measures) -> npt.NDArray[np.void]:
@@ -67,3 +71,12 @@ def period(points: FloatArray, tolerance: float, first: int = 1, last: int = MAX
     """Smallest number of turns after which the section repeats within a tolerance, or 0."""
     repeats = np.flatnonzero(spreads(points, first, last) <= tolerance)
     return int(repeats[0]) + first if repeats.size else 0
+
+
+def latest_period(points: FloatArray) -> int:
+    """Smallest number of turns after which the last points repeat about as well as after any other, or 0."""
+    ends = range(1, min(MAX_PERIOD, len(points) - MAX_PERIOD) + 1)
+    apart = np.array([np.abs(points[-MAX_PERIOD:] - points[-MAX_PERIOD - n : -n]).max() for n in ends])
+    if not apart.size or apart.min() > NEAR:
+        return 0
+    return int(np.argmax(apart <= max(CLEARLY * apart.min(), EQUAL))) + 1

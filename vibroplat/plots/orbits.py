@@ -34,7 +34,7 @@ from vibroplat.plots.style import (
     new_figure,
     panel_grid,
 )
-from vibroplat.plots.timelines import FROM_REST, in_units, name_axis
+from vibroplat.plots.timelines import FROM_REST, in_units, name_axis, tell_shaking
 from vibroplat.study.branches import EXCITATION
 
 if TYPE_CHECKING:
@@ -109,6 +109,8 @@ def branches_figure(found: Study, x: str) -> Figure:
             draw_branch(axis, points, special, column, x, color=CURVES[number % len(CURVES)])
         if column.startswith("rms"):
             limit_size(axis, found.points)
+        if column == PHASE_COLUMN:
+            tell_shaking(axis, found.rotation)
     _head(figure, found)
     handles = _legend(found, x)
     if len(columns) < len(panels):  # the empty place

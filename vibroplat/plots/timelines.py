@@ -6,6 +6,7 @@ Also units and names of any axis, and measured data that are laid over figures.
 from __future__ import annotations
 
 import logging
+import warnings
 from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +17,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 
-from vibroplat.columns import COORDINATES, PHASE, PHASE_COLUMN, QUANTITIES, SHAKING
+from vibroplat.columns import COORDINATES, PHASE, PHASE_COLUMN, QUANTITIES, with_shaking
 from vibroplat.config.scene import Scene
 from vibroplat.errors import TableError
 from vibroplat.plots.labels import is_number, phase_label
@@ -153,6 +154,7 @@ def draw_phase_difference(
     line = np.insert(times, wraps, times[wraps]), np.insert(phase, wraps, np.nan)
     axis.plot(*line, lw=1.0 if len(wraps) <= MOST_WRAPS else 0.25, color=color, label=label)
     phase_axis(axis, phase_label(co_rotating))
+    tell_shaking(axis, "co-rotating" if co_rotating else "counter-rotating")
     return axis
 
 
@@ -184,13 +186,17 @@ def phase_axis(axis: Axes, label: str = PHASE) -> None:
     ticks = {-0.5: "−π/2", 0.0: "0", 0.5: "π/2", 1.0: "±π", 1.5: "−π/2"}
     axis.set_yticks([np.pi * tick for tick in ticks], list(ticks.values()))
     axis.set_ylabel(label)
-    rotations = {phase_label(False): "counter-rotating", phase_label(True): "co-rotating"}
     for angle, name in () if axis.texts else ((0.0, "in-phase"), (np.pi, "antiphase")):
-        text = ": ".join(filter(None, (name, SHAKING.get((rotations.get(label, ""), name)))))
         axis.annotate(
-            text, (1.0, angle), (-2.0, 3.0), axis.get_yaxis_transform(), "offset points",
+            name, (1.0, angle), (-2.0, 5.0), axis.get_yaxis_transform(), "offset points",
             fontsize=7.5, color=REFERENCE, ha="right", va="bottom",
         )  # fmt: skip
+
+
+def tell_shaking(axis: Axes, rotation: str) -> None:
+    """Say on an axis of phase differences what a machine does in phase and in antiphase, if its rotation is known."""
+    for text in axis.texts:
+        text.set_text(with_shaking(text.get_text(), rotation))
 
 
 @dataclass(frozen=True)
@@ -209,6 +215,22 @@ class Measured:
         return axis
 
 
+def _read_csv(path: Path) -> pd.DataFrame:
+    """Read a CSV file: columns between commas, or as the first line has them ; or tabs, and then also decimal commas.
+
+    A row with too many values is a ParserWarning: it has decimal commas, or lines are not what they seem.
+    """
+    with path.open(encoding="utf-8-sig") as file:
+        head = file.readline()
+    separator = next((sign for sign in (";", "\t") if sign in head), ",")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", pd.errors.ParserWarning)
+        look: dict[str, Any] = {"index_col": False, "skipinitialspace": True, "encoding": "utf-8-sig"}
+        signs = ".," if separator != "," else "."
+        tables: list[pd.DataFrame] = [pd.read_csv(path, sep=separator, decimal=sign, **look) for sign in signs]
+    return max(tables, key=lambda table: sum(is_number(table[column]) for column in table))
+
+
 def read_measured(path: Path, x: str, columns: Collection[str], others: Collection[str] = ()) -> Measured:
     """Read measured data of these columns over ``x``.
 
@@ -220,9 +242,12 @@ def read_measured(path: Path, x: str, columns: Collection[str], others: Collecti
         The file cannot be read, has no abscissa, nothing to draw, or no numbers there.
     """
     try:
-        table = pd.read_csv(path)
+        table = _read_csv(path)
     except FileNotFoundError:
         raise TableError(f"--data {path}: there is no such file") from None
+    except pd.errors.ParserWarning:
+        allowed = "names of all columns first, and decimal points, or ; between columns"
+        raise TableError(f"--data {path}: rows have more values than the first line; allowed: {allowed}") from None
     except Exception as error:  # pandas raises many kinds on damaged files
         raise TableError(f"--data {path} cannot be read: {' '.join(str(error).split())}") from None
     for wanted, what in (([x], "of the horizontal axis"), (columns, "that a figure shows")):
@@ -232,7 +257,8 @@ def read_measured(path: Path, x: str, columns: Collection[str], others: Collecti
     known = {x, *columns}
     for column in known & {*table.columns}:
         if not is_number(table[column]):
-            raise TableError(f"--data {path}: column {column} holds text; allowed: numbers, empty where there is none")
+            text = table[column][pd.to_numeric(table[column], errors="coerce").isna()].dropna().tolist()[0]
+            raise TableError(f"--data {path}: column {column} holds {text!r}; allowed: numbers such as 0.5, or nothing")
     if left := [str(column) for column in table.columns if column not in known | {*others}]:
         _LOG.warning("--data %s: not drawn: %s", path, ", ".join(left))
     return Measured(path.name, table)
