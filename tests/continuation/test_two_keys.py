@@ -109,6 +109,7 @@ def test_multipliers_outside_beside_the_passing_ones():
         assert others_outside(kind, np.array(multipliers, dtype=complex)) == count, kind
 
 
+@pytest.mark.long
 def test_boundaries_go_through_the_points_of_other_branches():
     """Curves over the mass ratio from 0.2 pass the special points found at 0.1."""
     kinds = ["liftoff", "end-of-sticking", "period-doubling", "neimark-sacker", "branch-point"]

@@ -38,7 +38,12 @@ COARSE = {
     "solver.max_events_per_period": 200,
     "run.duration_s": 2.0,
 }
-FINE = {"sweep.lyapunov": False, "sweep.supply_frequency_hz.direction": ["up"], "sweep.supply_frequency_hz.start": 60.0}
+FINE = {
+    "sweep.lyapunov": False,
+    "sweep.supply_frequency_hz.direction": ["up"],
+    "sweep.supply_frequency_hz.start": 60.0,
+    "sweep.supply_frequency_hz.stop": 66.0,
+}
 
 VERDICTS = {
     "reproduced",
