@@ -13,7 +13,6 @@ from scipy.io import loadmat
 
 from vibroplat import Scene, load, simulate
 from vibroplat.errors import TableError
-from vibroplat.results.files import Result
 
 
 @pytest.fixture(scope="module")
@@ -89,17 +88,6 @@ def test_saved_run_is_the_same_when_it_is_loaded(run, saved):
     assert found.trajectory.attrs == run.trajectory.attrs
     assert repr(found) == repr(run)
     assert found.plot("force").axes
-
-
-def test_saved_run_is_a_result_of_the_command(saved):
-    assert {path.name for path in saved.iterdir()} == {
-        "trajectory.parquet",
-        "events.parquet",
-        "summary.json",
-        "provenance.json",
-        "files.lock",
-    }
-    assert Result(saved, "run").provenance["command"] == "run"
 
 
 def test_run_can_be_saved_as_csv(run, tmp_path):
