@@ -159,3 +159,8 @@ COORDINATES = _quantities(
         "contact_force_n": "contact force $F_c$",
     }
 )
+#: Forces of springs and dampers, which follow from a trajectory.
+FORCES = {
+    "force_y_n": Quantity("force $y$ into\nfoundation", "N"),
+    "force_x_n": Quantity("force $x$ into\nfoundation", "N"),
+}

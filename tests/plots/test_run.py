@@ -13,9 +13,10 @@ from matplotlib.text import Text
 
 from vibroplat import load_config
 from vibroplat.errors import TableError
-from vibroplat.plots import run
+from vibroplat.plots import histories
 from vibroplat.plots.command import plot_results
 from vibroplat.plots.labels import run_parameters
+from vibroplat.plots.run import run_figures
 from vibroplat.results.tables import read_json, read_table, write_table
 
 from .conftest import data_of, table_line, texts
@@ -25,7 +26,7 @@ TURN = 2.0 * np.pi
 
 def drawn(*directories, kinds=(), **options):
     """Figures of runs by name."""
-    return {name: figure for _, name, figure in run.run_figures(directories, kinds, **options)}
+    return {name: figure for _, name, figure in run_figures(directories, kinds, **options)}
 
 
 def from_rest(table, directory):
@@ -34,7 +35,7 @@ def from_rest(table, directory):
 
 
 def test_motion_shows_platform_and_gap_of_the_last_turns(result, monkeypatch):
-    monkeypatch.setattr(run, "SHOWN_TURNS", 5)
+    monkeypatch.setattr(histories, "SHOWN_TURNS", 5)
     top, bottom = drawn(result)["motion"].axes
     trajectory, events = read_table(result, "trajectory"), read_table(result, "events")
     begin = 0.25 - 5.0 / read_json(result, "summary")["excitation_frequency_hz"]
@@ -64,7 +65,7 @@ def test_y_is_counted_from_rest_where_a_scene_or_a_summary_tells_the_sag(result)
 
 
 def test_a_long_run_has_an_overview_of_its_range(result, monkeypatch):
-    monkeypatch.setattr(run, "SHOWN_TURNS", 2)
+    monkeypatch.setattr(histories, "SHOWN_TURNS", 2)
     figure = drawn(result, kinds=["motion"])["motion"]
     titles = [axis.get_title(loc="left").splitlines()[-1] for axis in figure.axes[:2]]
     assert titles == ["whole run, range of values", "last turns, grey on the left"]
@@ -76,7 +77,7 @@ def test_a_long_run_has_an_overview_of_its_range(result, monkeypatch):
 
 
 def test_many_turns_are_drawn_as_their_range(result, monkeypatch):
-    monkeypatch.setattr(run, "MOST_TURNS", 3)
+    monkeypatch.setattr(histories, "MOST_TURNS", 3)
     axis = drawn(result, kinds=["motion"], start=0.0)["motion"].axes[0]
     table = from_rest(read_table(result, "trajectory"), result)
     low, high = axis.collections[0].get_datalim(axis.transData).intervaly
@@ -85,11 +86,11 @@ def test_many_turns_are_drawn_as_their_range(result, monkeypatch):
 
 
 def test_a_long_table_is_read_in_parts_and_thinned_where_all_of_it_is_shown(result, monkeypatch):
-    monkeypatch.setattr(run, "SHOWN_TURNS", 2)
+    monkeypatch.setattr(histories, "SHOWN_TURNS", 2)
     before = drawn(result, kinds=["motion"])["motion"]
     monkeypatch.setattr("vibroplat.results.tables.PART", 50)
     monkeypatch.setattr("vibroplat.results.files.read_table", None)
-    monkeypatch.setattr(run, "POINTS", 100)
+    monkeypatch.setattr(histories, "POINTS", 100)
     figures = drawn(result)
     after = figures["motion"]
     np.testing.assert_array_equal(data_of(after.axes[1].lines[0]), data_of(before.axes[1].lines[0]))

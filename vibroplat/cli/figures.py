@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from vibroplat.config.scene import Scene
     from vibroplat.continuation.rows import OrbitMotion
 
-#: Figures: the first three show a run, the last three orbits, the others a sweep.
-Kind = StrEnum("Kind", "motion force exciters response bifurcation map branches multipliers boundaries")
+#: Figures: the first four show a run, the last three orbits, the others a sweep.
+Kind = StrEnum("Kind", "motion force exciters loads response bifurcation map branches multipliers boundaries")
 
 
 def plot(

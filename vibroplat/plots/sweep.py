@@ -20,7 +20,19 @@ from vibroplat.plots.labels import ABSCISSAE, key_label
 from vibroplat.plots.reading import Curve, rest_of
 from vibroplat.plots.response import response_figure
 from vibroplat.plots.studies import Study, read_sweeps
-from vibroplat.plots.style import BLUE, CURVES, GREEN, ORANGE, PURPLE, SKY, VERMILION, entry, head, new_figure
+from vibroplat.plots.style import (
+    BLUE,
+    CURVES,
+    GREEN,
+    ORANGE,
+    PURPLE,
+    SKY,
+    VERMILION,
+    entry,
+    head,
+    new_figure,
+    widen_ticks,
+)
 from vibroplat.plots.timelines import read_measured
 from vibroplat.study.branches import EXCITATION, SUPPLY
 
@@ -125,10 +137,12 @@ def bifurcation(response: Study) -> Figure:
                 points = table[table["branch"] == shown.rows["branch"].iloc[0]]
                 draw_section(axis, points, column, x=x, factor=factor, **look)
         row[0].set_ylabel(label)
+        widen_ticks(row[0], "y")
     for axis, curve in zip(axes[0], curves, strict=True):
         axis.set_title(", ".join(part for part in (curve.label, curve.direction) if part), loc="left")
     for axis in axes[-1]:
         axis.set_xlabel(key_label(x))
+    widen_ticks(axes[0, 0], "x")
     head(figure, ", ".join(response.names), response.parameters(response.varied))
     directions = dict.fromkeys(curve.direction for curve in curves)
     if len(directions) > 1:

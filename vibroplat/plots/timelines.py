@@ -17,7 +17,8 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 
-from vibroplat.columns import COORDINATES, PHASE, PHASE_COLUMN, QUANTITIES, with_shaking
+from vibroplat.columns import COORDINATES, FORCES, PHASE, PHASE_COLUMN, QUANTITIES, with_shaking
+from vibroplat.config.plausibility import rounded
 from vibroplat.config.scene import Scene
 from vibroplat.errors import TableError
 from vibroplat.plots.labels import is_number, phase_label
@@ -27,7 +28,7 @@ _LOG = logging.getLogger("vibroplat")
 
 FloatArray = np.ndarray[Any, np.dtype[np.float64]]
 
-_SHOWN = QUANTITIES | COORDINATES
+_SHOWN = QUANTITIES | COORDINATES | FORCES
 
 #: Name of the axis of y where it is counted from the static rest.
 FROM_REST = "$y$ from rest (mm)"
@@ -79,6 +80,22 @@ def draw_envelope(
         axis.plot(envelope["t_s"], low, lw=1.0, color=color, label=label)
         axis.plot(envelope["t_s"], high, lw=1.0, color=color)
     return name_axis(axis, column)
+
+
+def mark_peak(axis: Axes, envelope: pd.DataFrame, column: str, value: float, time: float, pace: float) -> Axes:
+    """Mark the largest size of a force, or where a stroke was complete, with its time (s) and the speed then (Hz)."""
+    least, largest = envelope[f"{column}:min"], envelope[f"{column}:max"]
+    if column in FORCES:
+        place, told = (-value if -least.min() > largest.max() else value), f"{rounded(value, 4)} N"
+    else:
+        place = least.min() if least.argmin() > largest.argmax() else largest.max()
+        place, told = float(in_units(place, column)), f"stroke {rounded(float(in_units(value, column)), 4)} mm"
+    axis.plot(time, place, "o", ms=4.5, mfc="white", mec=BLACK, clip_on=False, zorder=5)
+    axis.annotate(
+        f"{told} at {time:.4g} s, {pace:.3g} Hz", (time, place), (7.0, 0.0), textcoords="offset points", fontsize=8,
+        va="center", bbox={"fc": "white", "ec": "none", "alpha": 0.7, "pad": 0.5},
+    )  # fmt: skip
+    return axis
 
 
 def draw_contact(axis: Axes, table: pd.DataFrame) -> Axes:
@@ -135,6 +152,8 @@ def draw_synchronous_speed(axis: Axes, scene: Scene, times: pd.Series) -> Axes:
         now = [i.frequency_at(time) if i.driven[number] else np.nan for i, time in zip(found, t, strict=True)]
         speeds.append(np.array(now) / exciter.pole_pairs)
     first, second = speeds
+    if np.isnan(speeds).all():
+        return axis
     same = np.isnan(first) | np.isnan(second) | (first == second)
     if same.all():
         axis.plot(t, np.where(np.isnan(first), second, first), ":", lw=1.0, color=REFERENCE, label="synchronous speed")

@@ -49,7 +49,7 @@ if TYPE_CHECKING:
 #: ``all``: two rows at each event, before and after it. ``unique``: the one after it only, so that times ascend.
 Sample = Literal["all", "unique"]
 #: Figures of a run.
-Kind = Literal["motion", "force", "exciters"]
+Kind = Literal["motion", "force", "exciters", "loads"]
 
 
 @dataclass(repr=False, kw_only=True)
