@@ -78,11 +78,22 @@ _EXTREMES = {"max": "largest", "min": "smallest"}
 
 
 def words(name: str) -> str:
-    """Return a key or column as a person says it, without its unit: ``gap_max_m`` is "largest gap"."""
-    parts = split(name)[0].split("_")
-    if len(parts) > 1 and parts[-1] in _EXTREMES:
-        parts = [_EXTREMES[parts[-1]], *parts[:-1]]
-    return " ".join(_WORDS.get(part, part) for part in parts)
+    """Return a key or column as a person says it, without its unit: ``gap_max_m`` is "largest gap".
+
+    ``whole_gap_at_s`` and ``whole_gap_at_hz`` are the "time of" it in the whole run, and the "speed at" it.
+    """
+    last, unit = split(name)
+    parts = last.split("_")
+    begin = ""
+    if parts[0] == "whole":
+        parts = parts[1:]
+        if parts[-1] == "at":
+            parts, begin = parts[:-1], "speed at " if unit == "Hz" else "time of "
+    end = next((part for part in parts[1:] if part in _EXTREMES), None)
+    if end is not None:
+        parts.remove(end)
+        parts = [_EXTREMES[end], *parts]
+    return begin + " ".join(_WORDS.get(part, part) for part in parts)
 
 
 class Quantity(NamedTuple):
