@@ -318,6 +318,13 @@ def test_new_overwrites_nothing_and_refuses_names_that_cannot_be_used(command, h
     assert (here / "mine.yaml").read_text() == "name: kept\n"
 
 
+def test_commands_of_a_new_file_can_be_copied(command, here):
+    (here / "of mine").mkdir()
+    said = command("new", "of mine/a.yaml").out
+    assert "`vibroplat run 'of mine/a.yaml'`" in said
+    assert "vibroplat sweep 'of mine/a.yaml'" in (here / "of mine/a.yaml").read_text()
+
+
 # -- results --------------------------------------------------------------------------------------------
 
 
