@@ -148,6 +148,7 @@ def test_without_scripts_summary_tables_parameters_and_figures_are_there(driver,
         driver.execute_cdp_cmd("Emulation.setScriptExecutionDisabled", {"value": False})
 
 
+@WIDE
 def test_parameters_are_readable_on_a_telephone(visit):
     page = visit("several")
     resize(page, 390, 800)
@@ -193,6 +194,7 @@ def test_several_machines_move_side_by_side_and_headings_lie_between_panels(visi
         assert end <= first < last <= begin + 0.5
 
 
+@WIDE
 def test_figures_keep_their_place_when_the_window_changes(visit):
     page = visit("all")
     boxes = "[...document.querySelectorAll('.figure')].map(box => box.getBoundingClientRect().height)"
@@ -366,6 +368,7 @@ def eventually(look, wanted):
     return found
 
 
+@WIDE
 @pytest.mark.parametrize("name", ["several", "orbits"])
 def test_figures_fit_on_a_sheet_of_paper_and_controls_are_left_out(visit, name):
     page = visit(name)

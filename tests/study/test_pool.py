@@ -316,13 +316,6 @@ def interrupted(scene, workers, disturb, after):
         return table
 
 
-@pytest.mark.long
-def test_dask_gives_the_same_table(scene, table, scheduler):
-    found = sweep(scene, scheduler=scheduler)
-    assert bits(found) == bits(table)
-    assert found.dtypes.equals(table.dtypes)
-
-
 @pytest.mark.faults
 def test_killed_workers_change_nothing(scene, table, processes):
     def kill():
