@@ -30,7 +30,7 @@ SITUATIONS = {
     "layers": (layers, 8, 8, 1500),
     "endurance": (endurance, 600, 3_000, 3_000_000),
     "units": (units, 6, 6, 198),
-    "campaign": (campaign, 12, 24, 10_000),
+    "campaign": (campaign, 8, 24, 10_000),
 }
 
 
