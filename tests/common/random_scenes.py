@@ -20,11 +20,11 @@ def random_scene(number, seed=0, *, as_bought=False):
 
 def drawn(draw, name, *, as_bought=False):
     """Build a scene from random values; ``as_bought``: some with exciters of their own, programs, starts from rest."""
-    machine, motors = draw.machine(), draw.motors()
-    exciters = as_bought and draw.chance(0.4)
-    if exciters:
+    machine, others = draw.machine(), draw.material() | draw.contact() | draw.solver()
+    motors = draw.motors()
+    if as_bought and draw.chance(0.4):
         motors = draw.exciters(machine)
-    scene = Scene.from_tree(nest(machine | draw.material() | draw.contact() | draw.solver()) | {"name": name} | motors)
+    scene = Scene.from_tree(nest(machine | others) | {"name": name} | motors)
     duration = TURNS * 2.0 * np.pi / scene.speed_scale
     scene = scene.replace({"run": {"duration_s": duration, "initial": draw.initial(scene)}})
     if as_bought and draw.chance(0.2):
