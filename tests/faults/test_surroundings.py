@@ -69,24 +69,15 @@ def test_commands_with_closed_streams_do_their_work(here, kernels):
     (here / "few.yaml").write_text(SWEEP)
     assert shell("run", QUICKSTART, *SHORT, redirect=redirect)[::2] == (0, "")
     assert shell("sweep", "few.yaml", redirect=redirect)[::2] == (0, "")
-    assert shell("plot", "results/quickstart", "--kind", "motion", redirect=redirect)[::2] == (0, "")
     assert len(read_table(here / "results/few", "sweep")) == 3
     assert json.loads((here / "results/quickstart/summary.json").read_text())["outcome"] == "ok"
-    assert (here / "results/quickstart/motion.png").read_bytes().startswith(b"\x89PNG")
-
-
-C = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
 
 
 @pytest.mark.long
 def test_commands_print_to_narrow_encodings(here, kernels):
-    (here / "few.yaml").write_text(SWEEP)
-    runs = (("run", QUICKSTART, *SHORT, "--out", "schön"), ("sweep", "few.yaml"), ("plot", "schön/quickstart"))
-    for arguments in runs:
-        done = shell(*arguments, PYTHONIOENCODING="ascii")
-        assert (done.code, done.err) == (0, ""), arguments
-        assert done.out.isascii()
-    assert len(read_table(here / "results/few", "sweep")) == 3
+    done = shell("run", QUICKSTART, *SHORT, "--out", "schön", PYTHONIOENCODING="ascii")
+    assert (done.code, done.err, done.out.isascii()) == (0, "", True)
+    assert len(list((here / "schön/quickstart").glob("*.json"))) == 2
 
 
 # -- kernels that may not be compiled -------------------------------------------------------------------
