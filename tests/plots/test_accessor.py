@@ -1,7 +1,5 @@
 """``table.vibroplat.plot()`` of trajectories, sweeps and branches."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

@@ -1,7 +1,5 @@
 """A run at a prompt and in a notebook: card, figure, files."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 
