@@ -69,8 +69,8 @@ def test_tables_that_pandas_reads_offer_it_too():
     """In whatever order pandas and the package are loaded; a room alone loads none, and no run loads matplotlib."""
     code = (
         "import sys; from vibroplat.motion.recorder import pd; assert 'pandas' not in sys.modules;"
-        "from vibroplat import Scene, simulate; run = simulate(Scene().replace({'run.duration_s': 0.01})); repr(run); run.rows('unique');"
-        "assert 'matplotlib' not in sys.modules"
+        "from vibroplat import Scene, simulate; run = simulate(Scene().replace({'run.duration_s': 0.01}));"
+        "repr(run); run.rows('unique'); assert 'matplotlib' not in sys.modules"
     )
     for loaded in (f"{code}; import pandas", "import pandas; from vibroplat import load"):
         subprocess.run([sys.executable, "-c", f"{loaded}; pandas.DataFrame.vibroplat"], check=True)
