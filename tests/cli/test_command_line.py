@@ -242,7 +242,6 @@ def test_bad_input_exits_2_with_one_line(command, vibroplat, here):
         "run good.yaml --set drive": "--set 'drive'; allowed: key.sub=value",
         "run good.yaml --out bad.yaml": "output bad.yaml/good is not writable: Not a directory",
         "plot nope": "nope is not a directory; allowed: a result directory of vibroplat",
-        "run": "Missing argument 'config'. Try 'vibroplat --help'.",
         "frobnicate": "No such command 'frobnicate'. Try 'vibroplat --help'.",
     }.items():
         assert command(*line.split()) == (2, "", f"vibroplat: {told}\n")
@@ -255,8 +254,9 @@ def test_bad_option_exits_2_with_one_line(command):
     for line, named in {
         "run nope.yaml --format xml": ("'--format'", "'xml'", "'parquet', 'csv'"),
         "run nope.yaml --bogus": ("--bogus",),
+        "run": ("Missing argument",),
         "plot . --kind nope": ("'--kind'", "'nope'", "'motion', 'force', 'exciters'"),
-        "plot . --start soon": ("'--start'", "number"),
+        "plot . --start soon": ("'--start'", "'soon'"),
     }.items():
         done = command(*line.split())
         assert (done.code, done.out, len(done.err.splitlines())) == (2, "", 1)
@@ -313,6 +313,13 @@ def test_new_overwrites_nothing_and_refuses_names_that_cannot_be_used(command, h
         assert command("new", file) == (2, "", f"vibroplat: {line}\n")
     assert names(here) == ["mine.yaml"]
     assert (here / "mine.yaml").read_text() == "name: kept\n"
+
+
+def test_commands_of_a_new_file_can_be_copied(command, here):
+    (here / "of mine").mkdir()
+    said = command("new", "of mine/a.yaml").out
+    assert "`vibroplat run 'of mine/a.yaml'`" in said
+    assert "vibroplat sweep 'of mine/a.yaml'" in (here / "of mine/a.yaml").read_text()
 
 
 # -- results --------------------------------------------------------------------------------------------

@@ -333,6 +333,20 @@ def test_speeds_of_a_guess_follow_the_supply(tmp_path):
         assert orbit(moved, guess).period_s == pytest.approx(wanted.period_s, rel=1e-9)
 
 
+def test_a_guess_leads_to_orbits_of_other_supplies(caplog):
+    """By steps, past 53 Hz, and where these end at an unstable branch, by settling. Unstable orbits are noted."""
+    scene = load_config(QUICKSTART, {"solver.engine": "taylor"})
+    near = orbit(scene)
+    for supply, stable in ((55.0, True), (56.0, True), (65.0, False), (70.0, True)):
+        caplog.clear()
+        found = orbit(scene.replace({KEY: supply}), near)
+        assert (found.scene.drive.supply_frequency_hz, found.stable) == (supply, stable)
+        assert found.excitation_frequency_hz == pytest.approx(0.5 * supply, rel=0.02)
+        assert any("the orbit is unstable" in line for line in caplog.messages) == (not stable)
+        assert found.residual <= 1e-8
+    assert found.scene.run == scene.run
+
+
 def test_a_motion_goes_on_settling_after_a_search_in_vain():
     scene = machine(0.2, start=50.0)
     undisturbed, searched = [], []

@@ -2,12 +2,13 @@
 
 import math
 import resource
+from pathlib import Path
 
 import pandas as pd
 import pytest
 from common.known import ball_on_table
 
-from vibroplat import simulate
+from vibroplat import load_config, simulate
 from vibroplat.config.coordinates import Mode
 from vibroplat.model.parameters import parameters
 from vibroplat.model.systems import systems
@@ -20,6 +21,20 @@ def test_two_runs_of_one_scene_are_bit_identical(quickstart):
     pd.testing.assert_frame_equal(first.events, second.events, check_exact=True)
     same = [k for k in first.summary if k != "wall_s"]
     assert [first.summary[k] for k in same] == [second.summary[k] for k in same]
+
+
+def test_means_are_of_whole_periods_wherever_a_run_ends(quickstart):
+    """Of a motion that repeats after 4 turns, whose RMS over an odd number of turns is off by up to 3e-4."""
+    scene = load_config(Path(__file__).parents[1] / "continuation" / "machine.yaml")
+    scene = scene.replace({"material.mass_ratio": 0.2, "drive.supply_frequency_hz": 57.2, "solver.engine": "taylor"})
+    found = [simulate(scene.replace({"run.duration_s": s}), keep="summary").summary for s in (20.0, 20.04, 20.07)]
+    assert {(one["period"], one["measured_turns"] % 4) for one in found} == {(4, 0)}
+    names = ("rms_y_m", "motor_power_w", "foundation_force_y_rms_n", "slip_1", "excitation_frequency_hz")
+    for name in names:
+        assert [one[name] for one in found] == pytest.approx([found[0][name]] * 3, rel=1e-10)
+    assert {one["impacts_per_period"] for one in found} == {0.75}
+    restless = simulate(quickstart.replace({"run.duration_s": 0.2}), keep="summary").summary
+    assert restless["period"] == 0
 
 
 def test_a_scene_has_only_the_unknowns_it_needs(quickstart):

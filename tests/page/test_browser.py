@@ -11,7 +11,7 @@ from common import handmade
 from common.results import unproven
 from tools.browser import browser, missing, open_page, resize
 
-from vibroplat.continuation.orbit import motion_of
+from vibroplat.continuation.rows import motion_of
 from vibroplat.page import points
 from vibroplat.page.report import write_report
 

@@ -17,7 +17,7 @@ from plotly.offline import get_plotlyjs
 
 from vibroplat.columns import unit_of, words
 from vibroplat.config.scene import Scene
-from vibroplat.continuation.orbit import motion_of
+from vibroplat.continuation.rows import motion_of
 from vibroplat.errors import TableError
 from vibroplat.page import points, report, run
 from vibroplat.page.points import plain_column, spread

@@ -175,7 +175,8 @@ def test_map_colours_a_tile_for_each_point_and_hatches_failed_ones(write_sweep):
             assert np.isnan(np.ma.filled(axis.collections[0].get_array(), np.nan)).sum() == (~good).sum() == 1
             assert axis.collections[1].get_hatch()
             assert np.ma.count(axis.collections[1].get_array()) == 1
-    assert texts(figure.axes[3].get_legend()) == ["antiphase", "in-phase", "failed"]
+    named = ["antiphase: shakes along y", "in-phase: shakes along x and rocks"]
+    assert texts(figure.axes[3].get_legend()) == [*named, "failed"]
 
 
 def test_map_has_tiles_of_equal_size_whatever_the_values(write_sweep):
