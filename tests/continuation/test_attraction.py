@@ -1,7 +1,5 @@
 """From where motion is known to come to a stable orbit."""
 
-from __future__ import annotations
-
 from contextlib import closing
 
 import numpy as np

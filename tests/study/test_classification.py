@@ -1,7 +1,5 @@
 """What kind of motion a row tells: sections with known answers first, then rows whose truth was measured."""
 
-from __future__ import annotations
-
 import math
 from contextlib import closing
 

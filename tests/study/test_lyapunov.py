@@ -1,7 +1,5 @@
 """Lyapunov exponents against the bouncing ball's map, whose multipliers are known, and against sums over a motion."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from contextlib import closing

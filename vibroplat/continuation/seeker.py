@@ -16,16 +16,17 @@ from vibroplat.config.plans import SweepPlan
 from vibroplat.config.scene import Scene
 from vibroplat.continuation.attraction import Attraction
 from vibroplat.continuation.newton import MissedError, NewtonResult, Problem, correct
-from vibroplat.continuation.orbit import TOLERANCE, accurate, measured_over_period, orbit, repeats_after
+from vibroplat.continuation.orbit import TOLERANCE, accurate, measured_over_period, orbit_near, repeats_after
 from vibroplat.continuation.shooting import TURN, Shooter
 from vibroplat.errors import VibroplatError
 from vibroplat.hybrid.modes import IMPACT
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.motion.motion import Motion
+from vibroplat.observe.section import section_points
 from vibroplat.study.confirming import LARGEST, multiplier_columns
 from vibroplat.study.lyapunov import lyapunov
 from vibroplat.study.point import Point, measure_point
-from vibroplat.study.settling import BLOCK, Hunt, KnownOrbit, section_points
+from vibroplat.study.settling import BLOCK, Hunt, KnownOrbit
 
 #: Longest period that is looked for, in turns of exciter 1, and distance of points of the section, in the scales of the
 #: scene, from which it is.
@@ -205,7 +206,7 @@ def confirmed_point(scene: Scene, plan: SweepPlan, state: list[float] | None, ke
         return point
     try:
         if period:
-            near = orbit(scene, point.state, period=period, tolerance=TOLERANCE)
+            near = orbit_near(scene, point.state, period, TOLERANCE)
             found = {
                 **{f"orbit_{name}": near.measures[name] for name in ("excitation_frequency_hz", "rms_x_m", "rms_y_m")},
                 "orbit_distance": near.distance,

@@ -24,8 +24,8 @@ from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Motion, Observer
 from vibroplat.observe.notes import notes_on_measures, stiffness
+from vibroplat.observe.section import period, section_points, section_rows, whole_periods
 from vibroplat.observe.sheet import columns
-from vibroplat.observe.statistics import section_rows
 from vibroplat.observe.summary import (
     INACCURATE,
     WANDER,
@@ -38,7 +38,7 @@ from vibroplat.observe.summary import (
 )
 from vibroplat.study.classification import Kind, classify
 from vibroplat.study.pool import Task
-from vibroplat.study.settling import Hunt, KnownOrbit, Seeker, Settling, period, section_points, settle
+from vibroplat.study.settling import Hunt, KnownOrbit, Seeker, Settling, settle
 from vibroplat.study.store import Record
 from vibroplat.system.memory import NO_MORE
 
@@ -250,7 +250,8 @@ def _followed(
     }
     final: list[float] | None = None
     heights: list[float] = []
-    found = measured(part, scene)
+    measures = whole_periods(part.measures, (kind and kind.period) or 1)
+    found = measured(part._replace(measures=measures), scene)
     doubt = inaccuracy(found, scene) if kind is not None else ""
     if doubt:
         row |= {"outcome": INACCURATE, "detail": doubt, "energy_residual": found["energy_residual"]}

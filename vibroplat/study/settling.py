@@ -17,13 +17,10 @@ import numpy as np
 
 from vibroplat.config.plans import SweepPlan
 from vibroplat.config.scene import Scene
-from vibroplat.hybrid.state import state_scales
 from vibroplat.model.parameters import FloatArray
 from vibroplat.motion.motion import Motion
-from vibroplat.observe.statistics import Measures, section_rows
+from vibroplat.observe.section import section_points, section_rows, spreads
 
-#: Longest period, in turns of exciter 1, that is searched for while a motion settles and at its end.
-MAX_PERIOD, LONGEST_PERIOD = 16, 64
 #: Turns of exciter 1 that are compared with as many before, and turns between two checks.
 TURNS, BLOCK = 32, 16
 #: Number of checks after which the next ones are LATE_BLOCK turns apart: what has not settled by then takes long.
@@ -209,43 +206,3 @@ def draws_together(points: FloatArray, scene: Scene, plan: SweepPlan) -> int:
         left = np.where(ratio < 1.0, now * ratio / (1.0 - ratio), np.inf)
     near = np.flatnonzero((now <= noise) | ((now <= NEAR * tolerance) & (left <= tolerance)))
     return int(near[0]) + 1 if near.size else 0
-
-
-# -- the Poincaré section --------------------------------------------------------------------------------
-
-
-def section_points(measures: Measures, scene: Scene) -> FloatArray:
-    """Points of the Poincaré section in the scales of the scene, in chronological order.
-
-    Returns
-    -------
-    array, shape (turns, 14)
-        Coordinates and rates over their scales. The exciters' angles are replaced by the cosine and sine of the
-        phase difference, so that whole turns do not matter.
-    """
-    states = section_rows(measures)["state"]
-    points = states / state_scales(scene)
-    phase = states[:, 3:5] @ scene.phase_weights
-    points[:, 3], points[:, 4] = np.cos(phase), np.sin(phase)
-    return points
-
-
-def spreads(points: FloatArray, first: int = 1, last: int = MAX_PERIOD) -> FloatArray:
-    """Spread for each number of turns n from the first to the last, shape (last − first + 1,).
-
-    A spread is the largest distance, in any coordinate, between points that are a multiple of n turns apart, the last
-    one fixed. It is inf if there are fewer than 2 n points.
-    """
-    found = np.full(last - first + 1, np.inf)
-    turns = np.arange(first, min(last, len(points) // 2) + 1)
-    if turns.size:
-        backwards = points[::-1]
-        same = np.arange(len(points)) % turns[:, np.newaxis]  # the last point of the same phase as each
-        found[: turns.size] = np.abs(backwards - backwards[same]).max(axis=(1, 2))
-    return found
-
-
-def period(points: FloatArray, tolerance: float, first: int = 1, last: int = MAX_PERIOD) -> int:
-    """Smallest number of turns after which the section repeats within a tolerance, or 0."""
-    repeats = np.flatnonzero(spreads(points, first, last) <= tolerance)
-    return int(repeats[0]) + first if repeats.size else 0
