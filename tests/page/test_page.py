@@ -1,7 +1,5 @@
 """``vibroplat report``: what the page holds, and what is refused."""
 
-from __future__ import annotations
-
 import base64
 import hashlib
 import json

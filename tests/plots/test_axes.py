@@ -1,7 +1,5 @@
 """Functions that draw tables into axes: what a reader of a figure could be misled by."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import pytest

@@ -1,7 +1,5 @@
 """Figures of sweeps, from their tables alone."""
 
-from __future__ import annotations
-
 import json
 
 import matplotlib as mpl
