@@ -78,11 +78,22 @@ _EXTREMES = {"max": "largest", "min": "smallest"}
 
 
 def words(name: str) -> str:
-    """Return a key or column as a person says it, without its unit: ``gap_max_m`` is "largest gap"."""
-    parts = split(name)[0].split("_")
-    if len(parts) > 1 and parts[-1] in _EXTREMES:
-        parts = [_EXTREMES[parts[-1]], *parts[:-1]]
-    return " ".join(_WORDS.get(part, part) for part in parts)
+    """Return a key or column as a person says it, without its unit: ``gap_max_m`` is "largest gap".
+
+    ``whole_gap_at_s`` and ``whole_gap_at_hz`` are the "time of" it in the whole run, and the "speed at" it.
+    """
+    last, unit = split(name)
+    parts = last.split("_")
+    begin = ""
+    if parts[0] == "whole":
+        parts = parts[1:]
+        if parts[-1] == "at":
+            parts, begin = parts[:-1], "speed at " if unit == "Hz" else "time of "
+    end = next((part for part in parts[1:] if part in _EXTREMES), None)
+    if end is not None:
+        parts.remove(end)
+        parts = [_EXTREMES[end], *parts]
+    return begin + " ".join(_WORDS.get(part, part) for part in parts)
 
 
 class Quantity(NamedTuple):
@@ -116,14 +127,21 @@ def _quantities(names: Mapping[str, str]) -> dict[str, Quantity]:
 #: Phase difference of the exciters, everywhere. Its ticks are parts of π, so it has no unit.
 PHASE = r"$\Delta\varphi$"
 
-#: How the forces of both exciters act together, by how these are driven and synchronize. Forces of equal exciters that
-#: are mirror images add so, and cancel otherwise; where exciters differ, something is left over.
+#: What a machine does, by how its exciters are driven and synchronize. Forces of equal exciters that are mirror images
+#: add so, and cancel otherwise; where exciters differ, something is left over.
 SHAKING = {
-    ("counter-rotating", "antiphase"): "along y",
-    ("counter-rotating", "in-phase"): "along x and rocking",
-    ("co-rotating", "antiphase"): "rocking",
-    ("co-rotating", "in-phase"): "in circles",
+    ("counter-rotating", "antiphase"): "shakes along y",
+    ("counter-rotating", "in-phase"): "shakes along x and rocks",
+    ("co-rotating", "antiphase"): "rocks",
+    ("co-rotating", "in-phase"): "shakes in circles",
 }
+
+
+def with_shaking(sync: str, rotation: str) -> str:
+    """Return the name of a synchronization, and what it does to a machine if that is known."""
+    return ": ".join(filter(None, (sync, SHAKING.get((rotation, sync)))))
+
+
 PHASE_COLUMN = "phase_difference_rad"
 #: Columns of a sweep, and of branches.
 QUANTITIES = _quantities(
@@ -152,3 +170,8 @@ COORDINATES = _quantities(
         "contact_force_n": "contact force $F_c$",
     }
 )
+#: Forces of springs and dampers, which follow from a trajectory.
+FORCES = {
+    "force_y_n": Quantity("force $y$ into\nfoundation", "N"),
+    "force_x_n": Quantity("force $x$ into\nfoundation", "N"),
+}

@@ -1,7 +1,5 @@
 """``--engine`` and ``--check`` on the command line."""
 
-from __future__ import annotations
-
 import pytest
 from common.commands import not_a_line
 from common.places import QUICKSTART
@@ -113,11 +111,12 @@ def test_a_run_that_engines_disagree_on_has_exit_code_1(command, kernels, here, 
     assert (check["agrees"], check["disagreement"] in done.err) == (False, True)
 
 
-def test_a_sweep_is_checked_and_resumed(command, kernels, here):
+@pytest.mark.parametrize("jobs", ["1", pytest.param("2", marks=pytest.mark.long)])
+def test_a_sweep_is_checked_and_resumed(jobs, command, kernels, here):
     done = command("sweep", QUICKSTART, *SWEEP, "--check", "0.3")
     assert (done.code, done.err) == (0, "")
     assert ", 1 of 3 points" in done.out
-    done = command("sweep", QUICKSTART, *SWEEP, "--check", "1", "--resume", "--jobs", "2")
+    done = command("sweep", QUICKSTART, *SWEEP, "--check", "1", "--resume", "--jobs", jobs)
     assert done.code == 0
     assert "3 of the points from before" in done.out
     assert ", 3 of 3 points" in done.out

@@ -1,7 +1,5 @@
 """Small results written by hand: of a sweep and of orbits."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np
@@ -30,6 +28,7 @@ def sweep_table():
                     "material.mass_ratio": ratio,
                     "direction": direction,
                     "branch": branch,
+                    "rotation": "counter-rotating",
                     "excitation_frequency_hz": 0.49 * supply,
                     "rms_x_m": 1e-6,
                     "rms_y_m": (4e-3 if high else 1e-3) + 1e-5 * supply,

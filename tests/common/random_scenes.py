@@ -13,17 +13,23 @@ TURNS = 20.0
 STORM = 500
 
 
-def random_scene(number, seed=0):
+def random_scene(number, seed=0, *, as_bought=False):
     """Draw a scene; number and seed determine it."""
-    return drawn(Draw(np.random.default_rng((seed, number))), f"random-{number}")
+    return drawn(Draw(np.random.default_rng((seed, number))), f"random-{number}", as_bought=as_bought)
 
 
-def drawn(draw, name):
-    """Build a scene from random values."""
-    tree = nest(draw.machine() | draw.material() | draw.contact() | draw.solver())
-    scene = Scene.from_tree(tree | {"name": name} | draw.motors())
+def drawn(draw, name, *, as_bought=False):
+    """Build a scene from random values; ``as_bought``: some with exciters of their own, programs, starts from rest."""
+    machine, others = draw.machine(), draw.material() | draw.contact() | draw.solver()
+    motors = draw.motors()
+    if as_bought and draw.chance(0.4):
+        motors = draw.exciters(machine)
+    scene = Scene.from_tree(nest(machine | others) | {"name": name} | motors)
     duration = TURNS * 2.0 * np.pi / scene.speed_scale
-    return scene.replace({"run": {"duration_s": duration, "initial": draw.initial(scene)}})
+    scene = scene.replace({"run": {"duration_s": duration, "initial": draw.initial(scene)}})
+    if as_bought and draw.chance(0.2):
+        scene = scene.replace({"run.initial": {"speed_ratio": 0.0}})
+    return scene.replace({"drive": {"program": draw.program(scene)}}) if as_bought and draw.chance(0.25) else scene
 
 
 class Draw:
@@ -42,6 +48,9 @@ class Draw:
 
     def one_of(self, *choices):
         return choices[self._rng.integers(len(choices))]
+
+    def chance(self, share):
+        return self._rng.random() < share
 
     def machine(self):
         mass = self.size(12.42, 2.0)
@@ -79,6 +88,45 @@ class Draw:
 
         return {"motors": [motor(), motor()]} if self._rng.random() < 0.25 else {"motor": motor()}
 
+    def exciters(self, machine):
+        """Draw two exciters as one buys them, about those that a machine has, which then has none of its own."""
+        radius, inertia = (machine.pop(f"machine.{key}") for key in ("unbalance_radius_m", "rotor_inertia_kg_m2"))
+        mass, distance = machine["machine.unbalance_mass_kg"], machine["machine.exciter_distance_m"]
+        frequency, poles = machine["drive.supply_frequency_hz"], int(self._rng.integers(1, 4))
+
+        def exciter():
+            slip, ratio = self._rng.uniform(0.01, 0.1), self._rng.uniform(1.5, 4.0)
+            speed = frequency / poles * (1.0 - slip)
+            plate = {
+                "rated_power_w": 2.0 * np.pi * speed * self.size(0.5, 1.5),
+                "rated_speed_rpm": 60.0 * speed,
+                "breakdown_ratio": ratio,
+                "rated_frequency_hz": frequency,
+            }
+            position = {"position_m": [distance * float(k) for k in self._rng.standard_normal(2)]}
+            size = {"unbalance_radius_m": radius} if self.chance(0.5) else {"static_moment_kg_m": mass * radius}
+            rotation = {"rotation": self.one_of("clockwise", "counter-clockwise")}
+            return {
+                "rotor_inertia_kg_m2": self.size(inertia, 0.2),
+                "unbalance_mass_kg": self.size(mass, 0.2),
+                "pole_pairs": poles,
+                "friction_radius_m": self.size(5e-5, 2.0, zero=True),
+                **size,
+                **(plate if self.chance(0.5) else {"critical_torque_n_m": self.size(1.2, 1.5), "critical_slip": slip}),
+                **(position if self.chance(0.7) else {}),
+                **(rotation if self.chance(0.3) else {}),
+            }
+
+        return {"exciters": [exciter(), exciter()]}
+
+    def program(self, scene):
+        """Draw a supply that changes, jumps and goes off and on."""
+        length, frequency = scene.run.duration_s, scene.drive.supply_frequency_hz
+        times = sorted(float(share) * length for share in self._rng.random(3))
+        ramp = [{"t_s": t, "supply_frequency_hz": frequency * self._rng.uniform(0.0, 1.3)} for t in times[:2]]
+        switch = {"t_s": times[2], self.one_of("exciter_1", "exciter_2"): "off"}
+        return [{"t_s": 0.0, "supply_frequency_hz": frequency}, *ramp, switch]
+
     def material(self):
         return {
             "material.mass_ratio": self.size(10.0**-2.5, 3.5, zero=True),
@@ -107,7 +155,7 @@ class Draw:
         turn = self._rng.uniform(-np.pi, np.pi, 2)
         if self._rng.random() < 0.4:
             return {
-                "phase_sum_rad": float(turn[0]),
+                "phase_difference_rad": float(turn[0]),
                 "phi1_rad": float(turn[1]),
                 "speed_ratio": self._rng.uniform(-0.5, 1.5),
             }

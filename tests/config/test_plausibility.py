@@ -1,7 +1,5 @@
 """Notes on numbers of a scene that are unusual or taken by default."""
 
-from __future__ import annotations
-
 import contextlib
 import pickle
 
@@ -101,6 +99,25 @@ def test_what_a_scene_does_not_have_is_not_unusual():
         {"material.mass_ratio": 0.0, "material.damping_ratio": 5.0},
     ):
         assert notes_on_input(load_config(QUICKSTART, changes)) == []
+
+
+def test_a_motor_too_weak_to_lift_its_unbalance_is_noted():
+    """Held level the unbalance needs 0.045 · 0.03 · 9.81 = 0.01324 N·m, 0.0096 to swing over the top at once."""
+    rest = {"run.initial.speed_ratio": 0.0, "motor.critical_slip": 0.15}
+    note = (
+        "each motor gives 0.00587 N·m at standstill, at most 0.02, where 0.0096 N·m carry its unbalance over the top "
+        "in one swing: it may start late or not at all"
+    )
+    weak = load_config(QUICKSTART, rest | {"motor.critical_torque_n_m": 0.02})
+    assert notes_on_input(weak) == [note]
+    ramp = [{"t_s": 0.0, "supply_frequency_hz": 0.0}, {"t_s": 3.0, "supply_frequency_hz": 50.0}]
+    for changes in (
+        {"motor.critical_torque_n_m": 0.04},
+        {"run.initial.speed_ratio": 0.98},
+        {"motor.rated_frequency_hz": 50.0, "drive.program": ramp},  # the critical torque at a low frequency
+        {"motor.critical_torque_n_m": 0.0},
+    ):
+        assert notes_on_input(weak.replace(changes)) == []
 
 
 @pytest.mark.parametrize("value", [1e-30, 1e30])

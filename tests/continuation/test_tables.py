@@ -1,13 +1,11 @@
 """Tables of branches of orbits: rows, columns, types."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
 from vibroplat import load_config, orbit, orbits
 from vibroplat.config.coordinates import COORDINATES, RATES
-from vibroplat.continuation.orbit import motion_of
+from vibroplat.continuation.rows import motion_of
 from vibroplat.continuation.tables import conditions, follow, planned, tables
 from vibroplat.continuation.worker import Traced
 from vibroplat.errors import ConfigError

@@ -1,7 +1,5 @@
 """Ctrl-C, SIGTERM or SIGKILL at any moment: one line at most, complete result files, and work that can be resumed."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import signal
@@ -208,7 +206,7 @@ def test_ctrl_c_while_a_result_is_renamed_leaves_all_of_it(place):
 
 
 @pytest.mark.faults
-@pytest.mark.parametrize("number", [1, 3, 4])
+@pytest.mark.parametrize("number", [1, 3])
 def test_run_killed_among_its_tables_leaves_no_set_of_two_runs(number, place):
     """After a run of another length: what is left belongs to one of the two, or is known to be incomplete."""
     assert command(*RUN, "--set", "run.duration_s=0.2").code == 0
@@ -227,10 +225,9 @@ def test_run_killed_among_its_tables_leaves_no_set_of_two_runs(number, place):
 
 
 @pytest.mark.faults
-@pytest.mark.parametrize(("signal_", "jobs"), [(signal.SIGTERM, "1"), (signal.SIGINT, "2")])
-def test_sweep_ended_at_a_point_goes_on(signal_, jobs, place):
-    with Child(place, *SWEEP, jobs, before=sending(signal_, WRITE, 10)) as child:
-        assert problem(child.end(), signal_) == ""
+def test_sweep_ended_at_a_point_goes_on(place):
+    with Child(place, *SWEEP, "2", before=sending(signal.SIGTERM, WRITE, 10)) as child:
+        assert problem(child.end(), signal.SIGTERM) == ""
         assert all_gone(child)
     assert 9 <= finished_points(place / "results/c") < POINTS
     assert command("sweep", "c.yaml", "--out", "alone").code == command("sweep", "c.yaml", "--resume").code == 0

@@ -1,7 +1,5 @@
 """Finished points outlive the process, and damaged or lost ones are seen: the same table or one line, never another."""
 
-from __future__ import annotations
-
 import json
 import math
 import os
@@ -84,17 +82,25 @@ def resumed(directory, caplog):
     return bits(read_table(directory, "sweep")), [r.getMessage() for r in caplog.records], done.out
 
 
+#: In workers: a twentieth of the half minute that loky's wait for an answer to their farewell, which never comes.
+HASTY = """
+from loky.process_executor import _process_worker as worker
+constants = worker.__code__.co_consts
+assert constants.count(30) == 1
+worker.__code__ = worker.__code__.replace(co_consts=tuple(1.5 if c == 30 else c for c in constants))
+"""
+
+
 # -- killed and ended -----------------------------------------------------------------------------------
 
 
 @pytest.mark.faults
 def test_sweep_that_was_killed_goes_on_to_the_same_table_and_no_worker_outlives_it(here):
-    """A killed process cannot stop its workers; they end when no more tasks come, half a minute later by loky's rule.
-
-    What needs as long is done meanwhile: the sweep, and one that is killed before a point is stored and after another.
-    """
+    """A killed process cannot stop its workers; they end when no more tasks come."""
     (here / "c.yaml").write_text(LONGER)
-    before = sending(signal.SIGKILL, WRITE, 10) + "import vibroplat.study.pool\nvibroplat.study.pool.IDLE = 1\n"
+    (here / "sitecustomize.py").write_text(HASTY)
+    before = sending(signal.SIGKILL, WRITE, 10) + "import os, vibroplat.study.pool\nvibroplat.study.pool.IDLE = 1\n"
+    before += f"os.environ['PYTHONPATH'] = {str(here)!r}\n"
     with Child(here, "sweep", "c.yaml", "--jobs", "2", before=before) as child:
         assert child.end().code == -signal.SIGKILL
         orphans = child.members()
@@ -108,18 +114,18 @@ def test_sweep_that_was_killed_goes_on_to_the_same_table_and_no_worker_outlives_
         table, alone = (read_table(here / place, "sweep") for place in ("results/c", "alone/c"))
         assert bits(table) == bits(alone)
         assert table.dtypes.equals(alone.dtypes)
-        _, alive = psutil.wait_procs(orphans, timeout=150.0)
+        _, alive = psutil.wait_procs(orphans, timeout=60.0)
         assert alive == []
 
 
 def test_points_or_tables_that_are_missing_are_made_again(result, finished, caplog):
     """From whichever point on a branch was not finished, its rest is the same, the perturbations too."""
-    for first in range(4):
+    for first in (1, 3):
         directory = result()
         changed(directory, f"DELETE FROM records WHERE second >= {first}")
         table, _, printed = resumed(directory, caplog)
         assert table == finished[1]
-        assert f", {2 * first} of the points from before\n" in printed or first == 0
+        assert f", {2 * first} of the points from before\n" in printed
 
 
 # -- refused --------------------------------------------------------------------------------------------
@@ -313,7 +319,7 @@ def test_store_that_is_damaged_as_a_whole_is_told_in_a_line(finished, result):
     assert bits(read_table(file.parent, "sweep")) == finished[1]
 
 
-@pytest.mark.parametrize("number", [4, pytest.param(20, marks=pytest.mark.long)])
+@pytest.mark.parametrize("number", [4, pytest.param(10, marks=pytest.mark.long)])
 def test_flipped_bit_never_changes_the_table(number, finished, result):
     """One random bit after the other, each in a fresh copy: the sweep goes on, or it is told."""
     chance = random.Random(number)

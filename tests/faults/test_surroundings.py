@@ -1,7 +1,5 @@
 """Commands in poor surroundings: closed streams, narrow encodings, little memory, kernels that may not be compiled."""
 
-from __future__ import annotations
-
 import errno
 import json
 import os
@@ -69,24 +67,15 @@ def test_commands_with_closed_streams_do_their_work(here, kernels):
     (here / "few.yaml").write_text(SWEEP)
     assert shell("run", QUICKSTART, *SHORT, redirect=redirect)[::2] == (0, "")
     assert shell("sweep", "few.yaml", redirect=redirect)[::2] == (0, "")
-    assert shell("plot", "results/quickstart", "--kind", "motion", redirect=redirect)[::2] == (0, "")
     assert len(read_table(here / "results/few", "sweep")) == 3
     assert json.loads((here / "results/quickstart/summary.json").read_text())["outcome"] == "ok"
-    assert (here / "results/quickstart/motion.png").read_bytes().startswith(b"\x89PNG")
-
-
-C = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
 
 
 @pytest.mark.long
 def test_commands_print_to_narrow_encodings(here, kernels):
-    (here / "few.yaml").write_text(SWEEP)
-    runs = (("run", QUICKSTART, *SHORT, "--out", "schön"), ("sweep", "few.yaml"), ("plot", "schön/quickstart"))
-    for arguments in runs:
-        done = shell(*arguments, PYTHONIOENCODING="ascii")
-        assert (done.code, done.err) == (0, ""), arguments
-        assert done.out.isascii()
-    assert len(read_table(here / "results/few", "sweep")) == 3
+    done = shell("run", QUICKSTART, *SHORT, "--out", "schön", PYTHONIOENCODING="ascii")
+    assert (done.code, done.err, done.out.isascii()) == (0, "", True)
+    assert len(list((here / "schön/quickstart").glob("*.json"))) == 2
 
 
 # -- kernels that may not be compiled -------------------------------------------------------------------
@@ -186,11 +175,12 @@ def test_shared_memory_that_cannot_be_written_is_not_blamed_on_the_output(comman
 
 @pytest.mark.parametrize("unbuffered", ["", "1"])
 def test_full_output_is_named(unbuffered):
-    done = shell("columns", redirect="> /dev/full", PYTHONUNBUFFERED=unbuffered)
+    done = shell("--version", redirect="> /dev/full", PYTHONUNBUFFERED=unbuffered)
     assert (done.code, done.out) == (1, "")
     assert done.err.startswith("vibroplat: standard output cannot be written: No space left on device")
 
 
+@pytest.mark.long
 def test_too_few_open_files_for_workers_are_named(here, kernels):
     (here / "few.yaml").write_text(SWEEP.replace("settle_s", "grid: {contact.restitution: [0.0, 0.3]}, settle_s"))
     done = shell("sweep", "few.yaml", "--jobs", "2", before="ulimit -n 20;")

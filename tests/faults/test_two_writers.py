@@ -1,7 +1,5 @@
 """Two commands write into one folder: what is read is of one of them, and nothing of a live process is removed."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil
@@ -97,9 +95,9 @@ def race(place, rounds, *, alone=False):
     return found
 
 
-@pytest.mark.parametrize("rounds", [10, pytest.param(40, marks=pytest.mark.long)])
-def test_two_runs_into_one_folder_leave_the_files_of_one(rounds, tmp_path):
-    found = race(tmp_path, rounds)
+@pytest.mark.long
+def test_two_runs_into_one_folder_leave_the_files_of_one(tmp_path):
+    found = race(tmp_path, 40)
     assert {len(one) for one in [*found, marks(tmp_path)]} == {1}
     assert not list(tmp_path.glob(".*"))
 

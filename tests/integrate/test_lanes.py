@@ -1,7 +1,5 @@
 """Loops over rows as vectors, against numpy."""
 
-from __future__ import annotations
-
 from itertools import product
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Where runs begin: where another one ended, and slightly off a start that is symmetric."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from pathlib import Path
@@ -187,10 +185,13 @@ def without(column):
     return spoil
 
 
-def not_finite(directory):
-    table = pd.read_parquet(directory / "trajectory.parquet")
-    table.loc[table.index[-1], "y_m"] = np.nan
-    table.to_parquet(directory / "trajectory.parquet")
+def ending(column, value):
+    def spoil(directory):
+        table = pd.read_parquet(directory / "trajectory.parquet")
+        table.loc[table.index[-1], column] = value
+        table.to_parquet(directory / "trajectory.parquet")
+
+    return spoil
 
 
 def no_rows(directory):
@@ -219,7 +220,12 @@ SPOILT = {
         f"line 1 column 2 (char 1){FINISHED}",
     ),
     "no time": (without("t_s"), ": its trajectory is not as vibroplat writes it"),
-    "not finite": (not_finite, ": its trajectory is not as vibroplat writes it"),
+    "not finite": (ending("y_m", np.nan), ": its trajectory is not as vibroplat writes it"),
+    "far too fast": (
+        ending("phi1_rate_rad_per_s", 3e8),
+        " ends with phi1_rate_rad_per_s = 3e+08; allowed for this scene: up to 1.62e+06",
+    ),
+    "far too late": (ending("t_s", 1e12), " ends with t_s = 1e+12; allowed for this scene: up to 2.78e+07"),
     "no rows": (no_rows, ": its trajectory is not as vibroplat writes it"),
 }
 

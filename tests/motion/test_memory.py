@@ -1,18 +1,19 @@
 """Memory of a run: tables are made while it goes on, what cannot fit is refused, what runs out ends it with a name."""
 
-from __future__ import annotations
-
+import gc
 import json
 import subprocess
 import sys
 import tracemalloc
 
+import numpy as np
 import pandas as pd
+import psutil
 import pytest
 from common.known import motion_of
 from common.places import QUICKSTART
 
-from vibroplat import load_config, simulate
+from vibroplat import load_config, lyapunov, orbit, simulate, variation
 from vibroplat.errors import ConfigError
 from vibroplat.integrate.native import NativeEngine
 from vibroplat.motion.recorder import Recorder
@@ -112,6 +113,34 @@ def test_memory_grows_neither_with_duration_nor_with_rows_nor_with_events(quicks
     long = short.replace({"run.duration_s": 2.5})
     assert peak(long, keep="summary", sink=drop) < little + 100_000
     assert peak(long) > little + 2_000_000
+
+
+CALLS = {
+    "simulate": lambda scene, _guess: simulate(scene, keep="summary"),
+    "variation": lambda scene, _guess: variation(scene, keys=["contact.viscous_per_mass_per_s"]),
+    "lyapunov": lambda scene, _guess: lyapunov(scene),
+    "orbit": orbit,
+}
+#: What a process holds may grow by so much (bytes) after a tenth of the calls, which 200 numbers in each exceed.
+GROWTH = 8e6
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("name", [*CALLS, "a leak"])
+def test_thousands_of_calls_leave_no_memory_behind(name, quickstart):
+    scene = quickstart.replace({"run.duration_s": 0.02, "solver.engine": "taylor"})
+    guess = orbit(scene) if name == "orbit" else None
+    leaked, held, process = [], [], psutil.Process()
+    calls = 300 if name == "lyapunov" else 10_000  # of hundreds of turns each
+    for number in range(1, calls + 1):
+        if name == "a leak":
+            leaked.append(np.full(200, float(number)))
+        else:
+            CALLS[name](scene, guess)
+        if number in (calls // 10, calls):
+            gc.collect()
+            held.append(process.memory_info().rss)
+    assert (held[1] - held[0] < GROWTH) == (name != "a leak")
 
 
 # -- what cannot fit is refused -------------------------------------------------------------------------
@@ -218,7 +247,7 @@ def test_engine_without_memory_ends_the_run_with_what_was_computed(quickstart, m
 LIMITED = """
 import json, resource
 from pathlib import Path
-from vibroplat import load_config, simulate
+from vibroplat import load_config, lyapunov, orbit, simulate, variation
 scene = load_config({path!r}, {{"run.duration_s": 0.2}})
 assert simulate(scene).trajectory is not None
 taken = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()

@@ -1,7 +1,5 @@
 """A motion carried on to a time, to points of its section, to events, and read while it goes."""
 
-from __future__ import annotations
-
 import math
 from itertools import pairwise
 
@@ -15,7 +13,8 @@ from vibroplat.hybrid.modes import KINDS
 from vibroplat.model.energy import FORCE_SIZE
 from vibroplat.model.systems import GAP, GAP_RATE
 from vibroplat.motion.recorder import Recorder
-from vibroplat.observe.statistics import Statistics, section_rows
+from vibroplat.observe.section import section_rows
+from vibroplat.observe.statistics import Statistics
 
 TURN = 2.0 * math.pi
 

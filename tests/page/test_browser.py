@@ -1,7 +1,5 @@
 """The page in a browser: it is drawn, it moves, it can be clicked, on narrow and on wide screens."""
 
-from __future__ import annotations
-
 import csv
 import io
 import shutil
@@ -13,7 +11,7 @@ from common import handmade
 from common.results import unproven
 from tools.browser import browser, missing, open_page, resize
 
-from vibroplat.continuation.orbit import motion_of
+from vibroplat.continuation.rows import motion_of
 from vibroplat.page import points
 from vibroplat.page.report import write_report
 
@@ -148,6 +146,7 @@ def test_without_scripts_summary_tables_parameters_and_figures_are_there(driver,
         driver.execute_cdp_cmd("Emulation.setScriptExecutionDisabled", {"value": False})
 
 
+@WIDE
 def test_parameters_are_readable_on_a_telephone(visit):
     page = visit("several")
     resize(page, 390, 800)
@@ -193,6 +192,7 @@ def test_several_machines_move_side_by_side_and_headings_lie_between_panels(visi
         assert end <= first < last <= begin + 0.5
 
 
+@WIDE
 def test_figures_keep_their_place_when_the_window_changes(visit):
     page = visit("all")
     boxes = "[...document.querySelectorAll('.figure')].map(box => box.getBoundingClientRect().height)"
@@ -366,6 +366,7 @@ def eventually(look, wanted):
     return found
 
 
+@WIDE
 @pytest.mark.parametrize("name", ["several", "orbits"])
 def test_figures_fit_on_a_sheet_of_paper_and_controls_are_left_out(visit, name):
     page = visit(name)

@@ -1,7 +1,5 @@
 """``vibroplat report``: what the page holds, and what is refused."""
 
-from __future__ import annotations
-
 import base64
 import hashlib
 import json
@@ -19,7 +17,7 @@ from plotly.offline import get_plotlyjs
 
 from vibroplat.columns import unit_of, words
 from vibroplat.config.scene import Scene
-from vibroplat.continuation.orbit import motion_of
+from vibroplat.continuation.rows import motion_of
 from vibroplat.errors import TableError
 from vibroplat.page import points, report, run
 from vibroplat.page.points import plain_column, spread
@@ -39,6 +37,11 @@ def shown(*directories, **options):
     return report.page_data(find_results(list(directories)), **options)
 
 
+def held(page):
+    """Data that a page holds."""
+    return json.loads(re.search(r'<script id="data"[^>]*>(.*?)</script>', page.read_text(), re.DOTALL).group(1))
+
+
 def opened(text):
     """Numbers that were packed."""
     return np.frombuffer(base64.b64decode(text), "<f4")
@@ -49,6 +52,12 @@ def unpacked(column):
     low, high, text = column
     parts = np.frombuffer(base64.b64decode(text), "<u2").astype(float)
     return np.where(parts == 65535, np.nan, low + (high - low) * parts / 65534)
+
+
+@pytest.fixture
+def _undrawn(monkeypatch):
+    """Leave the figures for browsers without scripts empty: they take most of a page's time."""
+    monkeypatch.setattr("matplotlib.figure.Figure.savefig", lambda *_, **__: None)
 
 
 # -- words ----------------------------------------------------------------------------------------------
@@ -382,7 +391,7 @@ def test_points_of_branches_have_their_orbits(branched):
         largest = table["gap_max_m"][row]
         assert ("gap_m" in found) == (table["material.mass_ratio"][row] > 0.0)
         if "gap_m" in found:
-            assert found["gap_m"].max() == pytest.approx(largest, rel=0.01, abs=1e-8)
+            assert found["gap_m"].max() == pytest.approx(largest, rel=0.03, abs=5e-8)
             assert bool(largest) == ("f" in motions["list"][place]["modes"])
 
 
@@ -434,11 +443,11 @@ def test_a_long_table_loses_rows_evenly_and_says_so(swept, monkeypatch):
 
 def test_report_writes_one_file_and_names_it(command, moved, tmp_path):
     copy = shutil.copytree(moved["bare"], tmp_path / "bare")
-    done = command("report", copy)
+    done = command("report", copy, "--stop", "0.1")
     assert (done.code, done.err, done.out.splitlines()) == (0, "", [str(copy / "report.html")])
-    done = command("report", copy, moved["two layers"], "--out", tmp_path / "both.html", "--stop", "0.1")
-    assert (done.code, done.out.strip()) == (0, str(tmp_path / "both.html"))
-    assert (tmp_path / "both.html").stat().st_size < 8_000_000
+    (one,) = held(copy / "report.html")["runs"]
+    assert 0.09 < one["end"] <= 0.1
+    assert (copy / "report.html").read_text().count('src="data:image/png;base64,iVBOR') == 2  # motion and exciters
 
 
 def test_a_page_needs_nothing_else_and_runs_its_own_scripts_only(moved, swept):
@@ -461,8 +470,8 @@ def test_text_from_files_stays_text(moved, tmp_path):
     page = report.page(shown(copy))
     assert HOSTILE not in page
     assert page.count("</script>") == 3
-    held = json.loads(re.search(r'<script id="data"[^>]*>(.*?)</script>', page, re.DOTALL).group(1))
-    assert held["title"] == HOSTILE
+    (tmp_path / "page.html").write_text(page)
+    assert held(tmp_path / "page.html")["title"] == HOSTILE
 
 
 def test_no_more_than_8_mb_for_ten_seconds(moved):
@@ -477,6 +486,7 @@ def test_no_more_than_8_mb_for_ten_seconds(moved):
     assert len(report.page(data).encode()) < 8_000_000
 
 
+@pytest.mark.usefixtures("_undrawn")
 def test_a_page_over_8_mb_is_told_with_what_makes_it_smaller(command, moved, swept, tmp_path, monkeypatch, caplog):
     monkeypatch.setattr(report, "LARGE", 1_000_000)
     command("report", moved["bare"], swept, "--no-orbits", "--out", tmp_path / "both.html")
@@ -497,15 +507,21 @@ def test_a_directory_without_results_is_refused(tmp_path, command):
         assert done.err == f"vibroplat: {told}\n"
 
 
-def test_a_page_does_not_replace_a_configuration(moved, tmp_path, command):
+@pytest.mark.usefixtures("_undrawn")
+def test_a_page_replaces_no_configuration_and_has_orbits_unless_told_otherwise(moved, branched, tmp_path, command):
     config = tmp_path / "machine.yaml"
     config.write_text("name: mine")
-    done = command("report", moved["bare"], "--out", config)
+    done = command("report", branched, "--out", config)
     told = f"{config} is a file of another kind; allowed: a new file, or to overwrite it"
     assert (done.code, done.err, config.read_text()) == (2, f"vibroplat: {told}\n", "name: mine")
-    for option in ("--overwrite", "--no-orbits"):  # then there is a page to replace
-        assert command("report", moved["bare"], option, "--out", config).code == 0
+    sizes = []
+    for options in (("--overwrite", "--no-orbits"), ()):  # then there is a page to replace
+        done = command("report", branched, moved["bare"], *options, "--out", config)
+        assert (done.code, done.err, done.out) == (0, "", f"{config}\n")
         assert config.read_text().startswith("<!DOCTYPE html>")
+        sizes.append(len(held(config)["points"][0]["motions"]["list"]))
+    assert sizes[0] == 0
+    assert sizes[1] > 10
 
 
 @pytest.mark.parametrize(("name", "column"), [("sweep", "sync"), ("branches", "stable")])
@@ -515,14 +531,3 @@ def test_a_table_without_a_column_is_refused(swept, followed, tmp_path, name, co
     write_table(read_table(copy, name).drop(columns=column), copy, name, "parquet")
     with pytest.raises(TableError, match=f"the {name} table in .* has no column {column}"):
         shown(copy)
-
-
-def test_the_command_computes_orbits_unless_told_otherwise(branched, tmp_path, command):
-    sizes = []
-    for option in ("--orbits", "--no-orbits"):
-        done = command("report", branched, option, "--out", tmp_path / "page.html")
-        assert (done.code, done.err) == (0, "")
-        data = re.search(r'type="application/json">(.*?)</script>', (tmp_path / "page.html").read_text(), re.DOTALL)
-        sizes.append(len(json.loads(data.group(1))["points"][0]["motions"]["list"]))
-    assert sizes[0] > 10
-    assert sizes[1] == 0

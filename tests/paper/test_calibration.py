@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import math
 
 import pandas as pd
@@ -446,11 +444,11 @@ def test_interrupted_evaluation_keeps_its_points(tmp_path, monkeypatch):
     monkeypatch.setattr(scenes, "QUICK", QUICK | coarse)
     monkeypatch.setattr(calibration, "IMPACT", ("fig3",))
     monkeypatch.setattr(orbit_evidence, "IMPACT", ())
-    plan = PLAN.model_copy(update={"population_per_parameter": 2, "generations": 0, "sweeps": 5})
+    plan = PLAN.model_copy(update={"population_per_parameter": 2, "generations": 0, "sweeps": 2})
     with Store(tmp_path, conditions(FIXED)) as store, pytest.raises(Killed):
-        calibrate(FIXED, plan, store, Cut(11))
+        calibrate(FIXED, plan, store, Cut(7))
     with Store(tmp_path, conditions(FIXED), resume=True) as store:
-        assert len(store) == 11
+        assert len(store) == 7
         resumed = calibrate(FIXED, plan, store, Inline())
         again = calibrate(FIXED, plan, store, Cut(0))  # judged from what is stored
     with Store(None, {}) as store:

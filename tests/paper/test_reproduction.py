@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import math
 import sqlite3
 from contextlib import closing
@@ -30,15 +28,20 @@ from vibroplat.study.sweep import branch_records, run_sweeps
 COARSE = {
     "sweep.supply_frequency_hz.start": 42.0,
     "sweep.supply_frequency_hz.stop": 81.0,
-    "sweep.supply_frequency_hz.step": 6.5,
-    "sweep.measure_s": 1.0,
-    "sweep.max_settle_s": 3.0,
+    "sweep.supply_frequency_hz.step": 13.0,
+    "sweep.measure_s": 0.5,
+    "sweep.max_settle_s": 2.0,
     "sweep.lyapunov": False,
     "solver.tolerance": 1e-5,
     "solver.max_events_per_period": 200,
-    "run.duration_s": 2.0,
+    "run.duration_s": 1.5,
 }
-FINE = {"sweep.lyapunov": False, "sweep.supply_frequency_hz.direction": ["up"], "sweep.supply_frequency_hz.start": 60.0}
+FINE = {
+    "sweep.lyapunov": False,
+    "sweep.supply_frequency_hz.direction": ["up"],
+    "sweep.supply_frequency_hz.start": 60.0,
+    "sweep.supply_frequency_hz.stop": 66.0,
+}
 
 VERDICTS = {
     "reproduced",
@@ -221,17 +224,17 @@ def coarse(monkeypatch):
     """The numbers of a coarse reproduction with one alternative."""
     monkeypatch.setattr(reproduction, "QUICK", COARSE)
     monkeypatch.setattr(reproduction, "load_list", lambda path: [{"material.damping_ratio": 0.3}])
-    return flat(load_tree(MACHINE)) | COARSE | {"solver.engine": "native"}
+    return flat(load_tree(MACHINE)) | COARSE | {"solver.engine": "taylor"}
 
 
 @pytest.mark.long
-def test_paper_is_reproduced_and_resumed(tmp_path, coarse):
+def test_paper_is_reproduced_and_resumed(tmp_path, coarse, figures):
     told = []
     seeds = (2, 3)
     place = tmp_path / "points"
     pool = Counting()
     found = reproduction.reproduce(coarse, place, pool, seeds=seeds, progress=lambda *counts: told.append(counts))
-    assert pool.engines == {"native"}
+    assert pool.engines == {"taylor"}
     assert told[-1][:2] == reproduction.planned(coarse, seeds)
     assert len(found.points) >= told[-1][1]
     viscous = {"fig6-nonimpact"} if found.beta else set()
@@ -244,14 +247,15 @@ def test_paper_is_reproduced_and_resumed(tmp_path, coarse):
     bands = found.tables["sync-bands"]
     assert set(bands["direction"]) == {"up", "down"}
     counts = bands[bands["restitution"] < 1.0].groupby(["mass_ratio", "restitution", "model", "law", "direction"])
-    assert counts["points"].sum().eq(7).all()  # with R = 1 points end as event storms
+    assert counts["points"].sum().eq(4).all()  # with R = 1 points end as event storms
     shown = found.tables["fig7"].groupby(["panel", "curve"]).size()
     assert len(shown) == (16 if found.beta else 12)
     assert np.isfinite(found.tables["fig4"]["y_m"]).all()
     assert set(found.tables["impact-laws"]["impact_law"]) == {"conservative", "central", "printed"}
     found.write(coarse, tmp_path)
     assert any(line.startswith(f"{'machine':<24}coarse; ") for line in found.overview("coarse", 1.0))
-    assert [path.stem for path in plot_results([tmp_path])] == list(FIGURES)
+    plot_results([tmp_path])
+    assert list(figures) == list(FIGURES)
     # judged again from what is stored
     same(reproduction.reproduce(coarse, place, Refusing(), seeds=seeds, resume=True), found)
     # a tenth of what is stored, of all stages, is lost and made again, with an interruption
@@ -265,7 +269,7 @@ def test_paper_is_reproduced_and_resumed(tmp_path, coarse):
         reproduction.reproduce(coarse, place, Counting(5), seeds=seeds, resume=True)
     last = Counting()
     again = reproduction.reproduce(coarse, place, last, seeds=seeds, resume=True)
-    assert last.count == lost - 5 > 20
+    assert last.count == lost - 5 > 5
     same(again, found, times=False)
 
 
@@ -288,7 +292,7 @@ def test_unfinished_reproduction_is_refused_before_anything_is_simulated(tmp_pat
     with pytest.raises(ConfigError, match=r"cannot resume: .*unbalance_radius_m = 0\.01; allowed: "):
         reproduction.reproduce(changed, tmp_path, Refusing(), resume=True)
     other = {**coarse, "solver.engine": "sundae"}
-    with pytest.raises(ConfigError, match=r"cannot resume: \w+\.engine = sundae; allowed: native"):
+    with pytest.raises(ConfigError, match=r"cannot resume: \w+\.engine = sundae; allowed: taylor"):
         reproduction.reproduce(other, tmp_path, Refusing(), resume=True)
 
 

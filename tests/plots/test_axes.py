@@ -1,7 +1,5 @@
 """Functions that draw tables into axes: what a reader of a figure could be misled by."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -10,8 +8,6 @@ from matplotlib.figure import Figure
 
 from vibroplat.config.scene import Scene
 from vibroplat.plots import (
-    draw_coordinate,
-    draw_impulses,
     draw_phase_difference,
     draw_response,
     draw_synchronous_speed,
@@ -37,15 +33,6 @@ def points(axis, fillstyle=None, marker=None):
         and (fillstyle is None or line.get_fillstyle() == fillstyle)
         and (marker is None or line.get_marker() == marker)
     ]
-
-
-def test_they_return_the_axis_they_are_given(axis):
-    run = pd.DataFrame({"t_s": [0.0, 1.0], "y_m": [0.0, 1e-3], "phi1_rad": [0.0, 1.0], "phi2_rad": [3.0, 2.0]})
-    events = pd.DataFrame({"t_s": [0.5], "impulse_n_s": [0.1]})
-    assert draw_coordinate(axis, run, "y_m") is axis
-    assert draw_phase_difference(axis, run) is axis
-    assert draw_impulses(axis, events) is axis
-    assert draw_response(axis, branch(), "rms_y_m") is axis
 
 
 def test_a_jump_is_not_joined(axis):

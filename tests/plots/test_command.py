@@ -1,7 +1,5 @@
 """``vibroplat plot``: what is asked of it, measured data, formats, and the figures of the paper."""
 
-from __future__ import annotations
-
 import shutil
 
 import numpy as np
@@ -40,7 +38,7 @@ def test_the_same_figure_is_the_same_file_in_each_format(form, begin, saved, tmp
         (["sweep"], [], {"start": 1.0}, "--start 1.0: no figure of DIR uses it; allowed: with a run"),
         (["run"], [], {"x": "supply"}, "uses it; allowed: with a sweep and branches of orbits"),
         (["sweep"], ["force"], {}, "--kind force: DIR holds no run; allowed: response, bifurcation, map"),
-        (["run"], ["motion", "map"], {}, "--kind map: DIR holds no sweep; allowed: motion, force, exciters"),
+        (["run"], ["motion", "map"], {}, "--kind map: DIR holds no sweep; allowed: motion, force, exciters, loads"),
         (["nowhere"], [], {}, "DIR is not a directory; allowed: a result directory of vibroplat"),
     ],
 )
@@ -60,7 +58,8 @@ def test_what_results_cannot_show_is_refused(names, kinds, options, line, saved,
     [
         ("f,rms_y_m\n1,2\n", "no column of the horizontal axis in f, rms_y_m; allowed: excitation_frequency_hz"),
         ("excitation_frequency_hz,y\n1,2\n", "no column that a figure shows in excitation_frequency_hz, y; allowed: "),
-        ("excitation_frequency_hz,rms_y_m\n1,big\n", "column rms_y_m holds text; allowed: numbers"),
+        ("excitation_frequency_hz,rms_y_m\n1,big\n", "column rms_y_m holds 'big'; allowed: numbers such as 0.5"),
+        ("excitation_frequency_hz,rms_y_m\n23,1,0,002\n", "rows have more values than the first line; allowed: names"),
         ("", "cannot be read: No columns"),
         (None, "there is no such file"),
     ],
@@ -74,9 +73,12 @@ def test_data_that_cannot_be_drawn_are_refused(text, line, write_sweep, tmp_path
     assert str(caught.value).replace(f"--data {file}", "").lstrip(": ").startswith(line)
 
 
-def test_data_are_laid_over_a_sweep_and_what_is_not_drawn_is_named(write_sweep, tmp_path, caplog):
+@pytest.mark.parametrize("signs", [",.", ";.", ";,", "\t,"])
+def test_data_are_laid_over_a_sweep_and_what_is_not_drawn_is_named(signs, write_sweep, tmp_path, caplog):
+    """Whatever is between columns, and decimal commas where that is no comma."""
     file = tmp_path / "rig.csv"
-    file.write_text("excitation_frequency_hz,supply_frequency_hz,rms_y_m,who\n23,46,2e-4,me\n")
+    text = "excitation_frequency_hz|supply_frequency_hz|rms_y_m|who\n23.0|46|0.0002|me\n"
+    file.write_text(text.replace(".", signs[1]).replace("|", signs[0]))
     ((_, _, figure),) = sweep_figures([write_sweep()], data=file)
     assert figure.axes[0].lines[-1].get_ydata() == pytest.approx([0.2])
     assert figure.legends[0].get_texts()[-1].get_text() == "measured: rig.csv"

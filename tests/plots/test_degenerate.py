@@ -1,7 +1,5 @@
 """Every figure of every degenerate table: no panel vanishes, nothing is cut off, and what is known is seen."""
 
-from __future__ import annotations
-
 from itertools import combinations
 from types import SimpleNamespace
 
@@ -15,7 +13,7 @@ from matplotlib.text import Text
 
 from vibroplat import load_config
 from vibroplat.errors import TableError
-from vibroplat.plots import bench, orbits, paper, run, sweep
+from vibroplat.plots import bench, histories, orbits, paper, run, sweep
 from vibroplat.plots.reading import ends_of, finite
 from vibroplat.plots.studies import Study, branches_of, grid_of
 from vibroplat.plots.style import styled
@@ -173,7 +171,7 @@ def drawn_run(kind, count=1):
         whole = tables["run"]
         table, events = change(whole.trajectory), change(whole.events)
         told = whole.summary | {"name": "run"}
-        one = run.run_of(told, whole.scene, ends_of([table]), [table], [events])
+        one = histories.run_of(told, whole.scene, ends_of([table]), [table], [events])
         if kind == "force" and "contact_force_n" not in one.shown:
             raise TableError("not drawn")
         return run.FIGURES[kind](run.Shown([one] * count, names=["one", "another"]))

@@ -1,7 +1,5 @@
 """Figures of runs: what is drawn, and what is refused."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np
@@ -13,9 +11,10 @@ from matplotlib.text import Text
 
 from vibroplat import load_config
 from vibroplat.errors import TableError
-from vibroplat.plots import run
+from vibroplat.plots import histories
 from vibroplat.plots.command import plot_results
 from vibroplat.plots.labels import run_parameters
+from vibroplat.plots.run import run_figures
 from vibroplat.results.tables import read_json, read_table, write_table
 
 from .conftest import data_of, table_line, texts
@@ -25,7 +24,7 @@ TURN = 2.0 * np.pi
 
 def drawn(*directories, kinds=(), **options):
     """Figures of runs by name."""
-    return {name: figure for _, name, figure in run.run_figures(directories, kinds, **options)}
+    return {name: figure for _, name, figure in run_figures(directories, kinds, **options)}
 
 
 def from_rest(table, directory):
@@ -34,7 +33,7 @@ def from_rest(table, directory):
 
 
 def test_motion_shows_platform_and_gap_of_the_last_turns(result, monkeypatch):
-    monkeypatch.setattr(run, "SHOWN_TURNS", 5)
+    monkeypatch.setattr(histories, "SHOWN_TURNS", 5)
     top, bottom = drawn(result)["motion"].axes
     trajectory, events = read_table(result, "trajectory"), read_table(result, "events")
     begin = 0.25 - 5.0 / read_json(result, "summary")["excitation_frequency_hz"]
@@ -64,7 +63,7 @@ def test_y_is_counted_from_rest_where_a_scene_or_a_summary_tells_the_sag(result)
 
 
 def test_a_long_run_has_an_overview_of_its_range(result, monkeypatch):
-    monkeypatch.setattr(run, "SHOWN_TURNS", 2)
+    monkeypatch.setattr(histories, "SHOWN_TURNS", 2)
     figure = drawn(result, kinds=["motion"])["motion"]
     titles = [axis.get_title(loc="left").splitlines()[-1] for axis in figure.axes[:2]]
     assert titles == ["whole run, range of values", "last turns, grey on the left"]
@@ -76,7 +75,7 @@ def test_a_long_run_has_an_overview_of_its_range(result, monkeypatch):
 
 
 def test_many_turns_are_drawn_as_their_range(result, monkeypatch):
-    monkeypatch.setattr(run, "MOST_TURNS", 3)
+    monkeypatch.setattr("vibroplat.plots.run.MOST_TURNS", 3)
     axis = drawn(result, kinds=["motion"], start=0.0)["motion"].axes[0]
     table = from_rest(read_table(result, "trajectory"), result)
     low, high = axis.collections[0].get_datalim(axis.transData).intervaly
@@ -85,11 +84,11 @@ def test_many_turns_are_drawn_as_their_range(result, monkeypatch):
 
 
 def test_a_long_table_is_read_in_parts_and_thinned_where_all_of_it_is_shown(result, monkeypatch):
-    monkeypatch.setattr(run, "SHOWN_TURNS", 2)
+    monkeypatch.setattr(histories, "SHOWN_TURNS", 2)
     before = drawn(result, kinds=["motion"])["motion"]
     monkeypatch.setattr("vibroplat.results.tables.PART", 50)
     monkeypatch.setattr("vibroplat.results.files.read_table", None)
-    monkeypatch.setattr(run, "POINTS", 100)
+    monkeypatch.setattr(histories, "POINTS", 100)
     figures = drawn(result)
     after = figures["motion"]
     np.testing.assert_array_equal(data_of(after.axes[1].lines[0]), data_of(before.axes[1].lines[0]))
@@ -124,9 +123,26 @@ def test_exciters_show_both_speeds_and_their_phase_over_the_whole_run(result):
     np.testing.assert_allclose(phase.lines[0].get_ydata(), (table["phi1_rad"] + table["phi2_rad"]) % TURN)
 
 
+def test_loads_are_forces_and_displacements_with_their_peaks(result):
+    force, height, speeds = drawn(result, kinds=["loads"])["loads"].axes
+    table, summary = read_table(result, "trajectory"), read_json(result, "summary")
+    machine = load_config(QUICKSTART).machine
+    along_y = machine.stiffness_y_n_per_m * table["y_m"] + machine.damping_y_n_s_per_m * table["y_rate_m_per_s"]
+    for axis, values in ((force, along_y), (height, 1e3 * from_rest(table, result)["y_m"])):
+        assert axis.collections[0].get_datalim(axis.transData).intervaly == pytest.approx([values.min(), values.max()])
+    size, at, pace = (summary[f"whole_foundation_force_y_max_{what}"] for what in ("n", "at_s", "at_hz"))
+    assert (force.lines[-1].get_xdata()[0], abs(force.lines[-1].get_ydata()[0])) == (at, size)
+    assert size == pytest.approx(along_y.abs().max(), rel=1e-3)
+    assert force.texts[-1].get_text() == f"{float(f'{size:.4g}'):g} N at {at:.4g} s, {pace:.3g} Hz"
+    assert height.texts[-1].get_text().startswith(f"stroke {1e3 * summary['whole_stroke_y_m']:.4g} mm at ")
+    assert [line.get_label() for line in speeds.lines] == ["exciter 1", "exciter 2"]
+    late = drawn(result, kinds=["loads"], start=at + 1e-3)["loads"].axes[0]
+    assert not late.texts  # the peak is before
+
+
 def test_a_scene_without_contact_has_no_force(saved):
     figures = drawn(saved["bare"])
-    assert [*figures] == ["motion", "exciters"]
+    assert [*figures] == ["motion", "exciters", "loads"]
     assert len(figures["motion"].axes) == 1
     with pytest.raises(TableError, match="has no contact force, as its scene is bare or non-impact"):
         drawn(saved["bare"], kinds=["force"])
@@ -139,13 +155,15 @@ def test_parameters_are_in_the_title(saved):
     program = [{"t_s": 0.0, "supply_frequency_hz": 50.0}, {"t_s": 2.0, "exciter_2": "off"}, {"t_s": 3.5, "off": True}]
     scene = load_config(QUICKSTART, {"drive": {"program": program}})
     assert run_parameters(scene).startswith("$f_e$ = 50 Hz, motor 2 off at 2 s, motors off at 3.5 s, ")
+    assert run_parameters(scene, 4.0).startswith("motor 2 off, motors off, ")
 
 
 def test_runs_are_laid_over_each_other_from_a_whole_turn_on(saved, tmp_path, figures):
     places = [saved["two layers"], saved["bouncing"]]
     named = [f"{places[0]} ($R$ = 0)", f"{places[1]} ($R$ = 0.5)"]
     paths = plot_results(places)
-    assert [path.name for path in paths] == ["motion-compared.png", "force-compared.png", "exciters-compared.png"]
+    kinds = ("motion", "force", "exciters", "loads")
+    assert [path.name for path in paths] == [f"{kind}-compared.png" for kind in kinds]
     for path in paths:
         path.unlink()
     top = figures["motion"].axes[0]

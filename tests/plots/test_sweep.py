@@ -1,7 +1,5 @@
 """Figures of sweeps, from their tables alone."""
 
-from __future__ import annotations
-
 import json
 
 import matplotlib as mpl
@@ -43,7 +41,8 @@ def known(values):
 
 
 def test_a_sweep_by_the_command_has_its_figures(command, kernels, here):
-    plan = "{supply_frequency_hz: {start: 44, stop: 62, step: 18}, kind: bifurcation, lyapunov: false, settle_s: 1}"
+    frequencies = "{start: 44, stop: 62, step: 18, direction: up}"
+    plan = f"{{supply_frequency_hz: {frequencies}, kind: bifurcation, lyapunov: false, settle_s: 1, measure_s: 1}}"
     done = command("sweep", QUICKSTART, "--set", f"sweep={plan}", "--set", "name=swept")
     assert (done.code, done.err) == (0, "")
     before = dict(mpl.rcParams)
@@ -186,7 +185,8 @@ def test_map_colours_a_tile_for_each_point_and_hatches_failed_ones(write_sweep):
             assert np.isnan(np.ma.filled(axis.collections[0].get_array(), np.nan)).sum() == (~good).sum() == 1
             assert axis.collections[1].get_hatch()
             assert np.ma.count(axis.collections[1].get_array()) == 1
-    assert texts(figure.axes[3].get_legend()) == ["antiphase", "in-phase", "failed"]
+    named = ["antiphase: shakes along y", "in-phase: shakes along x and rocks"]
+    assert texts(figure.axes[3].get_legend()) == [*named, "failed"]
 
 
 def test_map_has_tiles_of_equal_size_whatever_the_values(write_sweep):

@@ -1,7 +1,5 @@
 """Tables on disk, and the tables of a run: columns, rows, dense output."""
 
-from __future__ import annotations
-
 import itertools
 import math
 import os
@@ -345,7 +343,7 @@ def test_what_is_no_file_is_never_replaced(kind, tmp_path):
     assert path.stat().st_mode == before
 
 
-def test_file_of_another_kind_is_replaced_only_on_request(tmp_path):
+def test_file_of_another_kind_is_replaced_only_on_request(tmp_path, monkeypatch):
     path = tmp_path / "machine.yaml"
     require_replaceable(path, b"MATLAB")
     path.touch()  # as mktemp does
@@ -356,3 +354,9 @@ def test_file_of_another_kind_is_replaced_only_on_request(tmp_path):
     require_replaceable(path, b"MATLAB", overwrite=True)
     with pytest.raises(TableError, match="is a file of another kind; allowed: a new file, or to overwrite it"):
         require_replaceable(path, b"MATLAB")
+
+    def gone(*_):
+        raise FileNotFoundError(2, "No such file or directory")
+
+    monkeypatch.setattr(Path, "open", gone)
+    require_replaceable(path, b"MATLAB")  # another process has just removed it

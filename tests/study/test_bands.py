@@ -1,7 +1,5 @@
 """Bands of a sweep, and where a branch jumps."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -104,9 +102,9 @@ def test_bands_of_an_empty_table_are_empty():
 
 def test_lines_say_where_and_what():
     table = branch(phase_difference_rad=after(8, np.pi, 0.0), sync=after(8, "antiphase", "in-phase"))
-    lines = list(band_lines(bands(table)))
+    lines = list(band_lines(bands(table), "counter-rotating"))
     assert lines[0] == "material.mass_ratio 0.2, up"
-    assert lines[1] == "  antiphase                 f_e 42 … 45.5 Hz, f 21.00 … 22.75 Hz"
+    assert lines[1] == "  antiphase                 f_e 42 … 45.5 Hz, f 21.00 … 22.75 Hz: shakes along y"
     jump = next(line for line in lines if line.startswith("  jump"))
     assert "f_e 45.5 → 46 Hz" in jump
     assert jump.endswith("mm, antiphase → in-phase")

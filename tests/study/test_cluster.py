@@ -1,7 +1,5 @@
 """Schedulers and workers of dask that are none, are others, or go: one line, and what is finished is kept."""
 
-from __future__ import annotations
-
 import contextlib
 import http.server
 import logging
@@ -16,7 +14,7 @@ import time
 import pandas as pd
 import pytest
 from common import clusters
-from common.commands import Child, command, ended, not_a_line
+from common.commands import Child, command, not_a_line
 from common.places import LOADED
 from common.results import bits, finished_points
 
@@ -311,7 +309,7 @@ def test_workers_with_another_package_or_none_are_refused_before_any_of_their_po
             (older, "another vibroplat (No module named 'vibroplat.study.fingerprint')"),
         ):
             with clusters.worker(place, address, path=path):
-                refused(ended(place, "sweep", "c.yaml", "--scheduler", address, "--resume"), text)
+                refused(command("sweep", "c.yaml", "--scheduler", address, "--resume"), text)
     assert finished_points(place / "results/c") == 0
 
 

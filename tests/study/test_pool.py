@@ -1,7 +1,5 @@
 """Chains of tasks: stored once, the same results however they are spread over workers, and when workers die."""
 
-from __future__ import annotations
-
 import math
 import os
 import signal
@@ -314,13 +312,6 @@ def interrupted(scene, workers, disturb, after):
         assert disturbed
         (table,) = tables(branches(scene), store)
         return table
-
-
-@pytest.mark.long
-def test_dask_gives_the_same_table(scene, table, scheduler):
-    found = sweep(scene, scheduler=scheduler)
-    assert bits(found) == bits(table)
-    assert found.dtypes.equals(table.dtypes)
 
 
 @pytest.mark.faults

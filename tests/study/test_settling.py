@@ -1,7 +1,5 @@
 """How long a point settles, and what is read off a Poincaré section; what does not repeat is known."""
 
-from __future__ import annotations
-
 import math
 from contextlib import closing, contextmanager
 
@@ -17,10 +15,11 @@ from vibroplat.integrate import make_engine
 from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Motion
 from vibroplat.observe import statistics as m
-from vibroplat.observe.statistics import no_measures, section_rows
+from vibroplat.observe.section import MAX_PERIOD, period, section_points, section_rows, spreads
+from vibroplat.observe.statistics import no_measures
 from vibroplat.study.branches import branches
 from vibroplat.study.point import BLOCKS, ERRORS, measure_point
-from vibroplat.study.settling import BLOCK, MAX_PERIOD, TURNS, period, section_points, settle, spreads
+from vibroplat.study.settling import BLOCK, TURNS, settle
 
 from .helpers import CALIBRATED, CHAOTIC, DAMPED, MACHINE, planned, swept
 

@@ -1,7 +1,5 @@
 """The table of a sweep: its columns, what is in them, points that fail, seeds."""
 
-from __future__ import annotations
-
 import gc
 import itertools
 import json
@@ -76,14 +74,6 @@ def test_types_do_not_depend_on_what_was_found():
     chaotic = swept(MACHINE, 62.5, changes=CHAOTIC, grid=grid, max_settle_s=3.0, measure_s=0.5)
     assert set(failed["outcome"]) == {"event-storm"}
     assert failed.dtypes.equals(chaotic.dtypes)
-
-
-def test_rows_are_in_the_order_of_branches_and_of_points(table):
-    assert table["branch"].tolist() == [branch for branch in range(4) for _ in range(3)]
-    assert table["direction"].tolist() == (["up"] * 3 + ["down"] * 3) * 2
-    assert table["supply_frequency_hz"].tolist() == [50.0, 50.5, 51.0, 51.0, 50.5, 50.0] * 2
-    assert table["contact.restitution"].tolist() == [0.0] * 6 + [0.3] * 6
-    assert table["material.layers"].tolist() == [2] * 12
 
 
 def test_good_points_have_all_measures(table):
@@ -240,13 +230,6 @@ def test_exciters_that_drift_apart_are_not_synchronous():
 # -- perturbation ---------------------------------------------------------------------------------------
 
 
-def test_other_seed_gives_other_states_near_the_same_motion(table):
-    other = swept(LOADED, 50.0, 51.0, direction=["up", "down"], seed=1)
-    table = table[table["contact.restitution"] == 0.0].reset_index(drop=True)
-    assert (other["rms_phi_rad"] != table["rms_phi_rad"]).all()
-    assert other["rms_y_m"].to_numpy() == pytest.approx(table["rms_y_m"].to_numpy(), rel=1e-2)
-
-
 def test_equal_scenes_have_equal_rows_in_any_sweep(table):
     """All curves without restitution are one, whatever else is swept and in whichever order."""
     masses = swept(LOADED, 50.0, 51.0, direction=["down", "up"], grid={"material.mass_ratio": [0.2]})
@@ -350,7 +333,7 @@ def test_command_writes_what_python_gives(done, table):
     assert {"sweep.parquet", "provenance.json"} <= written
     lines = {line[:28].rstrip(): line[28:] for line in done[0].out.splitlines()}
     assert (lines["points"], lines["outcomes"]) == ("12 in 4 branches", "ok 12")
-    assert (lines["synchronization"], lines["tables"]) == ("antiphase 12 (along y)", "results/c")
+    assert (lines["synchronization"], lines["tables"]) == ("antiphase 12 (shakes along y)", "results/c")
     assert not {name for name in written if name.startswith((".", "section", "impacts"))}
 
 
@@ -487,9 +470,9 @@ def measured_at_once(scene, plan, state, key):
 
 
 def sweep_of(points, directory, **plan):
-    """Sweep so many quick points in ten branches and write the tables."""
-    grid = {"material.mass_ratio": [0.1, 0.2, 0.3, 0.4, 0.5]}
-    last = 0.9 + 0.1 * (points // 10)
+    """Sweep so many quick points in four branches and write the tables."""
+    grid = {"material.mass_ratio": [0.1, 0.2]}
+    last = 0.9 + 0.1 * (points // 4)
     scene = planned(LOADED, 1.0, last, step=0.1, direction=["up", "down"], grid=grid, **plan)
     directory.mkdir()
     with Store(directory, {}) as store:
@@ -522,16 +505,17 @@ def test_memory_does_not_grow_with_the_number_of_points(tmp_path, monkeypatch):
 def test_table_of_many_points_is_in_row_groups(tmp_path, monkeypatch):
     monkeypatch.setattr("vibroplat.study.sweep.measure_point", measured_at_once)
     monkeypatch.setattr("vibroplat.study.sweep.CHUNK", 12)
-    sweep_of(40, tmp_path / "points", kind="bifurcation")
+    sweep_of(16, tmp_path / "points", kind="bifurcation")
     table = read_table(tmp_path / "points", "sweep")
     groups = pq.ParquetFile(tmp_path / "points/sweep.parquet").metadata
-    assert groups.num_rows == len(table) == 40
-    assert [groups.row_group(k).num_rows for k in range(groups.num_row_groups)] == [12, 12, 12, 4]
-    assert table["branch"].tolist() == [branch for branch in range(10) for _ in range(4)]
-    up = table[table["branch"] == 2]
+    assert groups.num_rows == len(table) == 16
+    assert [groups.row_group(k).num_rows for k in range(groups.num_row_groups)] == [12, 4]
+    assert table["branch"].tolist() == [branch for branch in range(4) for _ in range(4)]
+    assert table["supply_frequency_hz"].iloc[-4:].tolist() == [1.3, 1.2, 1.1, 1.0]
+    up = table[table["branch"] == 2]  # of the second mass
     assert up["supply_frequency_hz"].tolist() == [round(1.0 + 0.1 * k, 1) for k in range(4)]
     assert up["rms_y_m"].tolist() == [
         np.random.default_rng((0, 1_000_000 + 100_000 * k)).random(len(MEASURED))[3] for k in range(4)
     ]
     section = read_table(tmp_path / "points", "section")
-    assert len(section) == 40 * SECTION_POINTS
+    assert len(section) == 16 * SECTION_POINTS

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from vibroplat.config.scene import Scene
-from vibroplat.continuation.orbit import OrbitError, orbit
+from vibroplat.continuation.orbit import OrbitError, orbit_near
 from vibroplat.continuation.tables import orbits
 from vibroplat.paper.scenes import machine_numbers, paper_scene
 from vibroplat.study.branches import FREQUENCY
@@ -62,7 +62,7 @@ def errors(scene: Scene, table: pd.DataFrame) -> dict[str, float]:
     found = []
     for _, row in table.iloc[::COMPARED].iterrows():
         with suppress(OrbitError):
-            exact = orbit(scene, row, tolerance=EXACT).measures
+            exact = orbit_near(scene, row, 1, EXACT).measures
             found.append(abs(row["rms_y_m"] - exact["rms_y_m"]) / math.hypot(exact["rms_x_m"], exact["rms_y_m"]))
     same = [error for error in found if error < OTHER]
     return {"error": float(np.median(same)), "error_of_a_tenth": float(np.quantile(same, 0.9))}

@@ -293,6 +293,8 @@ class _Comparison:
         pairs = [*((first, course) for course in changed), (other, again)]
         change = np.fmax.reduce([_so_far(differences(*pair, times)) for pair in pairs])
         allowed = FLOOR * self._tolerance + MULTIPLE * change
+        if _FORCE in first.names:  # which differs as much as the state, also where repetitions were rarely in contact
+            allowed[:, first.names.index(_FORCE)] = allowed.max(axis=1)
         lost = times[allowed.max(axis=1) >= LOST]
         self._lost = float(lost[0]) if len(lost) else math.inf
         self._until = min(self._lost, *(course.end for course in (first, other, *changed)))

@@ -40,8 +40,8 @@ TABLES: dict[str, tuple[str, Columns]] = {
     "trajectory": ("`vibroplat run`: a row for each sample; at an event two, before and after it.", TRAJECTORY),
     "events": ("`vibroplat run`: a row for each event.", EVENTS),
     "summary.json": (
-        "`vibroplat run`: numbers of the second half of the run, cut to whole turns of exciter 1; what is of the whole "
-        "run says so.",
+        "`vibroplat run`: numbers of the second half of the run, cut to whole turns or periods; what "
+        "is of the whole run says so.",
         {**SUMMARY, **_POINTS, **whole_columns(_POINTS)},
     ),
     "sweep": ("`vibroplat sweep`: a row for each point.", _IN_ORDER),

@@ -13,10 +13,10 @@ from vibroplat.cli.common import tell_of_compilation
 
 if TYPE_CHECKING:
     from vibroplat.config.scene import Scene
-    from vibroplat.continuation.orbit import OrbitMotion
+    from vibroplat.continuation.rows import OrbitMotion
 
-#: Figures: the first three show a run, the last three orbits, the others a sweep.
-Kind = StrEnum("Kind", "motion force exciters response bifurcation map branches multipliers boundaries")
+#: Figures: the first four show a run, the last three orbits, the others a sweep.
+Kind = StrEnum("Kind", "motion force exciters loads response bifurcation map branches multipliers boundaries")
 
 
 def plot(
@@ -95,7 +95,7 @@ def film(
 
 def _move(scene: Scene, row: Mapping[str, Any]) -> OrbitMotion:
     """Compute the orbit of a row; what computes is loaded when the first one is wanted."""
-    from vibroplat.continuation.orbit import motion_of
+    from vibroplat.continuation.rows import motion_of
 
     tell_of_compilation(scene.solver.engine)
     return motion_of(scene, row)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -24,7 +25,8 @@ def new(
 
     with about(file):
         Scene.from_tree({"name": file.stem})  # the file's name will be that of the results
-    text = template(machine, str(file), file.stem)
+    quoted = shlex.quote(str(file))  # in commands that are to be copied
+    text = template(machine, quoted, file.stem)
     try:
         with file.open("x", encoding="utf-8") as opened:
             opened.write(text)
@@ -32,7 +34,7 @@ def new(
         raise ConfigError(f"{file}: there is such a file already; allowed: a new one") from None
     except OSError as error:
         raise ConfigError(f"{file}: cannot be written ({error.strerror or error})") from None
-    commands = (f"`vibroplat {command} {file}`" for command in ("run", "sweep", "orbits"))
+    commands = (f"`vibroplat {command} {shlex.quote(str(file))}`" for command in ("run", "sweep", "orbits"))
     print("{}: change it, then run {}, {} or {}".format(file, *commands))
 
 

@@ -190,7 +190,7 @@ def _print_sweep(table: pd.DataFrame, bands: pd.DataFrame, more: dict[str, str])
     from vibroplat.study.bands import band_lines
 
     common.print_lines(sweeps.overview(table) | more)
-    for line in band_lines(bands):
+    for line in band_lines(bands, "".join(table["rotation"].dropna().unique())):
         print(line)
     common.print_notes(sweeps.notes_on_points(table))
     failed = sweeps.failures(table)
@@ -250,7 +250,8 @@ def orbits(
         store.finish()
         write_orbits(scene, made, summary, directory, format_)
     took = f"{known} parts of branches from before" if known else f"{summary['points'] / seconds:.3g} points per s"
-    common.print_lines(_overview(made.branches, summary))
+    rotation = "" if any("rotation" in key for key in plan.plan.grid) else scene.rotation
+    common.print_lines(_overview(made.branches.assign(rotation=rotation), summary))
     common.print_lines({"wall time": f"{seconds:.3g} s, {took}", "tables": str(directory)})
     _print_boundaries(summary["boundaries"])
     _print_branches(plan, summary["branches"])
@@ -268,12 +269,15 @@ def orbits(
 
 def _overview(table: pd.DataFrame, summary: Mapping[str, Any]) -> dict[str, str]:
     """Summarize branches in a few lines: label and text."""
+    from vibroplat.study.sweep import synchronizations
+
     points = len(table)
     frequency, height = table["excitation_frequency_hz"], 1e3 * table["rms_y_m"]
     failed = f", {summary['failed']} failed" if summary["failed"] else ""
     return {
         "branches": f"{len(summary['branches'])}{failed}",
         "points": f"{points}, {int(table['stable'].sum())} of them stable",
+        "synchronization": synchronizations(table),
         "turns": f"{summary['turns']:.0f}, {summary['turns'] / max(points, 1):.1f} per point",
         "excitation frequency": f"{frequency.min():.2f} … {frequency.max():.2f} Hz",
         "RMS y": f"{height.min():.3g} … {height.max():.3g} mm",

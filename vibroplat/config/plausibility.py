@@ -15,6 +15,9 @@ from pydantic import BaseModel
 from vibroplat.config.scene import Scene
 from vibroplat.config.sections import OF_EXCITERS, Motor
 
+#: Torque over the weight's largest moment m r g that carries an unbalance which hangs past its upper position in one
+#: swing: the largest (1 - cos a)/a. With less it swings, more each time if the torque grows with the speed, or stays.
+ONE_SWING = 0.7246
 #: Keys whose default holds for any machine.
 COMMON = frozenset({"gravity_m_per_s2"})
 
@@ -47,6 +50,7 @@ def notes_on_input(scene: Scene) -> list[str]:
     found = [_unusual(quantity, scene) for quantity in quantities(scene)]
     found.append(_by_default("machine", scene.machine, given_by_exciters(scene)))
     found += [_by_default(name, motor, motor.replaced()) for name, motor in _motors(scene)]
+    found += _weak_motors(scene)
     return [note for note in found if note]
 
 
@@ -104,6 +108,30 @@ def quantities(scene: Scene) -> Iterator[Quantity]:
 def rounded(value: float, digits: int = 3) -> str:
     """Format a value for a note, without an exponent where it can be spared."""
     return f"{float(f'{value:.{digits}g}'):g}"
+
+
+def _weak_motors(scene: Scene) -> list[str]:
+    """Return the note on motors that may not start from rest, as they hardly lift their unbalance."""
+    initial, weak = scene.run.initial, {}
+    if initial.speed_ratio or initial.state is not None or initial.from_ is not None:
+        return []
+    for i, (exciter, moment) in enumerate(zip(scene.exciter_pair, scene.unbalances, strict=True)):
+        largest, needed = exciter.critical_torque_n_m, ONE_SWING * moment * scene.machine.gravity_m_per_s2
+        starting = 0.0
+        for supply in (one for one in scene.drive.intervals if one.driven[i]):
+            first, last = sorted(map(supply.frequency_at, (supply.start, min(supply.end, scene.run.duration_s))))
+            # the torque at standstill is largest where the synchronous speed is the critical slip speed
+            best = exciter.critical_slip * (exciter.rated_frequency_hz or 0.0)
+            for frequency in (first, min(max(best, first), last), last):
+                speed, slip = scene.synchronous_speeds_at(frequency)[i], exciter.critical_slip_speed(frequency)
+                if speed > 0.0:
+                    starting = max(starting, 2.0 * largest / (speed / slip + slip / speed))
+        if 0.0 < starting < needed:
+            numbers = f"{rounded(starting)} N·m at standstill, at most {rounded(largest)}, where {rounded(needed)} N·m"
+            weak[f"motor {i + 1}"] = f"gives {numbers} carry its unbalance over the top in one swing"
+    same = len(weak) == 2 and len({*weak.values()}) == 1
+    told = {"each motor": weak["motor 1"]} if same else weak
+    return [f"{who} {what}: it may start late or not at all" for who, what in told.items()]
 
 
 def _damping_ratio(damping: float, stiffness: float, mass: float) -> float | None:

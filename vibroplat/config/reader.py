@@ -124,6 +124,8 @@ def parse_overrides(settings: Iterable[str], engine: str | None = None) -> dict[
         key, equals, text = setting.partition("=")
         if not equals or not all(key.strip().split(".")):
             raise ConfigError(f"--set {setting!r}; allowed: key.sub=value")
+        if DECIMAL_COMMA.fullmatch(text.strip()):
+            raise ConfigError(f"--set {setting.strip()}: a decimal comma; allowed: a point, {text.replace(',', '.')}")
         overrides[key.strip()] = _parse(text, f"--set {key.strip()}")
     if engine is not None:
         named, given = _parse(engine, "--engine"), flat(overrides)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -21,7 +22,7 @@ from vibroplat.continuation.shooting import TURN, Shooter, spelled
 from vibroplat.errors import ConfigError, VibroplatError
 from vibroplat.extensions import figure_of
 from vibroplat.hybrid.modes import IMPACT
-from vibroplat.hybrid.state import initial_state, state_scales
+from vibroplat.hybrid.state import initial_state
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.sensitivity import with_value
 from vibroplat.motion.initial_condition import end_of, initial_condition
@@ -35,26 +36,24 @@ from vibroplat.study.point import ANTIPHASE_OF_ORBITS, MEASURED, row_of
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+_LOG = logging.getLogger("vibroplat")
+
 #: Turns of exciter 1 after which a motion that settles is tried as a guess, one after the other.
 SETTLING = (24, 96, 384)
 #: Residual of a motion that has settled, in the scales of the scene, beyond which it does not repeat.
 UNSETTLED = 1e-3
 #: The tolerance of the integrator over that of an orbit, at most.
 INTEGRATOR = 0.1
+#: How often a step between two supplies is halved, at most.
+HALVINGS = 6
 #: Residual, over the tolerance, within which an orbit repeats after fewer turns.
 REPEATS = 1e4
 
 #: Periods over which the turns of both exciters are compared where no orbit is found, and how far from whole turns in
 #: each those of exciter 2 may be.
 WATCHED, OUT_OF_STEP = 1000, 4e-4
-#: Samples of a turn for those who draw it: between two a line through a sine is beside it by 0.1 % of its amplitude.
-#: Most events of a period that are sampled, the first ones: of impacts that accumulate, the strongest.
-SAMPLES, EVENTS = 64, 100
 #: Tolerance of orbits that are drawn, or confirm a sweep.
 TOLERANCE = 1e-8
-#: How far a drawn period may be from closing, in the scales of the scene: less than the width of a line. Largest
-#: difference of an orbit's RMS from that of its row, over the RMS of both directions.
-OPEN, OTHER = 1e-3, 0.01
 
 
 class OrbitError(VibroplatError):
@@ -147,7 +146,7 @@ def run_from(scene: Scene, state: FloatArray, seconds: float) -> Trajectory:
 
 
 def orbit(scene: Scene, guess: Any = None, *, period: int = 1, tolerance: float = 1e-8) -> Orbit:
-    """Find a periodic orbit of a scene.
+    """Find a periodic orbit of a scene; one that is unstable is noted as a warning of the logger ``vibroplat``.
 
     Parameters
     ----------
@@ -156,8 +155,9 @@ def orbit(scene: Scene, guess: Any = None, *, period: int = 1, tolerance: float 
     guess
         Where to begin: None, to let the motion settle from ``run.initial``; a full state, shape (14,), or a mapping
         with its names, as a row of a trajectory table; an orbit or a finished run (a Trajectory or its directory),
-        whose speeds are scaled to this supply; a row of a table of this scene, whose keys are set: one of ``branches``
-        or ``special`` has a state, from one of a sweep the motion settles, with the phase difference of the row.
+        whose speeds are scaled to this supply, step by step from an orbit if need be; a row of a table of this scene,
+        whose keys are set: one of ``branches`` or ``special`` has a state, from one of a sweep the motion settles, with
+        the phase difference of the row.
     period
         Turns of exciter 1 after which it is to repeat.
     tolerance
@@ -177,6 +177,46 @@ def orbit(scene: Scene, guess: Any = None, *, period: int = 1, tolerance: float 
     >>> found.sequence, found.stable
     ('none', True)
     """
+    try:
+        found = orbit_near(scene, guess, period, tolerance)
+    except OrbitError:
+        if not isinstance(guess, Orbit) or guess.scene.drive == scene.drive:
+            raise
+        found = _led(scene, guess, period, tolerance)
+    if not found.stable:
+        size = abs(found.multipliers[0])
+        _LOG.warning("the orbit is unstable, with a multiplier of size %.4g: motion leaves it", size)
+    return found
+
+
+def _led(scene: Scene, guess: Orbit, period: int, tolerance: float) -> Orbit:
+    """Find an orbit from that of another supply, in steps that are halved where one is too far for Newton's method.
+
+    Where no step is short enough, the motion settles from the guess.
+    """
+    now, end, reached = guess.scene.drive.largest_frequency, scene.drive.largest_frequency, guess
+    step = 0.5 * (end - now)
+    shortest = step * 0.5**HALVINGS
+    while now != end:
+        after = end if abs(end - now) <= abs(step) else now + step
+        try:
+            reached = orbit_near(scene.replace({FREQUENCY: after}), reached, period, tolerance)
+        except OrbitError:
+            step *= 0.5
+            if abs(step) < abs(shortest):
+                break
+            continue
+        now, step = after, 2.0 * step
+    else:
+        return reached
+    begin = _in_pace(guess.state, guess.scene, scene)
+    found = orbit_near(beginning_at(scene, begin), None, period, tolerance)
+    _LOG.warning("no orbit was found near the guess; this one was found while the motion settled from there")
+    return replace(found, scene=accurate(scene, tolerance))
+
+
+def orbit_near(scene: Scene, guess: Any, period: int, tolerance: float) -> Orbit:
+    """Find an orbit as :func:`orbit` does, by one search, and say nothing of its stability."""
     scene, begin = read_guess(scene, guess)
     scene = accurate(scene, tolerance)
     with closing(Shooter(scene)) as shooter:
@@ -384,51 +424,3 @@ def measured_over_period(problem: Problem, found: NewtonResult) -> dict[str, Any
     speeds = {"excitation_frequency_hz": 0.5 * (first + second), "frequency_split_hz": first - second}
     impacts = float(shot.part.measures.marks["measured"][IMPACT]) / abs(problem.turns[0])
     return measured(shot.part, _scene_of(problem, found)) | speeds | {"impacts_per_period": impacts}
-
-
-class OrbitMotion(NamedTuple):
-    """One period of an orbit: its scene, and the tables of a run over it, with some samples for each turn."""
-
-    scene: Scene
-    trajectory: pd.DataFrame
-    events: pd.DataFrame
-
-
-def motion_of(scene: Scene, row: Mapping[str, Any]) -> OrbitMotion:
-    """Compute one period of the orbit of a row.
-
-    Parameters
-    ----------
-    scene
-        Whose table it is.
-    row
-        Of ``branches`` or ``special``, from whose state it is simulated, or of ``sweep``: settled from the phase
-        difference of the row, found by Newton's method and compared with the row.
-
-    Raises
-    ------
-    VibroplatError
-        There is no such orbit, or it cannot be computed; the message says why.
-    """
-    period = int(row["period"])
-    placed, state = read_guess(scene, row)
-    if state is not None:
-        seconds = float(row["period_s"] if "period_s" in row else period / row["excitation_frequency_hz"])
-        run = run_from(accurate(placed, TOLERANCE), state, seconds)
-        if run.outcome != "ok":
-            raise OrbitError(f"the motion of this row ended early: {run.outcome}: {run.summary['detail']}")
-        change = (run.final_state - state) / state_scales(run.scene)
-        change[3:5] = np.angle(np.exp(1j * change[3:5]))
-        apart = float(np.abs(change).max())
-        if apart > OPEN:
-            raise OrbitError(f"the state of this row is not on an orbit of period {period}: it ends {apart:.2g} away")
-    else:  # another motion may exist beside that of the row
-        found = orbit(scene, row, period=period, tolerance=TOLERANCE)
-        own, other = (np.array([of["rms_x_m"], of["rms_y_m"]]) for of in (row, found.measures))
-        if np.abs(other - own).max() > OTHER * np.hypot(*own):
-            height = f"{1e3 * other[1]:.4g} mm"
-            raise OrbitError(f"from the phase difference of this row another motion settles, with RMS y {height}")
-        run = found.run
-    times, last = run.events["t_s"].to_numpy()[:EVENTS], run.segments[-1].end
-    grid = [np.linspace(0.0, last, SAMPLES * period + 1), times, np.minimum(np.nextafter(times, np.inf), last)]
-    return OrbitMotion(run.scene, run(np.unique(np.concatenate(grid))), run.events)

@@ -10,11 +10,16 @@ import numpy as np
 
 from vibroplat.config.coordinates import COORDINATES, RATES, Mode
 from vibroplat.config.scene import Scene
+from vibroplat.config.schema import LARGEST_ANGLE
 from vibroplat.errors import ConfigError, TableError
-from vibroplat.hybrid.state import initial_state, perturbed
+from vibroplat.hybrid.state import initial_state, perturbed, state_scales
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.observe.tables import state_places
 from vibroplat.results.files import Result
+
+#: Largest size of what the end of a run may have to be gone on from, in the scales of the scene; the angles of the
+#: exciters grow for ever. And to which angle of them (rad) its time has to be exact.
+FARTHEST, EXACT = 1e4, 1e-6
 
 
 class Start(NamedTuple):
@@ -102,4 +107,10 @@ def _state_of(row: dict[str, Any], scene: Scene, key: str) -> FloatArray:
             )
     if not np.isfinite([*state, row["t_s"]]).all():
         raise ValueError
+    limits = {name: FARTHEST * scale for name, scale in zip((*COORDINATES, *RATES), state_scales(scene), strict=True)}
+    limits |= dict.fromkeys(("phi1_rad", "phi2_rad"), LARGEST_ANGLE)
+    limits["t_s"] = EXACT / (np.finfo(float).eps * scene.speed_scale)
+    for name, limit in limits.items():
+        if abs(row.get(name, 0.0)) > limit:
+            raise ConfigError(f"{key} ends with {name} = {row[name]:g}; allowed for this scene: up to {limit:.3g}")
     return state

@@ -23,6 +23,7 @@ from vibroplat.motion.motion import Motion, Observer
 from vibroplat.motion.recorder import Files, Keep, Recorder, Sink, require_room
 from vibroplat.motion.variation import directions, listed
 from vibroplat.observe.notes import captures, drift, notes_on_measures, stiffness
+from vibroplat.observe.section import MAX_PERIOD, latest_period, section_points, whole_periods
 from vibroplat.observe.sheet import SHEET, WHOLE, columns, whole_run
 from vibroplat.observe.statistics import Statistics
 from vibroplat.observe.summary import INACCURATE, MEASURES, Part, inaccuracy, measured
@@ -43,6 +44,10 @@ SUMMARY: Columns = {
     "perturbation": Column("random change of the rates at the start", "in the scales of the scene"),
     "static_sag_m": Column(
         "static sag of the springs", "the machine rests at y = -static_sag_m; figures show y from there"
+    ),
+    "period": Column(
+        "turns of exciter 1 after which the motion repeats",
+        f"0: none found up to {MAX_PERIOD}, or not settled; means are of whole periods",
     ),
     **MEASURES,
     "contact_force_noise_n": Column("contact forces up to this size, of either sign, are noise"),
@@ -142,7 +147,8 @@ def _run(
 def _summary(motion: Motion, part: Part, begun: float) -> dict[str, Any]:
     """Summarize a finished run that began at a time (s)."""
     scene, engine, seconds = motion.scene, motion.engine, motion.now - begun
-    found = measured(part, scene)
+    repeats = latest_period(section_points(part.measures, scene))
+    found = measured(part._replace(measures=whole_periods(part.measures, max(repeats, 1))), scene)
     sheet = {name: found.pop(name) for name in columns(scene)}
     doubt = inaccuracy(found, scene) if motion.outcome == "ok" else ""
     notes = [
@@ -159,6 +165,7 @@ def _summary(motion: Motion, part: Part, begun: float) -> dict[str, Any]:
         "rotation": scene.rotation,
         "perturbation": scene.run.start_perturbation,
         "static_sag_m": 0.0 - float(static_rest(scene)[1]),
+        "period": repeats,
         **found,
         "contact_force_noise_n": force_noise(scene) if scene.has_contact else None,
         "engine": engine.name,

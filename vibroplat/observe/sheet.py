@@ -58,6 +58,7 @@ def _of_motors() -> Iterator[tuple[str, Column]]:
             yield f"motor_{what}_{i}_max_{unit}", Column(f"largest {what} of motor {i}", "of either sign")
     for i in (1, 2):
         yield f"torque_share_{i}", Column(f"mean torque of motor {i} over its critical torque")
+        yield f"torque_share_{i}_max", Column(f"largest torque of motor {i} over its critical torque", "of either sign")
     for i in (1, 2):
         yield f"slip_{i}", Column(f"mean slip of motor {i}", "if its supply is constant")
     for i in (1, 2):
@@ -210,6 +211,8 @@ def _peaks(peaks: Any, scene: Scene) -> dict[str, tuple[float | None, float, flo
     for i, k in enumerate((k_1, k_2)):
         found[f"motor_power_{i + 1}_max_w"] = largest(POWER_1 + i)
         found[f"motor_torque_{i + 1}_max_n_m"] = largest(TORQUE_1 + i)
+        critical = scene.exciter_pair[i].critical_torque_n_m
+        found[f"torque_share_{i + 1}_max"] = largest(TORQUE_1 + i, 1.0 / critical if critical > 0.0 else math.nan)
         speed, at, pace = largest(SPEED_1 + i)
         found[f"bearing_force_{i + 1}_max_n"] = None if speed is None else k * speed**2, at, pace
     for i, name in enumerate(scene.output.points):

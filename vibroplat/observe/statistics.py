@@ -43,8 +43,11 @@ TORQUE, SPEED, PULL = 12, 14, 16
 #: times FASTEST.
 SORTS, FASTEST = 96, 1.5
 
-#: A point of the Poincaré section: time (s), full state, F_c (N).
-SECTION = np.dtype([("t", np.float64), ("state", np.float64, FULL_SIZE), ("force", np.float64)], align=True)
+#: A point of the Poincaré section: time (s), full state, F_c (N); measured impacts, and sums over whole turns, so far.
+SECTION = np.dtype(
+    [("t", float), ("state", float, FULL_SIZE), ("force", float), ("impacts", float), ("sums", float, len(SUMS))],
+    align=True,
+)
 
 #: Points of the Poincaré section that are kept, the last ones, where nothing else is said.
 SECTION_ROWS = 1024
@@ -178,12 +181,6 @@ def between(earlier: Measures, later: Measures) -> Measures:
     marks["first"] = earlier.marks["last"]
     plain, open_turn = np.zeros((2, len(SUMS)))
     return later._replace(plain=plain, open_turn=open_turn, whole=later.whole - earlier.whole, marks=marks)
-
-
-def section_rows(ms: Measures) -> npt.NDArray[np.void]:
-    """Points of the Poincaré section that are kept, records of :data:`SECTION` in the order of time."""
-    turns, most = int(ms.marks["turns"]), ms.section.size
-    return ms.section[np.arange(max(turns - most, 0), turns) % most]
 
 
 class Statistics:
@@ -434,7 +431,7 @@ def close_turn(ms: Measures, now: float, turns: FloatArray, full: FloatArray, fo
     """Exciter 1 has completed a turn in the measured part: what was open since the last one is whole."""
     marks = ms.marks
     point = ms.section[marks.turns % ms.section.size]
-    point.t, point.force = now, force
+    point.t, point.force, point.impacts = now, force, marks.measured[IMPACT]
     copy(full, point.state)
     marks.last[0], marks.last[3] = now, marks.measured[IMPACT]
     for i in range(2):
@@ -447,4 +444,5 @@ def close_turn(ms: Measures, now: float, turns: FloatArray, full: FloatArray, fo
     for i in range(sums.size):
         sums[i] += ms.open_turn[i]
         ms.open_turn[i] = 0.0
+    copy(ms.whole, point.sums)
     marks.turns += 1

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from vibroplat.columns import shown_in, unit_of, words
+from vibroplat.columns import shown_in, unit_of, with_shaking, words
 from vibroplat.config.coordinates import COORDINATES, RATES
 from vibroplat.config.scene import Scene
 from vibroplat.errors import VibroplatError
@@ -105,6 +105,13 @@ def measures(table: pd.DataFrame) -> list[dict[str, Any]]:
             unit, factor = shown_in(name)
             found.append({"column": name, "words": words(name), "unit": unit, "factor": factor})
     return found
+
+
+def shaking(table: pd.DataFrame, rotation: str) -> str:
+    """Return a sentence on what the machine does in each synchronization of a table, or ""."""
+    found = [with_shaking(str(sync), rotation) for sync in table["sync"].dropna().unique()] if "sync" in table else []
+    told = "; ".join(text for text in found if ": " in text)
+    return told and f"{told[0].upper()}{told[1:]}."
 
 
 def _label(keys: Iterable[str], row: pd.Series) -> str:

@@ -29,7 +29,7 @@ _LOG = logging.getLogger("vibroplat")
 SCRIPTS = ("text", "tables", "curves", "machine", "player", "orbit", "points", "page")
 #: Columns of texts and of numbers that a table of a sweep needs.
 SWEEP_COLUMNS = (
-    ("direction", "sync", "motion", "outcome"),
+    ("direction", "rotation", "sync", "motion", "outcome"),
     ("branch", points.SUPPLY, points.EXCITATION, "rms_x_m", "rms_y_m", "phase_difference_rad"),
 )
 #: What the page says about how a result was made.
@@ -227,6 +227,7 @@ def _sweep(number: int, one: Saved, motions: Motions) -> dict[str, Any]:
         "table": points.table_data("sweep", number, whole),
         "axes": points.axes(table, [points.EXCITATION, points.SUPPLY, *grid_of(table)]),
         "measures": points.measures(table),
+        "shaking": points.shaking(table, "".join(table["rotation"].dropna().unique())),
         "series": points.sweep_series(table),
         "marks": [],
         "special": None,
@@ -242,6 +243,7 @@ def _orbits(number: int, one: Saved, motions: Motions) -> dict[str, Any]:
         "table": points.table_data("branches", number, found.points),
         "axes": points.axes(table, [found.x, found.key, points.EXCITATION]),
         "measures": points.measures(table),
+        "shaking": points.shaking(table, found.rotation),
         "series": points.orbit_series(found, table),
         "marks": marks,
         "special": points.table_data("special points", number, found.special),

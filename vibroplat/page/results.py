@@ -19,7 +19,7 @@ COMMANDS: tuple[Command, ...] = ("run", "sweep", "orbits")
 FIRST = (
     *("outcome", "simulated_s", "excitation_frequency_hz", "frequency_split_hz", "phase_difference_rad"),
     *("rms_x_m", "rms_y_m", "rms_phi_rad", "gap_max_m", "contact_force_max_n", "impulse_max_n_s"),
-    *("flight_fraction", "impacts_per_period", "motor_power_w", "energy_residual"),
+    *("flight_fraction", "period", "impacts_per_period", "motor_power_w", "energy_residual"),
 )
 #: Groups of the data sheet, by the beginnings of its keys.
 SHEET = {

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from vibroplat.continuation.orbit import Orbit
 from vibroplat.continuation.tables import OrbitTables
 from vibroplat.errors import TableError
+from vibroplat.plots import histories
 from vibroplat.plots import run as drawing
 from vibroplat.plots.orbits import branches_figure, orbit_figure
 from vibroplat.plots.reading import ends_of
@@ -49,9 +50,10 @@ def _(run: Trajectory, kind: Kind = "motion", start: float | None = None, stop: 
     if kind not in drawing.FIGURES:
         raise ValueError(f"kind = {kind!r}; allowed: {', '.join(drawing.FIGURES)}")
     if kind == "force" and not run.scene.has_contact:
-        raise ValueError("kind = 'force' but this run has no contact; allowed: motion, exciters")
+        allowed = ", ".join(name for name in drawing.FIGURES if name != kind)
+        raise ValueError(f"kind = 'force' but this run has no contact; allowed: {allowed}")
     table = run.trajectory
-    whole = drawing.run_of(run.summary, run.scene, ends_of([table]), [table], [run.events], start, stop)
+    whole = histories.run_of(run.summary, run.scene, ends_of([table]), [table], [run.events], start, stop)
     with styled():
         return drawing.FIGURES[kind](drawing.Shown([whole]))
 
@@ -77,12 +79,12 @@ def _(table: pd.DataFrame, x: str | None = None) -> Figure:
         return drawing.FIGURES["motion"](drawing.Shown([_run_of_table(table)]))
 
 
-def _run_of_table(table: pd.DataFrame) -> drawing.Run:
+def _run_of_table(table: pd.DataFrame) -> histories.Run:
     """Prepare a trajectory of which nothing else is known: how the exciters turn is seen at its end."""
     first, second = (float(table[f"phi{n}_rate_rad_per_s"].tail(len(table) // 4 + 1).mean()) for n in (1, 2))
     rotation = "co-rotating" if first * second > 0.0 else "counter-rotating"
     seen = {"name": "trajectory", "excitation_frequency_hz": abs(first) / (2.0 * math.pi), "rotation": rotation}
-    return drawing.run_of(seen, None, ends_of([table]), [table], [_impacts(table)])
+    return histories.run_of(seen, None, ends_of([table]), [table], [_impacts(table)])
 
 
 def _impacts(table: pd.DataFrame) -> pd.DataFrame:

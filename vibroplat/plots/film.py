@@ -22,7 +22,7 @@ from vibroplat.config.scene import Scene
 from vibroplat.errors import VibroplatError
 from vibroplat.hybrid.state import static_rest
 from vibroplat.kernels.compiled import FloatArray
-from vibroplat.plots.run import read_run
+from vibroplat.plots.histories import read_run
 from vibroplat.plots.style import CURVES, MATERIAL, PLATFORM, head, new_figure, styled
 from vibroplat.plots.timelines import FROM_REST
 from vibroplat.results.tables import replace_file, require_replaceable

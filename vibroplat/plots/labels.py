@@ -99,9 +99,9 @@ def phase_label(co_rotating: bool) -> str:
     return PHASE + (r" = $\varphi_1 - \varphi_2$" if co_rotating else r" = $\varphi_1 + \varphi_2$")
 
 
-def run_parameters(scene: Scene | None) -> str:
-    """Return the parameters of a run that a reader of its figures wants to know."""
-    return "" if scene is None else ", ".join([supply_label(scene), *_material(scene)])
+def run_parameters(scene: Scene | None, begin: float = 0.0) -> str:
+    """Return the parameters of a run from a time on (s) that a reader of its figures wants to know."""
+    return "" if scene is None else ", ".join([supply_label(scene, begin), *_material(scene)])
 
 
 def sweep_parameters(scene: Scene | None, varied: Sequence[str]) -> str:
@@ -109,16 +109,19 @@ def sweep_parameters(scene: Scene | None, varied: Sequence[str]) -> str:
     return "" if scene is None else ", ".join(_material(scene, varied))
 
 
-def supply_label(scene: Scene) -> str:
-    """Return the supply frequency, or a program's frequencies and switches."""
+def supply_label(scene: Scene, begin: float = 0.0) -> str:
+    """Return the supply frequency, or a program's frequencies and switches; what it switches until a time has none."""
     program = scene.drive.program
     if program is None:
         return f"$f_e$ = {scene.drive.largest_frequency:g} Hz"
     frequencies = [e.supply_frequency_hz for e in program if e.supply_frequency_hz is not None]
     passed = frequencies[:1] if len(set(frequencies)) == 1 else frequencies
     text = f"$f_e$ = {' → '.join(f'{f:g}' for f in passed[:4])}{' …' if len(passed) > 4 else ''} Hz"
-    switched = [f"{who} at {entry.t_s:g} s" for entry in program for who in _switched(entry)]
-    return ", ".join([text, *switched[:2], *(["…"] if len(switched) > 2 else [])])
+    switched = [
+        f"{who} at {entry.t_s:g} s" if entry.t_s > begin else who for entry in program for who in _switched(entry)
+    ]
+    driven = any(any(one.driven) for one in scene.drive.intervals if one.end > begin)
+    return ", ".join([*([text] if driven else []), *switched[:2], *(["…"] if len(switched) > 2 else [])])
 
 
 def _switched(entry: Entry) -> list[str]:
@@ -152,7 +155,7 @@ def differing(command: str, configurations: Sequence[Mapping[str, Any]]) -> list
     """
     trees = []
     for tree in configurations:
-        used = {key: value for key, value in tree.items() if key not in ("name", *UNUSED[command])}
+        used = {key: value for key, value in tree.items() if key not in ("name", "output", *UNUSED[command])}
         supply = {DRIVE: used.pop(DRIVE)} if DRIVE in used else {}
         own = _varied(command, tree)
         trees.append({key: value for key, value in (supply | leaves(used)).items() if key not in own})

@@ -33,8 +33,9 @@ from vibroplat.plots.style import (
     legend_below,
     new_figure,
     panel_grid,
+    widen_ticks,
 )
-from vibroplat.plots.timelines import FROM_REST, in_units, name_axis
+from vibroplat.plots.timelines import FROM_REST, in_units, name_axis, tell_shaking
 from vibroplat.study.branches import EXCITATION
 
 if TYPE_CHECKING:
@@ -109,6 +110,8 @@ def branches_figure(found: Study, x: str) -> Figure:
             draw_branch(axis, points, special, column, x, color=CURVES[number % len(CURVES)])
         if column.startswith("rms"):
             limit_size(axis, found.points)
+        if column == PHASE_COLUMN:
+            tell_shaking(axis, found.rotation)
     _head(figure, found)
     handles = _legend(found, x)
     if len(columns) < len(panels):  # the empty place
@@ -342,9 +345,7 @@ def orbit_figure(orbit: Orbit) -> Figure:
     first, heights = axes[0, 0], table["y_m"] - static_rest(orbit.scene)[1]
     first.plot(in_units(heights, "y_m"), table["y_rate_m_per_s"], color=CURVES[0])
     first.set(xlabel=FROM_REST, ylabel=r"$\dot y$ (m/s)")
-    least = 1e-4 * max(map(abs, first.get_xlim()))  # numbers of ticks that differ in more digits have no room
-    if np.ptp(first.get_xlim()) < least:
-        first.set_xlim(first.get_xlim()[0] - least, first.get_xlim()[1] + least)
+    widen_ticks(first, "x")
     first.set_title(f"period {orbit.period}, {'stable' if orbit.stable else 'unstable'}, {orbit.sequence}", loc="left")
     if count == 2:
         second, gap = axes[0, 1], COORDINATES["gap_m"]

@@ -29,7 +29,7 @@ from vibroplat.plots.style import (
     legend_below,
     panel_grid,
 )
-from vibroplat.plots.timelines import in_units, name_axis
+from vibroplat.plots.timelines import in_units, name_axis, tell_shaking
 from vibroplat.study.bands import jumps
 from vibroplat.study.branches import EXCITATION, SUPPLY
 
@@ -200,6 +200,8 @@ def response_figure(response: Study) -> Figure:
         if response.data is not None:
             response.data.draw(axis, response.x, column)
         _limit(axis, column, response.points)
+        if column == PHASE_COLUMN:
+            tell_shaking(axis, response.rotation)
     head(figure, ", ".join(response.names), response.parameters(response.varied))
     handles: list[Any] = []
     if scale is not None:

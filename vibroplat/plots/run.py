@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 import logging
-import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 
-from vibroplat.columns import COORDINATES, PHASE
-from vibroplat.config.scene import Scene
+from vibroplat.columns import COORDINATES, FORCES, PHASE
 from vibroplat.errors import TableError
 from vibroplat.plots import timelines
+from vibroplat.plots.histories import Run, read_run
 from vibroplat.plots.labels import compared, distinct, run_parameters
-from vibroplat.plots.reading import Cut, Ends, Saved, ends_of, rest_of
 from vibroplat.plots.style import (
     BLACK,
     CURVES,
@@ -37,12 +34,6 @@ if TYPE_CHECKING:
 
 _LOG = logging.getLogger("vibroplat")
 
-#: Most points of a line, more than a figure can show.
-POINTS = 20_000
-#: Most bins of an envelope; none is shorter than a turn, over which it would not be one.
-BINS = 400
-#: Turns of the exciters that are shown in detail if no interval is given.
-SHOWN_TURNS = 10
 #: Least range of the axes of x and y, over the largest range of what moves, that of the exciters' axes included.
 LEAST_RANGE = 0.05
 #: Range of a coordinate over the largest one, above which it has a panel.
@@ -50,145 +41,7 @@ MATTERS = 0.05
 #: Most turns that are drawn as a line; more of them as an envelope.
 MOST_TURNS = 60
 
-_ANGLES = ("phi1_rad", "phi2_rad", "phi1_rate_rad_per_s", "phi2_rate_rad_per_s")
 _MOVING = ("x_m", "y_m", "phi_rad")
-
-# -- tables ------------------------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Run:
-    """Tables of a run over the interval of its figures.
-
-    Attributes
-    ----------
-    name, scene
-        Its name, and its scene if the configuration can be read.
-    whole
-        The trajectory in that interval, thinned out.
-    envelope
-        Its least and largest values in short intervals: columns ``t_s``, ``y_m:min``, ``y_m:max`` …
-    shown
-        The rows shown in detail: all in the interval if one was given, otherwise the last turns.
-    events
-        The events among them.
-    co_rotating
-        Whether the exciters co-rotate.
-    chosen
-        Whether an interval was given.
-    from_rest
-        Whether y is counted from the static rest; if that is not known, it is as in the table.
-    """
-
-    name: str
-    scene: Scene | None
-    whole: pd.DataFrame
-    envelope: pd.DataFrame
-    shown: pd.DataFrame
-    events: pd.DataFrame
-    co_rotating: bool
-    chosen: bool
-    from_rest: bool
-
-    @property
-    def turns(self) -> float:
-        """Turns of exciter 1 in the rows shown."""
-        angles = self.shown["phi1_rad"]
-        return abs(float(angles.iloc[-1] - angles.iloc[0])) / (2.0 * math.pi)
-
-    @property
-    def is_long(self) -> bool:
-        """Whether it is much longer than its part shown in detail."""
-        return float(np.ptp(self.whole["t_s"])) > 1.5 * float(np.ptp(self.shown["t_s"]))
-
-    def range_of(self, column: str) -> float:
-        """Return the range of a coordinate over the whole interval (m)."""
-        ends = [f"{column}:min", f"{column}:max"]
-        return self.size(self.envelope[ends], column) if ends[0] in self.envelope else 0.0
-
-    def size(self, values: pd.DataFrame | pd.Series, column: str) -> float:
-        """Return the range of a coordinate's values (m); of a rotation, that of the exciters' axes."""
-        arm = (self.scene.body.distance if self.scene else 0.1) if column == "phi_rad" else 1.0
-        found = values.to_numpy(dtype=float)
-        found = found[np.isfinite(found)]
-        return arm * float(np.ptp(found)) if len(found) else 0.0
-
-
-#: How messages call a run in memory, an end of an interval of it, and a trajectory without rows.
-_IN_MEMORY = ("the run lasted", "{} = {:g}", "the trajectory is empty")
-
-
-def read_run(directory: Path, start: float | None = None, stop: float | None = None) -> Run:
-    """Read the tables of a run from ``start`` to ``stop`` (s); raises as :func:`run_of`, and where one is missing."""
-    result = Saved(directory, "run")
-    summary = result.summary
-    frequency = summary.get("excitation_frequency_hz", "")
-    known = frequency is None or (type(frequency) in (int, float) and frequency >= 0.0)
-    if not known or not isinstance(summary.get("name"), str):
-        raise TableError(f"{directory / 'summary.json'} is not the summary of a run")
-    ends = ends_of(result.column_parts("trajectory", (), ("t_s",)))
-    optional = [column for column in COORDINATES if column != "y_m"]
-    trajectory = result.column_parts("trajectory", ("mode",), ("t_s", "y_m", *_ANGLES), optional)
-    events = result.column_parts("events", ("kind",), ("t_s", "impulse_n_s"))
-    told = (f"{directory} runs", "--{} {:g}", f"{directory} holds an empty trajectory")
-    return run_of(summary, result.known_scene, ends, trajectory, events, start, stop, told)
-
-
-def run_of(
-    summary: Mapping[str, Any],
-    scene: Scene | None,
-    ends: Ends | None,
-    trajectory: Iterable[pd.DataFrame],
-    events: Iterable[pd.DataFrame],
-    start: float | None = None,
-    stop: float | None = None,
-    told: tuple[str, str, str] = _IN_MEMORY,
-) -> Run:
-    """Cut the tables of a run, in parts, from ``start`` to ``stop`` (s).
-
-    Raises
-    ------
-    TableError
-        The trajectory is empty, or the interval holds no data.
-    """
-    subject, option, empty = told
-    if ends is None:
-        raise TableError(f"{empty}; there is nothing to plot")
-    first, last = float(ends.first["t_s"]), float(ends.last["t_s"])
-    length = f"{subject} from {first:g} to {last:g} s"
-    begin, end = _interval(first, last, start, stop, length, option)
-    frequency = summary["excitation_frequency_hz"]
-    chosen = start is not None or stop is not None
-    detail = max(begin, end - SHOWN_TURNS / frequency) if frequency and not chosen else begin
-    turns = int((end - begin) * (frequency or 0.0))
-    bins = min(turns, BINS) if turns else BINS
-    sag = summary.get("static_sag_m") if scene is None else -rest_of(scene)
-    parts = (part.assign(y_m=part["y_m"] + (sag or 0.0)) for part in trajectory)
-    found = Cut(parts, (detail, end), (begin, end, bins), COORDINATES, every=math.ceil(ends.rows / POINTS))
-    shown_events = pd.concat([part[part["t_s"].between(detail, end)] for part in events], ignore_index=True)
-    if found.shown["t_s"].nunique() < 2:
-        raise TableError(f"no data between {begin:g} and {end:g} s; {length}")
-    co_rotating = summary.get("rotation") == "co-rotating"
-    cut = (found.thinned, found.envelope(), found.shown, shown_events)
-    return Run(summary["name"], scene, *cut, co_rotating, chosen, from_rest=sag is not None)
-
-
-def _interval(
-    first: float, last: float, start: float | None, stop: float | None, length: str, option: str
-) -> tuple[float, float]:
-    """Return the interval of the figures; say how long the run was where the one given lies outside, or in part."""
-    begin, end = first if start is None else start, last if stop is None else stop
-    given = [(name, value) for name, value in (("start", start), ("stop", stop)) if value is not None]
-    beyond = [("start", begin)] if begin > last else [("stop", end)] if end < first else []
-    for name, value in [(name, value) for name, value in given if math.isnan(value)] + beyond:
-        raise TableError(f"{option.format(name, value)}: {length}; allowed: a time within it")
-    if begin >= end:
-        raise TableError(f"{option.format('start', begin)} is not before {option.format('stop', end)}; {length}")
-    for name, value in given:
-        if not first <= value <= last:
-            _LOG.warning("%s: %s; the figures show what there is", option.format(name, value), length)
-    return max(begin, first), min(end, last)
-
 
 # -- figures -----------------------------------------------------------------------------------------------------------
 
@@ -247,8 +100,8 @@ def run_figures(
         Result directories of ``vibroplat run``.
     kinds
         ``motion`` (platform and gap: the whole run, and its last turns), ``force`` (contact force and impulses),
-        ``exciters`` (speeds and phase difference); all by default. ``force`` is left out if no scene has contact, and
-        refused if nothing else is asked for.
+        ``exciters`` (speeds and phase difference), ``loads`` (force into the foundation, strokes and speeds); all by
+        default. ``force`` is left out if no scene has contact, and refused if nothing else is asked for.
     start, stop
         Interval shown (s). Default: the whole run, and the last ten turns of the exciters in detail.
     data
@@ -283,7 +136,7 @@ def _head(figure: Figure, shown: Shown, named: Axes | None = None) -> None:
     Several runs are always named, by the lines of the last axis.
     """
     run = shown.only
-    parameters = "" if run is None else run_parameters(run.scene)
+    parameters = "" if run is None else run_parameters(run.scene, float(run.whole["t_s"].iloc[0]))
     head(figure, ", ".join(run.name for run in shown.runs), parameters)
     if run is None or named is not None:
         legend_below(figure, (named or figure.axes[-1]).get_legend_handles_labels()[0])
@@ -407,4 +260,35 @@ def _exciters(shown: Shown) -> Figure:
     return figure
 
 
-FIGURES: dict[str, Callable[[Shown], Figure]] = {"motion": _motion, "force": _force, "exciters": _exciters}
+def _loads(shown: Shown) -> Figure:
+    """Draw the range of forces into the foundation and of displacements over the whole interval, and the speeds."""
+    rows: list[str] = []
+    for columns in (FORCES, ("y_m", "x_m")):
+        ranges = {c: max(run.range_of(c) for run in shown.runs) for c in columns}
+        rows += [c for c in columns if ranges[c] > MATTERS * max(ranges.values())]
+    figure, axes = new_figure(len(rows) + 1, 1, (8.0, 1.6 + 1.5 * (len(rows) + 1)), sharex=True)
+    *panels, speeds = axes[:, 0]
+    for number, run in enumerate(shown.runs):
+        look: dict[str, Any] = {
+            "color": CURVES[number % len(CURVES)],
+            "label": None if shown.only else shown.names[number],
+        }
+        for axis, column in zip(panels, rows, strict=True):
+            if f"{column}:max" in run.envelope:
+                timelines.draw_envelope(axis, run.envelope, column, filled=shown.only is not None, **look)
+            if column == "y_m" and all(run.from_rest for run in shown.runs):
+                axis.set_ylabel(timelines.FROM_REST)
+            if shown.only and column in run.peaks:
+                timelines.mark_peak(axis, run.envelope, column, *run.peaks[column])
+        timelines.draw_speeds(speeds, run.whole, (look["color"], CURVES[1] if shown.only else look["color"]))
+    speeds.set_xlabel("$t$ (s)")
+    _head(figure, shown, speeds if shown.only or not panels else panels[0])
+    return figure
+
+
+FIGURES: dict[str, Callable[[Shown], Figure]] = {
+    "motion": _motion,
+    "force": _force,
+    "exciters": _exciters,
+    "loads": _loads,
+}

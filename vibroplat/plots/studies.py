@@ -77,6 +77,16 @@ class Study:
         """Return what a reader wants to know of the scene, without keys that axes and curves show."""
         return sweep_parameters(self.scene_of(self.points, [key for key in self.grid if key not in self.varied]), shown)
 
+    @cached_property
+    def rotation(self) -> str:
+        """``counter-rotating`` or ``co-rotating``; "" if that varies or is not known."""
+        if "rotation" in self.points:
+            found = {*self.points["rotation"].dropna()}
+        else:
+            varies = any("rotation" in key for key in self.grid)
+            found = {one.known_scene.rotation for one in self.results if one.known_scene is not None and not varies}
+        return found.pop() if len(found) == 1 else ""
+
     def scene_of(self, rows: pd.DataFrame, keys: Sequence[str]) -> Scene | None:
         """Return the scene of a single result, if it is known, with the values of keys that some rows share."""
         scene = self.results[0].known_scene if len(self.results) == 1 else None

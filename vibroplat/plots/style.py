@@ -38,6 +38,8 @@ SYMBOLS = dict(
 )
 #: Share of an axis beyond what is on it, so that markers are whole.
 MARGIN = 0.05
+#: Least range of an axis over its largest number.
+LEAST_SHARE = 2e-4
 #: Letters of a legend that an inch has room for.
 LETTERS = 14.0
 
@@ -130,6 +132,14 @@ def begin_at_zero(axis: Axes, end: float | None = None) -> None:
     top = axis.get_ylim()[1] if end is None else end
     if top > 0.0:
         axis.set_ylim(-MARGIN * top, (1.0 + MARGIN) * top)
+
+
+def widen_ticks(axis: Axes, which: Literal["x", "y"]) -> None:
+    """Widen an axis whose numbers would differ in so many digits that there is no room for them."""
+    low, high = axis.get_xlim() if which == "x" else axis.get_ylim()
+    missing = LEAST_SHARE * max(abs(low), abs(high)) - (high - low)
+    if missing > 0.0:
+        axis.set(**{f"{which}lim": (low - 0.5 * missing, high + 0.5 * missing)})
 
 
 def head(figure: Figure, name: str, parameters: str = "") -> None:

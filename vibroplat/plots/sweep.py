@@ -14,13 +14,25 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import BoundaryNorm, ListedColormap, Normalize
 from matplotlib.patches import Patch
 
-from vibroplat.columns import QUANTITIES
+from vibroplat.columns import QUANTITIES, with_shaking
 from vibroplat.errors import TableError
 from vibroplat.plots.labels import ABSCISSAE, key_label
 from vibroplat.plots.reading import Curve, rest_of
 from vibroplat.plots.response import response_figure
 from vibroplat.plots.studies import Study, read_sweeps
-from vibroplat.plots.style import BLUE, CURVES, GREEN, ORANGE, PURPLE, SKY, VERMILION, entry, head, new_figure
+from vibroplat.plots.style import (
+    BLUE,
+    CURVES,
+    GREEN,
+    ORANGE,
+    PURPLE,
+    SKY,
+    VERMILION,
+    entry,
+    head,
+    new_figure,
+    widen_ticks,
+)
 from vibroplat.plots.timelines import read_measured
 from vibroplat.study.branches import EXCITATION, SUPPLY
 
@@ -125,10 +137,12 @@ def bifurcation(response: Study) -> Figure:
                 points = table[table["branch"] == shown.rows["branch"].iloc[0]]
                 draw_section(axis, points, column, x=x, factor=factor, **look)
         row[0].set_ylabel(label)
+        widen_ticks(row[0], "y")
     for axis, curve in zip(axes[0], curves, strict=True):
         axis.set_title(", ".join(part for part in (curve.label, curve.direction) if part), loc="left")
     for axis in axes[-1]:
         axis.set_xlabel(key_label(x))
+    widen_ticks(axes[0, 0], "x")
     head(figure, ", ".join(response.names), response.parameters(response.varied))
     directions = dict.fromkeys(curve.direction for curve in curves)
     if len(directions) > 1:
@@ -223,7 +237,7 @@ def regimes(response: Study) -> Figure:
         axis.set_xlabel(key_label(SUPPLY))
     head(figure, ", ".join(response.names), response.parameters(response.varied))
     for axis, (_, values, colours) in zip(axes[-1], classes, strict=False):
-        _map_legend(axis, values, colours)
+        _map_legend(axis, values, colours, response.rotation)
     if flies:
         bar = figure.colorbar(flight, ax=axes[-1, 2], location="bottom", aspect=40)
         bar.set_label("flight fraction; white: no flight")
@@ -238,13 +252,15 @@ def _key(response: Study) -> str:
     raise TableError(f"{place} varies {response.varied}; a map needs one grid key with several numbers")
 
 
-def _map_legend(axis: Axes, values: pd.Series, colours: dict[str, str]) -> None:
+def _map_legend(axis: Axes, values: pd.Series, colours: dict[str, str], rotation: str) -> None:
     """Name the colours that a map needs below it."""
     names = [name for i, name in enumerate(colours) if (values == i).any()]
-    entries = [Patch(color=colours[name], label=_SYNC_LABELS.get(name, name)) for name in names]
+    told = {name: _SYNC_LABELS.get(name, with_shaking(name, rotation)) for name in names}
+    entries = [Patch(color=colours[name], label=told[name]) for name in names]
     if values.isna().any():
         entries.append(Patch(facecolor="white", edgecolor="black", hatch=_HATCH, lw=0.3, label="failed"))
-    axis.legend(handles=entries, loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=4, columnspacing=1.2)
+    columns = 4 if told == dict(zip(names, names, strict=True)) else 2
+    axis.legend(handles=entries, loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=columns, columnspacing=1.2)
 
 
 FIGURES: dict[str, Callable[[Study], Figure]] = {

@@ -6,6 +6,7 @@ Also units and names of any axis, and measured data that are laid over figures.
 from __future__ import annotations
 
 import logging
+import warnings
 from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +17,8 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 
-from vibroplat.columns import COORDINATES, PHASE, PHASE_COLUMN, QUANTITIES, SHAKING
+from vibroplat.columns import COORDINATES, FORCES, PHASE, PHASE_COLUMN, QUANTITIES, with_shaking
+from vibroplat.config.plausibility import rounded
 from vibroplat.config.scene import Scene
 from vibroplat.errors import TableError
 from vibroplat.plots.labels import is_number, phase_label
@@ -26,7 +28,7 @@ _LOG = logging.getLogger("vibroplat")
 
 FloatArray = np.ndarray[Any, np.dtype[np.float64]]
 
-_SHOWN = QUANTITIES | COORDINATES
+_SHOWN = QUANTITIES | COORDINATES | FORCES
 
 #: Name of the axis of y where it is counted from the static rest.
 FROM_REST = "$y$ from rest (mm)"
@@ -78,6 +80,22 @@ def draw_envelope(
         axis.plot(envelope["t_s"], low, lw=1.0, color=color, label=label)
         axis.plot(envelope["t_s"], high, lw=1.0, color=color)
     return name_axis(axis, column)
+
+
+def mark_peak(axis: Axes, envelope: pd.DataFrame, column: str, value: float, time: float, pace: float) -> Axes:
+    """Mark the largest size of a force, or where a stroke was complete, with its time (s) and the speed then (Hz)."""
+    least, largest = envelope[f"{column}:min"], envelope[f"{column}:max"]
+    if column in FORCES:
+        place, told = (-value if -least.min() > largest.max() else value), f"{rounded(value, 4)} N"
+    else:
+        place = least.min() if least.argmin() > largest.argmax() else largest.max()
+        place, told = float(in_units(place, column)), f"stroke {rounded(float(in_units(value, column)), 4)} mm"
+    axis.plot(time, place, "o", ms=4.5, mfc="white", mec=BLACK, clip_on=False, zorder=5)
+    axis.annotate(
+        f"{told} at {time:.4g} s, {pace:.3g} Hz", (time, place), (7.0, 0.0), textcoords="offset points", fontsize=8,
+        va="center", bbox={"fc": "white", "ec": "none", "alpha": 0.7, "pad": 0.5},
+    )  # fmt: skip
+    return axis
 
 
 def draw_contact(axis: Axes, table: pd.DataFrame) -> Axes:
@@ -134,6 +152,8 @@ def draw_synchronous_speed(axis: Axes, scene: Scene, times: pd.Series) -> Axes:
         now = [i.frequency_at(time) if i.driven[number] else np.nan for i, time in zip(found, t, strict=True)]
         speeds.append(np.array(now) / exciter.pole_pairs)
     first, second = speeds
+    if np.isnan(speeds).all():
+        return axis
     same = np.isnan(first) | np.isnan(second) | (first == second)
     if same.all():
         axis.plot(t, np.where(np.isnan(first), second, first), ":", lw=1.0, color=REFERENCE, label="synchronous speed")
@@ -153,6 +173,7 @@ def draw_phase_difference(
     line = np.insert(times, wraps, times[wraps]), np.insert(phase, wraps, np.nan)
     axis.plot(*line, lw=1.0 if len(wraps) <= MOST_WRAPS else 0.25, color=color, label=label)
     phase_axis(axis, phase_label(co_rotating))
+    tell_shaking(axis, "co-rotating" if co_rotating else "counter-rotating")
     return axis
 
 
@@ -184,13 +205,17 @@ def phase_axis(axis: Axes, label: str = PHASE) -> None:
     ticks = {-0.5: "−π/2", 0.0: "0", 0.5: "π/2", 1.0: "±π", 1.5: "−π/2"}
     axis.set_yticks([np.pi * tick for tick in ticks], list(ticks.values()))
     axis.set_ylabel(label)
-    rotations = {phase_label(False): "counter-rotating", phase_label(True): "co-rotating"}
     for angle, name in () if axis.texts else ((0.0, "in-phase"), (np.pi, "antiphase")):
-        text = ": ".join(filter(None, (name, SHAKING.get((rotations.get(label, ""), name)))))
         axis.annotate(
-            text, (1.0, angle), (-2.0, 3.0), axis.get_yaxis_transform(), "offset points",
+            name, (1.0, angle), (-2.0, 5.0), axis.get_yaxis_transform(), "offset points",
             fontsize=7.5, color=REFERENCE, ha="right", va="bottom",
         )  # fmt: skip
+
+
+def tell_shaking(axis: Axes, rotation: str) -> None:
+    """Say on an axis of phase differences what a machine does in phase and in antiphase, if its rotation is known."""
+    for text in axis.texts:
+        text.set_text(with_shaking(text.get_text(), rotation))
 
 
 @dataclass(frozen=True)
@@ -209,6 +234,22 @@ class Measured:
         return axis
 
 
+def _read_csv(path: Path) -> pd.DataFrame:
+    """Read a CSV file: columns between commas, or as the first line has them ; or tabs, and then also decimal commas.
+
+    A row with too many values is a ParserWarning: it has decimal commas, or lines are not what they seem.
+    """
+    with path.open(encoding="utf-8-sig") as file:
+        head = file.readline()
+    separator = next((sign for sign in (";", "\t") if sign in head), ",")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", pd.errors.ParserWarning)
+        look: dict[str, Any] = {"index_col": False, "skipinitialspace": True, "encoding": "utf-8-sig"}
+        signs = ".," if separator != "," else "."
+        tables: list[pd.DataFrame] = [pd.read_csv(path, sep=separator, decimal=sign, **look) for sign in signs]
+    return max(tables, key=lambda table: sum(is_number(table[column]) for column in table))
+
+
 def read_measured(path: Path, x: str, columns: Collection[str], others: Collection[str] = ()) -> Measured:
     """Read measured data of these columns over ``x``.
 
@@ -220,9 +261,12 @@ def read_measured(path: Path, x: str, columns: Collection[str], others: Collecti
         The file cannot be read, has no abscissa, nothing to draw, or no numbers there.
     """
     try:
-        table = pd.read_csv(path)
+        table = _read_csv(path)
     except FileNotFoundError:
         raise TableError(f"--data {path}: there is no such file") from None
+    except pd.errors.ParserWarning:
+        allowed = "names of all columns first, and decimal points, or ; between columns"
+        raise TableError(f"--data {path}: rows have more values than the first line; allowed: {allowed}") from None
     except Exception as error:  # pandas raises many kinds on damaged files
         raise TableError(f"--data {path} cannot be read: {' '.join(str(error).split())}") from None
     for wanted, what in (([x], "of the horizontal axis"), (columns, "that a figure shows")):
@@ -232,7 +276,8 @@ def read_measured(path: Path, x: str, columns: Collection[str], others: Collecti
     known = {x, *columns}
     for column in known & {*table.columns}:
         if not is_number(table[column]):
-            raise TableError(f"--data {path}: column {column} holds text; allowed: numbers, empty where there is none")
+            text = table[column][pd.to_numeric(table[column], errors="coerce").isna()].dropna().tolist()[0]
+            raise TableError(f"--data {path}: column {column} holds {text!r}; allowed: numbers such as 0.5, or nothing")
     if left := [str(column) for column in table.columns if column not in known | {*others}]:
         _LOG.warning("--data %s: not drawn: %s", path, ", ".join(left))
     return Measured(path.name, table)

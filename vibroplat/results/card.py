@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import Any
 
-from vibroplat.columns import SHAKING, split
+from vibroplat.columns import split, with_shaking
+from vibroplat.config.plausibility import rounded
 from vibroplat.config.scene import Scene
+from vibroplat.observe.section import MAX_PERIOD
 from vibroplat.observe.summary import COHERENCE, synchronization
 
 
@@ -26,6 +27,7 @@ def results(scene: Scene, summary: Mapping[str, Any], origin: Mapping[str, Any] 
         ("start", _start(scene, summary, origin), ""),
         ("simulated", summary["simulated_s"], "s"),
         ("measured", _window(summary), ""),
+        ("repeats after", _period(summary), ""),
         ("excitation frequency", summary["excitation_frequency_hz"], "Hz"),
         ("speeds of the exciters", _speeds(summary), "Hz"),
         (f"phase difference {phases}", *_phase(scene, summary)),
@@ -41,57 +43,68 @@ def results(scene: Scene, summary: Mapping[str, Any], origin: Mapping[str, Any] 
 
 
 def sheet(scene: Scene, summary: Mapping[str, Any]) -> dict[str, str]:
-    """Return the data sheet of a run: in the measured part and, after "whole run", the largest values of all of it.
+    """Return the data sheet of a run: of the measured part and, after "whole run", the largest values of all of it.
 
     A summary from before there were data sheets has none.
     """
     if summary.get("foundation_force_y_rms_n") is None:
         return {}
-    gravity = scene.machine.gravity_m_per_s2 or math.nan
-    force = {}
-    for label, name, unit, written, mean in (
-        ("force x into foundation", "force_x", "n", "N", ""),
-        ("force y into foundation", "force_y", "n", "N", f"mean {_short(summary, 'foundation_force_y_mean_n')}, "),
-        ("moment into foundation", "moment", "n_m", "N·m", ""),
-    ):
+    gravity = scene.machine.gravity_m_per_s2
+    lines = {}
+    for name, unit, written in (("force_x", "n", "N"), ("force_y", "n", "N"), ("moment", "n_m", "N·m")):
         most, rms = f"foundation_{name}_max_{unit}", _short(summary, f"foundation_{name}_rms_{unit}")
-        force[label] = f"{_short(summary, most)} {written}, {mean}RMS {rms}{_peak(summary, most, written)}"
+        weighs = name == "force_y" and gravity > 0.0
+        weight = f", {_short(summary, 'foundation_force_y_mean_n', -1.0)} of it weight" if weighs else ""
+        lines[f"{name.replace('_', ' ')} into foundation"] = (
+            f"largest {_short(summary, most)} {written}{weight}, RMS {rms}{_peak(summary, most, written)}"
+        )
     strokes = {"stroke x": "stroke_x_m", "stroke y": "stroke_y_m"}
     for name in scene.output.points:
         strokes |= {f"stroke {axis} of {name}": f"stroke_{axis}_{name}_m" for axis in ("x", "y")}
-    lines = {
+    lines |= {
         label: f"{_short(summary, name, 1e3)} mm{_peak(summary, name, 'mm', 1e3)}" for label, name in strokes.items()
     }
-    column = "acceleration_max_m_per_s2"
-    throw = f" ({_short(summary, column, 1.0 / gravity)} g), gamma {_short(summary, 'gamma')}" if gravity > 0.0 else ""
-    lines["acceleration"] = f"{_short(summary, column)} m/s²{throw}{_peak(summary, column, 'm/s²')}"
+    for label, point in {
+        "acceleration": "",
+        **{f"acceleration of {name}": f"_{name}" for name in scene.output.points},
+    }.items():
+        column = f"acceleration_max{point}_m_per_s2"
+        throw = f" ({_short(summary, column, 1.0 / gravity)} g)" if gravity > 0.0 else ""
+        index = f", throw index gamma {_short(summary, 'gamma')}" if gravity > 0.0 and not point else ""
+        lines[label] = f"largest {_short(summary, column)} m/s²{throw}{index}{_peak(summary, column, 'm/s²')}"
     for n in (1, 2):
-        torque, power = f"motor_torque_{n}", f"motor_power_{n}"
-        share = summary[f"torque_share_{n}"]
-        critical = "" if share is None else f" ({100.0 * share:.3g} % of critical)"
-        lines[f"torque of motor {n}"] = (
-            f"mean {_short(summary, f'{torque}_mean_n_m')} N·m{critical}, "
-            f"largest {_short(summary, f'{torque}_max_n_m')}{_peak(summary, f'{torque}_max_n_m', 'N·m')}"
-        )
-        slip = "" if summary[f"slip_{n}"] is None else f", slip {100.0 * summary[f'slip_{n}']:.3g} %"
-        lines[f"power of motor {n}"] = (
-            f"mean {_short(summary, f'{power}_mean_w')} W, largest {_short(summary, f'{power}_max_w')}{slip}, "
-            f"ripple {_short(summary, f'speed_ripple_{n}_hz')} Hz{_peak(summary, f'{power}_max_w', 'W')}"
-        )
+        lines |= _motor(summary, n)
     bearings = ", ".join(_short(summary, f"bearing_force_{n}_max_n") for n in (1, 2))
-    lines["bearings, centrifugal"] = f"{bearings} N"
+    lines["bearings of the exciters"] = f"{bearings} N, largest centrifugal force"
     at = summary["synchronized_at_s"]
     if at is not None:
-        lines["in step"] = f"from {_number(at)} s on, after {_short(summary, 'start_energy_j')} J"
+        lines["in step"] = f"from {at:.4g} s on, after {_short(summary, 'start_energy_j')} J of the motors"
     if summary["captured_by"]:
         lines["captured"] = f"by the resonance in {summary['captured_by']}"
-    return force | lines
+    return lines
+
+
+def _motor(summary: Mapping[str, Any], n: int) -> dict[str, str]:
+    """Return what a data sheet says of a motor; shares are of its critical torque."""
+    torque, power, share = f"motor_torque_{n}", f"motor_power_{n}", f"torque_share_{n}"
+    shares = {name: summary.get(name) for name in (share, f"{share}_max", f"whole_{share}_max")}
+    mean, most, whole = ("" if one is None else f" ({100.0 * one:.3g} %)" for one in shares.values())
+    of = " of critical)" if mean else ""
+    most_column, peak = f"{torque}_max_n_m", _peak(summary, f"{torque}_max_n_m", f"N·m{whole}")
+    slip = "" if summary[f"slip_{n}"] is None else f"slip {100.0 * summary[f'slip_{n}']:.3g} %, "
+    return {
+        f"torque of motor {n}": f"mean {_short(summary, f'{torque}_mean_n_m')} N·m{mean.replace(')', of)}, "
+        f"largest {_short(summary, most_column)} N·m{most}{peak}",
+        f"power of motor {n}": f"mean {_short(summary, f'{power}_mean_w')} W, "
+        f"largest {_short(summary, f'{power}_max_w')} W{_peak(summary, f'{power}_max_w', 'W')}",
+        f"speed of motor {n}": f"{slip}ripple {_short(summary, f'speed_ripple_{n}_hz')} Hz",
+    }
 
 
 def _short(summary: Mapping[str, Any], column: str, factor: float = 1.0) -> str:
     """Write a value of a summary with three digits."""
     value = summary[column]
-    return "none" if value is None else f"{factor * value:.3g}"
+    return "none" if value is None else rounded(factor * value)
 
 
 def _peak(summary: Mapping[str, Any], column: str, unit: str, factor: float = 1.0) -> str:
@@ -100,14 +113,14 @@ def _peak(summary: Mapping[str, Any], column: str, unit: str, factor: float = 1.
     if value is None or value == summary[column]:
         return ""
     at, pace = summary[f"whole_{base}_at_s"], summary[f"whole_{base}_at_hz"]
-    return f"; whole run {factor * value:.3g} {unit} at {at:.4g} s, {pace:.3g} Hz"
+    return f"; whole run: {rounded(factor * value)} {unit} at {at:.4g} s, {pace:.3g} Hz"
 
 
 def whole(summary: Mapping[str, Any]) -> dict[str, str]:
     """Return what is of the whole run, and the work done."""
     steps, calls = summary["steps"], summary["residual_calls"]  # engine taylor has no residual
     return _lines(
-        ("phi, largest in whole run", summary["phi_max_rad"], "rad"),
+        ("phi, largest", summary["phi_max_rad"], "rad in the whole run"),
         ("energy residual", summary["energy_residual"], ""),
         ("steps", steps, "") if calls is None else ("steps, residual calls", [steps, calls], ""),
         ("wall time", summary["wall_s"], "s"),
@@ -142,11 +155,10 @@ def _phase(scene: Scene, summary: Mapping[str, Any]) -> tuple[float | str | None
     if drifts or summary["phase_difference_rad"] is None:
         return ("drifts" if drifts else None), ""
     named = synchronization(summary)
-    shakes = SHAKING.get((scene.rotation, named))
-    mainly = "" if scene.has_mirrored_exciters else "mainly "
-    return summary["phase_difference_rad"], "rad" if named == "none" else (
-        f"rad, {named}" + (f": shakes {mainly}{shakes}" if shakes else "")
-    )
+    told = with_shaking(named, scene.rotation)
+    if not scene.has_mirrored_exciters:
+        told = told.replace(": ", ": mainly ")
+    return summary["phase_difference_rad"], "rad" if named == "none" else f"rad, {told}"
 
 
 def _window(summary: Mapping[str, Any]) -> str:
@@ -155,6 +167,14 @@ def _window(summary: Mapping[str, Any]) -> str:
     if last <= first:
         return f"nothing: the run ended before {_number(first)} s"
     return f"{_number(first)} … {_number(last)} s, {turns or 'no'} whole turn{'' if turns == 1 else 's'}"
+
+
+def _period(summary: Mapping[str, Any]) -> str | None:
+    """Say after how many turns a motion repeats; a summary from before this was told has none."""
+    turns = summary.get("period")
+    if turns == 0:
+        return f"not settled, or no period up to {MAX_PERIOD} turns"
+    return turns and f"{turns} turn{'' if turns == 1 else 's'}"
 
 
 def _number(value: Any) -> str:

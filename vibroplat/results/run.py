@@ -24,8 +24,9 @@ from vibroplat.hybrid.state import EVENT
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.systems import FULL_SIZE
 from vibroplat.observe.notes import notes_on_samples, peaks_of
+from vibroplat.observe.section import section_rows
 from vibroplat.observe.sheet import columns
-from vibroplat.observe.statistics import Measures, section_rows
+from vibroplat.observe.statistics import Measures
 from vibroplat.observe.summary import INACCURATE
 from vibroplat.observe.tables import (
     ROW,
@@ -48,7 +49,7 @@ if TYPE_CHECKING:
 #: ``all``: two rows at each event, before and after it. ``unique``: the one after it only, so that times ascend.
 Sample = Literal["all", "unique"]
 #: Figures of a run.
-Kind = Literal["motion", "force", "exciters"]
+Kind = Literal["motion", "force", "exciters", "loads"]
 
 
 @dataclass(repr=False, kw_only=True)

@@ -8,6 +8,7 @@ import json
 import math
 import os
 import re
+import stat
 import tempfile
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
@@ -312,10 +313,9 @@ def require_replaceable(path: Path, begins: bytes = b"", *, overwrite: bool = Fa
     TableError
         That is so.
     """
-    with one_line_errors(path):
-        if not path.exists():
-            return
-        if not path.is_file():
+    head = b""
+    with one_line_errors(path), suppress(FileNotFoundError):  # also of a file that another process has just removed
+        if not stat.S_ISREG(path.stat().st_mode):
             raise TableError(f"{path} is no regular file; allowed: a new file or one to replace")
         with path.open("rb") as file:
             head = file.read(len(begins)).lower()

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from vibroplat.columns import Column, Columns
+from vibroplat.columns import SHAKING, Column, Columns
 from vibroplat.study.branches import EXCITATION, SUPPLY, study_table
 
 Flags = np.ndarray[Any, np.dtype[np.bool_]]
@@ -128,15 +128,19 @@ SHOWN = 6
 _LABELS = {"jump": "jump", "liftoff": "lift-off", "flight-end": "end of flight", "largest": "largest RMS y"}
 
 
-def band_lines(table: pd.DataFrame) -> Iterator[str]:
-    """Yield the bands of the first branches as text: a line for each branch, and one for each of its bands below it."""
+def band_lines(table: pd.DataFrame, rotation: str = "") -> Iterator[str]:
+    """Yield the bands of the first branches as text: a line for each branch, and one for each of its bands below it.
+
+    They say what the machine does if it is known how its exciters are driven, ``counter-rotating`` or ``co-rotating``.
+    """
     keys = list(table.columns[: list(table.columns).index("direction")])
     branches = table["branch"].unique()
     for branch in branches[:SHOWN]:
         rows = table[table["branch"] == branch]
         yield ", ".join([*(f"{key} {rows[key].iloc[0]}" for key in keys), str(rows["direction"].iloc[0])])
         for _, row in rows.iterrows():
-            yield f"  {_LABELS.get(row['kind'], row['name']):<26}{_span(row)}"
+            shakes = SHAKING.get((rotation, row["name"])) if row["kind"] == "band" else None
+            yield f"  {_LABELS.get(row['kind'], row['name']):<26}{_span(row)}{f': {shakes}' if shakes else ''}"
     if len(branches) > SHOWN:
         yield f"bands of {len(branches) - SHOWN} more branches are in the table bands"
 

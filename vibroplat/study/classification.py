@@ -17,8 +17,9 @@ import numpy as np
 from vibroplat.config.plans import SweepPlan
 from vibroplat.config.scene import Scene
 from vibroplat.model.parameters import FloatArray
+from vibroplat.observe.section import LONGEST_PERIOD, MAX_PERIOD, period
 from vibroplat.study.lyapunov import Exponent, largest_exponent
-from vibroplat.study.settling import LONGEST_PERIOD, MAX_PERIOD, Settling, draws_together, period
+from vibroplat.study.settling import Settling, draws_together
 
 #: Least ratio of the smaller to the larger extent of the section, in both halves of the measured part, at which it is
 #: steady: a section that still shrinks or grows has not settled.

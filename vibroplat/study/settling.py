@@ -17,13 +17,10 @@ import numpy as np
 
 from vibroplat.config.plans import SweepPlan
 from vibroplat.config.scene import Scene
-from vibroplat.hybrid.state import state_scales
 from vibroplat.model.parameters import FloatArray
 from vibroplat.motion.motion import Motion
-from vibroplat.observe.statistics import Measures, section_rows
+from vibroplat.observe.section import section_points, section_rows, spreads
 
-#: Longest period, in turns of exciter 1, that is searched for while a motion settles and at its end.
-MAX_PERIOD, LONGEST_PERIOD = 16, 64
 #: Turns of exciter 1 that are compared with as many before, and turns between two checks.
 TURNS, BLOCK = 32, 16
 #: Number of checks after which the next ones are LATE_BLOCK turns apart: what has not settled by then takes long.
@@ -34,6 +31,8 @@ NEAR = 30.0
 NOISE = 30.0
 #: Turns before the measured part over which the drift of the phase difference is taken.
 WANDERING = 192
+#: Where orbits are looked for, a motion that does not draw together goes on unobserved for this share of its time.
+UNSEEN = 0.5
 
 
 class KnownOrbit(NamedTuple):
@@ -165,12 +164,19 @@ def settle(motion: Motion, plan: SweepPlan, longest: float, seeker: Seeker | Non
     close = 0
     while (left := longest - motion.now) > 1e-9 * longest:
         block = BLOCK if motion.now < EARLY_LOOKS * BLOCK * turn else LATE_BLOCK
+        if seeker is not None and len(points) == 2 * TURNS and not close:
+            block = 2 * TURNS + BLOCK
+            unseen = min(UNSEEN * motion.now, left - WANDERING * turn)
+            if unseen > 0.0:
+                motion.to_time(motion.now + unseen)
+                points, times, phases = points[:0], times[:0], [phase_difference(motion)]
+                left -= unseen
         part = motion.advance(min(block * turn, left))
         if motion.outcome != "ok":
             return Settling("unfinished", motion.now)
         points = np.concatenate([points, section_points(part.measures, motion.scene)])[-2 * TURNS :]
         times = np.concatenate([times, section_rows(part.measures)["t"]])[-2 * TURNS :]
-        phases = [*phases, float(motion.state[3:5] @ motion.scene.phase_weights)][-max(WANDERING // block, 1) - 1 :]
+        phases = [*phases, phase_difference(motion)][-math.ceil(WANDERING / block) - 1 :]
         was_close = close
         close = draws_together(points, motion.scene, plan) if len(points) == 2 * TURNS else 0
         orbit = None if seeker is None else seeker.seek(motion, points, close)
@@ -179,6 +185,11 @@ def settle(motion: Motion, plan: SweepPlan, longest: float, seeker: Seeker | Non
         if close and was_close and not (seeker is not None and seeker.leaving):
             return Settling("periodic", motion.now, close, float(times[-1] - times[TURNS]) / (TURNS - 1))
     return Settling("maximum", motion.now, slip=phases[-1] - phases[0] if phases else 0.0)
+
+
+def phase_difference(motion: Motion) -> float:
+    """Phase difference of a motion, with all whole turns (rad)."""
+    return float(motion.state[3:5] @ motion.scene.phase_weights)
 
 
 def draws_together(points: FloatArray, scene: Scene, plan: SweepPlan) -> int:
@@ -195,43 +206,3 @@ def draws_together(points: FloatArray, scene: Scene, plan: SweepPlan) -> int:
         left = np.where(ratio < 1.0, now * ratio / (1.0 - ratio), np.inf)
     near = np.flatnonzero((now <= noise) | ((now <= NEAR * tolerance) & (left <= tolerance)))
     return int(near[0]) + 1 if near.size else 0
-
-
-# -- the Poincaré section --------------------------------------------------------------------------------
-
-
-def section_points(measures: Measures, scene: Scene) -> FloatArray:
-    """Points of the Poincaré section in the scales of the scene, in chronological order.
-
-    Returns
-    -------
-    array, shape (turns, 14)
-        Coordinates and rates over their scales. The exciters' angles are replaced by the cosine and sine of the
-        phase difference, so that whole turns do not matter.
-    """
-    states = section_rows(measures)["state"]
-    points = states / state_scales(scene)
-    phase = states[:, 3:5] @ scene.phase_weights
-    points[:, 3], points[:, 4] = np.cos(phase), np.sin(phase)
-    return points
-
-
-def spreads(points: FloatArray, first: int = 1, last: int = MAX_PERIOD) -> FloatArray:
-    """Spread for each number of turns n from the first to the last, shape (last − first + 1,).
-
-    A spread is the largest distance, in any coordinate, between points that are a multiple of n turns apart, the last
-    one fixed. It is inf if there are fewer than 2 n points.
-    """
-    found = np.full(last - first + 1, np.inf)
-    turns = np.arange(first, min(last, len(points) // 2) + 1)
-    if turns.size:
-        backwards = points[::-1]
-        same = np.arange(len(points)) % turns[:, np.newaxis]  # the last point of the same phase as each
-        found[: turns.size] = np.abs(backwards - backwards[same]).max(axis=(1, 2))
-    return found
-
-
-def period(points: FloatArray, tolerance: float, first: int = 1, last: int = MAX_PERIOD) -> int:
-    """Smallest number of turns after which the section repeats within a tolerance, or 0."""
-    repeats = np.flatnonzero(spreads(points, first, last) <= tolerance)
-    return int(repeats[0]) + first if repeats.size else 0

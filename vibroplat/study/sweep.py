@@ -258,7 +258,7 @@ def overview(table: pd.DataFrame) -> dict[str, str]:
     lines = {
         "points": f"{len(table)} in {table['branch'].nunique()} branches",
         "outcomes": _counts(table["outcome"]),
-        "synchronization": _synchronizations(table),
+        "synchronization": synchronizations(table),
         "motions": _counts(table["motion"]),
         "periods": _counts(table["period"].map({0: "none"}).fillna(table["period"].astype("str"))),
         "simulated": f"{table['simulated_s'].sum():.6g} s, {table['events'].sum()} events, "
@@ -273,8 +273,8 @@ def overview(table: pd.DataFrame) -> dict[str, str]:
     return {label: text for label, text in lines.items() if text}
 
 
-def _synchronizations(table: pd.DataFrame) -> str:
-    """Count the kinds of synchronization, and say what each shakes."""
+def synchronizations(table: pd.DataFrame) -> str:
+    """Count the kinds of synchronization, and say what the machine does in each."""
     counts = table[["rotation", "sync"]].dropna().value_counts().reset_index()
     kinds = zip(counts["rotation"], counts["sync"], counts["count"], strict=True)
     shakes = {kind: f" ({what})" for kind, what in SHAKING.items()}

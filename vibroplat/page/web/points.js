@@ -30,7 +30,7 @@ class Points {
     this.table = new Table(data.table, `Table ${data.table.title}`, `${label}-${data.table.title}.csv`, row => this.pick(row));
     this.section = element("section", {class: "study"}, element("h2", {}, several ? `${title}: ${label}` : title, differs(data.result)),
       this.choice(), element("div", {class: "beside"}, this.figure, this.row),
-      element("p", {class: "hint"}, `${MEANINGS[data.command]} ${this.told()}`), this.table.box);
+      element("p", {class: "hint"}, `${MEANINGS[data.command]} ${data.shaking} ${this.told()}`), this.table.box);
     if (data.special) {
       const special = new Table(data.special, "Special points", `${label}-special.csv`, row => this.special(row));
       this.section.append(special.box);

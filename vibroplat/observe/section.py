@@ -1,0 +1,82 @@
+"""The Poincaré section of what was measured: points at whole turns of exciter 1, and after how many they repeat."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from vibroplat.config.scene import Scene
+from vibroplat.hybrid.state import state_scales
+from vibroplat.kernels.compiled import FloatArray
+from vibroplat.observe.statistics import Measures
+
+#: Longest period, in turns of exciter 1, that is searched for while a motion settles and at its end.
+MAX_PERIOD, LONGEST_PERIOD = 16, 64
+#: Of a run: largest distance of points that repeat, in the scales of the scene, and up to which they count as equal. Of
+#: shorter periods the distance is larger by this factor: the rest of a slow oscillation, which may come back to itself
+#: after some turns, decays by less.
+NEAR, EQUAL, CLEARLY = 1e-3, 1e-5, 30.0
+
+
+def section_rows(ms: Measures) -> npt.NDArray[np.void]:
+    """Points of the Poincaré section that are kept, records of :data:`SECTION` in the order of time."""
+    turns, most = int(ms.marks["turns"]), ms.section.size
+    return ms.section[np.arange(max(turns - most, 0), turns) % most]
+
+
+def whole_periods(ms: Measures, turns: int) -> Measures:
+    """Cut the sums over whole turns to whole periods of so many turns; where there is none, they stay as they are."""
+    done = int(ms.marks["turns"]) - 1
+    left = done % turns
+    if not 0 < left < done:
+        return ms
+    point, marks = ms.section[(done - left) % ms.section.size], ms.marks.copy()
+    marks["turns"] -= left
+    marks["last"] = point["t"], *point["state"][3:5], point["impacts"]
+    return ms._replace(whole=point["sums"].copy(), marks=marks)
+
+
+def section_points(measures: Measures, scene: Scene) -> FloatArray:
+    """Points of the Poincaré section in the scales of the scene, in chronological order.
+
+    Returns
+    -------
+    array, shape (turns, 14)
+        Coordinates and rates over their scales. The exciters' angles are replaced by the cosine and sine of the
+        phase difference, so that whole turns do not matter.
+    """
+    states = section_rows(measures)["state"]
+    points = states / state_scales(scene)
+    phase = states[:, 3:5] @ scene.phase_weights
+    points[:, 3], points[:, 4] = np.cos(phase), np.sin(phase)
+    return points
+
+
+def spreads(points: FloatArray, first: int = 1, last: int = MAX_PERIOD) -> FloatArray:
+    """Spread for each number of turns n from the first to the last, shape (last − first + 1,).
+
+    A spread is the largest distance, in any coordinate, between points that are a multiple of n turns apart, the last
+    one fixed. It is inf if there are fewer than 2 n points.
+    """
+    found = np.full(last - first + 1, np.inf)
+    turns = np.arange(first, min(last, len(points) // 2) + 1)
+    if turns.size:
+        backwards = points[::-1]
+        same = np.arange(len(points)) % turns[:, np.newaxis]  # the last point of the same phase as each
+        found[: turns.size] = np.abs(backwards - backwards[same]).max(axis=(1, 2))
+    return found
+
+
+def period(points: FloatArray, tolerance: float, first: int = 1, last: int = MAX_PERIOD) -> int:
+    """Smallest number of turns after which the section repeats within a tolerance, or 0."""
+    repeats = np.flatnonzero(spreads(points, first, last) <= tolerance)
+    return int(repeats[0]) + first if repeats.size else 0
+
+
+def latest_period(points: FloatArray) -> int:
+    """Smallest number of turns after which the last points repeat about as well as after any other, or 0."""
+    ends = range(1, min(MAX_PERIOD, len(points) - MAX_PERIOD) + 1)
+    apart = np.array([np.abs(points[-MAX_PERIOD:] - points[-MAX_PERIOD - n : -n]).max() for n in ends])
+    if not apart.size or apart.min() > NEAR:
+        return 0
+    return int(np.argmax(apart <= max(CLEARLY * apart.min(), EQUAL))) + 1

@@ -1,0 +1,198 @@
+"""Tables of runs, prepared for figures: an interval of them, thinned out, and the range of values over time."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from vibroplat.columns import COORDINATES, FORCES, split
+from vibroplat.config.scene import Scene
+from vibroplat.errors import TableError
+from vibroplat.plots.reading import Cut, Ends, Saved, ends_of, rest_of
+
+_LOG = logging.getLogger("vibroplat")
+
+#: Most points of a line, more than a figure can show.
+POINTS = 20_000
+#: Most bins of an envelope; none is shorter than a turn, over which it would not be one.
+BINS = 400
+#: Turns of the exciters that are shown in detail if no interval is given.
+SHOWN_TURNS = 10
+
+_ANGLES = ("phi1_rad", "phi2_rad", "phi1_rate_rad_per_s", "phi2_rate_rad_per_s")
+_RATES = ("x_rate_m_per_s", "y_rate_m_per_s")
+#: Columns of which the largest value of the whole run is known, and what the summary calls it.
+_PEAKS = {
+    "force_y_n": "foundation_force_y_max_n",
+    "force_x_n": "foundation_force_x_max_n",
+    "y_m": "stroke_y_m",
+    "x_m": "stroke_x_m",
+}
+
+
+@dataclass(frozen=True)
+class Run:
+    """Tables of a run over the interval of its figures.
+
+    Attributes
+    ----------
+    name, scene
+        Its name, and its scene if the configuration can be read.
+    whole
+        The trajectory in that interval, thinned out.
+    envelope
+        Its least and largest values in short intervals: columns ``t_s``, ``y_m:min``, ``y_m:max`` …
+    shown
+        The rows shown in detail: all in the interval if one was given, otherwise the last turns.
+    events
+        The events among them.
+    co_rotating
+        Whether the exciters co-rotate.
+    chosen
+        Whether an interval was given.
+    from_rest
+        Whether y is counted from the static rest; if that is not known, it is as in the table.
+    peaks
+        Largest force into the foundation and stroke of the whole run, as far as they are known and in the interval: by
+        column its value, time (s) and the mean speed of the exciters then (Hz).
+    """
+
+    name: str
+    scene: Scene | None
+    whole: pd.DataFrame
+    envelope: pd.DataFrame
+    shown: pd.DataFrame
+    events: pd.DataFrame
+    co_rotating: bool
+    chosen: bool
+    from_rest: bool
+    peaks: Mapping[str, tuple[float, float, float]]
+
+    @property
+    def turns(self) -> float:
+        """Turns of exciter 1 in the rows shown."""
+        angles = self.shown["phi1_rad"]
+        return abs(float(angles.iloc[-1] - angles.iloc[0])) / (2.0 * math.pi)
+
+    @property
+    def is_long(self) -> bool:
+        """Whether it is much longer than its part shown in detail."""
+        return float(np.ptp(self.whole["t_s"])) > 1.5 * float(np.ptp(self.shown["t_s"]))
+
+    def range_of(self, column: str) -> float:
+        """Return the range of a coordinate over the whole interval (m)."""
+        ends = [f"{column}:min", f"{column}:max"]
+        return self.size(self.envelope[ends], column) if ends[0] in self.envelope else 0.0
+
+    def size(self, values: pd.DataFrame | pd.Series, column: str) -> float:
+        """Return the range of a coordinate's values (m); of a rotation, that of the exciters' axes."""
+        arm = (self.scene.body.distance if self.scene else 0.1) if column == "phi_rad" else 1.0
+        found = values.to_numpy(dtype=float)
+        found = found[np.isfinite(found)]
+        return arm * float(np.ptp(found)) if len(found) else 0.0
+
+
+#: How messages call a run in memory, an end of an interval of it, and a trajectory without rows.
+_IN_MEMORY = ("the run lasted", "{} = {:g}", "the trajectory is empty")
+
+
+def read_run(directory: Path, start: float | None = None, stop: float | None = None) -> Run:
+    """Read the tables of a run from ``start`` to ``stop`` (s); raises as :func:`run_of`, and where one is missing."""
+    result = Saved(directory, "run")
+    summary = result.summary
+    frequency = summary.get("excitation_frequency_hz", "")
+    known = frequency is None or (type(frequency) in (int, float) and frequency >= 0.0)
+    if not known or not isinstance(summary.get("name"), str):
+        raise TableError(f"{directory / 'summary.json'} is not the summary of a run")
+    ends = ends_of(result.column_parts("trajectory", (), ("t_s",)))
+    optional = [column for column in (*COORDINATES, *_RATES) if column != "y_m"]
+    trajectory = result.column_parts("trajectory", ("mode",), ("t_s", "y_m", *_ANGLES), optional)
+    events = result.column_parts("events", ("kind",), ("t_s", "impulse_n_s"))
+    told = (f"{directory} runs", "--{} {:g}", f"{directory} holds an empty trajectory")
+    return run_of(summary, result.known_scene, ends, trajectory, events, start, stop, told)
+
+
+def run_of(
+    summary: Mapping[str, Any],
+    scene: Scene | None,
+    ends: Ends | None,
+    trajectory: Iterable[pd.DataFrame],
+    events: Iterable[pd.DataFrame],
+    start: float | None = None,
+    stop: float | None = None,
+    told: tuple[str, str, str] = _IN_MEMORY,
+) -> Run:
+    """Cut the tables of a run, in parts, from ``start`` to ``stop`` (s).
+
+    Raises
+    ------
+    TableError
+        The trajectory is empty, or the interval holds no data.
+    """
+    subject, option, empty = told
+    if ends is None:
+        raise TableError(f"{empty}; there is nothing to plot")
+    first, last = float(ends.first["t_s"]), float(ends.last["t_s"])
+    length = f"{subject} from {first:g} to {last:g} s"
+    begin, end = _interval(first, last, start, stop, length, option)
+    frequency = summary["excitation_frequency_hz"]
+    chosen = start is not None or stop is not None
+    detail = max(begin, end - SHOWN_TURNS / frequency) if frequency and not chosen else begin
+    turns = int((end - begin) * (frequency or 0.0))
+    bins = min(turns, BINS) if turns else BINS
+    sag = summary.get("static_sag_m") if scene is None else -rest_of(scene)
+    parts = (_with_forces(part, scene).assign(y_m=part["y_m"] + (sag or 0.0)) for part in trajectory)
+    columns = (*COORDINATES, *FORCES)
+    found = Cut(parts, (detail, end), (begin, end, bins), columns, every=math.ceil(ends.rows / POINTS))
+    shown_events = pd.concat([part[part["t_s"].between(detail, end)] for part in events], ignore_index=True)
+    if found.shown["t_s"].nunique() < 2:
+        raise TableError(f"no data between {begin:g} and {end:g} s; {length}")
+    co_rotating = summary.get("rotation") == "co-rotating"
+    cut = (found.thinned, found.envelope(), found.shown, shown_events)
+    peaks = {column: one for column, one in _peaks(summary).items() if begin <= one[1] <= end}
+    return Run(summary["name"], scene, *cut, co_rotating, chosen, sag is not None, peaks)
+
+
+def _with_forces(part: pd.DataFrame, scene: Scene | None) -> pd.DataFrame:
+    """Add the forces of springs and dampers into the foundation to a part of a trajectory, if they are known."""
+    if scene is None or not {"x_m", "y_m", *_RATES} <= {*part.columns}:
+        return part
+    machine = scene.machine
+    along_x = machine.stiffness_x_n_per_m * part["x_m"] + machine.damping_x_n_s_per_m * part["x_rate_m_per_s"]
+    along_y = machine.stiffness_y_n_per_m * part["y_m"] + scene.damping_y * part["y_rate_m_per_s"]
+    return part.assign(force_x_n=along_x, force_y_n=along_y)
+
+
+def _peaks(summary: Mapping[str, Any]) -> dict[str, tuple[float, float, float]]:
+    """Return the peaks of a whole run from its summary; one from before there were data sheets has none."""
+    found = {}
+    for column, name in _PEAKS.items():
+        base = split(name)[0]
+        value, at, pace = (summary.get(f"whole_{key}") for key in (name, f"{base}_at_s", f"{base}_at_hz"))
+        if value is not None and at is not None and pace is not None:
+            found[column] = (value, at, pace)
+    return found
+
+
+def _interval(
+    first: float, last: float, start: float | None, stop: float | None, length: str, option: str
+) -> tuple[float, float]:
+    """Return the interval of the figures; say how long the run was where the one given lies outside, or in part."""
+    begin, end = first if start is None else start, last if stop is None else stop
+    given = [(name, value) for name, value in (("start", start), ("stop", stop)) if value is not None]
+    beyond = [("start", begin)] if begin > last else [("stop", end)] if end < first else []
+    for name, value in [(name, value) for name, value in given if math.isnan(value)] + beyond:
+        raise TableError(f"{option.format(name, value)}: {length}; allowed: a time within it")
+    if begin >= end:
+        raise TableError(f"{option.format('start', begin)} is not before {option.format('stop', end)}; {length}")
+    for name, value in given:
+        if not first <= value <= last:
+            _LOG.warning("%s: %s; the figures show what there is", option.format(name, value), length)
+    return max(begin, first), min(end, last)
