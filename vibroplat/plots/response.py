@@ -120,7 +120,7 @@ def _draw(
     style: dict[str, Any] = {"color": color, **_LOOKS[up]}
     width, marker_size = (size * number for number in _SIZES_OF[up])
     line = np.insert(course.places, course.behind, np.nan), np.insert(values, course.behind, np.nan)
-    looks = [
+    looks: list[dict[str, Any]] = [
         {"fillstyle": filling, "marker": DIRECTIONS["up" if up else "down"], "ms": marker_size, "mew": 0.7}
         for filling, _ in course.fillings
     ]
