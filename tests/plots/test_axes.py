@@ -29,7 +29,7 @@ def points(axis, fillstyle=None, marker=None):
     return [
         line
         for line in axis.lines
-        if line.get_linestyle() == "None"
+        if line.get_marker() != "None"
         and (fillstyle is None or line.get_fillstyle() == fillstyle)
         and (marker is None or line.get_marker() == marker)
     ]
