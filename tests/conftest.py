@@ -1,7 +1,5 @@
 """Fixtures of several rooms."""
 
-from __future__ import annotations
-
 import csv
 import signal
 from collections import Counter

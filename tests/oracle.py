@@ -3,8 +3,6 @@
 It shares with the package only the right-hand side and the impact map, both checked on their own.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

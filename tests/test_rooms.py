@@ -5,8 +5,6 @@ given to functions. Only ``vibroplat/__init__.py`` may know everything; a public
 as an import of the module where it is.
 """
 
-from __future__ import annotations
-
 import ast
 import re
 from graphlib import TopologicalSorter

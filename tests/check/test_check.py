@@ -1,7 +1,5 @@
 """Two engines check each other: what must be found, and what must not be held against them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import pytest

@@ -1,7 +1,5 @@
 """The command line as a user meets it: exit codes, lines on stderr, files."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

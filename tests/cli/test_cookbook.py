@@ -1,7 +1,5 @@
 """Every answer of the cookbook runs: blocks of Python after its opening lines, commands one after the other."""
 
-from __future__ import annotations
-
 import re
 import shlex
 import shutil

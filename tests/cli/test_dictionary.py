@@ -1,7 +1,5 @@
 """Keys and columns: each is described, and the pages in results/ are those that the commands write."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pandas as pd

@@ -1,7 +1,5 @@
 """``--engine`` and ``--check`` on the command line."""
 
-from __future__ import annotations
-
 import pytest
 from common.commands import not_a_line
 from common.places import QUICKSTART

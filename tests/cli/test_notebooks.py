@@ -3,8 +3,6 @@
 Write them again: ``jupyter execute --inplace results/notebooks/*.ipynb``.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

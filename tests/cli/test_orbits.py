@@ -1,7 +1,5 @@
 """``vibroplat orbits``: its files and its overview, what it refuses, and going on after a kill."""
 
-from __future__ import annotations
-
 import contextlib
 import shutil
 import signal

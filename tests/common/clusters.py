@@ -1,7 +1,5 @@
 """Dask schedulers and workers in processes of their own, with this package or another one."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import shutil

@@ -1,7 +1,5 @@
 """Commands in this process and in a process of their own, and how they end."""
 
-from __future__ import annotations
-
 import contextlib
 import gc
 import io

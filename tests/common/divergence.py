@@ -1,7 +1,5 @@
 """How fast the volume of states changes along a run, by the model alone."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from vibroplat.model.accelerations import accelerations, linearize

@@ -1,7 +1,5 @@
 """Properties that hold for whatever Hypothesis draws; it is loaded when the first of them is tested."""
 
-from __future__ import annotations
-
 import functools
 import inspect
 

@@ -1,7 +1,5 @@
 """Small results written by hand: of a sweep and of orbits."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Limits of processor time."""
 
-from __future__ import annotations
-
 import signal
 from contextlib import contextmanager
 

@@ -1,7 +1,5 @@
 """Branches and boundaries of a scene, in this process."""
 
-from __future__ import annotations
-
 from vibroplat.continuation.tables import boundaries, planned, trace
 from vibroplat.study.pool import pool
 from vibroplat.study.store import Store

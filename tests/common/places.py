@@ -1,7 +1,5 @@
 """Files of the repository that tests use."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]

@@ -3,8 +3,6 @@
 Each is ``NAME.yaml`` (the scene), ``NAME.trajectory.csv`` (without rows at events) and ``NAME.events.csv``.
 """
 
-from __future__ import annotations
-
 import pandas as pd
 
 from common.places import ROOT

@@ -1,7 +1,5 @@
 """What commands leave in a directory of results."""
 
-from __future__ import annotations
-
 import json
 import re
 import sqlite3

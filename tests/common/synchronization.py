@@ -6,8 +6,6 @@ torque on exciter i in its own direction is then ½ kᵢ ω⁴ Σⱼ kⱼ Im[H�
 damping these are the criteria of Blekhman for counter-rotating and for co-rotating exciters.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A supply over time: what a program means between and at its entries."""
 
-from __future__ import annotations
-
 import math
 from itertools import pairwise
 

@@ -1,7 +1,5 @@
 """Values at the ends of what a configuration takes: a run, or a named outcome, never a traceback."""
 
-from __future__ import annotations
-
 import pytest
 from common.limits import cpu_seconds
 from common.places import QUICKSTART

@@ -3,8 +3,6 @@
 Types, ranges and defaults of all keys are in results/configuration.md, which is compared elsewhere.
 """
 
-from __future__ import annotations
-
 import pytest
 
 from vibroplat import Scene, load_config

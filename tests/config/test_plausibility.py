@@ -1,7 +1,5 @@
 """Notes on numbers of a scene that are unusual or taken by default."""
 
-from __future__ import annotations
-
 import contextlib
 import pickle
 

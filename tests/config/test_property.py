@@ -1,7 +1,5 @@
 """Whatever a configuration holds, it becomes a scene or one line for the user."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

@@ -1,7 +1,5 @@
 """Files and settings: what is read, how files lie over each other, and what hostile files cannot do."""
 
-from __future__ import annotations
-
 import pytest
 from common.limits import cpu_seconds
 from common.places import QUICKSTART, ROOT

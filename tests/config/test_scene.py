@@ -1,7 +1,5 @@
 """Scenes: what they are made of, how they are changed and written, and the schema of their files."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What several files of these tests share."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 MACHINE = Path(__file__).with_name("machine.yaml")

@@ -1,7 +1,5 @@
 """From where motion is known to come to a stable orbit."""
 
-from __future__ import annotations
-
 from contextlib import closing
 
 import numpy as np
@@ -11,6 +9,7 @@ from continuation.helpers import MACHINE
 from vibroplat import load_config
 from vibroplat.continuation.attraction import Attraction, contracting_norm
 from vibroplat.continuation.orbit import accurate, first_orbit
+from vibroplat.continuation.seeker import _returns
 from vibroplat.continuation.shooting import Shooter
 
 
@@ -56,3 +55,11 @@ def test_an_orbit_does_not_attract_from_anywhere(flying):
     assert not around.attracts(shooter, 30.0)
     assert not around.draws(shooter, moved(around, 5.0))
     assert around.distance(around.state, around.system + 1) == np.inf
+
+
+def test_returns_of_a_section_are_tried_once_near_each_orbit():
+    """It leaves a point, and after far ways a pair of points."""
+    away = 1e-3 * 2.0 ** np.arange(12)
+    pair = 10.0 + 2.5 * np.tile([1.0, -1.0], 6) + away
+    points = np.concatenate([3.0 + away, np.arange(50.0, 500.0, 30.0), pair])
+    assert list(_returns(points[:, np.newaxis])) == [(1, 0), (2, 27)]

@@ -1,7 +1,5 @@
 """Branches of a ball on a table against closed formulas (Holmes 1982; Luck and Mehta 1993)."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Branches, boundaries and single orbits of a machine whose special points are known."""
 
-from __future__ import annotations
-
 from contextlib import closing
 from dataclasses import replace
 

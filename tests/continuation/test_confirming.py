@@ -1,7 +1,5 @@
 """Sweeps whose points are confirmed by orbits."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Tables of branches of orbits: rows, columns, types."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

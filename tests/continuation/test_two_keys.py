@@ -1,7 +1,5 @@
 """Boundaries in two keys: where they go, and their check by settled motion on both sides."""
 
-from __future__ import annotations
-
 from collections import Counter
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Input without an end, or far too much of it: refused soon, in one line."""
 
-from __future__ import annotations
-
 import os
 import socket
 import subprocess

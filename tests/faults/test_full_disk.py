@@ -1,7 +1,5 @@
 """No room, no permission, no directory: one line, nothing half-written, and what was finished before is kept."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import resource

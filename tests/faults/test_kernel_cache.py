@@ -1,7 +1,5 @@
 """Where the machine code of kernels is kept, and that it is never out of date."""
 
-from __future__ import annotations
-
 import ast
 import importlib
 import os

@@ -1,7 +1,5 @@
 """Results of another schema, or of whose making nothing is known, are refused by figures and by ``--resume``."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import sqlite3

@@ -1,7 +1,5 @@
 """Ctrl-C, SIGTERM or SIGKILL at any moment: one line at most, complete result files, and work that can be resumed."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import signal

@@ -1,7 +1,5 @@
 """Finished points outlive the process, and damaged or lost ones are seen: the same table or one line, never another."""
 
-from __future__ import annotations
-
 import json
 import math
 import os

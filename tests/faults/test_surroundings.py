@@ -1,7 +1,5 @@
 """Commands in poor surroundings: closed streams, narrow encodings, little memory, kernels that may not be compiled."""
 
-from __future__ import annotations
-
 import errno
 import json
 import os

@@ -1,7 +1,5 @@
 """Kernels compiled by two processes: each once, and neither waits for one that has died, nor outlives a command."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

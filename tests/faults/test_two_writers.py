@@ -1,7 +1,5 @@
 """Two commands write into one folder: what is read is of one of them, and nothing of a live process is removed."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

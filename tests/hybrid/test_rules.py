@@ -1,7 +1,5 @@
 """The rules between modes, by themselves."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

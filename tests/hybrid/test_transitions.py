@@ -1,7 +1,5 @@
 """Transitions in scenes made for them: liftoffs, impacts, latches."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from common.known import ball_on_table, motion_of

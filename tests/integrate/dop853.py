@@ -1,7 +1,5 @@
 """scipy's DOP853 behind the seam: all that a one-step method needs."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.integrate import DOP853
 

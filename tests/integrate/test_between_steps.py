@@ -1,7 +1,5 @@
 """Errors between steps are those of their ends: the polynomials are as accurate as the integrator."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Engines and their integrators: agreement, fallback, threads, counters, what is freed."""
 
-from __future__ import annotations
-
 import gc
 import logging
 import resource

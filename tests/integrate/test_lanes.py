@@ -1,7 +1,5 @@
 """Loops over rows as vectors, against numpy."""
 
-from __future__ import annotations
-
 from itertools import product
 
 import numpy as np
@@ -9,6 +7,7 @@ import numpy as np
 from vibroplat.kernels import lanes
 from vibroplat.kernels.compiled import compiled
 from vibroplat.kernels.pairs import paired, parted
+from vibroplat.kernels.sines import sines as sines_of
 
 
 @compiled
@@ -40,7 +39,7 @@ def differentiate(c, degree, s, out):
 @compiled
 def sines(x, y, out):
     for i in range(x.size):
-        out[i, 0], out[i, 1], out[i, 2], out[i, 3] = lanes.sines(x[i], y[i])
+        out[i, 0], out[i, 1], out[i, 2], out[i, 3] = sines_of(x[i], y[i])
 
 
 @compiled

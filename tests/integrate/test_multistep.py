@@ -1,7 +1,5 @@
 """What a multistep method needs beside its steps: polynomials through their ends, falls within them, first steps."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

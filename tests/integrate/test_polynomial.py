@@ -1,7 +1,5 @@
 """Polynomials of steps: guards' falls against numpy's roots, extremes, crossings, fits."""
 
-from __future__ import annotations
-
 from itertools import product
 
 import numpy as np

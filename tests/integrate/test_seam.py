@@ -1,7 +1,5 @@
 """The seam is whole: DOP853 behind it passes what the package's own integrators pass, and fails as they do."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Engine taylor: where steps end, how sure a guard is, rest of exciters, ends without a motion."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from common.random_scenes import random_scene

@@ -1,7 +1,5 @@
 """The Taylor series against the model: accelerations and contact force evaluated again along their polynomials."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

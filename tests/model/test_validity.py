@@ -1,7 +1,5 @@
 """How far the platform may turn before a model of first order in φ breaks down."""
 
-from __future__ import annotations
-
 import math
 from itertools import product
 

@@ -1,7 +1,5 @@
 """Where runs begin: where another one ended, and slightly off a start that is symmetric."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A supply that ramps, jumps and is switched: its corners are events, and all engines take them alike."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import pytest

@@ -1,8 +1,6 @@
 """The examples of configs/examples show what their headers say; known answers are averaged torques, see
 :mod:`common.synchronization`."""
 
-from __future__ import annotations
-
 import math
 from functools import cache
 

@@ -1,7 +1,5 @@
 """Scenes that give each exciter its numbers: the same as with the older keys where exciters are equal, and not else."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from common.results import bits

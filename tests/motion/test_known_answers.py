@@ -1,7 +1,5 @@
 """Motions with a known answer; the numbers are formulas evaluated independently (cases with sources in the text)."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Memory of a run: tables are made while it goes on, what cannot fit is refused, what runs out ends it with a name."""
 
-from __future__ import annotations
-
 import gc
 import json
 import subprocess

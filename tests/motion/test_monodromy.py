@@ -1,7 +1,5 @@
 """The derivative of a run's end as it is asked for and told."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """A motion carried on to a time, to points of its section, to events, and read while it goes."""
 
-from __future__ import annotations
-
 import math
 from itertools import pairwise
 

@@ -4,8 +4,6 @@ The bounds are those of the specification at tolerance 1e-8. A work–precision 
 test) puts the measured errors a factor of 10 to 100 below them where the motion does not amplify errors.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import pytest

@@ -1,7 +1,5 @@
 """Whole runs: repeatability, scenes that need less, outcomes, memory, continuation."""
 
-from __future__ import annotations
-
 import math
 import resource
 from pathlib import Path

@@ -21,8 +21,6 @@ standstills; their power of tolerance is 1.0 to 1.2, and what remains at 1e-14 i
 as at 1e-6. Those of ``native`` are up to 90 to 1100 times the tolerance.
 """
 
-from __future__ import annotations
-
 import math
 from functools import cache
 

@@ -1,7 +1,5 @@
 """Energy balance of whole runs, and the outcome of those that do not keep it."""
 
-from __future__ import annotations
-
 from itertools import product
 
 import pytest

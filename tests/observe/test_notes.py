@@ -1,7 +1,5 @@
 """Notes on what was measured: rotation, capture, samples."""
 
-from __future__ import annotations
-
 import pytest
 from common.places import QUICKSTART
 

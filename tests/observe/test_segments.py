@@ -1,7 +1,5 @@
 """Tables and dense output of a run."""
 
-from __future__ import annotations
-
 from vibroplat import simulate
 
 

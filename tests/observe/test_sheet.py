@@ -1,7 +1,5 @@
 """The data sheet: against closed forms, balances, trajectories, and between engines."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Statistics and the Poincaré section of a run."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from common.known import motion_of

@@ -1,7 +1,5 @@
 """The derivative of a motion's state against differences of motions, and against what is known of it."""
 
-from __future__ import annotations
-
 import math
 from contextlib import closing
 

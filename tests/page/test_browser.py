@@ -1,7 +1,5 @@
 """The page in a browser: it is drawn, it moves, it can be clicked, on narrow and on wide screens."""
 
-from __future__ import annotations
-
 import csv
 import io
 import shutil

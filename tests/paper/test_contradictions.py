@@ -1,7 +1,5 @@
 """What the paper's numbers contradict of its figures, by formulas: against simulation and against each other."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

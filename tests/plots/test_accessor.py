@@ -1,7 +1,5 @@
 """``table.vibroplat.plot()`` of trajectories, sweeps and branches."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 
@@ -68,8 +66,11 @@ def test_what_cannot_be_drawn_is_refused(table, x, told):
 
 
 def test_tables_that_pandas_reads_offer_it_too():
-    """In whatever order pandas and the package are loaded; a room alone loads no pandas before it makes a table."""
-    for code in ("from vibroplat import load; import pandas", "import pandas; from vibroplat import load"):
-        subprocess.run([sys.executable, "-c", f"{code}; pandas.DataFrame.vibroplat"], check=True)
-    code = "from vibroplat.motion.recorder import pd; assert 'pandas' not in __import__('sys').modules"
-    subprocess.run([sys.executable, "-c", f"{code}; pd.DataFrame.vibroplat"], check=True)
+    """In whatever order pandas and the package are loaded; a room alone loads none, and no run loads matplotlib."""
+    code = (
+        "import sys; from vibroplat.motion.recorder import pd; assert 'pandas' not in sys.modules;"
+        "from vibroplat import Scene, simulate; run = simulate(Scene().replace({'run.duration_s': 0.01}));"
+        "repr(run); run.rows('unique'); assert 'matplotlib' not in sys.modules"
+    )
+    for loaded in (f"{code}; import pandas", "import pandas; from vibroplat import load"):
+        subprocess.run([sys.executable, "-c", f"{loaded}; pandas.DataFrame.vibroplat"], check=True)

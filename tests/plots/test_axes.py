@@ -1,7 +1,5 @@
 """Functions that draw tables into axes: what a reader of a figure could be misled by."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -31,7 +29,7 @@ def points(axis, fillstyle=None, marker=None):
     return [
         line
         for line in axis.lines
-        if line.get_linestyle() == "None"
+        if line.get_marker() != "None"
         and (fillstyle is None or line.get_fillstyle() == fillstyle)
         and (marker is None or line.get_marker() == marker)
     ]

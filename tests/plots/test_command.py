@@ -1,7 +1,5 @@
 """``vibroplat plot``: what is asked of it, measured data, formats, and the figures of the paper."""
 
-from __future__ import annotations
-
 import shutil
 
 import numpy as np

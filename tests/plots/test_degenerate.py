@@ -1,7 +1,5 @@
 """Every figure of every degenerate table: no panel vanishes, nothing is cut off, and what is known is seen."""
 
-from __future__ import annotations
-
 from itertools import combinations
 from types import SimpleNamespace
 

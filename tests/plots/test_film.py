@@ -1,7 +1,5 @@
 """The film of a run: what it shows moves; what cannot be filmed is refused."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from PIL import Image

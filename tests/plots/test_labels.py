@@ -1,7 +1,5 @@
 """What keys, values and results laid over each other are called."""
 
-from __future__ import annotations
-
 import itertools
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Figures of branches of orbits, from their tables alone, and of one orbit."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Trajectories are cut to intervals and thinned so that peaks stay."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 

@@ -1,7 +1,5 @@
 """Figures of runs: what is drawn, and what is refused."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

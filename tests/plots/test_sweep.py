@@ -1,7 +1,5 @@
 """Figures of sweeps, from their tables alone."""
 
-from __future__ import annotations
-
 import json
 
 import matplotlib as mpl
@@ -15,6 +13,7 @@ from common.results import unproven
 from vibroplat import load_config
 from vibroplat.errors import TableError
 from vibroplat.hybrid.state import static_rest
+from vibroplat.plots import response
 from vibroplat.plots.command import plot_results
 from vibroplat.plots.studies import read_sweeps
 from vibroplat.plots.sweep import FIGURES, PERIODS, SYNC, sweep_figures
@@ -31,7 +30,7 @@ def drawn(*directories, kinds=(), **options):
 
 
 def curves(axis):
-    """The lines of an axis, without their markers."""
+    """The lines of an axis; markers alone are left out."""
     return [line for line in axis.lines if line.get_linestyle() != "None"]
 
 
@@ -82,7 +81,7 @@ def test_response_has_a_curve_for_each_branch(write_sweep):
             assert known(line.get_xdata()).tolist() == known(rows["excitation_frequency_hz"]).tolist()
             if column is not None:
                 assert known(line.get_ydata()) == pytest.approx(factor * known(rows[column]))
-    lines, markers = curves(figure.axes[0]), [line for line in figure.axes[0].lines if line.get_linestyle() == "None"]
+    lines, markers = curves(figure.axes[0]), [line for line in figure.axes[0].lines if line.get_marker() != "None"]
     colours = [line.get_color() for line in lines]
     assert colours[0] == colours[1] != colours[2] == colours[3]
     assert [line.get_linestyle() for line in lines] == ["-", "--", "-", "--"]
@@ -91,6 +90,15 @@ def test_response_has_a_curve_for_each_branch(write_sweep):
     named = texts(figure.legends[0])
     assert named[:4] == ["$\\mu_w$ = 0", "$\\mu_w$ = 0.2", "supply frequency up", "supply frequency down"]
     assert named[4:] == ["periodic", "not periodic", "failed"]
+
+
+def test_what_all_quantities_along_a_branch_share_is_found_once(write_sweep, monkeypatch):
+    """With many branches it took most of the time."""
+    asked = []
+    found = response.jumps
+    monkeypatch.setattr(response, "jumps", lambda rows: asked.append(rows) or found(rows))
+    axes = drawn(write_sweep())["response"].axes
+    assert len(asked) == sweep_table()["branch"].nunique() < len(axes)
 
 
 def test_response_leaves_out_force_and_flight_where_there_is_none_and_is_over_either_frequency(write_sweep):

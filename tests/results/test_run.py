@@ -1,8 +1,5 @@
 """A run at a prompt and in a notebook: card, figure, files."""
 
-from __future__ import annotations
-
-import subprocess
 import sys
 
 import matplotlib.pyplot as plt
@@ -66,14 +63,6 @@ def test_figures_that_there_are_not(run, runs):
         run.plot("map")
     with pytest.raises(ValueError, match="this run has no contact; allowed: motion, exciters, loads"):
         runs["bare"].plot("force")
-
-
-def test_a_run_that_is_not_drawn_loads_no_matplotlib():
-    code = (
-        "import sys; from vibroplat import Scene, simulate; run = simulate(Scene().replace({'run.duration_s': 0.01}));"
-        "repr(run); run.rows('unique'); assert 'matplotlib' not in sys.modules"
-    )
-    subprocess.run([sys.executable, "-c", code], check=True)
 
 
 # -- files ----------------------------------------------------------------------------------------------

@@ -1,7 +1,5 @@
 """Tables on disk, and the tables of a run: columns, rows, dense output."""
 
-from __future__ import annotations
-
 import itertools
 import math
 import os

@@ -1,7 +1,5 @@
 """What several files of these tests share."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from vibroplat import load_config, sweep

@@ -1,7 +1,5 @@
 """Bands of a sweep, and where a branch jumps."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import pytest

@@ -1,7 +1,5 @@
 """Schedulers and workers of dask that are none, are others, or go: one line, and what is finished is kept."""
 
-from __future__ import annotations
-
 import contextlib
 import http.server
 import logging

@@ -1,7 +1,5 @@
 """What a worker must have in common with the process that sends it tasks."""
 
-from __future__ import annotations
-
 import json
 import math
 import os

@@ -1,7 +1,5 @@
 """The section ``sweep``: what it makes of a user's values, and the line that a wrong one is answered with."""
 
-from __future__ import annotations
-
 import pytest
 from common.places import LOADED
 

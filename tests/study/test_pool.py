@@ -1,7 +1,5 @@
 """Chains of tasks: stored once, the same results however they are spread over workers, and when workers die."""
 
-from __future__ import annotations
-
 import math
 import os
 import signal

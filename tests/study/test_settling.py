@@ -1,7 +1,5 @@
 """How long a point settles, and what is read off a Poincaré section; what does not repeat is known."""
 
-from __future__ import annotations
-
 import math
 from contextlib import closing, contextmanager
 

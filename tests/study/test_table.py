@@ -1,7 +1,5 @@
 """The table of a sweep: its columns, what is in them, points that fail, seeds."""
 
-from __future__ import annotations
-
 import gc
 import itertools
 import json

@@ -7,8 +7,6 @@ comparison, default or column. The package is copied, changed and tested: first 
 notice most, then by all quick ones. A line for each says which test failed first, or that none did.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import re

@@ -58,7 +58,7 @@ class Attraction:
         chart, section_map = found.chart, found.chart.section_map(found.shot)
         kept = np.arange(chart.places.size) != chart.phase
         self.state, self.system, self.turns = chart.unpack(found.u)[0], chart.system, turns
-        self._places, self._scales = chart.places[kept], chart.scales[kept]
+        self._places, self._scales, self._turn = chart.places[kept], chart.scales[kept], TURN / chart.speed
         values, right = np.linalg.eig(section_map)
         self.rate = float(np.abs(values).max())
         self._slowest: FloatArray = right[:, int(np.abs(values).argmax())].real
@@ -109,7 +109,7 @@ class Attraction:
         motion.reset(start)
         return (
             motion.system.index == self.system
-            and motion.to_section(turns, 2.0 * (turns + 1) * TURN / shooter.scene.speed_scale)
+            and motion.to_section(turns, 2.0 * (turns + 1) * self._turn)
             and self.distance(motion.state, motion.system.index) <= bound * self._length(offset)
         )
 

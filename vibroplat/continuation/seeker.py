@@ -1,7 +1,7 @@
 """What sweeps ask of orbits: that which a motion comes to while it settles, and that of a point, to confirm it.
 
-After 16 turns of exciter 1, again after 32, 64, 128 …, and where the section draws together, Newton's method begins
-where the motion is. A stable orbit that attracts the motion from there is the one that it comes to
+After 16 turns of exciter 1, and at each look of :func:`vibroplat.study.settling.settle`, Newton's method begins where
+the motion is. A stable orbit that attracts the motion from there is the one that it comes to
 (:mod:`vibroplat.continuation.attraction`).
 """
 
@@ -35,8 +35,9 @@ LONGEST, FARTHEST = 8, 0.5
 MARGIN = 1e-4
 #: Multiplier above which decay is slow. How far beyond the motion an orbit must attract where it is not.
 SLOW, BEYOND = 0.9, 1.25
-#: Most tries from returns of a section that does not repeat, and their largest distance in the scales of the scene.
-TRIES, RETURN = 12, 2.0
+#: Most tries from returns of a section that does not repeat, their largest distance in the scales of the scene, and how
+#: far apart they begin, over their own distances.
+TRIES, RETURN, ELSEWHERE = 12, 2.0, 2.0
 #: Iterations of Newton's method.
 ITERATIONS = 8
 
@@ -45,10 +46,10 @@ class OrbitSeeker:
     """Looks for the orbit that a motion of a scene comes to; see :class:`vibroplat.study.settling.Seeker`."""
 
     def __init__(self, scene: Scene) -> None:
-        self._shooter = Shooter(accurate(scene, TOLERANCE))
-        self._looks = 0
+        self._shooter, self._turn = Shooter(accurate(scene, TOLERANCE)), TURN / scene.speed_scale
         self.reached: tuple[FloatArray, float] | None = None
         self.near = self.leaving = False
+        self._doubling, self._until = 0.0, 0.0  # of a distance, and until when it is not worth another look (s)
 
     def close(self) -> None:
         """Free what the engine holds."""
@@ -61,7 +62,7 @@ class OrbitSeeker:
 
     def first(self, start: FloatArray) -> KnownOrbit | None:
         """Follow a motion from a full state for BLOCK turns, and return the orbit that it surely comes to."""
-        motion, self._looks, self.reached = self._shooter.motion, 0, None
+        motion, self._until, self.reached = self._shooter.motion, 0.0, None
         motion.reset(start)
         points = section_points(motion.go_round(BLOCK, self._longest(BLOCK)).measures, self._shooter.scene)
         if len(points) <= BLOCK:
@@ -72,11 +73,13 @@ class OrbitSeeker:
     def seek(self, motion: Motion, points: FloatArray, period: int) -> KnownOrbit | None:
         """Return the orbit that a motion surely comes to, with a period in which it draws together, or 0."""
         own = self._shooter.motion
-        self._looks += 1
-        if not period and self._looks & (self._looks - 1):
+        if motion.now < self._until:
             return None
         own.reset(motion.state)
-        return self._look(points, period) if own.to_section(1, self._longest(1)) else None
+        orbit = self._look(points, period) if own.to_section(1, self._longest(1)) else None
+        if self.leaving:
+            self._until = motion.now + self._doubling
+        return orbit
 
     def hunt(self, points: FloatArray, states: FloatArray) -> Hunt:
         """Look for orbits from where a section that does not repeat comes back to itself, nearest first.
@@ -120,6 +123,7 @@ class OrbitSeeker:
             away = around.distance(state, system)
             if around.rate > 1.0 - MARGIN:
                 self.leaving = around.rate > 1.0 + MARGIN
+                self._doubling = math.log(2.0) / math.log(max(around.rate, 1.0 + MARGIN)) * found.shot.duration
             elif (
                 around.draws(self._shooter, state)
                 if around.rate > SLOW
@@ -161,18 +165,21 @@ class OrbitSeeker:
 
     def _longest(self, turns: int) -> float:
         """Time within which exciter 1 must make so many turns (s)."""
-        return 4.0 * (turns + 1) * TURN / self._shooter.scene.speed_scale
+        return 4.0 * (turns + 1) * self._turn
 
 
 def _returns(points: FloatArray) -> Iterator[tuple[int, int]]:
-    """Yield turns and places after which a section comes near to itself, the nearest first, most of them apart."""
+    """Yield turns and places after which a section comes near to itself, the nearest first, each elsewhere."""
     found: list[tuple[float, int, int]] = []
     for turns in range(1, LONGEST + 1):
         away = np.abs(points[turns:] - points[:-turns]).max(axis=1)
-        found += [(float(away[place]), turns, int(place)) for place in np.argsort(away)[:TRIES]]
+        found += [(float(away[place]), turns, int(place)) for place in np.argsort(away)[: 4 * TRIES]]
     tried: list[tuple[int, int]] = []
     for away, turns, place in sorted(found):
-        if len(tried) < TRIES and away < RETURN and all(n != turns or abs(place - k) >= n for n, k in tried):
+        if away > RETURN or len(tried) == TRIES:
+            break
+        same = [points[k : k + n] for n, k in tried if turns % n == 0]
+        if all(np.abs(points[place] - ways).max(axis=1).min() > ELSEWHERE * away for ways in same):
             tried.append((turns, place))
             yield turns, place
 

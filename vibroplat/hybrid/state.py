@@ -65,7 +65,7 @@ class Steps(NamedTuple):
     start: FloatArray  # of each step since the origin of its piece (s), shape (rows,)
     length: FloatArray  # its duration (s), shape (rows,)
     c: FloatArray  # coefficients, shape (rows, degree + 1, WIDTH)
-    ends: FloatArray  # unknowns at the ends of the steps, shape (rows, 14)
+    ends: FloatArray  # unknowns at the ends of the steps, shape (rows, WIDTH)
     pieces: npt.NDArray[np.void]  # closed ones, records of PIECE
     used: Any  # a record of USED
 
@@ -81,7 +81,7 @@ def no_steps(rows: int, degree: int) -> Steps:
         np.zeros(rows),
         np.zeros(rows),
         in_lines((rows, degree + 1, WIDTH)),
-        np.zeros((rows, FULL_SIZE)),
+        in_lines((rows, WIDTH)),
         np.zeros(rows, PIECE),
         np.zeros(1, USED)[0],
     )

@@ -235,7 +235,8 @@ def same_types(kernel: Callable[P, T]) -> Callable[P, T]:
         if found is not None:
             return found(*arguments)
         result = dispatcher(*arguments)
-        known = [overload.entry_point for overload in dispatcher.overloads.values()]
+        # the values of numba's ordered dictionary as its own method gives them take a hash of all types each
+        known = [overload.entry_point for overload in dict.values(dispatcher.overloads)]
         found = known[0] if len(known) == 1 else dispatcher
         return result
 

@@ -18,8 +18,8 @@ from numba.extending import intrinsic
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.kernels.pairs import PAIR, Pair, pair_of
 
-_INDEX = ir.IntType(64)
-_PLACE = ir.IntType(32)
+INDEX = ir.IntType(64)
+PLACE = ir.IntType(32)
 #: A product may be added to a sum without being rounded in between.
 _FUSED = ("contract",)
 _BYTES = 8
@@ -46,18 +46,22 @@ class _Rows:
         if kind.ndim > 1:
             self._length = cgutils.unpack_tuple(builder, array.strides, kind.ndim)[0]
         else:
-            self._length = ir.Constant(_INDEX, 0)
-        self._base = builder.ptrtoint(array.data, _INDEX)
+            self._length = ir.Constant(INDEX, 0)
+        self._base = builder.ptrtoint(array.data, INDEX)
 
     def _place(self, row: Any, column: Any, kind: Any) -> Any:
         b = self._builder
         address = b.add(self._base, b.mul(row, self._length))
         if column is not None:
-            address = b.add(address, b.mul(column, ir.Constant(_INDEX, _BYTES)))
+            address = b.add(address, b.mul(column, ir.Constant(INDEX, _BYTES)))
         return b.inttoptr(address, kind.as_pointer())
 
     def load(self, row: Any, column: Any = None) -> Any:
         return self._builder.load(self._place(row, column, self.vector), align=_BYTES)
+
+    def load_one(self, row: Any, column: Any) -> Any:
+        """Load a single number."""
+        return self._builder.load(self._place(row, column, ir.DoubleType()), align=_BYTES)
 
     def store(self, row: Any, numbers: Any, column: Any = None) -> None:
         self._builder.store(numbers, self._place(row, column, numbers.type), align=_BYTES)
@@ -65,12 +69,12 @@ class _Rows:
 
 def _repeated(builder: Any, number: Any, vector: Any) -> Any:
     """Make a vector of one number."""
-    single = builder.insert_element(ir.Constant(vector, ir.Undefined), number, ir.Constant(_PLACE, 0))
-    first = ir.Constant(ir.VectorType(_PLACE, vector.count), [0] * vector.count)
+    single = builder.insert_element(ir.Constant(vector, ir.Undefined), number, ir.Constant(PLACE, 0))
+    first = ir.Constant(ir.VectorType(PLACE, vector.count), [0] * vector.count)
     return builder.shuffle_vector(single, ir.Constant(vector, ir.Undefined), first)
 
 
-def _elementwise(builder: Any, name: str, vector: Any) -> Any:
+def elementwise(builder: Any, name: str, vector: Any) -> Any:
     """Return LLVM's function of that name for all numbers of a vector."""
     kind = ir.FunctionType(vector, [vector])
     return cgutils.get_or_insert_function(builder.module, kind, f"llvm.{name}.v{vector.count}f64")
@@ -89,7 +93,7 @@ def _loop(builder: Any, first: Any, last: Any, step: int, begun: list[Any], body
     before = [first, *begun]
     phis = [builder.phi(number.type) for number in before]
     after = [*body(phis[0], phis[1:])]
-    after.insert(0, builder.add(phis[0], ir.Constant(_INDEX, step)))
+    after.insert(0, builder.add(phis[0], ir.Constant(INDEX, step)))
     builder.cbranch(builder.icmp_signed(order, after[0], last), loop, end)
     builder.position_at_end(end)
     results = [builder.phi(number.type) for number in before]
@@ -100,7 +104,7 @@ def _loop(builder: Any, first: Any, last: Any, step: int, begun: list[Any], body
     return results
 
 
-def _multiplied(builder: Any, a: Any, b: Any, c: Any) -> Any:
+def multiplied(builder: Any, a: Any, b: Any, c: Any) -> Any:
     """Return a b + c."""
     return builder.fadd(builder.fmul(a, b, flags=_FUSED), c, flags=_FUSED)
 
@@ -113,11 +117,11 @@ def _cauchy(numbers: int) -> Any:
         def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
             first_rows, second_rows = (_Rows(context, builder, signature.args[i], values[i], numbers) for i in (0, 1))
             n, last = values[2], values[3]
-            one, two = ir.Constant(_INDEX, 1), ir.Constant(_INDEX, 2)
+            one, two = ir.Constant(INDEX, 1), ir.Constant(INDEX, 2)
             zero = ir.Constant(first_rows.vector, [0.0] * numbers)
 
             def added(total: Any, j: Any) -> Any:
-                return _multiplied(builder, first_rows.load(j), second_rows.load(builder.sub(n, j)), total)
+                return multiplied(builder, first_rows.load(j), second_rows.load(builder.sub(n, j)), total)
 
             # two sums side by side: an addition need not wait for the one before
             j, even, odd = _loop(
@@ -130,7 +134,7 @@ def _cauchy(numbers: int) -> Any:
             found = builder.phi(total.type)
             found.add_incoming(total, before)
             found.add_incoming(whole, within)
-            numbers_found = [builder.extract_element(found, ir.Constant(_PLACE, i)) for i in range(numbers)]
+            numbers_found = [builder.extract_element(found, ir.Constant(PLACE, i)) for i in range(numbers)]
             pairs = [pair_of(builder, *numbers_found[i : i + 2]) for i in range(0, numbers, 2)]
             return context.make_tuple(builder, signature.return_type, pairs)
 
@@ -145,11 +149,11 @@ def _put_row(typing_context: Any, a: Any, row: Any, numbers: Any) -> Any:
         single: list[Any] = []
         for kind, part in zip(signature.args[2], cgutils.unpack_tuple(builder, values[2]), strict=True):
             places = range(2) if kind == PAIR else ()
-            single += [builder.extract_element(part, ir.Constant(_PLACE, i)) for i in places] or [part]
+            single += [builder.extract_element(part, ir.Constant(PLACE, i)) for i in places] or [part]
         rows = _Rows(context, builder, signature.args[0], values[0], len(single))
         vector = ir.Constant(rows.vector, ir.Undefined)
         for i, number in enumerate(single):
-            vector = builder.insert_element(vector, number, ir.Constant(_PLACE, i))
+            vector = builder.insert_element(vector, number, ir.Constant(PLACE, i))
         rows.store(values[1], vector)
         return context.get_dummy_value()
 
@@ -160,13 +164,13 @@ def _horner(builder: Any, rows: _Rows, degree: Any, places: list[Any], derivativ
     """Evaluate the polynomials at each place; what follows are their derivatives there, each over its factorial."""
     shares = [_repeated(builder, place, rows.vector) for place in places]
     begun = [rows.load(degree), *[ir.Constant(rows.vector, [0.0] * rows.vector.count)] * derivatives]
-    one, zero = ir.Constant(_INDEX, 1), ir.Constant(_INDEX, 0)
+    one, zero = ir.Constant(INDEX, 1), ir.Constant(INDEX, 0)
 
     def body(k: Any, totals: list[Any]) -> list[Any]:
         row, after = rows.load(k), []
         for i, share in enumerate(shares):
             mine = totals[i * len(begun) : (i + 1) * len(begun)]
-            after += [_multiplied(builder, t, share, added) for t, added in zip(mine, [row, *mine], strict=False)]
+            after += [multiplied(builder, t, share, added) for t, added in zip(mine, [row, *mine], strict=False)]
         return after
 
     return _loop(builder, builder.sub(degree, one), zero, -1, begun * len(shares), body)[1:]
@@ -181,7 +185,7 @@ def _horner_at_one(numbers: int, derivatives: int) -> Any:
             rows, out_rows = (_Rows(context, builder, signature.args[i], values[i], numbers) for i in (0, 3))
             for i, found in enumerate(_horner(builder, rows, values[1], [values[2]], derivatives)):
                 times = ir.Constant(rows.vector, [float(math.factorial(i))] * numbers)
-                out_rows.store(ir.Constant(_INDEX, i), builder.fmul(found, times))
+                out_rows.store(ir.Constant(INDEX, i), builder.fmul(found, times))
             return context.get_dummy_value()
 
         return types.void(c, types.int64, types.float64, out), generate
@@ -194,83 +198,126 @@ def _horner_pair(typing_context: Any, c: Any, degree: Any, s: Any, following: An
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         rows, out_rows = (_Rows(context, builder, signature.args[i], values[i], 16) for i in (0, 4))
         for i, found in enumerate(_horner(builder, rows, values[1], [values[2], values[3]])):
-            out_rows.store(ir.Constant(_INDEX, i), found)
+            out_rows.store(ir.Constant(INDEX, i), found)
         return context.get_dummy_value()
 
     return types.void(c, types.int64, types.float64, types.float64, out), generate
 
 
 @intrinsic
-def _horner_four(typing_context: Any, c: Any, degree: Any, places: Any, out: Any, first: Any) -> Any:
+def _reaching(
+    typing_context: Any,
+    c: Any,
+    samples: Any,
+    nodes: Any,
+    end: Any,
+    n: Any,
+    springs: Any,
+    gaps: Any,
+    inverse: Any,
+    limits: Any,
+) -> Any:
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        rows, out_rows = (_Rows(context, builder, signature.args[i], values[i], 8) for i in (0, 3))
-        for i, found in enumerate(_horner(builder, rows, values[1], cgutils.unpack_tuple(builder, values[2]))):
-            out_rows.store(builder.add(values[4], ir.Constant(_INDEX, i)), found)
-        return context.get_dummy_value()
+        nodes, n, kinds = values[2], values[4], signature.args
+        one, zero = ir.Constant(INDEX, 1), ir.Constant(INDEX, 0)
+        rows, quarters = ([_Rows(context, builder, kinds[i], values[i], m) for i in (0, 1, 3)] for m in (16, 4))
+        four = quarters[0].vector
+        stiffness, damping = (_Rows(context, builder, kinds[5], values[5], 4).load(row) for row in (zero, one))
+        shares = _Rows(context, builder, kinds[6], values[6], 1)
+        inverse = _repeated(builder, values[7], four)
 
-    return types.void(c, types.int64, places, out, types.int64), generate
+        def loads(which: int, row: Any, rates: Any, acceleration: Any) -> Any:
+            """Sizes of three forces; squares of an acceleration and of its second component."""
+            force = multiplied(builder, rates, damping, builder.fmul(quarters[which].load(row), stiffness))
+            force = builder.call(elementwise(builder, "fabs", four), [force])
+            square = builder.fmul(acceleration, acceleration)
+            along = builder.shuffle_vector(square, square, ir.Constant(ir.VectorType(PLACE, 4), [1] * 4))
+            across = builder.fmul(square, ir.Constant(four, [1.0, 0.0, 0.0, 0.0]))
+            whole = builder.fadd(across, along)
+            return builder.shuffle_vector(force, whole, ir.Constant(ir.VectorType(PLACE, 8), [*range(8)]))
 
+        def turned(known: list[Any], after: Any) -> list[Any]:
+            """Go on to the next sample; what is known is the last one, the way to it, the largest and the least."""
+            here, way, top, low = known
+            size, vector = elementwise(builder, "fabs", here.type), here.type
+            following = builder.fsub(after, here)
+            turn = builder.fcmp_ordered("<=", builder.fmul(way, following), ir.Constant(vector, [0.0] * vector.count))
+            before, behind = builder.call(size, [way]), builder.call(size, [following])
+            beside = builder.select(builder.fcmp_ordered(">", before, behind), before, behind)
+            beside = builder.select(turn, beside, ir.Constant(vector, [0.0] * vector.count))
+            above, below = builder.fadd(here, beside), builder.fsub(here, beside)
+            top = builder.select(builder.fcmp_ordered(">", above, top), above, top)
+            low = builder.select(builder.fcmp_ordered("<", below, low), below, low)
+            return [after, following, top, low]
 
-@intrinsic
-def _put_forms(typing_context: Any, c: Any, degree: Any, n: Any, inverse: Any, springs: Any, forms: Any) -> Any:
-    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        rows, spring_rows, form_rows = (_Rows(context, builder, signature.args[i], values[i], 4) for i in (0, 4, 5))
-        _, degree, n, inverse, _, _ = values
-        one, zero, four = (ir.Constant(_INDEX, i) for i in (1, 0, 4))
-        stiffness, damping = spring_rows.load(zero), spring_rows.load(one)
+        def taken(which: int, row: Any, k: Any, known: list[Any]) -> list[Any]:
+            rates, share = quarters[which].load(row, n), _repeated(builder, shares.load_one(zero, k), four)
+            acceleration = builder.fmul(builder.fsub(rates, known[8]), builder.fmul(share, inverse))
+            after = loads(which, row, rates, acceleration)
+            return [*turned(known[:4], rows[which].load(row)), *turned(known[4:8], after), rates]
 
-        def body(k: Any, totals: list[Any]) -> list[Any]:
-            following = builder.add(k, one)
-            share = builder.fmul(builder.sitofp(following, ir.DoubleType()), inverse)
-            forces = builder.fmul(rows.load(k), stiffness, flags=_FUSED)
-            form_rows.store(k, _multiplied(builder, rows.load(k, n), damping, forces), zero)
-            above = builder.select(builder.icmp_signed("<", k, degree), following, k)
-            share = builder.select(builder.icmp_signed("<", k, degree), share, ir.Constant(ir.DoubleType(), 0.0))
-            form_rows.store(k, builder.fmul(rows.load(above, n), _repeated(builder, share, rows.vector)), four)
-            return totals
+        rates = quarters[0].load(zero, n)
+        gap = builder.fdiv(ir.Constant(ir.DoubleType(), 1.0), shares.load_one(zero, zero))
+        slope = builder.fmul(rows[0].load(one), _repeated(builder, gap, rows[0].vector))
+        starting = loads(0, zero, rates, builder.fmul(quarters[0].load(one, n), inverse))
+        begun: list[Any] = []
+        for sample, way in ((rows[0].load(zero), slope), (starting, ir.Constant(starting.type, [0.0] * 8))):
+            begun += [sample, way, sample, sample]
+        last = builder.sub(nodes, one)
+        found = _loop(builder, zero, last, 1, [*begun, rates], lambda k, known: taken(1, k, k, known))[1:]
+        found = taken(2, zero, nodes, found)
+        flags = ir.Constant(INDEX, 0)
+        for first, count, column in ((0, 16, zero), (4, 8, ir.Constant(INDEX, 16))):
+            _, _, top, low = turned(found[first : first + 4], found[first])
+            bounds = _Rows(context, builder, kinds[8], values[8], count)
+            beyond = builder.fcmp_ordered(">", top, bounds.load(one, column))
+            beyond = builder.or_(beyond, builder.fcmp_ordered("<", low, bounds.load(zero, column)))
+            bits = builder.zext(builder.bitcast(beyond, ir.IntType(count)), INDEX)
+            flags = builder.or_(flags, builder.shl(bits, ir.Constant(INDEX, first * 4)))
+        return flags
 
-        _loop(builder, zero, degree, 1, [], body)
-        return context.get_dummy_value()
-
-    return types.void(c, types.int64, types.int64, types.float64, springs, forms), generate
+    return types.int64(c, samples, types.int64, end, types.int64, springs, gaps, types.float64, limits), generate
 
 
 @intrinsic
 def _sizes(typing_context: Any, c: Any, first: Any, degree: Any, out: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         rows, out_rows = (_Rows(context, builder, signature.args[i], values[i], 16) for i in (0, 3))
-        size = _elementwise(builder, "fabs", rows.vector)
+        size = elementwise(builder, "fabs", rows.vector)
         _, total = _loop(
             *(builder, values[1], values[2], 1, [ir.Constant(rows.vector, [0.0] * 16)]),
             lambda k, totals: [builder.fadd(totals[0], builder.call(size, [rows.load(k)]))],
         )
-        out_rows.store(ir.Constant(_INDEX, 0), total)
+        out_rows.store(ir.Constant(INDEX, 0), total)
         return context.get_dummy_value()
 
     return types.void(c, types.int64, types.int64, out), generate
 
 
 @intrinsic
-def _means(typing_context: Any, samples: Any, weights: Any, nodes: Any, out: Any) -> Any:
+def _means(typing_context: Any, samples: Any, weights: Any, nodes: Any, n: Any, out: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        rows, out_rows = (_Rows(context, builder, signature.args[i], values[i], 16) for i in (0, 3))
+        rows, out_rows = (_Rows(context, builder, signature.args[i], values[i], 16) for i in (0, 4))
+        quarters, out_quarters = (_Rows(context, builder, signature.args[i], values[i], 4) for i in (0, 4))
         shares = _Rows(context, builder, signature.args[1], values[1], 1)
-        size, zero = _elementwise(builder, "fabs", rows.vector), ir.Constant(_INDEX, 0)
+        size, zero = elementwise(builder, "fabs", rows.vector), ir.Constant(INDEX, 0)
 
         def body(i: Any, totals: list[Any]) -> list[Any]:
-            row, single = rows.load(i), builder.extract_element(shares.load(zero, i), ir.Constant(_PLACE, 0))
+            row, single = rows.load(i), shares.load_one(zero, i)
             weight = _repeated(builder, single, rows.vector)
             weighed = builder.fmul(row, weight)
-            parts = (row, weight), (row, weighed), (builder.call(size, [row]), weight)
-            return [_multiplied(builder, *part, total) for part, total in zip(parts, totals, strict=True)]
+            rates = builder.fmul(quarters.load(i, values[3]), _repeated(builder, single, quarters.vector))
+            parts = (row, weight), (row, weighed), (builder.call(size, [row]), weight), (quarters.load(i), rates)
+            return [multiplied(builder, *part, total) for part, total in zip(parts, totals, strict=True)]
 
-        last = builder.sub(values[2], ir.Constant(_INDEX, 1))
-        found = _loop(builder, zero, last, 1, [ir.Constant(rows.vector, [0.0] * 16)] * 3, body)[1:]
+        last = builder.sub(values[2], ir.Constant(INDEX, 1))
+        begun = [ir.Constant(rows.vector, [0.0] * 16)] * 3 + [ir.Constant(quarters.vector, [0.0] * 4)]
+        found = _loop(builder, zero, last, 1, begun, body)[1:]
         for i, total in enumerate(found):
-            out_rows.store(ir.Constant(_INDEX, i), total)
+            (out_rows if i < len(found) - 1 else out_quarters).store(ir.Constant(INDEX, i), total)
         return context.get_dummy_value()
 
-    return types.void(samples, weights, types.int64, out), generate
+    return types.void(samples, weights, types.int64, types.int64, out), generate
 
 
 @intrinsic
@@ -285,73 +332,12 @@ def _reduce(typing_context: Any, a: Any, row: Any, other: Any, column: Any, fact
     return types.void(a, types.int64, types.int64, types.int64, types.float64), generate
 
 
-#: π/2 in three parts, the first ones with so many zeros at their ends that their products with a number of quarter
-#: turns are exact, and coefficients of sine and cosine on [−π/4, π/4], highest first (Moshier, Cephes, 1989).
-_QUARTER = (1.57079625129699707031, 7.54978941586159635335e-8, 5.39030285815811905290e-15)
-_SINE = (
-    1.58962301576546568060e-10,
-    -2.50507477628578072866e-8,
-    2.75573136213857245213e-6,
-    -1.98412698295895385996e-4,
-    8.33333333332211858878e-3,
-    -1.66666666666666307295e-1,
-)
-_COSINE = (
-    -1.13585365213876817300e-11,
-    2.08757008419747316778e-9,
-    -2.75573141792967388112e-7,
-    2.48015872888517045348e-5,
-    -1.38888888888730564116e-3,
-    4.16666666666665929218e-2,
-)
-
-
-@intrinsic
-def _sines(typing_context: Any, first: Any, second: Any) -> Any:
-    four = ir.VectorType(ir.DoubleType(), 4)
-    whole = ir.VectorType(_INDEX, 4)
-
-    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        def constant(number: float) -> Any:
-            return ir.Constant(four, [number] * 4)
-
-        def polynomial(z: Any, coefficients: tuple[float, ...]) -> Any:
-            total = constant(coefficients[0])
-            for coefficient in coefficients[1:]:
-                total = _multiplied(builder, total, z, constant(coefficient))
-            return total
-
-        x = ir.Constant(four, ir.Undefined)
-        for i in range(4):
-            x = builder.insert_element(x, values[i // 2], ir.Constant(_PLACE, i))
-        rint = _elementwise(builder, "rint", four)
-        quarters = builder.call(rint, [builder.fmul(x, constant(0.63661977236758134308))])
-        r = x
-        for part in _QUARTER:
-            r = _multiplied(builder, quarters, constant(-part), r)
-        z = builder.fmul(r, r)
-        sine = _multiplied(builder, builder.fmul(r, z), polynomial(z, _SINE), r)
-        flat = _multiplied(builder, z, constant(-0.5), constant(1.0))
-        cosine = _multiplied(builder, builder.fmul(z, z), polynomial(z, _COSINE), flat)
-        # the cosine is the sine a quarter turn later
-        turn = builder.add(builder.fptosi(quarters, whole), ir.Constant(whole, [0, 1, 0, 1]))
-        none = ir.Constant(whole, [0] * 4)
-        odd = builder.icmp_signed("!=", builder.and_(turn, ir.Constant(whole, [1] * 4)), none)
-        below = builder.icmp_signed("!=", builder.and_(turn, ir.Constant(whole, [2] * 4)), none)
-        found = builder.select(odd, cosine, sine)
-        found = builder.select(below, builder.fmul(found, constant(-1.0)), found)
-        numbers = [builder.extract_element(found, ir.Constant(_PLACE, i)) for i in range(4)]
-        return context.make_tuple(builder, signature.return_type, numbers)
-
-    return types.UniTuple(types.float64, 4)(types.float64, types.float64), generate
-
-
 @intrinsic
 def _put_step(typing_context: Any, q: Any, degree: Any, length: Any, n: Any, c: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         rows, out_rows = (_Rows(context, builder, signature.args[i], values[i], 8) for i in (0, 4))
         _, degree, length, n, _ = values
-        one, zero = ir.Constant(_INDEX, 1), ir.Constant(_INDEX, 0)
+        one, zero = ir.Constant(INDEX, 1), ir.Constant(INDEX, 0)
         last = builder.add(n, n)
 
         def body(k: Any, powers: list[Any]) -> list[Any]:
@@ -360,7 +346,7 @@ def _put_step(typing_context: Any, q: Any, degree: Any, length: Any, n: Any, c: 
             coordinates, rates = builder.fmul(rows.load(k), scale), builder.fmul(rows.load(following), order)
             out_rows.store(k, coordinates, zero)
             out_rows.store(k, rates, n)
-            out_rows.store(k, builder.extract_element(coordinates, ir.Constant(_PLACE, 7)), last)
+            out_rows.store(k, builder.extract_element(coordinates, ir.Constant(PLACE, 7)), last)
             return [builder.fmul(powers[0], length)]
 
         _loop(builder, zero, degree, 1, [ir.Constant(ir.DoubleType(), 1.0)], body)
@@ -386,35 +372,50 @@ if TYPE_CHECKING:
     def horner_pair_16(c: FloatArray, degree: int, s: float, following: float, out: FloatArray) -> None:
         """Do as :func:`horner_16` at two places in the time of one; degree above 0, ``out`` of shape (2, 16)."""
 
-    def horner_four_8(c: FloatArray, degree: int, places: tuple[float, ...], out: FloatArray, first: int) -> None:
-        """Evaluate the polynomials of 8 columns at four places, in rows of ``out`` from the first on."""
+    def reaching(
+        c: FloatArray,
+        samples: FloatArray,
+        nodes: int,
+        end: FloatArray,
+        n: int,
+        springs: FloatArray,
+        gaps: FloatArray,
+        inverse: float,
+        limits: FloatArray,
+    ) -> int:
+        """Find out which quantities may go beyond their limits in a step; bits of their columns.
 
-    def put_forms(c: FloatArray, degree: int, n: int, inverse: float, springs: FloatArray, forms: FloatArray) -> None:
-        """Fill the polynomials of three forces and a number of no meaning, three accelerations and another such number.
+        Of a smooth polynomial each sample that is higher, or lower, than its neighbours may have an extreme beside it:
+        beyond the sample by less than they are on this side of it. Without branches: what a step holds cannot be
+        guessed.
 
         Parameters
         ----------
-        c
-            Polynomials of a step in its fraction: x, y, φ from column 0 on, their rates from column n on.
-        inverse
-            One over the duration of the step (1/s).
+        c, samples, end
+            Polynomials, values at the nodes and at the end: x, y, φ from column 0 on, their rates from column n on.
         springs
             Stiffnesses, and dampings, of x, y, φ, then 0, shape (2, 4).
-        forms
-            Filled, shape (degree + 1 or more, 8).
+        gaps
+            One over the distances between beginning, nodes and end, in fractions of the step.
+        inverse
+            One over its duration (1/s).
+        limits
+            Least and largest values of the 16 columns, then of the sizes of three forces and of a number of no meaning,
+            then of the squares of the acceleration of x and y and of y alone, shape (2, 24). These are means between
+            samples.
         """
 
     def sizes_16(c: FloatArray, first: int, degree: int, out: FloatArray) -> None:
         """Sum up the sizes of all 16 columns over rows ``first`` to ``degree``."""
 
-    def means_16(samples: FloatArray, weights: FloatArray, nodes: int, out: FloatArray) -> None:
-        """Fill the weighted sums of 16 columns over their rows, of their squares and of their sizes: shape (3, 16)."""
+    def means_16(samples: FloatArray, weights: FloatArray, nodes: int, n: int, out: FloatArray) -> None:
+        """Fill the weighted sums of 16 columns over their rows, of their squares and of their sizes: shape (4, 16).
+
+        In the last row are those of the products of the first four columns with those from n on.
+        """
 
     def reduce_16(a: FloatArray, row: int, other: int, column: int, factor: float) -> None:
         """Subtract a multiple of another row from a row, in 16 columns from one on."""
-
-    def sines(first: float, second: float) -> tuple[float, float, float, float]:
-        """Sine and cosine of an angle, then of another, in the time of one of them; to round-off below 1e5 rad."""
 
     def horner_8(c: FloatArray, degree: int, s: float, out: FloatArray) -> None:
         """Evaluate polynomials of 8 columns at s, with first and second derivatives: ``out`` has shape (3, 8)."""
@@ -436,6 +437,6 @@ if TYPE_CHECKING:
 else:
     products_2, products_16 = _cauchy(2), _cauchy(16)
     put_row, put_step, horner_pair_16, sizes_16 = _put_row, _put_step, _horner_pair, _sizes
-    horner_four_8, put_forms = _horner_four, _put_forms
-    reduce_16, sines, means_16 = _reduce, _sines, _means
+    reaching = _reaching
+    reduce_16, means_16 = _reduce, _means
     horner_16, horner_8 = _horner_at_one(16, derivatives=0), _horner_at_one(8, derivatives=2)

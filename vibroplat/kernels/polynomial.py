@@ -10,14 +10,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibroplat.kernels.compiled import FloatArray, compiled, copy, fused, inlined
+from vibroplat.kernels.compiled import FloatArray, compiled, copy, fused, fused_inline, inlined
 
 #: Halvings until a fraction of a step is found to round-off.
 HALVINGS = 54
 #: Step of Newton's iteration after which its square, the error, is below round-off; round-off may keep it from less.
 SETTLED = 2.0**-40
-#: Part of a step within which a Taylor polynomial of degree 3 is exact to round-off.
-COVERED = 1e-4
+#: Part of a step within which Taylor polynomials of degree 2 and 3 are exact nearly to round-off.
+CLOSE, COVERED = 1e-4, 1e-3
 
 
 @inlined
@@ -248,7 +248,7 @@ def at_highest(c: FloatArray, degree: int, j: int) -> float:
     return low
 
 
-@fused
+@fused_inline
 def turning_point(
     c: FloatArray, degree: int, j: int, s: float, low: float, high: float, otherwise: float
 ) -> tuple[float, float]:

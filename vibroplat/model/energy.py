@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from vibroplat.kernels.compiled import FloatArray, compiled, inlined
-from vibroplat.kernels.lanes import sines
+from vibroplat.kernels.sines import sines
 from vibroplat.model.motor import resistance
 from vibroplat.model.parameters import Parameters
 from vibroplat.model.platform import Three, couplings, inertial, unbalance

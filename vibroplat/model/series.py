@@ -27,8 +27,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from vibroplat.kernels.compiled import FloatArray, fused, inlined
-from vibroplat.kernels.lanes import in_lines, products_2, products_16, put_row, sines
+from vibroplat.kernels.lanes import in_lines, products_2, products_16, put_row
 from vibroplat.kernels.pairs import Pair, paired, parted
+from vibroplat.kernels.sines import sines
 from vibroplat.model.accelerations import mobility, solve_rows
 from vibroplat.model.equations import layer_spring
 from vibroplat.model.motor import Motor, kloss_term, motor_at, resistance_term, square_term

@@ -18,20 +18,27 @@ NODES, WEIGHTS = np.zeros((2, MOST_NODES + 1, MOST_NODES))
 for _n in range(1, MOST_NODES + 1):
     _nodes, _weights = np.polynomial.legendre.leggauss(_n)
     NODES[_n, :_n], WEIGHTS[_n, :_n] = 0.5 + 0.5 * _nodes, 0.5 * _weights
+#: One over the distances between beginning, nodes and end.
+GAPS = np.zeros((MOST_NODES + 1, MOST_NODES + 1))
+for _n in range(1, MOST_NODES + 1):
+    GAPS[_n, : _n + 1] = 1.0 / np.diff([0.0, *NODES[_n, :_n], 1.0])
 
-#: What has extremes, before three numbers of each named point: its x, y and the size of its acceleration. Integers of
-#: numpy, so that functions are compiled once for all.
-QUANTITIES = 16
+#: What has extremes, before three numbers of each named point: its x, y and the size of its acceleration. Speeds are
+#: here twice, the second time since the supply has changed. Integers of numpy, so that functions are compiled once.
+QUANTITIES = 18
 _PLACES: Any = np.arange(QUANTITIES + 1)
 HEIGHT, ROTATION, OPENING, FORCE, SIDEWAYS, SPEED_1, _, PULL_X, PULL_Y, MOMENT = _PLACES[:10]
-TORQUE_1, _, POWER_1, _, LIFT, ACCELERATION, POINTS = _PLACES[10:]
+TORQUE_1, _, POWER_1, _, LIFT, ACCELERATION, DRIVEN_1, _, POINTS = _PLACES[10:]
 _SIZE = QUANTITIES + 3 * MOST_POINTS
 
+#: Part of an extreme by which another has to go beyond it; less is round-off, as between turns of a periodic motion.
+TIE = 1e-11
+
 #: Extremes, when they were met (s), and how fast the exciters turned then, in the mean (rad/s); of accelerations the
-#: largest squares of their polynomials.
+#: largest squares of their polynomials; from when on the supply has held (s); whether any has changed.
 PEAKS = np.dtype(
     [(f"{what}{end}", float, _SIZE) for what in ("", "at_", "pace_") for end in ("least", "largest")]
-    + [("square", float, _SIZE)],
+    + [("square", float, _SIZE), ("since", float), ("changed", np.int64)],
     align=True,
 )
 
@@ -39,7 +46,7 @@ PEAKS = np.dtype(
 def no_peaks() -> Any:
     """Make a record of PEAKS before the first step; the gap is 0 unless a layer flies."""
     peaks = np.zeros(1, PEAKS)[0]
-    peaks["least"], peaks["largest"] = np.inf, -np.inf
+    peaks["least"], peaks["largest"], peaks["since"] = np.inf, -np.inf, np.nan
     peaks["least"][OPENING] = peaks["largest"][OPENING] = 0.0
     return peaks
 
@@ -67,10 +74,10 @@ def remember(peaks: Any, k: int, found: float, s: float, span: Span) -> None:
     """Let extremes k cover a value at a fraction of a step."""
     if found < peaks.least[k]:
         peaks.least[k], peaks.at_least[k] = found, span.begin + s * span.length
-        peaks.pace_least[k] = pace(s, span)
+        peaks.pace_least[k], peaks.changed = pace(s, span), 1
     if found > peaks.largest[k]:
         peaks.largest[k], peaks.at_largest[k] = found, span.begin + s * span.length
-        peaks.pace_largest[k] = pace(s, span)
+        peaks.pace_largest[k], peaks.changed = pace(s, span), 1
 
 
 @compiled
@@ -80,6 +87,13 @@ def pace(s: float, span: Span) -> float:
 
 
 @inlined
+def margin(peaks: Any, k: int) -> float:
+    """How far a value has to go beyond the extremes of a group to be a new one, of which quantity k is the largest."""
+    size = max(abs(peaks.least[k]), abs(peaks.largest[k]))
+    return TIE * size if size < np.inf else 0.0
+
+
+@compiled
 def cover(
     peaks: Any,
     k: int,
@@ -91,36 +105,56 @@ def cover(
     since: float,
     last: float,
     span: Span,
-    fine: float,
+    beyond: float,
     sized: bool,
 ) -> None:
     """Let extremes k cover polynomial j in a step from fraction ``since`` of it, at whose end it is ``last``.
 
-    Most steps cannot hold a new one, as their coefficients say. Polynomials of low degree have few samples and are
-    looked through, and so is a step of which only a part counts, which happens once. Those of high degree are smooth
-    between their samples, and each of these that is lower, or higher, than its neighbours may have an extreme beside
-    it: beyond the sample by less than they are on this side of it. One
-    whose samples vary by no more than ``fine`` is not looked at more closely. ``sized``: only the larger of both sizes
-    matters.
+    Polynomials of low degree have few samples and are looked through, and so is a step of which only a part counts,
+    which happens once. Of the others see :func:`vibroplat.kernels.lanes.reaching`. What does not go ``beyond`` the
+    extremes by so much is none; ``sized``: only the larger of both sizes matters.
     """
-    least, largest = peaks.least[k], peaks.largest[k]
+    least, largest = peaks.least[k] - beyond, peaks.largest[k] + beyond
     if sized:
         largest = max(largest, -least)
         least = -largest
     if degree <= FEW_SAMPLES or since > 0.0:
         looked_through(peaks, k, c, degree, j, since, last, span)
         return
-    before, here, bit, lower, higher, most = c[0, j], c[0, j], 1, 0, 0, 0.0
-    for i in range(nodes + 2):  # without branches: what a step holds cannot be guessed
+    before, here, bit, lower, higher = c[0, j], c[0, j], 1, 0, 0
+    for i in range(nodes + 2):
         after = samples[i, j] if i < nodes else last
         beside = max(abs(here - before), abs(here - after))
         lower |= bit * ((here <= before) & (here <= after) & (here - beside < least))
         higher |= bit * ((here >= before) & (here >= after) & (here + beside > largest))
-        before, here, bit, most = here, after, 2 * bit, max(most, beside)
-    if most <= fine:
-        remember(peaks, k, last, 1.0, span)
-    elif lower | higher:
+        before, here, bit = here, after, 2 * bit
+    if lower | higher:
         turned(peaks, k, c, degree, samples, nodes, j, last, lower, higher, span)
+
+
+@compiled
+def cover_form(
+    peaks: Any,
+    k: int,
+    c: FloatArray,
+    degree: int,
+    room: Any,
+    nodes: int,
+    form: tuple[int, float, int, float],
+    since: float,
+    end: FloatArray,
+    span: Span,
+    beyond: float,
+    sized: bool,
+) -> None:
+    """Do as :func:`cover` for a sum of two unknowns: their columns, each with a factor."""
+    first, share, second, other = form
+    for i in range(degree + 1):
+        room.form[i, 0] = share * c[i, first] + other * c[i, second]
+    for i in range(nodes):
+        room.form_samples[i, 0] = share * room.samples[i, first] + other * room.samples[i, second]
+    last = share * end[first] + other * end[second]
+    cover(peaks, k, room.form, degree, room.form_samples, nodes, 0, since, last, span, beyond, sized)
 
 
 @compiled
@@ -135,7 +169,7 @@ def looked_through(
         remember(peaks, k, high, at_high, span)
 
 
-@compiled
+@inlined
 def turned(
     peaks: Any,
     k: int,
@@ -152,10 +186,17 @@ def turned(
     """Let extremes k also cover the polynomial near samples, those of the bits that are set."""
     for i in range(nodes + 2):
         if (lower | higher) >> i & 1:
-            here = c[0, j] if i == 0 else (samples[i - 1, j] if i <= nodes else last)
-            found, s = turning_near(c, degree, nodes, j, i, here, -1.0 if lower >> i & 1 else 1.0)
+            here = sample(c, samples, nodes, last, i, j)
+            around = sample(c, samples, nodes, last, max(i - 1, 0), j), sample(c, samples, nodes, last, i + 1, j)
+            found, s = turning_near(c, degree, nodes, j, i, here, around, -1.0 if lower >> i & 1 else 1.0)
             remember(peaks, k, here, place_of(i, nodes), span)
             remember(peaks, k, found, s, span)
+
+
+@inlined
+def sample(c: FloatArray, samples: FloatArray, nodes: int, last: float, i: int, j: int) -> float:
+    """Value of polynomial j at sample i: the step's beginning, its nodes, its end, where it is ``last``."""
+    return c[0, j] if i == 0 else (samples[i - 1, j] if i <= nodes else last)
 
 
 @inlined
@@ -164,15 +205,26 @@ def place_of(i: int, nodes: int) -> float:
     return 0.0 if i <= 0 else (1.0 if i > nodes else NODES[nodes, i - 1])
 
 
-@compiled
+@inlined
 def turning_near(
-    c: FloatArray, degree: int, nodes: int, j: int, at: int, here: float, sense: float
+    c: FloatArray, degree: int, nodes: int, j: int, at: int, here: float, around: tuple[float, float], sense: float
 ) -> tuple[float, float]:
     """Extreme value of polynomial j between the neighbours of sample ``at``, where it is ``here``, and its place.
 
-    ``sense`` is 1 for a largest value, −1 for a least. At an end that it comes to straight there is no other.
+    ``sense`` is 1 for a largest value, −1 for a least; looked for where the parabola through the three has its own. At
+    an end that the polynomial comes to straight there is no other.
     """
-    s = place_of(at, nodes)
+    s, low, high = place_of(at, nodes), place_of(at - 1, nodes), place_of(at + 1, nodes)
     if (at == 0 and sense * c[1, j] <= 0.0) or (at > nodes and sense * slope(c, degree, j, 1.0) >= 0.0):
         return here, s
-    return turning_point(c, degree, j, s, place_of(at - 1, nodes), place_of(at + 1, nodes), here)
+    return turning_point(c, degree, j, vertex((low, s, high), (around[0], here, around[1])), low, high, here)
+
+
+@inlined
+def vertex(places: tuple[float, float, float], found: tuple[float, float, float]) -> float:
+    """Place where the parabola through three values has its extreme; the middle one where there are only two."""
+    low, s, high = places
+    before, after = (found[1] - found[0]) * (high - s), (found[2] - found[1]) * (s - low)
+    if not low < s < high or before == after:
+        return s
+    return 0.5 * (low + s + (high - low) * before / (before - after))

@@ -1,7 +1,7 @@
 """Largest loads over a run: forces into the foundation, accelerations, torques and powers of the motors, named points.
 
-Springs and dampers, accelerations and named points are linear in the unknowns, and so have polynomials of their own in
-each step, *forms*.
+Springs and dampers, accelerations and named points are linear in the unknowns and their rates, and so are looked at in
+a step only where samples of these say that it may hold something new.
 """
 
 from __future__ import annotations
@@ -11,19 +11,20 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from vibroplat.hybrid.modes import FLIGHT, MODES
-from vibroplat.kernels.compiled import FloatArray, call_int, compiled, fused, inlined
-from vibroplat.kernels.lanes import horner_four_8, put_forms, put_row
-from vibroplat.kernels.polynomial import COVERED, crossing, extremes, value, values
+from vibroplat.hybrid.state import WIDTH
+from vibroplat.kernels.compiled import FloatArray, call_int, compiled, fused_inline, inlined
+from vibroplat.kernels.lanes import reaching
+from vibroplat.kernels.polynomial import CLOSE, crossing, value, values
 from vibroplat.model.motor import motor_torque, slip_speeds
 from vibroplat.model.parameters import Parameters
-from vibroplat.model.platform import suspension
 from vibroplat.model.systems import DIFFERENTIAL, GAP, SIZES
 from vibroplat.observe.extremes import (
     ACCELERATION,
+    DRIVEN_1,
     FORCE,
+    GAPS,
     HEIGHT,
     LIFT,
-    MOMENT,
     OPENING,
     POINTS,
     POWER_1,
@@ -32,39 +33,27 @@ from vibroplat.observe.extremes import (
     ROTATION,
     SIDEWAYS,
     SPEED_1,
+    TIE,
     TORQUE_1,
-    WEIGHTS,
     Span,
     cover,
+    cover_form,
+    margin,
     place_of,
     remember,
+    vertex,
 )
 
 #: Places of x, y, φ and the gap among the unknowns. Integers of numpy, so that functions are compiled once for all.
 _X, _Y, _PHI, _GAP = np.array([0, 1, 2, GAP])
 
-#: Forms that are looked at side by side: three forces and, from the fifth on, three accelerations; or x, y and their
-#: accelerations of two points.
-FORMS = 8
-_FORCES, _ACCELERATIONS, _A_POINT = 0, 4, 4
-#: What varies less in a step than this part of y, of the force along y or of the speed is not looked at more closely.
-FINE = 1e-9
-#: Part of the acceleration along y up to which that along x does not matter for its size.
-ALIKE = 1e-5
-
-
-# -- forms ------------------------------------------------------------------------------------------------
-
-
-@compiled
-def fill_points(c: FloatArray, degree: int, first: int, room: Any, p: Parameters) -> None:
-    """Fill the polynomials of two named points, from those of the unknowns and from the forms, which hold them then."""
-    x_1, y_1, x_2, y_2 = p.point_x[first], p.point_y[first], p.point_x[first + 1], p.point_y[first + 1]
-    for k in range(degree + 1):
-        x, y, phi = c[k, 0], c[k, 1], c[k, 2]
-        ax, ay, aphi = room.forms[k, 4], room.forms[k, 5], room.forms[k, 6]
-        one = (x - y_1 * phi, y + x_1 * phi, ax - y_1 * aphi, ay + x_1 * aphi)
-        put_row(room.forms, k, (*one, x - y_2 * phi, y + x_2 * phi, ax - y_2 * aphi, ay + x_2 * aphi))
+#: Part of the changes of the velocity along y up to which those along x do not matter for the acceleration's size.
+ALIKE = 1e-6
+#: Columns of forces and squares of accelerations behind those of the unknowns, where steps are screened.
+COLUMNS = WIDTH + 8
+_PULLS, _SHAKING = WIDTH, WIDTH + 4
+#: All columns.
+_ALL = (1 << COLUMNS) - 1
 
 
 class Equations(NamedTuple):
@@ -74,7 +63,10 @@ class Equations(NamedTuple):
     parameters: int
 
 
-@inlined
+# -- accelerations -------------------------------------------------------------------------------------------
+
+
+@compiled
 def shaken(
     peaks: Any,
     k: int,
@@ -82,7 +74,7 @@ def shaken(
     degree: int,
     room: Any,
     nodes: int,
-    j: int,
+    end: FloatArray,
     sideways: float,
     since: float,
     system: int,
@@ -90,57 +82,91 @@ def shaken(
     span: Span,
     equations: Equations,
 ) -> None:
-    """Let extremes k cover the size of an acceleration, whose forms are j along x and j + 1 along y.
+    """Let extremes k cover the size of the acceleration of a point of the platform, ``spot``.
 
-    ``sideways`` is 1, or 0 if that along y alone counts; ``spot`` is the point of the platform. The polynomials say
-    whether and where it is larger than before, and the equations how large it is there: these are more accurate, and
-    take longer. The samples are of the part of the step from ``since`` on.
+    ``sideways`` is 1, or 0 if that along y alone counts. Means between samples say about where it is largest, the
+    polynomials whether and where it is larger than before, and the equations how large it is there: these are more
+    accurate, and take longer.
     """
-    samples = room.form_samples
-    before = here = size_at(samples, 0, j, sideways)
-    for i in range(nodes + 2):
-        after = size_at(samples, min(i + 1, nodes + 1), j, sideways)
-        if here >= before and here >= after and here + max(here - before, here - after) > peaks.square[k]:
-            low, s, high = between(i - 1, nodes, since), between(i, nodes, since), between(i + 1, nodes, since)
-            s, square = steepest(room.forms, degree, j, sideways, s, low, high)
-            if square > peaks.square[k]:
-                peaks.square[k] = square
+    squares, n, known = room.squares, DIFFERENTIAL[system] // 2, (1.0 + 2.0 * TIE) * peaks.square[k]
+    mean_squares(c, room.samples, nodes, end, n, sideways, spot, 1.0 / span.length, squares)
+    for i in range(nodes + 1):
+        before = squares[i - 1] if i > 0 and place_of(i, nodes) > since else -1.0  # what lies before does not count
+        here, after = squares[i], squares[min(i + 1, nodes)]
+        largest = place_of(i + 1, nodes) > since and here >= before and here >= after
+        if largest and here + max(here - before if before >= 0.0 else 0.0, here - after) > known:
+            low, s, high = middle(i - 1, nodes), middle(i, nodes), middle(i + 1, nodes)
+            s = since if before < 0.0 else vertex((low, s, high), (before, here, after))
+            s, square = steepest(c, degree, n, spot, sideways, s, max(low, since), high)
+            square /= span.length * span.length
+            if square > known:
+                peaks.square[k] = known = square
                 remember(peaks, k, exact_size(c, degree, s, system, sideways, spot, room, span, equations), s, span)
-        before, here = here, after
 
 
 @inlined
-def size_at(samples: FloatArray, i: int, j: int, sideways: float) -> float:
-    """Square of an acceleration at a sample."""
-    return sideways * samples[i, j] * samples[i, j] + samples[i, j + 1] * samples[i, j + 1]
+def middle(i: int, nodes: int) -> float:
+    """Fraction of a step in the middle between samples i and i + 1, but its beginning or end for the first or last."""
+    if 0 < i < nodes:
+        return 0.5 * (place_of(i, nodes) + place_of(i + 1, nodes))
+    return 0.0 if i <= 0 else 1.0
 
 
-@fused
+@inlined
+def mean_squares(
+    c: FloatArray,
+    samples: FloatArray,
+    nodes: int,
+    end: FloatArray,
+    n: int,
+    sideways: float,
+    spot: tuple[float, float],
+    inverse: float,
+    squares: FloatArray,
+) -> None:
+    """Fill the squares of the mean accelerations of a point between samples."""
+    x, y = c[0, n] - spot[1] * c[0, n + 2], c[0, n + 1] + spot[0] * c[0, n + 2]
+    for i in range(nodes + 1):
+        after = samples[i] if i < nodes else end
+        to_x, to_y = after[n] - spot[1] * after[n + 2], after[n + 1] + spot[0] * after[n + 2]
+        ax, ay, share = to_x - x, to_y - y, inverse * GAPS[nodes, i]
+        squares[i] = share * share * (sideways * ax * ax + ay * ay)
+        x, y = to_x, to_y
+
+
+@fused_inline
 def steepest(
-    forms: FloatArray, degree: int, j: int, sideways: float, s: float, low: float, high: float
+    c: FloatArray,
+    degree: int,
+    n: int,
+    spot: tuple[float, float],
+    sideways: float,
+    s: float,
+    low: float,
+    high: float,
 ) -> tuple[float, float]:
-    """Fraction of a step near s at which the square of an acceleration is largest, and that square.
+    """Fraction of a step near s at which the square of a point's acceleration is largest, and that square (1/step⁴).
 
     By Newton's iteration, up to a way that three terms of its Taylor series cover.
     """
     square, begun = -1.0, s
     for _ in range(4):
-        x, x1, x2 = forms[degree, j], 0.0, 0.0  # derivatives over their factorials
-        y, y1, y2 = forms[degree, j + 1], 0.0, 0.0
-        for k in range(degree - 1, -1, -1):
+        x = x1 = x2 = x3 = y = y1 = y2 = y3 = 0.0  # rates, and their derivatives over their factorials
+        for k in range(degree, -1, -1):
+            x3, y3 = x3 * s + x2, y3 * s + y2
             x2, y2 = x2 * s + x1, y2 * s + y1
             x1, y1 = x1 * s + x, y1 * s + y
-            x, y = x * s + forms[k, j], y * s + forms[k, j + 1]
-        found = sideways * x * x + y * y
+            x, y = x * s + (c[k, n] - spot[1] * c[k, n + 2]), y * s + (c[k, n + 1] + spot[0] * c[k, n + 2])
+        found = sideways * x1 * x1 + y1 * y1
         if found > square:
             square, begun = found, s
-        rate = sideways * x * x1 + y * y1
-        half = sideways * (x1 * x1 + 2.0 * x * x2) + y1 * y1 + 2.0 * y * y2
+        rate = 2.0 * (sideways * x1 * x2 + y1 * y2)
+        half = sideways * (4.0 * x2 * x2 + 6.0 * x1 * x3) + 4.0 * y2 * y2 + 6.0 * y1 * y3
         if not half < 0.0:
             break
         following = min(max(s - rate / half, low), high)
         way = following - s
-        if abs(way) <= COVERED:
+        if abs(way) <= CLOSE:
             return following, found + way * (2.0 * rate + half * way)
         s = following
     return begun, square
@@ -194,25 +220,24 @@ def cover_motor(
 ) -> None:
     """Let the extremes of speed, torque and power of motor i cover a step from fraction ``since`` of it.
 
-    At a constant supply torque and power depend on the speed alone: they have extremes at new extremes of the speed, at
-    the critical slip, and for the power where u² + 2uΔ²/ω₀ = Δ², with slip speed u and critical slip speed Δ.
+    At a constant supply torque and power depend on the speed alone: they have extremes at new extremes of the speed
+    since the supply has changed, at the critical slip, and for the power where u² + 2uΔ²/ω₀ = Δ², with slip speed u and
+    critical slip speed Δ.
     """
-    k, j = SPEED_1 + i, n + 3 + i
+    k, j = DRIVEN_1 + i, n + 3 + i
     least, largest = peaks.least[k], peaks.largest[k]
-    cover(peaks, k, c, degree, samples, nodes, j, since, last, span, FINE * abs(last), False)
-    if peaks.least[k] < least:
-        drive_at(peaks, i, peaks.least[k], (peaks.at_least[k] - span.begin) / span.length, span, p)
-    if peaks.largest[k] > largest:
-        drive_at(peaks, i, peaks.largest[k], (peaks.at_largest[k] - span.begin) / span.length, span, p)
-    begun = c[0, j] if since == 0.0 else value(c, degree, j, since)
-    if p.since > 0.0 or p.speed_ramp[i] != 0.0 or p.slip_ramp[i] != 0.0:  # the supply changes
-        low, high, at_low, at_high = extremes(c, degree, j, since, last)
-        drive_at(peaks, i, low, at_low, span, p)
-        drive_at(peaks, i, high, at_high, span, p)
-    before, critical = slip_speeds(i, span.begin, begun, p)
-    after = slip_speeds(i, span.begin + span.length, last, p)[0]
-    synchronous = after + p.direction[i] * last
-    if max(abs(before), abs(after)) * (abs(synchronous) + 2.0 * critical) >= critical * abs(synchronous):
+    cover(peaks, k, c, degree, samples, nodes, j, since, last, span, margin(peaks, k), False)
+    for speed, at, new in (
+        (peaks.least[k], peaks.at_least[k], peaks.least[k] < least),
+        (peaks.largest[k], peaks.at_largest[k], peaks.largest[k] > largest),
+    ):
+        if new:
+            s = (at - span.begin) / span.length
+            remember(peaks, SPEED_1 + i, speed, s, span)
+            drive_at(peaks, i, speed, s, span, p)
+    if peaks.least[k] < least or peaks.largest[k] > largest:
+        critical = slip_speeds(i, span.begin, last, p)[1]
+        synchronous = slip_speeds(i, span.begin + span.length, last, p)[0] + p.direction[i] * last
         pass_levels(peaks, i, c, degree, j, since, synchronous, critical, span, p)
 
 
@@ -243,8 +268,110 @@ def pass_levels(
 # -- a step ------------------------------------------------------------------------------------------------
 
 
+@compiled
+def put_limits(peaks: Any, room: Any, system: int, p: Parameters) -> None:
+    """Fill the limits beyond which a step has new extremes, and forget those of the supply before."""
+    limits, force, n = room.limits, DIFFERENTIAL[system], DIFFERENTIAL[system] // 2
+    for i in range(2):
+        if peaks.since != p.since or p.speed_ramp[i] != 0.0 or p.slip_ramp[i] != 0.0:
+            peaks.least[DRIVEN_1 + i], peaks.largest[DRIVEN_1 + i] = np.inf, -np.inf
+    peaks.since, peaks.changed = p.since, 0
+    for j in range(COLUMNS):
+        limits[0, j], limits[1, j] = -np.inf, np.inf
+    for k, j, group in (
+        (SIDEWAYS, _X, HEIGHT),
+        (HEIGHT, _Y, HEIGHT),
+        (ROTATION, _PHI, HEIGHT),
+        (OPENING, _GAP, OPENING),
+        (FORCE, force, FORCE),
+        (DRIVEN_1, n + 3, DRIVEN_1),
+        (DRIVEN_1 + 1, n + 4, DRIVEN_1 + 1),
+    ):
+        if (j != _GAP or MODES[system] == FLIGHT) and j < SIZES[system]:
+            beyond = margin(peaks, group)
+            limits[0, j], limits[1, j] = peaks.least[k] - beyond, peaks.largest[k] + beyond
+    for i in range(3):
+        k = PULL_X + i
+        limits[1, _PULLS + i] = max(peaks.largest[k], -peaks.least[k]) + margin(peaks, PULL_Y)
+    limits[1, _SHAKING] = (1.0 + 2.0 * TIE) * peaks.square[ACCELERATION]
+    limits[1, _SHAKING + 1] = (1.0 + 2.0 * TIE) * peaks.square[LIFT]
+
+
 @inlined
 def widen(
+    early: Any,
+    late: Any,
+    c: FloatArray,
+    degree: int,
+    room: Any,
+    nodes: int,
+    system: int,
+    since: float,
+    end: FloatArray,
+    span: Span,
+    equations: Equations,
+    p: Parameters,
+) -> None:
+    """Let the extremes cover a step: the early ones, or from fraction ``since`` of it on the late ones."""
+    peaks, which = early if since > 0.0 else late, 2 * system + (1 if since > 0.0 else 0)
+    ramps = p.speed_ramp[0] != 0.0 or p.speed_ramp[1] != 0.0 or p.slip_ramp[0] != 0.0 or p.slip_ramp[1] != 0.0
+    if room.limited != which or ramps:
+        put_limits(peaks, room, system, p)
+        room.limited = which
+    n, inverse = DIFFERENTIAL[system] // 2, 1.0 / span.length
+    flags = reaching(c, room.samples, nodes, end, n, room.springs, GAPS[nodes], inverse, room.limits)
+    if flags != 0 or room.named > 0:
+        cover_columns(peaks, c, degree, room, nodes, system, 0.0, end, span, flags, equations, p)
+    if 0.0 < since < 1.0:
+        put_limits(late, room, system, p)
+        cover_columns(late, c, degree, room, nodes, system, since, end, span, _ALL, equations, p)
+        room.limited = -1
+
+
+@compiled
+def cover_columns(
+    peaks: Any,
+    c: FloatArray,
+    degree: int,
+    room: Any,
+    nodes: int,
+    system: int,
+    since: float,
+    end: FloatArray,
+    span: Span,
+    flags: int,
+    equations: Equations,
+    p: Parameters,
+) -> None:
+    """Let the extremes of columns whose bits are set cover a step from fraction ``since`` of it."""
+    samples, force, n = room.samples, DIFFERENTIAL[system], DIFFERENTIAL[system] // 2
+    beyond = margin(peaks, HEIGHT)
+    for k, j in ((SIDEWAYS, _X), (HEIGHT, _Y), (ROTATION, _PHI)):
+        if flags >> j & 1:
+            cover(peaks, k, c, degree, samples, nodes, j, since, end[j], span, beyond, False)
+    if flags >> _GAP & 1 and MODES[system] == FLIGHT:
+        cover(peaks, OPENING, c, degree, samples, nodes, _GAP, since, end[_GAP], span, margin(peaks, OPENING), False)
+    if flags >> force & 1 and SIZES[system] > force:
+        cover(peaks, FORCE, c, degree, samples, nodes, force, since, end[force], span, margin(peaks, FORCE), False)
+    for i in range(2):
+        if flags >> (n + 3 + i) & 1:
+            cover_motor(peaks, i, c, degree, samples, nodes, n, since, end[n + 3 + i], span, p)
+    if flags >> _PULLS & 7:
+        beyond = margin(peaks, PULL_Y)
+        for i in range(3):
+            if flags >> (_PULLS + i) & 1:
+                form = (i, room.springs[0, i], n + i, room.springs[1, i])
+                cover_form(peaks, PULL_X + i, c, degree, room, nodes, form, since, end, span, beyond, True)
+    if flags >> _SHAKING & 3:
+        cover_shaking(peaks, c, degree, room, nodes, system, since, end, span, equations)
+    if room.named > 0:
+        cover_points(peaks, c, degree, room, nodes, system, since, end, span, equations, p)
+    if peaks.changed != 0:
+        put_limits(peaks, room, system, p)
+
+
+@compiled
+def cover_points(
     peaks: Any,
     c: FloatArray,
     degree: int,
@@ -257,38 +384,17 @@ def widen(
     equations: Equations,
     p: Parameters,
 ) -> None:
-    """Let the extremes cover a step from fraction ``since`` of it."""
-    samples, force, n = room.samples, DIFFERENTIAL[system], DIFFERENTIAL[system] // 2
-    fine = FINE * abs(end[1])
-    for k, j in ((SIDEWAYS, _X), (HEIGHT, _Y), (ROTATION, _PHI)):
-        cover(peaks, k, c, degree, samples, nodes, j, since, end[j], span, fine, False)
-    if MODES[system] == FLIGHT:
-        cover(peaks, OPENING, c, degree, samples, nodes, _GAP, since, end[_GAP], span, 0.0, False)
-    if SIZES[system] > force:
-        cover(peaks, FORCE, c, degree, samples, nodes, force, since, end[force], span, 0.0, False)
-    for i in range(2):
-        cover_motor(peaks, i, c, degree, samples, nodes, n, since, end[n + 3 + i], span, p)
-    put_forms(c, degree, n, 1.0 / span.length, room.springs, room.forms)
-    sample_forms(degree, since, nodes, room)
-    inside, last = room.form_samples[1:], nodes + 1
-    fine = FINE * abs(room.form_samples[last, _FORCES + 1])
-    for k, j in ((PULL_X, _FORCES), (PULL_Y, _FORCES + 1), (MOMENT, _FORCES + 2)):
-        cover(peaks, k, room.forms, degree, inside, nodes, j, since, room.form_samples[last, j], span, fine, True)
-    spot, across, along = (0.0, 0.0), 0.0, 0.0
-    for i in range(nodes + 2):
-        across = max(across, abs(room.form_samples[i, _ACCELERATIONS]))
-        along = max(along, abs(room.form_samples[i, _ACCELERATIONS + 1]))
-    shaken(peaks, LIFT, c, degree, room, nodes, _ACCELERATIONS, 0.0, since, system, spot, span, equations)
-    if across > ALIKE * along:
-        shaken(peaks, ACCELERATION, c, degree, room, nodes, _ACCELERATIONS, 1.0, since, system, spot, span, equations)
-    elif peaks.largest[LIFT] > peaks.largest[ACCELERATION]:
-        remember(peaks, ACCELERATION, peaks.largest[LIFT], (peaks.at_largest[LIFT] - span.begin) / span.length, span)
-    if room.named > 0:
-        cover_points(peaks, c, degree, room, nodes, system, since, span, equations, p)
+    """Let the extremes of named points cover a step from fraction ``since`` of it."""
+    for i in range(room.named):
+        k, spot, beyond = POINTS + 3 * i, (p.point_x[i], p.point_y[i]), margin(peaks, HEIGHT)
+        for axis, arm in ((_X, -spot[1]), (_Y, spot[0])):
+            form = (axis, 1.0, _PHI, arm)
+            cover_form(peaks, k + axis, c, degree, room, nodes, form, since, end, span, beyond, False)
+        shaken(peaks, k + 2, c, degree, room, nodes, end, 1.0, since, system, spot, span, equations)
 
 
 @compiled
-def cover_points(
+def cover_shaking(
     peaks: Any,
     c: FloatArray,
     degree: int,
@@ -296,50 +402,29 @@ def cover_points(
     nodes: int,
     system: int,
     since: float,
+    end: FloatArray,
     span: Span,
     equations: Equations,
-    p: Parameters,
 ) -> None:
-    """Let the extremes of named points cover a step from fraction ``since`` of it."""
-    inside, last, fine = room.form_samples[1:], nodes + 1, FINE * abs(c[0, 1])
-    for i in range(room.named):
-        if i % 2 == 0:
-            put_forms(c, degree, DIFFERENTIAL[system] // 2, 1.0 / span.length, room.springs, room.forms)
-            fill_points(c, degree, i, room, p)
-            sample_forms(degree, since, nodes, room)
-        for axis in range(2):
-            k, j = POINTS + 3 * i + axis, _A_POINT * (i % 2) + axis
-            cover(peaks, k, room.forms, degree, inside, nodes, j, since, room.form_samples[last, j], span, fine, False)
-        k, j, spot = POINTS + 3 * i + 2, _A_POINT * (i % 2) + 2, (p.point_x[i], p.point_y[i])
-        shaken(peaks, k, c, degree, room, nodes, j, 1.0, since, system, spot, span, equations)
-
-
-@inlined
-def sample_forms(degree: int, since: float, nodes: int, room: Any) -> None:
-    """Fill the values of the forms at both ends and the nodes of the part of a step from fraction ``since`` on."""
-    for i in range(0, nodes + 2, 4):
-        places = (between(i, nodes, since), between(i + 1, nodes, since), between(i + 2, nodes, since))
-        horner_four_8(room.forms, degree, (*places, between(i + 3, nodes, since)), room.form_samples, i)
-
-
-@inlined
-def between(i: int, nodes: int, since: float) -> float:
-    """Fraction of a step at sample i of the part from ``since`` on."""
-    return since + (1.0 - since) * place_of(i, nodes)
-
-
-@inlined
-def add_forces(sums: FloatArray, samples: FloatArray, n: int, duration: float, nodes: int, p: Parameters) -> None:
-    """Add forces into the foundation, and then their squares, over a part of a step (s), from the samples."""
-    x = y = moment = xx = yy = moments = 0.0
+    """Let the extremes of the acceleration of the centre of mass cover a step from fraction ``since`` of it."""
+    spot, across, along, n = (0.0, 0.0), 0.0, 0.0, DIFFERENTIAL[system] // 2
     for i in range(nodes):
-        q, weight = samples[i], duration * WEIGHTS[nodes, i]
-        fx, fy, m = suspension((q[0], q[1], q[2]), (q[n], q[n + 1], q[n + 2]), p)
-        x, y, moment = x - weight * fx, y - weight * fy, moment - weight * m
-        xx, yy, moments = xx + weight * fx * fx, yy + weight * fy * fy, moments + weight * m * m
-    sums[0] += x
-    sums[1] += y
-    sums[2] += moment
-    sums[3] += xx
-    sums[4] += yy
-    sums[5] += moments
+        across = max(across, abs(room.samples[i, n] - c[0, n]))
+        along = max(along, abs(room.samples[i, n + 1] - c[0, n + 1]))
+    shaken(peaks, LIFT, c, degree, room, nodes, end, 0.0, since, system, spot, span, equations)
+    shaken(peaks, LIFT, c, degree, room, nodes, end, 0.0, since, system, spot, span, equations)
+    if across > ALIKE * along:
+        shaken(peaks, ACCELERATION, c, degree, room, nodes, end, 1.0, since, system, spot, span, equations)
+    elif peaks.square[LIFT] > peaks.square[ACCELERATION]:
+        peaks.square[ACCELERATION] = peaks.square[LIFT]
+        remember(peaks, ACCELERATION, peaks.largest[LIFT], (peaks.at_largest[LIFT] - span.begin) / span.length, span)
+
+
+@inlined
+def add_forces(sums: FloatArray, means: FloatArray, springs: FloatArray, n: int, duration: float) -> None:
+    """Add forces into the foundation, and then their squares, over a part of a step (s), from the unknowns' means."""
+    for i in range(3):
+        k, d = springs[0, i], springs[1, i]
+        sums[i] += duration * (k * means[0, i] + d * means[0, n + i])
+        square = k * k * means[1, i] + 2.0 * k * d * means[3, i] + d * d * means[1, n + i]
+        sums[3 + i] += duration * square

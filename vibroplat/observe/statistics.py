@@ -15,15 +15,16 @@ import numpy.typing as npt
 from vibroplat.hybrid.modes import FLIGHT, IMPACT, KINDS, MODES
 from vibroplat.hybrid.state import WIDTH, Automaton, Steps
 from vibroplat.kernels.compiled import FloatArray, borrow, compiled, copy, inlined, same_types
-from vibroplat.kernels.lanes import horner_16, horner_pair_16, in_lines, means_16, sines
+from vibroplat.kernels.lanes import horner_16, horner_pair_16, in_lines, means_16
 from vibroplat.kernels.polynomial import crossing, slope
+from vibroplat.kernels.sines import sines
 from vibroplat.model.energy import FORCE_SIZE, POWERS, exciter_powers, powers
 from vibroplat.model.motor import motor_torque
 from vibroplat.model.parameters import Parameters
 from vibroplat.model.series import HIGHEST
 from vibroplat.model.systems import DIFFERENTIAL, FULL_SIZE, LAYERS, PLACES, SIZES
 from vibroplat.observe.extremes import MOST_NODES, NODES, PEAKS, WEIGHTS, Span, no_peaks, widen_peaks
-from vibroplat.observe.loads import FORMS, Equations, add_forces, widen
+from vibroplat.observe.loads import COLUMNS, Equations, add_forces, widen
 
 N_POWERS = len(POWERS)
 N_WORK = FORCE_SIZE + 1
@@ -84,20 +85,24 @@ _COMPLETE = 1e-12
 _MOST_TURNS = 1000.0
 
 #: What is overwritten at each step: unknowns and phase differences at the nodes; means of the unknowns, of their
-#: squares and their sizes, and of the powers; a full state; stiffnesses and dampings; forms, their values at both ends
-#: and, between, at the nodes; unknowns and rates. What stays is how many named points there are.
+#: squares and their sizes, of products with the rates, and of the powers; a full state; stiffnesses and dampings; a sum
+#: of two unknowns, and its values at the nodes; squares of mean accelerations; unknowns and rates. What stays is what
+#: the known extremes are, for which system and record, and how many named points there are.
 ROOM = np.dtype(
     [
         ("samples", float, (MOST_NODES, WIDTH)),
-        ("means", float, (3, WIDTH)),
+        ("means", float, (4, WIDTH)),
         ("full", float, FULL_SIZE),
         ("power", float, N_WORK),
         ("phases", float, MOST_NODES),
         ("springs", float, (2, 4)),
-        ("forms", float, (HIGHEST + 1, FORMS)),
-        ("form_samples", float, (MOST_NODES + 4, FORMS)),
+        ("form", float, (HIGHEST + 1, 1)),
+        ("form_samples", float, (MOST_NODES, 1)),
+        ("squares", float, MOST_NODES + 1),
         ("y", float, FULL_SIZE),
         ("yp", float, FULL_SIZE),
+        ("limits", float, (2, COLUMNS)),
+        ("limited", np.int64),
         ("named", np.int64),
     ],
     align=True,
@@ -229,7 +234,7 @@ def add_pieces(
 ) -> None:
     """Add all closed pieces and events in the order of time; ``room`` is overwritten."""
     ms, steps, events = borrow(owned_ms), borrow(owned_steps), borrow(owned_events)
-    counted, degree, full = 0, steps.c.shape[1] - 1, room.full
+    counted, degree, full, room.limited = 0, steps.c.shape[1] - 1, room.full, -1
     stiffnesses = (p.stiffness_x, p.stiffness_y, p.stiffness_phi), (p.damping_x, p.damping_y, p.damping_phi)
     for i in range(2):
         for j in range(3):
@@ -280,12 +285,8 @@ def add_step(
     begin, length = piece.origin + steps.start[row], steps.length[row]
     since = (marks.window - begin) / length if begin < marks.window else 0.0  # fraction from which it is measured
     fill_nodes(c, degree, 0.0, 1.0, nodes, room)
-    n = force // 2
-    span = Span(begin, length, c, degree, n + 3)
-    if since > 0.0:
-        widen(ms.early, c, degree, room, nodes, system, 0.0, end, span, equations, p)
-    if since < 1.0:
-        widen(ms.late, c, degree, room, nodes, system, since, end, span, equations, p)
+    span = Span(begin, length, c, degree, force // 2 + 3)
+    widen(ms.early, ms.late, c, degree, room, nodes, system, since, end, span, equations, p)
     turn, last = marks.passed, whole_turns(end[3], piece.turns[0])
     if math.isnan(turn):
         turn = whole_turns(c[0, 3], piece.turns[0])
@@ -376,7 +377,7 @@ def integrate(
         truncated += weight * turned
         resisted += weight * lost
         exchanged += weight * abs(fed)
-    means_16(room.samples, WEIGHTS[nodes], nodes, means)
+    means_16(room.samples, WEIGHTS[nodes], nodes, n, means)
     powers((motor, truncated, resisted), means, n, LAYERS[system], power, p)
     for j in range(N_WORK):
         ms.work[j] += duration * power[j]
@@ -393,7 +394,7 @@ def integrate(
         sums[TORQUE + 1] += duration * p.direction[1] * torque_2
         for i in range(2):
             sums[SPEED + i] += duration * means[0, n + 3 + i]
-        add_forces(sums[PULL:], room.samples, n, duration, nodes, p)
+        add_forces(sums[PULL:], means, room.springs, n, duration)
         sums[TIME] += duration
         sums[FLYING] += duration if MODES[system] == FLIGHT else 0.0
         add_phase(sums, room, n, duration, nodes, -p.direction[0] * p.direction[1])

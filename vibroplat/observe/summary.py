@@ -174,8 +174,9 @@ def block_errors(blocks: Sequence[Measures], names: Sequence[str]) -> dict[str, 
     """Estimate standard errors of measures from their scatter over blocks; None where a block has none.
 
     Means of blocks that are long against the memory of the motion are independent, so that the error of their mean is
-    their standard deviation over the root of their number (method of batch means). The largest of several maxima
-    scatters as each of them does (Gumbel's law).
+    their standard deviation over the root of their number (method of batch means). That of an RMS follows from its
+    squares, and reaches down to 0 where one block outweighs the others: a remainder that still decays. The largest of
+    several maxima scatters as each of them does (Gumbel's law).
     """
     parts = [*blocks[:1], *(between(a, b) for a, b in pairwise(blocks))]
     found = [statistics(part) | extremes(part) for part in parts]
@@ -185,8 +186,13 @@ def block_errors(blocks: Sequence[Measures], names: Sequence[str]) -> dict[str, 
         values = np.array([math.nan if v is None or math.isinf(v) else v for v in told], dtype=float)
         if name == "phase_difference_rad" and len(values):  # about one of them, for angles have no mean
             values = np.angle(np.exp(1j * (values - values[0])))
+        if is_rms := name.startswith("rms_"):
+            values = values**2
         count = 1 if name in MAXIMA else len(values)
         error = float(values.std(ddof=1)) / math.sqrt(count) if len(values) > 1 else math.nan
+        if is_rms and len(values):
+            mean = float(values.mean())
+            error = math.sqrt(mean) - math.sqrt(max(mean - error, 0.0))
         errors[name] = error if math.isfinite(error) else None
     return errors
 

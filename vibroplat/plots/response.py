@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import matplotlib as mpl
 import numpy as np
@@ -35,6 +35,8 @@ from vibroplat.study.branches import EXCITATION, SUPPLY
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from vibroplat.kernels.compiled import FloatArray
 
 _SIZES = ("rms_y_m", "rms_x_m", "rms_phi_rad")
 #: Least range of an axis of RMS, relative to the largest RMS of y: small quantities are drawn small.
@@ -87,23 +89,48 @@ def draw_response(
     Axes
         The same axis.
     """
-    values = in_units(rows[column].to_numpy(dtype=float, na_value=np.nan), column)
+    _draw(axis, _course(rows, x), rows[column], column, color, label, size)
+    return name_axis(axis, column)
+
+
+class _Course(NamedTuple):
+    """What all quantities along a branch have in common: places, and of points where each kind of them is.
+
+    ``behind`` are the points before which the line is open.
+    """
+
+    places: FloatArray
+    up: bool
+    behind: Any
+    fillings: list[tuple[str, Any]]
+    failed: Any
+
+
+def _course(rows: pd.DataFrame, x: str) -> _Course:
     places = rows[x].to_numpy(dtype=float, na_value=np.nan)
-    up = rows["direction"].iloc[0] != "down"
+    up = bool(rows["direction"].iloc[0] != "down")
+    return _Course(places, up, np.flatnonzero(jumps(rows)) + 1, list(_fillings(rows)), failed_places(rows, x))
+
+
+def _draw(
+    axis: Axes, course: _Course, found: pd.Series, column: str, color: Any, label: str | None, size: float
+) -> None:
+    """Draw a quantity along a branch."""
+    values, up = in_units(found.to_numpy(dtype=float, na_value=np.nan), column), course.up
     style: dict[str, Any] = {"color": color, **_LOOKS[up]}
     width, marker_size = (size * number for number in _SIZES_OF[up])
-    at = np.flatnonzero(jumps(rows)) + 1
-    line = np.insert(places, at, np.nan), np.insert(values, at, np.nan)
-    axis.plot(*line, "-" if up else "--", lw=width, label=label, **style)
-    marker = DIRECTIONS["up" if up else "down"]
-    for filling, chosen in _fillings(rows):
-        look = style | {"fillstyle": filling, "markerfacecoloralt": "white", "mew": 0.7, "ms": marker_size}
-        axis.plot(places[chosen], values[chosen], ls="", marker=marker, **look)
-    failed = failed_places(rows, x)
-    if len(failed):
-        axis.plot(failed, np.zeros(len(failed)), "x", color=FAILED, ms=5.0, mew=1.4, clip_on=False, zorder=4.0,
-                  transform=axis.get_xaxis_transform())  # fmt: skip
-    return name_axis(axis, column)
+    line = np.insert(course.places, course.behind, np.nan), np.insert(values, course.behind, np.nan)
+    looks: list[dict[str, Any]] = [
+        {"fillstyle": filling, "marker": DIRECTIONS["up" if up else "down"], "ms": marker_size, "mew": 0.7}
+        for filling, _ in course.fillings
+    ]
+    whole = len(looks) == 1 and np.isfinite(course.places).sum() == course.fillings[0][1].sum()  # a single artist
+    axis.plot(*line, "-" if up else "--", lw=width, label=label, **style, **(looks[0] if whole else {}))
+    for look, (_, chosen) in zip(looks, [] if whole else course.fillings, strict=False):
+        axis.plot(course.places[chosen], values[chosen], ls="", markerfacecoloralt="white", **style, **look)
+    if len(course.failed):
+        axis.plot(course.failed, np.zeros(len(course.failed)), "x", color=FAILED, ms=5.0, mew=1.4, clip_on=False,
+                  zorder=4.0, transform=axis.get_xaxis_transform())  # fmt: skip
 
 
 def _fillings(rows: pd.DataFrame) -> Iterator[tuple[str, Any]]:
@@ -165,10 +192,11 @@ def response_figure(response: Study) -> Figure:
     figure, panels = panel_grid(len(columns), 1 + two, size, key_label(response.x))
     labels = list(dict.fromkeys(curve.label for curve in response.curves))
     colours, scale = _colours(response, len(labels))
+    courses = [_course(rows, response.x) for _, _, rows in response.curves]
     for axis, column in zip(panels, columns, strict=False):
-        for _, number, rows in response.curves:
-            width = _size(number, len(labels))
-            draw_response(axis, rows, column, x=response.x, color=colours[number], size=width)
+        name_axis(axis, column)
+        for course, (_, number, rows) in zip(courses, response.curves, strict=True):
+            _draw(axis, course, rows[column], column, colours[number], None, _size(number, len(labels)))
         if response.data is not None:
             response.data.draw(axis, response.x, column)
         _limit(axis, column, response.points)

@@ -58,7 +58,7 @@ EARLY, CLEARLY = 100.0, 1.5
 #: Differences of measures from which on two motions are not the same: over their standard error, and over themselves.
 DISTINCT, BY_SHARE = 5.0, 0.02
 #: Longest settling of motion from other starts (s), and its measured time over that of the plan.
-BRIEF, SHORTER = 40.0, 1.0 / 3.0
+BRIEF, SHORTER = 20.0, 1.0 / 3.0
 #: How many of the last points of the Poincaré section and impacts a bifurcation diagram shows at each point.
 SHOWN = 64
 
@@ -262,7 +262,7 @@ def _followed(
         errors = {ERRORS[name]: error for name, error in block_errors(part.blocks, tuple(ERRORS)).items()}
         row |= row_of(found, scene, errors, settling.slip) | columns_of(kind)
         row["notes"] = "; ".join(note for note in (row["notes"], stiff) if note)
-        if kind.motion == "chaotic" and seeker is not None:
+        if kind.motion in ("chaotic", "undecided") and seeker is not None:
             row["coexists"] = _coexisting(scene, plan, row, settling.hunt, seeker)
         if impacts is not None:
             points = section_points(part.measures, scene)
@@ -340,7 +340,7 @@ def _settled_and_measured(
         if motion.outcome != "ok":
             return settling, part, None
         points = section_points(part.measures, motion.scene)
-        if restless and part.blocks and seeker is not None and plan.lyapunov:
+        if restless and part.blocks and seeker is not None and plan.lyapunov and hunt is None:
             hunt = seeker.hunt(points, section_rows(part.measures)["state"])
         if early and restless and (hunt is None or hunt.stable or not CLEARLY < hunt.least < math.inf):
             early = False  # it may come to an orbit yet

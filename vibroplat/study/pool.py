@@ -63,7 +63,7 @@ class Task(NamedTuple):
     def digest(self) -> str:
         """What identifies the task: a digest of the function's name and of all arguments."""
         name = f"{self.function.__module__}.{getattr(self.function, '__qualname__', type(self.function).__name__)}"
-        plain = [a.model_dump(mode="json") if isinstance(a, BaseModel) else a for a in self.arguments]
+        plain = [a.model_dump_json() if isinstance(a, BaseModel) else a for a in self.arguments]
         return digest(name, *plain)
 
 

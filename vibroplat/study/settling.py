@@ -31,6 +31,8 @@ NEAR = 30.0
 NOISE = 30.0
 #: Turns before the measured part over which the drift of the phase difference is taken.
 WANDERING = 192
+#: Where orbits are looked for, a motion that does not draw together goes on unobserved for this share of its time.
+UNSEEN = 0.5
 
 
 class KnownOrbit(NamedTuple):
@@ -162,12 +164,19 @@ def settle(motion: Motion, plan: SweepPlan, longest: float, seeker: Seeker | Non
     close = 0
     while (left := longest - motion.now) > 1e-9 * longest:
         block = BLOCK if motion.now < EARLY_LOOKS * BLOCK * turn else LATE_BLOCK
+        if seeker is not None and len(points) == 2 * TURNS and not close:
+            block = 2 * TURNS + BLOCK
+            unseen = min(UNSEEN * motion.now, left - WANDERING * turn)
+            if unseen > 0.0:
+                motion.to_time(motion.now + unseen)
+                points, times, phases = points[:0], times[:0], [phase_difference(motion)]
+                left -= unseen
         part = motion.advance(min(block * turn, left))
         if motion.outcome != "ok":
             return Settling("unfinished", motion.now)
         points = np.concatenate([points, section_points(part.measures, motion.scene)])[-2 * TURNS :]
         times = np.concatenate([times, section_rows(part.measures)["t"]])[-2 * TURNS :]
-        phases = [*phases, float(motion.state[3:5] @ motion.scene.phase_weights)][-max(WANDERING // block, 1) - 1 :]
+        phases = [*phases, phase_difference(motion)][-math.ceil(WANDERING / block) - 1 :]
         was_close = close
         close = draws_together(points, motion.scene, plan) if len(points) == 2 * TURNS else 0
         orbit = None if seeker is None else seeker.seek(motion, points, close)
@@ -176,6 +185,11 @@ def settle(motion: Motion, plan: SweepPlan, longest: float, seeker: Seeker | Non
         if close and was_close and not (seeker is not None and seeker.leaving):
             return Settling("periodic", motion.now, close, float(times[-1] - times[TURNS]) / (TURNS - 1))
     return Settling("maximum", motion.now, slip=phases[-1] - phases[0] if phases else 0.0)
+
+
+def phase_difference(motion: Motion) -> float:
+    """Phase difference of a motion, with all whole turns (rad)."""
+    return float(motion.state[3:5] @ motion.scene.phase_weights)
 
 
 def draws_together(points: FloatArray, scene: Scene, plan: SweepPlan) -> int:
