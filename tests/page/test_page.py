@@ -447,7 +447,7 @@ def test_report_writes_one_file_and_names_it(command, moved, tmp_path):
     assert (done.code, done.err, done.out.splitlines()) == (0, "", [str(copy / "report.html")])
     (one,) = held(copy / "report.html")["runs"]
     assert 0.09 < one["end"] <= 0.1
-    assert (copy / "report.html").read_text().count('src="data:image/png;base64,iVBOR') == 2  # motion and exciters
+    assert (copy / "report.html").read_text().count('src="data:image/png;base64,iVBOR') == 3  # motion, exciters, loads
 
 
 def test_a_page_needs_nothing_else_and_runs_its_own_scripts_only(moved, swept):

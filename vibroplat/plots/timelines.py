@@ -209,6 +209,7 @@ def phase_axis(axis: Axes, label: str = PHASE) -> None:
         axis.annotate(
             name, (1.0, angle), (-2.0, 5.0), axis.get_yaxis_transform(), "offset points",
             fontsize=7.5, color=REFERENCE, ha="right", va="bottom",
+            bbox={"fc": "white", "ec": "none", "alpha": 0.7, "pad": 0.3},
         )  # fmt: skip
 
 
