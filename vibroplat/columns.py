@@ -8,6 +8,7 @@ fields.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cache
 from typing import NamedTuple
 
 #: Units by the ends of names, longer ends before those that they end with.
@@ -65,6 +66,7 @@ def unit_of(name: str) -> str:
     return split(name)[1]
 
 
+@cache
 def split(name: str) -> tuple[str, str]:
     """Return the last part of a dotted key, or a column, without the unit at its end, and the unit."""
     last = name.rpartition(".")[2]

@@ -135,11 +135,12 @@ def _draw(
 
 def _fillings(rows: pd.DataFrame) -> Iterator[tuple[str, Any]]:
     """Yield the fillings of markers and where they are: what is known of the motion."""
-    motion = rows["motion"] if "motion" in rows else pd.Series("periodic", rows.index)
-    found = motion.map(FILLINGS).fillna("none").where(rows[EXCITATION].notna(), "")
+    motions = rows["motion"].to_numpy(dtype=object) if "motion" in rows else ["periodic"] * len(rows)
+    found = np.array([FILLINGS.get(motion, "none") for motion in motions], dtype=object)
+    found[rows[EXCITATION].isna().to_numpy()] = ""
     for filling in _MEANING:
         if (found == filling).any():
-            yield filling, (found == filling).to_numpy()
+            yield filling, found == filling
 
 
 def failed_places(rows: pd.DataFrame, x: str) -> Any:
