@@ -204,6 +204,38 @@ def _horner_pair(typing_context: Any, c: Any, degree: Any, s: Any, following: An
     return types.void(c, types.int64, types.float64, types.float64, out), generate
 
 
+def _loads(builder: Any, springs: list[Any], places: Any, rates: Any, acceleration: Any) -> Any:
+    """Make a vector of the sizes of three forces, then of the squares of an acceleration and of its second component.
+
+    Springs and dampers give the forces from x, y, φ and their rates; the fourth number of each has no meaning.
+    """
+    stiffness, damping = springs
+    force = multiplied(builder, rates, damping, builder.fmul(places, stiffness))
+    force = builder.call(elementwise(builder, "fabs", force.type), [force])
+    square = builder.fmul(acceleration, acceleration)
+    along = builder.shuffle_vector(square, square, ir.Constant(ir.VectorType(PLACE, 4), [1] * 4))
+    across = builder.fmul(square, ir.Constant(square.type, [1.0, 0.0, 0.0, 0.0]))
+    return builder.shuffle_vector(force, builder.fadd(across, along), ir.Constant(ir.VectorType(PLACE, 8), [*range(8)]))
+
+
+def _turned(builder: Any, known: list[Any], after: Any) -> list[Any]:
+    """Go on to the next sample of a screened step.
+
+    What is known is the last sample, the way to it from the one before, and the largest and the least value that may
+    have been met so far: a sample at which the way turns counts with the longer of both ways added to it.
+    """
+    here, way, top, low = known
+    size, none = elementwise(builder, "fabs", here.type), ir.Constant(here.type, [0.0] * here.type.count)
+    following = builder.fsub(after, here)
+    turn = builder.fcmp_ordered("<=", builder.fmul(way, following), none)
+    before, behind = builder.call(size, [way]), builder.call(size, [following])
+    beside = builder.select(turn, builder.select(builder.fcmp_ordered(">", before, behind), before, behind), none)
+    above, below = builder.fadd(here, beside), builder.fsub(here, beside)
+    top = builder.select(builder.fcmp_ordered(">", above, top), above, top)
+    low = builder.select(builder.fcmp_ordered("<", below, low), below, low)
+    return [after, following, top, low]
+
+
 @intrinsic
 def _reaching(
     typing_context: Any,
@@ -222,44 +254,21 @@ def _reaching(
         one, zero = ir.Constant(INDEX, 1), ir.Constant(INDEX, 0)
         rows, quarters = ([_Rows(context, builder, kinds[i], values[i], m) for i in (0, 1, 3)] for m in (16, 4))
         four = quarters[0].vector
-        stiffness, damping = (_Rows(context, builder, kinds[5], values[5], 4).load(row) for row in (zero, one))
+        springs = [_Rows(context, builder, kinds[5], values[5], 4).load(row) for row in (zero, one)]
         shares = _Rows(context, builder, kinds[6], values[6], 1)
         inverse = _repeated(builder, values[7], four)
-
-        def loads(which: int, row: Any, rates: Any, acceleration: Any) -> Any:
-            """Sizes of three forces; squares of an acceleration and of its second component."""
-            force = multiplied(builder, rates, damping, builder.fmul(quarters[which].load(row), stiffness))
-            force = builder.call(elementwise(builder, "fabs", four), [force])
-            square = builder.fmul(acceleration, acceleration)
-            along = builder.shuffle_vector(square, square, ir.Constant(ir.VectorType(PLACE, 4), [1] * 4))
-            across = builder.fmul(square, ir.Constant(four, [1.0, 0.0, 0.0, 0.0]))
-            whole = builder.fadd(across, along)
-            return builder.shuffle_vector(force, whole, ir.Constant(ir.VectorType(PLACE, 8), [*range(8)]))
-
-        def turned(known: list[Any], after: Any) -> list[Any]:
-            """Go on to the next sample; what is known is the last one, the way to it, the largest and the least."""
-            here, way, top, low = known
-            size, vector = elementwise(builder, "fabs", here.type), here.type
-            following = builder.fsub(after, here)
-            turn = builder.fcmp_ordered("<=", builder.fmul(way, following), ir.Constant(vector, [0.0] * vector.count))
-            before, behind = builder.call(size, [way]), builder.call(size, [following])
-            beside = builder.select(builder.fcmp_ordered(">", before, behind), before, behind)
-            beside = builder.select(turn, beside, ir.Constant(vector, [0.0] * vector.count))
-            above, below = builder.fadd(here, beside), builder.fsub(here, beside)
-            top = builder.select(builder.fcmp_ordered(">", above, top), above, top)
-            low = builder.select(builder.fcmp_ordered("<", below, low), below, low)
-            return [after, following, top, low]
 
         def taken(which: int, row: Any, k: Any, known: list[Any]) -> list[Any]:
             rates, share = quarters[which].load(row, n), _repeated(builder, shares.load_one(zero, k), four)
             acceleration = builder.fmul(builder.fsub(rates, known[8]), builder.fmul(share, inverse))
-            after = loads(which, row, rates, acceleration)
-            return [*turned(known[:4], rows[which].load(row)), *turned(known[4:8], after), rates]
+            after = _loads(builder, springs, quarters[which].load(row), rates, acceleration)
+            return [*_turned(builder, known[:4], rows[which].load(row)), *_turned(builder, known[4:8], after), rates]
 
         rates = quarters[0].load(zero, n)
         gap = builder.fdiv(ir.Constant(ir.DoubleType(), 1.0), shares.load_one(zero, zero))
         slope = builder.fmul(rows[0].load(one), _repeated(builder, gap, rows[0].vector))
-        starting = loads(0, zero, rates, builder.fmul(quarters[0].load(one, n), inverse))
+        acceleration = builder.fmul(quarters[0].load(one, n), inverse)
+        starting = _loads(builder, springs, quarters[0].load(zero), rates, acceleration)
         begun: list[Any] = []
         for sample, way in ((rows[0].load(zero), slope), (starting, ir.Constant(starting.type, [0.0] * 8))):
             begun += [sample, way, sample, sample]
@@ -268,7 +277,7 @@ def _reaching(
         found = taken(2, zero, nodes, found)
         flags = ir.Constant(INDEX, 0)
         for first, count, column in ((0, 16, zero), (4, 8, ir.Constant(INDEX, 16))):
-            _, _, top, low = turned(found[first : first + 4], found[first])
+            _, _, top, low = _turned(builder, found[first : first + 4], found[first])
             bounds = _Rows(context, builder, kinds[8], values[8], count)
             beyond = builder.fcmp_ordered(">", top, bounds.load(one, column))
             beyond = builder.or_(beyond, builder.fcmp_ordered("<", low, bounds.load(zero, column)))
@@ -437,6 +446,5 @@ if TYPE_CHECKING:
 else:
     products_2, products_16 = _cauchy(2), _cauchy(16)
     put_row, put_step, horner_pair_16, sizes_16 = _put_row, _put_step, _horner_pair, _sizes
-    reaching = _reaching
-    reduce_16, means_16 = _reduce, _means
+    reaching, reduce_16, means_16 = _reaching, _reduce, _means
     horner_16, horner_8 = _horner_at_one(16, derivatives=0), _horner_at_one(8, derivatives=2)

@@ -412,7 +412,6 @@ def cover_shaking(
         across = max(across, abs(room.samples[i, n] - c[0, n]))
         along = max(along, abs(room.samples[i, n + 1] - c[0, n + 1]))
     shaken(peaks, LIFT, c, degree, room, nodes, end, 0.0, since, system, spot, span, equations)
-    shaken(peaks, LIFT, c, degree, room, nodes, end, 0.0, since, system, spot, span, equations)
     if across > ALIKE * along:
         shaken(peaks, ACCELERATION, c, degree, room, nodes, end, 1.0, since, system, spot, span, equations)
     elif peaks.square[LIFT] > peaks.square[ACCELERATION]:
