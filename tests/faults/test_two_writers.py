@@ -147,7 +147,7 @@ def test_run_and_sweep_of_one_name_keep_their_provenance(here, kernels, figures)
     assert (here / "results/c/sweep-provenance.json").exists()
     assert left(here / "results/c")[1] == []
     assert command("plot", "results/c").code == 0
-    assert figures.keys() == {"motion", "force", "exciters", "response"}
+    assert figures.keys() == {"motion", "force", "exciters", "loads", "response"}
 
 
 def test_provenance_returns_to_its_name_when_the_other_result_is_gone(tmp_path):
