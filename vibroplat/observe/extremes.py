@@ -111,8 +111,28 @@ def cover(
     """Let extremes k cover polynomial j in a step from fraction ``since`` of it, at whose end it is ``last``.
 
     Polynomials of low degree have few samples and are looked through, and so is a step of which only a part counts,
-    which happens once. Of the others see :func:`vibroplat.kernels.lanes.reaching`. What does not go ``beyond`` the
-    extremes by so much is none; ``sized``: only the larger of both sizes matters.
+    which happens once. Of the others see :func:`vibroplat.kernels.lanes.reaching`.
+
+    Parameters
+    ----------
+    peaks, k
+        Record of :data:`PEAKS`, and the place of the quantity in it.
+    c, degree
+        Polynomials in the step's fraction, and their degree.
+    samples, nodes
+        Their values at so many Gauss nodes.
+    j
+        The column.
+    since
+        Fraction of the step from which it counts.
+    last
+        Value at the step's end.
+    span
+        The step: what is remembered has a time and a pace.
+    beyond
+        What does not go beyond the extremes by so much is none.
+    sized
+        Whether only the larger of both sizes matters.
     """
     least, largest = peaks.least[k] - beyond, peaks.largest[k] + beyond
     if sized:
@@ -147,7 +167,13 @@ def cover_form(
     beyond: float,
     sized: bool,
 ) -> None:
-    """Do as :func:`cover` for a sum of two unknowns: their columns, each with a factor."""
+    """Do as :func:`cover` for a sum of two unknowns, a form: the first one's column and factor, then the second's.
+
+    A force into the foundation is such a sum, of a coordinate and its rate, and so is a coordinate of a named point, of
+    that of the centre of mass and the rotation. Its polynomial and samples are made where a step is searched, in the
+    first columns of ``room.form`` and ``room.form_samples``, which are overwritten; the unknowns' samples at the nodes
+    and at the end are in ``room`` and ``end``.
+    """
     first, share, second, other = form
     for i in range(degree + 1):
         room.form[i, 0] = share * c[i, first] + other * c[i, second]

@@ -1,4 +1,4 @@
-"""Largest loads over a run: forces into the foundation, accelerations, torques and powers of the motors, named points.
+"""Largest loads over a run: forces into the foundation, accelerations, named points.
 
 Springs and dampers, accelerations and named points are linear in the unknowns and their rates, and so are looked at in
 a step only where samples of these say that it may hold something new.
@@ -14,8 +14,7 @@ from vibroplat.hybrid.modes import FLIGHT, MODES
 from vibroplat.hybrid.state import WIDTH
 from vibroplat.kernels.compiled import FloatArray, call_int, compiled, fused_inline, inlined
 from vibroplat.kernels.lanes import reaching
-from vibroplat.kernels.polynomial import CLOSE, crossing, value, values
-from vibroplat.model.motor import motor_torque, slip_speeds
+from vibroplat.kernels.polynomial import CLOSE, values
 from vibroplat.model.parameters import Parameters
 from vibroplat.model.systems import DIFFERENTIAL, GAP, SIZES
 from vibroplat.observe.extremes import (
@@ -27,14 +26,11 @@ from vibroplat.observe.extremes import (
     LIFT,
     OPENING,
     POINTS,
-    POWER_1,
     PULL_X,
     PULL_Y,
     ROTATION,
     SIDEWAYS,
-    SPEED_1,
     TIE,
-    TORQUE_1,
     Span,
     cover,
     cover_form,
@@ -43,6 +39,7 @@ from vibroplat.observe.extremes import (
     remember,
     vertex,
 )
+from vibroplat.observe.motor_loads import cover_motor
 
 #: Places of x, y, φ and the gap among the unknowns. Integers of numpy, so that functions are compiled once for all.
 _X, _Y, _PHI, _GAP = np.array([0, 1, 2, GAP])
@@ -82,11 +79,32 @@ def shaken(
     span: Span,
     equations: Equations,
 ) -> None:
-    """Let extremes k cover the size of the acceleration of a point of the platform, ``spot``.
+    """Let extremes k cover the size of the acceleration of a point of the platform.
 
-    ``sideways`` is 1, or 0 if that along y alone counts. Means between samples say about where it is largest, the
-    polynomials whether and where it is larger than before, and the equations how large it is there: these are more
-    accurate, and take longer.
+    Means between samples say about where it is largest, the polynomials whether and where it is larger than before, and
+    the equations how large it is there: these are more accurate, and take longer.
+
+    Parameters
+    ----------
+    peaks, k
+        Record of :data:`vibroplat.observe.extremes.PEAKS`, and the place of the quantity in it.
+    c, degree
+        Polynomials of the unknowns in the step's fraction, and their degree.
+    room, nodes
+        Record of :data:`vibroplat.observe.statistics.ROOM` with the values at so many nodes; its squares are
+        overwritten.
+    end
+        Unknowns at the end of the step.
+    sideways
+        1, or 0 if the acceleration along y alone counts.
+    since
+        Fraction of the step from which it counts.
+    system
+        Number of the system of equations.
+    spot
+        The point, from the centre of mass (m).
+    span, equations
+        The step as the records of extremes know it, and where the equations are.
     """
     squares, n, known = room.squares, DIFFERENTIAL[system] // 2, (1.0 + 2.0 * TIE) * peaks.square[k]
     mean_squares(c, room.samples, nodes, end, n, sideways, spot, 1.0 / span.length, squares)
@@ -124,7 +142,12 @@ def mean_squares(
     inverse: float,
     squares: FloatArray,
 ) -> None:
-    """Fill the squares of the mean accelerations of a point between samples."""
+    """Fill the squares of the mean accelerations of a point between samples (m²/s⁴).
+
+    A mean is the difference of the point's velocities at both samples over the time between them: it differs from the
+    acceleration in the middle by a term of second order in that time. ``inverse`` is one over the step's length (1/s),
+    n the column of the first rate, ``spot`` the point; ``sideways`` as of :func:`shaken`.
+    """
     x, y = c[0, n] - spot[1] * c[0, n + 2], c[0, n + 1] + spot[0] * c[0, n + 2]
     for i in range(nodes + 1):
         after = samples[i] if i < nodes else end
@@ -147,7 +170,10 @@ def steepest(
 ) -> tuple[float, float]:
     """Fraction of a step near s at which the square of a point's acceleration is largest, and that square (1/step⁴).
 
-    By Newton's iteration, up to a way that three terms of its Taylor series cover.
+    By Newton's iteration from s on, up to a way that three terms of its Taylor series cover, and never out of the
+    interval from ``low`` to ``high``. Accelerations are the derivatives of the rates, whose columns begin at n; so that
+    no division is needed they are by the step's fraction. Where the square is no maximum nearby, what was found largest
+    on the way is returned.
     """
     square, begun = -1.0, s
     for _ in range(4):
@@ -193,84 +219,17 @@ def exact_size(
     return float(np.sqrt(sideways * ax * ax + ay * ay))
 
 
-# -- motors -----------------------------------------------------------------------------------------------
-
-
-@inlined
-def drive_at(peaks: Any, i: int, speed: float, s: float, span: Span, p: Parameters) -> None:
-    """Let the extremes of torque, in the direction of the drive, and power cover those of motor i at a speed."""
-    torque = motor_torque(i, span.begin + s * span.length, speed, p)
-    remember(peaks, TORQUE_1 + i, p.direction[i] * torque, s, span)
-    remember(peaks, POWER_1 + i, torque * speed, s, span)
-
-
-@inlined
-def cover_motor(
-    peaks: Any,
-    i: int,
-    c: FloatArray,
-    degree: int,
-    samples: FloatArray,
-    nodes: int,
-    n: int,
-    since: float,
-    last: float,
-    span: Span,
-    p: Parameters,
-) -> None:
-    """Let the extremes of speed, torque and power of motor i cover a step from fraction ``since`` of it.
-
-    At a constant supply torque and power depend on the speed alone: they have extremes at new extremes of the speed
-    since the supply has changed, at the critical slip, and for the power where u² + 2uΔ²/ω₀ = Δ², with slip speed u and
-    critical slip speed Δ.
-    """
-    k, j = DRIVEN_1 + i, n + 3 + i
-    least, largest = peaks.least[k], peaks.largest[k]
-    cover(peaks, k, c, degree, samples, nodes, j, since, last, span, margin(peaks, k), False)
-    for speed, at, new in (
-        (peaks.least[k], peaks.at_least[k], peaks.least[k] < least),
-        (peaks.largest[k], peaks.at_largest[k], peaks.largest[k] > largest),
-    ):
-        if new:
-            s = (at - span.begin) / span.length
-            remember(peaks, SPEED_1 + i, speed, s, span)
-            drive_at(peaks, i, speed, s, span, p)
-    if peaks.least[k] < least or peaks.largest[k] > largest:
-        critical = slip_speeds(i, span.begin, last, p)[1]
-        synchronous = slip_speeds(i, span.begin + span.length, last, p)[0] + p.direction[i] * last
-        pass_levels(peaks, i, c, degree, j, since, synchronous, critical, span, p)
-
-
-@compiled
-def pass_levels(
-    peaks: Any,
-    i: int,
-    c: FloatArray,
-    degree: int,
-    j: int,
-    since: float,
-    synchronous: float,
-    critical: float,
-    span: Span,
-    p: Parameters,
-) -> None:
-    """Let the extremes of motor i cover the slips of largest torque and power that a step passes."""
-    ratio = critical / synchronous if synchronous != 0.0 else 0.0
-    root = np.sqrt(1.0 + ratio * ratio)
-    for slip in (critical, -critical, critical * (root - ratio), -critical * (root + ratio)):
-        level = p.direction[i] * (synchronous - slip)
-        if (c[0, j] - level) * (value(c, degree, j, 1.0) - level) < 0.0:
-            s = crossing(c, degree, j, level)
-            if s >= since:
-                drive_at(peaks, i, level, s, span, p)
-
-
 # -- a step ------------------------------------------------------------------------------------------------
 
 
 @compiled
 def put_limits(peaks: Any, room: Any, system: int, p: Parameters) -> None:
-    """Fill the limits beyond which a step has new extremes, and forget those of the supply before."""
+    """Fill the limits beyond which a step has new extremes, and forget those of the supply before.
+
+    Quantities of one kind share a margin, that of the largest of them: x and φ that are round-off beside y have no
+    extremes worth a search. Columns that the system does not have get no limits. While the supply changes, torque and
+    power do not follow from the speed alone, and each step is looked at.
+    """
     limits, force, n = room.limits, DIFFERENTIAL[system], DIFFERENTIAL[system] // 2
     for i in range(2):
         if peaks.since != p.since or p.speed_ramp[i] != 0.0 or p.slip_ramp[i] != 0.0:
@@ -312,7 +271,21 @@ def widen(
     equations: Equations,
     p: Parameters,
 ) -> None:
-    """Let the extremes cover a step: the early ones, or from fraction ``since`` of it on the late ones."""
+    """Let the extremes cover a step: the early ones, or from fraction ``since`` of it on the late ones.
+
+    The step in which the measured part begins belongs to both: it is screened for the early ones and then, as it comes
+    only once, searched as a whole for the late ones. All others are screened, which most of them pass without a search;
+    the limits are filled anew where another record or another system has had its step before.
+
+    Parameters
+    ----------
+    early, late
+        Records of extremes before the measured part and in it.
+    c, degree, room, nodes, system, end, span, equations
+        As of :func:`shaken`.
+    since
+        Fraction of the step at which the measured part begins; 0 in it, 1 or more before it.
+    """
     peaks, which = early if since > 0.0 else late, 2 * system + (1 if since > 0.0 else 0)
     ramps = p.speed_ramp[0] != 0.0 or p.speed_ramp[1] != 0.0 or p.slip_ramp[0] != 0.0 or p.slip_ramp[1] != 0.0
     if room.limited != which or ramps:
@@ -343,7 +316,11 @@ def cover_columns(
     equations: Equations,
     p: Parameters,
 ) -> None:
-    """Let the extremes of columns whose bits are set cover a step from fraction ``since`` of it."""
+    """Let the extremes of columns whose bits are set cover a step from fraction ``since`` of it.
+
+    Bits are those of :func:`vibroplat.kernels.lanes.reaching`: of the unknowns, of three forces into the foundation and
+    of the acceleration, with and without its part along x. Named points are looked at in any case.
+    """
     samples, force, n = room.samples, DIFFERENTIAL[system], DIFFERENTIAL[system] // 2
     beyond = margin(peaks, HEIGHT)
     for k, j in ((SIDEWAYS, _X), (HEIGHT, _Y), (ROTATION, _PHI)):
@@ -406,7 +383,11 @@ def cover_shaking(
     span: Span,
     equations: Equations,
 ) -> None:
-    """Let the extremes of the acceleration of the centre of mass cover a step from fraction ``since`` of it."""
+    """Let the extremes of the acceleration of the centre of mass cover a step from fraction ``since`` of it.
+
+    In antiphase the platform moves along y alone but for round-off. Its acceleration is then that along y, found once:
+    two searches would differ in the last digits.
+    """
     spot, across, along, n = (0.0, 0.0), 0.0, 0.0, DIFFERENTIAL[system] // 2
     for i in range(nodes):
         across = max(across, abs(room.samples[i, n] - c[0, n]))
@@ -421,7 +402,11 @@ def cover_shaking(
 
 @inlined
 def add_forces(sums: FloatArray, means: FloatArray, springs: FloatArray, n: int, duration: float) -> None:
-    """Add forces into the foundation, and then their squares, over a part of a step (s), from the unknowns' means."""
+    """Add forces into the foundation, and then their squares, over a part of a step (s), from the unknowns' means.
+
+    With stiffness k and damping d a force is kq + dq̇, and its square k²q² + 2kd qq̇ + d²q̇²; the means of all these are
+    in the four rows of :func:`vibroplat.kernels.lanes.means_16`.
+    """
     for i in range(3):
         k, d = springs[0, i], springs[1, i]
         sums[i] += duration * (k * means[0, i] + d * means[0, n + i])
