@@ -86,9 +86,10 @@ class Motor(Section):
         missing = [name for name, value in given.items() if value is None]
         plate = [name for name in given if name not in (*missing, "rated_frequency_hz")]
         if missing:
+            replaced = ", which critical_torque_n_m or critical_slip replaces" if missing == ["rated_power_w"] else ""
             raise ValueError(
-                f"{plate[0]} is given without {' and '.join(missing)}; allowed: {', '.join(NAMEPLATE[:-1])} together "
-                f"with {NAMEPLATE[-1]}, or none of them"
+                f"{plate[0]} is given without {' and '.join(missing)}{replaced}; "
+                f"allowed: {', '.join(NAMEPLATE[:-1])} together with {NAMEPLATE[-1]}, or none of them"
             )
         if not self.rated_slip > 0.0:
             synchronous = 60.0 * given["rated_frequency_hz"] / self.pole_pairs

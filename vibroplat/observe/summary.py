@@ -90,7 +90,9 @@ MEASURES: Columns = {
     "flight_fraction": Column("share of the time in flight"),
     "motor_power_w": Column("mean mechanical power of both motors"),
     "measured_s": Column("time over which means are taken"),
-    "measured_from_s": Column("beginning of that time"),
+    "measured_from_s": Column(
+        "beginning of that time", "largest and least values are of the whole second half of a run"
+    ),
     "measured_to_s": Column("end of that time"),
     "contact_force_min_n": Column("least contact force"),
     "contact_force_max_n": Column("largest contact force", "impulses of impacts do not count"),

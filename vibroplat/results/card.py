@@ -26,7 +26,7 @@ def results(scene: Scene, summary: Mapping[str, Any], origin: Mapping[str, Any] 
         ("outcome", summary["outcome"], ""),
         ("start", _start(scene, summary, origin), ""),
         ("simulated", summary["simulated_s"], "s"),
-        ("measured", _window(summary), ""),
+        ("measured", _window(scene, summary), ""),
         ("repeats after", _period(summary), ""),
         ("excitation frequency", summary["excitation_frequency_hz"], "Hz"),
         ("speeds of the exciters", _speeds(summary), "Hz"),
@@ -54,9 +54,10 @@ def sheet(scene: Scene, summary: Mapping[str, Any]) -> dict[str, str]:
     for name, unit, written in (("force_x", "n", "N"), ("force_y", "n", "N"), ("moment", "n_m", "N·m")):
         most, rms = f"foundation_{name}_max_{unit}", _short(summary, f"foundation_{name}_rms_{unit}")
         weighs = name == "force_y" and gravity > 0.0
-        weight = f", {_short(summary, 'foundation_force_y_mean_n', -1.0)} of it weight" if weighs else ""
+        mean = _short(summary, "foundation_force_y_mean_n", -1.0)
+        static, about = (f", static {mean} {written}", " about it") if weighs else ("", "")
         lines[f"{name.replace('_', ' ')} into foundation"] = (
-            f"largest {_short(summary, most)} {written}{weight}, RMS {rms}{_peak(summary, most, written)}"
+            f"largest {_short(summary, most)} {written}{static}, RMS {rms}{about}{_peak(summary, most, written)}"
         )
     strokes = {"stroke x": "stroke_x_m", "stroke y": "stroke_y_m"}
     for name in scene.output.points:
@@ -108,12 +109,13 @@ def _short(summary: Mapping[str, Any], column: str, factor: float = 1.0) -> str:
 
 
 def _peak(summary: Mapping[str, Any], column: str, unit: str, factor: float = 1.0) -> str:
-    """Write the largest value of the whole run, where it is not that of the measured part."""
+    """Write the largest value of the whole run, unless it is that of the measured part, and when and how fast it is."""
     base, value = split(column)[0], summary[f"whole_{column}"]
-    if value is None or value == summary[column]:
+    if value is None:
         return ""
     at, pace = summary[f"whole_{base}_at_s"], summary[f"whole_{base}_at_hz"]
-    return f"; whole run: {rounded(factor * value)} {unit} at {at:.4g} s, {pace:.3g} Hz"
+    same = value == summary[column]
+    return f"; {'that' if same else f'whole run: {rounded(factor * value)} {unit}'} at {at:.4g} s, {pace:.3g} Hz"
 
 
 def whole(summary: Mapping[str, Any]) -> dict[str, str]:
@@ -161,19 +163,20 @@ def _phase(scene: Scene, summary: Mapping[str, Any]) -> tuple[float | str | None
     return summary["phase_difference_rad"], "rad" if named == "none" else f"rad, {told}"
 
 
-def _window(summary: Mapping[str, Any]) -> str:
+def _window(scene: Scene, summary: Mapping[str, Any]) -> str:
     """Describe the measured part of a run."""
     first, last, turns = (summary[f"measured_{key}"] for key in ("from_s", "to_s", "turns"))
     if last <= first:
         return f"nothing: the run ended before {_number(first)} s"
-    return f"{_number(first)} … {_number(last)} s, {turns or 'no'} whole turn{'' if turns == 1 else 's'}"
+    coasting = "" if any(scene.drive.at(last).driven) else ", motors off"
+    return f"{_number(first)} … {_number(last)} s, {turns or 'no'} whole turn{'' if turns == 1 else 's'}{coasting}"
 
 
 def _period(summary: Mapping[str, Any]) -> str | None:
     """Say after how many turns a motion repeats; a summary from before this was told has none."""
     turns = summary.get("period")
     if turns == 0:
-        return f"not settled, or no period up to {MAX_PERIOD} turns"
+        return f"not yet, or not within {MAX_PERIOD} turns"
     return turns and f"{turns} turn{'' if turns == 1 else 's'}"
 
 
