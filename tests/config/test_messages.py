@@ -39,13 +39,17 @@ def both(first, second):
 
 MESSAGES = {
     "unknown keys": {
-        "machin: {}": f"unknown key machin; did you mean machine? allowed: {SECTIONS}",
+        "machin: {}": f"unknown key machin in line 1; did you mean machine? allowed: {SECTIONS}",
         "drive.supply_frequency_hz: 50": f"unknown key drive.supply_frequency_hz; allowed: {SECTIONS}",
-        "run: {initial: {phi1: 0}}": f"unknown key run.initial.phi1; did you mean phi1_rad? allowed: {INITIAL}",
-        "run: {initial: {form: x}}": f"unknown key run.initial.form; did you mean from? allowed: {INITIAL}",
-        "exciters: [{}, {zzz: 1}]": f"unknown key exciters.1.zzz; allowed: {EXCITER}",
-        program(f"{START}, exciter_3: off"): "unknown key drive.program.0.exciter_3; did you mean exciter_2? allowed: "
-        "t_s, supply_frequency_hz, exciter_1, exciter_2, off",
+        "run: {initial: {phi1: 0}}": "unknown key run.initial.phi1 in line 1; did you mean phi1_rad? "
+        f"allowed: {INITIAL}",
+        "run: {initial: {form: x}}": f"unknown key run.initial.form in line 1; did you mean from? allowed: {INITIAL}",
+        "exciters: [{}, {zzz: 1}]": f"unknown key exciters.1.zzz in line 1; allowed: {EXCITER}",
+        program(f"{START}, exciter_3: off"): "unknown key drive.program.0.exciter_3 in line 1; did you mean exciter_2? "
+        "allowed: t_s, supply_frequency_hz, exciter_1, exciter_2, off",
+        "name: a\nplatform_mass_kg: 12": "unknown key platform_mass_kg in line 2; did you mean "
+        f"machine.platform_mass_kg? allowed: {SECTIONS}",
+        "# machine:\nname: a\nmachine:": f"machine = None in line 3; allowed: {SECTION}",
     },
     "types": {
         "drive: {supply_frequency_hz: fast}": "drive.supply_frequency_hz = 'fast'; allowed: a number",

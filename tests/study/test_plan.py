@@ -136,11 +136,15 @@ def test_mistakes_in_other_keys_are_told_in_a_line(complaint):
 
 
 def test_names_of_keys_are_guessed(complaint):
-    assert complaint(with_plan("settl_s: 3")).startswith("c.yaml: unknown key sweep.settl_s; did you mean settle_s? ")
-    assert complaint(with_plan("zzzz: 3")).startswith("c.yaml: unknown key sweep.zzzz; allowed: supply_frequency_hz, ")
+    assert complaint(with_plan("settl_s: 3")).startswith(
+        "c.yaml: unknown key sweep.settl_s in line 1; did you mean settle_s? "
+    )
+    assert complaint(with_plan("zzzz: 3")).startswith(
+        "c.yaml: unknown key sweep.zzzz in line 1; allowed: supply_frequency_hz, "
+    )
     line = complaint(with_plan("grid: {material.mas_ratio: [0.1]}"))
     assert line.startswith("sweep.grid: unknown key material.mas_ratio; did you mean mass_ratio? allowed: ")
-    assert complaint("swep: {}").startswith("c.yaml: unknown key swep; did you mean sweep? allowed: ")
+    assert complaint("swep: {}").startswith("c.yaml: unknown key swep in line 1; did you mean sweep? allowed: ")
 
 
 @pytest.mark.parametrize("values", ["material: [{mass_ratio: 0.1}]", "contact.restitution: []"])

@@ -28,6 +28,8 @@ ENGINE = "solver.engine"
 MAX_BYTES = 25_000
 MAX_VALUES = 5_000
 MAX_BRACKETS = 200
+#: Beginnings of messages about a key that is not known, and about a section without keys.
+_ABOUT_A_KEY = re.compile(r"unknown key (?:[\w.]+\.)?(?P<last>\w+)(?=;)|(?:[\w.]+\.)?(?P<empty>\w+) = None(?=;)")
 #: What a key looks like. Messages quote keys; a file that is no configuration, such as one with passwords, has others.
 KEY = re.compile(r"[^\W\d][\w .-]{0,79}")
 #: A number that YAML reads as text.
@@ -216,6 +218,16 @@ def _require_names(node: Any, source: str) -> None:
             line = key.start_mark.line + 1
             raise ConfigError(f"{source}: the key in line {line} is no name; allowed: letters, digits and _ . -")
         _require_names(value, source)
+
+
+def with_line(message: str, text: str) -> str:
+    """Say in a message about an unknown key or an empty section the line of a text, where that can only be one."""
+    found = _ABOUT_A_KEY.match(message)
+    if not found:
+        return message
+    place = re.compile(rf"(?<![\w.]){re.escape(found['last'] or found['empty'])}\s*:")
+    lines = [number for number, line in enumerate(text.splitlines(), start=1) if place.search(line.partition("#")[0])]
+    return message.replace(found[0], f"{found[0]} in line {lines[0]}", 1) if len(lines) == 1 else message
 
 
 def _unquoted(problem: object) -> str:

@@ -20,7 +20,7 @@ from vibroplat.config.body import RigidBody, rigid_body
 from vibroplat.config.coordinates import COORDINATES, RATES, Mode
 from vibroplat.config.drive import Drive
 from vibroplat.config.plans import OrbitsPlan, SweepPlan
-from vibroplat.config.reader import load_tree, merge, nest
+from vibroplat.config.reader import load_tree, merge, nest, with_line
 from vibroplat.config.schema import Section, described, explain
 from vibroplat.config.sections import (
     OF_EXCITERS,
@@ -400,4 +400,5 @@ def load_config(path: str | os.PathLike[str], overrides: Mapping[str, Any] | Non
     try:
         return Scene.from_tree(tree)
     except ConfigError as error:
-        raise ConfigError(f"{file}: {error}") from None
+        told = with_line(str(error), file.read_text(encoding="utf-8"))
+        raise ConfigError(f"{file}: {told}") from None

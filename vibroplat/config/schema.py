@@ -162,7 +162,8 @@ def explain(error: ValidationError, model: type[BaseModel]) -> str:
         *section, wrong = path
         names = [name.rpartition(".") for name in nodes(model)]
         known = [last for above, _, last in names if above == in_lists(section)]
-        near = difflib.get_close_matches(wrong, known, n=1, cutoff=0.5)
+        elsewhere = [".".join((above, last)) for above, _, last in names if last == wrong]  # its section is missing
+        near = elsewhere[:1] or difflib.get_close_matches(wrong, known, n=1, cutoff=0.5)
         hint = f"did you mean {near[0]}? " if near else ""
         line = f"unknown key {key}; {hint}allowed: {', '.join(known)}"
     elif first["type"] == "value_error":
