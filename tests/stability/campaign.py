@@ -86,8 +86,8 @@ def _sound(scene, run):
 
 
 def _missing(*arrays):
-    """Count what is not a number in arrays and records; only the turns passed have no number before the first step."""
-    columns = [array[name] for array in arrays for name in array.dtype.names or () if name != "passed"]
+    """Count what is not a number in arrays and records; before the first step turns and supplies have none."""
+    columns = [array[name] for array in arrays for name in array.dtype.names or () if name not in ("passed", "since")]
     columns += [array for array in arrays if array.dtype.names is None]
     return sum(int(np.isnan(column).sum()) for column in columns)
 
