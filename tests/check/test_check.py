@@ -225,6 +225,7 @@ def test_another_class_is_found():
     assert found.to_tree()["reclassified"] == found.reclassified
 
 
+@pytest.mark.long
 def test_chaos_is_compared_by_its_standard_errors():
     frequencies = {"start": 62.5, "stop": 62.5}
     plan = {"supply_frequency_hz": frequencies, "settle_s": 1.0, "measure_s": 1.0, "lyapunov": False}

@@ -201,6 +201,7 @@ def test_branches_go_through_grazing_with_fewer_and_fewer_impacts(engine, tolera
     assert [place[2] for place in found] == pytest.approx([place[2] for place in expected], abs=2e-6)
 
 
+@pytest.mark.long
 def test_branches_go_through_grazing_with_more_and_more_impacts(rebounding):
     """The branch back from its end, to where impacts accumulate."""
     row = rebounding.rows[-1]

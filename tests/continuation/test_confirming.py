@@ -30,6 +30,7 @@ def test_periodic_points_are_those_of_their_orbits():
     assert table["exponent_1_per_s"].isna().all()
 
 
+@pytest.mark.long
 def test_points_without_a_period_get_exponents():
     frequencies = {"start": 60.0, "stop": 60.0, "step": 1.0}
     (row,) = swept(supply_frequency_hz=frequencies, max_settle_s=5.0).to_dict("records")

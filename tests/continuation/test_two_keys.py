@@ -72,6 +72,7 @@ def test_motion_differs_on_both_sides_of_boundaries_over_restitution():
     assert found["period-doubling"][AGREES] >= 4
 
 
+@pytest.mark.long
 def test_ball_leaves_its_orbit_where_it_folds():
     middle = 0.5 * sum(stable_range(0.5))
     plan = {"key": "machine.gravity_m_per_s2", "start": GRAVITY, "stop": GRAVITY * 1.4, "from": "state", "switch": []}

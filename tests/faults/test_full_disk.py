@@ -79,6 +79,7 @@ def resumed_after(done, here, alone, kept=0):
         assert f", {kept} of the points from before\n" in again.out
 
 
+@pytest.mark.long
 def test_sweep_without_room_is_told_in_a_line_and_goes_on_later(here, alone):
     (here / "c.yaml").write_text(SWEEP)
     with largest_file(40_000):

@@ -140,6 +140,7 @@ def test_run_that_runs_out_of_memory_exits_1_with_one_line(command, here, kernel
     assert command("run", QUICKSTART) == (1, "", f"vibroplat: not enough memory; {KEPT}\n")
 
 
+@pytest.mark.long
 def test_sweep_that_runs_out_of_memory_keeps_its_finished_points(command, here, kernels, monkeypatch):
     from vibroplat.study import sweep
 

@@ -3,6 +3,7 @@
 from itertools import product
 
 import numpy as np
+import pytest
 
 from vibroplat.kernels import lanes
 from vibroplat.kernels.compiled import compiled
@@ -63,6 +64,7 @@ def test_products():
         np.testing.assert_allclose(out, expected, rtol=1e-14, atol=1e-13)
 
 
+@pytest.mark.long
 def test_pairs_compute_as_numbers_do():
     a, b, out = *rows(2, 2), np.empty((2, 2))
     compute(a, b, out)

@@ -132,6 +132,7 @@ def test_infinite_numbers_are_missing(moved, tmp_path):
     assert "Infinity" not in report.page(shown(copy))
 
 
+@pytest.mark.long
 def test_a_long_run_keeps_its_last_rows_and_the_extremes_of_all(moved, monkeypatch):
     monkeypatch.setattr(run, "ROWS", 100)
     monkeypatch.setattr(run, "INTERVALS", 20)
@@ -148,6 +149,7 @@ def test_a_long_run_keeps_its_last_rows_and_the_extremes_of_all(moved, monkeypat
         )
 
 
+@pytest.mark.long
 def test_a_start_is_shown_from_its_beginning(moved, started, monkeypatch):
     assert not shown(moved["two layers"])["transient"]
     data = shown(started)
@@ -373,6 +375,7 @@ def test_the_first_rows_of_a_spread_lie_evenly():
     assert max(np.diff([*sorted(order[:25]), 100])) <= 8
 
 
+@pytest.mark.long
 def test_points_of_branches_have_their_orbits(branched):
     (orbits,) = shown(branched, mover=motion_of)["points"]
     table, motions = read_branches(branched).points, orbits["motions"]
@@ -507,6 +510,7 @@ def test_a_directory_without_results_is_refused(tmp_path, command):
         assert done.err == f"vibroplat: {told}\n"
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("_undrawn")
 def test_a_page_replaces_no_configuration_and_has_orbits_unless_told_otherwise(moved, branched, tmp_path, command):
     config = tmp_path / "machine.yaml"

@@ -439,6 +439,7 @@ class Cut(Inline):
         return super().submit(function, *arguments)
 
 
+@pytest.mark.long
 def test_interrupted_evaluation_keeps_its_points(tmp_path, monkeypatch):
     coarse = {"sweep.supply_frequency_hz.step": 39.0, "sweep.max_settle_s": 0.5, "sweep.measure_s": 0.5}
     monkeypatch.setattr(scenes, "QUICK", QUICK | coarse)

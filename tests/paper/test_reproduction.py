@@ -59,6 +59,7 @@ def test_machines_are_known_by_their_names():
         machine_numbers("steel")
 
 
+@pytest.mark.long
 def test_beta_is_found_again():
     """The impact curve is replaced by that of the non-impact model with a known β."""
     known = 20.0
@@ -172,6 +173,7 @@ def jump(evidence):
     return evidence.jump(Key(0.0))
 
 
+@pytest.mark.long
 def test_jump_is_narrowed_and_resumed(bare, tmp_path):
     evidence, again = Evidence(bare.courses), Evidence(bare.courses)
     outer = jump(evidence)

@@ -65,6 +65,7 @@ def test_what_cannot_be_drawn_is_refused(table, x, told):
         handmade.branches().iloc[:0].vibroplat.plot()
 
 
+@pytest.mark.long
 def test_tables_that_pandas_reads_offer_it_too():
     """In whatever order pandas and the package are loaded; a room alone loads none, and no run loads matplotlib."""
     code = (

@@ -15,6 +15,7 @@ from vibroplat.plots.sweep import sweep_figures
 from vibroplat.results.files import Result
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("form", "begin"), [("pdf", b"%PDF"), ("svg", b"<?xml"), ("png", b"\x89PNG")])
 def test_the_same_figure_is_the_same_file_in_each_format(form, begin, saved, tmp_path):
     path = tmp_path / "new" / f"force.{form}"
