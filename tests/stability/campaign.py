@@ -1,7 +1,7 @@
 """Many random scenes by two engines that share no numerics: each ends soundly, and both find the same events.
 
-As a program it writes a table for each hundred of them into a folder and goes on where it was ended, with as many
-processes as it is told; at the end, or for what is there, it prints what was found::
+As a program it writes a table for each hundred of them into a folder, with as many processes as it is told, and goes on
+where it was ended. Then it prints what all tables in the folder say; with ``--scenes 0`` it does only that::
 
     PYTHONPATH=tests python -m stability.campaign FOLDER --scenes 1000000 --jobs 2
 """

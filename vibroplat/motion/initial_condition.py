@@ -17,8 +17,9 @@ from vibroplat.kernels.compiled import FloatArray
 from vibroplat.observe.tables import state_places
 from vibroplat.results.files import Result
 
-#: Largest size of what the end of a run may have to be gone on from, in the scales of the scene; the angles of the
-#: exciters grow for ever. And to which angle of them (rad) its time has to be exact.
+#: Largest coordinates and rates, in the scales of the scene, that the end of a run may have to be gone on from; the
+#: exciters' angles grow for ever and have a limit of their own. Round-off of its time may turn an exciter in step by at
+#: most the angle EXACT (rad).
 FARTHEST, EXACT = 1e4, 1e-6
 
 

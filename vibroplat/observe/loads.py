@@ -1,7 +1,7 @@
 """Largest loads over a run: forces into the foundation, accelerations, named points.
 
-Springs and dampers, accelerations and named points are linear in the unknowns and their rates, and so are looked at in
-a step only where samples of these say that it may hold something new.
+They are linear in the unknowns and their rates. Samples of these say which steps may hold a new extreme, and only such
+steps are searched.
 """
 
 from __future__ import annotations

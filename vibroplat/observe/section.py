@@ -12,9 +12,9 @@ from vibroplat.observe.statistics import Measures
 
 #: Longest period, in turns of exciter 1, that is searched for while a motion settles and at its end.
 MAX_PERIOD, LONGEST_PERIOD = 16, 64
-#: Of a run: largest distance of points that repeat, in the scales of the scene, and up to which they count as equal. Of
-#: shorter periods the distance is larger by this factor: the rest of a slow oscillation, which may come back to itself
-#: after some turns, decays by less.
+#: Of a run, in the scales of the scene: largest distance of points that repeat, and the distance up to which they count
+#: as equal. A shorter period is refused if its distance is larger by the factor CLEARLY: what is left of a slow
+#: oscillation may come back to itself after some turns, and differs by less.
 NEAR, EQUAL, CLEARLY = 1e-3, 1e-5, 30.0
 
 

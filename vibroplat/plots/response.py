@@ -94,9 +94,18 @@ def draw_response(
 
 
 class _Course(NamedTuple):
-    """What all quantities along a branch have in common: places, and of points where each kind of them is.
+    """What all quantities along a branch share, found once for a figure.
 
-    ``behind`` are the points before which the line is open.
+    Attributes
+    ----------
+    places, up
+        Places of the points on the horizontal axis, and whether the sweep went up.
+    behind
+        Numbers of the points behind a jump: the line is broken before each of them.
+    fillings
+        How markers are filled, each with the points that have it.
+    failed
+        Places of the points that failed.
     """
 
     places: FloatArray
