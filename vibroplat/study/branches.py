@@ -98,7 +98,8 @@ class Branch:
 
         The key may change the layers between the two.
         """
-        return state if state is None or point == 0 else carried(state, self.at(point - 1), self.at(point))
+        same = state is None or point == 0 or not self.swept.startswith("material.")  # keys that make layers
+        return state if same or state is None else carried(state, self.at(point - 1), self.at(point))
 
 
 def branches(scene: Scene) -> list[Branch]:
