@@ -105,7 +105,7 @@ def test_any_two_keys_make_a_map_with_boundaries_of_orbits_over_both(write):
     figure = drawn(place, "map")["map"]
     fold, liftoff = figure.axes[0].lines
     assert texts(figure.legends[0])[1].startswith("liftoff: ")
-    assert fold.get_linestyle() != liftoff.get_linestyle()
+    assert fold._dash_pattern != liftoff._dash_pattern
     assert fold.get_xdata() == pytest.approx(boundaries[DAMPING][:7])
     # rows of 0 and 0.2 are 1 apart; beyond the last there is nothing
     assert np.asarray(fold.get_ydata())[:5] == pytest.approx(5.0 * np.linspace(0.0, 0.2, 5))
@@ -124,7 +124,7 @@ def test_a_map_shows_any_measure(write):
     assert shown == pytest.approx(1e3 * rows["rms_y_m"].to_numpy(), nan_ok=True)
     assert [axis.get_title(loc="left").splitlines()[-1] for axis in figure.axes[:2]] == [
         "RMS $y$, up",
-        "residual calls, up",
+        "period, up",
     ]
     assert [axis.get_xlabel() for axis in figure.axes[4:]] == ["RMS $y$ (mm)", "period"]
     assert to_hex(tiles.cmap(tiles.norm(np.nanmax(shown)))) == to_hex(tiles.cmap(1.0))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -63,7 +62,9 @@ PERIODS = {
 #: Hatch of points that failed, and the colour of points without flight.
 _HATCH, NO_FLIGHT = "xxxx", "#ffffff"
 #: Lines of boundaries on a map, by the kinds of special points.
-_LINES = dict(zip(MEANINGS, itertools.cycle(("-", "--", "-.", ":")), strict=False))
+_LINES: dict[str, Any] = dict(
+    zip(MEANINGS, ("-", "--", "-.", ":", (0, (7, 2)), (0, (1, 2, 1, 2, 5, 2)), (0, (9, 1, 2, 1))), strict=True)
+)
 #: Most ticks of the vertical axis of a map.
 _TICKS = 12
 
