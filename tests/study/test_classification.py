@@ -10,7 +10,7 @@ from common.places import LOADED
 from vibroplat.integrate import make_engine
 from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Motion
-from vibroplat.observe import statistics as m
+from vibroplat.observe import measures as m
 from vibroplat.observe.summary import block_errors, extremes, half_open
 from vibroplat.study.classification import Kind, classify
 from vibroplat.study.lyapunov import Exponent
