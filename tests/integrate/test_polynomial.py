@@ -125,7 +125,7 @@ def test_extremes_of_a_step(first, last):
         for _ in range(8):
             c = rng.normal(size=degree + 1) * 0.7 ** np.arange(degree + 1)
             true = np.polynomial.Polynomial(c)(s)
-            least, largest, *_ = extremes(column(c), degree, 0, first, last)
+            least, largest, *_ = extremes(column(c), degree, 0, first, last, (true[0], true[-1]))
             assert [least, largest] == pytest.approx([true.min(), true.max()], abs=1e-7)
 
 

@@ -40,7 +40,7 @@ TABLES: dict[str, tuple[str, Columns]] = {
     "trajectory": ("`vibroplat run`: a row for each sample; at an event two, before and after it.", TRAJECTORY),
     "events": ("`vibroplat run`: a row for each event.", EVENTS),
     "summary.json": (
-        "`vibroplat run`: numbers of the second half of the run, means cut to whole turns or periods; what "
+        "`vibroplat run`: numbers of the second half of the run, cut to whole turns or periods; what "
         "is of the whole run says so.",
         {**SUMMARY, **_POINTS, **whole_columns(_POINTS)},
     ),

@@ -202,17 +202,19 @@ def bend(c: FloatArray, degree: int, j: int) -> float:
 
 
 @compiled
-def extremes(c: FloatArray, degree: int, j: int, first: float, last: float) -> tuple[float, float, float, float]:
-    """Least and largest value of unknown j between two fractions of a step.
+def extremes(
+    c: FloatArray, degree: int, j: int, first: float, last: float, ends: tuple[float, float]
+) -> tuple[float, float, float, float]:
+    """Least and largest value of unknown j between two fractions of a step, with its values there.
 
     Behind them the fractions where it has them. Found among points, and improved by Newton's iteration on the slope.
     """
     points = 2 * degree
-    least = largest = value(c, degree, j, first)
+    least = largest = ends[0]
     at_least = at_largest = first
     for i in range(1, points + 1):
         s = first + (last - first) * i / points
-        found = value(c, degree, j, s)
+        found = value(c, degree, j, s) if i < points else ends[1]
         if found < least:
             least, at_least = found, s
         if found > largest:

@@ -195,7 +195,7 @@ def looked_through(
     """Do as :func:`cover` for any degree."""
     reach = bend(c, degree, j)
     if not (peaks.least[k] < min(ends) - reach and max(ends) + reach < peaks.largest[k]):
-        low, high, at_low, at_high = extremes(c, degree, j, span.first, span.last)
+        low, high, at_low, at_high = extremes(c, degree, j, span.first, span.last, ends)
         remember(peaks, k, low, at_low, span)
         remember(peaks, k, high, at_high, span)
 

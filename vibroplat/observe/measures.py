@@ -126,18 +126,18 @@ def between(earlier: Measures, later: Measures) -> Measures:
     Extremes are those of the block's row, which begins at the first whole turn after the block has begun.
     """
     marks, peaks = later.marks.copy(), later.peaks.copy()
+    last = int(marks["turns"] - 1) % later.closed.size
     marks["turns"] += 1 - earlier.marks["turns"]  # the last turn before is the first mark
     marks["first"] = earlier.marks["last"]
     peaks[WHOLE : marks["row"]] = no_peaks(1)
     plain, open_turn = np.zeros((2, len(SUMS)))
-    whole = later.whole - earlier.whole
-    return later._replace(plain=plain, open_turn=open_turn, whole=whole, marks=marks, peaks=peaks)
+    whole, closed = later.whole - earlier.whole, later.closed[last : last + 1]
+    return later._replace(plain=plain, open_turn=open_turn, whole=whole, marks=marks, peaks=peaks, closed=closed)
 
 
 def measured_peaks(ms: Measures) -> Any:
     """Return the extremes of the whole turns of exciter 1, or without any those of the whole measured part."""
-    turns = int(ms.marks["turns"])
     if ms.whole[TIME] <= 0.0:
         return joined(ms.peaks[AHEAD:])
-    last = (turns - 1) % ms.closed.size
+    last = int(ms.marks["turns"] - 1) % ms.closed.size
     return joined(np.concatenate([ms.peaks[WHOLE : ms.marks["row"]], ms.closed[last : last + 1]]))
