@@ -23,7 +23,9 @@ from vibroplat.study.confirming import CONFIRMED
 from vibroplat.study.sweep import COLUMNS, DIAGRAM, SWEEP
 
 #: The swept keys of a sweep's tables.
-_SWEPT = {"…": Column("the keys of the sweep's grid, by their dotted names", "see configuration.md")}
+_SWEPT = {
+    "…": Column("the key of sweep.over in place of the supply, and those of the grid, by their dotted names"),
+}
 _FOLLOWED = {"…": Column("the keys of the grid and the keys that vary, by their dotted names", "see configuration.md")}
 _POINTS = of_points(["NAME"])
 _IN_ORDER = {SUPPLY: SWEEP[SUPPLY], **_SWEPT, **{name: SWEEP[name] for name in (*COLUMNS, *SHEET)}, **_POINTS}
@@ -47,7 +49,8 @@ TABLES: dict[str, tuple[str, Columns]] = {
     "sweep": ("`vibroplat sweep`: a row for each point.", _IN_ORDER),
     "sweep, confirmed": ("Columns that `confirm: orbits` adds to `sweep`.", CONFIRMED),
     "bands": (
-        "`vibroplat sweep`: where each branch synchronizes how, jumps, lifts off, is largest along y, and fails.",
+        "`vibroplat sweep`: where each branch synchronizes how, jumps, lifts off, is largest along y, and fails. Over "
+        "another key than the supply, `from_` and `to_` stand before its name.",
         {**_SWEPT, **{name: SWEEP[name] for name in ("direction", "branch")}, **BANDS},
     ),
     "section": ("`vibroplat sweep` with `kind: bifurcation`: the last turns of each point.", _diagram("y_m")),

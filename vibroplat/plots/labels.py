@@ -10,10 +10,11 @@ import pandas as pd
 
 from vibroplat.columns import PHASE, unit_of, words
 from vibroplat.config.drive import Drive, Entry
+from vibroplat.config.plans import FREQUENCY
 from vibroplat.config.reader import flat
 from vibroplat.config.scene import Scene
 from vibroplat.plots.style import plain
-from vibroplat.study.branches import EXCITATION, FREQUENCY, SUPPLY
+from vibroplat.study.branches import EXCITATION, SUPPLY
 
 #: What curves of a sweep are drawn over, by the names of option ``--x``.
 ABSCISSAE = {"excitation": EXCITATION, "supply": SUPPLY}

@@ -11,6 +11,7 @@ from typing import Any
 import pandas as pd
 
 from vibroplat.columns import PHASE_COLUMN, QUANTITIES
+from vibroplat.config.plans import FREQUENCY
 from vibroplat.config.reader import flat
 from vibroplat.config.scene import Scene
 from vibroplat.errors import TableError
@@ -19,7 +20,7 @@ from vibroplat.plots.reading import Curve, Saved, curves_of, finite, has_table
 from vibroplat.plots.style import CURVES
 from vibroplat.plots.timelines import Measured
 from vibroplat.results.files import Result
-from vibroplat.study.branches import EXCITATION, FREQUENCY, SUPPLY
+from vibroplat.study.branches import EXCITATION, SUPPLY
 
 #: Columns that figures of sweeps need besides the swept keys, and those they show if there are any.
 _NUMBERS = (EXCITATION, "rms_x_m", "rms_y_m", "rms_phi_rad", PHASE_COLUMN, "period")
