@@ -16,13 +16,13 @@ from vibroplat.config.coordinates import COORDINATES, RATES
 from vibroplat.config.scene import Scene
 from vibroplat.errors import VibroplatError
 from vibroplat.page.run import impacts_of, initial, machine_of, packed_coarsely
-from vibroplat.plots.labels import in_ratios, is_number, value_words
+from vibroplat.plots.labels import ABSCISSAE, in_ratios, is_number, value_words
 from vibroplat.plots.orbits import MARKERS, MEANINGS, at_special, places_of
 from vibroplat.plots.reading import Curve, curves_of, finite, rest_of
 from vibroplat.plots.studies import Study, grid_of
 from vibroplat.plots.style import DIRECTIONS, SYMBOLS
-from vibroplat.study.branches import EXCITATION
 
+EXCITATION = ABSCISSAE["excitation"]
 #: Most rows of a table on the page.
 MOST_ROWS = 5000
 #: Most samples of all orbits on a page, some 65 for each turn: 1.5 MB.

@@ -22,7 +22,6 @@ from vibroplat.page.results import differences, find_results, parameters, remark
 from vibroplat.plots.reading import Saved, ends_of, finite, has_table
 from vibroplat.plots.studies import abscissa, grid_of, read_branches
 from vibroplat.results.tables import replace_file, require_replaceable
-from vibroplat.study.branches import EXCITATION
 
 _LOG = logging.getLogger("vibroplat")
 
@@ -31,7 +30,7 @@ SCRIPTS = ("text", "tables", "curves", "machine", "player", "orbit", "points", "
 #: Columns of texts and of numbers that a table of a sweep needs.
 SWEEP_COLUMNS = (
     ("direction", "rotation", "sync", "motion", "outcome"),
-    ("branch", EXCITATION, "rms_x_m", "rms_y_m", "phase_difference_rad"),
+    ("branch", points.EXCITATION, "rms_x_m", "rms_y_m", "phase_difference_rad"),
 )
 #: What the page says about how a result was made.
 _MADE = ("vibroplat", "git_commit", "created", "engine", "tolerance")
@@ -227,7 +226,7 @@ def _sweep(number: int, one: Saved, motions: Motions) -> dict[str, Any]:
     table = points.thinned(whole)
     return {
         "table": points.table_data("sweep", number, whole),
-        "axes": points.axes(table, dict.fromkeys((abscissa(one.swept), EXCITATION, one.swept, *grid_of(table)))),
+        "axes": points.axes(table, dict.fromkeys((abscissa(one.swept), points.EXCITATION, one.swept, *grid_of(table)))),
         "measures": points.measures(table),
         "shaking": points.shaking(table, "".join(table["rotation"].dropna().unique())),
         "series": points.sweep_series(table),
@@ -243,7 +242,7 @@ def _orbits(number: int, one: Saved, motions: Motions) -> dict[str, Any]:
     marks = points.special_marks(found, special, table)
     return {
         "table": points.table_data("branches", number, found.points),
-        "axes": points.axes(table, [found.x, found.key, EXCITATION]),
+        "axes": points.axes(table, [found.x, found.key, points.EXCITATION]),
         "measures": points.measures(table),
         "shaking": points.shaking(table, found.rotation),
         "series": points.orbit_series(found, table),
