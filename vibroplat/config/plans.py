@@ -93,11 +93,8 @@ class Over(Section):
     @property
     def ends(self) -> tuple[float, float]:
         """Smallest and largest value that are given."""
-        if self.values is not None:
-            return min(self.values), max(self.values)
-        assert self.start is not None  # ensured by the validator
-        assert self.stop is not None
-        return self.start, self.stop
+        found = sorted(self.values or ()) or [end for end in (self.start, self.stop) if end is not None]
+        return found[0], found[-1]
 
     @property
     def number(self) -> int:
