@@ -158,7 +158,7 @@ class SweepPlan(Section, title="Sweep"):
         "auto", description="time before a point is measured; auto: until the Poincaré section has settled"
     )
     settle: Literal["orbits", "motion"] = Field(
-        "motion",
+        "orbits",
         description="with settle_s auto; orbits: a motion has settled as soon as it surely comes to a stable periodic "
         "orbit, found by Newton's method, and is measured there; motion: only once it repeats",
     )
