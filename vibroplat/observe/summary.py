@@ -17,7 +17,7 @@ from vibroplat.model.energy import FORCE as VERTICAL
 from vibroplat.model.energy import FORCE_SIZE, POWERS, energies
 from vibroplat.model.parameters import Parameters
 from vibroplat.observe.extremes import FORCE, HEIGHT, OPENING, ROTATION
-from vibroplat.observe.sheet import data_sheet, joined, means
+from vibroplat.observe.sheet import data_sheet, means
 from vibroplat.observe.statistics import DISSIPATIONS, N_POWERS, TIME, Measures, between
 
 #: Phase coherence below which exciters are not synchronous: their phase difference has no mean that says anything.
@@ -220,8 +220,11 @@ def measured(part: Part, scene: Scene) -> dict[str, Any]:
     sum of impulses, energies, the largest rotation |φ|, and two checks, the least gap and how far the contact force
     fell below 0.
     """
-    marks, whole = part.measures.marks, joined(part.measures)
-    least = part.measures.late["least"].tolist()
+    marks, early, late = part.measures.marks, part.measures.early, part.measures.late
+    least, largest = (
+        [choose(one, other) for one, other in zip(early[end].tolist(), late[end].tolist(), strict=True)]
+        for end, choose in (("least", min), ("largest", max))
+    )
     turned = part.measures.whole[TIME] > 0.0
     kinds = ("liftoffs", "impacts", "latches")  # as KINDS; a corner of the drive is no event of the motion
     counts = dict(zip(kinds, marks["counts"].tolist(), strict=False))
@@ -230,10 +233,10 @@ def measured(part: Part, scene: Scene) -> dict[str, Any]:
         **extremes(part.measures),
         "measured_from_s": float(marks["first"][0] if turned else marks["window"]),
         "measured_to_s": float(marks["last"][0] if turned else max(marks["until"], marks["window"])),
-        "contact_force_min_n": least[FORCE],
-        "contact_pull_n": max(0.0, -float(whole["least"][FORCE])),
-        "gap_min_m": float(whole["least"][OPENING]),
-        "phi_max_rad": float(max(whole["largest"][ROTATION], -whole["least"][ROTATION])),
+        "contact_force_min_n": float(late["least"][FORCE]),
+        "contact_pull_n": max(0.0, -least[FORCE]),
+        "gap_min_m": least[OPENING],
+        "phi_max_rad": max(largest[ROTATION], -least[ROTATION]),
         "impulse_sum_n_s": float(marks["impulse_sum"]),
         **counts,
         "events": sum(counts.values()),
