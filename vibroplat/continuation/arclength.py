@@ -226,8 +226,9 @@ def predicted(
         others = [p for p in places if p != here]
         weight = math.prod((place - other) / (here - other) for other in others)
         steepness = sum(1.0 / (here - other) for other in others)
-        slope = point.tangent / float(point.tangent @ direction)
-        u += weight**2 * ((1.0 - 2.0 * (place - here) * steepness) * point.u + (place - here) * slope)
+        away = place - here
+        u += (weight**2 * (1.0 - 2.0 * away * steepness)) * point.u
+        u += (weight**2 * away / float(point.tangent @ direction)) * point.tangent
         jacobian += weight * point.jacobian
     return u, jacobian
 

@@ -71,8 +71,6 @@ class Chart:
         self.scales: FloatArray = scales[self.places]
         self._columns = np.append(self.places, np.arange(scales.size, scales.size + len(self.units)))
         self._sizes = np.append(self.scales, self.units) / self.scales[:, np.newaxis]
-        others = np.flatnonzero(np.arange(self.places.size) != self.phase)
-        self._others = others[:, np.newaxis], others
 
     def pack(self, state: FloatArray, period: float, values: Sequence[float] = ()) -> FloatArray:
         """Write a state on the section, the period (s) and the values of the keys as a vector of unknowns."""
@@ -99,9 +97,9 @@ class Chart:
     def section_map(self, shot: Shot) -> FloatArray:
         """Differentiate the map from section to section, shape (m − 1, m − 1)."""
         derivative, along = self.derivative(shot)
-        whole = derivative[:, : along.size]
-        whole = whole - np.outer(along / along[self.phase], whole[self.phase])
-        return np.asarray(whole[self._others])
+        found = np.empty((along.size - 1, along.size - 1))
+        project(derivative, along, self.phase, found)
+        return found
 
 
 @dataclass(frozen=True)
@@ -293,6 +291,16 @@ def take_scaled(derivative: FloatArray, places: Any, columns: Any, sizes: FloatA
     for i in range(places.size):
         for j in range(columns.size):
             found[i, j] = derivative[places[i], columns[j]] * sizes[i, j]
+
+
+@compiled
+def project(derivative: FloatArray, along: FloatArray, phase: int, found: FloatArray) -> None:
+    """Project the derivative of an end along the motion to where the unknown ``phase`` does not change; leave it out."""
+    for i in range(along.size):
+        late = along[i] / along[phase]
+        for j in range(along.size):
+            if i != phase and j != phase:
+                found[i - (i > phase), j - (j > phase)] = derivative[i, j] - late * derivative[phase, j]
 
 
 @compiled

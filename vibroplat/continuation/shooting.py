@@ -21,8 +21,8 @@ from vibroplat.hybrid.modes import IMPACT, LATCH, LIFTOFF
 from vibroplat.hybrid.state import state_scales
 from vibroplat.integrate import make_engine
 from vibroplat.kernels.compiled import FloatArray
-from vibroplat.model.parameters import Parameters, parameters
-from vibroplat.model.sensitivity import Course, difference, with_value
+from vibroplat.model.parameters import parameters
+from vibroplat.model.sensitivity import Course, flat, with_value
 from vibroplat.model.systems import FULL_SIZE, SYSTEMS
 from vibroplat.motion.motion import Motion, Observer
 from vibroplat.motion.recorder import Recorder
@@ -212,15 +212,16 @@ class Shooter:
         """Return the parameters' course if it has those at a value of its key."""
         return self._course if self._course is not None and self._course.exact and self._course.covers(value) else None
 
-    def direction(self, key: str) -> Parameters:
-        """Differentiate the parameters by a key at the present values."""
+    def direction(self, key: str) -> FloatArray:
+        """Differentiate the parameters' numbers by a key at the present values."""
         value = self.held[key]
         course = self._known(value)
         if course is not None:
             return course.slope(value)
         step = STEP * abs(value) or STEP
         above, below = (parameters(self.scene_at(self.held | {key: value + s})) for s in (step, -step))
-        return difference(above, below, 2.0 * step)
+        found: FloatArray = (flat(above) - flat(below)) / (2.0 * step)
+        return found
 
     def shot(self, start: FloatArray, duration: float, *, full: bool = False) -> Shot:
         """Follow the motion from a full state for a duration (s), if ``full`` with rates, derivative and measures."""

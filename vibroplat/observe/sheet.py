@@ -191,8 +191,9 @@ def data_sheet(ms: Measures, scene: Scene) -> dict[str, float | None]:
 def _peaks(peaks: Any, scene: Scene) -> dict[str, tuple[float | None, float, float]]:
     """Return largest values with their times (s) and paces (rad/s) by their columns."""
     gravity, (k_1, k_2) = scene.machine.gravity_m_per_s2, scene.unbalances
+    count = POINTS + 3 * len(scene.output.points)
     lows, highs = (
-        list(zip(*(peaks[name].tolist() for name in (end, f"at_{end}", f"pace_{end}")), strict=True))
+        np.array([peaks[end][:count], peaks[f"at_{end}"][:count], peaks[f"pace_{end}"][:count]]).T.tolist()
         for end in ("least", "largest")
     )
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -114,8 +113,7 @@ MEASURES: Columns = {
 }
 
 
-@dataclass(frozen=True)
-class Energies:
+class Energies(NamedTuple):
     """Energies of a state (J), its vertical momentum and the size of the unbalances' momenta (N·s)."""
 
     kinetic: float
@@ -221,10 +219,7 @@ def measured(part: Part, scene: Scene) -> dict[str, Any]:
     fell below 0.
     """
     marks, early, late = part.measures.marks, part.measures.early, part.measures.late
-    least, largest = (
-        [choose(one, other) for one, other in zip(early[end].tolist(), late[end].tolist(), strict=True)]
-        for end, choose in (("least", min), ("largest", max))
-    )
+    least, largest = np.minimum(early["least"], late["least"]), np.maximum(early["largest"], late["largest"])
     turned = part.measures.whole[TIME] > 0.0
     kinds = ("liftoffs", "impacts", "latches")  # as KINDS; a corner of the drive is no event of the motion
     counts = dict(zip(kinds, marks["counts"].tolist(), strict=False))
@@ -234,9 +229,9 @@ def measured(part: Part, scene: Scene) -> dict[str, Any]:
         "measured_from_s": float(marks["first"][0] if turned else marks["window"]),
         "measured_to_s": float(marks["last"][0] if turned else max(marks["until"], marks["window"])),
         "contact_force_min_n": float(late["least"][FORCE]),
-        "contact_pull_n": max(0.0, -least[FORCE]),
-        "gap_min_m": least[OPENING],
-        "phi_max_rad": max(largest[ROTATION], -least[ROTATION]),
+        "contact_pull_n": max(0.0, -float(least[FORCE])),
+        "gap_min_m": float(least[OPENING]),
+        "phi_max_rad": float(max(largest[ROTATION], -least[ROTATION])),
         "impulse_sum_n_s": float(marks["impulse_sum"]),
         **counts,
         "events": sum(counts.values()),
