@@ -186,6 +186,7 @@ class Shooter:
         self.held: dict[str, float] = {}
         self._variation = Variation([self.p.copy()] * len(self.keys))
         self._statistics, self._near = Statistics(0.0, points=1, named=len(scene.output.points)), GuardMargins()
+        self._nothing = self._statistics.measures
         self._course = None if course is None or len(self.keys) != 1 else Course(scene, self.keys[0], *course)
 
     def close(self) -> None:
@@ -233,7 +234,7 @@ class Shooter:
         if full:
             observers += [self._variation, self._statistics, near]
             self._variation.begin(_ALL, [self.direction(key) for key in self.keys])
-            self._statistics.begin(0.0)
+            self._statistics.measures = Measures(*(part.copy() for part in self._nothing))
             near.begin()
             before = Energies.of(h.run["state"], h.p)
         motion.to_time(duration, observers)
