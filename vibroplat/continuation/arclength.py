@@ -221,12 +221,13 @@ def predicted(
         if min(abs(here - p) for p in places) > apart:
             used.append(point)
             places.append(here)
-    u, jacobian = np.zeros_like(first.u), np.zeros_like(first.jacobian)
+    u, jacobian = np.zeros(first.u.size), np.zeros(first.jacobian.shape)
     for point, here in zip(used, places, strict=True):
-        others = [p for p in places if p != here]
-        weight = math.prod((place - other) / (here - other) for other in others)
-        steepness = sum(1.0 / (here - other) for other in others)
-        away = place - here
+        away, weight, steepness = place - here, 1.0, 0.0
+        for other in places:
+            if other != here:
+                weight *= (place - other) / (here - other)
+                steepness += 1.0 / (here - other)
         u += (weight**2 * (1.0 - 2.0 * away * steepness)) * point.u
         u += (weight**2 * away / float(point.tangent @ direction)) * point.tangent
         jacobian += weight * point.jacobian

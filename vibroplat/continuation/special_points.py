@@ -122,11 +122,10 @@ class Point(NewtonResult):
     @cached_property
     def outside(self) -> tuple[int, int, int]:
         """Count the multipliers above 1, the complex ones outside the unit circle, and those below −1."""
-        m = self.multipliers
-        paired = np.abs(m.imag) > REAL
-        several = ~paired & (m.real > 1.0), paired & (np.abs(m) > 1.0), ~paired & (m.real < -1.0)
-        above, around, below = (int(np.count_nonzero(found)) for found in several)
-        return above, around, below
+        multipliers = self.multipliers.tolist()
+        real = [m.real for m in multipliers if abs(m.imag) <= REAL]
+        around = sum(abs(m.imag) > REAL and abs(m) > 1.0 for m in multipliers)
+        return sum(m > 1.0 for m in real), around, sum(m < -1.0 for m in real)
 
 
 @cache
