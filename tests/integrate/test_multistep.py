@@ -151,7 +151,7 @@ def test_a_force_that_presses_at_all_steps_presses_between_them(rows):
     forces, slopes_given = zip(*rows, strict=True)
     steps, _, _ = calmed(forces, slopes_given)
     for row in range(len(forces) - 1):
-        least, *_ = extremes(steps.c[row], CUBIC, 10, 0.0, forces[row + 1])
+        least, *_ = extremes(steps.c[row], CUBIC, 10, 0.0, 1.0, (forces[row], forces[row + 1]))
         assert least >= -1e-9 * max(forces)
 
 

@@ -117,15 +117,15 @@ def test_falling_from_the_start_falls_there():
     assert fall([-1e-3, 1.0, -2.0, 0.0]) == pytest.approx(0.25 + np.sqrt(0.0625 - 5e-4))
 
 
-@pytest.mark.parametrize("first", [0.0, 0.3])
-def test_extremes_of_a_step(first):
+@pytest.mark.parametrize(("first", "last"), [(0.0, 1.0), (0.3, 0.8)])
+def test_extremes_of_a_step(first, last):
     rng = np.random.default_rng(5)
-    s = np.linspace(first, 1.0, 20_001)
+    s = np.linspace(first, last, 20_001)
     for degree in range(3, 17):
         for _ in range(8):
             c = rng.normal(size=degree + 1) * 0.7 ** np.arange(degree + 1)
             true = np.polynomial.Polynomial(c)(s)
-            least, largest, *_ = extremes(column(c), degree, 0, first, true[-1])
+            least, largest, *_ = extremes(column(c), degree, 0, first, last, (true[0], true[-1]))
             assert [least, largest] == pytest.approx([true.min(), true.max()], abs=1e-7)
 
 

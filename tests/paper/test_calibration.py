@@ -4,6 +4,7 @@ import pandas as pd
 import pytest
 
 from vibroplat.cli import paper
+from vibroplat.config.plans import FREQUENCY
 from vibroplat.config.reader import configurations
 from vibroplat.errors import ConfigError
 from vibroplat.paper import calibration, orbit_evidence, scenes
@@ -24,7 +25,7 @@ from vibroplat.paper.calibration import (
 from vibroplat.paper.judges import Finding
 from vibroplat.paper.orbit_evidence import JUDGED, judged_by_orbits, orbits_along, worth
 from vibroplat.paper.scenes import QUICK
-from vibroplat.study.branches import EXCITATION, FREQUENCY, branches
+from vibroplat.study.branches import EXCITATION, branches
 from vibroplat.study.point import measure_point
 from vibroplat.study.pool import Inline, Task
 from vibroplat.study.store import Store

@@ -202,7 +202,7 @@ def test_figures_share_the_curve_without_restitution():
     for name, place in (("fig3", {"material.mass_ratio": 0.2}), ("fig6", {"contact.restitution": 0.0})):
         scene = paper_scene(name, numbers)
         branch = next(b for b in branches(scene) if b.grid == place and b.direction == "up")
-        point = measure_point(branch.at(20), scene.sweep, None, branch.key(branch.frequencies[20]))
+        point = measure_point(branch.at(20), scene.sweep, None, branch.key(branch.along[20]))
         rows.append({key: value for key, value in point.row.items() if key != "wall_s"})
     assert rows[0] == rows[1]
 

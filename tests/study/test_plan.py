@@ -12,7 +12,7 @@ from .helpers import planned
 
 
 def upward(start, stop, step):
-    return Frequencies(start=start, stop=stop, step=step).upward
+    return Frequencies(start=start, stop=stop, step=step).over.upward
 
 
 # -- frequencies ----------------------------------------------------------------------------------------
@@ -42,7 +42,7 @@ def test_stop_is_taken_where_whole_steps_reach_it():
 def test_step_is_half_a_hertz_and_direction_up_unless_given():
     scene = Scene().replace({"sweep.supply_frequency_hz": {"start": 42.0, "stop": 43.0}})
     (branch,) = branches(scene)
-    assert (branch.direction, branch.frequencies) == ("up", (42.0, 42.5, 43.0))
+    assert (branch.direction, branch.along) == ("up", (42.0, 42.5, 43.0))
 
 
 # -- branches -------------------------------------------------------------------------------------------
@@ -56,8 +56,8 @@ def test_branches_are_combinations_times_directions_the_first_key_slowest():
     assert [b.direction for b in found] == ["down", "up"] * 4
     assert [tuple(b.grid.values()) for b in found] == [place for place in places for _ in range(2)]
     assert [list(b.grid) for b in found] == [list(grid)] * 8
-    assert {b.frequencies for b in found[::2]} == {(51.0, 50.5, 50.0)}
-    assert {b.frequencies for b in found[1::2]} == {(50.0, 50.5, 51.0)}
+    assert {b.along for b in found[::2]} == {(51.0, 50.5, 50.0)}
+    assert {b.along for b in found[1::2]} == {(50.0, 50.5, 51.0)}
 
 
 def test_points_of_all_branches_are_limited_by_a_key():
@@ -68,7 +68,7 @@ def test_points_of_all_branches_are_limited_by_a_key():
     with pytest.raises(ConfigError, match=told):
         Scene().replace(settings)
     found = branches(Scene().replace(settings | {"sweep.max_points": 399_964}))
-    assert len({id(branch.frequencies) for branch in found}) == 2
+    assert len({id(branch.along) for branch in found}) == 2
 
 
 def test_scenes_of_a_branch_have_its_values_and_frequencies():

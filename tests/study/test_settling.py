@@ -15,8 +15,8 @@ from vibroplat.integrate import make_engine
 from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Motion
 from vibroplat.observe import statistics as m
+from vibroplat.observe.measures import no_measures
 from vibroplat.observe.section import MAX_PERIOD, period, section_points, section_rows, spreads
-from vibroplat.observe.statistics import no_measures
 from vibroplat.study.branches import branches
 from vibroplat.study.point import BLOCKS, ERRORS, measure_point
 from vibroplat.study.settling import BLOCK, TURNS, settle

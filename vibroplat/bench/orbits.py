@@ -14,7 +14,6 @@ from vibroplat.config.scene import Scene
 from vibroplat.continuation.orbit import OrbitError, orbit_near
 from vibroplat.continuation.tables import orbits
 from vibroplat.paper.scenes import machine_numbers, paper_scene
-from vibroplat.study.branches import FREQUENCY
 from vibroplat.study.sweep import sweep
 
 #: Tolerances to which sweeps settle, and of their integrator: those of a sweep unless it says otherwise, and two with
@@ -35,8 +34,7 @@ def cost(repeats: int, changes: dict[str, Any] | None = None) -> pd.DataFrame:
     changes = {"solver.engine": "taylor", "sweep.lyapunov": False} | (changes or {})
     scene = paper_scene("fig3", machine_numbers("calibrated"), changes)
     assert scene.sweep is not None
-    plan = scene.sweep.supply_frequency_hz.model_dump(include={"start", "stop"})
-    plan |= {"key": FREQUENCY, "grid": scene.sweep.grid}
+    plan = scene.sweep.swept.model_dump(include={"key", "start", "stop"}) | {"grid": scene.sweep.grid}
     orbits(scene.replace({"orbits": plan | {"stop": plan["start"] + 1.0}}))  # loads the kernels
     rows: list[dict[str, Any]] = []
     for tolerance, solver in SETTLED:

@@ -248,7 +248,7 @@ def check_points(
         for place, begun in zip(places, _beginnings(places, store), strict=True)
     ]
     found = run_stored(chains, workers, tell)
-    points = sum(len(branch.frequencies) for branch in planned)
+    points = sum(len(branch.along) for branch in planned)
     scene = planned[0].scene
     return SweepCheck(engine_name(scene), engine_name(other(scene)), points, tuple(found))
 
@@ -260,6 +260,7 @@ def _beginnings(places: Sequence[Place], store: Store) -> Iterator[tuple[list[fl
         points = {place.point for place in wanted}
         state: list[float] | None = None
         for point, record in enumerate(branch_records(wanted[0].branch, store)):
+            state = wanted[0].branch.begin(state, point)
             if point in points:
                 yield state, record["row"]
             state = record["state"] or state
@@ -276,7 +277,7 @@ def _checked(place: Place, state: list[float] | None, row: Row, other: Other) ->
 
     def task(scene: Scene, off: float = 0.0) -> Task:
         start = plan.model_copy(update={"perturbation": plan.perturbation + off})
-        return point_task(scene, start, state, branch.key(branch.frequencies[point]))
+        return point_task(scene, start, state, branch.key(branch.along[point]))
 
     def repetitions(scene: Scene) -> Iterator[Task]:
         yield task(with_other_tolerance(scene))

@@ -23,7 +23,9 @@ from vibroplat.study.confirming import CONFIRMED
 from vibroplat.study.sweep import COLUMNS, DIAGRAM, SWEEP
 
 #: The swept keys of a sweep's tables.
-_SWEPT = {"…": Column("the keys of the sweep's grid, by their dotted names", "see configuration.md")}
+_SWEPT = {
+    "…": Column("the key of sweep.over in place of the supply, and those of the grid, by their dotted names"),
+}
 _FOLLOWED = {"…": Column("the keys of the grid and the keys that vary, by their dotted names", "see configuration.md")}
 _POINTS = of_points(["NAME"])
 _IN_ORDER = {SUPPLY: SWEEP[SUPPLY], **_SWEPT, **{name: SWEEP[name] for name in (*COLUMNS, *SHEET)}, **_POINTS}
@@ -40,14 +42,15 @@ TABLES: dict[str, tuple[str, Columns]] = {
     "trajectory": ("`vibroplat run`: a row for each sample; at an event two, before and after it.", TRAJECTORY),
     "events": ("`vibroplat run`: a row for each event.", EVENTS),
     "summary.json": (
-        "`vibroplat run`: numbers of the second half of the run, means cut to whole turns or periods; what "
+        "`vibroplat run`: numbers of the second half of the run, cut to whole turns or periods; what "
         "is of the whole run says so.",
         {**SUMMARY, **_POINTS, **whole_columns(_POINTS)},
     ),
     "sweep": ("`vibroplat sweep`: a row for each point.", _IN_ORDER),
     "sweep, confirmed": ("Columns that `confirm: orbits` adds to `sweep`.", CONFIRMED),
     "bands": (
-        "`vibroplat sweep`: where each branch synchronizes how, jumps, lifts off, is largest along y, and fails.",
+        "`vibroplat sweep`: where each branch synchronizes how, jumps, lifts off, is largest along y, and fails. Over "
+        "another key than the supply, `from_` and `to_` stand before its name.",
         {**_SWEPT, **{name: SWEEP[name] for name in ("direction", "branch")}, **BANDS},
     ),
     "section": ("`vibroplat sweep` with `kind: bifurcation`: the last turns of each point.", _diagram("y_m")),
@@ -91,7 +94,9 @@ def configuration_page() -> str:
         "",
         "All keys of a configuration, in YAML 1.2. Names end with their unit. `N` is a place in a list. A key that is",
         "not given has its default; where the default is empty, the meaning says what holds. `extends: FILE`, relative",
-        "to the file itself, takes all keys from another file; those given here override them. The symbols are those",
+        "to the file itself, takes all keys from another file; those given here override them, and those of `--set`",
+        "all others. Of two keys that exclude each other the one that overrides holds: `--set",
+        "exciters.1.unbalance_radius_m=0.06` takes the place of a static moment in the file. The symbols are those",
         "of [the model](model.md). Typical values are those of screens and feeders in industry; `vibroplat new FILE",
         "--template screen` writes such a machine. The scales of the scene are defined in",
         "[How it works](method.md#scales). This page is written by `vibroplat schema --markdown`.",

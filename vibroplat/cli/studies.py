@@ -139,7 +139,7 @@ def sweep(
     wait: common.Wait = WAIT,
     format_: common.Format = "parquet",
 ) -> None:
-    """Sweep over supply frequencies and a grid of values.
+    """Sweep over supply frequencies, or another key, and a grid of values.
 
     Writes a table with one row per point to OUT/NAME. With --check, exit code 1 says that two engines disagree.
     """
@@ -164,7 +164,7 @@ def sweep(
     common.print_notes(sweeps.notes_on_branches(planned))
     with Store(directory, sweeps.conditions(scene), resume=resume, overwrite=overwrite) as store:
         common.begin(store, scene.solver.engine, *([other_engine(scene.solver.engine)] if places else []))
-        began, points = time.perf_counter(), sum(len(branch.frequencies) for branch in planned)
+        began, points = time.perf_counter(), sum(len(branch.along) for branch in planned)
         chains = max(sweeps.unfinished(planned, store), len(places))
         with pool(jobs, scheduler, wait=wait, chains=chains) as workers:
             with sweep_progress(scene.name, len(planned), points) as progress:
@@ -322,7 +322,7 @@ def _print_special(plan: Planned, special: pd.DataFrame) -> None:
     """Print a row for each special point."""
     if special.empty:
         return
-    from vibroplat.continuation.tables import column_of
+    from vibroplat.study.branches import column_of
 
     keys, names = [column_of(key) for key in _varied(plan)], ["branch", "kind", "period"]
     shown = special[[*keys, *names[:2]]].astype(str)

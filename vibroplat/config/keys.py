@@ -31,6 +31,7 @@ _LEFT_OUT = (
     "name",
     "orbits.",
     "drive.program.",
+    "sweep.over.",
     "run.initial.state.",
     "run.initial.phase_sum_rad",
 )
@@ -39,13 +40,14 @@ _HEAD = """\
 """
 _COMMANDS = {
     "vibroplat run {file}": "simulates it, prints a summary, writes results/{name}",
-    "vibroplat sweep {file}": "sweeps over supply frequencies, as section sweep says",
+    "vibroplat sweep {file}": "sweeps over supply frequencies or another key, as section sweep says",
     "vibroplat orbits {file}": "follows periodic orbits, unstable ones as well, as section orbits says",
     "vibroplat plot results/{name}": "draws what is in results/{name}",
     "vibroplat report results/{name}": "writes it into an HTML page",
     "vibroplat schema --markdown": "lists all keys, also of two unequal motors or exciters",
 }
-#: Stands after the supply frequency.
+#: Stand after the supply frequency, and after those of a sweep.
+_OVER = "  # over: {key: material.mass_ratio, start: 0, stop: 0.4, count: 9}  # instead: any other key"
 _PROGRAM = """\
   # program:                                # instead: the supply over time, here a start in 3 s; starts from rest
   #   - {t_s: 0, supply_frequency_hz: 0}    # also need run.initial.speed_ratio: 0
@@ -92,6 +94,14 @@ def key_of(name: str) -> Key:
     """Return a key by its dotted name, which may have numbers as places in lists; KeyError for what is none."""
     general = in_lists(name.split("."))
     return keys().get(general) or keys()[general.removesuffix(".N")]
+
+
+def number_of(name: str) -> type[int] | type[float] | None:
+    """Return what numbers a key has, by its dotted name; None for texts, sections and what is no key."""
+    general = in_lists(name.split("."))
+    node = nodes(Scene).get(general) or nodes(Scene).get(general.removesuffix(".N"))
+    types = {choice.get("items", choice).get("type") for choice in node.choices} if node else set()
+    return float if "number" in types else int if "integer" in types else None
 
 
 def configuration_schema() -> dict[str, Any]:
@@ -160,6 +170,8 @@ def template(machine: str, file: str, name: str) -> str:
         lines += _lines(last, "  " * len(sections), key, yaml(_at(values, place)), beside="1" not in sections)
         if place == "drive.supply_frequency_hz":
             lines.append(_PROGRAM % yaml(_at(values, place)))
+        if place == "sweep.supply_frequency_hz.direction":
+            lines.append(_OVER)
     return "\n".join(lines) + "\n"
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import BeforeValidator, Field, model_validator
@@ -10,8 +11,10 @@ from pydantic_core import PydanticCustomError
 
 from vibroplat.config.schema import LARGEST, LEAST, PERTURBATION, Positive, Real, Section, Share, described, short
 
+#: Key of the supply frequency.
+FREQUENCY = "drive.supply_frequency_hz"
 #: Most points of a branch of a sweep.
-MAX_FREQUENCIES = 100_000
+MAX_POINTS = 100_000
 #: Most combinations of the grid's values, of a sweep and of orbits.
 MAX_BRANCHES, MAX_FAMILIES = 10_000, 1000
 
@@ -38,48 +41,121 @@ def _settling(value: Any) -> Any:
     return value
 
 
+def _in_range(start: float, stop: float, step: float | None, direction: list[Direction]) -> None:
+    """Refuse a range without values or with too many, and directions that are given twice (ValueError)."""
+    if stop < start:
+        raise ValueError(f"stop = {stop} is below start = {start}; allowed: at least start; see direction")
+    if step is not None and (stop - start) / step >= MAX_POINTS:
+        raise ValueError(f"step = {step} gives too many points; allowed: at most {MAX_POINTS} per branch")
+    if len(set(direction)) < len(direction):
+        raise ValueError(f"direction = {direction}; allowed: up and down, each once")
+
+
+#: Ways along a branch.
+Directions = Annotated[list[Direction], BeforeValidator(_as_list), Field(min_length=1, max_length=2)]
+
+
+class Over(Section):
+    """The values of a key along a branch, and its directions."""
+
+    key: str = Field(description="dotted key with numbers that varies along a branch")
+    start: Real | None = Field(None, description="its smallest value")
+    stop: Real | None = Field(None, description="its largest value; with step included if whole steps reach it")
+    step: Positive | None = Field(None, description="distance of values")
+    count: Annotated[int, Field(ge=1, le=MAX_POINTS)] | None = Field(
+        None, description="number of values from start to stop, instead of step"
+    )
+    values: Annotated[list[Real], Field(min_length=1, max_length=MAX_POINTS)] | None = Field(
+        None, description="the values themselves, instead of start, stop, step and count"
+    )
+    scale: Literal["linear", "log"] = Field("linear", description="count values with equal distances, or equal ratios")
+    direction: Directions = Field(["up"], description="up, down or both, a branch for each")
+
+    alternatives = (("step", "count"), *((name, "values") for name in ("start", "stop", "step", "count")))
+
+    @model_validator(mode="after")
+    def _finite(self) -> Self:
+        if self.values is None and (None in (self.start, self.stop) or self.step is self.count is None):
+            raise ValueError("no range is given; allowed: start and stop with step or count, or values")
+        start, stop = self.ends
+        _in_range(start, stop, self.step, self.direction)
+        if self.values is not None and len(set(self.values)) < len(self.values):  # 0 and 0.0 are equal
+            raise ValueError(f"values = {short(self.values)}; allowed: each value once")
+        if self.count is not None and (self.count == 1) != (start == stop):
+            raise ValueError(
+                f"count = {self.count} from {start} to {stop}; allowed: 1 if stop is start, else at least 2"
+            )
+        if self.scale == "log" and (start <= 0.0 or self.step is not None):
+            told = f"{start} is not above 0" if start <= 0.0 else f"step = {self.step} is no ratio"
+            raise ValueError(f"scale = log but {told}; allowed: values above 0, with count")
+        return self
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Smallest and largest value that are given."""
+        if self.values is not None:
+            return min(self.values), max(self.values)
+        assert self.start is not None  # ensured by the validator
+        assert self.stop is not None
+        return self.start, self.stop
+
+    @property
+    def number(self) -> int:
+        """How many values there are."""
+        if self.step is None:
+            return self.count or len(self.values or ())
+        start, stop = self.ends
+        return int((stop - start) / self.step * (1.0 + 1e-12) + 1e-9) + 1
+
+    @property
+    def upward(self) -> list[float]:
+        """The values in ascending order; those between the ends are rounded as a user would write them."""
+        if self.values is not None:
+            return sorted(self.values)
+        (start, stop), last = self.ends, max(self.number - 1, 1)
+        step = (stop - start) / last if self.step is None else self.step
+        places: Iterable[float] = (start + i * step for i in range(self.number))
+        if self.scale == "log":
+            places = (start * (stop / start) ** (i / last) for i in range(self.number))
+        found = [0.0 if start < 0.0 and abs(value) < 1e-9 * step else float(f"{value:.12g}") for value in places]
+        return found if self.count is None else [start, *found[1:-1], stop][: self.count]
+
+
 class Frequencies(Section):
     """The supply frequencies of a branch, and its directions."""
 
     start: Positive = described(..., "f_e", "smallest supply frequency")
     stop: Positive = Field(description="largest supply frequency; included if whole steps reach it")
     step: Positive = described(0.5, "", "distance of supply frequencies")
-    direction: Annotated[list[Direction], BeforeValidator(_as_list), Field(min_length=1, max_length=2)] = Field(
-        ["up"], description="up, down or both, a branch for each"
-    )
+    direction: Directions = Field(["up"], description="up, down or both, a branch for each")
 
     @model_validator(mode="after")
     def _finite(self) -> Self:
-        if self.stop < self.start:
-            raise ValueError(
-                f"stop = {self.stop} is below start = {self.start}; allowed: at least start; see direction"
-            )
-        if (self.stop - self.start) / self.step >= MAX_FREQUENCIES:
-            raise ValueError(f"step = {self.step} gives too many points; allowed: at most {MAX_FREQUENCIES} per branch")
-        if len(set(self.direction)) < len(self.direction):
-            raise ValueError(f"direction = {self.direction}; allowed: up and down, each once")
+        _in_range(self.start, self.stop, self.step, self.direction)
         return self
 
     @property
-    def upward(self) -> list[float]:
-        """The frequencies (Hz) in ascending order, rounded as a user would write them."""
-        return [float(f"{self.start + i * self.step:.12g}") for i in range(self.count)]
+    def over(self) -> Over:
+        """What it is short for."""
+        return Over.model_construct(key=FREQUENCY, **dict(self))
 
-    @property
-    def count(self) -> int:
-        """How many frequencies there are."""
-        return int((self.stop - self.start) / self.step * (1.0 + 1e-12) + 1e-9) + 1
+
+def _may_vary(key: str) -> bool:
+    """Whether a sweep may give a key of a scene values of its own."""
+    section = key.partition(".")[0]
+    return key == FREQUENCY or section not in ("sweep", "orbits", "name", "output", "run", "drive")
 
 
 class SweepPlan(Section, title="Sweep"):
     """Branches side by side: every combination of the grid's values, in each direction."""
 
-    supply_frequency_hz: Frequencies = Field(description="supply frequencies of each branch")
+    supply_frequency_hz: Frequencies | None = Field(None, description="supply frequencies of each branch")
+    over: Over | None = Field(None, description="values of any other key along each branch, instead")
     grid: Grid = Field({}, description="dotted keys and their values; a branch for each combination")
     kind: Literal["response", "bifurcation", "map"] = Field(
         "response",
-        description="response: curves over frequency; bifurcation: also points of the Poincaré section and impact "
-        "speeds; map: regimes over frequency and one key of the grid",
+        description="response: curves over the key; bifurcation: also points of the Poincaré section and impact "
+        "speeds; map: regimes over it and one key of the grid",
     )
     settle_s: Annotated[Literal["auto"] | float, BeforeValidator(_settling)] = Field(
         "auto", description="time before a point is measured; auto: until the Poincaré section has settled"
@@ -118,28 +194,44 @@ class SweepPlan(Section, title="Sweep"):
         "distance to where they settled; others get their largest Lyapunov exponents",
     )
 
+    alternatives = (("supply_frequency_hz", "over"),)
+
     @model_validator(mode="after")
     def _scene_keys(self) -> Self:
         found = math.prod(map(len, self.grid.values()))
         if found > MAX_BRANCHES:
             raise ValueError(f"grid gives {found} combinations; allowed: at most {MAX_BRANCHES}")
-        each, ways = self.supply_frequency_hz.count, len(self.supply_frequency_hz.direction)
+        if self.supply_frequency_hz is None and self.over is None:
+            raise ValueError("supply_frequency_hz and over are not given; allowed: one of the two")
+        each, ways = self.swept.number, len(self.swept.direction)
         if each * ways * found > self.max_points:
             times = f"{found} × {ways} branches of {each} points"
             raise ValueError(f"{times} are {each * ways * found}; allowed: at most max_points = {self.max_points}")
         for key, values in self.grid.items():
             if not key.isascii():
                 raise ValueError(f"grid.{key!a} is not a key of a scene; allowed: keys of machine, material, …")
-            if key.split(".")[0] in ("sweep", "name", "output", "run") or key.startswith("drive."):
+            if not _may_vary(key) or key == FREQUENCY == self.swept.key:
                 raise ValueError(f"grid.{key} cannot be swept by the grid; allowed: keys of machine, material, …")
+            if key == self.swept.key:
+                raise ValueError(f"grid.{key} is the key of over; allowed: another key")
             if any(isinstance(value, int | float) and not abs(value) <= LARGEST for value in values):
                 raise ValueError(f"grid.{key} = {short(values)}; allowed: numbers up to {LARGEST:g}")
             if len(set(values)) < len(values):  # 0 and 0.0 are equal
                 raise ValueError(f"grid.{key} = {short(values)}; allowed: each value once")
+        if not _may_vary(self.swept.key):
+            raise ValueError(f"over.key = {self.swept.key!a} cannot be swept; allowed: keys of machine, material, …")
         several = [values for values in self.grid.values() if len(values) > 1]
         if self.kind == "map" and (len(several) != 1 or any(isinstance(v, str | bool) for v in several[0])):
             raise ValueError("kind = map needs exactly one grid key with several numbers")
         return self
+
+    @property
+    def swept(self) -> Over:
+        """The key along each branch, its values and the directions."""
+        if self.over is not None:
+            return self.over
+        assert self.supply_frequency_hz is not None  # ensured by the validator
+        return self.supply_frequency_hz.over
 
 
 class StepPlan(Section, title="Step"):

@@ -17,6 +17,7 @@ from ruamel.yaml.error import MarkedYAMLError, ReusedAnchorWarning
 from ruamel.yaml.nodes import MappingNode, ScalarNode
 
 from vibroplat.config.drive import Drive
+from vibroplat.config.plans import Over, SweepPlan
 from vibroplat.config.schema import in_lists, short
 from vibroplat.config.sections import OF_EXCITERS, Exciter, Initial, Material, Motor
 from vibroplat.errors import ConfigError
@@ -44,6 +45,8 @@ ALTERNATIVES: dict[str, tuple[tuple[str, str], ...]] = {
     "material": Material.alternatives,
     "drive": Drive.alternatives,
     "run.initial": Initial.alternatives,
+    "sweep": SweepPlan.alternatives,
+    "sweep.over": Over.alternatives,
 }
 
 #: Sections with free keys: they are replaced as a whole, because merging could never remove a key.

@@ -19,7 +19,7 @@ from pydantic import BaseModel, Field, ValidationError, model_validator
 from vibroplat.config.body import RigidBody, rigid_body
 from vibroplat.config.coordinates import COORDINATES, RATES, Mode
 from vibroplat.config.drive import Drive
-from vibroplat.config.plans import OrbitsPlan, SweepPlan
+from vibroplat.config.plans import FREQUENCY, OrbitsPlan, SweepPlan
 from vibroplat.config.reader import load_tree, merge, nest, with_line
 from vibroplat.config.schema import Section, described, explain
 from vibroplat.config.sections import (
@@ -121,7 +121,7 @@ class Scene(Section):
             )
         durations = [("run.duration_s", self.run.duration_s, self.drive.largest_frequency)]
         if self.sweep is not None:
-            stop = self.sweep.supply_frequency_hz.stop
+            stop = max(self.sweep.swept.ends) if self.sweep.swept.key == FREQUENCY else self.drive.largest_frequency
             times = {f"sweep.{key}": getattr(self.sweep, key) for key in ("settle_s", "max_settle_s", "measure_s")}
             durations += [(key, seconds, stop) for key, seconds in times.items() if seconds != "auto"]
         slow = self.solver.engine == "sundae"

@@ -15,7 +15,6 @@ g·t = 0, where w = ω s at a small distance s from u_c.
 from __future__ import annotations
 
 import contextlib
-import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 

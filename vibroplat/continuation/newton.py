@@ -295,11 +295,11 @@ def take_scaled(derivative: FloatArray, places: Any, columns: Any, sizes: FloatA
 
 @compiled
 def project(derivative: FloatArray, along: FloatArray, phase: int, found: FloatArray) -> None:
-    """Project the derivative of an end along the motion to where the unknown ``phase`` does not change; leave it out."""
+    """Project the derivative of an end along the motion to where the unknown ``phase`` stays, and leave that out."""
     for i in range(along.size):
         late = along[i] / along[phase]
         for j in range(along.size):
-            if i != phase and j != phase:
+            if phase not in (i, j):
                 found[i - (i > phase), j - (j > phase)] = derivative[i, j] - late * derivative[phase, j]
 
 

@@ -16,6 +16,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from vibroplat.config.coordinates import COORDINATES, RATES
+from vibroplat.config.plans import FREQUENCY
 from vibroplat.config.scene import Scene
 from vibroplat.continuation.newton import MissedError, NewtonResult, Problem, correct, n_unstable
 from vibroplat.continuation.shooting import TURN, Shooter, spelled
@@ -30,7 +31,7 @@ from vibroplat.motion.run import simulate
 from vibroplat.observe.sheet import columns
 from vibroplat.observe.summary import Part, measured
 from vibroplat.results.run import Trajectory, load
-from vibroplat.study.branches import FREQUENCY, SUPPLY
+from vibroplat.study.branches import SUPPLY
 from vibroplat.study.point import ANTIPHASE_OF_ORBITS, MEASURED, row_of
 
 if TYPE_CHECKING:

@@ -27,7 +27,8 @@ from vibroplat.model.systems import FULL_SIZE, SYSTEMS
 from vibroplat.motion.motion import Motion, Observer
 from vibroplat.motion.recorder import Recorder
 from vibroplat.observe.guard_margins import GuardMargins
-from vibroplat.observe.statistics import Measures, Statistics
+from vibroplat.observe.measures import Measures
+from vibroplat.observe.statistics import Statistics
 from vibroplat.observe.summary import Energies, Part
 from vibroplat.observe.variation import Variation
 
@@ -185,7 +186,7 @@ class Shooter:
         self.turns = 0.0
         self.held: dict[str, float] = {}
         self._variation = Variation([self.p.copy()] * len(self.keys))
-        self._statistics, self._near = Statistics(0.0, points=1, named=len(scene.output.points)), GuardMargins()
+        self._statistics, self._near = Statistics(0.0, points=0, named=len(scene.output.points)), GuardMargins()
         self._nothing = self._statistics.measures
         self._course = None if course is None or len(self.keys) != 1 else Course(scene, self.keys[0], *course)
 
@@ -243,12 +244,6 @@ class Shooter:
         found = Shot(state, begins, ends, duration, motion.outcome, motion.detail, recorder.events, restitution)
         if before is not None:
             found.derivative, found.rates = self._variation.derivative(h), self._variation.rates
-            found.part = Part(_undivided(self._statistics.measures), before, Energies.of(h.run["state"], h.p))
+            found.part = Part(self._statistics.measures, before, Energies.of(h.run["state"], h.p))
             found.pieces, found.least_force, found.least_gap = near.pieces, near.least_force, near.least_gap
         return found
-
-
-def _undivided(measures: Measures) -> Measures:
-    """Return what was measured with the sums over all of it, not cut to whole turns of exciter 1."""
-    total, none = measures.plain + measures.whole + measures.open_turn, np.zeros(len(measures.plain))
-    return measures._replace(plain=total, whole=none, open_turn=none)

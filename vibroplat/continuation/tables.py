@@ -30,7 +30,7 @@ from vibroplat.results.files import write_result
 from vibroplat.results.provenance import provenance
 from vibroplat.results.tables import Format, Table
 from vibroplat.study import WAIT, sweep
-from vibroplat.study.branches import EXCITATION, FREQUENCY, SUPPLY, study_table
+from vibroplat.study.branches import EXCITATION, SUPPLY, column_of, study_table
 from vibroplat.study.confirming import describe_multipliers
 from vibroplat.study.point import MEASURED, POINT
 from vibroplat.study.pool import Pool, StoredChain, pool, run_stored
@@ -261,9 +261,7 @@ def follow(
     return tables(study.plan, traced, curves), summary(study.plan, traced, curves)
 
 
-def trace(
-    study: Planned, store: Store | None, workers: Pool, progress: Progress | None = None
-) -> list[Traced]:
+def trace(study: Planned, store: Store | None, workers: Pool, progress: Progress | None = None) -> list[Traced]:
     """Follow the branches of a study; see :func:`follow`."""
     traced: list[Traced] = []
 
@@ -330,11 +328,6 @@ def tables(plan: OrbitsPlan, traced: Sequence[Traced], curves: Sequence[Boundary
         _table(special, plan, ["branch", "kind", key, EXCITATION, "period", "point", *state], SPECIAL),
         _table(rows, plan, ["curve", "kind", "branch", *keys, EXCITATION, "period", *SIDES], BOUNDARIES),
     )
-
-
-def column_of(key: str) -> str:
-    """Return the column of a key: its name, and the supply frequency as in the table of a sweep."""
-    return SUPPLY if key == FREQUENCY else key
 
 
 def _named(grid: Mapping[str, Any]) -> Record:

@@ -239,7 +239,7 @@ def _turned(builder: Any, known: list[Any], after: Any) -> list[Any]:
 @intrinsic
 def _reaching(
     typing_context: Any,
-    c: Any,
+    begun: Any,
     samples: Any,
     nodes: Any,
     end: Any,
@@ -269,11 +269,11 @@ def _reaching(
         slope = builder.fmul(rows[0].load(one), _repeated(builder, gap, rows[0].vector))
         acceleration = builder.fmul(quarters[0].load(one, n), inverse)
         starting = _loads(builder, springs, quarters[0].load(zero), rates, acceleration)
-        begun: list[Any] = []
+        known: list[Any] = []
         for sample, way in ((rows[0].load(zero), slope), (starting, ir.Constant(starting.type, [0.0] * 8))):
-            begun += [sample, way, sample, sample]
+            known += [sample, way, sample, sample]
         last = builder.sub(nodes, one)
-        found = _loop(builder, zero, last, 1, [*begun, rates], lambda k, known: taken(1, k, k, known))[1:]
+        found = _loop(builder, zero, last, 1, [*known, rates], lambda k, known: taken(1, k, k, known))[1:]
         found = taken(2, zero, nodes, found)
         flags = ir.Constant(INDEX, 0)
         for first, count, column in ((0, 16, zero), (4, 8, ir.Constant(INDEX, 16))):
@@ -285,7 +285,7 @@ def _reaching(
             flags = builder.or_(flags, builder.shl(bits, ir.Constant(INDEX, first * 4)))
         return flags
 
-    return types.int64(c, samples, types.int64, end, types.int64, springs, gaps, types.float64, limits), generate
+    return types.int64(begun, samples, types.int64, end, types.int64, springs, gaps, types.float64, limits), generate
 
 
 @intrinsic
@@ -376,13 +376,13 @@ if TYPE_CHECKING:
         """Return, for each of the 16 numbers of rows, the sum of a[j] b[n − j] from j = 2 to ``last``, as pairs."""
 
     def horner_16(c: FloatArray, degree: int, s: float, out: FloatArray) -> None:
-        """Evaluate the polynomials of all 16 columns at s; ``out`` has room for 16 numbers."""
+        """Evaluate polynomials of 16 columns at s, with first derivatives: ``out`` has shape (2, 16)."""
 
     def horner_pair_16(c: FloatArray, degree: int, s: float, following: float, out: FloatArray) -> None:
-        """Do as :func:`horner_16` at two places in the time of one; degree above 0, ``out`` of shape (2, 16)."""
+        """Evaluate them at two places, in the time of one; degree above 0, ``out`` of shape (2, 16)."""
 
     def reaching(
-        c: FloatArray,
+        begun: FloatArray,
         samples: FloatArray,
         nodes: int,
         end: FloatArray,
@@ -392,20 +392,20 @@ if TYPE_CHECKING:
         inverse: float,
         limits: FloatArray,
     ) -> int:
-        """Find out which quantities may go beyond their limits in a step; bits of their columns.
+        """Find out which quantities may go beyond their limits in a part of a step; bits of their columns.
 
         Of a smooth polynomial each sample that is higher, or lower, than its neighbours may have an extreme beside it:
-        beyond the sample by less than they are on this side of it. Without branches: what a step holds cannot be
-        guessed.
+        beyond the sample by less than they are on this side. Without branches: what a step holds cannot be guessed.
 
         Parameters
         ----------
-        c, samples, end
-            Polynomials, values at the nodes and at the end: x, y, φ from column 0 on, their rates from column n on.
+        begun, samples, end
+            Values and, by its fraction, derivatives at its beginning, values at its nodes and at its end: x, y, φ from
+            column 0 on, rates from column n on.
         springs
             Stiffnesses, and dampings, of x, y, φ, then 0, shape (2, 4).
         gaps
-            One over the distances between beginning, nodes and end, in fractions of the step.
+            One over the distances between beginning, nodes and end, in fractions of the part.
         inverse
             One over its duration (1/s).
         limits
@@ -447,4 +447,4 @@ else:
     products_2, products_16 = _cauchy(2), _cauchy(16)
     put_row, put_step, horner_pair_16, sizes_16 = _put_row, _put_step, _horner_pair, _sizes
     reaching, reduce_16, means_16 = _reaching, _reduce, _means
-    horner_16, horner_8 = _horner_at_one(16, derivatives=0), _horner_at_one(8, derivatives=2)
+    horner_16, horner_8 = _horner_at_one(16, derivatives=1), _horner_at_one(8, derivatives=2)

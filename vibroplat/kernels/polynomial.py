@@ -202,24 +202,26 @@ def bend(c: FloatArray, degree: int, j: int) -> float:
 
 
 @compiled
-def extremes(c: FloatArray, degree: int, j: int, first: float, last: float) -> tuple[float, float, float, float]:
-    """Least and largest value of unknown j from fraction ``first`` of a step to its end, where it is ``last``.
+def extremes(
+    c: FloatArray, degree: int, j: int, first: float, last: float, ends: tuple[float, float]
+) -> tuple[float, float, float, float]:
+    """Least and largest value of unknown j between two fractions of a step, with its values there.
 
     Behind them the fractions where it has them. Found among points, and improved by Newton's iteration on the slope.
     """
     points = 2 * degree
-    least = largest = value(c, degree, j, first)
+    least = largest = ends[0]
     at_least = at_largest = first
     for i in range(1, points + 1):
-        s = first + (1.0 - first) * i / points
-        found = value(c, degree, j, s) if i < points else last
+        s = first + (last - first) * i / points
+        found = value(c, degree, j, s) if i < points else ends[1]
         if found < least:
             least, at_least = found, s
         if found > largest:
             largest, at_largest = found, s
     apart = 0.5 / degree
-    around_least = max(at_least - apart, first), min(at_least + apart, 1.0)
-    around_largest = max(at_largest - apart, first), min(at_largest + apart, 1.0)
+    around_least = max(at_least - apart, first), min(at_least + apart, last)
+    around_largest = max(at_largest - apart, first), min(at_largest + apart, last)
     low, at_low = turning_point(c, degree, j, at_least, *around_least, least)
     high, at_high = turning_point(c, degree, j, at_largest, *around_largest, largest)
     if low < least:

@@ -21,7 +21,8 @@ from vibroplat.kernels.compiled import FloatArray, same_types
 from vibroplat.model.accelerations import accelerations
 from vibroplat.model.parameters import Parameters, supply, words
 from vibroplat.model.systems import SYSTEMS, System
-from vibroplat.observe.statistics import Measures, Statistics, copied, forget_extremes, widen_extremes
+from vibroplat.observe.measures import Measures
+from vibroplat.observe.statistics import Statistics
 from vibroplat.observe.summary import Energies, Part
 from vibroplat.system.memory import NO_MORE, OutOfMemoryError
 
@@ -152,16 +153,13 @@ class Motion:
             What else reads it.
         """
         begun, before, ends = self.now, self._energies, list[Measures]()
-        statistics = Statistics(begun + settle, named=len(self.scene.output.points))
+        statistics = Statistics(begun + settle, named=len(self.scene.output.points), blocks=blocks)
         for block in range(1, blocks + 1):
             self.to_time(begun + seconds * block / blocks, (statistics, *observers))
             if self.outcome != "ok":
                 break
             if blocks > 1:
-                ends.append(copied(statistics.measures))
-                forget_extremes(statistics.measures)
-        for block_end in ends:
-            widen_extremes(statistics.measures, block_end)
+                ends.append(statistics.end_block())
         return Part(statistics.measures, before, self._energies, ends)
 
     def go_round(self, turns: int, longest: float, observers: Sequence[Observer] = ()) -> Part:

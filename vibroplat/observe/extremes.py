@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from vibroplat.config.coordinates import MOST_POINTS
 from vibroplat.kernels.compiled import FloatArray, compiled, inlined
@@ -24,11 +25,12 @@ for _n in range(1, MOST_NODES + 1):
     GAPS[_n, : _n + 1] = 1.0 / np.diff([0.0, *NODES[_n, :_n], 1.0])
 
 #: What has extremes, before three numbers of each named point: its x, y and the size of its acceleration. Speeds are
-#: here twice, the second time since the supply has changed. Integers of numpy, so that functions are compiled once.
-QUANTITIES = 18
+#: here twice, the second time since the supply has changed; the impulse is that of events. Integers of numpy, so that
+#: functions are compiled once.
+QUANTITIES = 19
 _PLACES: Any = np.arange(QUANTITIES + 1)
 HEIGHT, ROTATION, OPENING, FORCE, SIDEWAYS, SPEED_1, _, PULL_X, PULL_Y, MOMENT = _PLACES[:10]
-TORQUE_1, _, POWER_1, _, LIFT, ACCELERATION, DRIVEN_1, _, POINTS = _PLACES[10:]
+TORQUE_1, _, POWER_1, _, LIFT, ACCELERATION, DRIVEN_1, _, IMPULSE, POINTS = _PLACES[10:]
 _SIZE = QUANTITIES + 3 * MOST_POINTS
 
 #: Part of an extreme by which another has to go beyond it; less is round-off, as between turns of a periodic motion.
@@ -43,30 +45,40 @@ PEAKS = np.dtype(
 )
 
 
-def no_peaks() -> Any:
-    """Make a record of PEAKS before the first step; the gap is 0 unless a layer flies."""
-    peaks = np.zeros(1, PEAKS)[0]
+def no_peaks(count: int) -> npt.NDArray[np.void]:
+    """Make records of PEAKS before their first step; the gap is 0 unless a layer flies, an impulse without impacts."""
+    peaks = np.zeros(count, PEAKS)
     peaks["least"], peaks["largest"], peaks["since"] = np.inf, -np.inf, np.nan
-    peaks["least"][OPENING] = peaks["largest"][OPENING] = 0.0
+    for quantity in (OPENING, IMPULSE):
+        peaks["least"][:, quantity] = peaks["largest"][:, quantity] = 0.0
     return peaks
 
 
-def widen_peaks(peaks: Any, other: Any) -> None:
-    """Let the extremes, with when they are and at which pace, be those of another record too."""
-    for end, sign in (("least", -1.0), ("largest", 1.0)):
-        farther = sign * other[end] > sign * peaks[end]
+def joined(peaks: npt.NDArray[np.void]) -> Any:
+    """Return the extremes over all of some records, with when they are and at which pace: one record."""
+    found, every = peaks[0].copy(), np.arange(_SIZE)
+    for end, which in (("least", peaks["least"].argmin(axis=0)), ("largest", peaks["largest"].argmax(axis=0))):
         for name in (end, f"at_{end}", f"pace_{end}"):
-            peaks[name] = np.where(farther, other[name], peaks[name])
+            found[name] = peaks[name][which, every]
+    return found
 
 
 class Span(NamedTuple):
-    """A step: when it begins, how long it takes (s), its polynomials, and the column of the speed of exciter 1."""
+    """A step or a part of it.
+
+    When the step begins, how long it takes (s), its polynomials, and the column of the speed of exciter 1; between
+    which fractions of it the part is, and the unknowns at its beginning and end.
+    """
 
     begin: float
     length: float
     c: FloatArray
     degree: int
     speed: int
+    first: float
+    last: float
+    begun: FloatArray
+    end: FloatArray
 
 
 @inlined
@@ -102,16 +114,15 @@ def cover(
     samples: FloatArray,
     nodes: int,
     j: int,
-    since: float,
-    last: float,
+    ends: tuple[float, float],
     span: Span,
     beyond: float,
     sized: bool,
 ) -> None:
-    """Let extremes k cover polynomial j in a step from fraction ``since`` of it, at whose end it is ``last``.
+    """Let extremes k cover polynomial j in a part of a step.
 
-    Polynomials of low degree have few samples and are looked through, and so is a step of which only a part counts,
-    which happens once. Of the others see :func:`vibroplat.kernels.lanes.reaching`.
+    Polynomials of low degree have few samples and are looked through. Of the others see
+    :func:`vibroplat.kernels.lanes.reaching`.
 
     Parameters
     ----------
@@ -120,15 +131,13 @@ def cover(
     c, degree
         Polynomials in the step's fraction, and their degree.
     samples, nodes
-        Their values at so many Gauss nodes.
+        Their values at so many Gauss nodes of the part.
     j
         The column.
-    since
-        Fraction of the step from which it counts.
-    last
-        Value at the step's end.
+    ends
+        Values at both ends of the part.
     span
-        The step: what is remembered has a time and a pace.
+        The part: what is remembered has a time and a pace.
     beyond
         What does not go beyond the extremes by so much is none.
     sized
@@ -138,31 +147,27 @@ def cover(
     if sized:
         largest = max(largest, -least)
         least = -largest
-    if degree <= FEW_SAMPLES or since > 0.0:
-        looked_through(peaks, k, c, degree, j, since, last, span)
+    if degree <= FEW_SAMPLES:
+        looked_through(peaks, k, c, degree, j, ends, span)
         return
-    before, here, bit, lower, higher = c[0, j], c[0, j], 1, 0, 0
+    before, here, bit, lower, higher = ends[0], ends[0], 1, 0, 0
     for i in range(nodes + 2):
-        after = samples[i, j] if i < nodes else last
+        after = samples[i, j] if i < nodes else ends[1]
         beside = max(abs(here - before), abs(here - after))
         lower |= bit * ((here <= before) & (here <= after) & (here - beside < least))
         higher |= bit * ((here >= before) & (here >= after) & (here + beside > largest))
         before, here, bit = here, after, 2 * bit
     if lower | higher:
-        turned(peaks, k, c, degree, samples, nodes, j, last, lower, higher, span)
+        turned(peaks, k, c, degree, samples, nodes, j, ends, lower, higher, span)
 
 
 @compiled
 def cover_form(
     peaks: Any,
     k: int,
-    c: FloatArray,
-    degree: int,
     room: Any,
     nodes: int,
     form: tuple[int, float, int, float],
-    since: float,
-    end: FloatArray,
     span: Span,
     beyond: float,
     sized: bool,
@@ -172,25 +177,25 @@ def cover_form(
     A force into the foundation is such a sum, of a coordinate and its rate, and so is a coordinate of a named point, of
     that of the centre of mass and the rotation. Its polynomial and samples are made where a step is searched, in the
     first columns of ``room.form`` and ``room.form_samples``, which are overwritten; the unknowns' samples at the nodes
-    and at the end are in ``room`` and ``end``.
+    are in ``room``.
     """
-    first, share, second, other = form
+    c, degree, (first, share, second, other) = span.c, span.degree, form
     for i in range(degree + 1):
         room.form[i, 0] = share * c[i, first] + other * c[i, second]
     for i in range(nodes):
         room.form_samples[i, 0] = share * room.samples[i, first] + other * room.samples[i, second]
-    last = share * end[first] + other * end[second]
-    cover(peaks, k, room.form, degree, room.form_samples, nodes, 0, since, last, span, beyond, sized)
+    ends = share * span.begun[first] + other * span.begun[second], share * span.end[first] + other * span.end[second]
+    cover(peaks, k, room.form, degree, room.form_samples, nodes, 0, ends, span, beyond, sized)
 
 
 @compiled
 def looked_through(
-    peaks: Any, k: int, c: FloatArray, degree: int, j: int, since: float, last: float, span: Span
+    peaks: Any, k: int, c: FloatArray, degree: int, j: int, ends: tuple[float, float], span: Span
 ) -> None:
-    """Do as :func:`cover` for any degree and any part of a step."""
+    """Do as :func:`cover` for any degree."""
     reach = bend(c, degree, j)
-    if not (peaks.least[k] < min(c[0, j], last) - reach and max(c[0, j], last) + reach < peaks.largest[k]):
-        low, high, at_low, at_high = extremes(c, degree, j, since, last)
+    if not (peaks.least[k] < min(ends) - reach and max(ends) + reach < peaks.largest[k]):
+        low, high, at_low, at_high = extremes(c, degree, j, span.first, span.last, ends)
         remember(peaks, k, low, at_low, span)
         remember(peaks, k, high, at_high, span)
 
@@ -204,7 +209,7 @@ def turned(
     samples: FloatArray,
     nodes: int,
     j: int,
-    last: float,
+    ends: tuple[float, float],
     lower: int,
     higher: int,
     span: Span,
@@ -212,36 +217,47 @@ def turned(
     """Let extremes k also cover the polynomial near samples, those of the bits that are set."""
     for i in range(nodes + 2):
         if (lower | higher) >> i & 1:
-            here = sample(c, samples, nodes, last, i, j)
-            around = sample(c, samples, nodes, last, max(i - 1, 0), j), sample(c, samples, nodes, last, i + 1, j)
-            found, s = turning_near(c, degree, nodes, j, i, here, around, -1.0 if lower >> i & 1 else 1.0)
-            remember(peaks, k, here, place_of(i, nodes), span)
+            here = sample(samples, nodes, ends, i, j)
+            around = sample(samples, nodes, ends, max(i - 1, 0), j), sample(samples, nodes, ends, i + 1, j)
+            found, s = turning_near(c, degree, nodes, j, i, here, around, -1.0 if lower >> i & 1 else 1.0, span)
+            remember(peaks, k, here, place_of(i, nodes, span), span)
             remember(peaks, k, found, s, span)
 
 
 @inlined
-def sample(c: FloatArray, samples: FloatArray, nodes: int, last: float, i: int, j: int) -> float:
-    """Value of polynomial j at sample i: the step's beginning, its nodes, its end, where it is ``last``."""
-    return c[0, j] if i == 0 else (samples[i - 1, j] if i <= nodes else last)
+def sample(samples: FloatArray, nodes: int, ends: tuple[float, float], i: int, j: int) -> float:
+    """Value of polynomial j at sample i of a part of a step: its beginning, its nodes, its end."""
+    return ends[0] if i == 0 else (samples[i - 1, j] if i <= nodes else ends[1])
 
 
 @inlined
-def place_of(i: int, nodes: int) -> float:
-    """Fraction of a step at sample i: its beginning, its nodes, its end."""
-    return 0.0 if i <= 0 else (1.0 if i > nodes else NODES[nodes, i - 1])
+def place_of(i: int, nodes: int, span: Span) -> float:
+    """Fraction of a step at sample i of a part of it: its beginning, its nodes, its end."""
+    if 0 < i <= nodes:
+        return span.first + (span.last - span.first) * NODES[nodes, i - 1]
+    return span.first if i <= 0 else span.last
 
 
 @inlined
 def turning_near(
-    c: FloatArray, degree: int, nodes: int, j: int, at: int, here: float, around: tuple[float, float], sense: float
+    c: FloatArray,
+    degree: int,
+    nodes: int,
+    j: int,
+    at: int,
+    here: float,
+    around: tuple[float, float],
+    sense: float,
+    span: Span,
 ) -> tuple[float, float]:
     """Extreme value of polynomial j between the neighbours of sample ``at``, where it is ``here``, and its place.
 
     ``sense`` is 1 for a largest value, −1 for a least; looked for where the parabola through the three has its own. At
     an end that the polynomial comes to straight there is no other.
     """
-    s, low, high = place_of(at, nodes), place_of(at - 1, nodes), place_of(at + 1, nodes)
-    if (at == 0 and sense * c[1, j] <= 0.0) or (at > nodes and sense * slope(c, degree, j, 1.0) >= 0.0):
+    s, low, high = place_of(at, nodes, span), place_of(at - 1, nodes, span), place_of(at + 1, nodes, span)
+    leaving = sense * slope(c, degree, j, s) if at == 0 or at > nodes else 0.0
+    if (at == 0 and leaving <= 0.0) or (at > nodes and leaving >= 0.0):
         return here, s
     return turning_point(c, degree, j, vertex((low, s, high), (around[0], here, around[1])), low, high, here)
 

@@ -49,8 +49,6 @@ ALIKE = 1e-6
 #: Columns of forces and squares of accelerations behind those of the unknowns, where steps are screened.
 COLUMNS = WIDTH + 8
 _PULLS, _SHAKING = WIDTH, WIDTH + 4
-#: All columns.
-_ALL = (1 << COLUMNS) - 1
 
 
 class Equations(NamedTuple):
@@ -67,13 +65,9 @@ class Equations(NamedTuple):
 def shaken(
     peaks: Any,
     k: int,
-    c: FloatArray,
-    degree: int,
     room: Any,
     nodes: int,
-    end: FloatArray,
     sideways: float,
-    since: float,
     system: int,
     spot: tuple[float, float],
     span: Span,
@@ -88,54 +82,48 @@ def shaken(
     ----------
     peaks, k
         Record of :data:`vibroplat.observe.extremes.PEAKS`, and the place of the quantity in it.
-    c, degree
-        Polynomials of the unknowns in the step's fraction, and their degree.
     room, nodes
         Record of :data:`vibroplat.observe.statistics.ROOM` with the values at so many nodes; its squares are
         overwritten.
-    end
-        Unknowns at the end of the step.
     sideways
         1, or 0 if the acceleration along y alone counts.
-    since
-        Fraction of the step from which it counts.
     system
         Number of the system of equations.
     spot
         The point, from the centre of mass (m).
     span, equations
-        The step as the records of extremes know it, and where the equations are.
+        The part of the step as the records of extremes know it, and where the equations are.
     """
     squares, n, known = room.squares, DIFFERENTIAL[system] // 2, (1.0 + 2.0 * TIE) * peaks.square[k]
-    mean_squares(c, room.samples, nodes, end, n, sideways, spot, 1.0 / span.length, squares)
+    inverse = 1.0 / (span.length * (span.last - span.first))
+    mean_squares(span, room.samples, nodes, n, sideways, spot, inverse, squares)
     for i in range(nodes + 1):
-        before = squares[i - 1] if i > 0 and place_of(i, nodes) > since else -1.0  # what lies before does not count
+        before = squares[i - 1] if i > 0 else -1.0
         here, after = squares[i], squares[min(i + 1, nodes)]
-        largest = place_of(i + 1, nodes) > since and here >= before and here >= after
+        largest = here >= before and here >= after
         if largest and here + max(here - before if before >= 0.0 else 0.0, here - after) > known:
-            low, s, high = middle(i - 1, nodes), middle(i, nodes), middle(i + 1, nodes)
-            s = since if before < 0.0 else vertex((low, s, high), (before, here, after))
-            s, square = steepest(c, degree, n, spot, sideways, s, max(low, since), high)
+            low, s, high = middle(i - 1, nodes, span), middle(i, nodes, span), middle(i + 1, nodes, span)
+            s = span.first if before < 0.0 else vertex((low, s, high), (before, here, after))
+            s, square = steepest(span.c, span.degree, n, spot, sideways, s, low, high)
             square /= span.length * span.length
             if square > known:
                 peaks.square[k] = known = square
-                remember(peaks, k, exact_size(c, degree, s, system, sideways, spot, room, span, equations), s, span)
+                remember(peaks, k, exact_size(s, system, sideways, spot, room, span, equations), s, span)
 
 
 @inlined
-def middle(i: int, nodes: int) -> float:
-    """Fraction of a step in the middle between samples i and i + 1, but its beginning or end for the first or last."""
+def middle(i: int, nodes: int, span: Span) -> float:
+    """Fraction of a step in the middle between samples i and i + 1, but the part's ends for the first and the last."""
     if 0 < i < nodes:
-        return 0.5 * (place_of(i, nodes) + place_of(i + 1, nodes))
-    return 0.0 if i <= 0 else 1.0
+        return 0.5 * (place_of(i, nodes, span) + place_of(i + 1, nodes, span))
+    return span.first if i <= 0 else span.last
 
 
 @inlined
 def mean_squares(
-    c: FloatArray,
+    span: Span,
     samples: FloatArray,
     nodes: int,
-    end: FloatArray,
     n: int,
     sideways: float,
     spot: tuple[float, float],
@@ -145,10 +133,11 @@ def mean_squares(
     """Fill the squares of the mean accelerations of a point between samples (m²/s⁴).
 
     A mean is the difference of the point's velocities at both samples over the time between them: it differs from the
-    acceleration in the middle by a term of second order in that time. ``inverse`` is one over the step's length (1/s),
-    n the column of the first rate, ``spot`` the point; ``sideways`` as of :func:`shaken`.
+    acceleration in the middle by a term of second order in that time. ``inverse`` is one over
+    the part's duration (1/s), n the column of the first rate, ``spot`` the point; ``sideways`` as of :func:`shaken`.
     """
-    x, y = c[0, n] - spot[1] * c[0, n + 2], c[0, n + 1] + spot[0] * c[0, n + 2]
+    begun, end = span.begun, span.end
+    x, y = begun[n] - spot[1] * begun[n + 2], begun[n + 1] + spot[0] * begun[n + 2]
     for i in range(nodes + 1):
         after = samples[i] if i < nodes else end
         to_x, to_y = after[n] - spot[1] * after[n + 2], after[n + 1] + spot[0] * after[n + 2]
@@ -200,8 +189,6 @@ def steepest(
 
 @compiled
 def exact_size(
-    c: FloatArray,
-    degree: int,
     s: float,
     system: int,
     sideways: float,
@@ -212,7 +199,7 @@ def exact_size(
 ) -> float:
     """Size of the acceleration of a point of the platform at a fraction of a step, by the equations (m/s²)."""
     y, yp, n = room.y, room.yp, DIFFERENTIAL[system] // 2
-    values(c, degree, s, y[: 2 * n])
+    values(span.c, span.degree, s, y[: 2 * n])
     addresses = (y.ctypes.data, yp.ctypes.data, room.full.ctypes.data)
     call_int(equations.start, (system, span.begin + s * span.length, *addresses, equations.parameters, 1))
     ax, ay = yp[n] - spot[1] * yp[n + 2], yp[n + 1] + spot[0] * yp[n + 2]
@@ -258,91 +245,77 @@ def put_limits(peaks: Any, room: Any, system: int, p: Parameters) -> None:
 
 @inlined
 def widen(
-    early: Any,
-    late: Any,
-    c: FloatArray,
-    degree: int,
+    peaks: Any,
+    begun: FloatArray,
     room: Any,
     nodes: int,
     system: int,
-    since: float,
-    end: FloatArray,
     span: Span,
     equations: Equations,
     p: Parameters,
 ) -> None:
-    """Let the extremes cover a step: the early ones, or from fraction ``since`` of it on the late ones.
+    """Let the extremes cover a step or a part of it.
 
-    The step in which the measured part begins belongs to both: it is screened for the early ones and then, as it comes
-    only once, searched as a whole for the late ones. All others are screened, which most of them pass without a search;
-    the limits are filled anew where another record or another system has had its step before.
+    Steps are screened, and most of them pass without a search. The limits are filled anew where there are none, after
+    a step of another record or another system, and while the supply changes.
 
     Parameters
     ----------
-    early, late
-        Records of extremes before the measured part and in it.
-    c, degree, room, nodes, system, end, span, equations
+    peaks
+        The record; ``room.limited`` is −1 if the step before was one of another.
+    room, nodes, system, span, equations
         As of :func:`shaken`.
-    since
-        Fraction of the step at which the measured part begins; 0 in it, 1 or more before it.
     """
-    peaks, which = early if since > 0.0 else late, 2 * system + (1 if since > 0.0 else 0)
     ramps = p.speed_ramp[0] != 0.0 or p.speed_ramp[1] != 0.0 or p.slip_ramp[0] != 0.0 or p.slip_ramp[1] != 0.0
-    if room.limited != which or ramps:
+    if room.limited != system or ramps:
         put_limits(peaks, room, system, p)
-        room.limited = which
-    n, inverse = DIFFERENTIAL[system] // 2, 1.0 / span.length
-    flags = reaching(c, room.samples, nodes, end, n, room.springs, GAPS[nodes], inverse, room.limits)
+        room.limited = system
+    n, inverse = DIFFERENTIAL[system] // 2, 1.0 / (span.length * (span.last - span.first))
+    flags = reaching(begun, room.samples, nodes, span.end, n, room.springs, GAPS[nodes], inverse, room.limits)
     if flags != 0 or room.named > 0:
-        cover_columns(peaks, c, degree, room, nodes, system, 0.0, end, span, flags, equations, p)
-    if 0.0 < since < 1.0:
-        put_limits(late, room, system, p)
-        cover_columns(late, c, degree, room, nodes, system, since, end, span, _ALL, equations, p)
-        room.limited = -1
+        cover_columns(peaks, room, nodes, system, span, flags, equations, p)
 
 
 @compiled
 def cover_columns(
     peaks: Any,
-    c: FloatArray,
-    degree: int,
     room: Any,
     nodes: int,
     system: int,
-    since: float,
-    end: FloatArray,
     span: Span,
     flags: int,
     equations: Equations,
     p: Parameters,
 ) -> None:
-    """Let the extremes of columns whose bits are set cover a step from fraction ``since`` of it.
+    """Let the extremes of columns whose bits are set cover a step.
 
     Bits are those of :func:`vibroplat.kernels.lanes.reaching`: of the unknowns, of three forces into the foundation and
     of the acceleration, with and without its part along x. Named points are looked at in any case.
     """
     samples, force, n = room.samples, DIFFERENTIAL[system], DIFFERENTIAL[system] // 2
-    beyond = margin(peaks, HEIGHT)
-    for k, j in ((SIDEWAYS, _X), (HEIGHT, _Y), (ROTATION, _PHI)):
+    for k, j, group in (
+        (SIDEWAYS, _X, HEIGHT),
+        (HEIGHT, _Y, HEIGHT),
+        (ROTATION, _PHI, HEIGHT),
+        (OPENING, _GAP, OPENING),
+        (FORCE, force, FORCE),
+    ):
         if flags >> j & 1:
-            cover(peaks, k, c, degree, samples, nodes, j, since, end[j], span, beyond, False)
-    if flags >> _GAP & 1 and MODES[system] == FLIGHT:
-        cover(peaks, OPENING, c, degree, samples, nodes, _GAP, since, end[_GAP], span, margin(peaks, OPENING), False)
-    if flags >> force & 1 and SIZES[system] > force:
-        cover(peaks, FORCE, c, degree, samples, nodes, force, since, end[force], span, margin(peaks, FORCE), False)
+            ends = span.begun[j], span.end[j]
+            cover(peaks, k, span.c, span.degree, samples, nodes, j, ends, span, margin(peaks, group), False)
     for i in range(2):
         if flags >> (n + 3 + i) & 1:
-            cover_motor(peaks, i, c, degree, samples, nodes, n, since, end[n + 3 + i], span, p)
+            cover_motor(peaks, i, samples, nodes, n, span, p)
     if flags >> _PULLS & 7:
         beyond = margin(peaks, PULL_Y)
         for i in range(3):
             if flags >> (_PULLS + i) & 1:
                 form = (i, room.springs[0, i], n + i, room.springs[1, i])
-                cover_form(peaks, PULL_X + i, c, degree, room, nodes, form, since, end, span, beyond, True)
+                cover_form(peaks, PULL_X + i, room, nodes, form, span, beyond, True)
     if flags >> _SHAKING & 3:
-        cover_shaking(peaks, c, degree, room, nodes, system, since, end, span, equations)
+        cover_shaking(peaks, room, nodes, system, span, equations)
     if room.named > 0:
-        cover_points(peaks, c, degree, room, nodes, system, since, end, span, equations, p)
+        cover_points(peaks, room, nodes, system, span, equations, p)
     if peaks.changed != 0:
         put_limits(peaks, room, system, p)
 
@@ -350,51 +323,43 @@ def cover_columns(
 @compiled
 def cover_points(
     peaks: Any,
-    c: FloatArray,
-    degree: int,
     room: Any,
     nodes: int,
     system: int,
-    since: float,
-    end: FloatArray,
     span: Span,
     equations: Equations,
     p: Parameters,
 ) -> None:
-    """Let the extremes of named points cover a step from fraction ``since`` of it."""
+    """Let the extremes of named points cover a step."""
     for i in range(room.named):
         k, spot, beyond = POINTS + 3 * i, (p.point_x[i], p.point_y[i]), margin(peaks, HEIGHT)
         for axis, arm in ((_X, -spot[1]), (_Y, spot[0])):
             form = (axis, 1.0, _PHI, arm)
-            cover_form(peaks, k + axis, c, degree, room, nodes, form, since, end, span, beyond, False)
-        shaken(peaks, k + 2, c, degree, room, nodes, end, 1.0, since, system, spot, span, equations)
+            cover_form(peaks, k + axis, room, nodes, form, span, beyond, False)
+        shaken(peaks, k + 2, room, nodes, 1.0, system, spot, span, equations)
 
 
 @compiled
 def cover_shaking(
     peaks: Any,
-    c: FloatArray,
-    degree: int,
     room: Any,
     nodes: int,
     system: int,
-    since: float,
-    end: FloatArray,
     span: Span,
     equations: Equations,
 ) -> None:
-    """Let the extremes of the acceleration of the centre of mass cover a step from fraction ``since`` of it.
+    """Let the extremes of the acceleration of the centre of mass cover a step.
 
     In antiphase the platform moves along y alone but for round-off. Its acceleration is then that along y, found once:
     two searches would differ in the last digits.
     """
     spot, across, along, n = (0.0, 0.0), 0.0, 0.0, DIFFERENTIAL[system] // 2
     for i in range(nodes):
-        across = max(across, abs(room.samples[i, n] - c[0, n]))
-        along = max(along, abs(room.samples[i, n + 1] - c[0, n + 1]))
-    shaken(peaks, LIFT, c, degree, room, nodes, end, 0.0, since, system, spot, span, equations)
+        across = max(across, abs(room.samples[i, n] - span.begun[n]))
+        along = max(along, abs(room.samples[i, n + 1] - span.begun[n + 1]))
+    shaken(peaks, LIFT, room, nodes, 0.0, system, spot, span, equations)
     if across > ALIKE * along:
-        shaken(peaks, ACCELERATION, c, degree, room, nodes, end, 1.0, since, system, spot, span, equations)
+        shaken(peaks, ACCELERATION, room, nodes, 1.0, system, spot, span, equations)
     elif peaks.square[LIFT] > peaks.square[ACCELERATION]:
         peaks.square[ACCELERATION] = peaks.square[LIFT]
         remember(peaks, ACCELERATION, peaks.largest[LIFT], (peaks.at_largest[LIFT] - span.begin) / span.length, span)

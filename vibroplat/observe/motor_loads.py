@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from vibroplat.kernels.compiled import FloatArray, compiled, inlined
-from vibroplat.kernels.polynomial import crossing, value
+from vibroplat.kernels.polynomial import crossing
 from vibroplat.model.motor import motor_torque, slip_speeds
 from vibroplat.model.parameters import Parameters
 from vibroplat.observe.extremes import DRIVEN_1, POWER_1, SPEED_1, TORQUE_1, Span, cover, margin, remember
@@ -25,17 +25,13 @@ def drive_at(peaks: Any, i: int, speed: float, s: float, span: Span, p: Paramete
 def cover_motor(
     peaks: Any,
     i: int,
-    c: FloatArray,
-    degree: int,
     samples: FloatArray,
     nodes: int,
     n: int,
-    since: float,
-    last: float,
     span: Span,
     p: Parameters,
 ) -> None:
-    """Let the extremes of speed, torque and power of motor i cover a step from fraction ``since`` of it.
+    """Let the extremes of speed, torque and power of motor i cover a step.
 
     At a constant supply torque and power depend on the speed alone: they have extremes at new extremes of the speed
     since the supply has changed, at the critical slip, and for the power where u² + 2uΔ²/ω₀ = Δ², with slip speed u and
@@ -43,7 +39,8 @@ def cover_motor(
     """
     k, j = DRIVEN_1 + i, n + 3 + i
     least, largest = peaks.least[k], peaks.largest[k]
-    cover(peaks, k, c, degree, samples, nodes, j, since, last, span, margin(peaks, k), False)
+    last = span.end[j]
+    cover(peaks, k, span.c, span.degree, samples, nodes, j, (span.begun[j], last), span, margin(peaks, k), False)
     for speed, at, new in (
         (peaks.least[k], peaks.at_least[k], peaks.least[k] < least),
         (peaks.largest[k], peaks.at_largest[k], peaks.largest[k] > largest),
@@ -55,17 +52,14 @@ def cover_motor(
     if peaks.least[k] < least or peaks.largest[k] > largest:
         critical = slip_speeds(i, span.begin, last, p)[1]
         synchronous = slip_speeds(i, span.begin + span.length, last, p)[0] + p.direction[i] * last
-        pass_levels(peaks, i, c, degree, j, since, synchronous, critical, span, p)
+        pass_levels(peaks, i, j, synchronous, critical, span, p)
 
 
 @compiled
 def pass_levels(
     peaks: Any,
     i: int,
-    c: FloatArray,
-    degree: int,
     j: int,
-    since: float,
     synchronous: float,
     critical: float,
     span: Span,
@@ -76,7 +70,7 @@ def pass_levels(
     root = np.sqrt(1.0 + ratio * ratio)
     for slip in (critical, -critical, critical * (root - ratio), -critical * (root + ratio)):
         level = p.direction[i] * (synchronous - slip)
-        if (c[0, j] - level) * (value(c, degree, j, 1.0) - level) < 0.0:
-            s = crossing(c, degree, j, level)
-            if s >= since:
+        if (span.begun[j] - level) * (span.end[j] - level) < 0.0:
+            s = crossing(span.c, span.degree, j, level)
+            if span.first <= s <= span.last:
                 drive_at(peaks, i, level, s, span, p)

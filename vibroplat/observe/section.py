@@ -8,10 +8,10 @@ import numpy.typing as npt
 from vibroplat.config.scene import Scene
 from vibroplat.hybrid.state import state_scales
 from vibroplat.kernels.compiled import FloatArray
-from vibroplat.observe.statistics import Measures
+from vibroplat.observe.measures import Measures
 
-#: Longest period, in turns of exciter 1, that is searched for while a motion settles and at its end.
-MAX_PERIOD, LONGEST_PERIOD = 16, 64
+#: Longest period, in turns of exciter 1, that is searched for while a motion settles.
+MAX_PERIOD = 16
 #: Of a run, in the scales of the scene: largest distance of points that repeat, and the distance up to which they count
 #: as equal. A shorter period is refused if its distance is larger by the factor CLEARLY: what is left of a slow
 #: oscillation may come back to itself after some turns, and differs by less.
@@ -25,14 +25,14 @@ def section_rows(ms: Measures) -> npt.NDArray[np.void]:
 
 
 def whole_periods(ms: Measures, turns: int) -> Measures:
-    """Cut the sums over whole turns to whole periods of so many turns; where there is none, they stay as they are."""
+    """Cut what is of whole turns to whole periods of so many turns; where there is none, they stay as they are."""
     done = int(ms.marks["turns"]) - 1
     left = done % turns
     if not 0 < left < done:
         return ms
     point, marks = ms.section[(done - left) % ms.section.size], ms.marks.copy()
     marks["turns"] -= left
-    marks["last"] = point["t"], *point["state"][3:5], point["impacts"]
+    marks["last"] = point["t"], *point["state"][3:5], *point["counts"]
     return ms._replace(whole=point["sums"].copy(), marks=marks)
 
 

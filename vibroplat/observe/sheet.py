@@ -27,9 +27,9 @@ from vibroplat.observe.extremes import (
     SIDEWAYS,
     SPEED_1,
     TORQUE_1,
-    widen_peaks,
+    joined,
 )
-from vibroplat.observe.statistics import FASTEST, SORTS, SUMS, TIME, Measures
+from vibroplat.observe.measures import FASTEST, SORTS, SUMS, TIME, Measures, measured_peaks
 
 #: Part of its mean by which a speed may differ from it while the motion has its measured speed.
 STEADY = 0.05
@@ -165,8 +165,11 @@ def steady_supply(scene: Scene, begin: float, end: float) -> Interval | None:
     return None if supply.ramp != 0.0 or supply.end < end else supply
 
 
-def data_sheet(ms: Measures, scene: Scene) -> dict[str, float | None]:
-    """Return the data sheet of a measured interval; None where there is nothing, or nothing constant, to measure."""
+def data_sheet(ms: Measures, peaks: Any, scene: Scene) -> dict[str, float | None]:
+    """Return the data sheet of a measured interval with its extremes.
+
+    It has None where there is nothing, or nothing constant, to measure.
+    """
     mean = means(ms)
     found: dict[str, float | None] = dict.fromkeys(columns(scene))
     if not mean:
@@ -183,9 +186,9 @@ def data_sheet(ms: Measures, scene: Scene) -> dict[str, float | None]:
         found[f"torque_share_{n}"] = mean[f"torque_{n}"] / critical if critical > 0.0 else None
         if supply is not None and speeds is not None and supply.driven[i] and critical > 0.0 and speeds[i] > 0.0:
             found[f"slip_{n}"] = 1.0 - exciter.direction * mean[f"speed_{n}"] / speeds[i]
-        ripple = ms.late["largest"][SPEED_1 + i] - ms.late["least"][SPEED_1 + i]
+        ripple = peaks["largest"][SPEED_1 + i] - peaks["least"][SPEED_1 + i]
         found[f"speed_ripple_{n}_hz"] = float(ripple) / _TURN
-    return found | {name: value for name, (value, _, _) in _peaks(ms.late, scene).items()}
+    return found | {name: value for name, (value, _, _) in _peaks(peaks, scene).items()}
 
 
 def _peaks(peaks: Any, scene: Scene) -> dict[str, tuple[float | None, float, float]]:
@@ -226,13 +229,6 @@ def _peaks(peaks: Any, scene: Scene) -> dict[str, tuple[float | None, float, flo
     return found
 
 
-def joined(ms: Measures) -> Any:
-    """Return the extremes of a whole run: before the measured part, and in it."""
-    found = ms.late.copy()
-    widen_peaks(found, ms.early)
-    return found
-
-
 def whole_run(ms: Measures, scene: Scene, begun: float, captured: bool) -> dict[str, Any]:
     """Return what of a data sheet is of a whole run.
 
@@ -244,7 +240,7 @@ def whole_run(ms: Measures, scene: Scene, begun: float, captured: bool) -> dict[
         Whether a motor slips as one does that is captured; see :data:`vibroplat.observe.notes.CAPTURED`.
     """
     found: dict[str, Any] = {}
-    for name, (value, at, pace) in _peaks(joined(ms), scene).items():
+    for name, (value, at, pace) in _peaks(joined(ms.peaks), scene).items():
         base, there = split(name)[0], value is not None
         found[f"whole_{name}"] = value
         found[f"whole_{base}_at_s"], found[f"whole_{base}_at_hz"] = (at, pace / _TURN) if there else (None, None)
@@ -276,11 +272,11 @@ def synchronized(ms: Measures, scene: Scene, begun: float) -> tuple[float | None
 
 def _captor(ms: Measures, scene: Scene) -> str:
     """Name the axis whose natural frequency is near the speed of the exciters, if that is steady; or ""."""
-    mean, machine, mass = means(ms), scene.machine, scene.platform_mass
+    mean, machine, mass, peaks = means(ms), scene.machine, scene.platform_mass, measured_peaks(ms)
     if not mean:
         return ""
     for i in (0, 1):
-        if ms.late["largest"][SPEED_1 + i] - ms.late["least"][SPEED_1 + i] > NEAR * abs(mean[f"speed_{i + 1}"]):
+        if peaks["largest"][SPEED_1 + i] - peaks["least"][SPEED_1 + i] > NEAR * abs(mean[f"speed_{i + 1}"]):
             return ""
     speed, carried = 0.5 * (abs(mean["speed_1"]) + abs(mean["speed_2"])), mass + sum(scene.layer_masses)
     natural = [

@@ -1,76 +1,52 @@
 """What is summed over a run while it goes: statistics of the measured part, powers for the audit, the section.
 
-All integrals use Gauss quadrature of the steps' polynomials, so nothing of the trajectory need be kept. The measured
-part is cut to whole turns of exciter 1 where there is one.
+All integrals use Gauss quadrature of the steps' polynomials, so nothing of the trajectory need be kept. What is
+measured, extremes and counts included, is cut to whole turns of exciter 1 where there is one.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from vibroplat.hybrid.modes import FLIGHT, IMPACT, KINDS, MODES
+from vibroplat.hybrid.modes import FLIGHT, MODES
 from vibroplat.hybrid.state import WIDTH, Automaton, Steps
 from vibroplat.kernels.compiled import FloatArray, borrow, compiled, copy, inlined, same_types
 from vibroplat.kernels.lanes import horner_16, horner_pair_16, in_lines, means_16
 from vibroplat.kernels.polynomial import crossing, slope
 from vibroplat.kernels.sines import sines
-from vibroplat.model.energy import FORCE_SIZE, POWERS, exciter_powers, powers
+from vibroplat.model.energy import exciter_powers, powers
 from vibroplat.model.motor import motor_torque
 from vibroplat.model.parameters import Parameters
 from vibroplat.model.series import HIGHEST
 from vibroplat.model.systems import DIFFERENTIAL, FULL_SIZE, LAYERS, PLACES, SIZES
-from vibroplat.observe.extremes import MOST_NODES, NODES, PEAKS, WEIGHTS, Span, no_peaks, widen_peaks
+from vibroplat.observe.extremes import IMPULSE, MOST_NODES, NODES, WEIGHTS, Span
 from vibroplat.observe.loads import COLUMNS, Equations, add_forces, widen
-
-N_POWERS = len(POWERS)
-N_WORK = FORCE_SIZE + 1
-DISSIPATIONS = 2  # first of the powers that dampers take
-
-#: Integrals over a part of a run (s, and the units of what is integrated times s).
-SUMS = (
-    *("time", "x", "xx", "y", "yy", "phi", "phi_phi", "cosine", "sine", "flying", "power_1", "power_2"),
-    *("torque_1", "torque_2", "speed_1", "speed_2", "force_x", "force_y", "moment"),
-    *("force_x_force_x", "force_y_force_y", "moment_moment"),
-)
-TIME, X, XX, Y, YY, PHI, PHI_PHI, COSINE, SINE, FLYING, POWER = range(11)
-TORQUE, SPEED, PULL = 12, 14, 16
-
-#: Into how many sorts phase differences and speeds are put; those of speeds reach to the largest synchronous speed
-#: times FASTEST.
-SORTS, FASTEST = 96, 1.5
-
-#: A point of the Poincaré section: time (s), full state, F_c (N); measured impacts, and sums over whole turns, so far.
-SECTION = np.dtype(
-    [("t", float), ("state", float, FULL_SIZE), ("force", float), ("impacts", float), ("sums", float, len(SUMS))],
-    align=True,
+from vibroplat.observe.measures import (
+    COSINE,
+    DISSIPATIONS,
+    EARLY,
+    FASTEST,
+    FLYING,
+    N_POWERS,
+    N_WORK,
+    POWER,
+    PULL,
+    SECTION_ROWS,
+    SINE,
+    SORTS,
+    SPEED,
+    TIME,
+    TORQUE,
+    XX,
+    Measures,
+    X,
+    no_measures,
 )
 
-#: Points of the Poincaré section that are kept, the last ones, where nothing else is said.
-SECTION_ROWS = 1024
-
-#: What is remembered from step to step.
-MARKS = np.dtype(
-    [
-        ("window", np.float64),  # when the measured part begins (s)
-        ("until", np.float64),  # when the last step ended (s)
-        ("passed", np.float64),  # whole turns of exciter 1 until now, nan before the first step
-        ("turns", np.int64),  # points of the section so far
-        ("first", np.float64, 4),  # at its first point: time (s), angles of both exciters (rad), measured impacts
-        ("last", np.float64, 4),  # at its last point
-        ("way", np.float64),  # in which exciter 1 has passed angle 0 the last time
-        ("exchanged", np.float64),  # energy that motors and dampers have exchanged, all of it positive (J)
-        ("counts", np.int64, len(KINDS)),  # events of each kind
-        ("measured", np.int64, len(KINDS)),  # those in the measured part
-        ("impact_loss", np.float64),  # (J)
-        ("impulse_sum", np.float64),  # (N·s)
-        ("impulse_max", np.float64),  # of the measured part
-    ],
-    align=True,
-)
 #: Place of φ₁ among the unknowns. An integer of numpy, so that functions are compiled once for all.
 _ANGLE = np.array([3])[0]
 
@@ -86,8 +62,9 @@ _MOST_TURNS = 1000.0
 
 #: What is overwritten at each step: unknowns and phase differences at the nodes; means of the unknowns, of their
 #: squares and their sizes, of products with the rates, and of the powers; a full state; stiffnesses and dampings; a sum
-#: of two unknowns, and its values at the nodes; squares of mean accelerations; unknowns and rates. What stays is what
-#: the known extremes are, for which system and record, and how many named points there are.
+#: of two unknowns, and its values at the nodes; squares of mean accelerations; unknowns and rates; unknowns and
+#: derivatives at both ends of a part of a step. What stays is what the known extremes are, for which system and row,
+#: and how many named points there are.
 ROOM = np.dtype(
     [
         ("samples", float, (MOST_NODES, WIDTH)),
@@ -101,86 +78,15 @@ ROOM = np.dtype(
         ("squares", float, MOST_NODES + 1),
         ("y", float, FULL_SIZE),
         ("yp", float, FULL_SIZE),
+        ("begun", float, (2, WIDTH)),
+        ("at", float, (2, WIDTH)),
         ("limits", float, (2, COLUMNS)),
         ("limited", np.int64),
+        ("widened", np.int64),
         ("named", np.int64),
     ],
     align=True,
 )
-
-
-class Measures(NamedTuple):
-    """Sums over a run.
-
-    Attributes
-    ----------
-    work
-        Integrals of the powers (J) and of the vertical force from outside and its size (N·s), shape (N_WORK,).
-    plain, open_turn, whole
-        :data:`SUMS` over the measured part: before the first whole turn of exciter 1, since the last one, over whole
-        turns.
-    marks
-        A record of :data:`MARKS`: counts and what is remembered from step to step.
-    early, late
-        Records of :data:`vibroplat.observe.extremes.PEAKS`: of the steps that begin before the measured part, and of
-        that.
-    seen
-        When each sort of phase difference, and of speed of exciters 1 and 2, was last met (s), and the motors' work
-        until then (J), shape (3, SORTS, 2).
-    section
-        Poincaré section: records of :data:`SECTION` at the whole turns of exciter 1 in the measured part, the last
-        of them, turn n in row n modulo their number.
-    """
-
-    work: FloatArray
-    plain: FloatArray
-    open_turn: FloatArray
-    whole: FloatArray
-    marks: Any
-    early: Any
-    late: Any
-    seen: FloatArray
-    section: npt.NDArray[np.void]
-
-
-def no_measures(window: float, points: int = SECTION_ROWS) -> Measures:
-    """Make empty sums whose measured part begins at a time (s), with room for points of the Poincaré section."""
-    marks = np.zeros(1, MARKS)[0]
-    marks["window"], marks["until"], marks["passed"] = window, window, math.nan
-    plain, open_turn, whole = np.zeros((3, len(SUMS)))
-    seen = np.zeros((3, SORTS, 2))
-    seen[..., 0] = -math.inf
-    peaks = no_peaks(), no_peaks()
-    return Measures(np.zeros(N_WORK), plain, open_turn, whole, marks, *peaks, seen, np.zeros(points, SECTION))
-
-
-def copied(ms: Measures) -> Measures:
-    """Copy what changes from turn to turn of the sums over whole turns, and the extremes."""
-    return ms._replace(whole=ms.whole.copy(), marks=ms.marks.copy(), late=ms.late.copy())
-
-
-def forget_extremes(ms: Measures) -> None:
-    """Forget the extremes of the measured part so far."""
-    none = no_peaks()
-    for name in PEAKS.names or ():
-        ms.late[name] = none[name]
-    ms.marks["impulse_max"] = 0.0
-
-
-def widen_extremes(ms: Measures, other: Measures) -> None:
-    """Let the extremes be those of another part too."""
-    widen_peaks(ms.late, other.late)
-    ms.late["square"] = np.maximum(ms.late["square"], other.late["square"])
-    ms.marks["impulse_max"] = max(ms.marks["impulse_max"], other.marks["impulse_max"])
-
-
-def between(earlier: Measures, later: Measures) -> Measures:
-    """Subtract two copies: sums over whole turns of exciter 1 between them; extremes are the later's, counts of all."""
-    marks = later.marks.copy()
-    marks["turns"] += 1 - earlier.marks["turns"]  # the last turn before is the first mark
-    marks["first"] = earlier.marks["last"]
-    plain, open_turn = np.zeros((2, len(SUMS)))
-    return later._replace(plain=plain, open_turn=open_turn, whole=later.whole - earlier.whole, marks=marks)
 
 
 class Statistics:
@@ -191,20 +97,29 @@ class Statistics:
     window
         When the measured part begins (s).
     points
-        Points of the Poincaré section that are kept, the last ones.
+        Points of the Poincaré section that are kept, the last ones; 0: what is measured is not cut to whole turns.
     named
         Number of the scene's named points.
+    blocks
+        In how many parts a motion is measured, each with its own extremes; see :meth:`end_block`.
     """
 
-    def __init__(self, window: float, points: int = SECTION_ROWS, named: int = 0) -> None:
-        self._points, self._add_pieces = points, same_types(add_pieces)
+    def __init__(self, window: float, points: int = SECTION_ROWS, named: int = 0, blocks: int = 1) -> None:
+        self._points, self._blocks, self._add_pieces = points, blocks, same_types(add_pieces)
         self._room = in_lines((ROOM.itemsize // 8,)).view(ROOM)[0]
         self._room["named"] = named
         self.begin(window)
 
     def begin(self, window: float) -> None:
         """Begin anew; what was measured before stays as it is with those who hold it."""
-        self.measures = no_measures(window, self._points)
+        self.measures = no_measures(window, self._points, self._blocks)
+
+    def end_block(self) -> Measures:
+        """Copy what was measured until now; from the next whole turn on, extremes are those of the next block."""
+        ms = self.measures
+        found = ms._replace(whole=ms.whole.copy(), marks=ms.marks.copy(), closed=ms.closed.copy())
+        ms.marks["due"] = min(ms.marks["row"] + 1, len(ms.peaks) - 1)
+        return found
 
     def read(self, h: Automaton) -> None:
         """Add the steps and events since the last reading.
@@ -242,7 +157,7 @@ def add_pieces(
     for i in range(steps.used.pieces):
         piece = steps.pieces[i]
         while counted < piece.events:
-            count_event(ms.marks, events[counted])
+            count_event(ms, events[counted])
             counted += 1
         for j in range(FULL_SIZE):
             full[j] = 0.0
@@ -252,19 +167,21 @@ def add_pieces(
                 sort(ms, steps.ends[row], piece.origin + steps.start[row] + steps.length[row], piece.system, fastest, p)
         ms.marks.until = piece.until
     while counted < events.size:
-        count_event(ms.marks, events[counted])
+        count_event(ms, events[counted])
         counted += 1
 
 
 @compiled
-def count_event(marks: Any, event: Any) -> None:
+def count_event(ms: Measures, event: Any) -> None:
     """Add an event to the counts of the whole, and to those of the measured part if it lies there."""
+    marks = ms.marks
     marks.counts[event.kind] += 1
     marks.impact_loss += event.loss
     marks.impulse_sum += event.impulse
     if event.t >= marks.window:
         marks.measured[event.kind] += 1
-        marks.impulse_max = max(marks.impulse_max, event.impulse)
+        peaks = ms.peaks[marks.row]
+        peaks.largest[IMPULSE] = max(peaks.largest[IMPULSE], event.impulse)
 
 
 @inlined
@@ -281,50 +198,64 @@ def add_step(
 ) -> None:
     """Add a step, in parts where the measured part begins and where exciter 1 completes turns within it."""
     marks, c, end = ms.marks, steps.c[row], steps.ends[row]
-    system, force = piece.system, DIFFERENTIAL[piece.system]
-    begin, length = piece.origin + steps.start[row], steps.length[row]
-    since = (marks.window - begin) / length if begin < marks.window else 0.0  # fraction from which it is measured
-    fill_nodes(c, degree, 0.0, 1.0, nodes, room)
-    span = Span(begin, length, c, degree, force // 2 + 3)
-    widen(ms.early, ms.late, c, degree, room, nodes, system, since, end, span, equations, p)
-    turn, last = marks.passed, whole_turns(end[3], piece.turns[0])
+    begin, length, turns = piece.origin + steps.start[row], steps.length[row], piece.turns
+    turn, last = marks.passed, whole_turns(end[3], turns[0])
     if math.isnan(turn):
-        turn = whole_turns(c[0, 3], piece.turns[0])
-    if not abs(last - turn) <= _MOST_TURNS:
+        turn = whole_turns(c[0, 3], turns[0])
+    if ms.section.size == 0 or not abs(last - turn) <= _MOST_TURNS:
         turn = last
     marks.passed = last
-    begun, whole = 0.0, True
-    while begun < 1.0 or turn != last:
-        cut, way = 1.0, 0.0
+    first, now = 0.0, begin
+    while turn != last or first < 1.0:
+        since, cut, way, now = now, 1.0, 0.0, begin + length
         if turn != last:
             way = 1.0 if last > turn else -1.0
-            cut = crossing(c, degree, _ANGLE, _TURN * max(turn, turn + way) - piece.turns[0])
-        if begun < since < cut:
-            cut, way = since, 0.0
-        if not whole or cut < 1.0:  # otherwise the samples are those of the whole step still
-            fill_nodes(c, degree, begun, cut, nodes, room)
-            whole = False
-        integrate(ms, begun, cut, begin, length, system, begun >= since, nodes, room, p)
-        begun, turn, now = cut, turn + way, begin + cut * length
+            cut = max(crossing(c, degree, _ANGLE, _TURN * max(turn, turn + way) - turns[0]), first)
+            now = begin + cut * length
+        if since < marks.window < now:
+            cut, way, now = max((marks.window - begin) / length, first), 0.0, marks.window
+        begun, at = c, end
+        if first > 0.0 or cut < 1.0:
+            begun, at = room.begun[0:], room.at[0]
+            horner_16(c, degree, first, begun)
+            horner_16(c, degree, cut, room.at)
+            for j in range(WIDTH):
+                begun[1, j] *= cut - first
+        if first < cut:
+            span = Span(begin, length, c, degree, DIFFERENTIAL[piece.system] // 2 + 3, first, cut, begun[0], at)
+            add_part(ms, span, begun, since >= marks.window, piece.system, nodes, room, equations, p)
+        first, turn = cut, turn + way
         if way == 0.0:
             continue
         passes = math.copysign(1.0, slope(c, degree, 3, cut))
         same = marks.way != -passes  # as the last time: one that swings completes no turn
         marks.way = passes
         if same and now >= marks.window:
-            horner_16(c, degree, cut, room.samples[0])
-            for j in range(force):
-                room.full[PLACES[system, j]] = room.samples[0, j]
-            close_turn(ms, now, piece.turns, room.full, room.samples[0, force] if SIZES[system] > force else 0.0)
+            close_turn(ms, now, turns, at, piece.system, room)
 
 
 @inlined
-def fill_nodes(c: FloatArray, degree: int, start: float, end: float, nodes: int, room: Any) -> None:
-    """Fill the samples: unknowns at the nodes of a part of a step."""
+def add_part(
+    ms: Measures,
+    span: Span,
+    begun: FloatArray,
+    measured: bool,
+    system: int,
+    nodes: int,
+    room: Any,
+    equations: Equations,
+    p: Parameters,
+) -> None:
+    """Add a step, or a part of it that is measured as a whole or not at all; ``begun`` as of :func:`widen`."""
+    width, row = span.last - span.first, ms.marks.row if measured else EARLY
+    if room.widened != row:
+        room.widened, room.limited = row, -1
     for i in range(0, nodes, 2):  # they are even in number
-        width = end - start
-        first, second = start + width * NODES[nodes, i], start + width * NODES[nodes, i + 1]
-        horner_pair_16(c, degree, first, second, room.samples[i : i + 2])
+        places = span.first + width * NODES[nodes, i], span.first + width * NODES[nodes, i + 1]
+        horner_pair_16(span.c, span.degree, places[0], places[1], room.samples[i : i + 2])
+    widen(ms.peaks[row], begun, room, nodes, system, span, equations, p)
+    begin, duration = span.begin + span.first * span.length, width * span.length
+    integrate(ms, begin, duration, system, measured, nodes, room, p)
 
 
 @inlined
@@ -346,27 +277,17 @@ def sort(ms: Measures, end: FloatArray, now: float, system: int, fastest: float,
 
 @inlined
 def integrate(
-    ms: Measures,
-    start: float,
-    end: float,
-    begin: float,
-    length: float,
-    system: int,
-    measured: bool,
-    nodes: int,
-    room: Any,
-    p: Parameters,
+    ms: Measures, begin: float, duration: float, system: int, measured: bool, nodes: int, room: Any, p: Parameters
 ) -> None:
-    """Add the part [start, end] of a step: its work and, if it is measured, its statistics.
+    """Add a part of a step that begins at a time and takes a duration (s): work and, if it is measured, statistics.
 
-    ``start`` and ``end`` are fractions of the step, which begins at time ``begin`` and takes ``length`` (s); ``room``
-    holds the samples at its nodes.
+    ``room`` holds the samples at its nodes.
     """
     marks, sums, means, power, n = ms.marks, ms.open_turn, room.means, room.power, DIFFERENTIAL[system] // 2
-    duration, motor, truncated, resisted, exchanged = (end - start) * length, 0.0, 0.0, 0.0, 0.0
+    motor, truncated, resisted, exchanged = 0.0, 0.0, 0.0, 0.0
     first = torque_1 = torque_2 = 0.0
     for i in range(nodes):
-        now, weight = begin + (start + (end - start) * NODES[nodes, i]) * length, WEIGHTS[nodes, i]
+        now, weight = begin + duration * NODES[nodes, i], WEIGHTS[nodes, i]
         w_1, w_2 = room.samples[i, n + 3], room.samples[i, n + 4]
         l_1, l_2 = motor_torque(0, now, w_1, p), motor_torque(1, now, w_2, p)
         fed, turned, lost = exciter_powers(l_1 * w_1, l_2 * w_2, room.samples[i], n, p)
@@ -384,7 +305,7 @@ def integrate(
     for j in range(DISSIPATIONS, N_POWERS):
         exchanged += power[j]
     marks.exchanged += duration * exchanged
-    if measured and duration > 0.0:
+    if measured:
         for k in range(3):  # of x, y and φ
             sums[X + 2 * k] += duration * means[0, k]
             sums[XX + 2 * k] += duration * means[1, k]
@@ -427,16 +348,19 @@ def add_phase(sums: FloatArray, room: Any, n: int, duration: float, nodes: int, 
 
 
 @compiled
-def close_turn(ms: Measures, now: float, turns: FloatArray, full: FloatArray, force: float) -> None:
-    """Exciter 1 has completed a turn in the measured part: what was open since the last one is whole."""
-    marks = ms.marks
+def close_turn(ms: Measures, now: float, turns: FloatArray, at: FloatArray, system: int, room: Any) -> None:
+    """Exciter 1 has completed a turn in the measured part, with unknowns ``at``: what was open is whole."""
+    marks, full, force = ms.marks, room.full, DIFFERENTIAL[system]
+    for j in range(force):
+        full[PLACES[system, j]] = at[j]
     point = ms.section[marks.turns % ms.section.size]
-    point.t, point.force, point.impacts = now, force, marks.measured[IMPACT]
+    point.t, point.force, marks.last[0] = now, at[force] if SIZES[system] > force else 0.0, now
     copy(full, point.state)
-    marks.last[0], marks.last[3] = now, marks.measured[IMPACT]
     for i in range(2):
         point.state[3 + i] += turns[i]
         marks.last[1 + i] = point.state[3 + i]
+    for kind in range(marks.measured.size):
+        point.counts[kind] = marks.last[3 + kind] = marks.measured[kind]
     sums = ms.whole
     if marks.turns == 0:
         copy(marks.last, marks.first)
@@ -445,4 +369,6 @@ def close_turn(ms: Measures, now: float, turns: FloatArray, full: FloatArray, fo
         sums[i] += ms.open_turn[i]
         ms.open_turn[i] = 0.0
     copy(ms.whole, point.sums)
+    ms.closed[marks.turns % ms.closed.size] = ms.peaks[marks.row]
     marks.turns += 1
+    marks.row = marks.due

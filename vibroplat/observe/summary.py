@@ -11,13 +11,14 @@ import numpy as np
 
 from vibroplat.columns import Column, Columns
 from vibroplat.config.scene import Scene
+from vibroplat.hybrid.modes import IMPACT
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.energy import FORCE as VERTICAL
 from vibroplat.model.energy import FORCE_SIZE, POWERS, energies
 from vibroplat.model.parameters import Parameters
-from vibroplat.observe.extremes import FORCE, HEIGHT, OPENING, ROTATION
+from vibroplat.observe.extremes import FORCE, HEIGHT, IMPULSE, OPENING, ROTATION, joined
+from vibroplat.observe.measures import DISSIPATIONS, N_POWERS, TIME, Measures, between, measured_peaks
 from vibroplat.observe.sheet import data_sheet, means
-from vibroplat.observe.statistics import DISSIPATIONS, N_POWERS, TIME, Measures, between
 
 #: Phase coherence below which exciters are not synchronous: their phase difference has no mean that says anything.
 COHERENCE = 0.8
@@ -66,8 +67,8 @@ AUDIT: Columns = {
     ),
 }
 
-#: What :func:`measured` gathers. Means and frequencies are of the whole turns of exciter 1 in the measured part, where
-#: there are any; what is of the whole run or point says so.
+#: What :func:`measured` gathers: of the whole turns of exciter 1 in the measured part, where there are any; what is of
+#: the whole run or point says so.
 MEASURES: Columns = {
     "rms_x_m": Column("RMS of x", "about its mean"),
     "rms_y_m": Column("RMS of y", "about its mean"),
@@ -89,9 +90,7 @@ MEASURES: Columns = {
     "flight_fraction": Column("share of the time in flight"),
     "motor_power_w": Column("mean mechanical power of both motors"),
     "measured_s": Column("time over which means are taken"),
-    "measured_from_s": Column(
-        "beginning of that time", "largest and least values are of the whole second half of a run"
-    ),
+    "measured_from_s": Column("beginning of that time", "of all that is not said to be of the whole run"),
     "measured_to_s": Column("end of that time"),
     "contact_force_min_n": Column("least contact force"),
     "contact_force_max_n": Column("largest contact force", "impulses of impacts do not count"),
@@ -105,10 +104,10 @@ MEASURES: Columns = {
     "impacts": Column("impacts in the whole run"),
     "latches": Column("latches in the whole run", "impacts that accumulate and end in contact"),
     "events": Column("liftoffs, impacts and latches in the whole run"),
-    "measured_liftoffs": Column("liftoffs in the measured part"),
-    "measured_impacts": Column("impacts in the measured part"),
-    "measured_latches": Column("latches in the measured part"),
-    "measured_turns": Column("whole turns of exciter 1 in the measured part"),
+    "measured_liftoffs": Column("liftoffs in that time"),
+    "measured_impacts": Column("impacts in that time"),
+    "measured_latches": Column("latches in that time"),
+    "measured_turns": Column("whole turns of exciter 1 in that time"),
     **AUDIT,
 }
 
@@ -137,8 +136,8 @@ class Part(NamedTuple):
     blocks: Sequence[Measures] = ()
 
 
-def statistics(ms: Measures) -> dict[str, float | None]:
-    """RMS about the mean, amplitude, frequencies, phase of the measured part; None where it is too short."""
+def statistics(ms: Measures, peaks: Any) -> dict[str, float | None]:
+    """RMS about the mean, amplitude, frequencies, phase of the measured part with its extremes; None if too short."""
     marks, mean, turned = ms.marks, means(ms), ms.whole[TIME] > 0.0
     names = ("rms_x_m", "rms_y_m", "rms_phi_rad")
     if not mean:
@@ -150,14 +149,14 @@ def statistics(ms: Measures) -> dict[str, float | None]:
         name: math.sqrt(max(mean[square] - mean[first] ** 2, 0.0))
         for name, first, square in zip(names, ("x", "y", "phi"), ("xx", "yy", "phi_phi"), strict=True)
     }
-    result["amplitude_y_m"] = 0.5 * (ms.late["largest"][HEIGHT] - ms.late["least"][HEIGHT])
+    result["amplitude_y_m"] = 0.5 * (peaks["largest"][HEIGHT] - peaks["least"][HEIGHT])
     # without a whole turn: of exciters that swing or stand still
-    standing = 1.0, mean["speed_1"], mean["speed_2"], 0.0
-    seconds, one, two, impacts = marks["last"] - marks["first"] if turned else standing
+    passed = marks["last"] - marks["first"]
+    seconds, one, two = passed[:3] if turned else (1.0, mean["speed_1"], mean["speed_2"])
     first, second = (abs(angle) / (2.0 * math.pi * seconds) for angle in (one, two))
     result["excitation_frequency_hz"] = 0.5 * (first + second)
     result["frequency_split_hz"] = first - second
-    result["impacts_per_period"] = impacts / (marks["turns"] - 1.0) if turned else None
+    result["impacts_per_period"] = passed[3 + IMPACT] / (marks["turns"] - 1.0) if turned else None
     result["phase_difference_rad"] = half_open(math.atan2(mean["sine"], mean["cosine"]))
     result["phase_coherence"] = math.hypot(mean["sine"], mean["cosine"])
     result["flight_fraction"] = mean["flying"]
@@ -179,7 +178,7 @@ def block_errors(blocks: Sequence[Measures], names: Sequence[str]) -> dict[str, 
     several maxima scatters as each of them does (Gumbel's law).
     """
     parts = [*blocks[:1], *(between(a, b) for a, b in pairwise(blocks))]
-    found = [statistics(part) | extremes(part) for part in parts]
+    found = [statistics(part, peaks) | extremes(peaks) for part in parts for peaks in [measured_peaks(part)]]
     errors: dict[str, float | None] = {}
     for name in names:
         told = [part[name] for part in found]
@@ -197,10 +196,10 @@ def block_errors(blocks: Sequence[Measures], names: Sequence[str]) -> dict[str, 
     return errors
 
 
-def extremes(ms: Measures) -> dict[str, float | None]:
+def extremes(peaks: Any) -> dict[str, float | None]:
     """Largest contact force, gap and impulse; −inf where there is none."""
-    names, largest = ("contact_force_max_n", "gap_max_m", "impulse_max_n_s"), ms.late["largest"]
-    found = largest[FORCE], largest[OPENING], ms.marks["impulse_max"]
+    names, largest = ("contact_force_max_n", "gap_max_m", "impulse_max_n_s"), peaks["largest"]
+    found = largest[FORCE], largest[OPENING], largest[IMPULSE]
     return {name: float(value) for name, value in zip(names, found, strict=True)}
 
 
@@ -212,33 +211,32 @@ def half_open(angle: float, near: float = 1e-12) -> float:
 def measured(part: Part, scene: Scene) -> dict[str, Any]:
     """Gather what was measured over a part of a scene's motion. What has no finite value is None.
 
-    These are of the measured part: extremes of contact force and impulse, the largest gap, and counts that begin with
-    ``measured_``. Statistics are cut to its ``measured_turns`` whole turns of exciter 1 where there are any, from
-    ``measured_from_s`` to ``measured_to_s``. All else is of the whole: other counts, the
-    sum of impulses, energies, the largest rotation |φ|, and two checks, the least gap and how far the contact force
-    fell below 0.
+    Statistics, extremes of contact force and impulse, the largest gap, and counts that begin with ``measured_`` are of
+    the ``measured_turns`` whole turns of exciter 1 in the measured part where there are any, from ``measured_from_s``
+    to ``measured_to_s``. All else is of the whole: other counts, the sum of impulses, energies, the largest rotation
+    |φ|, and two checks, the least gap and how far the contact force fell below 0.
     """
-    marks, early, late = part.measures.marks, part.measures.early, part.measures.late
-    least, largest = np.minimum(early["least"], late["least"]), np.maximum(early["largest"], late["largest"])
+    marks, whole, peaks = part.measures.marks, joined(part.measures.peaks), measured_peaks(part.measures)
     turned = part.measures.whole[TIME] > 0.0
+    events = (marks["last"] - marks["first"])[3:] if turned else marks["measured"]
     kinds = ("liftoffs", "impacts", "latches")  # as KINDS; a corner of the drive is no event of the motion
     counts = dict(zip(kinds, marks["counts"].tolist(), strict=False))
     found = {
-        **statistics(part.measures),
-        **extremes(part.measures),
+        **statistics(part.measures, peaks),
+        **extremes(peaks),
         "measured_from_s": float(marks["first"][0] if turned else marks["window"]),
         "measured_to_s": float(marks["last"][0] if turned else max(marks["until"], marks["window"])),
-        "contact_force_min_n": float(late["least"][FORCE]),
-        "contact_pull_n": max(0.0, -float(least[FORCE])),
-        "gap_min_m": float(least[OPENING]),
-        "phi_max_rad": float(max(largest[ROTATION], -least[ROTATION])),
+        "contact_force_min_n": float(peaks["least"][FORCE]),
+        "contact_pull_n": max(0.0, -float(whole["least"][FORCE])),
+        "gap_min_m": float(whole["least"][OPENING]),
+        "phi_max_rad": float(max(whole["largest"][ROTATION], -whole["least"][ROTATION])),
         "impulse_sum_n_s": float(marks["impulse_sum"]),
         **counts,
         "events": sum(counts.values()),
-        **dict(zip((f"measured_{kind}" for kind in kinds), marks["measured"].tolist(), strict=False)),
+        **dict(zip((f"measured_{kind}" for kind in kinds), map(int, events), strict=False)),
         "measured_turns": max(int(marks["turns"]) - 1, 0),
         **audit(part.measures, part.before, part.after),
-        **data_sheet(part.measures, scene),
+        **data_sheet(part.measures, peaks, scene),
     }
     return {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in found.items()}
 

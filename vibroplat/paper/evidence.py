@@ -116,7 +116,7 @@ class Evidence:
 
     def add(self, branch: Branch, records: Iterable[Record]) -> None:
         """Add a branch by the records of its points; one that is there already, as sweeps share branches, is kept."""
-        points = zip(branch.frequencies, records, strict=True)
+        points = zip(branch.along, records, strict=True)
         rows = [record["row"] | {SUPPLY: supply, "state": record["state"]} for supply, record in points]
         mass_ratio, contact = branch.scene.material.mass_ratio, branch.scene.contact
         key = Key(mass_ratio, contact.restitution, contact.model, contact.impact_law, branch.direction)

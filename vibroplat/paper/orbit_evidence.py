@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from vibroplat.config.plans import FREQUENCY
 from vibroplat.config.scene import Scene
 from vibroplat.continuation.newton import MissedError, NewtonResult, Problem, correct
 from vibroplat.continuation.orbit import accurate, measures_of_orbit
@@ -26,7 +27,7 @@ from vibroplat.paper.claims import NARROW, judge
 from vibroplat.paper.evidence import Evidence, F
 from vibroplat.paper.judges import Finding
 from vibroplat.paper.scenes import IMPACT, claims, coarse_scene
-from vibroplat.study.branches import FREQUENCY, SUPPLY, branches
+from vibroplat.study.branches import SUPPLY, branches
 from vibroplat.study.pool import Task, Tasks
 from vibroplat.study.store import Record
 
@@ -79,7 +80,7 @@ def judged_by_orbits(numbers: Mapping[str, Any]) -> Tasks[dict[str, Finding]]:
     evidence = Evidence()
     for branch in (branch for name in IMPACT for branch in branches(coarse_scene(name, numbers))):
         found = yield Task(orbits_along, (branch.scene,))
-        along = replace(branch, frequencies=tuple(row[SUPPLY] for row in found["rows"]))
+        along = replace(branch, along=tuple(row[SUPPLY] for row in found["rows"]))
         evidence.add(along, [{"row": row, "state": None} for row in found["rows"]])
     return {claim["id"]: judge(claim | JUDGED[claim["id"]], evidence) for claim in claims() if claim["id"] in JUDGED}
 

@@ -142,7 +142,7 @@ def planned(numbers: Mapping[str, Any], seeds: Sequence[int] = (0,)) -> tuple[in
     """Return the numbers of branches and points of the first stage."""
     machine, others, laws = trials_of(numbers, seeds)
     found = [b for t in (*machine, *others, laws) for name in t.names for b in branches(t.scene(name))]
-    return len(found), sum(len(branch.frequencies) for branch in found)
+    return len(found), sum(len(branch.along) for branch in found)
 
 
 def reproduce(

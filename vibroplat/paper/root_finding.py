@@ -13,11 +13,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy.optimize import brentq
 
-from vibroplat.config.plans import SweepPlan
+from vibroplat.config.plans import FREQUENCY, SweepPlan
 from vibroplat.config.scene import Scene
 from vibroplat.paper.evidence import IMPACT_KEY, MOTIONS, REGIMES, Boundary, Evidence, F, Step
 from vibroplat.paper.scenes import BETA
-from vibroplat.study.branches import FREQUENCY, SUPPLY
+from vibroplat.study.branches import SUPPLY
 from vibroplat.study.point import point_task
 from vibroplat.study.pool import Pool, StoredChain, Tasks, run_stored
 from vibroplat.study.store import Store

@@ -23,10 +23,10 @@ from vibroplat.frames import PlainTable, pd
 from vibroplat.hybrid.state import EVENT
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.systems import FULL_SIZE
+from vibroplat.observe.measures import Measures
 from vibroplat.observe.notes import notes_on_samples, peaks_of
 from vibroplat.observe.section import section_rows
 from vibroplat.observe.sheet import columns
-from vibroplat.observe.statistics import Measures
 from vibroplat.observe.summary import INACCURATE
 from vibroplat.observe.tables import (
     ROW,

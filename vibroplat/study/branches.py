@@ -10,15 +10,15 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from vibroplat.columns import Column, Columns
-from vibroplat.config.keys import key_of
-from vibroplat.config.plans import SweepPlan
+from vibroplat.columns import Column, Columns, unit_of, words
+from vibroplat.config.keys import key_of, keys, number_of
+from vibroplat.config.plans import FREQUENCY, Over, SweepPlan
 from vibroplat.config.scene import Scene
 from vibroplat.errors import ConfigError
 from vibroplat.frames import labelled
+from vibroplat.hybrid.state import static_rest
+from vibroplat.model.systems import FULL_SIZE
 
-#: Key of a scene that varies along a branch.
-FREQUENCY = "drive.supply_frequency_hz"
 #: Columns of supply and excitation frequency.
 SUPPLY, EXCITATION = "supply_frequency_hz", "excitation_frequency_hz"
 
@@ -58,16 +58,16 @@ class Branch:
     grid
         Dotted keys of the grid and their values on this branch.
     scene
-        The scene at the first frequency.
-    frequencies
-        Supply frequencies (Hz) in the order of the branch.
+        The scene at the first value.
+    along
+        Values of the swept key in the order of the branch.
     """
 
     number: int
     direction: str
     grid: dict[str, Any]
     scene: Scene
-    frequencies: tuple[float, ...]
+    along: tuple[float, ...]
 
     @property
     def plan(self) -> SweepPlan:
@@ -75,16 +75,31 @@ class Branch:
         assert self.scene.sweep is not None
         return self.scene.sweep
 
-    def key(self, frequency: float) -> tuple[int, ...]:
-        """Return the numbers that, with the seed, determine the perturbation at a supply frequency (Hz).
+    @property
+    def swept(self) -> str:
+        """The key that varies along it."""
+        return self.plan.swept.key
 
-        They do not depend on the branch's place in its sweep, so that two sweeps give the same curve.
+    def key(self, value: float) -> tuple[int, ...]:
+        """Return the numbers that, with the seed, determine the perturbation at a value of the swept key.
+
+        They do not depend on the branch's place in its sweep, so that two sweeps give the same curve. Supply
+        frequencies count by their µHz, other keys, which may be small, by all their bits.
         """
-        return int(self.direction == "down"), round(1e6 * frequency)
+        number = round(1e6 * value) if self.swept == FREQUENCY else int(np.float64(value).view(np.uint64))
+        return int(self.direction == "down"), number
 
     def at(self, point: int) -> Scene:
         """Return the scene of a point."""
-        return self.scene.replace({FREQUENCY: self.frequencies[point]})
+        return self.scene.replace({self.swept: self.along[point]})
+
+    def begin(self, state: list[float] | None, point: int) -> list[float] | None:
+        """Return the state with which a point begins from that with which the one before began or ended.
+
+        The key may change the layers between the two.
+        """
+        same = state is None or point == 0 or not self.swept.startswith("material.")  # keys that make layers
+        return state if same or state is None else carried(state, self.at(point - 1), self.at(point))
 
 
 def branches(scene: Scene) -> list[Branch]:
@@ -93,8 +108,8 @@ def branches(scene: Scene) -> list[Branch]:
     Raises
     ------
     ConfigError
-        The scene has no section ``sweep``, or a drive program, or begins where a run ended; or a value of the grid is
-        not allowed.
+        The scene has no section ``sweep``, or a drive program, or begins where a run ended; or the key has no numbers,
+        or a value of it or of the grid is not allowed.
     """
     plan = scene.sweep
     if plan is None:
@@ -103,7 +118,7 @@ def branches(scene: Scene) -> list[Branch]:
         raise ConfigError("drive.program is given, but a sweep sets the supply itself; allowed: supply_frequency_hz")
     if scene.run.initial.from_ is not None:
         raise ConfigError("run.initial.from is given, but a sweep does not begin with a run; allowed: state, or phases")
-    upward = tuple(plan.supply_frequency_hz.upward)
+    upward = _values(scene, plan.swept)
     along = {"up": upward, "down": upward[::-1]}  # all branches share them
     found: list[Branch] = []
     for combination in itertools.product(*plan.grid.values()):
@@ -112,10 +127,56 @@ def branches(scene: Scene) -> list[Branch]:
             placed = scene.replace(values)
         except ConfigError as error:
             raise ConfigError(f"sweep.grid: {error}") from None
-        for direction in plan.supply_frequency_hz.direction:
-            first = placed.replace({FREQUENCY: along[direction][0]})
+        if plan.over is not None:
+            _require_allowed(placed, plan.swept.key, upward)
+        for direction in plan.swept.direction:
+            first = placed.replace({plan.swept.key: along[direction][0]})
             found.append(Branch(len(found), direction, values, first, along[direction]))
     return found
+
+
+def carried(state: Sequence[float], before: Scene, scene: Scene) -> list[float]:
+    """Return a full state of another scene as one of this scene.
+
+    Layers that only this scene has lie on the platform with their static sag; what it does not have is 0.
+    """
+    begun, rest = list(state), static_rest(scene).tolist()
+    for i in {*before.coordinates} ^ {*scene.coordinates}:
+        begun[i], begun[i + FULL_SIZE // 2] = rest[i], 0.0
+    return begun
+
+
+def _values(scene: Scene, over: Over) -> tuple[float, ...]:
+    """Return the values of a key upward, as whole numbers where it has these.
+
+    Raises
+    ------
+    ConfigError
+        It is a key without numbers, or would put aside how the scene gives its motors; or values are too close.
+    """
+    key, section, numbers = over.key, over.key.partition(".")[0], number_of(over.key)
+    found = tuple(over.upward)
+    if numbers is None:
+        if key not in keys():
+            _require_allowed(scene, key, found[:1])
+        raise ConfigError(f"sweep.over.key = {key} has no numbers; allowed: a key of numbers, as material.mass_ratio")
+    given = next(name for name in ("exciters", "motors", "motor") if getattr(scene, name) is not None)
+    if section in ("motor", "motors") and section != given != "motor":
+        raise ConfigError(f"sweep.over.key = {key} but the scene has {given}; allowed: {given}.0.… or {given}.1.…")
+    if len(set(found)) < len(found):
+        raise ConfigError(
+            f"sweep.over: {len(found)} values of {key} from {found[0]} to {found[-1]} are not all different"
+        )
+    return tuple(int(v) if v.is_integer() else v for v in found) if numbers is int else found
+
+
+def _require_allowed(scene: Scene, key: str, values: Sequence[float]) -> None:
+    """Refuse an unknown key, and values that a scene does not take (ConfigError)."""
+    try:
+        for value in values:
+            scene.replace({key: value})
+    except ConfigError as error:
+        raise ConfigError(f"sweep.over: {error}") from None
 
 
 class Place(NamedTuple):
@@ -127,8 +188,8 @@ class Place(NamedTuple):
     @property
     def text(self) -> str:
         """The swept keys and their values, and the branch."""
-        keys = {SUPPLY: self.branch.frequencies[self.point], **self.branch.grid}
-        swept = ", ".join(f"{key} = {value}" for key, value in keys.items())
+        values = {column_of(self.branch.swept): self.branch.along[self.point], **self.branch.grid}
+        swept = ", ".join(f"{key} = {value}" for key, value in values.items())
         return f"{swept}, branch {self.branch.number} ({self.branch.direction})"
 
 
@@ -140,10 +201,22 @@ def require_share(share: float) -> None:
 
 def chosen(planned: Sequence[Branch], share: float) -> list[Place]:
     """Choose a share of the points of a sweep, at least one; the sweep's seed determines which."""
-    places = [Place(branch, point) for branch in planned for point in range(len(branch.frequencies))]
+    places = [Place(branch, point) for branch in planned for point in range(len(branch.along))]
     count = max(1, round(share * len(places)))
     random = np.random.default_rng((_CHOICE, planned[0].plan.seed))
     return [places[k] for k in sorted(random.choice(len(places), count, replace=False))]
+
+
+def column_of(key: str) -> str:
+    """Return the column of a key that varies along branches: its name, and that of the supply without its section."""
+    return SUPPLY if key == FREQUENCY else key
+
+
+def place_words(key: str, *values: float) -> str:
+    """Say where points are, by the column of the swept key and its values there."""
+    ends = " … ".join(dict.fromkeys(f"{value:g}" for value in values))
+    name = "a supply of" if key == SUPPLY else words(key)
+    return " ".join(part for part in (name, ends, unit_of(key)) if part)
 
 
 def study_table(
@@ -156,5 +229,5 @@ def study_table(
     kinds = ((TEXTS, "str"), (COUNTS, "Int64"), (ANSWERS, "bool"))
     types: dict[Any, Any] = {c: next((kind for names, kind in kinds if c in names), "float64") for c in columns}
     types |= {key: pd.Series(values).dtype for key, values in grid.items()}
-    keys = {key: Column(key_of(key).meaning) for key in grid if "." in key}
-    return labelled(pd.DataFrame(rows, columns=list(columns)).astype(types), {**keys, **meant})
+    swept = {key: Column(key_of(key).meaning) for key in columns if "." in key and key not in meant}
+    return labelled(pd.DataFrame(rows, columns=list(columns)).astype(types), {**swept, **meant})

@@ -17,7 +17,8 @@ import numpy as np
 from vibroplat.config.plans import SweepPlan
 from vibroplat.config.scene import Scene
 from vibroplat.model.parameters import FloatArray
-from vibroplat.observe.section import LONGEST_PERIOD, MAX_PERIOD, period
+from vibroplat.observe.measures import LONGEST_PERIOD
+from vibroplat.observe.section import MAX_PERIOD, period
 from vibroplat.study.lyapunov import Exponent, largest_exponent
 from vibroplat.study.settling import Settling, draws_together
 

@@ -10,6 +10,7 @@ from typing import Any
 import pandas as pd
 
 from vibroplat.columns import SHAKING, Column, Columns
+from vibroplat.config.plans import FREQUENCY
 from vibroplat.config.plausibility import notes_on_inputs
 from vibroplat.config.scene import Scene
 from vibroplat.extensions import provided
@@ -22,7 +23,7 @@ from vibroplat.results.provenance import provenance
 from vibroplat.results.tables import Format, Table
 from vibroplat.study import WAIT
 from vibroplat.study.bands import bands
-from vibroplat.study.branches import EXCITATION, FREQUENCY, SUPPLY, Branch, branches, study_table
+from vibroplat.study.branches import EXCITATION, SUPPLY, Branch, branches, column_of, place_words, study_table
 from vibroplat.study.confirming import CONFIRMED
 from vibroplat.study.fingerprint import package
 from vibroplat.study.point import ERRORS, MEASURED, POINT, lost, measure_point
@@ -69,7 +70,7 @@ def sweep(
     wait: float = WAIT,
     progress: Progress | None = None,
 ) -> pd.DataFrame:
-    """Sweep a scene over the supply frequencies and the grid of its ``sweep`` section.
+    """Sweep a scene over the supply frequencies, or another key, and the grid of its ``sweep`` section.
 
     Parameters
     ----------
@@ -114,7 +115,7 @@ def sweep(
 def unfinished(planned: Sequence[Branch], store: Store) -> int:
     """Return the number of branches whose points are not all stored."""
     stored = store.lengths()
-    return sum(stored.get(branch.number, 0) < len(branch.frequencies) for branch in planned)
+    return sum(stored.get(branch.number, 0) < len(branch.along) for branch in planned)
 
 
 def conditions(scene: Scene) -> dict[str, Any]:
@@ -161,8 +162,9 @@ def branch_points(branch: Branch, take: Callable[[Record], object]) -> Tasks[Non
     """
     measure = provided("confirmed_point") if branch.plan.confirm else measure_point
     state: list[float] | None = None
-    for place, frequency in enumerate(branch.frequencies):
-        record = yield Task(measure, (branch.at(place), branch.plan, state, branch.key(frequency)), lost)
+    for place, value in enumerate(branch.along):
+        state = branch.begin(state, place)
+        record = yield Task(measure, (branch.at(place), branch.plan, state, branch.key(value)), lost)
         state = record["state"] or state
         take(record)
 
@@ -171,11 +173,11 @@ def branch_records(branch: Branch, store: Store) -> Iterator[Record]:
     """Yield the records of all points of a branch; raises :class:`SpoiledError` if one is missing or damaged."""
     found = 0
     for place, record in store.read(branch.number):
-        if place != found or found == len(branch.frequencies):
+        if place != found or found == len(branch.along):
             break
         yield record
         found += 1
-    if found < len(branch.frequencies):
+    if found < len(branch.along):
         raise SpoiledError(f"point {found} of branch {branch.number} is not stored; --resume computes it")
 
 
@@ -208,17 +210,17 @@ def _parts(
     planned: Sequence[Branch], store: Store, columns: Sequence[str], rows_of: Callable[[Record], list[Record]]
 ) -> Iterator[pd.DataFrame]:
     """Yield the rows of all records in parts, at least one, as tables with the swept keys and these columns."""
-    grid = planned[0].plan.grid
+    key, grid = column_of(planned[0].swept), planned[0].plan.grid
     meant = {**SWEEP, **DIAGRAM, **CONFIRMED, **of_points(planned[0].scene.output.points)}
     rows = (
-        {SUPPLY: frequency, **branch.grid, "direction": branch.direction, "branch": branch.number, **row}
+        {key: value, **branch.grid, "direction": branch.direction, "branch": branch.number, **row}
         for branch in planned
-        for frequency, record in zip(branch.frequencies, branch_records(branch, store), strict=True)
+        for value, record in zip(branch.along, branch_records(branch, store), strict=True)
         for row in rows_of(record)
     )
     part, first = list(islice(rows, CHUNK)), True
     while part or first:
-        yield study_table(part, [SUPPLY, *grid, *columns], grid, meant)
+        yield study_table(part, [key, *grid, *columns], grid, meant)
         part, first = list(islice(rows, CHUNK)), False
 
 
@@ -295,29 +297,30 @@ def failures(table: pd.DataFrame) -> list[str]:
 
 
 def notes_on_branches(planned: Sequence[Branch]) -> list[str]:
-    """Return the notes on the input of a sweep; supply frequencies are unusual if they are large."""
-    return notes_on_inputs(branch.scene.replace({FREQUENCY: max(branch.frequencies)}) for branch in planned)
+    """Return the notes on the input of a sweep at the ends of branches; small supply frequencies are usual."""
+    return notes_on_inputs(
+        branch.scene.replace({branch.swept: end(branch.along)})
+        for branch in planned
+        for end in ((max,) if branch.swept == FREQUENCY else (min, max))
+    )
 
 
 def notes_on_points(table: pd.DataFrame) -> list[str]:
     """Sum up the notes in a sweep table, each kind once with its points and an example, and what is undecided."""
     lines: list[str] = []
+    key = str(table.columns[0])
     noted = table[table["notes"].notna() & (table["notes"] != "")]
     notes = (
-        noted[[SUPPLY]]
-        .assign(note=noted["notes"].astype("str").str.split("; "))
-        .explode("note")
-        .astype({"note": "str"})
+        noted[[key]].assign(note=noted["notes"].astype("str").str.split("; ")).explode("note").astype({"note": "str"})
     )
     for _, rows in notes.groupby(notes["note"].str.replace(r"\d[\d.e+-]*", "", regex=True), sort=False):
-        count, low, high = rows.index.nunique(), rows[SUPPLY].min(), rows[SUPPLY].max()
+        count, low, high = rows.index.nunique(), rows[key].min(), rows[key].max()
         place = "1 point" if count == 1 else f"{count} points"
-        ends = f"{low:g}" if low == high else f"{low:g} … {high:g}"
         first = ", the first" if count > 1 else ""
-        lines.append(f"{place} at a supply of {ends} Hz{first}: {rows['note'].iloc[0]}")
+        lines.append(f"{place} at {place_words(key, low, high)}{first}: {rows['note'].iloc[0]}")
     undecided = table[(table["motion"] == "undecided") & (table["outcome"] == "ok")]
     for _, row in undecided.head(1).iterrows():
         several = len(undecided) > 1
         which = f"{len(undecided)} points are undecided, the first" if several else "1 point is undecided,"
-        lines.append(f"{which} at a supply of {row[SUPPLY]:g} Hz: {row['detail']}; sweep.max_settle_s may help")
+        lines.append(f"{which} at {place_words(key, row[key])}: {row['detail']}; sweep.max_settle_s may help")
     return lines

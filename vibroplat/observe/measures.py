@@ -1,0 +1,143 @@
+"""What is measured of a run: sums over it, extremes, counts and the Poincaré section, and how they are cut to turns."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from vibroplat.hybrid.modes import KINDS
+from vibroplat.kernels.compiled import FloatArray
+from vibroplat.model.energy import FORCE_SIZE, POWERS
+from vibroplat.model.systems import FULL_SIZE
+from vibroplat.observe.extremes import PEAKS, joined, no_peaks
+
+N_POWERS = len(POWERS)
+N_WORK = FORCE_SIZE + 1
+DISSIPATIONS = 2  # first of the powers that dampers take
+
+#: Integrals over a part of a run (s, and the units of what is integrated times s).
+SUMS = (
+    *("time", "x", "xx", "y", "yy", "phi", "phi_phi", "cosine", "sine", "flying", "power_1", "power_2"),
+    *("torque_1", "torque_2", "speed_1", "speed_2", "force_x", "force_y", "moment"),
+    *("force_x_force_x", "force_y_force_y", "moment_moment"),
+)
+TIME, X, XX, Y, YY, PHI, PHI_PHI, COSINE, SINE, FLYING, POWER = range(11)
+TORQUE, SPEED, PULL = 12, 14, 16
+
+#: Into how many sorts phase differences and speeds are put; those of speeds reach to the largest synchronous speed
+#: times FASTEST.
+SORTS, FASTEST = 96, 1.5
+
+#: A point of the Poincaré section: time (s), full state, F_c (N); events of each kind in the measured part so far, and
+#: sums over whole turns.
+SECTION = np.dtype(
+    [
+        *(("t", float), ("state", float, FULL_SIZE), ("force", float)),
+        *(("counts", float, len(KINDS)), ("sums", float, len(SUMS))),
+    ],
+    align=True,
+)
+
+#: Points of the Poincaré section that are kept, the last ones, where nothing else is said.
+SECTION_ROWS = 1024
+#: Longest period, in turns of exciter 1, that is searched for at the end of a motion; so many of the last points of the
+#: section have the extremes until then.
+LONGEST_PERIOD = 64
+
+#: Extremes before the measured part, in it before its first whole turn, and from there on: in one row, or in one for
+#: each block.
+EARLY, AHEAD, WHOLE = range(3)
+
+#: What is remembered from step to step.
+MARKS = np.dtype(
+    [
+        ("window", np.float64),  # when the measured part begins (s)
+        ("until", np.float64),  # when the last step ended (s)
+        ("passed", np.float64),  # whole turns of exciter 1 until now, nan before the first step
+        ("turns", np.int64),  # points of the section so far
+        ("first", np.float64, 3 + len(KINDS)),  # at its first point: time (s), both angles (rad), measured events
+        ("last", np.float64, 3 + len(KINDS)),  # at its last point
+        ("row", np.int64),  # of the extremes that steps of the measured part widen
+        ("due", np.int64),  # the row from the next whole turn on
+        ("way", np.float64),  # in which exciter 1 has passed angle 0 the last time
+        ("exchanged", np.float64),  # energy that motors and dampers have exchanged, all of it positive (J)
+        ("counts", np.int64, len(KINDS)),  # events of each kind
+        ("measured", np.int64, len(KINDS)),  # those in the measured part
+        ("impact_loss", np.float64),  # (J)
+        ("impulse_sum", np.float64),  # (N·s)
+    ],
+    align=True,
+)
+
+
+class Measures(NamedTuple):
+    """Sums over a run.
+
+    Attributes
+    ----------
+    work
+        Integrals of the powers (J) and of the vertical force from outside and its size (N·s), shape (N_WORK,).
+    plain, open_turn, whole
+        :data:`SUMS` over the measured part: before the first whole turn of exciter 1, since the last one, over whole
+        turns.
+    marks
+        A record of :data:`MARKS`: counts and what is remembered from step to step.
+    peaks
+        Records of :data:`vibroplat.observe.extremes.PEAKS`: rows EARLY and AHEAD, and from WHOLE on one for each block.
+    closed
+        What the last row was at whole turns, the last of them, turn n in row n modulo their number.
+    seen
+        When each sort of phase difference, and of speed of exciters 1 and 2, was last met (s), and the motors' work
+        until then (J), shape (3, SORTS, 2).
+    section
+        Poincaré section: records of :data:`SECTION` at the whole turns of exciter 1 in the measured part, the last
+        of them, as ``closed``. Without room for any, nothing is cut to whole turns.
+    """
+
+    work: FloatArray
+    plain: FloatArray
+    open_turn: FloatArray
+    whole: FloatArray
+    marks: Any
+    peaks: npt.NDArray[np.void]
+    closed: npt.NDArray[np.void]
+    seen: FloatArray
+    section: npt.NDArray[np.void]
+
+
+def no_measures(window: float, points: int = SECTION_ROWS, blocks: int = 1) -> Measures:
+    """Make empty sums whose measured part begins at a time (s), with room for points of the Poincaré section."""
+    marks = np.zeros(1, MARKS)[0]
+    marks["window"], marks["until"], marks["passed"] = window, window, math.nan
+    marks["row"], marks["due"] = AHEAD, WHOLE
+    plain, open_turn, whole = np.zeros((3, len(SUMS)))
+    seen = np.zeros((3, SORTS, 2))
+    seen[..., 0] = -math.inf
+    peaks, closed = no_peaks(WHOLE + blocks), np.zeros(min(points, LONGEST_PERIOD), PEAKS)
+    return Measures(np.zeros(N_WORK), plain, open_turn, whole, marks, peaks, closed, seen, np.zeros(points, SECTION))
+
+
+def between(earlier: Measures, later: Measures) -> Measures:
+    """Subtract two copies, at the ends of blocks: what is of whole turns of exciter 1 between them; counts are of all.
+
+    Extremes are those of the block's row, which begins at the first whole turn after the block has begun.
+    """
+    marks, peaks = later.marks.copy(), later.peaks.copy()
+    last = int(marks["turns"] - 1) % later.closed.size
+    marks["turns"] += 1 - earlier.marks["turns"]  # the last turn before is the first mark
+    marks["first"] = earlier.marks["last"]
+    peaks[WHOLE : marks["row"]] = no_peaks(1)
+    plain, open_turn = np.zeros((2, len(SUMS)))
+    whole, closed = later.whole - earlier.whole, later.closed[last : last + 1]
+    return later._replace(plain=plain, open_turn=open_turn, whole=whole, marks=marks, peaks=peaks, closed=closed)
+
+
+def measured_peaks(ms: Measures) -> Any:
+    """Return the extremes of the whole turns of exciter 1, or without any those of the whole measured part."""
+    if ms.whole[TIME] <= 0.0:
+        return joined(ms.peaks[AHEAD:])
+    last = int(ms.marks["turns"] - 1) % ms.closed.size
+    return joined(np.concatenate([ms.peaks[WHOLE : ms.marks["row"]], ms.closed[last : last + 1]]))
