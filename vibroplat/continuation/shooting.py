@@ -11,6 +11,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -235,7 +236,8 @@ class Shooter:
         if full:
             observers += [self._variation, self._statistics, near]
             self._variation.begin(_ALL, [self.direction(key) for key in self.keys])
-            self._statistics.measures = Measures(*(part.copy() for part in self._nothing))
+            empty: Any = [part.copy() for part in self._nothing]
+            self._statistics.measures = Measures(*empty)
             near.begin()
             before = Energies.of(h.run["state"], h.p)
         motion.to_time(duration, observers)
