@@ -262,9 +262,10 @@ def regimes(response: Study) -> Figure:
     """Draw maps of synchronization, period and flight, or of measures, over the key and one of the grid."""
     key, table = _key(response), response.points
     directions, panels = list(dict.fromkeys(table["direction"])), list(_panels(response))
-    size = (max(5.0 * len(panels), 7.0), 1.4 + 3.0 * len(directions))
-    figure, axes = new_figure(len(directions), len(panels), size, sharex=True, sharey=True)
     curves = _boundaries(response, column_of(key))
+    kinds = [kind for kind in MEANINGS if len(curves) and (curves["kind"] == kind).any()]
+    size = (max(5.0 * len(panels), 7.0), 1.4 + 3.0 * len(directions) + 0.25 * len(kinds))
+    figure, axes = new_figure(len(directions), len(panels), size, sharex=True, sharey=True)
     for row, direction in zip(axes, directions, strict=True):
         rows = table[table["direction"] == direction]
         for axis, panel in zip(row, panels, strict=True):
@@ -281,9 +282,8 @@ def regimes(response: Study) -> Figure:
             _map_legend(axis, panel.numbers, panel.classes, response.rotation)
         else:
             figure.colorbar(panel.colours, ax=axis, location="bottom", aspect=40).set_label(panel.label)
-    if len(curves):
-        looks = {kind: _LINES[kind] for kind in MEANINGS if (curves["kind"] == kind).any()}
-        handles = [entry(f"{kind}: {MEANINGS[kind]}", color="black", ls=line) for kind, line in looks.items()]
+    if kinds:
+        handles = [entry(f"{kind}: {MEANINGS[kind]}", color="black", ls=_LINES[kind]) for kind in kinds]
         figure.legend(handles=handles, loc="outside lower center", ncols=1)
     return figure
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from vibroplat.columns import SHAKING, Column, Columns, unit_of, words
+from vibroplat.columns import SHAKING, Column, Columns, unit_of, words_in_place
 from vibroplat.study.branches import EXCITATION, SUPPLY, study_table
 
 Flags = np.ndarray[Any, np.dtype[np.bool_]]
@@ -111,7 +111,7 @@ def bands(table: pd.DataFrame) -> pd.DataFrame:
         for band in _bands_of(rows, key)
     ]
     meanings = {key: Column(text) for key, text in table.attrs.get("meanings", {}).items()}
-    meant = {**_ABOUT, **ends_over(key, meanings[key].meaning if key in meanings else words(key))}
+    meant = {**_ABOUT, **ends_over(key, meanings[key].meaning if key in meanings else words_in_place(key))}
     return study_table(found, [*place, *meant], {key: table[key] for key in place[:-2]}, {**meanings, **meant})
 
 
@@ -169,7 +169,7 @@ def _span(row: pd.Series) -> str:
     across = " → " if kind in ("jump", "liftoff", "flight-end") else " … "
     key = next(str(column) for column in row.index if str(column).startswith("from_")).removeprefix("from_")
     over, found, height = ((row[f"from_{c}"], row[f"to_{c}"]) for c in (key, EXCITATION, RMS))
-    parts = [f"{'f_e' if key == SUPPLY else words(key)} {_ends(over, 'g', across)} {unit_of(key)}".rstrip()]
+    parts = [f"{'f_e' if key == SUPPLY else words_in_place(key)} {_ends(over, 'g', across)} {unit_of(key)}".rstrip()]
     if np.isfinite(found).all():
         parts.append(f"f {_ends(found, '.2f', across)} Hz")
     if kind in ("jump", "largest"):
