@@ -104,8 +104,8 @@ def place_of(key: str) -> str:
 
 
 def words_in_place(key: str) -> str:
-    """Return a key as a person says it, with its place in a list: "critical slip 2"."""
-    return f"{words(key)} {place_of(key)}".rstrip()
+    """Return a key as a person says it, with its place in a list: "critical slip (2)"."""
+    return f"{words(key)} ({place_of(key)})" if place_of(key) else words(key)
 
 
 class Quantity(NamedTuple):
