@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from vibroplat.columns import shown_in, unit_of, with_shaking, words
+from vibroplat.columns import shown_in, unit_of, with_shaking, words, words_in_place
 from vibroplat.config.coordinates import COORDINATES, RATES
 from vibroplat.config.scene import Scene
 from vibroplat.errors import VibroplatError
@@ -92,7 +92,8 @@ def axes(table: pd.DataFrame, columns: Iterable[str]) -> list[dict[str, Any]]:
     given = [name for name in dict.fromkeys(columns) if name in table and is_number(table[name])]
     found = [name for name in given if len(table[name].dropna().unique()) > 1] or given[:1]
     return [
-        {"column": name, "words": words(name), "unit": unit_of(name), "log": in_ratios(table[name])} for name in found
+        {"column": name, "words": words_in_place(name), "unit": unit_of(name), "log": in_ratios(table[name])}
+        for name in found
     ]
 
 

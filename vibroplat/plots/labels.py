@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from vibroplat.columns import PHASE, unit_of, words
+from vibroplat.columns import PHASE, place_of, unit_of, words, words_in_place
 from vibroplat.config.drive import Drive, Entry
 from vibroplat.config.plans import FREQUENCY
 from vibroplat.config.reader import flat
@@ -78,7 +78,7 @@ def in_ratios(values: Any) -> bool:
 
 def key_name(key: str) -> str:
     """Return what a key, or its column, is called beside values or directions, as plain text."""
-    return plain(_KEYS.get(key, (words(key), ""))[0])
+    return plain(_KEYS.get(key, (words_in_place(key), ""))[0])
 
 
 def key_label(key: str) -> str:
@@ -86,7 +86,7 @@ def key_label(key: str) -> str:
     if key in _FREQUENCIES:
         return _FREQUENCIES[key]
     symbol, unit = _KEYS.get(key, ("", ""))[1], unit_of(key)
-    return " ".join(part for part in (key_name(key), _place(key), symbol, f"({unit})" if unit else "") if part)
+    return " ".join(part for part in (key_name(key), symbol, f"({unit})" if unit else "") if part)
 
 
 def value_label(key: str, value: Any) -> str:
@@ -103,12 +103,7 @@ def value_words(key: str, value: Any) -> str:
         drive = Drive.model_validate(value)
         return f"supply {'' if drive.program is None else 'program up to '}{drive.largest_frequency:g} Hz"
     number = f"{value:g}" if is_number(value) else str(value)
-    return " ".join(part for part in (words(key), _place(key), number, unit_of(key)) if part)
-
-
-def _place(key: str) -> str:
-    """Return the place of a key in a list, counted from 1; "" for other keys."""
-    return next((str(int(part) + 1) for part in key.split(".") if part.isdecimal()), "")
+    return " ".join(part for part in (words_in_place(key), number, unit_of(key)) if part)
 
 
 # -- scenes ------------------------------------------------------------------------------------------------------------
@@ -240,5 +235,5 @@ def _difference(key: str, value: Any) -> str:
     """Return a value in which a result differs, with the number of its exciter or motor."""
     if key == DRIVE:
         return supply_label(Scene.model_validate({DRIVE: value}))
-    place, label = _place(key), value_label(key, value)
+    place, label = place_of(key), value_label(key, value)
     return f"{key.split('.', maxsplit=1)[0].removesuffix('s')} {place}: {label}" if place else label

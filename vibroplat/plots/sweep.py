@@ -141,8 +141,13 @@ def bifurcation(response: Study) -> Figure:
         response.results[0].columns(name, ("direction",), (x, response.key, "branch", column))
         for name, column in (("section", "y_m"), ("impacts", "impact_speed_m_per_s"))
     )
-    rests = {place: rest for curve in curves for place, rest in _rests(response, curve)}
-    name = "$y$ from rest" if rests else "$y$"
+    scenes = {c.rows["branch"].iloc[0]: response.scene_of(c.rows, response.grid) for c in curves}
+    rests = {
+        (branch, value): rest_of(scene if response.key == SUPPLY else scene.replace({response.key: value}))
+        for (branch, value), _ in section.groupby(["branch", response.key])
+        if (scene := scenes[branch]) is not None
+    }
+    name = "$y$ from rest" if any(scenes.values()) else "$y$"
     rest = [rests.get(place, 0.0) for place in zip(section["branch"], section[response.key], strict=True)]
     section = section.assign(y_m=section["y_m"] - rest)
     quantities = [(section, "y_m", 1e3, f"{name} at whole turns of exciter 1 (mm)")]
@@ -175,16 +180,6 @@ def bifurcation(response: Study) -> Figure:
         handles = [entry(label, color=colour, **dot) for label, colour in named]
         figure.legend(handles=handles, loc="outside lower center", ncols=3)
     return figure
-
-
-def _rests(response: Study, curve: Curve) -> Iterator[tuple[tuple[int, float], float]]:
-    """Yield y at rest (m) of each point of a branch, by its number and the value of the key, where that is known."""
-    scene = response.scene_of(curve.rows, response.grid)
-    if scene is None:
-        return
-    for value in curve.rows[response.key]:
-        placed = scene if response.key == SUPPLY else scene.replace({response.key: value})
-        yield (curve.rows["branch"].iloc[0], value), rest_of(placed)
 
 
 # -- map of regimes ----------------------------------------------------------------------------------------------------

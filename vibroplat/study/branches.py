@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from vibroplat.columns import Column, Columns, unit_of, words
+from vibroplat.columns import Column, Columns, unit_of, words_in_place
 from vibroplat.config.keys import key_of, keys, number_of
 from vibroplat.config.plans import FREQUENCY, Over, SweepPlan
 from vibroplat.config.scene import Scene
@@ -209,7 +209,7 @@ def column_of(key: str) -> str:
 def place_words(key: str, *values: float) -> str:
     """Say where points are, by the column of the swept key and its values there."""
     ends = " … ".join(dict.fromkeys(f"{value:g}" for value in values))
-    name = "a supply of" if key == SUPPLY else words(key)
+    name = "a supply of" if key == SUPPLY else words_in_place(key)
     return " ".join(part for part in (name, ends, unit_of(key)) if part)
 
 
