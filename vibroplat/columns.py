@@ -98,6 +98,16 @@ def words(name: str) -> str:
     return begin + " ".join(_WORDS.get(part, part) for part in parts)
 
 
+def place_of(key: str) -> str:
+    """Return the place of a key in a list, counted from 1; "" for other keys."""
+    return next((str(int(part) + 1) for part in key.split(".") if part.isdecimal()), "")
+
+
+def words_in_place(key: str) -> str:
+    """Return a key as a person says it, with its place in a list: "critical slip (2)"."""
+    return f"{words(key)} ({place_of(key)})" if place_of(key) else words(key)
+
+
 class Quantity(NamedTuple):
     """What a column is called on an axis, its unit there, and the factor from SI units to it."""
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from vibroplat.kernels.linear import condense, invert, solve_condensed
+from vibroplat.kernels.linear import condense, eliminate, invert, solve_condensed
 from vibroplat.model.equations import jacobian
 
 from .helpers import EACH_SYSTEM, RECORDS, random_states, record_of, settled
@@ -26,6 +26,20 @@ def test_condensed_system_has_the_solution_of_the_full_one(system):
             solve_condensed(condensed, cj, full @ wanted, found)
             # backward error 1e-16 times the condition of the rotors' rows, some 1e3
             assert np.abs((found - wanted) / sizes).max() < 1e-11 * np.abs(wanted / sizes).max()
+
+
+def test_solution_and_determinant():
+    rng = np.random.default_rng(2)
+    for size in [*range(1, 16)] * 5:
+        matrix = rng.normal(size=(size, size)) + 3.0 * np.eye(size)[rng.permutation(size)]
+        wanted = rng.normal(size=size)
+        found = matrix @ wanted
+        assert eliminate(matrix.copy(), found) == pytest.approx(np.linalg.det(matrix), rel=1e-9)
+        np.testing.assert_allclose(found, wanted, atol=1e-9)
+    matrix[:, 0] = 0.0
+    assert eliminate(matrix.copy(), found) == 0.0
+    matrix[0, 0] = np.nan
+    assert np.isnan(eliminate(matrix, found))
 
 
 def test_inverse():

@@ -1,6 +1,7 @@
 """Every figure of every degenerate table: no panel vanishes, nothing is cut off, and what is known is seen."""
 
 from itertools import combinations
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -183,7 +184,7 @@ class Found:
     """A result in memory."""
 
     known_scene = load_config(QUICKSTART)
-    directory = "results"
+    directory = Path("results")
 
     def __init__(self, tables):
         self.tables = tables

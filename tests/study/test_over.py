@@ -184,7 +184,7 @@ def test_a_branch_hands_on_states_of_its_own_layers():
 def test_command_resumes_bit_for_bit_in_processes_and_checks(command, here):
     plan = f"over: {{key: {MASS}, values: [0.0, 0.1, 0.2], direction: [up, down]}}, settle_s: 0.4, measure_s: 0.4"
     (here / "c.yaml").write_text(f"{FLYING}sweep: {{{plan}, lyapunov: false}}\n")
-    done = command("sweep", "c.yaml", "--check", "0.4")
+    done = command("sweep", "c.yaml", "--check", "1")
     assert (done.code, done.err) == (0, "")
     table = read_table(here / "results/c", "sweep")
     assert table[MASS].tolist() == [0.0, 0.1, 0.2, 0.2, 0.1, 0.0]
@@ -226,3 +226,5 @@ def test_bands_and_notes_name_the_key_with_its_unit():
     )
     table = pd.DataFrame({key: [40.0, 50.0], "notes": "loose", "motion": "periodic", "outcome": "ok"})
     assert notes_on_points(table) == ["2 points at damping y 40 … 50 N·s/m, the first: loose"]
+    one = table.rename(columns={key: "exciters.1.critical_slip"}).head(1)
+    assert notes_on_points(one) == ["1 point at critical slip (2) 40: loose"]

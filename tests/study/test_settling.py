@@ -58,7 +58,7 @@ def test_auto_finds_what_thirty_seconds_find_in_less_time(config, start, stop, c
 
 
 def test_auto_settles_by_whole_looks_and_measures_whole_turns():
-    row = swept(MACHINE, 50.0).iloc[0]
+    row = swept(MACHINE, 50.0, settle="motion").iloc[0]
     looks = row["settle_s"] / (BLOCK / 25.0)
     assert looks == pytest.approx(round(looks), abs=1e-9)
     assert looks >= 2 * TURNS / BLOCK
@@ -109,7 +109,7 @@ def test_longest_settling_counts_from_the_beginning_of_the_motion():
 
 def test_motion_that_repeats_at_the_end_of_the_plan_is_measured_over_whole_periods():
     """Here it has not drawn together before; what was measured to find out belongs to the settling."""
-    row = swept(MACHINE, 63.0, changes=IN_PHASE, max_settle_s=0.5).iloc[0]
+    row = swept(MACHINE, 63.0, changes=IN_PHASE, settle="motion", max_settle_s=0.5).iloc[0]
     assert (row["motion"], row["period"]) == ("periodic", 1)
     assert row["settle_s"] >= 0.5 + BLOCKS * 2.0 - 1e-9
     assert 2.0 <= row["simulated_s"] - row["settle_s"] <= 2.0 + 2.5 / row["excitation_frequency_hz"]
@@ -121,7 +121,7 @@ def test_short_measuring_is_enough_to_confirm_a_period():
 
     No chaotic transient comes before this motion, whose length would hang on the last bits.
     """
-    row = swept(DAMPED, 57.5, changes=MATERIAL, measure_s=0.01).iloc[0]
+    row = swept(DAMPED, 57.5, changes=MATERIAL, settle="motion", measure_s=0.01).iloc[0]
     assert (row["motion"], row["period"], row["settle_s"] < 60.0) == ("periodic", 4, True)
     turns = (row["simulated_s"] - row["settle_s"]) * row["excitation_frequency_hz"]
     assert 16.0 <= turns <= 21.5
@@ -197,6 +197,24 @@ def test_hunt_finds_the_orbit_near_a_motion_that_does_not_repeat():
     assert found.least == found.stable[0].multiplier < 1.0
 
 
+def test_motion_that_goes_round_an_orbit_is_not_taken_to_come_to_it():
+    """Unequal exciters at 79 Hz: chaos around a stable orbit of period 1 is nearer to it after some turns than before."""
+    motor = {"critical_torque_n_m": 1.2, "critical_slip": 0.15, "pole_pairs": 2, "friction_radius_m": 1e-5}
+    second = {**motor, "critical_torque_n_m": 1.14, "unbalance_radius_m": 0.03, "position_m": [-0.15, 0.03]}
+    changes = {"exciters": [{**motor, "unbalance_radius_m": 0.0291}, second], "machine.damping_y_n_s_per_m": 40.0}
+    changes["material"] = {"mass_ratio": 0.2, "natural_frequency_hz": 22.0, "damping_ratio": 0.95}
+    changes["contact"] = {"restitution": 0.5, "sticking_speed_m_per_s": 0.15}
+    scene = planned(MACHINE, 79.0).replace(changes | {"solver.engine": "taylor", "drive.supply_frequency_hz": 79.0})
+    with closing(OrbitSeeker(scene)) as seeker, moving(scene) as motion:
+        motion.advance(10.0)
+        seen = []
+        for _ in range(24):
+            motion.to_section(1, 1.0)
+            seen.append((seeker.seek(motion, np.zeros((10, 14)), 0), seeker.near))
+    assert all(orbit is None for orbit, _ in seen)
+    assert any(near for _, near in seen)
+
+
 @pytest.mark.long
 def test_another_chaotic_motion_is_told():
     """With R = 0.5 at 59.5 Hz RMS y is 1.164 mm or 1.78 mm: each row names the other one, or that in phase."""
@@ -236,8 +254,8 @@ def test_exciters_that_stand_still_settle_until_the_maximum():
 
 
 def test_symmetry_keeps_antiphase_without_a_perturbation():
-    """In phase is where the motion goes from everywhere else."""
-    kept, left = (swept(MACHINE, 66.0, **plan).iloc[0] for plan in ({"perturbation": 0.0}, {}))
+    """In phase is where the motion goes from everywhere else; whoever looks at orbits knows that it leaves antiphase."""
+    kept, left = (swept(MACHINE, 66.0, settle="motion", **plan).iloc[0] for plan in ({"perturbation": 0.0}, {}))
     begun = swept(MACHINE, 66.0, changes=IN_PHASE, perturbation=0.0).iloc[0]
     assert abs(kept["phase_difference_rad"]) == pytest.approx(math.pi, abs=1e-4)  # round-off grows, to some 1e-6 here
     assert (kept["sync"], left["sync"], begun["sync"]) == ("antiphase", "in-phase", "in-phase")

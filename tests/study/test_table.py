@@ -274,7 +274,7 @@ def both_tables(scene):
 
 
 def test_bifurcation_tables_show_the_last_turns_and_impacts_of_each_point():
-    plan = {"kind": "bifurcation", "grid": {"contact.restitution": [0.0]}}
+    plan = {"kind": "bifurcation", "settle": "motion", "grid": {"contact.restitution": [0.0]}}
     scene = planned(LOADED, 50.0, 51.0, direction=["up", "down"], **plan)
     rows, section, impacts = both_tables(scene)
     keys = ["supply_frequency_hz", "contact.restitution", "direction", "branch", "excitation_frequency_hz"]

@@ -31,7 +31,7 @@ def cost(repeats: int, changes: dict[str, Any] | None = None) -> pd.DataFrame:
     of the branches just before; ``times_point`` is the same for one point. ``error`` is that of the RMS of y over the
     RMS of (x, y): the median, and what a tenth of the points exceeds.
     """
-    changes = {"solver.engine": "taylor", "sweep.lyapunov": False} | (changes or {})
+    changes = {"solver.engine": "taylor", "sweep.settle": "motion", "sweep.lyapunov": False} | (changes or {})
     scene = paper_scene("fig3", machine_numbers("calibrated"), changes)
     assert scene.sweep is not None
     plan = scene.sweep.swept.model_dump(include={"key", "start", "stop"}) | {"grid": scene.sweep.grid}

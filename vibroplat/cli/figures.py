@@ -31,7 +31,12 @@ def plot(
     start: Annotated[float | None, typer.Option(help="Start of the interval that figures of a run show (s).")] = None,
     stop: Annotated[float | None, typer.Option(help="End of that interval (s).")] = None,
     x: Annotated[
-        Literal["excitation", "supply"] | None, typer.Option(help="Horizontal axis of a sweep. Default: excitation.")
+        Literal["excitation", "supply"] | None,
+        typer.Option(help="Horizontal axis of a sweep. Default: excitation, over another key than the supply the key."),
+    ] = None,
+    measure: Annotated[
+        list[str] | None,
+        typer.Option(metavar="COLUMN", help="Column of numbers that the map of a sweep shows instead of regimes."),
     ] = None,
     data: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Measured data to lay over: CSV, columns as in the tables.")
@@ -48,7 +53,8 @@ def plot(
     from vibroplat.plots.style import Saving
 
     kinds, saving = [one.value for one in kind or []], Saving(format_, dpi, out)
-    for path in plot_results(directories, kinds, saving=saving, start=start, stop=stop, x=x, data=data):
+    options = {"start": start, "stop": stop, "x": x, "data": data, "measure": measure or None}
+    for path in plot_results(directories, kinds, saving=saving, **options):
         print(path)
 
 

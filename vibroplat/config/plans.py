@@ -93,11 +93,8 @@ class Over(Section):
     @property
     def ends(self) -> tuple[float, float]:
         """Smallest and largest value that are given."""
-        if self.values is not None:
-            return min(self.values), max(self.values)
-        assert self.start is not None  # ensured by the validator
-        assert self.stop is not None
-        return self.start, self.stop
+        found = sorted(self.values or ()) or [end for end in (self.start, self.stop) if end is not None]
+        return found[0], found[-1]
 
     @property
     def number(self) -> int:
@@ -161,7 +158,7 @@ class SweepPlan(Section, title="Sweep"):
         "auto", description="time before a point is measured; auto: until the Poincaré section has settled"
     )
     settle: Literal["orbits", "motion"] = Field(
-        "motion",
+        "orbits",
         description="with settle_s auto; orbits: a motion has settled as soon as it surely comes to a stable periodic "
         "orbit, found by Newton's method, and is measured there; motion: only once it repeats",
     )

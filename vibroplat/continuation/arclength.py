@@ -15,7 +15,6 @@ g·t = 0, where w = ω s at a small distance s from u_c.
 from __future__ import annotations
 
 import contextlib
-import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -221,13 +220,15 @@ def predicted(
         if min(abs(here - p) for p in places) > apart:
             used.append(point)
             places.append(here)
-    u, jacobian = np.zeros_like(first.u), np.zeros_like(first.jacobian)
+    u, jacobian = np.zeros(first.u.size), np.zeros(first.jacobian.shape)
     for point, here in zip(used, places, strict=True):
-        others = [p for p in places if p != here]
-        weight = math.prod((place - other) / (here - other) for other in others)
-        steepness = sum(1.0 / (here - other) for other in others)
-        slope = point.tangent / float(point.tangent @ direction)
-        u += weight**2 * ((1.0 - 2.0 * (place - here) * steepness) * point.u + (place - here) * slope)
+        away, weight, steepness = place - here, 1.0, 0.0
+        for other in places:
+            if other != here:
+                weight *= (place - other) / (here - other)
+                steepness += 1.0 / (here - other)
+        u += (weight**2 * (1.0 - 2.0 * away * steepness)) * point.u
+        u += (weight**2 * away / float(point.tangent @ direction)) * point.tangent
         jacobian += weight * point.jacobian
     return u, jacobian
 

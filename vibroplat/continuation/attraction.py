@@ -27,9 +27,9 @@ PARALLEL = 1e8
 SHELLS, SHRINK, DIRECTIONS = 3, 0.25, 4
 #: Least share of the decay that the derivative promises, in a period.
 PROMISED = 0.5
-#: The same on a motion's own way, the periods in which it must be seen, and the number of places on the way, each
-#: SHRINK times as far from the orbit as the one before.
-ON_WAY, PERIODS, PLACES = 0.25, 4, 4
+#: The same on a motion's own way; the periods in each of which it must be seen, from where the motion is and from places
+#: on the way, each SHRINK times as far from the orbit as the one before; and the number of all places.
+ON_WAY, FIRST_PERIODS, PERIODS, PLACES = 0.25, 16, 4, 4
 #: Smallest distance that says anything, over the tolerance of the integrator.
 NOISE = 1e4
 #: Places of the exciters' angles in the full state.
@@ -82,10 +82,13 @@ class Attraction:
         return True
 
     def draws(self, shooter: Shooter, state: FloatArray) -> bool:
-        """Whether motion comes nearer on the way from a full state on the section."""
-        offset, bound = self._offset(state), 1.0 - ON_WAY * (1.0 - self.rate**PERIODS)
-        for _ in range(PLACES):
-            if not self._comes_nearer(shooter, offset, PERIODS, bound):
+        """Whether motion comes nearer on the way from a full state on the section.
+
+        It must do so in each period: motion that goes round a stable orbit far away comes nearer now and then, too.
+        """
+        offset, bound = self._offset(state), 1.0 - ON_WAY * (1.0 - self.rate)
+        for place in range(PLACES):
+            if not self._comes_nearer(shooter, offset, PERIODS if place else FIRST_PERIODS, bound):
                 return False
             if self._length(offset) < NOISE * shooter.scene.solver.tolerance:
                 break
@@ -101,17 +104,24 @@ class Attraction:
         return float(np.linalg.norm(self._norm @ offset))
 
     def _comes_nearer(self, shooter: Shooter, offset: FloatArray, periods: int, bound: float) -> bool:
-        """Whether some periods multiply a distance by less than a bound."""
-        motion, start, turns = shooter.motion, self.state.copy(), periods * self.turns
+        """Whether each of some periods multiplies a distance by less than a bound, down to what says nothing."""
+        motion, start, far = shooter.motion, self.state.copy(), self._length(offset)
         start[self._places] += offset * self._scales
         if GAP in self._places and start[GAP] <= 0.0:
             return False
         motion.reset(start)
-        return (
-            motion.system.index == self.system
-            and motion.to_section(turns, 2.0 * (turns + 1) * self._turn)
-            and self.distance(motion.state, motion.system.index) <= bound * self._length(offset)
-        )
+        if motion.system.index != self.system:
+            return False
+        for _ in range(periods):
+            if not motion.to_section(self.turns, 2.0 * (self.turns + 1) * self._turn):
+                return False
+            near = self.distance(motion.state, motion.system.index)
+            if near > bound * far:
+                return False
+            far = near
+            if far < NOISE * shooter.scene.solver.tolerance:
+                break
+        return True
 
 
 def contracting_norm(section_map: FloatArray, values: npt.NDArray[Any], right: npt.NDArray[Any]) -> npt.NDArray[Any]:

@@ -336,11 +336,9 @@ def _far(one: Point, other: Point) -> bool:
 
     It has then gone too far to tell whether it has passed the unit circle.
     """
-    m = one.multipliers[np.abs(one.multipliers) > WATCHED]
-    if not m.size:
-        return False
-    apart = np.abs(m[:, np.newaxis] - other.multipliers).min(axis=1)
-    return bool((apart > MOVED * np.maximum(1.0, np.abs(m))).any())
+    others = other.multipliers.tolist()
+    watched = [m for m in one.multipliers.tolist() if abs(m) > WATCHED]
+    return any(min(abs(m - found) for found in others) > MOVED * max(1.0, abs(m)) for m in watched)
 
 
 def turning(before: Point, after: Point) -> float | None:

@@ -16,7 +16,8 @@ import numpy as np
 import numpy.typing as npt
 
 from vibroplat.continuation.shooting import TURN, Shooter, Shot, rotated
-from vibroplat.kernels.compiled import FloatArray
+from vibroplat.kernels.compiled import FloatArray, compiled
+from vibroplat.kernels.linear import eliminate
 from vibroplat.model.systems import GAP, GAP_RATE, SYSTEMS
 
 #: Residual, in the scales of the scene, beyond which the iteration is given up.
@@ -68,11 +69,8 @@ class Chart:
         self.places: npt.NDArray[np.int64] = np.sort(SYSTEMS[system].places)
         self.phase = int(np.searchsorted(self.places, ANGLE))
         self.scales: FloatArray = scales[self.places]
-        columns = np.append(self.places, np.arange(scales.size, scales.size + len(self.units)))
-        self._block = self.places[:, np.newaxis], columns
+        self._columns = np.append(self.places, np.arange(scales.size, scales.size + len(self.units)))
         self._sizes = np.append(self.scales, self.units) / self.scales[:, np.newaxis]
-        others = np.flatnonzero(np.arange(self.places.size) != self.phase)
-        self._others = others[:, np.newaxis], others
 
     def pack(self, state: FloatArray, period: float, values: Sequence[float] = ()) -> FloatArray:
         """Write a state on the section, the period (s) and the values of the keys as a vector of unknowns."""
@@ -92,14 +90,16 @@ class Chart:
         """Return the derivative of a shot's end by start and keys, shape (m, m + keys), and the rates there, (m,)."""
         assert shot.derivative is not None
         assert shot.rates is not None
-        return shot.derivative[self._block] * self._sizes, shot.rates[self.places] / self.scales
+        found = np.empty(self._sizes.shape)
+        take_scaled(shot.derivative, self.places, self._columns, self._sizes, found)
+        return found, shot.rates[self.places] / self.scales
 
     def section_map(self, shot: Shot) -> FloatArray:
         """Differentiate the map from section to section, shape (m − 1, m − 1)."""
         derivative, along = self.derivative(shot)
-        whole = derivative[:, : along.size]
-        whole = whole - np.outer(along / along[self.phase], whole[self.phase])
-        return np.asarray(whole[self._others])
+        found = np.empty((along.size - 1, along.size - 1))
+        project(derivative, along, self.phase, found)
+        return found
 
 
 @dataclass(frozen=True)
@@ -199,17 +199,16 @@ class Problem:
             raise MissedError(f"{shot.outcome}: {shot.detail}")
         if not shot.begins == shot.ends == chart.system:
             raise MissedError("the mode on the section changed")
-        difference = shot.state - state
-        difference[3:5] -= self._angles
-        residual = difference[chart.places] / chart.scales
-        if not np.abs(residual).max() < FAR:
+        residual = np.empty(chart.scales.size)
+        subtract(shot.state, state, self._angles, chart.places, chart.scales, residual)
+        if not largest(residual) < FAR:
             raise MissedError("the residual grew beyond all bounds")
         return residual, shot
 
     def jacobian(self, chart: Chart, shot: Shot) -> FloatArray:
         """Differentiate the residual by the unknowns, shape (m, m + keys)."""
         found, along = chart.derivative(shot)
-        found[np.arange(along.size), np.arange(along.size)] -= 1.0
+        found.reshape(-1)[: along.size * found.shape[1] : found.shape[1] + 1] -= 1.0
         found[:, chart.phase] = along / chart.speed
         return found
 
@@ -286,6 +285,59 @@ def bordered(jacobian: FloatArray, border: FloatArray, column: FloatArray | None
     return found
 
 
+@compiled
+def take_scaled(derivative: FloatArray, places: Any, columns: Any, sizes: FloatArray, found: FloatArray) -> None:
+    """Take some rows and columns of a derivative, times the sizes."""
+    for i in range(places.size):
+        for j in range(columns.size):
+            found[i, j] = derivative[places[i], columns[j]] * sizes[i, j]
+
+
+@compiled
+def project(derivative: FloatArray, along: FloatArray, phase: int, found: FloatArray) -> None:
+    """Project the derivative of an end along the motion to where the unknown ``phase`` stays, and leave that out."""
+    for i in range(along.size):
+        late = along[i] / along[phase]
+        for j in range(along.size):
+            if phase not in (i, j):
+                found[i - (i > phase), j - (j > phase)] = derivative[i, j] - late * derivative[phase, j]
+
+
+@compiled
+def subtract(
+    end: FloatArray, start: FloatArray, angles: FloatArray, places: Any, scales: FloatArray, residual: FloatArray
+) -> None:
+    """Fill how far a full state is from another one after some turns of both exciters, at some places in scales."""
+    for i in range(places.size):
+        place = places[i]
+        turned = angles[place - ANGLE] if 0 <= place - ANGLE < angles.size else 0.0
+        residual[i] = (end[place] - start[place] - turned) / scales[i]
+
+
+@compiled
+def largest(values: FloatArray) -> float:
+    """Largest size of some numbers; inf if one is none."""
+    found = 0.0
+    for value in values:
+        if not abs(value) <= found:
+            found = abs(value) if abs(value) >= 0.0 else np.inf
+    return found
+
+
+@compiled
+def improve(jacobian: FloatArray, step: FloatArray, change: FloatArray) -> None:
+    """Change a Jacobian as little as makes it agree with the change of the residual over a step (Broyden 1965)."""
+    square = 0.0
+    for part in step:
+        square += part * part
+    for i in range(change.size):
+        missing = change[i]
+        for j in range(step.size):
+            missing -= jacobian[i, j] * step[j]
+        for j in range(step.size):
+            jacobian[i, j] += missing * step[j] / square
+
+
 def solved(matrix: FloatArray, right: FloatArray, longest: float) -> FloatArray:
     """Solve linear equations; where the solution is longer than is sensible, leave out what they hardly determine.
 
@@ -296,14 +348,11 @@ def solved(matrix: FloatArray, right: FloatArray, longest: float) -> FloatArray:
     MissedError
         The matrix is not finite.
     """
+    found = right.copy()
+    if abs(eliminate(matrix.copy(), found)) > 0.0 and math.sqrt(found @ found) <= longest:
+        return found
     if not np.isfinite(matrix).all():
         raise MissedError("the Jacobian is not finite")
-    try:
-        found: FloatArray = np.asarray(np.linalg.solve(matrix, right), dtype=float)
-        if math.sqrt(found @ found) <= longest:
-            return found
-    except np.linalg.LinAlgError:
-        pass
     left, sizes, turned = np.linalg.svd(matrix)
     kept = sizes > UNDETERMINED
     least: FloatArray = turned[kept].T @ ((left.T @ right)[kept] / sizes[kept])
@@ -344,7 +393,7 @@ def correct(
         try:
             residual, shot = problem.shoot(chart, u, full=full)
             missing = residual if slack is None else residual + much * slack
-            size = float(np.abs(missing).max())
+            size = largest(missing)
             residuals.append(size)
             slow = len(residuals) > 1 and size > residuals[-2] / SLOW
             if full:
@@ -356,7 +405,8 @@ def correct(
                 continue
             assert jacobian is not None
             if not full and step.any():
-                jacobian = jacobian + np.outer(residual - left - jacobian @ step, step) / (step @ step)
+                jacobian = jacobian.copy()
+                improve(jacobian, step, residual - left)
             found = solved(bordered(jacobian, border, slack), -np.append(missing, border @ (u - begun)), LONGEST)
         except MissedError as error:
             raise MissedError(error.why, residuals) from None

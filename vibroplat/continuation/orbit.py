@@ -407,21 +407,17 @@ def repeats_after(problem: Problem, found: NewtonResult, period: int) -> int:
 
 def measures_of_orbit(problem: Problem, found: NewtonResult) -> dict[str, Any]:
     """Return the measures of a sweep over the period of an orbit, as in its rows."""
-    scene = _scene_of(problem, found)
-    row = row_of(measured_over_period(problem, found), scene, near=ANTIPHASE_OF_ORBITS)
+    shooter, values = problem.shooter, found.chart.unpack(found.u)[2]
+    scene = shooter.scene_at(dict(zip(shooter.keys, values, strict=True)))
+    row = row_of(measured_over_period(problem, found, scene), scene, near=ANTIPHASE_OF_ORBITS)
     return {name: row[name] for name in (*MEASURED, "sync", "notes", *columns(scene))}
 
 
-def _scene_of(problem: Problem, found: NewtonResult) -> Scene:
-    """Return the scene of an orbit, at the values of the keys there."""
-    return problem.shooter.scene_at(dict(zip(problem.shooter.keys, found.chart.unpack(found.u)[2], strict=True)))
-
-
-def measured_over_period(problem: Problem, found: NewtonResult) -> dict[str, Any]:
-    """Gather what was measured over the period of an orbit; see :func:`vibroplat.observe.summary.measured`."""
+def measured_over_period(problem: Problem, found: NewtonResult, scene: Scene) -> dict[str, Any]:
+    """Gather what was measured over the period of a scene's orbit; see :func:`vibroplat.observe.summary.measured`."""
     shot = found.shot
     assert isinstance(shot.part, Part)
     first, second = (abs(n) / shot.duration for n in problem.turns)
     speeds = {"excitation_frequency_hz": 0.5 * (first + second), "frequency_split_hz": first - second}
     impacts = float(shot.part.measures.marks["measured"][IMPACT]) / abs(problem.turns[0])
-    return measured(shot.part, _scene_of(problem, found)) | speeds | {"impacts_per_period": impacts}
+    return measured(shot.part, scene) | speeds | {"impacts_per_period": impacts}

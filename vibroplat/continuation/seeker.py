@@ -158,7 +158,7 @@ class OrbitSeeker:
             period=around.turns,
             turn=found.shot.duration / around.turns,
             multiplier=around.rate,
-            measures=measured_over_period(problem, found),
+            measures=measured_over_period(problem, found, self._shooter.scene),
             section_y=heights,
             impact_speeds=(-events["rate_before"][events["kind"] == IMPACT]).tolist(),
         )

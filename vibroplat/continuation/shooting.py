@@ -11,6 +11,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -21,12 +22,13 @@ from vibroplat.hybrid.modes import IMPACT, LATCH, LIFTOFF
 from vibroplat.hybrid.state import state_scales
 from vibroplat.integrate import make_engine
 from vibroplat.kernels.compiled import FloatArray
-from vibroplat.model.parameters import Parameters, parameters
-from vibroplat.model.sensitivity import Course, difference, with_value
+from vibroplat.model.parameters import parameters
+from vibroplat.model.sensitivity import Course, flat, with_value
 from vibroplat.model.systems import FULL_SIZE, SYSTEMS
 from vibroplat.motion.motion import Motion, Observer
 from vibroplat.motion.recorder import Recorder
 from vibroplat.observe.guard_margins import GuardMargins
+from vibroplat.observe.measures import Measures
 from vibroplat.observe.statistics import Statistics
 from vibroplat.observe.summary import Energies, Part
 from vibroplat.observe.variation import Variation
@@ -186,6 +188,7 @@ class Shooter:
         self.held: dict[str, float] = {}
         self._variation = Variation([self.p.copy()] * len(self.keys))
         self._statistics, self._near = Statistics(0.0, points=0, named=len(scene.output.points)), GuardMargins()
+        self._nothing = self._statistics.measures
         self._course = None if course is None or len(self.keys) != 1 else Course(scene, self.keys[0], *course)
 
     def close(self) -> None:
@@ -212,15 +215,16 @@ class Shooter:
         """Return the parameters' course if it has those at a value of its key."""
         return self._course if self._course is not None and self._course.exact and self._course.covers(value) else None
 
-    def direction(self, key: str) -> Parameters:
-        """Differentiate the parameters by a key at the present values."""
+    def direction(self, key: str) -> FloatArray:
+        """Differentiate the parameters' numbers by a key at the present values."""
         value = self.held[key]
         course = self._known(value)
         if course is not None:
             return course.slope(value)
         step = STEP * abs(value) or STEP
         above, below = (parameters(self.scene_at(self.held | {key: value + s})) for s in (step, -step))
-        return difference(above, below, 2.0 * step)
+        found: FloatArray = (flat(above) - flat(below)) / (2.0 * step)
+        return found
 
     def shot(self, start: FloatArray, duration: float, *, full: bool = False) -> Shot:
         """Follow the motion from a full state for a duration (s), if ``full`` with rates, derivative and measures."""
@@ -232,7 +236,8 @@ class Shooter:
         if full:
             observers += [self._variation, self._statistics, near]
             self._variation.begin(_ALL, [self.direction(key) for key in self.keys])
-            self._statistics.begin(0.0)
+            empty: Any = [part.copy() for part in self._nothing]
+            self._statistics.measures = Measures(*empty)
             near.begin()
             before = Energies.of(h.run["state"], h.p)
         motion.to_time(duration, observers)

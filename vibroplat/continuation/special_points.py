@@ -23,6 +23,7 @@ import numpy.typing as npt
 from vibroplat.continuation.newton import Chart, MissedError, NewtonResult, Problem, bordered, correct, solved
 from vibroplat.continuation.orbit import measures_of_orbit
 from vibroplat.kernels.compiled import FloatArray
+from vibroplat.kernels.linear import eliminate
 
 FOLD, DOUBLING, NEIMARK_SACKER, BRANCH_POINT = "fold", "period-doubling", "neimark-sacker", "branch-point"
 LIFTOFF, END_OF_STICKING, GRAZING = "liftoff", "end-of-sticking", "grazing"
@@ -79,8 +80,7 @@ class Point(NewtonResult):
     @cached_property
     def branching(self) -> float:
         """Determinant of the Jacobian with the tangent, which changes its sign where branches cross."""
-        sign, size = np.linalg.slogdet(bordered(self.jacobian, self.tangent))
-        return float(sign) * math.exp(min(size, 700.0))
+        return eliminate(bordered(self.jacobian, self.tangent), np.zeros(self.u.size))
 
     @cached_property
     def fold(self) -> float:
@@ -122,11 +122,10 @@ class Point(NewtonResult):
     @cached_property
     def outside(self) -> tuple[int, int, int]:
         """Count the multipliers above 1, the complex ones outside the unit circle, and those below −1."""
-        m = self.multipliers
-        paired = np.abs(m.imag) > REAL
-        several = ~paired & (m.real > 1.0), paired & (np.abs(m) > 1.0), ~paired & (m.real < -1.0)
-        above, around, below = (int(np.count_nonzero(found)) for found in several)
-        return above, around, below
+        multipliers = self.multipliers.tolist()
+        real = [m.real for m in multipliers if abs(m.imag) <= REAL]
+        around = sum(abs(m.imag) > REAL and abs(m) > 1.0 for m in multipliers)
+        return sum(m > 1.0 for m in real), around, sum(m < -1.0 for m in real)
 
 
 @cache

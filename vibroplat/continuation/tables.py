@@ -153,8 +153,8 @@ def orbits(
     np.True_
     """
     study = planned(scene)
-    with Store(None, {}) as store, pool(jobs, scheduler, wait=wait, chains=len(study.families)) as workers:
-        return follow(study, store, workers, progress)[0]
+    with pool(jobs, scheduler, wait=wait, chains=len(study.families)) as workers:
+        return follow(study, None, workers, progress)[0]
 
 
 class Planned(NamedTuple):
@@ -242,9 +242,9 @@ def conditions(scene: Scene) -> dict[str, Any]:
 
 
 def follow(
-    study: Planned, store: Store, workers: Pool, progress: Progress | None = None
+    study: Planned, store: Store | None, workers: Pool, progress: Progress | None = None
 ) -> tuple[OrbitTables, dict[str, Any]]:
-    """Follow the branches and boundaries of a study; parts that are stored already are not repeated.
+    """Follow the branches and boundaries of a study; parts that a store has already are not repeated.
 
     Returns
     -------
@@ -261,7 +261,7 @@ def follow(
     return tables(study.plan, traced, curves), summary(study.plan, traced, curves)
 
 
-def trace(study: Planned, store: Store, workers: Pool, progress: Progress | None = None) -> list[Traced]:
+def trace(study: Planned, store: Store | None, workers: Pool, progress: Progress | None = None) -> list[Traced]:
     """Follow the branches of a study; see :func:`follow`."""
     traced: list[Traced] = []
 
@@ -272,12 +272,13 @@ def trace(study: Planned, store: Store, workers: Pool, progress: Progress | None
     chains = ((follow_family(family, study.plan, traced, count), str(family.number)) for family in study.families)
     run_stored([StoredChain(chain, store, name) for chain, name in chains], workers)
     if all(branch.failed and not branch.rows for branch in traced):
-        store.finish()  # nothing is left to resume
+        if store is not None:
+            store.finish()  # nothing is left to resume
         raise OrbitError(traced[0].ended)
     return sorted(traced, key=lambda branch: (branch.family.number, branch.number))
 
 
-def boundaries(study: Planned, traced: Sequence[Traced], store: Store, workers: Pool) -> list[Boundary]:
+def boundaries(study: Planned, traced: Sequence[Traced], store: Store | None, workers: Pool) -> list[Boundary]:
     """Follow the boundaries of a study, which begin at the special points of its branches; see :func:`follow`."""
     plan, found, chains = study.plan, list[Boundary](), list[StoredChain[None]]()
     if plan.boundaries is None:

@@ -385,7 +385,7 @@ def _settled(shooter: Shooter, values: list[float], row: Record, orbit: FloatArr
     except ConfigError:
         return None
     supply = scene.drive.at(0.0).frequency_at(0.0)
-    settle = {"max_settle_s": LONGEST, "measure_s": row["period_s"], "lyapunov": False}
+    settle = {"max_settle_s": LONGEST, "measure_s": row["period_s"], "lyapunov": False, "settle": "motion"}
     plan = SweepPlan.model_validate({"supply_frequency_hz": {"start": supply, "stop": supply}} | settle)
     point = measure_point(scene, plan, row["state"], (0,))
     if point.state is None:

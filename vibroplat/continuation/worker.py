@@ -69,17 +69,16 @@ class Known(NamedTuple):
     others: Sequence[tuple[int, Sequence[Record]]]
     own: Sequence[Record]
 
-    def met_again(self, rows: Sequence[Record], values: Sequence[FloatArray]) -> str:
-        """Say in which way a branch has passed the last of its new points before; empty if it has not.
+    def met_again(self, row: Record, rows: Sequence[Record], values: Sequence[FloatArray]) -> str:
+        """Say in which way a branch has passed a new point before, of which ``rows`` precede it; empty if it has not.
 
         ``values`` are those of the key at the points of each other branch.
         """
-        row = rows[-1]
         for (number, former), at in zip(self.others, values, strict=True):
             mirrored = _passed(row, former, at)
             if mirrored is not None:
                 return f"{'mirror image of' if mirrored else 'joins'} branch {number}"
-        own = [*self.own, *rows[:-1]][:-2]
+        own = [*self.own, *rows][:-2]
         mirrored = _passed(row, own, _values(own))
         if mirrored is None:
             return ""
@@ -96,7 +95,7 @@ def _values(rows: Sequence[Record]) -> FloatArray:
 def _passed(row: Record, former: Sequence[Record], values: FloatArray) -> bool | None:
     """Whether a branch has passed a point: None if not, else whether as its mirror image."""
     beyond = values - row["value"]
-    for i in np.flatnonzero(beyond[:-1] * beyond[1:] <= 0.0).tolist():
+    for i in (beyond[:-1] * beyond[1:] <= 0.0).nonzero()[0].tolist():
         first, second = former[i], former[i + 1]
         if row["period"] != first["period"] or row["sequence"] not in (first["sequence"], second["sequence"]):
             continue
@@ -156,11 +155,11 @@ def part(scene: Scene, plan: OrbitsPlan, begin: Record | None, known: Known) -> 
 
         def take() -> None:
             """Add the row of the last point, unless it was passed before: then the branch ends."""
-            rows.append(_row(branch.problem, branch.points[-1]))
-            again = known.met_again(rows, values)
+            row = _row(branch.problem, branch.points[-1])
+            again = known.met_again(row, rows, values)
             record["ended"], record["failed"] = again or branch.ended, again == RETURNED
-            if again:
-                rows.pop()
+            if not again:
+                rows.append(row)
 
         if begin is None or begin["new"]:
             take()

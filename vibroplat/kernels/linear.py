@@ -55,6 +55,35 @@ def invert(matrix: FloatArray) -> bool:
 
 
 @compiled
+def eliminate(matrix: FloatArray, right: FloatArray) -> float:
+    """Solve a few linear equations (Gauss, partial pivoting); the matrix is overwritten, the right-hand side solved.
+
+    Returns the determinant. Where a pivot is 0 or not a number, it is that, and there is no solution.
+    """
+    n, determinant = right.size, 1.0
+    for k in range(n):
+        best = pivot_row(matrix, k)
+        if best != k:
+            for j in range(k, n):
+                matrix[k, j], matrix[best, j] = matrix[best, j], matrix[k, j]
+            right[k], right[best] = right[best], right[k]
+            determinant = -determinant
+        determinant *= matrix[k, k]
+        if not abs(matrix[k, k]) > 0.0:
+            return determinant
+        for i in range(k + 1, n):
+            factor = matrix[i, k] / matrix[k, k]
+            for j in range(k + 1, n):
+                matrix[i, j] -= factor * matrix[k, j]
+            right[i] -= factor * right[k]
+    for k in range(n - 1, -1, -1):
+        for j in range(k + 1, n):
+            right[k] -= matrix[k, j] * right[j]
+        right[k] /= matrix[k, k]
+    return determinant
+
+
+@compiled
 def condense(jac: FloatArray, cj: float, dynamic: FloatArray, condensed: FloatArray) -> bool:
     """Prepare solutions of Newton's system of n coordinates q, their rates v, and F_c where it is unknown.
 

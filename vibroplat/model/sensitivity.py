@@ -100,8 +100,8 @@ class Course:
 
     def __init__(self, scene: Scene, key: str, low: float, high: float) -> None:
         self._low, self._high = low, high
-        self._at, self._slope = parameters(scene), blank()
-        self._numbers = flat(self._at), flat(self._slope)
+        self._at = parameters(scene)
+        self._numbers = flat(self._at), flat(blank())
         path = key.split(".")
         self.exact = any(self._through(scene, path, nodes) for nodes in NODES)
 
@@ -121,10 +121,10 @@ class Course:
         self._fill(self._numbers[0], self._c, value)
         return self._at
 
-    def slope(self, value: float) -> Parameters:
-        """Return their derivatives by the key there: one record, which the next call changes."""
+    def slope(self, value: float) -> FloatArray:
+        """Return the derivatives of their numbers by the key there: one array, which the next call changes."""
         self._fill(self._numbers[1], self._rates, value)
-        return self._slope
+        return self._numbers[1]
 
     def covers(self, value: float) -> bool:
         """Whether a value lies in the range."""
@@ -139,13 +139,6 @@ class Course:
     def _fill(self, numbers: FloatArray, c: Any, value: float) -> None:
         x = min(max((2.0 * value - self._low - self._high) / (self._high - self._low), -1.0), 1.0)  # but for round-off
         numbers[:] = np.cos(self._orders[: len(c)] * math.acos(x)) @ c
-
-
-def difference(above: Parameters, below: Parameters, step: float) -> Parameters:
-    """Difference quotient of two records."""
-    quotient = blank()
-    flat(quotient)[:] = (flat(above) - flat(below)) / step
-    return quotient
 
 
 def flat(p: Any) -> Any:

@@ -101,6 +101,7 @@ class Motion:
         # several times as quick to reach as the fields of a record
         self._field = {name: self._run[name] for name in ("now", "outcome", "mode", "awaited", "events", "systems")}
         self._held = words(p), words(self.automaton.p), words(self.automaton.inelastic)
+        self._given = p, self._held[0]  # what they were set to, and its view
         self._first_mode, self._rewind = same_types(first_mode), same_types(rewind)
         self._first_mode(self.automaton)
         if mode is Mode.FLIGHT and self.automaton.run["mode"] == Mode.ATTACHED:
@@ -110,9 +111,10 @@ class Motion:
 
     def set_parameters(self, p: Parameters) -> None:
         """Change the parameters for all who hold them: of another scene of the same modes, with the same tolerances."""
-        given = words(p)
+        if p is not self._given[0]:
+            self._given = p, words(p)
         for held in self._held:
-            held[:] = given
+            held[:] = self._given[1]
         self.automaton.inelastic["restitution"] = 0.0
 
     def reset(self, state: FloatArray) -> None:

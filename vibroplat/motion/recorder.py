@@ -39,6 +39,8 @@ NUMBER, NUMBER_IN_CSV = 8, 20
 #: Times that a table is in memory at most, when its parts are put together.
 COPIES = 2
 
+_NO_EVENTS = np.zeros(0, EVENT)
+
 
 class Recorder:
     """Observes a run and records it.
@@ -111,7 +113,7 @@ class Recorder:
     @property
     def events(self) -> Records:
         """All events, records of :data:`vibroplat.hybrid.state.EVENT`, if they are kept."""
-        return np.concatenate(self._kept_events) if self._kept_events else np.zeros(0, EVENT)
+        return np.concatenate(self._kept_events) if self._kept_events else _NO_EVENTS
 
     @property
     def table(self) -> pd.DataFrame | None:

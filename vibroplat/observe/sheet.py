@@ -165,9 +165,12 @@ def steady_supply(scene: Scene, begin: float, end: float) -> Interval | None:
     return None if supply.ramp != 0.0 or supply.end < end else supply
 
 
-def data_sheet(ms: Measures, scene: Scene) -> dict[str, float | None]:
-    """Return the data sheet of a measured interval; None where there is nothing, or nothing constant, to measure."""
-    mean, peaks = means(ms), measured_peaks(ms)
+def data_sheet(ms: Measures, peaks: Any, scene: Scene) -> dict[str, float | None]:
+    """Return the data sheet of a measured interval with its extremes.
+
+    It has None where there is nothing, or nothing constant, to measure.
+    """
+    mean = means(ms)
     found: dict[str, float | None] = dict.fromkeys(columns(scene))
     if not mean:
         return found
@@ -191,18 +194,23 @@ def data_sheet(ms: Measures, scene: Scene) -> dict[str, float | None]:
 def _peaks(peaks: Any, scene: Scene) -> dict[str, tuple[float | None, float, float]]:
     """Return largest values with their times (s) and paces (rad/s) by their columns."""
     gravity, (k_1, k_2) = scene.machine.gravity_m_per_s2, scene.unbalances
+    count = POINTS + 3 * len(scene.output.points)
+    lows, highs = (
+        np.array([peaks[end][:count], peaks[f"at_{end}"][:count], peaks[f"pace_{end}"][:count]]).T.tolist()
+        for end in ("least", "largest")
+    )
 
     def largest(k: int, factor: float = 1.0) -> tuple[float | None, float, float]:
         """Return the larger size of both extremes."""
-        end = "least" if -peaks["least"][k] > peaks["largest"][k] else "largest"
-        value = factor * abs(float(peaks[end][k]))
-        return value if math.isfinite(value) else None, float(peaks[f"at_{end}"][k]), float(peaks[f"pace_{end}"][k])
+        value, at, pace = lows[k] if -lows[k][0] > highs[k][0] else highs[k]
+        value = factor * abs(value)
+        return value if math.isfinite(value) else None, at, pace
 
     def stroke(k: int) -> tuple[float | None, float, float]:
         """Return the difference of both extremes, and when it was complete."""
-        end = "least" if peaks["at_least"][k] > peaks["at_largest"][k] else "largest"
-        value = float(peaks["largest"][k] - peaks["least"][k])
-        return value if math.isfinite(value) else None, float(peaks[f"at_{end}"][k]), float(peaks[f"pace_{end}"][k])
+        value = highs[k][0] - lows[k][0]
+        _, at, pace = max(highs[k], lows[k], key=lambda end: end[1])
+        return value if math.isfinite(value) else None, at, pace
 
     found = {f"foundation_{name}_max_{unit}": largest(k) for name, k, _, unit in _AXES}
     found |= {"stroke_x_m": stroke(SIDEWAYS), "stroke_y_m": stroke(HEIGHT)}

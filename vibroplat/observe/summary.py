@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -113,8 +112,7 @@ MEASURES: Columns = {
 }
 
 
-@dataclass(frozen=True)
-class Energies:
+class Energies(NamedTuple):
     """Energies of a state (J), its vertical momentum and the size of the unbalances' momenta (N·s)."""
 
     kinetic: float
@@ -138,9 +136,9 @@ class Part(NamedTuple):
     blocks: Sequence[Measures] = ()
 
 
-def statistics(ms: Measures) -> dict[str, float | None]:
-    """RMS about the mean, amplitude, frequencies, phase of the measured part; None where it is too short."""
-    marks, mean, peaks, turned = ms.marks, means(ms), measured_peaks(ms), ms.whole[TIME] > 0.0
+def statistics(ms: Measures, peaks: Any) -> dict[str, float | None]:
+    """RMS about the mean, amplitude, frequencies, phase of the measured part with its extremes; None if too short."""
+    marks, mean, turned = ms.marks, means(ms), ms.whole[TIME] > 0.0
     names = ("rms_x_m", "rms_y_m", "rms_phi_rad")
     if not mean:
         others = ("amplitude_y_m", "excitation_frequency_hz", "frequency_split_hz", "phase_difference_rad")
@@ -180,7 +178,7 @@ def block_errors(blocks: Sequence[Measures], names: Sequence[str]) -> dict[str, 
     several maxima scatters as each of them does (Gumbel's law).
     """
     parts = [*blocks[:1], *(between(a, b) for a, b in pairwise(blocks))]
-    found = [statistics(part) | extremes(part) for part in parts]
+    found = [statistics(part, peaks) | extremes(peaks) for part in parts for peaks in [measured_peaks(part)]]
     errors: dict[str, float | None] = {}
     for name in names:
         told = [part[name] for part in found]
@@ -198,9 +196,9 @@ def block_errors(blocks: Sequence[Measures], names: Sequence[str]) -> dict[str, 
     return errors
 
 
-def extremes(ms: Measures) -> dict[str, float | None]:
+def extremes(peaks: Any) -> dict[str, float | None]:
     """Largest contact force, gap and impulse; −inf where there is none."""
-    names, largest = ("contact_force_max_n", "gap_max_m", "impulse_max_n_s"), measured_peaks(ms)["largest"]
+    names, largest = ("contact_force_max_n", "gap_max_m", "impulse_max_n_s"), peaks["largest"]
     found = largest[FORCE], largest[OPENING], largest[IMPULSE]
     return {name: float(value) for name, value in zip(names, found, strict=True)}
 
@@ -218,17 +216,17 @@ def measured(part: Part, scene: Scene) -> dict[str, Any]:
     to ``measured_to_s``. All else is of the whole: other counts, the sum of impulses, energies, the largest rotation
     |φ|, and two checks, the least gap and how far the contact force fell below 0.
     """
-    marks, whole = part.measures.marks, joined(part.measures.peaks)
+    marks, whole, peaks = part.measures.marks, joined(part.measures.peaks), measured_peaks(part.measures)
     turned = part.measures.whole[TIME] > 0.0
     events = (marks["last"] - marks["first"])[3:] if turned else marks["measured"]
     kinds = ("liftoffs", "impacts", "latches")  # as KINDS; a corner of the drive is no event of the motion
     counts = dict(zip(kinds, marks["counts"].tolist(), strict=False))
     found = {
-        **statistics(part.measures),
-        **extremes(part.measures),
+        **statistics(part.measures, peaks),
+        **extremes(peaks),
         "measured_from_s": float(marks["first"][0] if turned else marks["window"]),
         "measured_to_s": float(marks["last"][0] if turned else max(marks["until"], marks["window"])),
-        "contact_force_min_n": float(measured_peaks(part.measures)["least"][FORCE]),
+        "contact_force_min_n": float(peaks["least"][FORCE]),
         "contact_pull_n": max(0.0, -float(whole["least"][FORCE])),
         "gap_min_m": float(whole["least"][OPENING]),
         "phi_max_rad": float(max(whole["largest"][ROTATION], -whole["least"][ROTATION])),
@@ -238,7 +236,7 @@ def measured(part: Part, scene: Scene) -> dict[str, Any]:
         **dict(zip((f"measured_{kind}" for kind in kinds), map(int, events), strict=False)),
         "measured_turns": max(int(marks["turns"]) - 1, 0),
         **audit(part.measures, part.before, part.after),
-        **data_sheet(part.measures, scene),
+        **data_sheet(part.measures, peaks, scene),
     }
     return {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in found.items()}
 

@@ -125,16 +125,18 @@ class Variation:
             matrix=in_lines((equations, behind(equations) + COLUMNS)),
             part=np.zeros((FULL_SIZE, COLUMNS)),
         )
-        self.begin(np.eye(FULL_SIZE), directions)
+        self.begin(np.eye(FULL_SIZE), [flat(direction) for direction in directions])
 
-    def begin(self, start: FloatArray, directions: Sequence[Parameters] | None = None) -> None:
-        """Begin anew with the derivative of the full state by up to 14 numbers, shape (14, m); other keys if given."""
+    def begin(self, start: FloatArray, directions: Sequence[FloatArray] = ()) -> None:
+        """Begin anew with the derivative of the full state by up to 14 numbers, shape (14, m).
+
+        If they are given, directions are other ones, as :func:`vibroplat.model.sensitivity.flat` views them.
+        """
         carried = self._carried
         carried.s[:], carried.late[:], carried.at_event[0] = 0.0, 0.0, 0
         carried.s[:, : start.shape[1]] = start
-        if directions is not None:
-            for row, direction in zip(self._directions[1:], directions, strict=True):
-                row[:] = flat(direction)
+        for row, direction in enumerate(directions, 1):
+            self._directions[row] = direction
             self._of = b""
 
     def read(self, h: Automaton) -> None:

@@ -11,18 +11,18 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from vibroplat.columns import shown_in, unit_of, with_shaking, words
+from vibroplat.columns import shown_in, unit_of, with_shaking, words, words_in_place
 from vibroplat.config.coordinates import COORDINATES, RATES
 from vibroplat.config.scene import Scene
 from vibroplat.errors import VibroplatError
 from vibroplat.page.run import impacts_of, initial, machine_of, packed_coarsely
-from vibroplat.plots.labels import ABSCISSAE, is_number, value_words
+from vibroplat.plots.labels import ABSCISSAE, in_ratios, is_number, value_words
 from vibroplat.plots.orbits import MARKERS, MEANINGS, at_special, places_of
 from vibroplat.plots.reading import Curve, curves_of, finite, rest_of
 from vibroplat.plots.studies import Study, grid_of
 from vibroplat.plots.style import DIRECTIONS, SYMBOLS
 
-EXCITATION, SUPPLY = ABSCISSAE["excitation"], ABSCISSAE["supply"]
+EXCITATION = ABSCISSAE["excitation"]
 #: Most rows of a table on the page.
 MOST_ROWS = 5000
 #: Most samples of all orbits on a page, some 65 for each turn: 1.5 MB.
@@ -91,7 +91,10 @@ def axes(table: pd.DataFrame, columns: Iterable[str]) -> list[dict[str, Any]]:
     """Return those of some columns that points may be drawn over, numbers that vary, in their order."""
     given = [name for name in dict.fromkeys(columns) if name in table and is_number(table[name])]
     found = [name for name in given if len(table[name].dropna().unique()) > 1] or given[:1]
-    return [{"column": name, "words": words(name), "unit": unit_of(name)} for name in found]
+    return [
+        {"column": name, "words": words_in_place(name), "unit": unit_of(name), "log": in_ratios(table[name])}
+        for name in found
+    ]
 
 
 def measures(table: pd.DataFrame) -> list[dict[str, Any]]:

@@ -20,7 +20,7 @@ from vibroplat.page import points, run, static
 from vibroplat.page.points import Motions, Mover, Progress
 from vibroplat.page.results import differences, find_results, parameters, remarks, summary_rows
 from vibroplat.plots.reading import Saved, ends_of, finite, has_table
-from vibroplat.plots.studies import grid_of, read_branches
+from vibroplat.plots.studies import abscissa, grid_of, read_branches
 from vibroplat.results.tables import replace_file, require_replaceable
 
 _LOG = logging.getLogger("vibroplat")
@@ -30,7 +30,7 @@ SCRIPTS = ("text", "tables", "curves", "machine", "player", "orbit", "points", "
 #: Columns of texts and of numbers that a table of a sweep needs.
 SWEEP_COLUMNS = (
     ("direction", "rotation", "sync", "motion", "outcome"),
-    ("branch", points.SUPPLY, points.EXCITATION, "rms_x_m", "rms_y_m", "phase_difference_rad"),
+    ("branch", points.EXCITATION, "rms_x_m", "rms_y_m", "phase_difference_rad"),
 )
 #: What the page says about how a result was made.
 _MADE = ("vibroplat", "git_commit", "created", "engine", "tolerance")
@@ -221,11 +221,12 @@ def _points(number: int, one: Saved, motions: Motions) -> dict[str, Any]:
 
 
 def _sweep(number: int, one: Saved, motions: Motions) -> dict[str, Any]:
-    whole = one.columns("sweep", *SWEEP_COLUMNS)
+    texts, numbers = SWEEP_COLUMNS
+    whole = one.columns("sweep", texts, (one.swept, *numbers))
     table = points.thinned(whole)
     return {
         "table": points.table_data("sweep", number, whole),
-        "axes": points.axes(table, [points.EXCITATION, points.SUPPLY, *grid_of(table)]),
+        "axes": points.axes(table, dict.fromkeys((abscissa(one.swept), points.EXCITATION, one.swept, *grid_of(table)))),
         "measures": points.measures(table),
         "shaking": points.shaking(table, "".join(table["rotation"].dropna().unique())),
         "series": points.sweep_series(table),

@@ -42,7 +42,7 @@ class Family(NamedTuple):
 #: In the order of drawing. The last one is tried if no table is found, and its reader says what is missing.
 FAMILIES = (
     Family("paper", (), (), paper_figures),
-    Family("sweep", sweep.FIGURES, ("x", "data"), sweep.sweep_figures),
+    Family("sweep", sweep.FIGURES, ("x", "data", "measure"), sweep.sweep_figures),
     Family("orbits", orbits.FIGURES, ("x",), orbits.orbit_figures),
     Family("run", run.FIGURES, ("start", "stop", "data"), run.run_figures),
 )
@@ -65,7 +65,8 @@ def plot_results(
         Format, resolution and place of the files.
     options
         ``start`` and ``stop`` of the interval of a run (s), ``x``: horizontal axis of a sweep or of branches
-        (``excitation`` or ``supply``), ``data``: file of measured data laid over the figures. None: not given.
+        (``excitation`` or ``supply``), ``data``: file of measured data laid over the figures, ``measure``: columns that
+        the map of a sweep shows. None: not given.
 
     Raises
     ------

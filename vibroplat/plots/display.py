@@ -75,7 +75,7 @@ def _(table: pd.DataFrame, x: str | None = None) -> Figure:
             found = branches_of(table)
             return branches_figure(found, x or found.x)
         if kind == "sweep":
-            return response_figure(sweep_of(table, x or EXCITATION))
+            return response_figure(sweep_of(table, x))
         return drawing.FIGURES["motion"](drawing.Shown([_run_of_table(table)]))
 
 

@@ -6,9 +6,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
-from vibroplat.columns import PHASE, unit_of, words
+from vibroplat.columns import PHASE, place_of, unit_of, words, words_in_place
 from vibroplat.config.drive import Drive, Entry
 from vibroplat.config.plans import FREQUENCY
 from vibroplat.config.reader import flat
@@ -18,7 +19,10 @@ from vibroplat.study.branches import EXCITATION, SUPPLY
 
 #: What curves of a sweep are drawn over, by the names of option ``--x``.
 ABSCISSAE = {"excitation": EXCITATION, "supply": SUPPLY}
-FREQUENCIES = {EXCITATION: "excitation frequency $f$ (Hz)", SUPPLY: "supply frequency $f_e$ (Hz)"}
+_FREQUENCIES = {
+    EXCITATION: "excitation frequency $f$ (Hz)",
+    **dict.fromkeys((SUPPLY, FREQUENCY), "supply frequency $f_e$ (Hz)"),
+}
 #: Names and symbols of keys; others have no symbol and are called by the words of their last part.
 _KEYS = {
     "material.mass_ratio": ("mass ratio", r"$\mu_w$"),
@@ -43,7 +47,9 @@ UNUSED: dict[str, tuple[str, ...]] = {
     "orbits": ("sweep", "output"),
 }
 #: What the axes and curves of a figure show themselves.
-_SHOWN = ("sweep.supply_frequency_hz.", "sweep.grid.", "orbits.")
+_SHOWN = ("sweep.supply_frequency_hz.", "sweep.over.", "sweep.grid.", "orbits.")
+#: Least difference of ratios, over that from end to end; values in a table may be rounded.
+RATIO = 1e-6
 #: Most parameters of a result in a legend.
 MOST = 4
 #: The supply, constant or a program: one parameter.
@@ -61,13 +67,26 @@ def is_number(value: Any) -> bool:
     return types.is_number(value) and not types.is_bool(value)
 
 
+def in_ratios(values: Any) -> bool:
+    """Whether different values, three or more, are in equal ratios, and so on a logarithmic axis."""
+    found = np.unique(np.asarray(values, dtype=float))
+    if not (len(found) > 2 and found[0] > 0.0 and np.isfinite(found[-1])):
+        return False
+    steps = np.diff(np.log(found))
+    return bool(np.ptp(steps) < RATIO * steps.sum())
+
+
+def key_name(key: str) -> str:
+    """Return what a key, or its column, is called beside values or directions, as plain text."""
+    return plain(_KEYS.get(key, (words_in_place(key), ""))[0])
+
+
 def key_label(key: str) -> str:
     """Return what a key, or the column of a frequency, is called on an axis."""
-    if key in FREQUENCIES:
-        return FREQUENCIES[key]
-    name, symbol = _KEYS.get(key, (words(key), ""))
-    unit = unit_of(key)
-    return " ".join(part for part in (plain(name), symbol, f"({unit})" if unit else "") if part)
+    if key in _FREQUENCIES:
+        return _FREQUENCIES[key]
+    symbol, unit = _KEYS.get(key, ("", ""))[1], unit_of(key)
+    return " ".join(part for part in (key_name(key), symbol, f"({unit})" if unit else "") if part)
 
 
 def value_label(key: str, value: Any) -> str:
@@ -84,12 +103,7 @@ def value_words(key: str, value: Any) -> str:
         drive = Drive.model_validate(value)
         return f"supply {'' if drive.program is None else 'program up to '}{drive.largest_frequency:g} Hz"
     number = f"{value:g}" if is_number(value) else str(value)
-    return " ".join(part for part in (words(key), _place(key), number, unit_of(key)) if part)
-
-
-def _place(key: str) -> str:
-    """Return the place of a key in a list, counted from 1; "" for other keys."""
-    return next((str(int(part) + 1) for part in key.split(".") if part.isdecimal()), "")
+    return " ".join(part for part in (words_in_place(key), number, unit_of(key)) if part)
 
 
 # -- scenes ------------------------------------------------------------------------------------------------------------
@@ -107,7 +121,10 @@ def run_parameters(scene: Scene | None, begin: float = 0.0) -> str:
 
 def sweep_parameters(scene: Scene | None, varied: Sequence[str]) -> str:
     """Return the parameters of a sweep that do not vary in it."""
-    return "" if scene is None else ", ".join(_material(scene, varied))
+    if scene is None:
+        return ""
+    supply = [] if {SUPPLY, FREQUENCY} & {*varied} else [supply_label(scene)]
+    return ", ".join([*supply, *_material(scene, varied)])
 
 
 def supply_label(scene: Scene, begin: float = 0.0) -> str:
@@ -141,7 +158,8 @@ def _material(scene: Scene, varied: Sequence[str] = ()) -> list[str]:
     parts = [] if mass_varies else [rf"$\mu_w$ = {ratio:g}"]
     if scene.contact.model == "non-impact":
         return [*parts, "non-impact model"]
-    parts.append("one layer" if scene.material.layers == 1 else "two layers")
+    if "material.layers" not in varied:
+        parts.append("one layer" if scene.material.layers == 1 else "two layers")
     return parts if "contact.restitution" in varied else [*parts, f"$R$ = {scene.contact.restitution:g}"]
 
 
@@ -168,7 +186,8 @@ def differing(command: str, configurations: Sequence[Mapping[str, Any]]) -> list
 def _varied(command: str, tree: Mapping[str, Any]) -> set[str]:
     """Return the keys that a study gives values of its own, as in the result of :func:`differing`."""
     study = tree.get(command, {})
-    found = {*study.get("grid", {})} | {"orbits": {study.get("key", "")}, "sweep": {FREQUENCY}}.get(command, set())
+    key = {"orbits": study.get("key", ""), "sweep": study.get("over", {}).get("key", FREQUENCY)}.get(command)
+    found = {*study.get("grid", {})} | ({str(key)} if key else set())
     return found | {DRIVE} if FREQUENCY in found else found
 
 
@@ -216,5 +235,5 @@ def _difference(key: str, value: Any) -> str:
     """Return a value in which a result differs, with the number of its exciter or motor."""
     if key == DRIVE:
         return supply_label(Scene.model_validate({DRIVE: value}))
-    place, label = _place(key), value_label(key, value)
+    place, label = place_of(key), value_label(key, value)
     return f"{key.split('.', maxsplit=1)[0].removesuffix('s')} {place}: {label}" if place else label

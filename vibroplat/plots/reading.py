@@ -13,11 +13,14 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
+from vibroplat.config.plans import FREQUENCY
+from vibroplat.config.reader import flat
 from vibroplat.config.scene import Scene
 from vibroplat.errors import ConfigError, TableError
 from vibroplat.hybrid.state import static_rest
 from vibroplat.results.files import Command, Result
 from vibroplat.study.bands import Flags, jumps
+from vibroplat.study.branches import column_of
 
 #: Of each command: what its result is called, and the table by which one recognizes it.
 RESULTS: dict[Command, tuple[str, str]] = {
@@ -88,6 +91,11 @@ class Saved(Result):
             what, _ = RESULTS[self.command]
             raise TableError(f"{self.directory}/provenance.json is not the provenance of {what}")
         return found
+
+    @property
+    def swept(self) -> str:
+        """Column of the key along the branches of a sweep; raises TableError as :meth:`given`."""
+        return column_of(str(flat(self.given()).get("sweep.over.key", FREQUENCY)))
 
     @cached_property
     def scene(self) -> Scene:

@@ -15,8 +15,8 @@ from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.lines import Line2D
 
 from vibroplat.columns import PHASE_COLUMN
-from vibroplat.plots.labels import key_label
-from vibroplat.plots.studies import Study
+from vibroplat.plots.labels import in_ratios, key_label, key_name
+from vibroplat.plots.studies import Study, key_of
 from vibroplat.plots.style import (
     BLACK,
     CURVES,
@@ -154,16 +154,17 @@ def _fillings(rows: pd.DataFrame) -> Iterator[tuple[str, Any]]:
 
 def failed_places(rows: pd.DataFrame, x: str) -> Any:
     """Return where points failed; excitation frequencies they do not have follow from those of their neighbours."""
-    failed = _failed(rows).to_numpy(dtype=bool)
-    supply = rows[SUPPLY].to_numpy(dtype=float)
-    if x == SUPPLY or not failed.any():
-        return supply[failed]
-    ratio = rows[x].to_numpy(dtype=float, na_value=np.nan) / supply
+    failed, key = _failed(rows).to_numpy(dtype=bool), key_of(rows)
+    over = rows[key].to_numpy(dtype=float)
+    if x == key or not failed.any():
+        return over[failed]
+    expected = over if key == SUPPLY else np.ones(len(over))
+    ratio = rows[x].to_numpy(dtype=float, na_value=np.nan) / expected
     known = np.flatnonzero(np.isfinite(ratio))
-    known = known[np.argsort(supply[known])]
+    known = known[np.argsort(over[known])]
     if not len(known):
         return np.zeros(0)
-    return supply[failed] * np.interp(supply[failed], supply[known], ratio[known])
+    return expected[failed] * np.interp(over[failed], over[known], ratio[known])
 
 
 def _failed(rows: pd.DataFrame) -> pd.Series:
@@ -176,7 +177,7 @@ def marker_legend(table: pd.DataFrame) -> Iterator[Line2D]:
         up = direction != "down"
         width, size = _SIZES_OF[up]
         look = {"color": REFERENCE, "ls": "-" if up else "--", "lw": width, "ms": 1.4 * size, **_LOOKS[up]}
-        yield entry(f"supply frequency {direction}", marker=DIRECTIONS["up" if up else "down"], **look)
+        yield entry(f"{key_name(key_of(table))} {direction}", marker=DIRECTIONS["up" if up else "down"], **look)
     found = [filling for filling, _ in _fillings(table)]
     if found != ["full"]:
         for filling in found:
@@ -192,10 +193,10 @@ def marker_legend(table: pd.DataFrame) -> Iterator[Line2D]:
 def response_figure(response: Study) -> Figure:
     """Draw all measures of a response that say something, over frequency.
 
-    Where all points failed none has an excitation frequency, and the supply frequencies show where they are.
+    Where all points failed none has an excitation frequency, and the values of the key show where they are.
     """
     if response.points[response.x].isna().all():
-        response = replace(response, x=SUPPLY)
+        response = replace(response, x=response.key)
     columns = _columns(response.points)
     two = len(columns) > 5
     size = (11.0 if two else 8.0, 1.9 + 1.75 * -(-len(columns) // (1 + two)))
@@ -212,7 +213,9 @@ def response_figure(response: Study) -> Figure:
         _limit(axis, column, response.points)
         if column == PHASE_COLUMN:
             tell_shaking(axis, response.rotation)
-    head(figure, ", ".join(response.names), response.parameters(response.varied))
+    if in_ratios(response.points[response.x]):
+        panels[0].set_xscale("log")  # that all share
+    head(figure, ", ".join(response.names), response.parameters([response.key, *response.varied]))
     handles: list[Any] = []
     if scale is not None:
         bar = figure.colorbar(scale, ax=figure.axes, aspect=50, pad=0.01)

@@ -11,7 +11,6 @@ from typing import Any
 import pandas as pd
 
 from vibroplat.columns import PHASE_COLUMN, QUANTITIES
-from vibroplat.config.plans import FREQUENCY
 from vibroplat.config.reader import flat
 from vibroplat.config.scene import Scene
 from vibroplat.errors import TableError
@@ -20,7 +19,7 @@ from vibroplat.plots.reading import Curve, Saved, curves_of, finite, has_table
 from vibroplat.plots.style import CURVES
 from vibroplat.plots.timelines import Measured
 from vibroplat.results.files import Result
-from vibroplat.study.branches import EXCITATION, SUPPLY
+from vibroplat.study.branches import EXCITATION, SUPPLY, column_of
 
 #: Columns that figures of sweeps need besides the swept keys, and those they show if there are any.
 _NUMBERS = (EXCITATION, "rms_x_m", "rms_y_m", "rms_phi_rad", PHASE_COLUMN, "period")
@@ -44,13 +43,16 @@ class Study:
     grid
         Columns that tell branches apart: ``result``, and keys of the grid.
     x
-        The column of the horizontal axis; if there is no other choice, that of the key of branches.
+        The column of the horizontal axis; if there is no other choice, that of the key of branches, and for the supply
+        the excitation frequency.
     data
         Measured data laid over the curves.
     labels
         What results are called in a legend, by their names.
     key, second
         Column of the key, and of the second key of boundaries, "" where there is none.
+    measures
+        Columns of a sweep that its maps show instead of regimes.
     special
         Special points of branches.
     swept
@@ -68,6 +70,7 @@ class Study:
     second: str = ""
     special: pd.DataFrame = field(default_factory=pd.DataFrame)
     swept: pd.DataFrame | None = None
+    measures: Sequence[str] = ()
 
     @cached_property
     def varied(self) -> list[str]:
@@ -137,12 +140,17 @@ class Study:
 # -- sweeps ------------------------------------------------------------------------------------------------------------
 
 
-def read_sweeps(directories: Sequence[Path], *, x: str = EXCITATION, data: Measured | None = None) -> Study:
+def read_sweeps(directories: Sequence[Path], *, x: str | None = None, measures: Sequence[str] = ()) -> Study:
     """Read the table of a sweep, or those of several as one."""
-    results, tables = [], []
+    results: list[Saved] = []
+    tables: list[pd.DataFrame] = []
     for place in directories:
         result = Saved(place, "sweep")
-        table = result.columns("sweep", ("direction", "sync"), (SUPPLY, "branch", *_NUMBERS), _OPTIONAL)
+        key = result.swept
+        if results and key != results[0].swept:
+            raise TableError(f"{place} is over {key}, not {results[0].swept}; allowed: several sweeps over one key")
+        numbers = (key, "branch", *_NUMBERS, *measures, *([x] if x else []))
+        table = result.columns("sweep", ("direction", "sync"), numbers, _OPTIONAL)
         if table.empty:
             raise TableError(f"{place} holds an empty sweep table; there is nothing to plot")
         results.append(result)
@@ -152,21 +160,32 @@ def read_sweeps(directories: Sequence[Path], *, x: str = EXCITATION, data: Measu
     names = distinct([directory.resolve().name for directory in directories], directories)
     if len(tables) > 1:
         tables = [table.assign(**{RESULT: name}) for name, table in zip(names, tables, strict=True)]
-    study = Study(
-        results, names, finite(pd.concat(tables, ignore_index=True)), [RESULT, *grid][len(tables) == 1 :], x, data
-    )
+    points, grid = finite(pd.concat(tables, ignore_index=True)), [RESULT, *grid][len(tables) == 1 :]
+    study = Study(results, names, points, grid, x or abscissa(key), key=key, measures=measures)
     labels = compared("sweep", names, [result.known_scene for result in results], study.varied)
     return replace(study, labels=dict(zip(names, labels, strict=True)))
 
 
-def sweep_of(table: pd.DataFrame, x: str = EXCITATION) -> Study:
+def sweep_of(table: pd.DataFrame, x: str | None = None) -> Study:
     """Prepare the table of a sweep in memory."""
-    return Study([], ["sweep"], finite(table), grid_of(table), x)
+    key = key_of(table)
+    return Study([], ["sweep"], finite(table), grid_of(table), x or abscissa(key), key=key)
+
+
+def key_of(table: pd.DataFrame) -> str:
+    """Return the column of the key along the branches of a sweep: of the supply, or the first one."""
+    return SUPPLY if SUPPLY in table else str(table.columns[0])
 
 
 def grid_of(table: pd.DataFrame) -> list[str]:
     """Return the keys of the grid of a sweep."""
-    return [str(key) for key in table.columns[: list(table.columns).index("direction")] if key != SUPPLY]
+    key = key_of(table)
+    return [str(column) for column in table.columns[: list(table.columns).index("direction")] if column != key]
+
+
+def abscissa(key: str) -> str:
+    """Return the column that figures of points over a key have on their horizontal axis."""
+    return EXCITATION if key == SUPPLY else key
 
 
 def _completed(table: pd.DataFrame, result: Saved, keys: Iterable[str]) -> pd.DataFrame:
@@ -184,7 +203,7 @@ def read_branches(directory: Path) -> Study:
     named = [str(result.given("orbits", "key")), ""]
     if result.given("orbits").get("boundaries"):
         named[1] = str(result.given("orbits", "boundaries", "key"))
-    key, second = (SUPPLY if name == FREQUENCY else name for name in named)
+    key, second = map(column_of, named)
     numbers = (key, EXCITATION, "branch", "rms_x_m", "rms_y_m", PHASE_COLUMN, "motor_power_w", "multiplier_1_re")
     points = result.columns("branches", ("sequence",), numbers, ("contact_force_max_n",))
     if "stable" not in points:
@@ -207,4 +226,4 @@ def branches_of(points: pd.DataFrame, special: pd.DataFrame | None = None) -> St
 def _branches(results: list[Saved], name: str, points: pd.DataFrame, key: str, **more: Any) -> Study:
     """Prepare branches over a key; the columns of the grid stand before it."""
     grid = list(points.columns[: list(points.columns).index(key)])
-    return Study(results, [name], finite(points), grid, EXCITATION if key == SUPPLY else key, key=key, **more)
+    return Study(results, [name], finite(points), grid, abscissa(key), key=key, **more)

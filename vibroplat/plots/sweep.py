@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import matplotlib as mpl
 import numpy as np
@@ -13,11 +14,13 @@ from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import BoundaryNorm, ListedColormap, Normalize
 from matplotlib.patches import Patch
+from matplotlib.patheffects import Normal, Stroke
 
-from vibroplat.columns import QUANTITIES, with_shaking
+from vibroplat.columns import PHASE_COLUMN, QUANTITIES, Quantity, shown_in, with_shaking, words
 from vibroplat.errors import TableError
-from vibroplat.plots.labels import ABSCISSAE, key_label
-from vibroplat.plots.reading import Curve, rest_of
+from vibroplat.plots.labels import ABSCISSAE, in_ratios, key_label, key_name
+from vibroplat.plots.orbits import MEANINGS
+from vibroplat.plots.reading import Curve, has_table, rest_of
 from vibroplat.plots.response import response_figure
 from vibroplat.plots.studies import Study, read_sweeps
 from vibroplat.plots.style import (
@@ -33,11 +36,14 @@ from vibroplat.plots.style import (
     new_figure,
     widen_ticks,
 )
-from vibroplat.plots.timelines import read_measured
-from vibroplat.study.branches import EXCITATION, SUPPLY
+from vibroplat.plots.timelines import read_measured, wrapped
+from vibroplat.results.files import Result
+from vibroplat.study.branches import EXCITATION, SUPPLY, column_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from vibroplat.kernels.compiled import FloatArray
 
 #: Colours of the directions of a bifurcation diagram, and of the other direction behind them.
 _DIRECTIONS, _BEHIND = {"up": CURVES[0], "down": CURVES[1]}, "#c9c9c9"
@@ -55,12 +61,21 @@ PERIODS = {
 }
 #: Hatch of points that failed, and the colour of points without flight.
 _HATCH, NO_FLIGHT = "xxxx", "#ffffff"
+#: Lines of boundaries on a map, by the kinds of special points.
+_LINES: dict[str, Any] = dict(
+    zip(MEANINGS, ("-", "--", "-.", ":", (0, (7, 2)), (0, (1, 2, 1, 2, 5, 2)), (0, (9, 1, 2, 1))), strict=True)
+)
 #: Most ticks of the vertical axis of a map.
 _TICKS = 12
 
 
 def sweep_figures(
-    directories: Sequence[Path], kinds: Sequence[str] = (), *, x: str = "excitation", data: Path | None = None
+    directories: Sequence[Path],
+    kinds: Sequence[str] = (),
+    *,
+    x: str | None = None,
+    data: Path | None = None,
+    measure: Sequence[str] = (),
 ) -> Iterator[tuple[Path, str, Figure]]:
     """Draw figures of a sweep, or of several over each other; yield the directory and the name of each.
 
@@ -69,28 +84,34 @@ def sweep_figures(
     directories
         Result directories of ``vibroplat sweep``.
     kinds
-        ``response`` (RMS, phase difference, power, force and flight over frequency), ``bifurcation`` (points of the
-        Poincaré section and impact speeds), ``map`` (synchronization, period and flight over supply frequency and a key
-        of the grid). Default: response and the kind of the sweep.
+        ``response`` (RMS, phase difference, power, force and flight over the key), ``bifurcation`` (points of the
+        Poincaré section and impact speeds), ``map`` (synchronization, period and flight over the key and one of the
+        grid, with boundaries of orbits over both in the same directory). Default: response and the kind of the sweep.
     x
-        Horizontal axis: ``excitation`` or ``supply`` frequency.
+        Horizontal axis: ``excitation`` or ``supply`` frequency. Default: the excitation frequency if the key is the
+        supply frequency, else the key.
     data
         File of measured data laid over the response.
+    measure
+        Columns that the map shows instead.
 
     Raises
     ------
     TableError
         Tables are missing, have another schema version, or lack data that a figure needs.
     """
-    column = ABSCISSAE[x]
-    measured = None if data is None else read_measured(data, column, QUANTITIES, ABSCISSAE.values())
-    response = read_sweeps(directories, x=column, data=measured)
+    response = read_sweeps(directories, x=None if x is None else ABSCISSAE[x], measures=measure)
+    if data is not None:
+        measured = read_measured(data, response.x, QUANTITIES, (*ABSCISSAE.values(), response.key))
+        response = replace(response, data=measured)
     if not kinds:
         kinds = list(
             dict.fromkeys(
                 ["response", *([response.results[0].given("sweep", "kind")] if len(directories) == 1 else [])]
             )
         )
+    if measure and "map" not in kinds:
+        raise TableError(f"--measure {', '.join(measure)}: only a map shows it; allowed: with --kind map")
     if len(directories) > 1 and {*kinds} != {"response"}:
         other = next(kind for kind in kinds if kind != "response")
         raise TableError(f"--kind {other} shows one sweep; allowed with {len(directories)} of them: response")
@@ -117,13 +138,18 @@ def bifurcation(response: Study) -> Figure:
     """
     curves, x = response.curves, response.x
     section, impacts = (
-        response.results[0].columns(name, ("direction",), (x, "branch", column))
+        response.results[0].columns(name, ("direction",), (x, response.key, "branch", column))
         for name, column in (("section", "y_m"), ("impacts", "impact_speed_m_per_s"))
     )
     scenes = {c.rows["branch"].iloc[0]: response.scene_of(c.rows, response.grid) for c in curves}
-    rests = {branch: rest_of(scene) for branch, scene in scenes.items() if scene is not None}
-    name = "$y$ from rest" if rests else "$y$"
-    section = section.assign(y_m=section["y_m"] - section["branch"].map(rests).fillna(0.0).astype(float))
+    rests = {
+        (branch, value): rest_of(scene if response.key == SUPPLY else scene.replace({response.key: value}))
+        for (branch, value), _ in section.groupby(["branch", response.key])
+        if (scene := scenes[branch]) is not None
+    }
+    name = "$y$ from rest" if any(scenes.values()) else "$y$"
+    rest = [rests.get(place, 0.0) for place in zip(section["branch"], section[response.key], strict=True)]
+    section = section.assign(y_m=section["y_m"] - rest)
     quantities = [(section, "y_m", 1e3, f"{name} at whole turns of exciter 1 (mm)")]
     if len(impacts):
         quantities.append((impacts, "impact_speed_m_per_s", 1.0, "impact speed (m/s)"))
@@ -142,11 +168,13 @@ def bifurcation(response: Study) -> Figure:
         axis.set_title(", ".join(part for part in (curve.label, curve.direction) if part), loc="left")
     for axis in axes[-1]:
         axis.set_xlabel(key_label(x))
+    if in_ratios(response.points[x]):
+        axes[0, 0].set_xscale("log")
     widen_ticks(axes[0, 0], "x")
-    head(figure, ", ".join(response.names), response.parameters(response.varied))
+    head(figure, ", ".join(response.names), response.parameters([response.key, *response.varied]))
     directions = dict.fromkeys(curve.direction for curve in curves)
     if len(directions) > 1:
-        colours = {f"supply frequency {name}": _DIRECTIONS[name] for name in directions}
+        colours = {f"{key_name(response.key)} {name}": _DIRECTIONS[name] for name in directions}
         dot = {"ls": "", "marker": "o", "ms": 4.0, "mew": 0.0}
         named = [*colours.items(), ("the other direction", _BEHIND)]
         handles = [entry(label, color=colour, **dot) for label, colour in named]
@@ -172,8 +200,10 @@ def period_classes(table: pd.DataFrame) -> pd.Series:
     return pd.Series(np.where(np.isfinite(period), classes, np.nan), table.index)
 
 
-def draw_map(axis: Axes, table: pd.DataFrame, key: str, values: pd.Series, colours: Any, norm: Any) -> Axes:
-    """Draw a tile of equal size for each point of one direction of a sweep; failed points are hatched.
+def draw_map(
+    axis: Axes, table: pd.DataFrame, key: str, values: pd.Series, colours: Any, norm: Any, *, x: str = SUPPLY
+) -> Axes:
+    """Draw a tile of equal height for each point of one direction of a sweep; failed points are hatched.
 
     Rows are in the order of the key's values, evenly spaced whatever these are: their ticks say which.
 
@@ -182,13 +212,15 @@ def draw_map(axis: Axes, table: pd.DataFrame, key: str, values: pd.Series, colou
     axis
         Where to draw.
     table
-        The points, each with a supply frequency and a value of the key.
+        The points, each with a value of the horizontal axis and of the key.
     key
         The key of the vertical axis.
     values
         What is drawn; NaN where a point failed.
     colours, norm
         Matplotlib's colour map and norm of these values.
+    x
+        Column of the horizontal axis.
 
     Returns
     -------
@@ -196,52 +228,107 @@ def draw_map(axis: Axes, table: pd.DataFrame, key: str, values: pd.Series, colou
         The same axis.
     """
     grid = table.assign(value=values).pivot_table(
-        index=key, columns=SUPPLY, values="value", aggfunc="first", dropna=False, sort=True
+        index=key, columns=x, values="value", aggfunc="first", dropna=False, sort=True
     )
     found = grid.to_numpy(dtype=float)
-    rows = np.arange(len(grid.index))
-    axis.pcolormesh(grid.columns, rows, found, cmap=colours, norm=norm, shading="nearest", rasterized=True)
+    rows, edges = np.arange(len(grid.index)), _edges(grid.columns.to_numpy(dtype=float))
+    corners = edges, np.arange(len(rows) + 1) - 0.5
+    axis.pcolormesh(*corners, found, cmap=colours, norm=norm, rasterized=True)
     missing = np.ma.masked_where(np.isfinite(found), np.zeros(found.shape))
     if missing.count():
-        axis.pcolor(
-            grid.columns, rows, missing, cmap=ListedColormap(["white"]), hatch=_HATCH, shading="nearest", lw=0.0
-        )
+        axis.pcolor(*corners, missing, cmap=ListedColormap(["white"]), hatch=_HATCH, lw=0.0)
+    if in_ratios(grid.columns):
+        axis.set_xscale("log")
     every = max(1, -(-len(rows) // _TICKS))
     axis.set_yticks(rows[::every], [f"{value:g}" for value in grid.index[::every]])
     axis.grid(visible=False)
     return axis
 
 
+def _edges(values: FloatArray) -> FloatArray:
+    """Return the edges of tiles around ascending values: half way, of values in equal ratios by their logarithms."""
+    if in_ratios(values):
+        return np.exp(_edges(np.log(values)))
+    half = 0.5 * np.diff(values) if len(values) > 1 else 0.01 * np.abs(values) + 1e-9
+    return np.concatenate([[values[0] - half[0]], values[:-1] + half[: len(values) - 1], [values[-1] + half[-1]]])
+
+
 def regimes(response: Study) -> Figure:
-    """Draw maps of synchronization, period and flight over supply frequency and a grid key."""
+    """Draw maps of synchronization, period and flight, or of measures, over the key and one of the grid."""
     key, table = _key(response), response.points
-    directions = list(dict.fromkeys(table["direction"]))
-    flies = "flight_fraction" in table and bool((table["flight_fraction"] > 0.0).any())
-    classes = [("synchronization", sync_classes(table), SYNC), ("period (turns)", period_classes(table), PERIODS)]
-    size = (5.0 * (2 + flies), 1.4 + 3.0 * len(directions))
-    figure, axes = new_figure(len(directions), 2 + flies, size, sharex=True, sharey=True)
-    scale = mpl.colormaps["viridis_r"](np.linspace(0.05, 1.0, 256))  # from short flights, pale, to long ones, dark
-    scale[0] = mpl.colors.to_rgba(NO_FLIGHT)
-    flight = ScalarMappable(Normalize(0.0, 1.0), ListedColormap(scale))
+    directions, panels = list(dict.fromkeys(table["direction"])), list(_panels(response))
+    curves = _boundaries(response, column_of(key))
+    kinds = [kind for kind in MEANINGS if len(curves) and (curves["kind"] == kind).any()]
+    size = (max(5.0 * len(panels), 7.0), 1.4 + 3.0 * len(directions) + 0.25 * len(kinds))
+    figure, axes = new_figure(len(directions), len(panels), size, sharex=True, sharey=True)
     for row, direction in zip(axes, directions, strict=True):
         rows = table[table["direction"] == direction]
-        for axis, (title, values, colours) in zip(row, classes, strict=False):
-            norm = BoundaryNorm(np.arange(len(colours) + 1) - 0.5, len(colours))
-            draw_map(axis, rows, key, values[rows.index], ListedColormap(list(colours.values())), norm)
-            axis.set_title(f"{title}, {direction}", loc="left")
-        if flies:
-            draw_map(row[2], rows, key, rows["flight_fraction"].astype(float), flight.cmap, flight.norm)
-            row[2].set_title(f"flight, {direction}", loc="left")
+        for axis, panel in zip(row, panels, strict=True):
+            look = panel.colours
+            draw_map(axis, rows, key, panel.numbers[rows.index], look.cmap, look.norm, x=response.key)
+            axis.set_title(f"{panel.title}, {direction}", loc="left")
+            _draw_boundaries(axis, curves, response.key, column_of(key), np.unique(rows[key]))
         row[0].set_ylabel(key_label(key))
     for axis in axes[-1]:
-        axis.set_xlabel(key_label(SUPPLY))
-    head(figure, ", ".join(response.names), response.parameters(response.varied))
-    for axis, (_, values, colours) in zip(axes[-1], classes, strict=False):
-        _map_legend(axis, values, colours, response.rotation)
-    if flies:
-        bar = figure.colorbar(flight, ax=axes[-1, 2], location="bottom", aspect=40)
-        bar.set_label("flight fraction; white: no flight")
+        axis.set_xlabel(key_label(response.key))
+    head(figure, ", ".join(response.names), response.parameters([response.key, *response.varied]))
+    for axis, panel in zip(axes[-1], panels, strict=True):
+        if panel.classes:
+            _map_legend(axis, panel.numbers, panel.classes, response.rotation)
+        else:
+            figure.colorbar(panel.colours, ax=axis, location="bottom", aspect=40).set_label(panel.label)
+    if kinds:
+        handles = [entry(f"{kind}: {MEANINGS[kind]}", color="black", ls=_LINES[kind]) for kind in kinds]
+        figure.legend(handles=handles, loc="outside lower center", ncols=1)
     return figure
+
+
+class _Panel(NamedTuple):
+    """A column of maps: its title, the number of each point, their colours, and the names of classes or a label."""
+
+    title: str
+    numbers: pd.Series
+    colours: ScalarMappable
+    classes: dict[str, str]
+    label: str = ""
+
+
+def _panels(response: Study) -> Iterator[_Panel]:
+    """Yield what maps show: measures that are asked for, or else classes, and flight if there is any."""
+    table = response.points
+    dark = mpl.colormaps["viridis_r"](np.linspace(0.05, 1.0, 256))  # from small values, pale, to large ones, dark
+    for column in response.measures:
+        quantity = QUANTITIES.get(column, Quantity(words(column), *shown_in(column)))
+        found = table[column].to_numpy(dtype=float, na_value=np.nan)
+        values = pd.Series(wrapped(found) if column == PHASE_COLUMN else quantity.factor * found, table.index)
+        norm = Normalize(float(values.min()), float(values.max())) if values.notna().any() else Normalize(0.0, 1.0)
+        yield _Panel(quantity.name, values, ScalarMappable(norm, ListedColormap(dark)), {}, quantity.label)
+    if response.measures:
+        return
+    shown = (("synchronization", sync_classes(table), SYNC), ("period (turns)", period_classes(table), PERIODS))
+    for title, values, classes in shown:
+        norm = BoundaryNorm(np.arange(len(classes) + 1) - 0.5, len(classes))
+        yield _Panel(title, values, ScalarMappable(norm, ListedColormap(list(classes.values()))), classes)
+    if "flight_fraction" in table and bool((table["flight_fraction"] > 0.0).any()):
+        dark[0] = mpl.colors.to_rgba(NO_FLIGHT)
+        flight, label = ScalarMappable(Normalize(0.0, 1.0), ListedColormap(dark)), "flight fraction; white: no flight"
+        yield _Panel("flight", table["flight_fraction"].astype(float), flight, {}, label)
+
+
+def _boundaries(response: Study, second: str) -> pd.DataFrame:
+    """Return the boundaries of orbits over the two keys of a map in the same directory; none are no rows."""
+    place = response.results[0].directory
+    table = Result(place, "orbits").table("boundaries") if has_table(place, "boundaries") else pd.DataFrame()
+    return table if {response.key, second} <= {*table.columns} else table.iloc[:0]
+
+
+def _draw_boundaries(axis: Axes, curves: pd.DataFrame, x: str, second: str, rows: FloatArray) -> None:
+    """Draw boundaries over tiles, whose rows are evenly spaced; beyond the first and the last row there are none."""
+    for _, curve in curves.groupby("curve") if len(curves) else ():
+        places = np.interp(curve[second], rows, np.arange(len(rows)), left=np.nan, right=np.nan)
+        outlined = [Stroke(linewidth=3.0, foreground="white"), Normal()]
+        line = _LINES[curve["kind"].iloc[0]]
+        axis.plot(curve[x], places, color="black", lw=1.3, ls=line, path_effects=outlined, scalex=False, scaley=False)
 
 
 def _key(response: Study) -> str:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from vibroplat.columns import SHAKING, Column, Columns, unit_of, words
+from vibroplat.columns import SHAKING, Column, Columns, unit_of, words, words_in_place
 from vibroplat.study.branches import EXCITATION, SUPPLY, study_table
 
 Flags = np.ndarray[Any, np.dtype[np.bool_]]
@@ -25,18 +25,13 @@ TURN = np.pi / 4.0
 #: next to it; up a resonance the amplitude grows as much, but over several points.
 RISE, ALONE = 0.15, 4.0
 
-
 #: Columns of the table, after the grid keys, direction and branch; the last ones are of the ends.
-def ends_over(key: str, meaning: str) -> Columns:
-    """Describe the columns of the ends of bands over a key."""
-    return {
-        f"{end}_{column}": Column(f"{what} at the {place} point", "in the order of the branch")
-        for column, what in ((key, meaning), (EXCITATION, "excitation frequency"), (RMS, "RMS of y"))
-        for end, place in (("from", "first"), ("to", "last"))
-    }
-
-
-_ABOUT: Columns = {
+ENDS: Columns = {
+    f"{end}_{column}": Column(f"{meaning} at the {place} point", "in the order of the branch")
+    for column, meaning in ((SUPPLY, "supply frequency"), (EXCITATION, "excitation frequency"), (RMS, "RMS of y"))
+    for end, place in (("from", "first"), ("to", "last"))
+}
+BANDS: Columns = {
     "kind": Column(
         "kind of band",
         "band: points of one synchronization; jump: of the motion, between two points; liftoff and flight-end: from "
@@ -44,8 +39,8 @@ _ABOUT: Columns = {
     ),
     "name": Column("synchronization", "of a jump, before and after it; of failed points, their outcome instead"),
     "points": Column("points from end to end"),
+    **ENDS,
 }
-BANDS: Columns = {**_ABOUT, **ends_over(SUPPLY, "supply frequency")}
 
 
 def jumps(rows: pd.DataFrame | Rows) -> Flags:
@@ -111,7 +106,10 @@ def bands(table: pd.DataFrame) -> pd.DataFrame:
         for band in _bands_of(rows, key)
     ]
     meanings = {key: Column(text) for key, text in table.attrs.get("meanings", {}).items()}
-    meant = {**_ABOUT, **ends_over(key, meanings[key].meaning if key in meanings else words(key))}
+    meant = {
+        name.replace(SUPPLY, key): column._replace(meaning=column.meaning.replace(words(SUPPLY), words_in_place(key)))
+        for name, column in BANDS.items()
+    }
     return study_table(found, [*place, *meant], {key: table[key] for key in place[:-2]}, {**meanings, **meant})
 
 
@@ -169,7 +167,7 @@ def _span(row: pd.Series) -> str:
     across = " → " if kind in ("jump", "liftoff", "flight-end") else " … "
     key = next(str(column) for column in row.index if str(column).startswith("from_")).removeprefix("from_")
     over, found, height = ((row[f"from_{c}"], row[f"to_{c}"]) for c in (key, EXCITATION, RMS))
-    parts = [f"{'f_e' if key == SUPPLY else words(key)} {_ends(over, 'g', across)} {unit_of(key)}".rstrip()]
+    parts = [f"{'f_e' if key == SUPPLY else words_in_place(key)} {_ends(over, 'g', across)} {unit_of(key)}".rstrip()]
     if np.isfinite(found).all():
         parts.append(f"f {_ends(found, '.2f', across)} Hz")
     if kind in ("jump", "largest"):

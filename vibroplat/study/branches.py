@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from vibroplat.columns import Column, Columns, unit_of, words
+from vibroplat.columns import Column, Columns, unit_of, words_in_place
 from vibroplat.config.keys import key_of, keys, number_of
 from vibroplat.config.plans import FREQUENCY, Over, SweepPlan
 from vibroplat.config.scene import Scene
@@ -98,7 +98,8 @@ class Branch:
 
         The key may change the layers between the two.
         """
-        return state if state is None or point == 0 else carried(state, self.at(point - 1), self.at(point))
+        same = state is None or point == 0 or not self.swept.startswith("material.")  # keys that make layers
+        return state if same or state is None else carried(state, self.at(point - 1), self.at(point))
 
 
 def branches(scene: Scene) -> list[Branch]:
@@ -122,12 +123,9 @@ def branches(scene: Scene) -> list[Branch]:
     found: list[Branch] = []
     for combination in itertools.product(*plan.grid.values()):
         values = dict(zip(plan.grid, combination, strict=True))
-        try:
-            placed = scene.replace(values)
-        except ConfigError as error:
-            raise ConfigError(f"sweep.grid: {error}") from None
-        if plan.over is not None:
-            _require_allowed(placed, plan.swept.key, upward)
+        placed = _replaced(scene, "grid", values)
+        for value in upward if plan.over is not None else ():
+            _replaced(placed, "over", {plan.swept.key: value})
         for direction in plan.swept.direction:
             first = placed.replace({plan.swept.key: along[direction][0]})
             found.append(Branch(len(found), direction, values, first, along[direction]))
@@ -157,25 +155,22 @@ def _values(scene: Scene, over: Over) -> tuple[float, ...]:
     found = tuple(over.upward)
     if numbers is None:
         if key not in keys():
-            _require_allowed(scene, key, found[:1])
+            _replaced(scene, "over", {key: found[0]})
         raise ConfigError(f"sweep.over.key = {key} has no numbers; allowed: a key of numbers, as material.mass_ratio")
     given = next(name for name in ("exciters", "motors", "motor") if getattr(scene, name) is not None)
     if section in ("motor", "motors") and section != given != "motor":
         raise ConfigError(f"sweep.over.key = {key} but the scene has {given}; allowed: {given}.0.… or {given}.1.…")
     if len(set(found)) < len(found):
-        raise ConfigError(
-            f"sweep.over: {len(found)} values of {key} from {found[0]} to {found[-1]} are not all different"
-        )
+        raise ConfigError(f"sweep.over: {len(found)} values of {key} from {found[0]} to {found[-1]}; allowed: fewer")
     return tuple(int(v) if v.is_integer() else v for v in found) if numbers is int else found
 
 
-def _require_allowed(scene: Scene, key: str, values: Sequence[float]) -> None:
-    """Refuse an unknown key, and values that a scene does not take (ConfigError)."""
+def _replaced(scene: Scene, section: str, changes: Mapping[str, Any]) -> Scene:
+    """Change keys of a scene; an error names the section of the sweep that asks for it."""
     try:
-        for value in values:
-            scene.replace({key: value})
+        return scene.replace(changes)
     except ConfigError as error:
-        raise ConfigError(f"sweep.over: {error}") from None
+        raise ConfigError(f"sweep.{section}: {error}") from None
 
 
 class Place(NamedTuple):
@@ -214,7 +209,7 @@ def column_of(key: str) -> str:
 def place_words(key: str, *values: float) -> str:
     """Say where points are, by the column of the swept key and its values there."""
     ends = " … ".join(dict.fromkeys(f"{value:g}" for value in values))
-    name = "a supply of" if key == SUPPLY else words(key)
+    name = "a supply of" if key == SUPPLY else words_in_place(key)
     return " ".join(part for part in (name, ends, unit_of(key)) if part)
 
 

@@ -17,10 +17,9 @@ def multiplier_columns(multipliers: npt.NDArray[np.complex128], most: int) -> di
     if multipliers.size > most and multipliers[most] == multipliers[most - 1].conjugate() != multipliers[most - 1]:
         whole = whole[:-1]
     columns: dict[str, float | None] = {}
-    for i in range(most):
-        known = i < whole.size
-        columns[f"multiplier_{i + 1}_re"] = float(whole[i].real) if known else None
-        columns[f"multiplier_{i + 1}_im"] = float(whole[i].imag) if known else None
+    for i, found in enumerate([*whole.tolist(), *[None] * (most - whole.size)], 1):
+        columns[f"multiplier_{i}_re"] = None if found is None else found.real
+        columns[f"multiplier_{i}_im"] = None if found is None else found.imag
     return columns
 
 

@@ -262,7 +262,7 @@ def _followed(
         errors = {ERRORS[name]: error for name, error in block_errors(part.blocks, tuple(ERRORS)).items()}
         row |= row_of(found, scene, errors, settling.slip) | columns_of(kind)
         row["notes"] = "; ".join(note for note in (row["notes"], stiff) if note)
-        if kind.motion in ("chaotic", "undecided") and seeker is not None:
+        if kind.motion in ("chaotic", "undecided") and kind.period == 0 and seeker is not None:
             row["coexists"] = _coexisting(scene, plan, row, settling.hunt, seeker)
         if impacts is not None:
             points = section_points(part.measures, scene)

@@ -79,7 +79,7 @@ class StoredChain(Generic[T]):
     tasks
         What is to be done; it must yield the same tasks when it is sent the same records.
     records
-        Where the records are stored.
+        Where the records are stored; None for those that nobody goes on with.
     name
         Of the chain, under which they are.
 
@@ -89,7 +89,7 @@ class StoredChain(Generic[T]):
         The next task; None if the chain is done.
     """
 
-    def __init__(self, tasks: Tasks[T], records: Store, name: int | str) -> None:
+    def __init__(self, tasks: Tasks[T], records: Store | None, name: int | str) -> None:
         self._tasks = tasks
         self._records = records
         self._name = name
@@ -123,7 +123,8 @@ class StoredChain(Generic[T]):
                 raise result
             result = self.next.if_lost(str(result))
         record = result if isinstance(result, dict) else vars(result)
-        self._records.write(self._name, self._place, record, self._digest)
+        if self._records is not None:
+            self._records.write(self._name, self._place, record, self._digest)
         self._send(record)
 
     def _send(self, record: Record | None) -> None:
@@ -133,6 +134,8 @@ class StoredChain(Generic[T]):
                 self.next = next(self._tasks) if record is None else self._tasks.send(record)
             except StopIteration as end:
                 self.next, self._result = None, end.value
+                return
+            if self._records is None:
                 return
             self._place += 1
             self._digest = self.next.digest

@@ -72,7 +72,7 @@ class Points {
       hovermode: "closest", clickmode: "event", plot_bgcolor: "#fff", dragmode: "zoom",
       legend: {orientation: "h", x: 0, y: 1 + 26 / inner, yanchor: "bottom", font: {size: 11}}, annotations: [],
       shapes: this.rings(),
-      xaxis: {title: {text: plain(withUnit(this.axis.words, this.axis.unit))}, anchor: count > 1 ? `y${count}` : "y",
+      xaxis: {title: {text: plain(withUnit(this.axis.words, this.axis.unit))}, type: this.axis.log ? "log" : "linear", anchor: count > 1 ? `y${count}` : "y",
         gridcolor: "#eee", zeroline: false}};
     this.data.measures.forEach((measure, number) => {
       const top = 1 - number * (this.panel + BETWEEN_POINTS) / inner;
