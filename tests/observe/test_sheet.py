@@ -166,6 +166,16 @@ def test_a_start_from_rest_and_a_stop(quickstart):
     assert len(before) == 0 or steady["synchronized_at_s"] > 0.05
 
 
+def test_power_is_largest_within_a_step_while_the_supply_changes(quickstart):
+    """It is largest where neither speed nor supply is."""
+    program = [{"t_s": 0.0, "supply_frequency_hz": 52.0}, {"t_s": 1.0, "supply_frequency_hz": 44.0}]
+    changes = {"drive": {"program": program}, "run.duration_s": 1.0, "solver.engine": "taylor"}
+    run = simulate(quickstart.replace({**changes, "solver.tolerance": 1e-9, "material.mass_ratio": 0.0}))
+    expected, _ = by_hand(run, *(run.summary[f"measured_{name}_s"] for name in ("from", "to")))
+    expected = {name: value for name, value in expected.items() if name.startswith("motor_")}
+    assert {name: run.summary[name] for name in expected} == pytest.approx(expected, rel=1e-6)
+
+
 def test_a_motor_that_hangs_below_a_resonance_is_captured(printed):
     """The paper's printed imbalance: at 66 Hz it stays at the first root of the balance of power, 30.49 Hz."""
     scene = printed.replace({"drive.supply_frequency_hz": 66.0, "run.initial": {"speed_ratio": 0.85}})

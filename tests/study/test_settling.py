@@ -198,7 +198,7 @@ def test_hunt_finds_the_orbit_near_a_motion_that_does_not_repeat():
 
 
 def test_motion_that_goes_round_an_orbit_is_not_taken_to_come_to_it():
-    """Unequal exciters at 79 Hz: chaos around a stable orbit of period 1 is nearer to it after some turns than before."""
+    """Unequal exciters at 79 Hz: chaos round a stable orbit of period 1 is nearer to it some turns later."""
     motor = {"critical_torque_n_m": 1.2, "critical_slip": 0.15, "pole_pairs": 2, "friction_radius_m": 1e-5}
     second = {**motor, "critical_torque_n_m": 1.14, "unbalance_radius_m": 0.03, "position_m": [-0.15, 0.03]}
     changes = {"exciters": [{**motor, "unbalance_radius_m": 0.0291}, second], "machine.damping_y_n_s_per_m": 40.0}
@@ -254,7 +254,7 @@ def test_exciters_that_stand_still_settle_until_the_maximum():
 
 
 def test_symmetry_keeps_antiphase_without_a_perturbation():
-    """In phase is where the motion goes from everywhere else; whoever looks at orbits knows that it leaves antiphase."""
+    """In phase is where the motion goes from everywhere else; who looks at orbits knows that it leaves antiphase."""
     kept, left = (swept(MACHINE, 66.0, settle="motion", **plan).iloc[0] for plan in ({"perturbation": 0.0}, {}))
     begun = swept(MACHINE, 66.0, changes=IN_PHASE, perturbation=0.0).iloc[0]
     assert abs(kept["phase_difference_rad"]) == pytest.approx(math.pi, abs=1e-4)  # round-off grows, to some 1e-6 here

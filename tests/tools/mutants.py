@@ -59,12 +59,14 @@ BY_ROOM = [
     ]),
     # what is observed
     ("observe motion", [
-        '0.5 * (ms.late["largest"][HEIGHT] - ms.late["least"][HEIGHT]) → ms.late["largest"][HEIGHT] - ms.late["least"][HEIGHT]',
+        '0.5 * (peaks["largest"][HEIGHT] - peaks["least"][HEIGHT]) → peaks["largest"][HEIGHT] - peaks["least"][HEIGHT]',
         'result["excitation_frequency_hz"] = 0.5 * (first + second) → result["excitation_frequency_hz"] = first',
         'result["frequency_split_hz"] = first - second → result["frequency_split_hz"] = second - first',
         "mean[square] - mean[first] ** 2 → mean[square] + mean[first] ** 2",
         "gravity = before.gravity - after.gravity → gravity = after.gravity - before.gravity",
         'max(0.0, -float(whole["least"][FORCE])) → max(0.0, -float(late["least"][FORCE]))',
+        "ms.closed[marks.turns % ms.closed.size] = → ms.closed[(marks.turns + 1) % ms.closed.size] =",
+        "begun[1, j] *= cut - first → begun[1, j] *= cut",
     ]),
     ("observe study", [
         "values.std(ddof=1)) / math.sqrt(count) → values.std(ddof=1))",

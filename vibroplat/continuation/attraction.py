@@ -27,8 +27,8 @@ PARALLEL = 1e8
 SHELLS, SHRINK, DIRECTIONS = 3, 0.25, 4
 #: Least share of the decay that the derivative promises, in a period.
 PROMISED = 0.5
-#: The same on a motion's own way; the periods in each of which it must be seen, from where the motion is and from places
-#: on the way, each SHRINK times as far from the orbit as the one before; and the number of all places.
+#: The same on a motion's own way; the periods in each of which it must be seen, from where the motion is and from
+#: places on the way, each SHRINK times as far from the orbit as the one before; and the number of all places.
 ON_WAY, FIRST_PERIODS, PERIODS, PLACES = 0.25, 16, 4, 4
 #: Smallest distance that says anything, over the tolerance of the integrator.
 NOISE = 1e4
