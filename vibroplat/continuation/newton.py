@@ -16,8 +16,8 @@ import numpy as np
 import numpy.typing as npt
 
 from vibroplat.continuation.shooting import TURN, Shooter, Shot, rotated
-from vibroplat.kernels.compiled import FloatArray, compiled
-from vibroplat.kernels.linear import eliminate
+from vibroplat.kernels.compiled import FloatArray
+from vibroplat.kernels.linear import eliminate, improve, largest, project, subtract, take_scaled
 from vibroplat.model.systems import GAP, GAP_RATE, SYSTEMS
 
 #: Residual, in the scales of the scene, beyond which the iteration is given up.
@@ -170,7 +170,8 @@ class Problem:
         self.turns = (turns[0], turns[1])
         self.units = tuple(units)
         self.tolerance = tolerance
-        self._angles = TURN * np.array(self.turns)
+        self._turned = np.zeros(shooter.scales.size)  # what a period adds to a full state
+        self._turned[ANGLE : ANGLE + 2] = TURN * np.array(self.turns)
 
     def chart(self, base: FloatArray, system: int | None = None) -> Chart:
         """Make the chart about a state on the section, in a system or else in that of a motion from there."""
@@ -200,7 +201,7 @@ class Problem:
         if not shot.begins == shot.ends == chart.system:
             raise MissedError("the mode on the section changed")
         residual = np.empty(chart.scales.size)
-        subtract(shot.state, state, self._angles, chart.places, chart.scales, residual)
+        subtract(shot.state, state, self._turned, chart.places, chart.scales, residual)
         if not largest(residual) < FAR:
             raise MissedError("the residual grew beyond all bounds")
         return residual, shot
@@ -233,7 +234,7 @@ class Problem:
         state, seconds, values = orbit.chart.unpack(orbit.u)
         self.shooter.set(values)
         difference = self.shooter.shot(state, 0.5 * seconds).state - state
-        difference[3:5] -= 0.5 * self._angles
+        difference -= 0.5 * self._turned
         return bool(np.abs(difference / self.shooter.scales).max() < HALVED * self.tolerance)
 
     def far_from_events(
@@ -283,59 +284,6 @@ def bordered(jacobian: FloatArray, border: FloatArray, column: FloatArray | None
     if column is not None:
         found[:m, free] = column
     return found
-
-
-@compiled
-def take_scaled(derivative: FloatArray, places: Any, columns: Any, sizes: FloatArray, found: FloatArray) -> None:
-    """Take some rows and columns of a derivative, times the sizes."""
-    for i in range(places.size):
-        for j in range(columns.size):
-            found[i, j] = derivative[places[i], columns[j]] * sizes[i, j]
-
-
-@compiled
-def project(derivative: FloatArray, along: FloatArray, phase: int, found: FloatArray) -> None:
-    """Project the derivative of an end along the motion to where the unknown ``phase`` stays, and leave that out."""
-    for i in range(along.size):
-        late = along[i] / along[phase]
-        for j in range(along.size):
-            if phase not in (i, j):
-                found[i - (i > phase), j - (j > phase)] = derivative[i, j] - late * derivative[phase, j]
-
-
-@compiled
-def subtract(
-    end: FloatArray, start: FloatArray, angles: FloatArray, places: Any, scales: FloatArray, residual: FloatArray
-) -> None:
-    """Fill how far a full state is from another one after some turns of both exciters, at some places in scales."""
-    for i in range(places.size):
-        place = places[i]
-        turned = angles[place - ANGLE] if 0 <= place - ANGLE < angles.size else 0.0
-        residual[i] = (end[place] - start[place] - turned) / scales[i]
-
-
-@compiled
-def largest(values: FloatArray) -> float:
-    """Largest size of some numbers; inf if one is none."""
-    found = 0.0
-    for value in values:
-        if not abs(value) <= found:
-            found = abs(value) if abs(value) >= 0.0 else np.inf
-    return found
-
-
-@compiled
-def improve(jacobian: FloatArray, step: FloatArray, change: FloatArray) -> None:
-    """Change a Jacobian as little as makes it agree with the change of the residual over a step (Broyden 1965)."""
-    square = 0.0
-    for part in step:
-        square += part * part
-    for i in range(change.size):
-        missing = change[i]
-        for j in range(step.size):
-            missing -= jacobian[i, j] * step[j]
-        for j in range(step.size):
-            jacobian[i, j] += missing * step[j] / square
 
 
 def solved(matrix: FloatArray, right: FloatArray, longest: float) -> FloatArray:

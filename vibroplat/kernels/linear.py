@@ -2,10 +2,12 @@
 
 They have a block that needs no elimination: half of their rows say that rates are the derivatives
 of coordinates. What is left is inverted once for many solutions, which then are products of a matrix with a
-vector: a third of the work of two triangular systems of full size.
+vector: a third of the work of two triangular systems of full size. Behind them stand the small steps of shooting.
 """
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 
@@ -128,3 +130,54 @@ def solve_condensed(condensed: FloatArray, cj: float, right: FloatArray, solutio
         solution[n + i] = total
     for i in range(n):
         solution[i] = (right[i] + solution[n + i]) / cj
+
+
+@compiled
+def take_scaled(derivative: FloatArray, places: Any, columns: Any, sizes: FloatArray, found: FloatArray) -> None:
+    """Take some rows and columns of a derivative, times the sizes."""
+    for i in range(places.size):
+        for j in range(columns.size):
+            found[i, j] = derivative[places[i], columns[j]] * sizes[i, j]
+
+
+@compiled
+def project(derivative: FloatArray, along: FloatArray, phase: int, found: FloatArray) -> None:
+    """Project the derivative of an end along the motion to where the unknown ``phase`` stays, and leave that out."""
+    for i in range(along.size):
+        late = along[i] / along[phase]
+        for j in range(along.size):
+            if phase not in (i, j):
+                found[i - (i > phase), j - (j > phase)] = derivative[i, j] - late * derivative[phase, j]
+
+
+@compiled
+def subtract(
+    end: FloatArray, start: FloatArray, change: FloatArray, places: Any, scales: FloatArray, residual: FloatArray
+) -> None:
+    """Fill how far the end of a motion is from its start and a change, at some places in scales."""
+    for i in range(places.size):
+        residual[i] = (end[places[i]] - start[places[i]] - change[places[i]]) / scales[i]
+
+
+@compiled
+def largest(values: FloatArray) -> float:
+    """Largest size of some numbers; inf if one is none."""
+    found = 0.0
+    for value in values:
+        if not abs(value) <= found:
+            found = abs(value) if abs(value) >= 0.0 else np.inf
+    return found
+
+
+@compiled
+def improve(jacobian: FloatArray, step: FloatArray, change: FloatArray) -> None:
+    """Change a Jacobian as little as makes it agree with the change of the residual over a step (Broyden 1965)."""
+    square = 0.0
+    for part in step:
+        square += part * part
+    for i in range(change.size):
+        missing = change[i]
+        for j in range(step.size):
+            missing -= jacobian[i, j] * step[j]
+        for j in range(step.size):
+            jacobian[i, j] += missing * step[j] / square
