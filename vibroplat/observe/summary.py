@@ -79,7 +79,7 @@ MEASURES: Columns = {
         "turns of each over the time they take; parts of a turn where exciter 1 completes none",
     ),
     "frequency_split_hz": Column("speed of exciter 1 minus that of exciter 2"),
-    "impacts_per_period": Column("impacts per turn of exciter 1"),
+    "impacts_per_period": Column("impacts per turn of exciter 1", "those that a latch sums up are not counted"),
     "phase_difference_rad": Column(
         "mean phase difference of the exciters",
         "circular mean in (-pi, pi] of phi_1 + phi_2 if counter-rotating, phi_1 - phi_2 if co-rotating",
