@@ -199,6 +199,10 @@ def test_rows_and_old_summaries(quickstart):
     lines = sheet(scene, run.summary)
     assert "gamma" in lines["acceleration"]
     assert "stroke y of inlet" in lines
+    again = dict(run.summary, whole_gamma=run.summary["gamma"], whole_stroke_y_m=run.summary["stroke_y_m"])
+    assert "; that at 0.15 s" in sheet(scene, again | {"whole_stroke_y_at_s": 0.15})["stroke y"]
+    assert "; whole run: " in sheet(scene, again | {"whole_stroke_y_at_s": 0.01})["stroke y"]
+    assert ";" not in sheet(scene, again | {"whole_stroke_y_m": 0.0})["stroke y"]
     for name in [name for name in run.summary if name in SHEET or name.startswith("whole_")]:
         del run.summary[name]
     assert not set(run.data_sheet.index) & set(SHEET)

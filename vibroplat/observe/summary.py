@@ -108,7 +108,10 @@ MEASURES: Columns = {
     "measured_impacts": Column("impacts in that time"),
     "measured_latches": Column("latches in that time"),
     "measured_turns": Column("whole turns of exciter 1 in that time"),
-    **AUDIT,
+    **{
+        name: Column(f"{c.meaning} in the whole run", c.definition) if name.endswith("_j") else c
+        for name, c in AUDIT.items()
+    },
 }
 
 

@@ -76,7 +76,8 @@ def sheet(scene: Scene, summary: Mapping[str, Any]) -> dict[str, str]:
     for n in (1, 2):
         lines |= _motor(summary, n)
     bearings = ", ".join(_short(summary, f"bearing_force_{n}_max_n") for n in (1, 2))
-    lines["bearings of the exciters"] = f"{bearings} N, largest centrifugal force"
+    peaks = "".join(_peak(summary, f"bearing_force_{n}_max_n", "N") for n in (1, 2))
+    lines["bearings of the exciters"] = f"{bearings} N, largest centrifugal force{peaks}"
     at = summary["synchronized_at_s"]
     if at is not None:
         lines["in step"] = f"from {at:.4g} s on, after {_short(summary, 'start_energy_j')} J of the motors"
@@ -111,10 +112,10 @@ def _short(summary: Mapping[str, Any], column: str, factor: float = 1.0) -> str:
 def _peak(summary: Mapping[str, Any], column: str, unit: str, factor: float = 1.0) -> str:
     """Write the largest value of the whole run, unless it is that of the measured part, and when and how fast it is."""
     base, value = split(column)[0], summary[f"whole_{column}"]
-    if value is None:
+    if not value:
         return ""
     at, pace = summary[f"whole_{base}_at_s"], summary[f"whole_{base}_at_hz"]
-    same = value == summary[column]
+    same = value == summary[column] and summary["measured_from_s"] <= at <= summary["measured_to_s"]
     return f"; {'that' if same else f'whole run: {rounded(factor * value)} {unit}'} at {at:.4g} s, {pace:.3g} Hz"
 
 
