@@ -47,7 +47,7 @@ _COMMANDS = {
     "vibroplat schema --markdown": "lists all keys, also of two unequal motors or exciters",
 }
 #: Stand after the supply frequency, and after those of a sweep.
-_OVER = "  # over: {key: material.mass_ratio, start: 0, stop: 0.4, count: 9}  # instead: any other key"
+_OVER = "  # over: {key: contact.restitution, start: 0, stop: 0.9, count: 10}  # instead: any other key"
 _PROGRAM = """\
   # program:                                # instead: the supply over time, here a start in 3 s; starts from rest
   #   - {t_s: 0, supply_frequency_hz: 0}    # also need run.initial.speed_ratio: 0
