@@ -2,7 +2,7 @@
 
 They have a block that needs no elimination: half of their rows say that rates are the derivatives
 of coordinates. What is left is inverted once for many solutions, which then are products of a matrix with a
-vector: a third of the work of two triangular systems of full size. Behind them stand the small steps of shooting.
+vector: a third of the work of two triangular systems of full size. The small steps of shooting follow them.
 """
 
 from __future__ import annotations
@@ -161,7 +161,7 @@ def subtract(
 
 @compiled
 def largest(values: FloatArray) -> float:
-    """Largest size of some numbers; inf if one is none."""
+    """Largest size of some values; inf if one of them is not a number."""
     found = 0.0
     for value in values:
         if not abs(value) <= found:
@@ -171,7 +171,7 @@ def largest(values: FloatArray) -> float:
 
 @compiled
 def improve(jacobian: FloatArray, step: FloatArray, change: FloatArray) -> None:
-    """Change a Jacobian as little as makes it agree with the change of the residual over a step (Broyden 1965)."""
+    """Change a Jacobian as little as possible to fit the change of the residual over a step (Broyden 1965)."""
     square = 0.0
     for part in step:
         square += part * part

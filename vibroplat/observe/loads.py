@@ -209,6 +209,13 @@ def exact_size(
 # -- a step ------------------------------------------------------------------------------------------------
 
 
+@inlined
+def in_columns(force: int) -> tuple[tuple[int, int, int], ...]:
+    """Quantities that have a column of their own: their places, columns, and the largest of their kind."""
+    height, rotation = (HEIGHT, _Y, HEIGHT), (ROTATION, _PHI, HEIGHT)
+    return (SIDEWAYS, _X, HEIGHT), height, rotation, (OPENING, _GAP, OPENING), (FORCE, force, FORCE)
+
+
 @compiled
 def put_limits(peaks: Any, room: Any, system: int, p: Parameters) -> None:
     """Fill the limits beyond which a step has new extremes, and forget those of the supply before.
@@ -224,15 +231,8 @@ def put_limits(peaks: Any, room: Any, system: int, p: Parameters) -> None:
     peaks.since, peaks.changed = p.since, 0
     for j in range(COLUMNS):
         limits[0, j], limits[1, j] = -np.inf, np.inf
-    for k, j, group in (
-        (SIDEWAYS, _X, HEIGHT),
-        (HEIGHT, _Y, HEIGHT),
-        (ROTATION, _PHI, HEIGHT),
-        (OPENING, _GAP, OPENING),
-        (FORCE, force, FORCE),
-        (DRIVEN_1, n + 3, DRIVEN_1),
-        (DRIVEN_1 + 1, n + 4, DRIVEN_1 + 1),
-    ):
+    driven = (DRIVEN_1, n + 3, DRIVEN_1), (DRIVEN_1 + 1, n + 4, DRIVEN_1 + 1)
+    for k, j, group in in_columns(force) + driven:
         if (j != _GAP or MODES[system] == FLIGHT) and j < SIZES[system]:
             beyond = margin(peaks, group)
             limits[0, j], limits[1, j] = peaks.least[k] - beyond, peaks.largest[k] + beyond
@@ -293,13 +293,7 @@ def cover_columns(
     of the acceleration, with and without its part along x. Named points are looked at in any case.
     """
     samples, force, n = room.samples, DIFFERENTIAL[system], DIFFERENTIAL[system] // 2
-    for k, j, group in (
-        (SIDEWAYS, _X, HEIGHT),
-        (HEIGHT, _Y, HEIGHT),
-        (ROTATION, _PHI, HEIGHT),
-        (OPENING, _GAP, OPENING),
-        (FORCE, force, FORCE),
-    ):
+    for k, j, group in in_columns(force):
         if flags >> j & 1:
             ends = span.begun[j], span.end[j]
             cover(peaks, k, span.c, span.degree, samples, nodes, j, ends, span, margin(peaks, group), False)

@@ -75,9 +75,10 @@ def sheet(scene: Scene, summary: Mapping[str, Any]) -> dict[str, str]:
         lines[label] = f"largest {_short(summary, column)} m/s²{throw}{index}{_peak(summary, column, 'm/s²')}"
     for n in (1, 2):
         lines |= _motor(summary, n)
-    bearings = ", ".join(_short(summary, f"bearing_force_{n}_max_n") for n in (1, 2))
-    peaks = "".join(_peak(summary, f"bearing_force_{n}_max_n", "N") for n in (1, 2))
-    lines["bearings of the exciters"] = f"{bearings} N, largest centrifugal force{peaks}"
+    for n in (1, 2):
+        column = f"bearing_force_{n}_max_n"
+        peak = _peak(summary, column, "N")
+        lines[f"bearing of exciter {n}"] = f"largest centrifugal force {_short(summary, column)} N{peak}"
     at = summary["synchronized_at_s"]
     if at is not None:
         lines["in step"] = f"from {at:.4g} s on, after {_short(summary, 'start_energy_j')} J of the motors"
