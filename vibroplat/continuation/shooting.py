@@ -158,7 +158,7 @@ def spelled(word: str) -> str:
 
 
 class Shooter:
-    """Takes shots of a scene, at any values of up to two of its keys.
+    """Takes shots of a scene, at any values of some of its keys.
 
     Scales and tolerances are those of the scene as it was given, so that shots depend smoothly on the values.
 
