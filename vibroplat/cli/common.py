@@ -17,6 +17,7 @@ from vibroplat.system.terminal import compilation_progress
 
 if TYPE_CHECKING:
     from vibroplat.config.scene import Scene
+    from vibroplat.results.files import Command
     from vibroplat.study.store import Store
 
 # -- options ----------------------------------------------------------------------------------------------
@@ -100,6 +101,17 @@ def begin(store: Store, engine: str, *others: str) -> None:
     from vibroplat.study.fingerprint import arithmetic
 
     store.require("arithmetic", arithmetic(engine))
+
+
+def study_directory(out: Path, name: str, command: Command, *, resume: bool) -> Path:
+    """Make the directory of a study's results; what cannot be resumed there is refused."""
+    from vibroplat.results.files import read_provenance
+    from vibroplat.results.tables import result_directory
+
+    directory = result_directory(out, name)
+    if resume and (directory / "provenance.json").exists():
+        read_provenance(directory, command)
+    return directory
 
 
 @contextmanager

@@ -6,7 +6,7 @@ import sys
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -112,17 +112,6 @@ def _simulate(scene: Scene, start: Start, files: Files, *, check: bool) -> tuple
         return course.result, compared(course, progress=report)
 
 
-def _study_directory(out: Path, name: str, command: Literal["sweep", "orbits"], *, resume: bool) -> Path:
-    """Make the directory of a study's results; what cannot be resumed there is refused."""
-    from vibroplat.results.files import read_provenance
-    from vibroplat.results.tables import result_directory
-
-    directory = result_directory(out, name)
-    if resume and (directory / "provenance.json").exists():
-        read_provenance(directory, command)
-    return directory
-
-
 def sweep(
     config: Annotated[Path, typer.Argument(help="Configuration file with a sweep section.")],
     check: Annotated[
@@ -152,7 +141,7 @@ def sweep(
         planned = branches(scene)
     places = [] if check is None else chosen(planned, check)
     common.require_scheduler(scheduler)
-    directory = _study_directory(out, scene.name, "sweep", resume=resume)
+    directory = common.study_directory(out, scene.name, "sweep", resume=resume)
     common.tell_of_compilation(scene.solver.engine)
     from vibroplat.check.sweeps import check_points
     from vibroplat.integrate import other_engine
@@ -235,7 +224,7 @@ def orbits(
     from vibroplat.study.pool import pool
     from vibroplat.study.store import Store
 
-    directory = _study_directory(out, scene.name, "orbits", resume=resume)
+    directory = common.study_directory(out, scene.name, "orbits", resume=resume)
     kept: dict[str, Any] = {"file": FILE, "what": "parts of branches"}
     common.print_notes(notes_on_inputs(family.scene for family in plan.families))
     with Store(directory, conditions(scene), resume=resume, overwrite=overwrite, **kept) as store:

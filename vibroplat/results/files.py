@@ -34,9 +34,10 @@ from vibroplat.results.tables import (
     read_table,
     remove_file,
     remove_table,
+    text_writer,
 )
 
-Command = Literal["run", "sweep", "orbits", "paper"]
+Command = Literal["run", "sweep", "orbits", "basins", "find", "design", "paper"]
 #: Version of the contents of result directories; increased when an older reader would misread them.
 SCHEMA = 1
 
@@ -50,6 +51,7 @@ def write_result(
     *,
     form: Format,
     absent: Iterable[str] = (),
+    configurations: Mapping[str, str] | None = None,
 ) -> None:
     """Write the result of a command: all of its files or none.
 
@@ -70,6 +72,8 @@ def write_result(
         Format of the tables.
     absent
         Tables of former results that this one does not have.
+    configurations
+        Contents of YAML files, by name.
 
     Raises
     ------
@@ -88,6 +92,9 @@ def write_result(
         for name, value in (documents or {}).items():
             path = directory / f"{name}.json"
             files[path] = stack.enter_context(new_file(path, json_writer(value)))
+        for name, text in (configurations or {}).items():
+            path = directory / f"{name}.yaml"
+            files[path] = stack.enter_context(new_file(path, text_writer(text)))
         digests = {path.name: _sha256(temporary) for path, temporary in files.items()}
         proof = dict(origin) | {"command": command, "result": uuid.uuid4().hex, "files": digests}
         with replacing(directory):

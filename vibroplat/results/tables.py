@@ -388,5 +388,9 @@ def _temporary(path: Path) -> Iterator[Path]:
 
 def json_writer(value: Any) -> Writer:
     """Return a function that writes a value to a path; its numbers must be finite."""
-    text = json.dumps(value, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    return text_writer(json.dumps(value, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
+
+
+def text_writer(text: str) -> Writer:
+    """Return a function that writes a text to a path."""
     return lambda path: path.write_text(text, encoding="utf-8")

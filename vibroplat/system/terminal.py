@@ -54,9 +54,9 @@ def orbits_progress(name: str, branches: int) -> Iterator[Callable[[int, int, in
 
 
 @contextmanager
-def points_progress(name: str) -> Iterator[Callable[[int, int], None] | None]:
-    """Show the number of finished points, of at most so many."""
-    with _bar(name, 1, "points", "") as update:
+def points_progress(name: str, counted: str = "points") -> Iterator[Callable[[int, int], None] | None]:
+    """Show the number of finished points, or of what else is counted, of at most so many."""
+    with _bar(name, 1, counted, "") as update:
         yield update and (lambda finished, most: update(finished, total=most))
 
 

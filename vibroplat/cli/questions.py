@@ -1,0 +1,74 @@
+"""The commands that answer questions with many motions: ``basins``, ``find``, ``design``."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from vibroplat.cli import common
+from vibroplat.system.terminal import points_progress
+
+if TYPE_CHECKING:
+    from vibroplat.config.scene import Scene
+    from vibroplat.study.question import Question
+
+
+def _answer(
+    ask: Callable[[Scene], Question],
+    config: Path,
+    scene: Scene,
+    out: Path,
+    jobs: int,
+    scheduler: str | None,
+    wait: float,
+    form: Any,
+    *,
+    resume: bool,
+    overwrite: bool,
+) -> None:
+    """Answer the question that a section of a scene asks: write its tables and print what was found.
+
+    Finished tasks are stored, so that a command that was killed can be resumed. Exit code 1 says that motions failed.
+    """
+    common.tell_of_compilation(scene.solver.engine)
+    with common.about(config):
+        question = ask(scene)
+    common.require_scheduler(scheduler)
+    from vibroplat.config.plausibility import notes_on_inputs
+    from vibroplat.integrate import engine_name
+    from vibroplat.results.files import write_result
+    from vibroplat.results.provenance import provenance
+    from vibroplat.study.pool import pool
+    from vibroplat.study.store import Store
+    from vibroplat.study.sweep import conditions
+
+    command = question.command
+    directory = common.study_directory(out, scene.name, command, resume=resume)
+    kept: dict[str, Any] = {"file": f"{command}.sqlite", "what": question.counted}  # a sweep may have its points there
+    common.print_notes(notes_on_inputs(question.scenes()))
+    with Store(directory, conditions(scene), resume=resume, overwrite=overwrite, **kept) as store:
+        common.begin(store, scene.solver.engine)
+        began = time.perf_counter()
+        with (
+            pool(jobs, scheduler, wait=wait, chains=question.chains) as workers,
+            points_progress(scene.name, question.counted) as progress,
+        ):
+            found = question.answer(store, workers, progress or (lambda done, known: None))
+        seconds, known = time.perf_counter() - began, store.reused
+        store.finish()
+        origin, absent = provenance(scene, engine_name(scene)), question.absent - found.tables.keys()
+        write_result(
+            directory, command, origin, found.tables, form=form, absent=absent, configurations=found.configurations
+        )
+    took = f"{seconds:.3g} s" + (f", {known} {question.counted} from before" if known else "")
+    common.print_lines({**found.lines, "wall time": took, "tables": str(directory)})
+    for line in found.text:
+        print(line)
+    common.print_notes(list(found.notes))
+    common.complain_of(found.failures, f"{len(found.failures)} {question.counted} failed")
+    if found.failures:
+        raise typer.Exit(1)

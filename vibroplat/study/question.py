@@ -1,0 +1,87 @@
+"""Questions about a scene that many motions answer: basins, thresholds, designs; and what answers them in a pool."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import NamedTuple, Protocol
+
+import pandas as pd
+
+from vibroplat.config.scene import Scene
+from vibroplat.results.files import Command
+from vibroplat.study import WAIT
+from vibroplat.study.pool import Pool, pool
+from vibroplat.study.store import Store
+
+#: Called with the numbers of tasks that are done, and of all that are known.
+Progress = Callable[[int, int], object]
+
+
+class Answer(NamedTuple):
+    """What was found.
+
+    Attributes
+    ----------
+    tables
+        By name; those that a question may have and this one has not are not in it.
+    lines
+        Labels and texts of an overview.
+    text
+        Further lines that are printed below it.
+    notes
+        What deserves a second look.
+    failures
+        A line for each motion that failed.
+    configurations
+        Contents of YAML files, by name.
+    """
+
+    tables: Mapping[str, pd.DataFrame]
+    lines: Mapping[str, str]
+    text: Sequence[str] = ()
+    notes: Sequence[str] = ()
+    failures: Sequence[str] = ()
+    configurations: Mapping[str, str] = {}
+
+
+class Question(Protocol):
+    """A question that has been read from a section of a scene, and validated.
+
+    Attributes
+    ----------
+    command, scene
+        The command that asks it, whose section the scene has.
+    chains
+        The most chains of tasks that run side by side.
+    counted
+        What progress counts: ``starts``, ``values``, …
+    absent
+        Names of tables that an answer need not have.
+    """
+
+    command: Command
+    scene: Scene
+    chains: int
+    counted: str
+    absent: frozenset[str]
+
+    def scenes(self) -> Iterable[Scene]:
+        """Yield the scenes on whose input there may be notes."""
+
+    def answer(self, store: Store, workers: Pool, progress: Progress) -> Answer:
+        """Run what it takes in chains of stored tasks (:func:`vibroplat.study.pool.run_stored`), and make the tables.
+
+        The answer depends neither on the order in which workers finish nor on how many there are.
+        """
+
+
+def ask(
+    question: Question,
+    jobs: int = 1,
+    scheduler: str | None = None,
+    wait: float = WAIT,
+    progress: Progress = lambda done, known: None,
+) -> Answer:
+    """Answer a question and store nothing; parameters as those of :func:`vibroplat.study.sweep.sweep`."""
+    with Store(None, {}) as store, pool(jobs, scheduler, wait=wait, chains=question.chains) as workers:
+        return question.answer(store, workers, progress)
