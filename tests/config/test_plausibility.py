@@ -164,4 +164,5 @@ def test_keys_of_a_machine_that_are_left_out_are_noted(left_out, notes, tmp_path
 def test_each_of_two_motors_is_noted():
     motors = [{"critical_torque_n_m": 1.0}, SECTIONS["motor"].model_dump()]
     notes = notes_on_input(load_config(QUICKSTART, {"motors": motors}))
-    assert notes == ["motors.0: critical_slip, pole_pairs and friction_radius_m not given; taken from the paper's test rig"]
+    left_out = "critical_slip, pole_pairs and friction_radius_m"
+    assert notes == [f"motors.0: {left_out} not given; taken from the paper's test rig"]
