@@ -95,7 +95,7 @@ BY_ROOM = [
         "now * ratio / (1.0 - ratio) → now * ratio",
     ]),
     ("study plots", [
-        "(change > RISE * np.nanmax(height, initial=0.0)) & (change > ALONE * beside) → change > RISE * np.nanmax(height, initial=0.0)",
+        "& (change > ALONE * _beside(change)) → ",
         "lost | turned | leapt | rose → lost & turned | leapt | rose",
     ]),
     ("study", [
@@ -105,9 +105,9 @@ BY_ROOM = [
     # continuation
     ("continuation cli", [
         "math.prod((1.0 + self.multipliers) → math.prod((2.0 + self.multipliers)",
-        "weight**2 * ((1.0 - 2.0 * (place - here) * steepness) * point.u → weight**2 * ((1.0 + 2.0 * (place - here) * steepness) * point.u",
+        "(1.0 - 2.0 * away * steepness) → (1.0 + 2.0 * away * steepness)",
         "(np.abs(self.multipliers[nearest].imag) > REAL).all() → (np.abs(self.multipliers[nearest].imag) < REAL).all()",
-        "(apart > MOVED * np.maximum(1.0, np.abs(m))).any() → (apart < MOVED * np.maximum(1.0, np.abs(m))).any()",
+        "> MOVED * max(1.0, abs(m)) → < MOVED * max(1.0, abs(m))",
     ]),
     # figures
     ("plots page", [

@@ -241,8 +241,8 @@ def write_sweep(
     SpoiledError
         A record is missing or damaged; nothing is written.
     """
-    parts = list(tables(planned, store))
-    points = pd.concat(parts, ignore_index=True)
+    points = pd.concat(tables(planned, store), ignore_index=True)
+    parts = (points[place : place + CHUNK] for place in range(0, len(points), CHUNK))
     diagram = diagram_tables(planned, store) if planned[0].plan.kind == "bifurcation" else {}
     banded = bands(points)
     found: dict[str, Table] = {**diagram, "bands": banded, "sweep": parts}
