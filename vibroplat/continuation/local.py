@@ -56,7 +56,11 @@ class Local:
     """
 
     def __init__(
-        self, problem: Problem, found: NewtonResult, keys: Sequence[str], values: Sequence[float] | None = None
+        self,
+        problem: Problem,
+        found: NewtonResult,
+        keys: Sequence[str],
+        values: Sequence[float] | FloatArray | None = None,
     ) -> None:
         self.problem, self.found, self.keys = problem, found, tuple(keys)
         scene = problem.shooter.scene
@@ -206,7 +210,7 @@ class Local:
         return Local(self.problem, found, self.keys, values)
 
     def _along(self, changes: FloatArray) -> FloatArray:
-        """Derivatives of the unknowns along changes of all keys, shape (count, keys), from one varied shot."""
+        """Differentiate the unknowns along changes of all keys, shape (count, keys), by one varied shot."""
         directions = []
         for change in changes:
             step = STEP / float(np.abs(change / np.where(self.values == 0.0, 1.0, self.values)).max())

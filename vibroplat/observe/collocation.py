@@ -10,14 +10,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibroplat.kernels.compiled import FloatArray, compiled, fused, inlined
+from vibroplat.kernels.compiled import FloatArray, compiled, fused, fused_inline, inlined
 from vibroplat.kernels.lanes import reduce_16
 from vibroplat.kernels.linear import pivot_row
 from vibroplat.model.parameters import Parameters
 from vibroplat.model.systems import FULL_SIZE
 
-#: Columns that are reduced at once. Those of the right-hand sides are as many or a multiple: those of the start, then of
-#: the parameters by which the state is differentiated.
+#: Columns that are reduced at once. Right-hand sides are in whole lanes: first those of the start, then those of the
+#: parameters by which the state is differentiated.
 LANE = 16
 
 #: Longest step of the collocation, as a part of a turn of the synchronous speed and times the quickest natural
@@ -119,15 +119,7 @@ def collocate(n: int, h: float, method: Radau, a: FloatArray, b: FloatArray, mat
                 for c in range(n):
                     row[j * n + c] = -twice * a[i, r, c] - once * a[i, r, n + c]
             row[i * n + r] += 1.0
-            for j in range(right, end, LANE):
-                for k in range(LANE):
-                    row[j + k] = 0.0
-                for c in range(n):
-                    stiffness, damping = a[i, r, c], a[i, r, n + c] + lead * a[i, r, c]
-                    for k in range(LANE):
-                        row[j + k] += stiffness * s[c, j - right + k] + damping * s[n + c, j - right + k]
-            for k in range(b.shape[2]):
-                row[right + FULL_SIZE + k] += b[i, r, k]
+            right_hand_sides(n, lead, a[i, r], b[i, r], row[right:end], s)
     eliminate(matrix, m, right, end)
     last = points - 1
     for j in range(0, s.shape[1], LANE):
@@ -140,6 +132,20 @@ def collocate(n: int, h: float, method: Radau, a: FloatArray, b: FloatArray, mat
                     found = matrix[i * n + c, right + k]
                     s[c, k] += twice * found
                     s[n + c, k] += once * found
+
+
+@fused_inline
+def right_hand_sides(n: int, lead: float, a: FloatArray, b: FloatArray, row: FloatArray, s: FloatArray) -> None:
+    """Fill those of an acceleration at a point: what the state at the start of the step and the parameters cause."""
+    for j in range(0, row.size, LANE):
+        for k in range(j, j + LANE):
+            row[k] = 0.0
+        for c in range(n):
+            stiffness, damping = a[c], a[n + c] + lead * a[c]
+            for k in range(j, j + LANE):
+                row[k] += stiffness * s[c, k] + damping * s[n + c, k]
+    for k in range(b.size):
+        row[FULL_SIZE + k] += b[k]
 
 
 @inlined

@@ -93,7 +93,7 @@ class Variation:
     Parameters
     ----------
     directions
-        Derivatives of the parameters by any number of keys; see :func:`vibroplat.model.sensitivity.parameter_direction`.
+        Derivatives of the parameters by keys: see :func:`vibroplat.model.sensitivity.parameter_direction`.
     rough
         Whether errors of 3e-5 in a turn will do.
     """
