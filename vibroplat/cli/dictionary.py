@@ -11,6 +11,8 @@ from itertools import groupby
 from vibroplat.columns import Column, Columns, unit_of
 from vibroplat.config.keys import keys, yaml
 from vibroplat.continuation.tables import BOUNDARIES, BRANCHES, SPECIAL
+from vibroplat.designs.samples import SAMPLES
+from vibroplat.designs.sensitivities import SENSITIVITIES
 from vibroplat.motion.run import SUMMARY
 from vibroplat.observe.sheet import SHEET, of_points, whole_columns
 from vibroplat.observe.tables import EVENTS, TRAJECTORY
@@ -27,6 +29,8 @@ _SWEPT = {
     "…": Column("the key of sweep.over in place of the supply, and those of the grid, by their dotted names"),
 }
 _FOLLOWED = {"…": Column("the keys of the grid and the keys that vary, by their dotted names", "see configuration.md")}
+_SPREAD = {"…": Column("the keys that vary, by their dotted names", "see configuration.md")}
+_MEASURED = {"measures": Column("the measures that were asked for", "by their names, as in sweep")}
 _POINTS = of_points(["NAME"])
 _IN_ORDER = {SUPPLY: SWEEP[SUPPLY], **_SWEPT, **{name: SWEEP[name] for name in (*COLUMNS, *SHEET)}, **_POINTS}
 
@@ -64,6 +68,8 @@ TABLES: dict[str, tuple[str, Columns]] = {
         "`vibroplat orbits` with `boundaries`: the points of each curve in their order.",
         {**_FOLLOWED, **BOUNDARIES},
     ),
+    "sensitivities": ("`vibroplat design`: a row for each measure and key.", SENSITIVITIES),
+    "samples": ("`vibroplat design` with `spread`: a row for each sample.", {**_SPREAD, **SAMPLES, **_MEASURED}),
     "claims": ("`vibroplat paper`: a row for each claim.", CLAIMS),
     "contradictions": ("`vibroplat paper`: the paper's numbers against its figures.", CONTRADICTIONS),
     "fig4, fig5, fig7": (

@@ -27,12 +27,15 @@ class DesignPlan(Section, title="Design"):
         {}, description="a measure of subject and values of its bound, one after the other: a Pareto front"
     )
     spread: dict[str, Annotated[Share, Field(gt=0.0, lt=1.0)]] = Field(
-        {}, description="keys and their tolerances to either side, over their values, as {machine.platform_mass_kg: 0.05}"
+        {},
+        description="keys and their tolerances to either side, over their values: {machine.platform_mass_kg: 0.05}",
     )
     samples: Annotated[int, Field(ge=0, le=100_000)] = Field(
         200, description="scenes within the spread that are measured, spread evenly; 0: none"
     )
-    starts: Annotated[int, Field(ge=1, le=1000)] = Field(5, description="starts of the search, the scene's values first")
+    starts: Annotated[int, Field(ge=1, le=1000)] = Field(
+        5, description="starts of the search, first the scene's values"
+    )
     seed: Annotated[int, Field(ge=0, le=2**31 - 1)] = Field(0, description="seed of samples and starts")
 
     @model_validator(mode="after")

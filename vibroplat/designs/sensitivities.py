@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from contextlib import closing
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
 from vibroplat.columns import Column, Columns
@@ -18,6 +16,7 @@ from vibroplat.continuation.local import Local
 from vibroplat.continuation.newton import MissedError
 from vibroplat.continuation.orbit import Orbit, OrbitError
 from vibroplat.errors import ConfigError
+from vibroplat.frames import labelled
 from vibroplat.model.parameters import parameters
 from vibroplat.model.sensitivity import SECTIONS, flat, value_of, with_value
 from vibroplat.observe.sheet import columns
@@ -28,6 +27,8 @@ from vibroplat.study.store import Record
 USUAL = ("rms_x_m", "rms_y_m", "excitation_frequency_hz", "motor_power_w", "contact_force_max_n", "margin")
 #: Residual of orbits whose measures are differentiated.
 TOLERANCE = 1e-9
+#: RMS of a coordinate, over the larger of those of x and y, that is none.
+NOTHING = 1e-7
 #: Change of a key, over its value, that tells whether the equations have it.
 _CHANGE = 1e-6
 
@@ -36,7 +37,8 @@ SENSITIVITIES: Columns = {
     "key": Column("dotted key of the scene"),
     "derivative": Column("derivative of the measure by the key, along the orbit", "in the unit of one over the other"),
     "elasticity": Column(
-        "relative change of the measure over that of the key", "derivative × key / measure; empty where the measure is 0"
+        "relative change of the measure over that of the key",
+        "derivative × key / measure; empty where that is 0",
     ),
 }
 
@@ -70,9 +72,14 @@ def require_keys(scene: Scene, keys: Sequence[str], where: str) -> None:
             raise ConfigError(f"{where}.{key} cannot be varied; allowed: {', '.join(allowed)}")
 
 
+def measured_names(scene: Scene) -> list[str]:
+    """List the measures of a scene's orbits."""
+    return ["margin", *MEASURED, *columns(scene)]
+
+
 def require_measures(scene: Scene, names: Sequence[str], where: str) -> None:
     """Refuse names that are no measures of a scene's orbits (ConfigError)."""
-    allowed = ["margin", *MEASURED, *columns(scene)]
+    allowed = measured_names(scene)
     for name in names:
         if name not in allowed:
             raise ConfigError(f"{where}: {name} is no measure of this scene; allowed: {', '.join(allowed)}")
@@ -123,27 +130,35 @@ def rows(local: Local, names: Sequence[str]) -> list[dict[str, Any]]:
         found = local.gradients(names)
     except MissedError as error:
         raise OrbitError(f"the measures cannot be differentiated: {error}") from None
-    table = []
-    for name, slopes in zip(names, found, strict=True):
+    found_rows = []
+    nothing = NOTHING * max(local.measures["rms_x_m"], local.measures["rms_y_m"])  # round-off of a symmetrical motion
+    for name, by_key in zip(names, found.tolist(), strict=True):
         nominal = local.measures[name]
-        for key, value, slope in zip(local.keys, local.values.tolist(), slopes.tolist(), strict=True):
-            elasticity = slope * value / nominal if nominal else math.nan
-            table.append({"measure": name, "key": key, "derivative": slope, "elasticity": elasticity})
-    return table
+        told = nominal and not (name.startswith("rms") and nominal < nothing)
+        for key, value, slope in zip(local.keys, map(float, local.values), by_key, strict=True):
+            elasticity = slope * value / nominal if told else None
+            found_rows.append({"measure": name, "key": key, "derivative": slope, "elasticity": elasticity})
+    return found_rows
 
 
 def sensitivities(
-    orbit: Orbit, keys: Sequence[str] | None = None, measures: Sequence[str] = USUAL
+    orbit: Orbit, keys: Sequence[str] | None = None, measures: Sequence[str] | None = None
 ) -> pd.DataFrame:
     """Differentiate measures of an orbit by keys; see :meth:`vibroplat.Orbit.sensitivities`."""
     keys = varied_keys(orbit.scene) if keys is None else keys
     require_keys(orbit.scene, keys, "keys")
-    require_measures(orbit.scene, [name for name in measures if name not in USUAL], "measures")
+    require_measures(orbit.scene, measures or (), "measures")
     with closing(Local.near(orbit.scene, keys, orbit, tolerance=TOLERANCE)) as local:
-        return pd.DataFrame(rows(local, measures), columns=list(SENSITIVITIES))
+        return table(rows(local, USUAL if measures is None else measures))
+
+
+def table(rows: Sequence[dict[str, Any]]) -> pd.DataFrame:
+    """Make the table of sensitivities."""
+    types: dict[str, Any] = {"measure": "str", "key": "str", "derivative": float, "elasticity": float}
+    return labelled(pd.DataFrame(rows, columns=list(types)).astype(types), SENSITIVITIES)
 
 
 def largest(table: Sequence[dict[str, Any]], measure: str, most: int) -> list[dict[str, Any]]:
     """Choose the rows of a measure with the largest elasticities."""
-    own = [row for row in table if row["measure"] == measure and np.isfinite(row["elasticity"])]
+    own = [row for row in table if row["measure"] == measure and row["elasticity"] is not None]
     return sorted(own, key=lambda row: -abs(row["elasticity"]))[:most]

@@ -15,7 +15,7 @@ import pandas as pd
 from vibroplat.columns import Column, Columns
 from vibroplat.config.scene import Scene
 from vibroplat.continuation.newton import MissedError
-from vibroplat.design.sensitivities import TOLERANCE, begun, settling
+from vibroplat.designs.sensitivities import begun, settling
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.study.point import measure_point
 from vibroplat.study.store import Record
@@ -37,14 +37,12 @@ SAMPLES: Columns = {
 }
 
 
-def within(plan_seed: int, count: int, first: int, stop: int) -> FloatArray:
+def within(seed: int, count: int, first: int, stop: int) -> FloatArray:
     """Numbers from −1 to 1 for each of so many keys, spread evenly (Sobol 1967), shape (stop − first, count)."""
     from scipy.stats import qmc  # noqa: PLC0415  (a second to import)
 
-    sobol = qmc.Sobol(count, rng=np.random.default_rng(plan_seed))
-    if first:
-        sobol.fast_forward(first)
-    return np.asarray(2.0 * sobol.random(stop - first) - 1.0)
+    points = qmc.Sobol(count, seed=seed).random_base2(max(stop - 1, 1).bit_length())
+    return np.asarray(2.0 * points[first:stop] - 1.0)
 
 
 def sampled(scene: Scene, names: Sequence[str], known: Record, first: int, stop: int) -> Record:
