@@ -147,7 +147,7 @@ def test_a_scene_without_a_machine_says_which_it_takes():
     ("left_out", "notes"),
     [
         ("stiffness_x_n_per_m", ["machine: stiffness_x_n_per_m not given"]),
-        ("stiffness_x_n_per_m damping_y_n_s_per_m", ["machine: stiffness_x_n_per_m and 1 more key not given"]),
+        ("stiffness_x_n_per_m damping_y_n_s_per_m", ["machine: stiffness_x_n_per_m and damping_y_n_s_per_m not given"]),
         ("gravity_m_per_s2", []),
     ],
 )
@@ -164,4 +164,5 @@ def test_keys_of_a_machine_that_are_left_out_are_noted(left_out, notes, tmp_path
 def test_each_of_two_motors_is_noted():
     motors = [{"critical_torque_n_m": 1.0}, SECTIONS["motor"].model_dump()]
     notes = notes_on_input(load_config(QUICKSTART, {"motors": motors}))
-    assert notes == ["motors.0: critical_slip and 2 more keys not given; taken from the paper's test rig"]
+    left_out = "critical_slip, pole_pairs and friction_radius_m"
+    assert notes == [f"motors.0: {left_out} not given; taken from the paper's test rig"]

@@ -437,7 +437,7 @@ def test_a_sweep_prints_its_notes_and_keeps_those_of_points(command, kernels, he
     notes = [line for line in done.out.splitlines() if line.startswith("note: ")]
     assert notes[:2] == [
         "note: machine: platform_mass_kg and 11 more keys not given; taken from the paper's test rig",
-        "note: motor: pole_pairs and 1 more key not given; taken from the paper's test rig",
+        "note: motor: pole_pairs and friction_radius_m not given; taken from the paper's test rig",
     ]
     assert len(notes) == 3
     assert notes[2].startswith("note: 2 points at a supply of 50 … 50.5 Hz, the first: exciter 1 ")

@@ -20,6 +20,8 @@ from vibroplat.config.sections import OF_EXCITERS, Motor
 ONE_SWING = 0.7246
 #: Keys whose default holds for any machine.
 COMMON = frozenset({"gravity_m_per_s2"})
+#: Most keys that were left out and are all named.
+NAMED = 3
 
 
 class Quantity(NamedTuple):
@@ -188,7 +190,8 @@ def _by_default(name: str, section: BaseModel, elsewhere: Collection[str] = ()) 
     missing = [key for key in keys if key not in section.model_fields_set]
     if not missing:
         return ""
-    more = len(missing) - 1
-    which = missing[0] if more == 0 else f"{missing[0]} and {more} more key{'s' if more > 1 else ''}"
+    several = len(missing) > NAMED
+    *first, last = (missing[0], f"{len(missing) - 1} more keys") if several else missing
+    which = f"{', '.join(first)} and {last}" if first else last
     what = "no key given" if not section.model_fields_set else f"{which} not given"
     return f"{name}: {what}; taken from the paper's test rig"

@@ -147,12 +147,13 @@ def run_data(
 def _parts(found: Saved, mean: float) -> Iterator[pd.DataFrame]:
     """Read the trajectory in parts, with what follows from its columns; speeds (Hz) are counted from a mean."""
     sign, rest = -1.0 if found.scene.co_rotating else 1.0, rest_of(found.scene)
+    forward = [exciter.direction / (2.0 * np.pi) for exciter in found.scene.exciter_pair]
     for part in map(finite, found.column_parts("trajectory", ("mode",), _NEEDED, _OPTIONAL)):
         table = part.assign(
             y_m=part["y_m"] - rest,
             phase=wrapped((part["phi1_rad"] + sign * part["phi2_rad"]).to_numpy(dtype=float)),
-            speed_1=part[SPEEDS[0]].abs() / (2.0 * np.pi) - mean,
-            speed_2=part[SPEEDS[1]].abs() / (2.0 * np.pi) - mean,
+            speed_1=forward[0] * part[SPEEDS[0]] - mean,
+            speed_2=forward[1] * part[SPEEDS[1]] - mean,
             phi1_rad=np.mod(part["phi1_rad"], 2.0 * np.pi),
             phi2_rad=np.mod(part["phi2_rad"], 2.0 * np.pi),
         )

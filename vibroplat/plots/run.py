@@ -203,7 +203,7 @@ def _draw(axis: Axes, shown: Shown, column: str, *, detail: bool = True) -> None
     if column == "y_m" and all(run.from_rest for run in shown.runs):
         axis.set_ylabel(timelines.FROM_REST)
     if shown.data is not None:
-        shown.data.draw(axis, "t_s", column)
+        shown.data.draw(axis, "t_s", column, inside=True)
     if detail and column in ("x_m", "y_m"):
         _no_noise(axis, shown)
 

@@ -37,6 +37,8 @@ TURN = 2.0 * np.pi
 LOWEST_PHASE = -0.5 * np.pi
 #: Most wraps of a line of common width; of more, nothing but a drift is to be seen.
 MOST_WRAPS = 60
+#: Most measured points that are drawn large.
+MOST_LARGE = 100
 #: A step of the phase difference that is a wrap, not a motion (rad).
 WRAP = np.pi
 
@@ -135,9 +137,13 @@ def draw_impulses(axis: Axes, events: pd.DataFrame, color: str = BLACK, label: s
 def draw_speeds(
     axis: Axes, table: pd.DataFrame, colours: tuple[str, str] = (CURVES[0], CURVES[1]), name: str = ""
 ) -> Axes:
-    """Draw the speeds of both exciters (Hz) over time; that of exciter 2 is thinner, and dashed, above the other."""
+    """Draw the speeds of both exciters (Hz) over time; that of exciter 2 is thinner, and dashed, above the other.
+
+    Each is positive in the direction in which the exciter turns on the whole: one that swings at last passes 0.
+    """
     for number, style, width, colour in ((1, "-", 2.0, colours[0]), (2, "--", 0.9, colours[1])):
-        speed = table[f"phi{number}_rate_rad_per_s"].abs() / TURN
+        rates = table[f"phi{number}_rate_rad_per_s"]
+        speed = rates * (-1.0 if rates.sum() < 0.0 else 1.0) / TURN
         axis.plot(table["t_s"], speed, style, lw=width, color=colour, label=f"{name}exciter {number}")
     axis.set_ylabel("speed (Hz)")
     return axis
@@ -226,12 +232,18 @@ class Measured:
     name: str
     table: pd.DataFrame
 
-    def draw(self, axis: Axes, x: str, column: str) -> Axes:
-        """Draw a column over another where the data have both, in black diamonds."""
+    def draw(self, axis: Axes, x: str, column: str, *, inside: bool = False) -> Axes:
+        """Draw a column over another where the data have both, in black diamonds, smaller ones if they are many.
+
+        With ``inside``, what lies beside all that has been drawn is left out.
+        """
         if {x, column} <= {*self.table.columns}:
-            values = in_units(self.table[column], column)
-            look: dict[str, Any] = {"color": BLACK, "mfc": "white", "ms": 4.0, "mew": 1.0, "zorder": 5.0, "ls": ""}
-            axis.plot(self.table[x], values, marker="D", label=f"measured: {plain(self.name)}", **look)
+            low, high = axis.dataLim.intervalx if inside else (-np.inf, np.inf)
+            table = self.table[self.table[x].between(low, high)]
+            size, edge = (4.0, 1.0) if len(table) <= MOST_LARGE else (2.0, 0.5)
+            look: dict[str, Any] = {"color": BLACK, "mfc": "white", "ms": size, "mew": edge, "zorder": 5.0, "ls": ""}
+            values = in_units(table[column], column)
+            axis.plot(table[x], values, marker="D", label=f"measured: {plain(self.name)}", **look)
         return axis
 
 
