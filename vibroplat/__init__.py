@@ -13,6 +13,7 @@ from vibroplat.extensions import PROVIDERS
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
+    from vibroplat.basin.question import basins
     from vibroplat.check.runs import check_run
     from vibroplat.check.sweeps import check_sweep
     from vibroplat.config.drive import Drive
@@ -56,6 +57,7 @@ _HOMES = {
     "orbit": "vibroplat.continuation.orbit",
     "orbits": "vibroplat.continuation.tables",
     "sweep": "vibroplat.study.sweep",
+    "basins": "vibroplat.basin.question",
 }
 # runs, orbits and tables know nothing else of what draws them, sweeps nothing else of orbits
 PROVIDERS |= {
@@ -80,6 +82,7 @@ __all__ = [
     "State",
     "Trajectory",
     "__version__",
+    "basins",
     "check_run",
     "check_sweep",
     "load",

@@ -42,6 +42,8 @@ LOOK, NEAR = 16, 0.05
 SAME = 1e-4
 #: Turns over which a motion that does not repeat is measured to tell it from others.
 MEASURED_TURNS = 256
+#: What tells motions apart that do not repeat.
+TOLD = ("rms_x_m", "rms_y_m", "rms_phi_rad")
 
 
 def same_orbit(one: Record, other: Record, scales: FloatArray) -> bool:
@@ -126,8 +128,10 @@ class Follower:
         """Gather the ellipsoids of all attractors for compiled code, and whose they are."""
         sizes = [len(known["forms"]) for known in self.attractors]
         self._owners = np.repeat(np.arange(len(sizes)), sizes).tolist()
-        gathered = [[part for a in self.attractors if a["forms"] for part in a[name]] for name in ("centres", "forms", "systems")]
-        centres, forms, systems = gathered
+        centres, forms, systems = (
+            [part for known in self.attractors if known["forms"] for part in known[name]]
+            for name in ("centres", "forms", "systems")
+        )
         self._packed = (
             np.array(centres, dtype=float).reshape(-1, 14),
             np.array(forms, dtype=float).reshape(-1, 14, 14),
@@ -156,10 +160,6 @@ class Follower:
         return found
 
 
-#: What tells motions apart that do not repeat.
-TOLD = ("rms_x_m", "rms_y_m", "rms_phi_rad")
-
-
 def follow_starts(scene: Scene, plan: BasinsPlan, first: int, count: int, known: Sequence[Record]) -> Record:
     """Follow some starts; return what became of each, and the attractors that were found besides the known ones."""
     with closing(Follower(scene, plan.longest_turns, known)) as follower:
@@ -167,13 +167,10 @@ def follow_starts(scene: Scene, plan: BasinsPlan, first: int, count: int, known:
         return {"starts": [follower.follow(state) for state in states], "found": follower.attractors[len(known) :]}
 
 
-def representative(scene: Scene, plan: BasinsPlan, state: list[float], known: Sequence[Record]) -> Record:
-    """Measure and classify a motion that has come to no orbit in the time given; on one after all, say on which."""
+def representative(scene: Scene, state: list[float]) -> Record:
+    """Measure and classify a motion that has come to no orbit in the time given."""
     frequency = scene.drive.largest_frequency
-    how = SweepPlan.model_validate({"supply_frequency_hz": {"start": frequency, "stop": frequency}, "perturbation": 0.0})
-    point = measure_point(scene, how, state, (0,))
-    record: Record = {"row": point.row, "state": point.state, "centres": [], "forms": [], "systems": [], "radius": None}
-    for number, attractor in enumerate(known):
-        if point.state is not None and point.row.get("period") and same_orbit(record, attractor, state_scales(scene)):
-            return {"known": number}
-    return record
+    plan = {"supply_frequency_hz": {"start": frequency, "stop": frequency}, "perturbation": 0.0}
+    point = measure_point(scene, SweepPlan.model_validate(plan), state, (0,))
+    del point.row["wall_s"]
+    return {"row": point.row, "state": point.state, "centres": [point.state], "forms": [], "radius": None}

@@ -13,7 +13,6 @@ from vibroplat.config.scene import Scene
 from vibroplat.errors import ConfigError
 from vibroplat.hybrid.state import initial_state, perturbed
 from vibroplat.kernels.compiled import FloatArray
-from vibroplat.model.systems import GAP, GAP_RATE
 
 _STATE = {f"{INITIAL}state.{name}": place for place, name in enumerate((*COORDINATES, *RATES))}
 
@@ -74,19 +73,12 @@ def begun(scene: Scene, plan: BasinsPlan) -> Scene:
         A start is outside the model: the key, its value and what is allowed.
     """
     begins = scene
-    for key, (low, high, *_) in plan.starts.items():
-        for value in (low, high):
-            try:
-                changed = scene.replace({key: value})
-            except ConfigError as error:
-                raise ConfigError(f"basins.starts: {error}") from None
-            if key not in _STATE:
-                begins = begins.replace({key: value})
-            elif abs(value) and _STATE[key] % 7 not in changed.coordinates:
-                raise ConfigError(f"basins.starts.{key} = {value} but this scene has no such coordinate")
-    closing = plan.starts.get(f"{INITIAL}state.{RATES[GAP]}", [0.0])[0] < 0.0
-    if closing and plan.starts.get(f"{INITIAL}state.{COORDINATES[GAP]}", [0.0])[0] <= 0.0:
-        raise ConfigError(
-            f"basins.starts.{INITIAL}state.{RATES[GAP]} closes a gap that is 0; allowed: at least 0, or gaps above 0"
-        )
+    for end in (0, 1):
+        values = {key: ends[end] for key, ends in plan.starts.items()}
+        phases = {key: value for key, value in values.items() if key not in _STATE}
+        try:
+            begins = begins.replace(phases)
+            scene.replace({key: value for key, value in values.items() if key in _STATE})
+        except ConfigError as error:
+            raise ConfigError(f"basins.starts: {error}") from None
     return begins

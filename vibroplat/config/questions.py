@@ -22,9 +22,7 @@ RANDOM, MAX_STARTS = 1000, 10_000_000
 class BasinsPlan(Section, title="Basins"):
     """Starts from a box of initial states, and how long the motions from there are followed."""
 
-    starts: Annotated[
-        dict[str, Annotated[list[Real], Field(min_length=2, max_length=3)]], Field(min_length=1)
-    ] = Field(
+    starts: Annotated[dict[str, Annotated[list[Real], Field(min_length=2, max_length=3)]], Field(min_length=1)] = Field(
         description="keys of run.initial, phases and speed_ratio as well as state.NAME, and their ranges: "
         "[low, high, count] is a grid, [low, high] at random; what is not named is as in run.initial"
     )
@@ -41,7 +39,9 @@ class BasinsPlan(Section, title="Basins"):
     def _possible(self) -> Self:
         for key, (low, high, *count) in self.starts.items():
             if key not in STARTS:
-                raise ValueError(f"starts.{key!a} is no key of a start; allowed: {', '.join(STARTS[:5])}, … of run.initial")
+                raise ValueError(
+                    f"starts.{key!a} is no key of a start; allowed: {', '.join(STARTS[:5])}, … of run.initial"
+                )
             if not low < high:
                 raise ValueError(f"starts.{key} = [{low:g}, {high:g}] is empty; allowed: a low end below the high one")
             if count and not (count[0].is_integer() and 2 <= count[0] <= MAX_STARTS):

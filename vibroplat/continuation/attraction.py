@@ -31,8 +31,8 @@ PROMISED = 0.5
 #: The same on a motion's own way; the periods in each of which it must be seen, from where the motion is and from
 #: places on the way, each SHRINK times as far from the orbit as the one before; and the number of all places.
 ON_WAY, FIRST_PERIODS, PERIODS, PLACES = 0.25, 16, 4, 4
-#: Most halvings of an ellipsoid that is to hold no state of another basin, and directions in which its shells are tested.
-#: Of 400 starts none was assigned wrongly by ellipsoids four times as large, 62 by those sixteen times as large.
+#: Most halvings of an ellipsoid that is to hold no state of another basin, and directions in which it is tested. Of 400
+#: starts none was assigned wrongly by ellipsoids four times as large, 62 by those sixteen times as large.
 HALVINGS, SURELY = 14, 48
 #: Periods after which motion from there must be nearer: at first, where the slowest decay curves, it may go away.
 LATER = 8
@@ -122,9 +122,7 @@ class Attraction:
     def _length(self, offset: FloatArray) -> float:
         return float(np.linalg.norm(self._norm @ offset))
 
-    def _comes_nearer(
-        self, shooter: Shooter, offset: FloatArray, looks: int, bound: float, periods: int = 1
-    ) -> bool:
+    def _comes_nearer(self, shooter: Shooter, offset: FloatArray, looks: int, bound: float, periods: int = 1) -> bool:
         """Whether a distance is multiplied by less than a bound from look to look, down to what says nothing.
 
         ``periods`` are those between two looks.

@@ -199,9 +199,7 @@ def _sought(scene: Scene, plan: SweepPlan, start: FloatArray, seeker: Seeker) ->
     return _followed(scene, plan, *(seeker.reached or (start, 0.0)), seeker)
 
 
-def on_orbit(
-    scene: Scene, orbit: KnownOrbit, settled: float, work: Mapping[str, int | None], events: int = 0
-) -> Point:
+def on_orbit(scene: Scene, orbit: KnownOrbit, settled: float, work: Mapping[str, int | None], events: int = 0) -> Point:
     """Tell what is known of the orbit that a motion comes to, which has settled for a time (s), with some events."""
     found = orbit.measures
     row: dict[str, Any] = {
