@@ -342,3 +342,14 @@ def test_inelastic_closing_loses_two_dimensions(layers, engine):
     values = np.linalg.svd(found[np.ix_(places, places)], compute_uv=False)
     assert values[-3] > 1e-6
     assert (values[-2:] < 1e-12).all()
+
+
+def test_a_column_does_not_depend_on_how_many_others_there_are():
+    scene = Scene(material=MATERIALS[2], **SETUPS["unequal"])
+    keys = [*KEYS, *(f"machine.{name}" for name in Machine.model_fields if name.startswith(("damping", "stiffness")))]
+    keys += ["material.natural_frequency_hz", "material.damping_ratio", "machine.platform_mass_kg"] * 7
+    wide = variation(scene, seconds=0.3, keys=keys).derivative
+    assert wide.shape[1] > 3 * 14
+    for k in (0, 1, len(keys) - 1):
+        alone = variation(scene, seconds=0.3, keys=keys[k]).derivative
+        np.testing.assert_array_equal(wide.iloc[:, [*range(14), 14 + k]], alone)

@@ -38,12 +38,16 @@ ANGLE = 3
 
 
 class MissedError(ArithmeticError):
-    """No orbit was found: why, in a clause, and the residuals of all iterations, in the scales of the scene."""
+    """No orbit was found: why, in a clause, and the residuals of all iterations, in the scales of the scene.
 
-    def __init__(self, why: str, residuals: Sequence[float] = ()) -> None:
+    It may be because of where the ``section`` lies, beside an event.
+    """
+
+    def __init__(self, why: str, residuals: Sequence[float] = (), *, section: bool = False) -> None:
         super().__init__(why)
         self.why = why
         self.residuals = tuple(residuals)
+        self.section = section
 
 
 class Chart:
@@ -190,7 +194,7 @@ class Problem:
         if not period > 0.0 or period * chart.speed > 1e4:
             raise MissedError(f"Newton's method went to a period of {period:.3g} s")
         if GAP in chart.places and state[GAP] <= 0.0:
-            raise MissedError("the gap closed on the section")
+            raise MissedError("the gap closed on the section", section=True)
         try:
             self.shooter.set(values)
         except ValueError as error:
@@ -199,7 +203,7 @@ class Problem:
         if shot.outcome != "ok":
             raise MissedError(f"{shot.outcome}: {shot.detail}")
         if not shot.begins == shot.ends == chart.system:
-            raise MissedError("the mode on the section changed")
+            raise MissedError("the mode on the section changed", section=True)
         residual = np.empty(chart.scales.size)
         subtract(shot.state, state, self._turned, chart.places, chart.scales, residual)
         if not largest(residual) < FAR:
@@ -245,9 +249,15 @@ class Problem:
         Returns the orbit as chart and unknowns, and the directions carried along it, of length 1.
         """
         when = orbit.shot.far_from_events()
-        if when <= 0.0:
+        moved = self.moved(orbit.chart, orbit.u, when) if when > 0.0 else None
+        if moved is None:
             return None
-        state, period, values = orbit.chart.unpack(orbit.u)
+        there, u, way = moved
+        return there, u, [self._carried(orbit.chart, there, way, d) for d in directions]
+
+    def moved(self, chart: Chart, u: FloatArray, when: float) -> tuple[Chart, FloatArray, Shot] | None:
+        """Move the section to a later time of a motion (s): chart, unknowns and the way there; None if it ends."""
+        state, period, values = chart.unpack(u)
         self.shooter.set(values)
         way = self.shooter.shot(state, when, full=True)
         if way.outcome != "ok":
@@ -257,7 +267,7 @@ class Problem:
         if GAP not in SYSTEMS[way.ends].places:
             moved[[GAP, GAP_RATE]] = 0.0
         there = self.chart(moved, way.ends)
-        return there, there.pack(moved, period, values), [self._carried(orbit.chart, there, way, d) for d in directions]
+        return there, there.pack(moved, period, values), way
 
     def _carried(self, here: Chart, there: Chart, way: Shot, direction: FloatArray) -> FloatArray:
         """Carry a direction of unknowns along a part of an orbit, to another section."""
@@ -315,6 +325,7 @@ def correct(
     jacobian: FloatArray | None = None,
     most: int = 12,
     slack: FloatArray | None = None,
+    halvings: int = 0,
 ) -> NewtonResult:
     """Find an orbit near a vector of unknowns, in the directions that a border leaves free.
 
@@ -328,6 +339,8 @@ def correct(
         Largest number of iterations.
     slack
         A vector, of which the residual may have as much as it needs; then the border has a row more.
+    halvings
+        How often a step is halved, at most, after which an event has passed the section.
 
     Raises
     ------
@@ -336,7 +349,7 @@ def correct(
     """
     begun, residuals = u, list[float]()
     full = jacobian is None
-    step, left, much = np.zeros_like(u), np.zeros(0), 0.0
+    step, left, much, halved = np.zeros_like(u), np.zeros(0), 0.0, 0
     while len(residuals) < most:
         try:
             residual, shot = problem.shoot(chart, u, full=full)
@@ -357,8 +370,43 @@ def correct(
                 improve(jacobian, step, residual - left)
             found = solved(bordered(jacobian, border, slack), -np.append(missing, border @ (u - begun)), LONGEST)
         except MissedError as error:
-            raise MissedError(error.why, residuals) from None
+            if error.section and step.any() and halved < halvings:
+                halved, step, full = halved + 1, 0.5 * step, True
+                u = u - step
+                continue
+            raise MissedError(error.why, residuals, section=error.section) from None
+        halved = 0
         step, more = found[: u.size], float(found[u.size :].sum())
         u, left, much = u + step, residual, much + more
         full = size < QUICK * problem.tolerance
     raise MissedError(f"no convergence in {most} iterations", residuals)
+
+
+def correct_anywhere(problem: Problem, chart: Chart, u: FloatArray, most: int) -> NewtonResult:
+    """Find an orbit near a vector of unknowns with its keys held; if an event passes the section, on another section.
+
+    That is what happens to guesses from chaotic motion. The other one lies in the middle of a piece between events.
+
+    Raises
+    ------
+    MissedError
+        There is none.
+    """
+    try:
+        return correct(problem, chart, u, held(chart), most=most)
+    except MissedError as error:
+        if not error.section:
+            raise
+        state, period, values = chart.unpack(u)
+        problem.shooter.set(values)
+        guess = problem.shooter.shot(state, period, full=True)
+        moved = problem.moved(chart, u, guess.far_from_events()) if guess.outcome == "ok" else None
+        if moved is None:
+            raise
+    return correct(problem, *moved[:2], held(moved[0]), most=2 * most, halvings=4)
+
+
+def held(chart: Chart) -> FloatArray:
+    """Return the border with which the keys keep their values, shape (keys, m + keys)."""
+    m = chart.places.size
+    return np.eye(m + len(chart.units))[m:]

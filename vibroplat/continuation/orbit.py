@@ -18,8 +18,8 @@ import pandas as pd
 from vibroplat.config.coordinates import COORDINATES, RATES
 from vibroplat.config.plans import FREQUENCY
 from vibroplat.config.scene import Scene
-from vibroplat.continuation.newton import MissedError, NewtonResult, Problem, correct, n_unstable
-from vibroplat.continuation.shooting import TURN, Shooter, spelled
+from vibroplat.continuation.newton import MissedError, NewtonResult, Problem, correct_anywhere, n_unstable
+from vibroplat.continuation.shooting import TURN, Shooter, Shot, spelled
 from vibroplat.errors import ConfigError, VibroplatError
 from vibroplat.extensions import figure_of
 from vibroplat.hybrid.modes import IMPACT
@@ -382,7 +382,7 @@ def _from_state(
     problem = Problem(shooter, turns, units, tolerance)
     chart = problem.chart(state, shot.begins)
     u = chart.pack(state, shot.duration, [shooter.held[key] for key in shooter.keys])
-    return problem, correct(problem, chart, u, np.eye(u.size)[u.size - len(units) :], most=20)
+    return problem, correct_anywhere(problem, chart, u, 20)
 
 
 def _require_whole(problem: Problem, found: NewtonResult, period: int) -> None:
@@ -409,13 +409,17 @@ def measures_of_orbit(problem: Problem, found: NewtonResult) -> dict[str, Any]:
     """Return the measures of a sweep over the period of an orbit, as in its rows."""
     shooter, values = problem.shooter, found.chart.unpack(found.u)[2]
     scene = shooter.scene_at(dict(zip(shooter.keys, values, strict=True)))
-    row = row_of(measured_over_period(problem, found, scene), scene, near=ANTIPHASE_OF_ORBITS)
+    return measures_of(problem, found.shot, scene)
+
+
+def measures_of(problem: Problem, shot: Shot, scene: Scene) -> dict[str, Any]:
+    """Return the measures of a sweep over a measured shot of an orbit's period."""
+    row = row_of(measured_over_period(problem, shot, scene), scene, near=ANTIPHASE_OF_ORBITS)
     return {name: row[name] for name in (*MEASURED, "sync", "notes", *columns(scene))}
 
 
-def measured_over_period(problem: Problem, found: NewtonResult, scene: Scene) -> dict[str, Any]:
+def measured_over_period(problem: Problem, shot: Shot, scene: Scene) -> dict[str, Any]:
     """Gather what was measured over the period of a scene's orbit; see :func:`vibroplat.observe.summary.measured`."""
-    shot = found.shot
     assert isinstance(shot.part, Part)
     first, second = (abs(n) / shot.duration for n in problem.turns)
     speeds = {"excitation_frequency_hz": 0.5 * (first + second), "frequency_split_hz": first - second}

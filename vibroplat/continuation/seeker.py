@@ -15,7 +15,7 @@ import numpy as np
 from vibroplat.config.plans import SweepPlan
 from vibroplat.config.scene import Scene
 from vibroplat.continuation.attraction import Attraction
-from vibroplat.continuation.newton import MissedError, NewtonResult, Problem, correct
+from vibroplat.continuation.newton import MissedError, NewtonResult, Problem, correct, correct_anywhere, held
 from vibroplat.continuation.orbit import TOLERANCE, accurate, measured_over_period, orbit_near, repeats_after
 from vibroplat.continuation.shooting import TURN, Shooter
 from vibroplat.errors import VibroplatError
@@ -143,7 +143,15 @@ class OrbitSeeker:
         problem = Problem(self._shooter, both, (), TOLERANCE)
         chart = problem.chart(here, system)
         u = chart.pack(here, motion.now)
-        return problem, correct(problem, chart, u, np.empty((0, u.size)), most=ITERATIONS)
+        found = correct_anywhere(problem, chart, u, ITERATIONS)
+        if found.chart is not chart:  # back to the section
+            motion.reset(found.chart.unpack(found.u)[0])
+            motion.to_section(1, self._longest(1))
+            back = motion.state
+            back[3:5] -= TURN * np.round(back[3:5] / TURN)
+            chart = problem.chart(back)
+            found = correct(problem, chart, chart.pack(back, found.shot.duration), held(chart), most=ITERATIONS)
+        return problem, found
 
     def _known(self, problem: Problem, found: NewtonResult, around: Attraction) -> KnownOrbit:
         """Gather what a sweep tells of an orbit."""
@@ -158,7 +166,7 @@ class OrbitSeeker:
             period=around.turns,
             turn=found.shot.duration / around.turns,
             multiplier=around.rate,
-            measures=measured_over_period(problem, found, self._shooter.scene),
+            measures=measured_over_period(problem, found.shot, self._shooter.scene),
             section_y=heights,
             impact_speeds=(-events["rate_before"][events["kind"] == IMPACT]).tolist(),
         )

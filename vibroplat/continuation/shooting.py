@@ -158,7 +158,7 @@ def spelled(word: str) -> str:
 
 
 class Shooter:
-    """Takes shots of a scene, at any values of up to two of its keys.
+    """Takes shots of a scene, at any values of some of its keys.
 
     Scales and tolerances are those of the scene as it was given, so that shots depend smoothly on the values.
 
@@ -226,26 +226,32 @@ class Shooter:
         found: FloatArray = (flat(above) - flat(below)) / (2.0 * step)
         return found
 
-    def shot(self, start: FloatArray, duration: float, *, full: bool = False) -> Shot:
-        """Follow the motion from a full state for a duration (s), if ``full`` with rates, derivative and measures."""
+    def shot(self, start: FloatArray, duration: float, *, full: bool = False, measured: bool = False) -> Shot:
+        """Follow the motion from a full state for a duration (s).
+
+        It is ``measured`` if that is asked for; if ``full``, with rates, derivative and the margins of the guards too.
+        """
         motion, h, near = self.motion, self.motion.automaton, self._near
         recorder = Recorder(motion.scene, "events")
         observers: list[Observer] = [recorder]
         motion.reset(start)
         begins, before = motion.system.index, None
         if full:
-            observers += [self._variation, self._statistics, near]
+            observers += [self._variation, near]
             self._variation.begin(_ALL, [self.direction(key) for key in self.keys])
+            near.begin()
+        if full or measured:
+            observers.append(self._statistics)
             empty: Any = [part.copy() for part in self._nothing]
             self._statistics.measures = Measures(*empty)
-            near.begin()
             before = Energies.of(h.run["state"], h.p)
         motion.to_time(duration, observers)
         state, ends, restitution = motion.state, motion.system.index, float(h.p["restitution"])
         self.turns += abs(float(state[3] - start[3])) / TURN
         found = Shot(state, begins, ends, duration, motion.outcome, motion.detail, recorder.events, restitution)
         if before is not None:
-            found.derivative, found.rates = self._variation.derivative(h), self._variation.rates
             found.part = Part(self._statistics.measures, before, Energies.of(h.run["state"], h.p))
+        if full:
+            found.derivative, found.rates = self._variation.derivative(h), self._variation.rates
             found.pieces, found.least_force, found.least_gap = near.pieces, near.least_force, near.least_gap
         return found

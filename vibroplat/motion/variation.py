@@ -19,7 +19,6 @@ from vibroplat.model.sensitivity import parameter_direction
 from vibroplat.model.systems import FULL_SIZE
 from vibroplat.motion.initial_condition import Start, initial_condition
 from vibroplat.motion.motion import Motion
-from vibroplat.observe.collocation import MOST_KEYS
 from vibroplat.observe.tables import named_derivative, state_places
 from vibroplat.observe.variation import Variation
 
@@ -62,7 +61,7 @@ def variation(
     seconds
         For how long (s). Default: ``run.duration_s``.
     keys
-        Dotted keys with continuous values, as ``drive.supply_frequency_hz``, at most two.
+        Dotted keys with continuous values, as ``drive.supply_frequency_hz``.
 
     Raises
     ------
@@ -99,10 +98,8 @@ def directions(scene: Scene, keys: Sequence[str]) -> list[Parameters]:
     Raises
     ------
     vibroplat.errors.ConfigError
-        They are more than two, or one of them cannot be varied.
+        One of them cannot be varied.
     """
-    if len(keys) > MOST_KEYS:
-        raise ConfigError(f"{len(keys)} keys to vary: {', '.join(keys)}; allowed: at most {MOST_KEYS}")
     for key in keys:
         if scene.drive.program is not None and key.partition(".")[0] not in _BESIDE_THE_SUPPLY:
             raise ConfigError(

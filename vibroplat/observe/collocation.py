@@ -10,16 +10,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibroplat.kernels.compiled import FloatArray, compiled, fused, inlined
+from vibroplat.kernels.compiled import FloatArray, compiled, fused, fused_inline, inlined
 from vibroplat.kernels.lanes import reduce_16
 from vibroplat.kernels.linear import pivot_row
 from vibroplat.model.parameters import Parameters
 from vibroplat.model.systems import FULL_SIZE
 
-#: Parameters by which a state is differentiated at a time, and columns: those of the start, then of the parameters.
-MOST_KEYS = 2
-COLUMNS = FULL_SIZE + MOST_KEYS
-#: Columns that are reduced at once: those of the right-hand sides are as many.
+#: Columns that are reduced at once. Right-hand sides are in whole lanes: first those of the start, then those of the
+#: parameters by which the state is differentiated.
 LANE = 16
 
 #: Longest step of the collocation, as a part of a turn of the synchronous speed and times the quickest natural
@@ -105,11 +103,13 @@ def step_of(step: float, left: float, longest: float) -> float:
 def collocate(n: int, h: float, method: Radau, a: FloatArray, b: FloatArray, matrix: FloatArray, s: FloatArray) -> None:
     """Carry the derivatives of n coordinates and their rates, ``s``, over a step.
 
-    The unknowns of the linear system are the derivatives of the accelerations at the points.
+    The unknowns of the linear system are the derivatives of the accelerations at the points. The columns are taken a
+    lane at a time, so that each comes out the same to the last bit, however many others there are.
     """
     points = method.nodes.size
     m = points * n
     right = behind(m)
+    end = right + s.shape[1]
     for i in range(points):
         lead = h * method.nodes[i]
         for r in range(n):
@@ -119,25 +119,33 @@ def collocate(n: int, h: float, method: Radau, a: FloatArray, b: FloatArray, mat
                 for c in range(n):
                     row[j * n + c] = -twice * a[i, r, c] - once * a[i, r, n + c]
             row[i * n + r] += 1.0
-            for k in range(COLUMNS):
-                row[right + k] = 0.0
-            for c in range(n):
-                stiffness, damping = a[i, r, c], a[i, r, n + c] + lead * a[i, r, c]
-                for k in range(COLUMNS):
-                    row[right + k] += stiffness * s[c, k] + damping * s[n + c, k]
-            for k in range(MOST_KEYS):
-                row[right + FULL_SIZE + k] += b[i, r, k]
-    eliminate(matrix, m)
+            right_hand_sides(n, lead, a[i, r], b[i, r], row[right:end], s)
+    eliminate(matrix, m, right, end)
     last = points - 1
-    for c in range(n):
-        for k in range(COLUMNS):
-            s[c, k] += h * s[n + c, k]
-        for i in range(points):
-            twice, once = h * h * method.twice[last, i], h * method.once[last, i]
-            for k in range(COLUMNS):
-                found = matrix[i * n + c, right + k]
-                s[c, k] += twice * found
-                s[n + c, k] += once * found
+    for j in range(0, s.shape[1], LANE):
+        for c in range(n):
+            for k in range(j, j + LANE):
+                s[c, k] += h * s[n + c, k]
+            for i in range(points):
+                twice, once = h * h * method.twice[last, i], h * method.once[last, i]
+                for k in range(j, j + LANE):
+                    found = matrix[i * n + c, right + k]
+                    s[c, k] += twice * found
+                    s[n + c, k] += once * found
+
+
+@fused_inline
+def right_hand_sides(n: int, lead: float, a: FloatArray, b: FloatArray, row: FloatArray, s: FloatArray) -> None:
+    """Fill those of an acceleration at a point: what the state at the start of the step and the parameters cause."""
+    for j in range(0, row.size, LANE):
+        for k in range(j, j + LANE):
+            row[k] = 0.0
+        for c in range(n):
+            stiffness, damping = a[c], a[n + c] + lead * a[c]
+            for k in range(j, j + LANE):
+                row[k] += stiffness * s[c, k] + damping * s[n + c, k]
+    for k in range(b.size):
+        row[FULL_SIZE + k] += b[k]
 
 
 @inlined
@@ -147,26 +155,27 @@ def behind(m: int) -> int:
 
 
 @fused
-def eliminate(matrix: FloatArray, m: int) -> None:
-    """Solve m linear equations for COLUMNS right-hand sides, which stand behind the matrix and become the solutions.
+def eliminate(matrix: FloatArray, m: int, right: int, end: int) -> None:
+    """Solve m linear equations for the right-hand sides in these columns, which become the solutions.
 
     Rows are reduced in whole lanes: what that leaves before the diagonal is never read.
     """
-    right = behind(m)
     for k in range(m):
         first = k // LANE * LANE
         best = pivot_row(matrix[:m], k)
         if best != k:
-            for j in range(first, right + COLUMNS):
+            for j in range(first, end):
                 matrix[k, j], matrix[best, j] = matrix[best, j], matrix[k, j]
         inverse = 1.0 / matrix[k, k]
         for i in range(k + 1, m):
             factor = matrix[i, k] * inverse
-            for j in range(first, right + COLUMNS, LANE):
+            for j in range(first, end, LANE):
                 reduce_16(matrix, i, k, j, factor)
     for k in range(m - 1, -1, -1):
         inverse = 1.0 / matrix[k, k]
-        for j in range(right, right + COLUMNS):
+        for j in range(right, end):
             matrix[k, j] *= inverse
         for i in range(k):
-            reduce_16(matrix, i, k, right, matrix[i, k])
+            factor = matrix[i, k]
+            for j in range(right, end, LANE):
+                reduce_16(matrix, i, k, j, factor)

@@ -26,10 +26,8 @@ from vibroplat.model.parameters import Parameters
 from vibroplat.model.sensitivity import CHOICES, COMPLEX, IMAGINARY, flat
 from vibroplat.model.systems import DIFFERENTIAL, FULL_SIZE, GAP, GAP_RATE, PLACES, SIZES, gather, scatter
 from vibroplat.observe.collocation import (
-    COLUMNS,
     GROWTH,
     METHODS,
-    MOST_KEYS,
     MOST_POINTS,
     POINTS,
     ROUGH_METHODS,
@@ -50,9 +48,9 @@ class Carried(NamedTuple):
     Attributes
     ----------
     s
-        Derivative of the full state, shape (14, COLUMNS): at a fixed time, or at the last event.
+        Derivative of the full state, shape (14, columns) in whole lanes: at a fixed time, or at the last event.
     late
-        Derivative of that event's time, shape (COLUMNS,).
+        Derivative of that event's time, shape (columns,).
     at_event
         Whether ``s`` is that at the event, shape (1,).
     rates
@@ -66,11 +64,11 @@ class Carried(NamedTuple):
     y, yp, slopes
         Unknowns of a system, their rates and the Jacobian.
     a, b
-        Derivatives of the accelerations by the unknowns (points, 7, 14) and by the parameters (points, 7, MOST_KEYS).
+        Derivatives of the accelerations by the unknowns (points, 7, 14) and by the parameters (points, 7, keys).
     matrix
-        Linear system, shape (points · 7, whole lanes for points · 7, then COLUMNS).
+        Linear system, shape (points · 7, whole lanes for points · 7, then columns).
     part
-        Rows of ``s`` that the system has, shape (14, COLUMNS).
+        Rows of ``s`` that the system has, shape (14, columns).
     """
 
     s: FloatArray
@@ -95,7 +93,7 @@ class Variation:
     Parameters
     ----------
     directions
-        Derivatives of the parameters by keys, at most two; see :func:`vibroplat.model.sensitivity.parameter_direction`.
+        Derivatives of the parameters by keys: see :func:`vibroplat.model.sensitivity.parameter_direction`.
     rough
         Whether errors of 3e-5 in a turn will do.
     """
@@ -108,10 +106,11 @@ class Variation:
         self._numbers = flat(turned)
         self._directions: FloatArray = np.zeros(self._numbers.shape[1:])
         self._columns = FULL_SIZE + len(directions)
+        columns = behind(self._columns)  # in whole lanes
         equations = MOST_POINTS * FULL_SIZE // 2
         self._carried = Carried(
-            s=np.zeros((FULL_SIZE, COLUMNS)),
-            late=np.zeros(COLUMNS),
+            s=np.zeros((FULL_SIZE, columns)),
+            late=np.zeros(columns),
             at_event=np.zeros(1, np.int64),
             rates=np.zeros(FULL_SIZE),
             step=np.ones(2),
@@ -121,9 +120,9 @@ class Variation:
             yp=np.zeros(FULL_SIZE),
             slopes=np.zeros((FULL_SIZE, FULL_SIZE)),
             a=np.zeros((MOST_POINTS, FULL_SIZE // 2, FULL_SIZE)),
-            b=np.zeros((MOST_POINTS, FULL_SIZE // 2, MOST_KEYS)),
-            matrix=in_lines((equations, behind(equations) + COLUMNS)),
-            part=np.zeros((FULL_SIZE, COLUMNS)),
+            b=np.zeros((MOST_POINTS, FULL_SIZE // 2, len(directions))),
+            matrix=in_lines((equations, behind(equations) + columns)),
+            part=np.zeros((FULL_SIZE, columns)),
         )
         self.begin(np.eye(FULL_SIZE), [flat(direction) for direction in directions])
 
@@ -218,7 +217,7 @@ def leave(v: Carried) -> None:
         return
     v.at_event[0] = 0
     for i in range(FULL_SIZE):
-        for j in range(COLUMNS):
+        for j in range(v.late.size):
             v.s[i, j] -= v.rates[i] * v.late[j]
 
 
@@ -263,7 +262,7 @@ def along(steps: Steps, piece: Any, p: Parameters, v: Carried) -> None:
         done += length
         step *= GROWTH
     for i in range(FULL_SIZE):
-        for j in range(COLUMNS):
+        for j in range(v.late.size):
             v.s[i, j] = 0.0
     for i in range(2 * n):
         copy(v.part[i], v.s[PLACES[system, i]])
@@ -301,7 +300,7 @@ def through_impact(steps: Steps, piece: Any, event: Any, slowest: float, p: Para
     """
     attached = event.mode_after == ATTACHED
     if -event.rate_before < slowest and event.rate_after == 0.0 and attached:
-        for j in range(COLUMNS):
+        for j in range(v.late.size):
             v.s[GAP, j] = v.s[GAP_RATE, j] = 0.0
         return
     if event.rate_before == 0.0:
@@ -341,7 +340,7 @@ def through_latch(steps: Steps, piece: Any, p: Parameters, v: Carried) -> None:
     state[GAP] = 0.0
     if v.at_event[0] == 0:  # the motion began with them
         v.at_event[0] = 1
-        for j in range(COLUMNS):
+        for j in range(v.late.size):
             v.late[j] = 0.0
     by_latch(piece.system, piece.origin + steps.start[first], state, 0, p, v)
 

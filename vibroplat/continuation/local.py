@@ -1,0 +1,227 @@
+"""A periodic orbit and its neighbourhood in keys of its scene: tangents, and orbits at other values of the keys.
+
+The tangents du/dkey follow from one varied shot by the implicit function theorem, u′ = −J⁻¹ ∂R/∂key. An orbit at other
+values begins at their prediction; where Newton's method fails or goes to another orbit, the step is divided. The
+section moves away from events at each step: one that stays is passed by an event sooner or later, and what is lost then
+is no fair sample of the neighbourhood.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from vibroplat.config.scene import Scene
+from vibroplat.continuation.newton import UNDETERMINED, MissedError, NewtonResult, Problem, correct, held
+from vibroplat.continuation.orbit import Orbit, accurate, first_orbit, measures_of, read_guess
+from vibroplat.continuation.shooting import STEP, Shooter, Shot
+from vibroplat.kernels.compiled import FloatArray
+from vibroplat.model.parameters import Parameters, parameters
+from vibroplat.model.sensitivity import flat, value_of, with_value
+from vibroplat.model.systems import FULL_SIZE
+from vibroplat.observe.variation import Variation
+
+#: Least part of a step into which it is divided.
+LEAST = 1.0 / 64.0
+#: How far an orbit may be from its prediction, over the predicted change, or in the scales of the scene: farther away
+#: it is another one.
+ELSEWHERE, NEAR = 0.5, 0.02
+#: Iterations of Newton's method.
+ITERATIONS = 12
+
+
+class Local:
+    """A periodic orbit, and those at other values of some keys of its scene.
+
+    Make one by :meth:`near`, or from what Newton's method has found with a shooter without keys. All that come from one
+    another share its shooter, which the one who made it closes. None of them changes.
+
+    Parameters
+    ----------
+    problem, found
+        Of a shooter without keys, at the values of the keys.
+    keys, values
+        Dotted keys with continuous values, and their values here; those of the shooter's scene by default.
+
+    Attributes
+    ----------
+    keys, values
+        As given, the values as an array, shape (keys,).
+    found
+        The orbit as Newton's method leaves it; its section is as it was found.
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        found: NewtonResult,
+        keys: Sequence[str],
+        values: Sequence[float] | FloatArray | None = None,
+    ) -> None:
+        self.problem, self.found, self.keys = problem, found, tuple(keys)
+        scene = problem.shooter.scene
+        self.values: FloatArray = np.array([value_of(scene, k) for k in keys] if values is None else values, float)
+
+    @classmethod
+    def near(
+        cls, scene: Scene, keys: Sequence[str], guess: Any = None, *, period: int = 1, tolerance: float = 1e-8
+    ) -> Local:
+        """Find the orbit of a scene near a guess, as :func:`vibroplat.continuation.orbit.orbit` does.
+
+        Raises
+        ------
+        OrbitError, ConfigError
+            As there.
+        """
+        scene, begin = read_guess(scene, guess)
+        shooter = Shooter(accurate(scene, tolerance))
+        try:
+            if isinstance(guess, Orbit):
+                period = guess.period
+            return cls(*first_orbit(shooter, begin, period, (), tolerance), keys).centred()
+        except BaseException:
+            shooter.close()
+            raise
+
+    def close(self) -> None:
+        """Free what the engine holds, for all that came from this one."""
+        self.problem.shooter.close()
+
+    @cached_property
+    def scene(self) -> Scene:
+        """The scene at the values of the keys; their ranges are not checked."""
+        return self.problem.shooter.scene_at(dict(zip(self.keys, self.values.tolist(), strict=True)))
+
+    @property
+    def state(self) -> FloatArray:
+        """Full state on the orbit, where the section is, shape (14,)."""
+        return self.found.chart.unpack(self.found.u)[0]
+
+    @property
+    def period_s(self) -> float:
+        """(s)."""
+        return self.found.shot.duration
+
+    @property
+    def multipliers(self) -> npt.NDArray[np.complex128]:
+        """Floquet multipliers but the 1 along the motion, the largest first."""
+        return self.found.multipliers
+
+    @property
+    def margin(self) -> float:
+        """How far the largest multiplier is inside the unit circle, 1 − |λ₁|; negative if the orbit is unstable."""
+        return 1.0 - float(np.abs(self.multipliers[0])) if self.multipliers.size else 1.0
+
+    @cached_property
+    def measures(self) -> dict[str, Any]:
+        """Measures of a sweep over the period, and ``margin``."""
+        return measures_of(self.problem, self.found.shot, self.scene) | {"margin": self.margin}
+
+    @cached_property
+    def tangents(self) -> FloatArray:
+        """Derivatives of the unknowns ``found.u`` by all keys, shape (m, keys)."""
+        changes = np.eye(self.values.size)
+        steps = np.where(self.values == 0.0, 1.0, np.abs(self.values))
+        return self._along(changes * steps) / steps
+
+    def predict(self, values: Sequence[float] | FloatArray) -> FloatArray:
+        """Unknowns of the orbit at other values of the keys, along the tangent, shape (m,)."""
+        change = np.asarray(values, float) - self.values
+        if not change.any():
+            return self.found.u
+        # the tangents by all keys cost parameters by all keys, twice
+        moved = self.tangents @ change if "tangents" in vars(self) else self._along(change[np.newaxis])[:, 0]
+        return np.asarray(self.found.u + moved)
+
+    def correct(self, values: Sequence[float] | FloatArray) -> Local:
+        """Find the same orbit at other values of the keys: in one step, or in parts of it where that fails.
+
+        Raises
+        ------
+        MissedError
+            The orbit is lost on the way, as beyond a fold.
+        """
+        goal, here, done, part = np.array(values, float), self, 0.0, 1.0
+        while done < 1.0:
+            part = min(part, 1.0 - done)
+            there = goal if done + part == 1.0 else self.values + (done + part) * (goal - self.values)
+            try:
+                here = here._step(there).centred()
+            except MissedError:
+                part *= 0.5
+                if part < LEAST:
+                    raise
+                continue
+            done += part
+            part *= 2.0
+        return here
+
+    def centred(self) -> Local:
+        """Return the orbit with its section far from events."""
+        self.problem.shooter.motion.set_parameters(self._p)
+        moved = self.problem.far_from_events(self.found)
+        if moved is None:
+            return self
+        try:
+            found = correct(self.problem, *moved[:2], held(moved[0]), most=ITERATIONS)
+        except MissedError:
+            return self
+        return Local(self.problem, found, self.keys, self.values)
+
+    def shot(self, values: FloatArray, u: FloatArray, *, full: bool = False) -> Shot:
+        """Take a measured shot at values of the keys from unknowns on this section; ``full`` as with a shooter."""
+        self.problem.shooter.motion.set_parameters(self._parameters(values))
+        state, seconds, _ = self.found.chart.unpack(u)
+        return self.problem.shooter.shot(state, seconds, full=full, measured=True)
+
+    @cached_property
+    def _p(self) -> Parameters:
+        return parameters(self.scene)
+
+    def _parameters(self, values: FloatArray) -> Parameters:
+        """Parameters at values of the keys.
+
+        Raises
+        ------
+        MissedError
+            No scene has them.
+        """
+        scene = self.scene
+        for key, value in zip(self.keys, values.tolist(), strict=True):
+            if value != value_of(scene, key):
+                scene = with_value(scene, key.split("."), value)
+        try:
+            return parameters(scene)
+        except ValueError as error:
+            raise MissedError(f"no scene has these values: {error}") from None
+
+    def _step(self, values: FloatArray) -> Local:
+        """Find the orbit at other values by Newton's method from the prediction, with the Jacobian of this one."""
+        u = self.predict(values)
+        self.problem.shooter.motion.set_parameters(self._parameters(values))
+        chart, jacobian = self.found.chart, self.found.jacobian
+        found = correct(self.problem, chart, u, held(chart), jacobian, most=ITERATIONS)
+        if np.abs(found.u - u).max() > max(ELSEWHERE * np.abs(u - self.found.u).max(), NEAR):
+            raise MissedError("Newton's method went to another orbit", found.residuals)
+        return Local(self.problem, found, self.keys, values)
+
+    def _along(self, changes: FloatArray) -> FloatArray:
+        """Differentiate the unknowns along changes of all keys, shape (count, keys), by one varied shot."""
+        directions = []
+        for change in changes:
+            step = STEP / float(np.abs(change / np.where(self.values == 0.0, 1.0, self.values)).max())
+            above, below = (flat(self._parameters(self.values + side * step * change)) for side in (1.0, -1.0))
+            directions.append((above - below) / (2.0 * step))
+        variation, motion, chart = Variation([self._p] * len(changes)), self.problem.shooter.motion, self.found.chart
+        variation.begin(np.eye(FULL_SIZE), directions)
+        motion.set_parameters(self._p)
+        motion.reset(self.state)
+        motion.to_time(self.period_s, [variation])
+        if motion.outcome != "ok":
+            raise MissedError(f"{motion.outcome}: {motion.detail}")
+        by_keys = variation.derivative(motion.automaton)[chart.places, FULL_SIZE:] / chart.scales[:, np.newaxis]
+        return np.asarray(np.linalg.lstsq(self.found.jacobian, -by_keys, rcond=UNDETERMINED)[0])
