@@ -58,7 +58,7 @@ class FindPlan(Section, title="Find", populate_by_name=True):
         if not (may_vary(self.key) or self.key.startswith("run.initial.")):
             raise ValueError(f"key = {self.key!a} cannot be varied; allowed: keys of machine, material, …, run.initial")
         if self.expression is not None and COMPARISON.fullmatch(self.expression) is None:
-            raise ValueError(f'expression = {self.expression!a}; allowed: column > number, or >=, <, <=')
+            raise ValueError(f"expression = {self.expression!a}; allowed: column > number, or >=, <, <=")
         return self
 
     @property

@@ -13,6 +13,7 @@ import numpy as np
 from vibroplat.config.plans import FREQUENCY
 from vibroplat.config.questions import FindPlan
 from vibroplat.config.scene import Scene
+from vibroplat.continuation.newton import NEUTRAL
 from vibroplat.continuation.orbit import TOLERANCE, orbit_near
 from vibroplat.errors import VibroplatError
 from vibroplat.hybrid.state import initial_state, perturbed
@@ -25,8 +26,6 @@ from vibroplat.study.store import Record
 
 #: Distance of an orbit from the motion that is on it, in the scales of the scene, at most.
 ON_ORBIT = 0.1
-#: Largest multiplier above 1 of an orbit that counts as stable, but for errors.
-MARGIN = 1e-4
 _COMPARED = {">": operator.gt, ">=": operator.ge, "<": operator.lt, "<=": operator.le}
 
 
@@ -56,10 +55,10 @@ class Value(NamedTuple):
     @property
     def leaving(self) -> bool:
         """Whether it repeats on an unstable orbit, which it will leave."""
-        return (self.row.get("multiplier_max") or 0.0) > 1.0 + MARGIN
+        return (self.row.get("multiplier_max") or 0.0) > 1.0 + NEUTRAL
 
     def outcome(self, plan: FindPlan) -> Any:
-        """What is compared between two values: motion, synchronization, or whether the expression holds."""
+        """Return what is compared between two values: motion, synchronization, or whether the expression holds."""
         if plan.compared is not None:
             column, how, number = plan.compared
             return None if self.row.get(column) is None else bool(_COMPARED[how](self.row[column], number))
@@ -93,9 +92,7 @@ def constant(scene: Scene) -> Scene:
     return scene if scene.drive.program is None else scene.replace({FREQUENCY: scene.drive.intervals[-1].frequency})
 
 
-def evaluate(
-    scene: Scene, plan: FindPlan, state: list[float] | None, times: int, key: tuple[int, ...]
-) -> Point:
+def evaluate(scene: Scene, plan: FindPlan, state: list[float] | None, times: int, key: tuple[int, ...]) -> Point:
     """Measure the motion that a scene reaches; see :func:`vibroplat.study.point.measure_point`.
 
     Without a state it begins with ``run.initial`` and follows the drive's program to its last entry. ``times`` is how
