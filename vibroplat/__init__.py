@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from vibroplat.results.run import Trajectory, load
     from vibroplat.study.lyapunov import lyapunov
     from vibroplat.study.sweep import sweep
+    from vibroplat.thresholds.tables import find
 
 _HOMES = {
     "load_config": "vibroplat.config.scene",
@@ -57,6 +58,7 @@ _HOMES = {
     "orbit": "vibroplat.continuation.orbit",
     "orbits": "vibroplat.continuation.tables",
     "sweep": "vibroplat.study.sweep",
+    "find": "vibroplat.thresholds.tables",
     "basins": "vibroplat.basin.question",
 }
 # runs, orbits and tables know nothing else of what draws them, sweeps nothing else of orbits
@@ -85,6 +87,7 @@ __all__ = [
     "basins",
     "check_run",
     "check_sweep",
+    "find",
     "load",
     "load_config",
     "lyapunov",

@@ -22,6 +22,7 @@ from vibroplat.study.bands import BANDS
 from vibroplat.study.branches import SUPPLY
 from vibroplat.study.confirming import CONFIRMED
 from vibroplat.study.sweep import COLUMNS, DIAGRAM, SWEEP
+from vibroplat.thresholds.tables import THRESHOLDS, VALUES
 
 #: The swept keys of a sweep's tables.
 _SWEPT = {
@@ -65,6 +66,11 @@ TABLES: dict[str, tuple[str, Columns]] = {
     "boundaries": (
         "`vibroplat orbits` with `boundaries`: the points of each curve in their order.",
         {**_FOLLOWED, **BOUNDARIES},
+    ),
+    "thresholds": ("`vibroplat find`: a row for each threshold.", THRESHOLDS),
+    "values": (
+        "`vibroplat find`: a row for each value that was looked at.",
+        {"…": Column("the key"), **VALUES, **_POINTS},
     ),
     "attractors": (
         "`vibroplat basins`: a row for each attractor, at each value of a key.",

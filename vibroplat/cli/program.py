@@ -113,6 +113,7 @@ COMMANDS = (
     studies.run,
     studies.sweep,
     studies.orbits,
+    questions.find,
     questions.basins,
     figures.plot,
     figures.report,

@@ -18,6 +18,29 @@ if TYPE_CHECKING:
     from vibroplat.study.question import Question
 
 
+def find(
+    config: Annotated[Path, typer.Argument(help="Configuration file with a find section.")],
+    set_: common.Settings = None,
+    engine: common.EngineName = None,
+    out: common.Out = Path("results"),
+    jobs: common.Jobs = 1,
+    resume: common.Resume = False,
+    overwrite: common.Overwrite = False,
+    scheduler: common.Scheduler = None,
+    wait: common.Wait = WAIT,
+    format_: common.Format = "parquet",
+) -> None:
+    """Find the values of a key at which the motion that is reached, or a measure of it, changes.
+
+    Writes them and all values that were looked at to OUT/NAME, and prints the answer. That nothing changes is an answer
+    too; exit code 1 says that a motion failed.
+    """
+    scene = common.scene_of(config, set_, engine)
+    from vibroplat.thresholds.tables import question
+
+    _answer(question, config, scene, out, jobs, scheduler, wait, format_, resume=resume, overwrite=overwrite)
+
+
 def _answer(
     ask: Callable[[Scene], Question],
     config: Path,
