@@ -13,6 +13,7 @@ from vibroplat.extensions import PROVIDERS
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
+    from vibroplat.basin.question import basins
     from vibroplat.check.runs import check_run
     from vibroplat.check.sweeps import check_sweep
     from vibroplat.config.drive import Drive
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
     from vibroplat.results.run import Trajectory, load
     from vibroplat.study.lyapunov import lyapunov
     from vibroplat.study.sweep import sweep
+    from vibroplat.thresholds.tables import find
 
 _HOMES = {
     "load_config": "vibroplat.config.scene",
@@ -56,6 +58,8 @@ _HOMES = {
     "orbit": "vibroplat.continuation.orbit",
     "orbits": "vibroplat.continuation.tables",
     "sweep": "vibroplat.study.sweep",
+    "find": "vibroplat.thresholds.tables",
+    "basins": "vibroplat.basin.question",
 }
 # runs, orbits and tables know nothing else of what draws them, sweeps nothing else of orbits
 PROVIDERS |= {
@@ -80,8 +84,10 @@ __all__ = [
     "State",
     "Trajectory",
     "__version__",
+    "basins",
     "check_run",
     "check_sweep",
+    "find",
     "load",
     "load_config",
     "lyapunov",

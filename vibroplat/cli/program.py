@@ -12,7 +12,7 @@ import typer
 from typer.core import TyperGroup
 
 from vibroplat import __version__
-from vibroplat.cli import bench, figures, paper, reference, studies
+from vibroplat.cli import bench, figures, paper, questions, reference, studies
 from vibroplat.errors import VibroplatError
 from vibroplat.system.interrupts import kept, offer_resume
 from vibroplat.system.memory import is_short_of_memory, require_memory
@@ -113,6 +113,8 @@ COMMANDS = (
     studies.run,
     studies.sweep,
     studies.orbits,
+    questions.find,
+    questions.basins,
     figures.plot,
     figures.report,
     figures.film,
