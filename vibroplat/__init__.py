@@ -13,6 +13,7 @@ from vibroplat.extensions import PROVIDERS
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
+    from vibroplat.basin.question import basins
     from vibroplat.check.runs import check_run
     from vibroplat.check.sweeps import check_sweep
     from vibroplat.config.drive import Drive
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
     from vibroplat.results.run import Trajectory, load
     from vibroplat.study.lyapunov import lyapunov
     from vibroplat.study.sweep import sweep
+    from vibroplat.thresholds.tables import find
 
 _HOMES = {
     "load_config": "vibroplat.config.scene",
@@ -58,6 +60,8 @@ _HOMES = {
     "orbits": "vibroplat.continuation.tables",
     "design": "vibroplat.designs.question",
     "sweep": "vibroplat.study.sweep",
+    "find": "vibroplat.thresholds.tables",
+    "basins": "vibroplat.basin.question",
 }
 # runs, orbits and tables know nothing else of what draws them, sweeps nothing else of orbits,
 # orbits nothing else of designs
@@ -84,9 +88,11 @@ __all__ = [
     "State",
     "Trajectory",
     "__version__",
+    "basins",
     "check_run",
     "check_sweep",
     "design",
+    "find",
     "load",
     "load_config",
     "lyapunov",

@@ -75,7 +75,7 @@ def test_a_run_loads_nothing_that_it_does_not_use(command, tmp_path):
 def test_help_names_the_commands_and_h_is_short_for_it(command):
     done = command("--help")
     assert (done.code, done.err) == (0, "")
-    study = {"new", "run", "sweep", "orbits", "plot", "report", "film"}
+    study = {"new", "run", "sweep", "orbits", "find", "plot", "report", "film"}
     for name in study | {"paper", "calibrate", "bench", "schema", "columns"}:
         assert re.search(rf"^\W*{name}\s", done.out, re.MULTILINE)
     for before in ([], ["run"], ["new"]):

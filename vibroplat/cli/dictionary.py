@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import groupby
 
+from vibroplat.basin.question import ATTRACTORS, FRACTIONS, STARTS_TABLE
 from vibroplat.columns import Column, Columns, unit_of
 from vibroplat.config.keys import keys, yaml
 from vibroplat.continuation.tables import BOUNDARIES, BRANCHES, SPECIAL
@@ -23,12 +24,14 @@ from vibroplat.study.bands import BANDS
 from vibroplat.study.branches import SUPPLY
 from vibroplat.study.confirming import CONFIRMED
 from vibroplat.study.sweep import COLUMNS, DIAGRAM, SWEEP
+from vibroplat.thresholds.tables import THRESHOLDS, VALUES
 
 #: The swept keys of a sweep's tables.
 _SWEPT = {
     "…": Column("the key of sweep.over in place of the supply, and those of the grid, by their dotted names"),
 }
 _FOLLOWED = {"…": Column("the keys of the grid and the keys that vary, by their dotted names", "see configuration.md")}
+_OVER = {"…": Column("the key of basins.over, by its dotted name")}
 _SPREAD = {"…": Column("the keys that vary, by their dotted names", "see configuration.md")}
 _MEASURED = {"measures": Column("the measures that were asked for", "by their names, as in sweep")}
 _POINTS = of_points(["NAME"])
@@ -68,6 +71,20 @@ TABLES: dict[str, tuple[str, Columns]] = {
         "`vibroplat orbits` with `boundaries`: the points of each curve in their order.",
         {**_FOLLOWED, **BOUNDARIES},
     ),
+    "thresholds": ("`vibroplat find`: a row for each threshold.", THRESHOLDS),
+    "values": (
+        "`vibroplat find`: a row for each value that was looked at.",
+        {"…": Column("the key"), **VALUES, **_POINTS},
+    ),
+    "attractors": (
+        "`vibroplat basins`: a row for each attractor, at each value of a key.",
+        {**_OVER, **ATTRACTORS, **_POINTS},
+    ),
+    "starts": (
+        "`vibroplat basins`: a row for each start.",
+        {**_OVER, "… ": Column("the keys of basins.starts, by their dotted names"), **STARTS_TABLE},
+    ),
+    "fractions": ("`vibroplat basins` with `over`: shares of the starts over the key.", {**_OVER, **FRACTIONS}),
     "sensitivities": ("`vibroplat design`: a row for each measure and key.", SENSITIVITIES),
     "samples": ("`vibroplat design` with `spread`: a row for each sample.", {**_SPREAD, **SAMPLES, **_MEASURED}),
     "claims": ("`vibroplat paper`: a row for each claim.", CLAIMS),

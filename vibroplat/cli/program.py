@@ -113,6 +113,8 @@ COMMANDS = (
     studies.run,
     studies.sweep,
     studies.orbits,
+    questions.find,
+    questions.basins,
     questions.design,
     figures.plot,
     figures.report,

@@ -18,6 +18,29 @@ if TYPE_CHECKING:
     from vibroplat.study.question import Question
 
 
+def find(
+    config: Annotated[Path, typer.Argument(help="Configuration file with a find section.")],
+    set_: common.Settings = None,
+    engine: common.EngineName = None,
+    out: common.Out = Path("results"),
+    jobs: common.Jobs = 1,
+    resume: common.Resume = False,
+    overwrite: common.Overwrite = False,
+    scheduler: common.Scheduler = None,
+    wait: common.Wait = WAIT,
+    format_: common.Format = "parquet",
+) -> None:
+    """Find the values of a key at which the motion that is reached, or a measure of it, changes.
+
+    Writes them and all values that were looked at to OUT/NAME, and prints the answer. That nothing changes is an answer
+    too; exit code 1 says that a motion failed.
+    """
+    scene = common.scene_of(config, set_, engine)
+    from vibroplat.thresholds.tables import question
+
+    _answer(question, config, scene, out, jobs, scheduler, wait, format_, resume=resume, overwrite=overwrite)
+
+
 def design(
     config: Annotated[Path, typer.Argument(help="Configuration file with a design section.")],
     set_: common.Settings = None,
@@ -95,3 +118,25 @@ def _answer(
     common.complain_of(found.failures, f"{len(found.failures)} {question.counted} failed")
     if found.failures:
         raise typer.Exit(1)
+
+
+def basins(
+    config: Annotated[Path, typer.Argument(help="Configuration file with a basins section.")],
+    set_: common.Settings = None,
+    engine: common.EngineName = None,
+    out: common.Out = Path("results"),
+    jobs: common.Jobs = 1,
+    resume: common.Resume = False,
+    overwrite: common.Overwrite = False,
+    scheduler: common.Scheduler = None,
+    wait: common.Wait = WAIT,
+    format_: common.Format = "parquet",
+) -> None:
+    """Find which motions a scene comes to from a box of starts, and from which share of it.
+
+    Writes tables of the attractors and of all starts to OUT/NAME. Exit code 1 says that motions failed.
+    """
+    scene = common.scene_of(config, set_, engine)
+    from vibroplat.basin.question import Basins
+
+    _answer(Basins, config, scene, out, jobs, scheduler, wait, format_, resume=resume, overwrite=overwrite)

@@ -30,6 +30,8 @@ _WIDTH = 120
 _LEFT_OUT = (
     "name",
     "orbits.",
+    "find.",
+    "basins.",
     "drive.program.",
     "sweep.over.",
     "run.initial.state.",

@@ -13,6 +13,8 @@ from vibroplat.config.schema import LARGEST, LEAST, PERTURBATION, Positive, Real
 
 #: Key of the supply frequency.
 FREQUENCY = "drive.supply_frequency_hz"
+#: Sections that say what is asked of a scene.
+QUESTIONS = ("sweep", "orbits", "find", "basins")
 #: Most points of a branch of a sweep.
 MAX_POINTS = 100_000
 #: Most combinations of the grid's values, of a sweep and of orbits.
@@ -137,10 +139,10 @@ class Frequencies(Section):
         return Over.model_construct(key=FREQUENCY, **dict(self))
 
 
-def _may_vary(key: str) -> bool:
+def may_vary(key: str) -> bool:
     """Whether a sweep may give a key of a scene values of its own."""
     section = key.partition(".")[0]
-    return key == FREQUENCY or section not in ("sweep", "orbits", "name", "output", "run", "drive")
+    return key == FREQUENCY or section not in (*QUESTIONS, "name", "output", "run", "drive")
 
 
 class SweepPlan(Section, title="Sweep"):
@@ -207,7 +209,7 @@ class SweepPlan(Section, title="Sweep"):
         for key, values in self.grid.items():
             if not key.isascii():
                 raise ValueError(f"grid.{key!a} is not a key of a scene; allowed: keys of machine, material, …")
-            if not _may_vary(key) or key == FREQUENCY == self.swept.key:
+            if not may_vary(key) or key == FREQUENCY == self.swept.key:
                 raise ValueError(f"grid.{key} cannot be swept by the grid; allowed: keys of machine, material, …")
             if key == self.swept.key:
                 raise ValueError(f"grid.{key} is the key of over; allowed: another key")
@@ -215,7 +217,7 @@ class SweepPlan(Section, title="Sweep"):
                 raise ValueError(f"grid.{key} = {short(values)}; allowed: numbers up to {LARGEST:g}")
             if len(set(values)) < len(values):  # 0 and 0.0 are equal
                 raise ValueError(f"grid.{key} = {short(values)}; allowed: each value once")
-        if not _may_vary(self.swept.key):
+        if not may_vary(self.swept.key):
             raise ValueError(f"over.key = {self.swept.key!a} cannot be swept; allowed: keys of machine, material, …")
         several = [values for values in self.grid.values() if len(values) > 1]
         if self.kind == "map" and (len(several) != 1 or any(isinstance(v, str | bool) for v in several[0])):
@@ -322,7 +324,7 @@ class OrbitsPlan(_VariedKey, title="Orbits", populate_by_name=True):
         if math.prod(map(len, self.grid.values())) > MAX_FAMILIES:
             raise ValueError(f"grid gives more than {MAX_FAMILIES} combinations")
         for key in self.grid:
-            if key == self.key or key.split(".")[0] in ("sweep", "orbits", "name", "output"):
+            if key == self.key or key.split(".")[0] in (*QUESTIONS, "name", "output"):
                 raise ValueError(f"grid.{key} cannot be varied by the grid; allowed: keys of machine, material, …")
             if len(set(self.grid[key])) < len(self.grid[key]):  # 0 and 0.0 are equal
                 raise ValueError(f"grid.{key} = {short(self.grid[key])}; allowed: each value once")

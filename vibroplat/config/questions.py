@@ -1,17 +1,151 @@
-"""The plans of questions that many motions answer, as section ``design`` of a configuration."""
+"""The plans of questions about a scene: what is asked by many motions, and within which bounds."""
 
 from __future__ import annotations
 
 import math
 import re
-from typing import Annotated, Self
+from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from vibroplat.config.schema import LARGEST, Real, Section, Share
+from vibroplat.config.coordinates import COORDINATES, RATES
+from vibroplat.config.plans import Over, SweepPlan, may_vary
+from vibroplat.config.schema import LARGEST, Positive, Real, Section, Share
 
-#: A bound of a measure.
-_BOUND = re.compile(r"\s*(>=|<=)\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*")
+#: What keys of starts begin with, and those that there are.
+INITIAL = "run.initial."
+PHASES = ("phase_difference_rad", "phase_sum_rad", "phi1_rad", "speed_ratio")
+STARTS = tuple(INITIAL + name for name in (*PHASES, *(f"state.{name}" for name in (*COORDINATES, *RATES))))
+#: Starts at random that there are without a number of them, and most starts at all values of a key.
+RANDOM, MAX_STARTS = 1000, 10_000_000
+
+
+class BasinsPlan(Section, title="Basins"):
+    """Starts from a box of initial states, and how long the motions from there are followed."""
+
+    starts: Annotated[dict[str, Annotated[list[Real], Field(min_length=2, max_length=3)]], Field(min_length=1)] = Field(
+        description="keys of run.initial, phases and speed_ratio as well as state.NAME, and their ranges: "
+        "[low, high, count] is a grid, [low, high] at random; what is not named is as in run.initial"
+    )
+    random: Annotated[int, Field(ge=1, le=MAX_STARTS)] | None = Field(
+        None, description="number of starts at random, at each point of the grid; not given: 1000, and 1 with a grid"
+    )
+    seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = Field(0, description="seed of starts and of their perturbations")
+    over: Over | None = Field(None, description="values of another key, at each of which the same starts are followed")
+    longest_turns: Annotated[int, Field(ge=100, le=10_000_000)] = Field(
+        6000, description="turns after which a motion that has come to no periodic orbit is taken not to repeat"
+    )
+
+    @model_validator(mode="after")
+    def _possible(self) -> Self:
+        for key, (low, high, *count) in self.starts.items():
+            if key not in STARTS:
+                raise ValueError(
+                    f"starts.{key!a} is no key of a start; allowed: {', '.join(STARTS[:5])}, … of run.initial"
+                )
+            if not low < high:
+                raise ValueError(f"starts.{key} = [{low:g}, {high:g}] is empty; allowed: a low end below the high one")
+            if count and not (count[0].is_integer() and 2 <= count[0] <= MAX_STARTS):
+                raise ValueError(f"starts.{key} = […, {count[0]:g}]; allowed: a whole number from 2 as count")
+        if {INITIAL + "phase_difference_rad", INITIAL + "phase_sum_rad"} <= self.starts.keys():
+            raise ValueError("starts has phase_difference_rad and phase_sum_rad; allowed: one of the two")
+        if self.random is not None and all(len(ends) == 3 for ends in self.starts.values()):
+            raise ValueError(f"random = {self.random} but every range of starts has a count; allowed: [low, high]")
+        if self.over is not None and not may_vary(self.over.key):
+            raise ValueError(f"over.key = {self.over.key!a} cannot be varied; allowed: keys of machine, material, …")
+        if self.over is not None and len(self.over.direction) > 1:
+            raise ValueError("over.direction = [up, down]; allowed: one of the two")
+        number = self.number * (1 if self.over is None else self.over.number)
+        if number > MAX_STARTS:
+            raise ValueError(f"starts are {number}; allowed: at most {MAX_STARTS}")
+        return self
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Numbers of the grid's values; () without a grid."""
+        return tuple(int(ends[2]) for ends in self.starts.values() if len(ends) == 3)
+
+    @property
+    def number(self) -> int:
+        """How many starts there are at each value of ``over``."""
+        return math.prod(self.shape) * (self.random or (1 if self.shape else RANDOM))
+
+
+#: Width at which a threshold is found, over the range of its key, where none is given.
+NARROW = 1e-5
+#: A column, how it is compared, and a number.
+COMPARISON = re.compile(r"\s*([A-Za-z]\w*)\s*(>=|<=|>|<)\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*")
+
+
+class FindPlan(Section, title="Find", populate_by_name=True):
+    """A key, and what changes at a value of it."""
+
+    key: str = Field(description="dotted key whose value is looked for")
+    start: Real = Field(description="smallest value of the key")
+    stop: Real = Field(description="largest value")
+    scan: Annotated[int, Field(ge=2, le=10_000)] = Field(
+        41, description="number of values at which the motion is looked at first, to see where it changes"
+    )
+    scale: Literal["linear", "log"] = Field("linear", description="scan values with equal distances, or equal ratios")
+    outcome: Literal["attractor", "regime"] = Field(
+        "attractor",
+        description="what is to change. attractor: the motion that is reached; regime: its synchronization alone",
+    )
+    expression: str | None = Field(
+        None, description='instead, a column of a sweep compared with a number, as "rms_y_m > 1e-3"'
+    )
+    from_: Literal["initial", "neighbour"] = Field(
+        "initial",
+        alias="from",
+        description="initial: the motion begins anew at each value, with run.initial and the drive's program; "
+        "neighbour: it is carried on from the scene's own value to larger and smaller ones, until it changes",
+    )
+    tolerance: Positive | None = Field(
+        None,
+        description="distance of the values below and above that are left in the end, in the unit of the key; "
+        f"not given: {NARROW:g} of the range",
+    )
+    max_settle_s: Positive = Field(150.0, description="as of a sweep; both ends are also given twice as long")
+    measure_s: Positive = Field(2.0, description="as of a sweep")
+
+    alternatives = (("outcome", "expression"),)
+
+    @model_validator(mode="after")
+    def _possible(self) -> Self:
+        if not self.start < self.stop:
+            raise ValueError(f"stop = {self.stop} is not above start = {self.start}; allowed: a range of values")
+        if self.scale == "log" and self.start <= 0.0:
+            raise ValueError(f"scale = log but start = {self.start}; allowed: a start above 0")
+        if not (may_vary(self.key) or self.key.startswith("run.initial.")):
+            raise ValueError(f"key = {self.key!a} cannot be varied; allowed: keys of machine, material, …, run.initial")
+        if self.expression is not None and COMPARISON.fullmatch(self.expression) is None:
+            raise ValueError(f"expression = {self.expression!a}; allowed: column > number, or >=, <, <=")
+        return self
+
+    @property
+    def over(self) -> Over:
+        """The values of the scan."""
+        return Over(key=self.key, start=self.start, stop=self.stop, count=self.scan, scale=self.scale)
+
+    @property
+    def compared(self) -> tuple[str, str, float] | None:
+        """Column, comparison and number of the expression."""
+        found = COMPARISON.fullmatch(self.expression or "")
+        return found and (found[1], found[2], float(found[3]))
+
+    @property
+    def narrow(self) -> float:
+        """Distance of the values below and above a threshold in the end."""
+        return NARROW * (self.stop - self.start) if self.tolerance is None else self.tolerance
+
+    def measuring(self, times: int, perturbation: float) -> SweepPlan:
+        """Return how a motion settles and is measured, with so many times the settling and measuring time."""
+        return SweepPlan(
+            over=self.over,
+            max_settle_s=times * self.max_settle_s,
+            measure_s=times * self.measure_s,
+            perturbation=perturbation,
+        )
 
 
 class DesignPlan(Section, title="Design"):
@@ -44,7 +178,7 @@ class DesignPlan(Section, title="Design"):
             if not low < high:
                 raise ValueError(f"keys.{key} = [{low}, {high}] is empty; allowed: [low, high] with low below high")
         for measure, text in self.subject.items():
-            if _BOUND.fullmatch(text) is None or not abs(self.bound(measure)[1]) <= LARGEST:
+            if not (self.bound(measure)[0] and abs(self.bound(measure)[1]) <= LARGEST):
                 raise ValueError(f'subject.{measure} = {text!r} is no bound; allowed: ">= NUMBER" or "<= NUMBER"')
         if self.minimize is None:
             for name in ("subject", "pareto"):
@@ -57,9 +191,9 @@ class DesignPlan(Section, title="Design"):
         return self
 
     def bound(self, measure: str) -> tuple[float, float]:
-        """Return the bound of a measure: 1.0 if it is the least value, −1.0 if the largest, and the value."""
-        found = _BOUND.fullmatch(self.subject[measure])
-        return (1.0 if found and found[1] == ">=" else -1.0), float(found[2]) if found else math.nan
+        """Return 1 if a bound is the least value of its measure, −1 if the largest, 0 if it is none; and the value."""
+        found = COMPARISON.fullmatch(f"{measure} {self.subject[measure]}")
+        return (0.0, 0.0) if found is None else ({">=": 1.0, "<=": -1.0}.get(found[2], 0.0), float(found[3]))
 
     @property
     def named(self) -> list[str]:

@@ -1,0 +1,119 @@
+"""Thresholds of a key: starts through a resonance, stability that is lost, levels, and what is no threshold."""
+
+from pathlib import Path
+
+import pytest
+
+from vibroplat import find, load_config
+from vibroplat.errors import ConfigError
+from vibroplat.study.pool import pool
+from vibroplat.study.store import Store
+from vibroplat.thresholds.tables import fractal, question
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+MASS = {"key": "material.mass_ratio", "start": 0.02, "stop": 0.6}
+TORQUE = {"key": "motor.critical_torque_n_m", "start": 1.2, "stop": 1.9, "scan": 8, "tolerance": 1e-4}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _compiled(kernels):
+    """Compile before any of the tests."""
+
+
+def start():
+    """A start from rest through the resonance."""
+    changes = {"solver.engine": "taylor", "machine.damping_y_n_s_per_m": 100.0, "find": TORQUE}
+    return load_config(CONFIGS / "examples/start-captured.yaml").replace(changes)
+
+
+def loaded(supply, **plan):
+    """The calibrated machine with a mass ratio of 0.3."""
+    changes = {"solver.engine": "taylor", "drive.supply_frequency_hz": supply, "material.mass_ratio": 0.3}
+    return load_config(CONFIGS / "machines/calibrated.yaml").replace(changes | {"find": MASS | plan})
+
+
+def test_the_smallest_torque_that_passes_the_resonance_is_told_by_where_the_motion_ends():
+    found = find(start())
+    (row,) = found.thresholds.to_dict("records")
+    assert (row["kind"], row["special_point"], row["fractal"]) == ("jump", "", False)
+    assert row["value"] == pytest.approx(1.5295, abs=1e-4)  # bisected by the attractor of each start alone
+    assert 0.0 < row["above"] - row["below"] <= 1e-4
+    assert (row["below_sync"], row["above_sync"]) == ("antiphase", "in-phase")
+    assert found.values["motor.critical_torque_n_m"].is_monotonic_increasing
+    assert found.text == [
+        "motor.critical_torque_n_m = 1.52954 N·m: jump; below antiphase, period 1; above in-phase, period 1"
+    ]
+
+
+@pytest.mark.parametrize(("supply", "expected"), [(58.0, [0.05528, 0.511134]), (60.0, [0.202220, 0.410803])])
+def test_the_window_of_a_motion_ends_where_its_orbit_loses_its_stability(supply, expected):
+    found = find(loaded(supply, **{"from": "neighbour"})).thresholds
+    assert found["special_point"].tolist() == ["period-doubling", "branch-point"]
+    assert found["value"].tolist() == pytest.approx(expected, abs=1e-5)  # from branches of orbits
+
+
+@pytest.mark.parametrize("begin", ["initial", "neighbour"])
+def test_a_measure_passes_a_level(begin):
+    plan = {"expression": "rms_y_m > 7e-4", "scan": 5, "start": 0.2, "stop": 0.4, "tolerance": 1e-6, "from": begin}
+    (row,) = find(loaded(58.0, **plan)).thresholds.to_dict("records")
+    assert (row["kind"], row["value"]) == ("level crossing", pytest.approx(0.3302756, abs=2e-6))
+    assert row["below_rms_y_m"] > 7e-4 > row["above_rms_y_m"]
+
+
+@pytest.mark.parametrize(("expression", "told"), [("rms_y_m > 1", "false"), ("rms_y_m <= 1", "true")])
+def test_what_never_changes_is_an_answer(expression, told):
+    found = find(loaded(58.0, expression=expression, scan=2, start=0.2, stop=0.3))
+    assert found.thresholds.empty
+    assert found.text == [f"no threshold: {expression} is {told} at all values from material.mass_ratio = 0.2 to 0.3"]
+
+
+def test_a_border_is_fractal_if_near_pairs_differ_as_often_as_far_ones():
+    assert fractal((0.5, 0.5, 0.5))
+    assert not fractal((0.5, 0.1, 0.0))
+    assert not fractal(())
+
+
+def test_killed_and_resumed_with_more_jobs_the_answer_is_the_same(tmp_path):
+    asked = question(start())
+
+    def killed(done, known):
+        if done == 5:
+            raise KeyboardInterrupt
+
+    def answered(jobs, progress, *, resume=False):
+        with Store(tmp_path, {}, resume=resume) as store, pool(jobs, chains=asked.chains) as workers:
+            return asked.answer(store, workers, progress).tables
+
+    with pytest.raises(KeyboardInterrupt):
+        answered(1, killed)
+    tables = answered(2, lambda done, known: None, resume=True)
+    whole = find(start())
+    for name, expected in (("thresholds", whole.thresholds), ("values", whole.values)):
+        times = [column for column in expected if column == "wall_s"]
+        assert tables[name].drop(columns=times).equals(expected.drop(columns=times))
+
+
+@pytest.mark.parametrize(
+    ("plan", "told"),
+    [
+        ({"key": "material.mass"}, "find.key = material.mass has no numbers"),
+        ({"start": 0.6}, "find: stop = 0.6 is not above start = 0.6"),
+        ({"scale": "log", "start": 0.0}, "find: scale = log but start = 0.0"),
+        ({"key": "sweep.seed"}, "find: key = 'sweep.seed' cannot be varied"),
+        ({"expression": "rms_y_m = 1"}, "find: expression = 'rms_y_m = 1'; allowed: column > number"),
+        ({"expression": "rms_y > 1"}, "find.expression: no column rms_y; did you mean rms_y_m"),
+        ({"expression": "sync > 1"}, "find.expression: no column sync"),
+        ({"start": -0.1}, "find: material.mass_ratio = -0.1"),
+    ],
+)
+def test_a_mistake_is_told_in_one_line(plan, told):
+    with pytest.raises(ConfigError) as caught:
+        question(loaded(58.0, **plan))
+    assert told in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_program_must_end_with_a_supply():
+    stops = [{"t_s": 0.0, "supply_frequency_hz": 66.0}, {"t_s": 1.0, "off": True}]
+    with pytest.raises(ConfigError, match="ends without supply"):
+        question(start().replace({"drive.program": stops}))

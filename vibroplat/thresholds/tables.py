@@ -1,0 +1,270 @@
+"""The question ``find`` of a scene, the tables of its answer, and what is printed of it."""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import pandas as pd
+
+from vibroplat.columns import Column, Columns, unit_of
+from vibroplat.config.keys import number_of
+from vibroplat.config.questions import FindPlan
+from vibroplat.config.scene import Scene
+from vibroplat.continuation.special_points import KINDS
+from vibroplat.errors import ConfigError
+from vibroplat.extensions import figure_of
+from vibroplat.model.sensitivity import parameter_direction
+from vibroplat.observe.sheet import SHEET, of_points
+from vibroplat.results.files import Command
+from vibroplat.study import WAIT
+from vibroplat.study.branches import COUNTS, SUPPLY, TEXTS, column_of, study_table
+from vibroplat.study.pool import Pool
+from vibroplat.study.question import Answer, Progress, ask
+from vibroplat.study.store import Store
+from vibroplat.study.sweep import COLUMNS, SWEEP
+from vibroplat.thresholds.search import DISTANCES, FRACTAL, LASTING, PAIRS, Search, Threshold
+from vibroplat.thresholds.values import Value
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+#: Columns of what stands on both sides of a threshold.
+SIDES = (
+    *("sync", "motion", "period", "multiplier_max", "excitation_frequency_hz", "rms_x_m", "rms_y_m"),
+    *("phase_difference_rad", "motor_power_w"),
+)
+#: Kinds of thresholds.
+KINDS_OF_CHANGE = {
+    "jump": "both sides stay what they were with twice the time, and differ",
+    "level crossing": "the measures on both sides meet",
+    "depends on how long": "one side is another with twice the time, or still leaves an unstable orbit",
+}
+#: What the columns mean.
+THRESHOLDS: Columns = {
+    "key": Column("the key"),
+    "below": Column("value of the key below the threshold where the motion was measured"),
+    "above": Column("the same above it"),
+    "value": Column("the threshold", "where an orbit loses its stability, the special point; else the middle"),
+    "kind": Column("kind of change", "; ".join(f"{kind}: {meaning}" for kind, meaning in KINDS_OF_CHANGE.items())),
+    "special_point": Column("special point of the orbit", f"{', '.join(KINDS)}; empty if it is none"),
+    "fractal": Column("whether the border is fractal", "pairs of values beside it differ, however near they are"),
+    **{f"{side}_{name}": SWEEP[name] for side in ("below", "above") for name in SIDES},
+}
+_POINT = tuple(name for name in COLUMNS if name not in ("direction", "branch"))
+VALUES: Columns = {
+    "stage": Column(
+        "why the value was looked at",
+        "scan; beside a special point; bisection; twice as long, of an end; pair, beside a threshold",
+    ),
+    **{name: SWEEP[name] for name in (*_POINT, *SHEET)},
+}
+
+
+class Thresholds(NamedTuple):
+    """What has been found of the section ``find``.
+
+    Attributes
+    ----------
+    thresholds
+        A row for each threshold, in ascending order.
+    values
+        A row for each value that was looked at, in ascending order.
+    text
+        The answer in plain lines.
+    """
+
+    thresholds: pd.DataFrame
+    values: pd.DataFrame
+    text: Sequence[str]
+
+    def plot(self) -> Figure:
+        """Draw the measures over the key, with the thresholds."""
+        return figure_of(self)
+
+
+@dataclass
+class Find:
+    """The question of a section ``find``; see :class:`vibroplat.study.question.Question`."""
+
+    scene: Scene
+    plan: FindPlan
+    continuous: bool
+    chains: int
+    command: Command = "find"
+    counted: str = "values"
+    absent: frozenset[str] = frozenset()
+
+    def scenes(self) -> Iterator[Scene]:
+        """Yield the scenes at both ends."""
+        return (self.scene.replace({self.plan.key: end}) for end in (self.plan.start, self.plan.stop))
+
+    def answer(self, store: Store, workers: Pool, progress: Progress) -> Answer:
+        """Scan the key, narrow each change, and make the tables."""
+        search = Search(self.scene, self.plan, self.continuous, store, workers, progress)
+        scan, found = search.thresholds()
+        found.sort(key=lambda threshold: threshold.value)
+        shares = search.shares(found)
+        every = sorted([*scan, *search.seen], key=lambda value: value.at)
+        tables = {"values": self._values(every), "thresholds": self._thresholds(found, shares)}
+        lines = {"values": f"{len(scan)} of the scan, {len(search.seen)} more", "thresholds": str(len(found))}
+        failed = [f"{v.row['outcome']} at {self.plan.key} = {v.at:g}: {v.row['detail']}" for v in every if v.failed]
+        text = self._text(found) if found else [self._unchanged(scan)]
+        return Answer(tables, lines, text, list(self._notes(scan, found, shares)), failed)
+
+    # -- tables --------------------------------------------------------------------------------------------------------
+
+    def _thresholds(self, found: Sequence[Threshold], shares: Sequence[tuple[float, ...]]) -> pd.DataFrame:
+        column = () if self.plan.compared is None else (self.plan.compared[0],)
+        shown = list(dict.fromkeys((*SIDES, *column)))
+        meant = {f"{side}_{name}": _columns(self.scene)[name] for side in ("below", "above") for name in shown}
+        rows = [
+            {"key": self.plan.key, "below": one.low.at, "above": one.high.at, "value": one.value, "kind": one.kind}
+            | {"special_point": one.special, "fractal": fractal(share)}
+            | {f"below_{name}": one.low.row.get(name) for name in shown}
+            | {f"above_{name}": one.high.row.get(name) for name in shown}
+            for one, share in zip(found, shares, strict=True)
+        ]
+        types: dict[str, Any] = {"below": [0.0], "above": [0.0], "value": [0.0]}
+        types |= {"key": ["k"], "special_point": ["k"], "fractal": [True]}
+        for name in meant:
+            last = name.partition("_")[2]
+            types[name] = ["k"] if last in TEXTS else pd.array([0], "Int64") if last in COUNTS else [0.0]
+        return study_table(rows, [*list(THRESHOLDS)[:7], *meant], types, {**THRESHOLDS, **meant})
+
+    def _values(self, values: Sequence[Value]) -> pd.DataFrame:
+        key, meant = column_of(self.plan.key), _columns(self.scene)
+        rows = [{key: value.at, "stage": value.stage, **value.row} for value in values]
+        names = [key, "stage", *_POINT, *SHEET, *of_points(self.scene.output.points)]
+        return study_table(rows, names, {"stage": ["k"]}, {**meant, **VALUES, SUPPLY: SWEEP[SUPPLY]})
+
+    # -- in words ------------------------------------------------------------------------------------------------------
+
+    def _side(self, value: Value) -> str:
+        if self.plan.compared is None:
+            return value.text
+        column = self.plan.compared[0]
+        number = value.row.get(column)
+        return f"{column} = {number:.5g}" if number is not None else f"no {column}"
+
+    def _text(self, found: Sequence[Threshold]) -> list[str]:
+        digits = max(math.ceil(-math.log10(self.plan.narrow)), 0)
+        return [
+            " ".join(f"{self.plan.key} = {one.value:.{digits + 1}f} {unit_of(self.plan.key)}".split())
+            + f": {one.kind}{f' at a {one.special}' if one.special else ''}; "
+            f"below {self._side(one.low)}; above {self._side(one.high)}"
+            for one in found
+        ]
+
+    def _unchanged(self, scan: Sequence[Value]) -> str:
+        plan, good = self.plan, [value for value in scan if not value.failed]
+        place = f"from {plan.key} = {plan.start:g} to {plan.stop:g}"
+        if not good:
+            return f"nothing is known {place}"
+        if plan.expression is not None:
+            held = {True: "true", False: "false", None: "empty"}[good[0].outcome(plan)]
+            return f"no threshold: {plan.expression} is {held} at all values {place}"
+        return f"no threshold: {good[0].text} at all values {place}"
+
+    def _notes(
+        self, scan: Sequence[Value], found: Sequence[Threshold], shares: Sequence[tuple[float, ...]]
+    ) -> Iterator[str]:
+        for one, share in zip(found, shares, strict=True):
+            place = f"beside {self.plan.key} = {one.value:.6g}"
+            told = ", ".join(f"{s * PAIRS:.0f} at {d:g}" for s, d in zip(share, DISTANCES, strict=False))
+            if fractal(share):
+                yield (
+                    f"the border is fractal {place}: of {PAIRS} pairs of values differ {told} of the range; allowances "
+                    "for the key should stay away from it"
+                )
+            elif share and share[0]:
+                different = f"{share[0] * PAIRS:.0f} of {PAIRS} pairs of values"
+                yield f"the outcome changes several times {place}: {different} differ there; a finer scan may show more"
+            if one.kind == "depends on how long" and one.special:
+                yield f"{place} motion leaves the orbit so slowly that it was still near it when it was measured"
+
+
+def fractal(shares: Sequence[float]) -> bool:
+    """Whether pairs of values differ however near they are."""
+    return len(shares) == len(DISTANCES) and shares[-1] * PAIRS >= max(FRACTAL, LASTING * shares[0] * PAIRS)
+
+
+def _columns(scene: Scene) -> Columns:
+    return {**VALUES, **of_points(scene.output.points)}
+
+
+def question(scene: Scene) -> Find:
+    """Read the section ``find`` of a scene, and validate it.
+
+    Raises
+    ------
+    ConfigError
+        There is none; its key has no numbers, or a value that is not allowed; the expression has no column of a sweep;
+        the drive's program does not end with both exciters on.
+    """
+    plan = scene.find
+    if plan is None:
+        raise ConfigError("this configuration has no find section; add find: {key: …, start: …, stop: …}")
+    if number_of(plan.key) is not float:
+        raise ConfigError(f"find.key = {plan.key} has no numbers that vary continuously; allowed: one that has")
+    for value in plan.over.upward:
+        try:
+            scene.replace({plan.key: value})
+        except ConfigError as error:
+            raise ConfigError(f"find: {error}") from None
+    if scene.run.initial.from_ is not None:
+        raise ConfigError("run.initial.from is given, but find does not begin with a run; allowed: state, or phases")
+    last = scene.drive.intervals[-1]
+    if last.frequency <= 0.0 or last.driven != (True, True):
+        raise ConfigError("drive.program ends without supply; allowed: with both exciters on, for a steady motion")
+    if plan.compared is not None:
+        numbers = [name for name in _columns(scene) if name not in TEXTS and name != "stage"]
+        if plan.compared[0] not in numbers:
+            near = difflib.get_close_matches(plan.compared[0], numbers, n=3, cutoff=0.5)
+            hint = f"did you mean {' or '.join(near)}? " if near else ""
+            raise ConfigError(f"find.expression: no column {plan.compared[0]}; {hint}allowed: numbers of a sweep")
+    continuous = True
+    try:
+        for end in (plan.start, plan.stop):
+            parameter_direction(scene.replace({plan.key: float(end)}), plan.key)
+    except ConfigError:
+        continuous = False
+    return Find(scene, plan, continuous, plan.scan if plan.from_ == "initial" else 2)
+
+
+def find(
+    scene: Scene,
+    *,
+    jobs: int = 1,
+    scheduler: str | None = None,
+    wait: float = WAIT,
+    progress: Progress = lambda done, known: None,
+) -> Thresholds:
+    """Find the values of a key at which an outcome changes, as the section ``find`` of a scene says.
+
+    Parameters
+    ----------
+    scene
+        A scene with a section ``find``.
+    jobs, scheduler, wait
+        As of :func:`vibroplat.sweep`.
+    progress
+        Called with the numbers of chains of values that are done, and of all that are known.
+
+    Raises
+    ------
+    ConfigError
+        The scene has no such section, or a value of it is not allowed.
+
+    Examples
+    --------
+    >>> from vibroplat import Scene, find
+    >>> plan = {"key": "drive.supply_frequency_hz", "start": 40.0, "stop": 50.0, "scan": 5}
+    >>> find(Scene().replace({"find": plan | {"expression": "excitation_frequency_hz > 22", "tolerance": 0.01}})).text
+    ['drive.supply_frequency_hz = 44.40 Hz: level crossing; below excitation_frequency_hz = 21.996; above ...']
+    """
+    found = ask(question(scene), jobs, scheduler, wait, progress)
+    return Thresholds(found.tables["thresholds"], found.tables["values"], found.text)
