@@ -231,7 +231,7 @@ def _lines(plan: BasinsPlan, tables: Mapping[str, pd.DataFrame], values: int) ->
     for key, (low, high, *count) in plan.starts.items():
         lines[words_in_place(key)] = f"{low:g} … {high:g}" + (f", {int(count[0])} values" if count else ", at random")
     turns = tables["starts"]["turns"]
-    lines["turns of a start"] = f"{turns.median():.0f} in the median, at most {turns.max()}"
+    lines["turns of a start"] = f"{turns.median():.0f} in the median, at most {turns.max():.0f}"
     return lines
 
 

@@ -40,7 +40,7 @@ TEXTS = {
     "coexists",
 } | {*("sequence", "below", "above", "check", "attractor")}
 COUNTS = {"branch", "parent", "curve", "point", "points", "period", "steps", "residual_calls", "events"} | {
-    *("unstable", "orbit_unstable", "count", "turns")
+    *("unstable", "orbit_unstable", "count")
 }
 ANSWERS = {"stable"}
 
