@@ -13,6 +13,7 @@ from vibroplat.extensions import PROVIDERS
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
+    from vibroplat.basin.question import basins
     from vibroplat.check.runs import check_run
     from vibroplat.check.sweeps import check_sweep
     from vibroplat.config.drive import Drive
@@ -58,6 +59,7 @@ _HOMES = {
     "orbits": "vibroplat.continuation.tables",
     "sweep": "vibroplat.study.sweep",
     "find": "vibroplat.thresholds.tables",
+    "basins": "vibroplat.basin.question",
 }
 # runs, orbits and tables know nothing else of what draws them, sweeps nothing else of orbits
 PROVIDERS |= {
@@ -82,6 +84,7 @@ __all__ = [
     "State",
     "Trajectory",
     "__version__",
+    "basins",
     "check_run",
     "check_sweep",
     "find",

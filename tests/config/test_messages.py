@@ -10,7 +10,9 @@ from vibroplat.config.drive import MOST_ENTRIES
 from vibroplat.config.reader import parse_overrides
 from vibroplat.errors import ConfigError
 
-SECTIONS = "name, machine, motor, motors, exciters, material, contact, drive, run, solver, output, sweep, orbits, find"
+SECTIONS = (
+    "name, machine, motor, motors, exciters, material, contact, drive, run, solver, output, sweep, orbits, find, basins"
+)
 MOTOR = (
     "critical_torque_n_m, critical_slip, rated_power_w, rated_speed_rpm, breakdown_ratio, pole_pairs, "
     "friction_radius_m, rated_frequency_hz"

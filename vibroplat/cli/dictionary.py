@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import groupby
 
+from vibroplat.basin.question import ATTRACTORS, FRACTIONS, STARTS_TABLE
 from vibroplat.columns import Column, Columns, unit_of
 from vibroplat.config.keys import keys, yaml
 from vibroplat.continuation.tables import BOUNDARIES, BRANCHES, SPECIAL
@@ -28,6 +29,7 @@ _SWEPT = {
     "…": Column("the key of sweep.over in place of the supply, and those of the grid, by their dotted names"),
 }
 _FOLLOWED = {"…": Column("the keys of the grid and the keys that vary, by their dotted names", "see configuration.md")}
+_OVER = {"…": Column("the key of basins.over, by its dotted name")}
 _POINTS = of_points(["NAME"])
 _IN_ORDER = {SUPPLY: SWEEP[SUPPLY], **_SWEPT, **{name: SWEEP[name] for name in (*COLUMNS, *SHEET)}, **_POINTS}
 
@@ -70,6 +72,15 @@ TABLES: dict[str, tuple[str, Columns]] = {
         "`vibroplat find`: a row for each value that was looked at.",
         {"…": Column("the key"), **VALUES, **_POINTS},
     ),
+    "attractors": (
+        "`vibroplat basins`: a row for each attractor, at each value of a key.",
+        {**_OVER, **ATTRACTORS, **_POINTS},
+    ),
+    "starts": (
+        "`vibroplat basins`: a row for each start.",
+        {**_OVER, "… ": Column("the keys of basins.starts, by their dotted names"), **STARTS_TABLE},
+    ),
+    "fractions": ("`vibroplat basins` with `over`: shares of the starts over the key.", {**_OVER, **FRACTIONS}),
     "claims": ("`vibroplat paper`: a row for each claim.", CLAIMS),
     "contradictions": ("`vibroplat paper`: the paper's numbers against its figures.", CONTRADICTIONS),
     "fig4, fig5, fig7": (

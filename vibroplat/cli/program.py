@@ -114,6 +114,7 @@ COMMANDS = (
     studies.sweep,
     studies.orbits,
     questions.find,
+    questions.basins,
     figures.plot,
     figures.report,
     figures.film,

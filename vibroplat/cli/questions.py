@@ -96,3 +96,25 @@ def _answer(
     common.complain_of(found.failures, f"{len(found.failures)} {question.counted} failed")
     if found.failures:
         raise typer.Exit(1)
+
+
+def basins(
+    config: Annotated[Path, typer.Argument(help="Configuration file with a basins section.")],
+    set_: common.Settings = None,
+    engine: common.EngineName = None,
+    out: common.Out = Path("results"),
+    jobs: common.Jobs = 1,
+    resume: common.Resume = False,
+    overwrite: common.Overwrite = False,
+    scheduler: common.Scheduler = None,
+    wait: common.Wait = WAIT,
+    format_: common.Format = "parquet",
+) -> None:
+    """Find which motions a scene comes to from a box of starts, and from which share of it.
+
+    Writes tables of the attractors and of all starts to OUT/NAME. Exit code 1 says that motions failed.
+    """
+    scene = common.scene_of(config, set_, engine)
+    from vibroplat.basin.question import Basins
+
+    _answer(Basins, config, scene, out, jobs, scheduler, wait, format_, resume=resume, overwrite=overwrite)

@@ -31,6 +31,7 @@ _LEFT_OUT = (
     "name",
     "orbits.",
     "find.",
+    "basins.",
     "drive.program.",
     "sweep.over.",
     "run.initial.state.",

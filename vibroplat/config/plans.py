@@ -14,7 +14,7 @@ from vibroplat.config.schema import LARGEST, LEAST, PERTURBATION, Positive, Real
 #: Key of the supply frequency.
 FREQUENCY = "drive.supply_frequency_hz"
 #: Sections that say what is asked of a scene.
-QUESTIONS = ("sweep", "orbits", "find")
+QUESTIONS = ("sweep", "orbits", "find", "basins")
 #: Most points of a branch of a sweep.
 MAX_POINTS = 100_000
 #: Most combinations of the grid's values, of a sweep and of orbits.

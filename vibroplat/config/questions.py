@@ -2,13 +2,74 @@
 
 from __future__ import annotations
 
+import math
 import re
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
+from vibroplat.config.coordinates import COORDINATES, RATES
 from vibroplat.config.plans import Over, SweepPlan, may_vary
 from vibroplat.config.schema import Positive, Real, Section
+
+#: What keys of starts begin with, and those that there are.
+INITIAL = "run.initial."
+PHASES = ("phase_difference_rad", "phase_sum_rad", "phi1_rad", "speed_ratio")
+STARTS = tuple(INITIAL + name for name in (*PHASES, *(f"state.{name}" for name in (*COORDINATES, *RATES))))
+#: Starts at random that there are without a number of them, and most starts at all values of a key.
+RANDOM, MAX_STARTS = 1000, 10_000_000
+
+
+class BasinsPlan(Section, title="Basins"):
+    """Starts from a box of initial states, and how long the motions from there are followed."""
+
+    starts: Annotated[dict[str, Annotated[list[Real], Field(min_length=2, max_length=3)]], Field(min_length=1)] = Field(
+        description="keys of run.initial, phases and speed_ratio as well as state.NAME, and their ranges: "
+        "[low, high, count] is a grid, [low, high] at random; what is not named is as in run.initial"
+    )
+    random: Annotated[int, Field(ge=1, le=MAX_STARTS)] | None = Field(
+        None, description="number of starts at random, at each point of the grid; not given: 1000, and 1 with a grid"
+    )
+    seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = Field(0, description="seed of starts and of their perturbations")
+    over: Over | None = Field(None, description="values of another key, at each of which the same starts are followed")
+    longest_turns: Annotated[int, Field(ge=100, le=10_000_000)] = Field(
+        6000, description="turns after which a motion that has come to no periodic orbit is taken not to repeat"
+    )
+
+    @model_validator(mode="after")
+    def _possible(self) -> Self:
+        for key, (low, high, *count) in self.starts.items():
+            if key not in STARTS:
+                raise ValueError(
+                    f"starts.{key!a} is no key of a start; allowed: {', '.join(STARTS[:5])}, … of run.initial"
+                )
+            if not low < high:
+                raise ValueError(f"starts.{key} = [{low:g}, {high:g}] is empty; allowed: a low end below the high one")
+            if count and not (count[0].is_integer() and 2 <= count[0] <= MAX_STARTS):
+                raise ValueError(f"starts.{key} = […, {count[0]:g}]; allowed: a whole number from 2 as count")
+        if {INITIAL + "phase_difference_rad", INITIAL + "phase_sum_rad"} <= self.starts.keys():
+            raise ValueError("starts has phase_difference_rad and phase_sum_rad; allowed: one of the two")
+        if self.random is not None and all(len(ends) == 3 for ends in self.starts.values()):
+            raise ValueError(f"random = {self.random} but every range of starts has a count; allowed: [low, high]")
+        if self.over is not None and not may_vary(self.over.key):
+            raise ValueError(f"over.key = {self.over.key!a} cannot be varied; allowed: keys of machine, material, …")
+        if self.over is not None and len(self.over.direction) > 1:
+            raise ValueError("over.direction = [up, down]; allowed: one of the two")
+        number = self.number * (1 if self.over is None else self.over.number)
+        if number > MAX_STARTS:
+            raise ValueError(f"starts are {number}; allowed: at most {MAX_STARTS}")
+        return self
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Numbers of the grid's values; () without a grid."""
+        return tuple(int(ends[2]) for ends in self.starts.values() if len(ends) == 3)
+
+    @property
+    def number(self) -> int:
+        """How many starts there are at each value of ``over``."""
+        return math.prod(self.shape) * (self.random or (1 if self.shape else RANDOM))
+
 
 #: Width at which a threshold is found, over the range of its key, where none is given.
 NARROW = 1e-5

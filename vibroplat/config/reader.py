@@ -47,10 +47,11 @@ ALTERNATIVES: dict[str, tuple[tuple[str, str], ...]] = {
     "run.initial": Initial.alternatives,
     "sweep": SweepPlan.alternatives,
     "sweep.over": Over.alternatives,
+    "basins.over": Over.alternatives,
 }
 
 #: Sections with free keys: they are replaced as a whole, because merging could never remove a key.
-REPLACED = frozenset({"sweep.grid"})
+REPLACED = frozenset({"sweep.grid", "basins.starts"})
 
 #: Quotations in messages of the parser: single characters and the parser's own words, or anything else.
 _QUOTED = re.compile(r"""(["'])(?:(?P<harmless>.|\\.|<[a-z ]+>)|.*)\1""", re.DOTALL)

@@ -20,7 +20,7 @@ from vibroplat.config.body import RigidBody, rigid_body
 from vibroplat.config.coordinates import COORDINATES, RATES, Mode
 from vibroplat.config.drive import Drive
 from vibroplat.config.plans import FREQUENCY, OrbitsPlan, SweepPlan
-from vibroplat.config.questions import FindPlan
+from vibroplat.config.questions import BasinsPlan, FindPlan
 from vibroplat.config.reader import load_tree, merge, nest, with_line
 from vibroplat.config.schema import Section, described, explain
 from vibroplat.config.sections import (
@@ -90,6 +90,7 @@ class Scene(Section):
     sweep: SweepPlan | None = described(None, "", "what vibroplat sweep does")
     orbits: OrbitsPlan | None = described(None, "", "what vibroplat orbits does")
     find: FindPlan | None = described(None, "", "what vibroplat find does")
+    basins: BasinsPlan | None = described(None, "", "what vibroplat basins does")
 
     alternatives = (("motor", "motors"), ("motor", "exciters"), ("motors", "exciters"))
 

@@ -60,9 +60,14 @@ class OrbitSeeker:
         """How much was done so far."""
         return self._shooter.engine.work
 
+    def forget(self) -> None:
+        """Be ready for another motion."""
+        self._until, self.reached = 0.0, None
+
     def first(self, start: FloatArray) -> KnownOrbit | None:
         """Follow a motion from a full state for BLOCK turns, and return the orbit that it surely comes to."""
-        motion, self._until, self.reached = self._shooter.motion, 0.0, None
+        self.forget()
+        motion = self._shooter.motion
         motion.reset(start)
         points = section_points(motion.go_round(BLOCK, self._longest(BLOCK)).measures, self._shooter.scene)
         if len(points) <= BLOCK:
@@ -80,6 +85,31 @@ class OrbitSeeker:
         if self.leaving:
             self._until = motion.now + self._doubling
         return orbit
+
+    def known_orbit(self, state: FloatArray, period: int) -> KnownOrbit:
+        """Return the orbit near a full state; raises :class:`MissedError` where there is none of this period."""
+        motion = self._shooter.motion
+        motion.reset(state)
+        motion.to_section(1, self._longest(1))
+        problem, found = self._orbit_near(motion.state, motion.system.index, period)
+        return self._known(problem, found, Attraction(found, period))
+
+    def crossings(self, state: FloatArray, period: int) -> list[tuple[Attraction, float]]:
+        """Return the surroundings of a stable orbit, one for each turn, and the radii from which they surely attract.
+
+        Raises
+        ------
+        MissedError
+            There is none of this period near the full state on the section.
+        """
+        found, motion = list[tuple[Attraction, float]](), self._shooter.motion
+        motion.reset(state)
+        for _ in range(period):
+            around = Attraction(self._orbit_near(motion.state, motion.system.index, period)[1], period)
+            found.append((around, around.radius(self._shooter)))
+            motion.reset(around.state)
+            motion.to_section(1, self._longest(1))
+        return found
 
     def hunt(self, points: FloatArray, states: FloatArray) -> Hunt:
         """Look for orbits from where a section that does not repeat comes back to itself, nearest first.

@@ -19,6 +19,7 @@ import numpy.typing as npt
 
 from vibroplat.config.coordinates import COORDINATES, RATES, Mode
 from vibroplat.config.scene import Scene
+from vibroplat.config.sections import Initial
 from vibroplat.kernels.compiled import FloatArray, compiled, copy
 from vibroplat.kernels.lanes import in_lines
 from vibroplat.kernels.polynomial import stretch
@@ -294,9 +295,12 @@ def static_rest(scene: Scene) -> FloatArray:
     return state
 
 
-def initial_state(scene: Scene) -> FloatArray:
-    """Full state, shape (14,), that ``run.initial`` asks for; for one that goes on from another run static rest."""
-    initial = scene.run.initial
+def initial_state(scene: Scene, initial: Initial | None = None) -> FloatArray:
+    """Full state, shape (14,), that ``run.initial`` asks for, or another start of the scene.
+
+    For one that goes on from another run it is static rest.
+    """
+    initial = initial or scene.run.initial
     state = static_rest(scene)
     if initial.state is None:
         speeds = scene.synchronous_speeds_at(scene.drive.at(0.0).frequency_at(0.0))

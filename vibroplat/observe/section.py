@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import numpy.typing as npt
 
 from vibroplat.config.scene import Scene
 from vibroplat.hybrid.state import state_scales
-from vibroplat.kernels.compiled import FloatArray
+from vibroplat.kernels.compiled import FloatArray, compiled
 from vibroplat.observe.measures import Measures
+
+_TURN = 2.0 * math.pi
 
 #: Longest period, in turns of exciter 1, that is searched for while a motion settles.
 MAX_PERIOD = 16
@@ -50,6 +54,36 @@ def section_points(measures: Measures, scene: Scene) -> FloatArray:
     phase = states[:, 3:5] @ scene.phase_weights
     points[:, 3], points[:, 4] = np.cos(phase), np.sin(phase)
     return points
+
+
+@compiled
+def ellipsoid_of(
+    state: FloatArray, system: int, centres: FloatArray, forms: FloatArray, systems: npt.NDArray[np.int64]
+) -> int:
+    """Find the first ellipsoid that holds a full state on the section, −1 if none does.
+
+    Each is where a form, shape (14, 14), of the distance from its centre, shape (14,), is below 1 in a system's states;
+    whole turns of the exciters do not matter.
+    """
+    n = centres.shape[1]
+    for k in range(systems.size):
+        if systems[k] != system:
+            continue
+        size = 0.0
+        for i in range(n):
+            row = 0.0
+            for j in range(n):
+                away = state[j] - centres[k, j]
+                if 3 <= j < 5:
+                    away -= _TURN * np.round(away / _TURN)
+                row += forms[k, i, j] * away
+            away = state[i] - centres[k, i]
+            if 3 <= i < 5:
+                away -= _TURN * np.round(away / _TURN)
+            size += away * row
+        if size < 1.0:
+            return k
+    return -1
 
 
 def spreads(points: FloatArray, first: int = 1, last: int = MAX_PERIOD) -> FloatArray:

@@ -38,9 +38,9 @@ TEXTS = {
     "kind",
     "name",
     "coexists",
-} | {*("sequence", "below", "above", "check")}
+} | {*("sequence", "below", "above", "check", "attractor")}
 COUNTS = {"branch", "parent", "curve", "point", "points", "period", "steps", "residual_calls", "events"} | {
-    *("unstable", "orbit_unstable")
+    *("unstable", "orbit_unstable", "count")
 }
 ANSWERS = {"stable"}
 

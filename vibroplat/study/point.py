@@ -195,13 +195,11 @@ def _sought(scene: Scene, plan: SweepPlan, start: FloatArray, seeker: Seeker) ->
     """Look for the orbit that a motion comes to at once, and while it settles."""
     orbit = seeker.first(start)
     if orbit is not None and seeker.reached is not None:
-        return _on_orbit(scene, orbit, seeker.reached[1], seeker.work)
+        return on_orbit(scene, orbit, seeker.reached[1], seeker.work)
     return _followed(scene, plan, *(seeker.reached or (start, 0.0)), seeker)
 
 
-def _on_orbit(
-    scene: Scene, orbit: KnownOrbit, settled: float, work: Mapping[str, int | None], events: int = 0
-) -> Point:
+def on_orbit(scene: Scene, orbit: KnownOrbit, settled: float, work: Mapping[str, int | None], events: int = 0) -> Point:
     """Tell what is known of the orbit that a motion comes to, which has settled for a time (s), with some events."""
     found = orbit.measures
     row: dict[str, Any] = {
@@ -236,7 +234,7 @@ def _followed(
         work = engine.work
         stiff = stiffness(scene, engine.name, work["steps"], motion.restarts, motion.now - began)
     if settling.orbit is not None:
-        return _on_orbit(scene, settling.orbit, settling.seconds, work, motion.events)
+        return on_orbit(scene, settling.orbit, settling.seconds, work, motion.events)
     row: dict[str, Any] = {
         "rotation": scene.rotation,
         "coexists": "",
@@ -282,19 +280,19 @@ def _coexisting(scene: Scene, plan: SweepPlan, row: Mapping[str, Any], hunt: Hun
     starts = [initial_state(scene), turned]
     if hunt is not None and hunt.mildest is not None and hunt.least < CLEARLY:
         starts.append(hunt.mildest)
-    others = [_on_orbit(scene, orbit, 0.0, seeker.work).row for orbit in (hunt.stable if hunt is not None else ())]
+    others = [on_orbit(scene, orbit, 0.0, seeker.work).row for orbit in (hunt.stable if hunt is not None else ())]
     for number, start in enumerate(starts):
         begun = perturbed(start, scene, plan.perturbation, (plan.seed, number))
         others.append(_sought(scene, brief, begun, seeker).row)
     told = {
         f"period {other['period'] or 'none'}, {other['sync']}, RMS y {other['rms_y_m']:.4g} m"
         for other in others
-        if other.get("motion") and _distinct(row, other)
+        if other.get("motion") and distinct(row, other)
     }
     return "; ".join(sorted(told))
 
 
-def _distinct(row: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
+def distinct(row: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
     """Whether a motion differs from that of a row, which does not repeat."""
     if other["period"]:
         return True

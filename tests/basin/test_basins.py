@@ -1,0 +1,109 @@
+"""Basins: what starts are, which motions they come to, and what is refused."""
+
+import math
+
+import numpy as np
+import pytest
+
+from vibroplat import basins, load_config, orbit
+from vibroplat.basin.question import Basins, bounds
+from vibroplat.basin.starts import begun, states_of, values_of
+from vibroplat.continuation.orbit import beginning_at
+from vibroplat.errors import ConfigError
+from vibroplat.motion.run import simulate
+
+PHASE, SPEED, HEIGHT = (f"run.initial.{name}" for name in ("phase_difference_rad", "speed_ratio", "state.y_m"))
+GAP, CLOSING = "run.initial.state.gap_m", "run.initial.state.gap_rate_m_per_s"
+
+
+def scene_of(starts, ratio=0.0, **changes):
+    """The calibrated machine where it has two stable motions without material."""
+    keys = {"drive.supply_frequency_hz": 62.3, "material.mass_ratio": ratio, "solver.engine": "taylor"}
+    return load_config("configs/machines/calibrated.yaml", keys | {"basins": {"starts": starts} | changes})
+
+
+@pytest.fixture(scope="module")
+def found():
+    """Starts in more than one block."""
+    box = {PHASE: [-math.pi, math.pi], SPEED: [0.0, 1.1], HEIGHT: [-0.005, 0.005]}
+    scene = scene_of(box, random=120)
+    return scene, basins(scene).tables
+
+
+def test_starts_are_the_whole_grid_and_the_same_in_any_blocks():
+    plan = scene_of({PHASE: [-3.0, 3.0, 7], SPEED: [0.5, 1.0, 6], HEIGHT: [-1e-3, 1e-3]}, random=2).basins
+    together = values_of(plan, range(plan.number))
+    apart = np.concatenate([values_of(plan, range(first, first + 12)) for first in range(0, plan.number, 12)])
+    np.testing.assert_array_equal(together, apart)
+    assert len({(a, b) for a, b, _ in together.tolist()}) == 42
+    assert np.ptp(together[:8, 0]) > 4.0
+    assert len(set(together[:, 2].tolist())) == plan.number == 84
+
+
+def test_states_have_the_values_of_their_keys():
+    scene = scene_of({PHASE: [1.0, 2.0, 2], HEIGHT: [-1e-3, 1e-3, 2]})
+    states = states_of(begun(scene, scene.basins), scene.basins, range(4))
+    values = values_of(scene.basins, range(4))
+    np.testing.assert_allclose(states[:, 3] + states[:, 4], values[:, 0])
+    np.testing.assert_array_equal(states[:, 1], values[:, 1])
+    assert np.ptp(states[:, 10]) > 0.0, "rates are perturbed"
+
+
+def test_motions_stay_where_they_were_assigned(found):
+    scene, tables = found
+    shown = tables["attractors"].set_index("attractor")
+    assert set(shown["sync"]) == {"antiphase", "in-phase"}
+    assert shown["count"].sum() == 120
+    states = states_of(begun(scene, scene.basins), scene.basins, range(0, 120, 12))
+    for state, label in zip(states, tables["starts"]["attractor"][::12], strict=True):
+        after = simulate(beginning_at(scene, state).replace({"run.duration_s": 20.0}), keep="summary")
+        end = orbit(scene, after.final_state)
+        assert end.measures["rms_y_m"] == pytest.approx(shown.loc[label, "rms_y_m"], rel=1e-6, abs=1e-9)
+
+
+def test_rows_of_attractors_are_guesses_for_orbits(found):
+    scene, tables = found
+    for _, row in tables["attractors"].iterrows():
+        again = orbit(scene, row)
+        assert again.stable
+        assert again.distance < 1e-6
+
+
+def test_an_attractor_keeps_its_name_over_a_key_and_counts_without_starts(found):
+    box = found[0].basins.starts
+    over = {"key": "drive.supply_frequency_hz", "start": 62.84, "stop": 63.1, "count": 3}
+    tables = basins(scene_of(box, random=30, over=over)).tables
+    shares = tables["fractions"].pivot_table(index="supply_frequency_hz", columns="attractor", values="fraction")
+    assert list(shares) == ["antiphase, period 1", "in-phase, period 1"]
+    assert shares.sum(axis=1).tolist() == pytest.approx([1.0, 1.0, 1.0])
+    assert shares["antiphase, period 1"].tolist()[1] == 0.0, "carried from the value before"
+    assert math.isnan(shares["antiphase, period 1"].tolist()[2]), "beyond its fold"
+    np.testing.assert_array_equal(tables["starts"][SPEED][:30], tables["starts"][SPEED][30:60])
+
+
+def test_bounds_hold_the_share():
+    assert bounds(0, 1000) == (0.0, pytest.approx(3.0 / 1000, rel=4e-3))
+    assert bounds(1000, 1000) == (pytest.approx(1.0 - 3.0 / 1000, rel=1e-4), 1.0)
+    low, high = bounds(400, 1000)
+    assert (low, high) == (pytest.approx(0.3695, abs=2e-4), pytest.approx(0.4311, abs=2e-4))
+
+
+@pytest.mark.parametrize(
+    ("starts", "more", "told"),
+    [
+        ({"run.initial.y": [0, 1]}, {}, "basins: starts.'run.initial.y' is no key of a start; allowed: run.initial"),
+        ({PHASE: [1, 1]}, {}, f"basins: starts.{PHASE} = [1, 1] is empty; allowed: a low end below the high one"),
+        ({PHASE: [0, 1, 1.5]}, {}, f"basins: starts.{PHASE} = […, 1.5]; allowed: a whole number from 2 as count"),
+        ({PHASE: [0, 1, 5]}, {"random": 5}, "basins: random = 5 but every range of starts has a count"),
+        ({GAP: [-1e-3, 1e-3]}, {"ratio": 0.1}, "basins.starts: run.initial.state.gap_m = -0.001; allowed: at least 0"),
+        ({CLOSING: [-0.1, 0.1]}, {"ratio": 0.1}, f"basins.starts: {CLOSING} = -0.1 closes a gap"),
+        ({GAP: [0, 1e-3]}, {}, "this scene has no such coordinate"),
+        ({PHASE: [0, 1]}, {"over": {"key": "run.duration_s", "start": 1, "stop": 2, "count": 2}}, "cannot be varied"),
+    ],
+)
+def test_bad_starts_are_told_in_one_line(starts, more, told):
+    starts = {key: [float(v) for v in ends] for key, ends in starts.items()}
+    with pytest.raises(ConfigError) as error:
+        Basins(scene_of(starts, **more))
+    assert told in str(error.value)
+    assert "\n" not in str(error.value)

@@ -1,0 +1,311 @@
+"""The command ``basins``: attractors of a scene, the share of starts that comes to each, and what becomes of a start.
+
+Starts are followed in blocks of fixed size. The first block finds the attractors that most starts come to; the others
+know these, and what they find besides is compared in the order of blocks, so that nothing depends on who is first.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from vibroplat.basin.follow import follow_starts, representative
+from vibroplat.basin.found import Found, carried, names
+from vibroplat.basin.starts import begun, values_of
+from vibroplat.columns import Column, Columns, words_in_place
+from vibroplat.config.coordinates import COORDINATES, RATES
+from vibroplat.config.questions import BasinsPlan
+from vibroplat.config.scene import Scene
+from vibroplat.continuation.orbit import accurate
+from vibroplat.errors import ConfigError
+from vibroplat.observe.sheet import SHEET, of_points
+from vibroplat.results.files import Command
+from vibroplat.study import WAIT
+from vibroplat.study.branches import column_of, place_words, study_table
+from vibroplat.study.point import ERRORS, MEASURED
+from vibroplat.study.pool import Pool, StoredChain, Task, Tasks, run_stored
+from vibroplat.study.question import Answer, Progress, ask
+from vibroplat.study.store import Record, Store
+from vibroplat.study.sweep import SWEEP
+
+#: Starts that a task follows.
+BLOCK = 100
+#: Error of the bounds of a fraction: they hold it in 95 of 100 samples.
+DOUBT = 0.05
+#: Columns of the tables after the key that varies.
+ATTRACTORS: Columns = {
+    "attractor": Column("its name", "synchronization, motion and period, and more where these are not enough"),
+    "motion": SWEEP["motion"],
+    "period": SWEEP["period"],
+    "sync": SWEEP["sync"],
+    "count": Column("starts that come to it"),
+    "fraction": Column("share of the starts"),
+    "fraction_low": Column("lower bound of the share in the box of starts", "95 %, Clopper and Pearson (1934)"),
+    "fraction_high": Column("upper bound", "as the lower one; of an attractor without starts 3 over their number"),
+    "multiplier_max": SWEEP["multiplier_max"],
+    "radius": Column(
+        "size of the ellipsoid in which a start is assigned to it",
+        "distances in left eigenvectors of the return map, in the scales of the scene; 0: each start by itself",
+    ),
+    **{name: SWEEP[name] for name in MEASURED},
+    **{name: SWEEP[name] for name in (*ERRORS.values(), "coexists", "outcome", "detail", "notes")},
+    **{name: Column(f"{name} of a state of it on the Poincaré section") for name in (*COORDINATES, *RATES)},
+    **SHEET,
+}
+STARTS_TABLE: Columns = {
+    "attractor": ATTRACTORS["attractor"],
+    "turns": Column("turns of exciter 1 until the start was assigned"),
+}
+FRACTIONS: Columns = {
+    name: ATTRACTORS[name] for name in ("attractor", "count", "fraction", "fraction_low", "fraction_high")
+}
+
+
+class Basins:
+    """The question that the section ``basins`` of a scene asks; see :class:`vibroplat.study.question.Question`.
+
+    Raises
+    ------
+    ConfigError
+        There is no such section, a start is outside the model, or the supply is not constant.
+    """
+
+    command: Command = "basins"
+    counted = "starts"
+    absent = frozenset({"fractions"})
+
+    def __init__(self, scene: Scene) -> None:
+        if scene.basins is None:
+            raise ConfigError("this configuration has no basins section; add basins: {starts: …}")
+        accurate(scene, 1e-8)  # refuses a program of the drive
+        self.scene, self.plan = scene, scene.basins
+        over = self.plan.over
+        self.key = None if over is None else over.key
+        self.values: list[float] = [math.nan] if over is None else over.upward
+        if over is not None and over.direction == ["down"]:
+            self.values.reverse()
+        self._scenes = [begun(self._at(value), self.plan) for value in self.values]
+        self._blocks = [(first, min(BLOCK, self.plan.number - first)) for first in range(0, self.plan.number, BLOCK)]
+        self.chains = len(self._blocks) * len(self.values)
+
+    def _at(self, value: float) -> Scene:
+        plain = self.scene.model_copy(update={"basins": None, "sweep": None, "orbits": None})
+        try:
+            return plain if self.key is None else plain.replace({self.key: value})
+        except ConfigError as error:
+            raise ConfigError(f"basins.over: {error}") from None
+
+    def scenes(self) -> Sequence[Scene]:
+        """Return the scenes at the values of the key."""
+        return self._scenes
+
+    def answer(self, store: Store, workers: Pool, progress: Progress) -> Answer:
+        """Follow all starts, classify what does not repeat, and make the tables.
+
+        Over a key one value follows the other: its attractors are carried to the next, whose starts may come to them.
+        """
+        found: list[Found] = []
+        history: list[int] = []
+        for place, scene in enumerate(self._scenes):
+            known = self._carried(place, found, store, workers)
+            follow = partial(self._followed, place, store, workers, progress)
+            [first] = follow(known, history, range(1))  # finds the attractors that most starts come to
+            known = [*known, *first["found"]]
+            history = [start["turns"] for start in first["starts"]]
+            found.append(Found(scene, known, [first, *follow(known, history, range(1, len(self._blocks)))]))
+            groups = found[-1].groups()
+            tasks = [Task(representative, (scene, group[0]["state"])) for group in groups]
+            for group, record in zip(groups, _run(f"{place} motion", tasks, store, workers), strict=True):
+                found[-1].take(group, record)
+        return _told(self, found)
+
+    def _followed(
+        self,
+        place: int,
+        store: Store,
+        workers: Pool,
+        progress: Progress,
+        known: Sequence[Record],
+        history: Sequence[int],
+        numbers: range,
+    ) -> list[Record]:
+        """Follow the starts of some blocks at a value of the key."""
+        given = self._scenes[place], self.plan
+        tasks = [Task(follow_starts, (*given, *self._blocks[number], known, history)) for number in numbers]
+        before, all_ = place * self.plan.number, self.plan.number * len(self._scenes)
+
+        def tell(done: int) -> None:
+            progress(before + min((numbers.start + done) * BLOCK, self.plan.number), all_)
+
+        return _run(f"{place} from {numbers.start}", tasks, store, workers, tell)
+
+    def _carried(self, place: int, found: Sequence[Found], store: Store, workers: Pool) -> list[Record]:
+        """Return the attractors at a value of the key that are continued from the one before."""
+        if self.key is None or not found:
+            return []
+        ends = self.values[place - 1 : place + 1]
+        attractors = [{name: a[name] for name in ("row", "state")} for a in found[-1].attractors]
+        arguments = (self._scenes[place - 1], self._scenes[place], self.key, self.plan.longest_turns, ends, attractors)
+        [record] = _run(f"{place} carried", [Task(carried, arguments)], store, workers)
+        return list(record["found"])
+
+
+def _run(
+    name: str, tasks: Sequence[Task], store: Store, workers: Pool, tell: Callable[[int], object] = lambda done: None
+) -> list[Record]:
+    """Run tasks side by side under a name, and return their records."""
+
+    def chain(task: Task) -> Tasks[Record]:
+        return (yield task)
+
+    chains = [StoredChain(chain(task), store, f"{name} {number}") for number, task in enumerate(tasks)]
+    return run_stored(chains, workers, tell)
+
+
+def bounds(count: int, number: int) -> tuple[float, float]:
+    """Bounds of a share of which so many of a number were seen, one-sided where none or all were.
+
+    Clopper and Pearson (1934), Biometrika 26, 404.
+    """
+    from scipy.special import betaincinv  # noqa: PLC0415  (half a second)
+
+    tail = DOUBT / 2.0 if 0 < count < number else DOUBT
+    low = float(betaincinv(count, number - count + 1, tail)) if count else 0.0
+    high = float(betaincinv(count + 1, number - count, 1.0 - tail)) if count < number else 1.0
+    return low, high
+
+
+# -- tables -----------------------------------------------------------------------------------------------
+
+
+def _told(question: Basins, found: Sequence[Found]) -> Answer:
+    """Make the tables, and say what they tell."""
+    plan, key = question.plan, question.key
+    column = {} if key is None else {column_of(key): None}
+    attractors, starts, places = [], [], values_of(plan, range(plan.number))
+    for value, f, labels in zip(question.values, found, names(found), strict=True):
+        at = dict.fromkeys(column, value)
+        counts = f.counts
+        order = sorted(range(len(counts)), key=lambda k: (-counts[k], k))
+        attractors += [at | _row(f.attractors[k], labels[k], counts[k], plan.number) for k in order]
+        ordered = np.lexsort(places.T[::-1]) if plan.shape and not plan.random else range(plan.number)
+        starts += [
+            at
+            | dict(zip(plan.starts, places[k].tolist(), strict=True))
+            | {"attractor": labels[f.starts[k]["attractor"]], "turns": f.starts[k]["turns"]}
+            for k in ordered
+        ]
+    more = of_points(question.scene.output.points)
+    tables = {
+        "attractors": study_table(attractors, [*column, *ATTRACTORS, *more], {}, {**SWEEP, **ATTRACTORS, **more}),
+        "starts": study_table(starts, [*column, *plan.starts, *STARTS_TABLE], {}, {**SWEEP, **STARTS_TABLE}),
+    }
+    if key is not None:
+        tables["fractions"] = tables["attractors"][[*column, *FRACTIONS]]
+    return Answer(
+        tables,
+        lines=_lines(plan, tables, len(question.values)),
+        text=_text(tables["attractors"], key),
+        notes=_notes(plan, tables["attractors"]),
+        failures=_failures(tables["attractors"]),
+    )
+
+
+def _row(record: Record, label: str, count: int, number: int) -> dict[str, Any]:
+    """Return the row of an attractor to which a count of a number of starts comes."""
+    low, high = bounds(count, number)
+    found = {"attractor": label, "count": count, "fraction": count / number, "fraction_low": low, "fraction_high": high}
+    state = zip((*COORDINATES, *RATES), record["state"] or [None] * 14, strict=True)
+    return {**record["row"], **dict(state), **found, "radius": record["radius"]}
+
+
+def _lines(plan: BasinsPlan, tables: Mapping[str, pd.DataFrame], values: int) -> dict[str, str]:
+    """Summarize: the box of starts is part of the answer."""
+    ways = [f"{plan.number}"] + ([f"at each of {values} values of {plan.over.key}"] if plan.over else [])
+    lines = {"starts": " ".join(ways)}
+    for key, (low, high, *count) in plan.starts.items():
+        lines[words_in_place(key)] = f"{low:g} … {high:g}" + (f", {int(count[0])} values" if count else ", at random")
+    turns = tables["starts"]["turns"]
+    lines["turns of a start"] = f"{turns.median():.0f} in the median, at most {turns.max():.0f}"
+    return lines
+
+
+def _text(table: pd.DataFrame, key: str | None) -> list[str]:
+    """Return a line for each attractor: its share with its bounds, over a key its least and largest share."""
+    lines = []
+    for name, rows in table.groupby("attractor", sort=False):
+        row, share = rows.iloc[0], rows["fraction"]
+        told = f"{share.iloc[0]:.4f} ({row['fraction_low']:.4f} … {row['fraction_high']:.4f})"
+        if key is not None:
+            values = rows[column_of(key)]
+            told = f"{share.min():.4f} … {share.max():.4f} at {place_words(column_of(key), values.min(), values.max())}"
+        elif pd.notna(row["rms_y_m"]):
+            told += f"  RMS y {1e3 * row['rms_y_m']:.4g} mm"
+        if key is None and pd.notna(row["multiplier_max"]):
+            told += f", multiplier {row['multiplier_max']:.4f}"
+        lines.append(f"{name:<{max(map(len, table['attractor']))}}  {told}")
+    return lines
+
+
+def _notes(plan: BasinsPlan, table: pd.DataFrame) -> list[str]:
+    """Return what deserves a second look."""
+    notes = [f"an attractor with less than {3.0 / plan.number:.2g} of the box is easily missed by {plan.number} starts"]
+    restless = table[(table["period"] == 0) & (table["count"] > 0)]
+    if len(restless):
+        notes.append(
+            f"motions that came to no orbit in {plan.longest_turns} turns are told from each other by their RMS values "
+            "alone; one of each kind was classified"
+        )
+    return notes
+
+
+def _failures(table: pd.DataFrame) -> list[str]:
+    """Return a line for each way in which motions have ended early."""
+    failed = table[table["outcome"] != "ok"]
+    return [f"{row['outcome']} from {row['count']} starts: {row['detail']}" for _, row in failed.iterrows()]
+
+
+def basins(
+    scene: Scene,
+    *,
+    jobs: int = 1,
+    scheduler: str | None = None,
+    wait: float = WAIT,
+    progress: Progress | None = None,
+) -> Answer:
+    """Find the attractors that a scene comes to from the starts of its ``basins`` section, and how many come to each.
+
+    Parameters
+    ----------
+    scene
+        A scene with a section ``basins``.
+    jobs, scheduler, wait
+        As of :func:`vibroplat.sweep`.
+    progress
+        Called with the numbers of finished and of all starts.
+
+    Returns
+    -------
+    Answer
+        ``tables`` has ``attractors``, ``starts`` and, over a key, ``fractions``; a row of ``attractors`` is a guess for
+        :func:`vibroplat.orbit`.
+
+    Raises
+    ------
+    ConfigError
+        There is no such section, a start is outside the model, or the supply is not constant.
+
+    Examples
+    --------
+    >>> from vibroplat import Scene, basins
+    >>> starts = {"run.initial.phase_difference_rad": [-3.0, 3.0, 4]}
+    >>> found = basins(Scene().replace({"basins": {"starts": starts}}))
+    >>> found.tables["starts"]["turns"].size
+    4
+    """
+    return ask(Basins(scene), jobs, scheduler, wait, progress or (lambda done, known: None))
