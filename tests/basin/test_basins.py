@@ -69,6 +69,18 @@ def test_rows_of_attractors_are_guesses_for_orbits(found):
         assert again.distance < 1e-6
 
 
+def test_an_attractor_keeps_its_name_over_a_key_and_counts_without_starts(found):
+    box = found[0].basins.starts
+    over = {"key": "drive.supply_frequency_hz", "start": 62.84, "stop": 63.1, "count": 3}
+    tables = basins(scene_of(box, random=30, over=over)).tables
+    shares = tables["fractions"].pivot_table(index="supply_frequency_hz", columns="attractor", values="fraction")
+    assert list(shares) == ["antiphase, period 1", "in-phase, period 1"]
+    assert shares.sum(axis=1).tolist() == pytest.approx([1.0, 1.0, 1.0])
+    assert shares["antiphase, period 1"].tolist()[1] == 0.0, "carried from the value before"
+    assert math.isnan(shares["antiphase, period 1"].tolist()[2]), "beyond its fold"
+    np.testing.assert_array_equal(tables["starts"][SPEED][:30], tables["starts"][SPEED][30:60])
+
+
 def test_bounds_hold_the_share():
     assert bounds(0, 1000) == (0.0, pytest.approx(3.0 / 1000, rel=4e-3))
     assert bounds(1000, 1000) == (pytest.approx(1.0 - 3.0 / 1000, rel=1e-4), 1.0)

@@ -133,7 +133,10 @@ def test_a_map_shows_any_measure(write):
 MISTAKES = [
     ({"kinds": ["map"], "measure": ["sync"]}, "the sweep table in DIR has no numbers in column sync"),
     ({"kinds": ["map"], "measure": ["rms"]}, "the sweep table in DIR has no numbers in column rms"),
-    ({"measure": ["rms_y_m"]}, "--measure rms_y_m: only a map shows it; allowed: with --kind map"),
+    (
+        {"kinds": ["bifurcation"], "measure": ["rms_y_m"]},
+        "--measure rms_y_m: bifurcation does not show it; allowed: response, map",
+    ),
     ({"x": "supply"}, "the sweep table in DIR has no numbers in column supply_frequency_hz"),
 ]
 

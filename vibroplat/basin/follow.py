@@ -62,17 +62,17 @@ class Follower:
     ----------
     scene, longest
         The scene, and turns after which a motion is given up.
-    known
-        Records of attractors, which it adds to.
+    known, history
+        Records of attractors, to which it adds, and turns that motions have taken.
     """
 
-    def __init__(self, scene: Scene, longest: int, known: Sequence[Record]) -> None:
+    def __init__(self, scene: Scene, longest: int, known: Sequence[Record], history: Sequence[int] = ()) -> None:
         self.scene, self.longest, self.attractors = scene, longest, list(known)
         p = parameters(scene)
         self._scales, self._turn = state_scales(scene), TURN / scene.speed_scale
         self._seeker, self._engine = OrbitSeeker(scene), make_engine(scene, p)
         self._motion = Motion(scene, p, self._engine)
-        self._inside, self._history = same_types(ellipsoid_of), list[int]()
+        self._inside, self._history = same_types(ellipsoid_of), list(history)
         self._pack()
 
     def close(self) -> None:
@@ -103,6 +103,10 @@ class Follower:
                 self._history.append(turns)
                 return {"attractor": found, "turns": turns}
         return {"attractor": None, "turns": turns, **self._restless()}
+
+    def adopt_at(self, state: FloatArray, period: int) -> int:
+        """Do the same with a stable orbit near a full state; raises :class:`MissedError` where there is none."""
+        return self.adopt(self._seeker.known_orbit(state, period))
 
     def adopt(self, orbit: KnownOrbit) -> int:
         """Return the number of an orbit among the attractors; one that is not there yet is added."""
@@ -160,11 +164,16 @@ class Follower:
         return found
 
 
-def follow_starts(scene: Scene, plan: BasinsPlan, first: int, count: int, known: Sequence[Record]) -> Record:
-    """Follow some starts; return what became of each, and the attractors that were found besides the known ones."""
-    with closing(Follower(scene, plan.longest_turns, known)) as follower:
-        states = states_of(scene, plan, range(first, first + count))
-        return {"starts": [follower.follow(state) for state in states], "found": follower.attractors[len(known) :]}
+def follow_starts(
+    scene: Scene, plan: BasinsPlan, first: int, count: int, known: Sequence[Record], history: Sequence[int] = ()
+) -> Record:
+    """Follow some starts; return what became of each, and the attractors that were found besides the known ones.
+
+    ``history`` are turns that others have taken.
+    """
+    with closing(Follower(scene, plan.longest_turns, known, history)) as follower:
+        starts = [follower.follow(state) for state in states_of(scene, plan, range(first, first + count))]
+        return {"starts": starts, "known": len(known), "found": follower.attractors[len(known) :]}
 
 
 def representative(scene: Scene, state: list[float]) -> Record:

@@ -7,14 +7,15 @@ know these, and what they find besides is compared in the order of blocks, so th
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from vibroplat.basin.carry import identities
-from vibroplat.basin.follow import TOLD, follow_starts, representative, same_orbit
+from vibroplat.basin.follow import follow_starts, representative
+from vibroplat.basin.found import Found, carried, names
 from vibroplat.basin.starts import begun, values_of
 from vibroplat.columns import Column, Columns, words_in_place
 from vibroplat.config.coordinates import COORDINATES, RATES
@@ -22,12 +23,11 @@ from vibroplat.config.questions import BasinsPlan
 from vibroplat.config.scene import Scene
 from vibroplat.continuation.orbit import accurate
 from vibroplat.errors import ConfigError
-from vibroplat.hybrid.state import state_scales
 from vibroplat.observe.sheet import SHEET, of_points
 from vibroplat.results.files import Command
 from vibroplat.study import WAIT
-from vibroplat.study.branches import column_of, study_table
-from vibroplat.study.point import ERRORS, MEASURED, distinct
+from vibroplat.study.branches import column_of, place_words, study_table
+from vibroplat.study.point import ERRORS, MEASURED
 from vibroplat.study.pool import Pool, StoredChain, Task, Tasks, run_stored
 from vibroplat.study.question import Answer, Progress, ask
 from vibroplat.study.store import Record, Store
@@ -37,11 +37,6 @@ from vibroplat.study.sweep import SWEEP
 BLOCK = 100
 #: Error of the bounds of a fraction: they hold it in 95 of 100 samples.
 DOUBT = 0.05
-#: Motions that do not repeat are of one class if their measures are this near, over themselves.
-ALIKE = 0.2
-#: The same of motions that repeat.
-REPEATED = 1e-3
-
 #: Columns of the tables after the key that varies.
 ATTRACTORS: Columns = {
     "attractor": Column("its name", "synchronization, motion and period, and more where these are not enough"),
@@ -110,127 +105,66 @@ class Basins:
         return self._scenes
 
     def answer(self, store: Store, workers: Pool, progress: Progress) -> Answer:
-        """Follow all starts, classify what does not repeat, and make the tables."""
-        done, total = 0, self.plan.number * len(self.values)
+        """Follow all starts, classify what does not repeat, and make the tables.
 
-        def block(place: int, number: int, known: Sequence[Record]) -> StoredChain[Record]:
-            first, count = self._blocks[number]
+        Over a key one value follows the other: its attractors are carried to the next, whose starts may come to them.
+        """
+        found: list[Found] = []
+        history: list[int] = []
+        for place, scene in enumerate(self._scenes):
+            known = self._carried(place, found, store, workers)
+            follow = partial(self._followed, place, store, workers, progress)
+            [first] = follow(known, history, range(1))  # finds the attractors that most starts come to
+            known = [*known, *first["found"]]
+            history = [start["turns"] for start in first["starts"]]
+            found.append(Found(scene, known, [first, *follow(known, history, range(1, len(self._blocks)))]))
+            groups = found[-1].groups()
+            tasks = [Task(representative, (scene, group[0]["state"])) for group in groups]
+            for group, record in zip(groups, _run(f"{place} motion", tasks, store, workers), strict=True):
+                found[-1].take(group, record)
+        return _told(self, found)
 
-            def tasks() -> Tasks[Record]:
-                nonlocal done
-                record = yield Task(follow_starts, (self._scenes[place], self.plan, first, count, list(known)))
-                done += count
-                progress(done, total)
-                return record
+    def _followed(
+        self,
+        place: int,
+        store: Store,
+        workers: Pool,
+        progress: Progress,
+        known: Sequence[Record],
+        history: Sequence[int],
+        numbers: range,
+    ) -> list[Record]:
+        """Follow the starts of some blocks at a value of the key."""
+        given = self._scenes[place], self.plan
+        tasks = [Task(follow_starts, (*given, *self._blocks[number], known, history)) for number in numbers]
+        before, all_ = place * self.plan.number, self.plan.number * len(self._scenes)
 
-            return StoredChain(tasks(), store, f"{place}: {number}")
+        def tell(done: int) -> None:
+            progress(before + min((numbers.start + done) * BLOCK, self.plan.number), all_)
 
-        places = range(len(self.values))
-        firsts = run_stored([block(place, 0, ()) for place in places], workers)
-        rest = [(place, number) for place in places for number in range(1, len(self._blocks))]
-        others = run_stored([block(place, number, firsts[place]["found"]) for place, number in rest], workers)
-        found = []
-        for place in places:
-            own = [record for (at, _), record in zip(rest, others, strict=True) if at == place]
-            found.append(_merged(self._scenes[place], firsts[place], own))
-        self._classify(found, store, workers)
-        names = identities(self._scenes, self.key, self.values, found, store, workers)
-        return _told(self, found, names)
+        return _run(f"{place} from {numbers.start}", tasks, store, workers, tell)
 
-    def _classify(self, found: Sequence[_Found], store: Store, workers: Pool) -> None:
-        """Measure one motion of each group that has come to no orbit, and count what is alike as one attractor."""
-        groups = [(place, group) for place, f in enumerate(found) for group in f.groups()]
-
-        def chain(number: int, place: int, group: Sequence[int]) -> StoredChain[Record]:
-            f = found[place]
-            state = f.starts[group[0]]["state"]
-
-            def tasks() -> Tasks[Record]:
-                return (yield Task(representative, (self._scenes[place], state)))
-
-            return StoredChain(tasks(), store, f"motion {number}")
-
-        chains = [chain(number, place, group) for number, (place, group) in enumerate(groups)]
-        for (place, group), record in zip(groups, run_stored(chains, workers), strict=True):
-            found[place].take(group, record)
-
-
-class _Found:
-    """What was found at one value of the key: attractors, and for each start its attractor's number and turns."""
-
-    def __init__(self, scene: Scene, attractors: list[Record], starts: list[Record]) -> None:
-        self.scene, self.attractors, self.starts = scene, attractors, starts
-        for start in starts:  # a motion that has ended early is an outcome of its own
-            if start["attractor"] is None and start["outcome"] != "ok":
-                start["attractor"] = self._failed(start)
-
-    def _failed(self, start: Record) -> int:
-        for number, known in enumerate(self.attractors):
-            if known["row"].get("outcome") == start["outcome"]:
-                return number
-        row = {"outcome": start["outcome"], "detail": start["detail"], "sync": None, "motion": None, "period": None}
-        return self.add({"row": row, "state": None, "centres": [], "radius": None})
-
-    def add(self, record: Record) -> int:
-        """Add an attractor; its number."""
-        self.attractors.append(record)
-        return len(self.attractors) - 1
-
-    def groups(self) -> list[list[int]]:
-        """Group the starts that have come to no orbit by their synchronization and RMS displacements."""
-        found: list[list[int]] = []
-        for place, start in enumerate(self.starts):
-            if start["attractor"] is not None:
-                continue
-            for group in found:
-                if _alike(self.starts[group[0]]["row"], start["row"]):
-                    group.append(place)
-                    break
-            else:
-                found.append([place])
-        return found
-
-    def take(self, group: Sequence[int], record: Record) -> None:
-        """Take what the first motion of a group is; it may be that of an attractor that is there already."""
-        same = (k for k, known in enumerate(self.attractors) if _same(known["row"], record["row"]))
-        number = next(same, None)
-        if number is None:
-            number = self.add(record)
-        for place in group:
-            self.starts[place]["attractor"] = number
+    def _carried(self, place: int, found: Sequence[Found], store: Store, workers: Pool) -> list[Record]:
+        """Return the attractors at a value of the key that are continued from the one before."""
+        if self.key is None or not found:
+            return []
+        ends = self.values[place - 1 : place + 1]
+        attractors = [{name: a[name] for name in ("row", "state")} for a in found[-1].attractors]
+        arguments = (self._scenes[place - 1], self._scenes[place], self.key, self.plan.longest_turns, ends, attractors)
+        [record] = _run(f"{place} carried", [Task(carried, arguments)], store, workers)
+        return list(record["found"])
 
 
-def _alike(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
-    """Whether short measurements of two motions may be of one attractor."""
-    return one["sync"] == other["sync"] and all(
-        abs(one[name] - other[name]) <= ALIKE * max(abs(one[name]), abs(other[name])) for name in TOLD
-    )
+def _run(
+    name: str, tasks: Sequence[Task], store: Store, workers: Pool, tell: Callable[[int], object] = lambda done: None
+) -> list[Record]:
+    """Run tasks side by side under a name, and return their records."""
 
+    def chain(task: Task) -> Tasks[Record]:
+        return (yield task)
 
-def _same(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
-    """Whether two measured motions are of one attractor."""
-    if any(one.get(name) != other.get(name) for name in ("motion", "period", "sync", "outcome")):
-        return False
-    if not other.get("period"):
-        return other.get("motion") is not None and not distinct(one, other)
-    return all(abs(one[name] - other[name]) <= REPEATED * max(abs(one[name]), abs(other[name])) for name in TOLD)
-
-
-def _merged(scene: Scene, first: Record, others: Sequence[Record]) -> _Found:
-    """Gather blocks, in which the attractors that some have found for themselves may be the same."""
-    attractors, starts = list(first["found"]), [dict(start) for start in first["starts"]]
-    known, scales = len(attractors), state_scales(scene)
-    for record in others:
-        numbers = list(range(known))
-        for found in record["found"]:
-            same = [k for k, a in enumerate(attractors) if same_orbit(found, a, scales)]
-            if not same:
-                attractors.append(found)
-            numbers.append(same[0] if same else len(attractors) - 1)
-        for start in record["starts"]:
-            number = start["attractor"]
-            starts.append(start | {"attractor": None if number is None else numbers[number]})
-    return _Found(scene, attractors, starts)
+    chains = [StoredChain(chain(task), store, f"{name} {number}") for number, task in enumerate(tasks)]
+    return run_stored(chains, workers, tell)
 
 
 def bounds(count: int, number: int) -> tuple[float, float]:
@@ -249,14 +183,14 @@ def bounds(count: int, number: int) -> tuple[float, float]:
 # -- tables -----------------------------------------------------------------------------------------------
 
 
-def _told(question: Basins, found: Sequence[_Found], names: Sequence[Sequence[str]]) -> Answer:
+def _told(question: Basins, found: Sequence[Found]) -> Answer:
     """Make the tables, and say what they tell."""
     plan, key = question.plan, question.key
     column = {} if key is None else {column_of(key): None}
     attractors, starts, places = [], [], values_of(plan, range(plan.number))
-    for value, f, labels in zip(question.values, found, names, strict=True):
+    for value, f, labels in zip(question.values, found, names(found), strict=True):
         at = dict.fromkeys(column, value)
-        counts = np.bincount([start["attractor"] for start in f.starts], minlength=len(f.attractors)).tolist()
+        counts = f.counts
         order = sorted(range(len(counts)), key=lambda k: (-counts[k], k))
         attractors += [at | _row(f.attractors[k], labels[k], counts[k], plan.number) for k in order]
         ordered = np.lexsort(places.T[::-1]) if plan.shape and not plan.random else range(plan.number)
@@ -302,16 +236,20 @@ def _lines(plan: BasinsPlan, tables: Mapping[str, pd.DataFrame], values: int) ->
 
 
 def _text(table: pd.DataFrame, key: str | None) -> list[str]:
-    """Return a line for each attractor."""
-    column = None if key is None else column_of(key)
-    width = max(map(len, table["attractor"]))
-    return [
-        ("" if column is None else f"{row[column]:<12g}")
-        + f"{row['attractor']:<{width}}  {row['fraction']:.4f} ({row['fraction_low']:.4f} … {row['fraction_high']:.4f})"
-        + (f"  RMS y {1e3 * row['rms_y_m']:.4g} mm" if pd.notna(row["rms_y_m"]) else "")
-        + (f", multiplier {row['multiplier_max']:.4f}" if pd.notna(row["multiplier_max"]) else "")
-        for _, row in table.iterrows()
-    ]
+    """Return a line for each attractor: its share with its bounds, over a key its least and largest share."""
+    lines = []
+    for name, rows in table.groupby("attractor", sort=False):
+        row, share = rows.iloc[0], rows["fraction"]
+        told = f"{share.iloc[0]:.4f} ({row['fraction_low']:.4f} … {row['fraction_high']:.4f})"
+        if key is not None:
+            values = rows[column_of(key)]
+            told = f"{share.min():.4f} … {share.max():.4f} at {place_words(column_of(key), values.min(), values.max())}"
+        elif pd.notna(row["rms_y_m"]):
+            told += f"  RMS y {1e3 * row['rms_y_m']:.4g} mm"
+        if key is None and pd.notna(row["multiplier_max"]):
+            told += f", multiplier {row['multiplier_max']:.4f}"
+        lines.append(f"{name:<{max(map(len, table['attractor']))}}  {told}")
+    return lines
 
 
 def _notes(plan: BasinsPlan, table: pd.DataFrame) -> list[str]:

@@ -72,7 +72,7 @@ TABLES: dict[str, tuple[str, Columns]] = {
         {**_FOLLOWED, **BOUNDARIES},
     ),
     "thresholds": ("`vibroplat find`: a row for each threshold.", THRESHOLDS),
-    "values": (
+    "scan": (
         "`vibroplat find`: a row for each value that was looked at.",
         {"…": Column("the key"), **VALUES, **_POINTS},
     ),

@@ -80,7 +80,7 @@ COMPARISON = re.compile(r"\s*([A-Za-z]\w*)\s*(>=|<=|>|<)\s*([-+]?(?:\d+\.?\d*|\.
 class FindPlan(Section, title="Find", populate_by_name=True):
     """A key, and what changes at a value of it."""
 
-    key: str = Field(description="dotted key whose value is looked for")
+    key: str = Field(description="dotted key whose value is looked for; with N for a place: of all in the list")
     start: Real = Field(description="smallest value of the key")
     stop: Real = Field(description="largest value")
     scan: Annotated[int, Field(ge=2, le=10_000)] = Field(
@@ -137,6 +137,10 @@ class FindPlan(Section, title="Find", populate_by_name=True):
     def narrow(self) -> float:
         """Distance of the values below and above a threshold in the end."""
         return NARROW * (self.stop - self.start) if self.tolerance is None else self.tolerance
+
+    def changes(self, value: float) -> dict[str, float]:
+        """Return what a value of the key changes in a scene."""
+        return {self.key.replace(".N.", f".{place}."): value for place in (0, 1)}
 
     def measuring(self, times: int, perturbation: float) -> SweepPlan:
         """Return how a motion settles and is measured, with so many times the settling and measuring time."""

@@ -86,6 +86,14 @@ class OrbitSeeker:
             self._until = motion.now + self._doubling
         return orbit
 
+    def known_orbit(self, state: FloatArray, period: int) -> KnownOrbit:
+        """Return the orbit near a full state; raises :class:`MissedError` where there is none of this period."""
+        motion = self._shooter.motion
+        motion.reset(state)
+        motion.to_section(1, self._longest(1))
+        problem, found = self._orbit_near(motion.state, motion.system.index, period)
+        return self._known(problem, found, Attraction(found, period))
+
     def crossings(self, state: FloatArray, period: int) -> list[tuple[Attraction, float]]:
         """Return the surroundings of a stable orbit, one for each turn, and the radii from which they surely attract.
 

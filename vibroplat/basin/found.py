@@ -1,0 +1,223 @@
+"""What starts have come to: attractors that blocks of them found together, classes of motions that do not repeat.
+
+Over a key, attractors are carried from value to value, and keep their identity where their orbit is continued.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import closing
+from typing import Any
+
+import numpy as np
+
+from vibroplat.basin.follow import TOLD, Follower, same_orbit
+from vibroplat.config.scene import Scene
+from vibroplat.continuation.local import Local
+from vibroplat.continuation.newton import MissedError
+from vibroplat.continuation.orbit import OrbitError
+from vibroplat.hybrid.state import state_scales
+from vibroplat.kernels.compiled import FloatArray
+from vibroplat.study.point import distinct
+from vibroplat.study.store import Record
+
+#: Motions that do not repeat are of one class if their measures are this near, over themselves.
+ALIKE = 0.2
+#: The same of motions that repeat.
+REPEATED = 1e-3
+#: Parts of a step from value to value; an orbit has been continued if the longest way in a part is at most so many
+#: times the shortest, and the other number, in the scales of the scene.
+PARTS, LONGER, SHORT = 4, 3.0, 0.05
+
+
+class Found:
+    """What was found at one value of the key: attractors, and for each start its attractor's number and turns.
+
+    Parameters
+    ----------
+    scene, known
+        The scene, and attractors that were known before.
+    blocks
+        Records of :func:`vibroplat.basin.follow.follow_starts`; attractors that several have found are the same.
+    """
+
+    def __init__(self, scene: Scene, known: Sequence[Record], blocks: Sequence[Record]) -> None:
+        self.scene, self.attractors, self.starts = scene, list(known), list[Record]()
+        scales = state_scales(scene)
+        for block in blocks:
+            numbers = list(range(block["known"]))
+            for record in block["found"]:
+                same = [k for k, one in enumerate(self.attractors) if same_orbit(record, one, scales)]
+                numbers.append(same[0] if same else self._add(record))
+            for start in block["starts"]:
+                number = start["attractor"]
+                self.starts.append(start | {"attractor": None if number is None else numbers[number]})
+        for start in self.starts:  # a motion that has ended early is an outcome of its own
+            if start["attractor"] is None and start["outcome"] != "ok":
+                row = {"outcome": start["outcome"], "detail": start["detail"]} | dict.fromkeys(_CLASS)
+                start["attractor"] = self._number({"row": row, "state": None, "centres": [], "radius": None})
+
+    def _add(self, record: Record) -> int:
+        self.attractors.append(record)
+        return len(self.attractors) - 1
+
+    def _number(self, record: Record) -> int:
+        """Return the number of the attractor of a measured motion; a new one is added."""
+        same = (k for k, known in enumerate(self.attractors) if _same(known["row"], record["row"]))
+        number = next(same, None)
+        return self._add(record) if number is None else number
+
+    @property
+    def counts(self) -> list[int]:
+        """How many starts have come to each attractor."""
+        counts = Counter(start["attractor"] for start in self.starts)
+        return [counts[number] for number in range(len(self.attractors))]
+
+    def groups(self) -> list[list[Record]]:
+        """Group the starts that have come to no orbit by their synchronization and RMS displacements."""
+        found: list[list[Record]] = []
+        for start in self.starts:
+            if start["attractor"] is None:
+                group = next((group for group in found if _alike(group[0]["row"], start["row"])), None)
+                if group is None:
+                    found.append(group := [])
+                group.append(start)
+        return found
+
+    def take(self, group: Sequence[Record], record: Record) -> None:
+        """Take what the first motion of a group is; it may be that of an attractor that is there already."""
+        number = self._number(record)
+        for start in group:
+            start["attractor"] = number
+
+
+_CLASS = ("motion", "period", "sync")
+
+
+def _alike(one: Mapping[str, Any], other: Mapping[str, Any], share: float = ALIKE) -> bool:
+    """Whether two motions are synchronized alike and have nearly the same RMS displacements."""
+    return one["sync"] == other["sync"] and all(
+        abs(one[name] - other[name]) <= share * max(abs(one[name]), abs(other[name])) for name in TOLD
+    )
+
+
+def _same(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
+    """Whether two measured motions are of one attractor."""
+    if any(one.get(name) != other.get(name) for name in (*_CLASS, "outcome")):
+        return False
+    if other["motion"] is None:
+        return True
+    return _alike(one, other, REPEATED) if other["period"] else not distinct(one, other)
+
+
+# -- over a key -------------------------------------------------------------------------------------------------------
+
+
+def carried(
+    before: Scene, scene: Scene, key: str, longest: int, ends: Sequence[float], attractors: Sequence[Record]
+) -> Record:
+    """Continue the orbits of attractors from one value of a key to the next, in parts of the step.
+
+    Those that stay stable are returned as attractors there, each with ``former``, its number among the given ones.
+    """
+    with closing(Follower(scene, longest, ())) as follower:
+        for number, attractor in enumerate(attractors):
+            if not attractor["row"].get("period") or attractor["state"] is None:
+                continue
+            try:
+                state = _continued(before, key, ends, attractor)
+                if state is not None:
+                    place = follower.adopt_at(state, attractor["row"]["period"])
+                    follower.attractors[place].setdefault("former", number)
+            except (MissedError, OrbitError, ValueError):
+                continue
+        return {"found": [record for record in follower.attractors if "former" in record]}
+
+
+def _continued(scene: Scene, key: str, ends: Sequence[float], attractor: Record) -> FloatArray | None:
+    """Return a full state of the orbit at the end of a step, None where it is unstable or another one."""
+    local = Local.near(scene, [key], np.array(attractor["state"]), period=attractor["row"]["period"])
+    with closing(local):
+        places = [_place(local)]
+        for value in np.linspace(ends[0], ends[1], PARTS + 1)[1:]:
+            local = local.correct([float(value)])
+            places.append(_place(local))
+        ways = np.abs(np.diff(places, axis=0)).max(axis=1)
+        alike = ways.max() <= LONGER * ways.min() + SHORT
+        return local.state if alike and local.margin > 0.0 else None
+
+
+def _place(local: Local) -> list[float]:
+    """Say where an orbit is, by its measures in the scales of the scene."""
+    scales, found = state_scales(local.scene), local.measures
+    phase = found["phase_difference_rad"] or 0.0
+    lengths = (found[name] / scales[place] for place, name in enumerate(TOLD))
+    return [*lengths, np.cos(phase), np.sin(phase)]
+
+
+def identified(found: Sequence[Found]) -> list[list[int]]:
+    """Give each attractor a number at all values of a key; those that were carried, and motions of a class, keep it."""
+    numbers: list[list[int]] = []
+    count = 0
+    for place, now in enumerate(found):
+        own: list[int] = []
+        for record in now.attractors:
+            former = record.get("former")
+            if former is None and place and not record["row"].get("period"):
+                former = _of_class(found[place - 1].attractors, record["row"])
+            free = former is not None and numbers[-1][former] not in own
+            own.append(numbers[-1][former] if free and former is not None else count)
+            count += own[-1] == count
+        numbers.append(own)
+    return numbers
+
+
+def _of_class(attractors: Sequence[Record], row: Mapping[str, Any]) -> int | None:
+    """Return the number of the first attractor that has the class of a row."""
+    names = (*_CLASS, "outcome")
+    same = (k for k, a in enumerate(attractors) if all(a["row"].get(name) == row.get(name) for name in names))
+    return next(same, None)
+
+
+# -- names ------------------------------------------------------------------------------------------------------------
+
+
+def names(found: Sequence[Found]) -> Iterator[list[str]]:
+    """Name attractors as a reader would, at each value: by synchronization and period, where these are alike by more.
+
+    One that is continued over a key has the name that it has where it is first.
+    """
+    numbers = identified(found)
+    first: dict[int, Mapping[str, Any]] = {}
+    for own, now in zip(numbers, found, strict=True):
+        for number, record in zip(own, now.attractors, strict=True):
+            first.setdefault(number, record["row"])
+    rows = [first[number] for number in range(len(first))]
+    told = [_name(row) for row in rows]
+    for more in (_phase, _height):
+        counts = Counter(told)
+        told = [f"{name}{more(row)}" if counts[name] > 1 else name for name, row in zip(told, rows, strict=True)]
+    counts, seen = Counter(told), Counter[str]()
+    for place, name in enumerate(told):
+        seen[name] += 1
+        told[place] = f"{name} ({seen[name]})" if counts[name] > 1 else name
+    for own in numbers:
+        yield [told[number] for number in own]
+
+
+def _name(row: Mapping[str, Any]) -> str:
+    if row["motion"] is None:
+        return str(row["outcome"])
+    kind = f"period {row['period']}" if row["period"] else row["motion"]
+    return f"{'not synchronized' if row['sync'] == 'none' else row['sync']}, {kind}"
+
+
+def _phase(row: Mapping[str, Any]) -> str:
+    phase = row.get("phase_difference_rad")
+    return "" if phase is None else f", Δφ {phase:.2f}"
+
+
+def _height(row: Mapping[str, Any]) -> str:
+    height = row.get("rms_y_m")
+    return "" if height is None else f", RMS y {1e3 * height:.3g} mm"
