@@ -12,6 +12,8 @@ from vibroplat.basin.question import ATTRACTORS, FRACTIONS, STARTS_TABLE
 from vibroplat.columns import Column, Columns, unit_of
 from vibroplat.config.keys import keys, yaml
 from vibroplat.continuation.tables import BOUNDARIES, BRANCHES, SPECIAL
+from vibroplat.designs.optimum import EVALUATIONS as DESIGNS
+from vibroplat.designs.optimum import PARETO
 from vibroplat.designs.samples import SAMPLES
 from vibroplat.designs.sensitivities import SENSITIVITIES
 from vibroplat.motion.run import SUMMARY
@@ -87,6 +89,11 @@ TABLES: dict[str, tuple[str, Columns]] = {
     "fractions": ("`vibroplat basins` with `over`: shares of the starts over the key.", {**_OVER, **FRACTIONS}),
     "sensitivities": ("`vibroplat design`: a row for each measure and key.", SENSITIVITIES),
     "samples": ("`vibroplat design` with `spread`: a row for each sample.", {**_SPREAD, **SAMPLES, **_MEASURED}),
+    "evaluations of designs": (
+        "`vibroplat design` with `minimize`, table `evaluations`: a row for each point that was looked at.",
+        {**_SPREAD, **_MEASURED, **DESIGNS},
+    ),
+    "pareto": ("`vibroplat design` with `pareto`: a row for each bound.", {**_SPREAD, **_MEASURED, **PARETO}),
     "claims": ("`vibroplat paper`: a row for each claim.", CLAIMS),
     "contradictions": ("`vibroplat paper`: the paper's numbers against its figures.", CONTRADICTIONS),
     "fig4, fig5, fig7": (

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from io import StringIO
 from itertools import pairwise
 from typing import Any
 
 import pandas as pd
+from ruamel.yaml import YAML
 
-from vibroplat.columns import Column
+from vibroplat.columns import Column, Columns
 from vibroplat.config.keys import key_of
 from vibroplat.config.scene import Scene
+from vibroplat.designs import optimum
 from vibroplat.designs import samples as of_samples
 from vibroplat.designs import sensitivities as of_keys
 from vibroplat.errors import ConfigError
@@ -56,6 +59,7 @@ class Design:
         self.keys = list(self.plan.keys) or of_keys.varied_keys(scene)
         allowed = of_keys.measured_names(scene)
         self.names = [n for n in dict.fromkeys((*of_keys.USUAL, *self.plan.named)) if n in allowed]
+        self.aims = [n for n in (self.plan.minimize, *self.plan.subject) if n is not None]
         self.chains = max(self.plan.samples // of_samples.CHUNK, self.plan.starts)
 
     def scenes(self) -> Iterable[Scene]:
@@ -63,7 +67,7 @@ class Design:
         return [self.scene]
 
     def answer(self, store: Store, workers: Pool, progress: Progress) -> Answer:
-        """Find the orbit, differentiate it, measure samples around it."""
+        """Find the orbit, differentiate it, search for the best values, and measure samples around what was found."""
         run = _Runner(store, workers, progress)
         known = run.one("settled", of_keys.settled, self.scene)
         found = run.one("sensitivities", of_keys.differentiated, self.scene, self.keys, self.names, known)
@@ -72,26 +76,80 @@ class Design:
         margin = found["measures"]["margin"]
         lines = {"motion": f"{home}, multipliers up to {1.0 - margin:.6g}"}
         text = list(_told_of_keys(found, self.names))
-        if self.plan.spread and self.plan.samples:
-            tables["samples"] = self._samples(run, known)
-            lines |= _lines_of_samples(tables["samples"], home)
-            told = tables["sensitivities"].dropna(subset=["elasticity"])["measure"].unique().tolist()
-            text += _told_of_samples(tables["samples"], list(self.plan.spread), told)
-        return Answer(tables, lines, text)
+        if self.plan.minimize is None:
+            return self._with_samples(run, self.scene, known, Answer(tables, lines, text))
+        best, found = self._best(run, known, tables)
+        answer = Answer(tables, lines | found, text)
+        if best is None:
+            return answer
+        scene = self.scene.replace(best["values"])
+        row = run.one("confirmed", optimum.confirmed, self.scene, known, best["values"])
+        told = [f"{name} {row['row'][name]:.6g}" for name in self.aims if row["row"].get(name) is not None]
+        lines = {"from rest": ", ".join([row["regime"], *told])}
+        notes = [] if row["same"] else [f"from rest the best design comes to {row['regime']}, not to its orbit"]
+        answer = answer._replace(lines={**answer.lines, **lines}, notes=notes, configurations={"best": _written(scene)})
+        if not (row["same"] and self.plan.spread):
+            return answer
+        return self._with_samples(run, scene, run.one("settled there", of_keys.settled, scene), answer)
 
-    def _samples(self, run: _Runner, known: Record) -> pd.DataFrame:
+    def _best(
+        self, run: _Runner, known: Record, tables: dict[str, pd.DataFrame]
+    ) -> tuple[Record | None, dict[str, str]]:
+        """Search for the best values, and along the Pareto front; add the tables, and tell what was found."""
+        bounds = {name: self.plan.bound(name) for name in self.plan.subject}
+        asked = (optimum.searched, self.scene, self.names, known)
+        found = run.all({f"start {n}": (*asked, bounds, n, None) for n in range(self.plan.starts)})
+        rows = [row for part in found for row in part["rows"]]
+        tables["evaluations"] = self._table(rows, optimum.EVALUATIONS, ("start",), ("violation", "feasible"))
+        bests = [part["best"] for part in found if part["best"] is not None]
+        best = min(bests, key=lambda best: best["objective"], default=None)
+        for name, values in self.plan.pareto.items():
+            front, begin = list[Record](), None if best is None else best["values"]
+            for value in values:
+                ends = bounds | {name: (bounds[name][0], value)}
+                part = run.one(f"{name} {value!r}", *asked, ends, 0, begin)["best"]
+                begin = begin if part is None else part["values"]
+                row = {} if part is None else part["values"] | part["measures"]
+                front.append({"bound": value, "feasible": part is not None, **row})
+            tables["pareto"] = self._table(front, optimum.PARETO, ("bound",), ("feasible",))
+        if best is None:
+            near = min(rows, key=lambda row: row["violation"], default=None)
+            told = "" if near is None else "; nearest: " + _values(near, [*self.plan.keys, *self.aims])
+            return None, {"best": f"nothing in this box keeps all bounds{told}"}
+        same = sum(other["objective"] < best["objective"] + 1e-4 * abs(best["objective"]) for other in bests)
+        return best, {
+            "best": _values(best["values"], list(self.plan.keys)),
+            "there": _values(best["measures"], self.aims) + f" ({same} of {self.plan.starts} starts came here)",
+        }
+
+    def _table(self, rows: Sequence[Record], meant: Columns, first: Sequence[str], last: Sequence[str]) -> pd.DataFrame:
+        """Make a table of the plan's keys and measures with some columns before and behind them."""
+        columns = [*first, *self.plan.keys, *self.names, *last]
+        return _labelled(rows, columns, meant)
+
+    def _with_samples(self, run: _Runner, scene: Scene, known: Record, answer: Answer) -> Answer:
+        """Add the samples of a scene's tolerances, if there are any."""
+        if not (self.plan.spread and self.plan.samples):
+            return answer
+        table, home = self._samples(run, scene, known), of_samples.regime(known["sync"], "periodic", known["period"])
+        found = answer.tables["sensitivities"].dropna(subset=["elasticity"])["measure"].unique().tolist()
+        return answer._replace(
+            tables={**answer.tables, "samples": table},
+            lines={**answer.lines, **_lines_of_samples(table, home)},
+            text=[*answer.text, *_told_of_samples(table, list(self.plan.spread), found)],
+        )
+
+    def _samples(self, run: _Runner, scene: Scene, known: Record) -> pd.DataFrame:
         """Measure all samples, in parts that do not depend on who measures them."""
         ends = [*range(0, self.plan.samples, of_samples.CHUNK), self.plan.samples]
         parts = {
-            f"samples {first}": (of_samples.sampled, self.scene, self.names, known, first, stop)
+            f"samples {first}": (of_samples.sampled, scene, self.names, known, first, stop)
             for first, stop in pairwise(ends)
         }
         rows = [row for part in run.all(parts) for row in part["rows"]]
         measures = [name for name in self.names if name != "margin"]
         columns = ["sample", *self.plan.spread, "stable", "regime", "margin", *measures]
-        types = dict.fromkeys(columns, float) | {"sample": "int64", "stable": "bool", "regime": "str"}
-        meant = {**{key: Column(key_of(key).meaning) for key in self.plan.spread}, **of_samples.SAMPLES, **SWEEP}
-        return labelled(pd.DataFrame(rows, columns=columns).astype(types), meant)
+        return _labelled(rows, columns, of_samples.SAMPLES)
 
 
 class _Runner:
@@ -115,6 +173,29 @@ class _Runner:
 
         chains = [StoredChain(_single(Task(task[0], task[1:])), self._store, name) for name, task in tasks.items()]
         return run_stored(chains, self._workers, tell)
+
+
+def _labelled(rows: Sequence[Record], columns: Sequence[str], meant: Columns) -> pd.DataFrame:
+    """Make a table whose types do not depend on what was found."""
+    kinds = {"sample": "int64", "start": "int64", "stable": "bool", "feasible": "bool", "regime": "str"}
+    types: dict[str, Any] = {name: kinds.get(name, "float64") for name in columns}
+    about = {key: Column(key_of(key).meaning) for key in columns if "." in key}
+    return labelled(pd.DataFrame(rows, columns=list(columns)).astype(types), {**SWEEP, **about, **meant})
+
+
+def _values(found: Mapping[str, float], names: Sequence[str]) -> str:
+    return ", ".join(f"{name} {found[name]:.6g}" for name in names)
+
+
+def _written(scene: Scene) -> str:
+    """Write a configuration of a scene without its question."""
+    tree = scene.to_tree() | {"name": f"{scene.name}-best"}
+    del tree["design"]
+    text = StringIO()
+    yaml = YAML(typ="safe", pure=True)
+    yaml.default_flow_style = False
+    yaml.dump(tree, text)
+    return text.getvalue()
 
 
 def _single(task: Task) -> Tasks[Record]:

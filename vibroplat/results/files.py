@@ -100,6 +100,7 @@ def write_result(
         with replacing(directory):
             own, path = _own(directory, command), _place_to_write(directory, command)
             last, temporary = files.popitem()
+            old = _former(path, command) - digests.keys()
             with new_file(path, json_writer(proof)) as files[path]:
                 if path != own:
                     remove_file(own)
@@ -108,6 +109,8 @@ def write_result(
                 remove_table(directory, name, kept=form)
             for name in absent:
                 remove_table(directory, name)
+            for name in old:
+                remove_file(directory / name)
 
 
 class Result:
@@ -163,6 +166,16 @@ def read_provenance(directory: Path, command: Command) -> dict[str, Any]:
     if type(found) is not int or found != SCHEMA:
         raise TableError(f"{directory} holds results of schema {found}; this version reads schema {SCHEMA}")
     return dict(origin)
+
+
+def _former(path: Path, command: Command) -> set[str]:
+    """Return the names of the configurations in the result of a command that is about to be replaced."""
+    try:
+        found = read_json(path.parent, path.stem)
+    except TableError:
+        return set()
+    own = isinstance(found, dict) and found.get("command") == command and isinstance(found.get("files"), dict)
+    return {name for name in found["files"] if name == f"{Path(name).stem}.yaml"} if own else set()
 
 
 def _own(directory: Path, command: Command) -> Path:

@@ -1,0 +1,71 @@
+"""The least power of the calibrated machine for an amplitude, beside what other searches have found."""
+
+import pandas as pd
+import pytest
+
+from vibroplat import design, load_config, orbit
+
+CALIBRATED = "configs/machines/calibrated.yaml"
+RADIUS, STIFFNESS, SUPPLY = "machine.unbalance_radius_m", "machine.stiffness_y_n_per_m", "drive.supply_frequency_hz"
+PLAN = {
+    "keys": {RADIUS: [0.018, 0.048], STIFFNESS: [329e3, 611e3], SUPPLY: [46.75, 60.5]},
+    "minimize": "motor_power_w",
+    "subject": {"rms_y_m": ">= 1e-3", "margin": ">= 0.005"},
+}
+
+
+def scene(**changes):
+    keys = {SUPPLY: 55.0, "material.mass_ratio": 0.1, "solver.engine": "taylor", "design": PLAN | changes}
+    return load_config(CALIBRATED, keys)
+
+
+@pytest.fixture(scope="module")
+def answer():
+    return design(scene(starts=2, pareto={"rms_y_m": [0.8e-3, 1.2e-3]}))
+
+
+def test_the_least_power_is_found_from_each_start(answer, tmp_path):
+    """3.4307 W, as with derivative-free searches; the file that is written has it."""
+    assert "motor_power_w 3.4307," in answer.lines["there"]
+    assert "(2 of 2 starts came here)" in answer.lines["there"]
+    assert answer.lines["from rest"] == "antiphase, period 1, motor_power_w 3.4307, rms_y_m 0.001"
+    assert answer.notes == []
+    (tmp_path / "best.yaml").write_text(answer.configurations["best"], encoding="utf-8")
+    best = load_config(tmp_path / "best.yaml")
+    assert best.design is None
+    assert orbit(best).measures["motor_power_w"] == pytest.approx(3.4307, abs=1e-4)
+
+
+def test_all_that_was_looked_at_is_told(answer):
+    table = answer.tables["evaluations"]
+    assert set(table["start"]) == {0, 1}
+    assert table.loc[table["feasible"], "motor_power_w"].min() == pytest.approx(3.4307, abs=1e-4)
+    assert (table.loc[table["feasible"], "rms_y_m"] > 0.999e-3).all()
+    assert (table["violation"] > 0.0).any()
+    for key, (low, high) in PLAN["keys"].items():
+        assert table[key].between(low * (1.0 - 1e-9), high * (1.0 + 1e-9)).all()
+
+
+def test_more_amplitude_costs_more_power(answer):
+    front = answer.tables["pareto"]
+    assert front["feasible"].all()
+    assert front["rms_y_m"].tolist() == pytest.approx([0.8e-3, 1.2e-3], rel=1e-6)
+    assert front["motor_power_w"].tolist() == pytest.approx([2.35367, 4.49183], rel=1e-4)
+
+
+def test_the_worst_scene_of_a_tolerance_counts():
+    """The mass 5 % off to either side: the nominal machine has some amplitude to spare."""
+    plan = {"spread": {"machine.platform_mass_kg": 0.05}, "starts": 1, "samples": 10}
+    found = design(scene(**plan))
+    assert "motor_power_w 4.37877, rms_y_m 0.00117842" in found.lines["there"]
+    samples = found.tables["samples"]
+    assert samples["stable"].all()
+    assert isinstance(samples, pd.DataFrame)
+    assert samples["rms_y_m"].between(1e-3, 1.5e-3).all()
+
+
+def test_a_box_without_a_design_is_an_answer():
+    found = design(scene(starts=2, subject={"rms_y_m": ">= 8e-3"}))
+    assert found.lines["best"].startswith(f"nothing in this box keeps all bounds; nearest: {RADIUS} 0.048, ")
+    assert not found.tables["evaluations"]["feasible"].any()
+    assert found.configurations == {}

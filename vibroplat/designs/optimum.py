@@ -1,0 +1,253 @@
+"""The best values of keys: the least of a measure within bounds of others, by orbits and their gradients.
+
+Each search follows the orbit of the scene as given. What violates the bounds is made small first, so that a box without
+any design that keeps them is found out; then the measure, both by sequential quadratic programming (SLSQP, Kraft 1988).
+With tolerances the scene counts at either end of each, and the worst of these scenes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from contextlib import closing
+
+import numpy as np
+
+from vibroplat.columns import Column, Columns
+from vibroplat.config.scene import Scene
+from vibroplat.continuation.local import Local
+from vibroplat.continuation.newton import MissedError
+from vibroplat.designs.samples import regime, within
+from vibroplat.designs.sensitivities import begun, settling
+from vibroplat.kernels.compiled import FloatArray
+from vibroplat.study.point import measure_point
+from vibroplat.study.store import Record
+
+#: Iterations of a search, its tolerance, and the violation of a bound, over its scale, that counts as none.
+ITERATIONS, CLOSE, VIOLATION = 60, 1e-8, 1e-6
+#: Least scale of a bound of ``margin``, in which a hundredth is much.
+MARGIN = 0.02
+#: How often a start at which the orbit is lost is moved half way to the scene as given.
+HALVINGS = 6
+#: What the objective and violations grow by where the orbit is lost: steps there are shortened.
+LOST = 10.0
+
+EVALUATIONS: Columns = {
+    "start": Column("number of the search"),
+    "violation": Column("largest violation of a bound", "over the bound, in the worst scene of the spread"),
+    "feasible": Column("whether all bounds are kept"),
+}
+PARETO: Columns = {
+    "bound": Column("value of the bound that varies"),
+    "feasible": EVALUATIONS["feasible"],
+}
+
+
+#: For each measure 1 if its bound is the least value, −1 if the largest, and the bound.
+Bounds = Mapping[str, Sequence[float]]
+
+
+class Model:
+    """Measures of the orbits of a scene over the box of its keys, with what the plan makes of them.
+
+    Places are in [0, 1] along each key, on a logarithmic scale where its range is positive.
+    """
+
+    def __init__(self, scene: Scene, names: Sequence[str], known: Record, bounds: Bounds) -> None:
+        plan = scene.design
+        assert plan is not None
+        assert plan.minimize is not None
+        keys, self.names = list(plan.keys), list(names)
+        self.low, self.high = np.array(list(plan.keys.values()), float).T
+        self.log = self.low > 0.0
+        self.local = begun(scene, [*keys, *(k for k in plan.spread if k not in keys)], known)
+        self.size, ends = len(keys), [(k, 1.0 + side * s) for k, s in plan.spread.items() for side in (-1.0, 1.0)]
+        self.factors = np.array([[f if key == k else 1.0 for key in self.local.keys] for k, f in [("", 1.0), *ends]])
+        bounds = {"margin": (1.0, 0.0), **bounds}  # an unstable orbit is no design
+        self._signs, limits = np.array(list(bounds.values())).T
+        self._limits, self._bounded = limits, [self.names.index(name) for name in bounds]
+        scales = np.abs(limits) + (limits == 0.0)
+        self._scales = np.where([name == "margin" for name in bounds], np.maximum(np.abs(limits), MARGIN), scales)
+        self._least = self.names.index(plan.minimize)
+        self._unit = abs(self.local.measures[plan.minimize] or 0.0) or 1.0
+        self._known: list[Local] = [self.local]
+        self._found: dict[bytes, list[Local] | None] = {}
+        self._slopes: dict[int, FloatArray] = {}  # of those that are known, which stay
+        self.rows: list[Record] = []
+
+    def values(self, place: FloatArray) -> FloatArray:
+        """Values of the keys at a place."""
+        safe = np.where(self.log, self.low, 1.0), np.where(self.log, self.high, 2.0)
+        return np.where(self.log, safe[0] * (safe[1] / safe[0]) ** place, self.low + place * (self.high - self.low))
+
+    def place(self, values: FloatArray) -> FloatArray:
+        """Place of values of the keys, in the box."""
+        safe = [np.where(self.log, v, e) for v, e in ((self.low, 1.0), (self.high, 2.0), (values, 1.0))]
+        found = np.log(safe[2] / safe[0]) / np.log(safe[1] / safe[0])
+        return np.clip(np.where(self.log, found, (values - self.low) / (self.high - self.low)), 0.0, 1.0)
+
+    def at(self, place: FloatArray) -> list[Local] | None:
+        """Orbits at a place, one for each scene of the spread; None if one is lost."""
+        name = place.tobytes()
+        if name not in self._found:
+            values, found = np.append(self.values(place), self.local.values[self.size :]), list[Local]()
+            try:
+                for factor in self.factors:
+                    wanted = values * factor
+                    near = min(self._known, key=lambda k: float(np.abs((wanted - k.values) / self.local.values).max()))
+                    found.append(near.correct(wanted))
+                    self._known.append(found[-1])
+            except MissedError:
+                found.clear()
+            self._found[name] = found or None
+            if found:
+                own = {key: float(v) for key, v in zip(self.local.keys[: self.size], values, strict=False)}
+                excess = self.violation(place)
+                self.rows.append(own | self.measured(place) | {"violation": excess, "feasible": excess <= VIOLATION})
+        return self._found[name]
+
+    def _measures(self, local: Local) -> FloatArray:
+        return np.array([local.measures[name] or 0.0 for name in self.names], float)
+
+    def measured(self, place: FloatArray) -> Record:
+        """Measures of the scene without tolerances at a place."""
+        found = self.at(place)
+        assert found is not None
+        return {name: found[0].measures[name] for name in self.names}
+
+    def bounds(self, place: FloatArray) -> FloatArray:
+        """How far inside the bounds each scene is, in scales: shape (scenes · bounds,)."""
+        found = self.at(place)
+        assert found is not None
+        inside = [self._signs * (self._measures(k)[self._bounded] - self._limits) / self._scales for k in found]
+        return np.concatenate(inside)
+
+    def violation(self, place: FloatArray) -> float:
+        """Largest violation of a bound."""
+        return max(float(-self.bounds(place).min()), 0.0)
+
+    def objective(self, place: FloatArray) -> FloatArray:
+        """Return the measure that is to be least, over its size in the scene as given, shape (scenes,)."""
+        found = self.at(place)
+        assert found is not None
+        return np.array([self._measures(k)[self._least] for k in found]) / self._unit
+
+    def slopes(self, place: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Differentiate bounds and objective by the place."""
+        found = self.at(place)
+        assert found is not None
+        stretched = np.where(self.log, self.values(place) * np.log(np.where(self.log, self.high / self.low, 1.0)), 0.0)
+        stretched += np.where(self.log, 0.0, self.high - self.low)
+        bounds, objective = [], []
+        for local, factor in zip(found, self.factors, strict=True):
+            slopes = self._gradients(local) * stretched * factor[: self.size]
+            bounds.append((self._signs / self._scales)[:, np.newaxis] * slopes[self._bounded])
+            objective.append(slopes[self._least] / self._unit)
+        return np.concatenate(bounds), np.array(objective)
+
+    def _gradients(self, local: Local) -> FloatArray:
+        if id(local) not in self._slopes:
+            self._slopes[id(local)] = local.gradients(self.names)[:, : self.size]
+        return self._slopes[id(local)]
+
+    def search(self, start: FloatArray) -> FloatArray | None:
+        """Find the best place from a start; None if no bounds can be kept, or the orbit is lost at once."""
+        for _ in range(HALVINGS):
+            if self.at(start) is not None:
+                break
+            start = 0.5 * (start + self.place(self.local.values[: self.size]))
+        else:
+            return None
+        if self.violation(start) > VIOLATION:
+            start = self._least_of(start, first=True)
+        return self._least_of(start, first=False) if self.violation(start) <= VIOLATION else None
+
+    def _least_of(self, start: FloatArray, *, first: bool) -> FloatArray:
+        """Make the violation least, ``first``, or the objective within the bounds.
+
+        The unknown behind the place is at least the violation, or the objective, of all scenes.
+        """
+        from scipy.optimize import minimize  # noqa: PLC0415  (half a second to import)
+
+        good = start
+
+        def inside(u: FloatArray) -> FloatArray:
+            nonlocal good
+            lost = self.at(u[:-1]) is None
+            good = good if lost else u[:-1].copy()
+            bounds, objective = self.bounds(good), self.objective(good)
+            found = bounds + u[-1] if first else np.append(bounds, u[-1] - objective)
+            return np.asarray(found - LOST * lost)
+
+        def slopes(u: FloatArray) -> FloatArray:
+            bounds, objective = self.slopes(u[:-1] if self.at(u[:-1]) is not None else good)
+            if first:
+                return np.column_stack([bounds, np.ones(len(bounds))])
+            rows = np.concatenate([bounds, -objective])
+            return np.column_stack([rows, np.append(np.zeros(len(bounds)), np.ones(len(objective)))])
+
+        last = np.eye(start.size + 1)[-1]
+        begin = self.violation(start) if first else float(self.objective(start).max())
+        found = minimize(
+            lambda u: u[-1],
+            np.append(start, begin),
+            jac=lambda _: last,
+            constraints={"type": "ineq", "fun": inside, "jac": slopes},
+            bounds=[*[(0.0, 1.0)] * start.size, (0.0 if first else None, None)],
+            method="SLSQP",
+            options={"maxiter": ITERATIONS, "ftol": CLOSE},
+        ).x[:-1]
+        ends = [place for place in (np.clip(found, 0.0, 1.0), start) if self.at(place) is not None]
+        if first:
+            return min(ends, key=self.violation)
+        kept = [place for place in ends if self.violation(place) <= VIOLATION * 10.0]
+        return min(kept or ends, key=lambda place: float(self.objective(place).max()))
+
+
+def searched(
+    scene: Scene,
+    names: Sequence[str],
+    known: Record,
+    bounds: Bounds,
+    number: int,
+    begin: dict[str, float] | None,
+) -> Record:
+    """Search from the start of a number, or from values of the keys.
+
+    Returns
+    -------
+    record
+        ``rows`` of the table of evaluations, and the ``best``: its ``values`` of the keys, ``measures``, and
+        ``objective`` in the worst scene; None if the bounds cannot be kept.
+    """
+    plan = scene.design
+    assert plan is not None
+    model = Model(scene, names, known, bounds)
+    with closing(model.local):
+        if begin is not None:
+            start = model.place(np.array(list(begin.values())))
+        elif number == 0:
+            start = model.place(model.local.values[: model.size])
+        else:
+            start = 0.5 * (within(plan.seed, model.size, number, number + 1)[0] + 1.0)
+        place, best = model.search(start), None
+        if place is not None:
+            least = float(model.objective(place).max())
+            values = dict(zip(plan.keys, model.values(place).tolist(), strict=True))
+            best = {"objective": least, "values": values, "measures": model.measured(place)}
+        return {"rows": [{"start": number, **row} for row in model.rows], "best": best}
+
+
+def confirmed(scene: Scene, known: Record, values: dict[str, float]) -> Record:
+    """Measure what a design comes to as a run of it begins, with what a sweep has.
+
+    Returns
+    -------
+    record
+        ``row`` of a sweep, ``regime``, and whether it is that of the scene as given.
+    """
+    other = scene.replace(values)
+    row = measure_point(other, settling(other), None, (0,)).row
+    if row["outcome"] != "ok":
+        return {"row": {}, "regime": row["outcome"], "same": False}
+    told = regime(row["sync"], row["motion"], row["period"])
+    return {"row": row, "regime": told, "same": told == regime(known["sync"], "periodic", known["period"])}
