@@ -116,7 +116,7 @@ class Find:
         lines = {"values": f"{len(scan)} of the scan, {len(search.seen)} more", "thresholds": str(len(found))}
         failed = [f"{v.row['outcome']} at {self.plan.key} = {v.at:g}: {v.row['detail']}" for v in every if v.failed]
         text = self._text(found) if found else [self._unchanged(scan)]
-        return Answer(tables, lines, text, list(self._notes(scan, found, shares)), failed)
+        return Answer(tables, lines, text, list(self._notes(every, found, shares)), failed)
 
     # -- tables --------------------------------------------------------------------------------------------------------
 
@@ -173,19 +173,25 @@ class Find:
         return f"no threshold: {good[0].text} at all values {place}"
 
     def _notes(
-        self, scan: Sequence[Value], found: Sequence[Threshold], shares: Sequence[tuple[float, ...]]
+        self, every: Sequence[Value], found: Sequence[Threshold], shares: Sequence[tuple[float, ...]]
     ) -> Iterator[str]:
-        for one, share in zip(found, shares, strict=True):
+        ends = [-math.inf, *(one.value for one in found), math.inf]
+        for number, (one, share) in enumerate(zip(found, shares, strict=True)):
             place = f"beside {self.plan.key} = {one.value:.6g}"
-            told = ", ".join(f"{s * PAIRS:.0f} at {d:g}" for s, d in zip(share, DISTANCES, strict=False))
-            if fractal(share):
-                yield (
-                    f"the border is fractal {place}: of {PAIRS} pairs of values differ {told} of the range; allowances "
-                    "for the key should stay away from it"
-                )
-            elif share and share[0]:
-                different = f"{share[0] * PAIRS:.0f} of {PAIRS} pairs of values"
-                yield f"the outcome changes several times {place}: {different} differ there; a finer scan may show more"
+            if share and share[0]:
+                told = ", ".join(f"{s * PAIRS:.0f} at {d:g}" for s, d in zip(share, DISTANCES, strict=False))
+                what = "the border is fractal" if fractal(share) else "the outcome changes several times"
+                yield f"{what} {place}: of {PAIRS} pairs of values differ {told} of the range"
+            good = [value for value in every if not value.failed]
+            for side, other, low, high in (
+                ("below", one.low, one.value, ends[number + 2]),
+                ("above", one.high, ends[number], one.value),
+            ):
+                at = [v.at for v in good if low < v.at < high and v.outcome(self.plan) == other.outcome(self.plan)]
+                far = [value for value in at if value not in (one.low.at, one.high.at)]
+                if far and not one.special:
+                    last = max(far) if side == "below" else min(far)
+                    yield f"at {self.plan.key} = {last:.6g} the outcome is still that {side} {one.value:.6g}"
             if one.kind == "depends on how long" and one.special:
                 yield f"{place} motion leaves the orbit so slowly that it was still near it when it was measured"
 
