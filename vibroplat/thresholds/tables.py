@@ -17,7 +17,6 @@ from vibroplat.config.scene import Scene
 from vibroplat.continuation.special_points import KINDS
 from vibroplat.errors import ConfigError
 from vibroplat.extensions import figure_of
-from vibroplat.model.sensitivity import parameter_direction
 from vibroplat.observe.sheet import SHEET, of_points
 from vibroplat.results.files import Command
 from vibroplat.study import WAIT
@@ -32,6 +31,8 @@ from vibroplat.thresholds.values import Value
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+#: How kinds are told where their names alone say too little.
+TOLD = {"depends on how long": "what the motion does depends on how long it is followed"}
 #: Columns of what stands on both sides of a threshold.
 SIDES = (
     *("sync", "motion", "period", "multiplier_max", "excitation_frequency_hz", "rms_x_m", "rms_y_m"),
@@ -95,7 +96,6 @@ class Find:
 
     scene: Scene
     plan: FindPlan
-    continuous: bool
     chains: int
     command: Command = "find"
     counted: str = "values"
@@ -107,7 +107,7 @@ class Find:
 
     def answer(self, store: Store, workers: Pool, progress: Progress) -> Answer:
         """Scan the key, narrow each change, and make the tables."""
-        search = Search(self.scene, self.plan, self.continuous, store, workers, progress)
+        search = Search(self.scene, self.plan, store, workers, progress)
         scan, found = search.thresholds()
         found.sort(key=lambda threshold: threshold.value)
         shares = search.shares(found)
@@ -157,7 +157,7 @@ class Find:
         digits = max(math.ceil(-math.log10(self.plan.narrow)), 0)
         return [
             " ".join(f"{self.plan.key} = {one.value:.{digits + 1}f} {unit_of(self.plan.key)}".split())
-            + f": {one.kind}{f' at a {one.special}' if one.special else ''}; "
+            + f"{f', {one.special} of the orbit' if one.special else ''}: {TOLD.get(one.kind, one.kind)}; "
             f"below {self._side(one.low)}; above {self._side(one.high)}"
             for one in found
         ]
@@ -235,13 +235,7 @@ def question(scene: Scene) -> Find:
             near = difflib.get_close_matches(plan.compared[0], numbers, n=3, cutoff=0.5)
             hint = f"did you mean {' or '.join(near)}? " if near else ""
             raise ConfigError(f"find.expression: no column {plan.compared[0]}; {hint}allowed: numbers of a sweep")
-    continuous = True
-    try:
-        for end in (plan.start, plan.stop):
-            parameter_direction(scene.replace(plan.changes(float(end))), plan.key)
-    except ConfigError:
-        continuous = False
-    return Find(scene, plan, continuous, plan.scan if plan.from_ == "initial" else 2)
+    return Find(scene, plan, plan.scan if plan.from_ == "initial" else 2)
 
 
 def find(
