@@ -27,12 +27,14 @@ RESULTS: dict[Command, tuple[str, str]] = {
     "paper": ("a reproduction of the paper", "claims"),
     "sweep": ("a sweep", "sweep"),
     "orbits": ("branches of orbits", "branches"),
+    "basins": ("basins of attraction", "attractors"),
     "run": ("a run", "trajectory"),
 }
 #: Where points are kept until their table is written, and what is then told.
 _UNFINISHED: dict[Command, tuple[str, str]] = {
     "sweep": ("points.sqlite", "an unfinished sweep; continue it"),
     "orbits": ("orbits.sqlite", "unfinished branches; continue them"),
+    "basins": ("basins.sqlite", "unfinished basins; continue them"),
 }
 
 
@@ -75,7 +77,7 @@ class Saved(Result):
     def __init__(self, directory: Path, command: Command) -> None:
         if not directory.is_dir():
             raise TableError(f"{directory} is not a directory; allowed: a result directory of vibroplat")
-        study: Command = "orbits" if command == "orbits" else "sweep"
+        study: Command = command if command in _UNFINISHED else "sweep"
         kept, what = _UNFINISHED[study]
         if (directory / kept).exists() and not has_result(directory, study):
             raise TableError(f"{directory} holds {what} with `vibroplat {study} --resume`")
