@@ -16,8 +16,8 @@ PACKAGE = Path(vibroplat.__file__).parent
 #: From the lowest to the highest; ``errors``, ``extensions``, ``columns`` and ``frames`` are loose modules.
 ROOMS = (
     *("errors", "extensions", "columns", "frames", "system", "kernels", "config", "model", "hybrid", "integrate"),
-    *("observe", "results", "motion", "study", "check", "continuation", "thresholds", "basin", "paper", "plots"),
-    *("page", "bench", "cli"),
+    *("observe", "results", "motion", "study", "check", "continuation", "thresholds", "basin", "designs", "paper"),
+    *("plots", "page", "bench", "cli"),
     "__main__",
 )
 #: What the page may use: it is drawn from result tables alone.

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     )
     from vibroplat.continuation.orbit import Orbit, orbit
     from vibroplat.continuation.tables import orbits
+    from vibroplat.designs.question import design
     from vibroplat.motion.run import simulate
     from vibroplat.motion.variation import variation
     from vibroplat.results.run import Trajectory, load
@@ -57,15 +58,18 @@ _HOMES = {
     "Orbit": "vibroplat.continuation.orbit",
     "orbit": "vibroplat.continuation.orbit",
     "orbits": "vibroplat.continuation.tables",
+    "design": "vibroplat.designs.question",
     "sweep": "vibroplat.study.sweep",
     "find": "vibroplat.thresholds.tables",
     "basins": "vibroplat.basin.question",
 }
-# runs, orbits and tables know nothing else of what draws them, sweeps nothing else of orbits
+# runs, orbits and tables know nothing else of what draws them, sweeps nothing else of orbits,
+# orbits nothing else of designs
 PROVIDERS |= {
     "figure_of": "vibroplat.plots.display",
     "confirmed_point": "vibroplat.continuation.seeker",
     "OrbitSeeker": "vibroplat.continuation.seeker",
+    "sensitivities": "vibroplat.designs.sensitivities",
 }
 
 __all__ = [
@@ -87,6 +91,7 @@ __all__ = [
     "basins",
     "check_run",
     "check_sweep",
+    "design",
     "find",
     "load",
     "load_config",

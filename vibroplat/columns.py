@@ -172,6 +172,13 @@ QUANTITIES = _quantities(
         "lyapunov_per_s": "Lyapunov exponent",
     }
 ) | {PHASE_COLUMN: Quantity(PHASE)}
+
+
+def quantity_of(column: str) -> Quantity:
+    """Return what a column of numbers is called on an axis, by its name if it is not a usual one."""
+    return QUANTITIES.get(column, Quantity(words(column), *shown_in(column)))
+
+
 #: Columns of a trajectory.
 COORDINATES = _quantities(
     {

@@ -17,6 +17,7 @@ LONG = {
     "Start, operation, stop",
     "The least power for an amplitude",
     "Tolerances",
+    "The smallest motor that starts",
     "Compare with measurements",
     "Is it accurate?",
     "Excel, MATLAB",

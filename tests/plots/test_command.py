@@ -38,8 +38,18 @@ def test_the_same_figure_is_the_same_file_in_each_format(form, begin, saved, tmp
         (["sweep", "other"], ["map"], {}, "--kind map shows one sweep; allowed with 2 of them: response"),
         (["sweep"], [], {"start": 1.0}, "--start 1.0: no figure of DIR uses it; allowed: with a run"),
         (["run"], [], {"x": "supply"}, "uses it; allowed: with a sweep and branches of orbits"),
-        (["sweep"], ["force"], {}, "--kind force: DIR holds no run; allowed: response, bifurcation, map"),
-        (["run"], ["motion", "map"], {}, "--kind map: DIR holds no sweep; allowed: motion, force, exciters, loads"),
+        (
+            ["sweep"],
+            ["force"],
+            {},
+            "--kind force shows a run, but DIR holds a sweep; allowed: response, bifurcation, map",
+        ),
+        (
+            ["run"],
+            ["motion", "map"],
+            {},
+            "--kind map shows a sweep, but DIR holds a run; allowed: motion, force, exciters, loads",
+        ),
         (["nowhere"], [], {}, "DIR is not a directory; allowed: a result directory of vibroplat"),
     ],
 )

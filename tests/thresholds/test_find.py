@@ -6,6 +6,7 @@ import pytest
 
 from vibroplat import find, load_config
 from vibroplat.errors import ConfigError
+from vibroplat.plots.thresholds import threshold_figures
 from vibroplat.study.pool import pool
 from vibroplat.study.store import Store
 from vibroplat.thresholds.tables import fractal, question
@@ -39,7 +40,7 @@ def test_the_smallest_torque_that_passes_the_resonance_is_told_by_where_the_moti
     assert row["value"] == pytest.approx(1.5295, abs=1e-4)  # bisected by the attractor of each start alone
     assert 0.0 < row["above"] - row["below"] <= 1e-4
     assert (row["below_sync"], row["above_sync"]) == ("antiphase", "in-phase")
-    assert found.values["motor.critical_torque_n_m"].is_monotonic_increasing
+    assert found.scan["motor.critical_torque_n_m"].is_monotonic_increasing
     assert found.text == [
         "motor.critical_torque_n_m = 1.52954 N·m: jump; below antiphase, period 1; above in-phase, period 1"
     ]
@@ -88,7 +89,7 @@ def test_killed_and_resumed_with_more_jobs_the_answer_is_the_same(tmp_path):
         answered(1, killed)
     tables = answered(2, lambda done, known: None, resume=True)
     whole = find(start())
-    for name, expected in (("thresholds", whole.thresholds), ("values", whole.values)):
+    for name, expected in (("thresholds", whole.thresholds), ("scan", whole.scan)):
         times = [column for column in expected if column == "wall_s"]
         assert tables[name].drop(columns=times).equals(expected.drop(columns=times))
 
@@ -104,6 +105,8 @@ def test_killed_and_resumed_with_more_jobs_the_answer_is_the_same(tmp_path):
         ({"expression": "rms_y > 1"}, "find.expression: no column rms_y; did you mean rms_y_m"),
         ({"expression": "sync > 1"}, "find.expression: no column sync"),
         ({"start": -0.1}, "find: material.mass_ratio = -0.1"),
+        ({"key": "motor.pole_pairs", "start": 1.0, "stop": 3.0}, "find.key = motor.pole_pairs has no numbers"),
+        ({"max_settle_s": 1e20}, "find.max_settle_s = 2e+20 takes"),
     ],
 )
 def test_a_mistake_is_told_in_one_line(plan, told):
@@ -117,3 +120,22 @@ def test_a_program_must_end_with_a_supply():
     stops = [{"t_s": 0.0, "supply_frequency_hz": 66.0}, {"t_s": 1.0, "off": True}]
     with pytest.raises(ConfigError, match="ends without supply"):
         question(start().replace({"drive.program": stops}))
+
+
+def test_the_command_writes_tables_and_prints_the_answer_and_plot_draws_it(command, tmp_path):
+    (tmp_path / "c.yaml").write_text(
+        f"extends: {CONFIGS / 'machines/calibrated.yaml'}\nname: c\ndrive: {{supply_frequency_hz: 58.0}}\n"
+        "find: {key: material.mass_ratio, start: 0.2, stop: 0.4, scan: 3, tolerance: 0.01, expression: rms_y_m>7e-4}\n"
+    )
+    done = command("find", tmp_path / "c.yaml", "--engine", "taylor", "--out", tmp_path)
+    assert done.code == 0
+    assert "material.mass_ratio = 0.328" in done.out
+    assert "level crossing" in done.out
+    drawn = command("plot", tmp_path / "c", "--measure", "rms_y_m", "--measure", "motor_power_w")
+    assert (drawn.code, drawn.out.split()) == (0, [str(tmp_path / "c/thresholds.png")])
+    ((_, name, figure),) = threshold_figures([tmp_path / "c"])
+    assert name == "thresholds"
+    assert [axis.get_ylabel() for axis in figure.axes] == ["RMS $y$ (mm)", "RMS $x$ (mm)", r"$\Delta\varphi$"]
+    levels = [line.get_ydata()[0] for line in figure.axes[0].lines if line.get_linestyle() == ":"]
+    assert levels == [pytest.approx(0.7)]
+    assert command("plot", tmp_path / "c", "--measure", "sync").code == 2

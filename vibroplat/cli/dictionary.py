@@ -12,6 +12,8 @@ from vibroplat.basin.question import ATTRACTORS, FRACTIONS, STARTS_TABLE
 from vibroplat.columns import Column, Columns, unit_of
 from vibroplat.config.keys import keys, yaml
 from vibroplat.continuation.tables import BOUNDARIES, BRANCHES, SPECIAL
+from vibroplat.designs.samples import SAMPLES
+from vibroplat.designs.sensitivities import SENSITIVITIES
 from vibroplat.motion.run import SUMMARY
 from vibroplat.observe.sheet import SHEET, of_points, whole_columns
 from vibroplat.observe.tables import EVENTS, TRAJECTORY
@@ -30,6 +32,8 @@ _SWEPT = {
 }
 _FOLLOWED = {"…": Column("the keys of the grid and the keys that vary, by their dotted names", "see configuration.md")}
 _OVER = {"…": Column("the key of basins.over, by its dotted name")}
+_SPREAD = {"…": Column("the keys that vary, by their dotted names", "see configuration.md")}
+_MEASURED = {"measures": Column("the measures that were asked for", "by their names, as in sweep")}
 _POINTS = of_points(["NAME"])
 _IN_ORDER = {SUPPLY: SWEEP[SUPPLY], **_SWEPT, **{name: SWEEP[name] for name in (*COLUMNS, *SHEET)}, **_POINTS}
 
@@ -68,7 +72,7 @@ TABLES: dict[str, tuple[str, Columns]] = {
         {**_FOLLOWED, **BOUNDARIES},
     ),
     "thresholds": ("`vibroplat find`: a row for each threshold.", THRESHOLDS),
-    "values": (
+    "scan": (
         "`vibroplat find`: a row for each value that was looked at.",
         {"…": Column("the key"), **VALUES, **_POINTS},
     ),
@@ -81,6 +85,8 @@ TABLES: dict[str, tuple[str, Columns]] = {
         {**_OVER, "… ": Column("the keys of basins.starts, by their dotted names"), **STARTS_TABLE},
     ),
     "fractions": ("`vibroplat basins` with `over`: shares of the starts over the key.", {**_OVER, **FRACTIONS}),
+    "sensitivities": ("`vibroplat design`: a row for each measure and key.", SENSITIVITIES),
+    "samples": ("`vibroplat design` with `spread`: a row for each sample.", {**_SPREAD, **SAMPLES, **_MEASURED}),
     "claims": ("`vibroplat paper`: a row for each claim.", CLAIMS),
     "contradictions": ("`vibroplat paper`: the paper's numbers against its figures.", CONTRADICTIONS),
     "fig4, fig5, fig7": (

@@ -36,7 +36,7 @@ def plot(
     ] = None,
     measure: Annotated[
         list[str] | None,
-        typer.Option(metavar="COLUMN", help="Column of numbers that the map of a sweep shows instead of regimes."),
+        typer.Option(metavar="COLUMN", help="Column that the response or map of a sweep, or thresholds, show instead."),
     ] = None,
     data: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Measured data to lay over: CSV, columns as in the tables.")
@@ -45,7 +45,7 @@ def plot(
     dpi: Annotated[int | None, typer.Option(min=10, max=2400, help="Dots per inch. Default: 130.")] = None,
     out: Annotated[Path | None, typer.Option(help="Directory for the figures. Default: the first DIR.")] = None,
 ) -> None:
-    """Draw figures of a run, a sweep, orbits, basins or the paper.
+    """Draw figures of a run, a sweep, orbits, basins, thresholds or the paper.
 
     Several runs or sweeps are laid over each other. Only the tables in DIR are read; nothing is simulated.
     """

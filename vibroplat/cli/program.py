@@ -115,6 +115,7 @@ COMMANDS = (
     studies.orbits,
     questions.find,
     questions.basins,
+    questions.design,
     figures.plot,
     figures.report,
     figures.film,

@@ -41,6 +41,28 @@ def find(
     _answer(question, config, scene, out, jobs, scheduler, wait, format_, resume=resume, overwrite=overwrite)
 
 
+def design(
+    config: Annotated[Path, typer.Argument(help="Configuration file with a design section.")],
+    set_: common.Settings = None,
+    engine: common.EngineName = None,
+    out: common.Out = Path("results"),
+    jobs: common.Jobs = 1,
+    resume: common.Resume = False,
+    overwrite: common.Overwrite = False,
+    scheduler: common.Scheduler = None,
+    wait: common.Wait = WAIT,
+    format_: common.Format = "parquet",
+) -> None:
+    """Find what an orbit depends on, what tolerances do to it, and which values of keys are best.
+
+    Writes tables of sensitivities, samples and evaluations to OUT/NAME, and the best design as best.yaml.
+    """
+    scene = common.scene_of(config, set_, engine)
+    from vibroplat.designs.question import Design
+
+    _answer(Design, config, scene, out, jobs, scheduler, wait, format_, resume=resume, overwrite=overwrite)
+
+
 def _answer(
     ask: Callable[[Scene], Question],
     config: Path,

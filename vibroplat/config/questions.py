@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 
 from vibroplat.config.coordinates import COORDINATES, RATES
 from vibroplat.config.plans import Over, SweepPlan, may_vary
-from vibroplat.config.schema import Positive, Real, Section
+from vibroplat.config.schema import LARGEST, Positive, Real, Section, Share
 
 #: What keys of starts begin with, and those that there are.
 INITIAL = "run.initial."
@@ -80,7 +80,7 @@ COMPARISON = re.compile(r"\s*([A-Za-z]\w*)\s*(>=|<=|>|<)\s*([-+]?(?:\d+\.?\d*|\.
 class FindPlan(Section, title="Find", populate_by_name=True):
     """A key, and what changes at a value of it."""
 
-    key: str = Field(description="dotted key whose value is looked for")
+    key: str = Field(description="dotted key whose value is looked for; with N for a place: of all in the list")
     start: Real = Field(description="smallest value of the key")
     stop: Real = Field(description="largest value")
     scan: Annotated[int, Field(ge=2, le=10_000)] = Field(
@@ -138,6 +138,10 @@ class FindPlan(Section, title="Find", populate_by_name=True):
         """Distance of the values below and above a threshold in the end."""
         return NARROW * (self.stop - self.start) if self.tolerance is None else self.tolerance
 
+    def changes(self, value: float) -> dict[str, float]:
+        """Return what a value of the key changes in a scene."""
+        return {self.key.replace(".N.", f".{place}."): value for place in (0, 1)}
+
     def measuring(self, times: int, perturbation: float) -> SweepPlan:
         """Return how a motion settles and is measured, with so many times the settling and measuring time."""
         return SweepPlan(
@@ -146,3 +150,57 @@ class FindPlan(Section, title="Find", populate_by_name=True):
             measure_s=times * self.measure_s,
             perturbation=perturbation,
         )
+
+
+class DesignPlan(Section, title="Design"):
+    """What the orbit of a scene depends on, what tolerances do to it, and which values of keys are best."""
+
+    keys: dict[str, Annotated[list[Real], Field(min_length=2, max_length=2)]] = Field(
+        {}, description="dotted keys and their ranges, [low, high]; none: all with a number that the motion depends on"
+    )
+    measures: list[str] = Field([], description="columns of a sweep, or margin, besides the usual ones")
+    minimize: str | None = Field(None, description="the measure that the best values of keys make least")
+    subject: dict[str, str] = Field({}, description='bounds of measures, as {rms_y_m: ">= 1e-3", margin: ">= 0.005"}')
+    pareto: dict[str, Annotated[list[Real], Field(min_length=2, max_length=100)]] = Field(
+        {}, description="a measure of subject and values of its bound, one after the other: a Pareto front"
+    )
+    spread: dict[str, Annotated[Share, Field(gt=0.0, lt=1.0)]] = Field(
+        {},
+        description="keys and their tolerances to either side, over their values: {machine.platform_mass_kg: 0.05}",
+    )
+    samples: Annotated[int, Field(ge=0, le=100_000)] = Field(
+        200, description="scenes within the spread that are measured, spread evenly; 0: none"
+    )
+    starts: Annotated[int, Field(ge=1, le=1000)] = Field(
+        5, description="starts of the search, first the scene's values"
+    )
+    seed: Annotated[int, Field(ge=0, le=2**31 - 1)] = Field(0, description="seed of samples and starts")
+
+    @model_validator(mode="after")
+    def _possible(self) -> Self:
+        for key, (low, high) in self.keys.items():
+            if not low < high:
+                raise ValueError(f"keys.{key} = [{low}, {high}] is empty; allowed: [low, high] with low below high")
+        for measure, text in self.subject.items():
+            if not (self.bound(measure)[0] and abs(self.bound(measure)[1]) <= LARGEST):
+                raise ValueError(f'subject.{measure} = {text!r} is no bound; allowed: ">= NUMBER" or "<= NUMBER"')
+        if self.minimize is None:
+            for name in ("subject", "pareto"):
+                if getattr(self, name):
+                    raise ValueError(f"{name} is given without minimize; allowed: with a measure to minimize")
+        elif not self.keys:
+            raise ValueError("minimize is given without keys; allowed: with keys and their ranges")
+        if len(self.pareto) > 1 or not self.pareto.keys() <= self.subject.keys():
+            raise ValueError(f"pareto = {', '.join(self.pareto)}; allowed: one measure of subject")
+        return self
+
+    def bound(self, measure: str) -> tuple[float, float]:
+        """Return 1 if a bound is the least value of its measure, −1 if the largest, 0 if it is none; and the value."""
+        found = COMPARISON.fullmatch(f"{measure} {self.subject[measure]}")
+        return (0.0, 0.0) if found is None else ({">=": 1.0, "<=": -1.0}.get(found[2], 0.0), float(found[3]))
+
+    @property
+    def named(self) -> list[str]:
+        """The measures that the plan names, each once."""
+        given = [*self.measures, *([] if self.minimize is None else [self.minimize]), *self.subject]
+        return list(dict.fromkeys(given))

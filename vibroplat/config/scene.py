@@ -20,7 +20,7 @@ from vibroplat.config.body import RigidBody, rigid_body
 from vibroplat.config.coordinates import COORDINATES, RATES, Mode
 from vibroplat.config.drive import Drive
 from vibroplat.config.plans import FREQUENCY, OrbitsPlan, SweepPlan
-from vibroplat.config.questions import BasinsPlan, FindPlan
+from vibroplat.config.questions import BasinsPlan, DesignPlan, FindPlan
 from vibroplat.config.reader import load_tree, merge, nest, with_line
 from vibroplat.config.schema import Section, described, explain
 from vibroplat.config.sections import (
@@ -91,6 +91,7 @@ class Scene(Section):
     orbits: OrbitsPlan | None = described(None, "", "what vibroplat orbits does")
     find: FindPlan | None = described(None, "", "what vibroplat find does")
     basins: BasinsPlan | None = described(None, "", "what vibroplat basins does")
+    design: DesignPlan | None = described(None, "", "what vibroplat design does")
 
     alternatives = (("motor", "motors"), ("motor", "exciters"), ("motors", "exciters"))
 
@@ -127,6 +128,9 @@ class Scene(Section):
             stop = max(self.sweep.swept.ends) if self.sweep.swept.key == FREQUENCY else self.drive.largest_frequency
             times = {f"sweep.{key}": getattr(self.sweep, key) for key in ("settle_s", "max_settle_s", "measure_s")}
             durations += [(key, seconds, stop) for key, seconds in times.items() if seconds != "auto"]
+        if self.find is not None:
+            times = {f"find.{key}": 2.0 * getattr(self.find, key) for key in ("max_settle_s", "measure_s")}
+            durations += [(key, seconds, self.drive.largest_frequency) for key, seconds in times.items()]
         slow = self.solver.engine == "sundae"
         most = MAX_TURNS_SUNDAE if slow else MAX_TURNS
         for key, seconds, supply in durations:

@@ -10,15 +10,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from vibroplat.config.scene import Scene
 from vibroplat.continuation.newton import UNDETERMINED, MissedError, NewtonResult, Problem, correct, held
-from vibroplat.continuation.orbit import Orbit, accurate, first_orbit, measures_of, read_guess
-from vibroplat.continuation.shooting import STEP, Shooter, Shot
+from vibroplat.continuation.orbit import Orbit, accurate, first_orbit, measured_over_period, measures_of, read_guess
+from vibroplat.continuation.shooting import STEP, Shooter
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.parameters import Parameters, parameters
 from vibroplat.model.sensitivity import flat, value_of, with_value
@@ -32,6 +32,13 @@ LEAST = 1.0 / 64.0
 ELSEWHERE, NEAR = 0.5, 0.02
 #: Iterations of Newton's method.
 ITERATIONS = 12
+
+
+class _Near(NamedTuple):
+    """A scene beside another one, and its parameters."""
+
+    scene: Scene
+    p: Parameters
 
 
 class Local:
@@ -124,18 +131,19 @@ class Local:
     @cached_property
     def tangents(self) -> FloatArray:
         """Derivatives of the unknowns ``found.u`` by all keys, shape (m, keys)."""
-        changes = np.eye(self.values.size)
-        steps = np.where(self.values == 0.0, 1.0, np.abs(self.values))
-        return self._along(changes * steps) / steps
+        return self._along([(flat(above.p) - flat(below.p)) / (2.0 * step) for step, above, below in self._beside])
 
     def predict(self, values: Sequence[float] | FloatArray) -> FloatArray:
         """Unknowns of the orbit at other values of the keys, along the tangent, shape (m,)."""
         change = np.asarray(values, float) - self.values
         if not change.any():
             return self.found.u
-        # the tangents by all keys cost parameters by all keys, twice
-        moved = self.tangents @ change if "tangents" in vars(self) else self._along(change[np.newaxis])[:, 0]
-        return np.asarray(self.found.u + moved)
+        if "tangents" in vars(self):
+            return np.asarray(self.found.u + self.tangents @ change)
+        # one direction costs parameters twice, all keys cost them twice each
+        step = STEP / float(np.abs(change / np.where(self.values == 0.0, 1.0, self.values)).max())
+        above, below = (parameters(self._scene(self.values + side * step * change)) for side in (1.0, -1.0))
+        return np.asarray(self.found.u + self._along([(flat(above) - flat(below)) / (2.0 * step)])[:, 0])
 
     def correct(self, values: Sequence[float] | FloatArray) -> Local:
         """Find the same orbit at other values of the keys: in one step, or in parts of it where that fails.
@@ -172,51 +180,78 @@ class Local:
             return self
         return Local(self.problem, found, self.keys, self.values)
 
-    def shot(self, values: FloatArray, u: FloatArray, *, full: bool = False) -> Shot:
-        """Take a measured shot at values of the keys from unknowns on this section; ``full`` as with a shooter."""
-        self.problem.shooter.motion.set_parameters(self._parameters(values))
-        state, seconds, _ = self.found.chart.unpack(u)
-        return self.problem.shooter.shot(state, seconds, full=full, measured=True)
+    def gradients(self, names: Sequence[str]) -> FloatArray:
+        """Differentiate measures of the orbit, ``margin`` among them, by all keys, shape (names, keys).
+
+        They are central differences of shots along the tangents, which need no iterations: such a shot is closed to
+        second order in the step, and that cancels. What has no value is nan.
+
+        Raises
+        ------
+        MissedError
+            A shot does not end.
+        """
+        found = np.empty((len(names), self.values.size))
+        for k, (step, *sides) in enumerate(self._beside):
+            change = step * self.tangents[:, k]
+            above, below = (
+                self._measured(near, self.found.u + way, margin="margin" in names)
+                for near, way in zip(sides, (change, -change), strict=True)
+            )
+            found[:, k] = [((above[n] or 0.0) - (below[n] or 0.0)) / (2.0 * step) for n in names]
+        return found
 
     @cached_property
     def _p(self) -> Parameters:
         return parameters(self.scene)
 
-    def _parameters(self, values: FloatArray) -> Parameters:
-        """Parameters at values of the keys.
+    @cached_property
+    def _beside(self) -> list[tuple[float, _Near, _Near]]:
+        """For each key a step, and scenes so far above and below this one."""
+        found = []
+        for k, value in enumerate(self.values.tolist()):
+            change = np.zeros_like(self.values)
+            change[k] = step = STEP * abs(value) or STEP
+            above, below = (self._scene(self.values + side * change) for side in (1.0, -1.0))
+            found.append((step, _Near(above, parameters(above)), _Near(below, parameters(below))))
+        return found
 
-        Raises
-        ------
-        MissedError
-            No scene has them.
-        """
+    def _measured(self, near: _Near, u: FloatArray, *, margin: bool) -> dict[str, Any]:
+        """Measure a period from unknowns on this section in a scene beside this one, with the margin if asked for."""
+        shooter, chart = self.problem.shooter, self.found.chart
+        shooter.motion.set_parameters(near.p)
+        state, seconds, _ = chart.unpack(u)
+        shot = shooter.shot(state, seconds, full=margin, measured=True)
+        if shot.outcome != "ok":
+            raise MissedError(f"{shot.outcome}: {shot.detail}")
+        found = measured_over_period(self.problem, shot, near.scene)
+        if margin:
+            found["margin"] = 1.0 - float(np.abs(np.linalg.eigvals(chart.section_map(shot))).max())
+        return found
+
+    def _scene(self, values: FloatArray) -> Scene:
+        """Change the values of the keys that are not those here."""
         scene = self.scene
-        for key, value in zip(self.keys, values.tolist(), strict=True):
-            if value != value_of(scene, key):
-                scene = with_value(scene, key.split("."), value)
-        try:
-            return parameters(scene)
-        except ValueError as error:
-            raise MissedError(f"no scene has these values: {error}") from None
+        for k in np.flatnonzero(values != self.values).tolist():
+            scene = with_value(scene, self.keys[k].split("."), float(values[k]))
+        return scene
 
     def _step(self, values: FloatArray) -> Local:
         """Find the orbit at other values by Newton's method from the prediction, with the Jacobian of this one."""
         u = self.predict(values)
-        self.problem.shooter.motion.set_parameters(self._parameters(values))
+        try:
+            self.problem.shooter.motion.set_parameters(parameters(self._scene(values)))
+        except ValueError as error:
+            raise MissedError(f"no scene has these values: {error}") from None
         chart, jacobian = self.found.chart, self.found.jacobian
         found = correct(self.problem, chart, u, held(chart), jacobian, most=ITERATIONS)
         if np.abs(found.u - u).max() > max(ELSEWHERE * np.abs(u - self.found.u).max(), NEAR):
             raise MissedError("Newton's method went to another orbit", found.residuals)
         return Local(self.problem, found, self.keys, values)
 
-    def _along(self, changes: FloatArray) -> FloatArray:
-        """Differentiate the unknowns along changes of all keys, shape (count, keys), by one varied shot."""
-        directions = []
-        for change in changes:
-            step = STEP / float(np.abs(change / np.where(self.values == 0.0, 1.0, self.values)).max())
-            above, below = (flat(self._parameters(self.values + side * step * change)) for side in (1.0, -1.0))
-            directions.append((above - below) / (2.0 * step))
-        variation, motion, chart = Variation([self._p] * len(changes)), self.problem.shooter.motion, self.found.chart
+    def _along(self, directions: Sequence[FloatArray]) -> FloatArray:
+        """Differentiate the unknowns along directions of the parameters, shape (count, directions), by one shot."""
+        variation, motion, chart = Variation([self._p] * len(directions)), self.problem.shooter.motion, self.found.chart
         variation.begin(np.eye(FULL_SIZE), directions)
         motion.set_parameters(self._p)
         motion.reset(self.state)

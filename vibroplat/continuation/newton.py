@@ -400,7 +400,7 @@ def correct_anywhere(problem: Problem, chart: Chart, u: FloatArray, most: int) -
         state, period, values = chart.unpack(u)
         problem.shooter.set(values)
         guess = problem.shooter.shot(state, period, full=True)
-        moved = problem.moved(chart, u, guess.far_from_events()) if guess.outcome == "ok" else None
+        moved = problem.moved(chart, u, guess.far_from_events(elsewhere=True)) if guess.outcome == "ok" else None
         if moved is None:
             raise
     return correct(problem, *moved[:2], held(moved[0]), most=2 * most, halvings=4)

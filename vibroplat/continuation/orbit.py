@@ -21,7 +21,7 @@ from vibroplat.config.scene import Scene
 from vibroplat.continuation.newton import MissedError, NewtonResult, Problem, correct_anywhere, n_unstable
 from vibroplat.continuation.shooting import TURN, Shooter, Shot, spelled
 from vibroplat.errors import ConfigError, VibroplatError
-from vibroplat.extensions import figure_of
+from vibroplat.extensions import figure_of, provided
 from vibroplat.hybrid.modes import IMPACT
 from vibroplat.hybrid.state import initial_state
 from vibroplat.kernels.compiled import FloatArray
@@ -133,6 +133,30 @@ class Orbit:
     def plot(self) -> Figure:
         """Draw it: its speed over its height, and the gap over the phase where there is material."""
         return figure_of(self)
+
+    def sensitivities(self, keys: Sequence[str] | None = None, measures: Sequence[str] | None = None) -> pd.DataFrame:
+        """Differentiate its measures by keys of its scene; all that change along with it are followed.
+
+        Parameters
+        ----------
+        keys
+            Dotted keys with numbers other than 0. Default: all that the equations depend on.
+        measures
+            Columns of a sweep, or ``margin``: 1 less the size of the largest multiplier. Default: the usual ones.
+
+        Returns
+        -------
+        pandas.DataFrame
+            A row for each measure and key: ``derivative``, and ``elasticity``, the relative change of the measure over
+            that of the key.
+
+        Raises
+        ------
+        ConfigError
+            The scene has no such key or measure.
+        """
+        table: pd.DataFrame = provided("sensitivities")(self, keys, measures)
+        return table
 
     @cached_property
     def run(self) -> Trajectory:

@@ -106,8 +106,11 @@ class Shot:
         speeds = -self.events["rate_before"][rebounds]
         return float(speeds.min()) if speeds.size else math.inf
 
-    def far_from_events(self) -> float:
-        """Return when to begin the period (s) so that the section is far from events; 0 if it is already."""
+    def far_from_events(self, *, elsewhere: bool = False) -> float:
+        """Return when to begin the period (s) so that the section is far from events.
+
+        It is 0 if it is far already, unless it must be ``elsewhere`` all the same.
+        """
         if not self.events.size:
             return 0.0
         pieces = self._joined()
@@ -115,7 +118,7 @@ class Shot:
         contact = [p for p in pieces if SYSTEMS[p[0]].algebraic and p[2] - p[1] >= CONTACT_SHARE * self.duration]
         best = max(contact or pieces, key=lambda p: p[2] - p[1])
         far = min(-begin, end) > MARGIN * (end - begin) and end - begin > 0.5 * (best[2] - best[1])
-        if far and (SYSTEMS[system].algebraic or not contact):
+        if far and (SYSTEMS[system].algebraic or not contact) and not elsewhere:
             return 0.0
         return float((0.5 * (best[1] + best[2])) % self.duration)
 

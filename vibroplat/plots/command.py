@@ -11,6 +11,7 @@ from vibroplat.plots import basins, orbits, run, sweep
 from vibroplat.plots.paper import paper_figures
 from vibroplat.plots.reading import RESULTS, has_result
 from vibroplat.plots.style import Saving, save, styled
+from vibroplat.plots.thresholds import threshold_figures
 from vibroplat.results.files import Command
 
 if TYPE_CHECKING:
@@ -45,6 +46,7 @@ FAMILIES = (
     Family("sweep", sweep.FIGURES, ("x", "data", "measure"), sweep.sweep_figures),
     Family("orbits", orbits.FIGURES, ("x",), orbits.orbit_figures),
     Family("basins", basins.FIGURES, (), basins.basin_figures),
+    Family("find", (), ("measure",), threshold_figures),
     Family("run", run.FIGURES, ("start", "stop", "data"), run.run_figures),
 )
 #: Families whose results can be laid over each other.
@@ -67,7 +69,7 @@ def plot_results(
     options
         ``start`` and ``stop`` of the interval of a run (s), ``x``: horizontal axis of a sweep or of branches
         (``excitation`` or ``supply``), ``data``: file of measured data laid over the figures, ``measure``: columns that
-        the map of a sweep shows. None: not given.
+        response and map of a sweep, and thresholds, show. None: not given.
 
     Raises
     ------
@@ -77,18 +79,17 @@ def plot_results(
         Their tables are missing or damaged.
     """
     found = [family for family in FAMILIES if all(has_result(place, family.command) for place in directories)]
-    first, held = directories[0], ", ".join(map(str, directories))
+    first, every = directories[0], ", ".join(map(str, directories))
     if not found and len(directories) > 1 and any(has_result(d, f.command) for f in FAMILIES for d in directories):
-        raise VibroplatError(f"{held} hold no results of one command; allowed: several runs, or several sweeps")
+        raise VibroplatError(f"{every} hold no results of one command; allowed: several runs, or several sweeps")
     found = found or [FAMILIES[-1]]
     allowed = [kind for family in found for kind in family.kinds]
     for family in FAMILIES:
         for kind in kinds:
             if kind in family.kinds and kind not in allowed:
                 names = ", ".join(allowed) or "no --kind"
-                raise VibroplatError(
-                    f"--kind {kind}: {first} holds no {RESULTS[family.command][0].removeprefix('a ')}; allowed: {names}"
-                )
+                held, other = (RESULTS[one.command][0] for one in (found[0], family))
+                raise VibroplatError(f"--kind {kind} shows {other}, but {first} holds {held}; allowed: {names}")
     chosen = [family for family in found if not kinds or {*family.kinds} & {*kinds}]
     given = {option: value for option, value in options.items() if value is not None}
     for option, value in given.items():

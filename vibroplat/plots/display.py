@@ -21,8 +21,10 @@ from vibroplat.plots.reading import ends_of
 from vibroplat.plots.response import response_figure
 from vibroplat.plots.studies import branches_of, sweep_of
 from vibroplat.plots.style import styled
+from vibroplat.plots.thresholds import threshold_figure
 from vibroplat.results.run import Kind, Trajectory
 from vibroplat.study.branches import EXCITATION
+from vibroplat.thresholds.tables import Thresholds
 
 #: Columns by which tables are recognized.
 _NEEDED = {
@@ -102,6 +104,13 @@ def _(followed: OrbitTables) -> Figure:
     found = branches_of(followed.branches, followed.special)
     with styled():
         return branches_figure(found, found.x)
+
+
+@figure_of.register
+def _(found: Thresholds) -> Figure:
+    """Draw the values that were looked at, with the thresholds."""
+    with styled():
+        return threshold_figure(found.name, str(found.scan.columns[0]), found.scan, found.thresholds)
 
 
 @figure_of.register

@@ -28,6 +28,7 @@ RESULTS: dict[Command, tuple[str, str]] = {
     "sweep": ("a sweep", "sweep"),
     "orbits": ("branches of orbits", "branches"),
     "basins": ("basins of attraction", "attractors"),
+    "find": ("thresholds", "thresholds"),
     "run": ("a run", "trajectory"),
 }
 #: Where points are kept until their table is written, and what is then told.
@@ -35,6 +36,7 @@ _UNFINISHED: dict[Command, tuple[str, str]] = {
     "sweep": ("points.sqlite", "an unfinished sweep; continue it"),
     "orbits": ("orbits.sqlite", "unfinished branches; continue them"),
     "basins": ("basins.sqlite", "unfinished basins; continue them"),
+    "find": ("find.sqlite", "an unfinished search; continue it"),
 }
 
 

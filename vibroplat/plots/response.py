@@ -197,7 +197,7 @@ def response_figure(response: Study) -> Figure:
     """
     if response.points[response.x].isna().all():
         response = replace(response, x=response.key)
-    columns = _columns(response.points)
+    columns = [*response.measures] or _columns(response.points)
     two = len(columns) > 5
     size = (11.0 if two else 8.0, 1.9 + 1.75 * -(-len(columns) // (1 + two)))
     figure, panels = panel_grid(len(columns), 1 + two, size, key_label(response.x))

@@ -52,7 +52,7 @@ class Study:
     key, second
         Column of the key, and of the second key of boundaries, "" where there is none.
     measures
-        Columns of a sweep that its maps show instead of regimes.
+        Columns of a sweep that its response and maps show instead of the usual ones.
     special
         Special points of branches.
     swept

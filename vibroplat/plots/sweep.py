@@ -16,7 +16,7 @@ from matplotlib.colors import BoundaryNorm, ListedColormap, Normalize
 from matplotlib.patches import Patch
 from matplotlib.patheffects import Normal, Stroke
 
-from vibroplat.columns import PHASE_COLUMN, QUANTITIES, Quantity, shown_in, with_shaking, words
+from vibroplat.columns import PHASE_COLUMN, QUANTITIES, quantity_of, with_shaking
 from vibroplat.errors import TableError
 from vibroplat.plots.labels import ABSCISSAE, in_ratios, key_label, key_name
 from vibroplat.plots.orbits import MEANINGS
@@ -93,7 +93,7 @@ def sweep_figures(
     data
         File of measured data laid over the response.
     measure
-        Columns that the map shows instead.
+        Columns that response and map show instead.
 
     Raises
     ------
@@ -110,8 +110,8 @@ def sweep_figures(
                 ["response", *([response.results[0].given("sweep", "kind")] if len(directories) == 1 else [])]
             )
         )
-    if measure and "map" not in kinds:
-        raise TableError(f"--measure {', '.join(measure)}: only a map shows it; allowed: with --kind map")
+    if measure and not {"response", "map"} & {*kinds}:
+        raise TableError(f"--measure {', '.join(measure)}: {kinds[0]} does not show it; allowed: response, map")
     if len(directories) > 1 and {*kinds} != {"response"}:
         other = next(kind for kind in kinds if kind != "response")
         raise TableError(f"--kind {other} shows one sweep; allowed with {len(directories)} of them: response")
@@ -298,7 +298,7 @@ def _panels(response: Study) -> Iterator[_Panel]:
     table = response.points
     dark = mpl.colormaps["viridis_r"](np.linspace(0.05, 1.0, 256))  # from small values, pale, to large ones, dark
     for column in response.measures:
-        quantity = QUANTITIES.get(column, Quantity(words(column), *shown_in(column)))
+        quantity = quantity_of(column)
         found = table[column].to_numpy(dtype=float, na_value=np.nan)
         values = pd.Series(wrapped(found) if column == PHASE_COLUMN else quantity.factor * found, table.index)
         norm = Normalize(float(values.min()), float(values.max())) if values.notna().any() else Normalize(0.0, 1.0)

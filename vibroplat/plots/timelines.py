@@ -17,7 +17,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 
-from vibroplat.columns import COORDINATES, FORCES, PHASE, PHASE_COLUMN, QUANTITIES, with_shaking
+from vibroplat.columns import COORDINATES, FORCES, PHASE, PHASE_COLUMN, quantity_of, with_shaking
 from vibroplat.config.plausibility import rounded
 from vibroplat.config.scene import Scene
 from vibroplat.errors import TableError
@@ -28,7 +28,7 @@ _LOG = logging.getLogger("vibroplat")
 
 FloatArray = np.ndarray[Any, np.dtype[np.float64]]
 
-_SHOWN = QUANTITIES | COORDINATES | FORCES
+_SHOWN = COORDINATES | FORCES
 
 #: Name of the axis of y where it is counted from the static rest.
 FROM_REST = "$y$ from rest (mm)"
@@ -193,7 +193,7 @@ def in_units(values: Any, column: str) -> FloatArray:
     found = np.asarray(values, dtype=float)
     if column == PHASE_COLUMN:
         return wrapped(found)
-    return (_SHOWN[column].factor if column in _SHOWN else 1.0) * found
+    return (_SHOWN.get(column) or quantity_of(column)).factor * found
 
 
 def name_axis(axis: Axes, column: str) -> Axes:
@@ -201,7 +201,7 @@ def name_axis(axis: Axes, column: str) -> Axes:
     if column == PHASE_COLUMN:
         phase_axis(axis)
     else:
-        axis.set_ylabel(_SHOWN[column].label)
+        axis.set_ylabel((_SHOWN.get(column) or quantity_of(column)).label)
     return axis
 
 

@@ -126,9 +126,9 @@ class Search:
 
     def _value(self, at: float, stage: str, near: Value | None = None, times: int = 1) -> Tasks[Value]:
         """Look at a value of the key; with neighbours the motion is carried on from ``near``."""
-        scene, state = self.scene.replace({self.plan.key: at}), None
+        scene, state = self.scene.replace(self.plan.changes(at)), None
         if near is not None and near.state is not None and self.plan.from_ == "neighbour":
-            before = self.scene.replace({self.plan.key: near.at})
+            before = self.scene.replace(self.plan.changes(near.at))
             scene, state = constant(scene), carried(near.state, before, scene)
         record = yield Task(evaluate, (scene, self.plan, state, times, self._key), lost)
         return Value(at, stage, record["row"], record["state"])
@@ -154,7 +154,7 @@ class Search:
     def _outward(self) -> tuple[list[Value], list[Threshold]]:
         """Carry the motion on from the scene's own value of the key in both directions."""
         plan = self.plan
-        own = value_of(self.scene, plan.key)
+        own = value_of(self.scene, next(iter(plan.changes(plan.start))))
         own = plan.start if own is None else min(max(own, plan.start), plan.stop)
         first = self._run("own", [self._single(own, "scan")])[0]
         if first.failed:
@@ -241,7 +241,7 @@ class Search:
         orbits = OrbitsPlan(
             key=self.plan.key, start=begin.at, stop=end, period=period, from_="state", switch=[], step=steps
         )
-        scene = constant(self.scene.replace({self.plan.key: begin.at}))
+        scene = constant(self.scene.replace(self.plan.changes(begin.at)))
         start = accurate(beginning_at(scene, np.array(begin.state)), orbits.tolerance)
         record = yield Task(part, (start, orbits, None, Known([], [], [])), lambda reason: NOTHING)
         rows = record["rows"]
@@ -249,12 +249,16 @@ class Search:
         special = [one for one in record["special"] if one["after"] == ends and one["kind"] in SMOOTH]
         if not ends or not special:
             return None
+        told = {"motion": "periodic", "outcome": "ok"}
+        branch = [Value(row["value"], "orbit", {**row, **told}, row["state"]) for row in rows[:ends]]
+        if self.plan.from_ == "neighbour":
+            seen += branch[1:]
         at = special[0]["value"]
-        inner = yield from self._value(at + BESIDE * (begin.at - at), "beside", begin)
+        inner = yield from self._value(at + BESIDE * (begin.at - at), "beside", branch[-1])
         beyond = min(BESIDE * span, 0.5 * abs(end - at))
         outer = yield from self._value(at + math.copysign(beyond, end - at), "beside", inner)
         seen += [inner, outer]
-        lingers = self._alike(inner, outer) or outer.leaving
+        lingers = self._alike(inner, outer) or outer.leaving or outer.row["motion"] == "undecided"
         if inner.failed or outer.failed or not self._alike(begin, inner) or (lingers and not self._of_motion):
             return None
         kind = "level crossing" if apart(inner, outer, self.plan) < GRADUAL else "jump"

@@ -58,7 +58,7 @@ _POINT = tuple(name for name in COLUMNS if name not in ("direction", "branch"))
 VALUES: Columns = {
     "stage": Column(
         "why the value was looked at",
-        "scan; beside a special point; bisection; twice as long, of an end; pair, beside a threshold",
+        "scan; orbit, of a branch; beside a special point; bisection; twice as long, of an end; pair, beside a border",
     ),
     **{name: SWEEP[name] for name in (*_POINT, *SHEET)},
 }
@@ -69,16 +69,19 @@ class Thresholds(NamedTuple):
 
     Attributes
     ----------
+    name
+        Of the scene.
     thresholds
         A row for each threshold, in ascending order.
-    values
+    scan
         A row for each value that was looked at, in ascending order.
     text
         The answer in plain lines.
     """
 
+    name: str
     thresholds: pd.DataFrame
-    values: pd.DataFrame
+    scan: pd.DataFrame
     text: Sequence[str]
 
     def plot(self) -> Figure:
@@ -100,7 +103,7 @@ class Find:
 
     def scenes(self) -> Iterator[Scene]:
         """Yield the scenes at both ends."""
-        return (self.scene.replace({self.plan.key: end}) for end in (self.plan.start, self.plan.stop))
+        return (self.scene.replace(self.plan.changes(end)) for end in (self.plan.start, self.plan.stop))
 
     def answer(self, store: Store, workers: Pool, progress: Progress) -> Answer:
         """Scan the key, narrow each change, and make the tables."""
@@ -109,11 +112,11 @@ class Find:
         found.sort(key=lambda threshold: threshold.value)
         shares = search.shares(found)
         every = sorted([*scan, *search.seen], key=lambda value: value.at)
-        tables = {"values": self._values(every), "thresholds": self._thresholds(found, shares)}
+        tables = {"scan": self._scan(every), "thresholds": self._thresholds(found, shares)}
         lines = {"values": f"{len(scan)} of the scan, {len(search.seen)} more", "thresholds": str(len(found))}
         failed = [f"{v.row['outcome']} at {self.plan.key} = {v.at:g}: {v.row['detail']}" for v in every if v.failed]
         text = self._text(found) if found else [self._unchanged(scan)]
-        return Answer(tables, lines, text, list(self._notes(scan, found, shares)), failed)
+        return Answer(tables, lines, text, list(self._notes(every, found, shares)), failed)
 
     # -- tables --------------------------------------------------------------------------------------------------------
 
@@ -135,7 +138,7 @@ class Find:
             types[name] = ["k"] if last in TEXTS else pd.array([0], "Int64") if last in COUNTS else [0.0]
         return study_table(rows, [*list(THRESHOLDS)[:7], *meant], types, {**THRESHOLDS, **meant})
 
-    def _values(self, values: Sequence[Value]) -> pd.DataFrame:
+    def _scan(self, values: Sequence[Value]) -> pd.DataFrame:
         key, meant = column_of(self.plan.key), _columns(self.scene)
         rows = [{key: value.at, "stage": value.stage, **value.row} for value in values]
         names = [key, "stage", *_POINT, *SHEET, *of_points(self.scene.output.points)]
@@ -170,19 +173,25 @@ class Find:
         return f"no threshold: {good[0].text} at all values {place}"
 
     def _notes(
-        self, scan: Sequence[Value], found: Sequence[Threshold], shares: Sequence[tuple[float, ...]]
+        self, every: Sequence[Value], found: Sequence[Threshold], shares: Sequence[tuple[float, ...]]
     ) -> Iterator[str]:
-        for one, share in zip(found, shares, strict=True):
+        ends = [-math.inf, *(one.value for one in found), math.inf]
+        for number, (one, share) in enumerate(zip(found, shares, strict=True)):
             place = f"beside {self.plan.key} = {one.value:.6g}"
-            told = ", ".join(f"{s * PAIRS:.0f} at {d:g}" for s, d in zip(share, DISTANCES, strict=False))
-            if fractal(share):
-                yield (
-                    f"the border is fractal {place}: of {PAIRS} pairs of values differ {told} of the range; allowances "
-                    "for the key should stay away from it"
-                )
-            elif share and share[0]:
-                different = f"{share[0] * PAIRS:.0f} of {PAIRS} pairs of values"
-                yield f"the outcome changes several times {place}: {different} differ there; a finer scan may show more"
+            if share and share[0]:
+                told = ", ".join(f"{s * PAIRS:.0f} at {d:g}" for s, d in zip(share, DISTANCES, strict=False))
+                what = "the border is fractal" if fractal(share) else "the outcome changes several times"
+                yield f"{what} {place}: of {PAIRS} pairs of values differ {told} of the range"
+            good = [value for value in every if not value.failed]
+            for side, other, low, high in (
+                ("below", one.low, one.value, ends[number + 2]),
+                ("above", one.high, ends[number], one.value),
+            ):
+                at = [v.at for v in good if low < v.at < high and v.outcome(self.plan) == other.outcome(self.plan)]
+                far = [value for value in at if value not in (one.low.at, one.high.at)]
+                if far and not one.special:
+                    last = max(far) if side == "below" else min(far)
+                    yield f"at {self.plan.key} = {last:.6g} the outcome is still that {side} {one.value:.6g}"
             if one.kind == "depends on how long" and one.special:
                 yield f"{place} motion leaves the orbit so slowly that it was still near it when it was measured"
 
@@ -212,7 +221,7 @@ def question(scene: Scene) -> Find:
         raise ConfigError(f"find.key = {plan.key} has no numbers that vary continuously; allowed: one that has")
     for value in plan.over.upward:
         try:
-            scene.replace({plan.key: value})
+            scene.replace(plan.changes(value))
         except ConfigError as error:
             raise ConfigError(f"find: {error}") from None
     if scene.run.initial.from_ is not None:
@@ -229,7 +238,7 @@ def question(scene: Scene) -> Find:
     continuous = True
     try:
         for end in (plan.start, plan.stop):
-            parameter_direction(scene.replace({plan.key: float(end)}), plan.key)
+            parameter_direction(scene.replace(plan.changes(float(end))), plan.key)
     except ConfigError:
         continuous = False
     return Find(scene, plan, continuous, plan.scan if plan.from_ == "initial" else 2)
@@ -267,4 +276,4 @@ def find(
     ['drive.supply_frequency_hz = 44.40 Hz: level crossing; below excitation_frequency_hz = 21.996; above ...']
     """
     found = ask(question(scene), jobs, scheduler, wait, progress)
-    return Thresholds(found.tables["thresholds"], found.tables["values"], found.text)
+    return Thresholds(scene.name, found.tables["thresholds"], found.tables["scan"], found.text)

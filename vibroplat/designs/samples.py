@@ -1,0 +1,91 @@
+"""Tolerances: scenes within the spread of some keys, measured as orbits; where those are unstable, as they settle.
+
+An orbit is followed from the scene as given, with its section moved away from events on the way: a section that stays
+loses a fair part of the samples, and mostly unstable ones.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from contextlib import closing
+
+import numpy as np
+import pandas as pd
+
+from vibroplat.columns import Column, Columns
+from vibroplat.config.scene import Scene
+from vibroplat.continuation.newton import MissedError
+from vibroplat.designs.sensitivities import begun, settling
+from vibroplat.kernels.compiled import FloatArray
+from vibroplat.study.point import measure_point
+from vibroplat.study.store import Record
+
+#: Samples in a task.
+CHUNK = 50
+#: Shares of samples below the values that are printed.
+QUANTILES = (0.05, 0.5, 0.95)
+#: How samples without a stable orbit settle: quickly, as they are many.
+_BRIEFLY = {"max_settle_s": 20.0, "measure_s": 1.0, "lyapunov": False}
+
+SAMPLES: Columns = {
+    "sample": Column("number of the scene within the spread"),
+    "stable": Column("whether the orbit of the scene as given is stable there", "also if it is lost: no"),
+    "regime": Column(
+        "synchronization and kind of motion", "of the orbit if it is stable, otherwise of what its motion comes to"
+    ),
+    "margin": Column("1 less the size of the orbit's largest Floquet multiplier", "empty if the orbit is lost"),
+}
+
+
+def within(seed: int, count: int, first: int, stop: int) -> FloatArray:
+    """Numbers from −1 to 1 for each of so many keys, spread evenly (Sobol 1967), shape (stop − first, count)."""
+    from scipy.stats import qmc  # noqa: PLC0415  (a second to import)
+
+    points = qmc.Sobol(count, seed=seed).random_base2(max(stop - 1, 1).bit_length())
+    return np.asarray(2.0 * points[first:stop] - 1.0)
+
+
+def sampled(scene: Scene, names: Sequence[str], known: Record, first: int, stop: int) -> Record:
+    """Measure some of the samples of a scene with a plan; ``rows`` of the table."""
+    plan = scene.design
+    assert plan is not None
+    spread, rows = np.array(list(plan.spread.values())), []
+    with closing(begun(scene, list(plan.spread), known)) as local:
+        _ = local.tangents  # all samples are predicted by them
+        for number, place in enumerate(within(plan.seed, spread.size, first, stop), first):
+            values = local.values * (1.0 + spread * place)
+            row = {"sample": number, **dict(zip(local.keys, values.tolist(), strict=True))}
+            state = local.state
+            try:
+                there = local.correct(values)
+                row["margin"], state = there.margin, there.state
+            except MissedError:
+                there = None
+            if there is not None and there.margin > 0.0:
+                found = there.measures
+                row |= {"stable": True, "regime": regime(found["sync"], "periodic", known["period"])}
+            else:
+                other, p = scene.replace(dict(zip(local.keys, values.tolist(), strict=True))), settling(scene)
+                point = measure_point(other, p.model_copy(update=_BRIEFLY), state.tolist(), (number,))
+                found, ended = point.row, point.row["outcome"]
+                kind = (found["sync"], found["motion"], found["period"]) if ended == "ok" else ("none", ended, 0)
+                row |= {"stable": False, "regime": regime(*kind)}
+            rows.append(row | {name: found.get(name) for name in names if name != "margin"})
+    return {"rows": rows}
+
+
+def regime(sync: str, motion: str, period: int) -> str:
+    """Name a regime."""
+    return f"{sync}, {f'period {period}' if motion == 'periodic' else motion}"
+
+
+def shares(table: pd.DataFrame, keys: Sequence[str], measure: str) -> tuple[Mapping[str, float], float]:
+    """Share of each key in the variance of a measure, by linear regression on standardized samples, and its R²."""
+    own = table.dropna(subset=[measure])
+    y = own[measure].to_numpy(float)
+    z = own[list(keys)].to_numpy(float)
+    if len(own) <= len(keys) + 1 or y.std() == 0.0:
+        return {}, 0.0
+    z, y = (z - z.mean(axis=0)) / z.std(axis=0), (y - y.mean()) / y.std()
+    slopes = np.linalg.lstsq(z, y, rcond=None)[0]
+    return dict(zip(keys, (slopes**2).tolist(), strict=True)), 1.0 - float(np.var(y - z @ slopes))

@@ -1,0 +1,164 @@
+"""Sensitivities: the derivatives of an orbit's measures by keys of its scene."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import closing
+from typing import Any
+
+import pandas as pd
+
+from vibroplat.columns import Column, Columns
+from vibroplat.config.plans import SweepPlan
+from vibroplat.config.scene import Scene
+from vibroplat.config.schema import nodes
+from vibroplat.continuation.local import Local
+from vibroplat.continuation.newton import MissedError
+from vibroplat.continuation.orbit import Orbit, OrbitError
+from vibroplat.errors import ConfigError
+from vibroplat.frames import labelled
+from vibroplat.model.parameters import parameters
+from vibroplat.model.sensitivity import SECTIONS, flat, value_of, with_value
+from vibroplat.observe.sheet import columns
+from vibroplat.study.point import MEASURED, measure_point
+from vibroplat.study.store import Record
+
+#: Measures that are told of each orbit, if its scene has them.
+USUAL = ("rms_x_m", "rms_y_m", "excitation_frequency_hz", "motor_power_w", "contact_force_max_n", "margin")
+#: Residual of orbits whose measures are differentiated.
+TOLERANCE = 1e-9
+#: RMS of a coordinate, over the larger of those of x and y, that is none.
+NOTHING = 1e-7
+#: Change of a key, over its value, that tells whether the equations have it.
+_CHANGE = 1e-6
+
+SENSITIVITIES: Columns = {
+    "measure": Column("a column of a sweep, or margin", "margin: 1 less the size of the largest Floquet multiplier"),
+    "key": Column("dotted key of the scene"),
+    "derivative": Column("derivative of the measure by the key, along the orbit", "in the unit of one over the other"),
+    "elasticity": Column(
+        "relative change of the measure over that of the key",
+        "derivative × key / measure; empty where that is 0",
+    ),
+}
+
+
+def varied_keys(scene: Scene) -> list[str]:
+    """List the keys of a scene with numbers other than 0 that its equations depend on."""
+    found, p = [], flat(parameters(scene))
+    for name, node in nodes(Scene).items():
+        if node.is_section or name.partition(".")[0] not in SECTIONS:
+            continue
+        for key in [name] if ".N." not in name else [name.replace(".N.", f".{i}.") for i in range(2)]:
+            value = value_of(scene, key)
+            if not isinstance(value, float) or value == 0.0:
+                continue
+            try:
+                changed = flat(parameters(with_value(scene, key.split("."), value * (1.0 + _CHANGE))))
+            except ValueError:
+                continue
+            if (changed != p).any():
+                found.append(key)
+    return found
+
+
+def require_keys(scene: Scene, keys: Sequence[str], where: str) -> None:
+    """Refuse keys that cannot be varied (ConfigError)."""
+    if scene.drive.program is not None:
+        raise ConfigError("drive.program is given, but designs have a constant supply; allowed: supply_frequency_hz")
+    allowed = varied_keys(scene)
+    for key in keys:
+        if key not in allowed:
+            raise ConfigError(f"{where}.{key} cannot be varied; allowed: {', '.join(allowed)}")
+
+
+def measured_names(scene: Scene) -> list[str]:
+    """List the measures of a scene's orbits."""
+    return ["margin", *MEASURED, *columns(scene)]
+
+
+def require_measures(scene: Scene, names: Sequence[str], where: str) -> None:
+    """Refuse names that are no measures of a scene's orbits (ConfigError)."""
+    allowed = measured_names(scene)
+    for name in names:
+        if name not in allowed:
+            raise ConfigError(f"{where}: {name} is no measure of this scene; allowed: {', '.join(allowed)}")
+
+
+def settling(scene: Scene) -> SweepPlan:
+    """How motion settles and is measured: as in the scene's sweep, if it has one."""
+    supply = scene.drive.largest_frequency
+    return scene.sweep or SweepPlan.model_validate({"supply_frequency_hz": {"start": supply, "stop": supply}})
+
+
+def settled(scene: Scene) -> Record:
+    """Find the motion that a scene's motion comes to, and refuse one that is no orbit.
+
+    Returns
+    -------
+    record
+        ``state``, ``period`` and ``sync``.
+
+    Raises
+    ------
+    OrbitError
+        It does not repeat, or ends early.
+    """
+    point = measure_point(scene, settling(scene), None, (0,))
+    row = point.row
+    if point.state is None or not row["period"]:
+        what = row["motion"] if row["outcome"] == "ok" else f"{row['outcome']}: {row['detail']}"
+        raise OrbitError(f"{scene.name} comes to no periodic orbit ({what}); allowed: a scene whose motion repeats")
+    return {"state": point.state, "period": row["period"], "sync": row["sync"]}
+
+
+def begun(scene: Scene, keys: Sequence[str], known: Record) -> Local:
+    """Find the orbit that a scene's motion has come to, and its neighbourhood."""
+    return Local.near(scene, keys, known["state"], period=known["period"], tolerance=TOLERANCE)
+
+
+def differentiated(scene: Scene, keys: Sequence[str], names: Sequence[str], known: Record) -> Record:
+    """Differentiate measures of a scene's orbit by keys: ``rows`` of the table, and its ``measures``."""
+    with closing(begun(scene, keys, known)) as local:
+        return {"rows": rows(local, names), "measures": local.measures | {"stable": local.margin > 0.0}}
+
+
+def rows(local: Local, names: Sequence[str]) -> list[dict[str, Any]]:
+    """Make the rows of the table of sensitivities of an orbit."""
+    names = [name for name in names if local.measures.get(name) is not None]
+    try:
+        found = local.gradients(names)
+    except MissedError as error:
+        raise OrbitError(f"the measures cannot be differentiated: {error}") from None
+    found_rows = []
+    nothing = NOTHING * max(local.measures["rms_x_m"], local.measures["rms_y_m"])  # round-off of a symmetrical motion
+    for name, by_key in zip(names, found.tolist(), strict=True):
+        nominal = local.measures[name]
+        told = nominal and not (name.startswith("rms") and nominal < nothing)
+        for key, value, slope in zip(local.keys, map(float, local.values), by_key, strict=True):
+            elasticity = slope * value / nominal if told else None
+            found_rows.append({"measure": name, "key": key, "derivative": slope, "elasticity": elasticity})
+    return found_rows
+
+
+def sensitivities(
+    orbit: Orbit, keys: Sequence[str] | None = None, measures: Sequence[str] | None = None
+) -> pd.DataFrame:
+    """Differentiate measures of an orbit by keys; see :meth:`vibroplat.Orbit.sensitivities`."""
+    keys = varied_keys(orbit.scene) if keys is None else keys
+    require_keys(orbit.scene, keys, "keys")
+    require_measures(orbit.scene, measures or (), "measures")
+    with closing(Local.near(orbit.scene, keys, orbit, tolerance=TOLERANCE)) as local:
+        return table(rows(local, USUAL if measures is None else measures))
+
+
+def table(rows: Sequence[dict[str, Any]]) -> pd.DataFrame:
+    """Make the table of sensitivities."""
+    types: dict[str, Any] = {"measure": "str", "key": "str", "derivative": float, "elasticity": float}
+    return labelled(pd.DataFrame(rows, columns=list(types)).astype(types), SENSITIVITIES)
+
+
+def largest(table: Sequence[dict[str, Any]], measure: str, most: int) -> list[dict[str, Any]]:
+    """Choose the rows of a measure with the largest elasticities."""
+    own = [row for row in table if row["measure"] == measure and row["elasticity"] is not None]
+    return sorted(own, key=lambda row: -abs(row["elasticity"]))[:most]
