@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from vibroplat import basins, load_config, orbit
@@ -11,6 +12,8 @@ from vibroplat.basin.starts import begun, states_of, values_of
 from vibroplat.continuation.orbit import beginning_at
 from vibroplat.errors import ConfigError
 from vibroplat.motion.run import simulate
+from vibroplat.study.pool import pool
+from vibroplat.study.store import Store
 
 PHASE, SPEED, HEIGHT = (f"run.initial.{name}" for name in ("phase_difference_rad", "speed_ratio", "state.y_m"))
 GAP, CLOSING = "run.initial.state.gap_m", "run.initial.state.gap_rate_m_per_s"
@@ -27,7 +30,7 @@ def found():
     """Starts in more than one block."""
     box = {PHASE: [-math.pi, math.pi], SPEED: [0.0, 1.1], HEIGHT: [-0.005, 0.005]}
     scene = scene_of(box, random=120)
-    return scene, basins(scene).tables
+    return scene, basins(scene)
 
 
 def test_starts_are_the_whole_grid_and_the_same_in_any_blocks():
@@ -51,11 +54,11 @@ def test_states_have_the_values_of_their_keys():
 
 def test_motions_stay_where_they_were_assigned(found):
     scene, tables = found
-    shown = tables["attractors"].set_index("attractor")
+    shown = tables.attractors.set_index("attractor")
     assert set(shown["sync"]) == {"antiphase", "in-phase"}
     assert shown["count"].sum() == 120
     states = states_of(begun(scene, scene.basins), scene.basins, range(0, 120, 12))
-    for state, label in zip(states, tables["starts"]["attractor"][::12], strict=True):
+    for state, label in zip(states, tables.starts["attractor"][::12], strict=True):
         after = simulate(beginning_at(scene, state).replace({"run.duration_s": 20.0}), keep="summary")
         end = orbit(scene, after.final_state)
         assert end.measures["rms_y_m"] == pytest.approx(shown.loc[label, "rms_y_m"], rel=1e-6, abs=1e-9)
@@ -63,7 +66,7 @@ def test_motions_stay_where_they_were_assigned(found):
 
 def test_rows_of_attractors_are_guesses_for_orbits(found):
     scene, tables = found
-    for _, row in tables["attractors"].iterrows():
+    for _, row in tables.attractors.iterrows():
         again = orbit(scene, row)
         assert again.stable
         assert again.distance < 1e-6
@@ -72,13 +75,32 @@ def test_rows_of_attractors_are_guesses_for_orbits(found):
 def test_an_attractor_keeps_its_name_over_a_key_and_counts_without_starts(found):
     box = found[0].basins.starts
     over = {"key": "drive.supply_frequency_hz", "start": 62.84, "stop": 63.1, "count": 3}
-    tables = basins(scene_of(box, random=30, over=over)).tables
-    shares = tables["fractions"].pivot_table(index="supply_frequency_hz", columns="attractor", values="fraction")
+    tables = basins(scene_of(box, random=30, over=over))
+    shares = tables.fractions.pivot_table(index="supply_frequency_hz", columns="attractor", values="fraction")
     assert list(shares) == ["antiphase, period 1", "in-phase, period 1"]
     assert shares.sum(axis=1).tolist() == pytest.approx([1.0, 1.0, 1.0])
     assert shares["antiphase, period 1"].tolist()[1] == 0.0, "carried from the value before"
     assert math.isnan(shares["antiphase, period 1"].tolist()[2]), "beyond its fold"
-    np.testing.assert_array_equal(tables["starts"][SPEED][:30], tables["starts"][SPEED][30:60])
+    np.testing.assert_array_equal(tables.starts[SPEED][:30], tables.starts[SPEED][30:60])
+
+
+def test_killed_and_resumed_with_more_jobs_the_answer_is_the_same(found, tmp_path):
+    scene, whole = found
+    asked = Basins(scene)
+
+    def killed(done, known):
+        if done == 100:
+            raise KeyboardInterrupt
+
+    def answered(jobs, progress, *, resume=False):
+        with Store(tmp_path, {}, resume=resume) as store, pool(jobs, chains=asked.chains) as workers:
+            return asked.answer(store, workers, progress).tables
+
+    with pytest.raises(KeyboardInterrupt):
+        answered(1, killed)
+    tables = answered(2, lambda done, known: None, resume=True)
+    pd.testing.assert_frame_equal(tables["attractors"], whole.attractors, check_exact=True)
+    pd.testing.assert_frame_equal(tables["starts"], whole.starts, check_exact=True)
 
 
 def test_bounds_hold_the_share():

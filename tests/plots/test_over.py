@@ -130,6 +130,13 @@ def test_a_map_shows_any_measure(write):
     assert to_hex(tiles.cmap(tiles.norm(np.nanmax(shown)))) == to_hex(tiles.cmap(1.0))
 
 
+def test_a_response_shows_any_measure(write):
+    table = over(MASS, 0.1 * np.arange(8)).assign(foundation_force_y_max_n=np.arange(32.0))
+    (axis,) = drawn(write(table), "response", measure=["foundation_force_y_max_n"])["response"].axes
+    assert axis.get_ylabel() == "largest foundation force y (N)"
+    assert {*np.arange(8.0)} <= {*axis.lines[0].get_ydata()}
+
+
 MISTAKES = [
     ({"kinds": ["map"], "measure": ["sync"]}, "the sweep table in DIR has no numbers in column sync"),
     ({"kinds": ["map"], "measure": ["rms"]}, "the sweep table in DIR has no numbers in column rms"),

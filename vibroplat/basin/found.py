@@ -64,7 +64,8 @@ class Found:
 
     def _number(self, record: Record) -> int:
         """Return the number of the attractor of a measured motion; a new one is added."""
-        same = (k for k, known in enumerate(self.attractors) if _same(known["row"], record["row"]))
+        row, scales = record["row"], state_scales(self.scene)
+        same = (k for k, known in enumerate(self.attractors) if _same(known["row"], row, scales))
         number = next(same, None)
         return self._add(record) if number is None else number
 
@@ -77,9 +78,10 @@ class Found:
     def groups(self) -> list[list[Record]]:
         """Group the starts that have come to no orbit by their synchronization and RMS displacements."""
         found: list[list[Record]] = []
+        scales = state_scales(self.scene)
         for start in self.starts:
             if start["attractor"] is None:
-                group = next((group for group in found if _alike(group[0]["row"], start["row"])), None)
+                group = next((group for group in found if _alike(group[0]["row"], start["row"], scales)), None)
                 if group is None:
                     found.append(group := [])
                 group.append(start)
@@ -95,20 +97,20 @@ class Found:
 _CLASS = ("motion", "period", "sync")
 
 
-def _alike(one: Mapping[str, Any], other: Mapping[str, Any], share: float = ALIKE) -> bool:
-    """Whether two motions are synchronized alike and have nearly the same RMS displacements."""
-    return one["sync"] == other["sync"] and all(
-        abs(one[name] - other[name]) <= share * max(abs(one[name]), abs(other[name])) for name in TOLD
-    )
+def _alike(one: Mapping[str, Any], other: Mapping[str, Any], scales: FloatArray, share: float = ALIKE) -> bool:
+    """Whether two motions are synchronized alike and have nearly the same RMS displacements, in the scales given."""
+    sizes = np.array([[row[name] for name in TOLD] for row in (one, other)]) / scales[: len(TOLD)]
+    near = np.linalg.norm(sizes[1] - sizes[0]) <= share * np.linalg.norm(sizes, axis=1).max()
+    return bool(near) and one["sync"] == other["sync"]
 
 
-def _same(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
+def _same(one: Mapping[str, Any], other: Mapping[str, Any], scales: FloatArray) -> bool:
     """Whether two measured motions are of one attractor."""
     if any(one.get(name) != other.get(name) for name in (*_CLASS, "outcome")):
         return False
     if other["motion"] is None:
         return True
-    return _alike(one, other, REPEATED) if other["period"] else not distinct(one, other)
+    return _alike(one, other, scales, REPEATED) if other["period"] else not distinct(one, other)
 
 
 # -- over a key -------------------------------------------------------------------------------------------------------

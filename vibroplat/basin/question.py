@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -23,6 +23,7 @@ from vibroplat.config.questions import BasinsPlan
 from vibroplat.config.scene import Scene
 from vibroplat.continuation.orbit import accurate
 from vibroplat.errors import ConfigError
+from vibroplat.extensions import figure_of
 from vibroplat.observe.sheet import SHEET, of_points
 from vibroplat.results.files import Command
 from vibroplat.study import WAIT
@@ -32,6 +33,9 @@ from vibroplat.study.pool import Pool, StoredChain, Task, Tasks, run_stored
 from vibroplat.study.question import Answer, Progress, ask
 from vibroplat.study.store import Record, Store
 from vibroplat.study.sweep import SWEEP
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 #: Starts that a task follows.
 BLOCK = 100
@@ -64,6 +68,34 @@ STARTS_TABLE: Columns = {
 FRACTIONS: Columns = {
     name: ATTRACTORS[name] for name in ("attractor", "count", "fraction", "fraction_low", "fraction_high")
 }
+
+
+class BasinTables(NamedTuple):
+    """Basins of attraction of a scene.
+
+    Attributes
+    ----------
+    scene
+        Whose they are.
+    attractors
+        A row for each, at each value of a key; a guess for :func:`vibroplat.orbit`.
+    starts
+        A row for each start.
+    fractions
+        Over a key, the share of each attractor; None without one.
+    text
+        The answer in plain lines.
+    """
+
+    scene: Scene
+    attractors: pd.DataFrame
+    starts: pd.DataFrame
+    fractions: pd.DataFrame | None
+    text: Sequence[str]
+
+    def plot(self) -> Figure:
+        """Draw which attractor each start comes to, or over a key the shares."""
+        return figure_of(self)
 
 
 class Basins:
@@ -254,7 +286,7 @@ def _text(table: pd.DataFrame, key: str | None) -> list[str]:
 
 def _notes(plan: BasinsPlan, table: pd.DataFrame) -> list[str]:
     """Return what deserves a second look."""
-    notes = [f"an attractor with less than {3.0 / plan.number:.2g} of the box is easily missed by {plan.number} starts"]
+    notes = [f"attractors with a share below {bounds(0, plan.number)[1]:.2g} of the box are easily missed"]
     restless = table[(table["period"] == 0) & (table["count"] > 0)]
     if len(restless):
         notes.append(
@@ -276,8 +308,8 @@ def basins(
     jobs: int = 1,
     scheduler: str | None = None,
     wait: float = WAIT,
-    progress: Progress | None = None,
-) -> Answer:
+    progress: Progress = lambda done, known: None,
+) -> BasinTables:
     """Find the attractors that a scene comes to from the starts of its ``basins`` section, and how many come to each.
 
     Parameters
@@ -289,12 +321,6 @@ def basins(
     progress
         Called with the numbers of finished and of all starts.
 
-    Returns
-    -------
-    Answer
-        ``tables`` has ``attractors``, ``starts`` and, over a key, ``fractions``; a row of ``attractors`` is a guess for
-        :func:`vibroplat.orbit`.
-
     Raises
     ------
     ConfigError
@@ -305,7 +331,9 @@ def basins(
     >>> from vibroplat import Scene, basins
     >>> starts = {"run.initial.phase_difference_rad": [-3.0, 3.0, 4]}
     >>> found = basins(Scene().replace({"basins": {"starts": starts}}))
-    >>> found.tables["starts"]["turns"].size
+    >>> found.starts["turns"].size
     4
     """
-    return ask(Basins(scene), jobs, scheduler, wait, progress or (lambda done, known: None))
+    answer = ask(Basins(scene), jobs, scheduler, wait, progress)
+    tables = answer.tables
+    return BasinTables(scene, tables["attractors"], tables["starts"], tables.get("fractions"), answer.text)

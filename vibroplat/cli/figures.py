@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from vibroplat.config.scene import Scene
     from vibroplat.continuation.rows import OrbitMotion
 
-#: Figures: the first four show a run, the last three orbits, the others a sweep.
-Kind = StrEnum("Kind", "motion force exciters loads response bifurcation map branches multipliers boundaries")
+#: Figures: the first four show a run, three a sweep, three orbits, the last basins.
+Kind = StrEnum("Kind", "motion force exciters loads response bifurcation map branches multipliers boundaries basins")
 
 
 def plot(
@@ -24,7 +24,7 @@ def plot(
         list[Path],
         typer.Argument(
             metavar="DIR...",
-            help="Result directory of a run, a sweep, orbits or the paper; several are laid over each other.",
+            help="Result directory of a run, a sweep, orbits, basins or the paper; several are laid over each other.",
         ),
     ],
     kind: Annotated[list[Kind] | None, typer.Option(help="Figures to draw. Default: all.")] = None,
@@ -45,7 +45,7 @@ def plot(
     dpi: Annotated[int | None, typer.Option(min=10, max=2400, help="Dots per inch. Default: 130.")] = None,
     out: Annotated[Path | None, typer.Option(help="Directory for the figures. Default: the first DIR.")] = None,
 ) -> None:
-    """Draw figures of a run, a sweep, orbits, thresholds or the paper.
+    """Draw figures of a run, a sweep, orbits, basins, thresholds or the paper.
 
     Several runs or sweeps are laid over each other. Only the tables in DIR are read; nothing is simulated.
     """

@@ -35,7 +35,7 @@ ON_WAY, FIRST_PERIODS, PERIODS, PLACES = 0.25, 16, 4, 4
 #: starts none was assigned wrongly by ellipsoids four times as large, 62 by those sixteen times as large.
 HALVINGS, SURELY = 14, 48
 #: Periods after which motion from there must be nearer: at first, where the slowest decay curves, it may go away.
-LATER = 8
+LATER = 16
 #: Smallest distance that says anything, over the tolerance of the integrator.
 NOISE = 1e4
 #: Places of the exciters' angles in the full state.

@@ -9,11 +9,13 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from vibroplat.basin.question import BasinTables
 from vibroplat.continuation.orbit import Orbit
 from vibroplat.continuation.tables import OrbitTables
 from vibroplat.errors import TableError
 from vibroplat.plots import histories
 from vibroplat.plots import run as drawing
+from vibroplat.plots.basins import basins_figure
 from vibroplat.plots.orbits import branches_figure, orbit_figure
 from vibroplat.plots.reading import ends_of
 from vibroplat.plots.response import response_figure
@@ -116,3 +118,12 @@ def _(found: Orbit) -> Figure:
     """Draw an orbit: its speed over its height, and the gap over the phase where there is material."""
     with styled():
         return orbit_figure(found)
+
+
+@figure_of.register
+def _(found: BasinTables) -> Figure:
+    """Draw the starts by the attractors that they come to, or over a key the shares of these."""
+    scene = found.scene
+    assert scene.basins is not None
+    with styled():
+        return basins_figure(scene.name, scene, scene.basins.model_dump(), found.attractors, found.starts)

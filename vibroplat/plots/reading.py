@@ -27,6 +27,7 @@ RESULTS: dict[Command, tuple[str, str]] = {
     "paper": ("a reproduction of the paper", "claims"),
     "sweep": ("a sweep", "sweep"),
     "orbits": ("branches of orbits", "branches"),
+    "basins": ("basins of attraction", "attractors"),
     "find": ("thresholds", "thresholds"),
     "run": ("a run", "trajectory"),
 }
@@ -34,6 +35,7 @@ RESULTS: dict[Command, tuple[str, str]] = {
 _UNFINISHED: dict[Command, tuple[str, str]] = {
     "sweep": ("points.sqlite", "an unfinished sweep; continue it"),
     "orbits": ("orbits.sqlite", "unfinished branches; continue them"),
+    "basins": ("basins.sqlite", "unfinished basins; continue them"),
     "find": ("find.sqlite", "an unfinished search; continue it"),
 }
 

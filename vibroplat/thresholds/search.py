@@ -21,7 +21,8 @@ from vibroplat.config.scene import Scene
 from vibroplat.continuation.orbit import accurate, beginning_at
 from vibroplat.continuation.special_points import BRANCH_POINT, DOUBLING, FOLD, NEIMARK_SACKER
 from vibroplat.continuation.worker import Known, part
-from vibroplat.model.sensitivity import value_of
+from vibroplat.errors import ConfigError
+from vibroplat.model.sensitivity import parameter_direction, value_of
 from vibroplat.study.bands import jumps
 from vibroplat.study.branches import carried, column_of
 from vibroplat.study.point import lost
@@ -78,8 +79,6 @@ class Search:
     ----------
     scene, plan
         A scene and its section.
-    continuous
-        Whether orbits can be followed over the key.
     store, workers, progress
         As :meth:`vibroplat.study.question.Question.answer` gets them.
     seen
@@ -88,7 +87,6 @@ class Search:
 
     scene: Scene
     plan: FindPlan
-    continuous: bool
     store: Store
     workers: Pool
     progress: Progress
@@ -172,8 +170,9 @@ class Search:
         seen: list[Value] = []
         values = [first]
         point = None
-        if self.plan.expression is None:
-            point = yield from self._orbit_boundary(first, way[-1], abs(way[0] - first.at), seen)
+        ahead = [at for at in way if self._continuous(at)]
+        if ahead and self.plan.expression is None:
+            point = yield from self._orbit_boundary(first, ahead[-1], abs(way[0] - first.at), seen)
         if point is not None:
             return ([], point), seen
         for at in way:
@@ -228,13 +227,22 @@ class Search:
         low, high = sorted((one, other), key=lambda value: value.at)
         return Threshold(low, high, 0.5 * (low.at + high.at), kind, ""), seen
 
+    def _continuous(self, at: float) -> bool:
+        """Whether orbits can be followed over the key at a value of it; not where it takes the layers away."""
+        try:
+            parameter_direction(self.scene.replace(self.plan.changes(float(at))), self.plan.key)
+        except ConfigError:
+            return False
+        return True
+
     def _orbit_boundary(self, begin: Value, end: float, step: float, seen: list[Value]) -> Tasks[Threshold | None]:
         """Follow the orbit of a value towards another one; the threshold where it loses its stability.
 
         It is one if the motion comes to the orbit just before, and has another outcome just beyond.
         """
         period = begin.row["period"]
-        if not (self.continuous and period and begin.row["multiplier_max"]) or begin.leaving:
+        known = period and begin.row["multiplier_max"] and not begin.leaving
+        if not (known and self._continuous(begin.at) and self._continuous(end)):
             return None
         span = abs(end - begin.at)
         steps = StepPlan(first=0.25 * min(step, 0.5 * span), largest=min(step, 0.5 * span))

@@ -17,7 +17,6 @@ from vibroplat.config.scene import Scene
 from vibroplat.continuation.special_points import KINDS
 from vibroplat.errors import ConfigError
 from vibroplat.extensions import figure_of
-from vibroplat.model.sensitivity import parameter_direction
 from vibroplat.observe.sheet import SHEET, of_points
 from vibroplat.results.files import Command
 from vibroplat.study import WAIT
@@ -32,6 +31,8 @@ from vibroplat.thresholds.values import Value
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+#: How kinds are told where their names alone say too little.
+TOLD = {"depends on how long": "what the motion does depends on how long it is followed"}
 #: Columns of what stands on both sides of a threshold.
 SIDES = (
     *("sync", "motion", "period", "multiplier_max", "excitation_frequency_hz", "rms_x_m", "rms_y_m"),
@@ -95,7 +96,6 @@ class Find:
 
     scene: Scene
     plan: FindPlan
-    continuous: bool
     chains: int
     command: Command = "find"
     counted: str = "values"
@@ -107,7 +107,7 @@ class Find:
 
     def answer(self, store: Store, workers: Pool, progress: Progress) -> Answer:
         """Scan the key, narrow each change, and make the tables."""
-        search = Search(self.scene, self.plan, self.continuous, store, workers, progress)
+        search = Search(self.scene, self.plan, store, workers, progress)
         scan, found = search.thresholds()
         found.sort(key=lambda threshold: threshold.value)
         shares = search.shares(found)
@@ -116,7 +116,7 @@ class Find:
         lines = {"values": f"{len(scan)} of the scan, {len(search.seen)} more", "thresholds": str(len(found))}
         failed = [f"{v.row['outcome']} at {self.plan.key} = {v.at:g}: {v.row['detail']}" for v in every if v.failed]
         text = self._text(found) if found else [self._unchanged(scan)]
-        return Answer(tables, lines, text, list(self._notes(scan, found, shares)), failed)
+        return Answer(tables, lines, text, list(self._notes(every, found, shares)), failed)
 
     # -- tables --------------------------------------------------------------------------------------------------------
 
@@ -157,7 +157,7 @@ class Find:
         digits = max(math.ceil(-math.log10(self.plan.narrow)), 0)
         return [
             " ".join(f"{self.plan.key} = {one.value:.{digits + 1}f} {unit_of(self.plan.key)}".split())
-            + f": {one.kind}{f' at a {one.special}' if one.special else ''}; "
+            + f"{f', {one.special} of the orbit' if one.special else ''}: {TOLD.get(one.kind, one.kind)}; "
             f"below {self._side(one.low)}; above {self._side(one.high)}"
             for one in found
         ]
@@ -173,19 +173,25 @@ class Find:
         return f"no threshold: {good[0].text} at all values {place}"
 
     def _notes(
-        self, scan: Sequence[Value], found: Sequence[Threshold], shares: Sequence[tuple[float, ...]]
+        self, every: Sequence[Value], found: Sequence[Threshold], shares: Sequence[tuple[float, ...]]
     ) -> Iterator[str]:
-        for one, share in zip(found, shares, strict=True):
+        ends = [-math.inf, *(one.value for one in found), math.inf]
+        for number, (one, share) in enumerate(zip(found, shares, strict=True)):
             place = f"beside {self.plan.key} = {one.value:.6g}"
-            told = ", ".join(f"{s * PAIRS:.0f} at {d:g}" for s, d in zip(share, DISTANCES, strict=False))
-            if fractal(share):
-                yield (
-                    f"the border is fractal {place}: of {PAIRS} pairs of values differ {told} of the range; allowances "
-                    "for the key should stay away from it"
-                )
-            elif share and share[0]:
-                different = f"{share[0] * PAIRS:.0f} of {PAIRS} pairs of values"
-                yield f"the outcome changes several times {place}: {different} differ there; a finer scan may show more"
+            if share and share[0]:
+                told = ", ".join(f"{s * PAIRS:.0f} at {d:g}" for s, d in zip(share, DISTANCES, strict=False))
+                what = "the border is fractal" if fractal(share) else "the outcome changes several times"
+                yield f"{what} {place}: of {PAIRS} pairs of values differ {told} of the range"
+            good = [value for value in every if not value.failed]
+            for side, other, low, high in (
+                ("below", one.low, one.value, ends[number + 2]),
+                ("above", one.high, ends[number], one.value),
+            ):
+                at = [v.at for v in good if low < v.at < high and v.outcome(self.plan) == other.outcome(self.plan)]
+                far = [value for value in at if value not in (one.low.at, one.high.at)]
+                if far and not one.special:
+                    last = max(far) if side == "below" else min(far)
+                    yield f"at {self.plan.key} = {last:.6g} the outcome is still that {side} {one.value:.6g}"
             if one.kind == "depends on how long" and one.special:
                 yield f"{place} motion leaves the orbit so slowly that it was still near it when it was measured"
 
@@ -229,13 +235,7 @@ def question(scene: Scene) -> Find:
             near = difflib.get_close_matches(plan.compared[0], numbers, n=3, cutoff=0.5)
             hint = f"did you mean {' or '.join(near)}? " if near else ""
             raise ConfigError(f"find.expression: no column {plan.compared[0]}; {hint}allowed: numbers of a sweep")
-    continuous = True
-    try:
-        for end in (plan.start, plan.stop):
-            parameter_direction(scene.replace(plan.changes(float(end))), plan.key)
-    except ConfigError:
-        continuous = False
-    return Find(scene, plan, continuous, plan.scan if plan.from_ == "initial" else 2)
+    return Find(scene, plan, plan.scan if plan.from_ == "initial" else 2)
 
 
 def find(

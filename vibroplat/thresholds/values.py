@@ -100,7 +100,7 @@ def evaluate(scene: Scene, plan: FindPlan, state: list[float] | None, times: int
     without a known orbit is looked at once more: it may be leaving an unstable one.
     """
     began, share = time.perf_counter(), scene.run.start_perturbation
-    if state is None and scene.drive.program is not None:
+    if state is None:  # as a run of the scene begins
         begun = _followed(scene, perturbed(initial_state(scene), scene, share, key))
         if isinstance(begun, Point):
             return begun
@@ -122,7 +122,8 @@ def evaluate(scene: Scene, plan: FindPlan, state: list[float] | None, times: int
 
 def _followed(scene: Scene, start: FloatArray) -> list[float] | Point:
     """Follow the program of a scene from a full state to its last entry; the state there, or how it failed."""
-    assert scene.drive.program is not None
+    if scene.drive.program is None:
+        return [float(value) for value in start]
     p = parameters(scene)
     with closing(make_engine(scene, p)) as engine:
         motion = Motion(scene, p, engine, start)
