@@ -1,6 +1,7 @@
 """Basins: what starts are, which motions they come to, and what is refused."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -22,7 +23,9 @@ GAP, CLOSING = "run.initial.state.gap_m", "run.initial.state.gap_rate_m_per_s"
 def scene_of(starts, ratio=0.0, **changes):
     """The calibrated machine where it has two stable motions without material."""
     keys = {"drive.supply_frequency_hz": 62.3, "material.mass_ratio": ratio, "solver.engine": "taylor"}
-    return load_config("configs/machines/calibrated.yaml", keys | {"basins": {"starts": starts} | changes})
+    return load_config(
+        Path(__file__).parents[2] / "configs/machines/calibrated.yaml", keys | {"basins": {"starts": starts} | changes}
+    )
 
 
 @pytest.fixture(scope="module")

@@ -1,6 +1,7 @@
 """An orbit and its neighbourhood in keys, and guesses past whose section events go."""
 
 from contextlib import closing
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from vibroplat.continuation.local import Local
 from vibroplat.continuation.newton import MissedError
 
 KEYS = ["machine.platform_mass_kg", "machine.stiffness_y_n_per_m", "drive.supply_frequency_hz", "material.mass_ratio"]
-CALIBRATED = "configs/machines/calibrated.yaml"
+CALIBRATED = Path(__file__).parents[2] / "configs/machines/calibrated.yaml"
 
 
 @pytest.fixture(scope="module")

@@ -1,11 +1,13 @@
 """The least power of the calibrated machine for an amplitude, beside what other searches have found."""
 
+from pathlib import Path
+
 import pandas as pd
 import pytest
 
 from vibroplat import design, load_config, orbit
 
-CALIBRATED = "configs/machines/calibrated.yaml"
+CALIBRATED = Path(__file__).parents[2] / "configs/machines/calibrated.yaml"
 RADIUS, STIFFNESS, SUPPLY = "machine.unbalance_radius_m", "machine.stiffness_y_n_per_m", "drive.supply_frequency_hz"
 PLAN = {
     "keys": {RADIUS: [0.018, 0.048], STIFFNESS: [329e3, 611e3], SUPPLY: [46.75, 60.5]},

@@ -1,5 +1,7 @@
 """Sensitivities against differences of orbits, and samples against motions that settle."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -9,7 +11,7 @@ from vibroplat.designs.sensitivities import settling
 from vibroplat.errors import ConfigError
 from vibroplat.study.point import measure_point
 
-CALIBRATED = "configs/machines/calibrated.yaml"
+CALIBRATED = Path(__file__).parents[2] / "configs/machines/calibrated.yaml"
 KEYS = ("machine.platform_mass_kg", "machine.stiffness_y_n_per_m", "material.mass_ratio")
 
 

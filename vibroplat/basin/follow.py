@@ -160,7 +160,10 @@ class Follower:
         found: dict[str, Any] = {"outcome": motion.outcome, "detail": motion.detail}
         if motion.outcome == "ok":
             row = row_of(measured(part, self.scene), self.scene)
-            found |= {"state": motion.state.tolist(), "row": {name: row[name] for name in (*TOLD, "sync")}}
+            found |= {
+                "state": motion.state.tolist(),
+                "row": {name: row[name] for name in (*TOLD, "flight_fraction", "sync")},
+            }
         return found
 
 

@@ -98,10 +98,11 @@ _CLASS = ("motion", "period", "sync")
 
 
 def _alike(one: Mapping[str, Any], other: Mapping[str, Any], scales: FloatArray, share: float = ALIKE) -> bool:
-    """Whether two motions are synchronized alike and have nearly the same RMS displacements, in the scales given."""
+    """Whether two motions are synchronized alike, with nearly the same RMS displacements and share of flight."""
     sizes = np.array([[row[name] for name in TOLD] for row in (one, other)]) / scales[: len(TOLD)]
     near = np.linalg.norm(sizes[1] - sizes[0]) <= share * np.linalg.norm(sizes, axis=1).max()
-    return bool(near) and one["sync"] == other["sync"]
+    flying = abs((one["flight_fraction"] or 0.0) - (other["flight_fraction"] or 0.0)) <= share
+    return bool(near) and flying and one["sync"] == other["sync"]
 
 
 def _same(one: Mapping[str, Any], other: Mapping[str, Any], scales: FloatArray) -> bool:

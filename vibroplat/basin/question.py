@@ -287,11 +287,11 @@ def _text(table: pd.DataFrame, key: str | None) -> list[str]:
 def _notes(plan: BasinsPlan, table: pd.DataFrame) -> list[str]:
     """Return what deserves a second look."""
     notes = [f"attractors with a share below {bounds(0, plan.number)[1]:.2g} of the box are easily missed"]
-    restless = table[(table["period"] == 0) & (table["count"] > 0)]
+    restless = table[table["radius"].isna() & (table["count"] > 0)]
     if len(restless):
         notes.append(
             f"motions that came to no orbit in {plan.longest_turns} turns are told from each other by their RMS values "
-            "alone; one of each kind was classified"
+            "and share of flight alone; one of each kind was classified"
         )
     return notes
 

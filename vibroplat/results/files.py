@@ -81,20 +81,7 @@ def write_result(
         A file cannot be written, or another process holds the lock.
     """
     with ExitStack() as stack:
-        files: dict[Path, Path] = {}
-        for name, table in tables.items():
-            if isinstance(table, TableFile):
-                file = table
-            else:
-                file = stack.enter_context(TableFile(directory, name, form))
-                file.extend(table)
-            files[file.path] = file.finish()
-        for name, value in (documents or {}).items():
-            path = directory / f"{name}.json"
-            files[path] = stack.enter_context(new_file(path, json_writer(value)))
-        for name, text in (configurations or {}).items():
-            path = directory / f"{name}.yaml"
-            files[path] = stack.enter_context(new_file(path, text_writer(text)))
+        files = _written(stack, directory, tables, documents or {}, configurations or {}, form)
         digests = {path.name: _sha256(temporary) for path, temporary in files.items()}
         proof = dict(origin) | {"command": command, "result": uuid.uuid4().hex, "files": digests}
         with replacing(directory):
@@ -111,6 +98,32 @@ def write_result(
                 remove_table(directory, name)
             for name in old:
                 remove_file(directory / name)
+
+
+def _written(
+    stack: ExitStack,
+    directory: Path,
+    tables: Mapping[str, Table | TableFile],
+    documents: Mapping[str, Any],
+    configurations: Mapping[str, str],
+    form: Format,
+) -> dict[Path, Path]:
+    """Write files under temporary names, which are removed with the stack, and return these by the final ones."""
+    files: dict[Path, Path] = {}
+    for name, table in tables.items():
+        if isinstance(table, TableFile):
+            file = table
+        else:
+            file = stack.enter_context(TableFile(directory, name, form))
+            file.extend(table)
+        files[file.path] = file.finish()
+    for name, value in documents.items():
+        path = directory / f"{name}.json"
+        files[path] = stack.enter_context(new_file(path, json_writer(value)))
+    for name, text in configurations.items():
+        path = directory / f"{name}.yaml"
+        files[path] = stack.enter_context(new_file(path, text_writer(text)))
+    return files
 
 
 class Result:
